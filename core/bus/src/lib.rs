@@ -1,0 +1,1 @@
+//! Buffers: named mailboxes with headers, readers, writers, taps and overrides.

@@ -1,0 +1,1 @@
+//! Frames, poses, camera models, geodesy and the scrolling grid.

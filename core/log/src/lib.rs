@@ -1,0 +1,1 @@
+//! Logs: indexed MCAP reading, writing, recovery and the time cursor.

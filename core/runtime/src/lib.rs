@@ -1,0 +1,1 @@
+//! Processes, parameters, stacks, the two executors, snapshots and the source interface.

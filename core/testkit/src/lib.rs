@@ -1,0 +1,23 @@
+//! Fixtures for tests: where recordings of others are found.
+
+use std::path::PathBuf;
+
+/// The folder with recordings of others: `$OCU_DATA`, else `../shared/data` beside the checkout.
+///
+/// `None` where it is absent, with a line that says so; with `OCU_REQUIRE_DATA=1` its absence is a failure.
+///
+/// # Panics
+/// Where the folder is absent and `OCU_REQUIRE_DATA` is 1.
+pub fn data_dir() -> Option<PathBuf> {
+    let dir = std::env::var_os("OCU_DATA").map_or_else(
+        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
+        PathBuf::from,
+    );
+    if dir.is_dir() {
+        return Some(dir);
+    }
+    let required = std::env::var("OCU_REQUIRE_DATA").is_ok_and(|value| value == "1");
+    assert!(!required, "OCU_REQUIRE_DATA is 1, but there is no folder of recordings at {}", dir.display());
+    eprintln!("skipped: no folder of recordings at {}; set OCU_DATA to one", dir.display());
+    None
+}

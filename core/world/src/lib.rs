@@ -1,0 +1,1 @@
+//! The world-model cell, its message layout and the fusion rule.

@@ -1,0 +1,2 @@
+//! The program `ocu`.
+fn main() {}

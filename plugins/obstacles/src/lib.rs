@@ -1,0 +1,1 @@
+//! Positive obstacles from range images by column scan.

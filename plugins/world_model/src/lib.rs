@@ -1,0 +1,1 @@
+//! The world model WM1: fuses sensed costs into a scrolling map.
