@@ -1,1 +1,19 @@
-//! Buffers: named mailboxes with headers, readers, writers, taps and overrides.
+//! Buffers: NML's named mailboxes of one message type each.
+//!
+//! - [`Buffer`]: latest-only or a queue of N with a stated [`Overflow`] rule; many readers, many writers.
+//! - [`Reader`], [`Writer`]: non-blocking and blocking with a time limit; [`Reader::peek`] does not consume.
+//! - Taps see every message in order; nothing is encoded unless a tap asks for bytes.
+//! - Overrides replace a field or a whole message at the moment of publishing.
+//! - [`Bus`]: the buffers of one run.
+//!
+//! Everything is behind one lock a buffer; there are no other atomics to reason about.
+
+mod buffer;
+mod bus;
+mod overrides;
+mod sample;
+
+pub use buffer::{Buffer, BufferSpec, BufferState, Mode, Overflow, Reader, WriteError, Writer};
+pub use bus::{Bus, BusError};
+pub use overrides::{Override, OverrideMode, OverrideValue};
+pub use sample::{Draft, Header, Sample, WriterId};

@@ -109,6 +109,11 @@ impl AnyMessage {
         self.0.bytes().clone()
     }
 
+    /// Whether a typed value is at hand.
+    pub fn is_typed(&self) -> bool {
+        self.0.value().is_some()
+    }
+
     /// Whether both are the same message in memory.
     pub fn same(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.0, &other.0)

@@ -1,0 +1,407 @@
+//! Named frames and where they are to each other over time.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::Pose;
+
+/// Why a transform is not known or not accepted. Times are nanoseconds.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TransformError {
+    /// No transform has named this frame.
+    #[error("frame \"{frame}\" is unknown")]
+    UnknownFrame {
+        /// The name that was asked for.
+        frame: String,
+    },
+    /// The two frames hang on different roots.
+    #[error("frames \"{target}\" and \"{source_frame}\" are not connected: roots are \"{target_root}\" and \"{source_root}\"")]
+    NotConnected {
+        /// Frame that was to be reached.
+        target: String,
+        /// Frame to start from.
+        source_frame: String,
+        /// Root above the target.
+        target_root: String,
+        /// Root above the source.
+        source_root: String,
+    },
+    /// The edge above a frame has samples, but not around this time, and nothing is extrapolated.
+    #[error("no transform from \"{frame}\" to \"{parent}\" at {time_ns} ns: data reach from {first_ns} to {last_ns} ns")]
+    OutsideData {
+        /// Child frame of the edge.
+        frame: String,
+        /// Parent frame of the edge.
+        parent: String,
+        /// Time that was asked for.
+        time_ns: u64,
+        /// Time of the oldest sample.
+        first_ns: u64,
+        /// Time of the newest sample.
+        last_ns: u64,
+    },
+    /// A frame has one parent; a second one was offered.
+    #[error("frame \"{frame}\" already has parent \"{parent}\", got \"{offered}\"")]
+    TwoParents {
+        /// Child frame.
+        frame: String,
+        /// Parent that it has.
+        parent: String,
+        /// Parent that was offered.
+        offered: String,
+    },
+    /// The parent hangs below the child.
+    #[error("frame \"{frame}\" cannot hang under \"{parent}\", which hangs under it")]
+    Cycle {
+        /// Child frame.
+        frame: String,
+        /// Parent frame.
+        parent: String,
+    },
+    /// A number of the pose is NaN or infinite.
+    #[error("transform from \"{frame}\" to \"{parent}\" is not finite")]
+    NotFinite {
+        /// Child frame.
+        frame: String,
+        /// Parent frame.
+        parent: String,
+    },
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+enum Edge {
+    /// Valid at all times.
+    Static(Pose),
+    /// Sorted by time, times distinct, never empty. Shared until written, so that a snapshot is cheap.
+    Timed(Arc<VecDeque<(u64, Pose)>>),
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Link {
+    parent: String,
+    edge: Edge,
+}
+
+/// A forest of named frames. Each frame but a root hangs under one parent by a transform that is either static
+/// (valid at all times) or a series of samples between which it is interpolated (never extrapolated).
+///
+/// ```
+/// use rcs_geom::{DVec3, Pose, TransformTree};
+/// let mut tree = TransformTree::new();
+/// tree.set_static("vehicle", "camera", Pose::from_translation(DVec3::Z))?;
+/// tree.insert("local", "vehicle", 0, Pose::IDENTITY)?;
+/// tree.insert("local", "vehicle", 100, Pose::from_translation(DVec3::X))?;
+/// let local_from_camera = tree.lookup("local", "camera", 50)?;
+/// assert_eq!(local_from_camera.translation, DVec3::new(0.5, 0.0, 1.0));
+/// # Ok::<(), rcs_geom::TransformError>(())
+/// ```
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct TransformTree {
+    /// By child frame.
+    links: BTreeMap<String, Link>,
+    /// How long samples are kept behind the newest of their edge; `None` keeps all.
+    history_ns: Option<u64>,
+}
+
+impl TransformTree {
+    /// Keeps all samples.
+    pub fn new() -> TransformTree {
+        TransformTree::default()
+    }
+
+    /// Keeps the samples of the last `history_ns` of each edge (and the one before, to interpolate from).
+    pub fn with_history_ns(history_ns: u64) -> TransformTree {
+        TransformTree { links: BTreeMap::new(), history_ns: Some(history_ns) }
+    }
+
+    /// States where `child` is in `parent` at all times; replaces what was said of that pair.
+    pub fn set_static(&mut self, parent: &str, child: &str, parent_from_child: Pose) -> Result<(), TransformError> {
+        self.check_edge(parent, child, &parent_from_child)?;
+        let link = Link { parent: parent.to_owned(), edge: Edge::Static(parent_from_child) };
+        self.links.insert(child.to_owned(), link);
+        Ok(())
+    }
+
+    /// States where `child` is in `parent` at one time. Samples may come in any order; a second one of the same
+    /// time replaces the first. An edge that was static becomes timed.
+    pub fn insert(
+        &mut self,
+        parent: &str,
+        child: &str,
+        time_ns: u64,
+        parent_from_child: Pose,
+    ) -> Result<(), TransformError> {
+        self.check_edge(parent, child, &parent_from_child)?;
+        let history_ns = self.history_ns;
+        if let Some(Link { edge: Edge::Timed(samples), .. }) = self.links.get_mut(child) {
+            let samples = Arc::make_mut(samples);
+            let at = samples.partition_point(|&(t, _)| t < time_ns);
+            match samples.get_mut(at) {
+                Some(sample) if sample.0 == time_ns => sample.1 = parent_from_child,
+                _ => samples.insert(at, (time_ns, parent_from_child)),
+            }
+            if let (Some(history_ns), Some(&(newest, _))) = (history_ns, samples.back()) {
+                let oldest_kept = newest.saturating_sub(history_ns);
+                while samples.get(1).is_some_and(|&(t, _)| t <= oldest_kept) {
+                    samples.pop_front();
+                }
+            }
+        } else {
+            let edge = Edge::Timed(Arc::new(VecDeque::from([(time_ns, parent_from_child)])));
+            self.links.insert(child.to_owned(), Link { parent: parent.to_owned(), edge });
+        }
+        Ok(())
+    }
+
+    /// `target_from_source` at a time: what turns points of `source` into `target`.
+    pub fn lookup(&self, target: &str, source: &str, time_ns: u64) -> Result<Pose, TransformError> {
+        let (target_chain, source_chain) = self.chains(target, source)?;
+        let ancestor_from = |chain: &[(&str, &Link)]| {
+            chain.iter().try_fold(Pose::IDENTITY, |frame_from_start, (frame, link)| {
+                Ok(link.at(frame, time_ns)? * frame_from_start)
+            })
+        };
+        let ancestor_from_target = ancestor_from(&target_chain)?;
+        let ancestor_from_source = ancestor_from(&source_chain)?;
+        Ok(ancestor_from_target.inverse() * ancestor_from_source)
+    }
+
+    /// The newest time at which [`TransformTree::lookup`] of these frames can answer; `None` when the way between
+    /// them is static, and every time does.
+    pub fn newest(&self, target: &str, source: &str) -> Result<Option<u64>, TransformError> {
+        let (target_chain, source_chain) = self.chains(target, source)?;
+        let newest = |(_, link): &(&str, &Link)| link.span().map(|(_, last)| last);
+        Ok(target_chain.iter().chain(&source_chain).filter_map(newest).min())
+    }
+
+    /// Names of all frames, sorted.
+    pub fn frames(&self) -> Vec<&str> {
+        let mut frames: Vec<&str> =
+            self.links.iter().flat_map(|(child, link)| [child.as_str(), link.parent.as_str()]).collect();
+        frames.sort_unstable();
+        frames.dedup();
+        frames
+    }
+
+    /// The frame above, or `None` for a root and for an unknown frame.
+    pub fn parent(&self, frame: &str) -> Option<&str> {
+        self.links.get(frame).map(|link| link.parent.as_str())
+    }
+
+    /// Whether any transform names this frame.
+    pub fn contains(&self, frame: &str) -> bool {
+        self.links.contains_key(frame) || self.links.values().any(|link| link.parent == frame)
+    }
+
+    /// The edges from each of the two frames up to their nearest common ancestor.
+    #[allow(clippy::type_complexity, reason = "two chains of named edges, used only here")]
+    fn chains<'a>(
+        &'a self,
+        target: &'a str,
+        source: &'a str,
+    ) -> Result<(Vec<(&'a str, &'a Link)>, Vec<(&'a str, &'a Link)>), TransformError> {
+        for frame in [target, source] {
+            if !self.contains(frame) {
+                return Err(TransformError::UnknownFrame { frame: frame.to_owned() });
+            }
+        }
+        let mut target_chain = self.chain(target);
+        let mut source_chain = self.chain(source);
+        let root = |start: &str, chain: &[(&str, &Link)]| {
+            chain.last().map_or_else(|| start.to_owned(), |(_, link)| link.parent.clone())
+        };
+        let (target_root, source_root) = (root(target, &target_chain), root(source, &source_chain));
+        if target_root != source_root {
+            return Err(TransformError::NotConnected {
+                target: target.to_owned(),
+                source_frame: source.to_owned(),
+                target_root,
+                source_root,
+            });
+        }
+        // What both chains share above the common ancestor cancels, and need not have data at the time.
+        while let (Some(a), Some(b)) = (target_chain.last(), source_chain.last())
+            && a.0 == b.0
+        {
+            target_chain.pop();
+            source_chain.pop();
+        }
+        Ok((target_chain, source_chain))
+    }
+
+    /// Edges from a frame up to its root.
+    fn chain<'a>(&'a self, start: &'a str) -> Vec<(&'a str, &'a Link)> {
+        let mut chain = Vec::new();
+        let mut frame = start;
+        while let Some(link) = self.links.get(frame) {
+            chain.push((frame, link));
+            frame = &link.parent;
+        }
+        chain
+    }
+
+    fn check_edge(&self, parent: &str, child: &str, pose: &Pose) -> Result<(), TransformError> {
+        let frame = || child.to_owned();
+        if !pose.is_finite() {
+            return Err(TransformError::NotFinite { frame: frame(), parent: parent.to_owned() });
+        }
+        match self.links.get(child) {
+            Some(link) if link.parent == parent => Ok(()),
+            Some(link) => Err(TransformError::TwoParents {
+                frame: frame(),
+                parent: link.parent.clone(),
+                offered: parent.to_owned(),
+            }),
+            None if parent == child || self.chain(parent).iter().any(|(_, link)| link.parent == child) => {
+                Err(TransformError::Cycle { frame: frame(), parent: parent.to_owned() })
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+impl Link {
+    /// Times of the oldest and newest sample; `None` for a static edge.
+    fn span(&self) -> Option<(u64, u64)> {
+        match &self.edge {
+            Edge::Static(_) => None,
+            Edge::Timed(samples) => Some((samples.front()?.0, samples.back()?.0)),
+        }
+    }
+
+    /// `parent_from_frame` at a time.
+    fn at(&self, frame: &str, time_ns: u64) -> Result<Pose, TransformError> {
+        let samples = match &self.edge {
+            Edge::Static(pose) => return Ok(*pose),
+            Edge::Timed(samples) => samples,
+        };
+        let after = samples.partition_point(|&(t, _)| t < time_ns);
+        let sample = |i: usize| samples.get(i).copied();
+        match (after.checked_sub(1).and_then(sample), sample(after)) {
+            (_, Some((t, pose))) if t == time_ns => Ok(pose),
+            (Some((t0, before)), Some((t1, after))) => {
+                Ok(before.interpolate(&after, (time_ns - t0) as f64 / (t1 - t0) as f64))
+            }
+            _ => {
+                let (first_ns, last_ns) = self.span().unwrap_or_default();
+                let (frame, parent) = (frame.to_owned(), self.parent.clone());
+                Err(TransformError::OutsideData { frame, parent, time_ns, first_ns, last_ns })
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn shift(x: f64) -> Pose {
+        Pose::from_translation(DVec3::new(x, 0.0, 0.0))
+    }
+
+    /// global ─ local ─ vehicle ┬ left
+    ///                          └ right          and, apart, island ─ hut
+    fn tree() -> TransformTree {
+        let mut tree = TransformTree::new();
+        tree.set_static("vehicle", "left", Pose::from_rpy(DVec3::new(0.3, 0.1, 1.0), 0.0, 0.2, 0.4)).unwrap();
+        tree.set_static("vehicle", "right", Pose::from_rpy(DVec3::new(0.3, -0.1, 1.0), 0.0, 0.2, -0.4)).unwrap();
+        tree.insert("local", "vehicle", 1000, Pose::from_xy_yaw(0.0, 0.0, 0.0)).unwrap();
+        tree.insert("local", "vehicle", 2000, Pose::from_xy_yaw(2.0, 0.0, 1.0)).unwrap();
+        tree.insert("global", "local", 1500, shift(100.0)).unwrap();
+        tree.set_static("island", "hut", shift(1.0)).unwrap();
+        tree
+    }
+
+    fn near(a: &Pose, b: &Pose) -> bool {
+        a.translation.abs_diff_eq(b.translation, 1e-12)
+            && a.rotation_matrix().abs_diff_eq(b.rotation_matrix(), 1e-12)
+    }
+
+    #[test]
+    fn lookup_composes_the_edges_and_interpolates_between_neighbours() {
+        let tree = tree();
+        let expected = shift(100.0) * Pose::from_xy_yaw(1.0, 0.0, 0.5) * tree.lookup("vehicle", "left", 0).unwrap();
+        assert!(near(&tree.lookup("global", "left", 1500).unwrap(), &expected));
+        assert!(near(&tree.lookup("left", "global", 1500).unwrap(), &expected.inverse()));
+    }
+
+    #[test]
+    fn a_frame_is_in_itself_at_any_time() {
+        assert_eq!(tree().lookup("vehicle", "vehicle", 9_999_999), Ok(Pose::IDENTITY));
+        assert_eq!(tree().lookup("global", "global", 0), Ok(Pose::IDENTITY));
+    }
+
+    #[test]
+    fn static_way_below_a_timed_edge_is_valid_at_all_times() {
+        let tree = tree();
+        assert!(tree.lookup("left", "right", 0).is_ok());
+        assert!(tree.lookup("left", "right", u64::MAX).is_ok());
+        assert_eq!(tree.newest("left", "right"), Ok(None));
+        assert_eq!(tree.newest("global", "left"), Ok(Some(1500)));
+        assert_eq!(tree.newest("local", "left"), Ok(Some(2000)));
+    }
+
+    #[test]
+    fn errors_say_what_is_missing() {
+        let tree = tree();
+        let error = |target, source, time| tree.lookup(target, source, time).unwrap_err().to_string();
+        assert_eq!(error("moon", "left", 0), "frame \"moon\" is unknown");
+        assert_eq!(
+            error("hut", "left", 0),
+            "frames \"hut\" and \"left\" are not connected: roots are \"island\" and \"global\""
+        );
+        let outside = "no transform from \"vehicle\" to \"local\" at 999 ns: data reach from 1000 to 2000 ns";
+        assert_eq!(error("local", "left", 999), outside);
+        assert!(matches!(tree.lookup("local", "left", 2001), Err(TransformError::OutsideData { .. })));
+    }
+
+    #[test]
+    fn a_second_parent_a_cycle_and_nan_are_refused_and_change_nothing() {
+        let mut tree = tree();
+        assert!(matches!(tree.insert("global", "vehicle", 0, shift(0.0)), Err(TransformError::TwoParents { .. })));
+        assert!(matches!(tree.set_static("left", "global", shift(0.0)), Err(TransformError::Cycle { .. })));
+        assert!(matches!(tree.set_static("a", "a", shift(0.0)), Err(TransformError::Cycle { .. })));
+        assert!(matches!(tree.insert("local", "vehicle", 0, shift(f64::NAN)), Err(TransformError::NotFinite { .. })));
+        assert_eq!(tree.frames(), ["global", "hut", "island", "left", "local", "right", "vehicle"]);
+    }
+
+    #[test]
+    fn history_forgets_what_is_too_old_to_interpolate_from() {
+        let mut tree = TransformTree::with_history_ns(100);
+        for time in (0..=1000).step_by(30) {
+            tree.insert("local", "vehicle", time, shift(time as f64)).unwrap();
+        }
+        // Newest 990: everything from 890 on must still be answered.
+        assert!(near(&tree.lookup("local", "vehicle", 890).unwrap(), &shift(890.0)));
+        assert!(tree.lookup("local", "vehicle", 869).is_err());
+    }
+
+    #[test]
+    fn a_snapshot_is_not_changed_by_later_samples() {
+        let mut tree = tree();
+        let snapshot = tree.clone();
+        tree.insert("local", "vehicle", 3000, shift(9.0)).unwrap();
+        assert_eq!(snapshot.newest("local", "vehicle"), Ok(Some(2000)));
+        assert_eq!(tree.newest("local", "vehicle"), Ok(Some(3000)));
+    }
+
+    proptest! {
+        #[test]
+        fn order_of_arrival_does_not_matter(times in prop::collection::vec(0..1000_u64, 2..20), query in 0..1000_u64) {
+            let mut sorted = times.clone();
+            sorted.sort_unstable();
+            let (mut a, mut b) = (TransformTree::new(), TransformTree::new());
+            for t in times { a.insert("local", "vehicle", t, shift(t as f64)).unwrap(); }
+            for t in sorted { b.insert("local", "vehicle", t, shift(t as f64)).unwrap(); }
+            prop_assert_eq!(a.lookup("local", "vehicle", query), b.lookup("local", "vehicle", query));
+            if let Ok(pose) = a.lookup("local", "vehicle", query) {
+                prop_assert!((pose.translation.x - query as f64).abs() < 1e-9);
+            }
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! What the window looks at: a running stack, a log, a log through a stack, or a remote robot. All answer [`Source`].
+//!
+//! A view gets a [`Frame`]: everything that can be known at one moment, shared and immutable. It can neither slow nor
+//! stop the source. [`Driver`] runs a source on a thread of its own, paces it, and publishes frames.
+
+mod driver;
+mod frame;
+mod log_source;
+mod stack_source;
+mod tracks;
+
+pub use driver::{Control, Driver};
+pub use frame::{Frame, Playback, RunTag, SourceInfo, SourceKind, Topic, Track};
+pub use log_source::LogSource;
+pub use stack_source::StackSource;
+
+use rcs_msg::{AnyMessage, Stamp};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+/// One step of the timeline.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// To the next (or previous) message of a topic; of any topic where none is named.
+    Message { topic: Option<String>, back: bool },
+    /// To the end of the next (or previous) cycle of a process; of any process where none is named.
+    Cycle { process: Option<String>, back: bool },
+    /// By a time, forward or back.
+    Time { ns: i64 },
+}
+
+/// Why a source could not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum SourceError {
+    /// The log could not be read.
+    #[error(transparent)]
+    Log(#[from] rcs_log::LogError),
+    /// The stack could not run on.
+    #[error(transparent)]
+    Run(#[from] crate::RunError),
+    /// The operator stopped it.
+    #[error("stopped on request")]
+    Cancelled,
+    /// This kind of source cannot do that.
+    #[error("{0}")]
+    Unsupported(String),
+}
+
+/// Progress of long work, and the wish to stop it. Shared between the source's thread and the window.
+#[derive(Debug, Default)]
+pub struct Task {
+    permille: AtomicU32,
+    cancelled: AtomicBool,
+}
+
+impl Task {
+    /// Says how far the work is, 0 to 1.
+    pub fn report(&self, fraction: f64) {
+        self.permille.store((fraction.clamp(0.0, 1.0) * 1000.0) as u32, Ordering::Relaxed);
+    }
+
+    /// How far the work is, 0 to 1.
+    pub fn fraction(&self) -> f64 {
+        f64::from(self.permille.load(Ordering::Relaxed)) / 1000.0
+    }
+
+    /// Asks the work to stop.
+    pub fn cancel(&self) {
+        self.cancelled.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether someone asked the work to stop.
+    pub fn is_cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+
+    /// An error if someone asked the work to stop.
+    pub fn check(&self) -> Result<(), SourceError> {
+        if self.is_cancelled() { Err(SourceError::Cancelled) } else { Ok(()) }
+    }
+}
+
+/// What the window looks at. Calls may take long; they run on a [`Driver`]'s thread.
+pub trait Source: Send {
+    /// What it is, and its time range.
+    fn info(&self) -> std::sync::Arc<SourceInfo>;
+    /// Where it stands.
+    fn now(&self) -> Stamp;
+    /// All that can be known at this moment. Cheap: nothing large is copied.
+    fn frame(&mut self) -> Frame;
+    /// Goes to a time, forward or back.
+    fn seek(&mut self, to: Stamp, task: &Task) -> Result<(), SourceError>;
+    /// Goes one step; `false` where there is none.
+    fn step(&mut self, step: &Step, task: &Task) -> Result<bool, SourceError>;
+    /// An operator's write: a command, a parameter message, an edited message.
+    fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError>;
+    /// Work that may be done while nothing else is asked, in small pieces (tracks, for example); `true` if some is left.
+    fn idle(&mut self) -> bool {
+        false
+    }
+}
