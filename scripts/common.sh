@@ -1,0 +1,54 @@
+# Shared by scripts/run, scripts/test and .ci/run: sourced, not started.
+# Expects `root` to be the folder of the checkout.
+
+cache="${XDG_CACHE_HOME:-${HOME:-/root}/.cache}/ocu"
+
+# One build folder outside the checkout, so that every clone of a machine starts warm.
+export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$cache/target}"
+
+# Without a display, egui and wgpu need a Vulkan driver; with one, the X11 and OpenGL libraries they load at run time.
+packages_vulkan=(mesa-vulkan-drivers)
+packages_window=(libxkbcommon-x11-0 libegl1 libgl1 libx11-xcb1 libxcursor1 libxi6 libgl1-mesa-dri)
+
+say() { printf '%s\n' "$*" >&2; }
+
+# need_packages NAME...: installs the Debian packages that are missing, or prints the one line that does and stops.
+need_packages() {
+    if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
+        say "not a Debian system: these packages, or what matches them here, are taken as present: $*"
+        return 0
+    fi
+    local missing=() name
+    for name in "$@"; do
+        [[ $(dpkg-query -W -f '${db:Status-Abbrev}' "$name" 2>/dev/null || true) == ii* ]] || missing+=("$name")
+    done
+    [[ ${#missing[@]} -gt 0 ]] || return 0
+
+    local as_root=()
+    if [[ $(id -u) -ne 0 ]]; then
+        # sudo that would ask for a password is of use only where someone can type it.
+        if command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [[ -t 0 ]]; }; then
+            as_root=(sudo)
+        else
+            say "packages are missing; as root, run:"
+            say "    apt-get update && apt-get install -y --no-install-recommends ${missing[*]}"
+            exit 1
+        fi
+    fi
+    say "installing ${missing[*]}"
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -q >&2
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+        apt-get install -y -q --no-install-recommends "${missing[@]}" >&2
+}
+
+# need_tools: Rust cannot be had from Debian in a version that is new enough, so it is asked for.
+need_tools() {
+    if ! command -v cargo >/dev/null && [[ -x "${CARGO_HOME:-${HOME:-/root}/.cargo}/bin/cargo" ]]; then
+        PATH="${CARGO_HOME:-${HOME:-/root}/.cargo}/bin:$PATH"
+    fi
+    if ! command -v cargo >/dev/null; then
+        say "cargo is missing: install Rust 1.95 or newer from https://rustup.rs and start this again"
+        exit 1
+    fi
+    command -v cc >/dev/null || need_packages gcc libc6-dev
+}
