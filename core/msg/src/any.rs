@@ -14,7 +14,7 @@ impl<T: prost::Message + prost::Name + Default + Clone + PartialEq + 'static> Pa
 pub struct AnyMessage(Arc<dyn Body>);
 
 trait Body: Send + Sync {
-    fn schema_name(&self) -> &str;
+    fn is_a(&self, schema: &Schema) -> bool;
     fn schema(&self) -> Arc<Schema>;
     fn bytes(&self) -> &Bytes;
     fn value(&self) -> Option<&(dyn Any + Send + Sync)>;
@@ -25,19 +25,37 @@ struct Typed<T> {
     bytes: OnceLock<Bytes>,
 }
 
+/// A value that becomes a message when someone looks at it.
+struct Deferred<S, T> {
+    source: S,
+    value: OnceLock<T>,
+    bytes: OnceLock<Bytes>,
+}
+
 struct Encoded {
     schema: Arc<Schema>,
     bytes: Bytes,
 }
 
+/// The schema of a generated type.
+#[expect(clippy::expect_used, reason = "the registry is compiled from the same files as the types")]
+pub fn schema_of<T: Payload>() -> &'static Arc<Schema> {
+    registry().schema(&T::full_name()).expect("a generated type is in the registry")
+}
+
+/// Whether that schema is `T`'s, found out without an allocation: every write asks this.
+fn is_schema_of<T: Payload>(schema: &Schema) -> bool {
+    *schema.message_encoding() == MessageEncoding::Protobuf
+        && schema.name().strip_prefix(T::PACKAGE).and_then(|rest| rest.strip_prefix('.')) == Some(T::NAME)
+}
+
 impl<T: Payload> Body for Typed<T> {
-    fn schema_name(&self) -> &str {
-        T::NAME
+    fn is_a(&self, schema: &Schema) -> bool {
+        is_schema_of::<T>(schema)
     }
 
-    #[expect(clippy::expect_used, reason = "the registry is compiled from the same files as the types")]
     fn schema(&self) -> Arc<Schema> {
-        Arc::clone(registry().schema(&T::full_name()).expect("a generated type is in the registry"))
+        Arc::clone(schema_of::<T>())
     }
 
     fn bytes(&self) -> &Bytes {
@@ -49,9 +67,31 @@ impl<T: Payload> Body for Typed<T> {
     }
 }
 
+impl<S, T> Body for Deferred<S, T>
+where
+    S: Clone + Into<T> + Send + Sync,
+    T: Payload,
+{
+    fn is_a(&self, schema: &Schema) -> bool {
+        is_schema_of::<T>(schema)
+    }
+
+    fn schema(&self) -> Arc<Schema> {
+        Arc::clone(schema_of::<T>())
+    }
+
+    fn bytes(&self) -> &Bytes {
+        self.bytes.get_or_init(|| self.source.clone().into().encode_to_vec().into())
+    }
+
+    fn value(&self) -> Option<&(dyn Any + Send + Sync)> {
+        Some(self.value.get_or_init(|| self.source.clone().into()))
+    }
+}
+
 impl Body for Encoded {
-    fn schema_name(&self) -> &str {
-        self.schema.name()
+    fn is_a(&self, schema: &Schema) -> bool {
+        self.schema.name() == schema.name() && self.schema.message_encoding() == schema.message_encoding()
     }
 
     fn schema(&self) -> Arc<Schema> {
@@ -71,6 +111,15 @@ impl AnyMessage {
     /// A typed message. Nothing is encoded until someone asks for bytes.
     pub fn new<T: Payload>(value: T) -> Self {
         Self(Arc::new(Typed { value, bytes: OnceLock::new() }))
+    }
+
+    /// A message that is made from `source` when someone looks at it: for what is written every cycle and seldom read.
+    pub fn deferred<S, T>(source: S) -> Self
+    where
+        S: Clone + Into<T> + Send + Sync + 'static,
+        T: Payload,
+    {
+        Self(Arc::new(Deferred::<S, T> { source, value: OnceLock::new(), bytes: OnceLock::new() }))
     }
 
     /// A message as bytes of a schema.
@@ -99,6 +148,11 @@ impl AnyMessage {
         if ours { T::decode(self.bytes()).ok() } else { None }
     }
 
+    /// Whether the message is of that type.
+    pub fn is_a(&self, schema: &Schema) -> bool {
+        self.0.is_a(schema)
+    }
+
     /// The schema of the message.
     pub fn schema(&self) -> Arc<Schema> {
         self.0.schema()
@@ -122,6 +176,6 @@ impl AnyMessage {
 
 impl std::fmt::Debug for AnyMessage {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "AnyMessage({})", self.0.schema_name())
+        write!(f, "AnyMessage({})", self.0.schema().name())
     }
 }

@@ -8,7 +8,7 @@ mod any;
 mod schema;
 mod time;
 
-pub use any::{AnyMessage, Payload};
+pub use any::{AnyMessage, Payload, schema_of};
 pub use schema::{MessageEncoding, Registry, Schema, registry};
 pub use time::Stamp;
 
