@@ -1,1 +1,4 @@
-//! Cross-crate scenarios.
+//! Cross-crate scenarios and the rules of the architecture, in one test binary.
+
+#[cfg(test)]
+mod architecture;

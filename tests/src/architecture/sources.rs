@@ -1,0 +1,148 @@
+//! What sources may not name, and how long they may be.
+
+use super::assert_kept;
+use super::code::{code_only, lines_with};
+use super::tree::{Source, sources};
+
+/// Beginnings of paths that belong to the window.
+const WINDOW_NAMES: [&str; 4] = ["egui", "eframe", "winit", "wgpu"];
+
+/// What would make a plugin's output depend on more than its inputs, parameters and seed.
+const IMPURE_NAMES: [&str; 22] = [
+    "std::fs",
+    "fs::File",
+    "std::net",
+    "std::process",
+    "std::env",
+    "env::var",
+    "Instant::now",
+    "SystemTime",
+    "std::thread",
+    "thread::spawn",
+    "thread::sleep",
+    "thread::scope",
+    "thread_local!",
+    "static mut",
+    "OnceLock",
+    "LazyLock",
+    "RandomState",
+    "thread_rng",
+    "from_entropy",
+    "from_os_rng",
+    "OsRng",
+    "rand::random",
+];
+
+/// Functions of `f32` and `f64` whose last bits are the system's; `libm` has the same for every machine.
+const SYSTEM_FUNCTIONS: [&str; 27] = [
+    "sin", "cos", "tan", "sin_cos", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh",
+    "acosh", "atanh", "exp", "exp2", "exp_m1", "ln", "ln_1p", "log2", "log10", "powf", "powi", "cbrt",
+    "hypot", "gamma", "ln_gamma",
+];
+
+/// A file of this many lines has more than one job.
+const LONGEST_FILE: usize = 600;
+
+fn named(sources: &[Source], names: &[&str]) -> Vec<String> {
+    let mut breaches = Vec::new();
+    for source in sources {
+        let code = code_only(&source.text);
+        for name in names {
+            let lines = lines_with(&code, name);
+            breaches.extend(lines.iter().map(|line| format!("{}:{line}: {name}", source.path)));
+        }
+    }
+    breaches
+}
+
+/// Crates are named as `egui` and as `egui_tiles` alike.
+fn window_names(sources: &[Source]) -> Vec<String> {
+    let mut breaches = Vec::new();
+    for source in sources {
+        for (at, line) in code_only(&source.text).lines().enumerate() {
+            let mut words = line.split(|c: char| !(c.is_alphanumeric() || c == '_'));
+            if let Some(word) = words.find(|word| WINDOW_NAMES.iter().any(|name| word.starts_with(name))) {
+                breaches.push(format!("{}:{}: {word}", source.path, at + 1));
+            }
+        }
+    }
+    breaches
+}
+
+fn system_functions(sources: &[Source]) -> Vec<String> {
+    let written = SYSTEM_FUNCTIONS
+        .iter()
+        .flat_map(|name| [format!(".{name}("), format!("f64::{name}"), format!("f32::{name}")]);
+    let written: Vec<String> = written.collect();
+    named(sources, &written.iter().map(String::as_str).collect::<Vec<_>>())
+}
+
+fn too_long(sources: &[Source]) -> Vec<String> {
+    let long = sources.iter().filter(|source| source.text.lines().count() > LONGEST_FILE);
+    long.map(|source| format!("{}: {} lines", source.path, source.text.lines().count())).collect()
+}
+
+fn of(dirs: &[&str]) -> Vec<Source> {
+    dirs.iter().flat_map(|dir| sources(dir)).collect()
+}
+
+#[test]
+fn core_and_plugins_name_no_window_crate() {
+    assert_kept("core and plugins draw nothing", &window_names(&of(&["core", "plugins"])));
+}
+
+#[test]
+fn plugins_reach_no_file_socket_clock_thread_global_or_chance() {
+    assert_kept("a plugin's outputs follow from its inputs", &named(&of(&["plugins"]), &IMPURE_NAMES));
+}
+
+#[test]
+fn views_name_no_plugin_and_reach_no_file() {
+    let names = ["rcs_plugins", "rcs_obstacles", "rcs_world_model", "std::fs", "std::net", "std::process"];
+    assert_kept("a view reads a source and nothing else", &named(&of(&["ocu/views"]), &names));
+}
+
+#[test]
+fn what_plugins_compute_with_calls_libm() {
+    // The fusion rule and the geometry run inside plugins' cycles, so their bits count as the plugins' do.
+    let computing = of(&["plugins", "core/geom/src", "core/world/src"]);
+    assert_kept("transcendental functions come from libm", &system_functions(&computing));
+}
+
+#[test]
+fn files_have_one_job() {
+    assert_kept("a file has at most 600 lines", &too_long(&of(&["core", "plugins", "ocu", "tests"])));
+}
+
+fn example(text: &str) -> [Source; 1] {
+    [Source { path: "x.rs".to_owned(), text: text.to_owned() }]
+}
+
+#[test]
+fn a_window_crate_in_code_is_found_and_one_in_a_comment_is_not() {
+    let source = example("// egui\nuse egui_tiles::Tree;\nlet begui = \"egui\";\nwgpu::Device\n");
+    assert_eq!(window_names(&source), ["x.rs:2: egui_tiles", "x.rs:4: wgpu"]);
+}
+
+#[test]
+fn a_clock_a_file_and_chance_are_found() {
+    let source =
+        example("let t = std::time::Instant::now();\nuse std::fs;\nlet x: f64 = rand::random();\nfs::read\n");
+    assert_eq!(
+        named(&source, &IMPURE_NAMES),
+        ["x.rs:2: std::fs", "x.rs:1: Instant::now", "x.rs:3: rand::random"]
+    );
+}
+
+#[test]
+fn a_function_of_the_system_is_found_and_one_of_libm_is_not() {
+    let source =
+        example("let a = x.sin();\nlet b = libm::sin(x);\nlet c = xs.map(f64::exp);\nlet d = x.sqrt();\n");
+    assert_eq!(system_functions(&source), ["x.rs:1: .sin(", "x.rs:3: f64::exp"]);
+}
+
+#[test]
+fn a_file_of_too_many_lines_is_found() {
+    assert_eq!(too_long(&example(&"\n".repeat(LONGEST_FILE))).len(), 0);
+    assert_eq!(too_long(&example(&"\n".repeat(LONGEST_FILE + 1))).len(), 1);
+}
