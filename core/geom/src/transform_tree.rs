@@ -17,7 +17,9 @@ pub enum TransformError {
         frame: String,
     },
     /// The two frames hang on different roots.
-    #[error("frames \"{target}\" and \"{source_frame}\" are not connected: roots are \"{target_root}\" and \"{source_root}\"")]
+    #[error(
+        "frames \"{target}\" and \"{source_frame}\" are not connected: roots are \"{target_root}\" and \"{source_root}\""
+    )]
     NotConnected {
         /// Frame that was to be reached.
         target: String,
@@ -29,7 +31,9 @@ pub enum TransformError {
         source_root: String,
     },
     /// The edge above a frame has samples, but not around this time, and nothing is extrapolated.
-    #[error("no transform from \"{frame}\" to \"{parent}\" at {time_ns} ns: data reach from {first_ns} to {last_ns} ns")]
+    #[error(
+        "no transform from \"{frame}\" to \"{parent}\" at {time_ns} ns: data reach from {first_ns} to {last_ns} ns"
+    )]
     OutsideData {
         /// Child frame of the edge.
         frame: String,
@@ -117,7 +121,12 @@ impl TransformTree {
     }
 
     /// States where `child` is in `parent` at all times; replaces what was said of that pair.
-    pub fn set_static(&mut self, parent: &str, child: &str, parent_from_child: Pose) -> Result<(), TransformError> {
+    pub fn set_static(
+        &mut self,
+        parent: &str,
+        child: &str,
+        parent_from_child: Pose,
+    ) -> Result<(), TransformError> {
         self.check_edge(parent, child, &parent_from_child)?;
         let link = Link { parent: parent.to_owned(), edge: Edge::Static(parent_from_child) };
         self.links.insert(child.to_owned(), link);
@@ -309,7 +318,8 @@ mod tests {
     fn tree() -> TransformTree {
         let mut tree = TransformTree::new();
         tree.set_static("vehicle", "left", Pose::from_rpy(DVec3::new(0.3, 0.1, 1.0), 0.0, 0.2, 0.4)).unwrap();
-        tree.set_static("vehicle", "right", Pose::from_rpy(DVec3::new(0.3, -0.1, 1.0), 0.0, 0.2, -0.4)).unwrap();
+        tree.set_static("vehicle", "right", Pose::from_rpy(DVec3::new(0.3, -0.1, 1.0), 0.0, 0.2, -0.4))
+            .unwrap();
         tree.insert("local", "vehicle", 1000, Pose::from_xy_yaw(0.0, 0.0, 0.0)).unwrap();
         tree.insert("local", "vehicle", 2000, Pose::from_xy_yaw(2.0, 0.0, 1.0)).unwrap();
         tree.insert("global", "local", 1500, shift(100.0)).unwrap();
@@ -325,7 +335,8 @@ mod tests {
     #[test]
     fn lookup_composes_the_edges_and_interpolates_between_neighbours() {
         let tree = tree();
-        let expected = shift(100.0) * Pose::from_xy_yaw(1.0, 0.0, 0.5) * tree.lookup("vehicle", "left", 0).unwrap();
+        let expected =
+            shift(100.0) * Pose::from_xy_yaw(1.0, 0.0, 0.5) * tree.lookup("vehicle", "left", 0).unwrap();
         assert!(near(&tree.lookup("global", "left", 1500).unwrap(), &expected));
         assert!(near(&tree.lookup("left", "global", 1500).unwrap(), &expected.inverse()));
     }
@@ -363,10 +374,16 @@ mod tests {
     #[test]
     fn a_second_parent_a_cycle_and_nan_are_refused_and_change_nothing() {
         let mut tree = tree();
-        assert!(matches!(tree.insert("global", "vehicle", 0, shift(0.0)), Err(TransformError::TwoParents { .. })));
+        assert!(matches!(
+            tree.insert("global", "vehicle", 0, shift(0.0)),
+            Err(TransformError::TwoParents { .. })
+        ));
         assert!(matches!(tree.set_static("left", "global", shift(0.0)), Err(TransformError::Cycle { .. })));
         assert!(matches!(tree.set_static("a", "a", shift(0.0)), Err(TransformError::Cycle { .. })));
-        assert!(matches!(tree.insert("local", "vehicle", 0, shift(f64::NAN)), Err(TransformError::NotFinite { .. })));
+        assert!(matches!(
+            tree.insert("local", "vehicle", 0, shift(f64::NAN)),
+            Err(TransformError::NotFinite { .. })
+        ));
         assert_eq!(tree.frames(), ["global", "hut", "island", "left", "local", "right", "vehicle"]);
     }
 

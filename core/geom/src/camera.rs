@@ -1,0 +1,268 @@
+//! Pinhole cameras.
+
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+use crate::Distortion;
+
+/// Why numbers do not make a camera, or an image does not belong to it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CameraError {
+    /// Focal length 0: the convention for "not calibrated".
+    #[error("camera is not calibrated: focal lengths are {fx} and {fy}")]
+    Uncalibrated {
+        /// Pixels.
+        fx: f64,
+        /// Pixels.
+        fy: f64,
+    },
+    /// A number is NaN or infinite.
+    #[error("{what} is not finite: got {value}")]
+    NotFinite {
+        /// Which part of the calibration.
+        what: &'static str,
+        /// The number.
+        value: f64,
+    },
+    /// A matrix has the wrong number of entries.
+    #[error("{what} has {got} entries, expected {expected}")]
+    MatrixSize {
+        /// Which matrix.
+        what: &'static str,
+        /// Entries there are.
+        got: usize,
+        /// Entries there should be.
+        expected: usize,
+    },
+    /// The model does not take that many parameters.
+    #[error("distortion model \"{model}\" has {got} parameters, expected {expected}")]
+    ParameterCount {
+        /// Name of the model.
+        model: String,
+        /// Parameters there are.
+        got: usize,
+        /// Parameters it takes.
+        expected: usize,
+    },
+    /// No such model here.
+    #[error(
+        "distortion model \"{model}\" is unknown, expected plumb_bob, rational_polynomial, equidistant, fisheye or kannala_brandt"
+    )]
+    UnknownModel {
+        /// Name that was given.
+        model: String,
+    },
+    /// Width or height is 0 or absurd.
+    #[error("image size {width}x{height} is not usable")]
+    Size {
+        /// Pixels.
+        width: u32,
+        /// Pixels.
+        height: u32,
+    },
+    /// A buffer does not hold the image it should.
+    #[error("image has {got} bytes, expected {expected} ({width}x{height}, {channels} channels)")]
+    ImageSize {
+        /// Bytes there are.
+        got: usize,
+        /// Bytes there should be.
+        expected: usize,
+        /// Pixels.
+        width: u32,
+        /// Pixels.
+        height: u32,
+        /// Bytes per pixel.
+        channels: usize,
+    },
+}
+
+/// A camera that maps rays of its optical frame (x right, y down, z forward) to pixels.
+///
+/// Pixel (0, 0) is the **centre** of the top left pixel, u right and v down, as in OpenCV and ROS.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PinholeCamera {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// Focal length along u, pixels.
+    pub fx: f64,
+    /// Focal length along v, pixels.
+    pub fy: f64,
+    /// Principal point, pixels.
+    pub cx: f64,
+    /// Principal point, pixels.
+    pub cy: f64,
+    /// How the lens bends rays.
+    pub distortion: Distortion,
+    /// [`Distortion::valid_radius`] of the lens, which is slow to find.
+    valid_radius: f64,
+}
+
+/// The longest side of an image that is believed, pixels.
+const MAX_SIDE: u32 = 1 << 15;
+
+impl PinholeCamera {
+    /// A camera from its parameters, pixels.
+    pub fn new(
+        [width, height]: [u32; 2],
+        [fx, fy]: [f64; 2],
+        [cx, cy]: [f64; 2],
+        distortion: Distortion,
+    ) -> Result<PinholeCamera, CameraError> {
+        if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
+            return Err(CameraError::Size { width, height });
+        }
+        for value in [fx, fy, cx, cy] {
+            if !value.is_finite() {
+                return Err(CameraError::NotFinite { what: "camera matrix", value });
+            }
+        }
+        if fx <= 0.0 || fy <= 0.0 {
+            return Err(CameraError::Uncalibrated { fx, fy });
+        }
+        let valid_radius = distortion.valid_radius();
+        Ok(PinholeCamera { width, height, fx, fy, cx, cy, distortion, valid_radius })
+    }
+
+    /// From a calibration message: size in pixels, the 3×3 camera matrix by rows, the name of the distortion model and
+    /// its parameters. Skew is not supported by the messages' conventions and not read.
+    pub fn from_calibration(
+        size: [u32; 2],
+        k: &[f64],
+        model: &str,
+        d: &[f64],
+    ) -> Result<PinholeCamera, CameraError> {
+        let &[fx, _, cx, _, fy, cy, _, _, _] = k else {
+            return Err(CameraError::MatrixSize { what: "camera matrix", got: k.len(), expected: 9 });
+        };
+        PinholeCamera::new(size, [fx, fy], [cx, cy], Distortion::from_model(model, d)?)
+    }
+
+    /// A lens without distortion, its axis at the image's centre, that sees `horizontal_fov_rad` from the left edge to
+    /// the right edge.
+    pub fn from_horizontal_fov(
+        size: [u32; 2],
+        horizontal_fov_rad: f64,
+    ) -> Result<PinholeCamera, CameraError> {
+        let [width, height] = size.map(f64::from);
+        let f = 0.5 * width / libm::tan(0.5 * horizontal_fov_rad);
+        PinholeCamera::new(size, [f, f], [0.5 * (width - 1.0), 0.5 * (height - 1.0)], Distortion::None)
+    }
+
+    /// The same camera for images of another size (the whole view, scaled), pixels.
+    pub fn resized(&self, [width, height]: [u32; 2]) -> Result<PinholeCamera, CameraError> {
+        let sx = f64::from(width) / f64::from(self.width);
+        let sy = f64::from(height) / f64::from(self.height);
+        // Edges, not centres, of the outermost pixels stay in place.
+        let centre = [(self.cx + 0.5) * sx - 0.5, (self.cy + 0.5) * sy - 0.5];
+        PinholeCamera::new([width, height], [self.fx * sx, self.fy * sy], centre, self.distortion)
+    }
+
+    /// The pixel of a point in the optical frame, metres. `None` for a point behind the camera or so far off its axis
+    /// that the lens model does not hold. The pixel may lie outside of the image: see [`PinholeCamera::contains`].
+    pub fn project(&self, p_optical: DVec3) -> Option<DVec2> {
+        if !p_optical.is_finite() || p_optical.z <= 1e-9 {
+            return None;
+        }
+        let normalised = p_optical.truncate() / p_optical.z;
+        (normalised.length() <= self.valid_radius).then(|| self.pixel_of(self.distortion.distort(normalised)))
+    }
+
+    /// The ray of a pixel in the optical frame, with z = 1: multiply by a depth for a point. `None` where the lens model
+    /// has no ray.
+    pub fn unproject(&self, pixel: DVec2) -> Option<DVec3> {
+        let distorted = DVec2::new((pixel.x - self.cx) / self.fx, (pixel.y - self.cy) / self.fy);
+        Some(self.distortion.undistort(distorted, self.valid_radius)?.extend(1.0))
+    }
+
+    /// The pixel that a straight lens with the same matrix would give for this pixel.
+    pub fn undistort(&self, pixel: DVec2) -> Option<DVec2> {
+        Some(self.pixel_of(self.unproject(pixel)?.truncate()))
+    }
+
+    /// The inverse of [`PinholeCamera::undistort`].
+    pub fn distort(&self, straight_pixel: DVec2) -> Option<DVec2> {
+        let x = (straight_pixel.x - self.cx) / self.fx;
+        let y = (straight_pixel.y - self.cy) / self.fy;
+        self.project(DVec3::new(x, y, 1.0))
+    }
+
+    /// Whether a pixel position lies on the image.
+    pub fn contains(&self, pixel: DVec2) -> bool {
+        let on = |v: f64, side: u32| v >= -0.5 && v < f64::from(side) - 0.5;
+        on(pixel.x, self.width) && on(pixel.y, self.height)
+    }
+
+    fn pixel_of(&self, normalised: DVec2) -> DVec2 {
+        DVec2::new(self.fx * normalised.x + self.cx, self.fy * normalised.y + self.cy)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn wide() -> PinholeCamera {
+        let d = [-0.31, 0.12, 0.0006, -0.0003, -0.02];
+        PinholeCamera::from_calibration(
+            [640, 480],
+            &[420.0, 0.0, 318.5, 0.0, 421.0, 243.0, 0.0, 0.0, 1.0],
+            "plumb_bob",
+            &d,
+        )
+        .unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn every_pixel_of_the_image_comes_back_through_its_ray(u in 0.0..639.0_f64, v in 0.0..479.0_f64, depth in 0.1..100.0_f64) {
+            let camera = wide();
+            let pixel = DVec2::new(u, v);
+            let ray = camera.unproject(pixel).unwrap();
+            prop_assert!(camera.project(ray * depth).unwrap().abs_diff_eq(pixel, 1e-6));
+            let straight = camera.undistort(pixel).unwrap();
+            prop_assert!(camera.distort(straight).unwrap().abs_diff_eq(pixel, 1e-6));
+        }
+
+        #[test]
+        fn resizing_scales_pixels(x in -0.5..0.5_f64, y in -0.5..0.5_f64) {
+            let (full, half) = (wide(), wide().resized([320, 240]).unwrap());
+            let p = DVec3::new(x, y, 1.0);
+            let (a, b) = (full.project(p).unwrap(), half.project(p).unwrap());
+            prop_assert!(((a + 0.5) * 0.5 - 0.5).abs_diff_eq(b, 1e-9));
+        }
+    }
+
+    #[test]
+    fn points_behind_or_far_outside_are_not_folded_into_the_image() {
+        let camera = wide();
+        assert_eq!(camera.project(DVec3::new(0.0, 0.0, -1.0)), None);
+        assert_eq!(camera.project(DVec3::new(0.0, 0.0, 0.0)), None);
+        assert_eq!(camera.project(DVec3::new(f64::NAN, 0.0, 1.0)), None);
+        // The polynomial turns back: without the limit this point, 75° to the side, may land on the image.
+        assert!(camera.project(DVec3::new(3.7, 0.0, 1.0)).is_none_or(|pixel| !camera.contains(pixel)));
+    }
+
+    #[test]
+    fn field_of_view_reaches_from_edge_to_edge() {
+        let camera = PinholeCamera::from_horizontal_fov([640, 480], std::f64::consts::FRAC_PI_2).unwrap();
+        assert!(
+            camera.project(DVec3::new(1.0, 0.0, 1.0)).unwrap().abs_diff_eq(DVec2::new(639.5, 239.5), 1e-9)
+        );
+    }
+
+    #[test]
+    fn calibrations_that_cannot_be_are_refused() {
+        let camera = |k: &[f64]| PinholeCamera::from_calibration([640, 480], k, "", &[]);
+        assert!(matches!(camera(&[0.0; 9]), Err(CameraError::Uncalibrated { .. })));
+        assert!(matches!(camera(&[1.0; 4]), Err(CameraError::MatrixSize { got: 4, .. })));
+        assert!(matches!(camera(&[f64::NAN; 9]), Err(CameraError::NotFinite { .. })));
+        assert!(matches!(
+            PinholeCamera::from_horizontal_fov([0, 480], 1.0),
+            Err(CameraError::Size { width: 0, .. })
+        ));
+    }
+}

@@ -1,0 +1,368 @@
+//! The scrolling grid: a square map around the vehicle whose cells stay where they are in memory (A 4).
+
+use std::sync::Arc;
+
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+/// Names a cell of the world, whatever grid looks at it: floor(world / cell size), x east and y north.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct CellIndex {
+    /// Cells east of the frame's origin.
+    pub x: i64,
+    /// Cells north of the frame's origin.
+    pub y: i64,
+}
+
+impl CellIndex {
+    /// Cell in column `x`, row `y` of the world.
+    pub const fn new(x: i64, y: i64) -> CellIndex {
+        CellIndex { x, y }
+    }
+
+    /// The cell this many cells east and north.
+    #[must_use]
+    pub const fn offset(self, dx: i64, dy: i64) -> CellIndex {
+        CellIndex { x: self.x.saturating_add(dx), y: self.y.saturating_add(dy) }
+    }
+}
+
+/// Why a grid cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum GridError {
+    /// No cells, or more than memory should hold.
+    #[error("grid has {side} cells a side, expected 1 to {MAX_SIDE}")]
+    Side {
+        /// Cells a side.
+        side: usize,
+    },
+    /// Not a size.
+    #[error("cell size is {cell_size_m} m, expected a finite number above 0")]
+    CellSize {
+        /// Metres.
+        cell_size_m: f64,
+    },
+    /// Saved cells do not fill the grid.
+    #[error("saved grid of {side} cells a side holds {got} cells, expected {expected}")]
+    Cells {
+        /// Cells a side.
+        side: usize,
+        /// Cells there are, the padding of tiles counted.
+        got: usize,
+        /// Cells there should be.
+        expected: usize,
+    },
+}
+
+/// Longest side, cells.
+const MAX_SIDE: usize = 4096;
+/// Cells a side of a tile. Small enough that a column of the map touches few cells beside its own, large enough that
+/// sharing the tiles costs little.
+const TILE: usize = 8;
+/// Beyond this many cells from the origin an f64 no longer tells cells apart.
+const LIMIT: i64 = 1 << 51;
+
+/// A square grid of `side`×`side` cells, north-up, that scrolls over the world.
+///
+/// - The cell of a world position is floor(position / cell size), per axis: [`CellIndex`].
+/// - That cell lies in memory at index mod side, per axis. When the grid moves by one cell, exactly `side` cells are
+///   overwritten and the others are not touched.
+/// - The window holds the cells from `centre - side / 2` on (rounded down), so that an odd side has a middle cell: with
+///   201 cells the centre is cell (100, 100) counted from the south-west corner.
+/// - Cells lie in tiles that clones share until one writes: a snapshot costs one count per tile, and what is written
+///   after it one copy of each tile touched.
+///
+/// `T` is cloned by tiles; keep it small and flat.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Saved<T>", bound(deserialize = "T: Deserialize<'de> + Clone"))]
+pub struct ScrollGrid<T> {
+    side: usize,
+    cell_size_m: f64,
+    centre: CellIndex,
+    fill: T,
+    /// Rows of tiles; a tile holds rows of cells; positions past `side` are padding.
+    tiles: Vec<Arc<[T]>>,
+}
+
+/// [`ScrollGrid`] before its numbers are checked.
+#[derive(Deserialize)]
+struct Saved<T> {
+    side: usize,
+    cell_size_m: f64,
+    centre: CellIndex,
+    fill: T,
+    tiles: Vec<Vec<T>>,
+}
+
+impl<T: Clone> TryFrom<Saved<T>> for ScrollGrid<T> {
+    type Error = GridError;
+
+    fn try_from(saved: Saved<T>) -> Result<Self, GridError> {
+        let Saved { side, cell_size_m, centre, fill, tiles } = saved;
+        check(side, cell_size_m)?;
+        let expected = side.div_ceil(TILE).pow(2) * TILE * TILE;
+        let got = tiles.iter().map(Vec::len).sum();
+        if got != expected || tiles.iter().any(|tile| tile.len() != TILE * TILE) {
+            return Err(GridError::Cells { side, got, expected });
+        }
+        let tiles = tiles.into_iter().map(Arc::from).collect();
+        Ok(ScrollGrid { side, cell_size_m, centre: bounded(centre), fill, tiles })
+    }
+}
+
+impl<T: Clone> ScrollGrid<T> {
+    /// A grid full of `fill`, centred on cell (0, 0). `side` counts cells, `cell_size_m` is in metres.
+    pub fn new(side: usize, cell_size_m: f64, fill: T) -> Result<ScrollGrid<T>, GridError> {
+        check(side, cell_size_m)?;
+        let tile: Arc<[T]> = vec![fill.clone(); TILE * TILE].into();
+        let tiles = vec![tile; side.div_ceil(TILE).pow(2)];
+        Ok(ScrollGrid { side, cell_size_m, centre: CellIndex::default(), fill, tiles })
+    }
+
+    /// Cells a side.
+    pub fn side(&self) -> usize {
+        self.side
+    }
+
+    /// Metres.
+    pub fn cell_size_m(&self) -> f64 {
+        self.cell_size_m
+    }
+
+    /// The cell in the middle.
+    pub fn centre(&self) -> CellIndex {
+        self.centre
+    }
+
+    /// The window on the world.
+    pub fn bounds(&self) -> CellRect {
+        let half = (self.side / 2) as i64;
+        CellRect { south_west: self.centre.offset(-half, -half), columns: self.side, rows: self.side }
+    }
+
+    /// World position of the window's south-west corner (of the corner cell's corner, not its middle), metres.
+    pub fn origin(&self) -> DVec2 {
+        let CellIndex { x, y } = self.bounds().south_west;
+        DVec2::new(x as f64, y as f64) * self.cell_size_m
+    }
+
+    /// The cell of a world position, metres, inside of the window or not. `None` for a position that is not finite or
+    /// so far out that cells cannot be told apart.
+    pub fn cell_at(&self, p_world: DVec2) -> Option<CellIndex> {
+        let cell = (p_world / self.cell_size_m).floor();
+        let limit = LIMIT as f64;
+        (cell.x.abs() <= limit && cell.y.abs() <= limit).then(|| CellIndex::new(cell.x as i64, cell.y as i64))
+    }
+
+    /// World position of a cell's middle, metres.
+    pub fn middle_of(&self, cell: CellIndex) -> DVec2 {
+        DVec2::new(cell.x as f64 + 0.5, cell.y as f64 + 0.5) * self.cell_size_m
+    }
+
+    /// Whether the window holds the cell.
+    pub fn contains(&self, cell: CellIndex) -> bool {
+        self.bounds().contains(cell)
+    }
+
+    /// A cell, or `None` outside of the window.
+    pub fn get(&self, cell: CellIndex) -> Option<&T> {
+        let (tile, at) = self.place(cell)?;
+        self.tiles.get(tile)?.get(at)
+    }
+
+    /// A cell to write, or `None` outside of the window. Asking copies the tile if a clone shares it.
+    pub fn get_mut(&mut self, cell: CellIndex) -> Option<&mut T> {
+        let (tile, at) = self.place(cell)?;
+        Arc::make_mut(self.tiles.get_mut(tile)?).get_mut(at)
+    }
+
+    /// The cell at a world position, metres.
+    pub fn at(&self, p_world: DVec2) -> Option<&T> {
+        self.get(self.cell_at(p_world)?)
+    }
+
+    /// The cell at a world position, metres, to write.
+    pub fn at_mut(&mut self, p_world: DVec2) -> Option<&mut T> {
+        self.get_mut(self.cell_at(p_world)?)
+    }
+
+    /// Moves the window so that `centre` is its middle cell, and fills what it newly shows. Gives those cells.
+    pub fn recentre(&mut self, centre: CellIndex) -> Exposed {
+        let fill = self.fill.clone();
+        self.recentre_with(centre, |_| fill.clone())
+    }
+
+    /// Moves the window and asks `remembered` for each cell that it newly shows.
+    pub fn recentre_with(
+        &mut self,
+        centre: CellIndex,
+        mut remembered: impl FnMut(CellIndex) -> T,
+    ) -> Exposed {
+        let before = self.bounds();
+        self.centre = bounded(centre);
+        let exposed = Exposed::between(&before, &self.bounds());
+        for cell in exposed.iter() {
+            if let Some(slot) = self.get_mut(cell) {
+                *slot = remembered(cell);
+            }
+        }
+        exposed
+    }
+
+    /// Fills all cells; the window stays.
+    pub fn clear(&mut self) {
+        let tile: Arc<[T]> = vec![self.fill.clone(); TILE * TILE].into();
+        self.tiles.fill(tile);
+    }
+
+    /// All cells by rows: the southernmost row first, west to east in each. Row r, column c of this order is the cell
+    /// `bounds().south_west.offset(c, r)`.
+    pub fn iter(&self) -> impl Iterator<Item = (CellIndex, &T)> {
+        self.bounds().iter().filter_map(|cell| Some((cell, self.get(cell)?)))
+    }
+
+    /// Calls `visit` with each cell in the order of [`ScrollGrid::iter`], faster.
+    pub fn for_each_row(&self, mut visit: impl FnMut(usize, CellIndex, &[T])) {
+        let bounds = self.bounds();
+        for row in 0..self.side {
+            let start = bounds.south_west.offset(0, row as i64);
+            let mut column = 0;
+            while column < self.side {
+                let cell = start.offset(column as i64, 0);
+                let Some((tile, at)) = self.place(cell) else { break };
+                // Up to the end of the tile, of the memory's row, or of the window.
+                let px = cell.x.rem_euclid(self.side as i64) as usize;
+                let run = (TILE - px % TILE).min(self.side - px).min(self.side - column);
+                let Some(cells) = self.tiles.get(tile).and_then(|t| t.get(at..at + run)) else { break };
+                visit(row * self.side + column, cell, cells);
+                column += run;
+            }
+        }
+    }
+
+    /// A copy of all cells in the order of [`ScrollGrid::iter`].
+    pub fn linearise(&self) -> Vec<T> {
+        let mut cells = Vec::with_capacity(self.side * self.side);
+        self.for_each_row(|_, _, run| cells.extend_from_slice(run));
+        cells
+    }
+
+    /// Tile of a cell and place within it.
+    fn place(&self, cell: CellIndex) -> Option<(usize, usize)> {
+        if !self.contains(cell) {
+            return None;
+        }
+        let side = self.side as i64;
+        let (px, py) = (cell.x.rem_euclid(side) as usize, cell.y.rem_euclid(side) as usize);
+        let tile = py / TILE * self.side.div_ceil(TILE) + px / TILE;
+        Some((tile, py % TILE * TILE + px % TILE))
+    }
+}
+
+fn check(side: usize, cell_size_m: f64) -> Result<(), GridError> {
+    if side == 0 || side > MAX_SIDE {
+        return Err(GridError::Side { side });
+    }
+    if !(cell_size_m.is_finite() && cell_size_m > 0.0) {
+        return Err(GridError::CellSize { cell_size_m });
+    }
+    Ok(())
+}
+
+fn bounded(cell: CellIndex) -> CellIndex {
+    CellIndex { x: cell.x.clamp(-LIMIT, LIMIT), y: cell.y.clamp(-LIMIT, LIMIT) }
+}
+
+/// A rectangle of cells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CellRect {
+    /// The cell with the least x and y.
+    pub south_west: CellIndex,
+    /// Cells from west to east.
+    pub columns: usize,
+    /// Cells from south to north.
+    pub rows: usize,
+}
+
+impl CellRect {
+    /// Whether the cell is one of these.
+    pub fn contains(&self, cell: CellIndex) -> bool {
+        let within = |v: i64, from: i64, count: usize| {
+            v.checked_sub(from).is_some_and(|offset| (0..count as i64).contains(&offset))
+        };
+        within(cell.x, self.south_west.x, self.columns) && within(cell.y, self.south_west.y, self.rows)
+    }
+
+    /// Number of cells.
+    pub fn len(&self) -> usize {
+        self.columns * self.rows
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// By rows from the south, west to east.
+    pub fn iter(&self) -> impl Iterator<Item = CellIndex> + use<> {
+        let CellRect { south_west, columns, rows } = *self;
+        (0..rows as i64).flat_map(move |y| (0..columns as i64).map(move |x| south_west.offset(x, y)))
+    }
+}
+
+/// The cells that a move of the window newly shows: at most a strip of columns and a strip of rows, without overlap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Exposed {
+    /// Whole columns, over all rows of the new window.
+    pub columns: CellRect,
+    /// Rows, over the remaining columns.
+    pub rows: CellRect,
+}
+
+impl Exposed {
+    fn between(before: &CellRect, after: &CellRect) -> Exposed {
+        let side = after.columns as i64;
+        let (a, b) = (before.south_west, after.south_west);
+        // Start and length of the new part of one axis, and of the part that is kept.
+        let split = |from: i64, to: i64| {
+            let moved = (to - from).clamp(-side, side);
+            let fresh = moved.unsigned_abs() as usize;
+            let (fresh_start, kept_start) =
+                if moved >= 0 { (to + side - moved, to) } else { (to, to - moved) };
+            (fresh_start, fresh, kept_start, side as usize - fresh)
+        };
+        let (x_fresh, x_count, x_kept, x_kept_count) = split(a.x, b.x);
+        let (y_fresh, y_count, _, _) = split(a.y, b.y);
+        Exposed {
+            columns: CellRect {
+                south_west: CellIndex::new(x_fresh, b.y),
+                columns: x_count,
+                rows: if x_count == 0 { 0 } else { after.rows },
+            },
+            rows: CellRect {
+                south_west: CellIndex::new(x_kept, y_fresh),
+                columns: if y_count == 0 { 0 } else { x_kept_count },
+                rows: y_count,
+            },
+        }
+    }
+
+    /// Number of cells.
+    pub fn len(&self) -> usize {
+        self.columns.len() + self.rows.len()
+    }
+
+    /// Whether the window did not move.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Each cell once.
+    pub fn iter(&self) -> impl Iterator<Item = CellIndex> + use<> {
+        self.columns.iter().chain(self.rows.iter())
+    }
+}
+
+#[cfg(test)]
+#[path = "scroll_grid_tests.rs"]
+mod tests;
