@@ -1,0 +1,31 @@
+# Thin over cargo: what each recipe does can be typed as well.
+
+# The build folder of scripts/run and scripts/test.
+export CARGO_TARGET_DIR := env("CARGO_TARGET_DIR", env("XDG_CACHE_HOME", env("HOME") / ".cache") / "ocu/target")
+
+# List the recipes.
+default:
+    @just --list
+
+# Formatting, clippy and rustdoc, as a change must pass them.
+lint:
+    cargo fmt --all --check
+    cargo clippy --locked --workspace --all-targets -- -D warnings
+    RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps
+
+# Every test, or those whose names hold the words given.
+test *ARGS:
+    scripts/test {{ ARGS }}
+
+# One bench beside its peers: just bench runtime.
+bench NAME *ARGS:
+    cargo bench --manifest-path benches/Cargo.toml --bench {{ NAME }} -- {{ ARGS }}
+
+# Write the golden traces and the snapshots anew; read the diff before it is committed.
+golden:
+    UPDATE_GOLDEN=1 INSTA_UPDATE=always UPDATE_SNAPSHOTS=1 scripts/test
+    git diff --stat
+
+# Fuzz one target for a minute: just fuzz log_reader. Needs a nightly toolchain and cargo-fuzz.
+fuzz TARGET SECONDS="60":
+    cargo +nightly fuzz run --fuzz-dir fuzz {{ TARGET }} -- -max_total_time={{ SECONDS }}
