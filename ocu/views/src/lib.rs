@@ -1,1 +1,13 @@
-//! The views of the window, one file each, and their one list.
+//! The views of the window, one file (or folder) each, and the one list of them.
+//!
+//! A view reads a [`Frame`](rcs_runtime::source::Frame) and paints it. It matches topics by type and role, never by
+//! plugin, so a plugin's outputs appear without a line of code here. What a view wants done (play, seek, write a
+//! buffer) it asks for through [`ViewContext::controls`]; it never waits.
+//!
+//! The window makes views from [`all`], shows each through [`show`], and keeps what [`View::save`] gives.
+
+mod view;
+mod views;
+
+pub use view::{HoverPoint, SavedState, Selection, TopicKey, View, ViewContext, ViewType, show};
+pub use views::{all, view_type};

@@ -1,0 +1,116 @@
+//! Legends and scale bars, painted on a canvas.
+
+use crate::{format, tokens};
+use egui::{Align, Color32, FontId, Layout, Pos2, Rect, Response, Sense, Stroke, StrokeKind, Ui, UiBuilder, Vec2};
+
+/// A small square of a colour with its name, as a row of a legend.
+pub fn swatch(ui: &mut Ui, color: Color32, name: &str) -> Response {
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        let (rect, _) = ui.allocate_exact_size(Vec2::splat(10.0), Sense::hover());
+        let line = Stroke::new(1.0, tokens(ui).line);
+        ui.painter().rect(rect, 1.0, color, line, StrokeKind::Inside);
+        ui.label(egui::RichText::new(name).small());
+    })
+    .response
+}
+
+/// Swatches side by side, wrapped.
+pub fn swatches(ui: &mut Ui, entries: impl IntoIterator<Item = (Color32, String)>) {
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing = Vec2::new(12.0, 2.0);
+        for (color, name) in entries {
+            swatch(ui, color, &name);
+        }
+    });
+}
+
+/// A band of colours from `low` to `high`, named at both ends.
+pub fn band(ui: &mut Ui, width: f32, low: &str, high: &str, color_at: impl Fn(f64) -> Color32) {
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        ui.label(egui::RichText::new(low).small());
+        let (rect, _) = ui.allocate_exact_size(Vec2::new(width, 10.0), Sense::hover());
+        let steps = width.max(1.0) as usize;
+        let painter = ui.painter();
+        for i in 0..steps {
+            let left = rect.left() + i as f32;
+            let part = Rect::from_min_max(Pos2::new(left, rect.top()), Pos2::new(left + 1.0, rect.bottom()));
+            painter.rect_filled(part, 0.0, color_at(i as f64 / (steps - 1).max(1) as f64));
+        }
+        ui.label(egui::RichText::new(high).small());
+    });
+}
+
+/// The least of 1, 2, 5, 10, 20, 50, … (and 0.5, 0.2, 0.1, …) that is not below `least`; 1 if `least` is no positive number.
+pub fn round_step(least: f64) -> f64 {
+    if !(least.is_finite() && least > 0.0) {
+        return 1.0;
+    }
+    let power = 10_f64.powf(least.log10().floor());
+    [1.0, 2.0, 5.0].map(|factor| factor * power).into_iter().find(|step| *step >= least * (1.0 - 1e-9)).unwrap_or(10.0 * power)
+}
+
+/// A bar that says how long a metre is, with its right end at `right_bottom`.
+pub fn scale_bar(ui: &Ui, right_bottom: Pos2, points_per_m: f64) {
+    let tokens = tokens(ui);
+    let length_m = round_step(64.0 / points_per_m);
+    let length = (length_m * points_per_m) as f32;
+    let painter = ui.painter();
+    let y = right_bottom.y - 4.0;
+    let (left, right) = (Pos2::new(right_bottom.x - length, y), Pos2::new(right_bottom.x, y));
+    let stroke = Stroke::new(1.5, tokens.strong);
+    painter.line_segment([left, right], stroke);
+    for end in [left, right] {
+        painter.line_segment([end - Vec2::new(0.0, 4.0), end + Vec2::new(0.0, 4.0)], stroke);
+    }
+    let text = if length_m >= 1000.0 { format!("{} km", length_m / 1000.0) } else { format!("{} m", format::number(length_m)) };
+    let at = Pos2::new(left.x + length / 2.0, y - 3.0);
+    painter.text(at, egui::Align2::CENTER_BOTTOM, text, FontId::proportional(11.0), tokens.strong);
+}
+
+/// A plate on a canvas that holds a legend or a read-out; `corner` is where on the canvas. Returns its rectangle.
+pub fn plate<R>(ui: &mut Ui, canvas: Rect, corner: egui::Align2, add: impl FnOnce(&mut Ui) -> R) -> (R, Rect) {
+    let tokens = tokens(ui);
+    let inner = canvas.shrink(8.0);
+    let id = ui.id().with(("plate", format!("{corner:?}")));
+    // The size of the last pass places it at the right and at the bottom.
+    let size = ui.data(|data| data.get_temp::<Vec2>(id)).unwrap_or(Vec2::new(160.0, 40.0));
+    let at = corner.align_size_within_rect(size.min(inner.size()), inner);
+    let builder = UiBuilder::new()
+        .max_rect(Rect::from_min_max(at.min, if corner.x() == Align::RIGHT { at.max.max(inner.max) } else { inner.max }))
+        .layout(Layout::top_down(Align::LEFT));
+    let response = ui.scope_builder(builder, |ui| {
+        egui::Frame::new()
+            .fill(tokens.surface[3].gamma_multiply(0.92))
+            .stroke(Stroke::new(1.0, tokens.line))
+            .corner_radius(3.0)
+            .inner_margin(egui::Margin::symmetric(8, 4))
+            .show(ui, |ui| {
+                ui.spacing_mut().item_spacing.y = 2.0;
+                add(ui)
+            })
+    });
+    let frame = response.inner;
+    let drawn = frame.response.rect;
+    if (drawn.size() - size).abs().max_elem() > 0.5 {
+        ui.data_mut(|data| data.insert_temp(id, drawn.size()));
+        ui.ctx().request_discard("a plate on a canvas changed its size");
+    }
+    (frame.inner, drawn)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_one_two_or_five() {
+        let steps = [0.003, 0.2, 0.21, 1.0, 3.0, 7.0, 12.0, 4999.0].map(round_step);
+        for (step, expected) in steps.into_iter().zip([0.005, 0.2, 0.5, 1.0, 5.0, 10.0, 20.0, 5000.0]) {
+            assert!((step / expected - 1.0).abs() < 1e-9, "{step} {expected}");
+        }
+        assert_eq!(round_step(f64::NAN), 1.0);
+        assert_eq!(round_step(0.0), 1.0);
+    }
+}

@@ -1,0 +1,152 @@
+//! From a label, a cost, a height or a range to a colour.
+//!
+//! Costs run from 0 to 250, 255 is unknown. The papers' map colours are red, yellow, blue, light blue and green from
+//! high cost to low, and black for unknown; the even ones are told apart by colour-blind people.
+
+use egui::Color32;
+use std::sync::LazyLock;
+
+const fn rgb(hex: u32) -> Color32 {
+    Color32::from_rgb((hex >> 16) as u8, (hex >> 8) as u8, hex as u8)
+}
+
+/// A class of a label image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Label {
+    /// Value of its pixels.
+    pub value: u8,
+    /// Name for a person.
+    pub name: &'static str,
+    /// Its colour; transparent for what is not known.
+    pub color: Color32,
+}
+
+/// The classes of `rcs.palette = obstacle_labels` (green ground, red obstacle, blue too far, as in the papers).
+pub const OBSTACLE_LABELS: [Label; 6] = [
+    Label { value: 0, name: "invalid", color: Color32::TRANSPARENT },
+    Label { value: 1, name: "ground", color: rgb(0x2f_b344) },
+    Label { value: 2, name: "obstacle", color: rgb(0xe5_3935) },
+    Label { value: 3, name: "short obstacle", color: rgb(0xe8_c51c) },
+    Label { value: 4, name: "cover", color: rgb(0x9c_5fd6) },
+    Label { value: 5, name: "too far", color: rgb(0x2f_7de0) },
+];
+
+/// The class of a pixel of an obstacle-label image.
+pub fn obstacle_label(value: u8) -> Option<&'static Label> {
+    OBSTACLE_LABELS.get(usize::from(value))
+}
+
+/// One of the ways to colour a map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MapPalette {
+    /// The papers' five colours, 50 costs each.
+    #[default]
+    Papers,
+    /// Perceptually even, from dark blue to yellow; read by colour-blind people.
+    Even,
+}
+
+/// The papers' five colours from low cost to high, and the highest cost of each.
+pub const PAPERS_COST: [(u8, Color32); 5] = [
+    (50, rgb(0x1f_a83c)),
+    (100, rgb(0x7c_c8f2)),
+    (150, rgb(0x1f_52c9)),
+    (200, rgb(0xf2_d21b)),
+    (250, rgb(0xd9_2a21)),
+];
+
+/// Cost of a cell that nothing is known of.
+pub const UNKNOWN_COST: u8 = 255;
+
+impl MapPalette {
+    /// Colour of a cost; 251 to 255 are unknown.
+    pub fn cost(self, cost: u8) -> Color32 {
+        match self {
+            _ if cost > 250 => self.unknown(),
+            Self::Papers => PAPERS_COST[usize::from(cost.saturating_sub(1) / 50)].1,
+            Self::Even => CIVIDIS[usize::from(cost) * 255 / 250],
+        }
+    }
+
+    /// Colour of a cell that nothing is known of.
+    pub fn unknown(self) -> Color32 {
+        Color32::BLACK
+    }
+
+    /// Name for a person.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Papers => "papers' colours",
+            Self::Even => "even colours",
+        }
+    }
+}
+
+/// A perceptually even scale, `fraction` from 0 to 1 (outside, the ends; NaN is transparent): viridis.
+pub fn even(fraction: f64) -> Color32 {
+    if fraction.is_nan() {
+        return Color32::TRANSPARENT;
+    }
+    VIRIDIS[(fraction.clamp(0.0, 1.0) * 255.0).round() as usize]
+}
+
+/// A range, near to far: the even scale from yellow (near) to dark blue, so that near things stand out.
+pub fn range(fraction: f64) -> Color32 {
+    even(1.0 - fraction)
+}
+
+static VIRIDIS: LazyLock<[Color32; 256]> = LazyLock::new(|| {
+    ramp(&[0x44_0154, 0x47_2d7b, 0x3b_528b, 0x2c_728e, 0x21_918c, 0x28_ae80, 0x5e_c962, 0xad_dc30, 0xfd_e725])
+});
+
+static CIVIDIS: LazyLock<[Color32; 256]> = LazyLock::new(|| {
+    ramp(&[
+        0x00_224e, 0x12_3570, 0x3b_496c, 0x57_5d6d, 0x70_7173, 0x8a_8678, 0xa5_9c74, 0xc3_b369, 0xe1_cc55, 0xfe_e838,
+    ])
+});
+
+/// 256 colours through anchors at equal distances.
+fn ramp(anchors: &[u32]) -> [Color32; 256] {
+    std::array::from_fn(|i| {
+        let position = i as f32 / 255.0 * (anchors.len() - 1) as f32;
+        let below = (position as usize).min(anchors.len() - 2);
+        rgb(anchors[below]).lerp_to_gamma(rgb(anchors[below + 1]), position - below as f32)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lightness(color: Color32) -> f32 {
+        let [r, g, b, _] = egui::Rgba::from(color).to_array();
+        (0.2126 * r + 0.7152 * g + 0.0722 * b).cbrt()
+    }
+
+    #[test]
+    fn the_papers_colours_run_from_green_to_red_and_unknown_is_black() {
+        let palette = MapPalette::Papers;
+        assert_eq!([0, 50, 51, 101, 151, 201, 250].map(|cost| palette.cost(cost)), {
+            let [green, light_blue, blue, yellow, red] = PAPERS_COST.map(|(_, color)| color);
+            [green, green, light_blue, blue, yellow, red, red]
+        });
+        assert_eq!(palette.cost(255), Color32::BLACK);
+    }
+
+    #[test]
+    fn even_palettes_grow_lighter_all_the_way() {
+        for costs in (0..=250_u8).collect::<Vec<_>>().windows(2) {
+            assert!(lightness(MapPalette::Even.cost(costs[1])) >= lightness(MapPalette::Even.cost(costs[0])) - 1e-3);
+        }
+        assert!((0..255).all(|i| lightness(VIRIDIS[i + 1]) >= lightness(VIRIDIS[i]) - 1e-3));
+        assert_eq!(even(f64::NAN), Color32::TRANSPARENT);
+        assert_eq!((even(-1.0), even(2.0)), (VIRIDIS[0], VIRIDIS[255]));
+    }
+
+    #[test]
+    fn every_label_is_at_the_index_of_its_value() {
+        assert!(OBSTACLE_LABELS.iter().enumerate().all(|(i, label)| usize::from(label.value) == i));
+        assert_eq!(obstacle_label(6), None);
+    }
+}

@@ -1,0 +1,62 @@
+//! The look of a value that is old: desaturated, hatched, with its age. Never a colour alone.
+
+use crate::{format, icons, tokens};
+use egui::{Align2, Color32, FontId, Pos2, Rect, Shape, Stroke, Ui, Vec2};
+
+/// The age from which a value of this rate is old: three periods, and at least 1.2 s. `None` where the rate is not known.
+pub fn limit_s(hz: f64) -> Option<f64> {
+    (hz.is_finite() && hz > 0.0).then(|| (3.0 / hz).max(1.2))
+}
+
+/// Whether a value of that age and rate is old. A value that came once is never old.
+pub fn is_stale(age_s: f64, hz: f64) -> bool {
+    limit_s(hz).is_some_and(|limit| age_s > limit)
+}
+
+/// Covers a picture that is old: grey, hatched, with its age in the corner.
+pub fn cover(ui: &Ui, rect: Rect, age_s: f64) {
+    let tokens = tokens(ui);
+    let painter = ui.painter_at(rect);
+    painter.rect_filled(rect, 0.0, tokens.surface[2].gamma_multiply(0.55));
+    hatch(&painter, rect, tokens.stale.gamma_multiply(0.7));
+    tag(ui, rect.left_top() + Vec2::splat(8.0), age_s);
+}
+
+/// Diagonal lines, 12 points apart.
+pub fn hatch(painter: &egui::Painter, rect: Rect, color: Color32) {
+    let stroke = Stroke::new(1.0, color);
+    let mut x = rect.left() - rect.height();
+    let mut lines = Vec::new();
+    while x < rect.right() {
+        lines.push(Shape::line_segment([Pos2::new(x, rect.bottom()), Pos2::new(x + rect.height(), rect.top())], stroke));
+        x += 12.0;
+    }
+    painter.with_clip_rect(painter.clip_rect().intersect(rect)).extend(lines);
+}
+
+/// The word that says how old a picture is, with its left top corner at `at`.
+pub fn tag(ui: &Ui, at: Pos2, age_s: f64) {
+    let tokens = tokens(ui);
+    let painter = ui.painter();
+    let text = format!("old: {}", format::age(age_s));
+    let icon = icons::ICON_HISTORY;
+    let text = painter.layout_no_wrap(text, FontId::proportional(12.0), tokens.strong);
+    let size = Vec2::new(text.size().x + 28.0, 20.0);
+    let rect = Rect::from_min_size(at, size);
+    painter.rect(rect, 3.0, tokens.surface[3], Stroke::new(1.0, tokens.stale), egui::StrokeKind::Inside);
+    let icon_at = Pos2::new(rect.left() + 12.0, rect.center().y);
+    painter.text(icon_at, Align2::CENTER_CENTER, icon.codepoint, FontId::new(13.0, icon.font_family()), tokens.stale);
+    painter.galley(Pos2::new(rect.left() + 22.0, rect.center().y - text.size().y / 2.0), text, tokens.strong);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_is_old_after_three_of_its_periods_and_never_before_a_second() {
+        assert!(!is_stale(1.1, 30.0) && is_stale(1.3, 30.0));
+        assert!(!is_stale(29.0, 0.1) && is_stale(31.0, 0.1));
+        assert!(!is_stale(1e9, 0.0) && !is_stale(1e9, f64::NAN));
+    }
+}

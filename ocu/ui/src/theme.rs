@@ -1,0 +1,250 @@
+//! The tokens: every colour and distance of the window, by what it means, for both themes.
+//!
+//! Only what carries meaning is saturated. Contrast of text on its surface is at least 4.5 (a test keeps it).
+
+use egui::{Color32, Context, CornerRadius, FontFamily, FontId, Margin, Shadow, Stroke, TextStyle, Theme, Ui, Vec2};
+
+/// The grid that all distances are multiples of, in points.
+pub const UNIT: f32 = 4.0;
+
+/// Colours by meaning.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tokens {
+    /// Whether text is light on dark.
+    pub dark: bool,
+    /// Surfaces from the deepest (canvas of a map or an image) to the highest (popup): canvas, panel, control, popup.
+    pub surface: [Color32; 4],
+    /// Hairlines between surfaces.
+    pub line: Color32,
+    /// Text.
+    pub text: Color32,
+    /// Text that explains or names.
+    pub weak: Color32,
+    /// Text and marks on top of everything: titles, the value under the pointer.
+    pub strong: Color32,
+    /// What is chosen, and what can be clicked.
+    pub accent: Color32,
+    /// Surface of what is chosen.
+    pub selected: Color32,
+    /// All is well.
+    pub ok: Color32,
+    /// Look at this.
+    pub warning: Color32,
+    /// This is broken.
+    pub error: Color32,
+    /// Not known.
+    pub unknown: Color32,
+    /// Too old to be believed.
+    pub stale: Color32,
+    /// Colours of tracks and curves, told apart by colour-blind people too (Okabe and Ito's order, fitted to the surface).
+    pub series: [Color32; 8],
+}
+
+const fn rgb(hex: u32) -> Color32 {
+    Color32::from_rgb((hex >> 16) as u8, (hex >> 8) as u8, hex as u8)
+}
+
+const DARK: Tokens = Tokens {
+    dark: true,
+    surface: [rgb(0x0c_0f11), rgb(0x14_181b), rgb(0x1f_2529), rgb(0x1a_1f23)],
+    line: rgb(0x2b_3338),
+    text: rgb(0xca_d3d8),
+    weak: rgb(0x8a_979e),
+    strong: rgb(0xf4_f7f8),
+    accent: rgb(0x5a_a9ff),
+    selected: rgb(0x1d_3a5c),
+    ok: rgb(0x4c_c38a),
+    warning: rgb(0xf2_b23e),
+    error: rgb(0xff_6b63),
+    unknown: rgb(0x6b_777d),
+    stale: rgb(0x9d_8f7a),
+    series: [
+        rgb(0x56_b4e9),
+        rgb(0xe6_9f00),
+        rgb(0x2f_c79a),
+        rgb(0xe4_87bd),
+        rgb(0xf0_e442),
+        rgb(0xf0_7b4a),
+        rgb(0x7f_a3ff),
+        rgb(0xb8_c4ca),
+    ],
+};
+
+const LIGHT: Tokens = Tokens {
+    dark: false,
+    surface: [rgb(0xea_eef0), rgb(0xf9_fafa), rgb(0xe3_e8ea), rgb(0xff_ffff)],
+    line: rgb(0xcb_d3d7),
+    text: rgb(0x2a_3338),
+    weak: rgb(0x5b_686f),
+    strong: rgb(0x0a_0d0f),
+    accent: rgb(0x0b_63c5),
+    selected: rgb(0xc9_e0fa),
+    ok: rgb(0x12_7a4c),
+    warning: rgb(0x9a_6000),
+    error: rgb(0xc4_2b24),
+    unknown: rgb(0x7c_888e),
+    stale: rgb(0x7a_6a50),
+    series: [
+        rgb(0x00_72b2),
+        rgb(0xc7_7700),
+        rgb(0x00_8a66),
+        rgb(0xb3_4d87),
+        rgb(0x8a_7d00),
+        rgb(0xcc_4a10),
+        rgb(0x4b_5fd0),
+        rgb(0x4c_585e),
+    ],
+};
+
+/// The tokens of the theme that `ui` is drawn in.
+pub fn tokens(ui: &Ui) -> &'static Tokens {
+    tokens_of(if ui.visuals().dark_mode { Theme::Dark } else { Theme::Light })
+}
+
+/// The tokens of a theme.
+pub fn tokens_of(theme: Theme) -> &'static Tokens {
+    match theme {
+        Theme::Dark => &DARK,
+        Theme::Light => &LIGHT,
+    }
+}
+
+impl Tokens {
+    /// Colour of series `index`; they repeat after the last.
+    pub fn series(&self, index: usize) -> Color32 {
+        self.series[index % self.series.len()]
+    }
+
+    /// Surface of maps and images.
+    pub fn canvas(&self) -> Color32 {
+        self.surface[0]
+    }
+
+    /// Surface of panels.
+    pub fn panel(&self) -> Color32 {
+        self.surface[1]
+    }
+}
+
+/// Gives a context the icons and both themes. Call it once, before the first pass.
+pub fn install(ctx: &Context) {
+    egui_material_icons::initialize(ctx);
+    for theme in [Theme::Dark, Theme::Light] {
+        ctx.style_mut_of(theme, |style| apply(style, tokens_of(theme)));
+    }
+}
+
+fn apply(style: &mut egui::Style, tokens: &Tokens) {
+    style.text_styles = [
+        (TextStyle::Small, FontId::new(11.0, FontFamily::Proportional)),
+        (TextStyle::Body, FontId::new(13.0, FontFamily::Proportional)),
+        (TextStyle::Button, FontId::new(13.0, FontFamily::Proportional)),
+        (TextStyle::Heading, FontId::new(16.0, FontFamily::Proportional)),
+        (TextStyle::Monospace, FontId::new(12.0, FontFamily::Monospace)),
+    ]
+    .into();
+    style.animation_time = 0.0; // Nothing moves but what informs.
+    let spacing = &mut style.spacing;
+    spacing.item_spacing = Vec2::new(2.0 * UNIT, UNIT);
+    spacing.button_padding = Vec2::new(2.0 * UNIT, 2.0);
+    spacing.interact_size = Vec2::new(8.0 * UNIT, 5.0 * UNIT);
+    spacing.indent = 4.0 * UNIT;
+    spacing.window_margin = Margin::same(8);
+    spacing.menu_margin = Margin::same(4);
+    spacing.icon_width = 14.0;
+    spacing.icon_width_inner = 8.0;
+    spacing.icon_spacing = UNIT;
+    spacing.slider_width = 24.0 * UNIT;
+    spacing.scroll = egui::style::ScrollStyle::thin();
+
+    let visuals = &mut style.visuals;
+    *visuals = if tokens.dark { egui::Visuals::dark() } else { egui::Visuals::light() };
+    let [canvas, panel, control, popup] = tokens.surface;
+    let radius = CornerRadius::same(3);
+    visuals.panel_fill = panel;
+    visuals.window_fill = popup;
+    visuals.window_stroke = Stroke::new(1.0, tokens.line);
+    visuals.window_corner_radius = CornerRadius::same(4);
+    visuals.menu_corner_radius = CornerRadius::same(4);
+    visuals.window_shadow = Shadow { offset: [0, 4], blur: 16, spread: 0, color: Color32::from_black_alpha(80) };
+    visuals.popup_shadow = Shadow { offset: [0, 2], blur: 8, spread: 0, color: Color32::from_black_alpha(64) };
+    visuals.extreme_bg_color = canvas;
+    visuals.code_bg_color = control;
+    visuals.faint_bg_color = panel.lerp_to_gamma(control, 0.35);
+    visuals.hyperlink_color = tokens.accent;
+    visuals.warn_fg_color = tokens.warning;
+    visuals.error_fg_color = tokens.error;
+    visuals.weak_text_color = Some(tokens.weak);
+    visuals.selection.bg_fill = tokens.selected;
+    visuals.selection.stroke = Stroke::new(1.0, if tokens.dark { tokens.strong } else { tokens.accent });
+    visuals.slider_trailing_fill = true;
+    visuals.indent_has_left_vline = false;
+
+    let widgets = &mut visuals.widgets;
+    for widget in
+        [&mut widgets.noninteractive, &mut widgets.inactive, &mut widgets.hovered, &mut widgets.active, &mut widgets.open]
+    {
+        widget.corner_radius = radius;
+        widget.expansion = 0.0;
+        widget.bg_fill = control;
+        widget.weak_bg_fill = control;
+        widget.bg_stroke = Stroke::NONE;
+        widget.fg_stroke = Stroke::new(1.0, tokens.text);
+    }
+    widgets.noninteractive.bg_fill = panel;
+    widgets.noninteractive.weak_bg_fill = panel;
+    widgets.noninteractive.bg_stroke = Stroke::new(1.0, tokens.line);
+    let lift = |amount: f32| control.lerp_to_gamma(tokens.strong, amount);
+    widgets.inactive.bg_fill = lift(0.06);
+    widgets.hovered.bg_fill = lift(0.12);
+    widgets.hovered.weak_bg_fill = lift(0.08);
+    widgets.hovered.fg_stroke = Stroke::new(1.0, tokens.strong);
+    widgets.active.bg_fill = lift(0.2);
+    widgets.active.weak_bg_fill = lift(0.14);
+    widgets.active.fg_stroke = Stroke::new(1.0, tokens.strong);
+    widgets.open.weak_bg_fill = lift(0.08);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Contrast of two colours by WCAG 2, 1 to 21.
+    fn contrast(a: Color32, b: Color32) -> f32 {
+        let luminance = |color: Color32| {
+            let [r, g, b, _] = egui::Rgba::from(color).to_array();
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        };
+        let (a, b) = (luminance(a) + 0.05, luminance(b) + 0.05);
+        if a > b { a / b } else { b / a }
+    }
+
+    #[test]
+    fn text_and_states_can_be_read_on_every_surface() {
+        for tokens in [&DARK, &LIGHT] {
+            for surface in tokens.surface {
+                for (name, color) in [("text", tokens.text), ("strong", tokens.strong), ("weak", tokens.weak)] {
+                    let contrast = contrast(color, surface);
+                    assert!(contrast >= 4.5, "{name} on {surface:?}, dark {}: {contrast}", tokens.dark);
+                }
+            }
+            for color in [tokens.ok, tokens.warning, tokens.error, tokens.accent, tokens.stale] {
+                let contrast = contrast(color, tokens.panel());
+                assert!(contrast >= 4.5, "{color:?}, dark {}: {contrast}", tokens.dark);
+            }
+        }
+    }
+
+    #[test]
+    fn series_can_be_told_from_the_canvas_and_from_each_other() {
+        for tokens in [&DARK, &LIGHT] {
+            for (i, color) in tokens.series.iter().enumerate() {
+                assert!(contrast(*color, tokens.canvas()) >= 3.0, "{i}, dark {}", tokens.dark);
+                for other in &tokens.series[..i] {
+                    let distance: u32 = (0..3).map(|k| u32::from(color[k].abs_diff(other[k]))).sum();
+                    assert!(distance > 70, "{color:?} {other:?}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! Small widgets that several views need. Each has a name for a screen reader.
+
+use crate::{Icon, icons, tokens};
+use egui::{Align2, Button, Color32, FontId, Rect, Response, RichText, Sense, TextEdit, Ui, Vec2, WidgetInfo, WidgetType};
+
+/// Text in digits of one width, for numbers and paths.
+pub fn mono(text: impl Into<String>) -> RichText {
+    RichText::new(text).monospace()
+}
+
+/// A button that is an icon; `name` is shown on hover and read aloud.
+pub fn icon_button(ui: &mut Ui, icon: Icon, name: &str) -> Response {
+    icon_button_of(ui, icon, name, false, true)
+}
+
+/// An icon button that is on or off.
+pub fn icon_toggle(ui: &mut Ui, icon: Icon, name: &str, on: &mut bool) -> Response {
+    let response = icon_button_of(ui, icon, name, *on, true);
+    if response.clicked() {
+        *on = !*on;
+    }
+    response
+}
+
+/// An icon button, on or off, that can be disabled.
+pub fn icon_button_of(ui: &mut Ui, icon: Icon, name: &str, on: bool, enabled: bool) -> Response {
+    let text = icon.rich_text().size(16.0);
+    let button = Button::selectable(on, text).min_size(Vec2::splat(20.0));
+    let response = ui.scope(|ui| {
+        ui.spacing_mut().button_padding = Vec2::splat(2.0);
+        ui.add_enabled(enabled, button)
+    });
+    let response = response.inner;
+    response.widget_info(|| WidgetInfo::selected(WidgetType::Button, enabled, on, name));
+    response.on_hover_text(name).on_disabled_hover_text(name)
+}
+
+/// A field to search in; `name` is its hint and what is read aloud. Escape and the cross empty it.
+pub fn search(ui: &mut Ui, text: &mut String, name: &str) -> Response {
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        ui.label(icons::ICON_SEARCH.rich_text().size(14.0).color(tokens(ui).weak));
+        let cross = if text.is_empty() { 0.0 } else { 24.0 };
+        let edit = TextEdit::singleline(text).hint_text(name).desired_width(ui.available_width() - cross);
+        let response = ui.add(edit);
+        response.widget_info(|| WidgetInfo::labeled(WidgetType::TextEdit, true, name));
+        if response.has_focus() && ui.input(|input| input.key_pressed(egui::Key::Escape)) {
+            text.clear();
+        }
+        if !text.is_empty() && icon_button(ui, icons::ICON_CLOSE, "Clear the search").clicked() {
+            text.clear();
+        }
+        response
+    })
+    .inner
+}
+
+/// What an empty panel says: what would fill it, and how.
+pub fn empty(ui: &mut Ui, icon: Icon, title: &str, hint: &str) {
+    let tokens = tokens(ui);
+    let height = ui.available_height();
+    ui.vertical_centered(|ui| {
+        ui.add_space((height / 2.0 - 48.0).max(8.0));
+        ui.label(icon.rich_text().size(28.0).color(tokens.unknown));
+        ui.label(RichText::new(title).color(tokens.text));
+        ui.add(egui::Label::new(RichText::new(hint).small().color(tokens.weak)).wrap());
+    });
+}
+
+/// A word in a coloured outline: a state that is more than its colour.
+pub fn tag(ui: &mut Ui, text: &str, color: Color32) -> Response {
+    let galley = ui.painter().layout_no_wrap(text.to_owned(), FontId::proportional(11.0), color);
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(galley.size().x + 8.0, 16.0), Sense::hover());
+    let stroke = egui::Stroke::new(1.0, color.gamma_multiply(0.7));
+    ui.painter().rect(rect, 3.0, color.gamma_multiply(0.1), stroke, egui::StrokeKind::Inside);
+    ui.painter().galley(rect.center() - galley.size() / 2.0, galley, color);
+    response.widget_info(|| WidgetInfo::labeled(WidgetType::Label, true, text));
+    response
+}
+
+/// A name and a value as a row of two columns, the first `name_width` wide.
+pub fn name_value(ui: &mut Ui, name_width: f32, name: &str, value: RichText) -> Response {
+    ui.horizontal(|ui| {
+        let (rect, _) = ui.allocate_exact_size(Vec2::new(name_width, 16.0), Sense::hover());
+        let weak = tokens(ui).weak;
+        ui.painter().text(rect.left_center(), Align2::LEFT_CENTER, name, FontId::proportional(12.0), weak);
+        ui.add(egui::Label::new(value).truncate())
+    })
+    .inner
+}
+
+/// A cell of a table, painted without a widget of its own: text cut to the rectangle.
+pub fn cell(ui: &Ui, rect: Rect, align: egui::Align, text: &str, font: FontId, color: Color32) {
+    let mut job = egui::text::LayoutJob::simple_singleline(text.to_owned(), font, color);
+    job.wrap = egui::text::TextWrapping::truncate_at_width(rect.width());
+    let galley = ui.painter().layout_job(job);
+    let at = match align {
+        egui::Align::Min => Align2::LEFT_CENTER,
+        egui::Align::Center => Align2::CENTER_CENTER,
+        egui::Align::Max => Align2::RIGHT_CENTER,
+    }
+    .align_size_within_rect(galley.size(), rect);
+    ui.painter().galley(at.min, galley, color);
+}
