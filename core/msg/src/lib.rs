@@ -3,14 +3,36 @@
 //! - [`foxglove`], [`rcs`]: generated types; [`Payload`] is what all of them are.
 //! - [`AnyMessage`]: one message whose type is known at run time; encoded and decoded at most once.
 //! - [`Schema`], [`registry`]: what describes a message; ours are all in [`registry`].
+//! - [`Value`], [`FieldPath`]: any message as a tree, and where something is in it.
+//! - [`FieldScanner`]: one number out of many messages, without decoding the rest.
+//! - [`canonical`]: the one registry of conversions, from foreign messages to ours.
+//! - [`params`]: parameters as messages: their units, ranges, defaults. [`image`], [`points()`]: pixels and points.
 
 mod any;
+mod convert;
+mod header;
+pub mod image;
+mod packed;
+pub mod params;
+mod path;
+mod points;
+mod reader;
+mod scan;
 mod schema;
 mod time;
+mod value;
 
 pub use any::{AnyMessage, Payload, schema_of};
+pub use convert::{ConvertError, canonical, canonical_name};
+pub use header::{header_frame, header_stamp};
+pub use packed::{Number, Packed};
+pub use path::{FieldPath, PathSyntaxError, Segment};
+pub use points::{Point, Points, PointsError, points};
+pub use reader::{DecodeError, EncodeError};
+pub use scan::{FieldScanner, ScanError};
 pub use schema::{MessageEncoding, Registry, Schema, registry};
 pub use time::Stamp;
+pub use value::{PathError, Value};
 
 /// Foxglove's published schemas, generated from `proto/foxglove`.
 #[allow(clippy::all, clippy::pedantic, missing_docs, unreachable_pub, reason = "generated code")]

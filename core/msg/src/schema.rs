@@ -1,9 +1,10 @@
 //! Schemas: what a message's bytes mean.
 
+use crate::reader::{DecodeError, Reader};
 use bytes::Bytes;
 use prost_reflect::{DescriptorPool, MessageDescriptor};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, LazyLock, OnceLock};
 
 /// How the bytes of a message are laid out.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -47,6 +48,8 @@ pub struct Schema {
     message_encoding: MessageEncoding,
     schema_encoding: String,
     data: Bytes,
+    /// Made of the data at the first message.
+    reader: OnceLock<Result<Reader, DecodeError>>,
 }
 
 impl Schema {
@@ -57,7 +60,18 @@ impl Schema {
         schema_encoding: impl Into<String>,
         data: Bytes,
     ) -> Self {
-        Self { name: name.into(), message_encoding, schema_encoding: schema_encoding.into(), data }
+        Self {
+            name: name.into(),
+            message_encoding,
+            schema_encoding: schema_encoding.into(),
+            data,
+            reader: OnceLock::new(),
+        }
+    }
+
+    /// What reads messages of this schema.
+    pub(crate) fn reader(&self) -> Result<&Reader, DecodeError> {
+        self.reader.get_or_init(|| Reader::new(self)).as_ref().map_err(Clone::clone)
     }
 
     /// Full name: `foxglove.Grid`, `sensor_msgs/msg/Image`.

@@ -1,0 +1,101 @@
+//! Images and their calibration.
+
+use super::{Conversion, Source, Unusable, done};
+use crate::any::AnyMessage;
+use crate::foxglove::{CameraCalibration, CompressedImage, RawImage};
+use bytes::Bytes;
+
+pub(super) const IMAGE: Conversion = Conversion {
+    from: "sensor_msgs/Image",
+    signature: "iIsIIsBI[]B",
+    to: "foxglove.RawImage",
+    convert: image,
+};
+
+pub(super) const COMPRESSED_IMAGE: Conversion = Conversion {
+    from: "sensor_msgs/CompressedImage",
+    signature: "iIss[]B",
+    to: "foxglove.CompressedImage",
+    convert: compressed_image,
+};
+
+pub(super) const CAMERA_INFO: Conversion = Conversion {
+    from: "sensor_msgs/CameraInfo",
+    signature: "iIsIIs[]d[9]d[9]d[12]dIIIIIIb",
+    to: "foxglove.CameraCalibration",
+    convert: camera_info,
+};
+
+fn image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
+    let header = source.header()?;
+    let (height, width) = (source.cursor.u32()?, source.cursor.u32()?);
+    let encoding = source.cursor.string()?;
+    let big_endian = source.cursor.u8()? != 0;
+    let step = source.cursor.u32()?;
+    let mut data = source.shared()?;
+    // Foxglove's wide pixels are little-endian.
+    if big_endian {
+        data = match encoding.as_str() {
+            "mono16" => swapped(&data, 2),
+            e if e.starts_with("16") || e.ends_with("16") => swapped(&data, 2),
+            e if e.starts_with("32") => swapped(&data, 4),
+            e if e.starts_with("64") => swapped(&data, 8),
+            _ => data,
+        };
+    }
+    done(RawImage {
+        timestamp: header.timestamp,
+        frame_id: header.frame_id,
+        width,
+        height,
+        encoding,
+        step,
+        data,
+    })
+}
+
+fn swapped(data: &Bytes, size: usize) -> Bytes {
+    let mut data = data.to_vec();
+    data.chunks_exact_mut(size).for_each(<[u8]>::reverse);
+    data.into()
+}
+
+/// ROS 2 names the format at length (`rgb8; jpeg compressed bgr8`), Foxglove by one word. A depth image of 16 bits
+/// (`16UC1; compressedDepth png`) is a PNG behind 12 bytes of settings that only quantised depth of 32 bits needs.
+fn compressed_image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
+    const DEPTH_SETTINGS: usize = 12;
+    let header = source.header()?;
+    let mut format = source.cursor.string()?;
+    let mut data = source.shared()?;
+    if format.contains("compressedDepth") {
+        if format.starts_with("16UC1") && data.len() >= DEPTH_SETTINGS {
+            data = data.slice(DEPTH_SETTINGS..);
+            "png".clone_into(&mut format);
+        }
+    } else if let Some(word) = ["jpeg", "png", "webp", "avif"].into_iter().find(|word| format.contains(word))
+    {
+        word.clone_into(&mut format);
+    } else if format.contains("jpg") {
+        "jpeg".clone_into(&mut format);
+    }
+    done(CompressedImage { timestamp: header.timestamp, frame_id: header.frame_id, data, format })
+}
+
+/// Binning and region of interest have no place in Foxglove's calibration; they are not applied.
+fn camera_info(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
+    let header = source.header()?;
+    let (height, width) = (source.cursor.u32()?, source.cursor.u32()?);
+    let distortion_model = source.cursor.string()?;
+    let coefficients = source.cursor.length(8)?;
+    done(CameraCalibration {
+        timestamp: header.timestamp,
+        frame_id: header.frame_id,
+        width,
+        height,
+        distortion_model,
+        d: source.floats(coefficients)?,
+        k: source.floats(9)?,
+        r: source.floats(9)?,
+        p: source.floats(12)?,
+    })
+}

@@ -1,0 +1,189 @@
+//! The one registry of conversions: from what logs and links carry to the messages that stacks and views read.
+//!
+//! | from | to | file |
+//! | --- | --- | --- |
+//! | every message of ours and of Foxglove's, by name | itself, typed | `ours.rs` |
+//! | `sensor_msgs/Image` | `foxglove.RawImage` | `image.rs` |
+//! | `sensor_msgs/CompressedImage` | `foxglove.CompressedImage` | `image.rs` |
+//! | `sensor_msgs/CameraInfo` | `foxglove.CameraCalibration` | `image.rs` |
+//! | `sensor_msgs/PointCloud2` | `foxglove.PointCloud` | `cloud.rs` |
+//! | `sensor_msgs/Imu` | `rcs.Imu` | `navigation.rs` |
+//! | `sensor_msgs/NavSatFix` | `foxglove.LocationFix` | `navigation.rs` |
+//! | `nav_msgs/Odometry` | `foxglove.Odometry` | `navigation.rs` |
+//! | `geometry_msgs/PoseStamped` | `foxglove.PoseInFrame` | `pose.rs` |
+//! | `nav_msgs/Path` | `foxglove.PosesInFrame` | `pose.rs` |
+//! | `tf2_msgs/TFMessage` | `foxglove.FrameTransforms` | `pose.rs` |
+//! | `nav_msgs/OccupancyGrid` | `foxglove.Grid` | `grid.rs` |
+//!
+//! ROS 2 messages are read straight from their CDR bytes; pixels and points share those bytes. A log whose
+//! definition of such a name differs from ROS 2's is refused, not misread.
+
+mod cloud;
+mod grid;
+mod image;
+mod navigation;
+pub(crate) mod ours;
+mod pose;
+
+use crate::any::{AnyMessage, Payload};
+use crate::reader::Reader;
+use crate::reader::cdr::{CdrError, Cursor};
+use crate::schema::{MessageEncoding, Schema};
+use bytes::Bytes;
+use prost_types::Timestamp;
+
+/// Why a message cannot be converted.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ConvertError {
+    /// The bytes are not a message of this schema.
+    #[error("{schema} does not decode: {reason}")]
+    Malformed {
+        /// Name of the schema.
+        schema: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The log means something else by this name. Types are listed in the order of the wire, one letter each.
+    #[error("{schema} is laid out as {got}, expected {expected}")]
+    Definition {
+        /// Name of the schema.
+        schema: String,
+        /// Types that the log's definition lists.
+        got: String,
+        /// Types that the conversion knows.
+        expected: &'static str,
+    },
+}
+
+/// One ROS 2 message that has a canonical counterpart.
+struct Conversion {
+    /// `package/Type`.
+    from: &'static str,
+    /// The types on the wire that the conversion reads: see `Layout::signature`.
+    signature: &'static str,
+    to: &'static str,
+    convert: fn(&mut Source<'_>) -> Result<AnyMessage, Unusable>,
+}
+
+const ROS2: &[&Conversion] = &[
+    &image::IMAGE,
+    &image::COMPRESSED_IMAGE,
+    &image::CAMERA_INFO,
+    &cloud::POINT_CLOUD2,
+    &navigation::IMU,
+    &navigation::NAV_SAT_FIX,
+    &navigation::ODOMETRY,
+    &pose::POSE_STAMPED,
+    &pose::PATH,
+    &pose::TF_MESSAGE,
+    &grid::OCCUPANCY_GRID,
+];
+
+/// The canonical message that these bytes of a topic's schema mean; `None` where no conversion is known.
+pub fn canonical(topic_schema: &Schema, bytes: &Bytes) -> Option<Result<AnyMessage, ConvertError>> {
+    let malformed =
+        |reason: String| ConvertError::Malformed { schema: topic_schema.name().to_owned(), reason };
+    if let Some(known) = ours(topic_schema) {
+        return Some((known.decode)(bytes.clone()).map_err(|error| malformed(error.to_string())));
+    }
+    Some(conversion(topic_schema)?.and_then(|conversion| {
+        let message = Source::new(bytes).and_then(|mut source| (conversion.convert)(&mut source));
+        message.map_err(|error| malformed(error.to_string()))
+    }))
+}
+
+/// Full name of the schema that [`canonical`] gives for a topic of this schema; `None` where it gives nothing.
+pub fn canonical_name(schema: &Schema) -> Option<&'static str> {
+    ours(schema).map(|known| known.name).or_else(|| conversion(schema)?.ok().map(|conversion| conversion.to))
+}
+
+fn ours(schema: &Schema) -> Option<&'static ours::Known> {
+    (*schema.message_encoding() == MessageEncoding::Protobuf).then(|| ours::known(schema.name()))?
+}
+
+fn conversion(schema: &Schema) -> Option<Result<&'static Conversion, ConvertError>> {
+    if *schema.message_encoding() != MessageEncoding::Cdr {
+        return None;
+    }
+    let (package, rest) = schema.name().split_once('/')?;
+    let name = rest.strip_prefix("msg/").unwrap_or(rest);
+    let conversion = ROS2.iter().find(|known| known.from.split_once('/') == Some((package, name)))?;
+    // Without a definition that can be read (ros2idl), the name is all there is to go by.
+    if let Ok(Reader::Cdr(layout)) = schema.reader()
+        && layout.signature() != conversion.signature
+    {
+        return Some(Err(ConvertError::Definition {
+            schema: schema.name().to_owned(),
+            got: layout.signature().to_owned(),
+            expected: conversion.signature,
+        }));
+    }
+    Some(Ok(conversion))
+}
+
+/// Why a ROS 2 message cannot be used.
+#[derive(Debug, thiserror::Error)]
+enum Unusable {
+    #[error(transparent)]
+    Cdr(#[from] CdrError),
+    #[error("{what}: got {got}, expected {expected}")]
+    Content { what: &'static str, got: u64, expected: u64 },
+}
+
+/// A ROS 2 message being read.
+struct Source<'a> {
+    bytes: &'a Bytes,
+    cursor: Cursor<'a>,
+}
+
+/// `std_msgs/Header`.
+struct Header {
+    timestamp: Option<Timestamp>,
+    frame_id: String,
+}
+
+impl<'a> Source<'a> {
+    fn new(bytes: &'a Bytes) -> Result<Self, Unusable> {
+        Ok(Self { bytes, cursor: Cursor::new(bytes)? })
+    }
+
+    fn header(&mut self) -> Result<Header, Unusable> {
+        let seconds = self.cursor.i32()?.into();
+        let nanos = self.cursor.u32()?;
+        let nanos =
+            i32::try_from(nanos).ok().filter(|nanos| *nanos < 1_000_000_000).ok_or(Unusable::Content {
+                what: "nanoseconds of the header",
+                got: nanos.into(),
+                expected: 999_999_999,
+            })?;
+        Ok(Header { timestamp: Some(Timestamp { seconds, nanos }), frame_id: self.cursor.string()? })
+    }
+
+    /// A sequence of bytes, shared with the message.
+    fn shared(&mut self) -> Result<Bytes, Unusable> {
+        Ok(self.bytes.slice_ref(self.cursor.bytes()?))
+    }
+
+    fn floats(&mut self, count: usize) -> Result<Vec<f64>, Unusable> {
+        (0..count).map(|_| Ok(self.cursor.f64()?)).collect()
+    }
+
+    fn vector(&mut self) -> Result<crate::foxglove::Vector3, Unusable> {
+        let (x, y, z) = (self.cursor.f64()?, self.cursor.f64()?, self.cursor.f64()?);
+        Ok(crate::foxglove::Vector3 { x, y, z })
+    }
+
+    fn quaternion(&mut self) -> Result<crate::foxglove::Quaternion, Unusable> {
+        let (x, y) = (self.cursor.f64()?, self.cursor.f64()?);
+        let (z, w) = (self.cursor.f64()?, self.cursor.f64()?);
+        Ok(crate::foxglove::Quaternion { x, y, z, w })
+    }
+
+    fn pose(&mut self) -> Result<crate::foxglove::Pose, Unusable> {
+        Ok(crate::foxglove::Pose { position: Some(self.vector()?), orientation: Some(self.quaternion()?) })
+    }
+}
+
+fn done<T: Payload>(message: T) -> Result<AnyMessage, Unusable> {
+    Ok(AnyMessage::new(message))
+}

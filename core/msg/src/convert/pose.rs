@@ -1,0 +1,62 @@
+//! Poses, paths, transforms.
+
+use super::{Conversion, Source, Unusable, done};
+use crate::any::AnyMessage;
+use crate::foxglove::{FrameTransform, FrameTransforms, PoseInFrame, PosesInFrame};
+
+pub(super) const POSE_STAMPED: Conversion = Conversion {
+    from: "geometry_msgs/PoseStamped",
+    signature: "iIsddddddd",
+    to: "foxglove.PoseInFrame",
+    convert: pose_stamped,
+};
+
+pub(super) const PATH: Conversion = Conversion {
+    from: "nav_msgs/Path",
+    signature: "iIs[](iIsddddddd)",
+    to: "foxglove.PosesInFrame",
+    convert: path,
+};
+
+pub(super) const TF_MESSAGE: Conversion = Conversion {
+    from: "tf2_msgs/TFMessage",
+    signature: "[](iIssddddddd)",
+    to: "foxglove.FrameTransforms",
+    convert: tf_message,
+};
+
+/// Bytes of numbers in a stamped pose: no sequence of them is longer than the message allows.
+const STAMPED_POSE_SIZE: usize = 68;
+
+fn pose_stamped(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
+    let header = source.header()?;
+    done(PoseInFrame { timestamp: header.timestamp, frame_id: header.frame_id, pose: Some(source.pose()?) })
+}
+
+/// Each pose has a header of its own in ROS 2; by convention it repeats the path's, which is the one kept.
+fn path(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
+    let header = source.header()?;
+    let count = source.cursor.length(STAMPED_POSE_SIZE)?;
+    let mut poses = Vec::with_capacity(count);
+    for _ in 0..count {
+        source.header()?;
+        poses.push(source.pose()?);
+    }
+    done(PosesInFrame { timestamp: header.timestamp, frame_id: header.frame_id, poses })
+}
+
+fn tf_message(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
+    let count = source.cursor.length(STAMPED_POSE_SIZE)?;
+    let mut transforms = Vec::with_capacity(count);
+    for _ in 0..count {
+        let header = source.header()?;
+        transforms.push(FrameTransform {
+            timestamp: header.timestamp,
+            parent_frame_id: header.frame_id,
+            child_frame_id: source.cursor.string()?,
+            translation: Some(source.vector()?),
+            rotation: Some(source.quaternion()?),
+        });
+    }
+    done(FrameTransforms { transforms })
+}

@@ -1,0 +1,164 @@
+//! Arrays of numbers as they lie in the message: a slice of its bytes, not a list of values.
+
+use crate::value::Value;
+use bytes::Bytes;
+
+/// Layout of one number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[expect(missing_docs, reason = "each is the Rust type of its name")]
+pub enum Number {
+    Bool,
+    U8,
+    I8,
+    U16,
+    I16,
+    U32,
+    I32,
+    U64,
+    I64,
+    F32,
+    F64,
+}
+
+impl Number {
+    /// Bytes of one number.
+    pub const fn size(self) -> usize {
+        match self {
+            Self::Bool | Self::U8 | Self::I8 => 1,
+            Self::U16 | Self::I16 => 2,
+            Self::U32 | Self::I32 | Self::F32 => 4,
+            Self::U64 | Self::I64 | Self::F64 => 8,
+        }
+    }
+
+    /// Reads a number from exactly [`Self::size`] bytes; `None` for another count.
+    pub fn read(self, bytes: &[u8], big_endian: bool) -> Option<Value> {
+        macro_rules! read {
+            ($type:ty) => {{
+                let bytes = bytes.try_into().ok()?;
+                if big_endian { <$type>::from_be_bytes(bytes) } else { <$type>::from_le_bytes(bytes) }
+            }};
+        }
+        Some(match self {
+            Self::Bool => Value::Bool(read!(u8) != 0),
+            Self::U8 => Value::Uint(read!(u8).into()),
+            Self::I8 => Value::Int(read!(i8).into()),
+            Self::U16 => Value::Uint(read!(u16).into()),
+            Self::I16 => Value::Int(read!(i16).into()),
+            Self::U32 => Value::Uint(read!(u32).into()),
+            Self::I32 => Value::Int(read!(i32).into()),
+            Self::U64 => Value::Uint(read!(u64)),
+            Self::I64 => Value::Int(read!(i64)),
+            Self::F32 => Value::Float(read!(f32).into()),
+            Self::F64 => Value::Float(read!(f64)),
+        })
+    }
+
+    /// The bytes of a number; `None` where it is not of this type or out of its range.
+    fn write(self, value: &Value, big_endian: bool) -> Option<Vec<u8>> {
+        macro_rules! write {
+            ($number:expr) => {{
+                let number = $number;
+                if big_endian { number.to_be_bytes().to_vec() } else { number.to_le_bytes().to_vec() }
+            }};
+        }
+        let integer = || match *value {
+            Value::Int(v) => Some(i128::from(v)),
+            Value::Uint(v) => Some(i128::from(v)),
+            _ => None,
+        };
+        Some(match self {
+            Self::Bool => match value {
+                Value::Bool(v) => vec![u8::from(*v)],
+                _ => return None,
+            },
+            Self::U8 => write!(u8::try_from(integer()?).ok()?),
+            Self::I8 => write!(i8::try_from(integer()?).ok()?),
+            Self::U16 => write!(u16::try_from(integer()?).ok()?),
+            Self::I16 => write!(i16::try_from(integer()?).ok()?),
+            Self::U32 => write!(u32::try_from(integer()?).ok()?),
+            Self::I32 => write!(i32::try_from(integer()?).ok()?),
+            Self::U64 => write!(u64::try_from(integer()?).ok()?),
+            Self::I64 => write!(i64::try_from(integer()?).ok()?),
+            Self::F32 => write!(value.as_f64()? as f32),
+            Self::F64 => write!(value.as_f64()?),
+        })
+    }
+}
+
+/// An array of numbers of one type, sharing the bytes of the message that it came from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Packed {
+    number: Number,
+    big_endian: bool,
+    data: Bytes,
+}
+
+impl Packed {
+    /// Numbers that lie one behind the other; a rest that is shorter than a number is dropped.
+    pub fn new(number: Number, big_endian: bool, mut data: Bytes) -> Self {
+        data.truncate(data.len() / number.size() * number.size());
+        Self { number, big_endian, data }
+    }
+
+    /// Layout of each number.
+    pub fn number(&self) -> Number {
+        self.number
+    }
+
+    /// Count of numbers.
+    pub fn len(&self) -> usize {
+        self.data.len() / self.number.size()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.data.is_empty()
+    }
+
+    /// The number at `index`.
+    pub fn get(&self, index: usize) -> Option<Value> {
+        let start = index.checked_mul(self.number.size())?;
+        self.number.read(self.data.get(start..start.checked_add(self.number.size())?)?, self.big_endian)
+    }
+
+    /// All numbers in order.
+    pub fn iter(&self) -> impl Iterator<Item = Value> + '_ {
+        self.data
+            .chunks_exact(self.number.size())
+            .filter_map(|bytes| self.number.read(bytes, self.big_endian))
+    }
+
+    /// Puts a number in place of another; `false` where there is none at `index`, or it does not fit the type.
+    pub(crate) fn set(&mut self, index: usize, value: &Value) -> bool {
+        let Some(bytes) = self.number.write(value, self.big_endian) else { return false };
+        if index >= self.len() {
+            return false;
+        }
+        let mut data = self.data.to_vec();
+        data[index * bytes.len()..][..bytes.len()].copy_from_slice(&bytes);
+        self.data = data.into();
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_in_both_byte_orders_and_change_one_at_a_time() {
+        for big_endian in [false, true] {
+            let bytes: Vec<u8> = [1u16, 0xfffe]
+                .iter()
+                .flat_map(|n| if big_endian { n.to_be_bytes() } else { n.to_le_bytes() })
+                .collect();
+            let mut packed = Packed::new(Number::I16, big_endian, bytes.into());
+            assert_eq!(packed.iter().collect::<Vec<_>>(), [Value::Int(1), Value::Int(-2)]);
+            assert!(packed.set(1, &Value::Int(-7)));
+            assert!(!packed.set(1, &Value::Int(40_000)), "40,000 is no 16-bit integer");
+            assert!(!packed.set(2, &Value::Int(1)));
+            assert_eq!((packed.get(1), packed.get(2)), (Some(Value::Int(-7)), None));
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! Points out of point-cloud messages.
+
+use crate::foxglove::packed_element_field::NumericType;
+use crate::foxglove::{PackedElementField, PointCloud};
+use crate::packed::Number;
+use glam::DVec3;
+
+/// One point of a cloud.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// In the cloud's own coordinates: [`PointCloud::pose`] is not applied. NaN where the sensor saw nothing.
+    pub position: DVec3,
+    /// Red, green, blue, where the cloud has colours.
+    pub rgb: Option<[u8; 3]>,
+    /// Strength of the return, in the sensor's own scale, where the cloud has it.
+    pub intensity: Option<f32>,
+}
+
+/// Why a cloud cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PointsError {
+    /// Without `x`, `y` and `z` there is no point.
+    #[error("no field {name:?} in the point cloud, expected x, y and z among {got}")]
+    NoField {
+        /// The one that is missing.
+        name: &'static str,
+        /// Those that are there.
+        got: String,
+    },
+    /// A field is not a number, or does not lie within the point.
+    #[error("field {name} of the point cloud: got {got}, expected {expected}")]
+    Field {
+        /// The field.
+        name: String,
+        /// Its type, or where it ends.
+        got: String,
+        /// What would do.
+        expected: String,
+    },
+    /// The data are not a whole number of points.
+    #[error("point cloud: got {bytes} bytes, expected a multiple of {stride}")]
+    Stride {
+        /// Bytes of the data.
+        bytes: usize,
+        /// Bytes of one point.
+        stride: usize,
+    },
+}
+
+/// Where a number lies in a point.
+#[derive(Clone, Copy, Debug)]
+struct At {
+    offset: usize,
+    number: Number,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Colour {
+    /// PCL's: blue, green, red in the bytes of one number.
+    Packed(usize),
+    /// A field each: integers of 8 bits, or floats from 0 to 1.
+    Apart([At; 3]),
+}
+
+/// A cloud whose fields have been found and checked: reading its points cannot fail.
+#[derive(Clone, Debug)]
+pub struct Points<'a> {
+    data: &'a [u8],
+    stride: usize,
+    position: [At; 3],
+    colour: Option<Colour>,
+    intensity: Option<At>,
+}
+
+/// The points of a cloud.
+pub fn points(cloud: &PointCloud) -> Result<Points<'_>, PointsError> {
+    let stride = cloud.point_stride as usize;
+    if stride == 0 || !cloud.data.len().is_multiple_of(stride) {
+        return Err(PointsError::Stride { bytes: cloud.data.len(), stride });
+    }
+    let find = |name: &str| cloud.fields.iter().find(|field| field.name == name);
+    let need = |name: &'static str| {
+        let field = find(name).ok_or_else(|| PointsError::NoField {
+            name,
+            got: cloud.fields.iter().map(|field| field.name.as_str()).collect::<Vec<_>>().join(", "),
+        })?;
+        at(field, stride)
+    };
+    let position = [need("x")?, need("y")?, need("z")?];
+    let colour = if let Some(field) = find("rgb").or_else(|| find("rgba")) {
+        let at = at(field, stride)?;
+        (at.number.size() == 4).then_some(Colour::Packed(at.offset))
+    } else {
+        let apart = |names: [&str; 3]| {
+            let [Some(r), Some(g), Some(b)] = names.map(find) else { return Ok(None) };
+            Ok(Some(Colour::Apart([at(r, stride)?, at(g, stride)?, at(b, stride)?])))
+        };
+        match apart(["red", "green", "blue"])? {
+            None => apart(["r", "g", "b"])?,
+            found => found,
+        }
+    };
+    let intensity = find("intensity").map(|field| at(field, stride)).transpose()?;
+    Ok(Points { data: &cloud.data, stride, position, colour, intensity })
+}
+
+fn at(field: &PackedElementField, stride: usize) -> Result<At, PointsError> {
+    let fail = |got: String, expected: String| PointsError::Field { name: field.name.clone(), got, expected };
+    let number = match field.r#type() {
+        NumericType::Uint8 => Number::U8,
+        NumericType::Int8 => Number::I8,
+        NumericType::Uint16 => Number::U16,
+        NumericType::Int16 => Number::I16,
+        NumericType::Uint32 => Number::U32,
+        NumericType::Int32 => Number::I32,
+        NumericType::Float32 => Number::F32,
+        NumericType::Float64 => Number::F64,
+        NumericType::Unknown => return Err(fail("an unknown type".to_owned(), "a number".to_owned())),
+    };
+    let end = u64::from(field.offset) + number.size() as u64;
+    if end > stride as u64 {
+        return Err(fail(format!("an end at byte {end}"), format!("at most {stride}, the size of a point")));
+    }
+    Ok(At { offset: field.offset as usize, number })
+}
+
+impl At {
+    fn read(self, point: &[u8]) -> f64 {
+        let bytes = &point[self.offset..][..self.number.size()];
+        // Nearly all clouds are of 32-bit floats.
+        if self.number == Number::F32
+            && let Ok(bytes) = bytes.try_into()
+        {
+            return f64::from(f32::from_le_bytes(bytes));
+        }
+        self.number.read(bytes, false).and_then(|value| value.as_f64()).unwrap_or(f64::NAN)
+    }
+
+    fn channel(self, point: &[u8]) -> u8 {
+        let value = self.read(point);
+        let float = matches!(self.number, Number::F32 | Number::F64);
+        (if float { (value * 255.0).round() } else { value }) as u8
+    }
+}
+
+impl<'a> Points<'a> {
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.data.len() / self.stride
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.data.is_empty()
+    }
+
+    /// Whether the points have colours.
+    pub fn has_rgb(&self) -> bool {
+        self.colour.is_some()
+    }
+
+    /// Whether the points have intensities.
+    pub fn has_intensity(&self) -> bool {
+        self.intensity.is_some()
+    }
+
+    /// All points, in the order of the message.
+    pub fn iter(&self) -> impl Iterator<Item = Point> + '_ {
+        self.data.chunks_exact(self.stride).map(|point| Point {
+            position: DVec3::from_array(self.position.map(|at| at.read(point))),
+            rgb: self.colour.map(|colour| match colour {
+                Colour::Packed(offset) => [point[offset + 2], point[offset + 1], point[offset]],
+                Colour::Apart(channels) => channels.map(|at| at.channel(point)),
+            }),
+            intensity: self.intensity.map(|at| at.read(point) as f32),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cloud(fields: &[(&str, u32, NumericType)], stride: u32, data: Vec<u8>) -> PointCloud {
+        let fields = fields
+            .iter()
+            .map(|(name, offset, kind)| PackedElementField {
+                name: (*name).to_owned(),
+                offset: *offset,
+                r#type: (*kind).into(),
+            })
+            .collect();
+        PointCloud { point_stride: stride, fields, data: data.into(), ..PointCloud::default() }
+    }
+
+    const XYZ: [(&str, u32, NumericType); 3] =
+        [("x", 0, NumericType::Float32), ("y", 4, NumericType::Float32), ("z", 8, NumericType::Float32)];
+
+    #[test]
+    fn position_colour_and_intensity_come_from_their_fields() {
+        let mut fields = XYZ.to_vec();
+        fields.extend([("rgb", 12, NumericType::Uint32), ("intensity", 16, NumericType::Uint8)]);
+        let mut data: Vec<u8> = [1.0f32, 2.0, 3.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+        data.extend([30, 20, 10, 0, 7]);
+        let cloud = cloud(&fields, 17, data);
+        let points: Vec<_> = points(&cloud).expect("it is a cloud").iter().collect();
+        let expect =
+            Point { position: DVec3::new(1.0, 2.0, 3.0), rgb: Some([10, 20, 30]), intensity: Some(7.0) };
+        assert_eq!(points, [expect]);
+    }
+
+    #[test]
+    fn fields_that_are_missing_or_outside_the_point_are_refused() {
+        let cases = [
+            (cloud(&XYZ[..2], 12, vec![0; 12]), "no field \"z\""),
+            (cloud(&XYZ, 11, vec![0; 11]), "field z of the point cloud: got an end at byte 12"),
+            (cloud(&XYZ, 12, vec![0; 13]), "point cloud: got 13 bytes, expected a multiple of 12"),
+            (cloud(&XYZ, 0, vec![]), "point cloud: got 0 bytes"),
+        ];
+        for (cloud, expect) in cases {
+            let error = points(&cloud).expect_err(expect).to_string();
+            assert!(error.starts_with(expect), "{error}");
+        }
+    }
+}

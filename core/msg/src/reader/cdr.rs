@@ -1,0 +1,248 @@
+//! ROS 2's common data representation (XCDR version 1, plain): a bounds-checked cursor and the reader by layout.
+
+use super::rosmsg::{Count, Element, Field, Layout};
+use crate::packed::{Number, Packed};
+use crate::value::Value;
+use bytes::Bytes;
+
+/// A message of more parts than this is refused: each takes some hundred bytes of memory for as few as one of the
+/// message. Arrays of numbers count as one.
+const MAX_PARTS: usize = 4_000_000;
+
+/// Why bytes are no CDR of a layout.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum CdrError {
+    #[error("got encapsulation {got:#06x}, expected 0x0000 or 0x0001, plain CDR")]
+    Encapsulation { got: u16 },
+    #[error("got {left} bytes, expected {needed} more at byte {at}")]
+    Truncated { at: usize, needed: usize, left: usize },
+    #[error("got more than {MAX_PARTS} parts in one message")]
+    TooLarge,
+}
+
+/// Reads values one behind the other. Alignment counts from behind the encapsulation header.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cursor<'a> {
+    body: &'a [u8],
+    at: usize,
+    big_endian: bool,
+}
+
+/// Bytes of the encapsulation header.
+const HEADER: usize = 4;
+
+impl<'a> Cursor<'a> {
+    /// A cursor behind the encapsulation header, which says the byte order.
+    pub(crate) fn new(bytes: &'a [u8]) -> Result<Self, CdrError> {
+        let Some((header, body)) = bytes.split_first_chunk::<HEADER>() else {
+            return Err(CdrError::Truncated { at: 0, needed: HEADER, left: bytes.len() });
+        };
+        match u16::from_be_bytes([header[0], header[1]]) {
+            kind @ (0 | 1) => Ok(Self { body, at: 0, big_endian: kind == 0 }),
+            got => Err(CdrError::Encapsulation { got }),
+        }
+    }
+
+    /// Byte order of the message.
+    pub(crate) fn big_endian(&self) -> bool {
+        self.big_endian
+    }
+
+    /// Where the cursor is in the whole message, header and all.
+    fn position(&self) -> usize {
+        self.at + HEADER
+    }
+
+    /// The next `count` numbers as they lie, padding before them skipped. Padding comes only where a number follows.
+    pub(crate) fn numbers(&mut self, number: Number, count: usize) -> Result<&'a [u8], CdrError> {
+        if count == 0 {
+            return Ok(&[]);
+        }
+        let start = self.at.next_multiple_of(number.size());
+        let left = self.body.len().saturating_sub(start);
+        let needed = count.saturating_mul(number.size());
+        if needed > left {
+            return Err(CdrError::Truncated { at: start + HEADER, needed, left });
+        }
+        self.at = start + needed;
+        Ok(&self.body[start..self.at])
+    }
+
+    fn fixed<const N: usize>(&mut self, number: Number) -> Result<[u8; N], CdrError> {
+        let at = self.position();
+        let bytes = self.numbers(number, 1)?;
+        let mut out: [u8; N] =
+            bytes.try_into().map_err(|_| CdrError::Truncated { at, needed: N, left: bytes.len() })?;
+        if self.big_endian {
+            out.reverse();
+        }
+        Ok(out)
+    }
+
+    pub(crate) fn u8(&mut self) -> Result<u8, CdrError> {
+        self.fixed(Number::U8).map(u8::from_le_bytes)
+    }
+
+    pub(crate) fn i8(&mut self) -> Result<i8, CdrError> {
+        self.fixed(Number::I8).map(i8::from_le_bytes)
+    }
+
+    pub(crate) fn u16(&mut self) -> Result<u16, CdrError> {
+        self.fixed(Number::U16).map(u16::from_le_bytes)
+    }
+
+    pub(crate) fn i32(&mut self) -> Result<i32, CdrError> {
+        self.fixed(Number::I32).map(i32::from_le_bytes)
+    }
+
+    pub(crate) fn u32(&mut self) -> Result<u32, CdrError> {
+        self.fixed(Number::U32).map(u32::from_le_bytes)
+    }
+
+    pub(crate) fn f32(&mut self) -> Result<f32, CdrError> {
+        self.fixed(Number::F32).map(f32::from_le_bytes)
+    }
+
+    pub(crate) fn f64(&mut self) -> Result<f64, CdrError> {
+        self.fixed(Number::F64).map(f64::from_le_bytes)
+    }
+
+    /// The length of a sequence of elements that take at least `size` bytes each; longer ones do not fit the message.
+    pub(crate) fn length(&mut self, size: usize) -> Result<usize, CdrError> {
+        let length = self.u32()? as usize;
+        let (needed, left) = (length.saturating_mul(size), self.body.len() - self.at);
+        if needed > left {
+            Err(CdrError::Truncated { at: self.position(), needed, left })
+        } else {
+            Ok(length)
+        }
+    }
+
+    /// The bytes of a text, without the zero at its end.
+    pub(crate) fn text(&mut self) -> Result<&'a [u8], CdrError> {
+        let length = self.length(1)?;
+        let bytes = self.numbers(Number::U8, length)?;
+        Ok(bytes.strip_suffix(&[0]).unwrap_or(bytes))
+    }
+
+    /// A text, with what is not UTF-8 in it replaced.
+    pub(crate) fn string(&mut self) -> Result<String, CdrError> {
+        self.text().map(|bytes| String::from_utf8_lossy(bytes).into_owned())
+    }
+
+    /// The characters of a wide text: as ROS 2's Fast CDR writes them, 4 bytes each.
+    pub(crate) fn wide_text(&mut self) -> Result<&'a [u8], CdrError> {
+        let length = self.length(4)?;
+        self.numbers(Number::U32, length)
+    }
+
+    /// A sequence of bytes.
+    pub(crate) fn bytes(&mut self) -> Result<&'a [u8], CdrError> {
+        let length = self.length(1)?;
+        self.numbers(Number::U8, length)
+    }
+
+    /// Skips a field, however it is nested.
+    pub(crate) fn skip(&mut self, layout: &Layout, field: &Field) -> Result<(), CdrError> {
+        let count = self.count(field)?;
+        match field.element {
+            Element::Number(number) => self.numbers(number, count).map(|_| ()),
+            element => (0..count).try_for_each(|_| self.skip_element(layout, element)),
+        }
+    }
+
+    /// Skips one element of a field.
+    pub(crate) fn skip_element(&mut self, layout: &Layout, element: Element) -> Result<(), CdrError> {
+        match element {
+            Element::Number(number) => self.numbers(number, 1).map(|_| ()),
+            Element::Text => self.text().map(|_| ()),
+            Element::WideText => self.wide_text().map(|_| ()),
+            Element::Message(index) => {
+                layout.message(index).iter().try_for_each(|field| self.skip(layout, field))
+            }
+        }
+    }
+
+    /// How many elements of a field follow, the length on the wire read and checked.
+    pub(crate) fn count(&mut self, field: &Field) -> Result<usize, CdrError> {
+        match field.count {
+            Count::One => Ok(1),
+            Count::Fixed(length) => Ok(length),
+            Count::Sequence => self.length(match field.element {
+                Element::Number(number) => number.size(),
+                Element::Text | Element::WideText => 4,
+                Element::Message(_) => 1,
+            }),
+        }
+    }
+}
+
+/// Reads a message by its layout; arrays of numbers share the bytes given.
+pub(super) fn decode(layout: &Layout, bytes: &Bytes) -> Result<Value, CdrError> {
+    let mut decoder = Decoder { layout, bytes, cursor: Cursor::new(bytes)?, parts: 0 };
+    decoder.message(layout.root())
+}
+
+struct Decoder<'a> {
+    layout: &'a Layout,
+    bytes: &'a Bytes,
+    cursor: Cursor<'a>,
+    parts: usize,
+}
+
+impl Decoder<'_> {
+    fn message(&mut self, fields: &[Field]) -> Result<Value, CdrError> {
+        let mut out = Vec::with_capacity(fields.len());
+        for field in fields {
+            out.push((field.name.clone(), self.field(field)?));
+        }
+        Ok(Value::Message(out))
+    }
+
+    fn field(&mut self, field: &Field) -> Result<Value, CdrError> {
+        if field.count == Count::One {
+            return self.element(field.element);
+        }
+        let count = self.cursor.count(field)?;
+        if let Element::Number(number) = field.element {
+            self.count_part()?;
+            let data = self.bytes.slice_ref(self.cursor.numbers(number, count)?);
+            return Ok(match number {
+                Number::U8 => Value::Bytes(data),
+                number => Value::Packed(Packed::new(number, self.cursor.big_endian(), data)),
+            });
+        }
+        let mut list = Vec::new();
+        for _ in 0..count {
+            list.push(self.element(field.element)?);
+        }
+        Ok(Value::List(list))
+    }
+
+    fn element(&mut self, element: Element) -> Result<Value, CdrError> {
+        self.count_part()?;
+        Ok(match element {
+            Element::Number(number) => {
+                let bytes = self.cursor.numbers(number, 1)?;
+                number.read(bytes, self.cursor.big_endian()).unwrap_or(Value::Null)
+            }
+            Element::Text => Value::Text(self.cursor.string()?),
+            Element::WideText => {
+                let characters = Packed::new(
+                    Number::U32,
+                    self.cursor.big_endian(),
+                    Bytes::copy_from_slice(self.cursor.wide_text()?),
+                );
+                let units: Vec<u16> =
+                    characters.iter().map(|unit| unit.as_i64().map_or(0, |unit| unit as u16)).collect();
+                Value::Text(String::from_utf16_lossy(&units))
+            }
+            Element::Message(index) => self.message(self.layout.message(index))?,
+        })
+    }
+
+    fn count_part(&mut self) -> Result<(), CdrError> {
+        self.parts += 1;
+        if self.parts > MAX_PARTS { Err(CdrError::TooLarge) } else { Ok(()) }
+    }
+}

@@ -1,0 +1,156 @@
+//! Readers: from the bytes of a message to a [`Value`], by the schema that came with it.
+
+pub(crate) mod cdr;
+mod json;
+pub(crate) mod protobuf;
+pub(crate) mod rosmsg;
+
+use crate::any::AnyMessage;
+use crate::schema::{MessageEncoding, Schema, registry};
+use crate::value::Value;
+use bytes::Bytes;
+use prost_reflect::{DescriptorPool, MessageDescriptor};
+use rosmsg::Layout;
+
+/// Why a message cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DecodeError {
+    /// There is no reader for this schema: its messages are listed, not shown.
+    #[error("no reader for {schema} ({encoding}): {reason}")]
+    NoReader {
+        /// Name of the schema.
+        schema: String,
+        /// Encoding of its messages.
+        encoding: String,
+        /// What is missing.
+        reason: String,
+    },
+    /// The bytes are not a message of this schema.
+    #[error("{schema} does not decode: {reason}")]
+    Malformed {
+        /// Name of the schema.
+        schema: String,
+        /// What is wrong, and where.
+        reason: String,
+    },
+}
+
+/// Why a value cannot be written as a message.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum EncodeError {
+    /// Only protobuf is written.
+    #[error("cannot write {encoding}, expected protobuf: {schema}")]
+    NoWriter {
+        /// Name of the schema.
+        schema: String,
+        /// Encoding of its messages.
+        encoding: String,
+    },
+    /// A field has no place for the value.
+    #[error("got {got}, expected {expected}: {path}")]
+    Field {
+        /// What the value holds.
+        got: String,
+        /// What the schema wants.
+        expected: String,
+        /// Where.
+        path: crate::path::FieldPath,
+    },
+}
+
+/// What reads the messages of one schema.
+#[derive(Clone, Debug)]
+pub(crate) enum Reader {
+    /// Protobuf by its descriptor.
+    Protobuf(MessageDescriptor),
+    /// ROS 2 CDR by its definition.
+    Cdr(std::sync::Arc<Layout>),
+    /// JSON, which needs no schema.
+    Json,
+}
+
+impl Reader {
+    pub(crate) fn new(schema: &Schema) -> Result<Self, DecodeError> {
+        let fail = |reason: String| DecodeError::NoReader {
+            schema: schema.name().to_owned(),
+            encoding: schema.message_encoding().name().to_owned(),
+            reason,
+        };
+        match schema.message_encoding() {
+            MessageEncoding::Protobuf => descriptor(schema).map(Self::Protobuf).map_err(fail),
+            MessageEncoding::Cdr if schema.schema_encoding() == "ros2msg" => {
+                let text = std::str::from_utf8(schema.data())
+                    .map_err(|_| fail("its definition is no text".into()))?;
+                let layout = Layout::parse(schema.name(), text).map_err(|error| fail(error.to_string()))?;
+                Ok(Self::Cdr(layout.into()))
+            }
+            MessageEncoding::Cdr => {
+                let got = schema.schema_encoding();
+                Err(fail(format!("its definition is in {got:?}, expected \"ros2msg\"")))
+            }
+            MessageEncoding::Json => Ok(Self::Json),
+            MessageEncoding::Other(_) => Err(fail("expected protobuf, cdr or json".to_owned())),
+        }
+    }
+}
+
+/// The descriptor in a schema: ours, where the schema is ours, so that no second pool is built.
+fn descriptor(schema: &Schema) -> Result<MessageDescriptor, String> {
+    if schema.schema_encoding() != "protobuf" {
+        return Err(format!("its schema is in {:?}, expected \"protobuf\"", schema.schema_encoding()));
+    }
+    let ours = registry().schema(schema.name()).is_some_and(|ours| ours.data() == schema.data());
+    if let Some(descriptor) = registry().descriptor(schema.name()).filter(|_| ours) {
+        return Ok(descriptor);
+    }
+    let pool = DescriptorPool::decode(schema.data().clone())
+        .map_err(|error| format!("its descriptor set does not decode: {error}"))?;
+    pool.get_message_by_name(schema.name()).ok_or_else(|| "its descriptor set does not define it".to_owned())
+}
+
+impl Schema {
+    /// Whether messages of this schema can be read, and if not, why.
+    pub fn decodable(&self) -> Result<(), DecodeError> {
+        self.reader().map(|_| ())
+    }
+
+    /// The message as a tree. Large arrays share the bytes given.
+    pub fn value(&self, bytes: &Bytes) -> Result<Value, DecodeError> {
+        let value = match self.reader()? {
+            Reader::Protobuf(descriptor) => protobuf::decode(descriptor, bytes),
+            Reader::Cdr(layout) => cdr::decode(layout, bytes).map_err(|error| error.to_string()),
+            Reader::Json => json::decode(bytes),
+        };
+        value.map_err(|reason| self.malformed(reason))
+    }
+
+    /// The bytes of a tree. Fields that are absent or not named keep their defaults. Protobuf only.
+    pub fn encode(&self, value: &Value) -> Result<Bytes, EncodeError> {
+        match self.reader() {
+            Ok(Reader::Protobuf(descriptor)) => protobuf::encode(descriptor, value),
+            _ => Err(EncodeError::NoWriter {
+                schema: self.name().to_owned(),
+                encoding: self.message_encoding().name().to_owned(),
+            }),
+        }
+    }
+
+    /// The protobuf descriptor, where the messages are protobuf.
+    pub fn descriptor(&self) -> Option<&MessageDescriptor> {
+        match self.reader() {
+            Ok(Reader::Protobuf(descriptor)) => Some(descriptor),
+            _ => None,
+        }
+    }
+
+    pub(crate) fn malformed(&self, reason: impl Into<String>) -> DecodeError {
+        DecodeError::Malformed { schema: self.name().to_owned(), reason: reason.into() }
+    }
+}
+
+impl AnyMessage {
+    /// The message as a tree.
+    pub fn value(&self) -> Result<Value, DecodeError> {
+        self.schema().value(&self.bytes())
+    }
+}

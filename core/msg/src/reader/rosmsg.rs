@@ -1,0 +1,309 @@
+//! ROS 2 message definitions (`.msg` with its dependencies behind it, as logs carry them), resolved into a layout.
+//!
+//! Written here and not taken from `re_ros_msg`, which panics on a lone quote as a default value, reads messages
+//! into maps that lose the order of fields, and reserves memory by lengths that it has not checked. A test holds
+//! the two equal on every recorded message.
+
+use crate::packed::Number;
+use std::collections::HashMap;
+use std::fmt::Write;
+
+/// Nested deeper than this is refused; the deepest common message has 6 levels.
+const MAX_DEPTH: usize = 32;
+const MAX_FIXED_LENGTH: usize = 1 << 24;
+
+/// Types of all messages in a definition; the first is the message itself.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Layout {
+    messages: Vec<Vec<Field>>,
+    signature: String,
+}
+
+/// One field in the order of the wire.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Field {
+    pub(crate) name: String,
+    pub(crate) element: Element,
+    pub(crate) count: Count,
+}
+
+/// Type of a field, or of one element of an array.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Element {
+    Number(Number),
+    Text,
+    WideText,
+    /// Index of a message in the layout.
+    Message(usize),
+}
+
+/// How many elements a field holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Count {
+    One,
+    /// An array of that length, which is not on the wire.
+    Fixed(usize),
+    /// A sequence: its length is on the wire.
+    Sequence,
+}
+
+/// Why a definition is refused.
+#[derive(Debug, PartialEq, thiserror::Error)]
+#[error("definition of {message}: got {got:?}, expected {expected}")]
+pub(crate) struct LayoutError {
+    message: String,
+    got: String,
+    expected: &'static str,
+}
+
+/// A field whose type is still a name.
+struct Parsed<'a> {
+    name: &'a str,
+    ty: &'a str,
+    count: Count,
+}
+
+impl Layout {
+    /// Parses a definition with its dependencies.
+    pub(crate) fn parse(name: &str, text: &str) -> Result<Self, LayoutError> {
+        let sections = sections(name, text);
+        let mut parsed = Vec::new();
+        let mut index = HashMap::new();
+        for (at, (name, lines)) in sections.iter().enumerate() {
+            parsed.push(fields(name, lines)?);
+            index.entry(short(name)).or_insert(at);
+        }
+        let mut messages = Vec::new();
+        for ((name, _), fields) in sections.iter().zip(&parsed) {
+            let package = name.split_once('/').map_or("", |(package, _)| package);
+            let resolve = |ty: &str| {
+                primitive(ty).or_else(|| {
+                    let full = if ty.contains('/') { short(ty) } else { format!("{package}/{ty}") };
+                    // Every old definition says `Header` for the one in std_msgs.
+                    let full = if full.ends_with("/Header") && !index.contains_key(&full) {
+                        "std_msgs/Header".to_owned()
+                    } else {
+                        full
+                    };
+                    index.get(&full).copied().map(Element::Message)
+                })
+            };
+            let fields: Result<Vec<Field>, LayoutError> = fields
+                .iter()
+                .map(|field| {
+                    let element = resolve(field.ty).ok_or_else(|| LayoutError {
+                        message: (*name).to_owned(),
+                        got: field.ty.to_owned(),
+                        expected: "a type that the definition holds",
+                    })?;
+                    Ok(Field { name: field.name.to_owned(), element, count: field.count })
+                })
+                .collect();
+            messages.push(fields?);
+        }
+        let mut layout = Self { messages, signature: String::new() };
+        let mut depths = vec![None; layout.messages.len()];
+        if layout.depth(0, MAX_DEPTH, &mut depths).is_none() {
+            return Err(LayoutError {
+                message: name.to_owned(),
+                got: "a message within itself".to_owned(),
+                expected: "at most 32 levels",
+            });
+        }
+        let mut signature = String::new();
+        layout.sign(layout.root(), &mut signature);
+        layout.signature = signature;
+        Ok(layout)
+    }
+
+    /// Fields of the message itself.
+    pub(crate) fn root(&self) -> &[Field] {
+        &self.messages[0]
+    }
+
+    /// Fields of a message of the layout.
+    pub(crate) fn message(&self, index: usize) -> &[Field] {
+        &self.messages[index]
+    }
+
+    /// The types on the wire in order, so that a converter that knows a message by its name can tell whether the
+    /// log means the same: `iIs` is a header. Cut off behind 400 characters, where no known message is as long.
+    pub(crate) fn signature(&self) -> &str {
+        &self.signature
+    }
+
+    fn sign(&self, fields: &[Field], out: &mut String) {
+        for field in fields {
+            if out.len() > 400 {
+                return;
+            }
+            match field.count {
+                Count::One => {}
+                Count::Fixed(length) => write!(out, "[{length}]").unwrap_or_default(),
+                Count::Sequence => out.push_str("[]"),
+            }
+            match field.element {
+                Element::Number(number) => out.push(match number {
+                    Number::Bool => 'b',
+                    Number::U8 => 'B',
+                    Number::I8 => 'c',
+                    Number::U16 => 'H',
+                    Number::I16 => 'h',
+                    Number::U32 => 'I',
+                    Number::I32 => 'i',
+                    Number::U64 => 'Q',
+                    Number::I64 => 'q',
+                    Number::F32 => 'f',
+                    Number::F64 => 'd',
+                }),
+                Element::Text => out.push('s'),
+                Element::WideText => out.push('w'),
+                Element::Message(index) if field.count == Count::One => self.sign(self.message(index), out),
+                Element::Message(index) => {
+                    out.push('(');
+                    self.sign(self.message(index), out);
+                    out.push(')');
+                }
+            }
+        }
+    }
+
+    /// Levels of a message; `None` where they are more than `left`, as in one that contains itself.
+    fn depth(&self, message: usize, left: usize, known: &mut [Option<usize>]) -> Option<usize> {
+        if let Some(depth) = known[message] {
+            return (depth <= left).then_some(depth);
+        }
+        let left = left.checked_sub(1)?;
+        let mut depth = 1;
+        for field in self.message(message) {
+            if let Element::Message(inner) = field.element {
+                depth = depth.max(1 + self.depth(inner, left, known)?);
+            }
+        }
+        known[message] = Some(depth);
+        Some(depth)
+    }
+}
+
+/// `pkg/msg/Type` and `pkg/Type` as `pkg/Type`.
+fn short(name: &str) -> String {
+    match (name.split_once('/'), name.rsplit_once('/')) {
+        (Some((package, _)), Some((_, ty))) => format!("{package}/{ty}"),
+        _ => name.to_owned(),
+    }
+}
+
+/// Names and lines of the message itself and of its dependencies.
+fn sections<'a>(name: &'a str, text: &'a str) -> Vec<(&'a str, Vec<&'a str>)> {
+    let mut sections = vec![(name, Vec::new())];
+    let mut skipping = false;
+    for line in text.lines().map(str::trim) {
+        if line.len() >= 3 && line.bytes().all(|b| b == b'=') {
+            skipping = true;
+        } else if let Some(name) = line.strip_prefix("MSG: ") {
+            sections.push((name.trim(), Vec::new()));
+            skipping = false;
+        } else if let Some((_, lines)) = sections.last_mut().filter(|_| !skipping) {
+            lines.push(line);
+        }
+    }
+    sections
+}
+
+fn fields<'a>(message: &str, lines: &[&'a str]) -> Result<Vec<Parsed<'a>>, LayoutError> {
+    let mut fields = Vec::new();
+    for line in lines {
+        // A `#` in a text default cuts that default short, which is not read anyway.
+        let line = line.split('#').next().unwrap_or_default().trim();
+        if line.is_empty() {
+            continue;
+        }
+        let fail = |expected| LayoutError { message: message.to_owned(), got: line.to_owned(), expected };
+        let (ty, rest) = line.split_once(char::is_whitespace).ok_or_else(|| fail("a type and a name"))?;
+        let rest = rest.trim_start();
+        let end = rest.find(|c: char| c.is_whitespace() || c == '=').unwrap_or(rest.len());
+        let (name, rest) = rest.split_at(end);
+        if name.is_empty() {
+            return Err(fail("a type and a name"));
+        }
+        if rest.trim_start().starts_with('=') {
+            // Constants are not on the wire.
+            continue;
+        }
+        let (ty, count) = match ty.split_once('[') {
+            None => (ty, Count::One),
+            Some((ty, "]")) => (ty, Count::Sequence),
+            Some((ty, bound)) if bound.starts_with("<=") => (ty, Count::Sequence),
+            Some((ty, length)) => {
+                let length = length.strip_suffix(']').and_then(|length| length.parse().ok());
+                let length = length.filter(|length| (1..=MAX_FIXED_LENGTH).contains(length));
+                (ty, Count::Fixed(length.ok_or_else(|| fail("a length from 1 to 16,777,216"))?))
+            }
+        };
+        fields.push(Parsed { name, ty, count });
+    }
+    if fields.is_empty() {
+        // On the wire no message is empty. It also means that whatever is read takes at least one byte.
+        fields.push(Parsed { name: "structure_needs_at_least_one_member", ty: "uint8", count: Count::One });
+    }
+    Ok(fields)
+}
+
+fn primitive(ty: &str) -> Option<Element> {
+    let base = ty.split_once("<=").map_or(ty, |(base, _)| base);
+    Some(match base {
+        "bool" => Element::Number(Number::Bool),
+        "byte" | "char" | "uint8" => Element::Number(Number::U8),
+        "int8" => Element::Number(Number::I8),
+        "int16" => Element::Number(Number::I16),
+        "uint16" => Element::Number(Number::U16),
+        "int32" => Element::Number(Number::I32),
+        "uint32" => Element::Number(Number::U32),
+        "int64" => Element::Number(Number::I64),
+        "uint64" => Element::Number(Number::U64),
+        "float32" => Element::Number(Number::F32),
+        "float64" => Element::Number(Number::F64),
+        "string" => Element::Text,
+        "wstring" => Element::WideText,
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str = "\n===\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n===\n\
+        MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
+
+    #[test]
+    fn a_definition_becomes_the_order_of_the_wire() {
+        let text = format!(
+            "# a comment\nint8 SIDE=1\nstd_msgs/Header header\nfloat64[9] k\nuint8[<=4] few\nstring<=10 name \"#x\"\nwstring w\n\
+             Part[] parts{HEADER}===\nMSG: my_msgs/Part\nbool on true\nint16 q \"\n"
+        );
+        let layout = Layout::parse("my_msgs/msg/Demo", &text).expect("it is a definition");
+        assert_eq!(layout.signature(), "iIs[9]d[]Bsw[](bh)");
+        assert_eq!(layout.root()[5].name, "parts");
+    }
+
+    #[test]
+    fn definitions_that_cannot_be_laid_out_are_refused() {
+        for (text, expect) in [
+            ("int32", "a type and a name"),
+            ("other/Thing x", "a type that the definition holds"),
+            ("uint8[0] x", "a length from 1"),
+            ("uint8[99999999999999999999] x", "a length from 1"),
+            ("Self me\n===\nMSG: a/Self\nSelf me", "at most 32 levels"),
+        ] {
+            let error = Layout::parse("a/msg/Self", text).expect_err(text).to_string();
+            assert!(error.contains(expect), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_message_without_fields_is_one_byte() {
+        let layout = Layout::parse("std_msgs/msg/Empty", "").expect("it is a definition");
+        assert_eq!(layout.signature(), "B");
+    }
+}

@@ -1,0 +1,460 @@
+//! The scanner for protobuf's wire format.
+//!
+//! A message is one pass over its tags. What lies beside the path is skipped by its wire type; what lies on it is
+//! followed with protobuf's rules: the last of several scalars counts, several occurrences of a submessage are one
+//! message merged, repeated fields go on over occurrences (packed or not), and a member of a oneof that comes later
+//! takes the place of one that came before.
+
+use super::{Fail, ScanError};
+use crate::path::{FieldPath, Segment};
+use prost_reflect::{FieldDescriptor, Kind, MessageDescriptor, Value as Reflected};
+
+/// Longer paths go through the tree.
+const MAX_STEPS: usize = 16;
+const MAX_GROUPS: usize = 100;
+
+#[derive(Clone, Debug)]
+pub(super) struct Plan {
+    steps: Vec<Step>,
+}
+
+/// Into one field of a message.
+#[derive(Clone, Debug)]
+struct Step {
+    number: u32,
+    /// Other members of the field's oneof: each of them unsets this one.
+    rivals: Vec<u32>,
+    /// The element of a repeated field.
+    index: Option<usize>,
+    kind: StepKind,
+}
+
+#[derive(Clone, Debug)]
+enum StepKind {
+    /// A submessage: the next step goes on in it.
+    Message,
+    /// A number, and what it is where it is absent.
+    Number(Scalar, Option<f64>),
+    /// An element of bytes.
+    Byte(usize),
+    /// The length of bytes or of a text, and what it is where they are absent.
+    Length(Option<f64>),
+    /// The length of a repeated field; how its elements lie where they are packed, `None` where they cannot be.
+    Count(Option<Scalar>),
+}
+
+/// How a number lies on the wire.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Scalar {
+    Bool,
+    Int32,
+    Uint32,
+    Int64,
+    Uint64,
+    Sint32,
+    Sint64,
+    Fixed32,
+    Sfixed32,
+    Float,
+    Fixed64,
+    Sfixed64,
+    Double,
+}
+
+/// Why bytes are no message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub(super) enum WireError {
+    #[error("got the end of the message, expected more bytes")]
+    Truncated,
+    #[error("got a varint of more than 10 bytes")]
+    Varint,
+    #[error("got wire type {wire_type} for field {field}, expected another")]
+    WireType { field: u32, wire_type: u8 },
+    #[error("got field number 0")]
+    FieldZero,
+    #[error("got groups nested deeper than {MAX_GROUPS}")]
+    Depth,
+    #[error("got the end of a group that does not match its start")]
+    Group,
+}
+
+/// What has been seen so far.
+struct State {
+    /// Of each step, the elements of its repeated field, or 1 for a submessage that is there.
+    seen: [usize; MAX_STEPS],
+    /// The number found last; the outer layer says whether the field was there.
+    found: Option<Option<f64>>,
+}
+
+impl Plan {
+    /// `None` where only the tree can follow the path.
+    pub(super) fn new(descriptor: &MessageDescriptor, path: &FieldPath) -> Result<Option<Self>, ScanError> {
+        let fail = Fail(path);
+        let mut message = descriptor.clone();
+        let mut steps = Vec::new();
+        let mut rest = path.segments();
+        loop {
+            let Some((Segment::Field(name), after)) = rest.split_first() else {
+                return Err(fail.kind("a message", "the name of a field"));
+            };
+            let Some(field) = message.get_field_by_name(name) else {
+                let names: Vec<String> = message.fields().map(|field| field.name().to_owned()).collect();
+                return Err(fail.field(name, message.full_name(), names.iter().map(String::as_str)));
+            };
+            rest = after;
+            if field.is_map() || steps.len() == MAX_STEPS {
+                return Ok(None);
+            }
+            let scalar = Scalar::of(&field.kind());
+            let mut step =
+                Step { number: field.number(), rivals: rivals(&field), index: None, kind: StepKind::Message };
+            if field.is_list() {
+                match rest.split_first() {
+                    Some((Segment::Length, after)) => {
+                        fail.ends(after, "a length")?;
+                        step.kind = StepKind::Count(scalar);
+                        steps.push(step);
+                        return Ok(Some(Self { steps }));
+                    }
+                    Some((Segment::Index(index), after)) => {
+                        step.index = Some(*index);
+                        rest = after;
+                    }
+                    _ => return Err(fail.kind("a list", "an index or `@length`")),
+                }
+            }
+            let absent = if field.supports_presence() { None } else { Some(field.default_value()) };
+            let length = absent.as_ref().map(|value| match value {
+                Reflected::Bytes(bytes) => bytes.len() as f64,
+                Reflected::String(text) => text.len() as f64,
+                _ => 0.0,
+            });
+            step.kind = match (field.kind(), rest) {
+                (Kind::Message(inner), [_, ..]) => {
+                    message = inner;
+                    steps.push(step);
+                    continue;
+                }
+                (Kind::Message(_), []) => return Err(fail.kind("a message", "a number")),
+                (Kind::Bytes | Kind::String, [Segment::Length]) => StepKind::Length(length),
+                (Kind::Bytes, [Segment::Index(index)]) => StepKind::Byte(*index),
+                (Kind::Bytes, [Segment::Index(_), _, ..]) => {
+                    return Err(fail.kind("a byte", "the end of the path"));
+                }
+                (Kind::Bytes, _) => return Err(fail.kind("bytes", "an index or `@length`")),
+                (Kind::String, _) => return Err(fail.kind("a text", "a number")),
+                (_, rest) => {
+                    fail.ends(rest, "a number")?;
+                    let Some(scalar) = scalar else { return Ok(None) };
+                    StepKind::Number(scalar, absent.as_ref().and_then(number))
+                }
+            };
+            steps.push(step);
+            return Ok(Some(Self { steps }));
+        }
+    }
+
+    pub(super) fn scan(&self, message: &[u8]) -> Result<Option<f64>, WireError> {
+        let mut state = State { seen: [0; MAX_STEPS], found: None };
+        let mut wire = Wire { bytes: message };
+        self.message(0, &mut wire, None, &mut state)?;
+        for (at, step) in self.steps.iter().enumerate() {
+            let count = state.seen[at];
+            match step.kind {
+                StepKind::Message if count <= step.index.unwrap_or(0) => return Ok(None),
+                StepKind::Message => {}
+                StepKind::Count(_) => return Ok(Some(count as f64)),
+                _ if step.index.is_some() => return Ok(state.found.flatten()),
+                StepKind::Number(_, absent) | StepKind::Length(absent) => {
+                    return Ok(state.found.unwrap_or(absent));
+                }
+                StepKind::Byte(_) => return Ok(state.found.flatten()),
+            }
+        }
+        Ok(None)
+    }
+
+    /// Scans one message, or a group up to its end tag.
+    fn message(
+        &self,
+        at: usize,
+        wire: &mut Wire<'_>,
+        group: Option<u32>,
+        state: &mut State,
+    ) -> Result<(), WireError> {
+        let step = &self.steps[at];
+        while !wire.bytes.is_empty() {
+            let (field, wire_type) = wire.tag()?;
+            if wire_type == END_GROUP {
+                return if group == Some(field) { Ok(()) } else { Err(WireError::Group) };
+            }
+            if field == step.number {
+                self.field(at, wire, wire_type, state)?;
+                continue;
+            }
+            if !step.rivals.is_empty() && step.rivals.contains(&field) {
+                state.seen[at..].fill(0);
+                state.found = None;
+            }
+            wire.skip(field, wire_type)?;
+        }
+        if group.is_some() { Err(WireError::Truncated) } else { Ok(()) }
+    }
+
+    /// One occurrence of the field that a step leads into.
+    fn field(
+        &self,
+        at: usize,
+        wire: &mut Wire<'_>,
+        wire_type: u8,
+        state: &mut State,
+    ) -> Result<(), WireError> {
+        let step = &self.steps[at];
+        let wrong = WireError::WireType { field: step.number, wire_type };
+        let ordinal = state.seen[at];
+        match step.kind {
+            StepKind::Message => {
+                let wanted = step.index.is_none_or(|index| index == ordinal);
+                state.seen[at] = if step.index.is_some() { ordinal + 1 } else { 1 };
+                match wire_type {
+                    _ if !wanted => wire.skip(step.number, wire_type),
+                    DELIMITED => self.message(at + 1, &mut Wire { bytes: wire.delimited()? }, None, state),
+                    START_GROUP => self.message(at + 1, wire, Some(step.number), state),
+                    _ => Err(wrong),
+                }
+            }
+            StepKind::Number(scalar, _) if wire_type == DELIMITED => {
+                let index = step.index.ok_or(wrong)?;
+                let packed = wire.delimited()?;
+                let count = scalar.count(packed)?;
+                if let Some(inner) = index.checked_sub(ordinal).filter(|inner| *inner < count) {
+                    state.found = Some(Some(scalar.nth(packed, inner)?));
+                }
+                state.seen[at] = ordinal + count;
+                Ok(())
+            }
+            StepKind::Number(scalar, _) => {
+                if wire_type != scalar.wire_type() {
+                    return Err(wrong);
+                }
+                let number = scalar.read(wire)?;
+                if step.index.is_none_or(|index| index == ordinal) {
+                    state.found = Some(Some(number));
+                }
+                state.seen[at] = ordinal + 1;
+                Ok(())
+            }
+            StepKind::Byte(_) | StepKind::Length(_) => {
+                if wire_type != DELIMITED {
+                    return Err(wrong);
+                }
+                let bytes = wire.delimited()?;
+                if step.index.is_none_or(|index| index == ordinal) {
+                    state.found = Some(match step.kind {
+                        StepKind::Byte(index) => bytes.get(index).copied().map(f64::from),
+                        _ => Some(bytes.len() as f64),
+                    });
+                }
+                state.seen[at] = ordinal + 1;
+                Ok(())
+            }
+            StepKind::Count(scalar) => {
+                state.seen[at] = ordinal
+                    + match scalar {
+                        Some(scalar) if wire_type == DELIMITED => scalar.count(wire.delimited()?)?,
+                        _ => {
+                            wire.skip(step.number, wire_type)?;
+                            1
+                        }
+                    };
+                Ok(())
+            }
+        }
+    }
+}
+
+fn rivals(field: &FieldDescriptor) -> Vec<u32> {
+    let Some(oneof) = field.containing_oneof() else { return Vec::new() };
+    oneof.fields().map(|rival| rival.number()).filter(|number| *number != field.number()).collect()
+}
+
+fn number(value: &Reflected) -> Option<f64> {
+    Some(match *value {
+        Reflected::Bool(v) => f64::from(u8::from(v)),
+        Reflected::I32(v) | Reflected::EnumNumber(v) => f64::from(v),
+        Reflected::U32(v) => f64::from(v),
+        Reflected::I64(v) => v as f64,
+        Reflected::U64(v) => v as f64,
+        Reflected::F32(v) => f64::from(v),
+        Reflected::F64(v) => v,
+        _ => return None,
+    })
+}
+
+const VARINT: u8 = 0;
+const FIXED64: u8 = 1;
+const DELIMITED: u8 = 2;
+const START_GROUP: u8 = 3;
+const END_GROUP: u8 = 4;
+const FIXED32: u8 = 5;
+
+impl Scalar {
+    fn of(kind: &Kind) -> Option<Self> {
+        Some(match kind {
+            Kind::Bool => Self::Bool,
+            Kind::Int32 | Kind::Enum(_) => Self::Int32,
+            Kind::Uint32 => Self::Uint32,
+            Kind::Int64 => Self::Int64,
+            Kind::Uint64 => Self::Uint64,
+            Kind::Sint32 => Self::Sint32,
+            Kind::Sint64 => Self::Sint64,
+            Kind::Fixed32 => Self::Fixed32,
+            Kind::Sfixed32 => Self::Sfixed32,
+            Kind::Float => Self::Float,
+            Kind::Fixed64 => Self::Fixed64,
+            Kind::Sfixed64 => Self::Sfixed64,
+            Kind::Double => Self::Double,
+            Kind::String | Kind::Bytes | Kind::Message(_) => return None,
+        })
+    }
+
+    fn wire_type(self) -> u8 {
+        match self {
+            Self::Fixed32 | Self::Sfixed32 | Self::Float => FIXED32,
+            Self::Fixed64 | Self::Sfixed64 | Self::Double => FIXED64,
+            _ => VARINT,
+        }
+    }
+
+    fn read(self, wire: &mut Wire<'_>) -> Result<f64, WireError> {
+        Ok(match self {
+            Self::Bool => f64::from(u8::from(wire.varint()? != 0)),
+            Self::Int32 => f64::from(wire.varint()? as i32),
+            Self::Uint32 => f64::from(wire.varint()? as u32),
+            Self::Int64 => wire.varint()? as i64 as f64,
+            Self::Uint64 => wire.varint()? as f64,
+            Self::Sint32 => {
+                let v = wire.varint()? as u32;
+                f64::from((v >> 1) as i32 ^ -((v & 1) as i32))
+            }
+            Self::Sint64 => {
+                let v = wire.varint()?;
+                ((v >> 1) as i64 ^ -((v & 1) as i64)) as f64
+            }
+            Self::Fixed32 => f64::from(u32::from_le_bytes(wire.array()?)),
+            Self::Sfixed32 => f64::from(i32::from_le_bytes(wire.array()?)),
+            Self::Float => f64::from(f32::from_le_bytes(wire.array()?)),
+            Self::Fixed64 => u64::from_le_bytes(wire.array()?) as f64,
+            Self::Sfixed64 => i64::from_le_bytes(wire.array()?) as f64,
+            Self::Double => f64::from_le_bytes(wire.array()?),
+        })
+    }
+
+    /// Numbers in a packed field.
+    fn count(self, packed: &[u8]) -> Result<usize, WireError> {
+        let size = match self.wire_type() {
+            FIXED32 => 4,
+            FIXED64 => 8,
+            // Each varint has one byte, its last, without the high bit.
+            _ => return Ok(packed.iter().filter(|byte| **byte < 0x80).count()),
+        };
+        if packed.len().is_multiple_of(size) { Ok(packed.len() / size) } else { Err(WireError::Truncated) }
+    }
+
+    /// A number in a packed field, whose index is in range.
+    fn nth(self, packed: &[u8], index: usize) -> Result<f64, WireError> {
+        let mut wire = Wire { bytes: packed };
+        match self.wire_type() {
+            FIXED32 => wire.take(index * 4).map(|_| ())?,
+            FIXED64 => wire.take(index * 8).map(|_| ())?,
+            _ => (0..index).try_for_each(|_| wire.varint().map(|_| ()))?,
+        }
+        self.read(&mut wire)
+    }
+}
+
+/// What is left of a message.
+struct Wire<'a> {
+    bytes: &'a [u8],
+}
+
+impl<'a> Wire<'a> {
+    #[inline]
+    fn varint(&mut self) -> Result<u64, WireError> {
+        if let Some((first, rest)) = self.bytes.split_first()
+            && *first < 0x80
+        {
+            self.bytes = rest;
+            return Ok(u64::from(*first));
+        }
+        let mut value = 0;
+        for (at, byte) in self.bytes.iter().take(10).enumerate() {
+            value |= u64::from(byte & 0x7f) << (7 * at);
+            if *byte < 0x80 {
+                self.bytes = &self.bytes[at + 1..];
+                return Ok(value);
+            }
+        }
+        Err(if self.bytes.len() < 10 { WireError::Truncated } else { WireError::Varint })
+    }
+
+    #[inline]
+    fn tag(&mut self) -> Result<(u32, u8), WireError> {
+        let tag = self.varint()?;
+        let field = u32::try_from(tag >> 3).unwrap_or(0);
+        if field == 0 { Err(WireError::FieldZero) } else { Ok((field, (tag & 7) as u8)) }
+    }
+
+    #[inline]
+    fn take(&mut self, count: usize) -> Result<&'a [u8], WireError> {
+        let (taken, rest) = self.bytes.split_at_checked(count).ok_or(WireError::Truncated)?;
+        self.bytes = rest;
+        Ok(taken)
+    }
+
+    #[inline]
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], WireError> {
+        let (taken, rest) = self.bytes.split_first_chunk().ok_or(WireError::Truncated)?;
+        self.bytes = rest;
+        Ok(*taken)
+    }
+
+    #[inline]
+    fn delimited(&mut self) -> Result<&'a [u8], WireError> {
+        let length = usize::try_from(self.varint()?).map_err(|_| WireError::Truncated)?;
+        self.take(length)
+    }
+
+    #[inline]
+    fn skip(&mut self, field: u32, wire_type: u8) -> Result<(), WireError> {
+        match wire_type {
+            VARINT => self.varint().map(|_| ()),
+            FIXED64 => self.take(8).map(|_| ()),
+            DELIMITED => self.delimited().map(|_| ()),
+            FIXED32 => self.take(4).map(|_| ()),
+            START_GROUP => self.skip_group(field),
+            _ => Err(WireError::WireType { field, wire_type }),
+        }
+    }
+
+    /// Skips to the end of a group whose start tag has been read.
+    fn skip_group(&mut self, field: u32) -> Result<(), WireError> {
+        let mut open = [0; MAX_GROUPS];
+        open[0] = field;
+        let mut depth = 1;
+        while depth > 0 {
+            let (field, wire_type) = self.tag()?;
+            match wire_type {
+                START_GROUP if depth == MAX_GROUPS => return Err(WireError::Depth),
+                START_GROUP => {
+                    open[depth] = field;
+                    depth += 1;
+                }
+                END_GROUP if open[depth - 1] != field => return Err(WireError::Group),
+                END_GROUP => depth -= 1,
+                _ => self.skip(field, wire_type)?,
+            }
+        }
+        Ok(())
+    }
+}

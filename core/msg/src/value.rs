@@ -1,0 +1,490 @@
+//! Any message as a tree.
+
+use crate::packed::Packed;
+use crate::path::{FieldPath, Segment};
+use crate::time::Stamp;
+use bytes::Bytes;
+use std::borrow::Cow;
+
+/// A message, or a part of one, of any encoding.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// Nothing: an absent submessage, an optional field that is not set, JSON's null.
+    Null,
+    /// A truth value.
+    Bool(bool),
+    /// A signed integer of any width.
+    Int(i64),
+    /// An unsigned integer of any width.
+    Uint(u64),
+    /// A floating-point number of any width.
+    Float(f64),
+    /// A text.
+    Text(String),
+    /// Bytes, shared with the message that they came from.
+    Bytes(Bytes),
+    /// One of a list of named numbers.
+    Enum {
+        /// The number.
+        number: i32,
+        /// Its name; empty where the schema does not name that number.
+        name: String,
+    },
+    /// Elements of one kind.
+    List(Vec<Value>),
+    /// Numbers of one type, as they lie in the message.
+    Packed(Packed),
+    /// Named fields, in the order of the schema; of equal names the last counts.
+    Message(Vec<(String, Value)>),
+}
+
+/// Why a path leads nowhere in a value.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PathError {
+    /// No such field.
+    #[error("no field {name:?} here, expected one of {expected}: {path}")]
+    NoField {
+        /// The name asked for.
+        name: String,
+        /// The names that are there.
+        expected: String,
+        /// The path up to and with that name.
+        path: FieldPath,
+    },
+    /// No such element.
+    #[error("index {index} is out of range, got {length} elements: {path}")]
+    OutOfRange {
+        /// The index asked for.
+        index: usize,
+        /// The number of elements.
+        length: usize,
+        /// The path up to and with that index.
+        path: FieldPath,
+    },
+    /// The value is of another kind than the path or the new value supposes.
+    #[error("got {got}, expected {expected}: {path}")]
+    Kind {
+        /// The kind that was found.
+        got: &'static str,
+        /// The kind that would do.
+        expected: &'static str,
+        /// The path up to there.
+        path: FieldPath,
+    },
+}
+
+impl Value {
+    /// The value that a path names. What lies within an absent value is absent, too ([`Value::Null`]).
+    pub fn get(&self, path: &FieldPath) -> Result<Cow<'_, Value>, PathError> {
+        let mut value = self;
+        let segments = path.segments();
+        for (at, segment) in segments.iter().enumerate() {
+            if matches!(value, Value::Null) {
+                return Ok(Cow::Owned(Value::Null));
+            }
+            let last = at + 1 == segments.len();
+            let fail = |expected| PathError::Kind { got: value.kind(), expected, path: upto(path, at) };
+            match (segment, value) {
+                (Segment::Field(name), Value::Message(fields)) => {
+                    value = field(fields, name).ok_or_else(|| no_field(fields, name, path, at))?;
+                }
+                (Segment::Index(index), Value::List(list)) => {
+                    value = list.get(*index).ok_or_else(|| out_of_range(list.len(), *index, path, at))?;
+                }
+                (Segment::Index(index), Value::Bytes(_) | Value::Packed(_)) => {
+                    let length = value.len().unwrap_or_default();
+                    let item = value.item(*index).ok_or_else(|| out_of_range(length, *index, path, at))?;
+                    if !last {
+                        let path = upto(path, at + 1);
+                        return Err(PathError::Kind {
+                            got: item.kind(),
+                            expected: "a message or a list",
+                            path,
+                        });
+                    }
+                    return Ok(Cow::Owned(item.into_owned()));
+                }
+                (Segment::Length, _) => {
+                    let length = value.len().ok_or_else(|| fail("a list, bytes or a text"))?;
+                    if !last {
+                        let path = upto(path, at + 1);
+                        return Err(PathError::Kind {
+                            got: "a length",
+                            expected: "the end of the path",
+                            path,
+                        });
+                    }
+                    return Ok(Cow::Owned(Value::Uint(length as u64)));
+                }
+                (Segment::Field(_), _) => return Err(fail("a message")),
+                (Segment::Index(_), _) => return Err(fail("a list or bytes")),
+            }
+        }
+        Ok(Cow::Borrowed(value))
+    }
+
+    /// Puts `new` where the path says. A number takes the kind of the number it replaces, where it fits exactly
+    /// (or rounds, for a float); absent messages on the way come into being with that one field.
+    pub fn set(&mut self, path: &FieldPath, new: Value) -> Result<(), PathError> {
+        let mut value = self;
+        let segments = path.segments();
+        for (at, segment) in segments.iter().enumerate() {
+            let last = at + 1 == segments.len();
+            match segment {
+                Segment::Field(name) => {
+                    if matches!(value, Value::Null) {
+                        *value = nested(path, at, new)?;
+                        return Ok(());
+                    }
+                    let got = value.kind();
+                    let Value::Message(fields) = value else {
+                        return Err(PathError::Kind { got, expected: "a message", path: upto(path, at) });
+                    };
+                    let Some(index) = fields.iter().rposition(|(field, _)| field == name) else {
+                        return Err(no_field(fields, name, path, at));
+                    };
+                    value = &mut fields[index].1;
+                }
+                Segment::Index(index) => {
+                    let (got, length) = (value.kind(), value.len().unwrap_or_default());
+                    match value {
+                        Value::List(list) => {
+                            value =
+                                list.get_mut(*index).ok_or_else(|| out_of_range(length, *index, path, at))?;
+                        }
+                        Value::Bytes(_) | Value::Packed(_) if *index >= length => {
+                            return Err(out_of_range(length, *index, path, at));
+                        }
+                        Value::Bytes(_) | Value::Packed(_) if last => {
+                            return set_number(value, *index, &new).map_err(|expected| PathError::Kind {
+                                got: new.kind(),
+                                expected,
+                                path: path.clone(),
+                            });
+                        }
+                        _ => {
+                            return Err(PathError::Kind {
+                                got,
+                                expected: "a list or bytes",
+                                path: upto(path, at),
+                            });
+                        }
+                    }
+                }
+                Segment::Length => {
+                    return Err(PathError::Kind {
+                        got: "a length",
+                        expected: "something to set",
+                        path: path.clone(),
+                    });
+                }
+            }
+        }
+        *value = fit(value, new).map_err(|(got, expected)| PathError::Kind {
+            got,
+            expected,
+            path: path.clone(),
+        })?;
+        Ok(())
+    }
+
+    /// Every value without parts, with its path, depth first. Bytes and packed numbers are one leaf each.
+    pub fn leaves(&self) -> impl Iterator<Item = (FieldPath, &Value)> {
+        let mut stack = vec![(FieldPath::root(), self)];
+        std::iter::from_fn(move || {
+            loop {
+                let (path, value) = stack.pop()?;
+                match value {
+                    Value::Message(fields) => {
+                        stack.extend(fields.iter().rev().map(|(name, value)| (path.field(name), value)));
+                    }
+                    Value::List(list) => {
+                        stack.extend(list.iter().enumerate().rev().map(|(i, value)| (path.index(i), value)));
+                    }
+                    leaf => return Some((path, leaf)),
+                }
+            }
+        })
+    }
+
+    /// The kind in words, for messages to people.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Value::Null => "nothing",
+            Value::Bool(_) => "a truth value",
+            Value::Int(_) | Value::Uint(_) => "an integer",
+            Value::Float(_) => "a number",
+            Value::Text(_) => "a text",
+            Value::Bytes(_) => "bytes",
+            Value::Enum { .. } => "a choice",
+            Value::List(_) => "a list",
+            Value::Packed(_) => "a list of numbers",
+            Value::Message(_) => "a message",
+        }
+    }
+
+    /// The value as a number: truth values are 0 or 1, choices their number.
+    pub fn as_f64(&self) -> Option<f64> {
+        match self {
+            Value::Bool(v) => Some(f64::from(u8::from(*v))),
+            Value::Int(v) => Some(*v as f64),
+            Value::Uint(v) => Some(*v as f64),
+            Value::Float(v) => Some(*v),
+            Value::Enum { number, .. } => Some(f64::from(*number)),
+            _ => None,
+        }
+    }
+
+    /// The value as a text.
+    pub fn as_text(&self) -> Option<&str> {
+        match self {
+            Value::Text(text) => Some(text),
+            Value::Enum { name, .. } => Some(name),
+            _ => None,
+        }
+    }
+
+    /// The value as an integer; `None` for a number with a fraction, or out of range.
+    pub fn as_i64(&self) -> Option<i64> {
+        match self {
+            Value::Int(v) => Some(*v),
+            Value::Uint(v) => i64::try_from(*v).ok(),
+            Value::Enum { number, .. } => Some(i64::from(*number)),
+            Value::Float(v) => whole(*v),
+            _ => None,
+        }
+    }
+
+    /// The field of that name.
+    pub fn field(&self, name: &str) -> Option<&Value> {
+        match self {
+            Value::Message(fields) => field(fields, name),
+            _ => None,
+        }
+    }
+
+    /// The fields of a message.
+    pub fn fields(&self) -> &[(String, Value)] {
+        match self {
+            Value::Message(fields) => fields,
+            _ => &[],
+        }
+    }
+
+    /// The number of elements of a list, or of bytes of bytes and texts; `None` for the rest.
+    #[expect(clippy::len_without_is_empty, reason = "most values have no length")]
+    pub fn len(&self) -> Option<usize> {
+        match self {
+            Value::List(list) => Some(list.len()),
+            Value::Bytes(bytes) => Some(bytes.len()),
+            Value::Packed(packed) => Some(packed.len()),
+            Value::Text(text) => Some(text.len()),
+            _ => None,
+        }
+    }
+
+    /// The element of a list, of packed numbers, or of bytes.
+    pub fn item(&self, index: usize) -> Option<Cow<'_, Value>> {
+        match self {
+            Value::List(list) => list.get(index).map(Cow::Borrowed),
+            Value::Packed(packed) => packed.get(index).map(Cow::Owned),
+            Value::Bytes(bytes) => bytes.get(index).map(|byte| Cow::Owned(Value::Uint(u64::from(*byte)))),
+            _ => None,
+        }
+    }
+
+    /// The point in time that a message of seconds and nanoseconds names, protobuf's or ROS 2's.
+    pub fn as_stamp(&self) -> Option<Stamp> {
+        let part = |a, b| self.field(a).or_else(|| self.field(b))?.as_i64();
+        let timestamp = prost_types::Timestamp {
+            seconds: part("seconds", "sec")?,
+            nanos: i32::try_from(part("nanos", "nanosec")?).ok()?,
+        };
+        Stamp::from_proto(&timestamp)
+    }
+}
+
+fn field<'a>(fields: &'a [(String, Value)], name: &str) -> Option<&'a Value> {
+    fields.iter().rev().find(|(field, _)| field == name).map(|(_, value)| value)
+}
+
+/// The first `count` steps of a path.
+fn upto(path: &FieldPath, count: usize) -> FieldPath {
+    path.segments()[..count].to_vec().into()
+}
+
+fn no_field(fields: &[(String, Value)], name: &str, path: &FieldPath, at: usize) -> PathError {
+    // A JSON object can have any number of fields; a sentence cannot.
+    let mut expected = fields.iter().take(40).map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+    if fields.len() > 40 {
+        expected.push_str(", …");
+    }
+    PathError::NoField { name: name.to_owned(), expected, path: upto(path, at + 1) }
+}
+
+fn out_of_range(length: usize, index: usize, path: &FieldPath, at: usize) -> PathError {
+    PathError::OutOfRange { index, length, path: upto(path, at + 1) }
+}
+
+/// Messages of one field each, down the rest of a path that starts where nothing is yet.
+fn nested(path: &FieldPath, at: usize, new: Value) -> Result<Value, PathError> {
+    path.segments()[at..].iter().rev().try_fold(new, |inner, segment| match segment {
+        Segment::Field(name) => Ok(Value::Message(vec![(name.clone(), inner)])),
+        _ => Err(PathError::Kind { got: "nothing", expected: "a list or bytes", path: path.clone() }),
+    })
+}
+
+fn whole(number: f64) -> Option<i64> {
+    let fits = number.fract() == 0.0 && (-9.2e18..9.2e18).contains(&number);
+    fits.then_some(number as i64)
+}
+
+/// Changes one number within bytes or packed numbers; the index is known to be in range.
+fn set_number(value: &mut Value, index: usize, new: &Value) -> Result<(), &'static str> {
+    match value {
+        Value::Bytes(bytes) => {
+            let byte = new.as_i64().and_then(|v| u8::try_from(v).ok()).ok_or("an integer from 0 to 255")?;
+            let mut copy = bytes.to_vec();
+            copy[index] = byte;
+            *bytes = copy.into();
+            Ok(())
+        }
+        Value::Packed(packed) => {
+            if packed.set(index, new) {
+                Ok(())
+            } else {
+                Err("a number that fits the array's type")
+            }
+        }
+        _ => Ok(()),
+    }
+}
+
+/// `new` in the kind of `old`; the kinds got and expected where it does not fit.
+fn fit(old: &Value, new: Value) -> Result<Value, (&'static str, &'static str)> {
+    let got = new.kind();
+    let fitted = match (old, new) {
+        // Anything replaces nothing; and a name may replace a choice, which the encoder looks up.
+        (Value::Null, new)
+        | (_, new @ Value::Null)
+        | (Value::Enum { .. }, new @ (Value::Enum { .. } | Value::Text(_))) => Some(new),
+        (Value::Float(_), new @ (Value::Int(_) | Value::Uint(_))) => new.as_f64().map(Value::Float),
+        (Value::Int(_), new @ (Value::Uint(_) | Value::Float(_))) => new.as_i64().map(Value::Int),
+        (Value::Uint(_), new @ (Value::Int(_) | Value::Float(_))) => {
+            new.as_i64().and_then(|v| u64::try_from(v).ok()).map(Value::Uint)
+        }
+        (Value::Enum { .. }, new @ (Value::Int(_) | Value::Uint(_))) => new
+            .as_i64()
+            .and_then(|v| i32::try_from(v).ok())
+            .map(|number| Value::Enum { number, name: String::new() }),
+        (Value::List(_) | Value::Packed(_), new @ (Value::List(_) | Value::Packed(_))) => Some(new),
+        (old, new) => (std::mem::discriminant(old) == std::mem::discriminant(&new)).then_some(new),
+    };
+    let expected = match old {
+        Value::Int(_) => "an integer",
+        Value::Uint(_) => "an integer of at least 0",
+        old => old.kind(),
+    };
+    fitted.ok_or((got, expected))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Value {
+        let message = |fields: &[(&str, Value)]| {
+            Value::Message(fields.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect())
+        };
+        let cell = |cost| message(&[("cost", Value::Uint(cost))]);
+        message(&[
+            ("pose", message(&[("x", Value::Float(1.5)), ("label", Value::Text("a".into()))])),
+            ("cells", Value::List(vec![cell(7), cell(9)])),
+            ("data", Value::Bytes(Bytes::from_static(&[1, 2, 3]))),
+            ("level", Value::Enum { number: 2, name: "INFO".into() }),
+            ("absent", Value::Null),
+        ])
+    }
+
+    fn check(path: &str, expect: Result<Value, &str>) {
+        let value = sample();
+        let got = value.get(&path.parse().expect(path));
+        match expect {
+            Ok(expect) => assert_eq!(*got.expect(path), expect, "{path}"),
+            Err(expect) => assert_eq!(got.expect_err(path).to_string(), expect, "{path}"),
+        }
+    }
+
+    #[test]
+    fn a_path_names_a_field_an_element_or_a_length() {
+        check(".pose.x", Ok(Value::Float(1.5)));
+        check(".cells[1].cost", Ok(Value::Uint(9)));
+        check(".cells.@length", Ok(Value::Uint(2)));
+        check(".data[2]", Ok(Value::Uint(3)));
+        check(".data.@length", Ok(Value::Uint(3)));
+        check(".absent.anything[3]", Ok(Value::Null));
+        check("", Ok(sample()));
+    }
+
+    #[test]
+    fn a_path_that_leads_nowhere_says_what_is_there() {
+        check(".pose.y", Err("no field \"y\" here, expected one of x, label: .pose.y"));
+        check(".cells[2].cost", Err("index 2 is out of range, got 2 elements: .cells[2]"));
+        check(".data[3]", Err("index 3 is out of range, got 3 elements: .data[3]"));
+        check(".pose[0]", Err("got a message, expected a list or bytes: .pose"));
+        check(".pose.x.y", Err("got a number, expected a message: .pose.x"));
+        check(".pose.x.@length", Err("got a number, expected a list, bytes or a text: .pose.x"));
+        check(".data[0].x", Err("got an integer, expected a message or a list: .data[0]"));
+    }
+
+    #[test]
+    fn what_is_set_is_what_is_got() {
+        let cases = [
+            (".pose.x", Value::Int(4), Value::Float(4.0)),
+            (".cells[0].cost", Value::Float(8.0), Value::Uint(8)),
+            (".data[1]", Value::Int(200), Value::Uint(200)),
+            (".level", Value::Uint(3), Value::Enum { number: 3, name: String::new() }),
+            (".absent.x.y", Value::Float(1.0), Value::Float(1.0)),
+            (".pose.label", Value::Text("b".into()), Value::Text("b".into())),
+        ];
+        for (path, new, expect) in cases {
+            let path: FieldPath = path.parse().expect("a path");
+            let mut value = sample();
+            value.set(&path, new).expect("it can be set");
+            assert_eq!(*value.get(&path).expect("it is there"), expect);
+        }
+    }
+
+    #[test]
+    fn a_value_of_another_kind_is_refused_and_changes_nothing() {
+        let cases = [
+            (".pose.x", Value::Text("a".into())),
+            (".cells[0].cost", Value::Float(0.5)),
+            (".cells[0].cost", Value::Int(-1)),
+            (".data[0]", Value::Int(256)),
+            (".cells.@length", Value::Uint(1)),
+            (".pose.nothing", Value::Uint(1)),
+            (".cells[5]", Value::Uint(1)),
+            (".absent.x[0]", Value::Uint(1)),
+        ];
+        for (path, new) in cases {
+            let mut value = sample();
+            value.set(&path.parse().expect("a path"), new).expect_err(path);
+            assert_eq!(value, sample(), "{path}");
+        }
+    }
+
+    #[test]
+    fn each_leaf_is_what_its_path_names() {
+        let value = sample();
+        let leaves: Vec<_> = value.leaves().collect();
+        let paths: Vec<_> = leaves.iter().map(|(path, _)| path.to_string()).collect();
+        assert_eq!(
+            paths,
+            [".pose.x", ".pose.label", ".cells[0].cost", ".cells[1].cost", ".data", ".level", ".absent"]
+        );
+        for (path, leaf) in leaves {
+            assert_eq!(*value.get(&path).expect("a leaf is there"), *leaf);
+        }
+    }
+}

@@ -1,0 +1,395 @@
+//! ROS 2 CDR: conversions against hand-made messages, both byte orders, and damage.
+
+use bytes::Bytes;
+use proptest::prelude::*;
+use rcs_msg::{
+    AnyMessage, FieldScanner, MessageEncoding, Schema, Value, canonical, canonical_name, foxglove,
+    header_frame, header_stamp, points, rcs,
+};
+use std::sync::Arc;
+
+/// Writes CDR.
+struct Writer {
+    bytes: Vec<u8>,
+    big_endian: bool,
+}
+
+impl Writer {
+    fn new(big_endian: bool) -> Self {
+        Self { bytes: vec![0, u8::from(!big_endian), 0, 0], big_endian }
+    }
+
+    fn fixed<const N: usize>(&mut self, mut little: [u8; N]) -> &mut Self {
+        while !(self.bytes.len() - 4).is_multiple_of(N) {
+            self.bytes.push(0);
+        }
+        if self.big_endian {
+            little.reverse();
+        }
+        self.bytes.extend(little);
+        self
+    }
+
+    fn u32(&mut self, v: u32) -> &mut Self {
+        self.fixed(v.to_le_bytes())
+    }
+
+    fn u8(&mut self, v: u8) -> &mut Self {
+        self.fixed([v])
+    }
+
+    fn floats(&mut self, all: &[f64]) -> &mut Self {
+        for v in all {
+            self.fixed(v.to_le_bytes());
+        }
+        self
+    }
+
+    fn text(&mut self, text: &str) -> &mut Self {
+        self.u32(text.len() as u32 + 1);
+        self.bytes.extend(text.as_bytes());
+        self.u8(0)
+    }
+
+    fn data(&mut self, data: &[u8]) -> &mut Self {
+        self.u32(data.len() as u32);
+        self.bytes.extend(data);
+        self
+    }
+
+    fn header(&mut self) -> &mut Self {
+        self.u32(5).u32(7).text("map")
+    }
+
+    fn done(&mut self) -> Bytes {
+        std::mem::take(&mut self.bytes).into()
+    }
+}
+
+fn schema(name: &str, definition: &str) -> Arc<Schema> {
+    Arc::new(Schema::new(
+        name,
+        MessageEncoding::Cdr,
+        "ros2msg",
+        Bytes::copy_from_slice(definition.as_bytes()),
+    ))
+}
+
+/// A schema whose definition cannot be read: conversions go by its name.
+fn named(name: &str) -> Arc<Schema> {
+    Arc::new(Schema::new(name, MessageEncoding::Cdr, "ros2idl", Bytes::new()))
+}
+
+fn convert(name: &str, bytes: &Bytes) -> AnyMessage {
+    let schema = named(name);
+    let message = canonical(&schema, bytes).expect("a conversion is known").expect("it converts");
+    assert_eq!(canonical_name(&schema), Some(message.schema().name()));
+    message
+}
+
+#[test]
+fn an_image_shares_its_pixels_with_the_message() {
+    let mut writer = Writer::new(false);
+    let bytes = writer.header().u32(1).u32(2).text("16UC1").u8(0).u32(4).data(&[1, 2, 3, 4]).done();
+    let message = convert("sensor_msgs/msg/Image", &bytes);
+    let image = message.get::<foxglove::RawImage>().expect("it is an image");
+    assert_eq!((image.width, image.height, image.step, image.encoding.as_str()), (2, 1, 4, "16UC1"));
+    assert_eq!(image.data.as_ptr(), bytes[bytes.len() - 4..].as_ptr());
+    assert_eq!(header_stamp(&message).map(|stamp| stamp.0), Some(5_000_000_007));
+    assert_eq!(header_frame(&message).as_deref(), Some("map"));
+
+    let mut writer = Writer::new(true);
+    let bytes = writer.header().u32(1).u32(2).text("16UC1").u8(1).u32(4).data(&[1, 2, 3, 4]).done();
+    let message = convert("sensor_msgs/msg/Image", &bytes);
+    assert_eq!(message.get::<foxglove::RawImage>().expect("it is an image").data, [2, 1, 4, 3][..]);
+}
+
+#[test]
+fn compressed_formats_become_one_word_and_depth_a_png() {
+    for (format, data, expect, kept) in [
+        ("rgb8; jpeg compressed bgr8", vec![1; 20], "jpeg", 20),
+        ("png", vec![1; 20], "png", 20),
+        ("16UC1; compressedDepth png", vec![1; 20], "png", 8),
+        ("32FC1; compressedDepth png", vec![1; 20], "32FC1; compressedDepth png", 20),
+    ] {
+        let bytes = Writer::new(false).header().text(format).data(&data).done();
+        let message = convert("sensor_msgs/msg/CompressedImage", &bytes);
+        let image = message.get::<foxglove::CompressedImage>().expect("it is an image");
+        assert_eq!((image.format.as_str(), image.data.len()), (expect, kept));
+    }
+}
+
+#[test]
+fn a_calibration_keeps_its_matrices() {
+    let numbers: Vec<f64> = (0..30).map(f64::from).collect();
+    let mut writer = Writer::new(false);
+    writer
+        .header()
+        .u32(480)
+        .u32(640)
+        .text("plumb_bob")
+        .u32(5)
+        .floats(&[0.1, 0.2, 0.3, 0.4, 0.5])
+        .floats(&numbers);
+    let bytes = writer.u32(0).u32(0).u32(0).u32(0).u32(0).u32(0).u8(0).done();
+    let message = convert("sensor_msgs/msg/CameraInfo", &bytes);
+    let calibration = message.get::<foxglove::CameraCalibration>().expect("it is a calibration");
+    assert_eq!((calibration.width, calibration.height, calibration.d.len()), (640, 480, 5));
+    assert_eq!((calibration.k[8], calibration.r[0], calibration.p[11]), (8.0, 9.0, 29.0));
+}
+
+fn cloud(big_endian: bool, height: u32, row_step: u32, data: &[u8]) -> Bytes {
+    let mut writer = Writer::new(big_endian);
+    writer.header().u32(height).u32(1).u32(3);
+    for (at, name) in ["x", "y", "z"].iter().enumerate() {
+        writer.text(name).u32(4 * at as u32).u8(7).u32(1);
+    }
+    writer.u8(u8::from(big_endian)).u32(12).u32(row_step).data(data).u8(1).done()
+}
+
+#[test]
+fn a_cloud_shares_its_points_unless_rows_are_padded_or_numbers_big_endian() {
+    let little: Vec<u8> = [1.0f32, 2.0, 3.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let big: Vec<u8> = [1.0f32, 2.0, 3.0].iter().flat_map(|v| v.to_be_bytes()).collect();
+    let mut padded = little.clone();
+    padded.extend([9; 4]);
+    padded.extend(&little);
+    for (bytes, count) in
+        [(cloud(false, 1, 12, &little), 1), (cloud(true, 1, 12, &big), 1), (cloud(false, 2, 16, &padded), 2)]
+    {
+        let message = convert("sensor_msgs/msg/PointCloud2", &bytes);
+        let cloud = message.get::<foxglove::PointCloud>().expect("it is a cloud");
+        let positions: Vec<_> =
+            points(cloud).expect("it is valid").iter().map(|p| p.position.to_array()).collect();
+        assert_eq!(positions, vec![[1.0, 2.0, 3.0]; count]);
+    }
+    let bytes = cloud(false, 1, 12, &little);
+    let message = convert("sensor_msgs/msg/PointCloud2", &bytes);
+    let data = &message.get::<foxglove::PointCloud>().expect("it is a cloud").data;
+    assert!(bytes.as_ptr_range().contains(&data.as_ptr()));
+    let short = cloud(false, 2, 12, &little);
+    let error = canonical(&named("sensor_msgs/msg/PointCloud2"), &short).expect("it is known");
+    let error = error.expect_err("a row is missing").to_string();
+    assert!(error.contains("got 12, expected 24"), "{error}");
+}
+
+#[test]
+fn an_imu_without_orientation_has_none() {
+    let mut writer = Writer::new(false);
+    writer.header().floats(&[0.0, 0.0, 0.0, 1.0]).floats(&[-1.0]).floats(&[0.0; 8]);
+    let bytes =
+        writer.floats(&[1.0, 2.0, 3.0]).floats(&[0.5; 9]).floats(&[4.0, 5.0, 6.0]).floats(&[0.0; 9]).done();
+    let message = convert("sensor_msgs/msg/Imu", &bytes);
+    let imu = message.get::<rcs::Imu>().expect("it is an IMU");
+    assert_eq!((imu.orientation, imu.orientation_covariance.len()), (None, 0));
+    assert_eq!(imu.angular_velocity, Some(foxglove::Vector3 { x: 1.0, y: 2.0, z: 3.0 }));
+    assert_eq!(imu.linear_acceleration, Some(foxglove::Vector3 { x: 4.0, y: 5.0, z: 6.0 }));
+    assert_eq!(imu.angular_velocity_covariance, [0.5; 9]);
+}
+
+#[test]
+fn odometry_and_fixes_keep_their_numbers() {
+    let mut writer = Writer::new(true);
+    writer.header().text("base").floats(&[1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8]).floats(&[0.1; 36]);
+    let bytes = writer.floats(&[4.0, 5.0, 6.0, 7.0, 8.0, 9.0]).floats(&[0.2; 36]).done();
+    let message = convert("nav_msgs/msg/Odometry", &bytes);
+    let odometry = message.get::<foxglove::Odometry>().expect("it is odometry");
+    assert_eq!((odometry.frame_id.as_str(), odometry.body_frame_id.as_str()), ("map", "base"));
+    assert_eq!(odometry.pose.and_then(|pose| pose.orientation).map(|q| (q.z, q.w)), Some((0.6, 0.8)));
+    assert_eq!(odometry.angular_velocity.map(|v| v.z), Some(9.0));
+    assert_eq!((odometry.pose_covariance[35], odometry.velocity_covariance[35]), (0.1, 0.2));
+
+    let mut writer = Writer::new(false);
+    writer.header().u8(0xff).fixed(3u16.to_le_bytes()).floats(&[48.0, 9.0, 300.0]).floats(&[1.0; 9]);
+    let message = convert("sensor_msgs/msg/NavSatFix", &writer.u8(2).done());
+    let fix = message.get::<foxglove::LocationFix>().expect("it is a fix");
+    assert_eq!((fix.latitude, fix.longitude, fix.altitude), (48.0, 9.0, 300.0));
+    assert_eq!(fix.position_covariance_type(), foxglove::location_fix::PositionCovarianceType::DiagonalKnown);
+    assert_eq!((fix.metadata[0].key.as_str(), fix.metadata[0].value.as_str()), ("status", "-1"));
+}
+
+#[test]
+fn poses_paths_and_transforms_keep_their_frames() {
+    let pose = [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0];
+    let message = convert("geometry_msgs/msg/PoseStamped", &Writer::new(false).header().floats(&pose).done());
+    let stamped = message.get::<foxglove::PoseInFrame>().expect("it is a pose");
+    assert_eq!(stamped.pose.and_then(|pose| pose.position).map(|p| p.y), Some(2.0));
+
+    let mut writer = Writer::new(false);
+    let bytes = writer.header().u32(2).header().floats(&pose).header().floats(&pose).done();
+    let message = convert("nav_msgs/msg/Path", &bytes);
+    assert_eq!(message.get::<foxglove::PosesInFrame>().expect("it is a path").poses.len(), 2);
+
+    let bytes = Writer::new(false).u32(1).header().text("base").floats(&pose).done();
+    let message = convert("tf2_msgs/msg/TFMessage", &bytes);
+    let transform = &message.get::<foxglove::FrameTransforms>().expect("it is transforms").transforms[0];
+    assert_eq!((transform.parent_frame_id.as_str(), transform.child_frame_id.as_str()), ("map", "base"));
+    assert_eq!(header_stamp(&message).map(|stamp| stamp.0), Some(5_000_000_007));
+}
+
+#[test]
+fn occupancy_becomes_cost_and_minus_one_unknown() {
+    let mut writer = Writer::new(false);
+    writer.header().u32(0).u32(0).fixed(0.5f32.to_le_bytes()).u32(3).u32(1);
+    let bytes = writer.floats(&[1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0]).data(&[0, 100, 0xff]).done();
+    let message = convert("nav_msgs/msg/OccupancyGrid", &bytes);
+    let grid = message.get::<foxglove::Grid>().expect("it is a grid");
+    assert_eq!(grid.data, [0, 250, 255][..]);
+    assert_eq!((grid.column_count, grid.row_stride, grid.cell_stride), (3, 3, 1));
+    assert_eq!(grid.cell_size, Some(foxglove::Vector2 { x: 0.5, y: 0.5 }));
+    assert_eq!(grid.fields[0].name, "cost");
+}
+
+#[test]
+fn a_definition_that_means_something_else_is_refused() {
+    let schema = schema("nav_msgs/msg/Path", "float64 length");
+    let error = canonical(&schema, &Bytes::new()).expect("it is known").expect_err("it is another message");
+    assert_eq!(error.to_string(), "nav_msgs/msg/Path is laid out as d, expected iIs[](iIsddddddd)");
+    assert_eq!(canonical_name(&schema), None);
+}
+
+#[test]
+fn what_has_no_reader_says_why() {
+    let no_reader = [
+        (
+            Schema::new("a/A", MessageEncoding::from_name("ros1"), "ros1msg", Bytes::new()),
+            "expected protobuf, cdr or json",
+        ),
+        (
+            Schema::new("a/A", MessageEncoding::Cdr, "ros2idl", Bytes::new()),
+            "its definition is in \"ros2idl\"",
+        ),
+        (Schema::new("a.A", MessageEncoding::Protobuf, "protobuf", Bytes::new()), "does not define it"),
+        (
+            Schema::new("a.A", MessageEncoding::Protobuf, "protobuf", Bytes::from_static(&[1])),
+            "does not decode",
+        ),
+        (Schema::new("a/A", MessageEncoding::Cdr, "ros2msg", Bytes::from_static(b"b/B x")), "got \"b/B\""),
+    ];
+    for (schema, expect) in no_reader {
+        let error = schema.decodable().expect_err(expect).to_string();
+        assert!(error.contains(expect), "{error}");
+        assert_eq!(schema.value(&Bytes::new()).expect_err(expect).to_string(), error);
+    }
+}
+
+const DEFINITION: &str = "bool a\nint8[] b\nstring c\nPart[] parts\nfloat64[3] d\nwstring e\nuint8[] data\n\
+    string[] names\nPart[2] pair\n===\nMSG: a/Part\nuint16 p\nfloat32[] q\nstring r\n";
+
+fn sample(big_endian: bool) -> Bytes {
+    let mut writer = Writer::new(big_endian);
+    let mut part = |writer: &mut Writer, p: u16| {
+        writer
+            .fixed(p.to_le_bytes())
+            .u32(2)
+            .fixed(1.5f32.to_le_bytes())
+            .fixed(2.5f32.to_le_bytes())
+            .text("r");
+    };
+    writer.u8(1).data(&[1, 0xfe]).text("hello").u32(2);
+    part(&mut writer, 7);
+    part(&mut writer, 8);
+    writer.floats(&[0.1, 0.2, 0.3]).u32(2).u32(u32::from(b'h')).u32(u32::from(b'i')).data(&[9, 8, 7]);
+    writer.u32(2).text("x").text("yz");
+    part(&mut writer, 1);
+    part(&mut writer, 2);
+    writer.done()
+}
+
+#[test]
+fn the_tree_and_the_scanner_read_both_byte_orders() {
+    let schema = schema("a/msg/Demo", DEFINITION);
+    let data = [sample(false), sample(true)];
+    for (path, expect) in [
+        (".a", Some(1.0)),
+        (".b[1]", Some(-2.0)),
+        (".c.@length", Some(5.0)),
+        (".parts.@length", Some(2.0)),
+        (".parts[1].p", Some(8.0)),
+        (".parts[1].q[1]", Some(2.5)),
+        (".parts[2].p", None),
+        (".d[2]", Some(0.3)),
+        (".d[3]", None),
+        (".data[1]", Some(8.0)),
+        (".data.@length", Some(3.0)),
+        (".names[1].@length", Some(2.0)),
+        (".pair[1].p", Some(2.0)),
+        (".pair.@length", Some(2.0)),
+    ] {
+        let path = path.parse().expect("a path");
+        let scanner = FieldScanner::new(&schema, &path).expect("it is a number");
+        for data in &data {
+            let value = schema.value(data).expect("it reads");
+            assert_eq!(value.get(&path).ok().and_then(|value| value.as_f64()), expect, "{path}");
+            assert_eq!(scanner.scan(data), Ok(expect), "{path}");
+        }
+    }
+    assert_eq!(schema.value(&data[0]).expect("it reads").field("e"), Some(&Value::Text("hi".into())));
+}
+
+#[test]
+fn lengths_that_the_message_cannot_hold_reserve_nothing() {
+    let before = peak_bytes();
+    for definition in
+        ["uint8[] x", "float64[] x", "string[] x", "string x", "wstring x", "P[] x\n===\nMSG: a/P\nuint8 y"]
+    {
+        let schema = schema("a/msg/A", definition);
+        let bytes = Bytes::from_static(&[0, 1, 0, 0, 0xff, 0xff, 0xff, 0xff, 1, 2, 3, 4]);
+        schema.value(&bytes).expect_err("it is too long");
+    }
+    for name in ["Image", "PointCloud2", "CameraInfo", "CompressedImage"] {
+        let bytes = Bytes::from(vec![0xff; 64]);
+        canonical(&named(&format!("sensor_msgs/msg/{name}")), &bytes)
+            .expect("it is known")
+            .expect_err("it is too long");
+    }
+    for xcdr2 in [[0, 6], [0, 7], [0, 3]] {
+        let error =
+            schema("a/msg/A", "uint8 x").value(&Bytes::copy_from_slice(&[xcdr2[0], xcdr2[1], 0, 0, 1]));
+        assert!(error.expect_err("it is another encoding").to_string().contains("plain CDR"));
+    }
+    let grown = peak_bytes().saturating_sub(before);
+    assert!(grown < 64 << 20, "memory grew by {grown} bytes");
+}
+
+/// Peak resident memory of this process; 0 where the system does not say.
+fn peak_bytes() -> usize {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.split_whitespace().next()?.parse::<usize>().ok()).unwrap_or(0) * 1024
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_damaged_message_is_an_error_or_another_message(
+        big_endian in any::<bool>(),
+        cut in any::<prop::sample::Index>(),
+        flips in prop::collection::vec(any::<prop::sample::Index>(), 0..6),
+    ) {
+        let schema = schema("a/msg/Demo", DEFINITION);
+        let mut data = sample(big_endian).to_vec();
+        for flip in flips {
+            let bit = flip.index(data.len() * 8);
+            data[bit / 8] ^= 1 << (bit % 8);
+        }
+        data.truncate(cut.index(data.len() + 1));
+        let data = Bytes::from(data);
+        if let Ok(value) = schema.value(&data) {
+            value.leaves().for_each(drop);
+        }
+        for path in [".parts[1].q[1]", ".pair[1].p", ".names[1].@length"] {
+            let _ = FieldScanner::new(&schema, &path.parse().expect("a path")).expect("it is a number").scan(&data);
+        }
+        for name in ["sensor_msgs/Image", "sensor_msgs/PointCloud2", "nav_msgs/Path", "nav_msgs/OccupancyGrid"] {
+            let _ = canonical(&named(name), &data);
+        }
+    }
+
+    #[test]
+    fn no_text_makes_the_definition_reader_panic(text in "([a-z/\\[\\]<=0-9 \"#\n]|uint8|string|MSG: |===\n|float64|\\[\\]){0,60}") {
+        let schema = schema("a/msg/A", &text);
+        let _ = schema.value(&Bytes::from_static(&[0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0]));
+    }
+}
