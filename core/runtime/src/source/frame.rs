@@ -68,6 +68,30 @@ pub struct Topic {
 }
 
 impl Topic {
+    /// A topic of which nothing is known yet but its name and type.
+    pub fn new(name: &str, run: RunTag, schema: Arc<Schema>) -> Self {
+        Self {
+            name: name.into(),
+            run,
+            schema,
+            metadata: Arc::default(),
+            writer: "".into(),
+            messages: 0,
+            hz: 0.0,
+            undecodable: None,
+            latest: None,
+            canonical: Arc::default(),
+        }
+    }
+
+    /// The same topic with another newest message.
+    #[must_use]
+    pub fn with_latest(mut self, sample: Sample) -> Self {
+        self.latest = Some(sample);
+        self.canonical = Arc::default();
+        self
+    }
+
     /// The newest message as the canonical type that its schema converts to (a ROS 2 image as a
     /// `foxglove.RawImage`, …); converted at most once. `None` where there is none.
     pub fn canonical(&self) -> Option<&AnyMessage> {
