@@ -7,12 +7,13 @@ use super::tree::{Declared, Lock, Package, packages, read};
 const WINDOW_CRATES: [&str; 7] = ["egui", "egui_", "egui-", "eframe", "winit", "wgpu", "wgpu-"];
 
 /// Crates of others a plugin may use: mathematics, and what a message, a state and an error are made of.
-const CRATES_FOR_PLUGINS: [&str; 11] = [
+const CRATES_FOR_PLUGINS: [&str; 12] = [
     "bytes",
     "glam",
     "libm",
     "nalgebra",
     "prost",
+    "prost-types",
     "rand_chacha",
     "rand_core",
     "rayon",
