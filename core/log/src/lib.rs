@@ -1,1 +1,54 @@
 //! Logs: indexed MCAP reading, writing, recovery and the time cursor.
+//!
+//! A log is read with positioned reads and bounded caches, whatever its size; damage is salvaged, counted and told,
+//! and never an error.
+//!
+//! ```
+//! use rcs_log::{CursorOptions, Log, LogWriter, WriteHeader, WriterOptions};
+//! use rcs_msg::{Stamp, registry};
+//! use std::collections::BTreeMap;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let folder = tempfile::tempdir()?;
+//! # let path = folder.path().join("drive.mcap");
+//! let mut writer = LogWriter::create(&path, WriterOptions::default())?;
+//! let schema = registry().schema("foxglove.Pose").ok_or("no such schema")?;
+//! let pose = writer.add_channel("/pose", schema, &BTreeMap::new())?;
+//! let header = WriteHeader { sequence: 1, log_time: Stamp(10), publish_time: Stamp(10) };
+//! writer.write(pose, header, b"")?;
+//! writer.finish()?;
+//!
+//! let log = Log::open(&path)?;
+//! assert_eq!(log.info().messages, 1);
+//! for message in log.cursor(CursorOptions::default()) {
+//!     assert_eq!(message?.log_time, Stamp(10));
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! The records, the decompressors' formats and the writer are the `mcap` crate's. Its readers are not used: they stop
+//! at the first bad record, panic on some, clone the whole chunk index for every cursor, and cannot resume at an exact
+//! message; ours salvage, share one cache, and order messages totally.
+
+mod cache;
+mod catalog;
+mod cursor;
+mod error;
+mod find;
+mod info;
+mod log;
+mod record;
+mod recorder;
+mod scan;
+mod segment;
+mod source;
+mod summary;
+mod writer;
+
+pub use cursor::{Cursor, CursorOptions, Position};
+pub use error::LogError;
+pub use info::{Attachment, AttachmentInfo, LogInfo, LogMessage, LogTopic, Lost, Metadata, Place, TopicId};
+pub use log::Log;
+pub use recorder::{Recorder, RecorderHandle, RecorderMode, RecorderOptions, RecorderStatus};
+pub use writer::{ChannelId, Clock, FORMAT_VERSION, LogWriter, Sink, WriteHeader, WriterOptions};

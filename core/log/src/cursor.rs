@@ -1,0 +1,206 @@
+//! Reading messages in order, from any place on.
+
+use crate::cache::Loaded;
+use crate::error::LogError;
+use crate::info::{LogMessage, Place, TopicId};
+use crate::log::{Log, place_of};
+use crate::segment::MessageRef;
+use rcs_msg::Stamp;
+use serde::{Deserialize, Serialize};
+use std::cmp::{Ordering, Reverse};
+use std::collections::BinaryHeap;
+use std::sync::Arc;
+
+/// Which messages a cursor gives.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CursorOptions {
+    /// Only messages of these topics; `None` for all.
+    pub topics: Option<Vec<TopicId>>,
+    /// No message before this log time.
+    pub start: Stamp,
+    /// No message after this log time.
+    pub end: Stamp,
+}
+
+impl Default for CursorOptions {
+    /// All messages.
+    fn default() -> Self {
+        Self { topics: None, start: Stamp(0), end: Stamp::MAX }
+    }
+}
+
+/// Where a cursor stands: [`Log::cursor_at`] goes on from there with exactly the messages that were left.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Position {
+    options: CursorOptions,
+    /// The last message given, or what lies before the first.
+    after: Place,
+}
+
+impl Position {
+    /// The last message given, or a place before all.
+    pub fn place(&self) -> Place {
+        self.after
+    }
+
+    /// What the cursor was made with.
+    pub fn options(&self) -> &CursorOptions {
+        &self.options
+    }
+}
+
+/// Gives messages by log time, ties in file order.
+///
+/// After an error, a chunk that the system refuses to read, it goes on behind that chunk.
+#[derive(Debug)]
+pub struct Cursor {
+    log: Log,
+    position: Position,
+    /// The topics wanted, ascending.
+    wanted: Option<Vec<u16>>,
+    /// How many of the log's segments, by first time, have been opened or passed.
+    opened: usize,
+    heads: BinaryHeap<Reverse<Front>>,
+    /// The segment that the last message came from: the next one is likely to, too.
+    current: Option<(u32, Arc<Loaded>)>,
+}
+
+/// The next message of an open segment.
+#[derive(Debug)]
+struct Front {
+    segment: u32,
+    index: usize,
+    messages: Arc<[MessageRef]>,
+}
+
+impl Front {
+    fn place(&self) -> Place {
+        place_of(self.segment, self.messages[self.index])
+    }
+}
+
+impl PartialEq for Front {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Front {}
+
+impl PartialOrd for Front {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Front {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.place().cmp(&other.place())
+    }
+}
+
+impl Log {
+    /// Messages in order: log time, ties in file order.
+    pub fn cursor(&self, options: CursorOptions) -> Cursor {
+        let after = Place::before(options.start);
+        self.cursor_after(options, after)
+    }
+
+    pub(crate) fn cursor_after(&self, options: CursorOptions, after: Place) -> Cursor {
+        self.cursor_at(Position { options, after })
+    }
+
+    /// Goes on where another cursor over the same log stood.
+    pub fn cursor_at(&self, position: Position) -> Cursor {
+        let wanted = position.options.topics.as_ref().map(|topics| {
+            let mut wanted: Vec<u16> = topics.iter().map(|topic| topic.0).collect();
+            wanted.sort_unstable();
+            wanted
+        });
+        Cursor { log: self.clone(), position, wanted, opened: 0, heads: BinaryHeap::new(), current: None }
+    }
+}
+
+impl Cursor {
+    /// Where the cursor stands, to go on later from exactly here.
+    pub fn position(&self) -> Position {
+        self.position.clone()
+    }
+
+    fn wants(&self, channel: u16) -> bool {
+        self.wanted.as_ref().is_none_or(|wanted| wanted.binary_search(&channel).is_ok())
+    }
+
+    /// Opens every segment that may hold a message before the first of those open.
+    fn open_segments(&mut self) -> Result<(), LogError> {
+        let inner = Arc::clone(&self.log.0);
+        let last = self.position.options.end.0;
+        while let Some(&index) = inner.by_first.get(self.opened) {
+            let segment = &inner.segments[index as usize];
+            let earliest = self.heads.peek().map_or(Stamp::MAX, |Reverse(front)| front.place().time);
+            if segment.first > earliest.0 || segment.first > last {
+                return Ok(());
+            }
+            self.opened += 1;
+            let over = segment.last < self.position.after.time.0;
+            let unwanted = self.wanted.as_ref().is_some_and(|wanted| !wanted.iter().any(|&id| segment.may_hold(id)));
+            if over || unwanted {
+                continue;
+            }
+            let loaded = self.load(index)?;
+            let messages = Arc::clone(&loaded.messages);
+            let from = messages.partition_point(|&message| place_of(index, message) <= self.position.after);
+            self.push(index, from, messages);
+        }
+        Ok(())
+    }
+
+    fn load(&mut self, index: u32) -> Result<Arc<Loaded>, LogError> {
+        if let Some((current, loaded)) = &self.current
+            && *current == index
+        {
+            return Ok(Arc::clone(loaded));
+        }
+        // Let go first: what is being loaded may need the room.
+        self.current = None;
+        let loaded = self.log.load(index)?;
+        self.current = Some((index, Arc::clone(&loaded)));
+        Ok(loaded)
+    }
+
+    /// Queues a segment at its first wanted message from `from` on.
+    fn push(&mut self, segment: u32, from: usize, messages: Arc<[MessageRef]>) {
+        let end = self.position.options.end.0;
+        let next = messages[from..].iter().position(|message| message.time > end || self.wants(message.channel));
+        if let Some(offset) = next
+            && messages[from + offset].time <= end
+        {
+            self.heads.push(Reverse(Front { segment, index: from + offset, messages }));
+        }
+    }
+}
+
+impl Iterator for Cursor {
+    type Item = Result<LogMessage, LogError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Err(error) = self.open_segments() {
+                return Some(Err(error));
+            }
+            let Reverse(front) = self.heads.pop()?;
+            let Front { segment, index, messages } = front;
+            self.position.after = place_of(segment, messages[index]);
+            let loaded = match self.load(segment) {
+                Ok(loaded) => loaded,
+                // The segment is given up.
+                Err(error) => return Some(Err(error)),
+            };
+            let message = self.log.message(segment, &loaded, messages[index]);
+            self.push(segment, index + 1, messages);
+            if let Some(message) = message {
+                return Some(Ok(message));
+            }
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! Single messages by time: the latest of each topic, the one before, the one after.
+
+use crate::cursor::CursorOptions;
+use crate::error::LogError;
+use crate::info::{LogMessage, Place, TopicId};
+use crate::log::{Log, place_of};
+use rcs_msg::Stamp;
+use std::collections::BTreeMap;
+
+impl Log {
+    /// The last message at or before `time` of each of `topics`, in their order, or of each topic of
+    /// [`LogInfo::topics`](crate::LogInfo::topics).
+    pub fn latest_at(&self, time: Stamp, topics: Option<&[TopicId]>) -> Result<Vec<Option<LogMessage>>, LogError> {
+        let all: Vec<TopicId>;
+        let topics = if let Some(topics) = topics {
+            topics
+        } else {
+            all = self.info().topics.iter().map(|topic| topic.id).collect();
+            &all
+        };
+        // A topic asked for twice is looked for once.
+        let mut groups = BTreeMap::new();
+        for &topic in topics {
+            let group = groups.len();
+            groups.entry(topic.0).or_insert(group);
+        }
+        let found = self.latest_before(Place::after(time), &groups)?;
+        Ok(topics.iter().map(|topic| found[groups[&topic.0]].clone()).collect())
+    }
+
+    /// The message before `place`, of any of `topics` or of all: stepping back from a message's own place.
+    pub fn previous_message(&self, place: Place, topics: Option<&[TopicId]>) -> Result<Option<LogMessage>, LogError> {
+        let groups = match topics {
+            Some(topics) => topics.iter().map(|topic| (topic.0, 0)).collect(),
+            None => self.info().topics.iter().map(|topic| (topic.id.0, 0)).collect(),
+        };
+        Ok(self.latest_before(place, &groups)?.pop().flatten())
+    }
+
+    /// The message after `place`, of any of `topics` or of all.
+    pub fn next_message(&self, place: Place, topics: Option<&[TopicId]>) -> Result<Option<LogMessage>, LogError> {
+        let options = CursorOptions { topics: topics.map(<[_]>::to_vec), start: place.time, end: Stamp::MAX };
+        self.cursor_after(options, place).next().transpose()
+    }
+
+    /// The last message before `before` of each group of channels. Reads segments from the latest back, and only
+    /// those that may hold a message later than what is found.
+    fn latest_before(
+        &self,
+        before: Place,
+        groups: &BTreeMap<u16, usize>,
+    ) -> Result<Vec<Option<LogMessage>>, LogError> {
+        let count = groups.values().max().map_or(0, |&group| group + 1);
+        let mut best: Vec<Option<LogMessage>> = vec![None; count];
+        // A channel without messages would have every segment searched.
+        let mut open: BTreeMap<u16, usize> = groups
+            .iter()
+            .filter(|&(&channel, _)| self.info().topic(TopicId(channel)).is_some_and(|topic| topic.messages > 0))
+            .map(|(&channel, &group)| (channel, group))
+            .collect();
+        for &index in self.0.by_last.iter().rev() {
+            let segment = &self.0.segments[index as usize];
+            if segment.first > before.time.0 {
+                continue;
+            }
+            let bound = segment.last.min(before.time.0);
+            open.retain(|_, group| best[*group].as_ref().is_none_or(|found| found.place.time.0 <= bound));
+            if open.is_empty() {
+                break;
+            }
+            if !open.keys().any(|&channel| segment.may_hold(channel)) {
+                continue;
+            }
+            let loaded = self.load(index)?;
+            let mut here = vec![false; count];
+            let mut left = open.values().collect::<std::collections::BTreeSet<_>>().len();
+            let end = loaded.messages.partition_point(|&message| place_of(index, message) < before);
+            for &message in loaded.messages[..end].iter().rev() {
+                let Some(&group) = open.get(&message.channel) else { continue };
+                if std::mem::replace(&mut here[group], true) {
+                    continue;
+                }
+                let place = place_of(index, message);
+                if best[group].as_ref().is_none_or(|found| found.place < place) {
+                    best[group] = self.message(index, &loaded, message);
+                }
+                left -= 1;
+                if left == 0 {
+                    break;
+                }
+            }
+        }
+        Ok(best)
+    }
+}

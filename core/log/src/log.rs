@@ -1,0 +1,342 @@
+//! An open log.
+
+use crate::cache::{Cache, Loaded};
+use crate::catalog::{Catalog, Problems};
+use crate::error::LogError;
+use crate::info::{Attachment, AttachmentInfo, LogInfo, LogMessage, Lost, Metadata, Place, TopicId};
+use crate::record::{Fields, HEAD, Head, MAGIC, MessageHead, PROBE, indexed_messages, op};
+use crate::scan::{Scanned, scan};
+use crate::segment::{Damage, MessageRef, Segment, Tally, decode, message_data};
+use crate::source::{Source, Window};
+use crate::summary::{self, Contents, Summary};
+use bytes::Bytes;
+use rcs_msg::Stamp;
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// How much decompressed data an open log keeps.
+const CACHE_BYTES: usize = 64 << 20;
+/// A log with no more contents than this is checked whole when it is opened; a larger one as it is read.
+const CHECKED_WHOLE: u64 = 32 << 20;
+
+/// An open log: cheap to clone, shared between threads, with one cache of decompressed chunks.
+///
+/// Memory is bounded whatever the log's size: the index, and [64 MiB](Log) of decompressed chunks.
+#[derive(Clone, Debug)]
+pub struct Log(pub(crate) Arc<Inner>);
+
+#[derive(Debug)]
+pub(crate) struct Inner {
+    source: Source,
+    info: LogInfo,
+    /// In file order.
+    pub(crate) segments: Vec<Segment>,
+    /// Segments by first time, and by last time; ties in file order.
+    pub(crate) by_first: Vec<u32>,
+    pub(crate) by_last: Vec<u32>,
+    catalog: Catalog,
+    cache: Cache,
+    found: Mutex<Found>,
+}
+
+/// Damage found since the log was opened.
+#[derive(Debug, Default)]
+struct Found {
+    lost: Lost,
+    problems: Problems,
+    reported: BTreeSet<u32>,
+}
+
+/// What opening found.
+struct Opened {
+    contents: Contents,
+    lost: Lost,
+    recovered: bool,
+}
+
+impl Log {
+    /// Opens a log by its index or, where that is missing or damaged, by a scan of its records.
+    ///
+    /// Damage is no error: see [`LogInfo::lost`] and [`LogInfo::problems`].
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, LogError> {
+        Self::from_source(Source::open(path.as_ref())?, true)
+    }
+
+    /// Opens a log by a scan, whatever its index says.
+    pub fn open_by_scan(path: impl AsRef<Path>) -> Result<Self, LogError> {
+        Self::from_source(Source::open(path.as_ref())?, false)
+    }
+
+    /// Opens a log in memory, like [`Log::open`].
+    pub fn from_bytes(bytes: Bytes) -> Result<Self, LogError> {
+        Self::from_source(Source::memory(bytes), true)
+    }
+
+    /// Opens a log in memory, like [`Log::open_by_scan`].
+    pub fn from_bytes_by_scan(bytes: Bytes) -> Result<Self, LogError> {
+        Self::from_source(Source::memory(bytes), false)
+    }
+
+    fn from_source(source: Source, by_index: bool) -> Result<Self, LogError> {
+        let front = source.read(0, source.length().min(MAGIC.len() as u64) as usize)?;
+        if front != MAGIC.as_slice() {
+            let got = if front.is_empty() {
+                "nothing".to_owned()
+            } else {
+                front.iter().map(|byte| format!("{byte:02x}")).collect::<Vec<_>>().join(" ")
+            };
+            return Err(LogError::NotALog { got, path: source.path().to_owned() });
+        }
+        let opened = if by_index {
+            match summary::read(&source)? {
+                Ok(summary) => open_with(&source, &summary)?,
+                Err(why) => open_by_scan(&source, None, why)?,
+            }
+        } else {
+            let summary = summary::read(&source)?.ok();
+            open_by_scan(&source, summary.as_ref(), "read by a scan, as asked for".to_owned())?
+        };
+        Ok(Self::new(source, opened))
+    }
+
+    fn new(source: Source, opened: Opened) -> Self {
+        let Opened { contents, lost, recovered } = opened;
+        let Contents { mut catalog, segments, counts, problems } = contents;
+        let order = |key: fn(&Segment) -> u64| {
+            let mut order: Vec<u32> = (0..segments.len() as u32).collect();
+            order.sort_by_key(|&index| (key(&segments[index as usize]), index));
+            order
+        };
+        let (by_first, by_last) = (order(|segment| segment.first), order(|segment| segment.last));
+        let messages = counts.values().sum();
+        let (start, end) = times(&catalog, &segments, recovered);
+        let duration_s = Stamp(end).seconds_since(Stamp(start));
+        let info = LogInfo {
+            path: source.path().to_owned(),
+            bytes: source.length(),
+            start: Stamp(start),
+            end: Stamp(end),
+            messages,
+            segments: segments.len() as u64,
+            recovered,
+            lost,
+            topics: catalog.topics(&counts, duration_s),
+            problems: problems.list(),
+            profile: catalog.profile.clone(),
+            library: catalog.library.clone(),
+        };
+        catalog.schemas.clear();
+        // A scan has met and counted all damage already.
+        let reported = if recovered { (0..segments.len() as u32).collect() } else { BTreeSet::new() };
+        let found = Mutex::new(Found { lost, problems, reported });
+        let cache = Cache::new(CACHE_BYTES);
+        Self(Arc::new(Inner { source, info, segments, by_first, by_last, catalog, cache, found }))
+    }
+
+    /// What the log holds, as opening it found.
+    pub fn info(&self) -> &LogInfo {
+        &self.0.info
+    }
+
+    /// What could not be read, with what reading has met since the log was opened.
+    pub fn lost(&self) -> Lost {
+        self.0.found.lock().unwrap_or_else(PoisonError::into_inner).lost
+    }
+
+    /// What is wrong with the log, with what reading has met since it was opened.
+    pub fn problems(&self) -> Vec<String> {
+        self.0.found.lock().unwrap_or_else(PoisonError::into_inner).problems.list()
+    }
+
+    /// The metadata records, in file order.
+    pub fn metadata(&self) -> &[Metadata] {
+        &self.0.catalog.metadata
+    }
+
+    /// The attachments, in file order; their contents are not read.
+    pub fn attachments(&self) -> &[AttachmentInfo] {
+        &self.0.catalog.attachments
+    }
+
+    /// The last attachment of that name, with its contents.
+    pub fn attachment(&self, name: &str) -> Result<Option<Attachment>, LogError> {
+        let info = self.attachments().iter().rev().find(|info| info.name == name);
+        info.map(|info| self.read_attachment(info)).transpose()
+    }
+
+    /// The contents of a listed attachment; an error if its checksum is wrong.
+    pub fn read_attachment(&self, info: &AttachmentInfo) -> Result<Attachment, LogError> {
+        let source = &self.0.source;
+        let damaged = |expected: String, got: String| LogError::Damaged {
+            what: format!("attachment `{}`", info.name),
+            offset: info.offset,
+            expected,
+            got,
+            path: source.path().to_owned(),
+        };
+        let fits = info.offset.checked_add(HEAD as u64 + info.body).is_some_and(|end| end <= source.length());
+        let (true, Ok(length)) = (fits, usize::try_from(info.body)) else {
+            return Err(damaged(format!("{} bytes", info.body), "a log that ends before".to_owned()));
+        };
+        let body = source.read(info.offset + HEAD as u64, length)?;
+        let mut fields = Fields(&body);
+        let parsed = (|| {
+            fields.take(16)?;
+            fields.text()?;
+            fields.text()?;
+            let size = usize::try_from(fields.u64()?).ok()?;
+            let from = body.len() - fields.0.len();
+            fields.take(size)?;
+            Some((from, from + size, fields.u32()?))
+        })();
+        let Some((from, to, crc)) = parsed else {
+            return Err(damaged("a record that parses".to_owned(), "another".to_owned()));
+        };
+        let got = crc32fast::hash(&body[..to]);
+        if crc != 0 && crc != got {
+            return Err(damaged(format!("checksum {crc:08x}"), format!("{got:08x}")));
+        }
+        Ok(Attachment { info: info.clone(), data: body.slice(from..to) })
+    }
+
+    /// A segment's messages, from the cache or the file. Damage is counted the first time it is met.
+    pub(crate) fn load(&self, index: u32) -> Result<Arc<Loaded>, LogError> {
+        let inner = &*self.0;
+        if let Some(loaded) = inner.cache.get(index) {
+            return Ok(loaded);
+        }
+        let segment = &inner.segments[index as usize];
+        inner.cache.make_room(segment.weight());
+        let mut decoded = decode(&inner.source, segment)?;
+        if let Some(damage) = &decoded.damage {
+            self.report(index, damage, decoded.messages.len() as u64)?;
+        }
+        // The order is total and the same at every reading, even where a message's time is not within what its
+        // chunk states.
+        let catalog = &inner.catalog;
+        decoded.messages.retain(|message| catalog.channels.contains_key(&message.channel));
+        for message in &mut decoded.messages {
+            message.time = message.time.clamp(segment.first, segment.last);
+        }
+        decoded.messages.sort_unstable();
+        let loaded = Arc::new(Loaded { contents: decoded.contents, messages: decoded.messages.into() });
+        inner.cache.insert(index, &loaded);
+        Ok(loaded)
+    }
+
+    fn report(&self, index: u32, damage: &Damage, salvaged: u64) -> Result<(), LogError> {
+        let segment = &self.0.segments[index as usize];
+        if self.0.found.lock().unwrap_or_else(PoisonError::into_inner).reported.contains(&index) {
+            return Ok(());
+        }
+        let missing = indexed_behind(&self.0.source, segment.end())?.saturating_sub(salvaged);
+        let mut found = self.0.found.lock().unwrap_or_else(PoisonError::into_inner);
+        if found.reported.insert(index) {
+            found.lost += Lost { bytes: damage.lost_bytes, messages: missing };
+            let (start, what, bytes) = (segment.start, &damage.what, damage.lost_bytes);
+            tracing::warn!(start, what, bytes, missing, "a chunk of the log is damaged");
+            found.problems.add(format!(
+                "chunk at byte {start}: {what}; {salvaged} messages salvaged, {missing} known to be lost, \
+                 {bytes} bytes lost"
+            ));
+        }
+        Ok(())
+    }
+
+    /// The message that a loaded segment holds at `message`.
+    pub(crate) fn message(&self, index: u32, loaded: &Loaded, message: MessageRef) -> Option<LogMessage> {
+        let from = message.offset as usize;
+        let head = Head::read(loaded.contents.get(from..)?)?;
+        let to = usize::try_from(head.length()).ok()?.checked_add(from)?;
+        (to <= loaded.contents.len()).then_some(())?;
+        let body = loaded.contents.slice(from + HEAD..to);
+        let head = MessageHead::read(&body)?;
+        let data = message_data(&body);
+        // A message is cut out of its chunk, so that one that is kept does not keep all the others; one that is most
+        // of its chunk is shared.
+        let data = if data.len() * 2 < loaded.contents.len() { Bytes::copy_from_slice(&data) } else { data };
+        Some(LogMessage {
+            topic: TopicId(head.channel),
+            sequence: head.sequence,
+            log_time: Stamp(head.log_time),
+            publish_time: Stamp(head.publish_time),
+            data,
+            place: place_of(index, message),
+        })
+    }
+}
+
+/// Where a message of a segment stands.
+pub(crate) fn place_of(segment: u32, message: MessageRef) -> Place {
+    Place { time: Stamp(message.time), segment, offset: message.offset + 1 }
+}
+
+fn open_with(source: &Source, summary: &Summary) -> Result<Opened, LogError> {
+    let contents = match summary::contents(source, summary)? {
+        Ok(contents) => contents,
+        Err(why) => return open_by_scan(source, Some(summary), why),
+    };
+    let size = contents.segments.iter().fold(source.length(), |sum, segment| sum.saturating_add(segment.contents));
+    if size <= CHECKED_WHOLE
+        && let Some(why) = check_whole(source, &contents, summary)?
+    {
+        return open_by_scan(source, Some(summary), why);
+    }
+    Ok(Opened { contents, lost: Lost::default(), recovered: false })
+}
+
+/// Why the log does not hold what its index says; `None` where all is well.
+fn check_whole(source: &Source, contents: &Contents, summary: &Summary) -> Result<Option<String>, LogError> {
+    for segment in &contents.segments {
+        let decoded = decode(source, segment)?;
+        if let Some(damage) = decoded.damage {
+            return Ok(Some(format!("the chunk at byte {} is damaged: {}", segment.start, damage.what)));
+        }
+        let tally = Tally::of(&decoded.messages);
+        let outside = tally.first < segment.first || tally.last > segment.last;
+        if outside && !tally.counts.is_empty() {
+            return Ok(Some(format!("the index of the chunk at byte {} has its times wrong", segment.start)));
+        }
+        if tally.counts.iter().any(|&(channel, _)| !segment.may_hold(channel)) {
+            return Ok(Some(format!("the index of the chunk at byte {} leaves out a channel", segment.start)));
+        }
+    }
+    summary::check_data(source, summary)
+}
+
+fn open_by_scan(source: &Source, summary: Option<&Summary>, why: String) -> Result<Opened, LogError> {
+    let Scanned { mut contents, lost } = scan(source, summary)?;
+    let mut problems = Problems::default();
+    problems.add(why);
+    problems.append(std::mem::take(&mut contents.problems));
+    contents.problems = problems;
+    Ok(Opened { contents, lost, recovered: true })
+}
+
+/// First and last log time: the statistics' for a log that is read by its index, else what was found.
+fn times(catalog: &Catalog, segments: &[Segment], recovered: bool) -> (u64, u64) {
+    if let Some(statistics) = &catalog.statistics
+        && statistics.message_count > 0
+        && !recovered
+    {
+        return (statistics.message_start_time, statistics.message_end_time.max(statistics.message_start_time));
+    }
+    let holding = || segments.iter().filter(|segment| segment.channels.as_ref().is_none_or(|held| !held.is_empty()));
+    let first = holding().map(|segment| segment.first).min().unwrap_or(0);
+    (first, holding().map(|segment| segment.last).max().unwrap_or(0))
+}
+
+/// How many messages the message indexes from `at` on count.
+fn indexed_behind(source: &Source, mut at: u64) -> Result<u64, LogError> {
+    let mut window = Window::new(source, 4096);
+    let mut sum = 0u64;
+    loop {
+        let front = window.get(at, PROBE)?;
+        let body = &front[HEAD.min(front.len())..];
+        let head = Head::read(front).filter(|head| head.op == op::MESSAGE_INDEX && head.plausible(body));
+        let (Some(head), Some((_, count))) = (head, indexed_messages(body)) else { return Ok(sum) };
+        sum = sum.saturating_add(count);
+        at = at.saturating_add(head.length());
+    }
+}

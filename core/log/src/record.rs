@@ -1,0 +1,182 @@
+//! The outer form of MCAP records: an opcode, a length, a body; and whether a body can be what its opcode says.
+
+/// Opcodes, by MCAP's specification.
+pub(crate) mod op {
+    pub(crate) const HEADER: u8 = 0x01;
+    pub(crate) const FOOTER: u8 = 0x02;
+    pub(crate) const SCHEMA: u8 = 0x03;
+    pub(crate) const CHANNEL: u8 = 0x04;
+    pub(crate) const MESSAGE: u8 = 0x05;
+    pub(crate) const CHUNK: u8 = 0x06;
+    pub(crate) const MESSAGE_INDEX: u8 = 0x07;
+    pub(crate) const CHUNK_INDEX: u8 = 0x08;
+    pub(crate) const ATTACHMENT: u8 = 0x09;
+    pub(crate) const ATTACHMENT_INDEX: u8 = 0x0a;
+    pub(crate) const STATISTICS: u8 = 0x0b;
+    pub(crate) const METADATA: u8 = 0x0c;
+    pub(crate) const METADATA_INDEX: u8 = 0x0d;
+    pub(crate) const SUMMARY_OFFSET: u8 = 0x0e;
+    pub(crate) const DATA_END: u8 = 0x0f;
+    /// From here on opcodes are free for private use.
+    pub(crate) const PRIVATE: u8 = 0x80;
+}
+
+/// What a log begins and ends with.
+pub(crate) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
+/// Opcode and length.
+pub(crate) const HEAD: usize = 9;
+/// Channel, sequence and two times in front of a message's data.
+pub(crate) const MESSAGE_HEAD: usize = 22;
+/// A chunk's body in front of its compression's name.
+const CHUNK_HEAD: usize = 32;
+/// Names of compressions are short; a longer one is damage.
+const COMPRESSION_LIMIT: usize = 64;
+/// As many bytes of a body as [`Head::plausible`] may need.
+pub(crate) const PROBE: usize = HEAD + CHUNK_HEAD + COMPRESSION_LIMIT + 8;
+
+/// Reads little-endian fields one after the other; `None` past the end.
+pub(crate) struct Fields<'a>(pub(crate) &'a [u8]);
+
+impl<'a> Fields<'a> {
+    pub(crate) fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (head, rest) = self.0.split_at_checked(count)?;
+        self.0 = rest;
+        Some(head)
+    }
+
+    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.take(N)?.try_into().ok()
+    }
+
+    pub(crate) fn u16(&mut self) -> Option<u16> {
+        self.array().map(u16::from_le_bytes)
+    }
+
+    pub(crate) fn u32(&mut self) -> Option<u32> {
+        self.array().map(u32::from_le_bytes)
+    }
+
+    pub(crate) fn u64(&mut self) -> Option<u64> {
+        self.array().map(u64::from_le_bytes)
+    }
+
+    pub(crate) fn text(&mut self) -> Option<&'a str> {
+        let length = self.u32()? as usize;
+        std::str::from_utf8(self.take(length)?).ok()
+    }
+}
+
+/// Opcode and length of a record's body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Head {
+    pub(crate) op: u8,
+    pub(crate) body: u64,
+}
+
+impl Head {
+    /// The head at the front of `bytes`; `None` where they are too few or no record begins so.
+    pub(crate) fn read(bytes: &[u8]) -> Option<Self> {
+        let (&op, rest) = bytes.split_first()?;
+        let body = Fields(rest).u64()?;
+        let known = (op::HEADER..=op::DATA_END).contains(&op) || op >= op::PRIVATE;
+        known.then_some(Self { op, body })
+    }
+
+    /// Head and body.
+    pub(crate) fn length(self) -> u64 {
+        self.body.saturating_add(HEAD as u64)
+    }
+
+    /// Whether the body can be what the opcode says, judged by its front. `front` holds the body's first bytes: at
+    /// least [`PROBE`] less [`HEAD`] of them, or all that there are.
+    pub(crate) fn plausible(self, front: &[u8]) -> bool {
+        let mut fields = Fields(front);
+        // Longer bodies than stated are right: the format allows padding.
+        let at_least = |count: u64| self.body >= count;
+        let text_fits = |fields: &mut Fields<'_>, before: u64| {
+            fields.u32().map(|length| before + 4 + u64::from(length)).filter(|&end| self.body >= end)
+        };
+        match self.op {
+            op::HEADER => at_least(8) && text_fits(&mut fields, 0).is_some(),
+            op::FOOTER => at_least(20),
+            op::SCHEMA => at_least(14) && fields.u16().is_some_and(|id| id != 0) && text_fits(&mut fields, 2).is_some(),
+            op::CHANNEL => at_least(16) && fields.u32().is_some() && text_fits(&mut fields, 4).is_some(),
+            op::MESSAGE => at_least(MESSAGE_HEAD as u64),
+            op::CHUNK => ChunkHead::read(front).is_some_and(|chunk| chunk.fits(self.body)),
+            op::MESSAGE_INDEX => {
+                let _channel = fields.u16();
+                fields.u32().is_some_and(|bytes| bytes % 16 == 0 && at_least(6 + u64::from(bytes)))
+            }
+            op::CHUNK_INDEX => at_least(60),
+            op::ATTACHMENT => at_least(36) && fields.take(16).is_some() && text_fits(&mut fields, 16).is_some(),
+            op::ATTACHMENT_INDEX => at_least(48),
+            op::STATISTICS => at_least(46),
+            op::METADATA => at_least(8) && text_fits(&mut fields, 0).is_some(),
+            op::METADATA_INDEX => at_least(20),
+            op::SUMMARY_OFFSET => at_least(17),
+            op::DATA_END => at_least(4),
+            _ => true,
+        }
+    }
+}
+
+/// How many messages a message index names, from the front of its body.
+pub(crate) fn indexed_messages(front: &[u8]) -> Option<(u16, u64)> {
+    let mut fields = Fields(front);
+    Some((fields.u16()?, u64::from(fields.u32()?) / 16))
+}
+
+/// The front of a chunk's body.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct ChunkHead {
+    pub(crate) first: u64,
+    pub(crate) last: u64,
+    pub(crate) uncompressed: u64,
+    pub(crate) crc: u32,
+    pub(crate) compression: String,
+    pub(crate) compressed: u64,
+    /// Bytes of the body in front of the compressed data.
+    pub(crate) front: usize,
+}
+
+impl ChunkHead {
+    pub(crate) fn read(body: &[u8]) -> Option<Self> {
+        let mut fields = Fields(body);
+        let (first, last, uncompressed, crc) = (fields.u64()?, fields.u64()?, fields.u64()?, fields.u32()?);
+        let name = fields.text().filter(|name| name.len() <= COMPRESSION_LIMIT)?;
+        let compressed = fields.u64()?;
+        let front = CHUNK_HEAD + name.len() + 8;
+        Some(Self { first, last, uncompressed, crc, compression: name.to_owned(), compressed, front })
+    }
+
+    /// Whether the compressed data end within a body of that length.
+    pub(crate) fn fits(&self, body: u64) -> bool {
+        (self.front as u64).checked_add(self.compressed).is_some_and(|end| end <= body)
+    }
+
+    /// The stated times, unless they are what a writer leaves that never closed the chunk: all ones, or zero.
+    pub(crate) fn times(&self) -> Option<(u64, u64)> {
+        (self.first <= self.last && self.last != 0 && self.first != u64::MAX).then_some((self.first, self.last))
+    }
+}
+
+/// The front of a message's body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct MessageHead {
+    pub(crate) channel: u16,
+    pub(crate) sequence: u32,
+    pub(crate) log_time: u64,
+    pub(crate) publish_time: u64,
+}
+
+impl MessageHead {
+    pub(crate) fn read(body: &[u8]) -> Option<Self> {
+        let mut fields = Fields(body);
+        Some(Self {
+            channel: fields.u16()?,
+            sequence: fields.u32()?,
+            log_time: fields.u64()?,
+            publish_time: fields.u64()?,
+        })
+    }
+}

@@ -1,0 +1,336 @@
+//! Recording on a thread of its own, so that no process waits for a disk unless it is asked to.
+
+use crate::error::LogError;
+use crate::writer::{ChannelId, LogWriter, WriteHeader};
+use bytes::Bytes;
+use rcs_msg::{Schema, Stamp};
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+/// What a full queue does to a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RecorderMode {
+    /// The caller waits: nothing is lost. For stepped runs.
+    Lossless,
+    /// The message is dropped and counted: the caller never waits. For live runs.
+    Live,
+}
+
+/// How much a recorder may hold back.
+#[derive(Clone, Copy, Debug)]
+pub struct RecorderOptions {
+    /// What a full queue does.
+    pub mode: RecorderMode,
+    /// The queue is full with this many messages,
+    pub queue_messages: usize,
+    /// or with this many bytes.
+    pub queue_bytes: usize,
+}
+
+impl Default for RecorderOptions {
+    fn default() -> Self {
+        Self { mode: RecorderMode::Lossless, queue_messages: 16_384, queue_bytes: 64 << 20 }
+    }
+}
+
+/// How a recording goes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RecorderStatus {
+    /// Messages written.
+    pub written: u64,
+    /// Messages that are not in the log: dropped from a full queue, or behind an error.
+    pub dropped: u64,
+    /// Messages waiting.
+    pub queued: u64,
+    /// Size of the log in bytes, as far as chunks are closed.
+    pub bytes: u64,
+    /// The error that ended the recording: a full disk, say. What was flushed before stays readable.
+    pub error: Option<String>,
+    /// The last thing that the log cannot hold and that was left out.
+    pub refused: Option<String>,
+}
+
+enum Item {
+    Channel { topic: String, schema: Arc<Schema>, metadata: BTreeMap<String, String> },
+    Message { channel: ChannelId, header: WriteHeader, data: Bytes },
+    Attachment { name: String, media_type: String, time: Stamp, data: Bytes },
+    Metadata { name: String, entries: BTreeMap<String, String> },
+    Flush,
+}
+
+#[derive(Default)]
+struct Queue {
+    items: VecDeque<Item>,
+    messages: usize,
+    bytes: usize,
+    channels: u32,
+    /// Flushes asked for and done.
+    flushes: (u64, u64),
+    closed: bool,
+    status: RecorderStatus,
+}
+
+struct Shared {
+    options: RecorderOptions,
+    queue: Mutex<Queue>,
+    /// Something was put in, or the queue was closed.
+    filled: Condvar,
+    /// Something was taken out or done.
+    drained: Condvar,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn put(&self, mut queue: MutexGuard<'_, Queue>, item: Item) {
+        queue.items.push_back(item);
+        drop(queue);
+        self.filled.notify_one();
+    }
+}
+
+/// Puts messages into a recording, from any thread.
+#[derive(Clone)]
+pub struct RecorderHandle(Arc<Shared>);
+
+impl RecorderHandle {
+    /// Adds a topic. Its number holds for this recorder.
+    pub fn add_channel(
+        &self,
+        topic: &str,
+        schema: &Arc<Schema>,
+        metadata: BTreeMap<String, String>,
+    ) -> Result<ChannelId, LogError> {
+        let mut queue = self.0.lock();
+        let id = u16::try_from(queue.channels).map_err(|_| LogError::Refused {
+            what: "another topic",
+            expected: "at most 65536 channels".to_owned(),
+            got: "one more".to_owned(),
+        })?;
+        queue.channels += 1;
+        self.0.put(queue, Item::Channel { topic: topic.to_owned(), schema: Arc::clone(schema), metadata });
+        Ok(ChannelId(id))
+    }
+
+    /// Puts a message in. Says whether it was taken: not by a full queue in [`RecorderMode::Live`], and not after an
+    /// error or the end of the recording.
+    pub fn write(&self, channel: ChannelId, header: WriteHeader, data: Bytes) -> bool {
+        let RecorderOptions { mode, queue_messages, queue_bytes } = self.0.options;
+        let mut queue = self.0.lock();
+        loop {
+            if queue.closed || queue.status.error.is_some() {
+                queue.status.dropped += 1;
+                return false;
+            }
+            // A message larger than the whole queue passes through an empty one.
+            let full = queue.messages >= queue_messages || queue.bytes.saturating_add(data.len()) > queue_bytes;
+            if !full || queue.messages == 0 {
+                break;
+            }
+            if mode == RecorderMode::Live {
+                queue.status.dropped += 1;
+                return false;
+            }
+            queue = self.0.drained.wait(queue).unwrap_or_else(PoisonError::into_inner);
+        }
+        queue.messages += 1;
+        queue.bytes += data.len();
+        self.0.put(queue, Item::Message { channel, header, data });
+        true
+    }
+
+    /// Puts an attachment in; it is never dropped.
+    pub fn attach(&self, name: &str, media_type: &str, time: Stamp, data: Bytes) {
+        let item = Item::Attachment { name: name.to_owned(), media_type: media_type.to_owned(), time, data };
+        self.0.put(self.0.lock(), item);
+    }
+
+    /// Puts a metadata record in; it is never dropped.
+    pub fn metadata(&self, name: &str, entries: BTreeMap<String, String>) {
+        self.0.put(self.0.lock(), Item::Metadata { name: name.to_owned(), entries });
+    }
+
+    /// Waits until everything put in before is in the file.
+    pub fn flush(&self) {
+        let mut queue = self.0.lock();
+        if queue.closed {
+            return;
+        }
+        queue.flushes.0 += 1;
+        let mine = queue.flushes.0;
+        self.0.put(queue, Item::Flush);
+        let mut queue = self.0.lock();
+        while queue.flushes.1 < mine {
+            queue = self.0.drained.wait(queue).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// How the recording goes.
+    pub fn status(&self) -> RecorderStatus {
+        let queue = self.0.lock();
+        RecorderStatus { queued: queue.messages as u64, ..queue.status.clone() }
+    }
+}
+
+/// A recording: a [`LogWriter`] behind a bounded queue. Dropping it ends the recording like [`Recorder::finish`].
+pub struct Recorder {
+    handle: RecorderHandle,
+    thread: Option<JoinHandle<Result<(), LogError>>>,
+}
+
+impl Recorder {
+    /// Starts the thread that writes.
+    pub fn start(writer: LogWriter, options: RecorderOptions) -> std::io::Result<Self> {
+        let shared = Arc::new(Shared {
+            options,
+            queue: Mutex::default(),
+            filled: Condvar::new(),
+            drained: Condvar::new(),
+        });
+        let theirs = Arc::clone(&shared);
+        let thread = std::thread::Builder::new().name("recorder".to_owned()).spawn(move || {
+            let result = write_all(&theirs, writer);
+            // Nobody waits for a thread that has ended.
+            let mut queue = theirs.lock();
+            queue.closed = true;
+            queue.flushes.1 = queue.flushes.0;
+            drop(queue);
+            theirs.drained.notify_all();
+            result
+        })?;
+        Ok(Self { handle: RecorderHandle(shared), thread: Some(thread) })
+    }
+
+    /// What puts messages in.
+    pub fn handle(&self) -> RecorderHandle {
+        self.handle.clone()
+    }
+
+    /// How the recording goes.
+    pub fn status(&self) -> RecorderStatus {
+        self.handle.status()
+    }
+
+    /// Writes what is queued and the log's summary. The error that ended the recording, if one did.
+    pub fn finish(mut self) -> Result<RecorderStatus, LogError> {
+        self.end()?;
+        Ok(self.status())
+    }
+
+    fn end(&mut self) -> Result<(), LogError> {
+        let Some(thread) = self.thread.take() else { return Ok(()) };
+        self.handle.0.lock().closed = true;
+        self.handle.0.filled.notify_all();
+        self.handle.0.drained.notify_all();
+        thread.join().unwrap_or_else(|_| {
+            Err(LogError::Refused {
+                what: "the recording",
+                expected: "a thread that writes".to_owned(),
+                got: "a panic of it".to_owned(),
+            })
+        })
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        if let Err(error) = self.end() {
+            tracing::error!(%error, "the recording could not be finished");
+        }
+    }
+}
+
+fn write_all(shared: &Shared, mut writer: LogWriter) -> Result<(), LogError> {
+    let mut channels: Vec<Option<ChannelId>> = Vec::new();
+    loop {
+        let mut queue = shared.lock();
+        while queue.items.is_empty() && !queue.closed {
+            let Some(wait) = writer.time_to_flush() else {
+                queue = shared.filled.wait(queue).unwrap_or_else(PoisonError::into_inner);
+                continue;
+            };
+            if wait.is_zero() {
+                break;
+            }
+            queue = shared.filled.wait_timeout(queue, wait).unwrap_or_else(PoisonError::into_inner).0;
+        }
+        let item = queue.items.pop_front();
+        let ended = item.is_none() && queue.closed;
+        drop(queue);
+        if ended {
+            break;
+        }
+        let message = matches!(item, Some(Item::Message { .. }));
+        let flush = matches!(item, Some(Item::Flush));
+        let size = if let Some(Item::Message { data, .. }) = &item { data.len() } else { 0 };
+        let result = match item {
+            Some(item) => step(&mut writer, &mut channels, item),
+            None => writer.flush_if_due().map(|_| ()),
+        };
+        let mut queue = shared.lock();
+        queue.status.bytes = writer.bytes_written();
+        if message {
+            queue.messages -= 1;
+            queue.bytes -= size;
+            if result.is_ok() {
+                queue.status.written += 1;
+            } else {
+                queue.status.dropped += 1;
+            }
+        }
+        if flush {
+            queue.flushes.1 += 1;
+        }
+        match result {
+            Ok(()) => {}
+            Err(error @ LogError::Refused { .. }) => queue.status.refused = Some(error.to_string()),
+            Err(error) => {
+                queue.status.error = Some(error.to_string());
+                drop(queue);
+                abandon(shared);
+                return Err(error);
+            }
+        }
+        drop(queue);
+        shared.drained.notify_all();
+    }
+    let written = writer.bytes_counter();
+    writer.finish().inspect_err(|error| shared.lock().status.error = Some(error.to_string()))?;
+    shared.lock().status.bytes = written.load(std::sync::atomic::Ordering::Relaxed);
+    Ok(())
+}
+
+/// After an error: counts what is queued as dropped.
+fn abandon(shared: &Shared) {
+    let mut queue = shared.lock();
+    queue.status.dropped += queue.messages as u64;
+    (queue.messages, queue.bytes) = (0, 0);
+    queue.items.clear();
+    drop(queue);
+    shared.drained.notify_all();
+}
+
+fn step(writer: &mut LogWriter, channels: &mut Vec<Option<ChannelId>>, item: Item) -> Result<(), LogError> {
+    match item {
+        Item::Channel { topic, schema, metadata } => {
+            let added = writer.add_channel(&topic, &schema, &metadata);
+            channels.push(added.as_ref().ok().copied());
+            added.map(|_| ())
+        }
+        Item::Message { channel, header, data } => {
+            let known = channels.get(usize::from(channel.0)).copied().flatten();
+            let known = known.ok_or_else(|| LogError::Refused {
+                what: "a message",
+                expected: "a channel of this recorder".to_owned(),
+                got: format!("channel {}", channel.0),
+            })?;
+            writer.write(known, header, &data)
+        }
+        Item::Attachment { name, media_type, time, data } => writer.attach(&name, &media_type, time, &data),
+        Item::Metadata { name, entries } => writer.metadata(&name, entries),
+        Item::Flush => writer.flush(),
+    }
+}

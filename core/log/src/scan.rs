@@ -1,0 +1,405 @@
+//! Opening without an index: a scan over the records that keeps what is sound and says what was lost.
+//!
+//! The first pass hops from record to record by their lengths and finds the next record where one is damaged. The
+//! second decompresses and checks every chunk, on all processors.
+
+use crate::catalog::Problems;
+use crate::error::LogError;
+use crate::info::Lost;
+use crate::record::{ChunkHead, HEAD, Head, MAGIC, MessageHead, PROBE, indexed_messages, op};
+use crate::segment::{Decoded, Segment, Tally, decode};
+use crate::source::{Source, Window};
+use crate::summary::{Contents, Summary, body_of};
+use bytes::Bytes;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+/// A run of records outside chunks is closed at this size, so that it can be read like a chunk.
+const RUN_BYTES: u64 = 1 << 20;
+/// Chunks with larger contents are decompressed one at a time, so that memory stays bounded.
+const LARGE_CHUNK: usize = 16 << 20;
+/// How much is read at once in search of the next record.
+const SEARCH_BYTES: usize = 1 << 20;
+
+/// What a scan gives: the log, and what of it was lost.
+pub(crate) struct Scanned {
+    pub(crate) contents: Contents,
+    pub(crate) lost: Lost,
+}
+
+/// Scans the whole log. A `summary` whose checksum is right helps with definitions, counts, and where chunks begin.
+pub(crate) fn scan(source: &Source, summary: Option<&Summary>) -> Result<Scanned, LogError> {
+    let mut hops = Hops::new(source, summary);
+    hops.run()?;
+    let Hops { mut contents, mut lost, indexed, .. } = hops;
+    // Statistics count only if their checksum was right.
+    contents.catalog.statistics = summary.and_then(|summary| summary.catalog.statistics.clone());
+    check_chunks(source, &mut contents, &indexed, &mut lost);
+
+    let known: Vec<u16> = contents.catalog.channels.keys().copied().collect();
+    let counts = std::mem::take(&mut contents.counts);
+    for (channel, count) in counts {
+        if known.binary_search(&channel).is_ok() {
+            contents.counts.insert(channel, count);
+        } else {
+            lost.messages += count;
+            contents.problems.add(format!("{count} messages are of channel {channel}, which the log does not define"));
+        }
+    }
+    if let Some(statistics) = &contents.catalog.statistics {
+        lost.messages = statistics.message_count.saturating_sub(contents.counts.values().sum());
+    }
+    Ok(Scanned { contents, lost })
+}
+
+/// The first pass.
+struct Hops<'a> {
+    source: &'a Source,
+    window: Window<'a>,
+    /// Where a sound summary says that chunks begin, ascending.
+    hints: Vec<u64>,
+    contents: Contents,
+    lost: Lost,
+    run: Option<Run>,
+    /// The chunk that message indexes now belong to.
+    last_chunk: Option<usize>,
+    /// How many messages the message indexes behind a chunk count, by segment.
+    indexed: BTreeMap<usize, u64>,
+}
+
+/// Records outside chunks that follow each other.
+struct Run {
+    start: u64,
+    end: u64,
+    first: u64,
+    last: u64,
+    counts: BTreeMap<u16, u64>,
+}
+
+impl<'a> Hops<'a> {
+    fn new(source: &'a Source, summary: Option<&Summary>) -> Self {
+        let mut contents = Contents::default();
+        let mut hints = Vec::new();
+        if let Some(summary) = summary {
+            contents.catalog.take_definitions(&summary.catalog);
+            hints = summary.chunks.iter().map(|index| index.chunk_start_offset).collect();
+        }
+        Self {
+            source,
+            window: Window::new(source, 8192),
+            hints,
+            contents,
+            lost: Lost::default(),
+            run: None,
+            last_chunk: None,
+            indexed: BTreeMap::new(),
+        }
+    }
+
+    fn run(&mut self) -> Result<(), LogError> {
+        let length = self.source.length();
+        let mut at = MAGIC.len() as u64;
+        while at < length {
+            if self.is_closing_magic(at)? {
+                at = length;
+                continue;
+            }
+            let front = self.window.get(at, PROBE)?;
+            let head = Head::read(front);
+            let body = &front[HEAD.min(front.len())..];
+            let plausible = head.filter(|head| head.plausible(body) && head.length() <= length - at);
+            at = match plausible {
+                Some(head) => self.hop(head, at)?,
+                None => self.pass_over(head, at)?,
+            };
+        }
+        self.close_run();
+        Ok(())
+    }
+
+    /// Takes in the record at `at`, unless its length turns out to be wrong. Gives where to go on.
+    fn hop(&mut self, head: Head, at: u64) -> Result<u64, LogError> {
+        let end = at + head.length();
+        if head.op != op::CHUNK && !self.record_follows(end)? {
+            let next = self.resync(at + HEAD as u64)?;
+            if next < end {
+                self.lose(at, next, "a record whose length is wrong");
+                return Ok(next);
+            }
+        }
+        match head.op {
+            op::MESSAGE => self.message(at, end)?,
+            op::CHUNK => self.chunk(at, end)?,
+            op::MESSAGE_INDEX => {
+                let count = indexed_messages(&self.window.get(at, PROBE)?[HEAD..]).map_or(0, |(_, count)| count);
+                match self.last_chunk {
+                    Some(chunk) => *self.indexed.entry(chunk).or_insert(0) += count,
+                    // The chunk in front of it was passed over.
+                    None => self.lost.messages += count,
+                }
+            }
+            _ => {
+                if matches!(head.op, op::ATTACHMENT | op::DATA_END) {
+                    self.close_run();
+                }
+                let body = body_of(self.source, head, at)?;
+                if let Err(problem) = self.contents.catalog.take(head, at, &body) {
+                    self.contents.problems.add(problem);
+                }
+            }
+        }
+        Ok(end)
+    }
+
+    fn message(&mut self, at: u64, end: u64) -> Result<(), LogError> {
+        let Some(message) = MessageHead::read(&self.window.get(at, PROBE)?[HEAD..]) else { return Ok(()) };
+        let time = message.log_time;
+        if self.run.as_ref().is_some_and(|run| end - run.start > RUN_BYTES) {
+            self.close_run();
+        }
+        let run =
+            self.run.get_or_insert(Run { start: at, end, first: time, last: time, counts: BTreeMap::new() });
+        run.end = end;
+        run.first = run.first.min(time);
+        run.last = run.last.max(time);
+        *run.counts.entry(message.channel).or_insert(0) += 1;
+        Ok(())
+    }
+
+    fn close_run(&mut self) {
+        let Some(run) = self.run.take() else { return };
+        for (&channel, &count) in &run.counts {
+            *self.contents.counts.entry(channel).or_insert(0) += count;
+        }
+        self.contents.segments.push(Segment {
+            start: run.start,
+            length: run.end - run.start,
+            chunk: false,
+            first: run.first,
+            last: run.last,
+            channels: Some(run.counts.into_keys().collect()),
+            contents: run.end - run.start,
+        });
+    }
+
+    fn chunk(&mut self, at: u64, end: u64) -> Result<(), LogError> {
+        self.close_run();
+        let contents = ChunkHead::read(&self.window.get(at, PROBE)?[HEAD..]).map_or(0, |chunk| chunk.uncompressed);
+        self.last_chunk = Some(self.contents.segments.len());
+        // Times and channels follow from the second pass.
+        self.contents.segments.push(Segment {
+            start: at,
+            length: end - at,
+            chunk: true,
+            first: 0,
+            last: 0,
+            channels: None,
+            contents,
+        });
+        Ok(())
+    }
+
+    /// Deals with what is at `at` and is no whole record. Gives where to go on.
+    fn pass_over(&mut self, head: Option<Head>, at: u64) -> Result<u64, LogError> {
+        let length = self.source.length();
+        let chunk = match head {
+            Some(head) if head.op == op::CHUNK => ChunkHead::read(&self.window.get(at, PROBE)?[HEAD..]),
+            _ => None,
+        };
+        let (Some(head), Some(chunk)) = (head, chunk) else {
+            let next = self.resync(at + 1)?;
+            let what = if next == length { "the log is cut off, or damaged to its end," } else { "damage" };
+            self.lose(at, next, what);
+            return Ok(next);
+        };
+        // The record and the chunk in it each state a length. Where both agree the file is cut; where they do not,
+        // the one that a record follows is right.
+        let unclosed = head.body == u64::MAX || chunk.compressed == u64::MAX;
+        let by_chunk = (at + (HEAD + chunk.front) as u64).saturating_add(chunk.compressed);
+        let by_record = at.saturating_add(head.length());
+        let end = if unclosed || (chunk.fits(head.body) && is_known(&chunk)) {
+            length
+        } else if by_chunk <= length && self.record_follows(by_chunk)? {
+            by_chunk
+        } else if by_record <= length && self.record_follows(by_record)? {
+            by_record
+        } else {
+            self.resync(at + HEAD as u64)?
+        };
+        self.chunk(at, end)?;
+        Ok(end)
+    }
+
+    fn lose(&mut self, from: u64, to: u64, what: &str) {
+        self.close_run();
+        self.last_chunk = None;
+        self.lost.bytes += to - from;
+        self.contents.problems.add(format!("{what} from byte {from} to {to}"));
+    }
+
+    fn is_closing_magic(&mut self, at: u64) -> Result<bool, LogError> {
+        let rest = self.window.get(at, MAGIC.len())?;
+        Ok(rest == MAGIC && at + MAGIC.len() as u64 == self.source.length())
+    }
+
+    /// Whether a record, or the end of the log, is at `at`.
+    fn record_follows(&mut self, at: u64) -> Result<bool, LogError> {
+        let length = self.source.length();
+        if at == length || self.is_closing_magic(at)? {
+            return Ok(true);
+        }
+        if at > length {
+            return Ok(false);
+        }
+        let front = self.window.get(at, PROBE)?;
+        let Some(head) = Head::read(front) else { return Ok(false) };
+        let body = &front[HEAD.min(front.len())..];
+        // A chunk may be cut off by the end of the file and is known by its header all the same.
+        let whole = head.length() <= length - at || head.op == op::CHUNK;
+        Ok(whole && head.plausible(body))
+    }
+
+    /// The next place from `from` on where a record begins and is followed by another; the end where there is none.
+    fn resync(&mut self, from: u64) -> Result<u64, LogError> {
+        let length = self.source.length();
+        let hint = self.hints.partition_point(|&hint| hint < from);
+        let limit = self.hints.get(hint).copied().unwrap_or(length).min(length);
+        let mut at = from;
+        while at < limit {
+            let span = usize::try_from(limit - at).unwrap_or(usize::MAX).min(SEARCH_BYTES);
+            // The bytes of the opcode and of the length's upper half decide nearly always.
+            let block = self.source.read(at, span.saturating_add(HEAD).min((length - at) as usize))?;
+            for offset in 0..span {
+                let Some(&[op, _, _, _, _, _, a, b, c]) = block.get(offset..offset + HEAD) else { break };
+                if (op::FOOTER..=op::DATA_END).contains(&op) && [a, b, c] == [0; 3] {
+                    let candidate = at + offset as u64;
+                    if self.begins(candidate)? {
+                        return Ok(candidate);
+                    }
+                }
+            }
+            at += span as u64;
+        }
+        Ok(limit)
+    }
+
+    fn begins(&mut self, at: u64) -> Result<bool, LogError> {
+        let length = self.source.length();
+        let front = self.window.get(at, PROBE)?;
+        let Some(head) = Head::read(front) else { return Ok(false) };
+        let body = &front[HEAD.min(front.len())..];
+        if !head.plausible(body) {
+            return Ok(false);
+        }
+        if head.op == op::CHUNK && ChunkHead::read(body).is_some_and(|chunk| is_known(&chunk)) {
+            return Ok(true);
+        }
+        Ok(head.length() <= length - at && self.record_follows(at + head.length())?)
+    }
+}
+
+/// Whether a chunk's header is that of a chunk as writers make them.
+fn is_known(chunk: &ChunkHead) -> bool {
+    matches!(chunk.compression.as_str(), "" | "zstd" | "lz4") && chunk.first <= chunk.last
+}
+
+/// What the second pass keeps of a chunk.
+struct Checked {
+    tally: Tally,
+    contents: u64,
+    damage: Option<crate::segment::Damage>,
+}
+
+/// A schema or channel found in a chunk: whether that chunk is damaged, its number, the record's body.
+type Definition = (bool, usize, Bytes);
+
+fn check_chunks(source: &Source, contents: &mut Contents, indexed: &BTreeMap<usize, u64>, lost: &mut Lost) {
+    let chunks: Vec<usize> = (0..contents.segments.len()).filter(|&index| contents.segments[index].chunk).collect();
+    let next = AtomicUsize::new(0);
+    let checked: Mutex<BTreeMap<usize, Checked>> = Mutex::default();
+    let definitions: Mutex<BTreeMap<(u8, u16), Definition>> = Mutex::default();
+    let large = Mutex::new(());
+    let segments = &contents.segments;
+    let work = || {
+        while let Some(&index) = chunks.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let segment = &segments[index];
+            let _one_at_a_time =
+                (segment.weight() > LARGE_CHUNK).then(|| large.lock().unwrap_or_else(PoisonError::into_inner));
+            let decoded = decode(source, segment).unwrap_or_else(|error| Decoded {
+                damage: Some(crate::segment::Damage { lost_bytes: segment.length, what: error.to_string() }),
+                ..Decoded::default()
+            });
+            note_definitions(&decoded, index, &mut definitions.lock().unwrap_or_else(PoisonError::into_inner));
+            let tally = Tally::of(&decoded.messages);
+            let size = decoded.contents.len() as u64;
+            let result = Checked { tally, contents: size, damage: decoded.damage };
+            checked.lock().unwrap_or_else(PoisonError::into_inner).insert(index, result);
+        }
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(8).min(chunks.len().max(1));
+    std::thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(work);
+        }
+        work();
+    });
+
+    take_definitions(definitions.into_inner().unwrap_or_else(PoisonError::into_inner), contents);
+    for (index, checked) in checked.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        let segment = &mut contents.segments[index];
+        let found: u64 = checked.tally.counts.iter().map(|&(_, count)| count).sum();
+        (segment.first, segment.last) = (checked.tally.first, checked.tally.last);
+        segment.channels = Some(checked.tally.counts.iter().map(|&(channel, _)| channel).collect());
+        segment.contents = checked.contents;
+        for (channel, count) in checked.tally.counts {
+            *contents.counts.entry(channel).or_insert(0) += count;
+        }
+        let missing = indexed.get(&index).map_or(0, |&count| count.saturating_sub(found));
+        if let Some(damage) = checked.damage {
+            *lost += Lost { bytes: damage.lost_bytes, messages: missing };
+            let (start, bytes) = (segment.start, damage.lost_bytes);
+            contents.problems.add(format!(
+                "chunk at byte {start}: {}; {found} messages salvaged, {missing} known to be lost, {bytes} bytes lost",
+                damage.what
+            ));
+        } else if missing > 0 {
+            let start = segment.start;
+            contents.problems.add(format!("the index of the chunk at byte {start} counts {missing} messages too many"));
+        }
+    }
+}
+
+/// Keeps each schema and channel once: the earliest one of a sound chunk, else of a damaged one.
+fn note_definitions(decoded: &Decoded, index: usize, definitions: &mut BTreeMap<(u8, u16), Definition>) {
+    let damaged = decoded.damage.is_some();
+    for &offset in &decoded.definitions {
+        let Some((head, body)) = decoded.record(offset) else { continue };
+        let Some(&[low, high]) = body.get(..2) else { continue };
+        let key = (head.op, u16::from_le_bytes([low, high]));
+        let better = definitions.get(&key).is_none_or(|&(was_damaged, was, _)| (damaged, index) < (was_damaged, was));
+        if better {
+            // Copied, so that a few bytes do not keep a chunk in memory.
+            definitions.insert(key, (damaged, index, Bytes::copy_from_slice(&body)));
+        }
+    }
+}
+
+fn take_definitions(definitions: BTreeMap<(u8, u16), Definition>, contents: &mut Contents) {
+    let mut problems = Problems::default();
+    for ((op, id), (damaged, index, body)) in definitions {
+        let known = match op {
+            op::SCHEMA => contents.catalog.schemas.contains_key(&id),
+            _ => contents.catalog.channels.contains_key(&id),
+        };
+        // What a damaged chunk says of a known number is not worth a word.
+        if known && damaged {
+            continue;
+        }
+        let head = Head { op, body: body.len() as u64 };
+        if let Err(problem) = contents.catalog.take(head, contents.segments[index].start, &body) {
+            problems.add(problem);
+        }
+    }
+    contents.problems.append(problems);
+}

@@ -1,0 +1,328 @@
+//! Segments: a chunk, or a run of records outside chunks, made into messages.
+//!
+//! A log is a list of segments in file order. A segment that is damaged gives what still parses and says what it lost,
+//! and gives the same at every reading.
+
+use crate::error::LogError;
+use crate::record::{ChunkHead, HEAD, Head, MESSAGE_HEAD, MessageHead, PROBE, op};
+use crate::source::{Source, Stream};
+use bytes::Bytes;
+use std::io::Read;
+
+/// Contents larger than this are not read: memory stays bounded whatever a log claims.
+pub(crate) const SEGMENT_LIMIT: u64 = 192 << 20;
+/// Compressed data larger than this are decompressed in pieces, without holding them.
+const PIECEWISE_FROM: u64 = 16 << 20;
+
+/// Where a segment lies and what it holds.
+#[derive(Clone, Debug)]
+pub(crate) struct Segment {
+    /// First byte of the chunk's record, or of the run.
+    pub(crate) start: u64,
+    /// Bytes in the file.
+    pub(crate) length: u64,
+    /// Whether it is a chunk.
+    pub(crate) chunk: bool,
+    /// Earliest and latest log time of its messages.
+    pub(crate) first: u64,
+    pub(crate) last: u64,
+    /// Channels of its messages, ascending; `None` where the log does not say.
+    pub(crate) channels: Option<Box<[u16]>>,
+    /// Size of the contents, as the log says.
+    pub(crate) contents: u64,
+}
+
+impl Segment {
+    pub(crate) fn end(&self) -> u64 {
+        self.start + self.length
+    }
+
+    /// Whether it may hold a message of that channel.
+    pub(crate) fn may_hold(&self, channel: u16) -> bool {
+        self.channels.as_ref().is_none_or(|channels| channels.binary_search(&channel).is_ok())
+    }
+
+    /// How much memory reading it may take.
+    pub(crate) fn weight(&self) -> usize {
+        self.contents.min(SEGMENT_LIMIT) as usize
+    }
+}
+
+/// A message within its segment's contents.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct MessageRef {
+    pub(crate) time: u64,
+    /// Where the record begins in the contents.
+    pub(crate) offset: u32,
+    pub(crate) channel: u16,
+}
+
+/// A segment's contents, with its records found.
+#[derive(Debug, Default)]
+pub(crate) struct Decoded {
+    pub(crate) contents: Bytes,
+    /// In file order.
+    pub(crate) messages: Vec<MessageRef>,
+    /// Where schema and channel records begin.
+    pub(crate) definitions: Vec<u32>,
+    pub(crate) damage: Option<Damage>,
+}
+
+/// What is wrong with a segment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Damage {
+    /// Bytes of the contents that were not salvaged.
+    pub(crate) lost_bytes: u64,
+    pub(crate) what: String,
+}
+
+impl Decoded {
+    /// The body of the record that begins at `offset`, which a walk over the contents has found.
+    pub(crate) fn record(&self, offset: u32) -> Option<(Head, Bytes)> {
+        let from = offset as usize;
+        let head = Head::read(self.contents.get(from..)?)?;
+        let to = usize::try_from(head.length()).ok()?.checked_add(from)?;
+        (to <= self.contents.len()).then(|| (head, self.contents.slice(from + HEAD..to)))
+    }
+}
+
+/// Reads a segment. Damage is part of the result; only a failing read of the source is an error.
+pub(crate) fn decode(source: &Source, segment: &Segment) -> Result<Decoded, LogError> {
+    if segment.chunk { decode_chunk(source, segment) } else { decode_run(source, segment) }
+}
+
+fn decode_run(source: &Source, segment: &Segment) -> Result<Decoded, LogError> {
+    if segment.length > SEGMENT_LIMIT {
+        return Ok(too_large(segment.length));
+    }
+    let contents = source.read(segment.start, segment.length as usize)?;
+    let walk = walk(&contents, None);
+    let damage = (walk.lost_bytes > 0)
+        .then(|| Damage { lost_bytes: walk.lost_bytes, what: "records outside chunks that do not parse".to_owned() });
+    Ok(Decoded { contents, messages: walk.messages, definitions: walk.definitions, damage })
+}
+
+fn too_large(size: u64) -> Decoded {
+    let what = format!("contents of {size} bytes are more than the limit of {SEGMENT_LIMIT}");
+    Decoded { damage: Some(Damage { lost_bytes: size, what }), ..Decoded::default() }
+}
+
+fn lost(lost_bytes: u64, what: String) -> Decoded {
+    Decoded { damage: Some(Damage { lost_bytes, what }), ..Decoded::default() }
+}
+
+fn decode_chunk(source: &Source, segment: &Segment) -> Result<Decoded, LogError> {
+    let front = source.read(segment.start, segment.length.min(PROBE as u64) as usize)?;
+    let body = front.get(HEAD..).unwrap_or_default();
+    let (Some(outer), Some(chunk)) = (Head::read(&front), ChunkHead::read(body)) else {
+        return Ok(lost(segment.length, "a chunk whose header does not parse".to_owned()));
+    };
+    if outer.op != op::CHUNK {
+        return Ok(lost(segment.length, format!("expected a chunk, got a record of opcode {:#04x}", outer.op)));
+    }
+    let data_start = segment.start + (HEAD + chunk.front) as u64;
+    let data_end = data_start.saturating_add(chunk.compressed).min(segment.end()).max(data_start);
+    let whole = data_end - data_start == chunk.compressed;
+    // A chunk that was never closed states sizes of all ones: what is there is read up to the limit.
+    let unclosed = chunk.uncompressed == u64::MAX || chunk.compressed == u64::MAX;
+    if chunk.uncompressed > SEGMENT_LIMIT && !unclosed && whole {
+        return Ok(too_large(chunk.uncompressed));
+    }
+    let expected = chunk.uncompressed.min(SEGMENT_LIMIT);
+    let unpacked = unpack(source, &chunk, data_start, data_end, expected as usize)?;
+
+    let mut reasons = Vec::new();
+    if !whole {
+        reasons.push(if unclosed { "a chunk that was never closed" } else { "a chunk that is cut off" }.to_owned());
+    }
+    if let Some(problem) = unpacked.problem {
+        reasons.push(problem);
+    } else if whole && unpacked.contents.len() as u64 != chunk.uncompressed {
+        reasons.push(format!("expected {} bytes of contents, got {}", chunk.uncompressed, unpacked.contents.len()));
+    }
+    if reasons.is_empty() && chunk.crc != 0 {
+        let got = crc32fast::hash(&unpacked.contents);
+        if got != chunk.crc {
+            reasons.push(format!("expected checksum {:08x}, got {got:08x}", chunk.crc));
+        }
+    }
+    let contents = unpacked.contents;
+    let mut found = if reasons.is_empty() { walk(&contents, None) } else { Walk::default() };
+    if reasons.is_empty() && found.lost_bytes > 0 {
+        reasons.push("records that do not parse".to_owned());
+    }
+    if reasons.is_empty() {
+        return Ok(Decoded { contents, messages: found.messages, definitions: found.definitions, damage: None });
+    }
+    found = walk(&contents, Some(chunk.times().unwrap_or((0, u64::MAX))));
+    let missing = if unclosed { 0 } else { expected.saturating_sub(contents.len() as u64) };
+    let damage = Damage { lost_bytes: found.lost_bytes + missing, what: reasons.join("; ") };
+    Ok(Decoded { contents, messages: found.messages, definitions: found.definitions, damage: Some(damage) })
+}
+
+/// A chunk's contents, as far as they could be decompressed.
+struct Unpacked {
+    contents: Bytes,
+    problem: Option<String>,
+}
+
+fn unpack(source: &Source, chunk: &ChunkHead, from: u64, to: u64, expected: usize) -> Result<Unpacked, LogError> {
+    let available = to - from;
+    if chunk.compression.is_empty() {
+        let length = available.min(expected as u64) as usize;
+        return Ok(Unpacked { contents: source.read(from, length)?, problem: None });
+    }
+    // A size that the data could hardly have is not trusted with an allocation before they are seen.
+    let room = expected.min(usize::try_from(available.saturating_mul(64)).unwrap_or(usize::MAX).max(1 << 20));
+    if chunk.compression == "zstd" && available <= PIECEWISE_FROM && room == expected {
+        let compressed = source.read(from, available as usize)?;
+        let mut contents = Vec::with_capacity(expected);
+        if zstd::bulk::decompress_to_buffer(compressed.as_ref(), &mut contents).is_ok() {
+            return Ok(Unpacked { contents: contents.into(), problem: None });
+        }
+    }
+    let mut stream = Stream::new(source, from, to);
+    let (contents, problem) = match chunk.compression.as_str() {
+        "zstd" => match zstd::stream::read::Decoder::new(&mut stream) {
+            Ok(decoder) => drain(decoder, room, expected),
+            Err(error) => (Vec::new(), Some(error.to_string())),
+        },
+        "lz4" => match lz4::Decoder::new(&mut stream) {
+            Ok(decoder) => drain(decoder, room, expected),
+            Err(error) => (Vec::new(), Some(error.to_string())),
+        },
+        other => (Vec::new(), Some(format!("expected the compression zstd, lz4 or none, got `{other}`"))),
+    };
+    match stream.failure() {
+        Some(error) => Err(error),
+        None => Ok(Unpacked { contents: contents.into(), problem }),
+    }
+}
+
+/// Reads until the end, the first error, or one byte more than `expected`; keeps what came before an error.
+fn drain(mut decoder: impl Read, room: usize, expected: usize) -> (Vec<u8>, Option<String>) {
+    let mut contents = Vec::with_capacity(room);
+    let mut piece = vec![0; 1 << 16];
+    loop {
+        match decoder.read(&mut piece) {
+            Ok(0) => return (contents, None),
+            Ok(count) => {
+                let left = expected - contents.len();
+                contents.extend_from_slice(&piece[..count.min(left)]);
+                if count > left {
+                    return (contents, Some(format!("expected {expected} bytes of contents, got more")));
+                }
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(error) => return (contents, Some(format!("the compressed data are damaged: {error}"))),
+        }
+    }
+}
+
+/// What a walk over contents found.
+#[derive(Default)]
+struct Walk {
+    messages: Vec<MessageRef>,
+    definitions: Vec<u32>,
+    lost_bytes: u64,
+}
+
+/// Finds the records of `contents`. With `times`, the contents are known to be damaged: a record counts only if it is
+/// a kind that belongs there, a message's time lies within `times`, and what follows can be a record too.
+fn walk(contents: &[u8], times: Option<(u64, u64)>) -> Walk {
+    let mut found = Walk::default();
+    let mut at = 0;
+    while at < contents.len() {
+        let Some(end) = record_end(contents, at, times) else {
+            let next = resync(contents, at + 1, times);
+            found.lost_bytes += (next - at) as u64;
+            at = next;
+            continue;
+        };
+        if times.is_some() && end < contents.len() && record_end(contents, end, times).is_none() {
+            // Either this record's length is wrong or the next record is. If a record begins before this one's
+            // end, the length was.
+            let next = resync(contents, at + HEAD, times);
+            if next < end {
+                found.lost_bytes += (next - at) as u64;
+                at = next;
+                continue;
+            }
+        }
+        match contents[at] {
+            op::MESSAGE => {
+                if let Some(head) = MessageHead::read(&contents[at + HEAD..end]) {
+                    let message = MessageRef { time: head.log_time, offset: at as u32, channel: head.channel };
+                    found.messages.push(message);
+                }
+            }
+            op::SCHEMA | op::CHANNEL => found.definitions.push(at as u32),
+            _ => {}
+        }
+        at = end;
+    }
+    found
+}
+
+/// Where the record at `at` ends, if one is there.
+fn record_end(contents: &[u8], at: usize, times: Option<(u64, u64)>) -> Option<usize> {
+    let rest = &contents[at..];
+    let head = Head::read(rest)?;
+    let end = usize::try_from(head.length()).ok().filter(|&length| length <= rest.len())?;
+    let body = &rest[HEAD..end];
+    if !head.plausible(body) {
+        return None;
+    }
+    if let Some((first, last)) = times {
+        let belongs = match head.op {
+            op::MESSAGE => MessageHead::read(body).is_some_and(|m| (first..=last).contains(&m.log_time)),
+            op::SCHEMA | op::CHANNEL => true,
+            other => other >= op::PRIVATE,
+        };
+        if !belongs {
+            return None;
+        }
+    }
+    Some(at + end)
+}
+
+/// The next place from `from` on where a schema, channel or message begins and is followed by another record or the
+/// end; the end of the contents where there is none.
+fn resync(contents: &[u8], from: usize, times: Option<(u64, u64)>) -> usize {
+    let begins = |&at: &usize| {
+        if !matches!(contents[at], op::SCHEMA | op::CHANNEL | op::MESSAGE) {
+            return false;
+        }
+        record_end(contents, at, times)
+            .is_some_and(|end| end == contents.len() || record_end(contents, end, times).is_some())
+    };
+    (from..contents.len()).find(begins).unwrap_or(contents.len())
+}
+
+/// Times, channels and counts of a decoded segment's messages.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tally {
+    pub(crate) first: u64,
+    pub(crate) last: u64,
+    /// Channel and count, ascending.
+    pub(crate) counts: Vec<(u16, u64)>,
+}
+
+impl Tally {
+    pub(crate) fn of(messages: &[MessageRef]) -> Self {
+        let mut counts = std::collections::BTreeMap::new();
+        let mut times: Option<(u64, u64)> = None;
+        for message in messages {
+            *counts.entry(message.channel).or_insert(0) += 1;
+            let (first, last) = times.unwrap_or((message.time, message.time));
+            times = Some((first.min(message.time), last.max(message.time)));
+        }
+        let (first, last) = times.unwrap_or_default();
+        Self { first, last, counts: counts.into_iter().collect() }
+    }
+}
+
+/// A message's data within its record's body.
+pub(crate) fn message_data(body: &Bytes) -> Bytes {
+    body.slice(MESSAGE_HEAD.min(body.len())..)
+}

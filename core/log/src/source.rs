@@ -1,0 +1,146 @@
+//! The bytes of a log: a file through positioned reads, or memory.
+
+use crate::error::LogError;
+use bytes::Bytes;
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+/// Read-only bytes with a length that was fixed when they were opened.
+#[derive(Debug)]
+pub(crate) struct Source {
+    bytes: Medium,
+    length: u64,
+    path: PathBuf,
+}
+
+#[derive(Debug)]
+enum Medium {
+    File(File),
+    Memory(Bytes),
+}
+
+impl Source {
+    pub(crate) fn open(path: &Path) -> Result<Self, LogError> {
+        let failed = |source| LogError::Open { path: path.to_owned(), source };
+        let file = File::open(path).map_err(failed)?;
+        let metadata = file.metadata().map_err(failed)?;
+        if !metadata.is_file() {
+            return Err(failed(std::io::Error::other("expected a regular file")));
+        }
+        Ok(Self { bytes: Medium::File(file), length: metadata.len(), path: path.to_owned() })
+    }
+
+    pub(crate) fn memory(bytes: Bytes) -> Self {
+        Self { length: bytes.len() as u64, bytes: Medium::Memory(bytes), path: PathBuf::new() }
+    }
+
+    pub(crate) fn length(&self) -> u64 {
+        self.length
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Fills `into` from byte `offset` on. Bytes that are not there, in a file that has shrunk, are an error.
+    pub(crate) fn read_into(&self, offset: u64, into: &mut [u8]) -> Result<(), LogError> {
+        let result = match &self.bytes {
+            Medium::File(file) => file.read_exact_at(into, offset),
+            Medium::Memory(bytes) => {
+                let range = usize::try_from(offset).ok().and_then(|from| bytes.get(from..from.checked_add(into.len())?));
+                match range {
+                    Some(range) => {
+                        into.copy_from_slice(range);
+                        Ok(())
+                    }
+                    None => Err(std::io::ErrorKind::UnexpectedEof.into()),
+                }
+            }
+        };
+        let length = into.len() as u64;
+        result.map_err(|source| LogError::Read { offset, length, path: self.path.clone(), source })
+    }
+
+    /// `length` bytes from byte `offset` on; memory is shared, not copied.
+    pub(crate) fn read(&self, offset: u64, length: usize) -> Result<Bytes, LogError> {
+        if let Medium::Memory(bytes) = &self.bytes
+            && let Ok(from) = usize::try_from(offset)
+            && let Some(to) = from.checked_add(length)
+            && to <= bytes.len()
+        {
+            return Ok(bytes.slice(from..to));
+        }
+        let mut buffer = vec![0; length];
+        self.read_into(offset, &mut buffer)?;
+        Ok(buffer.into())
+    }
+}
+
+/// Sequential reading of part of a source, for a decompressor.
+pub(crate) struct Stream<'a> {
+    source: &'a Source,
+    at: u64,
+    end: u64,
+    failure: Option<LogError>,
+}
+
+impl<'a> Stream<'a> {
+    pub(crate) fn new(source: &'a Source, at: u64, end: u64) -> Self {
+        Self { source, at, end, failure: None }
+    }
+
+    /// The source's own error, apart from what a decompressor makes of it.
+    pub(crate) fn failure(self) -> Option<LogError> {
+        self.failure
+    }
+}
+
+impl std::io::Read for Stream<'_> {
+    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        let count = into.len().min(usize::try_from(self.end - self.at).unwrap_or(usize::MAX));
+        self.source.read_into(self.at, &mut into[..count]).map_err(|error| {
+            self.failure = Some(error);
+            std::io::Error::other("the log cannot be read")
+        })?;
+        self.at += count as u64;
+        Ok(count)
+    }
+}
+
+/// A small window on a source, for walking over headers: most steps need no read of their own.
+pub(crate) struct Window<'a> {
+    source: &'a Source,
+    start: u64,
+    buffer: Vec<u8>,
+    span: usize,
+}
+
+impl<'a> Window<'a> {
+    pub(crate) fn new(source: &'a Source, span: usize) -> Self {
+        Self { source, start: 0, buffer: Vec::new(), span }
+    }
+
+    pub(crate) fn source(&self) -> &'a Source {
+        self.source
+    }
+
+    /// Up to `length` bytes from `offset` on; fewer where the source ends.
+    pub(crate) fn get(&mut self, offset: u64, length: usize) -> Result<&[u8], LogError> {
+        let left = self.source.length().saturating_sub(offset);
+        let length = length.min(usize::try_from(left).unwrap_or(usize::MAX));
+        let held = offset >= self.start && offset + length as u64 <= self.start + self.buffer.len() as u64;
+        if !held {
+            let span = length.max(self.span).min(usize::try_from(left).unwrap_or(usize::MAX));
+            // Emptied first: after a failed read nothing stale may pass for the bytes at the new place.
+            self.buffer.clear();
+            self.start = offset;
+            let mut buffer = std::mem::take(&mut self.buffer);
+            buffer.resize(span, 0);
+            self.source.read_into(offset, &mut buffer)?;
+            self.buffer = buffer;
+        }
+        let from = (offset - self.start) as usize;
+        Ok(&self.buffer[from..from + length])
+    }
+}

@@ -1,0 +1,241 @@
+//! Opening by index: the summary at the end of the file, if it is there, sound, and tells of every message.
+
+use crate::catalog::{ATTACHMENT_PROBE, BODY_LIMIT, Catalog, Problems};
+use crate::error::LogError;
+use crate::record::{Fields, HEAD, Head, MAGIC, PROBE, indexed_messages, op};
+use crate::segment::Segment;
+use crate::source::{Source, Window};
+use bytes::Bytes;
+use mcap::records::{ChunkIndex, Record, Statistics};
+use std::collections::BTreeMap;
+
+/// Footer record and closing magic.
+const TAIL: u64 = HEAD as u64 + 20 + 8;
+/// A larger summary is not read.
+const SUMMARY_LIMIT: u64 = 256 << 20;
+
+/// A summary whose checksum is right.
+#[derive(Debug, Default)]
+pub(crate) struct Summary {
+    pub(crate) catalog: Catalog,
+    pub(crate) chunks: Vec<ChunkIndex>,
+    /// Where it begins: where the data end.
+    start: u64,
+}
+
+/// A log as its index or a scan tells it.
+#[derive(Debug, Default)]
+pub(crate) struct Contents {
+    pub(crate) catalog: Catalog,
+    /// In file order.
+    pub(crate) segments: Vec<Segment>,
+    /// Messages by channel.
+    pub(crate) counts: BTreeMap<u16, u64>,
+    pub(crate) problems: Problems,
+}
+
+/// The summary; `Ok(Err(…))` says why there is none that can be used.
+pub(crate) fn read(source: &Source) -> Result<Result<Summary, String>, LogError> {
+    let length = source.length();
+    if length < TAIL + 8 {
+        return Ok(Err("the log ends without a footer".to_owned()));
+    }
+    let tail = source.read(length - TAIL, TAIL as usize)?;
+    let footer_body = &tail[HEAD..HEAD + 20];
+    if &tail[HEAD + 20..] != MAGIC || Head::read(&tail) != Some(Head { op: op::FOOTER, body: 20 }) {
+        return Ok(Err("the log ends without a footer: it was cut, or never finished".to_owned()));
+    }
+    let Ok(Record::Footer(footer)) = mcap::parse_record(op::FOOTER, footer_body) else {
+        return Ok(Err("the footer does not parse".to_owned()));
+    };
+    let end = length - TAIL;
+    let start = footer.summary_start;
+    if start == 0 {
+        return Ok(Err("the log has no summary".to_owned()));
+    }
+    if !(8..=end).contains(&start) || end - start > SUMMARY_LIMIT {
+        return Ok(Err(format!("the footer puts the summary at byte {start}, expected one between 8 and {end}")));
+    }
+    let bytes = source.read(start, (end - start) as usize)?;
+    if footer.summary_crc != 0 {
+        // The checksum covers the summary and the footer up to itself.
+        let mut hasher = crc32fast::Hasher::new();
+        hasher.update(&bytes);
+        hasher.update(&tail[..HEAD + 16]);
+        let got = hasher.finalize();
+        if got != footer.summary_crc {
+            return Ok(Err(format!("the summary's checksum is {got:08x}, expected {:08x}", footer.summary_crc)));
+        }
+    }
+    Ok(parse(&bytes, start))
+}
+
+fn parse(bytes: &Bytes, start: u64) -> Result<Summary, String> {
+    let mut summary = Summary { start, ..Summary::default() };
+    let mut at = 0;
+    while at < bytes.len() {
+        let offset = start + at as u64;
+        let cut = || format!("the summary's record at byte {offset} does not parse");
+        let head = Head::read(&bytes[at..]).ok_or_else(cut)?;
+        let end = usize::try_from(head.length()).ok().and_then(|length| at.checked_add(length));
+        let end = end.filter(|&end| end <= bytes.len()).ok_or_else(cut)?;
+        let body = bytes.slice(at + HEAD..end);
+        if head.op == op::CHUNK_INDEX {
+            match mcap::parse_record(head.op, &body) {
+                Ok(Record::ChunkIndex(index)) => summary.chunks.push(index),
+                _ => return Err(cut()),
+            }
+        } else {
+            summary.catalog.take(head, offset, &body)?;
+        }
+        at = end;
+    }
+    summary.chunks.sort_by_key(|index| index.chunk_start_offset);
+    Ok(summary)
+}
+
+/// The log as `summary` tells it; `Ok(Err(…))` says why the summary does not tell of all messages.
+pub(crate) fn contents(source: &Source, summary: &Summary) -> Result<Result<Contents, String>, LogError> {
+    let mut contents = Contents { catalog: summary.catalog.clone(), ..Contents::default() };
+    let mut window = Window::new(source, 4096);
+    let mut at = 8;
+    for index in &summary.chunks {
+        let start = index.chunk_start_offset;
+        let end = start.checked_add(index.chunk_length).and_then(|end| end.checked_add(index.message_index_length));
+        let Some(end) = end.filter(|&end| start >= at && end <= summary.start && index.chunk_length > HEAD as u64) else {
+            return Ok(Err(format!("the index puts a chunk at byte {start} where none can be")));
+        };
+        if index.message_start_time > index.message_end_time {
+            return Ok(Err(format!("the index of the chunk at byte {start} has its times reversed")));
+        }
+        if let Err(why) = between(&mut window, at, start, &mut contents)? {
+            return Ok(Err(why));
+        }
+        let channels: Box<[u16]> = index.message_index_offsets.keys().copied().collect();
+        contents.segments.push(Segment {
+            start,
+            length: index.chunk_length,
+            chunk: true,
+            first: index.message_start_time,
+            last: index.message_end_time,
+            channels: (index.message_index_length > 0 || index.uncompressed_size == 0).then_some(channels),
+            contents: index.uncompressed_size,
+        });
+        at = end;
+    }
+    if let Err(why) = between(&mut window, at, summary.start, &mut contents)? {
+        return Ok(Err(why));
+    }
+    if let Some(statistics) = &contents.catalog.statistics {
+        if u64::from(statistics.chunk_count) != contents.segments.len() as u64 {
+            let (chunks, indexes) = (statistics.chunk_count, contents.segments.len());
+            return Ok(Err(format!("the statistics count {chunks} chunks, the index {indexes}")));
+        }
+        if u64::from(statistics.channel_count) > contents.catalog.channels.len() as u64 {
+            return Ok(Err("the summary does not repeat every channel".to_owned()));
+        }
+    }
+    let counted = contents.catalog.statistics.as_ref().and_then(counts_of);
+    if let Some(counts) = counted {
+        contents.counts = counts;
+    } else if let Err(why) = count(&mut window, summary, &mut contents)? {
+        return Ok(Err(why));
+    }
+    let unknown = contents.segments.iter().flat_map(|segment| segment.channels.iter().flatten());
+    let unknown = unknown.chain(contents.counts.keys()).find(|id| !contents.catalog.channels.contains_key(id));
+    if let Some(id) = unknown {
+        return Ok(Err(format!("the summary does not repeat channel {id}")));
+    }
+    Ok(Ok(contents))
+}
+
+/// Messages by channel, if the statistics give them and they add up.
+fn counts_of(statistics: &Statistics) -> Option<BTreeMap<u16, u64>> {
+    let counts = &statistics.channel_message_counts;
+    let sum = counts.values().try_fold(0u64, |sum, &count| sum.checked_add(count))?;
+    (sum == statistics.message_count).then(|| counts.clone())
+}
+
+/// Takes in the records from `at` to `end`, which the chunk index leaves out.
+fn between(
+    window: &mut Window<'_>,
+    mut at: u64,
+    end: u64,
+    contents: &mut Contents,
+) -> Result<Result<(), String>, LogError> {
+    while at < end {
+        let front = window.get(at, PROBE)?;
+        let head = Head::read(front).filter(|head| head.length() <= end - at);
+        let Some(head) = head.filter(|head| head.plausible(&front[HEAD.min(front.len())..])) else {
+            return Ok(Err(format!("there is no record at byte {at}, where one should follow")));
+        };
+        if matches!(head.op, op::MESSAGE | op::CHUNK) {
+            return Ok(Err(format!("the index leaves out messages at byte {at}")));
+        }
+        let body = body_of(window.source(), head, at)?;
+        if let Err(problem) = contents.catalog.take(head, at, &body) {
+            contents.problems.add(problem);
+        }
+        at += head.length();
+    }
+    Ok(Ok(()))
+}
+
+/// As much of a record's body as [`Catalog::take`] wants.
+pub(crate) fn body_of(source: &Source, head: Head, offset: u64) -> Result<Bytes, LogError> {
+    let length = match head.op {
+        op::ATTACHMENT => head.body.min(ATTACHMENT_PROBE as u64),
+        op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA | op::STATISTICS if head.body <= BODY_LIMIT => head.body,
+        _ => 0,
+    };
+    source.read(offset + HEAD as u64, length as usize)
+}
+
+/// Counts messages by the message indexes behind the chunks, for a summary without statistics.
+fn count(
+    window: &mut Window<'_>,
+    summary: &Summary,
+    contents: &mut Contents,
+) -> Result<Result<(), String>, LogError> {
+    for index in &summary.chunks {
+        let mut at = index.chunk_start_offset + index.chunk_length;
+        let end = at + index.message_index_length;
+        if at == end && index.uncompressed_size > 0 {
+            return Ok(Err("the summary has no statistics, and the log no message indexes".to_owned()));
+        }
+        while at < end {
+            let front = window.get(at, HEAD + 6)?;
+            let head = Head::read(front).filter(|head| head.op == op::MESSAGE_INDEX && head.length() <= end - at);
+            let indexed = indexed_messages(&front[HEAD.min(front.len())..]);
+            let (Some(head), Some((channel, count))) = (head, indexed) else {
+                return Ok(Err(format!("there is no message index at byte {at}, where one should follow")));
+            };
+            *contents.counts.entry(channel).or_insert(0) += count;
+            at += head.length();
+        }
+    }
+    Ok(Ok(()))
+}
+
+/// Checks the data section's checksum, where there is one; gives what is wrong. Reads the whole log.
+pub(crate) fn check_data(source: &Source, summary: &Summary) -> Result<Option<String>, LogError> {
+    const DATA_END: u64 = HEAD as u64 + 4;
+    let Some(at) = summary.start.checked_sub(DATA_END).filter(|&at| at >= 8) else { return Ok(None) };
+    let record = source.read(at, DATA_END as usize)?;
+    if Head::read(&record) != Some(Head { op: op::DATA_END, body: 4 }) {
+        return Ok(None);
+    }
+    let expected = Fields(&record[HEAD..]).u32().unwrap_or(0);
+    if expected == 0 {
+        return Ok(None);
+    }
+    let mut hasher = crc32fast::Hasher::new();
+    let mut from = 0;
+    while from < at {
+        let length = (at - from).min(1 << 20);
+        hasher.update(&source.read(from, length as usize)?);
+        from += length;
+    }
+    let got = hasher.finalize();
+    Ok((got != expected).then(|| format!("the checksum of the data is {got:08x}, expected {expected:08x}")))
+}

@@ -1,0 +1,283 @@
+//! Logs that were cut, and logs with bits flipped.
+
+use crate::common::{Numbers, SharedSink, header, log_of, plain, read_all, writer};
+use bytes::Bytes;
+use proptest::prelude::*;
+use rcs_log::{CursorOptions, Log, LogError, Lost, WriterOptions};
+use std::collections::BTreeSet;
+
+fn compressed() -> Option<Bytes> {
+    let data = rcs_testkit::data_dir()?;
+    Some(std::fs::read(data.join("mcap-crate-drive/compressed.mcap")).unwrap().into())
+}
+
+/// Where records begin, with their opcodes.
+fn records(log: &[u8]) -> Vec<(usize, u8)> {
+    let mut at = 8;
+    let mut found = Vec::new();
+    while at + 8 < log.len() {
+        found.push((at, log[at]));
+        at += 9 + u64::from_le_bytes(log[at + 1..at + 9].try_into().unwrap()) as usize;
+    }
+    found
+}
+
+const CHUNK: u8 = 0x06;
+const MESSAGE_INDEX: u8 = 0x07;
+const DATA_END: u8 = 0x0f;
+
+#[test]
+fn a_log_cut_at_any_record_boundary_keeps_every_message_before_the_cut() {
+    let Some(whole) = compressed() else { return };
+    let expected = read_all(&Log::from_bytes(whole.clone()).unwrap()).len() as u64;
+    let mut messages = 0;
+    for (at, op) in records(&whole) {
+        // Behind a message index nothing new can be lost; one in seven of them stands for all.
+        if op == MESSAGE_INDEX && at % 7 != 0 {
+            continue;
+        }
+        let log = Log::from_bytes(whole.slice(..at)).unwrap();
+        let info = log.info();
+        assert!(info.recovered);
+        assert_eq!(info.lost, Lost::default(), "cut at {at}: {:?}", info.problems);
+        assert!(info.messages >= messages, "cut at {at}");
+        assert!(info.problems[0].contains("cut"), "{:?}", info.problems);
+        messages = info.messages;
+        if at % 50 == 0 {
+            assert_eq!(read_all(&log).len() as u64, messages, "cut at {at}");
+        }
+        if op == DATA_END {
+            assert_eq!(messages, expected, "the data end behind every message");
+        }
+    }
+}
+
+#[test]
+fn a_log_cut_anywhere_opens_says_what_was_lost_and_keeps_what_came_before() {
+    let Some(whole) = compressed() else { return };
+    let boundaries: BTreeSet<usize> = records(&whole).into_iter().map(|(at, _)| at).chain([whole.len()]).collect();
+    let mut numbers = Numbers(0x1234_5678_9abc_def1);
+    let mut cuts: Vec<usize> = (0..250).map(|_| 8 + numbers.below(whole.len() - 8)).collect();
+    cuts.sort_unstable();
+    let mut before = 0;
+    for cut in cuts {
+        let log = Log::from_bytes(whole.slice(..cut)).unwrap();
+        let info = log.info();
+        assert!(info.recovered, "{cut}");
+        assert!(info.messages >= before, "a later cut at {cut} keeps fewer messages");
+        before = info.messages;
+        let inside = !boundaries.contains(&cut);
+        assert_eq!(info.lost.bytes > 0, inside, "cut at {cut}: {:?}", info.problems);
+        assert_eq!(read_all(&log).len() as u64, info.messages, "{cut}");
+    }
+}
+
+#[test]
+fn a_log_without_its_magic_is_refused_by_name() {
+    for bytes in [&b""[..], b"\x89MCAP0\r", b"#ROSBAG V2.0\n and more"] {
+        let error = Log::from_bytes(Bytes::from_static(bytes)).unwrap_err();
+        assert!(matches!(error, LogError::NotALog { .. }), "{error}");
+        assert!(error.to_string().contains("expected it to begin with 89 4d 43 41 50 30 0d 0a, got"), "{error}");
+    }
+    let error = Log::open("no/such/log.mcap").unwrap_err();
+    assert!(error.to_string().ends_with("no/such/log.mcap"), "{error}");
+    assert!(Log::open(std::env::temp_dir()).is_err(), "a folder is no log");
+    assert_eq!(Log::from_bytes(Bytes::from_static(b"\x89MCAP0\r\n")).unwrap().info().messages, 0);
+}
+
+#[test]
+fn a_flipped_bit_is_noticed_and_costs_at_most_its_chunk() {
+    let Some(whole) = compressed() else { return };
+    let sound = Log::from_bytes(whole.clone()).unwrap();
+    let total = sound.info().messages;
+    let data_end = records(&whole).iter().find(|(_, op)| *op == DATA_END).unwrap().0;
+    let mut numbers = Numbers(0x0dd0_5eed_0000_0001);
+    for _ in 0..300 {
+        let mut bytes = whole.to_vec();
+        let at = 8 + numbers.below(bytes.len() - 8);
+        bytes[at] ^= 1 << numbers.below(8);
+        let log = Log::from_bytes(bytes.into()).unwrap();
+        let info = log.info();
+        assert_eq!(read_all(&log).len() as u64, info.messages, "byte {at}");
+        assert!(info.messages + 20 >= total, "byte {at}: {} messages, {:?}", info.messages, info.problems);
+        if at < data_end {
+            assert!(info.recovered && !info.problems.is_empty(), "byte {at}");
+            assert_eq!(info.messages + info.lost.messages, total, "byte {at}: {:?}", info.problems);
+        } else {
+            assert_eq!((info.messages, info.lost.messages), (total, 0), "byte {at}: {:?}", info.problems);
+        }
+    }
+}
+
+#[test]
+fn flips_in_many_places_and_a_cut_besides_still_leave_the_sound_chunks() {
+    let Some(whole) = compressed() else { return };
+    let total = Log::from_bytes(whole.clone()).unwrap().info().messages;
+    let mut numbers = Numbers(0x0123_4567_89ab_cdef);
+    for round in 0..60 {
+        let mut bytes = whole.to_vec();
+        let flips = 1 + round / 3;
+        for _ in 0..flips {
+            let at = 8 + numbers.below(bytes.len() - 8);
+            let burst = 1 + numbers.below(30);
+            for byte in bytes.iter_mut().skip(at).take(burst) {
+                *byte = numbers.next() as u8;
+            }
+        }
+        if round % 2 == 0 {
+            bytes.truncate(bytes.len() - bytes.len() / 20);
+        }
+        let log = Log::from_bytes(bytes.into()).unwrap();
+        let info = log.info();
+        assert_eq!(read_all(&log).len() as u64, info.messages);
+        assert!(info.messages + info.lost.messages <= total, "{:?}", info.problems);
+        let sound = if round % 2 == 0 { total * 9 / 10 } else { total };
+        assert!(info.messages + 20 * flips as u64 >= sound, "{} of {total}: {:?}", info.messages, info.problems);
+    }
+}
+
+#[test]
+fn an_uncompressed_chunk_with_a_damaged_message_gives_up_that_message_alone() {
+    let messages: Vec<(usize, u64, usize)> = (0..50).map(|index| (0, 1000 + index, 40)).collect();
+    let bytes = log_of(&messages, WriterOptions { compress: false, ..WriterOptions::default() });
+    let body = bytes.windows(40).position(|window| window == [25; 40]).unwrap();
+    // The length of message 25 stands 30 bytes in front of its data; make it run over the messages behind.
+    for (offset, value) in [(30, 200), (29, 3), (8, 0xff), (31, 0)] {
+        let mut damaged = bytes.to_vec();
+        damaged[body - offset] = value;
+        for log in [Log::from_bytes(damaged.clone().into()).unwrap(), Log::from_bytes_by_scan(damaged.into()).unwrap()] {
+            let order: Vec<u32> = read_all(&log).iter().map(|message| message.sequence).collect();
+            assert!(log.info().recovered);
+            assert!(order.len() >= 49, "{order:?}");
+            assert!(order.iter().filter(|&&sequence| sequence != 25).count() == 49, "{order:?}");
+            assert_eq!(log.info().lost.messages, 50 - order.len() as u64);
+        }
+    }
+}
+
+#[test]
+fn a_log_whose_first_chunk_with_the_definitions_is_gone_takes_them_from_the_summary() {
+    let messages: Vec<(usize, u64, usize)> = (0..400).map(|index| (0, index, 40)).collect();
+    let bytes = log_of(&messages, WriterOptions { chunk_bytes: 1000, ..WriterOptions::default() });
+    let first = records(&bytes).iter().find(|(_, op)| *op == CHUNK).unwrap().0;
+    let mut damaged = bytes.to_vec();
+    damaged[first + 60..first + 90].fill(0xee);
+    let log = Log::from_bytes(damaged.clone().into()).unwrap();
+    assert!(log.info().messages >= 350, "{:?}", log.info().problems);
+    assert_eq!(log.info().messages + log.info().lost.messages, 400);
+    assert_eq!(log.info().topics.len(), 1);
+    // Without a summary the messages cannot be told what they are of: they are counted as lost.
+    let data_end = records(&bytes).iter().find(|(_, op)| *op == DATA_END).unwrap().0;
+    damaged.truncate(data_end);
+    let log = Log::from_bytes(damaged.into()).unwrap();
+    assert_eq!(log.info().messages + log.info().lost.messages, 400, "{:?}", log.info().problems);
+    assert!(log.info().problems.iter().any(|problem| problem.contains("does not define")));
+}
+
+#[test]
+fn damage_in_a_large_indexed_log_is_told_when_it_is_met() {
+    let sink = SharedSink::default();
+    let (mut writer, channels) = writer(&sink, WriterOptions { chunk_bytes: 1 << 20, ..WriterOptions::default() }, 1);
+    for index in 0..50 {
+        writer.write(channels[0], header(index, index as u64), &vec![index as u8; 1 << 20]).unwrap();
+    }
+    writer.finish().unwrap();
+    let mut bytes = sink.snapshot().to_vec();
+    let chunks: Vec<usize> = records(&bytes).iter().filter(|(_, op)| *op == CHUNK).map(|(at, _)| *at).collect();
+    let middle = chunks[chunks.len() / 2];
+    // Checksum of the contents.
+    bytes[middle + 9 + 24] ^= 1;
+    // The front of another one's compressed data.
+    bytes[middle - 40..middle - 20].fill(0xff);
+    let log = Log::from_bytes(bytes.into()).unwrap();
+    assert!(!log.info().recovered, "more contents than are checked at once: {:?}", log.info().problems);
+    assert_eq!((log.info().messages, log.info().lost), (50, Lost::default()));
+    let read = log.cursor(CursorOptions::default()).map(Result::unwrap).count() as u64;
+    let lost = log.lost();
+    assert_eq!(read + lost.messages, 50);
+    assert!(log.problems().iter().any(|problem| problem.contains("checksum")), "{:?}", log.problems());
+    let again = log.cursor(CursorOptions::default()).map(Result::unwrap).count() as u64;
+    assert_eq!((again, log.lost()), (read, lost), "the same at every reading, and counted once");
+}
+
+#[test]
+fn an_index_that_points_beyond_the_file_or_is_damaged_is_not_believed() {
+    let messages: Vec<(usize, u64, usize)> = (0..400).map(|index| (0, index, 40)).collect();
+    let bytes = log_of(&messages, WriterOptions { chunk_bytes: 1000, ..WriterOptions::default() });
+    let expected = plain(read_all(&Log::from_bytes(bytes.clone()).unwrap()));
+    let footer = bytes.len() - 8 - 29;
+    let check = |damaged: Vec<u8>, why: &str| {
+        let log = Log::from_bytes(damaged.into()).unwrap();
+        assert!(log.info().recovered, "{why}");
+        assert!(log.info().problems[0].contains(why), "{why}: {:?}", log.info().problems);
+        assert_eq!(log.info().lost.messages, 0, "{why}");
+        assert_eq!(plain(read_all(&log)), expected, "{why}");
+    };
+    // A chunk index's offset, with the summary's checksum taken away.
+    let index = records(&bytes).iter().find(|(_, op)| *op == 0x08).unwrap().0;
+    let mut damaged = bytes.to_vec();
+    damaged[index + 9 + 16 + 5] = 0x7f;
+    damaged[footer + 9 + 16..footer + 9 + 20].fill(0);
+    check(damaged, "where none can be");
+    let mut damaged = bytes.to_vec();
+    damaged[index + 9 + 16] ^= 1;
+    check(damaged, "checksum");
+    let mut damaged = bytes.to_vec();
+    damaged[footer + 9 + 6] = 0xff;
+    check(damaged, "the footer puts the summary");
+    // One chunk index left out of the summary, with the statistics.
+    let mut damaged = bytes.to_vec();
+    damaged[index] = 0x90;
+    damaged[footer + 9 + 16..footer + 9 + 20].fill(0);
+    check(damaged, "the index leaves out messages");
+}
+
+#[test]
+fn a_file_that_shrinks_while_it_is_open_gives_errors_and_no_panic() {
+    let messages: Vec<(usize, u64, usize)> = (0..400).map(|index| (0, index, 40)).collect();
+    let bytes = log_of(&messages, WriterOptions { chunk_bytes: 1000, compress: false, ..WriterOptions::default() });
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shrinks.mcap");
+    std::fs::write(&path, &bytes).unwrap();
+    let log = Log::open(&path).unwrap();
+    std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(bytes.len() as u64 / 2).unwrap();
+    let results: Vec<_> = log.cursor(CursorOptions::default()).collect();
+    let read = results.iter().filter(|result| result.is_ok()).count();
+    assert!(read > 50 && read < 400, "{read}");
+    let error = results.into_iter().find_map(Result::err).unwrap();
+    assert!(matches!(error, LogError::Read { .. }), "{error}");
+    assert!(error.to_string().contains("shrinks.mcap"), "{error}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_bytes_make_the_reader_panic(
+        noise in proptest::collection::vec(any::<u8>(), 0..600),
+        edits in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..12),
+        compress: bool,
+    ) {
+        let mut random = b"\x89MCAP0\r\n".to_vec();
+        random.extend(&noise);
+        let messages: Vec<(usize, u64, usize)> = (0..30).map(|index| (index % 3, index as u64 / 2, index)).collect();
+        let options = WriterOptions { chunk_bytes: 150, compress, ..WriterOptions::default() };
+        let mut edited = log_of(&messages, options).to_vec();
+        for (index, value) in edits {
+            let length = edited.len() - 8;
+            edited[8 + index.index(length)] = value;
+        }
+        for bytes in [random, edited] {
+            for log in [Log::from_bytes(bytes.clone().into()).unwrap(), Log::from_bytes_by_scan(bytes.into()).unwrap()] {
+                let read = log.cursor(CursorOptions::default()).filter(Result::is_ok).count() as u64;
+                if log.info().recovered {
+                    prop_assert_eq!(read, log.info().messages);
+                }
+                let _ = log.latest_at(log.info().end, None);
+                for info in log.attachments() {
+                    let _ = log.read_attachment(info);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,11 @@
+//! Logs of others and of ours, sound and damaged.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by a panic")]
+
+mod common;
+mod conformance;
+mod damage;
+mod order;
+mod recording;
+mod sound;
+mod writing;

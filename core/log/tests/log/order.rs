@@ -1,0 +1,116 @@
+//! Order, resuming, stepping and looking up, against plain references over unsorted logs.
+
+use crate::common::{log_of, read_all};
+use proptest::prelude::*;
+use rcs_log::{CursorOptions, Log, Place, Position, TopicId, WriterOptions};
+use rcs_msg::Stamp;
+
+/// Messages of up to four topics, with ties, out of order, over small chunks that overlap in time.
+fn messages() -> impl Strategy<Value = Vec<(usize, u64, usize)>> {
+    proptest::collection::vec((0..4usize, 0..40u64, 0..60usize), 1..80)
+}
+
+fn small_chunks(compress: bool) -> WriterOptions {
+    WriterOptions { chunk_bytes: 200, compress, ..WriterOptions::default() }
+}
+
+/// Sequence numbers, which are positions in the file, by log time with ties in file order.
+fn reference_order(messages: &[(usize, u64, usize)]) -> Vec<u32> {
+    let mut order: Vec<usize> = (0..messages.len()).collect();
+    order.sort_by_key(|&index| messages[index].1);
+    order.into_iter().map(|index| index as u32).collect()
+}
+
+fn topic_ids(log: &Log, topics: &[usize]) -> Vec<TopicId> {
+    topics.iter().flat_map(|topic| log.info().topics_named(&format!("/{topic}")).map(|t| t.id).collect::<Vec<_>>()).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn messages_come_by_log_time_and_ties_in_file_order(messages in messages(), compress: bool, by_scan: bool) {
+        let bytes = log_of(&messages, small_chunks(compress));
+        let log = if by_scan { Log::from_bytes_by_scan(bytes) } else { Log::from_bytes(bytes) }.unwrap();
+        let order: Vec<u32> = read_all(&log).iter().map(|message| message.sequence).collect();
+        prop_assert_eq!(order, reference_order(&messages));
+    }
+
+    #[test]
+    fn a_cursor_resumes_from_any_position_with_exactly_the_rest(messages in messages(), start in 0..40u64, end in 0..40u64) {
+        let log = Log::from_bytes(log_of(&messages, small_chunks(true))).unwrap();
+        let topics = Some(topic_ids(&log, &[0, 2]));
+        let mut cursor = log.cursor(CursorOptions { topics, start: Stamp(start), end: Stamp(end) });
+        let expected: Vec<u32> = reference_order(&messages)
+            .into_iter()
+            .filter(|&index| {
+                let (topic, time, _) = messages[index as usize];
+                (topic == 0 || topic == 2) && (start..=end).contains(&time)
+            })
+            .collect();
+        for given in 0..=expected.len() {
+            let text = serde_json::to_string(&cursor.position()).unwrap();
+            let position: Position = serde_json::from_str(&text).unwrap();
+            let rest: Vec<u32> = log.cursor_at(position).map(|message| message.unwrap().sequence).collect();
+            prop_assert_eq!(&rest, &expected[given..]);
+            prop_assert_eq!(cursor.next().map(|message| message.unwrap().sequence), expected.get(given).copied());
+        }
+    }
+
+    #[test]
+    fn stepping_back_retraces_stepping_forward(messages in messages(), one_topic: bool) {
+        let log = Log::from_bytes(log_of(&messages, small_chunks(true))).unwrap();
+        let topics = one_topic.then(|| topic_ids(&log, &[1]));
+        let topics = topics.as_deref();
+        let mut forward = Vec::new();
+        let mut place = Place::before(Stamp(0));
+        while let Some(message) = log.next_message(place, topics).unwrap() {
+            place = message.place;
+            forward.push(message);
+        }
+        let options = CursorOptions { topics: topics.map(<[_]>::to_vec), ..CursorOptions::default() };
+        let read: Vec<_> = log.cursor(options).map(Result::unwrap).collect();
+        prop_assert_eq!(&forward, &read);
+        let mut backward = Vec::new();
+        let mut place = Place::after(Stamp::MAX);
+        while let Some(message) = log.previous_message(place, topics).unwrap() {
+            place = message.place;
+            backward.push(message);
+        }
+        backward.reverse();
+        prop_assert_eq!(backward, forward);
+    }
+
+    #[test]
+    fn latest_at_gives_the_last_message_of_each_topic(messages in messages(), at in 0..45u64, by_scan: bool) {
+        let bytes = log_of(&messages, small_chunks(true));
+        let log = if by_scan { Log::from_bytes_by_scan(bytes) } else { Log::from_bytes(bytes) }.unwrap();
+        let order = reference_order(&messages);
+        let expected: Vec<Option<u32>> = log
+            .info()
+            .topics
+            .iter()
+            .map(|topic| {
+                let of_topic = |&&index: &&u32| {
+                    let (number, time, _) = messages[index as usize];
+                    topic.name == format!("/{number}") && time <= at
+                };
+                order.iter().rfind(of_topic).copied()
+            })
+            .collect();
+        let found = log.latest_at(Stamp(at), None).unwrap();
+        let found: Vec<Option<u32>> = found.into_iter().map(|message| message.map(|m| m.sequence)).collect();
+        prop_assert_eq!(found, expected);
+    }
+}
+
+#[test]
+fn latest_at_keeps_the_order_of_the_topics_asked_for() {
+    let log = Log::from_bytes(log_of(&[(0, 1, 1), (1, 2, 1), (2, 3, 1)], WriterOptions::default())).unwrap();
+    let mut topics = topic_ids(&log, &[2, 0]);
+    topics.push(topics[0]);
+    topics.push(TopicId(999));
+    let found = log.latest_at(Stamp(5), Some(&topics)).unwrap();
+    let found: Vec<Option<u32>> = found.into_iter().map(|message| message.map(|m| m.sequence)).collect();
+    assert_eq!(found, [Some(2), Some(0), Some(2), None]);
+}

@@ -1,0 +1,113 @@
+//! The recorder's thread.
+
+use crate::common::{SharedSink, header, read_all, schema};
+use bytes::Bytes;
+use rcs_log::{Log, LogError, LogWriter, Recorder, RecorderMode, RecorderOptions, Sink, WriterOptions};
+use rcs_msg::Stamp;
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::sync::{Arc, Condvar, Mutex};
+
+fn start(sink: Box<dyn Sink>, mode: RecorderMode, queue_messages: usize) -> Recorder {
+    let options = WriterOptions { chunk_bytes: 100, compress: false, ..WriterOptions::default() };
+    let writer = LogWriter::with_sink(sink, "recording.mcap".into(), options).unwrap();
+    Recorder::start(writer, RecorderOptions { mode, queue_messages, queue_bytes: 1 << 20 }).unwrap()
+}
+
+#[test]
+fn a_lossless_recording_holds_every_message_of_every_thread() {
+    let sink = SharedSink::default();
+    let recorder = start(Box::new(sink.clone()), RecorderMode::Lossless, 3);
+    std::thread::scope(|scope| {
+        for thread in 0..4u64 {
+            let handle = recorder.handle();
+            scope.spawn(move || {
+                let schema = Arc::new(schema());
+                let channel = handle.add_channel(&format!("/{thread}"), &schema, BTreeMap::new()).unwrap();
+                for index in 0..250 {
+                    assert!(handle.write(channel, header(index, index as u64), Bytes::from(vec![thread as u8; 20])));
+                }
+            });
+        }
+    });
+    let handle = recorder.handle();
+    handle.attach("stack.toml", "text/plain", Stamp(0), Bytes::from_static(b"text"));
+    handle.metadata("note", BTreeMap::new());
+    handle.flush();
+    assert_eq!(Log::from_bytes(sink.snapshot()).unwrap().info().messages, 1000, "flushed means readable");
+    let status = recorder.finish().unwrap();
+    assert_eq!((status.written, status.dropped, status.queued), (1000, 0, 0));
+    assert_eq!(status.bytes, sink.snapshot().len() as u64);
+    assert!(!handle.write(rcs_log::ChannelId(0), header(0, 0), Bytes::new()), "an ended recording takes nothing");
+    let log = Log::from_bytes(sink.snapshot()).unwrap();
+    assert!(!log.info().recovered);
+    assert_eq!(log.info().topics.len(), 4);
+    assert!(log.info().topics.iter().all(|topic| topic.messages == 250));
+    for message in read_all(&log) {
+        let name = &log.info().topic(message.topic).unwrap().name;
+        assert_eq!(*name, format!("/{}", message.data[0]));
+    }
+    assert_eq!(log.attachment("stack.toml").unwrap().unwrap().data, "text");
+}
+
+/// A disk that stands still until it is let go.
+#[derive(Clone)]
+struct Stuck {
+    sink: SharedSink,
+    gate: Arc<(Mutex<bool>, Condvar)>,
+}
+
+impl Write for Stuck {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let (open, opened) = &*self.gate;
+        drop(opened.wait_while(open.lock().unwrap(), |open| !*open).unwrap());
+        self.sink.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Sink for Stuck {}
+
+#[test]
+fn a_live_recording_on_a_stuck_disk_drops_counts_and_never_waits() {
+    let gate = Arc::new((Mutex::new(true), Condvar::new()));
+    let stuck = Stuck { sink: SharedSink::default(), gate: Arc::clone(&gate) };
+    let sink = stuck.sink.clone();
+    let recorder = start(Box::new(stuck), RecorderMode::Live, 8);
+    *gate.0.lock().unwrap() = false;
+    let handle = recorder.handle();
+    let channel = handle.add_channel("/0", &Arc::new(schema()), BTreeMap::new()).unwrap();
+    let taken = (0..500).filter(|&index| handle.write(channel, header(index, index as u64), Bytes::from(vec![0; 60]))).count();
+    assert!(taken < 500);
+    let status = handle.status();
+    assert_eq!(status.dropped, 500 - taken as u64);
+    assert!(status.error.is_none());
+    *gate.0.lock().unwrap() = true;
+    gate.1.notify_all();
+    let status = recorder.finish().unwrap();
+    assert_eq!((status.written, status.dropped), (taken as u64, 500 - taken as u64));
+    assert_eq!(Log::from_bytes(sink.snapshot()).unwrap().info().messages, taken as u64);
+}
+
+#[test]
+fn a_full_disk_shows_in_the_status_and_a_lossless_recording_does_not_hang() {
+    let sink = SharedSink { room: Some(3000), ..SharedSink::default() };
+    let recorder = start(Box::new(sink.clone()), RecorderMode::Lossless, 2);
+    let handle = recorder.handle();
+    let channel = handle.add_channel("/0", &Arc::new(schema()), BTreeMap::new()).unwrap();
+    let taken = (0..500).filter(|&index| handle.write(channel, header(index, index as u64), Bytes::from(vec![0; 60]))).count();
+    assert!(taken < 500);
+    handle.flush();
+    let status = handle.status();
+    assert!(status.error.as_ref().unwrap().contains("recording.mcap"), "{status:?}");
+    assert_eq!(status.written + status.dropped, 500, "{status:?}");
+    let error = recorder.finish().unwrap_err();
+    assert!(matches!(error, LogError::Write { .. }), "{error}");
+    let log = Log::from_bytes(sink.snapshot()).unwrap();
+    let order: Vec<u32> = read_all(&log).iter().map(|message| message.sequence).collect();
+    assert!(order.len() > 5, "{}", order.len());
+    assert!(order.iter().copied().eq(0..order.len() as u32));
+}

@@ -1,0 +1,161 @@
+//! What we write, we read; what is cut short stays readable.
+
+use crate::common::{SharedSink, header, plain, read_all, schema, writer};
+use bytes::Bytes;
+use rcs_log::{FORMAT_VERSION, Log, LogError, LogWriter, WriterOptions};
+use rcs_msg::{MessageEncoding, Schema, Stamp};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::Arc;
+use std::time::Duration;
+
+#[test]
+fn a_log_reads_as_it_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let options = WriterOptions {
+        metadata: BTreeMap::from([("stack".to_owned(), "abc".to_owned())]),
+        chunk_bytes: 4096,
+        ..WriterOptions::default()
+    };
+    let build = options.build.clone();
+    let mut writer = LogWriter::create(&path, options).unwrap();
+    let role = BTreeMap::from([("rcs.role".to_owned(), "map".to_owned())]);
+    let map = writer.add_channel("/map", &schema(), &role).unwrap();
+    let bare = Schema::new("", MessageEncoding::Other("private".to_owned()), "", Bytes::new());
+    let blob = writer.add_channel("/blob", &bare, &BTreeMap::new()).unwrap();
+    assert_eq!(writer.add_channel("/map", &schema(), &role).unwrap(), map);
+    writer.attach("stack.toml", "text/plain", Stamp(3), b"first").unwrap();
+    let mut expected = Vec::new();
+    for index in 0..500 {
+        let channel = if index % 3 == 0 { blob } else { map };
+        let data = vec![index as u8; index % 100];
+        writer.write(channel, header(index, 1_000_000 * index as u64), &data).unwrap();
+        let time = 1_000_000 * index as u64;
+        expected.push((channel.0, index as u32, time, time, Bytes::from(data)));
+    }
+    writer.attach("stack.toml", "text/plain", Stamp(4), b"second").unwrap();
+    writer.metadata("scene", BTreeMap::from([("weather".to_owned(), "rain".to_owned())])).unwrap();
+    writer.finish().unwrap();
+
+    let log = Log::open(&path).unwrap();
+    let info = log.info();
+    assert!(!info.recovered, "{:?}", info.problems);
+    assert!(info.problems.is_empty(), "{:?}", info.problems);
+    assert!(info.segments > 3);
+    assert_eq!((info.messages, info.start, info.end), (500, Stamp(0), Stamp(499_000_000)));
+    assert_eq!((info.profile.as_str(), info.library.as_str()), ("ocu", build.as_str()));
+    let topic = info.topics_named("/map").next().unwrap();
+    assert_eq!((topic.schema.name(), &topic.metadata), ("test.Text", &role));
+    assert!(topic.decodable);
+    assert!((topic.hz - topic.messages as f64 / 0.499).abs() < 1e-9);
+    assert!(!info.topics_named("/blob").next().unwrap().decodable);
+    assert_eq!(plain(read_all(&log)), expected);
+
+    let ocu = &log.metadata()[0];
+    assert_eq!(ocu.name, "ocu");
+    assert_eq!(ocu.entries["format"], FORMAT_VERSION.to_string());
+    assert_eq!(ocu.entries["build"], build);
+    assert_eq!(ocu.entries["stack"], "abc");
+    assert_eq!(log.metadata()[1].entries["weather"], "rain");
+    assert_eq!(log.attachments().len(), 2);
+    assert_eq!(log.attachment("stack.toml").unwrap().unwrap().data, "second");
+    assert_eq!(log.read_attachment(&log.attachments()[0]).unwrap().data, "first");
+    assert!(log.attachment("other").unwrap().is_none());
+}
+
+#[test]
+fn a_damaged_attachment_is_refused_by_its_checksum() {
+    let sink = SharedSink::default();
+    let (mut writer, _) = writer(&sink, WriterOptions::default(), 0);
+    writer.attach("stack.toml", "text/plain", Stamp(3), b"the text of the stack").unwrap();
+    writer.finish().unwrap();
+    let mut bytes = sink.snapshot().to_vec();
+    let at = bytes.windows(8).position(|window| window == b"the text").unwrap();
+    bytes[at] ^= 1;
+    let log = Log::from_bytes(bytes.into()).unwrap();
+    let error = log.attachment("stack.toml").unwrap_err();
+    assert!(matches!(error, LogError::Damaged { .. }), "{error}");
+    assert!(error.to_string().contains("checksum"), "{error}");
+}
+
+/// A clock that stands where it is put.
+fn hand_clock() -> (Arc<AtomicU64>, WriterOptions) {
+    let now_ms = Arc::new(AtomicU64::new(0));
+    let theirs = Arc::clone(&now_ms);
+    let clock: rcs_log::Clock = Arc::new(move || Duration::from_millis(theirs.load(Ordering::Relaxed)));
+    (now_ms, WriterOptions { clock, chunk_bytes: 1 << 30, ..WriterOptions::default() })
+}
+
+#[test]
+fn a_kill_at_any_moment_loses_at_most_the_last_second() {
+    let (now_ms, options) = hand_clock();
+    let sink = SharedSink::default();
+    let (mut writer, channels) = writer(&sink, options, 1);
+    let mut written_ms = Vec::new();
+    for index in 0..200 {
+        // A burst every now and then, and pauses of up to 70 ms; the owner looks after flushes every 10 ms.
+        let pause_ms = if index % 5 == 0 { 70 } else { 3 };
+        for _ in 0..pause_ms / 10 {
+            now_ms.fetch_add(10, Ordering::Relaxed);
+            writer.flush_if_due().unwrap();
+        }
+        now_ms.fetch_add(pause_ms % 10, Ordering::Relaxed);
+        let now = now_ms.load(Ordering::Relaxed);
+        writer.write(channels[0], header(index, now * 1_000_000), b"x").unwrap();
+        written_ms.push(now);
+        let log = Log::from_bytes(sink.snapshot()).unwrap();
+        let old = written_ms.iter().filter(|&&at| at + 1000 <= now).count() as u64;
+        assert!(log.info().messages >= old, "{} of {old} messages at {now} ms", log.info().messages);
+        assert_eq!(log.info().lost.bytes, 0, "a flushed log ends at a record");
+    }
+    // Nothing more comes, and the last messages are flushed all the same.
+    let wait = writer.time_to_flush().unwrap();
+    assert!(wait <= Duration::from_secs(1));
+    now_ms.fetch_add(wait.as_millis() as u64, Ordering::Relaxed);
+    assert!(writer.flush_if_due().unwrap());
+    assert_eq!(Log::from_bytes(sink.snapshot()).unwrap().info().messages, 200);
+}
+
+#[test]
+fn a_full_disk_is_reported_and_what_was_written_stays_readable() {
+    let mut recovered_before = 0;
+    for room in (120..20_000).step_by(331) {
+        let sink = SharedSink { room: Some(room), ..SharedSink::default() };
+        let options = WriterOptions { chunk_bytes: 1000, compress: false, ..WriterOptions::default() };
+        let started = LogWriter::with_sink(Box::new(sink.clone()), "full.mcap".into(), options);
+        let Ok(mut writer) = started else {
+            assert!(room < 500, "{room}");
+            continue;
+        };
+        let outcome = (|| {
+            let channel = writer.add_channel("/0", &schema(), &BTreeMap::new())?;
+            for index in 0..1000 {
+                writer.write(channel, header(index, index as u64), &[7; 50])?;
+            }
+            Ok(())
+        })();
+        let error: LogError = outcome.unwrap_err();
+        assert!(matches!(error, LogError::Write { .. }), "{error}");
+        assert!(error.to_string().contains("full.mcap"), "{error}");
+        assert!(writer.flush().is_err(), "after an error nothing more is written");
+        assert!(writer.finish().is_err());
+        let log = Log::from_bytes(sink.snapshot()).unwrap();
+        let order: Vec<u32> = read_all(&log).iter().map(|message| message.sequence).collect();
+        assert!(order.iter().copied().eq(0..order.len() as u32));
+        assert!(order.len() >= recovered_before, "more room, fewer messages: {room}");
+        recovered_before = order.len();
+    }
+    assert!(recovered_before > 150, "{recovered_before}");
+}
+
+#[test]
+fn a_message_of_an_unknown_channel_is_refused_and_the_log_goes_on() {
+    let sink = SharedSink::default();
+    let (mut writer, channels) = writer(&sink, WriterOptions::default(), 1);
+    let error = writer.write(rcs_log::ChannelId(77), header(0, 0), b"x").unwrap_err();
+    assert!(matches!(error, LogError::Refused { .. }), "{error}");
+    writer.write(channels[0], header(1, 0), b"x").unwrap();
+    writer.finish().unwrap();
+    assert_eq!(Log::from_bytes(sink.snapshot()).unwrap().info().messages, 1);
+}

@@ -1,0 +1,74 @@
+//! Logs made on the spot.
+
+use rcs_log::{LogError, LogWriter, WriteHeader, WriterOptions};
+use rcs_msg::{AnyMessage, Stamp, foxglove, registry};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Poses between two images of [`write_big`].
+pub const POSES_PER_IMAGE: u64 = 10;
+/// From one image of [`write_big`] to the next.
+pub const IMAGE_PERIOD_NS: u64 = 50_000_000;
+
+/// Writes an indexed log of about `bytes` bytes: `/camera` with images of 1024×1024 grey pixels, which are noise and do
+/// not compress, at 20 Hz, and `/pose` at 200 Hz. Gives the number of messages.
+pub fn write_big(path: impl AsRef<Path>, bytes: u64) -> Result<u64, LogError> {
+    const SIDE: u32 = 1024;
+    const PIXELS: usize = (SIDE * SIDE) as usize;
+    let mut writer = LogWriter::create(path, WriterOptions { chunk_bytes: 4 << 20, ..WriterOptions::default() })?;
+    let mut channel = |topic: &str, name: &'static str| {
+        let schema = registry().schema(name).ok_or_else(|| LogError::Refused {
+            what: "a topic",
+            expected: "a schema of the registry".to_owned(),
+            got: name.to_owned(),
+        })?;
+        writer.add_channel(topic, schema, &BTreeMap::new())
+    };
+    let camera = channel("/camera", "foxglove.RawImage")?;
+    let pose = channel("/pose", "foxglove.PoseInFrame")?;
+
+    let mut number = 0x2545_f491_4f6c_dd1d_u64;
+    let noise: Vec<u8> = std::iter::repeat_with(|| {
+        number ^= number << 13;
+        number ^= number >> 7;
+        number ^= number << 17;
+        number as u8
+    })
+    .take(PIXELS + 4096)
+    .collect();
+
+    let images = bytes.div_ceil(PIXELS as u64);
+    let mut messages = 0;
+    for image in 0..images {
+        let time = image * IMAGE_PERIOD_NS;
+        for step in 0..POSES_PER_IMAGE {
+            let at = Stamp(time + step * IMAGE_PERIOD_NS / POSES_PER_IMAGE);
+            let position = foxglove::Vector3 { x: at.0 as f64 * 1e-9, y: 1.0, z: 0.0 };
+            let message = foxglove::PoseInFrame {
+                timestamp: Some(at.to_proto()),
+                frame_id: "local".to_owned(),
+                pose: Some(foxglove::Pose { position: Some(position), orientation: None }),
+            };
+            let sequence = (image * POSES_PER_IMAGE + step) as u32;
+            let header = WriteHeader { sequence, log_time: at, publish_time: at };
+            writer.write(pose, header, &AnyMessage::new(message).bytes())?;
+            messages += 1;
+        }
+        let from = (image as usize * 97) % 4096;
+        let message = foxglove::RawImage {
+            timestamp: Some(Stamp(time).to_proto()),
+            frame_id: "camera".to_owned(),
+            width: SIDE,
+            height: SIDE,
+            encoding: "mono8".to_owned(),
+            step: SIDE,
+            data: noise[from..from + PIXELS].to_vec().into(),
+        };
+        let at = Stamp(time + 7);
+        let header = WriteHeader { sequence: image as u32, log_time: at, publish_time: Stamp(time) };
+        writer.write(camera, header, &AnyMessage::new(message).bytes())?;
+        messages += 1;
+    }
+    writer.finish()?;
+    Ok(messages)
+}
