@@ -1,7 +1,9 @@
 //! Legends and scale bars, painted on a canvas.
 
 use crate::{format, tokens};
-use egui::{Align, Color32, FontId, Layout, Pos2, Rect, Response, Sense, Stroke, StrokeKind, Ui, UiBuilder, Vec2};
+use egui::{
+    Align, Color32, FontId, Layout, Pos2, Rect, Response, Sense, Stroke, StrokeKind, Ui, UiBuilder, Vec2,
+};
 
 /// A small square of a colour with its name, as a row of a legend.
 pub fn swatch(ui: &mut Ui, color: Color32, name: &str) -> Response {
@@ -48,7 +50,11 @@ pub fn round_step(least: f64) -> f64 {
         return 1.0;
     }
     let power = 10_f64.powf(least.log10().floor());
-    [1.0, 2.0, 5.0].map(|factor| factor * power).into_iter().find(|step| *step >= least * (1.0 - 1e-9)).unwrap_or(10.0 * power)
+    [1.0, 2.0, 5.0]
+        .map(|factor| factor * power)
+        .into_iter()
+        .find(|step| *step >= least * (1.0 - 1e-9))
+        .unwrap_or(10.0 * power)
 }
 
 /// A bar that says how long a metre is, with its right end at `right_bottom`.
@@ -64,21 +70,33 @@ pub fn scale_bar(ui: &Ui, right_bottom: Pos2, points_per_m: f64) {
     for end in [left, right] {
         painter.line_segment([end - Vec2::new(0.0, 4.0), end + Vec2::new(0.0, 4.0)], stroke);
     }
-    let text = if length_m >= 1000.0 { format!("{} km", length_m / 1000.0) } else { format!("{} m", format::number(length_m)) };
+    let text = if length_m >= 1000.0 {
+        format!("{} km", length_m / 1000.0)
+    } else {
+        format!("{} m", format::number(length_m))
+    };
     let at = Pos2::new(left.x + length / 2.0, y - 3.0);
     painter.text(at, egui::Align2::CENTER_BOTTOM, text, FontId::proportional(11.0), tokens.strong);
 }
 
 /// A plate on a canvas that holds a legend or a read-out; `corner` is where on the canvas. Returns its rectangle.
-pub fn plate<R>(ui: &mut Ui, canvas: Rect, corner: egui::Align2, add: impl FnOnce(&mut Ui) -> R) -> (R, Rect) {
+pub fn plate<R>(
+    ui: &mut Ui,
+    canvas: Rect,
+    corner: egui::Align2,
+    add: impl FnOnce(&mut Ui) -> R,
+) -> (R, Rect) {
     let tokens = tokens(ui);
     let inner = canvas.shrink(8.0);
-    let id = ui.id().with(("plate", format!("{corner:?}")));
+    let id = ui.scope_id().with(("plate", format!("{corner:?}")));
     // The size of the last pass places it at the right and at the bottom.
     let size = ui.data(|data| data.get_temp::<Vec2>(id)).unwrap_or(Vec2::new(160.0, 40.0));
     let at = corner.align_size_within_rect(size.min(inner.size()), inner);
     let builder = UiBuilder::new()
-        .max_rect(Rect::from_min_max(at.min, if corner.x() == Align::RIGHT { at.max.max(inner.max) } else { inner.max }))
+        .max_rect(Rect::from_min_max(
+            at.min,
+            if corner.x() == Align::RIGHT { at.max.max(inner.max) } else { inner.max },
+        ))
         .layout(Layout::top_down(Align::LEFT));
     let response = ui.scope_builder(builder, |ui| {
         egui::Frame::new()

@@ -102,7 +102,8 @@ static VIRIDIS: LazyLock<[Color32; 256]> = LazyLock::new(|| {
 
 static CIVIDIS: LazyLock<[Color32; 256]> = LazyLock::new(|| {
     ramp(&[
-        0x00_224e, 0x12_3570, 0x3b_496c, 0x57_5d6d, 0x70_7173, 0x8a_8678, 0xa5_9c74, 0xc3_b369, 0xe1_cc55, 0xfe_e838,
+        0x00_224e, 0x12_3570, 0x3b_496c, 0x57_5d6d, 0x70_7173, 0x8a_8678, 0xa5_9c74, 0xc3_b369, 0xe1_cc55,
+        0xfe_e838,
     ])
 });
 
@@ -137,7 +138,10 @@ mod tests {
     #[test]
     fn even_palettes_grow_lighter_all_the_way() {
         for costs in (0..=250_u8).collect::<Vec<_>>().windows(2) {
-            assert!(lightness(MapPalette::Even.cost(costs[1])) >= lightness(MapPalette::Even.cost(costs[0])) - 1e-3);
+            assert!(
+                lightness(MapPalette::Even.cost(costs[1]))
+                    >= lightness(MapPalette::Even.cost(costs[0])) - 1e-3
+            );
         }
         assert!((0..255).all(|i| lightness(VIRIDIS[i + 1]) >= lightness(VIRIDIS[i]) - 1e-3));
         assert_eq!(even(f64::NAN), Color32::TRANSPARENT);

@@ -28,7 +28,10 @@ pub fn hatch(painter: &egui::Painter, rect: Rect, color: Color32) {
     let mut x = rect.left() - rect.height();
     let mut lines = Vec::new();
     while x < rect.right() {
-        lines.push(Shape::line_segment([Pos2::new(x, rect.bottom()), Pos2::new(x + rect.height(), rect.top())], stroke));
+        lines.push(Shape::line_segment(
+            [Pos2::new(x, rect.bottom()), Pos2::new(x + rect.height(), rect.top())],
+            stroke,
+        ));
         x += 12.0;
     }
     painter.with_clip_rect(painter.clip_rect().intersect(rect)).extend(lines);
@@ -45,7 +48,13 @@ pub fn tag(ui: &Ui, at: Pos2, age_s: f64) {
     let rect = Rect::from_min_size(at, size);
     painter.rect(rect, 3.0, tokens.surface[3], Stroke::new(1.0, tokens.stale), egui::StrokeKind::Inside);
     let icon_at = Pos2::new(rect.left() + 12.0, rect.center().y);
-    painter.text(icon_at, Align2::CENTER_CENTER, icon.codepoint, FontId::new(13.0, icon.font_family()), tokens.stale);
+    painter.text(
+        icon_at,
+        Align2::CENTER_CENTER,
+        icon.codepoint,
+        FontId::new(13.0, icon.font_family()),
+        tokens.stale,
+    );
     painter.galley(Pos2::new(rect.left() + 22.0, rect.center().y - text.size().y / 2.0), text, tokens.strong);
 }
 

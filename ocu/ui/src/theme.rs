@@ -2,7 +2,9 @@
 //!
 //! Only what carries meaning is saturated. Contrast of text on its surface is at least 4.5 (a test keeps it).
 
-use egui::{Color32, Context, CornerRadius, FontFamily, FontId, Margin, Shadow, Stroke, TextStyle, Theme, Ui, Vec2};
+use egui::{
+    Color32, Context, CornerRadius, FontFamily, FontId, Margin, Shadow, Stroke, TextStyle, Theme, Ui, Vec2,
+};
 
 /// The grid that all distances are multiples of, in points.
 pub const UNIT: f32 = 4.0;
@@ -166,8 +168,10 @@ fn apply(style: &mut egui::Style, tokens: &Tokens) {
     visuals.window_stroke = Stroke::new(1.0, tokens.line);
     visuals.window_corner_radius = CornerRadius::same(4);
     visuals.menu_corner_radius = CornerRadius::same(4);
-    visuals.window_shadow = Shadow { offset: [0, 4], blur: 16, spread: 0, color: Color32::from_black_alpha(80) };
-    visuals.popup_shadow = Shadow { offset: [0, 2], blur: 8, spread: 0, color: Color32::from_black_alpha(64) };
+    visuals.window_shadow =
+        Shadow { offset: [0, 4], blur: 16, spread: 0, color: Color32::from_black_alpha(80) };
+    visuals.popup_shadow =
+        Shadow { offset: [0, 2], blur: 8, spread: 0, color: Color32::from_black_alpha(64) };
     visuals.extreme_bg_color = canvas;
     visuals.code_bg_color = control;
     visuals.faint_bg_color = panel.lerp_to_gamma(control, 0.35);
@@ -181,9 +185,13 @@ fn apply(style: &mut egui::Style, tokens: &Tokens) {
     visuals.indent_has_left_vline = false;
 
     let widgets = &mut visuals.widgets;
-    for widget in
-        [&mut widgets.noninteractive, &mut widgets.inactive, &mut widgets.hovered, &mut widgets.active, &mut widgets.open]
-    {
+    for widget in [
+        &mut widgets.noninteractive,
+        &mut widgets.inactive,
+        &mut widgets.hovered,
+        &mut widgets.active,
+        &mut widgets.open,
+    ] {
         widget.corner_radius = radius;
         widget.expansion = 0.0;
         widget.bg_fill = control;
@@ -223,7 +231,8 @@ mod tests {
     fn text_and_states_can_be_read_on_every_surface() {
         for tokens in [&DARK, &LIGHT] {
             for surface in tokens.surface {
-                for (name, color) in [("text", tokens.text), ("strong", tokens.strong), ("weak", tokens.weak)] {
+                for (name, color) in [("text", tokens.text), ("strong", tokens.strong), ("weak", tokens.weak)]
+                {
                     let contrast = contrast(color, surface);
                     assert!(contrast >= 4.5, "{name} on {surface:?}, dark {}: {contrast}", tokens.dark);
                 }

@@ -1,7 +1,9 @@
 //! Small widgets that several views need. Each has a name for a screen reader.
 
 use crate::{Icon, icons, tokens};
-use egui::{Align2, Button, Color32, FontId, Rect, Response, RichText, Sense, TextEdit, Ui, Vec2, WidgetInfo, WidgetType};
+use egui::{
+    Align2, Button, Color32, FontId, Rect, Response, RichText, Role, Sense, TextEdit, Ui, Vec2, WidgetInfo,
+};
 
 /// Text in digits of one width, for numbers and paths.
 pub fn mono(text: impl Into<String>) -> RichText {
@@ -31,7 +33,7 @@ pub fn icon_button_of(ui: &mut Ui, icon: Icon, name: &str, on: bool, enabled: bo
         ui.add_enabled(enabled, button)
     });
     let response = response.inner;
-    response.widget_info(|| WidgetInfo::selected(WidgetType::Button, enabled, on, name));
+    response.widget_info(|| WidgetInfo::selected(Role::Button, enabled, on, name));
     response.on_hover_text(name).on_disabled_hover_text(name)
 }
 
@@ -43,7 +45,7 @@ pub fn search(ui: &mut Ui, text: &mut String, name: &str) -> Response {
         let cross = if text.is_empty() { 0.0 } else { 24.0 };
         let edit = TextEdit::singleline(text).hint_text(name).desired_width(ui.available_width() - cross);
         let response = ui.add(edit);
-        response.widget_info(|| WidgetInfo::labeled(WidgetType::TextEdit, true, name));
+        ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
         if response.has_focus() && ui.input(|input| input.key_pressed(egui::Key::Escape)) {
             text.clear();
         }
@@ -74,7 +76,7 @@ pub fn tag(ui: &mut Ui, text: &str, color: Color32) -> Response {
     let stroke = egui::Stroke::new(1.0, color.gamma_multiply(0.7));
     ui.painter().rect(rect, 3.0, color.gamma_multiply(0.1), stroke, egui::StrokeKind::Inside);
     ui.painter().galley(rect.center() - galley.size() / 2.0, galley, color);
-    response.widget_info(|| WidgetInfo::labeled(WidgetType::Label, true, text));
+    response.widget_info(|| WidgetInfo::labeled(Role::Label, true, text));
     response
 }
 
@@ -101,4 +103,24 @@ pub fn cell(ui: &Ui, rect: Rect, align: egui::Align, text: &str, font: FontId, c
     }
     .align_size_within_rect(galley.size(), rect);
     ui.painter().galley(at.min, galley, color);
+}
+
+/// A cell whose text loses its beginning where it does not fit: of a topic or a type the end says most.
+pub fn cell_keep_end(ui: &Ui, rect: Rect, text: &str, font: FontId, color: Color32) {
+    let width_of = |text: String| ui.painter().layout_no_wrap(text, font.clone(), color).size().x;
+    let mut shown = text.to_owned();
+    let full = width_of(shown.clone());
+    if full > rect.width() && !text.is_empty() {
+        // The mean width of a character gives a first guess; what is still too wide loses one at a time.
+        let mut keep = (text.chars().count() as f32 * rect.width() / full) as usize;
+        loop {
+            let skip = text.chars().count().saturating_sub(keep);
+            shown = std::iter::once('…').chain(text.chars().skip(skip)).collect();
+            if keep == 0 || width_of(shown.clone()) <= rect.width() {
+                break;
+            }
+            keep -= 1;
+        }
+    }
+    cell(ui, rect, egui::Align::Min, &shown, font, color);
 }

@@ -6,6 +6,20 @@
 //!
 //! The window makes views from [`all`], shows each through [`show`], and keeps what [`View::save`] gives.
 
+mod buffers;
+mod camera;
+mod canvas;
+mod fields;
+mod hierarchy;
+mod map;
+mod picture;
+mod pose;
+#[cfg(test)]
+mod samples;
+#[cfg(test)]
+mod tests;
+mod texture;
+mod toolbar;
 mod view;
 mod views;
 

@@ -1,13 +1,59 @@
 //! The one list of views. A new view is its own file and one line here.
 
-use crate::view::ViewType;
+use crate::view::{View, ViewType};
+use ocu_ui::icons;
 
 /// Every view that a person can open, in the order of the menu.
 pub fn all() -> &'static [ViewType] {
-    &[]
+    const VIEWS: &[ViewType] = &[
+        entry::<crate::camera::Camera>(
+            "camera",
+            "Camera",
+            icons::ICON_PHOTO_CAMERA,
+            "An image with what the processes saw in it.",
+        ),
+        entry::<crate::map::Map>(
+            "map",
+            "Map",
+            icons::ICON_MAP,
+            "Maps, clouds, paths and tracks from above, north up.",
+        ),
+        entry::<crate::buffers::Buffers>(
+            "buffers",
+            "Buffers",
+            icons::ICON_LIST,
+            "Every buffer with its rate, age, size and type.",
+        ),
+        entry::<crate::fields::Fields>(
+            "fields",
+            "Fields",
+            icons::ICON_DATA_OBJECT,
+            "Any message of any encoding as a tree.",
+        ),
+        entry::<crate::hierarchy::Hierarchy>(
+            "hierarchy",
+            "Hierarchy",
+            icons::ICON_ACCOUNT_TREE,
+            "Every process as a box below its supervisor, with its state.",
+        ),
+    ];
+    VIEWS
 }
 
 /// The view type of that kind.
 pub fn view_type(kind: &str) -> Option<&'static ViewType> {
     all().iter().find(|view_type| view_type.kind == kind)
+}
+
+const fn entry<V: View + Default + 'static>(
+    kind: &'static str,
+    name: &'static str,
+    icon: ocu_ui::Icon,
+    summary: &'static str,
+) -> ViewType {
+    ViewType { kind, name, icon, summary, make: make::<V> }
+}
+
+fn make<V: View + Default + 'static>() -> Box<dyn View> {
+    Box::new(V::default())
 }

@@ -1,0 +1,152 @@
+//! One image of a camera view: decoded when its message changes, painted when its look changes.
+
+use crate::picture::{Picture, Pixels, Tint, decode};
+use crate::texture::{CachedTexture, SameMessage};
+use egui::{Context, TextureId, TextureOptions};
+use ocu_ui::legend::round_step;
+use ocu_ui::palette::{self, MapPalette};
+use rcs_runtime::source::{Frame, Topic};
+
+/// What an image means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    /// A picture, or a depth image.
+    Image,
+    /// One label a pixel.
+    Labels,
+    /// One cost a pixel.
+    Cost,
+}
+
+/// What the topic's metadata say of it.
+pub(super) fn role(topic: &Topic) -> Role {
+    match topic.role() {
+        "labels" => Role::Labels,
+        "cost" => Role::Cost,
+        _ => Role::Image,
+    }
+}
+
+/// How the topic's bytes become colours.
+pub(super) fn tint(topic: &Topic, palette: MapPalette) -> Tint {
+    match role(topic) {
+        Role::Image => Tint::Plain,
+        Role::Labels => Tint::Labels,
+        Role::Cost => Tint::Cost(palette),
+    }
+}
+
+/// Whether the topic's messages are images.
+pub(super) fn is_image(topic: &Topic) -> bool {
+    matches!(topic.type_name(), "foxglove.RawImage" | "foxglove.CompressedImage")
+}
+
+/// All images: pictures first, then depths, then what was made of them.
+pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
+    let mut images: Vec<_> = frame.topics.iter().filter(|topic| is_image(topic)).collect();
+    images.sort_by_key(|topic| match role(topic) {
+        Role::Image if topic.name.contains("depth") => 1,
+        Role::Image => 0,
+        _ => 2,
+    });
+    images
+}
+
+/// What can be laid over an image.
+pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
+    let lies_on = |topic: &Topic| match topic.metadata.get("rcs.overlay_of") {
+        Some(name) => **name == *base.name,
+        None => role(topic) != Role::Image,
+    };
+    let other = |topic: &&Topic| topic.name != base.name || topic.run != base.run;
+    frame.topics.iter().filter(|topic| is_image(topic) && lies_on(topic)).filter(other).collect()
+}
+
+/// A decoded image and its texture.
+#[derive(Default)]
+pub(super) struct Layer {
+    message: Option<SameMessage>,
+    /// `None` while no message has come.
+    decoded: Option<Result<Picture, String>>,
+    range: Option<[f32; 2]>,
+    texture: CachedTexture<(SameMessage, Tint, TextureOptions)>,
+}
+
+impl Layer {
+    /// Decodes the topic's newest message, if that is another one than before.
+    pub(super) fn update(&mut self, topic: &Topic) {
+        let Some(message) = topic.canonical().map(|message| SameMessage(message.clone())) else {
+            let undecodable = topic.undecodable.as_deref().unwrap_or("its message does not decode");
+            *self = Self {
+                decoded: topic.latest.as_ref().map(|_| Err(undecodable.to_owned())),
+                ..Self::default()
+            };
+            return;
+        };
+        if self.message.as_ref() != Some(&message) {
+            let decoded = decode(&message.0);
+            self.range = decoded.as_ref().ok().and_then(Picture::value_range).map(round_outwards);
+            self.decoded = Some(decoded);
+            self.message = Some(message);
+        }
+    }
+
+    /// The decoded image; `None` while none has come, an error where it cannot be shown.
+    pub(super) fn state(&self) -> Result<Option<&Picture>, &String> {
+        self.decoded.as_ref().map(Result::as_ref).transpose()
+    }
+
+    /// The decoded image, where there is one.
+    pub(super) fn picture(&self) -> Option<&Picture> {
+        self.state().ok().flatten()
+    }
+
+    /// The values that the ends of the colour scale stand for.
+    pub(super) fn range(&self) -> Option<[f32; 2]> {
+        self.range
+    }
+
+    /// The texture of the image in this look.
+    pub(super) fn texture(
+        &mut self,
+        ctx: &Context,
+        tint: Tint,
+        options: TextureOptions,
+    ) -> Option<TextureId> {
+        let (message, picture) = (self.message.clone()?, self.decoded.as_ref()?.as_ref().ok()?);
+        let most = ctx.input(|input| input.max_texture_side);
+        let range = self.range.unwrap_or([0.0, 1.0]);
+        let make = || Some(picture.paint(tint, range, most));
+        self.texture.get(ctx, (message, tint, options), options, make).map(egui::TextureHandle::id)
+    }
+
+    /// What the layer says of a place, given in parts of its width and height.
+    pub(super) fn describe(&self, at: [f64; 2], role: Role, depth_step_m: f64) -> Option<String> {
+        let picture = self.picture()?;
+        let index = picture.index(at[0] * picture.width as f64, at[1] * picture.height as f64)?;
+        Some(match (&picture.pixels, role) {
+            (Pixels::Bytes(bytes), Role::Labels) => match palette::obstacle_label(bytes[index]) {
+                Some(label) => label.name.to_owned(),
+                None => format!("label {}", bytes[index]),
+            },
+            (Pixels::Bytes(bytes), Role::Cost) if bytes[index] > 250 => "cost unknown".to_owned(),
+            (Pixels::Bytes(bytes), Role::Cost) => format!("cost {:3}", bytes[index]),
+            (Pixels::Bytes(bytes), Role::Image) => format!("grey {:3}", bytes[index]),
+            (Pixels::Values { values, .. }, _) if values[index].is_nan() => "no range".to_owned(),
+            (Pixels::Values { values, whole }, _) => {
+                let metres = f64::from(values[index]) * if *whole { depth_step_m } else { 1.0 };
+                format!("{metres:7.3} m")
+            }
+            (Pixels::Color(colors), _) => {
+                let [r, g, b, _] = colors[index].to_array();
+                format!("rgb {r:3} {g:3} {b:3}")
+            }
+        })
+    }
+}
+
+/// A range that ends at round numbers, so that colours do not flicker from image to image.
+fn round_outwards([low, high]: [f32; 2]) -> [f32; 2] {
+    let step = round_step(f64::from(high - low) / 8.0) as f32;
+    [(low / step).floor() * step, (high / step).ceil() * step]
+}

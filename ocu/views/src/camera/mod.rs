@@ -1,0 +1,307 @@
+//! Camera: an image with what the processes saw in it.
+//!
+//! Overlays are the topics whose `rcs.overlay_of` names the image's topic; where a topic of labels or costs does not
+//! say which image it lies on, it is offered on all. The read-out under the pointer gives the pixel and the value or
+//! the name in every layer.
+
+mod layer;
+
+use crate::canvas::Viewport;
+use crate::picture::Pixels;
+use crate::view::{SavedState, TopicKey, View, ViewContext};
+use egui::{Align2, Rect, Response, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
+use layer::{Layer, Role as LayerRole};
+use ocu_ui::palette::{self, MapPalette};
+use ocu_ui::widgets::{self, mono};
+use ocu_ui::{format, icons, legend, stale, tokens};
+use rcs_runtime::source::{Frame, Topic};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// What a layout keeps of an overlay.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+struct OverlayState {
+    shown: bool,
+    opacity: f32,
+}
+
+impl Default for OverlayState {
+    fn default() -> Self {
+        Self { shown: true, opacity: 0.45 }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+struct Saved {
+    /// Image that is shown; the first where none is named or it is not there.
+    topic: Option<TopicKey>,
+    overlays: BTreeMap<String, OverlayState>,
+    palette: MapPalette,
+    /// What one step of a whole-number depth image is, in metres.
+    depth_step_m: f64,
+}
+
+impl Default for Saved {
+    fn default() -> Self {
+        Self { topic: None, overlays: BTreeMap::new(), palette: MapPalette::default(), depth_step_m: 0.001 }
+    }
+}
+
+/// The camera view.
+#[derive(Default)]
+pub(crate) struct Camera {
+    saved: Saved,
+    layers: BTreeMap<String, Layer>,
+    /// `None` fits the image to the canvas.
+    viewport: Option<Viewport>,
+}
+
+impl View for Camera {
+    fn title(&self, frame: &Frame) -> String {
+        base(&self.saved, frame).map_or_else(|| "Camera".to_owned(), |topic| topic.name.to_string())
+    }
+
+    fn accepts(&self, topic: &Topic) -> bool {
+        layer::is_image(topic)
+    }
+
+    fn drop_topic(&mut self, topic: &Topic) {
+        self.saved.topic = Some(TopicKey::of(topic));
+        self.viewport = None;
+    }
+
+    fn save(&self) -> SavedState {
+        serde_json::to_value(&self.saved).unwrap_or_default()
+    }
+
+    fn load(&mut self, saved: &SavedState) -> Result<(), serde_json::Error> {
+        self.saved = serde_json::from_value(saved.clone())?;
+        Ok(())
+    }
+
+    fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
+        let Some(topic) = base(&self.saved, cx.frame) else {
+            let hint =
+                "A topic of images would fill it: open a log with a camera, or run a stack that has one.";
+            return widgets::empty(ui, icons::ICON_NO_PHOTOGRAPHY, "No images here", hint);
+        };
+        let overlays = layer::overlays(cx.frame, topic);
+        self.toolbar(ui, cx.frame, topic);
+        self.overlay_bar(ui, topic, &overlays);
+        self.canvas(ui, cx, topic, &overlays);
+    }
+}
+
+/// The image that is shown: the chosen one, else the first.
+fn base<'a>(saved: &Saved, frame: &'a Frame) -> Option<&'a Topic> {
+    let chosen = saved.topic.as_ref().and_then(|key| key.find(frame)).filter(|topic| layer::is_image(topic));
+    chosen.or_else(|| layer::images(frame).into_iter().next())
+}
+
+impl Camera {
+    fn toolbar(&mut self, ui: &mut Ui, frame: &Frame, shown: &Topic) {
+        let images = layer::images(frame);
+        let mut chosen = None;
+        crate::toolbar::row(ui, |ui| {
+            let font = egui::TextStyle::Button.resolve(ui.style());
+            let width: f32 = images
+                .iter()
+                .map(|topic| {
+                    let text = crate::toolbar::topic_label(frame, topic);
+                    ui.painter().layout_no_wrap(text, font.clone(), egui::Color32::WHITE).size().x + 24.0
+                })
+                .sum();
+            if width < ui.available_width() - 32.0 {
+                for topic in &images {
+                    let on = TopicKey::of(topic).is(shown);
+                    if ui.selectable_label(on, crate::toolbar::topic_label(frame, topic)).clicked() {
+                        chosen = Some(TopicKey::of(topic));
+                    }
+                }
+            } else {
+                chosen = crate::toolbar::topic_choice(ui, frame, "Image", Some(shown), &images);
+            }
+            crate::toolbar::at_right(ui, |ui| {
+                if widgets::icon_button(ui, icons::ICON_FIT_SCREEN, "Fit the image").clicked() {
+                    self.viewport = None;
+                }
+            });
+        });
+        if let Some(key) = chosen {
+            self.saved.topic = Some(key);
+            self.viewport = None;
+        }
+    }
+
+    fn overlay_bar(&mut self, ui: &mut Ui, topic: &Topic, overlays: &[&Topic]) {
+        let depth = self.layers.get(&*topic.name).and_then(Layer::picture);
+        let whole = depth.is_some_and(|picture| matches!(picture.pixels, Pixels::Values { whole: true, .. }));
+        if overlays.is_empty() && !whole {
+            return;
+        }
+        crate::toolbar::row(ui, |ui| {
+            for overlay in overlays {
+                let state = self.saved.overlays.entry(overlay.name.to_string()).or_default();
+                ui.checkbox(&mut state.shown, &*overlay.name).on_hover_text("Show this overlay");
+                let slider = egui::Slider::new(&mut state.opacity, 0.0..=1.0)
+                    .custom_formatter(|v, _| format!("{:3.0} %", v * 100.0))
+                    .custom_parser(|text| {
+                        text.trim_end_matches('%').trim().parse::<f64>().ok().map(|v| v / 100.0)
+                    });
+                let response = ui.add_enabled(state.shown, slider);
+                let name = format!("Opacity of {}", overlay.name);
+                response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &name));
+                response.on_hover_text(name);
+            }
+            if whole {
+                let step = &mut self.saved.depth_step_m;
+                ui.label("1 step is");
+                let text = if *step == 1.0 / 256.0 {
+                    "1/256 m".to_owned()
+                } else {
+                    format!("{} mm", *step * 1000.0)
+                };
+                let combo =
+                    egui::ComboBox::from_id_salt("depth step").selected_text(text).show_ui(ui, |ui| {
+                        ui.selectable_value(step, 0.001, "1 mm (ROS)");
+                        ui.selectable_value(step, 1.0 / 256.0, "1/256 m");
+                    });
+                combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Depth step"));
+                combo
+                    .response
+                    .on_hover_text("The image does not say what one step of its depth is: an assumption");
+            }
+        });
+    }
+
+    fn canvas(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, overlays: &[&Topic]) {
+        let (canvas, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
+        let name = format!("Picture of {}", topic.name);
+        response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &name));
+        let tokens = tokens(ui);
+        ui.painter().rect_filled(canvas, 0.0, tokens.canvas());
+
+        let layer = self.layers.entry(topic.name.to_string()).or_default();
+        layer.update(topic);
+        let picture = match layer.state() {
+            Ok(Some(picture)) => picture,
+            state => return waiting(ui, canvas, cx, topic, state.err()),
+        };
+        let (width, height) = (picture.width as f64, picture.height as f64);
+        let fitted = Viewport::fit([0.0, 0.0], [width, height], canvas, 0.0, false);
+        let mut viewport = self.viewport.unwrap_or(fitted);
+        if viewport.interact(ui, &response, [fitted.scale * 0.2, fitted.scale.max(1.0) * 64.0], true) {
+            self.viewport = Some(viewport);
+        }
+        if response.double_clicked() {
+            self.viewport = None;
+        }
+        let rect = Rect::from_two_pos(
+            viewport.to_screen(canvas, [0.0, 0.0]),
+            viewport.to_screen(canvas, [width, height]),
+        );
+        let magnified = viewport.scale > 4.0;
+        let options = if magnified { TextureOptions::NEAREST } else { TextureOptions::LINEAR };
+        let painter = ui.painter_at(canvas);
+        let uv = Rect::from_min_max(egui::Pos2::ZERO, egui::Pos2::new(1.0, 1.0));
+        let tint = layer::tint(topic, self.saved.palette);
+        if let Some(texture) = layer.texture(ui.ctx(), tint, options) {
+            painter.image(texture, rect, uv, egui::Color32::WHITE);
+        }
+        let mut shown = Vec::new();
+        for overlay in overlays {
+            let state = self.saved.overlays.get(&*overlay.name).copied().unwrap_or_default();
+            if !state.shown {
+                continue;
+            }
+            let layer = self.layers.entry(overlay.name.to_string()).or_default();
+            layer.update(overlay);
+            let tint = layer::tint(overlay, self.saved.palette);
+            if let Some(texture) = layer.texture(ui.ctx(), tint, TextureOptions::NEAREST) {
+                painter.image(texture, rect, uv, egui::Color32::WHITE.gamma_multiply(state.opacity));
+                shown.push(*overlay);
+            }
+        }
+        let age_s = topic.age_s(cx.frame.now).unwrap_or(0.0);
+        if age_s > stale::limit_s(topic.hz).unwrap_or(2.0) {
+            stale::cover(ui, rect.intersect(canvas), age_s);
+        }
+        self.legends(ui, canvas, topic, &shown);
+        self.read_out(ui, canvas, &response, viewport, topic, &shown);
+    }
+
+    fn legends(&self, ui: &mut Ui, canvas: Rect, topic: &Topic, shown: &[&Topic]) {
+        let roles: Vec<_> = std::iter::once(&topic).chain(shown).map(|topic| layer::role(topic)).collect();
+        let range =
+            self.layers.get(&*topic.name).and_then(Layer::range).map(|range| self.range_m(topic, range));
+        if !roles.iter().any(|role| *role != LayerRole::Image) && range.is_none() {
+            return;
+        }
+        legend::plate(ui, canvas, Align2::LEFT_BOTTOM, |ui| {
+            if let Some([near, far]) = range {
+                let ends = (format::metres(near, 1), format::metres(far, 1));
+                legend::band(ui, 120.0, &ends.0, &ends.1, palette::range);
+            }
+            if roles.contains(&LayerRole::Labels) {
+                for label in palette::OBSTACLE_LABELS.iter().filter(|label| label.value > 0) {
+                    legend::swatch(ui, label.color, label.name);
+                }
+            }
+            if roles.contains(&LayerRole::Cost) {
+                crate::toolbar::cost_legend(ui, self.saved.palette);
+            }
+        });
+    }
+
+    fn range_m(&self, topic: &Topic, range: [f32; 2]) -> [f64; 2] {
+        let picture = self.layers.get(&*topic.name).and_then(Layer::picture);
+        let whole =
+            picture.is_some_and(|picture| matches!(picture.pixels, Pixels::Values { whole: true, .. }));
+        range.map(|value| f64::from(value) * if whole { self.saved.depth_step_m } else { 1.0 })
+    }
+
+    /// What is under the pointer, in a fixed place, so that it can be read while the pointer moves.
+    fn read_out(
+        &self,
+        ui: &mut Ui,
+        canvas: Rect,
+        response: &Response,
+        viewport: Viewport,
+        topic: &Topic,
+        shown: &[&Topic],
+    ) {
+        let Some(picture) = self.layers.get(&*topic.name).and_then(Layer::picture) else { return };
+        let pixel = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
+        let inside = pixel.filter(|[x, y]| picture.index(*x, *y).is_some());
+        legend::plate(ui, canvas, Align2::RIGHT_BOTTOM, |ui| {
+            ui.style_mut().interaction.selectable_labels = false;
+            let Some([x, y]) = inside else {
+                let text = format!("{} × {}  {}", picture.width, picture.height, picture.encoding);
+                return drop(ui.label(mono(text).small().color(tokens(ui).weak)));
+            };
+            ui.label(mono(format!("{:4} {:4} px", x as usize, y as usize)));
+            for topic in std::iter::once(&topic).chain(shown) {
+                let Some(layer) = self.layers.get(&*topic.name) else { continue };
+                let at = [x / picture.width as f64, y / picture.height as f64];
+                let Some(text) = layer.describe(at, layer::role(topic), self.saved.depth_step_m) else {
+                    continue;
+                };
+                ui.label(mono(text)).on_hover_text(&*topic.name);
+            }
+        });
+    }
+}
+
+/// A canvas without a picture: nothing came yet, or it cannot be decoded.
+fn waiting(ui: &mut Ui, canvas: Rect, cx: &ViewContext<'_>, topic: &Topic, error: Option<&String>) {
+    let (title, hint) = if let Some(error) = error {
+        ("This image cannot be shown".to_owned(), error.clone())
+    } else {
+        let at = format::elapsed(cx.frame.time_s());
+        (format!("No image of {} yet at {at}", topic.name), "Play or step on to the first one.".to_owned())
+    };
+    let builder = egui::UiBuilder::new().max_rect(canvas.shrink2(Vec2::splat(16.0)));
+    ui.scope_builder(builder, |ui| widgets::empty(ui, icons::ICON_IMAGE, &title, &hint));
+}

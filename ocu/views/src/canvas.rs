@@ -1,0 +1,118 @@
+//! A plane under a canvas: pan by dragging, zoom to the pointer, double click to fit.
+
+use egui::{Pos2, Rect, Response, Ui, Vec2};
+use serde::{Deserialize, Serialize};
+
+/// Which part of a plane is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Viewport {
+    /// Point of the plane in the middle of the canvas.
+    pub(crate) center: [f64; 2],
+    /// Points of the screen for one unit of the plane.
+    pub(crate) scale: f64,
+    /// Whether the plane's y grows upwards (a map) or downwards (an image).
+    pub(crate) y_up: bool,
+}
+
+impl Viewport {
+    /// Shows a rectangle of the plane in all of a canvas, with a margin in points.
+    pub(crate) fn fit(min: [f64; 2], max: [f64; 2], canvas: Rect, margin: f32, y_up: bool) -> Self {
+        let size = [(max[0] - min[0]).max(1e-6), (max[1] - min[1]).max(1e-6)];
+        let room = (canvas.size() - Vec2::splat(2.0 * margin)).max(Vec2::splat(1.0));
+        let scale = (f64::from(room.x) / size[0]).min(f64::from(room.y) / size[1]);
+        Self { center: [f64::midpoint(min[0], max[0]), f64::midpoint(min[1], max[1])], scale, y_up }
+    }
+
+    fn down(self) -> f64 {
+        if self.y_up { -1.0 } else { 1.0 }
+    }
+
+    /// Where a point of the plane is on the screen.
+    pub(crate) fn to_screen(self, canvas: Rect, point: [f64; 2]) -> Pos2 {
+        let x = (point[0] - self.center[0]) * self.scale;
+        let y = (point[1] - self.center[1]) * self.scale * self.down();
+        canvas.center() + Vec2::new(x as f32, y as f32)
+    }
+
+    /// The point of the plane under a point of the screen.
+    pub(crate) fn to_plane(self, canvas: Rect, at: Pos2) -> [f64; 2] {
+        let offset = at - canvas.center();
+        [
+            self.center[0] + f64::from(offset.x) / self.scale,
+            self.center[1] + f64::from(offset.y) / (self.scale * self.down()),
+        ]
+    }
+
+    /// The corner of least and of largest coordinates that the canvas shows.
+    pub(crate) fn bounds(self, canvas: Rect) -> ([f64; 2], [f64; 2]) {
+        let (a, b) = (self.to_plane(canvas, canvas.min), self.to_plane(canvas, canvas.max));
+        ([a[0].min(b[0]), a[1].min(b[1])], [a[0].max(b[0]), a[1].max(b[1])])
+    }
+
+    /// Scales by `factor` about a point of the screen, which stays where it is; `range` limits the scale.
+    pub(crate) fn zoom_about(&mut self, canvas: Rect, at: Pos2, factor: f64, range: [f64; 2]) {
+        let fixed = self.to_plane(canvas, at);
+        self.scale = (self.scale * factor).clamp(range[0], range[1]);
+        let moved = self.to_plane(canvas, at);
+        for axis in 0..2 {
+            self.center[axis] += fixed[axis] - moved[axis];
+        }
+    }
+
+    /// Pans and zooms as the pointer says; `true` if anything changed.
+    pub(crate) fn interact(&mut self, ui: &Ui, response: &Response, range: [f64; 2], pan: bool) -> bool {
+        let before = *self;
+        if pan && response.dragged() {
+            let delta = response.drag_delta();
+            self.center[0] -= f64::from(delta.x) / self.scale;
+            self.center[1] -= f64::from(delta.y) / (self.scale * self.down());
+        }
+        if let Some(at) = response.hover_pos() {
+            let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+            let factor = f64::from(pinch) * (f64::from(scroll) / 240.0).exp();
+            if (factor - 1.0).abs() > 1e-6 {
+                self.zoom_about(response.rect, at, factor, range);
+            }
+        }
+        *self != before
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn canvas() -> Rect {
+        Rect::from_min_size(Pos2::new(10.0, 20.0), Vec2::new(300.0, 200.0))
+    }
+
+    #[test]
+    fn screen_and_plane_are_inverse() {
+        for y_up in [false, true] {
+            let viewport = Viewport { center: [3.0, -7.0], scale: 12.5, y_up };
+            let at = Pos2::new(111.0, 77.0);
+            let back = viewport.to_screen(canvas(), viewport.to_plane(canvas(), at));
+            assert!((back - at).length() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn zooming_keeps_the_point_under_the_pointer() {
+        let mut viewport = Viewport { center: [3.0, -7.0], scale: 12.5, y_up: true };
+        let at = Pos2::new(250.0, 60.0);
+        let before = viewport.to_plane(canvas(), at);
+        viewport.zoom_about(canvas(), at, 3.0, [1.0, 1000.0]);
+        let after = viewport.to_plane(canvas(), at);
+        assert!((before[0] - after[0]).abs() < 1e-9 && (before[1] - after[1]).abs() < 1e-9);
+        assert_eq!(viewport.scale, 37.5);
+    }
+
+    #[test]
+    fn fitted_content_is_inside_the_canvas() {
+        let viewport = Viewport::fit([-5.0, 0.0], [5.0, 100.0], canvas(), 8.0, true);
+        for point in [[-5.0, 0.0], [5.0, 100.0]] {
+            assert!(canvas().contains(viewport.to_screen(canvas(), point)));
+        }
+        assert!(Viewport::fit([1.0, 1.0], [1.0, 1.0], canvas(), 8.0, true).scale.is_finite());
+    }
+}

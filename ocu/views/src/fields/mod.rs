@@ -1,0 +1,263 @@
+//! Fields: any message of any encoding as a tree, with its header.
+//!
+//! It follows the selected topic until one is pinned (or dropped on it). Numbers keep their column, so nothing
+//! jumps while values change.
+
+mod rows;
+
+use crate::texture::{Cached, SameMessage};
+use crate::view::{SavedState, TopicKey, View, ViewContext};
+use egui::{Align, FontId, Pos2, Rect, RichText, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo};
+use ocu_ui::widgets::{self, mono};
+use ocu_ui::{format, icons, stale, tokens};
+use rcs_msg::{AnyMessage, Value};
+use rcs_runtime::source::{Frame, Topic};
+use rows::{Row, hex};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+
+const ROW: f32 = 20.0;
+const INDENT: f32 = 16.0;
+
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+struct Saved {
+    /// Topic that is shown; `None` follows the selection.
+    pinned: Option<TopicKey>,
+    search: String,
+    open: BTreeSet<String>,
+}
+
+/// The fields view.
+#[derive(Default)]
+pub(crate) struct Fields {
+    saved: Saved,
+    value: Cached<SameMessage, Result<Value, String>>,
+    last: Option<TopicKey>,
+}
+
+impl View for Fields {
+    fn title(&self, _frame: &Frame) -> String {
+        self.saved.pinned.as_ref().map_or_else(|| "Fields".to_owned(), |key| key.name.clone())
+    }
+
+    fn accepts(&self, _topic: &Topic) -> bool {
+        true
+    }
+
+    fn drop_topic(&mut self, topic: &Topic) {
+        self.saved.pinned = Some(TopicKey::of(topic));
+    }
+
+    fn save(&self) -> SavedState {
+        serde_json::to_value(&self.saved).unwrap_or_default()
+    }
+
+    fn load(&mut self, saved: &SavedState) -> Result<(), serde_json::Error> {
+        self.saved = serde_json::from_value(saved.clone())?;
+        Ok(())
+    }
+
+    fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
+        if cx.frame.topics.is_empty() {
+            let hint = "Open a log or a stack, then choose a buffer.";
+            return widgets::empty(ui, icons::ICON_DATA_OBJECT, "No messages", hint);
+        }
+        let topic = self.topic(cx);
+        self.toolbar(ui, cx, topic);
+        let Some(topic) = topic else {
+            let hint = "Click one in the buffer list, or drag one here.";
+            return widgets::empty(ui, icons::ICON_DATA_OBJECT, "No buffer is chosen", hint);
+        };
+        header(ui, cx.frame, topic);
+        let Some(sample) = &topic.latest else {
+            let title = format!("No message of {} yet", topic.name);
+            return widgets::empty(
+                ui,
+                icons::ICON_HOURGLASS_EMPTY,
+                &title,
+                "Play or step on to its first message.",
+            );
+        };
+        if let Some(reason) = &topic.undecodable {
+            return undecodable(ui, reason, &sample.message);
+        }
+        let message = SameMessage(sample.message.clone());
+        let read = || sample.message.value().map_err(|error| error.to_string());
+        match self.value.get(message, read) {
+            Err(reason) => undecodable(ui, reason, &sample.message),
+            Ok(value) => tree(ui, &mut self.saved, value),
+        }
+    }
+}
+
+impl Fields {
+    fn topic<'a>(&mut self, cx: &ViewContext<'a>) -> Option<&'a Topic> {
+        let key = self.saved.pinned.as_ref().or(cx.selection.topic.as_ref()).or(self.last.as_ref())?.clone();
+        let topic = key.find(cx.frame);
+        self.last = Some(key);
+        topic
+    }
+
+    fn toolbar(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: Option<&Topic>) {
+        let frame = cx.frame;
+        let mut topics: Vec<_> = frame.topics.iter().collect();
+        topics.sort_by(|a, b| a.name.cmp(&b.name));
+        crate::toolbar::row(ui, |ui| {
+            let mut pinned = self.saved.pinned.is_some();
+            let name = if pinned { "Follow the selection again" } else { "Keep this buffer" };
+            if widgets::icon_toggle(ui, icons::ICON_KEEP, name, &mut pinned).clicked() {
+                self.saved.pinned = topic.filter(|_| pinned).map(TopicKey::of);
+            }
+            if let Some(key) = crate::toolbar::topic_choice(ui, frame, "Buffer", topic, &topics) {
+                if self.saved.pinned.is_some() {
+                    self.saved.pinned = Some(key.clone());
+                }
+                cx.selection.topic = Some(key);
+            }
+            widgets::search(ui, &mut self.saved.search, "Search fields");
+        });
+    }
+}
+
+/// Sequence, times, writer and type of the message.
+fn header(ui: &mut Ui, frame: &Frame, topic: &Topic) {
+    let tokens = tokens(ui);
+    let margin = egui::Margin::symmetric(8, 4);
+    egui::Frame::new().inner_margin(margin).show(ui, |ui| {
+        ui.spacing_mut().item_spacing = Vec2::new(16.0, 0.0);
+        let item = |ui: &mut Ui, name: &str, value: RichText| {
+            ui.horizontal(|ui| {
+                ui.spacing_mut().item_spacing.x = 4.0;
+                ui.label(RichText::new(name).small().color(tokens.weak));
+                ui.label(value.size(12.0));
+            });
+        };
+        ui.horizontal_wrapped(|ui| {
+            item(ui, "type", RichText::new(topic.schema.name()));
+            item(ui, "encoding", RichText::new(topic.schema.message_encoding().name()));
+            if !topic.writer.is_empty() {
+                item(ui, "writer", RichText::new(&*topic.writer));
+            }
+            if let Some(sample) = &topic.latest {
+                let header = &sample.header;
+                let age_s = topic.age_s(frame.now).unwrap_or(0.0);
+                let old = stale::is_stale(age_s, topic.hz);
+                item(ui, "sequence", mono(format!("{:>6}", header.sequence)));
+                item(ui, "log time", mono(format::clock(header.log_time.0)));
+                item(ui, "acquired", mono(format::clock(header.acq_time.0)));
+                let age = mono(format!("{:>6}", format::age(age_s)));
+                item(
+                    ui,
+                    if old { "age (old)" } else { "age" },
+                    if old { age.color(tokens.stale) } else { age },
+                );
+            }
+        });
+    });
+    let rect = ui.min_rect();
+    ui.painter().hline(rect.x_range(), rect.bottom(), egui::Stroke::new(1.0, tokens.line));
+}
+
+/// A message that has no reader: why, and its bytes.
+fn undecodable(ui: &mut Ui, reason: &str, message: &AnyMessage) {
+    let bytes = message.bytes();
+    ui.horizontal_wrapped(|ui| {
+        ui.add_space(8.0);
+        ui.label(icons::ICON_ERROR.rich_text().size(14.0).color(tokens(ui).warning));
+        ui.label(format!("Cannot be read: {reason}"));
+    });
+    ui.horizontal(|ui| {
+        ui.add_space(8.0);
+        ui.label(RichText::new(format!("{} bytes", format::count(bytes.len() as u64))).small().weak());
+    });
+    let lines = bytes.len().div_ceil(16);
+    ui.spacing_mut().item_spacing.y = 0.0;
+    ScrollArea::both().auto_shrink(false).show_rows(ui, 16.0, lines, |ui, range| {
+        for line in range {
+            let part = &bytes[line * 16..bytes.len().min(line * 16 + 16)];
+            let text: String = part
+                .iter()
+                .map(|&byte| if (0x20..0x7f).contains(&byte) { char::from(byte) } else { '.' })
+                .collect();
+            ui.label(mono(format!("  {:06x}  {:<47}  {text}", line * 16, hex(part))));
+        }
+    });
+}
+
+fn tree(ui: &mut Ui, saved: &mut Saved, value: &Value) {
+    let search = saved.search.trim().to_lowercase();
+    let (rows, more) =
+        if search.is_empty() { (rows::rows(value, &saved.open), false) } else { rows::found(value, &search) };
+    if rows.is_empty() {
+        let (title, hint) = if search.is_empty() {
+            ("An empty message", "It has no fields.".to_owned())
+        } else {
+            ("Nothing found", format!("No field has {search:?} in its path or value."))
+        };
+        return widgets::empty(ui, icons::ICON_DATA_OBJECT, title, &hint);
+    }
+    if more {
+        ui.label(RichText::new(format!("  the first {} that were found", rows::MOST_FOUND)).small().weak());
+    }
+    ui.spacing_mut().item_spacing.y = 0.0;
+    let share = if search.is_empty() { 0.42 } else { 0.6 };
+    let name_width = (ui.available_width() * share).clamp(96.0, 480.0);
+    ScrollArea::vertical().auto_shrink(false).show_rows(ui, ROW, rows.len(), |ui, range| {
+        for row in &rows[range] {
+            let response = paint_row(ui, row, name_width);
+            if response.clicked() && row.open.is_some() && !saved.open.remove(&row.key) {
+                saved.open.insert(row.key.clone());
+            }
+            response.context_menu(|ui| {
+                if ui.button("Copy path").clicked() {
+                    ui.ctx().copy_text(row.path.to_string());
+                    ui.close();
+                }
+                if ui.button("Copy value").clicked() {
+                    ui.ctx().copy_text(row.text.clone());
+                    ui.close();
+                }
+            });
+        }
+    });
+}
+
+fn paint_row(ui: &mut Ui, row: &Row, name_width: f32) -> egui::Response {
+    let tokens = tokens(ui);
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click());
+    let name = format!("{} {}", row.name, row.text);
+    match row.open {
+        Some(open) => {
+            response.widget_info(|| WidgetInfo::selected(Role::Button, true, open, name.trim_end()))
+        }
+        None => response.widget_info(|| WidgetInfo::labeled(Role::Label, true, name.trim_end())),
+    }
+    if response.hovered() {
+        ui.painter().rect_filled(rect, 0.0, tokens.surface[2]);
+    }
+    let left = rect.left() + 8.0 + INDENT * row.depth as f32;
+    if let Some(open) = row.open {
+        let icon = if open { icons::ICON_EXPAND_MORE } else { icons::ICON_CHEVRON_RIGHT };
+        let font = FontId::new(14.0, icon.font_family());
+        let at = Pos2::new(left + 6.0, rect.center().y);
+        ui.painter().text(at, egui::Align2::CENTER_CENTER, icon.codepoint, font, tokens.weak);
+    }
+    let middle = (rect.left() + name_width).max(left + 64.0);
+    let name =
+        Rect::from_min_max(Pos2::new(left + INDENT, rect.top()), Pos2::new(middle - 8.0, rect.bottom()));
+    let value =
+        Rect::from_min_max(Pos2::new(middle, rect.top()), Pos2::new(rect.right() - 8.0, rect.bottom()));
+    let weak = row.name.starts_with('[');
+    let color = if weak { tokens.weak } else { tokens.text };
+    widgets::cell(ui, name, Align::Min, &row.name, FontId::proportional(13.0), color);
+    let color = if row.open.is_some() { tokens.weak } else { tokens.strong };
+    let (font, text) = if row.number && !row.text.starts_with('-') && !row.text.starts_with("NaN") {
+        // Room for a sign, so that digits stay where they are when it changes.
+        (FontId::monospace(12.0), format!(" {}", row.text))
+    } else {
+        (FontId::monospace(12.0), row.text.clone())
+    };
+    widgets::cell(ui, value, Align::Min, &text, font, color);
+    response
+}

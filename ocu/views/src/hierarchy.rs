@@ -1,0 +1,300 @@
+//! Hierarchy: every process as a box below its supervisor, found from the process list and the status buffers.
+//!
+//! The colour of a box and the word in it say the same; the line to the supervisor is red for a moment after a
+//! command went down, light after a status came up, and else quiet.
+
+use crate::view::{View, ViewContext};
+use egui::{Align, Color32, FontId, Pos2, Rect, Role, ScrollArea, Sense, Stroke, Ui, Vec2, WidgetInfo};
+use ocu_ui::{Tokens, format, icons, tokens, widgets};
+use rcs_msg::rcs::{Command, ProcessInfo, ProcessState, Status};
+use rcs_runtime::source::Frame;
+use std::collections::BTreeMap;
+
+const BOX: Vec2 = Vec2::new(200.0, 92.0);
+const GAP: Vec2 = Vec2::new(20.0, 40.0);
+/// How long a line shows that something went along it, in seconds of the source.
+const MOMENT_S: f64 = 0.3;
+
+/// The hierarchy view. It has no state of its own.
+#[derive(Default)]
+pub(crate) struct Hierarchy;
+
+/// What a box looks like: its colour and the word for it.
+#[derive(Clone, Debug, PartialEq)]
+struct Look {
+    fill: Color32,
+    word: String,
+}
+
+fn look(process: &ProcessInfo, status: Option<&Status>, age_s: Option<f64>, connected: bool) -> Look {
+    let rgb = Color32::from_rgb;
+    let (fill, word) = match (connected, status, age_s) {
+        (false, ..) => (rgb(150, 156, 160), "NOT CONNECTED".to_owned()),
+        (_, Some(_), Some(age_s)) if age_s > limit_s(process) => {
+            (rgb(236, 200, 66), format!("NO STATUS {}", format::age(age_s)))
+        }
+        (_, Some(status), _) => match status.state() {
+            ProcessState::Uninitialized => (rgb(238, 160, 190), "UNINITIALIZED".to_owned()),
+            ProcessState::Exec => (rgb(92, 184, 108), "EXEC".to_owned()),
+            ProcessState::Done => (rgb(240, 242, 243), "DONE".to_owned()),
+            ProcessState::Error => (rgb(226, 84, 76), "ERROR".to_owned()),
+        },
+        (_, None, _) => (rgb(238, 160, 190), "NOT RUNNING".to_owned()),
+    };
+    Look { fill, word }
+}
+
+/// The age from which a status is too old: three periods, at least a second and a margin.
+fn limit_s(process: &ProcessInfo) -> f64 {
+    (process.period_ns as f64 * 3e-9).max(1.2)
+}
+
+impl View for Hierarchy {
+    fn title(&self, _frame: &Frame) -> String {
+        "Hierarchy".to_owned()
+    }
+
+    fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
+        if cx.frame.processes.is_empty() {
+            let hint = "A plain log has none. Run it through a stack (File, Open stack), or open a log that a stack recorded.";
+            return widgets::empty(ui, icons::ICON_ACCOUNT_TREE, "No processes", hint);
+        }
+        let placed = place(&cx.frame.processes);
+        let size = placed.iter().fold(Vec2::ZERO, |size, at| size.max(at.to_vec2() + BOX));
+        ScrollArea::both().auto_shrink(false).show(ui, |ui| {
+            let margin = Vec2::splat(16.0);
+            let room = ui.available_size();
+            let area = (size + 2.0 * margin).max(room);
+            let (rect, _) = ui.allocate_exact_size(area, Sense::hover());
+            let left = ((area.x - size.x) / 2.0).floor();
+            let origin = rect.min + Vec2::new(left, margin.y);
+            let boxes: Vec<_> =
+                placed.iter().map(|at| Rect::from_min_size(origin + at.to_vec2(), BOX)).collect();
+            lines(ui, cx.frame, &boxes);
+            for (process, rect) in cx.frame.processes.iter().zip(&boxes) {
+                process_box(ui, cx, process, *rect);
+            }
+        });
+    }
+}
+
+/// Left top corner of each process's box: below its supervisor, which stands over the middle of its subordinates.
+fn place(processes: &[ProcessInfo]) -> Vec<Pos2> {
+    let index: BTreeMap<&str, usize> =
+        processes.iter().enumerate().map(|(i, p)| (p.name.as_str(), i)).collect();
+    let mut children = vec![Vec::new(); processes.len()];
+    let mut roots = Vec::new();
+    for (i, process) in processes.iter().enumerate() {
+        match index.get(process.supervisor.as_str()) {
+            Some(&supervisor) if supervisor != i && !above(processes, &index, i, supervisor) => {
+                children[supervisor].push(i);
+            }
+            _ => roots.push(i),
+        }
+    }
+    let mut at = vec![Pos2::ZERO; processes.len()];
+    let mut right = 0.0;
+    for root in roots {
+        place_tree(root, 0, &children, &mut at, &mut right);
+    }
+    at
+}
+
+/// Whether `process` is among the supervisors of `of`: a damaged list may hold a ring.
+fn above(processes: &[ProcessInfo], index: &BTreeMap<&str, usize>, process: usize, of: usize) -> bool {
+    let mut at = of;
+    for _ in 0..processes.len() {
+        if at == process {
+            return true;
+        }
+        match index.get(processes[at].supervisor.as_str()) {
+            Some(&next) => at = next,
+            None => return false,
+        }
+    }
+    true
+}
+
+fn place_tree(node: usize, depth: usize, children: &[Vec<usize>], at: &mut [Pos2], right: &mut f32) {
+    let y = depth as f32 * (BOX.y + GAP.y);
+    for &child in &children[node] {
+        place_tree(child, depth + 1, children, at, right);
+    }
+    let x = if let [first, .., last] | [first @ last] = children[node][..] {
+        f32::midpoint(at[first].x, at[last].x)
+    } else {
+        *right += BOX.x + GAP.x;
+        *right - BOX.x - GAP.x
+    };
+    at[node] = Pos2::new(x, y);
+}
+
+fn lines(ui: &Ui, frame: &Frame, boxes: &[Rect]) {
+    let tokens = tokens(ui);
+    for (process, rect) in frame.processes.iter().zip(boxes) {
+        let Some(supervisor) = frame.processes.iter().position(|other| other.name == process.supervisor)
+        else {
+            continue;
+        };
+        let moment = |buffer: &str| {
+            let age_s = frame.topic(buffer).and_then(|topic| topic.age_s(frame.now));
+            age_s.is_some_and(|age_s| (0.0..MOMENT_S).contains(&age_s))
+        };
+        let stroke = if moment(&process.command_buffer) {
+            Stroke::new(2.0, tokens.error)
+        } else if moment(&process.status_buffer) {
+            Stroke::new(1.5, tokens.strong)
+        } else {
+            Stroke::new(1.5, tokens.unknown)
+        };
+        let (top, bottom) = (boxes[supervisor].center_bottom(), rect.center_top());
+        let middle = f32::midpoint(top.y, bottom.y);
+        let corners = vec![top, Pos2::new(top.x, middle), Pos2::new(bottom.x, middle), bottom];
+        ui.painter().add(egui::Shape::line(corners, stroke));
+    }
+}
+
+fn process_box(ui: &mut Ui, cx: &mut ViewContext<'_>, process: &ProcessInfo, rect: Rect) {
+    let tokens = tokens(ui);
+    let frame = cx.frame;
+    let status = frame.status(process);
+    let age_s = frame.topic(&process.status_buffer).and_then(|topic| topic.age_s(frame.now));
+    let supervised = process.supervisor.is_empty()
+        || frame.processes.iter().any(|other| other.name == process.supervisor)
+        || frame.topic(&process.command_buffer).is_some();
+    let look = look(process, status, age_s, supervised);
+    let chosen = cx.selection.process.as_deref() == Some(process.name.as_str());
+    let response = ui.interact(rect, ui.scope_id().with(("process", &process.name)), Sense::click());
+    let name = format!("Process {}: {}", process.name, look.word);
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, chosen, &name));
+    if response.clicked() {
+        cx.selection.process = Some(process.name.as_str().into());
+    }
+    let edge = match (chosen, response.hovered()) {
+        (true, _) => Stroke::new(2.0, tokens.accent),
+        (_, true) => Stroke::new(1.0, tokens.text),
+        _ => Stroke::new(1.0, tokens.line),
+    };
+    ui.painter().rect(rect, 3.0, tokens.surface[2], edge, egui::StrokeKind::Inside);
+    let head = Rect::from_min_size(rect.min, Vec2::new(rect.width(), 24.0)).shrink(edge.width);
+    ui.painter().rect_filled(head, egui::CornerRadius { nw: 2, ne: 2, sw: 0, se: 0 }, look.fill);
+    let ink = Color32::from_rgb(16, 20, 22);
+    let word_font = FontId::proportional(11.0);
+    let word_width = ui.painter().layout_no_wrap(look.word.clone(), word_font.clone(), ink).size().x;
+    let (left, right) = (head.left() + 8.0, head.right() - 8.0);
+    let title = Rect::from_x_y_ranges(left..=right - word_width - 8.0, head.y_range());
+    widgets::cell(ui, title, Align::Min, &process.name, FontId::proportional(13.0), ink);
+    let word = Rect::from_x_y_ranges(left..=right, head.y_range());
+    widgets::cell(ui, word, Align::Max, &look.word, word_font, ink);
+    body(ui, tokens, rect, frame, process, status);
+    response.on_hover_ui(|ui| details(ui, process, status));
+}
+
+fn body(ui: &Ui, tokens: &Tokens, rect: Rect, frame: &Frame, process: &ProcessInfo, status: Option<&Status>) {
+    let line = |i: usize| {
+        let top = rect.top() + 28.0 + 20.0 * i as f32;
+        Rect::from_min_max(Pos2::new(rect.left() + 8.0, top), Pos2::new(rect.right() - 8.0, top + 20.0))
+    };
+    let small = FontId::proportional(12.0);
+    let mono = FontId::monospace(11.5);
+    let Some(status) = status else {
+        widgets::cell(ui, line(0), Align::Min, &process.summary, small, tokens.weak);
+        return;
+    };
+    let sent = frame.topic(&process.command_buffer).and_then(|topic| topic.get::<Command>());
+    let command = if status.command.is_empty() { "no command" } else { &status.command };
+    widgets::cell(ui, line(0), Align::Min, command, FontId::proportional(13.0), tokens.strong);
+    let (serial, waiting) = match sent {
+        Some(sent) => {
+            (format!("serial {} echo {}", sent.serial, status.echo_serial), sent.serial != status.echo_serial)
+        }
+        None => (format!("echo {}", status.echo_serial), false),
+    };
+    let color = if waiting { tokens.warning } else { tokens.weak };
+    widgets::cell(ui, line(0), Align::Max, &serial, mono.clone(), color);
+    widgets::cell(ui, line(1), Align::Min, &status.state_text, small, tokens.text);
+    widgets::cell(ui, line(2), Align::Min, &format!("cycle {}", status.cycle), mono.clone(), tokens.weak);
+    if status.faults > 0 {
+        let text = format!("{} faults", status.faults);
+        widgets::cell(ui, line(2), Align::Max, &text, mono, tokens.warning);
+    }
+}
+
+fn details(ui: &mut Ui, process: &ProcessInfo, status: Option<&Status>) {
+    let tokens = tokens(ui);
+    ui.label(egui::RichText::new(&process.name).color(tokens.strong));
+    ui.label(&process.summary);
+    let mut line = |name: &str, value: &str| {
+        if !value.is_empty() {
+            widgets::name_value(ui, 72.0, name, egui::RichText::new(value));
+        }
+    };
+    line("plugin", &process.plugin);
+    line("supervisor", &process.supervisor);
+    line("period", &format!("{} ms", format::number(process.period_ns as f64 * 1e-6)));
+    if let Some(status) = status {
+        line("state", &status.state_text);
+        line("set at", &status.source_line);
+        line("last fault", &status.last_fault);
+    }
+    let ports = |ports: &[rcs_msg::rcs::PortInfo]| {
+        ports.iter().map(|port| port.buffer.as_str()).collect::<Vec<_>>().join("  ")
+    };
+    line("reads", &ports(&process.inputs));
+    line("writes", &ports(&process.outputs));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn process(name: &str, supervisor: &str) -> ProcessInfo {
+        ProcessInfo {
+            name: name.into(),
+            supervisor: supervisor.into(),
+            period_ns: 100_000_000,
+            ..ProcessInfo::default()
+        }
+    }
+
+    #[test]
+    fn a_supervisor_stands_over_the_middle_of_its_subordinates() {
+        let at = place(&[
+            process("a", "sup"),
+            process("sup", ""),
+            process("b", "sup"),
+            process("alone", "nobody"),
+        ]);
+        assert_eq!(at[1].x, f32::midpoint(at[0].x, at[2].x));
+        assert!(at[1].y < at[0].y && at[0].y == at[2].y);
+        assert!(at[3].x >= at[2].x + BOX.x);
+    }
+
+    #[test]
+    fn processes_that_supervise_each_other_are_all_placed() {
+        let at = place(&[process("a", "b"), process("b", "a"), process("self", "self")]);
+        assert_eq!(at.len(), 3);
+        assert!(at.iter().all(|at| at.is_finite()));
+    }
+
+    #[test]
+    fn every_state_has_a_word_of_its_own() {
+        let process = process("p", "");
+        let of = |state: ProcessState| {
+            let status = Status { state: state.into(), ..Status::default() };
+            look(&process, Some(&status), Some(0.1), true).word
+        };
+        let mut words =
+            [ProcessState::Uninitialized, ProcessState::Exec, ProcessState::Done, ProcessState::Error]
+                .map(of)
+                .to_vec();
+        words.push(look(&process, None, None, true).word);
+        words.push(look(&process, None, None, false).word);
+        let old = Status { state: ProcessState::Exec.into(), ..Status::default() };
+        words.push(look(&process, Some(&old), Some(2.0), true).word);
+        assert_eq!(words.last().unwrap(), "NO STATUS 2.0 s");
+        words.sort();
+        words.dedup();
+        assert_eq!(words.len(), 7);
+    }
+}

@@ -1,0 +1,102 @@
+//! A point cloud from above, coloured by height, as pixels of the canvas.
+
+use crate::canvas::Viewport;
+use egui::{Color32, ColorImage, Rect};
+use ocu_ui::palette;
+use rcs_geom::Pose;
+use rcs_msg::foxglove::PointCloud;
+use rcs_msg::points;
+
+/// The points of a cloud in the map's frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Cloud {
+    /// x, y and z in metres.
+    pub(super) points: Vec<[f32; 3]>,
+    /// The 2 % and 98 % heights, metres.
+    pub(super) heights: [f32; 2],
+    /// The 1 % and 99 % places along x and y, metres.
+    pub(super) bounds: Option<([f64; 2], [f64; 2])>,
+}
+
+impl Cloud {
+    /// Reads a cloud; a sentence where it cannot be read.
+    pub(super) fn new(cloud: &PointCloud, map_from_frame: &Pose) -> Result<Self, String> {
+        let map_from_cloud = *map_from_frame * crate::pose::from_message(cloud.pose.as_ref())?;
+        let read = points(cloud).map_err(|error| error.to_string())?;
+        let points: Vec<[f32; 3]> = read
+            .iter()
+            .map(|point| map_from_cloud * point.position)
+            .filter(|p| p.is_finite())
+            .map(|p| [p.x as f32, p.y as f32, p.z as f32])
+            .collect();
+        let [x, y, z] = std::array::from_fn(|axis| spread(&points, axis));
+        let bounds = (!points.is_empty())
+            .then(|| ([f64::from(x[0]), f64::from(y[0])], [f64::from(x[1]), f64::from(y[1])]));
+        Ok(Self { points, heights: z, bounds })
+    }
+
+    /// The points that a canvas shows, the highest on top, `per_point` pixels for a point of the screen.
+    pub(super) fn paint(&self, canvas: Rect, viewport: Viewport, per_point: f32) -> ColorImage {
+        let size = (canvas.size() * per_point).ceil();
+        let (width, height) = (size.x.max(1.0) as usize, size.y.max(1.0) as usize);
+        let mut pixels = vec![Color32::TRANSPARENT; width * height];
+        let mut top = vec![f32::NEG_INFINITY; width * height];
+        let [low, high] = self.heights.map(f64::from);
+        for &[x, y, z] in &self.points {
+            let at = (viewport.to_screen(canvas, [f64::from(x), f64::from(y)]) - canvas.min) * per_point;
+            // Two pixels by two, so that a single point can be seen.
+            for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                let (px, py) = (at.x as isize + dx, at.y as isize + dy);
+                if at.x < 0.0 || at.y < 0.0 || px >= width as isize || py >= height as isize {
+                    continue;
+                }
+                let index = py as usize * width + px as usize;
+                if z > top[index] {
+                    top[index] = z;
+                    pixels[index] = palette::even((f64::from(z) - low) / (high - low).max(1e-3));
+                }
+            }
+        }
+        ColorImage::new([width, height], pixels)
+    }
+}
+
+/// The 2 % and 98 % coordinates along an axis.
+fn spread(points: &[[f32; 3]], axis: usize) -> [f32; 2] {
+    let every = (points.len() / 20_000).max(1);
+    let mut values: Vec<f32> = points.iter().step_by(every).map(|p| p[axis]).collect();
+    values.sort_by(f32::total_cmp);
+    let last = values.len().saturating_sub(1) as f32;
+    [0.02, 0.98].map(|fraction| values.get((last * fraction) as usize).copied().unwrap_or(0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+    use egui::{Pos2, Vec2};
+
+    #[test]
+    fn the_highest_point_of_a_pixel_is_on_top() {
+        let cloud = Cloud::new(
+            &samples::cloud(&[[0.0, 0.0, 5.0], [0.0, 0.0, 1.0], [f32::NAN, 0.0, 9.0]]),
+            &Pose::IDENTITY,
+        );
+        let cloud = cloud.unwrap();
+        assert_eq!(cloud.points.len(), 2);
+        let canvas = Rect::from_min_size(Pos2::ZERO, Vec2::splat(9.0));
+        let viewport = Viewport { center: [0.0, 0.0], scale: 1.0, y_up: true };
+        let image = cloud.paint(canvas, viewport, 1.0);
+        assert_eq!(image.pixels[4 * 9 + 4], palette::even(1.0));
+        assert_eq!(image.pixels.iter().filter(|pixel| **pixel != Color32::TRANSPARENT).count(), 4);
+    }
+
+    #[test]
+    fn an_empty_cloud_paints_nothing() {
+        let cloud = Cloud::new(&samples::cloud(&[]), &Pose::IDENTITY).unwrap();
+        assert_eq!(cloud.bounds, None);
+        let canvas = Rect::from_min_size(Pos2::ZERO, Vec2::splat(4.0));
+        let viewport = Viewport { center: [0.0, 0.0], scale: 1.0, y_up: true };
+        assert!(cloud.paint(canvas, viewport, 1.0).pixels.iter().all(|pixel| *pixel == Color32::TRANSPARENT));
+    }
+}

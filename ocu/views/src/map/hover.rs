@@ -1,0 +1,112 @@
+//! What is under the pointer on a map: the place, every number of the cell, and which frame made it.
+
+use super::grid::Cells;
+use super::layers::{self, Kind, Layer};
+use super::{Map, track};
+use crate::canvas::Viewport;
+use crate::view::{HoverPoint, ViewContext};
+use egui::{Align2, Rect, Response, RichText, Stroke, Ui};
+use ocu_ui::widgets::mono;
+use ocu_ui::{format, legend, tokens};
+use rcs_geom::DVec3;
+use rcs_runtime::source::Frame;
+
+impl Map {
+    /// Tells the other views where the pointer is, and shows where it is in them.
+    pub(super) fn point_at(
+        ui: &Ui,
+        cx: &mut ViewContext<'_>,
+        map: &str,
+        response: &Response,
+        viewport: Viewport,
+        canvas: Rect,
+    ) {
+        if let Some(at) = response.hover_pos() {
+            let [x, y] = viewport.to_plane(canvas, at);
+            cx.selection.hovered =
+                Some(HoverPoint { frame_id: map.to_owned(), position_m: [x, y, f64::NAN] });
+            return;
+        }
+        let Some(point) = cx.selection.hovered.as_ref() else { return };
+        let p = DVec3::from_array(point.position_m.map(|v| if v.is_nan() { 0.0 } else { v }));
+        let p = if point.frame_id == map {
+            p
+        } else {
+            let Ok(map_from_point) = cx.frame.transforms.lookup(map, &point.frame_id, cx.frame.now.0) else {
+                return;
+            };
+            map_from_point * p
+        };
+        let at = viewport.to_screen(canvas, [p.x, p.y]);
+        ui.painter_at(canvas).circle_stroke(at, 6.0, Stroke::new(1.5, tokens(ui).accent));
+    }
+
+    /// The plate in the corner that says it all.
+    pub(super) fn read_out(
+        &self,
+        ui: &mut Ui,
+        frame: &Frame,
+        map: &str,
+        shown: &[&Layer<'_>],
+        pointer: Option<[f64; 2]>,
+        canvas: Rect,
+    ) {
+        let Some([x, y]) = pointer else { return };
+        legend::plate(ui, canvas, Align2::RIGHT_BOTTOM, |ui| {
+            ui.style_mut().interaction.selectable_labels = false;
+            ui.label(mono(format!("x {x:9.2} m  y {y:9.2} m")));
+            if let Some(enu) = self.tracks.enu.as_ref().filter(|_| map == track::WGS84) {
+                let place = enu.geodetic_from_enu(DVec3::new(x, y, 0.0));
+                ui.label(mono(format!("{:11.6}°  {:11.6}°", place.latitude_deg, place.longitude_deg)));
+            }
+            for layer in shown {
+                if let Kind::Grid(grid) = layer.kind
+                    && let Ok(cells) = Cells::new(grid)
+                    && let Ok(map_from_grid) = layers::map_from_layer(frame, map, layer)
+                    && let Some(cell) = cells.cell_at(map_from_grid.inverse() * DVec3::new(x, y, 0.0))
+                {
+                    cell_lines(ui, layer, &cells, cell);
+                }
+            }
+        });
+    }
+}
+
+/// Every number of a cell: costs with their confidence and the frame they come from on one line each.
+fn cell_lines(ui: &mut Ui, layer: &Layer<'_>, cells: &Cells<'_>, [column, row]: [usize; 2]) {
+    let tokens = tokens(ui);
+    ui.label(RichText::new(format!("{}  cell {column}, {row}", layer.name)).small().color(tokens.weak));
+    let value = |name: &str| {
+        let field = cells.fields.iter().find(|field| field.name == name)?;
+        Some(cells.read(field, column, row))
+    };
+    let fused = super::fused::Fused::new(cells);
+    let has_sources = cells.fields.iter().any(|field| field.name.starts_with("cost."));
+    if has_sources {
+        ui.label(mono(format!("fused      {}", cost(f64::from(fused.cost(cells, column, row))))));
+    }
+    for field in &cells.fields {
+        let Some(source) = field.name.strip_prefix("cost.") else { continue };
+        let confidence =
+            value(&format!("conf.{source}")).map(|conf| format!("  conf {conf:3}")).unwrap_or_default();
+        let made_by = match value(&format!("seq.{source}")) {
+            Some(sequence) if sequence > 0.0 => format!("  by frame {sequence}"),
+            Some(_) => "  never seen".to_owned(),
+            None => String::new(),
+        };
+        let text = format!("{source:<10} {}{confidence}{made_by}", cost(cells.read(field, column, row)));
+        ui.label(mono(text));
+    }
+    let told = |name: &str| {
+        ["cost.", "conf.", "seq."].iter().any(|prefix| {
+            name.strip_prefix(prefix).is_some_and(|source| value(&format!("cost.{source}")).is_some())
+        })
+    };
+    for field in cells.fields.iter().filter(|field| !told(&field.name)) {
+        ui.label(mono(format!("{:<10} {}", field.name, format::number(cells.read(field, column, row)))));
+    }
+}
+
+fn cost(value: f64) -> String {
+    if value > 250.0 { "unknown".to_owned() } else { format!("cost {value:3}") }
+}

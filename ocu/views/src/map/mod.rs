@@ -1,0 +1,299 @@
+//! Map: grids, clouds, paths and tracks from above, north up.
+//!
+//! Everything is drawn in one frame, through the transforms of the log or the run. What no transform connects is
+//! listed with that reason; a track may be laid on another one by its first metres, and says so.
+
+mod cloud;
+mod fused;
+mod grid;
+mod hover;
+mod layers;
+mod paint;
+mod panel;
+mod track;
+
+use crate::canvas::Viewport;
+use crate::texture::{Cached, CachedTexture, SameMessage};
+use crate::view::{SavedState, View, ViewContext};
+use cloud::Cloud;
+use egui::{Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
+use grid::Cells;
+use layers::{Kind, Layer, Tracks};
+use ocu_ui::legend::{self, round_step};
+use ocu_ui::palette::MapPalette;
+use ocu_ui::{icons, tokens, widgets};
+use rcs_geom::Pose;
+use rcs_msg::foxglove::PointCloud;
+use rcs_runtime::source::{Frame, Topic};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// What a layout keeps of a layer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+struct LayerState {
+    shown: bool,
+    opacity: f32,
+    /// Number that a grid is painted by; the first choice where none is named.
+    shade: Option<String>,
+}
+
+impl Default for LayerState {
+    fn default() -> Self {
+        Self { shown: true, opacity: 1.0, shade: None }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+struct Saved {
+    /// Frame that is drawn in; `None` chooses.
+    frame: Option<String>,
+    palette: MapPalette,
+    layers: BTreeMap<String, LayerState>,
+    /// Whether tracks that nothing connects are laid on another by their first metres.
+    align: bool,
+    panel: bool,
+}
+
+impl Default for Saved {
+    fn default() -> Self {
+        Self {
+            frame: None,
+            palette: MapPalette::default(),
+            layers: BTreeMap::new(),
+            align: true,
+            panel: true,
+        }
+    }
+}
+
+/// What a grid's texture shows.
+type GridKey = (SameMessage, String, MapPalette);
+/// What a cloud's points are: the message, and where it lies in the map's frame.
+type CloudKey = (SameMessage, Pose);
+
+/// The map view.
+#[derive(Default)]
+pub(crate) struct Map {
+    saved: Saved,
+    /// `None` fits everything.
+    viewport: Option<Viewport>,
+    /// Both ends of a measured line, in the map's frame.
+    measured: Option<[[f64; 2]; 2]>,
+    measuring: bool,
+    tracks: Tracks,
+    /// Frame of the last pass.
+    frame_id: String,
+    grids: BTreeMap<String, (CachedTexture<GridKey>, Option<[f64; 2]>)>,
+    clouds: BTreeMap<String, CloudLayer>,
+}
+
+#[derive(Default)]
+struct CloudLayer {
+    cloud: Cached<CloudKey, Result<Cloud, String>>,
+    texture: CachedTexture<(CloudKey, Viewport, [u32; 2])>,
+}
+
+impl CloudLayer {
+    fn read(&mut self, message: SameMessage, cloud: &PointCloud, pose: Pose) -> Option<&Cloud> {
+        self.cloud.get((message, pose), || Cloud::new(cloud, &pose)).as_ref().ok()
+    }
+}
+
+impl View for Map {
+    fn title(&self, _frame: &Frame) -> String {
+        "Map".to_owned()
+    }
+
+    fn accepts(&self, topic: &Topic) -> bool {
+        matches!(topic.type_name(), "foxglove.Grid" | "foxglove.PointCloud" | "foxglove.PosesInFrame")
+    }
+
+    fn drop_topic(&mut self, topic: &Topic) {
+        self.saved.layers.entry(topic.name.to_string()).or_default().shown = true;
+    }
+
+    fn save(&self) -> SavedState {
+        serde_json::to_value(&self.saved).unwrap_or_default()
+    }
+
+    fn load(&mut self, saved: &SavedState) -> Result<(), serde_json::Error> {
+        self.saved = serde_json::from_value(saved.clone())?;
+        Ok(())
+    }
+
+    fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
+        let layers = layers::layers(cx.frame);
+        let frames = layers::frames(cx.frame, &layers);
+        let chosen =
+            self.saved.frame.as_deref().and_then(|name| frames.iter().copied().find(|frame| *frame == name));
+        let Some(map) = chosen.or_else(|| layers::default_frame(cx.frame, &layers)) else {
+            let hint =
+                "Positions, maps, point clouds or paths would fill it: play on, or open a log that has some.";
+            return widgets::empty(ui, icons::ICON_MAP, "Nothing to draw on a map", hint);
+        };
+        map.clone_into(&mut self.frame_id);
+        self.tracks.update(cx.frame, map, &layers, self.saved.align);
+        self.toolbar(ui, map, &frames);
+        let area = ui.available_rect_before_wrap();
+        let panel_width = if self.saved.panel && area.width() >= 440.0 { 216.0 } else { 0.0 };
+        let canvas = Rect::from_min_max(area.min, Pos2::new(area.right() - panel_width, area.bottom()));
+        if panel_width > 0.0 {
+            let panel = Rect::from_min_max(Pos2::new(canvas.right(), area.top()), area.max);
+            self.panel(ui, cx.frame, map, &layers, panel);
+        }
+        self.canvas(ui, cx, map, &layers, canvas);
+        ui.advance_cursor_after_rect(area);
+    }
+}
+
+impl Map {
+    fn toolbar(&mut self, ui: &mut Ui, map: &str, frames: &[&str]) {
+        crate::toolbar::row(ui, |ui| {
+            let text = layers::frame_label(map);
+            let combo = egui::ComboBox::from_id_salt("map frame").selected_text(text).width(160.0).show_ui(
+                ui,
+                |ui| {
+                    for frame in frames {
+                        if ui.selectable_label(*frame == map, layers::frame_label(frame)).clicked() {
+                            self.saved.frame = Some((*frame).to_owned());
+                            self.viewport = None;
+                            self.measured = None;
+                        }
+                    }
+                },
+            );
+            combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Frame of the map"));
+            combo.response.on_hover_text("Frame that everything is drawn in");
+            crate::toolbar::at_right(ui, |ui| {
+                widgets::icon_toggle(
+                    ui,
+                    icons::ICON_LAYERS,
+                    "Show the list of layers",
+                    &mut self.saved.panel,
+                );
+                let mut even = self.saved.palette == MapPalette::Even;
+                let name = "Even colours, for colour-blind people";
+                if widgets::icon_toggle(ui, icons::ICON_PALETTE, name, &mut even).clicked() {
+                    self.saved.palette = if even { MapPalette::Even } else { MapPalette::Papers };
+                }
+                let measure = widgets::icon_toggle(
+                    ui,
+                    icons::ICON_STRAIGHTEN,
+                    "Measure a distance",
+                    &mut self.measuring,
+                );
+                if measure.clicked() && !self.measuring {
+                    self.measured = None;
+                }
+                if widgets::icon_button(ui, icons::ICON_FIT_SCREEN, "Fit everything").clicked() {
+                    self.viewport = None;
+                }
+            });
+        });
+    }
+
+    fn state(&self, name: &str) -> LayerState {
+        self.saved.layers.get(name).cloned().unwrap_or_default()
+    }
+
+    fn canvas(
+        &mut self,
+        ui: &mut Ui,
+        cx: &mut ViewContext<'_>,
+        map: &str,
+        layers: &[Layer<'_>],
+        canvas: Rect,
+    ) {
+        let response = ui.interact(canvas, ui.scope_id().with("map canvas"), Sense::click_and_drag());
+        response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Map"));
+        ui.painter().rect_filled(canvas, 0.0, tokens(ui).canvas());
+        let shown: Vec<_> = layers.iter().filter(|layer| self.state(&layer.name).shown).collect();
+        let mut viewport = match self.viewport {
+            Some(viewport) => viewport,
+            None => self.fitted(cx.frame, map, &shown, canvas),
+        };
+        if viewport.interact(ui, &response, [0.01, 5000.0], !self.measuring) {
+            self.viewport = Some(viewport);
+        }
+        if response.double_clicked() {
+            self.viewport = None;
+        }
+        self.measure(&response, viewport, canvas);
+
+        let painter = ui.painter_at(canvas);
+        let place = |layer: &Layer<'_>| layers::map_from_layer(cx.frame, map, layer);
+        for layer in &shown {
+            let (opacity, pose) = (self.state(&layer.name).opacity, place(layer));
+            match (layer.kind, pose) {
+                (Kind::Grid(grid), Ok(pose)) => {
+                    self.paint_grid(ui, layer, grid, pose, viewport, canvas, opacity)
+                }
+                (Kind::Cloud(cloud), Ok(pose)) => {
+                    self.paint_cloud(ui, layer, cloud, pose, viewport, canvas, opacity)
+                }
+                _ => {}
+            }
+        }
+        paint::metre_lines(ui, viewport, canvas);
+        for (index, layer) in layers.iter().enumerate().filter(|(_, layer)| self.state(&layer.name).shown) {
+            let color = tokens(ui).series(panel::series(layers, index));
+            match (layer.kind, place(layer)) {
+                (Kind::Path(path), Ok(pose)) => paint::path(&painter, path, &pose, viewport, canvas, color),
+                (Kind::Track(_), _) => self.paint_track(&painter, layer, cx, viewport, canvas, color),
+                _ => {}
+            }
+        }
+        self.paint_measured(ui, viewport, canvas);
+        Self::point_at(ui, cx, map, &response, viewport, canvas);
+        legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 32.0), viewport.scale);
+        paint::north(ui, canvas.left_top() + Vec2::new(20.0, 24.0), map == track::WGS84);
+        self.legend(ui, cx.frame, layers, &shown, canvas);
+        let pointer = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
+        self.read_out(ui, cx.frame, map, &shown, pointer, canvas);
+    }
+
+    /// A viewport that shows all layers, its borders at round numbers so that it does not creep while things move.
+    fn fitted(&mut self, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) -> Viewport {
+        let mut bounds: Option<([f64; 2], [f64; 2])> = None;
+        let mut add = |point: [f64; 2]| {
+            let (min, max) = bounds.get_or_insert((point, point));
+            for axis in 0..2 {
+                min[axis] = min[axis].min(point[axis]);
+                max[axis] = max[axis].max(point[axis]);
+            }
+        };
+        for layer in shown {
+            let pose = layers::map_from_layer(frame, map, layer);
+            match (layer.kind, pose) {
+                (Kind::Grid(grid), Ok(pose)) => {
+                    let corners = Cells::new(grid).map(|cells| cells.corners()).unwrap_or_default();
+                    corners.iter().map(|p| pose * *p).for_each(|p| add([p.x, p.y]));
+                }
+                (Kind::Cloud(cloud), Ok(pose)) => {
+                    let Some(message) = layer.message() else { continue };
+                    let cached = self.clouds.entry(layer.name.clone()).or_default();
+                    if let Some((min, max)) = cached.read(message, cloud, pose).and_then(|cloud| cloud.bounds)
+                    {
+                        add(min);
+                        add(max);
+                    }
+                }
+                (Kind::Track(_), _) => {
+                    let points = self.tracks.placed.get(&layer.name).map(|track| &track.placed.points);
+                    points.into_iter().flatten().for_each(|p| add([p[0], p[1]]));
+                }
+                _ => {}
+            }
+        }
+        let (mut min, mut max) = bounds.unwrap_or(([-10.0; 2], [10.0; 2]));
+        let size = (max[0] - min[0]).max(max[1] - min[1]).max(2.0);
+        let step = round_step(size / 20.0);
+        for axis in 0..2 {
+            min[axis] = (min[axis] / step).floor() * step;
+            max[axis] = (max[axis] / step).ceil() * step;
+        }
+        Viewport::fit(min, max, canvas, 24.0, true)
+    }
+}

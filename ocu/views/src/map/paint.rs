@@ -1,0 +1,221 @@
+//! Painting the layers of a map.
+
+use super::grid::Cells;
+use super::layers::Layer;
+use super::{Map, track};
+use crate::canvas::Viewport;
+use crate::view::ViewContext;
+use egui::{
+    Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Response, Shape, Stroke, TextureOptions, Ui, Vec2,
+};
+use ocu_ui::legend::round_step;
+use ocu_ui::{format, tokens};
+use rcs_geom::Pose;
+use rcs_msg::foxglove::{Grid, PointCloud, PosesInFrame};
+
+impl Map {
+    /// A grid as a textured quadrilateral; its texture is made when the message or the look changes.
+    #[expect(clippy::too_many_arguments, reason = "what a layer is and where it goes")]
+    pub(super) fn paint_grid(
+        &mut self,
+        ui: &Ui,
+        layer: &Layer<'_>,
+        grid: &Grid,
+        map_from_grid_frame: Pose,
+        viewport: Viewport,
+        canvas: Rect,
+        opacity: f32,
+    ) {
+        let (Ok(cells), Some(message)) = (Cells::new(grid), layer.message()) else { return };
+        let Some(shade) = cells.shade(self.state(&layer.name).shade.as_deref()) else { return };
+        let palette = self.saved.palette;
+        let (texture, range) = self.grids.entry(layer.name.clone()).or_default();
+        let key = (message, shade.name().to_owned(), palette);
+        let make = || {
+            *range = cells.range(&shade);
+            Some(cells.paint(&shade, palette, *range))
+        };
+        let Some(texture) = texture.get(ui.ctx(), key, TextureOptions::NEAREST, make) else { return };
+        let mut mesh = Mesh::with_texture(texture.id());
+        let uv = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        for (corner, uv) in cells.corners().into_iter().zip(uv) {
+            let p = map_from_grid_frame * corner;
+            let pos = viewport.to_screen(canvas, [p.x, p.y]);
+            let color = Color32::WHITE.gamma_multiply(opacity);
+            mesh.vertices.push(egui::epaint::Vertex { pos, uv: Pos2::from(uv), color });
+        }
+        mesh.indices = vec![0, 1, 2, 0, 2, 3];
+        ui.painter_at(canvas).add(Shape::mesh(mesh));
+    }
+
+    /// A cloud as pixels of the canvas, made when the message or the viewport changes.
+    #[expect(clippy::too_many_arguments, reason = "what a layer is and where it goes")]
+    pub(super) fn paint_cloud(
+        &mut self,
+        ui: &Ui,
+        layer: &Layer<'_>,
+        cloud: &PointCloud,
+        map_from_cloud_frame: Pose,
+        viewport: Viewport,
+        canvas: Rect,
+        opacity: f32,
+    ) {
+        let Some(message) = layer.message() else { return };
+        let cached = self.clouds.entry(layer.name.clone()).or_default();
+        let points = cached
+            .cloud
+            .get((message.clone(), map_from_cloud_frame), || super::Cloud::new(cloud, &map_from_cloud_frame));
+        let Ok(points) = points else { return };
+        let size = [canvas.width().to_bits(), canvas.height().to_bits()];
+        let key = ((message, map_from_cloud_frame), viewport, size);
+        let make = || Some(points.paint(canvas, viewport, ui.pixels_per_point()));
+        let Some(texture) = cached.texture.get(ui.ctx(), key, TextureOptions::NEAREST, make) else { return };
+        let size = texture.size_vec2() / ui.pixels_per_point();
+        let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
+        let color = Color32::WHITE.gamma_multiply(opacity);
+        ui.painter_at(canvas).image(texture.id(), Rect::from_min_size(canvas.min, size), uv, color);
+    }
+
+    /// A track: what has been driven in full colour, what is still to come thin and weak, and where it is now.
+    pub(super) fn paint_track(
+        &self,
+        painter: &Painter,
+        layer: &Layer<'_>,
+        cx: &ViewContext<'_>,
+        viewport: Viewport,
+        canvas: Rect,
+        color: Color32,
+    ) {
+        let Some(track) = self.tracks.placed.get(&layer.name) else { return };
+        let opacity = self.state(&layer.name).opacity;
+        let (color, track) = (color.gamma_multiply(opacity), &track.placed);
+        let now = track.stamps.partition_point(|stamp| *stamp <= cx.frame.now);
+        let line =
+            |part: &[[f64; 3]]| track::thinned(part.iter().map(|p| viewport.to_screen(canvas, [p[0], p[1]])));
+        let here = track.at(cx.frame.now);
+        let mut driven = line(&track.points[..now]);
+        driven.extend(here.map(|p| viewport.to_screen(canvas, [p[0], p[1]])));
+        painter.add(Shape::line(
+            line(&track.points[now.saturating_sub(1)..]),
+            Stroke::new(1.0, color.gamma_multiply(0.4)),
+        ));
+        painter.add(Shape::line(driven, Stroke::new(2.0, color)));
+        if let Some([x, y, yaw]) = here {
+            vehicle(painter, viewport.to_screen(canvas, [x, y]), yaw, color);
+        }
+    }
+
+    pub(super) fn measure(&mut self, response: &Response, viewport: Viewport, canvas: Rect) {
+        if !self.measuring {
+            return;
+        }
+        let Some(at) = response.interact_pointer_pos().map(|at| viewport.to_plane(canvas, at)) else {
+            return;
+        };
+        if response.drag_started() || self.measured.is_none() {
+            self.measured = Some([at, at]);
+        } else if let Some(measured) = self.measured.as_mut().filter(|_| response.dragged()) {
+            measured[1] = at;
+        }
+    }
+
+    pub(super) fn paint_measured(&self, ui: &Ui, viewport: Viewport, canvas: Rect) {
+        let Some([from, to]) = self.measured else { return };
+        let tokens = tokens(ui);
+        let painter = ui.painter_at(canvas);
+        let ends = [from, to].map(|p| viewport.to_screen(canvas, p));
+        painter.line_segment(ends, Stroke::new(4.0, tokens.canvas()));
+        painter.line_segment(ends, Stroke::new(1.5, tokens.accent));
+        for end in ends {
+            painter.circle(end, 3.0, tokens.accent, Stroke::new(1.0, tokens.canvas()));
+        }
+        let (east, north) = (to[0] - from[0], to[1] - from[1]);
+        let bearing = (90.0 - north.atan2(east).to_degrees()).rem_euclid(360.0);
+        let text = format!("{}  {bearing:05.1}°", format::metres(east.hypot(north), 2));
+        let galley = painter.layout_no_wrap(text, FontId::monospace(12.0), tokens.strong);
+        let at = ends[1] + Vec2::new(12.0, -galley.size().y / 2.0);
+        let plate = Rect::from_min_size(at, galley.size()).expand2(Vec2::new(4.0, 2.0));
+        painter.rect_filled(plate, 2.0, tokens.surface[3].gamma_multiply(0.92));
+        painter.galley(at, galley, tokens.strong);
+    }
+}
+
+/// A planned path.
+pub(super) fn path(
+    painter: &Painter,
+    path: &PosesInFrame,
+    map_from_path: &Pose,
+    viewport: Viewport,
+    canvas: Rect,
+    color: Color32,
+) {
+    let points = path.poses.iter().filter_map(|pose| {
+        let p = *map_from_path * crate::pose::from_message(Some(pose)).ok()?.translation;
+        Some(viewport.to_screen(canvas, [p.x, p.y]))
+    });
+    let line = track::thinned(points);
+    painter.extend(Shape::dashed_line(&line, Stroke::new(2.0, color), 6.0, 4.0));
+}
+
+/// An arrow where something is and looks; a disc where it is not known which way it looks.
+fn vehicle(painter: &Painter, at: Pos2, yaw: f64, color: Color32) {
+    let edge = Stroke::new(1.5, Color32::from_black_alpha(200));
+    if yaw.is_nan() {
+        painter.circle(at, 5.0, color, edge);
+        return;
+    }
+    let forward = Vec2::new(yaw.cos() as f32, -yaw.sin() as f32);
+    let left = forward.rot90() * 5.5;
+    let (nose, tail) = (at + forward * 11.0, at - forward * 7.0);
+    // Two triangles, as an arrowhead with a notch is not convex.
+    let notch = at - forward * 3.0;
+    painter.add(Shape::convex_polygon(vec![nose, tail + left, notch], color, Stroke::NONE));
+    painter.add(Shape::convex_polygon(vec![nose, notch, tail - left], color, Stroke::NONE));
+    painter.add(Shape::closed_line(vec![nose, tail + left, notch, tail - left], edge));
+}
+
+/// Lines at round metres, with their numbers at the left and lower edge.
+pub(super) fn metre_lines(ui: &Ui, viewport: Viewport, canvas: Rect) {
+    let tokens = tokens(ui);
+    let painter = ui.painter_at(canvas);
+    let step = round_step(96.0 / viewport.scale);
+    let (min, max) = viewport.bounds(canvas);
+    let line = |axis: bool| Stroke::new(1.0, tokens.weak.gamma_multiply(if axis { 0.5 } else { 0.18 }));
+    let font = FontId::monospace(10.0);
+    for (axis, (low, high)) in [(min[0], max[0]), (min[1], max[1])].into_iter().enumerate() {
+        let first = (low / step).ceil() as i64;
+        for i in first..=((high / step).floor() as i64).min(first + 200) {
+            let value = i as f64 * step;
+            let text = format::number(value);
+            if axis == 0 {
+                let x = viewport.to_screen(canvas, [value, 0.0]).x.round();
+                painter.vline(x, canvas.y_range(), line(i == 0));
+                let at = Pos2::new(x + 3.0, canvas.top() + 2.0);
+                painter.text(at, Align2::LEFT_TOP, text, font.clone(), tokens.weak.gamma_multiply(0.8));
+            } else {
+                let y = viewport.to_screen(canvas, [0.0, value]).y.round();
+                painter.hline(canvas.x_range(), y, line(i == 0));
+                let at = Pos2::new(canvas.left() + 3.0, y - 1.0);
+                painter.text(at, Align2::LEFT_BOTTOM, text, font.clone(), tokens.weak.gamma_multiply(0.8));
+            }
+        }
+    }
+}
+
+/// Which way is up: north, or the y axis of a frame that does not know north.
+pub(super) fn north(ui: &Ui, at: Pos2, is_north: bool) {
+    let tokens = tokens(ui);
+    let painter = ui.painter();
+    let at = at + Vec2::new(12.0, 8.0);
+    painter.circle_filled(at, 13.0, tokens.surface[3].gamma_multiply(0.92));
+    let head = vec![at + Vec2::new(0.0, -10.0), at + Vec2::new(4.0, -3.0), at + Vec2::new(-4.0, -3.0)];
+    painter.add(Shape::convex_polygon(head, tokens.text, Stroke::NONE));
+    let letter = if is_north { "N" } else { "y" };
+    painter.text(
+        at + Vec2::new(0.0, 4.0),
+        Align2::CENTER_CENTER,
+        letter,
+        FontId::proportional(11.0),
+        tokens.strong,
+    );
+}

@@ -1,0 +1,211 @@
+//! The list of a map's layers with their switches, and the legend.
+
+use super::grid::{Cells, Shade};
+use super::layers::{self, Kind, Layer};
+use super::{LayerState, Map};
+use egui::{Align2, Rect, RichText, Role, ScrollArea, Ui, Vec2, WidgetInfo};
+use ocu_ui::{format, icons, legend, palette, tokens};
+use rcs_runtime::source::Frame;
+
+/// Number of a layer's colour: only lines need one of their own.
+pub(super) fn series(layers: &[Layer<'_>], index: usize) -> usize {
+    layers[..index].iter().filter(|layer| matches!(layer.kind, Kind::Track(_) | Kind::Path(_))).count()
+}
+
+impl Map {
+    pub(super) fn panel(&mut self, ui: &mut Ui, frame: &Frame, map: &str, layers: &[Layer<'_>], rect: Rect) {
+        let tokens = tokens(ui);
+        ui.painter().rect_filled(rect, 0.0, tokens.panel());
+        ui.painter().vline(rect.left() + 0.5, rect.y_range(), egui::Stroke::new(1.0, tokens.line));
+        let mut child = ui.new_child(egui::UiBuilder::new().max_rect(rect.shrink2(Vec2::new(8.0, 4.0))));
+        child.set_clip_rect(rect.intersect(ui.clip_rect()));
+        ScrollArea::vertical().auto_shrink(false).show(&mut child, |ui| {
+            for (index, layer) in layers.iter().enumerate() {
+                let mut state = self.state(&layer.name);
+                let before = state.clone();
+                self.layer(ui, frame, map, layers, index, &mut state);
+                if state != before {
+                    self.saved.layers.insert(layer.name.clone(), state);
+                }
+                ui.add_space(4.0);
+            }
+            if layers.iter().any(|layer| matches!(layer.kind, Kind::Track(_))) {
+                ui.separator();
+                ui.checkbox(&mut self.saved.align, "Align loose tracks at their start").on_hover_text(format!(
+                    "A track that no transform connects to the map is turned and shifted onto another one, \
+                     by least squares over the first {} m. An aid to the eye, not a measurement.",
+                    super::track::ALIGN_LENGTH_M
+                ));
+            }
+        });
+    }
+
+    fn layer(
+        &self,
+        ui: &mut Ui,
+        frame: &Frame,
+        map: &str,
+        layers: &[Layer<'_>],
+        index: usize,
+        state: &mut LayerState,
+    ) {
+        let (layer, tokens) = (&layers[index], tokens(ui));
+        let icon = match layer.kind {
+            Kind::Grid(_) => icons::ICON_GRID_ON,
+            Kind::Cloud(_) => icons::ICON_GRAIN,
+            Kind::Path(_) => icons::ICON_ROUTE,
+            Kind::Track(_) => icons::ICON_TIMELINE,
+        };
+        let color = match layer.kind {
+            Kind::Path(_) | Kind::Track(_) => tokens.series(series(layers, index)),
+            _ => tokens.weak,
+        };
+        ui.horizontal(|ui| {
+            ui.spacing_mut().item_spacing.x = 4.0;
+            let checkbox = ui.checkbox(&mut state.shown, "");
+            checkbox.widget_info(|| {
+                WidgetInfo::selected(Role::CheckBox, true, state.shown, format!("Show {}", layer.name))
+            });
+            ui.label(icon.rich_text().size(14.0).color(color));
+            ui.add(egui::Label::new(&layer.name).truncate());
+        });
+        let indent = 22.0;
+        let note = |ui: &mut Ui, text: String, color| {
+            ui.horizontal(|ui| {
+                ui.add_space(indent);
+                ui.add(egui::Label::new(RichText::new(text).small().color(color)).wrap());
+            });
+        };
+        let placed = self.tracks.placed.get(&layer.name);
+        match (layer.kind, layers::map_from_layer(frame, map, layer)) {
+            (Kind::Track(_), Err(_)) if placed.is_some_and(|track| track.alignment.is_some()) => {
+                if let Some(alignment) = placed.and_then(|track| track.alignment) {
+                    let rms = format::metres(alignment.rms_m, 2);
+                    note(ui, format!("aligned at its start, {rms} off"), tokens.warning);
+                }
+            }
+            (_, Err(reason)) => note(ui, format!("not drawn: {reason}"), tokens.warning),
+            _ if layer.frame_id != map => {
+                note(ui, layers::frame_label(layer.frame_id).to_owned(), tokens.weak)
+            }
+            _ => {}
+        }
+        if let Kind::Grid(grid) = layer.kind {
+            match Cells::new(grid) {
+                Err(reason) => note(ui, reason, tokens.warning),
+                Ok(cells) if state.shown => shade_choice(ui, layer, &cells, state, indent),
+                Ok(_) => {}
+            }
+        }
+        if state.shown && matches!(layer.kind, Kind::Grid(_) | Kind::Cloud(_)) {
+            ui.horizontal(|ui| {
+                ui.add_space(indent);
+                ui.spacing_mut().slider_width = 96.0;
+                let slider = egui::Slider::new(&mut state.opacity, 0.0..=1.0)
+                    .custom_formatter(|value, _| format!("{:3.0} %", value * 100.0))
+                    .custom_parser(|text| {
+                        text.trim_end_matches('%').trim().parse::<f64>().ok().map(|v| v / 100.0)
+                    });
+                let name = format!("Opacity of {}", layer.name);
+                let response = ui.add(slider);
+                response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &name));
+                response.on_hover_text(name);
+            });
+        }
+    }
+
+    /// What the colours on the map mean.
+    pub(super) fn legend(
+        &mut self,
+        ui: &mut Ui,
+        frame: &Frame,
+        layers: &[Layer<'_>],
+        shown: &[&Layer<'_>],
+        canvas: Rect,
+    ) {
+        if shown.is_empty() {
+            return;
+        }
+        let palette = self.saved.palette;
+        let tokens = tokens(ui);
+        legend::plate(ui, canvas, Align2::LEFT_BOTTOM, |ui| {
+            ui.style_mut().interaction.selectable_labels = false;
+            let mut costs = false;
+            for layer in shown {
+                match layer.kind {
+                    Kind::Grid(grid) => {
+                        let Ok(cells) = Cells::new(grid) else { continue };
+                        let Some(shade) = cells.shade(self.state(&layer.name).shade.as_deref()) else {
+                            continue;
+                        };
+                        if shade.is_cost() {
+                            costs = true;
+                            continue;
+                        }
+                        let range =
+                            self.grids.get(&layer.name).and_then(|(_, range)| *range).unwrap_or([0.0, 255.0]);
+                        ui.label(RichText::new(format!("{}  {}", layer.name, shade.name())).small());
+                        legend::band(
+                            ui,
+                            96.0,
+                            &format::number(range[0]),
+                            &format::number(range[1]),
+                            palette::even,
+                        );
+                    }
+                    Kind::Cloud(cloud) => {
+                        let Some(message) = layer.message() else { continue };
+                        let Ok(pose) = layers::map_from_layer(frame, &self.frame_id, layer) else { continue };
+                        let cached = self.clouds.entry(layer.name.clone()).or_default();
+                        let Some(cloud) = cached.read(message, cloud, pose) else { continue };
+                        let [low, high] = cloud.heights.map(|z| format::metres(f64::from(z), 1));
+                        ui.label(RichText::new(format!("{}  height", layer.name)).small());
+                        legend::band(ui, 96.0, &low, &high, palette::even);
+                    }
+                    Kind::Path(_) | Kind::Track(_) => {}
+                }
+            }
+            if costs {
+                crate::toolbar::cost_legend(ui, palette);
+            }
+            for (index, layer) in layers.iter().enumerate() {
+                let drawn = shown.iter().any(|shown| shown.name == layer.name);
+                let placed = self.tracks.placed.get(&layer.name);
+                let visible = match layer.kind {
+                    Kind::Track(_) => placed.is_some_and(|track| track.error.is_none()),
+                    Kind::Path(_) => true,
+                    _ => false,
+                };
+                if drawn && visible {
+                    let aligned = placed.is_some_and(|track| track.alignment.is_some());
+                    let name = if aligned {
+                        format!("{} (aligned at start)", layer.name)
+                    } else {
+                        layer.name.clone()
+                    };
+                    legend::swatch(ui, tokens.series(series(layers, index)), &name);
+                }
+            }
+        });
+    }
+}
+
+fn shade_choice(ui: &mut Ui, layer: &Layer<'_>, cells: &Cells<'_>, state: &mut LayerState, indent: f32) {
+    let Some(shown) = cells.shade(state.shade.as_deref()) else { return };
+    let choices: Vec<Shade> = cells.choices();
+    ui.horizontal(|ui| {
+        ui.add_space(indent);
+        let combo =
+            egui::ComboBox::from_id_salt(("shade", &layer.name)).selected_text(shown.name()).width(136.0);
+        let combo = combo.show_ui(ui, |ui| {
+            for choice in &choices {
+                if ui.selectable_label(*choice == shown, choice.name()).clicked() {
+                    state.shade = Some(choice.name().to_owned());
+                }
+            }
+        });
+        let name = format!("Number shown of {}", layer.name);
+        combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, &name));
+        combo.response.on_hover_text("Which number of the cells is painted");
+    });
+}

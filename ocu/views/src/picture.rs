@@ -1,0 +1,173 @@
+//! Images of any encoding as something to look at: colours, values (a depth), or labels.
+
+use egui::{Color32, ColorImage};
+use ocu_ui::palette::{self, MapPalette};
+use rcs_msg::AnyMessage;
+use rcs_msg::foxglove::{CompressedImage, RawImage};
+use rcs_msg::image::{self, ImageError};
+
+/// What the pixels of an image mean.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Pixels {
+    /// Colours.
+    Color(Vec<Color32>),
+    /// One number each; NaN where there is none. Whole numbers where `whole`, whose unit the image does not say.
+    Values { values: Vec<f32>, whole: bool },
+    /// One byte each: a brightness, a label or a cost.
+    Bytes(Vec<u8>),
+}
+
+/// A decoded image.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Picture {
+    /// Columns.
+    pub(crate) width: usize,
+    /// Rows.
+    pub(crate) height: usize,
+    /// The pixels, row by row.
+    pub(crate) pixels: Pixels,
+    /// Its encoding, for hovering.
+    pub(crate) encoding: String,
+}
+
+/// How one byte or one value becomes a colour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Tint {
+    /// Brightness as it is; values over their range in the even palette.
+    Plain,
+    /// Labels of the obstacle palette; what is not known is transparent.
+    Labels,
+    /// Costs 0 to 250; unknown is transparent.
+    Cost(MapPalette),
+}
+
+/// Decodes a `foxglove.RawImage` or `foxglove.CompressedImage`; otherwise a sentence that says why not.
+pub(crate) fn decode(message: &AnyMessage) -> Result<Picture, String> {
+    if let Some(raw) = message.get::<RawImage>() {
+        return picture(raw, raw.encoding.clone()).map_err(|error| error.to_string());
+    }
+    let Some(compressed) = message.get::<CompressedImage>() else {
+        return Err(format!("{} is no image", message.schema().name()));
+    };
+    let raw = image::decompress(compressed).map_err(|error| error.to_string())?;
+    picture(&raw, compressed.format.clone()).map_err(|error| error.to_string())
+}
+
+fn picture(raw: &RawImage, encoding: String) -> Result<Picture, ImageError> {
+    let pixels = match raw.encoding.as_str() {
+        "16UC1" | "32FC1" => {
+            Pixels::Values { values: image::depth_m(raw, 1.0)?, whole: raw.encoding == "16UC1" }
+        }
+        "mono8" | "8UC1" => Pixels::Bytes(image::raw_to_rgb8(raw)?.data.into_iter().step_by(3).collect()),
+        _ => {
+            let rgb = image::raw_to_rgb8(raw)?.data;
+            Pixels::Color(rgb.as_chunks().0.iter().map(|&[r, g, b]| Color32::from_rgb(r, g, b)).collect())
+        }
+    };
+    Ok(Picture { width: raw.width as usize, height: raw.height as usize, pixels, encoding })
+}
+
+impl Picture {
+    /// The 2 % and 98 % values: the range that colours are spread over. `None` where there are no values.
+    pub(crate) fn value_range(&self) -> Option<[f32; 2]> {
+        let Pixels::Values { values, .. } = &self.pixels else { return None };
+        let stride = (values.len() / 20_000).max(1);
+        let mut sample: Vec<f32> = values.iter().step_by(stride).copied().filter(|v| v.is_finite()).collect();
+        sample.sort_by(f32::total_cmp);
+        let at = |fraction: f32| {
+            sample.get(((sample.len().saturating_sub(1)) as f32 * fraction) as usize).copied()
+        };
+        Some([at(0.02)?, at(0.98)?])
+    }
+
+    /// As a texture no larger than `most` pixels a side; `range` spreads values over colours.
+    pub(crate) fn paint(&self, tint: Tint, range: [f32; 2], most: usize) -> ColorImage {
+        let every = self.width.max(self.height).div_ceil(most.max(1)).max(1);
+        let (width, height) = (self.width.div_ceil(every), self.height.div_ceil(every));
+        let bytes: [Color32; 256] = std::array::from_fn(|i| byte_color(i as u8, tint));
+        let span = f64::from(range[1] - range[0]).max(1e-9);
+        let color = |i: usize| match &self.pixels {
+            Pixels::Color(colors) => colors[i],
+            Pixels::Bytes(values) => bytes[usize::from(values[i])],
+            Pixels::Values { values, .. } if values[i].is_nan() => Color32::TRANSPARENT,
+            Pixels::Values { values, .. } => palette::range(f64::from(values[i] - range[0]) / span),
+        };
+        let mut pixels = Vec::with_capacity(width * height);
+        for y in 0..height {
+            let row = y * every * self.width;
+            pixels.extend((0..width).map(|x| color(row + x * every)));
+        }
+        ColorImage::new([width, height], pixels)
+    }
+
+    /// Index of a pixel, where the image has it.
+    pub(crate) fn index(&self, x: f64, y: f64) -> Option<usize> {
+        let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64;
+        inside.then(|| y as usize * self.width + x as usize)
+    }
+}
+
+fn byte_color(value: u8, tint: Tint) -> Color32 {
+    match tint {
+        Tint::Plain => Color32::from_gray(value),
+        Tint::Labels => palette::obstacle_label(value).map_or(Color32::TRANSPARENT, |label| label.color),
+        Tint::Cost(_) if value > 250 => Color32::TRANSPARENT,
+        Tint::Cost(palette) => palette.cost(value),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn raw(encoding: &str, width: u32, height: u32, step: u32, data: &[u8]) -> RawImage {
+        RawImage {
+            encoding: encoding.into(),
+            width,
+            height,
+            step,
+            data: data.to_vec().into(),
+            ..Default::default()
+        }
+    }
+
+    fn decoded(encoding: &str, width: u32, height: u32, data: &[u8]) -> Result<Picture, String> {
+        decode(&AnyMessage::new(raw(encoding, width, height, data.len() as u32 / height.max(1), data)))
+    }
+
+    #[test]
+    fn colours_depths_and_bytes_are_told_apart() {
+        let red = Color32::from_rgb(255, 0, 0);
+        assert_eq!(decoded("rgb8", 1, 1, &[255, 0, 0]).unwrap().pixels, Pixels::Color(vec![red]));
+        assert_eq!(decoded("mono8", 1, 2, &[7, 9]).unwrap().pixels, Pixels::Bytes(vec![7, 9]));
+        let depth = decoded("16UC1", 2, 1, &[0, 1, 2, 1]).unwrap();
+        assert_eq!(depth.pixels, Pixels::Values { values: vec![256.0, 258.0], whole: true });
+        assert_eq!(depth.value_range(), Some([256.0, 256.0]));
+    }
+
+    #[test]
+    fn what_cannot_be_shown_says_why() {
+        assert!(decoded("h264", 1, 1, &[0]).unwrap_err().contains("h264"));
+        assert!(decoded("rgb8", 4, 1, &[0; 3]).is_err());
+        let broken =
+            CompressedImage { format: "jpeg".into(), data: vec![1, 2, 3].into(), ..Default::default() };
+        assert!(decode(&AnyMessage::new(broken)).is_err());
+        assert!(
+            decode(&AnyMessage::new(rcs_msg::foxglove::Vector2::default())).unwrap_err().contains("no image")
+        );
+    }
+
+    #[test]
+    fn an_image_larger_than_a_texture_is_thinned() {
+        let picture = decoded("mono8", 5, 4, &[0; 20]).unwrap();
+        assert_eq!(picture.paint(Tint::Plain, [0.0, 1.0], 2).size, [2, 2]);
+    }
+
+    #[test]
+    fn unknown_pixels_are_transparent_and_known_ones_have_the_colour_of_their_label() {
+        let picture = decoded("mono8", 3, 1, &[0, 2, 77]).unwrap();
+        let image = picture.paint(Tint::Labels, [0.0, 1.0], 64);
+        let red = palette::OBSTACLE_LABELS[2].color;
+        assert_eq!(image.pixels, [Color32::TRANSPARENT, red, Color32::TRANSPARENT]);
+    }
+}

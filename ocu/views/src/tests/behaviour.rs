@@ -1,0 +1,214 @@
+//! What clicks, keys and drags do.
+
+use super::{Shown, harness};
+use crate::samples;
+use crate::view::TopicKey;
+use egui::accesskit::{Role, Toggled};
+use egui::{Theme, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::{NodeT, Queryable};
+
+fn shown(kind: &str) -> Harness<'static, Shown> {
+    let mut harness = harness(Shown::new(kind, samples::full()), Vec2::new(900.0, 560.0), Theme::Dark);
+    harness.run();
+    harness
+}
+
+fn key(name: &str) -> Option<TopicKey> {
+    Some(TopicKey { name: name.into(), recorded: false })
+}
+
+#[test]
+fn a_search_leaves_only_the_buffers_that_match() {
+    let mut harness = shown("buffers");
+    assert!(harness.query_by_label("/camera/image").is_some());
+    harness.get_by_label("Search buffers").click();
+    harness.run();
+    harness.get_by_label("Search buffers").type_text("grid");
+    harness.run();
+    assert!(harness.query_by_label("/wm1/map").is_some(), "a type counts, too");
+    assert!(harness.query_by_label("/camera/image").is_none());
+    harness.get_by_label("Clear the search").click();
+    harness.run();
+    assert!(harness.query_by_label("/camera/image").is_some());
+}
+
+#[test]
+fn a_click_on_a_buffer_selects_it_and_a_group_folds() {
+    let mut harness = shown("buffers");
+    harness.get_by_label("/wm1/map").click();
+    harness.run();
+    assert_eq!(harness.state().selection.topic, key("/wm1/map"));
+    harness.get_by_label("Group wm1").click();
+    harness.run();
+    assert!(harness.query_by_label("/wm1/map").is_none());
+    assert!(harness.query_by_label("/obstacles/labels").is_some());
+}
+
+#[test]
+fn a_buffer_can_be_dragged() {
+    let mut harness = shown("buffers");
+    let at = harness.get_by_label("/lidar/points").rect().center();
+    harness.hover_at(at);
+    harness.run_steps(2);
+    harness.drag_at(at);
+    harness.run_steps(2);
+    harness.hover_at(at + Vec2::new(0.0, 60.0));
+    harness.run_steps(2);
+    let payload = egui::DragAndDrop::payload::<TopicKey>(&harness.ctx);
+    assert_eq!(payload.as_deref(), key("/lidar/points").as_ref());
+}
+
+#[test]
+fn a_topic_that_is_dropped_on_the_fields_is_kept_there() {
+    let mut harness = shown("fields");
+    let topic =
+        harness.state().frame.topic("/gps").or(harness.state().frame.topic("/lidar/points")).unwrap().clone();
+    egui::DragAndDrop::set_payload(&harness.ctx, TopicKey::of(&topic));
+    harness.drag_at(egui::Pos2::new(400.0, 300.0));
+    harness.run_steps(2);
+    harness.drop_at(egui::Pos2::new(400.0, 300.0));
+    harness.run();
+    assert_eq!(harness.state().view.title(&harness.state().frame), "/lidar/points");
+}
+
+#[test]
+fn fields_follow_the_selection_open_and_search() {
+    let mut harness = shown("fields");
+    assert!(harness.query_by_label("No buffer is chosen").is_some());
+    harness.state_mut().selection.topic = key("/planner/path");
+    harness.run();
+    harness.get_by_label("poses 12 elements").click();
+    harness.run();
+    harness.get_by_label("[3]").click();
+    harness.run();
+    harness.get_by_label_contains("position x 1.5").click();
+    harness.run();
+    assert!(harness.query_by_label("x 1.5").is_some());
+    harness.get_by_label("Search fields").click();
+    harness.run();
+    harness.get_by_label("Search fields").type_text("poses[11].position.x");
+    harness.run();
+    assert!(harness.query_by_label(".poses[11].position.x 5.5").is_some());
+}
+
+#[test]
+fn a_message_without_a_reader_says_why_and_shows_its_bytes() {
+    let mut harness = shown("fields");
+    harness.state_mut().selection.topic = Some(TopicKey { name: "/ros1/chatter".into(), recorded: true });
+    harness.run();
+    assert!(
+        harness.query_by_label_contains("Cannot be read: message encoding \"ros1\" has no reader").is_some()
+    );
+    assert!(harness.query_by_label_contains("000010  10 11 12").is_some());
+}
+
+#[test]
+fn a_pinned_topic_stays_when_another_is_selected() {
+    let mut harness = shown("fields");
+    harness.state_mut().selection.topic = key("/wm1/map");
+    harness.run();
+    harness.get_by_label("Keep this buffer").click();
+    harness.run();
+    harness.state_mut().selection.topic = key("/planner/path");
+    harness.run();
+    assert!(harness.query_by_label_contains("poses").is_none());
+    harness.get_by_label("Follow the selection again").click();
+    harness.run();
+    assert!(harness.query_by_label_contains("poses").is_some());
+}
+
+#[test]
+fn a_click_on_a_box_selects_the_process_and_every_state_is_a_word() {
+    let mut harness = shown("hierarchy");
+    for name in [
+        "Process planner: ERROR",
+        "Process wm1: NO STATUS 5.0 s",
+        "Process obstacles: EXEC",
+        "Process idle: NOT RUNNING",
+    ] {
+        assert!(harness.query_by_label(name).is_some(), "{name}");
+    }
+    harness.get_by_label("Process obstacles: EXEC").click();
+    harness.run();
+    assert_eq!(harness.state().selection.process.as_deref(), Some("obstacles"));
+}
+
+#[test]
+fn a_layer_of_a_map_can_be_switched_off_and_the_layout_keeps_that() {
+    let mut harness = shown("map");
+    let node = harness.get_by_label("Show /wm1/map");
+    assert_eq!(node.accesskit_node().toggled(), Some(Toggled::True));
+    node.click();
+    harness.run();
+    assert_eq!(harness.get_by_label("Show /wm1/map").accesskit_node().toggled(), Some(Toggled::False));
+    assert_eq!(harness.state().view.save()["layers"]["/wm1/map"]["shown"], false);
+}
+
+#[test]
+fn what_nothing_connects_to_the_map_says_so() {
+    let mut harness = shown("map");
+    let notes = harness.query_all_by_label_contains("aligned at its start").count();
+    assert_eq!(notes, 2, "odometry and GPS are laid on the pose's track");
+    harness.get_by_label("Align loose tracks at their start").click();
+    harness.run();
+    assert_eq!(harness.query_all_by_label_contains("not drawn: frame").count(), 2);
+}
+
+#[test]
+fn a_cell_under_the_pointer_tells_its_numbers_and_the_frame_that_made_them() {
+    let mut harness = shown("map");
+    let canvas = harness.get_by_label("Map").rect();
+    harness.hover_at(canvas.center() + Vec2::new(12.0, 7.0));
+    harness.run();
+    assert!(harness.query_by_label_contains("by frame 7").is_some());
+    assert!(harness.query_by_label_contains("/wm1/map  cell").is_some());
+    assert!(harness.state().selection.hovered.is_some());
+}
+
+#[test]
+fn a_measured_line_is_kept_until_measuring_ends() {
+    let mut harness = shown("map");
+    harness.get_by_label("Measure a distance").click();
+    harness.run();
+    let at = harness.get_by_label("Map").rect().center();
+    harness.drag_at(at);
+    harness.run_steps(2);
+    harness.hover_at(at + Vec2::new(60.0, 0.0));
+    harness.run_steps(2);
+    harness.drop_at(at + Vec2::new(60.0, 0.0));
+    harness.run();
+    let before = harness.get_by_label("Measure a distance").accesskit_node().toggled();
+    assert_eq!(before, Some(Toggled::True));
+}
+
+#[test]
+fn a_camera_names_the_pixel_under_the_pointer_in_every_layer() {
+    let mut harness = shown("camera");
+    let canvas = harness.get_by_label("Picture of /camera/image").rect();
+    harness.hover_at(canvas.center() + Vec2::new(10.0, 120.0));
+    harness.run();
+    assert!(harness.query_by_label_contains("px").is_some());
+    assert!(harness.query_by_label_contains("rgb ").is_some());
+    assert!(harness.query_all_by_label("ground").count() >= 2, "in the legend and under the pointer");
+}
+
+#[test]
+fn an_overlay_can_be_switched_off() {
+    let mut harness = shown("camera");
+    harness.get_by_role_and_label(Role::CheckBox, "/obstacles/labels").click();
+    harness.run();
+    assert_eq!(harness.state().view.save()["overlays"]["/obstacles/labels"]["shown"], false);
+    assert!(harness.query_by_label("ground").is_none(), "nor is its legend there");
+}
+
+#[test]
+fn an_image_that_cannot_be_decoded_says_why() {
+    let mut shown = Shown::new("camera", samples::full());
+    let topic = shown.frame.topic("/camera/broken").unwrap().clone();
+    shown.view.drop_topic(&topic);
+    let mut harness = harness(shown, Vec2::new(900.0, 560.0), Theme::Dark);
+    harness.run();
+    assert!(harness.query_by_label("This image cannot be shown").is_some());
+    assert!(harness.query_by_label_contains("does not decode").is_some());
+}

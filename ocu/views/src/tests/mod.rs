@@ -1,0 +1,106 @@
+//! Views under a person's hands, without a display.
+
+mod behaviour;
+mod pictures;
+
+use crate::samples;
+use crate::view::{Selection, View, ViewContext, show};
+use crate::views::{all, view_type};
+use egui::{Theme, Vec2};
+use egui_kittest::Harness;
+use rcs_runtime::source::{Control, Frame};
+
+/// A view, what it is shown, and what came of it.
+struct Shown {
+    view: Box<dyn View>,
+    frame: Frame,
+    selection: Selection,
+    controls: Vec<Control>,
+}
+
+impl Shown {
+    fn new(kind: &str, frame: Frame) -> Self {
+        let view = (view_type(kind).expect(kind).make)();
+        Self { view, frame, selection: Selection::default(), controls: Vec::new() }
+    }
+}
+
+fn harness(shown: Shown, size: Vec2, theme: Theme) -> Harness<'static, Shown> {
+    Harness::builder()
+        .with_size(size)
+        .with_theme(theme)
+        .with_max_steps(12)
+        .with_render_cursor(false)
+        .with_context_setup(ocu_ui::install)
+        .build_ui_state(
+            |ui, shown| {
+                let panel = ocu_ui::tokens(ui).panel();
+                ui.painter().rect_filled(ui.max_rect(), 0.0, panel);
+                let Shown { view, frame, selection, controls } = shown;
+                show(view.as_mut(), ui, &mut ViewContext { frame, controls, selection });
+            },
+            shown,
+        )
+}
+
+#[test]
+fn every_view_draws_nothing_and_everything_at_any_size_in_both_themes() {
+    for view_type in all() {
+        for frame in [samples::empty(), samples::full()] {
+            for size in [Vec2::new(180.0, 120.0), Vec2::new(900.0, 560.0)] {
+                for theme in [Theme::Dark, Theme::Light] {
+                    let mut harness = harness(Shown::new(view_type.kind, frame.clone()), size, theme);
+                    harness.state_mut().selection.topic =
+                        Some(crate::TopicKey { name: "/wm1/map".into(), recorded: false });
+                    harness.run();
+                    assert!(!harness.state().view.title(&frame).is_empty(), "{}", view_type.kind);
+                    assert!(
+                        harness.state().controls.is_empty(),
+                        "{} asks for something by itself",
+                        view_type.kind
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_topic_can_be_dropped_where_it_is_accepted_and_is_drawn() {
+    let frame = samples::full();
+    for view_type in all() {
+        for topic in frame.topics.iter() {
+            let mut shown = Shown::new(view_type.kind, frame.clone());
+            if shown.view.accepts(topic) {
+                shown.view.drop_topic(topic);
+                harness(shown, Vec2::new(500.0, 400.0), Theme::Dark).run();
+            }
+        }
+    }
+}
+
+#[test]
+fn every_view_gives_back_what_it_saved_and_survives_what_it_did_not() {
+    for view_type in all() {
+        let mut view = (view_type.make)();
+        let saved = view.save();
+        view.load(&saved).unwrap();
+        assert_eq!(view.save(), saved, "{}", view_type.kind);
+        let empty_object = serde_json::json!({});
+        if !saved.is_null() {
+            view.load(&empty_object).unwrap_or_else(|error| panic!("{}: {error}", view_type.kind));
+            assert_eq!(view.save(), saved, "{}: a field that is missing keeps its default", view_type.kind);
+            view.load(&serde_json::json!(["nonsense"])).unwrap_err();
+            assert_eq!(view.save(), saved, "{}: a value that does not fit changes nothing", view_type.kind);
+        }
+    }
+}
+
+#[test]
+fn kinds_names_and_summaries_are_said_once() {
+    let mut kinds: Vec<_> = all().iter().map(|view_type| view_type.kind).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    assert_eq!(kinds.len(), all().len());
+    assert!(all().iter().all(|view_type| view_type.summary.ends_with('.') && view_type.summary.len() < 100));
+}

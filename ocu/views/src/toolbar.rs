@@ -1,0 +1,80 @@
+//! The row of controls at the top of a view, and what several of them hold.
+
+use crate::view::TopicKey;
+use egui::{Align, ComboBox, Layout, Role, Ui, Vec2, WidgetInfo};
+use ocu_ui::palette::{MapPalette, PAPERS_COST};
+use ocu_ui::{legend, tokens};
+use rcs_runtime::source::{Frame, RunTag, Topic};
+
+/// A row of controls, 28 points high, with a hairline below.
+pub(crate) fn row(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
+    let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 28.0), egui::Sense::hover());
+    let line = egui::Stroke::new(1.0, tokens(ui).line);
+    ui.painter().hline(rect.x_range(), rect.bottom() - 0.5, line);
+    let builder = egui::UiBuilder::new()
+        .max_rect(rect.shrink2(Vec2::new(8.0, 2.0)))
+        .layout(Layout::left_to_right(Align::Center));
+    let mut child = ui.new_child(builder);
+    child.set_clip_rect(rect.intersect(ui.clip_rect()));
+    add(&mut child);
+    ui.add_space(-ui.spacing().item_spacing.y);
+}
+
+/// The right end of a row.
+pub(crate) fn at_right(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
+    ui.with_layout(Layout::right_to_left(Align::Center), add);
+}
+
+/// Name of a topic; with its run where the same name was recorded and is made now.
+pub(crate) fn topic_label(frame: &Frame, topic: &Topic) -> String {
+    let twice = frame.topics.iter().filter(|other| other.name == topic.name).count() > 1;
+    match topic.run {
+        RunTag::Recorded if twice => format!("{} (recorded)", topic.name),
+        _ => topic.name.to_string(),
+    }
+}
+
+/// A list to choose a topic from.
+pub(crate) fn topic_choice(
+    ui: &mut Ui,
+    frame: &Frame,
+    name: &str,
+    shown: Option<&Topic>,
+    topics: &[&Topic],
+) -> Option<TopicKey> {
+    let mut chosen = None;
+    let text = shown.map_or_else(|| "choose a topic".to_owned(), |topic| topic_label(frame, topic));
+    let combo = ComboBox::from_id_salt(name).selected_text(text).width(160.0).show_ui(ui, |ui| {
+        for topic in topics {
+            let on = shown.is_some_and(|shown| TopicKey::of(topic).is(shown));
+            if ui.selectable_label(on, topic_label(frame, topic)).clicked() {
+                chosen = Some(TopicKey::of(topic));
+            }
+        }
+    });
+    combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, name));
+    chosen
+}
+
+/// What the colours of a cost mean.
+pub(crate) fn cost_legend(ui: &mut Ui, palette: MapPalette) {
+    match palette {
+        MapPalette::Papers => {
+            ui.horizontal(|ui| {
+                ui.spacing_mut().item_spacing.x = 8.0;
+                let mut low = 0;
+                for (high, color) in PAPERS_COST {
+                    legend::swatch(ui, color, &format!("{low}–{high}"));
+                    low = high + 1;
+                }
+                legend::swatch(ui, palette.unknown(), "unknown");
+            });
+        }
+        MapPalette::Even => {
+            ui.horizontal(|ui| {
+                legend::band(ui, 120.0, "cost 0", "250", |fraction| palette.cost((fraction * 250.0) as u8));
+                legend::swatch(ui, palette.unknown(), "unknown");
+            });
+        }
+    }
+}
