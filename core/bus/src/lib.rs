@@ -13,7 +13,7 @@ mod bus;
 mod overrides;
 mod sample;
 
-pub use buffer::{Buffer, BufferSpec, BufferState, Mode, Overflow, Reader, WriteError, Writer};
+pub use buffer::{Buffer, BufferSpec, BufferState, Mode, Overflow, Reader, Tap, WriteError, Writer};
 pub use bus::{Bus, BusError};
 pub use overrides::{Override, OverrideMode, OverrideValue};
 pub use sample::{Draft, Header, Sample, WriterId};

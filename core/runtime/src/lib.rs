@@ -1,1 +1,37 @@
-//! Processes, parameters, stacks, the two executors, snapshots and the source interface.
+//! Processes, stacks, executors, and what a window looks at.
+//!
+//! - [`Process`], [`Cycle`]: what a plugin's author writes, and what a process sees.
+//! - [`StackFile`], [`Plan`]: which processes run, checked before anything does.
+//! - [`Stepped`]: simulated time, one event after another, the same bytes on every run.
+//! - [`Session`]: a stepped run that can go back.
+//! - [`Live`]: a thread a process, on the wall clock; its schedule can be run again by [`Stepped`].
+//! - [`source`]: what a window looks at.
+
+mod cycle;
+mod feed;
+mod history;
+mod live;
+mod node;
+mod pool;
+mod process;
+mod record;
+mod snapshot;
+pub mod source;
+mod stack;
+mod status;
+mod stepped;
+
+pub use cycle::{Cycle, Msg};
+pub use history::{OperatorWrite, Session};
+pub use live::{Live, LiveOptions, on_recorded_schedule};
+pub use node::RunError;
+pub use pool::Pool;
+pub use process::{CommandDef, In, Out, OutBuilder, PortBuilder, PortDef, Process, ProcessDef, ProcessType};
+pub use record::{RecordOptions, Recording};
+pub use snapshot::Snapshot;
+pub use stack::{
+    BufferEntry, BufferPlan, InputEntry, InputPlan, OverflowEntry, Plan, ProcessEntry, ProcessPlan,
+    StackError, StackFile, VIEWER,
+};
+pub use status::{Text, child_state};
+pub use stepped::{BufferSummary, Happened, ProcessSummary, RunOptions, Stepped, Summary};

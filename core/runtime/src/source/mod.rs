@@ -6,12 +6,15 @@
 mod driver;
 mod frame;
 mod log_source;
+mod log_view;
 mod stack_source;
 mod tracks;
 
 pub use driver::{Control, Driver};
+pub(crate) use frame::canonical;
 pub use frame::{Frame, Playback, RunTag, SourceInfo, SourceKind, Topic, Track};
 pub use log_source::LogSource;
+pub use log_view::finish_idle;
 pub use stack_source::StackSource;
 
 use rcs_msg::{AnyMessage, Stamp};
@@ -20,12 +23,25 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 /// One step of the timeline.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// To the next (or previous) message of a topic; of any topic where none is named.
-    Message { topic: Option<String>, back: bool },
-    /// To the end of the next (or previous) cycle of a process; of any process where none is named.
-    Cycle { process: Option<String>, back: bool },
+    /// To the next (or previous) message.
+    Message {
+        /// Of this topic; of any where none is named.
+        topic: Option<String>,
+        /// The previous one.
+        back: bool,
+    },
+    /// To the end of the next (or previous) cycle.
+    Cycle {
+        /// Of this process; of any where none is named.
+        process: Option<String>,
+        /// The previous one.
+        back: bool,
+    },
     /// By a time, forward or back.
-    Time { ns: i64 },
+    Time {
+        /// Nanoseconds; negative goes back.
+        ns: i64,
+    },
 }
 
 /// Why a source could not do what it was asked.

@@ -1,0 +1,389 @@
+//! One buffer: a ring of samples behind one lock.
+
+use crate::overrides::{Active, Override, OverrideMode};
+use crate::sample::{Draft, Header, Sample, WriterId};
+use rcs_msg::Schema;
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// What happens to a write where a queue is full: where the slowest reader has not read its oldest message.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Overflow {
+    /// The oldest message goes; readers that had not read it are told how many they missed.
+    #[default]
+    DropOldest,
+    /// The write is refused with [`WriteError::Full`], or waits where it was given a time limit.
+    Refuse,
+}
+
+/// How many messages a buffer keeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// The newest message only: a write replaces it.
+    #[default]
+    Latest,
+    /// The newest `depth` messages.
+    Queue {
+        /// At least 1.
+        depth: usize,
+        /// What happens when a reader falls behind by more than that.
+        overflow: Overflow,
+    },
+}
+
+impl Mode {
+    fn depth(self) -> usize {
+        match self {
+            Mode::Latest => 1,
+            Mode::Queue { depth, .. } => depth.max(1),
+        }
+    }
+
+    fn refuses(self) -> bool {
+        matches!(self, Mode::Queue { overflow: Overflow::Refuse, .. })
+    }
+}
+
+/// What a buffer is: its name, its one message type, how much it keeps.
+#[derive(Clone, Debug)]
+pub struct BufferSpec {
+    /// Like `/wm1/map`.
+    pub name: String,
+    /// Type of every message in it.
+    pub schema: Arc<Schema>,
+    /// How much it keeps.
+    pub mode: Mode,
+    /// Channel metadata: `rcs.role`, `rcs.overlay_of`, ….
+    pub metadata: BTreeMap<String, String>,
+}
+
+/// Why a message was not written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// A queue that refuses is full.
+    #[error("the queue of {depth} in {buffer} is full: a reader has not kept up")]
+    Full {
+        /// Name of the buffer.
+        buffer: String,
+        /// How many messages it holds.
+        depth: usize,
+    },
+    /// The message is of another type than the buffer.
+    #[error("a {got} was written to {buffer}, which holds {expected}")]
+    WrongType {
+        /// Name of the buffer.
+        buffer: String,
+        /// Type of the message.
+        got: String,
+        /// Type of the buffer.
+        expected: String,
+    },
+    /// An operator's override does not fit the message.
+    #[error("the override of {buffer} does not fit: {reason}")]
+    Override {
+        /// Name of the buffer.
+        buffer: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
+/// Called with every message, in order, while the buffer is locked: it must return at once.
+pub type Tap = Box<dyn FnMut(&Sample) + Send>;
+
+/// A named mailbox of one message type.
+pub struct Buffer {
+    spec: BufferSpec,
+    inner: Mutex<Inner>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct Inner {
+    ring: VecDeque<Sample>,
+    /// Sequence of the newest message; 0 before the first.
+    newest: u64,
+    /// Per reader, the sequence that it read last; `None` where the reader has gone.
+    cursors: Vec<Option<u64>>,
+    taps: Vec<Tap>,
+    overrides: Active,
+}
+
+/// All that a buffer remembers, apart from its taps: part of a snapshot.
+#[derive(Clone, Debug, Default)]
+pub struct BufferState {
+    /// Messages that it holds, oldest first.
+    pub ring: Vec<Sample>,
+    /// Sequence of the newest message ever written.
+    pub newest: u64,
+    /// Per reader, the sequence that it read last.
+    pub cursors: Vec<Option<u64>>,
+    /// Overrides in force.
+    pub overrides: Vec<Override>,
+}
+
+impl Buffer {
+    /// An empty buffer.
+    pub fn new(spec: BufferSpec) -> Arc<Self> {
+        Arc::new(Self { spec, inner: Mutex::default(), changed: Condvar::new() })
+    }
+
+    /// What the buffer is.
+    pub fn spec(&self) -> &BufferSpec {
+        &self.spec
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.spec.name
+    }
+
+    /// A new reader, which sees what is written from now on and the newest message that is there already.
+    pub fn reader(self: &Arc<Self>) -> Reader {
+        let mut inner = self.lock();
+        let cursor = Some(inner.newest.saturating_sub(1));
+        let slot = inner.cursors.iter().position(Option::is_none).unwrap_or(inner.cursors.len());
+        if slot == inner.cursors.len() {
+            inner.cursors.push(cursor);
+        } else {
+            inner.cursors[slot] = cursor;
+        }
+        drop(inner);
+        Reader { buffer: Arc::clone(self), slot }
+    }
+
+    /// A new writer.
+    pub fn writer(self: &Arc<Self>, id: WriterId) -> Writer {
+        Writer { buffer: Arc::clone(self), id }
+    }
+
+    /// Adds a tap, which sees every message from now on.
+    pub fn tap(&self, tap: Tap) {
+        self.lock().taps.push(tap);
+    }
+
+    /// The newest message.
+    pub fn latest(&self) -> Option<Sample> {
+        self.lock().ring.back().cloned()
+    }
+
+    /// Sequence of the newest message: how many were written.
+    pub fn newest(&self) -> u64 {
+        self.lock().newest
+    }
+
+    /// Lays an operator's hand on the buffer, or takes it away.
+    pub fn set_override(&self, change: Override) {
+        self.lock().overrides.set(change);
+    }
+
+    /// All that the buffer remembers.
+    pub fn save(&self) -> BufferState {
+        let inner = self.lock();
+        BufferState {
+            ring: inner.ring.iter().cloned().collect(),
+            newest: inner.newest,
+            cursors: inner.cursors.clone(),
+            overrides: inner.overrides.list().to_vec(),
+        }
+    }
+
+    /// Makes the buffer what it was. Readers are those that it had then; taps see nothing.
+    pub fn restore(&self, state: &BufferState) {
+        let mut inner = self.lock();
+        inner.ring = state.ring.iter().cloned().collect();
+        inner.newest = state.newest;
+        inner.cursors.clone_from(&state.cursors);
+        inner.overrides = Active::from_list(state.overrides.clone());
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        // Nothing is left half done where a tap panics: the message is in the ring, or it is not.
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn publish(&self, inner: &mut Inner, writer: WriterId, draft: Draft) -> Result<u64, WriteError> {
+        let message = if inner.overrides.is_empty() {
+            draft.message
+        } else {
+            inner.overrides.apply(draft.message).map_err(|reason| WriteError::Override {
+                buffer: self.spec.name.clone(),
+                reason: reason.to_string(),
+            })?
+        };
+        inner.newest += 1;
+        let header =
+            Header { sequence: inner.newest, log_time: draft.log_time, acq_time: draft.acq_time, writer };
+        let sample = Sample { header, message };
+        for tap in &mut inner.taps {
+            tap(&sample);
+        }
+        if inner.ring.len() >= self.spec.mode.depth() {
+            inner.ring.pop_front();
+        }
+        inner.ring.push_back(sample);
+        Ok(inner.newest)
+    }
+}
+
+impl Inner {
+    /// Whether the slowest reader has yet to read the message that the next write would drop.
+    fn is_full(&self, depth: usize) -> bool {
+        self.ring.len() >= depth
+            && self.ring.front().is_some_and(|oldest| {
+                self.cursors.iter().flatten().any(|&read| read < oldest.header.sequence)
+            })
+    }
+
+    /// The next message for the reader in `slot`, its place in the ring, and how many it missed before that.
+    fn next_unread(&self, slot: usize) -> Option<(&Sample, u64)> {
+        let read = self.cursors[slot].unwrap_or(0);
+        let oldest = self.ring.front()?.header.sequence;
+        let wanted = (read + 1).max(oldest);
+        let sample = self.ring.get((wanted - oldest) as usize)?;
+        Some((sample, wanted - read - 1))
+    }
+}
+
+/// Writes to one buffer under one name.
+#[derive(Clone)]
+pub struct Writer {
+    buffer: Arc<Buffer>,
+    id: WriterId,
+}
+
+impl Writer {
+    /// Writes a message at once and returns its sequence.
+    pub fn write(&self, draft: Draft) -> Result<u64, WriteError> {
+        self.write_within(draft, Duration::ZERO)
+    }
+
+    /// Writes a message, waiting up to `limit` of wall-clock time for a place in a queue that refuses.
+    pub fn write_within(&self, draft: Draft, limit: Duration) -> Result<u64, WriteError> {
+        let buffer = &*self.buffer;
+        if !draft.message.is_a(&buffer.spec.schema) {
+            return Err(WriteError::WrongType {
+                buffer: buffer.spec.name.clone(),
+                got: draft.message.schema().name().to_owned(),
+                expected: buffer.spec.schema.name().to_owned(),
+            });
+        }
+        let depth = buffer.spec.mode.depth();
+        let mut inner = buffer.lock();
+        if buffer.spec.mode.refuses() && inner.is_full(depth) {
+            if !limit.is_zero() {
+                inner = buffer
+                    .changed
+                    .wait_timeout_while(inner, limit, |inner| inner.is_full(depth))
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .0;
+            }
+            if inner.is_full(depth) {
+                return Err(WriteError::Full { buffer: buffer.spec.name.clone(), depth });
+            }
+        }
+        let sequence = buffer.publish(&mut inner, self.id, draft)?;
+        drop(inner);
+        buffer.changed.notify_all();
+        Ok(sequence)
+    }
+
+    /// The buffer that it writes to.
+    pub fn buffer(&self) -> &Arc<Buffer> {
+        &self.buffer
+    }
+}
+
+/// Reads one buffer at its own pace; no reader takes a message from another.
+pub struct Reader {
+    buffer: Arc<Buffer>,
+    slot: usize,
+}
+
+impl Reader {
+    /// The next message that this reader has not read; in a latest-only buffer, the newest.
+    pub fn read(&mut self) -> Option<Sample> {
+        self.read_counting().map(|(sample, _)| sample)
+    }
+
+    /// Like [`Reader::read`], with how many messages were dropped before this reader saw them.
+    pub fn read_counting(&mut self) -> Option<(Sample, u64)> {
+        let mut inner = self.buffer.lock();
+        let next = Self::take(&mut inner, self.slot);
+        drop(inner);
+        if next.is_some() && self.buffer.spec.mode.refuses() {
+            self.buffer.changed.notify_all();
+        }
+        next
+    }
+
+    /// Like [`Reader::read`], waiting up to `limit` of wall-clock time for a message.
+    pub fn read_within(&mut self, limit: Duration) -> Option<Sample> {
+        let deadline = Instant::now() + limit;
+        let mut inner = self.buffer.lock();
+        loop {
+            if let Some((sample, _)) = Self::take(&mut inner, self.slot) {
+                drop(inner);
+                self.buffer.changed.notify_all();
+                return Some(sample);
+            }
+            let left = deadline.checked_duration_since(Instant::now()).filter(|left| !left.is_zero())?;
+            inner = self.buffer.changed.wait_timeout(inner, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+
+    /// What [`Reader::read`] would return, left unread.
+    pub fn peek(&self) -> Option<Sample> {
+        self.buffer.lock().next_unread(self.slot).map(|(sample, _)| sample.clone())
+    }
+
+    /// The newest message, whether read or not; left as it is.
+    pub fn latest(&self) -> Option<Sample> {
+        self.buffer.latest()
+    }
+
+    /// Takes every unread message, oldest first, into `fresh`, and returns how many were missed before them.
+    pub fn drain_into(&mut self, fresh: &mut Vec<Sample>) -> u64 {
+        let mut inner = self.buffer.lock();
+        let mut missed = 0;
+        while let Some((sample, skipped)) = Self::take(&mut inner, self.slot) {
+            fresh.push(sample);
+            missed += skipped;
+        }
+        drop(inner);
+        if !fresh.is_empty() && self.buffer.spec.mode.refuses() {
+            self.buffer.changed.notify_all();
+        }
+        missed
+    }
+
+    /// The buffer that it reads.
+    pub fn buffer(&self) -> &Arc<Buffer> {
+        &self.buffer
+    }
+
+    fn take(inner: &mut Inner, slot: usize) -> Option<(Sample, u64)> {
+        let (sample, missed) = inner.next_unread(slot).map(|(sample, missed)| (sample.clone(), missed))?;
+        inner.cursors[slot] = Some(sample.header.sequence);
+        Some((sample, missed))
+    }
+}
+
+impl Drop for Reader {
+    fn drop(&mut self) {
+        let mut inner = self.buffer.lock();
+        if let Some(cursor) = inner.cursors.get_mut(self.slot) {
+            *cursor = None;
+        }
+        drop(inner);
+        // A writer may have waited for this reader.
+        self.buffer.changed.notify_all();
+    }
+}
+
+impl Override {
+    pub(crate) fn is_release(&self) -> bool {
+        self.mode == OverrideMode::Release
+    }
+}

@@ -1,0 +1,64 @@
+//! The buffers of one run.
+
+use crate::buffer::{Buffer, BufferSpec};
+use crate::sample::WriterId;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Why a buffer or a writer could not join a bus.
+#[derive(Debug, thiserror::Error)]
+pub enum BusError {
+    /// The name is taken.
+    #[error("there is already a buffer named {0}")]
+    Duplicate(String),
+    /// No more writers fit.
+    #[error("a run has at most {} writers", u16::MAX)]
+    TooManyWriters,
+}
+
+/// The buffers of one run, by name, and the names of its writers. Built once, then shared.
+pub struct Bus {
+    buffers: BTreeMap<String, Arc<Buffer>>,
+    writers: Vec<Arc<str>>,
+}
+
+impl Default for Bus {
+    fn default() -> Self {
+        Self { buffers: BTreeMap::new(), writers: vec!["operator".into(), "runtime".into()] }
+    }
+}
+
+impl Bus {
+    /// Adds a buffer.
+    pub fn add(&mut self, spec: BufferSpec) -> Result<Arc<Buffer>, BusError> {
+        if self.buffers.contains_key(&spec.name) {
+            return Err(BusError::Duplicate(spec.name));
+        }
+        let name = spec.name.clone();
+        let buffer = Buffer::new(spec);
+        self.buffers.insert(name, Arc::clone(&buffer));
+        Ok(buffer)
+    }
+
+    /// Adds a writer under a name and returns its number.
+    pub fn add_writer(&mut self, name: &str) -> Result<WriterId, BusError> {
+        let id = u16::try_from(self.writers.len()).map_err(|_| BusError::TooManyWriters)?;
+        self.writers.push(name.into());
+        Ok(WriterId(id))
+    }
+
+    /// The buffer of that name.
+    pub fn get(&self, name: &str) -> Option<&Arc<Buffer>> {
+        self.buffers.get(name)
+    }
+
+    /// All buffers, by name.
+    pub fn buffers(&self) -> impl Iterator<Item = &Arc<Buffer>> {
+        self.buffers.values()
+    }
+
+    /// Name of a writer.
+    pub fn writer_name(&self, id: WriterId) -> Arc<str> {
+        self.writers.get(usize::from(id.0)).cloned().unwrap_or_else(|| "unknown".into())
+    }
+}

@@ -1,0 +1,115 @@
+//! A log's messages on their way into a stack: converted to canonical types, in the log's order.
+
+use crate::node::{Machine, RunError};
+use crate::source::canonical;
+use rcs_bus::{Draft, Writer, WriterId};
+use rcs_log::{Cursor, CursorOptions, Log, LogMessage, Position, TopicId};
+use rcs_msg::{AnyMessage, Stamp, header_stamp};
+use std::collections::BTreeMap;
+
+/// Reads the topics of a stack's inputs and writes them into its buffers.
+pub(crate) struct Feed {
+    log: Log,
+    cursor: Cursor,
+    pending: Option<LogMessage>,
+    /// Where the cursor stood before `pending`.
+    position: Position,
+    /// Writers that each topic fills.
+    writers: BTreeMap<TopicId, Vec<Writer>>,
+    /// The first and the last moment of the log.
+    pub(crate) range: (Stamp, Stamp),
+    fixed: Vec<LogMessage>,
+}
+
+/// A message that could not be given to the stack.
+pub(crate) struct FeedFault {
+    pub(crate) time: Stamp,
+    pub(crate) text: String,
+}
+
+impl Feed {
+    pub(crate) fn new(log: &Log, machine: &Machine) -> Result<Self, RunError> {
+        let info = log.info();
+        machine.plan.check_log(info)?;
+        let mut writers: BTreeMap<TopicId, Vec<Writer>> = BTreeMap::new();
+        let mut fixed_topics = Vec::new();
+        let mut moving_topics = Vec::new();
+        for input in &machine.plan.inputs {
+            for topic in info.topics_named(&input.topic) {
+                let writer = machine.buffers[input.buffer].writer(WriterId::RUNTIME);
+                writers.entry(topic.id).or_default().push(writer);
+                if input.is_static { &mut fixed_topics } else { &mut moving_topics }.push(topic.id);
+            }
+        }
+        let mut fixed = Vec::new();
+        if !fixed_topics.is_empty() {
+            let options = CursorOptions { topics: Some(fixed_topics), ..CursorOptions::default() };
+            for message in log.cursor(options) {
+                fixed.push(message?);
+            }
+        }
+        let options = CursorOptions { topics: Some(moving_topics), ..CursorOptions::default() };
+        let cursor = log.cursor(options);
+        let position = cursor.position();
+        let range = (info.start, info.end);
+        Ok(Self { log: log.clone(), cursor, pending: None, position, writers, range, fixed })
+    }
+
+    /// Gives the messages that hold for the whole log.
+    pub(crate) fn give_fixed(&mut self, at: Stamp) -> Vec<FeedFault> {
+        let fixed = std::mem::take(&mut self.fixed);
+        fixed.iter().filter_map(|message| self.give(message, at).err()).collect()
+    }
+
+    /// Log time of the next message.
+    pub(crate) fn next_time(&mut self) -> Result<Option<Stamp>, RunError> {
+        if self.pending.is_none() {
+            self.position = self.cursor.position();
+            self.pending = self.cursor.next().transpose()?;
+        }
+        Ok(self.pending.as_ref().map(|message| message.log_time))
+    }
+
+    /// Gives the next message to the stack.
+    pub(crate) fn give_next(&mut self) -> Result<(), FeedFault> {
+        match self.pending.take() {
+            Some(message) => self.give(&message, message.log_time),
+            None => Ok(()),
+        }
+    }
+
+    fn give(&self, message: &LogMessage, at: Stamp) -> Result<(), FeedFault> {
+        let fault = |text: String| FeedFault { time: at, text };
+        let Some(topic) = self.log.info().topic(message.topic) else { return Ok(()) };
+        let raw = AnyMessage::encoded(topic.schema.clone(), message.data.clone());
+        let Some(message_out) = canonical(&raw) else {
+            return Err(fault(format!(
+                "{}: message at {} does not decode as {}; skipped",
+                topic.name,
+                message.log_time,
+                topic.schema.name()
+            )));
+        };
+        // A sensor's own stamp says when it sensed; where there is none, when it was published says it best.
+        let acq_time = header_stamp(&message_out)
+            .filter(|stamp| stamp.0 != 0)
+            .unwrap_or(if message.publish_time.0 == 0 { message.log_time } else { message.publish_time });
+        for writer in self.writers.get(&message.topic).into_iter().flatten() {
+            let draft = Draft { log_time: at, acq_time, message: message_out.clone() };
+            writer.write(draft).map_err(|error| fault(error.to_string()))?;
+        }
+        Ok(())
+    }
+
+    /// Where the feed stands.
+    pub(crate) fn position(&self) -> Position {
+        if self.pending.is_some() { self.position.clone() } else { self.cursor.position() }
+    }
+
+    /// Goes to where the feed once stood.
+    pub(crate) fn restore(&mut self, position: Position) {
+        self.cursor = self.log.cursor_at(position.clone());
+        self.position = position;
+        self.pending = None;
+    }
+}

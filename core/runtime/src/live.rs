@@ -1,0 +1,305 @@
+//! The live executor: a thread a process, each waking at its period, on the wall clock.
+//!
+//! What a cycle sees and what it writes is captured and published under one short lock, which also hands out strictly
+//! increasing times: every capture and every publication has a place in one order. A [`rcs::CycleRecord`] per cycle
+//! tells that place, so that [`Stepped`](crate::Stepped) can run that very schedule again.
+
+use crate::history::OperatorWrite;
+use crate::node::{Machine, Node, RunError};
+use crate::pool::Pool;
+use crate::record::{RecordOptions, Recording};
+use crate::stack::{Plan, names};
+use crate::stepped::{RunOptions, Stepped, apply_override};
+use rcs_bus::{Buffer, Bus, Draft, WriterId};
+use rcs_log::{CursorOptions, Log, RecorderStatus};
+use rcs_msg::{AnyMessage, Stamp, rcs};
+use std::path::PathBuf;
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// How a stack is run live.
+#[derive(Clone, Debug, Default)]
+pub struct LiveOptions {
+    /// Seed, threads and names, as for a stepped run.
+    pub run: RunOptions,
+    /// Where to record; nowhere if `None`.
+    pub record: Option<PathBuf>,
+}
+
+/// A stack on the wall clock.
+pub struct Live {
+    shared: Arc<Shared>,
+    bus: Bus,
+    plan: Arc<Plan>,
+    threads: Vec<JoinHandle<()>>,
+    recording: Option<Recording>,
+    start: Stamp,
+}
+
+struct Shared {
+    order: Mutex<Stamp>,
+    epoch: Stamp,
+    clock: Instant,
+    stop: Mutex<bool>,
+    stopped: Condvar,
+    pool: Pool,
+    schedule: rcs_bus::Writer,
+    timing: rcs_bus::Writer,
+}
+
+impl Shared {
+    /// Does `f` at a time that no other commit has, later than all before.
+    fn commit<R>(&self, f: impl FnOnce(Stamp) -> R) -> R {
+        let mut last = self.order.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = self.epoch.after_ns(self.clock.elapsed().as_nanos() as u64);
+        *last = now.max(last.after_ns(1));
+        f(*last)
+    }
+
+    /// Waits until `deadline`; `true` where the run is to stop.
+    fn wait_until(&self, deadline: Instant) -> bool {
+        let mut stop = self.stop.lock().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            if *stop {
+                return true;
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return false;
+            }
+            stop = self.stopped.wait_timeout(stop, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+}
+
+impl Live {
+    /// Starts every process of a plan.
+    pub fn start(plan: Arc<Plan>, options: &LiveOptions) -> Result<Self, RunError> {
+        let Machine { bus, buffers, nodes, .. } = {
+            let mut machine = Machine::new(Arc::clone(&plan), options.run.seed)?;
+            machine.nodes.shrink_to_fit();
+            machine
+        };
+        let runtime_writer = |name: &str| {
+            bus.get(name)
+                .map(|buffer| buffer.writer(WriterId::RUNTIME))
+                .ok_or_else(|| RunError::Refused(format!("the plan has no buffer {name}")))
+        };
+        let unix_ns = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
+        let shared = Arc::new(Shared {
+            order: Mutex::new(Stamp(0)),
+            epoch: Stamp(unix_ns),
+            clock: Instant::now(),
+            stop: Mutex::new(false),
+            stopped: Condvar::new(),
+            pool: Pool::new(options.run.threads),
+            schedule: runtime_writer(names::SCHEDULE)?,
+            timing: runtime_writer(names::TIMING)?,
+        });
+        let record = RecordOptions { lossless: false, build: options.run.build.clone() };
+        let recording = match &options.record {
+            Some(path) => Some(Recording::start(path, &plan, &buffers, &record)?),
+            None => None,
+        };
+        let machine = Machine { plan: Arc::clone(&plan), bus, buffers, nodes: Vec::new() };
+        let run = rcs::RunInfo {
+            stack: plan.file.name().to_owned(),
+            stack_text: plan.file.text.clone(),
+            stack_hash: plan.hash.clone(),
+            seed: options.run.seed,
+            build: options.run.build.clone(),
+            ..rcs::RunInfo::default()
+        };
+        let start = shared.commit(|now| machine.begin(now, run).map(|()| now))?;
+        let mut threads = Vec::new();
+        for (node, process) in nodes.into_iter().zip(&plan.processes) {
+            let shared = Arc::clone(&shared);
+            let name = Arc::clone(&process.name);
+            let thread = std::thread::Builder::new().name(name.to_string());
+            let spawned = thread.spawn(move || run_node(&shared, node, &name));
+            threads.push(spawned.map_err(|error| {
+                RunError::Refused(format!("no thread could be started for {}: {error}", process.name))
+            })?);
+        }
+        Ok(Self { shared, bus: machine.bus, plan, threads, recording, start })
+    }
+
+    /// The run's buffers.
+    pub fn bus(&self) -> &Bus {
+        &self.bus
+    }
+
+    /// What runs.
+    pub fn plan(&self) -> &Arc<Plan> {
+        &self.plan
+    }
+
+    /// When the run began.
+    pub fn started(&self) -> Stamp {
+        self.start
+    }
+
+    /// The time by which everything in this run is stamped.
+    pub fn now(&self) -> Stamp {
+        self.shared.commit(|now| now)
+    }
+
+    /// Writes a message from outside: a sensor's, say.
+    pub fn inject(&self, buffer: &str, acq_time: Stamp, message: AnyMessage) -> Result<(), RunError> {
+        let buffer = self.buffer(buffer)?;
+        self.shared.commit(|now| {
+            buffer.writer(WriterId::RUNTIME).write(Draft { log_time: now, acq_time, message })
+        })?;
+        Ok(())
+    }
+
+    /// An operator's write.
+    pub fn write(&self, write: OperatorWrite) -> Result<(), RunError> {
+        let buffer = self.buffer(&write.buffer)?;
+        if write.buffer == names::OVERRIDE {
+            apply_override(&self.bus, &write.message)?;
+        }
+        self.shared.commit(|now| {
+            let draft = Draft { log_time: now, acq_time: now, message: write.message };
+            buffer.writer(WriterId::OPERATOR).write(draft)
+        })?;
+        Ok(())
+    }
+
+    fn buffer(&self, name: &str) -> Result<&Arc<Buffer>, RunError> {
+        self.bus.get(name).ok_or_else(|| RunError::Refused(format!("there is no buffer {name} to write to")))
+    }
+
+    /// How the recording goes.
+    pub fn recording(&self) -> Option<RecorderStatus> {
+        self.recording.as_ref().map(Recording::status)
+    }
+
+    /// Ends every process after its cycle, and the recording after them.
+    pub fn stop(mut self) -> Result<Option<RecorderStatus>, RunError> {
+        self.end_threads();
+        self.recording.take().map(|recording| recording.finish()).transpose()
+    }
+
+    fn end_threads(&mut self) {
+        *self.shared.stop.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.shared.stopped.notify_all();
+        for thread in self.threads.drain(..) {
+            if thread.join().is_err() {
+                tracing::error!("a process's thread panicked outside its cycle");
+            }
+        }
+    }
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        self.end_threads();
+    }
+}
+
+fn run_node(shared: &Shared, mut node: Node, name: &str) {
+    let period = Duration::from_nanos(node.period_ns);
+    let mut wake = Instant::now();
+    let mut timing = rcs::ProcessTiming { process: name.to_owned(), ..rcs::ProcessTiming::default() };
+    let mut total_us = 0.0;
+    let mut timing_due = wake + Duration::from_secs(1);
+    while !shared.wait_until(wake) {
+        let (started, input_sequence) = shared.commit(|now| {
+            node.capture();
+            (now, node.captured())
+        });
+        let clock = Instant::now();
+        node.run(started, &shared.pool);
+        let took = clock.elapsed();
+        shared.commit(|now| {
+            node.publish(started, now);
+            let record = rcs::CycleRecord {
+                process: name.to_owned(),
+                cycle: node.status().cycle,
+                start_ns: started.0,
+                end_ns: now.0,
+                input_sequence,
+            };
+            report(&shared.schedule, now, AnyMessage::new(record));
+        });
+        let took_us = took.as_secs_f64() * 1e6;
+        timing.cycles += 1;
+        total_us += took_us;
+        timing.mean_us = total_us / timing.cycles as f64;
+        timing.max_us = timing.max_us.max(took_us);
+        timing.overruns += u64::from(took > period);
+        let now = Instant::now();
+        if now >= timing_due {
+            timing_due = now + Duration::from_secs(1);
+            shared.commit(|now| {
+                let message = rcs::Timing {
+                    timestamp: Some(now.to_proto()),
+                    processes: vec![timing.clone()],
+                    lag_s: 0.0,
+                };
+                report(&shared.timing, now, AnyMessage::new(message));
+            });
+        }
+        // After an overrun the next cycle starts at once, and those that were missed are not made up for.
+        wake = (wake + period).max(now);
+    }
+}
+
+fn report(writer: &rcs_bus::Writer, now: Stamp, message: AnyMessage) {
+    if let Err(error) = writer.write(Draft { log_time: now, acq_time: now, message }) {
+        tracing::warn!("{error}");
+    }
+}
+
+/// A recorded live run, ready to be run again on its own schedule with its operator's writes.
+///
+/// Refused where the log holds no schedule, or one with gaps (the recorder counted drops).
+pub fn on_recorded_schedule(plan: Arc<Plan>, log: &Log, options: RunOptions) -> Result<Stepped, RunError> {
+    let info = log.info();
+    let mut records = Vec::new();
+    let mut writes = Vec::new();
+    let mut start = None;
+    let operator_buffers: Vec<&str> = plan
+        .processes
+        .iter()
+        .flat_map(|process| {
+            let command = process.supervisor.is_none().then_some(process.command_buffer);
+            [Some(process.params_buffer), command]
+        })
+        .flatten()
+        .map(|index| plan.buffers[index].spec.name.as_str())
+        .chain([names::OVERRIDE])
+        .collect();
+    for message in log.cursor(CursorOptions::default()) {
+        let message = message?;
+        let Some(topic) = info.topic(message.topic) else { continue };
+        let raw = AnyMessage::encoded(topic.schema.clone(), message.data.clone());
+        if topic.name == names::SCHEDULE {
+            records.extend(raw.to::<rcs::CycleRecord>());
+        } else if topic.name == names::RUN {
+            start = start.or(Some(message.log_time));
+        } else if operator_buffers.contains(&topic.name.as_str()) && start != Some(message.log_time) {
+            // What was written at the start is written again by `begin`.
+            writes.push((message.log_time, OperatorWrite { buffer: topic.name.clone(), message: raw }));
+        }
+    }
+    let Some(start) = start.filter(|_| !records.is_empty()) else {
+        return Err(RunError::Refused("the log holds no schedule of a live run".to_owned()));
+    };
+    let mut cycles = std::collections::BTreeMap::new();
+    for record in &records {
+        let expected = cycles.entry(record.process.clone()).or_insert(0_u64);
+        *expected += 1;
+        if record.cycle != *expected {
+            return Err(RunError::Refused(format!(
+                "the schedule in the log has a gap: {} went from cycle {} to {}",
+                record.process,
+                *expected - 1,
+                record.cycle
+            )));
+        }
+    }
+    Stepped::new(plan, None, options)?.on_schedule(start, &records, writes)
+}

@@ -1,0 +1,50 @@
+//! Parallelism for processes: fixed chunks, so that the number of threads never changes a result.
+
+use rayon::prelude::*;
+
+/// A pool of `--threads` threads; with one, everything runs on the caller's.
+pub struct Pool {
+    threads: usize,
+    inner: Option<rayon::ThreadPool>,
+}
+
+impl Pool {
+    /// A pool of that many threads, at least one. Where no threads can be had, everything runs on the caller's.
+    pub fn new(threads: usize) -> Self {
+        let inner = (threads > 1)
+            .then(|| rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok())
+            .flatten();
+        Self { threads: if inner.is_some() { threads } else { 1 }, inner }
+    }
+
+    /// How many threads there are.
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// Calls `f(index, chunk)` for each chunk of `chunk_len` elements (the last may be shorter), in any order.
+    ///
+    /// # Panics
+    /// Where `chunk_len` is 0.
+    pub fn for_each_chunk_mut<T: Send>(
+        &self,
+        data: &mut [T],
+        chunk_len: usize,
+        f: impl Fn(usize, &mut [T]) + Sync + Send,
+    ) {
+        match &self.inner {
+            Some(pool) => pool.install(|| {
+                data.par_chunks_mut(chunk_len).enumerate().for_each(|(index, chunk)| f(index, chunk));
+            }),
+            None => data.chunks_mut(chunk_len).enumerate().for_each(|(index, chunk)| f(index, chunk)),
+        }
+    }
+
+    /// `f(0), f(1), … f(count − 1)`, in that order, computed in any order.
+    pub fn map<R: Send>(&self, count: usize, f: impl Fn(usize) -> R + Sync + Send) -> Vec<R> {
+        match &self.inner {
+            Some(pool) => pool.install(|| (0..count).into_par_iter().map(f).collect()),
+            None => (0..count).map(f).collect(),
+        }
+    }
+}

@@ -1,0 +1,295 @@
+//! What a plugin's author writes: a [`Process`], its [`ProcessDef`], its ports.
+//!
+//! The runtime owns everything else: buffers, time, threads, recording. A process is a value: its state is `Clone`, so
+//! that a snapshot is a clone, and it reads, computes and writes only through the [`Cycle`] that it is given.
+
+use crate::cycle::Cycle;
+use rcs_msg::{AnyMessage, Payload, Schema, schema_of};
+use serde::{Serialize, de::DeserializeOwned};
+use std::any::Any;
+use std::collections::BTreeMap;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+/// One 4D/RCS module: cyclic, with declared inputs, outputs, parameters and commands.
+///
+/// The value itself is the state. Large parts belong behind `Arc`, copied on write, so that a clone costs little.
+pub trait Process: Clone + Serialize + DeserializeOwned + Send + Sync + 'static {
+    /// Parameters: a message of `proto/rcs` whose fields carry unit, range, default and help.
+    type Params: Payload;
+    /// Handles of the ports, made by [`Process::ports`].
+    type Ports: Send + Sync + 'static;
+    /// Name, summary, period and commands.
+    const DEF: ProcessDef;
+
+    /// Declares the ports. Called once; the order of the calls is the order of the port table.
+    fn ports(builder: &mut PortBuilder) -> Self::Ports;
+    /// The state before the first cycle.
+    fn new(params: &Self::Params) -> Self;
+    /// One cycle: read, compute, write, say how it went.
+    fn cycle(&mut self, ports: &Self::Ports, params: &Self::Params, cx: &mut Cycle<'_>);
+}
+
+/// What is fixed about a process.
+#[derive(Clone, Copy, Debug)]
+pub struct ProcessDef {
+    /// Name of the plugin, as a stack file writes it.
+    pub plugin: &'static str,
+    /// One sentence.
+    pub summary: &'static str,
+    /// Period where the stack file gives none, in milliseconds.
+    pub period_ms: f64,
+    /// Commands beside `RUN` and `HALT`, which the runtime handles for every process.
+    pub commands: &'static [CommandDef],
+}
+
+/// A command that a process obeys.
+#[derive(Clone, Copy, Debug)]
+pub struct CommandDef {
+    /// Its name: `CLEAR`.
+    pub name: &'static str,
+    /// One sentence.
+    pub help: &'static str,
+    /// Full name of its parameter message; empty where it has none.
+    pub parameters: &'static str,
+}
+
+/// One port: what it carries and what it is for.
+#[derive(Clone, Debug)]
+pub struct PortDef {
+    /// Name in the stack file.
+    pub name: &'static str,
+    /// One sentence with units and frames.
+    pub help: &'static str,
+    /// Type of its messages.
+    pub schema: Arc<Schema>,
+    /// Whether a stack must wire it (inputs only).
+    pub required: bool,
+    /// Channel metadata of the buffer that it writes (outputs only). `rcs.overlay_of` names an input port; the
+    /// runtime puts that port's buffer in its place.
+    pub metadata: BTreeMap<String, String>,
+}
+
+/// The ports of a process, in the order in which it declared them.
+#[derive(Clone, Debug, Default)]
+pub struct PortBuilder {
+    pub(crate) inputs: Vec<PortDef>,
+    pub(crate) outputs: Vec<PortDef>,
+}
+
+/// Handle of an input port.
+#[derive(Debug)]
+pub struct In<T> {
+    pub(crate) index: usize,
+    payload: PhantomData<fn() -> T>,
+}
+
+/// Handle of an output port.
+#[derive(Debug)]
+pub struct Out<T> {
+    pub(crate) index: usize,
+    payload: PhantomData<fn(T)>,
+}
+
+/// An output port that is being declared.
+pub struct OutBuilder<'a, T> {
+    index: usize,
+    def: &'a mut PortDef,
+    payload: PhantomData<fn(T)>,
+}
+
+impl PortBuilder {
+    /// An input that a stack must wire.
+    pub fn input<T: Payload>(&mut self, name: &'static str, help: &'static str) -> In<T> {
+        self.add_input(name, help, true)
+    }
+
+    /// An input that a stack may leave out.
+    pub fn optional_input<T: Payload>(&mut self, name: &'static str, help: &'static str) -> In<T> {
+        self.add_input(name, help, false)
+    }
+
+    fn add_input<T: Payload>(&mut self, name: &'static str, help: &'static str, required: bool) -> In<T> {
+        let schema = Arc::clone(schema_of::<T>());
+        self.inputs.push(PortDef { name, help, schema, required, metadata: BTreeMap::new() });
+        In { index: self.inputs.len() - 1, payload: PhantomData }
+    }
+
+    /// An output; its buffer is `/<process>/<name>` where the stack does not say otherwise.
+    pub fn output<T: Payload>(&mut self, name: &'static str, help: &'static str) -> OutBuilder<'_, T> {
+        let schema = Arc::clone(schema_of::<T>());
+        let index = self.outputs.len();
+        self.outputs.push(PortDef { name, help, schema, required: false, metadata: BTreeMap::new() });
+        OutBuilder { index, def: &mut self.outputs[index], payload: PhantomData }
+    }
+}
+
+impl<T> OutBuilder<'_, T> {
+    /// What the messages are for: `labels`, `cost`, `map`, `path`, ….
+    #[must_use]
+    pub fn role(self, role: &str) -> Self {
+        self.with("rcs.role", role)
+    }
+
+    /// Palette that a view paints it with.
+    #[must_use]
+    pub fn palette(self, palette: &str) -> Self {
+        self.with("rcs.palette", palette)
+    }
+
+    /// The input port on whose images it lies, pixel for pixel.
+    #[must_use]
+    pub fn overlay_of(self, input_port: &str) -> Self {
+        self.with("rcs.overlay_of", input_port)
+    }
+
+    fn with(self, key: &str, value: &str) -> Self {
+        self.def.metadata.insert(key.to_owned(), value.to_owned());
+        self
+    }
+
+    /// The handle.
+    pub fn build(self) -> Out<T> {
+        Out { index: self.index, payload: PhantomData }
+    }
+}
+
+/// An entry of the list of plugins: everything that the runtime must know of a [`Process`] to make one.
+#[derive(Clone, Copy)]
+pub struct ProcessType {
+    def: &'static ProcessDef,
+    ports: fn() -> PortBuilder,
+    params: fn() -> &'static Arc<Schema>,
+    make: fn(&AnyMessage) -> Option<Box<dyn Body>>,
+}
+
+impl ProcessType {
+    /// The entry for `P`.
+    pub const fn of<P: Process>() -> Self {
+        Self {
+            def: &P::DEF,
+            ports: || {
+                let mut builder = PortBuilder::default();
+                P::ports(&mut builder);
+                builder
+            },
+            params: schema_of::<P::Params>,
+            make: |message| {
+                let params: P::Params = message.to()?;
+                let ports = P::ports(&mut PortBuilder::default());
+                let state = P::new(&params);
+                Some(Box::new(Runner { state, params: Arc::new(params), ports: Arc::new(ports) }))
+            },
+        }
+    }
+
+    /// What is fixed about it.
+    pub fn def(&self) -> &'static ProcessDef {
+        self.def
+    }
+
+    /// Input ports, in order.
+    pub fn inputs(&self) -> Vec<PortDef> {
+        (self.ports)().inputs
+    }
+
+    /// Output ports, in order.
+    pub fn outputs(&self) -> Vec<PortDef> {
+        (self.ports)().outputs
+    }
+
+    /// Schema of its parameters.
+    pub fn params_schema(&self) -> &'static Arc<Schema> {
+        (self.params)()
+    }
+
+    /// A new process; `None` where the message is not of its parameters' type.
+    pub(crate) fn make(&self, params: &AnyMessage) -> Option<Box<dyn Body>> {
+        (self.make)(params)
+    }
+}
+
+impl std::fmt::Debug for ProcessType {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "ProcessType({})", self.def.plugin)
+    }
+}
+
+/// A process of a type that is known only to itself.
+pub(crate) trait Body: Send {
+    fn cycle(&mut self, cx: &mut Cycle<'_>);
+    /// Takes new parameters; `false` where they are of another type.
+    fn set_params(&mut self, params: &AnyMessage) -> bool;
+    fn save(&self) -> Arc<dyn SavedState>;
+    /// Takes a state that [`Body::save`] gave; `false` where it is another process's.
+    fn restore(&mut self, saved: &dyn SavedState) -> bool;
+    /// Takes a state that [`SavedState::encode`] gave.
+    fn restore_encoded(&mut self, bytes: &[u8]) -> Result<(), postcard::Error>;
+}
+
+/// State and parameters of a process at one moment.
+pub(crate) trait SavedState: Send + Sync {
+    fn encode(&self) -> Result<Vec<u8>, postcard::Error>;
+    fn as_any(&self) -> &dyn Any;
+}
+
+struct Runner<P: Process> {
+    state: P,
+    params: Arc<P::Params>,
+    ports: Arc<P::Ports>,
+}
+
+struct Saved<P: Process> {
+    state: P,
+    params: Arc<P::Params>,
+}
+
+impl<P: Process> Body for Runner<P> {
+    fn cycle(&mut self, cx: &mut Cycle<'_>) {
+        self.state.cycle(&self.ports, &self.params, cx);
+    }
+
+    fn set_params(&mut self, params: &AnyMessage) -> bool {
+        match params.to::<P::Params>() {
+            Some(params) => {
+                self.params = Arc::new(params);
+                true
+            }
+            None => false,
+        }
+    }
+
+    fn save(&self) -> Arc<dyn SavedState> {
+        Arc::new(Saved { state: self.state.clone(), params: Arc::clone(&self.params) })
+    }
+
+    fn restore(&mut self, saved: &dyn SavedState) -> bool {
+        match saved.as_any().downcast_ref::<Saved<P>>() {
+            Some(saved) => {
+                self.state = saved.state.clone();
+                self.params = Arc::clone(&saved.params);
+                true
+            }
+            None => false,
+        }
+    }
+
+    fn restore_encoded(&mut self, bytes: &[u8]) -> Result<(), postcard::Error> {
+        let (state, params): (P, Vec<u8>) = postcard::from_bytes(bytes)?;
+        let params = <P::Params as prost::Message>::decode(params.as_slice())
+            .map_err(|_| postcard::Error::DeserializeBadEncoding)?;
+        self.state = state;
+        self.params = Arc::new(params);
+        Ok(())
+    }
+}
+
+impl<P: Process> SavedState for Saved<P> {
+    fn encode(&self) -> Result<Vec<u8>, postcard::Error> {
+        postcard::to_stdvec(&(&self.state, prost::Message::encode_to_vec(&*self.params)))
+    }
+
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+}

@@ -1,0 +1,142 @@
+//! A log, as it is.
+
+use super::frame::{Frame, Playback, SourceInfo, SourceKind};
+use super::log_view::LogView;
+use super::{Source, SourceError, Step, Task};
+use rcs_log::{Log, LogMessage, Place};
+use rcs_msg::{AnyMessage, Stamp, rcs};
+use std::path::Path;
+use std::sync::Arc;
+
+/// A log, as it is: nothing runs.
+pub struct LogSource {
+    view: LogView,
+    info: Arc<SourceInfo>,
+    processes: Arc<[rcs::ProcessInfo]>,
+    /// Everything up to and with this is shown.
+    place: Place,
+    generation: u64,
+}
+
+impl LogSource {
+    /// Opens a log and stands at its start.
+    pub fn open(path: &Path) -> Result<Self, SourceError> {
+        Self::new(&Log::open(path)?)
+    }
+
+    /// Stands at the start of a log.
+    pub fn new(log: &Log) -> Result<Self, SourceError> {
+        let mut view = LogView::new(log);
+        let info = Arc::new(info_of(log, SourceKind::Log));
+        let processes = view.processes()?;
+        let place = Place::after(info.start);
+        view.go_to(place)?;
+        Ok(Self { view, place, info, processes, generation: 0 })
+    }
+}
+
+/// What a source on a log says of itself.
+pub(crate) fn info_of(log: &Log, kind: SourceKind) -> SourceInfo {
+    let info = log.info();
+    let name =
+        info.path.file_name().map_or_else(|| "log".to_owned(), |name| name.to_string_lossy().into_owned());
+    let mut problems = info.problems.clone();
+    problems.extend(info.topics.iter().filter_map(|topic| {
+        let reason = topic.undecodable_because.as_ref()?;
+        Some(format!("{} cannot be decoded: {reason}", topic.name))
+    }));
+    SourceInfo {
+        kind,
+        title: name,
+        detail: info.path.display().to_string(),
+        start: info.start,
+        end: Some(info.end),
+        problems,
+    }
+}
+
+impl Source for LogSource {
+    fn info(&self) -> Arc<SourceInfo> {
+        Arc::clone(&self.info)
+    }
+
+    fn now(&self) -> Stamp {
+        self.place.time
+    }
+
+    fn frame(&mut self) -> Frame {
+        self.generation += 1;
+        Frame {
+            generation: self.generation,
+            info: Arc::clone(&self.info),
+            now: self.place.time,
+            topics: self.view.topics.clone().into(),
+            processes: Arc::clone(&self.processes),
+            tracks: Arc::clone(&self.view.shared_tracks),
+            transforms: Arc::clone(&self.view.shared_tree),
+            playback: Playback::default(),
+        }
+    }
+
+    fn seek(&mut self, to: Stamp, _task: &Task) -> Result<(), SourceError> {
+        let to = to.clamp(self.info.start, self.info.end.unwrap_or(Stamp::MAX));
+        self.go_to(Place::after(to))
+    }
+
+    fn step(&mut self, step: &Step, task: &Task) -> Result<bool, SourceError> {
+        let (ids, back) = match step {
+            Step::Message { topic, back } => (topic.as_ref().map(|name| self.view.topic_ids(name)), *back),
+            Step::Cycle { process, back } => {
+                // In a recording a cycle ends where its status was written.
+                let named = |info: &&rcs::ProcessInfo| process.as_ref().is_none_or(|name| *name == info.name);
+                let infos = self.processes.iter().filter(named);
+                let ids: Vec<_> = infos.flat_map(|info| self.view.topic_ids(&info.status_buffer)).collect();
+                if ids.is_empty() {
+                    return Err(SourceError::Unsupported(
+                        "this log holds no processes; step by message, or run a stack on it".to_owned(),
+                    ));
+                }
+                (Some(ids), *back)
+            }
+            Step::Time { ns } => {
+                let now = self.place.time;
+                let to = if *ns >= 0 { now.after_ns(*ns as u64) } else { now.before_ns(ns.unsigned_abs()) };
+                self.seek(to, task)?;
+                return Ok(self.place.time != now);
+            }
+        };
+        match neighbour(self.view.log(), ids.as_deref(), self.place, back)? {
+            Some(message) => {
+                self.go_to(message.place)?;
+                Ok(true)
+            }
+            None => Ok(false),
+        }
+    }
+
+    fn write(&mut self, _buffer: &str, _message: AnyMessage) -> Result<(), SourceError> {
+        Err(SourceError::Unsupported("a recording cannot be written to; run a stack on it".to_owned()))
+    }
+
+    fn idle(&mut self) -> bool {
+        self.view.idle()
+    }
+}
+
+impl LogSource {
+    fn go_to(&mut self, place: Place) -> Result<(), SourceError> {
+        self.view.go_to(place)?;
+        self.place = place;
+        Ok(())
+    }
+}
+
+/// The next (or previous) message of any of `topics`, or of all.
+pub(crate) fn neighbour(
+    log: &Log,
+    topics: Option<&[rcs_log::TopicId]>,
+    place: Place,
+    back: bool,
+) -> Result<Option<LogMessage>, SourceError> {
+    Ok(if back { log.previous_message(place, topics)? } else { log.next_message(place, topics)? })
+}

@@ -1,0 +1,201 @@
+//! The topics of a log at one moment, and what is read from it in the background.
+
+use super::frame::{RunTag, Topic, Track};
+use super::tracks::{Tracks, is_pose_type, is_transform_type};
+use super::{Source, SourceError, canonical};
+use rcs_bus::{Header, Sample, WriterId};
+use rcs_geom::TransformTree;
+use rcs_log::{Cursor, CursorOptions, Log, LogMessage, Place, TopicId};
+use rcs_msg::{AnyMessage, Stamp, rcs};
+use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+/// A jump by more than this looks everything up afresh instead of reading all that lies between.
+const JUMP_NS: u64 = 2_000_000_000;
+/// How long one piece of background work may take.
+const PIECE: Duration = Duration::from_millis(8);
+
+/// The topics of a log at one moment.
+pub(crate) struct LogView {
+    log: Log,
+    pub(crate) topics: Vec<Topic>,
+    by_id: BTreeMap<TopicId, usize>,
+    shown: Option<Place>,
+    cursor: Cursor,
+    ahead: Option<LogMessage>,
+    background: Option<Cursor>,
+    tracks: Tracks,
+    shared_len: usize,
+    pub(crate) shared_tracks: Arc<BTreeMap<Arc<str>, Arc<Track>>>,
+    pub(crate) shared_tree: Arc<TransformTree>,
+}
+
+impl LogView {
+    pub(crate) fn new(log: &Log) -> Self {
+        let info = log.info();
+        let mut topics = Vec::new();
+        let mut by_id = BTreeMap::new();
+        for topic in &info.topics {
+            by_id.insert(topic.id, topics.len());
+            topics.push(Topic {
+                name: topic.name.as_str().into(),
+                run: RunTag::Recorded,
+                schema: Arc::clone(&topic.schema),
+                metadata: Arc::new(topic.metadata.clone()),
+                writer: topic.metadata.get("rcs.writer").map_or("", String::as_str).into(),
+                messages: topic.messages,
+                hz: topic.hz,
+                undecodable: topic.undecodable_because.as_deref().map(Arc::from),
+                latest: None,
+                canonical: Arc::new(OnceLock::new()),
+            });
+        }
+        let background: Vec<TopicId> = info
+            .topics
+            .iter()
+            .filter(|topic| {
+                rcs_msg::canonical_name(&topic.schema)
+                    .is_some_and(|name| is_pose_type(name) || is_transform_type(name))
+            })
+            .map(|topic| topic.id)
+            .collect();
+        let background = (!background.is_empty())
+            .then(|| log.cursor(CursorOptions { topics: Some(background), ..CursorOptions::default() }));
+        Self {
+            log: log.clone(),
+            topics,
+            by_id,
+            shown: None,
+            cursor: log.cursor(CursorOptions::default()),
+            ahead: None,
+            background,
+            tracks: Tracks::default(),
+            shared_len: 0,
+            shared_tracks: Arc::default(),
+            shared_tree: Arc::default(),
+        }
+    }
+
+    pub(crate) fn log(&self) -> &Log {
+        &self.log
+    }
+
+    /// The topic of that name; the first where several channels carry it.
+    pub(crate) fn topic_ids(&self, name: &str) -> Vec<TopicId> {
+        self.log.info().topics_named(name).map(|topic| topic.id).collect()
+    }
+
+    /// Shows everything up to and with `to`.
+    pub(crate) fn go_to(&mut self, to: Place) -> Result<(), SourceError> {
+        match self.shown {
+            Some(shown) if to >= shown && to.time.0 - shown.time.0 <= JUMP_NS => {}
+            _ => self.look_up_before(to.time)?,
+        }
+        self.read_on(to)?;
+        self.shown = Some(to);
+        Ok(())
+    }
+
+    fn read_on(&mut self, to: Place) -> Result<(), SourceError> {
+        loop {
+            let Some(message) = self.ahead.take().map(Ok).or_else(|| self.cursor.next()).transpose()? else {
+                return Ok(());
+            };
+            if message.place > to {
+                self.ahead = Some(message);
+                return Ok(());
+            }
+            self.show(message);
+        }
+    }
+
+    /// Shows everything before `time`, and makes ready to read on from there.
+    fn look_up_before(&mut self, time: Stamp) -> Result<(), SourceError> {
+        for topic in &mut self.topics {
+            topic.latest = None;
+            topic.canonical = Arc::new(OnceLock::new());
+        }
+        if time > Stamp(0) {
+            for message in self.log.latest_at(time.before_ns(1), None)?.into_iter().flatten() {
+                self.show(message);
+            }
+        }
+        self.ahead = None;
+        self.cursor = self.log.cursor(CursorOptions { start: time, ..CursorOptions::default() });
+        Ok(())
+    }
+
+    fn show(&mut self, message: LogMessage) {
+        let Some(&index) = self.by_id.get(&message.topic) else { return };
+        let topic = &mut self.topics[index];
+        let header = Header {
+            sequence: u64::from(message.sequence),
+            log_time: message.log_time,
+            acq_time: message.publish_time,
+            writer: WriterId::RUNTIME,
+        };
+        let message = AnyMessage::encoded(Arc::clone(&topic.schema), message.data);
+        topic.latest = Some(Sample { header, message });
+        topic.canonical = Arc::new(OnceLock::new());
+    }
+
+    /// Reads poses and transforms for a few milliseconds; `true` where some are left.
+    pub(crate) fn idle(&mut self) -> bool {
+        let Some(cursor) = &mut self.background else { return false };
+        let until = Instant::now() + PIECE;
+        let mut more = true;
+        while more && Instant::now() < until {
+            match cursor.next() {
+                Some(Ok(message)) => {
+                    let Some(&index) = self.by_id.get(&message.topic) else { continue };
+                    let topic = &self.topics[index];
+                    let raw = AnyMessage::encoded(Arc::clone(&topic.schema), message.data);
+                    if let Some(message_out) = canonical(&raw) {
+                        let is_static = is_static_topic(&topic.name);
+                        self.tracks.take(&topic.name, message.log_time, &message_out, is_static);
+                    }
+                }
+                // What cannot be read has been told by the log; the tracks show what there is.
+                Some(Err(_)) | None => more = false,
+            }
+        }
+        if !more {
+            self.background = None;
+        }
+        // Sharing copies: do it when there is half as much again, and at the end.
+        if !more || self.tracks.len() > self.shared_len + self.shared_len / 2 + 64 {
+            self.shared_len = self.tracks.len();
+            self.shared_tracks = Arc::new(self.tracks.share());
+            self.shared_tree = Arc::new(self.tracks.tree());
+        }
+        more
+    }
+
+    /// Every process that the log tells of.
+    pub(crate) fn processes(&self) -> Result<Arc<[rcs::ProcessInfo]>, SourceError> {
+        let ids = self.topic_ids(crate::stack::names::PROCESSES);
+        if ids.is_empty() {
+            return Ok(Arc::new([]));
+        }
+        let mut found: Vec<rcs::ProcessInfo> = Vec::new();
+        for message in self.log.cursor(CursorOptions { topics: Some(ids), ..CursorOptions::default() }) {
+            if let Ok(info) = <rcs::ProcessInfo as prost::Message>::decode(message?.data)
+                && !found.iter().any(|known| known.name == info.name)
+            {
+                found.push(info);
+            }
+        }
+        Ok(found.into())
+    }
+}
+
+/// Transforms of this topic hold for the whole log, by ROS's convention.
+pub(crate) fn is_static_topic(name: &str) -> bool {
+    name.ends_with("/tf_static")
+}
+
+/// A source's `idle` work, done to its end.
+pub fn finish_idle(source: &mut dyn Source) {
+    while source.idle() {}
+}

@@ -1,0 +1,285 @@
+//! A stack that runs: on a log, or on nothing but itself. What was recorded and what is made now stand side by side.
+
+use super::frame::{Frame, Playback, RunTag, SourceInfo, SourceKind, Topic};
+use super::log_source::{info_of, neighbour};
+use super::log_view::LogView;
+use super::tracks::{Tracks, is_pose_type};
+use super::{Source, SourceError, Step, Task, canonical};
+use crate::history::{OperatorWrite, Session};
+use crate::node::RunError;
+use crate::record::writer_of;
+use crate::stack::Plan;
+use crate::stepped::{Happened, RunOptions, Stepped};
+use rcs_bus::Sample;
+use rcs_log::{Log, Place};
+use rcs_msg::{AnyMessage, Stamp, rcs};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// A stack that runs, forward and back.
+pub struct StackSource {
+    session: Session,
+    recorded: Option<LogView>,
+    info: Arc<SourceInfo>,
+    processes: Arc<[rcs::ProcessInfo]>,
+    /// One topic a buffer, in the order of the plan.
+    topics: Vec<Topic>,
+    tracks: Arc<Mutex<Tracks>>,
+    /// Where the operator stands: at the run's last event, or later where nothing has happened since.
+    now: Stamp,
+    generation: u64,
+}
+
+impl StackSource {
+    /// A stack at its start, on a log where it reads one.
+    pub fn new(plan: Arc<Plan>, log: Option<&Log>, options: RunOptions) -> Result<Self, SourceError> {
+        let run = Stepped::new(Arc::clone(&plan), log, options)?;
+        let tracks: Arc<Mutex<Tracks>> = Arc::default();
+        for process in &plan.processes {
+            for &index in &process.outputs {
+                let buffer = &run.buffers()[index];
+                if is_pose_type(buffer.spec().schema.name()) {
+                    let tracks = Arc::clone(&tracks);
+                    let name: Arc<str> = buffer.name().into();
+                    buffer.tap(Box::new(move |sample: &Sample| {
+                        if let Some(message) = canonical(&sample.message) {
+                            let mut tracks = tracks.lock().unwrap_or_else(PoisonError::into_inner);
+                            tracks.take(&name, sample.header.log_time, &message, false);
+                        }
+                    }));
+                }
+            }
+        }
+        let topics = plan.buffers.iter().map(|buffer| Topic {
+            name: buffer.spec.name.as_str().into(),
+            run: RunTag::Run,
+            schema: Arc::clone(&buffer.spec.schema),
+            metadata: Arc::new(buffer.spec.metadata.clone()),
+            writer: writer_of(&plan, &buffer.spec.name).into(),
+            messages: 0,
+            hz: 0.0,
+            undecodable: None,
+            latest: None,
+            canonical: Arc::new(OnceLock::new()),
+        });
+        let topics = topics.collect();
+        let mut info = match log {
+            Some(log) => info_of(log, SourceKind::Replay),
+            None => SourceInfo {
+                kind: SourceKind::Stack,
+                title: String::new(),
+                detail: plan.file.description().to_owned(),
+                start: run.start(),
+                end: None,
+                problems: Vec::new(),
+            },
+        };
+        info.title = match log {
+            Some(_) => format!("{} · {}", info.title, plan.file.name()),
+            None => plan.file.name().to_owned(),
+        };
+        let now = run.start();
+        let recorded = log.map(LogView::new);
+        let processes = plan.process_infos().into();
+        let session = Session::new(run)?;
+        let info = Arc::new(info);
+        let mut source = Self { session, recorded, info, processes, topics, tracks, now, generation: 0 };
+        // What the log holds at its first moment is there at once.
+        source.seek(now, &Task::default())?;
+        Ok(source)
+    }
+
+    /// The run with its past.
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// Up to where there is anything to do.
+    fn last(&self) -> Stamp {
+        self.session.run().horizon().unwrap_or(Stamp::MAX)
+    }
+
+    fn arrived(&mut self, now: Stamp) -> Result<(), SourceError> {
+        self.now = now;
+        let end = self.info.end.unwrap_or(Stamp::MAX);
+        match &mut self.recorded {
+            Some(view) => view.go_to(Place::after(now.min(end))),
+            None => Ok(()),
+        }
+    }
+
+    fn buffer_of(&self, topic: &str) -> Option<usize> {
+        let plan = self.session.run().plan();
+        plan.inputs
+            .iter()
+            .find(|input| input.topic == topic && !input.is_static)
+            .map(|input| input.buffer)
+            .or_else(|| plan.buffers.iter().position(|buffer| buffer.spec.name == topic))
+    }
+
+    fn process_named(&self, name: &str) -> Result<usize, SourceError> {
+        let processes = &self.session.run().plan().processes;
+        processes
+            .iter()
+            .position(|process| &*process.name == name)
+            .ok_or_else(|| SourceError::Unsupported(format!("there is no process {name} in this stack")))
+    }
+
+    fn step_message(&mut self, topic: Option<&str>, back: bool, task: &Task) -> Result<bool, SourceError> {
+        let last = self.last();
+        let Some(topic) = topic else {
+            return self.step_event(back, task, |what| what == Happened::Input);
+        };
+        if let Some(buffer) = self.buffer_of(topic) {
+            if back {
+                return self.go_back(self.session.event_of_message_before(buffer), task);
+            }
+            let newest = self.session.run().buffers()[buffer].newest();
+            return self.session.forward_to(last, task, |run, _| run.buffers()[buffer].newest() > newest);
+        }
+        // A recorded topic that the stack does not read.
+        let Some(view) = &self.recorded else {
+            return Err(SourceError::Unsupported(format!("there is no topic {topic}")));
+        };
+        let ids = view.topic_ids(topic);
+        match neighbour(
+            view.log(),
+            Some(&ids),
+            if back { Place::before(self.now) } else { Place::after(self.now) },
+            back,
+        )? {
+            Some(message) => {
+                self.session.go_to_time(message.log_time, task)?;
+                self.now = message.log_time;
+                Ok(true)
+            }
+            None => Ok(false),
+        }
+    }
+
+    fn step_event(
+        &mut self,
+        back: bool,
+        task: &Task,
+        is_wanted: impl Fn(Happened) -> bool,
+    ) -> Result<bool, SourceError> {
+        if back {
+            let event = self.session.event_before(is_wanted);
+            return self.go_back(event, task);
+        }
+        let last = self.last();
+        self.session.forward_to(last, task, |_, what| is_wanted(what))
+    }
+
+    fn go_back(&mut self, event: Option<u64>, task: &Task) -> Result<bool, SourceError> {
+        match event {
+            Some(event) => {
+                self.session.go_to_event(event, task)?;
+                Ok(true)
+            }
+            None => Ok(false),
+        }
+    }
+
+    fn update_topics(&mut self) {
+        let run = self.session.run();
+        let elapsed_s = self.now.seconds_since(run.start());
+        for (topic, buffer) in self.topics.iter_mut().zip(run.buffers()) {
+            let latest = buffer.latest();
+            let same = match (&topic.latest, &latest) {
+                (Some(a), Some(b)) => a.header == b.header && a.message.same(&b.message),
+                (None, None) => true,
+                _ => false,
+            };
+            if !same {
+                topic.latest = latest;
+                topic.canonical = Arc::new(OnceLock::new());
+            }
+            topic.messages = buffer.newest();
+            topic.hz =
+                if topic.messages > 1 && elapsed_s > 0.0 { topic.messages as f64 / elapsed_s } else { 0.0 };
+        }
+    }
+}
+
+impl Source for StackSource {
+    fn info(&self) -> Arc<SourceInfo> {
+        Arc::clone(&self.info)
+    }
+
+    fn now(&self) -> Stamp {
+        self.now
+    }
+
+    fn frame(&mut self) -> Frame {
+        self.update_topics();
+        self.generation += 1;
+        let recorded = self.recorded.as_ref();
+        let topics =
+            recorded.map_or(&[][..], |view| &view.topics).iter().chain(&self.topics).cloned().collect();
+        let mut tracks: BTreeMap<_, _> =
+            recorded.map(|view| (*view.shared_tracks).clone()).unwrap_or_default();
+        tracks.extend(self.tracks.lock().unwrap_or_else(PoisonError::into_inner).share());
+        Frame {
+            generation: self.generation,
+            info: Arc::clone(&self.info),
+            now: self.now,
+            topics,
+            processes: Arc::clone(&self.processes),
+            tracks: Arc::new(tracks),
+            transforms: recorded.map(|view| Arc::clone(&view.shared_tree)).unwrap_or_default(),
+            playback: Playback::default(),
+        }
+    }
+
+    fn seek(&mut self, to: Stamp, task: &Task) -> Result<(), SourceError> {
+        let to = to.clamp(self.info.start, self.last());
+        let done = self.session.go_to_time(to, task);
+        // Stopped on the way: stand where the run stands.
+        let now = if done.is_ok() { to } else { self.session.run().now() };
+        self.arrived(now)?;
+        done
+    }
+
+    fn step(&mut self, step: &Step, task: &Task) -> Result<bool, SourceError> {
+        let moved = match step {
+            Step::Message { topic, back } => self.step_message(topic.as_deref(), *back, task)?,
+            Step::Cycle { process, back } => {
+                let process = process.as_ref().map(|name| self.process_named(name)).transpose()?;
+                self.step_event(*back, task, |what| match what {
+                    Happened::Cycle(index) => process.is_none_or(|process| process == index),
+                    _ => false,
+                })?
+            }
+            Step::Time { ns } => {
+                let from = self.now;
+                let to = if *ns >= 0 { from.after_ns(*ns as u64) } else { from.before_ns(ns.unsigned_abs()) };
+                self.seek(to, task)?;
+                return Ok(self.now != from);
+            }
+        };
+        if moved {
+            self.arrived(self.session.run().now())?;
+        }
+        Ok(moved)
+    }
+
+    fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError> {
+        let was_branch = self.session.is_branch();
+        self.session.write(OperatorWrite { buffer: buffer.to_owned(), message }).map_err(
+            |error| match error {
+                // What the operator asked for does not fit: nothing has changed.
+                RunError::Refused(text) => SourceError::Unsupported(text),
+                other => SourceError::Run(other),
+            },
+        )?;
+        if self.session.is_branch() && !was_branch {
+            self.tracks.lock().unwrap_or_else(PoisonError::into_inner).truncate(self.now);
+        }
+        Ok(())
+    }
+
+    fn idle(&mut self) -> bool {
+        self.recorded.as_mut().is_some_and(LogView::idle)
+    }
+}

@@ -1,0 +1,122 @@
+//! Where things have been: positions of pose-like messages, and the transforms of a log.
+
+use super::frame::Track;
+use rcs_geom::{DVec3, Pose, TransformTree};
+use rcs_msg::{AnyMessage, Stamp, foxglove};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Types whose messages say where something is.
+const POSE_TYPES: [&str; 3] = ["foxglove.Odometry", "foxglove.PoseInFrame", "foxglove.LocationFix"];
+const TRANSFORM_TYPES: [&str; 2] = ["foxglove.FrameTransforms", "foxglove.FrameTransform"];
+
+pub(crate) fn is_pose_type(name: &str) -> bool {
+    POSE_TYPES.contains(&name)
+}
+
+pub(crate) fn is_transform_type(name: &str) -> bool {
+    TRANSFORM_TYPES.contains(&name)
+}
+
+/// Tracks and transforms that grow message by message.
+#[derive(Default)]
+pub(crate) struct Tracks {
+    tracks: BTreeMap<Arc<str>, Track>,
+    tree: TransformTree,
+    /// Transforms that odometry implies, used where no message says them.
+    implied: TransformTree,
+    has_transforms: bool,
+}
+
+impl Tracks {
+    /// Takes a canonical message that came at `log_time` on `topic`.
+    pub(crate) fn take(&mut self, topic: &Arc<str>, log_time: Stamp, message: &AnyMessage, is_static: bool) {
+        if let Some(odometry) = message.get::<foxglove::Odometry>() {
+            if let Some(pose) = odometry.pose.as_ref().and_then(to_pose) {
+                self.push(topic, &odometry.frame_id, log_time, pose.translation, pose.yaw());
+                let time = odometry.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
+                if !odometry.frame_id.is_empty() && !odometry.body_frame_id.is_empty() {
+                    // A loop or a number that is no number: the track above still shows it.
+                    let _ = self.implied.insert(&odometry.frame_id, &odometry.body_frame_id, time.0, pose);
+                }
+            }
+        } else if let Some(stamped) = message.get::<foxglove::PoseInFrame>() {
+            if let Some(pose) = stamped.pose.as_ref().and_then(to_pose) {
+                self.push(topic, &stamped.frame_id, log_time, pose.translation, pose.yaw());
+            }
+        } else if let Some(fix) = message.get::<foxglove::LocationFix>() {
+            let position = DVec3::new(fix.longitude, fix.latitude, fix.altitude);
+            if fix.longitude.is_finite() && fix.latitude.is_finite() {
+                self.push(topic, "wgs84", log_time, position, f64::NAN);
+            }
+        } else if let Some(list) = message.get::<foxglove::FrameTransforms>() {
+            for transform in &list.transforms {
+                self.transform(transform, log_time, is_static);
+            }
+        } else if let Some(transform) = message.get::<foxglove::FrameTransform>() {
+            self.transform(transform, log_time, is_static);
+        }
+    }
+
+    fn push(&mut self, topic: &Arc<str>, frame_id: &str, time: Stamp, position: DVec3, yaw: f64) {
+        let track = self.tracks.entry(Arc::clone(topic)).or_insert_with(|| Track {
+            topic: Arc::clone(topic),
+            frame_id: frame_id.to_owned(),
+            ..Track::default()
+        });
+        // A run that goes forward again after going back says nothing new.
+        if track.stamps.last().is_none_or(|&last| time > last) {
+            track.stamps.push(time);
+            track.points.push([position.x, position.y, position.z, yaw]);
+        }
+    }
+
+    fn transform(&mut self, transform: &foxglove::FrameTransform, log_time: Stamp, is_static: bool) {
+        let (Some(translation), Some(rotation)) = (&transform.translation, &transform.rotation) else {
+            return;
+        };
+        let Some(pose) = pose_of(translation, rotation) else { return };
+        let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
+        let time = transform.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
+        let taken = if is_static {
+            self.tree.set_static(parent, child, pose)
+        } else {
+            self.tree.insert(parent, child, time.0, pose)
+        };
+        self.has_transforms |= taken.is_ok();
+    }
+
+    /// Forgets what came after `time`: the run has branched there.
+    pub(crate) fn truncate(&mut self, time: Stamp) {
+        for track in self.tracks.values_mut() {
+            let keep = track.stamps.partition_point(|&stamp| stamp <= time);
+            track.stamps.truncate(keep);
+            track.points.truncate(keep);
+        }
+    }
+
+    /// How many positions there are.
+    pub(crate) fn len(&self) -> usize {
+        self.tracks.values().map(|track| track.stamps.len()).sum()
+    }
+
+    /// All tracks, shared.
+    pub(crate) fn share(&self) -> BTreeMap<Arc<str>, Arc<Track>> {
+        self.tracks.iter().map(|(name, track)| (Arc::clone(name), Arc::new(track.clone()))).collect()
+    }
+
+    /// All transforms; those that odometry implies only where no message says any.
+    pub(crate) fn tree(&self) -> TransformTree {
+        if self.has_transforms { self.tree.clone() } else { self.implied.clone() }
+    }
+}
+
+fn to_pose(pose: &foxglove::Pose) -> Option<Pose> {
+    pose_of(pose.position.as_ref()?, pose.orientation.as_ref()?)
+}
+
+/// A rigid transform; `None` where a number is none, or the rotation is no rotation.
+fn pose_of(translation: &foxglove::Vector3, rotation: &foxglove::Quaternion) -> Option<Pose> {
+    let translation = [translation.x, translation.y, translation.z];
+    Pose::from_parts(translation, [rotation.x, rotation.y, rotation.z, rotation.w]).ok()
+}

@@ -1,0 +1,147 @@
+//! The text of a stack file as values that know where they stand.
+
+use super::error::StackError;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use toml::Spanned;
+
+/// The supervisor that is built into the window: it commands `RUN` at the start, and what the operator says.
+pub const VIEWER: &str = "viewer";
+
+/// A stack file, read but not yet checked against the plugins.
+#[derive(Clone, Debug)]
+pub struct StackFile {
+    /// File as it was named.
+    pub file: String,
+    /// The whole text.
+    pub text: String,
+    pub(crate) content: Content,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Content {
+    pub(crate) format: Spanned<u32>,
+    pub(crate) name: Spanned<String>,
+    #[serde(default)]
+    pub(crate) description: String,
+    #[serde(default, rename = "input")]
+    pub(crate) inputs: Vec<Spanned<InputEntry>>,
+    #[serde(default, rename = "process")]
+    pub(crate) processes: Vec<Spanned<ProcessEntry>>,
+    #[serde(default)]
+    pub(crate) buffers: BTreeMap<Spanned<String>, Spanned<BufferEntry>>,
+}
+
+/// A topic of the log that the stack reads.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct InputEntry {
+    /// Buffer that it fills.
+    pub buffer: Spanned<String>,
+    /// Topic of the log.
+    pub topic: Spanned<String>,
+    /// Type of the buffer, where no process reads it: `foxglove.Odometry`.
+    #[serde(rename = "type")]
+    pub type_name: Option<Spanned<String>>,
+    /// Its messages hold for the whole log and are all given at its start; `/tf_static` is so by itself.
+    #[serde(default, rename = "static")]
+    pub is_static: bool,
+}
+
+/// A process.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProcessEntry {
+    /// Its name, once in a stack.
+    pub name: Spanned<String>,
+    /// Plugin that defines it.
+    pub plugin: Spanned<String>,
+    /// Who commands it; absent is an error that says what to write.
+    pub supervisor: Option<Spanned<String>>,
+    /// Computer that it runs on.
+    #[serde(default = "default_host")]
+    pub host: String,
+    /// Time from cycle to cycle; the plugin's where it is absent.
+    pub period_ms: Option<Spanned<f64>>,
+    /// Time from the start of a cycle until its output is visible.
+    pub latency_ms: Option<Spanned<f64>>,
+    /// Buffers of the input ports.
+    #[serde(default)]
+    pub inputs: BTreeMap<Spanned<String>, Spanned<String>>,
+    /// Buffers of the output ports; `/<process>/<port>` where one is absent.
+    #[serde(default)]
+    pub outputs: BTreeMap<Spanned<String>, Spanned<String>>,
+    /// Parameters; the default where one is absent.
+    #[serde(default)]
+    pub params: BTreeMap<Spanned<String>, Spanned<toml::Value>>,
+}
+
+fn default_host() -> String {
+    "local".to_owned()
+}
+
+/// How much a buffer keeps, and how much of it is recorded.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BufferEntry {
+    /// Depth of the queue; latest only where it is absent.
+    pub queue: Option<Spanned<usize>>,
+    /// What happens when a reader falls behind.
+    pub overflow: Option<Spanned<OverflowEntry>>,
+    /// Whether it is recorded; `true` where it is absent.
+    pub record: Option<bool>,
+    /// Messages recorded a second, at most; all of them where it is absent.
+    pub record_hz: Option<Spanned<f64>>,
+}
+
+/// What happens when a reader falls behind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OverflowEntry {
+    /// The oldest message goes.
+    DropOldest,
+    /// The write is refused.
+    Refuse,
+}
+
+impl StackFile {
+    /// The version of the format that this program reads and writes.
+    pub const FORMAT: u32 = 1;
+
+    /// Reads the text of a stack file; `file` is how errors name it.
+    pub fn parse(file: &str, text: &str) -> Result<Self, StackError> {
+        let content: Content = toml::from_str(text).map_err(|error| {
+            StackError::at(file, text, &error.span().unwrap_or(0..0), error.message().trim().to_owned())
+        })?;
+        let stack = Self { file: file.to_owned(), text: text.to_owned(), content };
+        let format = &stack.content.format;
+        if *format.get_ref() != Self::FORMAT {
+            return Err(stack.error(
+                &format.span(),
+                format!("format {} is not known; expected {}", format.get_ref(), Self::FORMAT),
+            ));
+        }
+        Ok(stack)
+    }
+
+    /// Name of the stack.
+    pub fn name(&self) -> &str {
+        self.content.name.get_ref()
+    }
+
+    /// What it is for.
+    pub fn description(&self) -> &str {
+        &self.content.description
+    }
+
+    /// Topics of the log that it reads.
+    pub fn topics(&self) -> impl Iterator<Item = &str> {
+        self.content.inputs.iter().map(|input| input.get_ref().topic.get_ref().as_str())
+    }
+
+    pub(crate) fn error(&self, span: &Range<usize>, message: impl Into<String>) -> StackError {
+        StackError::at(&self.file, &self.text, span, message)
+    }
+}

@@ -1,0 +1,39 @@
+//! Stack files: which processes run, how they are wired, with which parameters.
+//!
+//! [`StackFile::parse`] reads the text, [`Plan::new`] checks it against the list of plugins. Every error names the file,
+//! the line, and what was expected; nothing runs before all of it has been checked.
+//!
+//! ```toml
+//! format = 1
+//! name = "range_camera"
+//! description = "Obstacles from one depth camera."
+//!
+//! [[input]]                       # a topic of the log, as the type that its readers want
+//! buffer = "/camera/depth"
+//! topic = "/cam_depth/image_raw"
+//!
+//! [[process]]
+//! name = "obstacles"
+//! plugin = "obstacles"
+//! supervisor = "viewer"           # another process, or the one that is built into the window
+//! period_ms = 50
+//! latency_ms = 0
+//! inputs = { depth = "/camera/depth" }
+//! outputs = { labels = "/sp1/obstacles/labels" }
+//! params = { depth_scale_m = 0.00390625 }
+//!
+//! [buffers."/sp1/obstacles/labels"]
+//! queue = 8                       # latest only where it is absent
+//! overflow = "drop_oldest"        # or "refuse"
+//! record = true
+//! record_hz = 5.0                 # at most; every message where it is absent
+//! ```
+
+mod error;
+mod file;
+mod plan;
+
+pub use error::StackError;
+pub use file::{BufferEntry, InputEntry, OverflowEntry, ProcessEntry, StackFile, VIEWER};
+pub(crate) use plan::names;
+pub use plan::{BufferPlan, InputPlan, Plan, ProcessPlan};

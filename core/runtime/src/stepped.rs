@@ -1,0 +1,643 @@
+//! The stepped executor: one event after another in simulated time.
+//!
+//! Events are ordered by time; at one instant the log's messages come first, in file order, then output that becomes
+//! visible now, then cycles by rank. The result depends on the inputs, the stack, the parameters and the seed alone.
+
+use crate::feed::Feed;
+use crate::history::OperatorWrite;
+use crate::node::{Machine, Output, RunError, check_params};
+use crate::pool::Pool;
+use crate::stack::{Plan, names};
+use rcs_bus::{Buffer, Bus, Draft, Override, OverrideMode, OverrideValue, Sample, WriterId};
+use rcs_log::Log;
+use rcs_msg::{AnyMessage, Stamp, Value, foxglove, rcs};
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+/// How a stack is run.
+#[derive(Clone, Debug)]
+pub struct RunOptions {
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Threads that processes compute on.
+    pub threads: usize,
+    /// Whether every buffer is hashed, which encodes every message.
+    pub hash: bool,
+    /// Program and version, for the log.
+    pub build: String,
+    /// Name of the log, for the log.
+    pub log_name: String,
+}
+
+impl Default for RunOptions {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            threads: 1,
+            hash: false,
+            build: concat!("ocu ", env!("CARGO_PKG_VERSION")).to_owned(),
+            log_name: String::new(),
+        }
+    }
+}
+
+/// What one event was.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Happened {
+    /// A message of the log was given to the stack.
+    Input,
+    /// Output of an earlier cycle of a process became visible.
+    Published(usize),
+    /// A process finished a cycle (whose output is visible now, unless it has a latency).
+    Cycle(usize),
+    /// An operator's write of a live run was done again.
+    Written,
+}
+
+/// An event that is still to come.
+#[derive(Clone)]
+pub(crate) struct Event {
+    pub(crate) time: Stamp,
+    pub(crate) rank: u32,
+    pub(crate) order: u64,
+    pub(crate) kind: EventKind,
+}
+
+#[derive(Clone)]
+pub(crate) enum EventKind {
+    /// Output that becomes visible, and when its cycle started.
+    Publish {
+        started: Stamp,
+        output: Box<Output>,
+    },
+    Cycle,
+    /// An operator's write of a live run that is run again.
+    Write(Box<OperatorWrite>),
+}
+
+impl Event {
+    fn key(&self) -> (Stamp, u8, u32, u64) {
+        let class = match self.kind {
+            EventKind::Publish { .. } | EventKind::Write(_) => 0,
+            EventKind::Cycle => 1,
+        };
+        (self.time, class, self.rank, self.order)
+    }
+}
+
+impl PartialEq for Event {
+    fn eq(&self, other: &Self) -> bool {
+        self.key() == other.key()
+    }
+}
+
+impl Eq for Event {}
+
+impl PartialOrd for Event {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Event {
+    /// The earliest is the greatest: a [`BinaryHeap`] gives it first.
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.key().cmp(&self.key())
+    }
+}
+
+/// What was written to each buffer so far, in the order of the plan.
+pub(crate) type Tallies = Arc<Mutex<Vec<Tally>>>;
+
+/// What was written to one buffer so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub(crate) struct Tally {
+    hash: [u8; 32],
+    bytes: u64,
+}
+
+/// A stack in simulated time.
+pub struct Stepped {
+    machine: Machine,
+    options: RunOptions,
+    pub(crate) now: Stamp,
+    pub(crate) start: Stamp,
+    pub(crate) events: u64,
+    pub(crate) order: u64,
+    pub(crate) queue: BinaryHeap<Event>,
+    pub(crate) feed: Option<Feed>,
+    pub(crate) tallies: Option<Tallies>,
+    /// Cycles of a live run that are run again; empty on the nominal schedule.
+    schedule: Vec<ScheduledCycle>,
+    pool: Pool,
+    timings: Vec<CycleTimes>,
+    timing_due: Stamp,
+}
+
+/// One cycle of a recorded schedule.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ScheduledCycle {
+    pub(crate) node: usize,
+    pub(crate) start: Stamp,
+    pub(crate) end: Stamp,
+}
+
+#[derive(Clone, Copy, Default)]
+struct CycleTimes {
+    cycles: u64,
+    total_ns: u64,
+    max_ns: u64,
+    overruns: u64,
+}
+
+impl Stepped {
+    /// A stack that is about to run, from the start of `log` where it reads one, else from time 0.
+    pub fn new(plan: Arc<Plan>, log: Option<&Log>, options: RunOptions) -> Result<Self, RunError> {
+        let machine = Machine::new(Arc::clone(&plan), options.seed)?;
+        let feed = match log {
+            Some(log) => Some(Feed::new(log, &machine)?),
+            None => None,
+        };
+        if feed.is_none()
+            && let Some(input) = plan.inputs.first()
+        {
+            return Err(RunError::Refused(format!(
+                "stack {} reads topic {} of a log; expected a log to read it from",
+                plan.file.name(),
+                input.topic
+            )));
+        }
+        let start = feed.as_ref().map_or(Stamp(0), |feed| feed.range.0);
+        let mut stepped = Self {
+            options,
+            now: start,
+            start,
+            events: 0,
+            order: 0,
+            queue: BinaryHeap::new(),
+            feed,
+            tallies: None,
+            schedule: Vec::new(),
+            pool: Pool::new(1),
+            timings: vec![CycleTimes::default(); machine.nodes.len()],
+            timing_due: start,
+            machine,
+        };
+        stepped.pool = Pool::new(stepped.options.threads);
+        if stepped.options.hash {
+            stepped.tallies = Some(stepped.tap_tallies());
+        }
+        for rank in 0..stepped.machine.nodes.len() {
+            stepped.schedule_cycle(rank, start);
+        }
+        Ok(stepped)
+    }
+
+    /// Runs the cycles that a live run recorded, instead of the nominal ones, and what its operator wrote meanwhile.
+    pub(crate) fn on_schedule(
+        mut self,
+        start: Stamp,
+        records: &[rcs::CycleRecord],
+        writes: Vec<(Stamp, OperatorWrite)>,
+    ) -> Result<Self, RunError> {
+        self.queue.clear();
+        self.schedule.clear();
+        for record in records {
+            let processes = &self.machine.plan.processes;
+            let Some(node) = processes.iter().position(|process| *process.name == *record.process) else {
+                return Err(RunError::Refused(format!(
+                    "the schedule names process {}, which the stack does not have",
+                    record.process
+                )));
+            };
+            self.schedule.push(ScheduledCycle {
+                node,
+                start: Stamp(record.start_ns),
+                end: Stamp(record.end_ns),
+            });
+        }
+        self.schedule.sort_by_key(|cycle| cycle.start);
+        self.start = start;
+        self.now = start;
+        let cycles: Vec<_> = self.schedule.iter().map(|cycle| (cycle.node, cycle.start)).collect();
+        for (node, start) in cycles {
+            self.schedule_cycle(node, start);
+        }
+        for (time, write) in writes {
+            self.order += 1;
+            self.queue.push(Event {
+                time,
+                rank: 0,
+                order: self.order,
+                kind: EventKind::Write(Box::new(write)),
+            });
+        }
+        Ok(self)
+    }
+
+    /// Writes what every run begins with. To be called once, after taps have been added and before the first event.
+    pub fn begin(&mut self) -> Result<(), RunError> {
+        let plan = &self.machine.plan;
+        let run = rcs::RunInfo {
+            stack: plan.file.name().to_owned(),
+            stack_text: plan.file.text.clone(),
+            stack_hash: plan.hash.clone(),
+            seed: self.options.seed,
+            build: self.options.build.clone(),
+            log: self.options.log_name.clone(),
+            ..rcs::RunInfo::default()
+        };
+        self.machine.begin(self.start, run)?;
+        let start = self.start;
+        for fault in self.feed.as_mut().map(|feed| feed.give_fixed(start)).unwrap_or_default() {
+            self.report(fault.time, &fault.text);
+        }
+        Ok(())
+    }
+
+    fn schedule_cycle(&mut self, rank: usize, time: Stamp) {
+        self.order += 1;
+        self.queue.push(Event { time, rank: rank as u32, order: self.order, kind: EventKind::Cycle });
+    }
+
+    /// Time of the next event; `None` where nothing is left to do.
+    pub fn next_time(&mut self) -> Result<Option<Stamp>, RunError> {
+        let queued = self.queue.peek().map(|event| event.time);
+        let input = match &mut self.feed {
+            Some(feed) => feed.next_time()?,
+            None => None,
+        };
+        Ok(match (input, queued) {
+            (Some(a), Some(b)) => Some(a.min(b)),
+            (a, b) => a.or(b),
+        })
+    }
+
+    /// Does the next event; `None` where nothing is left to do.
+    pub fn advance(&mut self) -> Result<Option<Happened>, RunError> {
+        let queued = self.queue.peek().map(|event| event.time);
+        let input = match &mut self.feed {
+            Some(feed) => feed.next_time()?,
+            None => None,
+        };
+        let happened = match (input, queued) {
+            (Some(time), queued) if queued.is_none_or(|queued| time <= queued) => {
+                self.now = time;
+                let given = self.feed.as_mut().map_or(Ok(()), Feed::give_next);
+                if let Err(fault) = given {
+                    self.report(fault.time, &fault.text);
+                }
+                Happened::Input
+            }
+            _ => {
+                let Some(event) = self.queue.pop() else { return Ok(None) };
+                self.now = event.time;
+                self.run_event(event)
+            }
+        };
+        self.events += 1;
+        Ok(Some(happened))
+    }
+
+    fn run_event(&mut self, event: Event) -> Happened {
+        let index = event.rank as usize;
+        match event.kind {
+            EventKind::Publish { started, output } => {
+                self.machine.nodes[index].publish_output(*output, started, event.time);
+                Happened::Published(index)
+            }
+            EventKind::Write(write) => {
+                if let Err(error) = self.write(&write) {
+                    self.report(event.time, &error.to_string());
+                }
+                Happened::Written
+            }
+            EventKind::Cycle => {
+                let node = &mut self.machine.nodes[index];
+                node.capture();
+                let clock = Instant::now();
+                node.run(event.time, &self.pool);
+                let took_ns = clock.elapsed().as_nanos() as u64;
+                let period_ns = node.period_ns;
+                let visible = if self.schedule.is_empty() {
+                    event.time.after_ns(node.latency_ns)
+                } else {
+                    let at = self.schedule.partition_point(|cycle| cycle.start < event.time);
+                    self.schedule.get(at).map_or(event.time, |cycle| cycle.end)
+                };
+                if visible == event.time {
+                    node.publish(event.time, visible);
+                } else {
+                    let output = Box::new(node.take_output(event.time));
+                    self.order += 1;
+                    self.queue.push(Event {
+                        time: visible,
+                        rank: event.rank,
+                        order: self.order,
+                        kind: EventKind::Publish { started: event.time, output },
+                    });
+                }
+                if self.schedule.is_empty() {
+                    self.schedule_cycle(index, event.time.after_ns(period_ns));
+                }
+                self.count(index, took_ns, period_ns);
+                Happened::Cycle(index)
+            }
+        }
+    }
+
+    /// When a run on a log has done everything that the log can cause: its end, and one cycle of every process after it.
+    pub fn horizon(&self) -> Option<Stamp> {
+        let slack = self.machine.nodes.iter().map(|node| node.period_ns + node.latency_ns).sum::<u64>();
+        self.feed.as_ref().map(|feed| feed.range.1.after_ns(slack.min(2_000_000_000)))
+    }
+
+    /// Does everything up to and with `until`, and says whether anything is left after that.
+    pub fn run_until(&mut self, until: Stamp) -> Result<bool, RunError> {
+        loop {
+            match self.next_time()? {
+                Some(time) if time <= until => {
+                    self.advance()?;
+                }
+                next => return Ok(next.is_some()),
+            }
+        }
+    }
+
+    /// An operator's write, now.
+    pub(crate) fn write(&mut self, write: &OperatorWrite) -> Result<(), RunError> {
+        let Some(buffer) = self.machine.bus.get(&write.buffer) else {
+            return Err(RunError::Refused(format!("there is no buffer {} to write to", write.buffer)));
+        };
+        let is_params = self
+            .machine
+            .plan
+            .processes
+            .iter()
+            .any(|p| self.machine.plan.buffers[p.params_buffer].spec.name == write.buffer);
+        if is_params {
+            check_params(&write.message)
+                .map_err(|error| RunError::Refused(format!("{}: {error}", write.buffer)))?;
+        }
+        if write.buffer == names::OVERRIDE {
+            apply_override(&self.machine.bus, &write.message)?;
+        }
+        let draft = Draft { log_time: self.now, acq_time: self.now, message: write.message.clone() };
+        buffer.writer(WriterId::OPERATOR).write(draft)?;
+        Ok(())
+    }
+
+    /// Tells a person of something, through `/runtime/log`.
+    fn report(&mut self, time: Stamp, text: &str) {
+        let message = foxglove::Log {
+            timestamp: Some(time.to_proto()),
+            level: foxglove::log::Level::Warning.into(),
+            message: text.to_owned(),
+            name: "runtime".to_owned(),
+            ..foxglove::Log::default()
+        };
+        self.write_runtime(names::LOG, time, AnyMessage::new(message));
+    }
+
+    fn write_runtime(&self, name: &str, time: Stamp, message: AnyMessage) {
+        if let Some(buffer) = self.machine.bus.get(name) {
+            let draft = Draft { log_time: time, acq_time: time, message };
+            if let Err(error) = buffer.writer(WriterId::RUNTIME).write(draft) {
+                tracing::warn!("{error}");
+            }
+        }
+    }
+
+    fn count(&mut self, index: usize, took_ns: u64, period_ns: u64) {
+        let times = &mut self.timings[index];
+        times.cycles += 1;
+        times.total_ns += took_ns;
+        times.max_ns = times.max_ns.max(took_ns);
+        times.overruns += u64::from(took_ns > period_ns);
+        if self.now >= self.timing_due {
+            self.timing_due = self.now.after_ns(1_000_000_000);
+            let processes = self.process_summaries();
+            let timing = rcs::Timing {
+                timestamp: Some(self.now.to_proto()),
+                processes: processes
+                    .into_iter()
+                    .map(|p| rcs::ProcessTiming {
+                        process: p.name,
+                        cycles: p.cycles,
+                        mean_us: p.mean_us,
+                        max_us: p.max_us,
+                        overruns: p.overruns,
+                    })
+                    .collect(),
+                lag_s: 0.0,
+            };
+            self.write_runtime(names::TIMING, self.now, AnyMessage::new(timing));
+        }
+    }
+
+    fn tap_tallies(&self) -> Tallies {
+        let tallies: Tallies = Arc::new(Mutex::new(vec![Tally::default(); self.machine.buffers.len()]));
+        for (index, buffer) in self.machine.buffers.iter().enumerate() {
+            if buffer.name() == names::TIMING {
+                continue;
+            }
+            let tallies = Arc::clone(&tallies);
+            buffer.tap(Box::new(move |sample: &Sample| {
+                let mut tallies = tallies.lock().unwrap_or_else(PoisonError::into_inner);
+                let header = &sample.header;
+                let bytes = sample.message.bytes();
+                let mut hasher = blake3::Hasher::new();
+                hasher.update(&tallies[index].hash);
+                hasher.update(&header.sequence.to_le_bytes());
+                hasher.update(&header.log_time.0.to_le_bytes());
+                hasher.update(&header.acq_time.0.to_le_bytes());
+                hasher.update(&bytes);
+                tallies[index].hash = *hasher.finalize().as_bytes();
+                tallies[index].bytes += bytes.len() as u64;
+            }));
+        }
+        tallies
+    }
+
+    /// The run's buffers.
+    pub fn bus(&self) -> &Bus {
+        &self.machine.bus
+    }
+
+    /// The run's buffers, in the order of the plan.
+    pub fn buffers(&self) -> &[Arc<Buffer>] {
+        &self.machine.buffers
+    }
+
+    /// What runs.
+    pub fn plan(&self) -> &Arc<Plan> {
+        &self.machine.plan
+    }
+
+    /// Simulated time.
+    pub fn now(&self) -> Stamp {
+        self.now
+    }
+
+    /// Simulated time at which the run began.
+    pub fn start(&self) -> Stamp {
+        self.start
+    }
+
+    /// How many events have been done: names a moment exactly.
+    pub fn events(&self) -> u64 {
+        self.events
+    }
+
+    pub(crate) fn machine(&self) -> &Machine {
+        &self.machine
+    }
+
+    pub(crate) fn machine_mut(&mut self) -> &mut Machine {
+        &mut self.machine
+    }
+
+    fn process_summaries(&self) -> Vec<ProcessSummary> {
+        let nodes = self.machine.nodes.iter().zip(&self.timings);
+        nodes
+            .map(|(node, times)| ProcessSummary {
+                name: node.status().process.to_string(),
+                state: node.status().state,
+                cycles: node.status().cycle,
+                mean_us: times.total_ns as f64 * 1e-3 / times.cycles.max(1) as f64,
+                max_us: times.max_ns as f64 * 1e-3,
+                overruns: times.overruns,
+            })
+            .collect()
+    }
+
+    /// What the run has done so far.
+    pub fn summary(&self) -> Summary {
+        let tallies = self
+            .tallies
+            .as_ref()
+            .map(|tallies| tallies.lock().unwrap_or_else(PoisonError::into_inner).clone());
+        let mut buffers: Vec<BufferSummary> = self
+            .machine
+            .buffers
+            .iter()
+            .enumerate()
+            .map(|(index, buffer)| BufferSummary {
+                name: buffer.name().to_owned(),
+                schema: buffer.spec().schema.name().to_owned(),
+                messages: buffer.newest(),
+                bytes: tallies.as_ref().map(|tallies| tallies[index].bytes),
+                hash: tallies.as_ref().map(|tallies| hex(&tallies[index].hash)),
+            })
+            .collect();
+        buffers.sort_by(|a, b| a.name.cmp(&b.name));
+        let hash = tallies.is_some().then(|| {
+            let mut hasher = blake3::Hasher::new();
+            for buffer in buffers.iter().filter(|buffer| buffer.name != names::TIMING) {
+                hasher.update(buffer.name.as_bytes());
+                hasher.update(&buffer.messages.to_le_bytes());
+                hasher.update(buffer.hash.as_deref().unwrap_or_default().as_bytes());
+            }
+            hex(hasher.finalize().as_bytes())
+        });
+        Summary {
+            time_s: self.now.seconds_since(self.start),
+            processes: self.process_summaries(),
+            buffers,
+            hash,
+        }
+    }
+}
+
+/// Lays an operator's hand on a buffer, or takes it away, as an [`rcs::Override`] says.
+pub(crate) fn apply_override(bus: &Bus, message: &AnyMessage) -> Result<(), RunError> {
+    let refused = |text: String| RunError::Refused(text);
+    let change = message
+        .to::<rcs::Override>()
+        .ok_or_else(|| refused("an override that does not decode".to_owned()))?;
+    let Some(buffer) = bus.get(&change.buffer) else {
+        return Err(refused(format!("there is no buffer {} to override", change.buffer)));
+    };
+    let schema = &buffer.spec().schema;
+    let value = if change.path.is_empty() {
+        let whole = rcs_msg::canonical(schema, &change.message).and_then(Result::ok);
+        let whole =
+            whole.ok_or_else(|| refused(format!("the message does not decode as {}", schema.name())))?;
+        OverrideValue::Message(whole)
+    } else {
+        let path = change.path.parse().map_err(|error| refused(format!("{}: {error}", change.path)))?;
+        let value = match (change.mode(), serde_json::from_str(&change.value_json)) {
+            (rcs::r#override::Mode::Release, _) => Value::Null,
+            (_, Ok(serde_json::Value::Bool(on))) => Value::Bool(on),
+            (_, Ok(serde_json::Value::String(text))) => Value::Text(text),
+            (_, Ok(serde_json::Value::Number(number))) => {
+                number.as_i64().map_or_else(|| Value::Float(number.as_f64().unwrap_or(f64::NAN)), Value::Int)
+            }
+            _ => {
+                return Err(refused(format!(
+                    "{:?} is no value for a field; expected a number, a text, true or false",
+                    change.value_json
+                )));
+            }
+        };
+        OverrideValue::Field(path, value)
+    };
+    let mode = match change.mode() {
+        rcs::r#override::Mode::Hold => OverrideMode::Hold,
+        rcs::r#override::Mode::Once => OverrideMode::Once,
+        rcs::r#override::Mode::Release => OverrideMode::Release,
+    };
+    buffer.set_override(Override { mode, value });
+    Ok(())
+}
+
+fn hex(hash: &[u8; 32]) -> String {
+    blake3::Hash::from_bytes(*hash).to_hex()[..16].to_owned()
+}
+
+/// What a run has done so far.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// Simulated seconds since the start.
+    pub time_s: f64,
+    /// Processes, in the order of the stack file.
+    pub processes: Vec<ProcessSummary>,
+    /// Buffers, by name.
+    pub buffers: Vec<BufferSummary>,
+    /// Hash of all buffers but `/runtime/timing`; `None` where the run does not hash.
+    pub hash: Option<String>,
+}
+
+/// What a process has done so far. Durations are measured, and differ from run to run.
+#[derive(Clone, Debug)]
+pub struct ProcessSummary {
+    /// Its name.
+    pub name: String,
+    /// Its state.
+    pub state: rcs::ProcessState,
+    /// Cycles done.
+    pub cycles: u64,
+    /// Mean duration of a cycle.
+    pub mean_us: f64,
+    /// Longest duration of a cycle.
+    pub max_us: f64,
+    /// Cycles that took longer than the period.
+    pub overruns: u64,
+}
+
+/// What a buffer has held so far.
+#[derive(Clone, Debug)]
+pub struct BufferSummary {
+    /// Its name.
+    pub name: String,
+    /// Type of its messages.
+    pub schema: String,
+    /// Messages written.
+    pub messages: u64,
+    /// Bytes of all of them; `None` where the run does not hash.
+    pub bytes: Option<u64>,
+    /// Hash of all of them, 16 hexadecimal digits; `None` where the run does not hash.
+    pub hash: Option<String>,
+}
