@@ -76,9 +76,9 @@ impl Distortion {
         let straight = match self {
             Distortion::None => distorted,
             Distortion::PlumbBob(_) | Distortion::RationalPolynomial(_) => {
-                self.undistort_polynomial(distorted)?
+                self.undistort_polynomial(distorted, valid_radius)?
             }
-            Distortion::Fisheye(_) => self.undistort_fisheye(distorted)?,
+            Distortion::Fisheye(_) => self.undistort_fisheye(distorted, valid_radius)?,
         };
         (straight.length() <= valid_radius).then_some(straight)
     }
@@ -124,13 +124,23 @@ impl Distortion {
         )
     }
 
-    fn undistort_polynomial(&self, distorted: DVec2) -> Option<DVec2> {
+    fn undistort_polynomial(&self, distorted: DVec2, valid_radius: f64) -> Option<DVec2> {
         let (Distortion::PlumbBob([_, _, p1, p2, _]) | Distortion::RationalPolynomial([_, _, p1, p2, ..])) =
             *self
         else {
             return Some(distorted);
         };
-        let mut p = distorted;
+        let target = distorted.length();
+        if !target.is_finite() {
+            return None;
+        }
+        // The radial part alone starts on the right side of turns and poles; the tangential part is small.
+        let radius_at = |r: f64| {
+            let (radial, slope) = self.radial(r * r);
+            (r * radial, radial + 2.0 * r * r * slope)
+        };
+        let radius = invert_growing(target, valid_radius, radius_at).unwrap_or(valid_radius);
+        let mut p = if target < 1e-12 { distorted } else { distorted * (radius / target) };
         let mut error = self.distort(p) - distorted;
         for _ in 0..40 {
             if error.length_squared() < 1e-26 {
@@ -166,37 +176,40 @@ impl Distortion {
         (error.length_squared() < 1e-18).then_some(p)
     }
 
-    fn undistort_fisheye(&self, distorted: DVec2) -> Option<DVec2> {
+    fn undistort_fisheye(&self, distorted: DVec2, valid_radius: f64) -> Option<DVec2> {
         let target = distorted.length();
-        if !target.is_finite() {
-            return None;
-        }
         if target < 1e-12 {
             return Some(distorted);
         }
-        // The radius grows with the angle as far as it is valid, so bisection guards Newton.
-        let (mut low, mut high) = (0.0, libm::atan(self.valid_radius()));
-        if self.fisheye_radius(high).0 < target {
-            return None;
-        }
-        let mut theta = target.min(high);
-        for _ in 0..60 {
-            let (radius, slope) = self.fisheye_radius(theta);
-            if radius < target {
-                low = theta
-            } else {
-                high = theta
-            }
-            let newton = theta - (radius - target) / slope;
-            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
-            let change = (next - theta).abs();
-            theta = next;
-            if change < 1e-15 {
-                break;
-            }
-        }
+        let theta = invert_growing(target, libm::atan(valid_radius), |theta| self.fisheye_radius(theta))?;
         Some(distorted * (libm::tan(theta) / target))
     }
+}
+
+/// Where in `0..=high` a function that grows from 0 reaches `target`: Newton's method, guarded by bisection. The function
+/// gives its value and its slope. `None` for a target that it does not reach, or that is NaN.
+fn invert_growing(target: f64, high: f64, function: impl Fn(f64) -> (f64, f64)) -> Option<f64> {
+    if function(high).0.partial_cmp(&target).is_none_or(std::cmp::Ordering::is_lt) {
+        return None;
+    }
+    let (mut low, mut high) = (0.0, high);
+    let mut at = target.min(high);
+    for _ in 0..60 {
+        let (value, slope) = function(at);
+        if value < target {
+            low = at
+        } else {
+            high = at
+        }
+        let newton = at - (value - target) / slope;
+        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        let change = (next - at).abs();
+        at = next;
+        if change < 1e-15 {
+            break;
+        }
+    }
+    Some(at)
 }
 
 /// The parameters, with those left out as zero; `None` when fewer than `least`, or when one past the end is not zero.

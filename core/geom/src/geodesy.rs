@@ -11,6 +11,8 @@ mod enu;
 mod mgrs;
 mod utm;
 
+use serde::{Deserialize, Serialize};
+
 pub use enu::{Enu, ecef_from_geodetic, geodetic_from_ecef};
 pub use utm::Utm;
 
@@ -18,8 +20,6 @@ pub use utm::Utm;
 pub const SEMI_MAJOR_AXIS_M: f64 = 6_378_137.0;
 /// Flattening of WGS84.
 pub const FLATTENING: f64 = 1.0 / 298.257_223_563;
-
-use serde::{Deserialize, Serialize};
 
 /// Why numbers or text are no place, or a place has no such coordinates.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -87,3 +87,7 @@ impl Geodetic {
         if wrapped >= 180.0 { wrapped - 360.0 } else { wrapped }
     }
 }
+
+#[cfg(test)]
+#[path = "geodesy/vectors_test.rs"]
+mod vectors_test;

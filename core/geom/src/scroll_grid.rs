@@ -201,12 +201,40 @@ impl<T: Clone> ScrollGrid<T> {
         let before = self.bounds();
         self.centre = bounded(centre);
         let exposed = Exposed::between(&before, &self.bounds());
-        for cell in exposed.iter() {
-            if let Some(slot) = self.get_mut(cell) {
-                *slot = remembered(cell);
-            }
-        }
+        self.write_rect(&exposed.columns, &mut remembered);
+        self.write_rect(&exposed.rows, &mut remembered);
         exposed
+    }
+
+    /// Writes cells of the window, tile by tile, so that each tile is looked up and unshared once.
+    fn write_rect(&mut self, rect: &CellRect, value: &mut impl FnMut(CellIndex) -> T) {
+        let tiles_a_side = self.side.div_ceil(TILE);
+        let mut row = 0;
+        while row < rect.rows {
+            let (py, height) = self.run(rect.south_west.y.saturating_add(row as i64), rect.rows - row);
+            let mut column = 0;
+            while column < rect.columns {
+                let (px, width) =
+                    self.run(rect.south_west.x.saturating_add(column as i64), rect.columns - column);
+                let Some(tile) = self.tiles.get_mut(py / TILE * tiles_a_side + px / TILE) else { return };
+                let cells = Arc::make_mut(tile);
+                for dy in 0..height {
+                    let start = (py % TILE + dy) * TILE + px % TILE;
+                    for (dx, cell) in cells[start..start + width].iter_mut().enumerate() {
+                        *cell = value(rect.south_west.offset((column + dx) as i64, (row + dy) as i64));
+                    }
+                }
+                column += width;
+            }
+            row += height;
+        }
+    }
+
+    /// Where a coordinate lies in memory, and how many of at most `wanted` follow it without leaving the tile or wrapping
+    /// around.
+    fn run(&self, coordinate: i64, wanted: usize) -> (usize, usize) {
+        let at = coordinate.rem_euclid(self.side as i64) as usize;
+        (at, (TILE - at % TILE).min(self.side - at).min(wanted))
     }
 
     /// Fills all cells; the window stays.
@@ -221,8 +249,9 @@ impl<T: Clone> ScrollGrid<T> {
         self.bounds().iter().filter_map(|cell| Some((cell, self.get(cell)?)))
     }
 
-    /// Calls `visit` with each cell in the order of [`ScrollGrid::iter`], faster.
-    pub fn for_each_row(&self, mut visit: impl FnMut(usize, CellIndex, &[T])) {
+    /// Calls `visit` with all cells in the order of [`ScrollGrid::iter`], a few neighbours of a row at a time: the place of
+    /// the first in that order, its index, and the cells. Much faster than one by one.
+    pub fn for_each_run(&self, mut visit: impl FnMut(usize, CellIndex, &[T])) {
         let bounds = self.bounds();
         for row in 0..self.side {
             let start = bounds.south_west.offset(0, row as i64);
@@ -230,9 +259,7 @@ impl<T: Clone> ScrollGrid<T> {
             while column < self.side {
                 let cell = start.offset(column as i64, 0);
                 let Some((tile, at)) = self.place(cell) else { break };
-                // Up to the end of the tile, of the memory's row, or of the window.
-                let px = cell.x.rem_euclid(self.side as i64) as usize;
-                let run = (TILE - px % TILE).min(self.side - px).min(self.side - column);
+                let (_, run) = self.run(cell.x, self.side - column);
                 let Some(cells) = self.tiles.get(tile).and_then(|t| t.get(at..at + run)) else { break };
                 visit(row * self.side + column, cell, cells);
                 column += run;
@@ -243,7 +270,7 @@ impl<T: Clone> ScrollGrid<T> {
     /// A copy of all cells in the order of [`ScrollGrid::iter`].
     pub fn linearise(&self) -> Vec<T> {
         let mut cells = Vec::with_capacity(self.side * self.side);
-        self.for_each_row(|_, _, run| cells.extend_from_slice(run));
+        self.for_each_run(|_, _, run| cells.extend_from_slice(run));
         cells
     }
 

@@ -19,27 +19,26 @@ impl Utm {
             easting_m: self.easting_m,
             northing_m: self.northing_m,
         };
-        let column = (self.easting_m / 100_000.0).floor() as i64 - 1;
-        let row = (self.northing_m / 100_000.0).floor() as i64;
         let latitude_deg = self.to_geodetic().latitude_deg;
         if !(1..=60).contains(&self.zone)
-            || !(0..8).contains(&column)
-            || !(0..=100).contains(&row)
+            || !(100_000.0..900_000.0).contains(&self.easting_m)
+            || !(0.0..=FALSE_NORTHING_M).contains(&self.northing_m)
             || !(-80.5..=84.5).contains(&latitude_deg)
         {
             return Err(refused());
         }
+        let column = (self.easting_m / 100_000.0).floor() as usize - 1;
         // The hemisphere settles the band at the equator, where rounding could go either way.
         let band = ((latitude_deg + 80.0) / 8.0).floor() as i64;
         let band = if self.north { band.clamp(10, 19) } else { band.clamp(0, 9) };
         // 10,000,000 m south is the equator itself: the last row below it.
         let northing_m = self.northing_m.min(if self.north { f64::MAX } else { FALSE_NORTHING_M - 1e-6 });
-        let row = (northing_m / 100_000.0).floor() as i64;
+        let row = (northing_m / 100_000.0).floor() as usize;
         let shift = if self.zone.is_multiple_of(2) { 5 } else { 0 };
         let letters = [
             BANDS.get(band as usize),
-            COLUMNS[usize::from(self.zone % 3)].get(column as usize),
-            ROWS.get(((row + shift) % 20) as usize),
+            COLUMNS[usize::from(self.zone % 3)].get(column),
+            ROWS.get((row + shift) % 20),
         ];
         let [Some(&band), Some(&column), Some(&row)] = letters else { return Err(refused()) };
         let digits = digits.min(5);
@@ -86,21 +85,30 @@ impl Utm {
         // Row letters repeat every 2000 km: take the repetition whose square touches the band.
         let shift = if zone.is_multiple_of(2) { 5 } else { 0 };
         let row = (row + 20 - shift) % 20;
-        let is_north = band >= 10;
+        let (south_deg, north_deg) =
+            (8.0 * band as f64 - 80.0, if band == 19 { 84.0 } else { 8.0 * band as f64 - 72.0 });
+        let touches_band = |utm: &Utm| {
+            // Squares lie on one side of the central meridian, where parallels only rise or fall: corners tell all.
+            let half = 0.5 * unit;
+            let corner_deg = |dx: f64, dy: f64| {
+                let corner = Utm { easting_m: utm.easting_m + dx, northing_m: utm.northing_m + dy, ..*utm };
+                corner.to_geodetic().latitude_deg
+            };
+            let corners =
+                [(-half, -half), (half, -half), (-half, half), (half, half)].map(|(x, y)| corner_deg(x, y));
+            let lowest = corners.into_iter().fold(f64::MAX, f64::min);
+            let highest = corners.into_iter().fold(f64::MIN, f64::max);
+            lowest <= north_deg && highest >= south_deg
+        };
         let candidates = (0..6).map(|repeat| Utm {
             zone,
-            north: is_north,
+            north: band >= 10,
             easting_m,
             northing_m: (row + 20 * repeat) as f64 * 100_000.0 + offset(north),
         });
-        let off_band = |utm: &Utm| {
-            let middle_deg = 8.0 * band as f64 - 76.0 + if band == 19 { 2.0 } else { 0.0 };
-            (utm.to_geodetic().latitude_deg - middle_deg).abs()
-        };
-        // Half a band and half of a square's height, and the bend of the parallels: 6° is ample, 18° is the next.
         candidates
-            .filter(|utm| off_band(utm) < 7.5)
-            .min_by(|a, b| off_band(a).total_cmp(&off_band(b)))
+            .filter(|utm| utm.northing_m < FALSE_NORTHING_M)
+            .find(touches_band)
             .ok_or_else(|| refused("square does not lie in this latitude band"))
     }
 }
