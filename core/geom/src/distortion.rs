@@ -34,14 +34,11 @@ impl Distortion {
             |expected| CameraError::ParameterCount { model: model.to_owned(), got: d.len(), expected };
         match model {
             "" | "none" if d.iter().all(|&v| v == 0.0) => Ok(Distortion::None),
-            "plumb_bob" => match d.iter().all(|&v| v == 0.0) {
-                true => Ok(Distortion::None),
-                false => Ok(Distortion::PlumbBob(padded(d, 4).ok_or_else(|| wrong(5))?)),
-            },
-            "rational_polynomial" => match d.iter().all(|&v| v == 0.0) {
-                true => Ok(Distortion::None),
-                false => Ok(Distortion::RationalPolynomial(padded(d, 8).ok_or_else(|| wrong(8))?)),
-            },
+            "plumb_bob" | "rational_polynomial" if d.iter().all(|&v| v == 0.0) => Ok(Distortion::None),
+            "plumb_bob" => Ok(Distortion::PlumbBob(padded(d, 4).ok_or_else(|| wrong(5))?)),
+            "rational_polynomial" => {
+                Ok(Distortion::RationalPolynomial(padded(d, 8).ok_or_else(|| wrong(8))?))
+            }
             // All zeros is a true fisheye: equal angles at equal distances.
             "equidistant" | "fisheye" | "kannala_brandt" => {
                 Ok(Distortion::Fisheye(padded(d, 4).ok_or_else(|| wrong(4))?))
@@ -197,9 +194,9 @@ fn invert_growing(target: f64, high: f64, function: impl Fn(f64) -> (f64, f64)) 
     for _ in 0..60 {
         let (value, slope) = function(at);
         if value < target {
-            low = at
+            low = at;
         } else {
-            high = at
+            high = at;
         }
         let newton = at - (value - target) / slope;
         let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };

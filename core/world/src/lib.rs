@@ -1,1 +1,34 @@
-//! The world-model cell, its message layout and the fusion rule.
+//! The world-model cell, its message layout and the fusion rule (A 4, B 3.4).
+//!
+//! - [`Source`]: who contributes to a cell; [`Sources`]: which of them a stack has.
+//! - [`Cell`], [`Evidence`], [`VoteRule`]: what is remembered of a piece of ground, and how a measurement changes it.
+//! - [`fuse`]: the one rule that makes one cost of what the sources say. The world-model plugin and the window's tuning
+//!   view both call it, so what an operator sees before sending new weights is what the robot will compute.
+//! - [`Map`]: 201×201 cells around the vehicle, and the same as a `foxglove.Grid`.
+//! - [`Localizer`]: where the vehicle is, from whatever a stack wires.
+//! - [`GridView`], [`fuse_grid`]: reading any `foxglove.Grid` without copying it, and fusing it anew with other weights.
+//!
+//! Cost is 0 (free) to 250 (do not touch), 255 is unknown; confidence is 0 to 255. Lengths are metres.
+
+mod cell;
+mod fusion;
+mod grid_view;
+mod layout;
+mod localizer;
+mod map;
+mod source;
+
+pub use cell::{Cell, Evidence, HeightStats, VoteRule};
+pub use fusion::{Fused, Label, Weights, WeightsError, fuse};
+pub use grid_view::{Field, GridView, GridViewError, NumericType, fuse_grid};
+pub use layout::{MapGridError, MapOptions};
+pub use localizer::{FrameNames, Localizer, LocalizerError, pose_message, pose_of};
+pub use map::{Map, SIDE};
+pub use source::{Source, Sources};
+
+/// The highest cost.
+pub const MAX_COST: u8 = 250;
+/// The cost of what nobody has seen.
+pub const UNKNOWN_COST: u8 = 255;
+/// From this cost on a vote is one for an obstacle, below it one for ground.
+pub const OBSTACLE_COST: u8 = 125;

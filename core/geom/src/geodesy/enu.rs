@@ -49,7 +49,8 @@ pub fn geodetic_from_ecef(p_ecef: DVec3) -> Geodetic {
 pub struct Enu {
     origin: Geodetic,
     origin_ecef: DVec3,
-    ecef_from_enu: DMat3,
+    /// Columns: east, north, up in earth-centred coordinates.
+    axes_ecef: DMat3,
 }
 
 impl Enu {
@@ -60,8 +61,8 @@ impl Enu {
         let east = DVec3::new(-sin_lon, cos_lon, 0.0);
         let north = DVec3::new(-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat);
         let up = DVec3::new(cos_lat * cos_lon, cos_lat * sin_lon, sin_lat);
-        let ecef_from_enu = DMat3::from_cols(east, north, up);
-        Enu { origin, origin_ecef: ecef_from_geodetic(&origin), ecef_from_enu }
+        let axes_ecef = DMat3::from_cols(east, north, up);
+        Enu { origin, origin_ecef: ecef_from_geodetic(&origin), axes_ecef }
     }
 
     /// The place that is (0, 0, 0).
@@ -71,12 +72,12 @@ impl Enu {
 
     /// East, north, up of a place, metres.
     pub fn enu_from_geodetic(&self, place: &Geodetic) -> DVec3 {
-        self.ecef_from_enu.transpose() * (ecef_from_geodetic(place) - self.origin_ecef)
+        self.axes_ecef.transpose() * (ecef_from_geodetic(place) - self.origin_ecef)
     }
 
     /// The place at east, north, up, metres.
     pub fn geodetic_from_enu(&self, p_enu: DVec3) -> Geodetic {
-        geodetic_from_ecef(self.ecef_from_enu * p_enu + self.origin_ecef)
+        geodetic_from_ecef(self.axes_ecef * p_enu + self.origin_ecef)
     }
 }
 

@@ -44,13 +44,12 @@ impl Utm {
         let digits = digits.min(5);
         let unit = 10_u32.pow(5 - digits as u32);
         let part = |metres: f64| metres.rem_euclid(100_000.0).floor() as u32 / unit;
-        let mut text =
-            format!("{:02}{}{}{}", self.zone, char::from(band), char::from(column), char::from(row));
-        if digits > 0 {
-            let (east, north) = (part(self.easting_m), part(northing_m));
-            text += &format!("{east:0digits$}{north:0digits$}");
+        let square = format!("{:02}{}{}{}", self.zone, char::from(band), char::from(column), char::from(row));
+        if digits == 0 {
+            return Ok(square);
         }
-        Ok(text)
+        let (east, north) = (part(self.easting_m), part(northing_m));
+        Ok(format!("{square}{east:0digits$}{north:0digits$}"))
     }
 
     /// The middle of the square that an MGRS text names; blanks are allowed between its parts, and small letters.

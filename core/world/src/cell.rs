@@ -1,0 +1,322 @@
+//! What is remembered of one piece of ground, and how a measurement changes it (A 4, B 3.4; Oskard 1988).
+
+use rcs_msg::Stamp;
+use serde::{Deserialize, Serialize};
+
+use crate::{Fused, Label, MAX_COST, Source, UNKNOWN_COST, Weights, fuse};
+
+/// How much one vote moves a confidence. The seeds say "a predefined constant" without giving it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct VoteRule {
+    /// Added by a vote for the class that the cell has, and given to a cell that was unknown; at least 1.
+    pub rise: u8,
+    /// Taken away by a vote for the other class.
+    pub fall: u8,
+}
+
+impl Default for VoteRule {
+    /// 13 votes to full confidence, 2.6 s at stereo's 5 Hz; as many to lose it.
+    fn default() -> Self {
+        VoteRule { rise: 20, fall: 20 }
+    }
+}
+
+/// What one source knows of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Evidence {
+    /// 0 to 250, or 255 for unknown.
+    pub cost: u8,
+    /// 0 to 255; 0 is unknown.
+    pub confidence: u8,
+    /// Acquisition sequence of the message that last changed this.
+    pub sequence: u32,
+}
+
+impl Evidence {
+    /// No vote yet.
+    pub const NONE: Evidence = Evidence { cost: UNKNOWN_COST, confidence: 0, sequence: 0 };
+
+    /// Takes a vote with a cost (above 250 is no vote). The class of a cost is [`Label::of_cost`].
+    ///
+    /// - Unknown: the vote's cost, with confidence `rise`.
+    /// - Same class: confidence rises by `rise`, up to 255. The cost moves towards the vote's by the fraction
+    ///   `rise / (confidence + rise)`, as a mean over votes would, and by at least 1.
+    /// - Other class: confidence falls by `fall`; the cost stays. When nothing is left, the vote's class takes over
+    ///   as if the cell had been unknown.
+    #[must_use]
+    pub fn voted(self, cost: u8, sequence: u32, rule: VoteRule) -> Evidence {
+        if cost > MAX_COST {
+            return self;
+        }
+        let rise = rule.rise.max(1);
+        let fresh = Evidence { cost, confidence: rise, sequence };
+        if self.confidence == 0 || self.cost > MAX_COST {
+            return fresh;
+        }
+        if Label::of_cost(self.cost) != Label::of_cost(cost) {
+            return match self.confidence.saturating_sub(rule.fall) {
+                0 => fresh,
+                confidence => Evidence { confidence, sequence, ..self },
+            };
+        }
+        let (held, rise_weight) = (i32::from(self.confidence), i32::from(rise));
+        let difference = i32::from(cost) - i32::from(self.cost);
+        // Integers throughout, so that bits do not depend on rounding modes. The class cannot change on the way, as
+        // the cost stays between two costs of it.
+        let step = difference * rise_weight / (held + rise_weight);
+        let step = if step == 0 { difference.signum() } else { step };
+        Evidence {
+            cost: (i32::from(self.cost) + step) as u8,
+            confidence: self.confidence.saturating_add(rise),
+            sequence,
+        }
+    }
+}
+
+impl Default for Evidence {
+    fn default() -> Self {
+        Evidence::NONE
+    }
+}
+
+/// Running statistics of heights, metres, updated without sums that grow large (Chan's formula, Welford's for one).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct HeightStats {
+    /// How many heights; 0 makes the other fields meaningless.
+    pub count: u32,
+    /// Metres.
+    pub mean: f32,
+    /// Mean squared difference from the mean, m².
+    pub variance: f32,
+    /// Metres.
+    pub min: f32,
+    /// Metres.
+    pub max: f32,
+}
+
+impl HeightStats {
+    /// Takes one height, metres. One that is not finite is left out.
+    pub fn add(&mut self, height_m: f32) {
+        if height_m.is_finite() {
+            self.merge(&HeightStats {
+                count: 1,
+                mean: height_m,
+                variance: 0.0,
+                min: height_m,
+                max: height_m,
+            });
+        }
+    }
+
+    /// Takes all heights of another, as if each had been added.
+    pub fn merge(&mut self, other: &HeightStats) {
+        if other.count == 0 {
+            return;
+        }
+        if self.count == 0 {
+            *self = *other;
+            return;
+        }
+        let (n, m) = (f64::from(self.count), f64::from(other.count));
+        let difference = f64::from(other.mean) - f64::from(self.mean);
+        let mean = f64::from(self.mean) + difference * m / (n + m);
+        let between = difference * difference * n * m / (n + m);
+        let squares = f64::from(self.variance) * n + f64::from(other.variance) * m + between;
+        *self = HeightStats {
+            count: self.count.saturating_add(other.count),
+            mean: mean as f32,
+            variance: (squares / (n + m)) as f32,
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+        };
+    }
+
+    /// Standard deviation, metres; 0 without heights.
+    pub fn deviation(&self) -> f32 {
+        libm::sqrtf(self.variance)
+    }
+}
+
+/// What is remembered of one cell of the map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Cell {
+    /// By [`Source::index`].
+    pub evidence: [Evidence; Source::COUNT],
+    /// Heights of ground points, metres in the map's frame.
+    pub ground: HeightStats,
+    /// Heights of obstacle points, metres in the map's frame.
+    pub obstacle: HeightStats,
+    /// How sure the heights are, 0 to 255.
+    pub elevation_confidence: u8,
+    /// Acquisition time of what last changed the cell; 0 for never.
+    pub updated: Stamp,
+}
+
+impl Cell {
+    /// Takes a vote of a source; see [`Evidence::voted`]. A cost above 250 is no vote and changes nothing.
+    pub fn vote(&mut self, source: Source, cost: u8, sequence: u32, time: Stamp, rule: VoteRule) {
+        if cost <= MAX_COST {
+            let evidence = &mut self.evidence[source.index()];
+            *evidence = evidence.voted(cost, sequence, rule);
+            self.updated = self.updated.max(time);
+        }
+    }
+
+    /// Takes the heights of one frame. It is one vote for the elevation: for, where the mean of its ground lies within
+    /// 3 standard deviations (at least `tolerance_m`) of the cell's, else against; when nothing is left of the
+    /// confidence, the frame's heights replace the cell's.
+    pub fn observe_heights(
+        &mut self,
+        ground: &HeightStats,
+        obstacle: &HeightStats,
+        tolerance_m: f32,
+        time: Stamp,
+        rule: VoteRule,
+    ) {
+        if ground.count == 0 && obstacle.count == 0 {
+            return;
+        }
+        self.updated = self.updated.max(time);
+        if ground.count > 0 && self.ground.count > 0 {
+            let bound = (3.0 * self.ground.deviation()).max(tolerance_m);
+            if (ground.mean - self.ground.mean).abs() > bound {
+                self.elevation_confidence = self.elevation_confidence.saturating_sub(rule.fall);
+                if self.elevation_confidence == 0 {
+                    (self.ground, self.obstacle) = (*ground, *obstacle);
+                    self.elevation_confidence = rule.rise;
+                }
+                return;
+            }
+        }
+        self.ground.merge(ground);
+        self.obstacle.merge(obstacle);
+        self.elevation_confidence = self.elevation_confidence.saturating_add(rule.rise);
+    }
+
+    /// Costs by source, as [`fuse`] takes them.
+    pub fn costs(&self) -> [u8; Source::COUNT] {
+        self.evidence.map(|evidence| evidence.cost)
+    }
+
+    /// Confidences by source, as [`fuse`] takes them.
+    pub fn confidences(&self) -> [u8; Source::COUNT] {
+        self.evidence.map(|evidence| evidence.confidence)
+    }
+
+    /// What the sources say together.
+    pub fn fused(&self, weights: &Weights) -> Fused {
+        fuse(&self.costs(), &self.confidences(), weights)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const RULE: VoteRule = VoteRule { rise: 30, fall: 20 };
+
+    fn voted(votes: &[u8]) -> Evidence {
+        (1..)
+            .zip(votes)
+            .fold(Evidence::NONE, |evidence, (sequence, &cost)| evidence.voted(cost, sequence, RULE))
+    }
+
+    #[test]
+    fn votes_for_a_class_raise_its_confidence_by_a_constant_up_to_the_bound() {
+        let confidences: Vec<u8> = (1..=10).map(|n| voted(&vec![200; n]).confidence).collect();
+        assert_eq!(confidences, [30, 60, 90, 120, 150, 180, 210, 240, 255, 255]);
+        assert_eq!(voted(&[200; 10]).cost, 200);
+        assert_eq!(voted(&[200; 10]).sequence, 10);
+    }
+
+    #[test]
+    fn votes_against_lower_it_by_a_constant_until_the_class_changes() {
+        let steps: Vec<(u8, u8)> = (0..=4)
+            .map(|n| voted(&[vec![200; 2], vec![0; n]].concat()))
+            .map(|evidence| (evidence.cost, evidence.confidence))
+            .collect();
+        assert_eq!(steps, [(200, 60), (200, 40), (200, 20), (0, 30), (0, 60)]);
+    }
+
+    #[test]
+    fn what_is_no_cost_is_no_vote() {
+        assert_eq!(Evidence::NONE.voted(255, 1, RULE), Evidence::NONE);
+        assert_eq!(voted(&[40]).voted(251, 9, RULE), voted(&[40]));
+    }
+
+    #[test]
+    fn agreeing_costs_are_averaged_over_the_first_votes() {
+        // 100, then (100·30 + 40·30)/60 = 70, then 70 + (100 − 70)/3 = 80.
+        assert_eq!(voted(&[100, 40]).cost, 70);
+        assert_eq!(voted(&[100, 40, 100]).cost, 80);
+    }
+
+    proptest! {
+        #[test]
+        fn any_votes_keep_the_bounds_and_a_steady_source_wins(
+            votes in prop::collection::vec(any::<u8>(), 0..80), last in 0..=MAX_COST, rise in 0..=255_u8, fall in 1..=255_u8,
+        ) {
+            let rule = VoteRule { rise, fall };
+            let mut evidence = Evidence::NONE;
+            for (i, cost) in (0..).zip(votes) {
+                evidence = evidence.voted(cost, i, rule);
+                prop_assert_eq!(evidence.confidence == 0, evidence.cost == UNKNOWN_COST);
+                prop_assert!(evidence.cost <= MAX_COST || evidence.cost == UNKNOWN_COST);
+            }
+            for i in 0..1000 {
+                evidence = evidence.voted(last, i, rule);
+            }
+            prop_assert_eq!(evidence.cost, last);
+        }
+
+        #[test]
+        fn running_heights_equal_those_of_the_list(heights in prop::collection::vec(-5.0..5.0_f32, 1..200), cut in 0..200_usize) {
+            let cut = cut.min(heights.len());
+            let mut stats = HeightStats::default();
+            let mut rest = HeightStats::default();
+            heights[..cut].iter().for_each(|&h| stats.add(h));
+            heights[cut..].iter().for_each(|&h| rest.add(h));
+            stats.merge(&rest);
+            let n = heights.len() as f64;
+            let mean = heights.iter().map(|&h| f64::from(h)).sum::<f64>() / n;
+            let variance = heights.iter().map(|&h| (f64::from(h) - mean).powi(2)).sum::<f64>() / n;
+            prop_assert_eq!(stats.count as usize, heights.len());
+            prop_assert!((f64::from(stats.mean) - mean).abs() < 1e-5);
+            prop_assert!((f64::from(stats.variance) - variance).abs() < 1e-4);
+            prop_assert_eq!(stats.min, heights.iter().copied().fold(f32::MAX, f32::min));
+            prop_assert_eq!(stats.max, heights.iter().copied().fold(f32::MIN, f32::max));
+        }
+    }
+
+    #[test]
+    fn heights_that_disagree_long_enough_replace_the_old_ones() {
+        let stats = |height: f32| {
+            let mut stats = HeightStats::default();
+            (0..5).for_each(|_| stats.add(height));
+            stats
+        };
+        let mut cell = Cell::default();
+        let none = HeightStats::default();
+        for _ in 0..2 {
+            cell.observe_heights(&stats(0.0), &none, 0.1, Stamp(1), RULE);
+        }
+        assert_eq!((cell.elevation_confidence, cell.ground.count), (60, 10));
+        for _ in 0..2 {
+            cell.observe_heights(&stats(1.0), &none, 0.1, Stamp(2), RULE);
+        }
+        assert_eq!((cell.elevation_confidence, cell.ground.mean), (20, 0.0));
+        cell.observe_heights(&stats(1.0), &stats(2.0), 0.1, Stamp(3), RULE);
+        assert_eq!((cell.ground.mean, cell.obstacle.mean, cell.updated), (1.0, 2.0, Stamp(3)));
+    }
+
+    #[test]
+    fn heights_that_are_not_finite_are_left_out() {
+        let mut stats = HeightStats::default();
+        stats.add(f32::NAN);
+        stats.add(f32::INFINITY);
+        assert_eq!(stats, HeightStats::default());
+    }
+}

@@ -1,0 +1,311 @@
+//! Reading a `foxglove.Grid` in place, whoever made it, and fusing one anew with other weights.
+
+use rcs_geom::{DVec2, Pose};
+use rcs_msg::foxglove::Grid;
+pub use rcs_msg::foxglove::packed_element_field::NumericType;
+
+use crate::{Fused, Source, UNKNOWN_COST, Weights, fuse};
+
+/// What is wrong with a grid, or with asking it for a field.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum GridViewError {
+    /// No cells, or more than any map has.
+    #[error("grid has {columns} columns and {rows} rows, expected 1 to {MAX_SIDE} each")]
+    Size {
+        /// Columns of the grid.
+        columns: usize,
+        /// Whole rows in its data.
+        rows: usize,
+    },
+    /// A row does not hold its cells.
+    #[error(
+        "row stride is {row_stride} bytes, expected at least {columns} columns of {cell_stride} bytes, and not 0"
+    )]
+    Stride {
+        /// Bytes from row to row.
+        row_stride: usize,
+        /// Bytes from cell to cell.
+        cell_stride: usize,
+        /// Columns of the grid.
+        columns: usize,
+    },
+    /// The data do not end with a row.
+    #[error("grid data have {got} bytes, expected a multiple of the row stride {row_stride}")]
+    Data {
+        /// Bytes there are.
+        got: usize,
+        /// Bytes from row to row.
+        row_stride: usize,
+    },
+    /// Not a size.
+    #[error("cell size is {x} m by {y} m, expected finite numbers above 0")]
+    CellSize {
+        /// Metres.
+        x: f64,
+        /// Metres.
+        y: f64,
+    },
+    /// The pose of the corner is not a pose.
+    #[error("pose of the grid's corner is wrong: {0}")]
+    Pose(#[from] rcs_geom::PoseError),
+    /// A field reaches past the cell, or its type is not known.
+    #[error(
+        "field \"{name}\" at offset {offset} with type {kind} does not fit a cell of {cell_stride} bytes"
+    )]
+    Field {
+        /// Name of the field.
+        name: String,
+        /// Bytes from the start of the cell.
+        offset: usize,
+        /// Number of its type.
+        kind: i32,
+        /// Bytes of a cell.
+        cell_stride: usize,
+    },
+    /// Two fields of one name.
+    #[error("field \"{name}\" is there twice")]
+    Twice {
+        /// Name of the field.
+        name: String,
+    },
+    /// No such field.
+    #[error("grid has no field \"{name}\"")]
+    Missing {
+        /// Name of the field.
+        name: String,
+    },
+    /// The field has another type.
+    #[error("field \"{name}\" is {got}, expected {expected}")]
+    Type {
+        /// Name of the field.
+        name: String,
+        /// Its type.
+        got: &'static str,
+        /// The type it should have.
+        expected: &'static str,
+    },
+    /// No field `cost.<source>` to fuse.
+    #[error("grid has no field cost.<source>")]
+    NoSources,
+}
+
+/// Longest side that is believed, cells.
+const MAX_SIDE: usize = 1 << 15;
+
+/// A `foxglove.Grid` that has been checked: every cell of every field lies within the data.
+///
+/// Column c, row r is the cell whose corner nearest to the grid's origin is at `(c·cell_size.x, r·cell_size.y)` in the
+/// frame of [`GridView::frame_from_grid`]. In our maps that is west to east and south to north.
+#[derive(Clone, Debug)]
+pub struct GridView<'a> {
+    columns: usize,
+    rows: usize,
+    cell_size_m: DVec2,
+    frame_from_grid: Pose,
+    row_stride: usize,
+    cell_stride: usize,
+    fields: Vec<(&'a str, usize, NumericType)>,
+    data: &'a [u8],
+}
+
+impl<'a> GridView<'a> {
+    /// Checks sizes, strides, offsets, types and lengths.
+    pub fn new(grid: &'a Grid) -> Result<GridView<'a>, GridViewError> {
+        let columns = grid.column_count as usize;
+        let (row_stride, cell_stride) = (grid.row_stride as usize, grid.cell_stride as usize);
+        // Sizes are 32 bits wide, so that products fit 64 bits.
+        if cell_stride == 0 || row_stride == 0 || columns as u64 * cell_stride as u64 > row_stride as u64 {
+            return Err(GridViewError::Stride { row_stride, cell_stride, columns });
+        }
+        let data: &[u8] = &grid.data;
+        if !data.len().is_multiple_of(row_stride) {
+            return Err(GridViewError::Data { got: data.len(), row_stride });
+        }
+        let rows = data.len() / row_stride;
+        if !(1..=MAX_SIDE).contains(&columns) || !(1..=MAX_SIDE).contains(&rows) {
+            return Err(GridViewError::Size { columns, rows });
+        }
+        let size = grid.cell_size.unwrap_or_default();
+        let usable = |v: f64| v.is_finite() && v > 0.0;
+        if !usable(size.x) || !usable(size.y) {
+            return Err(GridViewError::CellSize { x: size.x, y: size.y });
+        }
+        let mut fields: Vec<(&str, usize, NumericType)> = Vec::with_capacity(grid.fields.len());
+        for field in &grid.fields {
+            let (name, offset) = (field.name.as_str(), field.offset as usize);
+            let kind = NumericType::try_from(field.r#type).unwrap_or(NumericType::Unknown);
+            if kind == NumericType::Unknown || offset.saturating_add(bytes_of(kind)) > cell_stride {
+                let (name, kind) = (name.to_owned(), field.r#type);
+                return Err(GridViewError::Field { name, offset, kind, cell_stride });
+            }
+            if fields.iter().any(|&(other, ..)| other == name) {
+                return Err(GridViewError::Twice { name: name.to_owned() });
+            }
+            fields.push((name, offset, kind));
+        }
+        let frame_from_grid = corner(grid)?;
+        let cell_size_m = DVec2::new(size.x, size.y);
+        Ok(GridView { columns, rows, cell_size_m, frame_from_grid, row_stride, cell_stride, fields, data })
+    }
+
+    /// Cells along x.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Cells along y.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Metres along x and y.
+    pub fn cell_size_m(&self) -> DVec2 {
+        self.cell_size_m
+    }
+
+    /// Where the grid's corner is in the frame that the message names.
+    pub fn frame_from_grid(&self) -> Pose {
+        self.frame_from_grid
+    }
+
+    /// Names of the fields, in the message's order.
+    pub fn names(&self) -> impl Iterator<Item = &'a str> {
+        self.fields.iter().map(|&(name, ..)| name)
+    }
+
+    /// A field by name.
+    pub fn field(&self, name: &str) -> Result<Field<'_>, GridViewError> {
+        let found = self.fields.iter().find(|&&(other, ..)| other == name);
+        let &(_, offset, kind) = found.ok_or_else(|| GridViewError::Missing { name: name.to_owned() })?;
+        Ok(Field { grid: self, offset, kind })
+    }
+
+    /// A field that must be of this type.
+    pub fn field_of(&self, name: &str, kind: NumericType) -> Result<Field<'_>, GridViewError> {
+        let field = self.field(name)?;
+        if field.kind != kind {
+            let (got, expected) = (field.kind.as_str_name(), kind.as_str_name());
+            return Err(GridViewError::Type { name: name.to_owned(), got, expected });
+        }
+        Ok(field)
+    }
+
+    /// The sources whose cost the grid holds.
+    pub fn sources(&self) -> crate::Sources {
+        let names = self.fields.iter().filter_map(|(name, ..)| name.strip_prefix("cost."));
+        names.filter_map(|name| name.parse::<Source>().ok()).collect()
+    }
+
+    /// Bytes of all cells: by rows, each cell with its stride.
+    fn cells(&self) -> impl Iterator<Item = &'a [u8]> {
+        let (columns, cell_stride) = (self.columns, self.cell_stride);
+        self.data
+            .chunks_exact(self.row_stride)
+            .flat_map(move |row| row.chunks_exact(cell_stride).take(columns))
+    }
+}
+
+/// One field of a [`GridView`].
+#[derive(Clone, Copy, Debug)]
+pub struct Field<'a> {
+    grid: &'a GridView<'a>,
+    offset: usize,
+    kind: NumericType,
+}
+
+impl Field<'_> {
+    /// How its numbers are stored.
+    pub fn kind(&self) -> NumericType {
+        self.kind
+    }
+
+    /// The number in a cell; `None` outside of the grid.
+    pub fn get(&self, column: usize, row: usize) -> Option<f64> {
+        if column >= self.grid.columns || row >= self.grid.rows {
+            return None;
+        }
+        let at = row * self.grid.row_stride + column * self.grid.cell_stride + self.offset;
+        self.read(self.grid.data.get(at..)?)
+    }
+
+    /// The numbers of all cells by rows.
+    pub fn values(&self) -> impl Iterator<Item = f64> {
+        // Never NaN for want of bytes: the view has checked them.
+        self.grid.cells().map(|cell| cell.get(self.offset..).and_then(|b| self.read(b)).unwrap_or(f64::NAN))
+    }
+
+    /// The bytes of a `UINT8` field of all cells by rows, into a buffer that is used again. Other types: nothing.
+    pub fn bytes_into(&self, bytes: &mut Vec<u8>) {
+        bytes.clear();
+        if self.kind == NumericType::Uint8 {
+            bytes.extend(self.grid.cells().map(|cell| cell[self.offset]));
+        }
+    }
+
+    fn read(&self, bytes: &[u8]) -> Option<f64> {
+        Some(match self.kind {
+            NumericType::Unknown => return None,
+            NumericType::Uint8 => f64::from(*bytes.first()?),
+            NumericType::Int8 => f64::from(i8::from_le_bytes(*bytes.first_chunk()?)),
+            NumericType::Uint16 => f64::from(u16::from_le_bytes(*bytes.first_chunk()?)),
+            NumericType::Int16 => f64::from(i16::from_le_bytes(*bytes.first_chunk()?)),
+            NumericType::Uint32 => f64::from(u32::from_le_bytes(*bytes.first_chunk()?)),
+            NumericType::Int32 => f64::from(i32::from_le_bytes(*bytes.first_chunk()?)),
+            NumericType::Float32 => f64::from(f32::from_le_bytes(*bytes.first_chunk()?)),
+            NumericType::Float64 => f64::from_le_bytes(*bytes.first_chunk()?),
+        })
+    }
+}
+
+/// Fuses the cells of a received grid with these weights, by rows, into a buffer that is used again: one cost a byte, 255
+/// unknown. Sources are those with a field `cost.<source>` and `conf.<source>`, both `UINT8`. The rule is [`fuse`].
+pub fn fuse_grid(view: &GridView<'_>, weights: &Weights, costs: &mut Vec<u8>) -> Result<(), GridViewError> {
+    let mut offsets = Vec::new();
+    for source in view.sources().iter() {
+        let cost = view.field_of(&format!("cost.{source}"), NumericType::Uint8)?.offset;
+        let confidence = view.field_of(&format!("conf.{source}"), NumericType::Uint8)?.offset;
+        offsets.push((source.index(), cost, confidence));
+    }
+    if offsets.is_empty() {
+        return Err(GridViewError::NoSources);
+    }
+    costs.clear();
+    costs.reserve(view.columns * view.rows);
+    costs.extend(view.cells().map(|cell| {
+        let (mut cost, mut confidence) = ([UNKNOWN_COST; Source::COUNT], [0; Source::COUNT]);
+        let mut seen = 0;
+        for &(source, cost_at, confidence_at) in &offsets {
+            cost[source] = cell[cost_at];
+            confidence[source] = cell[confidence_at];
+            seen |= cell[confidence_at];
+        }
+        // Most of a map is usually unknown.
+        if seen == 0 { Fused::UNKNOWN.cost } else { fuse(&cost, &confidence, weights).cost }
+    }));
+    Ok(())
+}
+
+/// Pose of the grid's corner; parts that the message leaves out are those of the identity.
+fn corner(grid: &Grid) -> Result<Pose, GridViewError> {
+    let pose = grid.pose.unwrap_or_default();
+    let p = pose.position.unwrap_or_default();
+    let rotation = match pose.orientation {
+        Some(q) if [q.x, q.y, q.z, q.w] != [0.0; 4] => [q.x, q.y, q.z, q.w],
+        _ => [0.0, 0.0, 0.0, 1.0],
+    };
+    Ok(Pose::from_parts([p.x, p.y, p.z], rotation)?)
+}
+
+const fn bytes_of(kind: NumericType) -> usize {
+    match kind {
+        NumericType::Unknown => 0,
+        NumericType::Uint8 | NumericType::Int8 => 1,
+        NumericType::Uint16 | NumericType::Int16 => 2,
+        NumericType::Uint32 | NumericType::Int32 | NumericType::Float32 => 4,
+        NumericType::Float64 => 8,
+    }
+}
+
+#[cfg(test)]
+#[path = "grid_view_tests.rs"]
+mod tests;

@@ -1,0 +1,273 @@
+//! The map as a `foxglove.Grid`.
+//!
+//! The grid is in the frame that the caller names; its pose is the map's south-west corner, turned by nothing; columns go
+//! east, rows go north (row 0 is the southernmost), as the message prescribes. Cells are little-endian, with these
+//! fields in this order:
+//!
+//! | field | type | meaning |
+//! | --- | --- | --- |
+//! | `updated_s`, `updated_ns` | `UINT32` | acquisition time of the last change: seconds and nanoseconds; both 0 is never |
+//! | `seq.<source>` | `UINT32` | acquisition sequence that last changed what the source says: provenance |
+//! | `ground.mean`, `.variance`, `.min`, `.max` | `FLOAT32` | ground height, m and m², NaN where there is none; only with heights |
+//! | `ground.count` | `UINT32` | how many heights |
+//! | `obstacle.…` | | the same of obstacle points |
+//! | `cost`, `confidence` | `UINT8` | fused with the map's weights: 0–250, 255 unknown; 0–255 |
+//! | `label` | `UINT8` | 0 unknown, 1 ground, 2 obstacle: the class by the surest source |
+//! | `source` | `UINT8` | number of the surest source in [`Source::ALL`], 255 none |
+//! | `cost.<source>`, `conf.<source>` | `UINT8` | 0–250, 255 unknown; 0–255 |
+//! | `conf.elevation` | `UINT8` | how sure the heights are; only with heights |
+//!
+//! `<source>` runs over the sources of the stack, and no others. The cell is padded to a multiple of 4 bytes.
+
+use bytes::{BufMut, Bytes, BytesMut};
+use rcs_geom::{CellIndex, DVec2, GridError};
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::{self, Grid, PackedElementField, Quaternion, Vector2, Vector3};
+
+use crate::grid_view::{GridViewError, NumericType};
+use crate::{Cell, Evidence, GridView, HeightStats, Map, SIDE, Source, Sources, Weights};
+
+/// What to write of a map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MapOptions {
+    /// The sources that the stack has.
+    pub sources: Sources,
+    /// Whether to write heights: 41 of the bytes of a cell.
+    pub heights: bool,
+    /// For the fused fields.
+    pub weights: Weights,
+}
+
+/// Why a grid is not one of our maps.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MapGridError {
+    /// Not a grid at all.
+    #[error(transparent)]
+    Grid(#[from] GridViewError),
+    /// Not of our size.
+    #[error("map has {columns} columns and {rows} rows, expected {SIDE} each")]
+    Size {
+        /// Columns of the grid.
+        columns: usize,
+        /// Rows of the grid.
+        rows: usize,
+    },
+    /// Cells are not square, or its size cannot be.
+    #[error("cells are {x} m by {y} m, expected square ones")]
+    CellSize {
+        /// Metres.
+        x: f64,
+        /// Metres.
+        y: f64,
+    },
+    /// Its cells are not those of the frame's raster.
+    #[error("corner is at ({x}, {y}) m, expected an untilted multiple of the cell size {cell_size_m} m")]
+    Corner {
+        /// Metres.
+        x: f64,
+        /// Metres.
+        y: f64,
+        /// Metres.
+        cell_size_m: f64,
+    },
+    /// The scrolling grid refused it.
+    #[error(transparent)]
+    Scroll(#[from] GridError),
+}
+
+const HEIGHT_PARTS: [&str; 5] = ["mean", "variance", "min", "max", "count"];
+
+/// Names and types of a cell in order, and its bytes.
+fn fields(sources: Sources, heights: bool) -> (Vec<PackedElementField>, usize) {
+    let mut list: Vec<(String, NumericType)> =
+        vec![("updated_s".to_owned(), NumericType::Uint32), ("updated_ns".to_owned(), NumericType::Uint32)];
+    list.extend(sources.iter().map(|source| (format!("seq.{source}"), NumericType::Uint32)));
+    if heights {
+        for class in ["ground", "obstacle"] {
+            list.extend(HEIGHT_PARTS.iter().map(|&part| {
+                let kind = if part == "count" { NumericType::Uint32 } else { NumericType::Float32 };
+                (format!("{class}.{part}"), kind)
+            }));
+        }
+    }
+    list.extend(["cost", "confidence", "label", "source"].map(|name| (name.to_owned(), NumericType::Uint8)));
+    for source in sources.iter() {
+        list.extend(["cost", "conf"].map(|part| (format!("{part}.{source}"), NumericType::Uint8)));
+    }
+    if heights {
+        list.push(("conf.elevation".to_owned(), NumericType::Uint8));
+    }
+    let mut offset = 0;
+    let fields = list.into_iter().map(|(name, kind)| {
+        let field = PackedElementField { name, offset, r#type: kind.into() };
+        offset += if kind == NumericType::Uint8 { 1 } else { 4 };
+        field
+    });
+    let fields = fields.collect();
+    (fields, (offset as usize).next_multiple_of(4))
+}
+
+impl Map {
+    /// The map as a message; see the top of this file for its fields.
+    pub fn to_grid(&self, frame_id: &str, time: Stamp, options: &MapOptions) -> Grid {
+        let (fields, cell_stride) = fields(options.sources, options.heights);
+        let mut data = BytesMut::with_capacity(SIDE * SIDE * cell_stride);
+        self.grid.for_each_run(|_, _, cells| {
+            for cell in cells {
+                let start = data.len();
+                write(&mut data, cell, options);
+                data.resize(start + cell_stride, 0);
+            }
+        });
+        let corner = self.grid.origin();
+        let size = self.grid.cell_size_m();
+        Grid {
+            timestamp: Some(time.to_proto()),
+            frame_id: frame_id.to_owned(),
+            pose: Some(foxglove::Pose {
+                position: Some(Vector3 { x: corner.x, y: corner.y, z: 0.0 }),
+                orientation: Some(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
+            }),
+            column_count: SIDE as u32,
+            cell_size: Some(Vector2 { x: size, y: size }),
+            row_stride: (SIDE * cell_stride) as u32,
+            cell_stride: cell_stride as u32,
+            fields,
+            data: Bytes::from(data),
+        }
+    }
+
+    /// The map that a message holds. Fields that it lacks stay unknown; its fused fields are not read, as they follow from
+    /// the others.
+    pub fn from_grid(grid: &Grid) -> Result<Map, MapGridError> {
+        let view = GridView::new(grid)?;
+        if view.columns() != SIDE || view.rows() != SIDE {
+            return Err(MapGridError::Size { columns: view.columns(), rows: view.rows() });
+        }
+        let DVec2 { x, y } = view.cell_size_m();
+        if x != y {
+            return Err(MapGridError::CellSize { x, y });
+        }
+        let mut map = Map::new(x)?;
+        let corner = view.frame_from_grid();
+        let south_west = corner.translation.truncate() / x;
+        let nearest = south_west.round();
+        // Cells are counted from the frame's origin, so a corner between cells cannot be told which they are.
+        let aligned = south_west.abs_diff_eq(nearest, 1e-3) && nearest.abs().max_element() < 1e15;
+        if !aligned || corner.rotation.w.abs() < 1.0 - 1e-9 {
+            let (x, y, cell_size_m) = (corner.translation.x, corner.translation.y, x);
+            return Err(MapGridError::Corner { x, y, cell_size_m });
+        }
+        let half = (SIDE / 2) as i64;
+        map.grid.recentre(CellIndex::new(nearest.x as i64, nearest.y as i64).offset(half, half));
+        let columns = Columns::read(&view)?;
+        for (at, index) in map.grid.bounds().iter().enumerate() {
+            let cell = columns.cell(at);
+            if cell != Cell::default()
+                && let Some(slot) = map.grid.get_mut(index)
+            {
+                *slot = cell;
+            }
+        }
+        Ok(map)
+    }
+}
+
+fn write(data: &mut BytesMut, cell: &Cell, options: &MapOptions) {
+    let fused = cell.fused(&options.weights);
+    data.put_u32_le((cell.updated.0 / 1_000_000_000) as u32);
+    data.put_u32_le((cell.updated.0 % 1_000_000_000) as u32);
+    for source in options.sources.iter() {
+        data.put_u32_le(cell.evidence[source.index()].sequence);
+    }
+    if options.heights {
+        for stats in [&cell.ground, &cell.obstacle] {
+            let known = |v: f32| if stats.count == 0 { f32::NAN } else { v };
+            for value in [stats.mean, stats.variance, stats.min, stats.max] {
+                data.put_f32_le(known(value));
+            }
+            data.put_u32_le(stats.count);
+        }
+    }
+    let source = fused.source.map_or(u8::MAX, |source| source.index() as u8);
+    data.put_slice(&[fused.cost, fused.confidence, fused.label as u8, source]);
+    for source in options.sources.iter() {
+        let evidence = &cell.evidence[source.index()];
+        data.put_slice(&[evidence.cost, evidence.confidence]);
+    }
+    if options.heights {
+        data.put_u8(cell.elevation_confidence);
+    }
+}
+
+/// Our fields of a grid, each as a list over the cells; empty where the grid lacks it.
+struct Columns {
+    updated: [Vec<f64>; 2],
+    evidence: Vec<(Source, [Vec<f64>; 3])>,
+    heights: [[Vec<f64>; 5]; 2],
+    elevation: Vec<f64>,
+}
+
+impl Columns {
+    fn read(view: &GridView<'_>) -> Result<Columns, GridViewError> {
+        let column = |name: &str, kind: NumericType| match view.field_of(name, kind) {
+            Ok(field) => Ok(field.values().collect()),
+            Err(GridViewError::Missing { .. }) => Ok(Vec::new()),
+            Err(error) => Err(error),
+        };
+        let mut evidence = Vec::new();
+        for source in view.sources().iter() {
+            let cost = column(&format!("cost.{source}"), NumericType::Uint8)?;
+            let confidence = column(&format!("conf.{source}"), NumericType::Uint8)?;
+            let sequence = column(&format!("seq.{source}"), NumericType::Uint32)?;
+            evidence.push((source, [cost, confidence, sequence]));
+        }
+        let mut heights: [[Vec<f64>; 5]; 2] = Default::default();
+        for (class, columns) in ["ground", "obstacle"].into_iter().zip(&mut heights) {
+            for (part, values) in HEIGHT_PARTS.into_iter().zip(columns) {
+                let kind = if part == "count" { NumericType::Uint32 } else { NumericType::Float32 };
+                *values = column(&format!("{class}.{part}"), kind)?;
+            }
+        }
+        Ok(Columns {
+            updated: [column("updated_s", NumericType::Uint32)?, column("updated_ns", NumericType::Uint32)?],
+            evidence,
+            heights,
+            elevation: column("conf.elevation", NumericType::Uint8)?,
+        })
+    }
+
+    fn cell(&self, at: usize) -> Cell {
+        let value = |column: &[f64], otherwise: f64| column.get(at).copied().unwrap_or(otherwise);
+        let mut cell = Cell::default();
+        let seconds = value(&self.updated[0], 0.0) as u64;
+        cell.updated = Stamp(seconds * 1_000_000_000 + value(&self.updated[1], 0.0) as u64);
+        for (source, [cost, confidence, sequence]) in &self.evidence {
+            let evidence = Evidence {
+                cost: value(cost, 255.0) as u8,
+                confidence: value(confidence, 0.0) as u8,
+                sequence: value(sequence, 0.0) as u32,
+            };
+            // What contradicts itself is unknown.
+            if evidence.confidence > 0 && evidence.cost <= crate::MAX_COST {
+                cell.evidence[source.index()] = evidence;
+            }
+        }
+        let stats = |[mean, variance, min, max, count]: &[Vec<f64>; 5]| {
+            let count = value(count, 0.0) as u32;
+            let numbers = [mean, variance, min, max].map(|column| value(column, f64::NAN) as f32);
+            if count == 0 || numbers.iter().any(|v| !v.is_finite()) {
+                return HeightStats::default();
+            }
+            let [mean, variance, min, max] = numbers;
+            HeightStats { count, mean, variance: variance.max(0.0), min, max }
+        };
+        (cell.ground, cell.obstacle) = (stats(&self.heights[0]), stats(&self.heights[1]));
+        cell.elevation_confidence = value(&self.elevation, 0.0) as u8;
+        cell
+    }
+}
+
+#[cfg(test)]
+#[path = "layout_tests.rs"]
+mod tests;

@@ -1,0 +1,237 @@
+//! Where the vehicle is, from whatever a stack wires: odometry, a pose stream, transforms.
+
+use rcs_geom::{Pose, PoseError, TransformError, TransformTree};
+use rcs_msg::{Stamp, foxglove};
+use serde::{Deserialize, Serialize};
+
+/// Names of frames, as a process's parameters give them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameNames<'a> {
+    /// Frame of the map: gravity along −z.
+    pub local: &'a str,
+    /// Frame of the vehicle: x forward, y left, z up.
+    pub vehicle: &'a str,
+    /// Frame whose pose the pose stream gives; empty for the vehicle's.
+    pub pose: &'a str,
+}
+
+/// Why a pose is not known, or was not accepted.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LocalizerError {
+    /// A message has no pose, or half of one.
+    #[error("message of frame {frame:?} has no pose")]
+    Missing {
+        /// Frame that the message names.
+        frame: String,
+    },
+    /// Numbers that are no pose.
+    #[error(transparent)]
+    Pose(#[from] PoseError),
+    /// Frames that are not connected.
+    #[error(transparent)]
+    Transform(#[from] TransformError),
+    /// The newest pose is too old.
+    #[error("pose of {frame:?} is {age_s:.3} s old, expected at most {max_age_s} s")]
+    Stale {
+        /// Frame whose pose was asked for.
+        frame: String,
+        /// Age at the time that was asked for.
+        age_s: f64,
+        /// Greatest age that is accepted.
+        max_age_s: f64,
+    },
+}
+
+/// The stream's frame has a place of its own in the tree, since the frame that it tells of may hang on the vehicle.
+const STREAM: &str = "(pose stream)";
+/// Poses older than this are forgotten.
+const HISTORY_NS: u64 = 10_000_000_000;
+
+/// Keeps the last seconds of what is said of the vehicle's pose, and answers where it was.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Localizer {
+    tree: TransformTree,
+}
+
+impl Default for Localizer {
+    fn default() -> Self {
+        Self { tree: TransformTree::with_history_ns(HISTORY_NS) }
+    }
+}
+
+impl Localizer {
+    /// Takes odometry: the pose of its body frame (the vehicle, where it names none) in its frame.
+    pub fn add_odometry(
+        &mut self,
+        odometry: &foxglove::Odometry,
+        time: Stamp,
+        names: FrameNames<'_>,
+    ) -> Result<(), LocalizerError> {
+        let body = if odometry.body_frame_id.is_empty() { names.vehicle } else { &odometry.body_frame_id };
+        let pose = pose_of(odometry.pose.as_ref(), &odometry.frame_id)?;
+        Ok(self.tree.insert(&odometry.frame_id, body, time.0, pose)?)
+    }
+
+    /// Takes a pose of the stream: that of [`FrameNames::pose`] in the message's frame.
+    pub fn add_pose(&mut self, message: &foxglove::PoseInFrame, time: Stamp) -> Result<(), LocalizerError> {
+        let pose = pose_of(message.pose.as_ref(), &message.frame_id)?;
+        Ok(self.tree.insert(&message.frame_id, STREAM, time.0, pose)?)
+    }
+
+    /// Takes transforms: at their own times, or for good.
+    pub fn add_transforms(
+        &mut self,
+        message: &foxglove::FrameTransforms,
+        is_static: bool,
+    ) -> Result<(), LocalizerError> {
+        for transform in &message.transforms {
+            let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
+            let pose = parts(transform.translation.as_ref(), transform.rotation.as_ref(), child)?;
+            if is_static {
+                self.tree.set_static(parent, child, pose)?;
+            } else {
+                let time = transform.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or_default();
+                self.tree.insert(parent, child, time.0, pose)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The pose of the vehicle in the local frame at a time; the newest one where that is not older than `max_age_s`.
+    pub fn local_from_vehicle(
+        &self,
+        names: FrameNames<'_>,
+        time: Stamp,
+        max_age_s: f64,
+    ) -> Result<Pose, LocalizerError> {
+        if !self.tree.contains(STREAM) {
+            return self.lookup(names.local, names.vehicle, time, max_age_s);
+        }
+        let local_from_stream = self.lookup(names.local, STREAM, time, max_age_s)?;
+        if names.pose.is_empty() || names.pose == names.vehicle {
+            return Ok(local_from_stream);
+        }
+        Ok(local_from_stream * self.lookup(names.pose, names.vehicle, time, max_age_s)?)
+    }
+
+    /// `target_from_source` at a time, from the transforms alone; the newest one where that is not older than
+    /// `max_age_s`.
+    pub fn lookup(
+        &self,
+        target: &str,
+        source: &str,
+        time: Stamp,
+        max_age_s: f64,
+    ) -> Result<Pose, LocalizerError> {
+        if target == source {
+            return Ok(Pose::IDENTITY);
+        }
+        let Some(newest) = self.tree.newest(target, source)?.map(Stamp).filter(|&newest| newest < time)
+        else {
+            return Ok(self.tree.lookup(target, source, time.0)?);
+        };
+        let age_s = time.seconds_since(newest);
+        if age_s > max_age_s {
+            return Err(LocalizerError::Stale { frame: source.to_owned(), age_s, max_age_s });
+        }
+        Ok(self.tree.lookup(target, source, newest.0)?)
+    }
+}
+
+/// The pose of a message, checked.
+pub fn pose_of(pose: Option<&foxglove::Pose>, frame: &str) -> Result<Pose, LocalizerError> {
+    let (position, orientation) =
+        pose.map_or((None, None), |p| (p.position.as_ref(), p.orientation.as_ref()));
+    parts(position, orientation, frame)
+}
+
+/// A pose as a message's.
+pub fn pose_message(pose: &Pose) -> foxglove::Pose {
+    let (p, q) = (pose.translation, pose.rotation);
+    foxglove::Pose {
+        position: Some(foxglove::Vector3 { x: p.x, y: p.y, z: p.z }),
+        orientation: Some(foxglove::Quaternion { x: q.x, y: q.y, z: q.z, w: q.w }),
+    }
+}
+
+fn parts(
+    translation: Option<&foxglove::Vector3>,
+    rotation: Option<&foxglove::Quaternion>,
+    frame: &str,
+) -> Result<Pose, LocalizerError> {
+    let (Some(t), Some(q)) = (translation, rotation) else {
+        return Err(LocalizerError::Missing { frame: frame.to_owned() });
+    };
+    Ok(Pose::from_parts([t.x, t.y, t.z], [q.x, q.y, q.z, q.w])?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_geom::DVec3;
+
+    const NAMES: FrameNames<'static> = FrameNames { local: "map", vehicle: "base", pose: "lidar" };
+
+    fn pose_at(x: f64, frame: &str) -> foxglove::PoseInFrame {
+        let pose = pose_message(&Pose::from_translation(DVec3::new(x, 0.0, 0.5)));
+        foxglove::PoseInFrame { frame_id: frame.to_owned(), pose: Some(pose), ..Default::default() }
+    }
+
+    fn mount() -> foxglove::FrameTransforms {
+        let translation = Some(foxglove::Vector3 { x: 0.2, y: 0.0, z: 0.5 });
+        let rotation = Some(foxglove::Quaternion { w: 1.0, ..Default::default() });
+        let transform = foxglove::FrameTransform {
+            parent_frame_id: "base".to_owned(),
+            child_frame_id: "lidar".to_owned(),
+            translation,
+            rotation,
+            ..Default::default()
+        };
+        foxglove::FrameTransforms { transforms: vec![transform] }
+    }
+
+    #[test]
+    fn a_stream_of_the_sensors_poses_tells_where_the_vehicle_is() {
+        let mut localizer = Localizer::default();
+        localizer.add_transforms(&mount(), true).unwrap();
+        localizer.add_pose(&pose_at(1.0, "map"), Stamp(1_000)).unwrap();
+        localizer.add_pose(&pose_at(2.0, "map"), Stamp(2_000)).unwrap();
+        let pose = localizer.local_from_vehicle(NAMES, Stamp(1_500), 0.0).unwrap();
+        assert!(pose.translation.abs_diff_eq(DVec3::new(1.3, 0.0, 0.0), 1e-12), "{pose:?}");
+    }
+
+    #[test]
+    fn an_old_pose_is_not_taken_for_the_present_one() {
+        let mut localizer = Localizer::default();
+        localizer.add_transforms(&mount(), true).unwrap();
+        localizer.add_pose(&pose_at(1.0, "map"), Stamp(0)).unwrap();
+        assert!(localizer.local_from_vehicle(NAMES, Stamp(400_000_000), 0.5).is_ok());
+        let late = localizer.local_from_vehicle(NAMES, Stamp(600_000_000), 0.5);
+        assert!(matches!(late, Err(LocalizerError::Stale { .. })), "{late:?}");
+    }
+
+    #[test]
+    fn odometry_without_a_body_frame_is_the_vehicles() {
+        let mut localizer = Localizer::default();
+        let pose = Some(pose_message(&Pose::from_xy_yaw(3.0, 4.0, 1.0)));
+        let odometry = foxglove::Odometry { frame_id: "map".to_owned(), pose, ..Default::default() };
+        localizer.add_odometry(&odometry, Stamp(5), NAMES).unwrap();
+        let pose = localizer.local_from_vehicle(NAMES, Stamp(5), 0.0).unwrap();
+        assert!((pose.yaw() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn poses_that_are_none_are_refused_and_leave_nothing_behind() {
+        let mut localizer = Localizer::default();
+        let missing = foxglove::PoseInFrame { frame_id: "map".to_owned(), ..Default::default() };
+        assert!(matches!(localizer.add_pose(&missing, Stamp(0)), Err(LocalizerError::Missing { .. })));
+        assert!(matches!(
+            localizer.add_pose(&pose_at(f64::NAN, "map"), Stamp(0)),
+            Err(LocalizerError::Pose(PoseError::NotFinite { .. }))
+        ));
+        assert!(matches!(
+            localizer.local_from_vehicle(NAMES, Stamp(0), 1.0),
+            Err(LocalizerError::Transform(TransformError::UnknownFrame { .. }))
+        ));
+    }
+}
