@@ -86,6 +86,20 @@ pub fn number(value: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
+/// A number with all digits that it has: those of a 32-bit float where it is one, else ten.
+pub fn exact(value: f64) -> String {
+    let size = value.abs();
+    if value.is_nan() || size == 0.0 || !(1e-5..1e12).contains(&size) {
+        return number(value);
+    }
+    if f64::from(value as f32) == value {
+        return format!("{}", value as f32);
+    }
+    let decimals = (9 - size.log10().floor() as i32).clamp(0, 14) as usize;
+    let text = format!("{value:.decimals$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
 /// A length in metres with a fixed number of decimals: `12.40 m`.
 pub fn metres(value: f64, decimals: usize) -> String {
     if value.is_finite() { format!("{value:.decimals$} m") } else { "– m".to_owned() }
@@ -122,5 +136,11 @@ mod tests {
         let numbers = [0.0, 1.0, -3.2, 0.012_5, 123.456_789, 1e-7, 1.5e12, 3.0e5].map(number);
         assert_eq!(numbers, ["0", "1", "-3.2", "0.0125", "123.46", "1.0000e-7", "1.5000e12", "300000"]);
         assert_eq!(number(f64::INFINITY), "inf");
+    }
+
+    #[test]
+    fn exact_numbers_lose_nothing_that_was_there() {
+        let numbers = [f64::from(0.1_f32), 42.377_123_456, -71.25, 1e-9, 0.0, 1_700_000_000.125].map(exact);
+        assert_eq!(numbers, ["0.1", "42.37712346", "-71.25", "1.0000e-9", "0", "1700000000"]);
     }
 }

@@ -106,6 +106,8 @@ pub fn plate<R>(
             .inner_margin(egui::Margin::symmetric(8, 4))
             .show(ui, |ui| {
                 ui.spacing_mut().item_spacing.y = 2.0;
+                ui.spacing_mut().interact_size.y = 14.0;
+                ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
                 add(ui)
             })
     });

@@ -1,7 +1,7 @@
 //! The look of a value that is old: desaturated, hatched, with its age. Never a colour alone.
 
-use crate::{format, icons, tokens};
-use egui::{Align2, Color32, FontId, Pos2, Rect, Shape, Stroke, Ui, Vec2};
+use crate::{format, icons, tokens, widgets};
+use egui::{Color32, FontId, Pos2, Rect, Shape, Stroke, Ui, Vec2};
 
 /// The age from which a value of this rate is old: three periods, and at least 1.2 s. `None` where the rate is not known.
 pub fn limit_s(hz: f64) -> Option<f64> {
@@ -17,12 +17,12 @@ pub fn is_stale(age_s: f64, hz: f64) -> bool {
 pub fn cover(ui: &Ui, rect: Rect, age_s: f64) {
     let tokens = tokens(ui);
     let painter = ui.painter_at(rect);
-    painter.rect_filled(rect, 0.0, tokens.surface[2].gamma_multiply(0.55));
-    hatch(&painter, rect, tokens.stale.gamma_multiply(0.7));
+    painter.rect_filled(rect, 0.0, tokens.surface[2].gamma_multiply(0.5));
+    hatch(&painter, rect, tokens.stale.gamma_multiply(0.5));
     tag(ui, rect.left_top() + Vec2::splat(8.0), age_s);
 }
 
-/// Diagonal lines, 12 points apart.
+/// Diagonal lines, 16 points apart.
 pub fn hatch(painter: &egui::Painter, rect: Rect, color: Color32) {
     let stroke = Stroke::new(1.0, color);
     let mut x = rect.left() - rect.height();
@@ -32,7 +32,7 @@ pub fn hatch(painter: &egui::Painter, rect: Rect, color: Color32) {
             [Pos2::new(x, rect.bottom()), Pos2::new(x + rect.height(), rect.top())],
             stroke,
         ));
-        x += 12.0;
+        x += 16.0;
     }
     painter.with_clip_rect(painter.clip_rect().intersect(rect)).extend(lines);
 }
@@ -42,19 +42,13 @@ pub fn tag(ui: &Ui, at: Pos2, age_s: f64) {
     let tokens = tokens(ui);
     let painter = ui.painter();
     let text = format!("old: {}", format::age(age_s));
-    let icon = icons::ICON_HISTORY;
+
     let text = painter.layout_no_wrap(text, FontId::proportional(12.0), tokens.strong);
     let size = Vec2::new(text.size().x + 28.0, 20.0);
     let rect = Rect::from_min_size(at, size);
     painter.rect(rect, 3.0, tokens.surface[3], Stroke::new(1.0, tokens.stale), egui::StrokeKind::Inside);
     let icon_at = Pos2::new(rect.left() + 12.0, rect.center().y);
-    painter.text(
-        icon_at,
-        Align2::CENTER_CENTER,
-        icon.codepoint,
-        FontId::new(13.0, icon.font_family()),
-        tokens.stale,
-    );
+    widgets::icon_at(painter, icon_at, icons::ICON_HISTORY, 13.0, tokens.stale);
     painter.galley(Pos2::new(rect.left() + 22.0, rect.center().y - text.size().y / 2.0), text, tokens.strong);
 }
 

@@ -41,7 +41,8 @@ pub fn icon_button_of(ui: &mut Ui, icon: Icon, name: &str, on: bool, enabled: bo
 pub fn search(ui: &mut Ui, text: &mut String, name: &str) -> Response {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        ui.label(icons::ICON_SEARCH.rich_text().size(14.0).color(tokens(ui).weak));
+        let (glass, _) = ui.allocate_exact_size(Vec2::splat(16.0), Sense::hover());
+        icon_at(ui.painter(), glass.center(), icons::ICON_SEARCH, 15.0, tokens(ui).weak);
         let cross = if text.is_empty() { 0.0 } else { 24.0 };
         let edit = TextEdit::singleline(text).hint_text(name).desired_width(ui.available_width() - cross);
         let response = ui.add(edit);
@@ -89,6 +90,12 @@ pub fn name_value(ui: &mut Ui, name_width: f32, name: &str, value: RichText) -> 
         ui.add(egui::Label::new(value).truncate())
     })
     .inner
+}
+
+/// An icon painted around a point. The glyphs sit a little low in their font, which this mends.
+pub fn icon_at(painter: &egui::Painter, center: egui::Pos2, icon: Icon, size: f32, color: Color32) {
+    let at = center - Vec2::new(0.0, (size * 0.12).round());
+    painter.text(at, Align2::CENTER_CENTER, icon.codepoint, FontId::new(size, icon.font_family()), color);
 }
 
 /// A cell of a table, painted without a widget of its own: text cut to the rectangle.

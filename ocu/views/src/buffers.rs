@@ -183,9 +183,7 @@ impl Buffers {
         response.widget_info(|| WidgetInfo::selected(Role::Button, true, open, format!("Group {title}")));
         ui.painter().rect_filled(rect, 0.0, tokens.surface[2].gamma_multiply(0.6));
         let icon = if open { icons::ICON_EXPAND_MORE } else { icons::ICON_CHEVRON_RIGHT };
-        let font = FontId::new(14.0, icon.font_family());
-        let at = rect.left_center() + Vec2::new(6.0, 0.0);
-        ui.painter().text(at, egui::Align2::LEFT_CENTER, icon.codepoint, font, tokens.weak);
+        widgets::icon_at(ui.painter(), rect.left_center() + Vec2::new(13.0, 0.0), icon, 14.0, tokens.weak);
         let name = Rect::from_min_max(rect.min + Vec2::new(24.0, 0.0), rect.max - Vec2::new(48.0, 0.0));
         widgets::cell(ui, name, Align::Min, title, FontId::proportional(12.0), tokens.text);
         let right = Rect::from_min_max(
@@ -245,9 +243,7 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, columns: &Columns) 
     let (mut name, cells) = columns.layout(rect);
     name.min.x += 24.0;
     if let Some(icon) = topic.undecodable.as_ref().map(|_| icons::ICON_ERROR) {
-        let at = name.left_center() - Vec2::new(10.0, 0.0);
-        let font = FontId::new(13.0, icon.font_family());
-        ui.painter().text(at, egui::Align2::CENTER_CENTER, icon.codepoint, font, tokens.warning);
+        widgets::icon_at(ui.painter(), name.left_center() - Vec2::new(11.0, 0.0), icon, 13.0, tokens.warning);
     }
     let color = if topic.latest.is_none() { tokens.unknown } else { tokens.text };
     let font = TextStyle::Body.resolve(ui.style());
@@ -256,7 +252,7 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, columns: &Columns) 
     let mono = FontId::monospace(11.5);
     for (column, cell) in cells {
         let text = match column {
-            Column::Type => topic.schema.name().to_owned(),
+            Column::Type => topic.schema.name().replace("/msg/", "/"),
             Column::Role => topic.role().to_owned(),
             Column::Messages => format::count(topic.messages),
             Column::Size => topic.latest.as_ref().map_or_else(|| "–".to_owned(), |_| size(topic)),

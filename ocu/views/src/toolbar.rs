@@ -2,7 +2,7 @@
 
 use crate::view::TopicKey;
 use egui::{Align, ComboBox, Layout, Role, Ui, Vec2, WidgetInfo};
-use ocu_ui::palette::{MapPalette, PAPERS_COST};
+use ocu_ui::palette::MapPalette;
 use ocu_ui::{legend, tokens};
 use rcs_runtime::source::{Frame, RunTag, Topic};
 
@@ -58,23 +58,8 @@ pub(crate) fn topic_choice(
 
 /// What the colours of a cost mean.
 pub(crate) fn cost_legend(ui: &mut Ui, palette: MapPalette) {
-    match palette {
-        MapPalette::Papers => {
-            ui.horizontal(|ui| {
-                ui.spacing_mut().item_spacing.x = 8.0;
-                let mut low = 0;
-                for (high, color) in PAPERS_COST {
-                    legend::swatch(ui, color, &format!("{low}–{high}"));
-                    low = high + 1;
-                }
-                legend::swatch(ui, palette.unknown(), "unknown");
-            });
-        }
-        MapPalette::Even => {
-            ui.horizontal(|ui| {
-                legend::band(ui, 120.0, "cost 0", "250", |fraction| palette.cost((fraction * 250.0) as u8));
-                legend::swatch(ui, palette.unknown(), "unknown");
-            });
-        }
-    }
+    ui.horizontal(|ui| {
+        legend::band(ui, 100.0, "cost 0", "250", |fraction| palette.cost((fraction * 250.0) as u8));
+        legend::swatch(ui, palette.unknown(), "unknown");
+    });
 }

@@ -45,9 +45,10 @@ pub(super) fn is_image(topic: &Topic) -> bool {
 pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
     let mut images: Vec<_> = frame.topics.iter().filter(|topic| is_image(topic)).collect();
     images.sort_by_key(|topic| match role(topic) {
-        Role::Image if topic.name.contains("depth") => 1,
-        Role::Image => 0,
-        _ => 2,
+        _ if topic.role() == "image" => 0,
+        Role::Image if topic.name.contains("depth") => 2,
+        Role::Image => 1,
+        _ => 3,
     });
     images
 }
@@ -68,8 +69,9 @@ pub(super) struct Layer {
     message: Option<SameMessage>,
     /// `None` while no message has come.
     decoded: Option<Result<Picture, String>>,
+    /// The 2 % and 98 % values, in the image's own unit.
     range: Option<[f32; 2]>,
-    texture: CachedTexture<(SameMessage, Tint, TextureOptions)>,
+    texture: CachedTexture<(SameMessage, Tint, TextureOptions, u64)>,
 }
 
 impl Layer {
@@ -85,7 +87,7 @@ impl Layer {
         };
         if self.message.as_ref() != Some(&message) {
             let decoded = decode(&message.0);
-            self.range = decoded.as_ref().ok().and_then(Picture::value_range).map(round_outwards);
+            self.range = decoded.as_ref().ok().and_then(Picture::value_range);
             self.decoded = Some(decoded);
             self.message = Some(message);
         }
@@ -101,9 +103,20 @@ impl Layer {
         self.state().ok().flatten()
     }
 
-    /// The values that the ends of the colour scale stand for.
-    pub(super) fn range(&self) -> Option<[f32; 2]> {
-        self.range
+    /// What one step of the image's values is, in metres, where a whole number's is assumed to be `depth_step_m`.
+    fn unit_m(&self, depth_step_m: f64) -> f64 {
+        match self.picture().map(|picture| &picture.pixels) {
+            Some(Pixels::Values { whole: true, .. }) => depth_step_m,
+            _ => 1.0,
+        }
+    }
+
+    /// The ranges that the ends of the colour scale stand for, in metres: round numbers, so that colours do not
+    /// flicker from image to image.
+    pub(super) fn range_m(&self, depth_step_m: f64) -> Option<[f64; 2]> {
+        let [low, high] = self.range?.map(|value| f64::from(value) * self.unit_m(depth_step_m));
+        let step = round_step((high - low) / 8.0);
+        Some([(low / step).floor() * step, (high / step).ceil() * step])
     }
 
     /// The texture of the image in this look.
@@ -112,12 +125,17 @@ impl Layer {
         ctx: &Context,
         tint: Tint,
         options: TextureOptions,
+        depth_step_m: f64,
     ) -> Option<TextureId> {
+        let unit_m = self.unit_m(depth_step_m);
+        let range = self
+            .range_m(depth_step_m)
+            .map_or([0.0, 1.0], |range| range.map(|metres| (metres / unit_m) as f32));
         let (message, picture) = (self.message.clone()?, self.decoded.as_ref()?.as_ref().ok()?);
         let most = ctx.input(|input| input.max_texture_side);
-        let range = self.range.unwrap_or([0.0, 1.0]);
         let make = || Some(picture.paint(tint, range, most));
-        self.texture.get(ctx, (message, tint, options), options, make).map(egui::TextureHandle::id)
+        let key = (message, tint, options, unit_m.to_bits());
+        self.texture.get(ctx, key, options, make).map(egui::TextureHandle::id)
     }
 
     /// What the layer says of a place, given in parts of its width and height.
@@ -143,10 +161,4 @@ impl Layer {
             }
         })
     }
-}
-
-/// A range that ends at round numbers, so that colours do not flicker from image to image.
-fn round_outwards([low, high]: [f32; 2]) -> [f32; 2] {
-    let step = round_step(f64::from(high - low) / 8.0) as f32;
-    [(low / step).floor() * step, (high / step).ceil() * step]
 }

@@ -157,7 +157,7 @@ impl Camera {
             }
             if whole {
                 let step = &mut self.saved.depth_step_m;
-                ui.label("1 step is");
+                ui.label("Depth unit");
                 let text = if *step == 1.0 / 256.0 {
                     "1/256 m".to_owned()
                 } else {
@@ -168,7 +168,7 @@ impl Camera {
                         ui.selectable_value(step, 0.001, "1 mm (ROS)");
                         ui.selectable_value(step, 1.0 / 256.0, "1/256 m");
                     });
-                combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Depth step"));
+                combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Depth unit"));
                 combo
                     .response
                     .on_hover_text("The image does not say what one step of its depth is: an assumption");
@@ -207,7 +207,7 @@ impl Camera {
         let painter = ui.painter_at(canvas);
         let uv = Rect::from_min_max(egui::Pos2::ZERO, egui::Pos2::new(1.0, 1.0));
         let tint = layer::tint(topic, self.saved.palette);
-        if let Some(texture) = layer.texture(ui.ctx(), tint, options) {
+        if let Some(texture) = layer.texture(ui.ctx(), tint, options, self.saved.depth_step_m) {
             painter.image(texture, rect, uv, egui::Color32::WHITE);
         }
         let mut shown = Vec::new();
@@ -219,7 +219,9 @@ impl Camera {
             let layer = self.layers.entry(overlay.name.to_string()).or_default();
             layer.update(overlay);
             let tint = layer::tint(overlay, self.saved.palette);
-            if let Some(texture) = layer.texture(ui.ctx(), tint, TextureOptions::NEAREST) {
+            if let Some(texture) =
+                layer.texture(ui.ctx(), tint, TextureOptions::NEAREST, self.saved.depth_step_m)
+            {
                 painter.image(texture, rect, uv, egui::Color32::WHITE.gamma_multiply(state.opacity));
                 shown.push(*overlay);
             }
@@ -234,8 +236,7 @@ impl Camera {
 
     fn legends(&self, ui: &mut Ui, canvas: Rect, topic: &Topic, shown: &[&Topic]) {
         let roles: Vec<_> = std::iter::once(&topic).chain(shown).map(|topic| layer::role(topic)).collect();
-        let range =
-            self.layers.get(&*topic.name).and_then(Layer::range).map(|range| self.range_m(topic, range));
+        let range = self.layers.get(&*topic.name).and_then(|layer| layer.range_m(self.saved.depth_step_m));
         if !roles.iter().any(|role| *role != LayerRole::Image) && range.is_none() {
             return;
         }
@@ -253,13 +254,6 @@ impl Camera {
                 crate::toolbar::cost_legend(ui, self.saved.palette);
             }
         });
-    }
-
-    fn range_m(&self, topic: &Topic, range: [f32; 2]) -> [f64; 2] {
-        let picture = self.layers.get(&*topic.name).and_then(Layer::picture);
-        let whole =
-            picture.is_some_and(|picture| matches!(picture.pixels, Pixels::Values { whole: true, .. }));
-        range.map(|value| f64::from(value) * if whole { self.saved.depth_step_m } else { 1.0 })
     }
 
     /// What is under the pointer, in a fixed place, so that it can be read while the pointer moves.

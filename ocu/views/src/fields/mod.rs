@@ -7,7 +7,10 @@ mod rows;
 
 use crate::texture::{Cached, SameMessage};
 use crate::view::{SavedState, TopicKey, View, ViewContext};
-use egui::{Align, FontId, Pos2, Rect, RichText, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo};
+use egui::text::LayoutJob;
+use egui::{
+    Align, FontId, FontSelection, Pos2, Rect, RichText, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo,
+};
 use ocu_ui::widgets::{self, mono};
 use ocu_ui::{format, icons, stale, tokens};
 use rcs_msg::{AnyMessage, Value};
@@ -127,11 +130,12 @@ fn header(ui: &mut Ui, frame: &Frame, topic: &Topic) {
     egui::Frame::new().inner_margin(margin).show(ui, |ui| {
         ui.spacing_mut().item_spacing = Vec2::new(16.0, 0.0);
         let item = |ui: &mut Ui, name: &str, value: RichText| {
-            ui.horizontal(|ui| {
-                ui.spacing_mut().item_spacing.x = 4.0;
-                ui.label(RichText::new(name).small().color(tokens.weak));
-                ui.label(value.size(12.0));
-            });
+            let mut job = LayoutJob::default();
+            let (style, font) = (ui.style(), FontSelection::Default);
+            let name = RichText::new(format!("{name} ")).small().color(tokens.weak);
+            name.append_to(&mut job, style, font.clone(), Align::Center);
+            value.size(12.0).append_to(&mut job, style, font, Align::Center);
+            ui.add(egui::Label::new(job).extend());
         };
         ui.horizontal_wrapped(|ui| {
             item(ui, "type", RichText::new(topic.schema.name()));
@@ -143,10 +147,10 @@ fn header(ui: &mut Ui, frame: &Frame, topic: &Topic) {
                 let header = &sample.header;
                 let age_s = topic.age_s(frame.now).unwrap_or(0.0);
                 let old = stale::is_stale(age_s, topic.hz);
-                item(ui, "sequence", mono(format!("{:>6}", header.sequence)));
+                item(ui, "sequence", mono(header.sequence.to_string()));
                 item(ui, "log time", mono(format::clock(header.log_time.0)));
                 item(ui, "acquired", mono(format::clock(header.acq_time.0)));
-                let age = mono(format!("{:>6}", format::age(age_s)));
+                let age = mono(format::age(age_s));
                 item(
                     ui,
                     if old { "age (old)" } else { "age" },
@@ -201,8 +205,8 @@ fn tree(ui: &mut Ui, saved: &mut Saved, value: &Value) {
         ui.label(RichText::new(format!("  the first {} that were found", rows::MOST_FOUND)).small().weak());
     }
     ui.spacing_mut().item_spacing.y = 0.0;
-    let share = if search.is_empty() { 0.42 } else { 0.6 };
-    let name_width = (ui.available_width() * share).clamp(96.0, 480.0);
+    let (share, most) = if search.is_empty() { (0.42, 260.0) } else { (0.6, 480.0) };
+    let name_width = (ui.available_width() * share).clamp(96.0, most);
     ScrollArea::vertical().auto_shrink(false).show_rows(ui, ROW, rows.len(), |ui, range| {
         for row in &rows[range] {
             let response = paint_row(ui, row, name_width);
@@ -229,7 +233,7 @@ fn paint_row(ui: &mut Ui, row: &Row, name_width: f32) -> egui::Response {
     let name = format!("{} {}", row.name, row.text);
     match row.open {
         Some(open) => {
-            response.widget_info(|| WidgetInfo::selected(Role::Button, true, open, name.trim_end()))
+            response.widget_info(|| WidgetInfo::selected(Role::Button, true, open, name.trim_end()));
         }
         None => response.widget_info(|| WidgetInfo::labeled(Role::Label, true, name.trim_end())),
     }
@@ -239,9 +243,7 @@ fn paint_row(ui: &mut Ui, row: &Row, name_width: f32) -> egui::Response {
     let left = rect.left() + 8.0 + INDENT * row.depth as f32;
     if let Some(open) = row.open {
         let icon = if open { icons::ICON_EXPAND_MORE } else { icons::ICON_CHEVRON_RIGHT };
-        let font = FontId::new(14.0, icon.font_family());
-        let at = Pos2::new(left + 6.0, rect.center().y);
-        ui.painter().text(at, egui::Align2::CENTER_CENTER, icon.codepoint, font, tokens.weak);
+        widgets::icon_at(ui.painter(), Pos2::new(left + 5.0, rect.center().y), icon, 14.0, tokens.weak);
     }
     let middle = (rect.left() + name_width).max(left + 64.0);
     let name =
@@ -252,12 +254,9 @@ fn paint_row(ui: &mut Ui, row: &Row, name_width: f32) -> egui::Response {
     let color = if weak { tokens.weak } else { tokens.text };
     widgets::cell(ui, name, Align::Min, &row.name, FontId::proportional(13.0), color);
     let color = if row.open.is_some() { tokens.weak } else { tokens.strong };
-    let (font, text) = if row.number && !row.text.starts_with('-') && !row.text.starts_with("NaN") {
-        // Room for a sign, so that digits stay where they are when it changes.
-        (FontId::monospace(12.0), format!(" {}", row.text))
-    } else {
-        (FontId::monospace(12.0), row.text.clone())
-    };
-    widgets::cell(ui, value, Align::Min, &text, font, color);
+    // Signs and quotes hang in a column of their own, so that digits stay where they are when a sign changes.
+    let hanging = row.text.starts_with(['-', '"']);
+    let text = if hanging { row.text.clone() } else { format!(" {}", row.text) };
+    widgets::cell(ui, value, Align::Min, &text, FontId::monospace(12.0), color);
     response
 }

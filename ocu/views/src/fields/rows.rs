@@ -23,8 +23,6 @@ pub(super) struct Row {
     pub(super) key: String,
     /// The value in short.
     pub(super) text: String,
-    /// Whether the text is digits.
-    pub(super) number: bool,
     /// Whether it is open; `None` where there is nothing in it.
     pub(super) open: Option<bool>,
 }
@@ -47,8 +45,7 @@ pub(super) fn found(root: &Value, search: &str) -> (Vec<Row>, bool) {
         if rows.len() == MOST_FOUND {
             return (rows, true);
         }
-        let number = value.as_f64().is_some();
-        rows.push(Row { depth: 0, key: name.clone(), name, path, text, number, open: None });
+        rows.push(Row { depth: 0, key: name.clone(), name, path, text, open: None });
     }
     (rows, false)
 }
@@ -92,7 +89,6 @@ fn items(
             path: path.clone(),
             key,
             text: String::new(),
-            number: false,
             open: Some(is_open),
         });
         if is_open {
@@ -117,8 +113,7 @@ fn row(
         _ => false,
     };
     let is_open = opens.then(|| open.contains(&key));
-    let number = value.as_f64().is_some() && !matches!(value, Value::Enum { .. } | Value::Bool(_));
-    rows.push(Row { depth, name, path: path.clone(), key, text: short(value), number, open: is_open });
+    rows.push(Row { depth, name, path: path.clone(), key, text: short(value), open: is_open });
     if is_open == Some(true) {
         children(value, path, depth + 1, open, rows);
     }
@@ -131,7 +126,7 @@ pub(super) fn short(value: &Value) -> String {
         Value::Bool(value) => value.to_string(),
         Value::Int(value) => value.to_string(),
         Value::Uint(value) => value.to_string(),
-        Value::Float(value) => format::number(*value),
+        Value::Float(value) => format::exact(*value),
         Value::Text(text) if text.chars().count() > 200 => {
             format!("{:?} … {} bytes", text.chars().take(200).collect::<String>(), text.len())
         }

@@ -9,7 +9,10 @@ use egui::{Align2, Rect, Response, RichText, Stroke, Ui};
 use ocu_ui::widgets::mono;
 use ocu_ui::{format, legend, tokens};
 use rcs_geom::DVec3;
+use rcs_msg::Stamp;
 use rcs_runtime::source::Frame;
+use rcs_world::Source;
+use std::collections::BTreeSet;
 
 impl Map {
     /// Tells the other views where the pointer is, and shows where it is in them.
@@ -65,7 +68,7 @@ impl Map {
                     && let Ok(map_from_grid) = layers::map_from_layer(frame, map, layer)
                     && let Some(cell) = cells.cell_at(map_from_grid.inverse() * DVec3::new(x, y, 0.0))
                 {
-                    cell_lines(ui, layer, &cells, cell);
+                    cell_lines(ui, frame, layer, &cells, cell);
                 }
             }
         });
@@ -73,40 +76,54 @@ impl Map {
 }
 
 /// Every number of a cell: costs with their confidence and the frame they come from on one line each.
-fn cell_lines(ui: &mut Ui, layer: &Layer<'_>, cells: &Cells<'_>, [column, row]: [usize; 2]) {
-    let tokens = tokens(ui);
-    ui.label(RichText::new(format!("{}  cell {column}, {row}", layer.name)).small().color(tokens.weak));
-    let value = |name: &str| {
-        let field = cells.fields.iter().find(|field| field.name == name)?;
-        Some(cells.read(field, column, row))
+fn cell_lines(ui: &mut Ui, frame: &Frame, layer: &Layer<'_>, cells: &Cells<'_>, cell: [usize; 2]) {
+    let value = |name: &str| cells.read(name, cell);
+    let mut told = BTreeSet::new();
+    let mut tell = |name: &str| {
+        told.insert(name.to_owned());
+        value(name)
     };
-    let fused = super::fused::Fused::new(cells);
-    let has_sources = cells.fields.iter().any(|field| field.name.starts_with("cost."));
-    if has_sources {
-        ui.label(mono(format!("fused      {}", cost(f64::from(fused.cost(cells, column, row))))));
+    let weak = tokens(ui).weak;
+    ui.label(RichText::new(format!("{}  cell {}, {}", layer.name, cell[0], cell[1])).small().color(weak));
+    if let Some(fused) = tell("cost") {
+        let confidence = tell("confidence").map(|conf| format!("  conf {conf:3}")).unwrap_or_default();
+        let source = tell("source").and_then(|number| Source::ALL.get(number as usize));
+        let by = source.map(|source| format!("  surest {source}")).unwrap_or_default();
+        ui.label(mono(format!("fused      {}{confidence}{by}", cost(fused))));
     }
-    for field in &cells.fields {
-        let Some(source) = field.name.strip_prefix("cost.") else { continue };
+    for name in cells.names() {
+        let Some(source) = name.strip_prefix("cost.") else { continue };
+        let cost = tell(name).map(cost).unwrap_or_default();
         let confidence =
-            value(&format!("conf.{source}")).map(|conf| format!("  conf {conf:3}")).unwrap_or_default();
-        let made_by = match value(&format!("seq.{source}")) {
+            tell(&format!("conf.{source}")).map(|conf| format!("  conf {conf:3}")).unwrap_or_default();
+        let made_by = match tell(&format!("seq.{source}")) {
             Some(sequence) if sequence > 0.0 => format!("  by frame {sequence}"),
             Some(_) => "  never seen".to_owned(),
             None => String::new(),
         };
-        let text = format!("{source:<10} {}{confidence}{made_by}", cost(cells.read(field, column, row)));
-        ui.label(mono(text));
+        ui.label(mono(format!("{source:<10} {cost}{confidence}{made_by}")));
     }
-    let told = |name: &str| {
-        ["cost.", "conf.", "seq."].iter().any(|prefix| {
-            name.strip_prefix(prefix).is_some_and(|source| value(&format!("cost.{source}")).is_some())
-        })
-    };
-    for field in cells.fields.iter().filter(|field| !told(&field.name)) {
-        ui.label(mono(format!("{:<10} {}", field.name, format::number(cells.read(field, column, row)))));
+    if let (Some(seconds), Some(nanos)) = (tell("updated_s"), tell("updated_ns")) {
+        let changed = Stamp(seconds as u64 * 1_000_000_000 + nanos as u64);
+        let text = match changed.0 {
+            0 => "never".to_owned(),
+            _ => format!(
+                "{} ago, at {}",
+                format::age(frame.now.seconds_since(changed)),
+                format::clock(changed.0)
+            ),
+        };
+        ui.label(mono(format!("changed    {text}")));
+    }
+    let rest: Vec<_> = cells.names().filter(|name| !told.contains(*name)).collect();
+    for pair in rest.chunks(2) {
+        let one =
+            |name: &str| format!("{name:<18} {:<10}", value(name).map(format::number).unwrap_or_default());
+        let text = pair.iter().map(|name| one(name)).collect::<Vec<_>>().join(" ");
+        ui.label(mono(text.trim_end()));
     }
 }
 
 fn cost(value: f64) -> String {
-    if value > 250.0 { "unknown".to_owned() } else { format!("cost {value:3}") }
+    if value > 250.0 { "unknown ".to_owned() } else { format!("cost {value:3}") }
 }

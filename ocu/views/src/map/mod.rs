@@ -4,7 +4,6 @@
 //! listed with that reason; a track may be laid on another one by its first metres, and says so.
 
 mod cloud;
-mod fused;
 mod grid;
 mod hover;
 mod layers;
@@ -143,7 +142,7 @@ impl View for Map {
             let panel = Rect::from_min_max(Pos2::new(canvas.right(), area.top()), area.max);
             self.panel(ui, cx.frame, map, &layers, panel);
         }
-        self.canvas(ui, cx, map, &layers, canvas);
+        self.canvas(ui, cx, map, &layers, canvas, panel_width > 0.0);
         ui.advance_cursor_after_rect(area);
     }
 }
@@ -205,6 +204,7 @@ impl Map {
         map: &str,
         layers: &[Layer<'_>],
         canvas: Rect,
+        listed: bool,
     ) {
         let response = ui.interact(canvas, ui.scope_id().with("map canvas"), Sense::click_and_drag());
         response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Map"));
@@ -228,10 +228,10 @@ impl Map {
             let (opacity, pose) = (self.state(&layer.name).opacity, place(layer));
             match (layer.kind, pose) {
                 (Kind::Grid(grid), Ok(pose)) => {
-                    self.paint_grid(ui, layer, grid, pose, viewport, canvas, opacity)
+                    self.paint_grid(ui, layer, grid, pose, viewport, canvas, opacity);
                 }
                 (Kind::Cloud(cloud), Ok(pose)) => {
-                    self.paint_cloud(ui, layer, cloud, pose, viewport, canvas, opacity)
+                    self.paint_cloud(ui, layer, cloud, pose, viewport, canvas, opacity);
                 }
                 _ => {}
             }
@@ -249,7 +249,7 @@ impl Map {
         Self::point_at(ui, cx, map, &response, viewport, canvas);
         legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 32.0), viewport.scale);
         paint::north(ui, canvas.left_top() + Vec2::new(20.0, 24.0), map == track::WGS84);
-        self.legend(ui, cx.frame, layers, &shown, canvas);
+        self.legend(ui, cx.frame, layers, &shown, canvas, listed);
         let pointer = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
         self.read_out(ui, cx.frame, map, &shown, pointer, canvas);
     }

@@ -23,7 +23,10 @@ impl Map {
             for (index, layer) in layers.iter().enumerate() {
                 let mut state = self.state(&layer.name);
                 let before = state.clone();
-                self.layer(ui, frame, map, layers, index, &mut state);
+                if let Some(frame) = self.layer(ui, frame, map, layers, index, &mut state) {
+                    self.saved.frame = Some(frame);
+                    self.viewport = None;
+                }
                 if state != before {
                     self.saved.layers.insert(layer.name.clone(), state);
                 }
@@ -40,6 +43,7 @@ impl Map {
         });
     }
 
+    /// One layer's rows; a frame that the map shall be drawn in, where a person asks for it.
     fn layer(
         &self,
         ui: &mut Ui,
@@ -48,7 +52,8 @@ impl Map {
         layers: &[Layer<'_>],
         index: usize,
         state: &mut LayerState,
-    ) {
+    ) -> Option<String> {
+        let mut wish = None;
         let (layer, tokens) = (&layers[index], tokens(ui));
         let icon = match layer.kind {
             Kind::Grid(_) => icons::ICON_GRID_ON,
@@ -84,9 +89,18 @@ impl Map {
                     note(ui, format!("aligned at its start, {rms} off"), tokens.warning);
                 }
             }
-            (_, Err(reason)) => note(ui, format!("not drawn: {reason}"), tokens.warning),
+            (_, Err(reason)) => {
+                note(ui, format!("not drawn: {reason}"), tokens.warning);
+                ui.horizontal(|ui| {
+                    ui.add_space(indent);
+                    let text = format!("Draw in {}", layers::frame_label(layer.frame_id));
+                    if ui.link(RichText::new(text).small()).clicked() {
+                        wish = Some(layer.frame_id.to_owned());
+                    }
+                });
+            }
             _ if layer.frame_id != map => {
-                note(ui, layers::frame_label(layer.frame_id).to_owned(), tokens.weak)
+                note(ui, layers::frame_label(layer.frame_id).to_owned(), tokens.weak);
             }
             _ => {}
         }
@@ -112,6 +126,7 @@ impl Map {
                 response.on_hover_text(name);
             });
         }
+        wish
     }
 
     /// What the colours on the map mean.
@@ -122,8 +137,12 @@ impl Map {
         layers: &[Layer<'_>],
         shown: &[&Layer<'_>],
         canvas: Rect,
+        listed: bool,
     ) {
-        if shown.is_empty() {
+        let placed = |layer: &&&Layer<'_>| layers::map_from_layer(frame, &self.frame_id, layer).is_ok();
+        let colored =
+            shown.iter().filter(placed).any(|layer| matches!(layer.kind, Kind::Grid(_) | Kind::Cloud(_)));
+        if shown.is_empty() || (listed && !colored) {
             return;
         }
         let palette = self.saved.palette;
@@ -168,7 +187,8 @@ impl Map {
             if costs {
                 crate::toolbar::cost_legend(ui, palette);
             }
-            for (index, layer) in layers.iter().enumerate() {
+            // The list of layers beside the map names the lines already.
+            for (index, layer) in layers.iter().enumerate().filter(|_| !listed) {
                 let drawn = shown.iter().any(|shown| shown.name == layer.name);
                 let placed = self.tracks.placed.get(&layer.name);
                 let visible = match layer.kind {
