@@ -38,7 +38,11 @@ struct Encoded {
 }
 
 /// The schema of a generated type.
-#[expect(clippy::expect_used, reason = "the registry is compiled from the same files as the types")]
+#[expect(
+    clippy::expect_used,
+    clippy::missing_panics_doc,
+    reason = "the registry is compiled from the same files as the types"
+)]
 pub fn schema_of<T: Payload>() -> &'static Arc<Schema> {
     registry().schema(&T::full_name()).expect("a generated type is in the registry")
 }

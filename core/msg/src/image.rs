@@ -299,11 +299,12 @@ fn bayer(rows: &Rows<'_>, red: [usize; 2], out: &mut Vec<u8>) {
             let (mut sum, mut count) = ([0u16; 3], [0u16; 3]);
             for y in v.saturating_sub(1)..(v + 2).min(rows.height) {
                 let row = rows.row(y);
-                for x in u.saturating_sub(1)..(u + 2).min(rows.width) {
+                let left = u.saturating_sub(1);
+                for (x, value) in (left..).zip(&row[left..(u + 2).min(rows.width)]) {
                     let c = channel(x, y);
                     // The pixel's own colour is measured, not averaged.
                     if c != own || (x, y) == (u, v) {
-                        sum[c] += u16::from(row[x]);
+                        sum[c] += u16::from(*value);
                         count[c] += 1;
                     }
                 }

@@ -143,7 +143,7 @@ impl At {
     }
 }
 
-impl<'a> Points<'a> {
+impl Points<'_> {
     /// Number of points.
     pub fn len(&self) -> usize {
         self.data.len() / self.stride

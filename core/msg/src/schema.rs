@@ -46,7 +46,7 @@ impl MessageEncoding {
 pub struct Schema {
     name: String,
     message_encoding: MessageEncoding,
-    schema_encoding: String,
+    encoding_of_data: String,
     data: Bytes,
     /// Made of the data at the first message.
     reader: OnceLock<Result<Reader, DecodeError>>,
@@ -63,7 +63,7 @@ impl Schema {
         Self {
             name: name.into(),
             message_encoding,
-            schema_encoding: schema_encoding.into(),
+            encoding_of_data: schema_encoding.into(),
             data,
             reader: OnceLock::new(),
         }
@@ -86,7 +86,7 @@ impl Schema {
 
     /// Layout of [`Schema::data`].
     pub fn schema_encoding(&self) -> &str {
-        &self.schema_encoding
+        &self.encoding_of_data
     }
 
     /// The schema itself: a file descriptor set, a ROS message definition, a JSON schema.

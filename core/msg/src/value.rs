@@ -367,7 +367,8 @@ fn fit(old: &Value, new: Value) -> Result<Value, (&'static str, &'static str)> {
         // Anything replaces nothing; and a name may replace a choice, which the encoder looks up.
         (Value::Null, new)
         | (_, new @ Value::Null)
-        | (Value::Enum { .. }, new @ (Value::Enum { .. } | Value::Text(_))) => Some(new),
+        | (Value::Enum { .. }, new @ (Value::Enum { .. } | Value::Text(_)))
+        | (Value::List(_) | Value::Packed(_), new @ (Value::List(_) | Value::Packed(_))) => Some(new),
         (Value::Float(_), new @ (Value::Int(_) | Value::Uint(_))) => new.as_f64().map(Value::Float),
         (Value::Int(_), new @ (Value::Uint(_) | Value::Float(_))) => new.as_i64().map(Value::Int),
         (Value::Uint(_), new @ (Value::Int(_) | Value::Float(_))) => {
@@ -377,7 +378,6 @@ fn fit(old: &Value, new: Value) -> Result<Value, (&'static str, &'static str)> {
             .as_i64()
             .and_then(|v| i32::try_from(v).ok())
             .map(|number| Value::Enum { number, name: String::new() }),
-        (Value::List(_) | Value::Packed(_), new @ (Value::List(_) | Value::Packed(_))) => Some(new),
         (old, new) => (std::mem::discriminant(old) == std::mem::discriminant(&new)).then_some(new),
     };
     let expected = match old {

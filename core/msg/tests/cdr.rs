@@ -278,7 +278,7 @@ const DEFINITION: &str = "bool a\nint8[] b\nstring c\nPart[] parts\nfloat64[3] d
 
 fn sample(big_endian: bool) -> Bytes {
     let mut writer = Writer::new(big_endian);
-    let mut part = |writer: &mut Writer, p: u16| {
+    let part = |writer: &mut Writer, p: u16| {
         writer
             .fixed(p.to_le_bytes())
             .u32(2)

@@ -1,6 +1,6 @@
 //! Point clouds.
 
-use super::{Conversion, Source, Unusable, done};
+use super::{Conversion, Source, Unusable};
 use crate::any::AnyMessage;
 use crate::foxglove::packed_element_field::NumericType;
 use crate::foxglove::{PackedElementField, PointCloud, Pose, Quaternion, Vector3};
@@ -37,7 +37,7 @@ fn point_cloud2(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let big_endian = source.cursor.u8()? != 0;
     let (point_stride, row_step) = (source.cursor.u32()?, source.cursor.u32()?);
     let data = source.shared()?;
-    let mut data = rows(data, width, height, point_stride, row_step)?;
+    let mut data = rows(&data, width, height, point_stride, row_step)?;
     if big_endian && point_stride > 0 {
         let mut swapped = data.to_vec();
         for point in swapped.chunks_exact_mut(point_stride as usize) {
@@ -52,18 +52,18 @@ fn point_cloud2(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
         position: Some(Vector3::default()),
         orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
     };
-    done(PointCloud {
+    Ok(AnyMessage::new(PointCloud {
         timestamp: header.timestamp,
         frame_id: header.frame_id,
         pose: Some(pose),
         point_stride,
         fields,
         data,
-    })
+    }))
 }
 
 /// The points of all rows without padding between rows.
-fn rows(data: Bytes, width: u32, height: u32, point_stride: u32, row_step: u32) -> Result<Bytes, Unusable> {
+fn rows(data: &Bytes, width: u32, height: u32, point_stride: u32, row_step: u32) -> Result<Bytes, Unusable> {
     let row = u64::from(width) * u64::from(point_stride);
     let step = u64::from(row_step);
     if height > 1 && step < row {

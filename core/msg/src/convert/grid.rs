@@ -1,6 +1,6 @@
 //! Occupancy grids.
 
-use super::{Conversion, Source, Unusable, done};
+use super::{Conversion, Source, Unusable};
 use crate::any::AnyMessage;
 use crate::foxglove::packed_element_field::NumericType;
 use crate::foxglove::{Grid, PackedElementField, Vector2};
@@ -27,7 +27,7 @@ fn occupancy_grid(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
         return Err(Unusable::Content { what: "cells of the grid", got, expected });
     }
     let cost = |cell: &u8| if *cell <= 100 { (u16::from(*cell) * 5 / 2) as u8 } else { u8::MAX };
-    done(Grid {
+    Ok(AnyMessage::new(Grid {
         timestamp: header.timestamp,
         frame_id: header.frame_id,
         pose: Some(origin),
@@ -41,5 +41,5 @@ fn occupancy_grid(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
             r#type: NumericType::Uint8.into(),
         }],
         data: cells.iter().map(cost).collect(),
-    })
+    }))
 }

@@ -1,6 +1,6 @@
 //! Images and their calibration.
 
-use super::{Conversion, Source, Unusable, done};
+use super::{Conversion, Source, Unusable};
 use crate::any::AnyMessage;
 use crate::foxglove::{CameraCalibration, CompressedImage, RawImage};
 use bytes::Bytes;
@@ -43,7 +43,7 @@ fn image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
             _ => data,
         };
     }
-    done(RawImage {
+    Ok(AnyMessage::new(RawImage {
         timestamp: header.timestamp,
         frame_id: header.frame_id,
         width,
@@ -51,7 +51,7 @@ fn image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
         encoding,
         step,
         data,
-    })
+    }))
 }
 
 fn swapped(data: &Bytes, size: usize) -> Bytes {
@@ -78,7 +78,12 @@ fn compressed_image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     } else if format.contains("jpg") {
         "jpeg".clone_into(&mut format);
     }
-    done(CompressedImage { timestamp: header.timestamp, frame_id: header.frame_id, data, format })
+    Ok(AnyMessage::new(CompressedImage {
+        timestamp: header.timestamp,
+        frame_id: header.frame_id,
+        data,
+        format,
+    }))
 }
 
 /// Binning and region of interest have no place in Foxglove's calibration; they are not applied.
@@ -87,7 +92,7 @@ fn camera_info(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let (height, width) = (source.cursor.u32()?, source.cursor.u32()?);
     let distortion_model = source.cursor.string()?;
     let coefficients = source.cursor.length(8)?;
-    done(CameraCalibration {
+    Ok(AnyMessage::new(CameraCalibration {
         timestamp: header.timestamp,
         frame_id: header.frame_id,
         width,
@@ -97,5 +102,5 @@ fn camera_info(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
         k: source.floats(9)?,
         r: source.floats(9)?,
         p: source.floats(12)?,
-    })
+    }))
 }

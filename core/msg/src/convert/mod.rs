@@ -25,7 +25,7 @@ mod navigation;
 pub(crate) mod ours;
 mod pose;
 
-use crate::any::{AnyMessage, Payload};
+use crate::any::AnyMessage;
 use crate::reader::Reader;
 use crate::reader::cdr::{CdrError, Cursor};
 use crate::schema::{MessageEncoding, Schema};
@@ -182,8 +182,4 @@ impl<'a> Source<'a> {
     fn pose(&mut self) -> Result<crate::foxglove::Pose, Unusable> {
         Ok(crate::foxglove::Pose { position: Some(self.vector()?), orientation: Some(self.quaternion()?) })
     }
-}
-
-fn done<T: Payload>(message: T) -> Result<AnyMessage, Unusable> {
-    Ok(AnyMessage::new(message))
 }

@@ -1,6 +1,6 @@
 //! Inertial sensors, satellite positions, odometry.
 
-use super::{Conversion, Source, Unusable, done};
+use super::{Conversion, Source, Unusable};
 use crate::any::AnyMessage;
 use crate::foxglove::{KeyValuePair, LocationFix, Odometry};
 use crate::rcs;
@@ -35,7 +35,7 @@ fn imu(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let (orientation, orientation_covariance) = measured(source.quaternion()?, source.floats(9)?);
     let (angular_velocity, angular_velocity_covariance) = measured(source.vector()?, source.floats(9)?);
     let (linear_acceleration, linear_acceleration_covariance) = measured(source.vector()?, source.floats(9)?);
-    done(rcs::Imu {
+    Ok(AnyMessage::new(rcs::Imu {
         timestamp: header.timestamp,
         frame_id: header.frame_id,
         orientation,
@@ -44,7 +44,7 @@ fn imu(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
         orientation_covariance,
         angular_velocity_covariance,
         linear_acceleration_covariance,
-    })
+    }))
 }
 
 /// The receiver's status (-1: no fix, 0: fix, 1 and 2: augmented) goes into the metadata, as `status`.
@@ -56,7 +56,7 @@ fn nav_sat_fix(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     // Both lists of types have the same numbers.
     let position_covariance_type = source.cursor.u8()?.into();
     let pair = |key: &str, value: String| KeyValuePair { key: key.to_owned(), value };
-    done(LocationFix {
+    Ok(AnyMessage::new(LocationFix {
         timestamp: header.timestamp,
         frame_id: header.frame_id,
         latitude,
@@ -66,12 +66,12 @@ fn nav_sat_fix(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
         position_covariance_type,
         metadata: vec![pair("status", status.to_string()), pair("service", service.to_string())],
         ..LocationFix::default()
-    })
+    }))
 }
 
 fn odometry(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let header = source.header()?;
-    done(Odometry {
+    Ok(AnyMessage::new(Odometry {
         timestamp: header.timestamp,
         frame_id: header.frame_id,
         body_frame_id: source.cursor.string()?,
@@ -81,5 +81,5 @@ fn odometry(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
         angular_velocity: Some(source.vector()?),
         velocity_covariance: source.floats(36)?,
         metadata: Vec::new(),
-    })
+    }))
 }

@@ -1,6 +1,6 @@
 //! Poses, paths, transforms.
 
-use super::{Conversion, Source, Unusable, done};
+use super::{Conversion, Source, Unusable};
 use crate::any::AnyMessage;
 use crate::foxglove::{FrameTransform, FrameTransforms, PoseInFrame, PosesInFrame};
 
@@ -30,7 +30,11 @@ const STAMPED_POSE_SIZE: usize = 68;
 
 fn pose_stamped(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let header = source.header()?;
-    done(PoseInFrame { timestamp: header.timestamp, frame_id: header.frame_id, pose: Some(source.pose()?) })
+    Ok(AnyMessage::new(PoseInFrame {
+        timestamp: header.timestamp,
+        frame_id: header.frame_id,
+        pose: Some(source.pose()?),
+    }))
 }
 
 /// Each pose has a header of its own in ROS 2; by convention it repeats the path's, which is the one kept.
@@ -42,7 +46,7 @@ fn path(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
         source.header()?;
         poses.push(source.pose()?);
     }
-    done(PosesInFrame { timestamp: header.timestamp, frame_id: header.frame_id, poses })
+    Ok(AnyMessage::new(PosesInFrame { timestamp: header.timestamp, frame_id: header.frame_id, poses }))
 }
 
 fn tf_message(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
@@ -58,5 +62,5 @@ fn tf_message(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
             rotation: Some(source.quaternion()?),
         });
     }
-    done(FrameTransforms { transforms })
+    Ok(AnyMessage::new(FrameTransforms { transforms }))
 }

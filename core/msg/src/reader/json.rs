@@ -3,7 +3,7 @@
 use crate::value::Value;
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 
-/// Reads one JSON text. serde_json bounds the depth, and nothing is reserved by a length from the text.
+/// Reads one JSON text. `serde_json` bounds the depth, and nothing is reserved by a length from the text.
 pub(super) fn decode(bytes: &[u8]) -> Result<Value, String> {
     serde_json::from_slice::<Value>(bytes).map_err(|error| error.to_string())
 }

@@ -92,7 +92,7 @@ impl Layout {
                 .iter()
                 .map(|field| {
                     let element = resolve(field.ty).ok_or_else(|| LayoutError {
-                        message: (*name).to_owned(),
+                        message: name.clone(),
                         got: field.ty.to_owned(),
                         expected: "a type that the definition holds",
                     })?;
@@ -194,20 +194,44 @@ fn short(name: &str) -> String {
 }
 
 /// Names and lines of the message itself and of its dependencies.
-fn sections<'a>(name: &'a str, text: &'a str) -> Vec<(&'a str, Vec<&'a str>)> {
-    let mut sections = vec![(name, Vec::new())];
+fn sections<'a>(name: &str, text: &'a str) -> Vec<(String, Vec<&'a str>)> {
+    let mut sections = vec![(name.to_owned(), Vec::new())];
     let mut skipping = false;
     for line in text.lines().map(str::trim) {
         if line.len() >= 3 && line.bytes().all(|b| b == b'=') {
             skipping = true;
         } else if let Some(name) = line.strip_prefix("MSG: ") {
-            sections.push((name.trim(), Vec::new()));
+            sections.push((name.trim().to_owned(), Vec::new()));
             skipping = false;
         } else if let Some((_, lines)) = sections.last_mut().filter(|_| !skipping) {
             lines.push(line);
         }
     }
+    service_event(&mut sections);
     sections
+}
+
+/// Events of a service come with the definition of the service, request and response divided by `---`; what is on
+/// the wire is information about the call with one of both, or with none.
+fn service_event(sections: &mut Vec<(String, Vec<&str>)>) {
+    const EVENT: [&str; 3] =
+        ["service_msgs/ServiceEventInfo info", "Request[<=1] request", "Response[<=1] response"];
+    const INFO: [&str; 4] =
+        ["uint8 event_type", "builtin_interfaces/Time stamp", "char[16] client_gid", "int64 sequence_number"];
+    let (name, lines) = &mut sections[0];
+    let package = name.split_once('/').map_or("", |(package, _)| package);
+    let Some(divider) = lines.iter().position(|line| *line == "---").filter(|_| name.ends_with("_Event"))
+    else {
+        return;
+    };
+    let parts = [
+        (format!("{package}/Request"), lines[..divider].to_vec()),
+        (format!("{package}/Response"), lines[divider + 1..].to_vec()),
+        ("service_msgs/ServiceEventInfo".to_owned(), INFO.to_vec()),
+        ("builtin_interfaces/Time".to_owned(), vec!["int32 sec", "uint32 nanosec"]),
+    ];
+    *lines = EVENT.to_vec();
+    sections.extend(parts);
 }
 
 fn fields<'a>(message: &str, lines: &[&'a str]) -> Result<Vec<Parsed<'a>>, LayoutError> {
@@ -299,6 +323,14 @@ mod tests {
             let error = Layout::parse("a/msg/Self", text).expect_err(text).to_string();
             assert!(error.contains(expect), "{error}");
         }
+    }
+
+    #[test]
+    fn events_of_a_service_are_laid_out_from_the_service() {
+        let layout =
+            Layout::parse("a/srv/Add_Event", "int64 a\nint64 b\n---\nint64 sum\n").expect("it is a service");
+        assert_eq!(layout.signature(), "BiI[16]Bq[](qq)[](q)");
+        Layout::parse("a/srv/Add", "int64 a\n---\nint64 sum\n").expect_err("a service is no message");
     }
 
     #[test]

@@ -82,8 +82,25 @@ pub(super) enum WireError {
 struct State {
     /// Of each step, the elements of its repeated field, or 1 for a submessage that is there.
     seen: [usize; MAX_STEPS],
-    /// The number found last; the outer layer says whether the field was there.
-    found: Option<Option<f64>>,
+    found: Found,
+}
+
+/// What the last step led to.
+#[derive(Clone, Copy)]
+enum Found {
+    /// No occurrence of the field.
+    Nothing,
+    /// The number of its last occurrence; `None` where the index is out of that one's range.
+    Last(Option<f64>),
+}
+
+impl Found {
+    fn or(self, absent: Option<f64>) -> Option<f64> {
+        match self {
+            Self::Nothing => absent,
+            Self::Last(number) => number,
+        }
+    }
 }
 
 impl Plan {
@@ -155,7 +172,7 @@ impl Plan {
     }
 
     pub(super) fn scan(&self, message: &[u8]) -> Result<Option<f64>, WireError> {
-        let mut state = State { seen: [0; MAX_STEPS], found: None };
+        let mut state = State { seen: [0; MAX_STEPS], found: Found::Nothing };
         let mut wire = Wire { bytes: message };
         self.message(0, &mut wire, None, &mut state)?;
         for (at, step) in self.steps.iter().enumerate() {
@@ -164,11 +181,10 @@ impl Plan {
                 StepKind::Message if count <= step.index.unwrap_or(0) => return Ok(None),
                 StepKind::Message => {}
                 StepKind::Count(_) => return Ok(Some(count as f64)),
-                _ if step.index.is_some() => return Ok(state.found.flatten()),
-                StepKind::Number(_, absent) | StepKind::Length(absent) => {
-                    return Ok(state.found.unwrap_or(absent));
+                StepKind::Number(_, absent) | StepKind::Length(absent) if step.index.is_none() => {
+                    return Ok(state.found.or(absent));
                 }
-                StepKind::Byte(_) => return Ok(state.found.flatten()),
+                _ => return Ok(state.found.or(None)),
             }
         }
         Ok(None)
@@ -194,7 +210,7 @@ impl Plan {
             }
             if !step.rivals.is_empty() && step.rivals.contains(&field) {
                 state.seen[at..].fill(0);
-                state.found = None;
+                state.found = Found::Nothing;
             }
             wire.skip(field, wire_type)?;
         }
@@ -228,7 +244,7 @@ impl Plan {
                 let packed = wire.delimited()?;
                 let count = scalar.count(packed)?;
                 if let Some(inner) = index.checked_sub(ordinal).filter(|inner| *inner < count) {
-                    state.found = Some(Some(scalar.nth(packed, inner)?));
+                    state.found = Found::Last(Some(scalar.nth(packed, inner)?));
                 }
                 state.seen[at] = ordinal + count;
                 Ok(())
@@ -239,7 +255,7 @@ impl Plan {
                 }
                 let number = scalar.read(wire)?;
                 if step.index.is_none_or(|index| index == ordinal) {
-                    state.found = Some(Some(number));
+                    state.found = Found::Last(Some(number));
                 }
                 state.seen[at] = ordinal + 1;
                 Ok(())
@@ -250,7 +266,7 @@ impl Plan {
                 }
                 let bytes = wire.delimited()?;
                 if step.index.is_none_or(|index| index == ordinal) {
-                    state.found = Some(match step.kind {
+                    state.found = Found::Last(match step.kind {
                         StepKind::Byte(index) => bytes.get(index).copied().map(f64::from),
                         _ => Some(bytes.len() as f64),
                     });

@@ -7,16 +7,16 @@ use rcs_msg::{FieldPath, MessageEncoding, Schema};
 use std::sync::Arc;
 
 /// Choices drawn from bytes, so that what fails shrinks.
-pub struct Entropy<'a>(pub &'a [u8]);
+pub(crate) struct Entropy<'a>(pub(crate) &'a [u8]);
 
 impl Entropy<'_> {
-    pub fn byte(&mut self) -> u8 {
+    pub(crate) fn byte(&mut self) -> u8 {
         let (first, rest) = self.0.split_first().unwrap_or((&0, &[]));
         self.0 = rest;
         *first
     }
 
-    pub fn below(&mut self, end: usize) -> usize {
+    pub(crate) fn below(&mut self, end: usize) -> usize {
         usize::from(self.byte()) % end.max(1)
     }
 
@@ -30,7 +30,12 @@ impl Entropy<'_> {
 }
 
 /// Appends a random message.
-pub fn message(descriptor: &MessageDescriptor, depth: usize, entropy: &mut Entropy<'_>, out: &mut Vec<u8>) {
+pub(crate) fn message(
+    descriptor: &MessageDescriptor,
+    depth: usize,
+    entropy: &mut Entropy<'_>,
+    out: &mut Vec<u8>,
+) {
     let fields: Vec<FieldDescriptor> = descriptor.fields().filter(|field| !field.is_map()).collect();
     for _ in 0..entropy.below(8) {
         match fields.get(entropy.below(fields.len() + 1)) {
@@ -61,7 +66,7 @@ fn write_field(field: &FieldDescriptor, depth: usize, entropy: &mut Entropy<'_>,
             let bytes: Vec<u8> = (0..entropy.below(6)).map(|_| entropy.byte()).collect();
             delimited(number, &bytes, out);
         }
-        kind if field.is_list() && entropy.byte() % 2 == 0 => {
+        kind if field.is_list() && entropy.byte().is_multiple_of(2) => {
             let mut packed = Vec::new();
             for _ in 0..entropy.below(5) {
                 scalar(&kind, entropy, &mut packed);
@@ -127,7 +132,7 @@ fn unknown(entropy: &mut Entropy<'_>, out: &mut Vec<u8>) {
 }
 
 /// A random path that the descriptor allows, to a number or a length.
-pub fn path(descriptor: &MessageDescriptor, entropy: &mut Entropy<'_>) -> FieldPath {
+pub(crate) fn path(descriptor: &MessageDescriptor, entropy: &mut Entropy<'_>) -> FieldPath {
     let mut descriptor = descriptor.clone();
     let mut path = FieldPath::root();
     loop {
@@ -141,6 +146,8 @@ pub fn path(descriptor: &MessageDescriptor, entropy: &mut Entropy<'_>) -> FieldP
             path = path.index(entropy.below(4));
         }
         match field.kind() {
+            // Some messages contain themselves.
+            Kind::Message(_) if path.segments().len() > 20 => return path,
             Kind::Message(inner) => descriptor = inner,
             Kind::Bytes if entropy.below(2) == 0 => return path.index(entropy.below(4)),
             Kind::Bytes | Kind::String => return path.length(),
@@ -150,7 +157,7 @@ pub fn path(descriptor: &MessageDescriptor, entropy: &mut Entropy<'_>) -> FieldP
 }
 
 /// Groups, oneofs, defaults of proto2 and every width of integer, which Foxglove's messages do not use.
-pub fn odd_schemas() -> Vec<Arc<Schema>> {
+pub(crate) fn odd_schemas() -> Vec<Arc<Schema>> {
     const PROTO2: &str = r#"syntax = "proto2"; package odd;
         message Old {
           optional int32 a = 1 [default = -7]; required double b = 2; repeated sint64 c = 3;
