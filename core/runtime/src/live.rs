@@ -179,7 +179,7 @@ impl Live {
     /// Ends every process after its cycle, and the recording after them.
     pub fn stop(mut self) -> Result<Option<RecorderStatus>, RunError> {
         self.end_threads();
-        self.recording.take().map(|recording| recording.finish()).transpose()
+        self.recording.take().map(Recording::finish).transpose()
     }
 
     fn end_threads(&mut self) {

@@ -155,17 +155,17 @@ struct CycleTimes {
 impl Stepped {
     /// A stack that is about to run, from the start of `log` where it reads one, else from time 0.
     pub fn new(plan: Arc<Plan>, log: Option<&Log>, options: RunOptions) -> Result<Self, RunError> {
-        let machine = Machine::new(Arc::clone(&plan), options.seed)?;
+        let machine = Machine::new(plan, options.seed)?;
         let feed = match log {
             Some(log) => Some(Feed::new(log, &machine)?),
             None => None,
         };
         if feed.is_none()
-            && let Some(input) = plan.inputs.first()
+            && let Some(input) = machine.plan.inputs.first()
         {
             return Err(RunError::Refused(format!(
                 "stack {} reads topic {} of a log; expected a log to read it from",
-                plan.file.name(),
+                machine.plan.file.name(),
                 input.topic
             )));
         }

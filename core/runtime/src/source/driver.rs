@@ -121,7 +121,7 @@ impl<W: Fn()> Pacer<W> {
             } else if idle {
                 Duration::ZERO
             } else {
-                Duration::from_secs(3600)
+                Duration::MAX
             };
             let first = match controls.recv_timeout(wait) {
                 Ok(control) => Some(control),

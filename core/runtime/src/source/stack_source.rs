@@ -33,7 +33,8 @@ pub struct StackSource {
 impl StackSource {
     /// A stack at its start, on a log where it reads one.
     pub fn new(plan: Arc<Plan>, log: Option<&Log>, options: RunOptions) -> Result<Self, SourceError> {
-        let run = Stepped::new(Arc::clone(&plan), log, options)?;
+        let run = Stepped::new(plan, log, options)?;
+        let plan = Arc::clone(run.plan());
         let tracks: Arc<Mutex<Tracks>> = Arc::default();
         for process in &plan.processes {
             for &index in &process.outputs {

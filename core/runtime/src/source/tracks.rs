@@ -21,7 +21,7 @@ pub(crate) fn is_transform_type(name: &str) -> bool {
 /// Tracks and transforms that grow message by message.
 #[derive(Default)]
 pub(crate) struct Tracks {
-    tracks: BTreeMap<Arc<str>, Track>,
+    by_topic: BTreeMap<Arc<str>, Track>,
     tree: TransformTree,
     /// Transforms that odometry implies, used where no message says them.
     implied: TransformTree,
@@ -59,7 +59,7 @@ impl Tracks {
     }
 
     fn push(&mut self, topic: &Arc<str>, frame_id: &str, time: Stamp, position: DVec3, yaw: f64) {
-        let track = self.tracks.entry(Arc::clone(topic)).or_insert_with(|| Track {
+        let track = self.by_topic.entry(Arc::clone(topic)).or_insert_with(|| Track {
             topic: Arc::clone(topic),
             frame_id: frame_id.to_owned(),
             ..Track::default()
@@ -88,7 +88,7 @@ impl Tracks {
 
     /// Forgets what came after `time`: the run has branched there.
     pub(crate) fn truncate(&mut self, time: Stamp) {
-        for track in self.tracks.values_mut() {
+        for track in self.by_topic.values_mut() {
             let keep = track.stamps.partition_point(|&stamp| stamp <= time);
             track.stamps.truncate(keep);
             track.points.truncate(keep);
@@ -97,12 +97,12 @@ impl Tracks {
 
     /// How many positions there are.
     pub(crate) fn len(&self) -> usize {
-        self.tracks.values().map(|track| track.stamps.len()).sum()
+        self.by_topic.values().map(|track| track.stamps.len()).sum()
     }
 
     /// All tracks, shared.
     pub(crate) fn share(&self) -> BTreeMap<Arc<str>, Arc<Track>> {
-        self.tracks.iter().map(|(name, track)| (Arc::clone(name), Arc::new(track.clone()))).collect()
+        self.by_topic.iter().map(|(name, track)| (Arc::clone(name), Arc::new(track.clone()))).collect()
     }
 
     /// All transforms; those that odometry implies only where no message says any.

@@ -17,8 +17,7 @@ pub struct StackError {
 impl StackError {
     /// An error at a byte range of `text`.
     pub(crate) fn at(file: &str, text: &str, span: &Range<usize>, message: impl Into<String>) -> Self {
-        let before = text.as_bytes().get(..span.start).unwrap_or(text.as_bytes());
-        let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
+        let line = 1 + text.get(..span.start).unwrap_or(text).matches('\n').count();
         Self { file: file.to_owned(), line, message: message.into() }
     }
 }

@@ -226,6 +226,12 @@ impl Builder<'_> {
                 });
             }
         }
+        // A process's own buffers come first, so that a wire of another type to one of them is what is refused.
+        for spanned in entries {
+            let name = spanned.get_ref().name.get_ref();
+            self.buffer(&format!("/{name}/command"), &spanned.span(), schema_of::<rcs::Command>())?;
+            self.buffer(&format!("/{name}/status"), &spanned.span(), schema_of::<rcs::Status>())?;
+        }
         entries.iter().map(|entry| self.process(entry, plugins, overrides)).collect()
     }
 

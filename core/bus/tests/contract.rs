@@ -1,0 +1,275 @@
+//! The contract of a buffer: NML's modes, one test each, and a plain model of a queue that must agree with it.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+use proptest::prelude::*;
+use rcs_bus::{
+    Buffer, BufferSpec, Draft, Mode, Overflow, Override, OverrideMode, OverrideValue, WriteError, WriterId,
+};
+use rcs_msg::{AnyMessage, Stamp, Value, foxglove, rcs, schema_of};
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+fn buffer(mode: Mode) -> Arc<Buffer> {
+    Buffer::new(BufferSpec {
+        name: "/test".to_owned(),
+        schema: Arc::clone(schema_of::<foxglove::Vector3>()),
+        mode,
+        metadata: BTreeMap::new(),
+    })
+}
+
+fn queue(depth: usize, overflow: Overflow) -> Mode {
+    Mode::Queue { depth, overflow }
+}
+
+fn draft(x: f64) -> Draft {
+    let message = AnyMessage::new(foxglove::Vector3 { x, y: 0.0, z: 0.0 });
+    Draft { log_time: Stamp(1), acq_time: Stamp(1), message }
+}
+
+fn x(sample: &rcs_bus::Sample) -> f64 {
+    sample.message.get::<foxglove::Vector3>().unwrap().x
+}
+
+#[test]
+fn a_latest_only_buffer_gives_each_reader_the_newest_once() {
+    let buffer = buffer(Mode::Latest);
+    let writer = buffer.writer(WriterId::RUNTIME);
+    let (mut a, mut b) = (buffer.reader(), buffer.reader());
+    assert!(a.read().is_none());
+    for i in 1..=3 {
+        assert_eq!(writer.write(draft(f64::from(i))).unwrap(), i as u64);
+    }
+    let (sample, missed) = a.read_counting().unwrap();
+    assert_eq!((x(&sample), missed), (3.0, 2));
+    assert!(a.read().is_none(), "read once");
+    assert_eq!(x(&b.read().unwrap()), 3.0, "no reader takes from another");
+    assert_eq!(x(&a.latest().unwrap()), 3.0, "the newest stays to be looked at");
+}
+
+#[test]
+fn a_late_reader_sees_the_newest_message() {
+    let buffer = buffer(queue(4, Overflow::DropOldest));
+    let writer = buffer.writer(WriterId::RUNTIME);
+    for i in 0..3 {
+        writer.write(draft(f64::from(i))).unwrap();
+    }
+    let mut late = buffer.reader();
+    assert_eq!(x(&late.read().unwrap()), 2.0);
+    assert!(late.read().is_none());
+}
+
+#[test]
+fn peek_leaves_the_message_unread() {
+    let buffer = buffer(queue(4, Overflow::DropOldest));
+    let mut reader = buffer.reader();
+    buffer.writer(WriterId::RUNTIME).write(draft(1.0)).unwrap();
+    buffer.writer(WriterId::OPERATOR).write(draft(2.0)).unwrap();
+    assert_eq!(x(&reader.peek().unwrap()), 1.0);
+    assert_eq!(x(&reader.peek().unwrap()), 1.0);
+    assert_eq!(x(&reader.read().unwrap()), 1.0);
+    let second = reader.read().unwrap();
+    assert_eq!((x(&second), second.header.writer), (2.0, WriterId::OPERATOR));
+}
+
+#[test]
+fn a_queue_that_drops_tells_how_many_a_reader_missed() {
+    let buffer = buffer(queue(2, Overflow::DropOldest));
+    let mut reader = buffer.reader();
+    let writer = buffer.writer(WriterId::RUNTIME);
+    for i in 0..5 {
+        writer.write(draft(f64::from(i))).unwrap();
+    }
+    let mut fresh = Vec::new();
+    assert_eq!(reader.drain_into(&mut fresh), 3);
+    assert_eq!(fresh.iter().map(x).collect::<Vec<_>>(), [3.0, 4.0]);
+}
+
+#[test]
+fn a_queue_that_refuses_waits_for_its_slowest_reader() {
+    let buffer = buffer(queue(2, Overflow::Refuse));
+    let mut fast = buffer.reader();
+    let mut slow = buffer.reader();
+    let writer = buffer.writer(WriterId::RUNTIME);
+    writer.write(draft(0.0)).unwrap();
+    writer.write(draft(1.0)).unwrap();
+    fast.read().unwrap();
+    fast.read().unwrap();
+    assert!(matches!(writer.write(draft(2.0)), Err(WriteError::Full { depth: 2, .. })));
+    assert_eq!(x(&slow.read().unwrap()), 0.0);
+    writer.write(draft(2.0)).unwrap();
+    writer.write(draft(3.0)).unwrap_err();
+    drop(slow);
+    writer.write(draft(3.0)).unwrap();
+    writer.write(draft(4.0)).unwrap_err();
+    assert_eq!(x(&fast.read().unwrap()), 2.0);
+    writer.write(draft(4.0)).unwrap();
+}
+
+#[test]
+fn a_refused_write_goes_through_when_a_reader_reads_in_time() {
+    let buffer = buffer(queue(1, Overflow::Refuse));
+    let mut reader = buffer.reader();
+    let writer = buffer.writer(WriterId::RUNTIME);
+    writer.write(draft(0.0)).unwrap();
+    let thread = std::thread::spawn(move || writer.write_within(draft(1.0), Duration::from_mins(1)));
+    assert_eq!(x(&reader.read_within(Duration::from_mins(1)).unwrap()), 0.0);
+    thread.join().unwrap().unwrap();
+    assert_eq!(x(&reader.read().unwrap()), 1.0);
+}
+
+#[test]
+fn a_blocking_read_ends_with_a_message_or_with_its_time_limit() {
+    let buffer = buffer(Mode::Latest);
+    let mut reader = buffer.reader();
+    assert!(reader.read_within(Duration::from_millis(1)).is_none());
+    let writer = buffer.writer(WriterId::RUNTIME);
+    let thread = std::thread::spawn(move || reader.read_within(Duration::from_mins(1)).map(|s| x(&s)));
+    writer.write(draft(7.0)).unwrap();
+    assert_eq!(thread.join().unwrap(), Some(7.0));
+}
+
+#[test]
+fn a_message_of_another_type_is_refused_with_both_names() {
+    let buffer = buffer(Mode::Latest);
+    let message = AnyMessage::new(rcs::Command::default());
+    let error = buffer
+        .writer(WriterId::OPERATOR)
+        .write(Draft { log_time: Stamp(0), acq_time: Stamp(0), message })
+        .unwrap_err();
+    assert_eq!(error.to_string(), "a rcs.Command was written to /test, which holds foxglove.Vector3");
+}
+
+#[test]
+fn readers_share_the_writers_allocation() {
+    let buffer = buffer(Mode::Latest);
+    let (mut a, mut b) = (buffer.reader(), buffer.reader());
+    let draft = draft(1.0);
+    let written = draft.message.clone();
+    buffer.writer(WriterId::RUNTIME).write(draft).unwrap();
+    assert!(a.read().unwrap().message.same(&written));
+    assert!(b.read().unwrap().message.same(&written));
+}
+
+#[test]
+fn a_tap_sees_every_message_in_order() {
+    let buffer = buffer(Mode::Latest);
+    let seen = Arc::new(Mutex::new(Vec::new()));
+    let theirs = Arc::clone(&seen);
+    buffer.tap(Box::new(move |sample| theirs.lock().unwrap().push(sample.header.sequence)));
+    let writers: Vec<_> = (0..4).map(|_| buffer.writer(WriterId::RUNTIME)).collect();
+    std::thread::scope(|scope| {
+        for writer in writers {
+            scope.spawn(move || (0..250).for_each(|_| _ = writer.write(draft(0.0)).unwrap()));
+        }
+    });
+    assert_eq!(*seen.lock().unwrap(), (1..=1000).collect::<Vec<u64>>());
+}
+
+#[test]
+fn an_override_replaces_a_field_until_it_is_released() {
+    let buffer = buffer(Mode::Latest);
+    let mut reader = buffer.reader();
+    let writer = buffer.writer(WriterId::RUNTIME);
+    let hold = |mode, value: f64| Override {
+        mode,
+        value: OverrideValue::Field(".y".parse().unwrap(), Value::Float(value)),
+    };
+    let mut written = |x: f64| {
+        writer.write(draft(x)).unwrap();
+        let sample = reader.read().unwrap();
+        let vector = sample.message.get::<foxglove::Vector3>().unwrap();
+        (vector.x, vector.y)
+    };
+    buffer.set_override(hold(OverrideMode::Hold, 5.0));
+    assert_eq!(written(1.0), (1.0, 5.0));
+    buffer.set_override(hold(OverrideMode::Hold, 6.0));
+    assert_eq!(written(2.0), (2.0, 6.0));
+    buffer.set_override(hold(OverrideMode::Release, 0.0));
+    assert_eq!(written(3.0), (3.0, 0.0));
+    buffer.set_override(hold(OverrideMode::Once, 7.0));
+    assert_eq!(written(4.0), (4.0, 7.0));
+    assert_eq!(written(5.0), (5.0, 0.0));
+}
+
+#[test]
+fn an_override_that_does_not_fit_is_told_to_the_writer() {
+    let buffer = buffer(Mode::Latest);
+    let value = OverrideValue::Field(".nothing".parse().unwrap(), Value::Float(1.0));
+    buffer.set_override(Override { mode: OverrideMode::Hold, value });
+    let error = buffer.writer(WriterId::RUNTIME).write(draft(1.0)).unwrap_err().to_string();
+    assert!(error.starts_with("the override of /test does not fit"), "{error}");
+    assert!(error.contains("nothing"), "{error}");
+}
+
+/// What a test does to a queue.
+#[derive(Clone, Debug)]
+enum Act {
+    Write,
+    Read(usize),
+    Peek(usize),
+    SaveAndRestore,
+}
+
+fn acts() -> impl Strategy<Value = Vec<Act>> {
+    let act = prop_oneof![
+        3 => Just(Act::Write),
+        3 => (0..3_usize).prop_map(Act::Read),
+        1 => (0..3_usize).prop_map(Act::Peek),
+        1 => Just(Act::SaveAndRestore),
+    ];
+    prop::collection::vec(act, 0..200)
+}
+
+proptest! {
+    /// A queue agrees with a list a reader that is cut to the depth; saving and restoring changes nothing.
+    #[test]
+    fn a_queue_is_a_list_for_each_reader(depth in 1..5_usize, refuses: bool, acts in acts()) {
+        let overflow = if refuses { Overflow::Refuse } else { Overflow::DropOldest };
+        let buffer = buffer(queue(depth, overflow));
+        let writer = buffer.writer(WriterId::RUNTIME);
+        let mut readers = [buffer.reader(), buffer.reader(), buffer.reader()];
+        let mut reference_kept: VecDeque<u64> = VecDeque::new();
+        let mut reference_unread: [VecDeque<u64>; 3] = Default::default();
+        let mut next = 1;
+        for act in acts {
+            match act {
+                Act::Write => {
+                    let oldest = reference_kept.front().copied().filter(|_| reference_kept.len() == depth);
+                    let full = oldest.is_some_and(|oldest| reference_unread.iter().any(|list| list.contains(&oldest)));
+                    let written = writer.write(draft(next as f64));
+                    prop_assert_eq!(written.is_err(), refuses && full);
+                    if written.is_ok() {
+                        if let Some(oldest) = oldest {
+                            reference_kept.pop_front();
+                            for list in &mut reference_unread {
+                                list.retain(|&n| n != oldest);
+                            }
+                        }
+                        reference_kept.push_back(next);
+                        for list in &mut reference_unread {
+                            list.push_back(next);
+                        }
+                        next += 1;
+                    }
+                }
+                Act::Read(i) => {
+                    let got = readers[i].read().map(|sample| sample.header.sequence);
+                    prop_assert_eq!(got, reference_unread[i].pop_front());
+                }
+                Act::Peek(i) => {
+                    let got = readers[i].peek().map(|sample| sample.header.sequence);
+                    prop_assert_eq!(got, reference_unread[i].front().copied());
+                }
+                Act::SaveAndRestore => {
+                    let state = buffer.save();
+                    writer.write(draft(0.0)).ok();
+                    readers[0].read();
+                    buffer.restore(&state);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! Every mistake in a stack file is refused before anything runs, with file, line, and what was expected.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+mod common;
+
+use common::{PAIR, PLUGINS, plan};
+use proptest::prelude::*;
+use rcs_runtime::{Plan, StackFile};
+
+/// Changes `PAIR` and expects this error.
+fn check(from: &str, to: &str, expected: &str) {
+    assert!(PAIR.contains(from), "{from:?} is not in the stack");
+    let error = plan(&PAIR.replacen(from, to, 1)).unwrap_err().to_string();
+    assert!(error.contains(expected), "expected {expected:?} in {error:?}");
+}
+
+#[test]
+fn a_good_stack_is_accepted() {
+    let plan = plan(PAIR).unwrap();
+    assert_eq!(plan.processes.len(), 2);
+    let infos = plan.process_infos();
+    assert_eq!(infos[1].inputs[0].buffer, "/counter/count");
+    assert_eq!(infos[0].outputs[0].buffer, "/counter/count");
+    assert_eq!(infos[0].supervisor, "viewer");
+}
+
+#[test]
+fn mistakes_name_file_line_and_what_was_expected() {
+    check("format = 1", "format = 9", "test.toml:2: format 9 is not known; expected 1");
+    check("name = \"pair\"", "name = 3", "test.toml:3: invalid type: integer `3`, expected a string");
+    check(
+        "plugin = \"counter\"",
+        "plugin = \"countr\"",
+        "test.toml:7: there is no plugin \"countr\"; expected counter, adder or fragile",
+    );
+    check("latency_ms = 3", "latencyms = 3", "test.toml:9: unknown field `latencyms`");
+    check("latency_ms = 3", "latency_ms = nan", "test.toml:9: NaN ms is out of range; expected 0 to");
+    check("period_ms = 25", "period_ms = 0", "0 ms is out of range; expected 0.1 to");
+    check(
+        "supervisor = \"viewer\"\n",
+        "",
+        "process counter has no supervisor; expected supervisor = viewer or adder",
+    );
+    check(
+        "supervisor = \"viewer\"",
+        "supervisor = \"boss\"",
+        "there is no process \"boss\" to supervise counter; expected viewer or adder",
+    );
+    check("name = \"adder\"", "name = \"counter\"", "there are two processes named counter");
+    check(
+        "name = \"adder\"",
+        "name = \"an adder\"",
+        "cannot name a process; expected letters, digits and underscores",
+    );
+    check(
+        "input = \"/counter/count\"",
+        "inptu = \"/counter/count\"",
+        "there is no input \"inptu\"; expected input",
+    );
+    check("inputs = { input = \"/counter/count\" }", "", "process adder has no buffer for its input input");
+    check("input = \"/counter/count\"", "input = \"/other\"", "nothing writes /other");
+    check(
+        "input = \"/counter/count\"",
+        "input = \"/adder/status\"",
+        "test.toml:16: /adder/status holds rcs.Status elsewhere in this stack; expected it to hold foxglove.Vector3",
+    );
+    check(
+        "input = \"/counter/count\"",
+        "input = \"count\"",
+        "cannot name a buffer; expected a name like /wm1/map",
+    );
+    check("input = \"/counter/count\"", "input = \"/runtime/log\"", "is the runtime's own");
+    check(
+        "[buffers.\"/counter/count\"]",
+        "[buffers.\"/conuter/count\"]",
+        "there is no buffer /conuter/count; expected",
+    );
+    check("queue = 16", "queue = 0", "a queue of 0 is not possible; expected 1 to 100000");
+    check("queue = 16", "overflow = \"refuse\"", "overflow is for a queue; expected queue = <depth>");
+    check("queue = 16", "record_hz = -1.0", "-1 is no rate; expected a number above 0");
+    check("queue = 16", "queue = ", "test.toml:19:");
+}
+
+#[test]
+fn a_parameter_is_checked_against_its_range_and_type() {
+    let with = |param: &str| format!("latency_ms = 3\nparams = {{ {param} }}");
+    check("latency_ms = 3", &with("publish_hz = nan"), "test.toml:10: parameter counter.publish_hz");
+    check("latency_ms = 3", &with("publish_hz = 5000.0"), "100");
+    check("latency_ms = 3", &with("publish_hz = \"fast\""), "counter.publish_hz");
+    check("latency_ms = 3", &with("publsh_hz = 5.0"), "expected one of");
+    check("latency_ms = 3", &with("publish_hz = { a = 1 }"), "expected a number, a text, true or false");
+}
+
+#[test]
+fn a_parameter_of_the_command_line_overrides_the_file_and_is_checked() {
+    let file = || StackFile::parse("test.toml", PAIR).unwrap();
+    let with = |path: &str, value: &str| Plan::new(file(), PLUGINS, &[(path.to_owned(), value.to_owned())]);
+    let plan = with("counter.publish_hz", "7.5").unwrap();
+    let params: rcs_msg::rcs::WorldModelParams = plan.processes[0].params.to().unwrap();
+    assert_eq!(params.publish_hz, 7.5);
+    let error = |path, value| with(path, value).unwrap_err().to_string();
+    assert!(error("counter.publish_hz", "NaN").contains("publish_hz"));
+    assert!(error("nobody.publish_hz", "1").contains("with process counter or adder"));
+    assert!(error("publish_hz", "1").contains("expected <process>.<field>=<value>"));
+}
+
+#[test]
+fn processes_that_supervise_each_other_are_refused() {
+    let ring = PAIR.replacen("supervisor = \"viewer\"", "supervisor = \"adder\"", 1).replacen(
+        "supervisor = \"viewer\"",
+        "supervisor = \"counter\"",
+        1,
+    );
+    let error = plan(&ring).unwrap_err().to_string();
+    assert!(error.contains("supervises itself; expected a chain that ends at viewer"), "{error}");
+}
+
+proptest! {
+    /// No text makes the reader panic.
+    #[test]
+    fn any_text_is_read_or_refused(start in 0..PAIR.len(), length in 0..40_usize, new in ".{0,12}") {
+        let end = (start + length).min(PAIR.len());
+        let text = format!("{}{new}{}", &PAIR[..start], &PAIR[end..]);
+        let _ = plan(&text);
+    }
+}
