@@ -10,6 +10,7 @@
 
 mod any;
 mod convert;
+mod edit;
 mod header;
 pub mod image;
 mod packed;

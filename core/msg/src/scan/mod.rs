@@ -6,6 +6,7 @@
 
 mod cdr;
 mod protobuf;
+mod wire;
 
 use crate::path::{FieldPath, Segment};
 use crate::reader::{DecodeError, Reader};
