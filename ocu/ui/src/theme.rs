@@ -88,10 +88,10 @@ const LIGHT: Tokens = Tokens {
     stale: rgb(0x7a_6a50),
     series: [
         rgb(0x00_72b2),
-        rgb(0xc7_7700),
+        rgb(0xba_7000),
         rgb(0x00_8a66),
         rgb(0xb3_4d87),
-        rgb(0x8a_7d00),
+        rgb(0x6f_7d00),
         rgb(0xcc_4a10),
         rgb(0x4b_5fd0),
         rgb(0x4c_585e),

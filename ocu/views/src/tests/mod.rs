@@ -33,7 +33,7 @@ fn harness(shown: Shown, size: Vec2, theme: Theme) -> Harness<'static, Shown> {
         .with_render_cursor(false)
         .with_context_setup(ocu_ui::install)
         .build_ui_state(
-            |ui, shown| {
+            |ui, shown: &mut Shown| {
                 let panel = ocu_ui::tokens(ui).panel();
                 ui.painter().rect_filled(ui.max_rect(), 0.0, panel);
                 let Shown { view, frame, selection, controls } = shown;
@@ -90,7 +90,7 @@ fn every_view_gives_back_what_it_saved_and_survives_what_it_did_not() {
         if !saved.is_null() {
             view.load(&empty_object).unwrap_or_else(|error| panic!("{}: {error}", view_type.kind));
             assert_eq!(view.save(), saved, "{}: a field that is missing keeps its default", view_type.kind);
-            view.load(&serde_json::json!(["nonsense"])).unwrap_err();
+            view.load(&serde_json::json!("nonsense")).unwrap_err();
             assert_eq!(view.save(), saved, "{}: a value that does not fit changes nothing", view_type.kind);
         }
     }
