@@ -27,6 +27,9 @@ impl Default for Weights {
     }
 }
 
+/// By [`Source::index`]: what a source weighs that is absent (nothing), and that is present.
+pub(crate) type WeightTable = [[f64; 2]; Source::COUNT];
+
 /// A weight that cannot be.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("weight of {source_name} is {value}, expected a finite number from 0 up")]
@@ -46,6 +49,14 @@ impl Weights {
             Source::Bumper => 0.0,
             Source::Infrared => self.infrared,
         }
+    }
+
+    /// The weights as [`fuse_by_table`] looks them up; 0 for the bumper and for weights that cannot be.
+    pub(crate) fn table(&self) -> WeightTable {
+        Source::ALL.map(|source| match f64::from(self.get(source)) {
+            weight if weight > 0.0 && weight.is_finite() => [0.0, weight],
+            _ => [0.0; 2],
+        })
     }
 
     /// Refuses NaN, infinity and negative weights. [`fuse`] takes those as 0.
@@ -114,36 +125,53 @@ impl Fused {
 /// Confidence does not weigh the cost: the papers' equation has the weights alone.
 #[inline]
 pub fn fuse(costs: &[u8; Source::COUNT], confidences: &[u8; Source::COUNT], weights: &Weights) -> Fused {
-    const BUMPER: usize = Source::Bumper.index();
-    if confidences[BUMPER] > 0 && (OBSTACLE_COST..=MAX_COST).contains(&costs[BUMPER]) {
-        return Fused {
-            cost: costs[BUMPER],
-            label: Label::Obstacle,
-            source: Some(Source::Bumper),
-            confidence: confidences[BUMPER],
-        };
-    }
-    let (mut sum, mut total) = (0.0_f64, 0.0_f64);
-    let mut surest: Option<(u8, Source)> = None;
-    for source in Source::ALL {
-        let (cost, confidence) = (costs[source.index()], confidences[source.index()]);
-        let weight = weights.get(source);
-        // An infinite weight would make the mean NaN.
-        if confidence == 0 || cost > MAX_COST || !(weight > 0.0 && weight.is_finite()) {
-            continue;
+    fuse_by_table(costs, confidences, &weights.table())
+}
+
+/// [`fuse`] with weights that have been looked up, for whole maps.
+#[inline]
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "as fuse takes them")]
+pub(crate) fn fuse_by_table(
+    costs: &[u8; Source::COUNT],
+    confidences: &[u8; Source::COUNT],
+    weights: &WeightTable,
+) -> Fused {
+    let said = |source: Source| (source, costs[source.index()], confidences[source.index()]);
+    fuse_said(Source::ALL.into_iter().map(said), weights)
+}
+
+/// The rule itself: of what the sources say, each its cost and confidence, in the order of [`Source::ALL`].
+#[inline]
+pub(crate) fn fuse_said(said: impl Iterator<Item = (Source, u8, u8)>, weights: &WeightTable) -> Fused {
+    let (mut sum, mut total) = (0.0, 0.0);
+    let (mut highest, mut surest) = (0, (Source::Stereo, UNKNOWN_COST));
+    let mut hit = None;
+    for (source, cost, confidence) in said {
+        // Absent sources add zeros rather than being skipped: the processor cannot predict which are absent.
+        let known = u8::from(confidence > 0) & u8::from(cost <= MAX_COST);
+        let weight = weights[source.index()][usize::from(known)];
+        sum += weight * f64::from(cost);
+        total += weight;
+        let counted = if weight > 0.0 { confidence } else { 0 };
+        if counted > highest {
+            (highest, surest) = (counted, (source, cost));
         }
-        sum += f64::from(weight) * f64::from(cost);
-        total += f64::from(weight);
-        if surest.is_none_or(|(highest, _)| confidence > highest) {
-            surest = Some((confidence, source));
+        if source == Source::Bumper && known == 1 && cost >= OBSTACLE_COST {
+            hit = Some((cost, confidence));
         }
     }
-    let Some((confidence, source)) = surest else { return Fused::UNKNOWN };
+    if let Some((cost, confidence)) = hit {
+        return Fused { cost, label: Label::Obstacle, source: Some(Source::Bumper), confidence };
+    }
+    if total == 0.0 {
+        return Fused::UNKNOWN;
+    }
+    let (source, surest_cost) = surest;
     Fused {
         cost: (sum / total + 0.5) as u8,
-        label: Label::of_cost(costs[source.index()]),
+        label: Label::of_cost(surest_cost),
         source: Some(source),
-        confidence,
+        confidence: highest,
     }
 }
 

@@ -4,7 +4,8 @@ use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::Grid;
 pub use rcs_msg::foxglove::packed_element_field::NumericType;
 
-use crate::{Fused, Source, UNKNOWN_COST, Weights, fuse};
+use crate::fusion::fuse_said;
+use crate::{Source, Weights};
 
 /// What is wrong with a grid, or with asking it for a field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -258,30 +259,28 @@ impl Field<'_> {
 }
 
 /// Fuses the cells of a received grid with these weights, by rows, into a buffer that is used again: one cost a byte, 255
-/// unknown. Sources are those with a field `cost.<source>` and `conf.<source>`, both `UINT8`. The rule is [`fuse`].
+/// unknown. Sources are those with a field `cost.<source>` and `conf.<source>`, both `UINT8`. The rule is [`crate::fuse`].
 pub fn fuse_grid(view: &GridView<'_>, weights: &Weights, costs: &mut Vec<u8>) -> Result<(), GridViewError> {
-    let mut offsets = Vec::new();
+    let mut places = Vec::with_capacity(Source::COUNT);
     for source in view.sources().iter() {
-        let cost = view.field_of(&format!("cost.{source}"), NumericType::Uint8)?.offset;
-        let confidence = view.field_of(&format!("conf.{source}"), NumericType::Uint8)?.offset;
-        offsets.push((source.index(), cost, confidence));
+        let cost_at = view.field_of(&format!("cost.{source}"), NumericType::Uint8)?.offset;
+        let confidence_at = view.field_of(&format!("conf.{source}"), NumericType::Uint8)?.offset;
+        places.push((source, cost_at, confidence_at));
     }
-    if offsets.is_empty() {
+    if places.is_empty() {
         return Err(GridViewError::NoSources);
     }
+    let weights = weights.table();
     costs.clear();
     costs.reserve(view.columns * view.rows);
-    costs.extend(view.cells().map(|cell| {
-        let (mut cost, mut confidence) = ([UNKNOWN_COST; Source::COUNT], [0; Source::COUNT]);
-        let mut seen = 0;
-        for &(source, cost_at, confidence_at) in &offsets {
-            cost[source] = cell[cost_at];
-            confidence[source] = cell[confidence_at];
-            seen |= cell[confidence_at];
-        }
-        // Most of a map is usually unknown.
-        if seen == 0 { Fused::UNKNOWN.cost } else { fuse(&cost, &confidence, weights).cost }
-    }));
+    for row in view.data.chunks_exact(view.row_stride) {
+        costs.extend(row.chunks_exact(view.cell_stride).take(view.columns).map(|cell| {
+            let said = places
+                .iter()
+                .map(|&(source, cost_at, confidence_at)| (source, cell[cost_at], cell[confidence_at]));
+            fuse_said(said, &weights).cost
+        }));
+    }
     Ok(())
 }
 

@@ -19,11 +19,12 @@
 //!
 //! `<source>` runs over the sources of the stack, and no others. The cell is padded to a multiple of 4 bytes.
 
-use bytes::{BufMut, Bytes, BytesMut};
+use bytes::{BufMut, Bytes};
 use rcs_geom::{CellIndex, DVec2, GridError};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{self, Grid, PackedElementField, Quaternion, Vector2, Vector3};
 
+use crate::fusion::{WeightTable, fuse_by_table};
 use crate::grid_view::{GridViewError, NumericType};
 use crate::{Cell, Evidence, GridView, HeightStats, Map, SIDE, Source, Sources, Weights};
 
@@ -111,13 +112,11 @@ impl Map {
     /// The map as a message; see the top of this file for its fields.
     pub fn to_grid(&self, frame_id: &str, time: Stamp, options: &MapOptions) -> Grid {
         let (fields, cell_stride) = fields(options.sources, options.heights);
-        let mut data = BytesMut::with_capacity(SIDE * SIDE * cell_stride);
-        self.grid.for_each_run(|_, _, cells| {
-            for cell in cells {
-                let start = data.len();
-                write(&mut data, cell, options);
-                data.resize(start + cell_stride, 0);
-            }
+        let weights = options.weights.table();
+        let mut data = vec![0; SIDE * SIDE * cell_stride];
+        self.grid.for_each_run(|first, _, cells| {
+            let places = data[first * cell_stride..].chunks_exact_mut(cell_stride);
+            cells.iter().zip(places).for_each(|(cell, place)| write(place, cell, options, &weights));
         });
         let corner = self.grid.origin();
         let size = self.grid.cell_size_m();
@@ -173,8 +172,8 @@ impl Map {
     }
 }
 
-fn write(data: &mut BytesMut, cell: &Cell, options: &MapOptions) {
-    let fused = cell.fused(&options.weights);
+fn write(mut data: &mut [u8], cell: &Cell, options: &MapOptions, weights: &WeightTable) {
+    let fused = fuse_by_table(&cell.costs(), &cell.confidences(), weights);
     data.put_u32_le((cell.updated.0 / 1_000_000_000) as u32);
     data.put_u32_le((cell.updated.0 % 1_000_000_000) as u32);
     for source in options.sources.iter() {

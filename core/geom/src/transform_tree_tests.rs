@@ -1,0 +1,116 @@
+use glam::DVec3;
+use proptest::prelude::*;
+
+use super::*;
+
+fn shift(x: f64) -> Pose {
+    Pose::from_translation(DVec3::new(x, 0.0, 0.0))
+}
+
+/// global ─ local ─ vehicle ┬ left
+///                          └ right          and, apart, island ─ hut
+fn tree() -> TransformTree {
+    let mut tree = TransformTree::new();
+    tree.set_static("vehicle", "left", Pose::from_rpy(DVec3::new(0.3, 0.1, 1.0), 0.0, 0.2, 0.4)).unwrap();
+    tree.set_static("vehicle", "right", Pose::from_rpy(DVec3::new(0.3, -0.1, 1.0), 0.0, 0.2, -0.4)).unwrap();
+    tree.insert("local", "vehicle", 1000, Pose::from_xy_yaw(0.0, 0.0, 0.0)).unwrap();
+    tree.insert("local", "vehicle", 2000, Pose::from_xy_yaw(2.0, 0.0, 1.0)).unwrap();
+    tree.insert("global", "local", 1500, shift(100.0)).unwrap();
+    tree.set_static("island", "hut", shift(1.0)).unwrap();
+    tree
+}
+
+fn near(a: &Pose, b: &Pose) -> bool {
+    a.translation.abs_diff_eq(b.translation, 1e-12)
+        && a.rotation_matrix().abs_diff_eq(b.rotation_matrix(), 1e-12)
+}
+
+#[test]
+fn lookup_composes_the_edges_and_interpolates_between_neighbours() {
+    let tree = tree();
+    let expected =
+        shift(100.0) * Pose::from_xy_yaw(1.0, 0.0, 0.5) * tree.lookup("vehicle", "left", 0).unwrap();
+    assert!(near(&tree.lookup("global", "left", 1500).unwrap(), &expected));
+    assert!(near(&tree.lookup("left", "global", 1500).unwrap(), &expected.inverse()));
+}
+
+#[test]
+fn a_frame_is_in_itself_at_any_time() {
+    assert_eq!(tree().lookup("vehicle", "vehicle", 9_999_999), Ok(Pose::IDENTITY));
+    assert_eq!(tree().lookup("global", "global", 0), Ok(Pose::IDENTITY));
+}
+
+#[test]
+fn static_way_below_a_timed_edge_is_valid_at_all_times() {
+    let tree = tree();
+    assert!(tree.lookup("left", "right", 0).is_ok());
+    assert!(tree.lookup("left", "right", u64::MAX).is_ok());
+    assert_eq!(tree.newest("left", "right"), Ok(None));
+    assert_eq!(tree.newest("global", "left"), Ok(Some(1500)));
+    assert_eq!(tree.newest("local", "left"), Ok(Some(2000)));
+}
+
+#[test]
+fn errors_say_what_is_missing() {
+    let tree = tree();
+    let error = |target, source, time| tree.lookup(target, source, time).unwrap_err().to_string();
+    assert_eq!(error("moon", "left", 0), "frame \"moon\" is unknown");
+    assert_eq!(
+        error("hut", "left", 0),
+        "frames \"hut\" and \"left\" are not connected: roots are \"island\" and \"global\""
+    );
+    let outside = "no transform from \"vehicle\" to \"local\" at 999 ns: data reach from 1000 to 2000 ns";
+    assert_eq!(error("local", "left", 999), outside);
+    assert!(matches!(tree.lookup("local", "left", 2001), Err(TransformError::OutsideData { .. })));
+}
+
+#[test]
+fn a_second_parent_a_cycle_and_nan_are_refused_and_change_nothing() {
+    let mut tree = tree();
+    assert!(matches!(
+        tree.insert("global", "vehicle", 0, shift(0.0)),
+        Err(TransformError::TwoParents { .. })
+    ));
+    assert!(matches!(tree.set_static("left", "global", shift(0.0)), Err(TransformError::Cycle { .. })));
+    assert!(matches!(tree.set_static("a", "a", shift(0.0)), Err(TransformError::Cycle { .. })));
+    assert!(matches!(
+        tree.insert("local", "vehicle", 0, shift(f64::NAN)),
+        Err(TransformError::NotFinite { .. })
+    ));
+    assert_eq!(tree.frames(), ["global", "hut", "island", "left", "local", "right", "vehicle"]);
+}
+
+#[test]
+fn history_forgets_what_is_too_old_to_interpolate_from() {
+    let mut tree = TransformTree::with_history_ns(100);
+    for time in (0..=1000).step_by(30) {
+        tree.insert("local", "vehicle", time, shift(time as f64)).unwrap();
+    }
+    // Newest 990: everything from 890 on must still be answered.
+    assert!(near(&tree.lookup("local", "vehicle", 890).unwrap(), &shift(890.0)));
+    assert!(tree.lookup("local", "vehicle", 869).is_err());
+}
+
+#[test]
+fn a_snapshot_is_not_changed_by_later_samples() {
+    let mut tree = tree();
+    let snapshot = tree.clone();
+    tree.insert("local", "vehicle", 3000, shift(9.0)).unwrap();
+    assert_eq!(snapshot.newest("local", "vehicle"), Ok(Some(2000)));
+    assert_eq!(tree.newest("local", "vehicle"), Ok(Some(3000)));
+}
+
+proptest! {
+    #[test]
+    fn order_of_arrival_does_not_matter(times in prop::collection::vec(0..1000_u64, 2..20), query in 0..1000_u64) {
+        let mut sorted = times.clone();
+        sorted.sort_unstable();
+        let (mut a, mut b) = (TransformTree::new(), TransformTree::new());
+        for t in times { a.insert("local", "vehicle", t, shift(t as f64)).unwrap(); }
+        for t in sorted { b.insert("local", "vehicle", t, shift(t as f64)).unwrap(); }
+        prop_assert_eq!(a.lookup("local", "vehicle", query), b.lookup("local", "vehicle", query));
+        if let Ok(pose) = a.lookup("local", "vehicle", query) {
+            prop_assert!((pose.translation.x - query as f64).abs() < 1e-9);
+        }
+    }
+}
