@@ -1,1 +1,15 @@
-//! The one list of plugins.
+//! The one list of plugins: what a stack file can name.
+//!
+//! A new process costs its own crate, a line of this crate's `Cargo.toml`, and a line here.
+
+use rcs_runtime::ProcessType;
+
+/// Every process type there is, in the order of the names.
+pub fn all() -> &'static [ProcessType] {
+    static ALL: [ProcessType; 3] = [
+        ProcessType::of::<rcs_obstacles::LabelOverlay>(),
+        ProcessType::of::<rcs_obstacles::Obstacles>(),
+        ProcessType::of::<rcs_world_model::WorldModel>(),
+    ];
+    &ALL
+}

@@ -1,0 +1,144 @@
+//! The obstacle cost map: what the pixels of one range image say of the cells around the vehicle (A 3.1.1).
+//!
+//! The cost of a cell is the percentage of `OBSTACLE` pixels among those that tell of it, 0 to 100 % as 0 to 250, and
+//! 255 where fewer pixels than asked for do. `GROUND` and `SHORT_OBSTACLE` count as free. `COVER` does not count: what
+//! the vehicle fits under says nothing of the ground, and a crown would make its trunk look harmless.
+
+use crate::columns::{Heights, Strip};
+use rcs_geom::CellIndex;
+use rcs_msg::foxglove::packed_element_field::NumericType;
+use rcs_msg::foxglove::{Grid, PackedElementField, Pose, Quaternion, Vector2, Vector3};
+use rcs_world::{MAX_COST, SIDE, UNKNOWN_COST};
+
+/// Side of a cell, m.
+pub const CELL_SIZE_M: f64 = 0.2;
+
+/// Pixels of one kind in one cell; heights relative to the sensor, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Sums {
+    count: u32,
+    sum: f64,
+    sum_of_squares: f64,
+    min: f32,
+    max: f32,
+}
+
+impl Sums {
+    const NONE: Sums =
+        Sums { count: 0, sum: 0.0, sum_of_squares: 0.0, min: f32::INFINITY, max: f32::NEG_INFINITY };
+
+    fn add(&mut self, heights: &Heights) {
+        self.count += heights.count;
+        self.sum += f64::from(heights.sum);
+        self.sum_of_squares += f64::from(heights.sum_of_squares);
+        self.min = self.min.min(heights.min);
+        self.max = self.max.max(heights.max);
+    }
+
+    /// Mean, variance, minimum, maximum; heights in the local frame, m. NaN where there is no pixel.
+    fn statistics(&self, sensor_z: f64) -> [f32; 4] {
+        if self.count == 0 {
+            return [f32::NAN; 4];
+        }
+        let count = f64::from(self.count);
+        let mean = self.sum / count;
+        let variance = (self.sum_of_squares / count - mean * mean).max(0.0);
+        let local = |z: f32| (f64::from(z) + sensor_z) as f32;
+        [(mean + sensor_z) as f32, variance as f32, local(self.min), local(self.max)]
+    }
+}
+
+/// Pixels of all cells of one range image.
+#[derive(Clone, Debug)]
+pub struct CostMap {
+    south_west: CellIndex,
+    sensor_z: f64,
+    min_pixels: u32,
+    cells: Vec<(Sums, Sums)>,
+}
+
+impl CostMap {
+    /// Adds up what strips found, in their order. `centre` is the vehicle's cell, `sensor_z` the sensor's height in the
+    /// local frame (m). Cells outside of the window are left out.
+    pub fn new(strips: &[Strip], centre: CellIndex, sensor_z: f64, min_pixels: u32) -> CostMap {
+        let half = (SIDE / 2) as i64;
+        let south_west = centre.offset(-half, -half);
+        let mut cells = vec![(Sums::NONE, Sums::NONE); SIDE * SIDE];
+        for vote in strips.iter().flat_map(|strip| &strip.votes) {
+            let column = i64::from(vote.cell[0]) - south_west.x;
+            let row = i64::from(vote.cell[1]) - south_west.y;
+            let side = 0..SIDE as i64;
+            if side.contains(&column) && side.contains(&row) {
+                let (ground, obstacle) = &mut cells[row as usize * SIDE + column as usize];
+                ground.add(&vote.ground);
+                obstacle.add(&vote.obstacle);
+            }
+        }
+        CostMap { south_west, sensor_z, min_pixels: min_pixels.max(1), cells }
+    }
+
+    /// Costs by rows from the south-west corner.
+    pub fn costs(&self) -> impl Iterator<Item = u8> + '_ {
+        self.cells.iter().map(|(ground, obstacle)| self.cost(ground, obstacle))
+    }
+
+    fn cost(&self, ground: &Sums, obstacle: &Sums) -> u8 {
+        let count = ground.count + obstacle.count;
+        if count < self.min_pixels {
+            return UNKNOWN_COST;
+        }
+        (f64::from(MAX_COST) * f64::from(obstacle.count) / f64::from(count)).round() as u8
+    }
+
+    /// The map as a message. Fields, named as in the world model's own maps: for `ground` and `obstacle` `.mean` (m),
+    /// `.variance` (m²), `.min` and `.max` (m) of the pixels' heights in the local frame (f32, NaN where there is none)
+    /// and `.count` (u32: pixels); then `cost.stereo` (u8).
+    pub fn to_grid(&self, frame_id: &str, timestamp: prost_types::Timestamp) -> Grid {
+        let mut data = Vec::with_capacity(self.cells.len() * CELL_STRIDE);
+        for (ground, obstacle) in &self.cells {
+            for sums in [ground, obstacle] {
+                for value in sums.statistics(self.sensor_z) {
+                    data.extend_from_slice(&value.to_le_bytes());
+                }
+                data.extend_from_slice(&sums.count.to_le_bytes());
+            }
+            data.extend_from_slice(&[self.cost(ground, obstacle), 0, 0, 0]);
+        }
+        let CellIndex { x, y } = self.south_west;
+        let corner = Vector3 { x: x as f64 * CELL_SIZE_M, y: y as f64 * CELL_SIZE_M, z: 0.0 };
+        Grid {
+            timestamp: Some(timestamp),
+            frame_id: frame_id.to_owned(),
+            pose: Some(Pose {
+                position: Some(corner),
+                orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
+            }),
+            column_count: SIDE as u32,
+            cell_size: Some(Vector2 { x: CELL_SIZE_M, y: CELL_SIZE_M }),
+            row_stride: (SIDE * CELL_STRIDE) as u32,
+            cell_stride: CELL_STRIDE as u32,
+            fields: fields(),
+            data: data.into(),
+        }
+    }
+}
+
+/// Bytes of a cell.
+const CELL_STRIDE: usize = 44;
+
+fn fields() -> Vec<PackedElementField> {
+    let numbers = ["mean", "variance", "min", "max", "count"];
+    let heights = ["ground", "obstacle"].into_iter().flat_map(|class| {
+        numbers.into_iter().map(move |number| {
+            let kind = if number == "count" { NumericType::Uint32 } else { NumericType::Float32 };
+            (format!("{class}.{number}"), kind)
+        })
+    });
+    let all = heights.chain([("cost.stereo".to_owned(), NumericType::Uint8)]);
+    let field = |(i, (name, kind)): (usize, (String, NumericType))| PackedElementField {
+        name,
+        offset: 4 * i as u32,
+        r#type: kind.into(),
+    };
+    all.enumerate().map(field).collect()
+}

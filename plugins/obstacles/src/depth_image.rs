@@ -1,0 +1,205 @@
+//! A depth image as columns of points.
+
+use crate::columns::{Footing, Placement, Strip};
+use crate::scan::{Label, ScanParams, ScanPoint};
+use glam::{DMat3, DVec2, Vec3};
+use rcs_geom::PinholeCamera;
+
+/// Columns that are worked on together: a cache line of a 16-bit image is 32 pixels.
+pub const STRIP_COLUMNS: usize = 32;
+
+/// How the pixels of a depth image are stored, little-endian. Depth is along the optical axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DepthFormat {
+    /// 16 bits, 0 for none, in this unit (m).
+    U16 {
+        /// Metres for one unit.
+        scale_m: f32,
+    },
+    /// 32-bit floats in metres; 0, NaN and infinity for none.
+    F32,
+}
+
+impl DepthFormat {
+    fn bytes(self) -> usize {
+        match self {
+            DepthFormat::U16 { .. } => 2,
+            DepthFormat::F32 => 4,
+        }
+    }
+}
+
+/// A depth image whose size has been checked: `data` holds `height` rows of `step` bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct DepthImage<'a> {
+    /// Pixels.
+    pub width: usize,
+    /// Pixels.
+    pub height: usize,
+    /// Bytes from row to row.
+    pub step: usize,
+    /// How pixels are stored.
+    pub format: DepthFormat,
+    /// The pixels.
+    pub data: &'a [u8],
+}
+
+/// Why an image cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DepthError {
+    /// Its encoding is none of a depth image.
+    #[error("encoding {got:?} is no depth: expected 16UC1, mono16 or 32FC1")]
+    Encoding {
+        /// What it says.
+        got: String,
+    },
+    /// Rows overlap, or bytes are missing.
+    #[error("image of {width}x{height} pixels with step {step} has {got} bytes, expected {expected}")]
+    Bytes {
+        /// Pixels.
+        width: usize,
+        /// Pixels.
+        height: usize,
+        /// Bytes from row to row.
+        step: usize,
+        /// Bytes there are.
+        got: usize,
+        /// Bytes there should be.
+        expected: usize,
+    },
+    /// The calibration is another image's.
+    #[error("image has {got:?} pixels, its calibration is for {expected:?}")]
+    Size {
+        /// Width and height of the image.
+        got: [usize; 2],
+        /// Width and height of the calibration.
+        expected: [usize; 2],
+    },
+}
+
+impl<'a> DepthImage<'a> {
+    /// Checks size and encoding.
+    pub fn new(
+        [width, height]: [usize; 2],
+        step: usize,
+        encoding: &str,
+        scale_m: f32,
+        data: &'a [u8],
+    ) -> Result<Self, DepthError> {
+        let format = match encoding {
+            "16UC1" | "mono16" => DepthFormat::U16 { scale_m },
+            "32FC1" => DepthFormat::F32,
+            other => return Err(DepthError::Encoding { got: other.to_owned() }),
+        };
+        let row = width * format.bytes();
+        let expected = step.max(row).saturating_mul(height.saturating_sub(1)).saturating_add(row);
+        if width == 0 || height == 0 || step < row || data.len() < expected {
+            return Err(DepthError::Bytes { width, height, step, got: data.len(), expected });
+        }
+        Ok(Self { width, height, step, format, data })
+    }
+
+    /// Depths of neighbouring pixels of one row, m.
+    fn depths(&self, row: usize, first: usize, depths: &mut [f32]) {
+        let start = row * self.step + first * self.format.bytes();
+        let bytes = &self.data[start..start + depths.len() * self.format.bytes()];
+        match self.format {
+            DepthFormat::U16 { scale_m } => {
+                for (depth, pixel) in depths.iter_mut().zip(bytes.as_chunks::<2>().0) {
+                    *depth = f32::from(u16::from_le_bytes(*pixel)) * scale_m;
+                }
+            }
+            DepthFormat::F32 => {
+                for (depth, pixel) in depths.iter_mut().zip(bytes.as_chunks::<4>().0) {
+                    *depth = f32::from_le_bytes(*pixel);
+                }
+            }
+        }
+    }
+}
+
+/// The ray of every pixel of a camera, with z = 1 in the optical frame: made once for a calibration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rays {
+    /// Pixels.
+    pub width: usize,
+    /// Pixels.
+    pub height: usize,
+    /// x and y by rows; NaN where the lens has no ray.
+    xy: Vec<[f32; 2]>,
+}
+
+impl Rays {
+    /// Rays of a camera.
+    pub fn new(camera: &PinholeCamera) -> Rays {
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let ray = |row: usize, column: usize| {
+            let ray = camera.unproject(DVec2::new(column as f64, row as f64));
+            ray.map_or([f32::NAN; 2], |ray| [ray.x as f32, ray.y as f32])
+        };
+        let xy = (0..height).flat_map(|row| (0..width).map(move |column| ray(row, column))).collect();
+        Rays { width, height, xy }
+    }
+
+    /// How many strips an image has.
+    pub fn strips(&self) -> usize {
+        self.width.div_ceil(STRIP_COLUMNS)
+    }
+}
+
+/// Labels one strip of columns. `local_from_optical` turns the optical frame into the axes of the local frame.
+/// Labels come column by column, each from the lowest row to the highest.
+///
+/// # Panics
+/// Where image and rays differ in size.
+pub fn scan_strip(
+    image: &DepthImage<'_>,
+    rays: &Rays,
+    strip: usize,
+    local_from_optical: DMat3,
+    footing: &Footing,
+    placement: &Placement,
+    params: &ScanParams,
+) -> Strip {
+    assert_eq!([image.width, image.height], [rays.width, rays.height], "image and rays must fit");
+    let columns = strip * STRIP_COLUMNS..((strip + 1) * STRIP_COLUMNS).min(image.width);
+    let height = image.height;
+    let turn = local_from_optical.as_mat3();
+    let mut points = vec![ScanPoint::NONE; columns.len() * height];
+    let mut depths = [0.0_f32; STRIP_COLUMNS];
+    let depths = &mut depths[..columns.len()];
+    for row in 0..height {
+        let from_bottom = height - 1 - row;
+        image.depths(row, columns.start, depths);
+        let rays = &rays.xy[row * rays.width + columns.start..row * rays.width + columns.end];
+        for (i, (&depth, &[x, y])) in depths.iter().zip(rays).enumerate() {
+            // NaN fails these, too: neither a depth nor a ray.
+            if depth > 0.0 && depth < f32::INFINITY && x > f32::NEG_INFINITY {
+                let p = turn * Vec3::new(x * depth, y * depth, depth);
+                points[i * height + from_bottom] = ScanPoint::at(p.x, p.y, p.z);
+            }
+        }
+    }
+    let mut result = Strip::with_capacity(points.len());
+    for column in points.chunks_exact(height) {
+        result.add_column(column, footing, placement, params);
+    }
+    result
+}
+
+/// The label image of all strips, one byte a pixel by rows.
+pub fn label_image(strips: &[Strip], width: usize, height: usize) -> Vec<u8> {
+    let mut image = vec![Label::Invalid as u8; width * height];
+    for (index, strip) in strips.iter().enumerate() {
+        let first = index * STRIP_COLUMNS;
+        let count = strip.labels.len() / height;
+        for row in 0..height {
+            let from_bottom = height - 1 - row;
+            let out = &mut image[row * width + first..row * width + first + count];
+            for (i, pixel) in out.iter_mut().enumerate() {
+                *pixel = strip.labels[i * height + from_bottom] as u8;
+            }
+        }
+    }
+    image
+}

@@ -1,0 +1,163 @@
+//! The process `label_overlay`: the labels of a cloud on the picture of a camera.
+//!
+//! | port | direction | type | what |
+//! | --- | --- | --- | --- |
+//! | `image` | in, optional | `foxglove.CompressedImage` | colour image of the camera |
+//! | `points` | in | `foxglove.PointCloud` | points with the field `label`, m |
+//! | `calibration` | in | `foxglove.CameraCalibration` | calibration of the camera |
+//! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
+//! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
+//! | `labels` | out | `foxglove.RawImage` | label of each pixel that a point falls on |
+
+use crate::overlay::paint;
+use glam::DVec3;
+use rcs_geom::{CameraError, PinholeCamera};
+use rcs_msg::PointsError;
+use rcs_msg::foxglove::packed_element_field::NumericType;
+use rcs_msg::foxglove::{CameraCalibration, CompressedImage, FrameTransforms, PointCloud, RawImage};
+use rcs_msg::rcs::LabelOverlayParams;
+use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_world::{Localizer, LocalizerError, pose_of};
+use serde::{Deserialize, Serialize};
+
+/// State: transforms and the camera.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct LabelOverlay {
+    localizer: Localizer,
+    camera: Option<(String, PinholeCamera)>,
+}
+
+/// Ports of [`LabelOverlay`].
+#[derive(Debug)]
+pub struct Ports {
+    points: In<PointCloud>,
+    calibration: In<CameraCalibration>,
+    transforms: In<FrameTransforms>,
+    static_transforms: In<FrameTransforms>,
+    labels: Out<RawImage>,
+}
+
+/// Why points were skipped.
+#[derive(Debug, thiserror::Error)]
+enum Unusable {
+    #[error("no calibration")]
+    NoCalibration,
+    #[error("calibration: {0}")]
+    Calibration(#[from] CameraError),
+    #[error("points have no field \"label\" of type uint8")]
+    NoLabel,
+    #[error(transparent)]
+    Points(#[from] PointsError),
+    #[error(transparent)]
+    Pose(#[from] LocalizerError),
+}
+
+impl Process for LabelOverlay {
+    type Params = LabelOverlayParams;
+    type Ports = Ports;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "label_overlay",
+        summary: "Shows the labels of a point cloud on the picture of a camera",
+        period_ms: 200.0,
+        commands: &[],
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        // Never read: it names the picture that the labels lie on.
+        let _ = b.optional_input::<CompressedImage>("image", "colour image of the camera");
+        Ports {
+            points: b.input("points", "points with the field `label`, m"),
+            calibration: b.input("calibration", "calibration of the camera"),
+            transforms: b.optional_input("transforms", "transforms between frames at their times"),
+            static_transforms: b.optional_input("static_transforms", "transforms that hold at all times"),
+            labels: b
+                .output("labels", "label of each pixel that a point falls on")
+                .role("labels")
+                .palette("obstacle_labels")
+                .overlay_of("image")
+                .build(),
+        }
+    }
+
+    fn new(_params: &LabelOverlayParams) -> Self {
+        Self::default()
+    }
+
+    fn cycle(&mut self, ports: &Ports, params: &LabelOverlayParams, cx: &mut Cycle<'_>) {
+        while let Some(message) = cx.read(&ports.static_transforms) {
+            if let Err(error) = self.localizer.add_transforms(&message, true) {
+                cx.fault(format!("{error}; skipped"));
+            }
+        }
+        while let Some(message) = cx.read(&ports.transforms) {
+            if let Err(error) = self.localizer.add_transforms(&message, false) {
+                cx.fault(format!("{error}; skipped"));
+            }
+        }
+        if let Some(calibration) = cx.read_newest(&ports.calibration) {
+            self.camera = match camera_of(&calibration) {
+                Ok(camera) => Some((calibration.frame_id.clone(), camera)),
+                Err(error) => {
+                    cx.fault(Unusable::from(error).to_string());
+                    None
+                }
+            };
+        }
+        let Some(points) = cx.read_newest(&ports.points) else {
+            cx.exec("waits for points");
+            return;
+        };
+        cx.exec("paints labels");
+        match self.paint(&points, params) {
+            Ok(labels) => cx.write(&ports.labels, points.acq_time(), labels),
+            Err(error) => cx.fault(format!("{error}; points skipped")),
+        }
+    }
+}
+
+impl LabelOverlay {
+    fn paint(&self, message: &Msg<PointCloud>, params: &LabelOverlayParams) -> Result<RawImage, Unusable> {
+        let (frame_id, camera) = self.camera.as_ref().ok_or(Unusable::NoCalibration)?;
+        let offset = label_offset(message).ok_or(Unusable::NoLabel)?;
+        let cloud = rcs_msg::points(message)?;
+        let time = message.acq_time();
+        let optical_from_frame =
+            self.localizer.lookup(frame_id, &message.frame_id, time, params.max_age_s)?;
+        let optical_from_points = match &message.pose {
+            Some(pose) => optical_from_frame * pose_of(Some(pose), &message.frame_id)?,
+            None => optical_from_frame,
+        };
+        let labels = message.data.chunks_exact(message.point_stride as usize).map(|point| point[offset]);
+        let points = cloud.iter().zip(labels).map(|(point, label)| {
+            let p_optical: DVec3 = optical_from_points * point.position;
+            (p_optical, label)
+        });
+        let data = paint(camera, points, params.point_radius_px, params.max_range_m);
+        Ok(RawImage {
+            timestamp: Some(time.to_proto()),
+            frame_id: frame_id.clone(),
+            width: camera.width,
+            height: camera.height,
+            encoding: "mono8".to_owned(),
+            step: camera.width,
+            data: data.into(),
+        })
+    }
+}
+
+/// The camera of a calibration message.
+pub(crate) fn camera_of(calibration: &CameraCalibration) -> Result<PinholeCamera, CameraError> {
+    PinholeCamera::from_calibration(
+        [calibration.width, calibration.height],
+        &calibration.k,
+        &calibration.distortion_model,
+        &calibration.d,
+    )
+}
+
+/// Where the label lies in a point.
+fn label_offset(cloud: &PointCloud) -> Option<usize> {
+    let field =
+        cloud.fields.iter().find(|field| field.name == "label" && field.r#type() == NumericType::Uint8)?;
+    (field.offset < cloud.point_stride).then_some(field.offset as usize)
+}

@@ -1,0 +1,292 @@
+//! The scan of one column of a range image, from known ground under the wheels upward (A 3.1.1, figure 6).
+//!
+//! A column is what one vertical half-plane through the sensor meets: points `(rho, z)` from the lowest ray to the
+//! highest, `rho` the horizontal distance from the sensor and `z` the height above it, in metres, gravity down. The scan
+//! keeps the last point that it knows to be ground and asks of each further point whether it can be ground, too:
+//!
+//! - **On contact** (the last ground point is near): it can, if it rises no faster than the slope limit, plus the least
+//!   rise that counts (`d` in the paper).
+//! - **After a gap or an obstacle**: it can, if it lies near the ground that would be expected from the slope so far,
+//!   and the surface at the point is itself shallow. A hedge behind a hollow is not taken for ground because it is far
+//!   away, and a lawn behind a wall is ground again.
+//!
+//! The height of the ground never climbs faster than the slope limit, so a wall with a gentle foot does not carry it
+//! up. What is not ground gets its label from its height above the local ground: the ground below it where the column
+//! has seen that (a branch that hangs into the picture), else the last ground before it, carried on by the surface
+//! itself where that goes on without a jump (a steep bank).
+//!
+//! Where the paper is silent: noise widens `d` in proportion to range; a run of neighbouring obstacle points is short
+//! as a whole or not at all; and a point below the expected ground is ground, since negative obstacles are another
+//! module's.
+
+/// What a pixel shows. The numbers are those of label images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Label {
+    /// No range.
+    Invalid = 0,
+    /// Ground that the vehicle can stand on.
+    Ground = 1,
+    /// Rises from the ground by more than a short obstacle, in the vehicle's way.
+    Obstacle = 2,
+    /// Rises from the ground by less than 5 cm.
+    ShortObstacle = 3,
+    /// 1.5 m or more above the local ground: the vehicle fits under it.
+    Cover = 4,
+    /// Too far away for its range to be believed.
+    TooFar = 5,
+}
+
+impl Label {
+    /// All labels, by number.
+    pub const ALL: [Label; 6] =
+        [Label::Invalid, Label::Ground, Label::Obstacle, Label::ShortObstacle, Label::Cover, Label::TooFar];
+}
+
+/// Where the scan draws its lines. Metres, and tangents of angles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScanParams {
+    /// Nearer ranges are the vehicle itself.
+    pub min_range_m: f32,
+    /// Farther ranges are too uncertain.
+    pub max_range_m: f32,
+    /// Tangent of the steepest slope that is ground.
+    pub slope_limit: f32,
+    /// Tangent by which ground may rise above its expected slope after a gap.
+    pub regain_slope: f32,
+    /// Least rise that counts (`d`).
+    pub min_rise_m: f32,
+    /// What range noise adds to it, per metre of range.
+    pub rise_noise: f32,
+    /// Rise below which an obstacle is short.
+    pub short_height_m: f32,
+    /// Height above ground from which on it is cover.
+    pub clearance_m: f32,
+    /// Horizontal distance without ground after which contact is lost.
+    pub gap_m: f32,
+    /// Length across the ray over which the slope of a surface is taken.
+    pub surface_span_m: f32,
+    /// How far the ground may be from where the wheels are believed to stand.
+    pub wheels_tolerance_m: f32,
+}
+
+impl Default for ScanParams {
+    fn default() -> Self {
+        Self {
+            min_range_m: 0.3,
+            max_range_m: 30.0,
+            slope_limit: 0.364,
+            regain_slope: 0.176,
+            min_rise_m: 0.02,
+            rise_noise: 0.002,
+            short_height_m: 0.05,
+            clearance_m: 1.5,
+            gap_m: 0.5,
+            surface_span_m: 0.15,
+            wheels_tolerance_m: 0.1,
+        }
+    }
+}
+
+/// One point of a column, relative to the sensor, axes of the local frame (gravity along −z), m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScanPoint {
+    /// Horizontal place.
+    pub x: f32,
+    /// Horizontal place.
+    pub y: f32,
+    /// Height.
+    pub z: f32,
+    /// Horizontal distance.
+    pub rho: f32,
+    /// Distance; 0 or NaN where there is none.
+    pub range: f32,
+}
+
+impl ScanPoint {
+    /// No range.
+    pub const NONE: ScanPoint = ScanPoint { x: 0.0, y: 0.0, z: 0.0, rho: 0.0, range: 0.0 };
+
+    /// The point at a place.
+    pub fn at(x: f32, y: f32, z: f32) -> ScanPoint {
+        let flat = x * x + y * y;
+        ScanPoint { x, y, z, rho: flat.sqrt(), range: (flat + z * z).sqrt() }
+    }
+}
+
+/// Known ground from which a column starts: where the front wheels stand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// Horizontal distance from the sensor, m.
+    pub rho: f32,
+    /// Height relative to the sensor, m.
+    pub z: f32,
+    /// Slope (tangent) of the plane on which the wheels stand, in the direction of the column.
+    pub slope: f32,
+}
+
+/// Distance over which the slope of the ground is measured, m.
+const SLOPE_BASE_M: f32 = 1.0;
+/// Distance between the points of the ground profile, m.
+const PROFILE_STEP_M: f32 = 0.1;
+/// Points that are looked at, at most, for the slope of a surface.
+const LOOK_AHEAD: usize = 128;
+
+/// Labels columns; keeps its scratch memory between them.
+#[derive(Clone, Debug, Default)]
+pub struct ColumnScan {
+    /// Ground of this column: `(rho, z)`, `rho` ascending.
+    profile: Vec<(f32, f32)>,
+}
+
+/// Neighbouring points that are no ground.
+#[derive(Clone, Copy)]
+struct Run {
+    first: usize,
+    last_rho: f32,
+    max_rise: f32,
+    first_rho: f32,
+    /// How far out the surface has gone without a jump.
+    max_rho: f32,
+    /// It stands on ground that is hidden and lower than expected: heights are above its own lowest point.
+    low: bool,
+    base: f32,
+}
+
+impl Run {
+    fn new(first: usize, rho: f32, base: f32, low: bool) -> Run {
+        Run { first, last_rho: rho, max_rise: 0.0, first_rho: rho, max_rho: rho, low, base }
+    }
+}
+
+/// What a surface does above a point.
+#[derive(Clone, Copy, PartialEq)]
+enum Surface {
+    Shallow,
+    Steep,
+    /// Nothing is seen above the point.
+    Unknown,
+}
+
+impl ColumnScan {
+    /// Labels the points of one column, given from the lowest ray to the highest. `labels` has one for each point.
+    pub fn scan(&mut self, points: &[ScanPoint], start: Start, params: &ScanParams, labels: &mut [Label]) {
+        self.profile.clear();
+        self.profile.push((start.rho, start.z));
+        let mut ground = (start.rho, start.z);
+        let mut trail = ground;
+        let mut slope = start.slope.clamp(-params.slope_limit, params.slope_limit);
+        let mut lost = true;
+        let mut slack = params.wheels_tolerance_m;
+        let mut run: Option<Run> = None;
+
+        for (i, point) in points.iter().enumerate() {
+            // Negated, so that NaN has no range, either.
+            if !(point.range >= params.min_range_m && point.range.is_finite()) {
+                labels[i] = Label::Invalid;
+                continue;
+            }
+            if point.range > params.max_range_m {
+                labels[i] = Label::TooFar;
+                continue;
+            }
+            let ahead = point.rho - ground.0;
+            let tolerance = params.min_rise_m + params.rise_noise * point.range;
+            if ahead >= 0.0 {
+                lost |= ahead > params.gap_m;
+                let steepest = if lost {
+                    (slope + params.regain_slope).clamp(0.0, params.slope_limit)
+                } else {
+                    params.slope_limit
+                };
+                let within = point.z <= ground.1 + slack + tolerance + steepest * ahead;
+                if within && (!lost || surface(points, i, params) == Surface::Shallow) {
+                    end_run(&mut run, i, params, labels);
+                    labels[i] = Label::Ground;
+                    lost = false;
+                    let reach = slack + params.slope_limit * ahead;
+                    slack = 0.0;
+                    ground = (point.rho, point.z.max(ground.1 - reach).min(ground.1 + reach));
+                    if ground.0 - trail.0 >= SLOPE_BASE_M {
+                        let measured = (ground.1 - trail.1) / (ground.0 - trail.0);
+                        slope = measured.clamp(-params.slope_limit, params.slope_limit);
+                        trail = ground;
+                    }
+                    if self.profile.last().is_none_or(|last| ground.0 - last.0 >= PROFILE_STEP_M) {
+                        self.profile.push(ground);
+                    }
+                    continue;
+                }
+            }
+            let mut base = if ahead >= 0.0 {
+                ground.1 + slope * ahead.min(params.gap_m)
+            } else {
+                self.height_at(point.rho)
+            };
+            if run.is_some_and(|run| (point.rho - run.last_rho).abs() > params.gap_m) {
+                end_run(&mut run, i, params, labels);
+            }
+            if let Some(run) = run.filter(|run| run.low) {
+                base = run.base;
+            } else if point.z <= base + tolerance {
+                // Ground, unless it lies lower than expected beyond a gap, and a steep face rises there out of what is
+                // hidden.
+                let low = ahead > params.gap_m && point.z < base - tolerance;
+                if !low || surface(points, i, params) != Surface::Steep {
+                    labels[i] = Label::Ground;
+                    continue;
+                }
+                end_run(&mut run, i, params, labels);
+                base = point.z;
+                run = Some(Run::new(i, point.rho, base, true));
+            }
+            lost = true;
+            let run = run.get_or_insert(Run::new(i, point.rho, base, false));
+            let rise = point.z - base;
+            run.max_rise = run.max_rise.max(rise);
+            run.last_rho = point.rho;
+            run.max_rho = run.max_rho.max(point.rho);
+            let carried = params.slope_limit * (run.max_rho - run.first_rho);
+            labels[i] = if rise - carried >= params.clearance_m { Label::Cover } else { Label::Obstacle };
+        }
+        end_run(&mut run, points.len(), params, labels);
+    }
+
+    /// Height of this column's ground at a distance that it has passed.
+    fn height_at(&self, rho: f32) -> f32 {
+        let after = self.profile.partition_point(|&(r, _)| r <= rho);
+        match (after.checked_sub(1).map(|before| self.profile[before]), self.profile.get(after)) {
+            (Some((r0, z0)), Some(&(r1, z1))) => z0 + (z1 - z0) * (rho - r0) / (r1 - r0),
+            (Some((_, z)), None) | (None, Some(&(_, z))) => z,
+            (None, None) => 0.0,
+        }
+    }
+}
+
+/// Closes a run that ends before point `end`: if nothing of it rises high enough, all of it is short.
+fn end_run(run: &mut Option<Run>, end: usize, params: &ScanParams, labels: &mut [Label]) {
+    if let Some(run) = run.take()
+        && run.max_rise < params.short_height_m
+    {
+        for label in &mut labels[run.first..end] {
+            if *label == Label::Obstacle {
+                *label = Label::ShortObstacle;
+            }
+        }
+    }
+}
+
+/// The surface at point `i`: how it leads on to the next point that is far enough above on the picture.
+fn surface(points: &[ScanPoint], i: usize, params: &ScanParams) -> Surface {
+    let point = points[i];
+    let elevation = point.z / point.rho;
+    for next in points.iter().skip(i + 1).take(LOOK_AHEAD) {
+        let has_range = next.range >= params.min_range_m && next.range.is_finite();
+        if has_range && (next.z / next.rho - elevation) * point.rho >= params.surface_span_m {
+            let tolerance = params.min_rise_m + params.rise_noise * point.range;
+            let limit = tolerance + params.slope_limit * (next.rho - point.rho).max(0.0);
+            return if next.z - point.z <= limit { Surface::Shallow } else { Surface::Steep };
+        }
+    }
+    Surface::Unknown
+}

@@ -1,0 +1,170 @@
+//! How a cost map becomes votes (A 4, B 3.4).
+
+use rcs_geom::{CellIndex, DVec2, DVec3};
+use rcs_msg::{Stamp, foxglove::Grid};
+use rcs_world::{
+    Cell, Field, GridView, GridViewError, HeightStats, MAX_COST, Map, NumericType, Source, VoteRule,
+};
+
+/// What every vote of a message has in common.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ballot {
+    /// Who votes.
+    pub source: Source,
+    /// Acquisition sequence of the message: provenance.
+    pub sequence: u32,
+    /// When it was sensed.
+    pub time: Stamp,
+    /// How much a vote counts.
+    pub rule: VoteRule,
+    /// Ground heights that differ by less agree, m.
+    pub height_tolerance_m: f32,
+}
+
+/// What a message did to the map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Taken {
+    /// Cells that took a vote.
+    pub votes: u64,
+    /// Votes for cells outside of the map.
+    pub outside: u64,
+}
+
+/// Lets every cell of a cost map with a cost vote for the map's cell in which its middle lies. The grid's frame is the
+/// map's. Its field `cost.<source>` (u8, 0–250, 255 unknown) is asked for; heights are taken where it has them
+/// (`ground.mean` and the others of [`Map::to_grid`]).
+pub fn take(map: &mut Map, grid: &Grid, ballot: &Ballot) -> Result<Taken, GridViewError> {
+    let view = GridView::new(grid)?;
+    let costs = view.field_of(&format!("cost.{}", ballot.source), NumericType::Uint8)?;
+    let ground = Heights::find(&view, "ground");
+    let obstacle = Heights::find(&view, "obstacle");
+    let map_from_grid = view.frame_from_grid();
+    let size = view.cell_size_m();
+    let mut taken = Taken::default();
+    for row in 0..view.rows() {
+        for column in 0..view.columns() {
+            let Some(cost) = costs.get(column, row).map(|cost| cost as u8).filter(|&cost| cost <= MAX_COST)
+            else {
+                continue;
+            };
+            let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) * size;
+            let place = (map_from_grid * DVec3::new(middle.x, middle.y, 0.0)).truncate();
+            let Some(cell) = cell_at(map, place) else {
+                taken.outside += 1;
+                continue;
+            };
+            cell.vote(ballot.source, cost, ballot.sequence, ballot.time, ballot.rule);
+            let heights =
+                |of: &Option<Heights<'_>>| of.as_ref().map(|h| h.get(column, row)).unwrap_or_default();
+            let tolerance = ballot.height_tolerance_m;
+            cell.observe_heights(&heights(&ground), &heights(&obstacle), tolerance, ballot.time, ballot.rule);
+            taken.votes += 1;
+        }
+    }
+    Ok(taken)
+}
+
+fn cell_at(map: &mut Map, place: DVec2) -> Option<&mut Cell> {
+    let index: CellIndex = map.grid().cell_at(place)?;
+    map.grid_mut().get_mut(index)
+}
+
+/// Fields with the heights of one class.
+struct Heights<'a> {
+    count: Field<'a>,
+    mean: Field<'a>,
+    variance: Field<'a>,
+    min: Field<'a>,
+    max: Field<'a>,
+}
+
+impl<'a> Heights<'a> {
+    /// `None` where the grid lacks one of them.
+    fn find(view: &'a GridView<'a>, class: &str) -> Option<Heights<'a>> {
+        let field = |number: &str| view.field(&format!("{class}.{number}")).ok();
+        Some(Heights {
+            count: field("count")?,
+            mean: field("mean")?,
+            variance: field("variance")?,
+            min: field("min")?,
+            max: field("max")?,
+        })
+    }
+
+    /// Heights of a cell; none where a number is not finite.
+    fn get(&self, column: usize, row: usize) -> HeightStats {
+        let number = |field: &Field<'_>| field.get(column, row).unwrap_or(f64::NAN);
+        let (count, mean, variance) = (number(&self.count), number(&self.mean), number(&self.variance));
+        let (min, max) = (number(&self.min), number(&self.max));
+        let finite = [count, mean, variance, min, max].iter().all(|value| value.is_finite());
+        if !finite || count < 1.0 || variance < 0.0 {
+            return HeightStats::default();
+        }
+        HeightStats {
+            count: count as u32,
+            mean: mean as f32,
+            variance: variance as f32,
+            min: min as f32,
+            max: max as f32,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_world::{MapOptions, Sources, Weights};
+
+    const RULE: VoteRule = VoteRule { rise: 30, fall: 20 };
+
+    fn ballot(source: Source, sequence: u32) -> Ballot {
+        Ballot { source, sequence, time: Stamp(u64::from(sequence)), rule: RULE, height_tolerance_m: 0.2 }
+    }
+
+    /// A cost map around (x, y) with one cost for every place of a list; the rest unknown.
+    fn grid(centre: DVec2, source: Source, costs: &[(DVec2, u8)]) -> Grid {
+        let mut map = Map::new(0.2).unwrap();
+        map.recentre(centre).unwrap();
+        for &(place, cost) in costs {
+            let index = map.grid().cell_at(place).unwrap();
+            map.vote(index, source, cost, 1, Stamp(1), RULE);
+        }
+        let sources: Sources = [source].into_iter().collect();
+        map.to_grid("local", Stamp(1), &MapOptions { sources, heights: false, weights: Weights::default() })
+    }
+
+    #[test]
+    fn votes_land_on_the_same_ground_wherever_either_map_is_centred() {
+        let place = DVec2::new(3.1, -2.3);
+        let mut map = Map::new(0.2).unwrap();
+        map.recentre(DVec2::new(5.0, 5.0)).unwrap();
+        for (i, centre) in [DVec2::ZERO, DVec2::new(7.7, -9.1)].into_iter().enumerate() {
+            let message = grid(centre, Source::Stereo, &[(place, 250)]);
+            let taken = take(&mut map, &message, &ballot(Source::Stereo, i as u32 + 1)).unwrap();
+            assert_eq!(taken, Taken { votes: 1, outside: 0 });
+        }
+        let evidence = map.grid().at(place).unwrap().evidence[Source::Stereo.index()];
+        assert_eq!((evidence.cost, evidence.confidence, evidence.sequence), (250, 60, 2));
+        let known = map.grid().iter().filter(|(_, cell)| cell.updated != Stamp(0)).count();
+        assert_eq!(known, 1);
+    }
+
+    #[test]
+    fn unknown_cells_do_not_vote_and_votes_outside_of_the_map_are_counted() {
+        let mut map = Map::new(0.2).unwrap();
+        map.recentre(DVec2::new(30.0, 0.0)).unwrap();
+        let message =
+            grid(DVec2::ZERO, Source::Stereo, &[(DVec2::new(0.1, 0.1), 0), (DVec2::new(15.0, 0.1), 200)]);
+        let taken = take(&mut map, &message, &ballot(Source::Stereo, 1)).unwrap();
+        assert_eq!(taken, Taken { votes: 1, outside: 1 });
+    }
+
+    #[test]
+    fn a_grid_without_the_sources_cost_is_refused_and_changes_nothing() {
+        let mut map = Map::new(0.2).unwrap();
+        let before = map.clone();
+        let message = grid(DVec2::ZERO, Source::Color, &[(DVec2::ZERO, 250)]);
+        assert!(take(&mut map, &message, &ballot(Source::Stereo, 1)).is_err());
+        assert_eq!(map, before);
+    }
+}
