@@ -1,7 +1,7 @@
 //! Small frames for the tests of the views.
 
 use rcs_bus::{Header, Sample, WriterId};
-use rcs_geom::{DVec3, Pose, TransformTree};
+use rcs_geom::{DVec2, DVec3, Pose, TransformTree};
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{
     self, CompressedImage, Grid, PackedElementField, PointCloud, PosesInFrame, RawImage,
@@ -9,6 +9,7 @@ use rcs_msg::foxglove::{
 use rcs_msg::rcs::{Command, ProcessInfo, ProcessState, Status};
 use rcs_msg::{AnyMessage, MessageEncoding, Payload, Schema, Stamp, schema_of};
 use rcs_runtime::source::{Frame, Playback, RunTag, SourceInfo, SourceKind, Topic, Track};
+use rcs_world::{Map, MapOptions, Source, Sources, VoteRule, Weights};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -78,7 +79,7 @@ pub(crate) fn full() -> Frame {
         with_metadata(topic("/camera/image", 5.0, 0.1, image(96, 64)), "", &[("rcs.role", "image")]),
         topic("/camera/depth", 5.0, 9.0, depth(96, 64)),
         with_metadata(topic("/obstacles/labels", 5.0, 0.1, label_image(48, 32)), "obstacles", &labels),
-        with_metadata(topic("/wm1/map", 5.0, 0.2, grid(40, 40)), "wm1", &[("rcs.role", "map")]),
+        with_metadata(topic("/wm1/map", 5.0, 0.2, world_map()), "wm1", &[("rcs.role", "map")]),
         topic("/lidar/points", 10.0, 0.1, cloud(&ring(500))),
         with_metadata(topic("/planner/path", 5.0, 0.3, path()), "planner", &[("rcs.role", "path")]),
         with_metadata(
@@ -231,6 +232,30 @@ pub(crate) fn grid(columns: usize, rows: usize) -> Grid {
         data: data.into(),
         ..Grid::default()
     }
+}
+
+/// A map of the world model in frame `local`: a road along the track, grass beside it, and trees.
+fn world_map() -> Grid {
+    let mut map = Map::new(0.2).unwrap();
+    let (sources, time) = (Sources::from_iter([Source::Stereo]), NOW.before_ns(400_000_000));
+    for (row, column) in (0..201).flat_map(|row| (0..201).map(move |column| (row, column))) {
+        let (x, y) = ((f64::from(column) - 100.0) * 0.2 + 0.1, (f64::from(row) - 100.0) * 0.2 + 0.1);
+        // Seen: a fan ahead of the vehicle, and what was driven.
+        let road = y - 4.0 * (x / 5.0).sin();
+        let tree = (x * 0.9).sin() * (y * 1.1).cos() > 0.93;
+        let cost = match road.abs() {
+            _ if tree => 250,
+            d if d < 1.5 => 10,
+            d if d < 3.0 => 75,
+            d if d < 4.0 => 130,
+            _ => 180,
+        };
+        if x > -3.0 && x.hypot(y) < 17.0 && road.abs() < 9.0 {
+            let index = map.grid().cell_at(DVec2::new(x, y)).unwrap();
+            map.vote(index, Source::Stereo, cost, 7, time, VoteRule::default());
+        }
+    }
+    map.to_grid("local", time, &MapOptions { sources, heights: false, weights: Weights::default() })
 }
 
 /// A cloud in frame `lidar`.

@@ -154,6 +154,15 @@ impl Camera {
                 let name = format!("Opacity of {}", overlay.name);
                 response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &name));
                 response.on_hover_text(name);
+                let acquired = |topic: &Topic| topic.latest.as_ref().map(|sample| sample.header.acq_time);
+                if let (Some(image), Some(labels)) = (acquired(topic), acquired(overlay)) {
+                    let behind_s = image.seconds_since(labels);
+                    if behind_s.abs() > 0.02 {
+                        let word = if behind_s > 0.0 { "older" } else { "newer" };
+                        let text = format!("{:.2} s {word} than the image", behind_s.abs());
+                        ui.label(egui::RichText::new(text).small().color(tokens(ui).stale));
+                    }
+                }
             }
             if whole {
                 let step = &mut self.saved.depth_step_m;

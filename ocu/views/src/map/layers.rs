@@ -2,6 +2,7 @@
 
 use super::track::{Alignment, Placed, WGS84, local_enu};
 use crate::texture::SameMessage;
+use ocu_ui::stale::is_stale;
 use rcs_geom::{Enu, Pose, TransformError};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PointCloud, PosesInFrame};
@@ -38,6 +39,11 @@ pub(super) struct Layer<'a> {
 }
 
 impl Layer<'_> {
+    /// Whether it is older than its rate allows.
+    pub(super) fn is_stale(&self, now: Stamp) -> bool {
+        self.topic.is_some_and(|topic| topic.age_s(now).is_some_and(|age_s| is_stale(age_s, topic.hz)))
+    }
+
     /// The message that it shows; a track is many.
     pub(super) fn message(&self) -> Option<SameMessage> {
         Some(SameMessage(self.topic?.canonical()?.clone()))

@@ -106,7 +106,9 @@ impl View for Map {
     }
 
     fn accepts(&self, topic: &Topic) -> bool {
-        matches!(topic.type_name(), "foxglove.Grid" | "foxglove.PointCloud" | "foxglove.PosesInFrame")
+        const TYPES: [&str; 6] =
+            ["Grid", "PointCloud", "PosesInFrame", "Odometry", "PoseInFrame", "LocationFix"];
+        topic.type_name().strip_prefix("foxglove.").is_some_and(|name| TYPES.contains(&name))
     }
 
     fn drop_topic(&mut self, topic: &Topic) {
@@ -228,7 +230,7 @@ impl Map {
             let (opacity, pose) = (self.state(&layer.name).opacity, place(layer));
             match (layer.kind, pose) {
                 (Kind::Grid(grid), Ok(pose)) => {
-                    self.paint_grid(ui, layer, grid, pose, viewport, canvas, opacity);
+                    self.paint_grid(ui, layer, grid, pose, viewport, canvas, opacity, cx.frame.now);
                 }
                 (Kind::Cloud(cloud), Ok(pose)) => {
                     self.paint_cloud(ui, layer, cloud, pose, viewport, canvas, opacity);

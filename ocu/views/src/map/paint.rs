@@ -9,8 +9,9 @@ use egui::{
     Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Response, Shape, Stroke, TextureOptions, Ui, Vec2,
 };
 use ocu_ui::legend::round_step;
-use ocu_ui::{format, tokens};
+use ocu_ui::{format, stale, tokens};
 use rcs_geom::Pose;
+use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PointCloud, PosesInFrame};
 
 impl Map {
@@ -25,6 +26,7 @@ impl Map {
         viewport: Viewport,
         canvas: Rect,
         opacity: f32,
+        now: Stamp,
     ) {
         let (Ok(cells), Some(message)) = (Cells::new(grid), layer.message()) else { return };
         let Some(shade) = cells.shade(self.state(&layer.name).shade.as_deref()) else { return };
@@ -36,16 +38,24 @@ impl Map {
             Some(cells.paint(&shade, palette, *range))
         };
         let Some(texture) = texture.get(ui.ctx(), key, TextureOptions::NEAREST, make) else { return };
+        let mut bounds = Rect::NOTHING;
         let mut mesh = Mesh::with_texture(texture.id());
         let uv = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         for (corner, uv) in cells.corners().into_iter().zip(uv) {
             let p = map_from_grid_frame * corner;
             let pos = viewport.to_screen(canvas, [p.x, p.y]);
             let color = Color32::WHITE.gamma_multiply(opacity);
+            bounds.extend_with(pos);
             mesh.vertices.push(egui::epaint::Vertex { pos, uv: Pos2::from(uv), color });
         }
         mesh.indices = vec![0, 1, 2, 0, 2, 3];
-        ui.painter_at(canvas).add(Shape::mesh(mesh));
+        let painter = ui.painter_at(canvas);
+        painter.add(Shape::mesh(mesh));
+        if layer.is_stale(now) {
+            let tokens = tokens(ui);
+            painter.rect_filled(bounds, 0.0, tokens.surface[2].gamma_multiply(0.5));
+            stale::hatch(&painter, bounds.intersect(canvas), tokens.stale.gamma_multiply(0.7));
+        }
     }
 
     /// A cloud as pixels of the canvas, made when the message or the viewport changes.

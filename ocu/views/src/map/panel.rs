@@ -81,6 +81,16 @@ impl Map {
                 ui.add(egui::Label::new(RichText::new(text).small().color(color)).wrap());
             });
         };
+        let age_s = layer.topic.and_then(|topic| topic.age_s(frame.now));
+        if let (Kind::Grid(_) | Kind::Cloud(_), Some(age_s)) = (layer.kind, age_s) {
+            let old = layer.is_stale(frame.now);
+            let text = if old {
+                format!("old: {}", format::age(age_s))
+            } else {
+                format!("age {}", format::age(age_s))
+            };
+            note(ui, text, if old { tokens.stale } else { tokens.weak });
+        }
         let placed = self.tracks.placed.get(&layer.name);
         match (layer.kind, layers::map_from_layer(frame, map, layer)) {
             (Kind::Track(_), Err(_)) if placed.is_some_and(|track| track.alignment.is_some()) => {
@@ -188,7 +198,8 @@ impl Map {
                 crate::toolbar::cost_legend(ui, palette);
             }
             // The list of layers beside the map names the lines already.
-            for (index, layer) in layers.iter().enumerate().filter(|_| !listed) {
+            let names = !listed && canvas.height() >= 400.0;
+            for (index, layer) in layers.iter().enumerate().filter(|_| names) {
                 let drawn = shown.iter().any(|shown| shown.name == layer.name);
                 let placed = self.tracks.placed.get(&layer.name);
                 let visible = match layer.kind {

@@ -159,8 +159,7 @@ fn what_nothing_connects_to_the_map_says_so() {
 fn a_cell_under_the_pointer_tells_its_numbers_and_the_frame_that_made_them() {
     let mut harness = shown("map");
     let canvas = harness.get_by_label("Map").rect();
-    // The grid lies around the origin, to the left of all that is drawn.
-    harness.hover_at(canvas.min + Vec2::new(150.0, 320.0));
+    harness.hover_at(canvas.center() + Vec2::new(9.0, 3.0));
     harness.run();
     assert!(harness.query_by_label_contains("by frame 7").is_some());
     assert!(harness.query_by_label_contains("/wm1/map  cell").is_some());
