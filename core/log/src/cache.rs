@@ -77,10 +77,42 @@ impl Cache {
             held.segments.insert(segment, (held.clock, Arc::clone(loaded)));
         });
     }
+}
 
-    /// Bytes held now.
-    #[cfg(test)]
-    pub(crate) fn weight(&self) -> usize {
-        self.with(|held| held.weight)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn loaded(bytes: usize) -> Arc<Loaded> {
+        Arc::new(Loaded { contents: vec![0; bytes].into(), messages: Arc::new([]) })
+    }
+
+    fn held(cache: &Cache) -> (usize, Vec<u32>) {
+        cache.with(|held| (held.weight, held.segments.keys().copied().collect()))
+    }
+
+    #[test]
+    fn what_is_held_stays_within_the_budget_and_the_least_recently_used_goes_first() {
+        let cache = Cache::new(100);
+        for segment in 0..3 {
+            cache.insert(segment, &loaded(30));
+        }
+        assert!(cache.get(0).is_some());
+        cache.insert(3, &loaded(30));
+        assert_eq!(held(&cache), (90, vec![0, 2, 3]));
+        cache.insert(3, &loaded(40));
+        assert_eq!(held(&cache), (100, vec![0, 2, 3]));
+        cache.make_room(60);
+        assert_eq!(held(&cache), (40, vec![3]));
+    }
+
+    #[test]
+    fn a_segment_larger_than_the_budget_is_held_alone() {
+        let cache = Cache::new(100);
+        cache.insert(0, &loaded(30));
+        cache.insert(1, &loaded(500));
+        assert_eq!(held(&cache), (500, vec![1]));
+        cache.insert(2, &loaded(30));
+        assert_eq!(held(&cache), (30, vec![2]));
     }
 }

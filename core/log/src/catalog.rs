@@ -79,15 +79,20 @@ impl Catalog {
             return Ok(());
         }
         if body.len() as u64 != head.body {
-            return Err(format!("the record at byte {offset} is larger than the limit of {BODY_LIMIT} bytes"));
+            return Err(format!(
+                "the record at byte {offset} is larger than the limit of {BODY_LIMIT} bytes"
+            ));
         }
         let record = mcap::parse_record(head.op, body)
             .map_err(|error| format!("the record of opcode {:#04x} at byte {offset}: {error}", head.op))?;
         match record {
             Record::Header(header) => (self.profile, self.library) = (header.profile, header.library),
             Record::Schema { header, data } => {
-                let schema =
-                    SchemaRecord { name: header.name, encoding: header.encoding, data: Bytes::copy_from_slice(&data) };
+                let schema = SchemaRecord {
+                    name: header.name,
+                    encoding: header.encoding,
+                    data: Bytes::copy_from_slice(&data),
+                };
                 let known = self.schemas.entry(header.id).or_insert_with(|| schema.clone());
                 if *known != schema {
                     return Err(format!("schema {} at byte {offset} contradicts an earlier one", header.id));
@@ -96,7 +101,10 @@ impl Catalog {
             Record::Channel(channel) => {
                 let known = self.channels.entry(channel.id).or_insert_with(|| channel.clone());
                 if *known != channel {
-                    return Err(format!("channel {} at byte {offset} contradicts an earlier one", channel.id));
+                    return Err(format!(
+                        "channel {} at byte {offset} contradicts an earlier one",
+                        channel.id
+                    ));
                 }
             }
             Record::Metadata(record) => {
@@ -117,6 +125,14 @@ impl Catalog {
         for (&id, channel) in &other.channels {
             self.channels.entry(id).or_insert_with(|| channel.clone());
         }
+    }
+
+    /// Makes a channel of that number, of which the log says nothing.
+    pub(crate) fn define(&mut self, id: u16) {
+        let topic = format!("undefined channel {id}");
+        let message_encoding = String::new();
+        self.channels
+            .insert(id, Channel { id, schema_id: 0, topic, message_encoding, metadata: BTreeMap::new() });
     }
 
     /// The topics, with their counts, over a log of that duration.

@@ -3,7 +3,7 @@
 use crate::cache::Loaded;
 use crate::error::LogError;
 use crate::info::{LogMessage, Place, TopicId};
-use crate::log::{Log, place_of};
+use crate::log::{Log, message_at, place_of};
 use crate::segment::MessageRef;
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
@@ -143,7 +143,8 @@ impl Cursor {
             }
             self.opened += 1;
             let over = segment.last < self.position.after.time.0;
-            let unwanted = self.wanted.as_ref().is_some_and(|wanted| !wanted.iter().any(|&id| segment.may_hold(id)));
+            let unwanted =
+                self.wanted.as_ref().is_some_and(|wanted| !wanted.iter().any(|&id| segment.may_hold(id)));
             if over || unwanted {
                 continue;
             }
@@ -171,7 +172,8 @@ impl Cursor {
     /// Queues a segment at its first wanted message from `from` on.
     fn push(&mut self, segment: u32, from: usize, messages: Arc<[MessageRef]>) {
         let end = self.position.options.end.0;
-        let next = messages[from..].iter().position(|message| message.time > end || self.wants(message.channel));
+        let next =
+            messages[from..].iter().position(|message| message.time > end || self.wants(message.channel));
         if let Some(offset) = next
             && messages[from + offset].time <= end
         {
@@ -196,7 +198,7 @@ impl Iterator for Cursor {
                 // The segment is given up.
                 Err(error) => return Some(Err(error)),
             };
-            let message = self.log.message(segment, &loaded, messages[index]);
+            let message = message_at(segment, &loaded, messages[index]);
             self.push(segment, index + 1, messages);
             if let Some(message) = message {
                 return Some(Ok(message));

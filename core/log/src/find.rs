@@ -3,14 +3,18 @@
 use crate::cursor::CursorOptions;
 use crate::error::LogError;
 use crate::info::{LogMessage, Place, TopicId};
-use crate::log::{Log, place_of};
+use crate::log::{Log, message_at, place_of};
 use rcs_msg::Stamp;
 use std::collections::BTreeMap;
 
 impl Log {
     /// The last message at or before `time` of each of `topics`, in their order, or of each topic of
     /// [`LogInfo::topics`](crate::LogInfo::topics).
-    pub fn latest_at(&self, time: Stamp, topics: Option<&[TopicId]>) -> Result<Vec<Option<LogMessage>>, LogError> {
+    pub fn latest_at(
+        &self,
+        time: Stamp,
+        topics: Option<&[TopicId]>,
+    ) -> Result<Vec<Option<LogMessage>>, LogError> {
         let all: Vec<TopicId>;
         let topics = if let Some(topics) = topics {
             topics
@@ -29,7 +33,11 @@ impl Log {
     }
 
     /// The message before `place`, of any of `topics` or of all: stepping back from a message's own place.
-    pub fn previous_message(&self, place: Place, topics: Option<&[TopicId]>) -> Result<Option<LogMessage>, LogError> {
+    pub fn previous_message(
+        &self,
+        place: Place,
+        topics: Option<&[TopicId]>,
+    ) -> Result<Option<LogMessage>, LogError> {
         let groups = match topics {
             Some(topics) => topics.iter().map(|topic| (topic.0, 0)).collect(),
             None => self.info().topics.iter().map(|topic| (topic.id.0, 0)).collect(),
@@ -38,7 +46,11 @@ impl Log {
     }
 
     /// The message after `place`, of any of `topics` or of all.
-    pub fn next_message(&self, place: Place, topics: Option<&[TopicId]>) -> Result<Option<LogMessage>, LogError> {
+    pub fn next_message(
+        &self,
+        place: Place,
+        topics: Option<&[TopicId]>,
+    ) -> Result<Option<LogMessage>, LogError> {
         let options = CursorOptions { topics: topics.map(<[_]>::to_vec), start: place.time, end: Stamp::MAX };
         self.cursor_after(options, place).next().transpose()
     }
@@ -55,7 +67,9 @@ impl Log {
         // A channel without messages would have every segment searched.
         let mut open: BTreeMap<u16, usize> = groups
             .iter()
-            .filter(|&(&channel, _)| self.info().topic(TopicId(channel)).is_some_and(|topic| topic.messages > 0))
+            .filter(|&(&channel, _)| {
+                self.info().topic(TopicId(channel)).is_some_and(|topic| topic.messages > 0)
+            })
             .map(|(&channel, &group)| (channel, group))
             .collect();
         for &index in self.0.by_last.iter().rev() {
@@ -82,7 +96,7 @@ impl Log {
                 }
                 let place = place_of(index, message);
                 if best[group].as_ref().is_none_or(|found| found.place < place) {
-                    best[group] = self.message(index, &loaded, message);
+                    best[group] = message_at(index, &loaded, message);
                 }
                 left -= 1;
                 if left == 0 {

@@ -4,7 +4,7 @@ use crate::cache::{Cache, Loaded};
 use crate::catalog::{Catalog, Problems};
 use crate::error::LogError;
 use crate::info::{Attachment, AttachmentInfo, LogInfo, LogMessage, Lost, Metadata, Place, TopicId};
-use crate::record::{Fields, HEAD, Head, MAGIC, MessageHead, PROBE, indexed_messages, op};
+use crate::record::{ChunkHead, Fields, HEAD, Head, MAGIC, MessageHead, PROBE, indexed_messages, op};
 use crate::scan::{Scanned, scan};
 use crate::segment::{Damage, MessageRef, Segment, Tally, decode, message_data};
 use crate::source::{Source, Window};
@@ -17,7 +17,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// How much decompressed data an open log keeps.
 const CACHE_BYTES: usize = 64 << 20;
-/// A log with no more contents than this is checked whole when it is opened; a larger one as it is read.
+/// A log no larger than this, compressed and not, is checked whole when it is opened; a larger one as it is read.
 const CHECKED_WHOLE: u64 = 32 << 20;
 
 /// An open log: cheap to clone, shared between threads, with one cache of decompressed chunks.
@@ -243,28 +243,28 @@ impl Log {
         }
         Ok(())
     }
+}
 
-    /// The message that a loaded segment holds at `message`.
-    pub(crate) fn message(&self, index: u32, loaded: &Loaded, message: MessageRef) -> Option<LogMessage> {
-        let from = message.offset as usize;
-        let head = Head::read(loaded.contents.get(from..)?)?;
-        let to = usize::try_from(head.length()).ok()?.checked_add(from)?;
-        (to <= loaded.contents.len()).then_some(())?;
-        let body = loaded.contents.slice(from + HEAD..to);
-        let head = MessageHead::read(&body)?;
-        let data = message_data(&body);
-        // A message is cut out of its chunk, so that one that is kept does not keep all the others; one that is most
-        // of its chunk is shared.
-        let data = if data.len() * 2 < loaded.contents.len() { Bytes::copy_from_slice(&data) } else { data };
-        Some(LogMessage {
-            topic: TopicId(head.channel),
-            sequence: head.sequence,
-            log_time: Stamp(head.log_time),
-            publish_time: Stamp(head.publish_time),
-            data,
-            place: place_of(index, message),
-        })
-    }
+/// The message that a loaded segment holds at `message`.
+pub(crate) fn message_at(index: u32, loaded: &Loaded, message: MessageRef) -> Option<LogMessage> {
+    let from = message.offset as usize;
+    let head = Head::read(loaded.contents.get(from..)?)?;
+    let to = usize::try_from(head.length()).ok()?.checked_add(from)?;
+    (to <= loaded.contents.len()).then_some(())?;
+    let body = loaded.contents.slice(from + HEAD..to);
+    let head = MessageHead::read(&body)?;
+    let data = message_data(&body);
+    // A message is cut out of its chunk, so that one that is kept does not keep all the others; one that is most
+    // of its chunk is shared.
+    let data = if data.len() * 2 < loaded.contents.len() { Bytes::copy_from_slice(&data) } else { data };
+    Some(LogMessage {
+        topic: TopicId(head.channel),
+        sequence: head.sequence,
+        log_time: Stamp(head.log_time),
+        publish_time: Stamp(head.publish_time),
+        data,
+        place: place_of(index, message),
+    })
 }
 
 /// Where a message of a segment stands.
@@ -277,13 +277,29 @@ fn open_with(source: &Source, summary: &Summary) -> Result<Opened, LogError> {
         Ok(contents) => contents,
         Err(why) => return open_by_scan(source, Some(summary), why),
     };
-    let size = contents.segments.iter().fold(source.length(), |sum, segment| sum.saturating_add(segment.contents));
-    if size <= CHECKED_WHOLE
-        && let Some(why) = check_whole(source, &contents, summary)?
-    {
-        return open_by_scan(source, Some(summary), why);
+    if source.length() <= CHECKED_WHOLE {
+        // What the index says of the sizes is checked first: it decides whether there is time to check the rest.
+        for segment in &contents.segments {
+            if stated_size(source, segment)? != Some(segment.contents) {
+                let why = format!("the index of the chunk at byte {} contradicts the chunk", segment.start);
+                return open_by_scan(source, Some(summary), why);
+            }
+        }
+        let size = contents.segments.iter().fold(0u64, |sum, segment| sum.saturating_add(segment.contents));
+        if size <= CHECKED_WHOLE
+            && let Some(why) = check_whole(source, &contents, summary)?
+        {
+            return open_by_scan(source, Some(summary), why);
+        }
     }
     Ok(Opened { contents, lost: Lost::default(), recovered: false })
+}
+
+/// What a chunk itself says of the size of its contents.
+fn stated_size(source: &Source, segment: &Segment) -> Result<Option<u64>, LogError> {
+    let front = source.read(segment.start, segment.length.min(PROBE as u64) as usize)?;
+    let head = Head::read(&front).filter(|head| head.op == op::CHUNK);
+    Ok(head.and_then(|_| ChunkHead::read(&front[HEAD..])).map(|chunk| chunk.uncompressed))
 }
 
 /// Why the log does not hold what its index says; `None` where all is well.
@@ -299,7 +315,10 @@ fn check_whole(source: &Source, contents: &Contents, summary: &Summary) -> Resul
             return Ok(Some(format!("the index of the chunk at byte {} has its times wrong", segment.start)));
         }
         if tally.counts.iter().any(|&(channel, _)| !segment.may_hold(channel)) {
-            return Ok(Some(format!("the index of the chunk at byte {} leaves out a channel", segment.start)));
+            return Ok(Some(format!(
+                "the index of the chunk at byte {} leaves out a channel",
+                segment.start
+            )));
         }
     }
     summary::check_data(source, summary)
@@ -314,15 +333,21 @@ fn open_by_scan(source: &Source, summary: Option<&Summary>, why: String) -> Resu
     Ok(Opened { contents, lost, recovered: true })
 }
 
-/// First and last log time: the statistics' for a log that is read by its index, else what was found.
+/// First and last log time. The chunks' times are right where a writer's statistics may be wrong: some take a start of
+/// 0 for none. Chunks that do not say whether they hold messages leave no choice.
 fn times(catalog: &Catalog, segments: &[Segment], recovered: bool) -> (u64, u64) {
     if let Some(statistics) = &catalog.statistics
         && statistics.message_count > 0
         && !recovered
+        && segments.iter().any(|segment| segment.channels.is_none())
     {
-        return (statistics.message_start_time, statistics.message_end_time.max(statistics.message_start_time));
+        return (
+            statistics.message_start_time,
+            statistics.message_end_time.max(statistics.message_start_time),
+        );
     }
-    let holding = || segments.iter().filter(|segment| segment.channels.as_ref().is_none_or(|held| !held.is_empty()));
+    let holding =
+        || segments.iter().filter(|segment| segment.channels.as_ref().is_none_or(|held| !held.is_empty()));
     let first = holding().map(|segment| segment.first).min().unwrap_or(0);
     (first, holding().map(|segment| segment.last).max().unwrap_or(0))
 }

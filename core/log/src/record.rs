@@ -97,9 +97,11 @@ impl Head {
             fields.u32().map(|length| before + 4 + u64::from(length)).filter(|&end| self.body >= end)
         };
         match self.op {
-            op::HEADER => at_least(8) && text_fits(&mut fields, 0).is_some(),
-            op::FOOTER => at_least(20),
-            op::SCHEMA => at_least(14) && fields.u16().is_some_and(|id| id != 0) && text_fits(&mut fields, 2).is_some(),
+            op::HEADER | op::METADATA => at_least(8) && text_fits(&mut fields, 0).is_some(),
+            op::FOOTER | op::METADATA_INDEX => at_least(20),
+            op::SCHEMA => {
+                at_least(14) && fields.u16().is_some_and(|id| id != 0) && text_fits(&mut fields, 2).is_some()
+            }
             op::CHANNEL => at_least(16) && fields.u32().is_some() && text_fits(&mut fields, 4).is_some(),
             op::MESSAGE => at_least(MESSAGE_HEAD as u64),
             op::CHUNK => ChunkHead::read(front).is_some_and(|chunk| chunk.fits(self.body)),
@@ -108,11 +110,11 @@ impl Head {
                 fields.u32().is_some_and(|bytes| bytes % 16 == 0 && at_least(6 + u64::from(bytes)))
             }
             op::CHUNK_INDEX => at_least(60),
-            op::ATTACHMENT => at_least(36) && fields.take(16).is_some() && text_fits(&mut fields, 16).is_some(),
+            op::ATTACHMENT => {
+                at_least(36) && fields.take(16).is_some() && text_fits(&mut fields, 16).is_some()
+            }
             op::ATTACHMENT_INDEX => at_least(48),
             op::STATISTICS => at_least(46),
-            op::METADATA => at_least(8) && text_fits(&mut fields, 0).is_some(),
-            op::METADATA_INDEX => at_least(20),
             op::SUMMARY_OFFSET => at_least(17),
             op::DATA_END => at_least(4),
             _ => true,
@@ -156,7 +158,8 @@ impl ChunkHead {
 
     /// The stated times, unless they are what a writer leaves that never closed the chunk: all ones, or zero.
     pub(crate) fn times(&self) -> Option<(u64, u64)> {
-        (self.first <= self.last && self.last != 0 && self.first != u64::MAX).then_some((self.first, self.last))
+        (self.first <= self.last && self.last != 0 && self.first != u64::MAX)
+            .then_some((self.first, self.last))
     }
 }
 

@@ -126,7 +126,8 @@ impl RecorderHandle {
                 return false;
             }
             // A message larger than the whole queue passes through an empty one.
-            let full = queue.messages >= queue_messages || queue.bytes.saturating_add(data.len()) > queue_bytes;
+            let full =
+                queue.messages >= queue_messages || queue.bytes.saturating_add(data.len()) > queue_bytes;
             if !full || queue.messages == 0 {
                 break;
             }

@@ -11,7 +11,7 @@ use crate::segment::{Decoded, Segment, Tally, decode};
 use crate::source::{Source, Window};
 use crate::summary::{Contents, Summary, body_of};
 use bytes::Bytes;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -35,22 +35,31 @@ pub(crate) fn scan(source: &Source, summary: Option<&Summary>) -> Result<Scanned
     let Hops { mut contents, mut lost, indexed, .. } = hops;
     // Statistics count only if their checksum was right.
     contents.catalog.statistics = summary.and_then(|summary| summary.catalog.statistics.clone());
-    check_chunks(source, &mut contents, &indexed, &mut lost);
+    let sound = check_chunks(source, &mut contents, &indexed, &mut lost);
 
-    let known: Vec<u16> = contents.catalog.channels.keys().copied().collect();
-    let counts = std::mem::take(&mut contents.counts);
-    for (channel, count) in counts {
-        if known.binary_search(&channel).is_ok() {
-            contents.counts.insert(channel, count);
-        } else {
-            lost.messages += count;
-            contents.problems.add(format!("{count} messages are of channel {channel}, which the log does not define"));
-        }
-    }
+    settle_undefined(&mut contents, &mut lost, &sound);
     if let Some(statistics) = &contents.catalog.statistics {
         lost.messages = statistics.message_count.saturating_sub(contents.counts.values().sum());
     }
     Ok(Scanned { contents, lost })
+}
+
+/// Messages of a channel that the log does not define become a topic that cannot be decoded, if a sound segment holds
+/// some; from a damaged one such a channel may be a flipped bit, and they are lost.
+fn settle_undefined(contents: &mut Contents, lost: &mut Lost, sound: &BTreeSet<u16>) {
+    let Contents { catalog, counts, problems, .. } = contents;
+    counts.retain(|&id, &mut count| {
+        if catalog.channels.contains_key(&id) {
+            return true;
+        }
+        problems.add(format!("{count} messages are of channel {id}, which the log does not define"));
+        if sound.contains(&id) {
+            catalog.define(id);
+            return true;
+        }
+        lost.messages += count;
+        false
+    });
 }
 
 /// The first pass.
@@ -132,7 +141,8 @@ impl<'a> Hops<'a> {
             op::MESSAGE => self.message(at, end)?,
             op::CHUNK => self.chunk(at, end)?,
             op::MESSAGE_INDEX => {
-                let count = indexed_messages(&self.window.get(at, PROBE)?[HEAD..]).map_or(0, |(_, count)| count);
+                let count =
+                    indexed_messages(&self.window.get(at, PROBE)?[HEAD..]).map_or(0, |(_, count)| count);
                 match self.last_chunk {
                     Some(chunk) => *self.indexed.entry(chunk).or_insert(0) += count,
                     // The chunk in front of it was passed over.
@@ -185,7 +195,8 @@ impl<'a> Hops<'a> {
 
     fn chunk(&mut self, at: u64, end: u64) -> Result<(), LogError> {
         self.close_run();
-        let contents = ChunkHead::read(&self.window.get(at, PROBE)?[HEAD..]).map_or(0, |chunk| chunk.uncompressed);
+        let contents =
+            ChunkHead::read(&self.window.get(at, PROBE)?[HEAD..]).map_or(0, |chunk| chunk.uncompressed);
         self.last_chunk = Some(self.contents.segments.len());
         // Times and channels follow from the second pass.
         self.contents.segments.push(Segment {
@@ -213,17 +224,19 @@ impl<'a> Hops<'a> {
             self.lose(at, next, what);
             return Ok(next);
         };
-        // The record and the chunk in it each state a length. Where both agree the file is cut; where they do not,
-        // the one that a record follows is right.
+        // The record and the chunk in it each state a length: the one that a record follows is right. Where neither
+        // is, and both lie beyond the end, the file is cut.
         let unclosed = head.body == u64::MAX || chunk.compressed == u64::MAX;
         let by_chunk = (at + (HEAD + chunk.front) as u64).saturating_add(chunk.compressed);
         let by_record = at.saturating_add(head.length());
-        let end = if unclosed || (chunk.fits(head.body) && is_known(&chunk)) {
+        let end = if unclosed {
             length
         } else if by_chunk <= length && self.record_follows(by_chunk)? {
             by_chunk
         } else if by_record <= length && self.record_follows(by_record)? {
             by_record
+        } else if chunk.fits(head.body) && is_known(&chunk) && by_chunk > length {
+            length
         } else {
             self.resync(at + HEAD as u64)?
         };
@@ -314,8 +327,16 @@ struct Checked {
 /// A schema or channel found in a chunk: whether that chunk is damaged, its number, the record's body.
 type Definition = (bool, usize, Bytes);
 
-fn check_chunks(source: &Source, contents: &mut Contents, indexed: &BTreeMap<usize, u64>, lost: &mut Lost) {
-    let chunks: Vec<usize> = (0..contents.segments.len()).filter(|&index| contents.segments[index].chunk).collect();
+/// Checks all chunks. Gives the channels of which sound segments hold messages.
+fn check_chunks(
+    source: &Source,
+    contents: &mut Contents,
+    indexed: &BTreeMap<usize, u64>,
+    lost: &mut Lost,
+) -> BTreeSet<u16> {
+    let mut sound: BTreeSet<u16> = contents.counts.keys().copied().collect();
+    let chunks: Vec<usize> =
+        (0..contents.segments.len()).filter(|&index| contents.segments[index].chunk).collect();
     let next = AtomicUsize::new(0);
     let checked: Mutex<BTreeMap<usize, Checked>> = Mutex::default();
     let definitions: Mutex<BTreeMap<(u8, u16), Definition>> = Mutex::default();
@@ -324,13 +345,17 @@ fn check_chunks(source: &Source, contents: &mut Contents, indexed: &BTreeMap<usi
     let work = || {
         while let Some(&index) = chunks.get(next.fetch_add(1, Ordering::Relaxed)) {
             let segment = &segments[index];
-            let _one_at_a_time =
-                (segment.weight() > LARGE_CHUNK).then(|| large.lock().unwrap_or_else(PoisonError::into_inner));
+            let _one_at_a_time = (segment.weight() > LARGE_CHUNK)
+                .then(|| large.lock().unwrap_or_else(PoisonError::into_inner));
             let decoded = decode(source, segment).unwrap_or_else(|error| Decoded {
                 damage: Some(crate::segment::Damage { lost_bytes: segment.length, what: error.to_string() }),
                 ..Decoded::default()
             });
-            note_definitions(&decoded, index, &mut definitions.lock().unwrap_or_else(PoisonError::into_inner));
+            note_definitions(
+                &decoded,
+                index,
+                &mut definitions.lock().unwrap_or_else(PoisonError::into_inner),
+            );
             let tally = Tally::of(&decoded.messages);
             let size = decoded.contents.len() as u64;
             let result = Checked { tally, contents: size, damage: decoded.damage };
@@ -352,6 +377,9 @@ fn check_chunks(source: &Source, contents: &mut Contents, indexed: &BTreeMap<usi
         (segment.first, segment.last) = (checked.tally.first, checked.tally.last);
         segment.channels = Some(checked.tally.counts.iter().map(|&(channel, _)| channel).collect());
         segment.contents = checked.contents;
+        if checked.damage.is_none() {
+            sound.extend(segment.channels.iter().flatten());
+        }
         for (channel, count) in checked.tally.counts {
             *contents.counts.entry(channel).or_insert(0) += count;
         }
@@ -365,9 +393,12 @@ fn check_chunks(source: &Source, contents: &mut Contents, indexed: &BTreeMap<usi
             ));
         } else if missing > 0 {
             let start = segment.start;
-            contents.problems.add(format!("the index of the chunk at byte {start} counts {missing} messages too many"));
+            contents
+                .problems
+                .add(format!("the index of the chunk at byte {start} counts {missing} messages too many"));
         }
     }
+    sound
 }
 
 /// Keeps each schema and channel once: the earliest one of a sound chunk, else of a damaged one.
@@ -377,7 +408,8 @@ fn note_definitions(decoded: &Decoded, index: usize, definitions: &mut BTreeMap<
         let Some((head, body)) = decoded.record(offset) else { continue };
         let Some(&[low, high]) = body.get(..2) else { continue };
         let key = (head.op, u16::from_le_bytes([low, high]));
-        let better = definitions.get(&key).is_none_or(|&(was_damaged, was, _)| (damaged, index) < (was_damaged, was));
+        let better =
+            definitions.get(&key).is_none_or(|&(was_damaged, was, _)| (damaged, index) < (was_damaged, was));
         if better {
             // Copied, so that a few bytes do not keep a chunk in memory.
             definitions.insert(key, (damaged, index, Bytes::copy_from_slice(&body)));

@@ -97,8 +97,10 @@ fn decode_run(source: &Source, segment: &Segment) -> Result<Decoded, LogError> {
     }
     let contents = source.read(segment.start, segment.length as usize)?;
     let walk = walk(&contents, None);
-    let damage = (walk.lost_bytes > 0)
-        .then(|| Damage { lost_bytes: walk.lost_bytes, what: "records outside chunks that do not parse".to_owned() });
+    let damage = (walk.lost_bytes > 0).then(|| Damage {
+        lost_bytes: walk.lost_bytes,
+        what: "records outside chunks that do not parse".to_owned(),
+    });
     Ok(Decoded { contents, messages: walk.messages, definitions: walk.definitions, damage })
 }
 
@@ -118,7 +120,10 @@ fn decode_chunk(source: &Source, segment: &Segment) -> Result<Decoded, LogError>
         return Ok(lost(segment.length, "a chunk whose header does not parse".to_owned()));
     };
     if outer.op != op::CHUNK {
-        return Ok(lost(segment.length, format!("expected a chunk, got a record of opcode {:#04x}", outer.op)));
+        return Ok(lost(
+            segment.length,
+            format!("expected a chunk, got a record of opcode {:#04x}", outer.op),
+        ));
     }
     let data_start = segment.start + (HEAD + chunk.front) as u64;
     let data_end = data_start.saturating_add(chunk.compressed).min(segment.end()).max(data_start);
@@ -133,12 +138,18 @@ fn decode_chunk(source: &Source, segment: &Segment) -> Result<Decoded, LogError>
 
     let mut reasons = Vec::new();
     if !whole {
-        reasons.push(if unclosed { "a chunk that was never closed" } else { "a chunk that is cut off" }.to_owned());
+        reasons.push(
+            if unclosed { "a chunk that was never closed" } else { "a chunk that is cut off" }.to_owned(),
+        );
     }
     if let Some(problem) = unpacked.problem {
         reasons.push(problem);
     } else if whole && unpacked.contents.len() as u64 != chunk.uncompressed {
-        reasons.push(format!("expected {} bytes of contents, got {}", chunk.uncompressed, unpacked.contents.len()));
+        reasons.push(format!(
+            "expected {} bytes of contents, got {}",
+            chunk.uncompressed,
+            unpacked.contents.len()
+        ));
     }
     if reasons.is_empty() && chunk.crc != 0 {
         let got = crc32fast::hash(&unpacked.contents);
@@ -152,7 +163,12 @@ fn decode_chunk(source: &Source, segment: &Segment) -> Result<Decoded, LogError>
         reasons.push("records that do not parse".to_owned());
     }
     if reasons.is_empty() {
-        return Ok(Decoded { contents, messages: found.messages, definitions: found.definitions, damage: None });
+        return Ok(Decoded {
+            contents,
+            messages: found.messages,
+            definitions: found.definitions,
+            damage: None,
+        });
     }
     found = walk(&contents, Some(chunk.times().unwrap_or((0, u64::MAX))));
     let missing = if unclosed { 0 } else { expected.saturating_sub(contents.len() as u64) };
@@ -166,7 +182,13 @@ struct Unpacked {
     problem: Option<String>,
 }
 
-fn unpack(source: &Source, chunk: &ChunkHead, from: u64, to: u64, expected: usize) -> Result<Unpacked, LogError> {
+fn unpack(
+    source: &Source,
+    chunk: &ChunkHead,
+    from: u64,
+    to: u64,
+    expected: usize,
+) -> Result<Unpacked, LogError> {
     let available = to - from;
     if chunk.compression.is_empty() {
         let length = available.min(expected as u64) as usize;
@@ -252,7 +274,8 @@ fn walk(contents: &[u8], times: Option<(u64, u64)>) -> Walk {
         match contents[at] {
             op::MESSAGE => {
                 if let Some(head) = MessageHead::read(&contents[at + HEAD..end]) {
-                    let message = MessageRef { time: head.log_time, offset: at as u32, channel: head.channel };
+                    let message =
+                        MessageRef { time: head.log_time, offset: at as u32, channel: head.channel };
                     found.messages.push(message);
                 }
             }

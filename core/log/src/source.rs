@@ -48,7 +48,9 @@ impl Source {
         let result = match &self.bytes {
             Medium::File(file) => file.read_exact_at(into, offset),
             Medium::Memory(bytes) => {
-                let range = usize::try_from(offset).ok().and_then(|from| bytes.get(from..from.checked_add(into.len())?));
+                let range = usize::try_from(offset)
+                    .ok()
+                    .and_then(|from| bytes.get(from..from.checked_add(into.len())?));
                 match range {
                     Some(range) => {
                         into.copy_from_slice(range);

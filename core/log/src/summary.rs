@@ -14,6 +14,8 @@ const TAIL: u64 = HEAD as u64 + 20 + 8;
 /// A larger summary is not read.
 const SUMMARY_LIMIT: u64 = 256 << 20;
 
+const NO_FOOTER: &str = "the log ends without a footer: it was cut, or never finished";
+
 /// A summary whose checksum is right.
 #[derive(Debug, Default)]
 pub(crate) struct Summary {
@@ -38,12 +40,12 @@ pub(crate) struct Contents {
 pub(crate) fn read(source: &Source) -> Result<Result<Summary, String>, LogError> {
     let length = source.length();
     if length < TAIL + 8 {
-        return Ok(Err("the log ends without a footer".to_owned()));
+        return Ok(Err(NO_FOOTER.to_owned()));
     }
     let tail = source.read(length - TAIL, TAIL as usize)?;
     let footer_body = &tail[HEAD..HEAD + 20];
     if &tail[HEAD + 20..] != MAGIC || Head::read(&tail) != Some(Head { op: op::FOOTER, body: 20 }) {
-        return Ok(Err("the log ends without a footer: it was cut, or never finished".to_owned()));
+        return Ok(Err(NO_FOOTER.to_owned()));
     }
     let Ok(Record::Footer(footer)) = mcap::parse_record(op::FOOTER, footer_body) else {
         return Ok(Err("the footer does not parse".to_owned()));
@@ -54,7 +56,9 @@ pub(crate) fn read(source: &Source) -> Result<Result<Summary, String>, LogError>
         return Ok(Err("the log has no summary".to_owned()));
     }
     if !(8..=end).contains(&start) || end - start > SUMMARY_LIMIT {
-        return Ok(Err(format!("the footer puts the summary at byte {start}, expected one between 8 and {end}")));
+        return Ok(Err(format!(
+            "the footer puts the summary at byte {start}, expected one between 8 and {end}"
+        )));
     }
     let bytes = source.read(start, (end - start) as usize)?;
     if footer.summary_crc != 0 {
@@ -64,7 +68,10 @@ pub(crate) fn read(source: &Source) -> Result<Result<Summary, String>, LogError>
         hasher.update(&tail[..HEAD + 16]);
         let got = hasher.finalize();
         if got != footer.summary_crc {
-            return Ok(Err(format!("the summary's checksum is {got:08x}, expected {:08x}", footer.summary_crc)));
+            return Ok(Err(format!(
+                "the summary's checksum is {got:08x}, expected {:08x}",
+                footer.summary_crc
+            )));
         }
     }
     Ok(parse(&bytes, start))
@@ -101,8 +108,11 @@ pub(crate) fn contents(source: &Source, summary: &Summary) -> Result<Result<Cont
     let mut at = 8;
     for index in &summary.chunks {
         let start = index.chunk_start_offset;
-        let end = start.checked_add(index.chunk_length).and_then(|end| end.checked_add(index.message_index_length));
-        let Some(end) = end.filter(|&end| start >= at && end <= summary.start && index.chunk_length > HEAD as u64) else {
+        let end =
+            start.checked_add(index.chunk_length).and_then(|end| end.checked_add(index.message_index_length));
+        let Some(end) =
+            end.filter(|&end| start >= at && end <= summary.start && index.chunk_length > HEAD as u64)
+        else {
             return Ok(Err(format!("the index puts a chunk at byte {start} where none can be")));
         };
         if index.message_start_time > index.message_end_time {
@@ -142,9 +152,16 @@ pub(crate) fn contents(source: &Source, summary: &Summary) -> Result<Result<Cont
         return Ok(Err(why));
     }
     let unknown = contents.segments.iter().flat_map(|segment| segment.channels.iter().flatten());
-    let unknown = unknown.chain(contents.counts.keys()).find(|id| !contents.catalog.channels.contains_key(id));
+    let unknown =
+        unknown.chain(contents.counts.keys()).find(|id| !contents.catalog.channels.contains_key(id));
     if let Some(id) = unknown {
         return Ok(Err(format!("the summary does not repeat channel {id}")));
+    }
+    let Catalog { schemas, channels, .. } = &contents.catalog;
+    if let Some(channel) =
+        channels.values().find(|it| it.schema_id != 0 && !schemas.contains_key(&it.schema_id))
+    {
+        return Ok(Err(format!("the summary does not repeat schema {}", channel.schema_id)));
     }
     Ok(Ok(contents))
 }
@@ -185,7 +202,9 @@ fn between(
 pub(crate) fn body_of(source: &Source, head: Head, offset: u64) -> Result<Bytes, LogError> {
     let length = match head.op {
         op::ATTACHMENT => head.body.min(ATTACHMENT_PROBE as u64),
-        op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA | op::STATISTICS if head.body <= BODY_LIMIT => head.body,
+        op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA | op::STATISTICS if head.body <= BODY_LIMIT => {
+            head.body
+        }
         _ => 0,
     };
     source.read(offset + HEAD as u64, length as usize)
@@ -205,7 +224,8 @@ fn count(
         }
         while at < end {
             let front = window.get(at, HEAD + 6)?;
-            let head = Head::read(front).filter(|head| head.op == op::MESSAGE_INDEX && head.length() <= end - at);
+            let head =
+                Head::read(front).filter(|head| head.op == op::MESSAGE_INDEX && head.length() <= end - at);
             let indexed = indexed_messages(&front[HEAD.min(front.len())..]);
             let (Some(head), Some((channel, count))) = (head, indexed) else {
                 return Ok(Err(format!("there is no message index at byte {at}, where one should follow")));

@@ -167,8 +167,7 @@ impl LogWriter {
             .disable_seeking(true)
             .create(counted)
             .map_err(|error| LogError::Write { offset: 0, path: path.clone(), source: into_io(error) })?;
-        let mut log =
-            Self { writer, path, chunk_age, clock, oldest_unflushed: None, failed: None, written };
+        let mut log = Self { writer, path, chunk_age, clock, oldest_unflushed: None, failed: None, written };
         metadata.insert("format".to_owned(), FORMAT_VERSION.to_string());
         metadata.insert("build".to_owned(), build);
         log.metadata("ocu", metadata)?;

@@ -15,7 +15,8 @@ pub const IMAGE_PERIOD_NS: u64 = 50_000_000;
 pub fn write_big(path: impl AsRef<Path>, bytes: u64) -> Result<u64, LogError> {
     const SIDE: u32 = 1024;
     const PIXELS: usize = (SIDE * SIDE) as usize;
-    let mut writer = LogWriter::create(path, WriterOptions { chunk_bytes: 4 << 20, ..WriterOptions::default() })?;
+    let mut writer =
+        LogWriter::create(path, WriterOptions { chunk_bytes: 4 << 20, ..WriterOptions::default() })?;
     let mut channel = |topic: &str, name: &'static str| {
         let schema = registry().schema(name).ok_or_else(|| LogError::Refused {
             what: "a topic",

@@ -84,11 +84,20 @@ impl SharedSink {
 }
 
 pub(crate) fn schema() -> Schema {
-    Schema::new("test.Text", MessageEncoding::Json, "jsonschema", Bytes::from_static(b"{\"type\":\"string\"}"))
+    Schema::new(
+        "test.Text",
+        MessageEncoding::Json,
+        "jsonschema",
+        Bytes::from_static(b"{\"type\":\"string\"}"),
+    )
 }
 
 /// A writer into `sink` with `topics` topics `/0`, `/1`, ….
-pub(crate) fn writer(sink: &SharedSink, options: WriterOptions, topics: usize) -> (LogWriter, Vec<ChannelId>) {
+pub(crate) fn writer(
+    sink: &SharedSink,
+    options: WriterOptions,
+    topics: usize,
+) -> (LogWriter, Vec<ChannelId>) {
     let mut writer = LogWriter::with_sink(Box::new(sink.clone()), PathBuf::from("memory"), options).unwrap();
     let channels = (0..topics)
         .map(|topic| writer.add_channel(&format!("/{topic}"), &schema(), &BTreeMap::new()).unwrap())

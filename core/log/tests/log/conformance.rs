@@ -66,7 +66,11 @@ fn check(log: &Log, records: &[Value], name: &str) {
         let channel = &channels[&u64::from(topic.id.0)];
         let schema = &schemas[&number(channel["schema_id"])];
         assert_eq!(topic.name, channel["topic"].as_str().unwrap(), "{name}");
-        assert_eq!(topic.schema.message_encoding().name(), channel["message_encoding"].as_str().unwrap(), "{name}");
+        assert_eq!(
+            topic.schema.message_encoding().name(),
+            channel["message_encoding"].as_str().unwrap(),
+            "{name}"
+        );
         let metadata: BTreeMap<String, String> = serde_json::from_value(channel["metadata"].clone()).unwrap();
         assert_eq!(topic.metadata, metadata, "{name}");
         assert_eq!(topic.schema.name(), schema["name"].as_str().unwrap(), "{name}");
@@ -94,7 +98,7 @@ fn every_conformance_vector_reads_as_its_json_says() {
         check(&Log::open_by_scan(&path).unwrap(), records, &name);
         // Without an index there is nothing to open by; with one that repeats the channels there is.
         let has = |feature: &str| name.split('-').any(|part| part == feature);
-        let by_index = has("chx") && has("rch") && (has("st") || has("mx"));
+        let by_index = has("chx") && has("rch") && has("rsh") && (has("st") || has("mx"));
         if by_index {
             assert!(!log.info().recovered, "{name}: {:?}", log.info().problems);
         }

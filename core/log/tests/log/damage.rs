@@ -55,21 +55,28 @@ fn a_log_cut_at_any_record_boundary_keeps_every_message_before_the_cut() {
 #[test]
 fn a_log_cut_anywhere_opens_says_what_was_lost_and_keeps_what_came_before() {
     let Some(whole) = compressed() else { return };
-    let boundaries: BTreeSet<usize> = records(&whole).into_iter().map(|(at, _)| at).chain([whole.len()]).collect();
+    let boundaries: BTreeSet<usize> =
+        records(&whole).into_iter().map(|(at, _)| at).chain([whole.len()]).collect();
     let mut numbers = Numbers(0x1234_5678_9abc_def1);
     let mut cuts: Vec<usize> = (0..250).map(|_| 8 + numbers.below(whole.len() - 8)).collect();
     cuts.sort_unstable();
-    let mut before = 0;
+    let (mut before, mut lossy) = (0, 0);
     for cut in cuts {
         let log = Log::from_bytes(whole.slice(..cut)).unwrap();
         let info = log.info();
         assert!(info.recovered, "{cut}");
         assert!(info.messages >= before, "a later cut at {cut} keeps fewer messages");
         before = info.messages;
-        let inside = !boundaries.contains(&cut);
-        assert_eq!(info.lost.bytes > 0, inside, "cut at {cut}: {:?}", info.problems);
+        if boundaries.contains(&cut) {
+            assert_eq!(info.lost, Lost::default(), "cut at {cut}: {:?}", info.problems);
+        } else {
+            // Of a chunk whose last bytes alone are gone every message may still be there.
+            assert!(info.problems.len() > 1, "cut at {cut}: {:?}", info.problems);
+        }
+        lossy += usize::from(info.lost.bytes > 0);
         assert_eq!(read_all(&log).len() as u64, info.messages, "{cut}");
     }
+    assert!(lossy > 200, "{lossy} of 250 cuts cost bytes");
 }
 
 #[test]
@@ -77,7 +84,10 @@ fn a_log_without_its_magic_is_refused_by_name() {
     for bytes in [&b""[..], b"\x89MCAP0\r", b"#ROSBAG V2.0\n and more"] {
         let error = Log::from_bytes(Bytes::from_static(bytes)).unwrap_err();
         assert!(matches!(error, LogError::NotALog { .. }), "{error}");
-        assert!(error.to_string().contains("expected it to begin with 89 4d 43 41 50 30 0d 0a, got"), "{error}");
+        assert!(
+            error.to_string().contains("expected it to begin with 89 4d 43 41 50 30 0d 0a, got"),
+            "{error}"
+        );
     }
     let error = Log::open("no/such/log.mcap").unwrap_err();
     assert!(error.to_string().ends_with("no/such/log.mcap"), "{error}");
@@ -92,7 +102,7 @@ fn a_flipped_bit_is_noticed_and_costs_at_most_its_chunk() {
     let total = sound.info().messages;
     let data_end = records(&whole).iter().find(|(_, op)| *op == DATA_END).unwrap().0;
     let mut numbers = Numbers(0x0dd0_5eed_0000_0001);
-    for _ in 0..300 {
+    for _ in 0..100 {
         let mut bytes = whole.to_vec();
         let at = 8 + numbers.below(bytes.len() - 8);
         bytes[at] ^= 1 << numbers.below(8);
@@ -129,10 +139,15 @@ fn flips_in_many_places_and_a_cut_besides_still_leave_the_sound_chunks() {
         }
         let log = Log::from_bytes(bytes.into()).unwrap();
         let info = log.info();
-        assert_eq!(read_all(&log).len() as u64, info.messages);
+        assert_eq!(read_all(&log).len() as u64, info.messages, "{:?}", info.problems);
         assert!(info.messages + info.lost.messages <= total, "{:?}", info.problems);
         let sound = if round % 2 == 0 { total * 9 / 10 } else { total };
-        assert!(info.messages + 20 * flips as u64 >= sound, "{} of {total}: {:?}", info.messages, info.problems);
+        assert!(
+            info.messages + 20 * flips as u64 >= sound,
+            "{} of {total}: {:?}",
+            info.messages,
+            info.problems
+        );
     }
 }
 
@@ -145,7 +160,10 @@ fn an_uncompressed_chunk_with_a_damaged_message_gives_up_that_message_alone() {
     for (offset, value) in [(30, 200), (29, 3), (8, 0xff), (31, 0)] {
         let mut damaged = bytes.to_vec();
         damaged[body - offset] = value;
-        for log in [Log::from_bytes(damaged.clone().into()).unwrap(), Log::from_bytes_by_scan(damaged.into()).unwrap()] {
+        for log in [
+            Log::from_bytes(damaged.clone().into()).unwrap(),
+            Log::from_bytes_by_scan(damaged.into()).unwrap(),
+        ] {
             let order: Vec<u32> = read_all(&log).iter().map(|message| message.sequence).collect();
             assert!(log.info().recovered);
             assert!(order.len() >= 49, "{order:?}");
@@ -177,18 +195,21 @@ fn a_log_whose_first_chunk_with_the_definitions_is_gone_takes_them_from_the_summ
 #[test]
 fn damage_in_a_large_indexed_log_is_told_when_it_is_met() {
     let sink = SharedSink::default();
-    let (mut writer, channels) = writer(&sink, WriterOptions { chunk_bytes: 1 << 20, ..WriterOptions::default() }, 1);
+    let (mut writer, channels) =
+        writer(&sink, WriterOptions { chunk_bytes: 1 << 20, ..WriterOptions::default() }, 1);
     for index in 0..50 {
         writer.write(channels[0], header(index, index as u64), &vec![index as u8; 1 << 20]).unwrap();
     }
     writer.finish().unwrap();
     let mut bytes = sink.snapshot().to_vec();
-    let chunks: Vec<usize> = records(&bytes).iter().filter(|(_, op)| *op == CHUNK).map(|(at, _)| *at).collect();
+    let chunks: Vec<usize> =
+        records(&bytes).iter().filter(|(_, op)| *op == CHUNK).map(|(at, _)| *at).collect();
     let middle = chunks[chunks.len() / 2];
     // Checksum of the contents.
     bytes[middle + 9 + 24] ^= 1;
     // The front of another one's compressed data.
-    bytes[middle - 40..middle - 20].fill(0xff);
+    let other = chunks[3] + 9 + 44;
+    bytes[other..other + 20].fill(0xff);
     let log = Log::from_bytes(bytes.into()).unwrap();
     assert!(!log.info().recovered, "more contents than are checked at once: {:?}", log.info().problems);
     assert_eq!((log.info().messages, log.info().lost), (50, Lost::default()));
@@ -218,7 +239,7 @@ fn an_index_that_points_beyond_the_file_or_is_damaged_is_not_believed() {
     let mut damaged = bytes.to_vec();
     damaged[index + 9 + 16 + 5] = 0x7f;
     damaged[footer + 9 + 16..footer + 9 + 20].fill(0);
-    check(damaged, "where none can be");
+    check(damaged, "the index leaves out messages");
     let mut damaged = bytes.to_vec();
     damaged[index + 9 + 16] ^= 1;
     check(damaged, "checksum");
@@ -235,7 +256,8 @@ fn an_index_that_points_beyond_the_file_or_is_damaged_is_not_believed() {
 #[test]
 fn a_file_that_shrinks_while_it_is_open_gives_errors_and_no_panic() {
     let messages: Vec<(usize, u64, usize)> = (0..400).map(|index| (0, index, 40)).collect();
-    let bytes = log_of(&messages, WriterOptions { chunk_bytes: 1000, compress: false, ..WriterOptions::default() });
+    let bytes =
+        log_of(&messages, WriterOptions { chunk_bytes: 1000, compress: false, ..WriterOptions::default() });
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("shrinks.mcap");
     std::fs::write(&path, &bytes).unwrap();
@@ -269,7 +291,7 @@ proptest! {
         }
         for bytes in [random, edited] {
             for log in [Log::from_bytes(bytes.clone().into()).unwrap(), Log::from_bytes_by_scan(bytes.into()).unwrap()] {
-                let read = log.cursor(CursorOptions::default()).filter(Result::is_ok).count() as u64;
+                let read = log.cursor(CursorOptions::default()).flatten().count() as u64;
                 if log.info().recovered {
                     prop_assert_eq!(read, log.info().messages);
                 }

@@ -22,7 +22,10 @@ fn reference_order(messages: &[(usize, u64, usize)]) -> Vec<u32> {
 }
 
 fn topic_ids(log: &Log, topics: &[usize]) -> Vec<TopicId> {
-    topics.iter().flat_map(|topic| log.info().topics_named(&format!("/{topic}")).map(|t| t.id).collect::<Vec<_>>()).collect()
+    topics
+        .iter()
+        .flat_map(|topic| log.info().topics_named(&format!("/{topic}")).map(|t| t.id).collect::<Vec<_>>())
+        .collect()
 }
 
 proptest! {

@@ -25,7 +25,11 @@ fn a_lossless_recording_holds_every_message_of_every_thread() {
                 let schema = Arc::new(schema());
                 let channel = handle.add_channel(&format!("/{thread}"), &schema, BTreeMap::new()).unwrap();
                 for index in 0..250 {
-                    assert!(handle.write(channel, header(index, index as u64), Bytes::from(vec![thread as u8; 20])));
+                    assert!(handle.write(
+                        channel,
+                        header(index, index as u64),
+                        Bytes::from(vec![thread as u8; 20])
+                    ));
                 }
             });
         }
@@ -38,7 +42,10 @@ fn a_lossless_recording_holds_every_message_of_every_thread() {
     let status = recorder.finish().unwrap();
     assert_eq!((status.written, status.dropped, status.queued), (1000, 0, 0));
     assert_eq!(status.bytes, sink.snapshot().len() as u64);
-    assert!(!handle.write(rcs_log::ChannelId(0), header(0, 0), Bytes::new()), "an ended recording takes nothing");
+    assert!(
+        !handle.write(rcs_log::ChannelId(0), header(0, 0), Bytes::new()),
+        "an ended recording takes nothing"
+    );
     let log = Log::from_bytes(sink.snapshot()).unwrap();
     assert!(!log.info().recovered);
     assert_eq!(log.info().topics.len(), 4);
@@ -80,7 +87,9 @@ fn a_live_recording_on_a_stuck_disk_drops_counts_and_never_waits() {
     *gate.0.lock().unwrap() = false;
     let handle = recorder.handle();
     let channel = handle.add_channel("/0", &Arc::new(schema()), BTreeMap::new()).unwrap();
-    let taken = (0..500).filter(|&index| handle.write(channel, header(index, index as u64), Bytes::from(vec![0; 60]))).count();
+    let taken = (0..500)
+        .filter(|&index| handle.write(channel, header(index, index as u64), Bytes::from(vec![0; 60])))
+        .count();
     assert!(taken < 500);
     let status = handle.status();
     assert_eq!(status.dropped, 500 - taken as u64);
@@ -98,7 +107,9 @@ fn a_full_disk_shows_in_the_status_and_a_lossless_recording_does_not_hang() {
     let recorder = start(Box::new(sink.clone()), RecorderMode::Lossless, 2);
     let handle = recorder.handle();
     let channel = handle.add_channel("/0", &Arc::new(schema()), BTreeMap::new()).unwrap();
-    let taken = (0..500).filter(|&index| handle.write(channel, header(index, index as u64), Bytes::from(vec![0; 60]))).count();
+    let taken = (0..500)
+        .filter(|&index| handle.write(channel, header(index, index as u64), Bytes::from(vec![0; 60])))
+        .count();
     assert!(taken < 500);
     handle.flush();
     let status = handle.status();

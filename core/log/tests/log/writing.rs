@@ -5,8 +5,8 @@ use bytes::Bytes;
 use rcs_log::{FORMAT_VERSION, Log, LogError, LogWriter, WriterOptions};
 use rcs_msg::{MessageEncoding, Schema, Stamp};
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 #[test]
