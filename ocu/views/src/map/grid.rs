@@ -63,10 +63,10 @@ impl<'a> Cells<'a> {
         found.or(cost).or(choices.first()).cloned()
     }
 
-    /// The 2 % and 98 % numbers of a field; `None` for costs, whose range is known.
+    /// The 2 % and 98 % numbers of a field; `None` for costs and confidences, whose range is known.
     pub(super) fn range(&self, shade: &Shade) -> Option<[f64; 2]> {
         let Shade::Field(name) = shade else { return None };
-        if is_cost(name) {
+        if is_cost(name) || name.starts_with("conf") {
             return None;
         }
         let every = (self.0.columns() * self.0.rows() / 20_000).max(1);

@@ -11,7 +11,7 @@ use ocu_ui::{format, legend, tokens};
 use rcs_geom::DVec3;
 use rcs_msg::Stamp;
 use rcs_runtime::source::Frame;
-use rcs_world::Source;
+use rcs_world::{Label, Source};
 use std::collections::BTreeSet;
 
 impl Map {
@@ -57,7 +57,7 @@ impl Map {
         let Some([x, y]) = pointer else { return };
         legend::plate(ui, canvas, Align2::RIGHT_BOTTOM, |ui| {
             ui.style_mut().interaction.selectable_labels = false;
-            ui.label(mono(format!("x {x:9.2} m  y {y:9.2} m")));
+            ui.label(mono(format!("x {x:8.2} m  y {y:8.2} m")));
             if let Some(enu) = self.tracks.enu.as_ref().filter(|_| map == track::WGS84) {
                 let place = enu.geodetic_from_enu(DVec3::new(x, y, 0.0));
                 ui.label(mono(format!("{:11.6}°  {:11.6}°", place.latitude_deg, place.longitude_deg)));
@@ -88,8 +88,13 @@ fn cell_lines(ui: &mut Ui, frame: &Frame, layer: &Layer<'_>, cells: &Cells<'_>, 
     if let Some(fused) = tell("cost") {
         let confidence = tell("confidence").map(|conf| format!("  conf {conf:3}")).unwrap_or_default();
         let source = tell("source").and_then(|number| Source::ALL.get(number as usize));
-        let by = source.map(|source| format!("  surest {source}")).unwrap_or_default();
-        ui.label(mono(format!("fused      {}{confidence}{by}", cost(fused))));
+        let by = source.map(|source| format!(" by {source}")).unwrap_or_default();
+        let label = match tell("label") {
+            Some(label) if label == f64::from(Label::Ground as u8) => "  ground",
+            Some(label) if label == f64::from(Label::Obstacle as u8) => "  obstacle",
+            _ => "",
+        };
+        ui.label(mono(format!("fused      {}{confidence}{label}{by}", cost(fused))));
     }
     for name in cells.names() {
         let Some(source) = name.strip_prefix("cost.") else { continue };

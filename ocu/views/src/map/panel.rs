@@ -83,13 +83,13 @@ impl Map {
         };
         let age_s = layer.topic.and_then(|topic| topic.age_s(frame.now));
         if let (Kind::Grid(_) | Kind::Cloud(_), Some(age_s)) = (layer.kind, age_s) {
-            let old = layer.is_stale(frame.now);
-            let text = if old {
-                format!("old: {}", format::age(age_s))
-            } else {
-                format!("age {}", format::age(age_s))
+            let (old, age) = (layer.is_stale(frame.now), format::age(age_s));
+            let text = if old { format!("old: {age}") } else { format!("age {age}") };
+            let place = match layer.frame_id {
+                own if own == map => String::new(),
+                own => format!("  in {}", layers::frame_label(own)),
             };
-            note(ui, text, if old { tokens.stale } else { tokens.weak });
+            note(ui, text + &place, if old { tokens.stale } else { tokens.weak });
         }
         let placed = self.tracks.placed.get(&layer.name);
         match (layer.kind, layers::map_from_layer(frame, map, layer)) {
@@ -109,8 +109,8 @@ impl Map {
                     }
                 });
             }
-            _ if layer.frame_id != map => {
-                note(ui, layers::frame_label(layer.frame_id).to_owned(), tokens.weak);
+            (Kind::Path(_) | Kind::Track(_), _) if layer.frame_id != map => {
+                note(ui, format!("in {}", layers::frame_label(layer.frame_id)), tokens.weak);
             }
             _ => {}
         }
