@@ -156,8 +156,9 @@ impl LogView {
                         self.tracks.take(&topic.name, message.log_time, &message_out, is_static);
                     }
                 }
-                // What cannot be read has been told by the log; the tracks show what there is.
-                Some(Err(_)) | None => more = false,
+                // A chunk that cannot be read has been told by the log; the cursor goes on behind it.
+                Some(Err(_)) => {}
+                None => more = false,
             }
         }
         if !more {

@@ -21,7 +21,8 @@ pub(crate) fn is_transform_type(name: &str) -> bool {
 /// Tracks and transforms that grow message by message.
 #[derive(Default)]
 pub(crate) struct Tracks {
-    by_topic: BTreeMap<Arc<str>, Track>,
+    /// Shared with the frames, and copied where one of them still looks at it.
+    by_topic: BTreeMap<Arc<str>, Arc<Track>>,
     tree: TransformTree,
     /// Transforms that odometry implies, used where no message says them.
     implied: TransformTree,
@@ -59,13 +60,12 @@ impl Tracks {
     }
 
     fn push(&mut self, topic: &Arc<str>, frame_id: &str, time: Stamp, position: DVec3, yaw: f64) {
-        let track = self.by_topic.entry(Arc::clone(topic)).or_insert_with(|| Track {
-            topic: Arc::clone(topic),
-            frame_id: frame_id.to_owned(),
-            ..Track::default()
+        let track = self.by_topic.entry(Arc::clone(topic)).or_insert_with(|| {
+            Arc::new(Track { topic: Arc::clone(topic), frame_id: frame_id.to_owned(), ..Track::default() })
         });
         // A run that goes forward again after going back says nothing new.
         if track.stamps.last().is_none_or(|&last| time > last) {
+            let track = Arc::make_mut(track);
             track.stamps.push(time);
             track.points.push([position.x, position.y, position.z, yaw]);
         }
@@ -89,6 +89,7 @@ impl Tracks {
     /// Forgets what came after `time`: the run has branched there.
     pub(crate) fn truncate(&mut self, time: Stamp) {
         for track in self.by_topic.values_mut() {
+            let track = Arc::make_mut(track);
             let keep = track.stamps.partition_point(|&stamp| stamp <= time);
             track.stamps.truncate(keep);
             track.points.truncate(keep);
@@ -102,7 +103,7 @@ impl Tracks {
 
     /// All tracks, shared.
     pub(crate) fn share(&self) -> BTreeMap<Arc<str>, Arc<Track>> {
-        self.by_topic.iter().map(|(name, track)| (Arc::clone(name), Arc::new(track.clone()))).collect()
+        self.by_topic.clone()
     }
 
     /// All transforms; those that odometry implies only where no message says any.

@@ -1,0 +1,178 @@
+//! What a window may rely on of the sources and of the thread that drives them.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+mod common;
+
+use common::{PAIR, plan, seconds, write_log};
+use rcs_msg::{AnyMessage, foxglove, rcs};
+use rcs_runtime::RunOptions;
+use rcs_runtime::source::{
+    Control, Driver, Frame, LogSource, RunTag, Source, SourceKind, StackSource, Step, Task, finish_idle,
+};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+const ANY: Step = Step::Message { topic: None, back: false };
+const ANY_BACK: Step = Step::Message { topic: None, back: true };
+
+fn log_source(messages: &[(f64, &str, f64)]) -> (LogSource, tempfile::TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    write_log(&path, messages);
+    (LogSource::open(&path).unwrap(), folder)
+}
+
+fn x_of(frame: &Frame, topic: &str) -> Option<f64> {
+    frame.topic(topic)?.get::<foxglove::Vector3>().map(|vector| vector.x)
+}
+
+#[test]
+fn a_log_steps_message_by_message_through_equal_times_and_back() {
+    let (mut source, _folder) = log_source(&[
+        (0.0, "/a", 1.0),
+        (1.0, "/a", 2.0),
+        (1.0, "/b", 3.0),
+        (1.0, "/a", 4.0),
+        (5.0, "/b", 5.0),
+    ]);
+    let task = Task::default();
+    let mut state = |step: Option<&Step>| {
+        let moved = step.is_none_or(|step| source.step(step, &task).unwrap());
+        let frame = source.frame();
+        (moved, x_of(&frame, "/a"), x_of(&frame, "/b"))
+    };
+    assert_eq!(state(None), (true, Some(1.0), None));
+    assert_eq!(state(Some(&ANY)), (true, Some(2.0), None));
+    assert_eq!(state(Some(&ANY)), (true, Some(2.0), Some(3.0)));
+    assert_eq!(state(Some(&ANY)), (true, Some(4.0), Some(3.0)));
+    assert_eq!(state(Some(&ANY)), (true, Some(4.0), Some(5.0)));
+    assert_eq!(state(Some(&ANY)), (false, Some(4.0), Some(5.0)));
+    assert_eq!(state(Some(&ANY_BACK)), (true, Some(4.0), Some(3.0)));
+    assert_eq!(state(Some(&ANY_BACK)), (true, Some(2.0), Some(3.0)));
+    assert_eq!(state(Some(&ANY_BACK)), (true, Some(2.0), None));
+    assert_eq!(state(Some(&ANY_BACK)), (true, Some(1.0), None));
+    let back = Step::Message { topic: Some("/b".to_owned()), back: false };
+    assert_eq!(state(Some(&back)), (true, Some(2.0), Some(3.0)));
+}
+
+#[test]
+fn a_seek_shows_the_newest_message_of_every_topic_whichever_way_it_came() {
+    let messages: Vec<_> = (0..400)
+        .map(|i| (f64::from(i) * 0.1, if i % 7 == 0 { "/slow" } else { "/fast" }, f64::from(i)))
+        .collect();
+    let (mut source, _folder) = log_source(&messages);
+    let task = Task::default();
+    for to in [3.05, 3.35, 39.0, 12.34, 0.0, 12.34, 39.9] {
+        source.seek(seconds(to), &task).unwrap();
+        let frame = source.frame();
+        for topic in ["/slow", "/fast"] {
+            let reference = messages.iter().rev().find(|(t, name, _)| *t <= to + 1e-9 && name == &topic);
+            assert_eq!(x_of(&frame, topic), reference.map(|(_, _, x)| *x), "{topic} at {to} s");
+        }
+    }
+}
+
+#[test]
+fn a_log_says_why_it_cannot_step_by_cycle_or_be_written_to() {
+    let (mut source, _folder) = log_source(&[(0.0, "/a", 1.0)]);
+    let cycle = Step::Cycle { process: None, back: false };
+    let error = source.step(&cycle, &Task::default()).unwrap_err().to_string();
+    assert!(error.contains("no processes"), "{error}");
+    let write = source.write("/a", AnyMessage::new(foxglove::Vector3::default()));
+    assert!(write.unwrap_err().to_string().contains("cannot be written to"));
+}
+
+#[test]
+fn recorded_topics_and_those_made_now_stand_side_by_side() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    write_log(&path, &[(0.0, "/in", 1.0), (0.5, "/in", 2.0), (1.0, "/in", 3.0), (1.0, "/adder/sum", -1.0)]);
+    let stack = "
+format = 1
+name = \"again\"
+[[input]]
+buffer = \"/in\"
+topic = \"/in\"
+[[process]]
+name = \"adder\"
+plugin = \"adder\"
+supervisor = \"viewer\"
+inputs = { input = \"/in\" }
+";
+    let log = rcs_log::Log::open(&path).unwrap();
+    let mut source = StackSource::new(plan(stack).unwrap(), Some(&log), RunOptions::default()).unwrap();
+    source.seek(seconds(1.0), &Task::default()).unwrap();
+    finish_idle(&mut source);
+    let frame = source.frame();
+    assert_eq!(frame.info.kind, SourceKind::Replay);
+    let of =
+        |run| frame.topic_of("/adder/sum", run).and_then(|topic| topic.get::<foxglove::Vector3>()).cloned();
+    assert_eq!(of(RunTag::Recorded).unwrap().x, -1.0);
+    assert_eq!(of(RunTag::Run).unwrap().y, 3.0);
+    assert_eq!(x_of(&frame, "/adder/sum"), of(RunTag::Run).map(|v| v.x), "the one made now comes first");
+    let adder = &frame.processes[0];
+    assert_eq!(frame.status(adder).unwrap().state(), rcs::ProcessState::Exec);
+}
+
+/// Waits until a frame fulfils a condition; frames come only when something has changed.
+fn wait(driver: &Driver, wakes: &Receiver<()>, what: &str, is: impl Fn(&Frame) -> bool) -> Arc<Frame> {
+    let deadline = Instant::now() + Duration::from_mins(1);
+    loop {
+        let frame = driver.frame();
+        if is(&frame) {
+            return frame;
+        }
+        assert!(Instant::now() < deadline, "waited a minute for {what}");
+        // A wake may have come before this call: the frame is looked at again either way.
+        let _ = wakes.recv_timeout(Duration::from_millis(20));
+    }
+}
+
+fn drive(source: impl Source + 'static) -> (Driver, Receiver<()>) {
+    let (wake, wakes) = channel();
+    let driver = Driver::spawn(Box::new(source), move || _ = wake.send(())).unwrap();
+    (driver, wakes)
+}
+
+#[test]
+fn a_driver_plays_to_the_end_and_starts_again_from_there() {
+    let (source, _folder) = log_source(&[(0.0, "/a", 1.0), (0.1, "/a", 2.0), (2.0, "/a", 3.0)]);
+    let (driver, wakes) = drive(source);
+    driver.send(Control::Speed(50.0));
+    driver.send(Control::Play);
+    let end = wait(&driver, &wakes, "the end", |frame| frame.now == seconds(2.0) && !frame.playback.playing);
+    assert_eq!(x_of(&end, "/a"), Some(3.0));
+    driver.send(Control::Speed(0.01));
+    driver.send(Control::Play);
+    wait(&driver, &wakes, "the start", |frame| frame.playback.playing && frame.now < seconds(1.0));
+    driver.send(Control::Pause);
+    wait(&driver, &wakes, "a pause", |frame| !frame.playback.playing);
+}
+
+#[test]
+fn a_driver_that_is_paused_makes_no_frames() {
+    let (source, _folder) = log_source(&[(0.0, "/a", 1.0), (1.0, "/a", 2.0)]);
+    let (driver, wakes) = drive(source);
+    driver.send(Control::Seek(seconds(1.0)));
+    wait(&driver, &wakes, "the seek", |frame| frame.now == seconds(1.0));
+    while wakes.recv_timeout(Duration::from_millis(50)).is_ok() {}
+    let generation = driver.frame().generation;
+    assert!(wakes.recv_timeout(Duration::from_millis(100)).is_err());
+    assert_eq!(driver.frame().generation, generation);
+}
+
+#[test]
+fn long_work_can_be_stopped_and_the_source_goes_on_from_where_it_stands() {
+    let source = StackSource::new(plan(PAIR).unwrap(), None, RunOptions::default()).unwrap();
+    let (driver, wakes) = drive(source);
+    driver.send(Control::Seek(seconds(1e7)));
+    wait(&driver, &wakes, "busy work", |_| driver.busy().is_some());
+    driver.send(Control::Cancel);
+    let stopped = wait(&driver, &wakes, "the stop", |frame| frame.playback.error.is_some());
+    assert_eq!(stopped.playback.error.as_deref(), Some("stopped on request"));
+    assert!(stopped.now < seconds(1e7));
+    driver.send(Control::Step(Step::Cycle { process: Some("adder".to_owned()), back: true }));
+    wait(&driver, &wakes, "a step back", |frame| frame.now < stopped.now && frame.playback.error.is_none());
+}
