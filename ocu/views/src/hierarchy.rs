@@ -56,7 +56,7 @@ impl View for Hierarchy {
 
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
         if cx.frame.processes.is_empty() {
-            let hint = "A plain log has none. Run it through a stack (File, Open stack), or open a log that a stack recorded.";
+            let hint = "Open a stack, or a log that a stack recorded; a plain log has none.";
             return widgets::empty(ui, icons::ICON_ACCOUNT_TREE, "No processes", hint);
         }
         let placed = place(&cx.frame.processes);
@@ -160,8 +160,8 @@ fn process_box(ui: &mut Ui, cx: &mut ViewContext<'_>, process: &ProcessInfo, rec
     let status = frame.status(process);
     let age_s = frame.topic(&process.status_buffer).and_then(|topic| topic.age_s(frame.now));
     let supervised = process.supervisor.is_empty()
-        || frame.processes.iter().any(|other| other.name == process.supervisor)
-        || frame.topic(&process.command_buffer).is_some();
+        || process.supervisor == rcs_runtime::VIEWER
+        || frame.processes.iter().any(|other| other.name == process.supervisor);
     let look = look(process, status, age_s, supervised);
     let chosen = cx.selection.process.as_deref() == Some(process.name.as_str());
     let response = ui.interact(rect, ui.scope_id().with(("process", &process.name)), Sense::click());

@@ -118,6 +118,7 @@ pub(crate) fn full() -> Frame {
         process("wm1", "planner"),
         process("obstacles", "planner"),
         process("idle", "planner"),
+        process("lost", "nobody"),
     ];
     let tracks = [track("/odometry", "odom", 0.4), degrees("/gps/fix"), track("/pose", "local", 0.0)];
     let mut tree = TransformTree::new();

@@ -126,6 +126,7 @@ fn a_click_on_a_box_selects_the_process_and_every_state_is_a_word() {
         "Process wm1: NO STATUS 5.0 s",
         "Process obstacles: EXEC",
         "Process idle: NOT RUNNING",
+        "Process lost: NOT CONNECTED",
     ] {
         assert!(harness.query_by_label(name).is_some(), "{name}");
     }
