@@ -1,9 +1,10 @@
 //! What a log says about itself outside its messages: schemas, channels, attachments, metadata, statistics.
 
 use crate::info::{AttachmentInfo, LogTopic, Metadata, TopicId};
+use crate::parse;
 use crate::record::{Fields, Head, op};
 use bytes::Bytes;
-use mcap::records::{Channel, Record, Statistics};
+use mcap::records::{Channel, Statistics};
 use rcs_msg::{MessageEncoding, Schema, Stamp};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -83,22 +84,23 @@ impl Catalog {
                 "the record at byte {offset} is larger than the limit of {BODY_LIMIT} bytes"
             ));
         }
-        let record = mcap::parse_record(head.op, body)
-            .map_err(|error| format!("the record of opcode {:#04x} at byte {offset}: {error}", head.op))?;
-        match record {
-            Record::Header(header) => (self.profile, self.library) = (header.profile, header.library),
-            Record::Schema { header, data } => {
-                let schema = SchemaRecord {
-                    name: header.name,
-                    encoding: header.encoding,
-                    data: Bytes::copy_from_slice(&data),
-                };
+        let unparsed = || format!("the record of opcode {:#04x} at byte {offset} does not parse", head.op);
+        match head.op {
+            op::HEADER => {
+                let header = parse::header(body).ok_or_else(unparsed)?;
+                (self.profile, self.library) = (header.profile, header.library);
+            }
+            op::SCHEMA => {
+                let (header, data) = parse::schema(body).ok_or_else(unparsed)?;
+                let data = Bytes::copy_from_slice(data);
+                let schema = SchemaRecord { name: header.name, encoding: header.encoding, data };
                 let known = self.schemas.entry(header.id).or_insert_with(|| schema.clone());
                 if *known != schema {
                     return Err(format!("schema {} at byte {offset} contradicts an earlier one", header.id));
                 }
             }
-            Record::Channel(channel) => {
+            op::CHANNEL => {
+                let channel = parse::channel(body).ok_or_else(unparsed)?;
                 let known = self.channels.entry(channel.id).or_insert_with(|| channel.clone());
                 if *known != channel {
                     return Err(format!(
@@ -107,12 +109,11 @@ impl Catalog {
                     ));
                 }
             }
-            Record::Metadata(record) => {
-                let metadata = Metadata { name: record.name, entries: record.metadata };
-                self.metadata.push(metadata);
+            op::METADATA => {
+                let record = parse::metadata(body).ok_or_else(unparsed)?;
+                self.metadata.push(Metadata { name: record.name, entries: record.metadata });
             }
-            Record::Statistics(statistics) => self.statistics = Some(statistics),
-            _ => {}
+            _ => self.statistics = Some(parse::statistics(body).ok_or_else(unparsed)?),
         }
         Ok(())
     }

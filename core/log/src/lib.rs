@@ -27,17 +27,19 @@
 //! # }
 //! ```
 //!
-//! The records, the decompressors' formats and the writer are the `mcap` crate's. Its readers are not used: they stop
-//! at the first bad record, panic on some, clone the whole chunk index for every cursor, and cannot resume at an exact
-//! message; ours salvage, share one cache, and order messages totally.
+//! The record types and the writer are the `mcap` crate's. Its readers are not used: they stop at the first bad record,
+//! panic on some, clone the whole chunk index for every cursor, and cannot resume at an exact message; ours salvage,
+//! share one cache, and order messages totally.
 
 mod cache;
 mod catalog;
+mod check;
 mod cursor;
 mod error;
 mod find;
 mod info;
 mod log;
+mod parse;
 mod record;
 mod recorder;
 mod scan;

@@ -1,24 +1,19 @@
 //! Opening without an index: a scan over the records that keeps what is sound and says what was lost.
 //!
-//! The first pass hops from record to record by their lengths and finds the next record where one is damaged. The
-//! second decompresses and checks every chunk, on all processors.
+//! The first pass, here, hops from record to record by their lengths and finds the next record where one is damaged.
+//! The second, in [`crate::check`], decompresses and checks every chunk.
 
-use crate::catalog::Problems;
+use crate::check::{check_chunks, settle_undefined};
 use crate::error::LogError;
 use crate::info::Lost;
 use crate::record::{ChunkHead, HEAD, Head, MAGIC, MessageHead, PROBE, indexed_messages, op};
-use crate::segment::{Decoded, Segment, Tally, decode};
+use crate::segment::Segment;
 use crate::source::{Source, Window};
 use crate::summary::{Contents, Summary, body_of};
-use bytes::Bytes;
-use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::collections::BTreeMap;
 
 /// A run of records outside chunks is closed at this size, so that it can be read like a chunk.
 const RUN_BYTES: u64 = 1 << 20;
-/// Chunks with larger contents are decompressed one at a time, so that memory stays bounded.
-const LARGE_CHUNK: usize = 16 << 20;
 /// How much is read at once in search of the next record.
 const SEARCH_BYTES: usize = 1 << 20;
 
@@ -36,30 +31,11 @@ pub(crate) fn scan(source: &Source, summary: Option<&Summary>) -> Result<Scanned
     // Statistics count only if their checksum was right.
     contents.catalog.statistics = summary.and_then(|summary| summary.catalog.statistics.clone());
     let sound = check_chunks(source, &mut contents, &indexed, &mut lost);
-
     settle_undefined(&mut contents, &mut lost, &sound);
     if let Some(statistics) = &contents.catalog.statistics {
         lost.messages = statistics.message_count.saturating_sub(contents.counts.values().sum());
     }
     Ok(Scanned { contents, lost })
-}
-
-/// Messages of a channel that the log does not define become a topic that cannot be decoded, if a sound segment holds
-/// some; from a damaged one such a channel may be a flipped bit, and they are lost.
-fn settle_undefined(contents: &mut Contents, lost: &mut Lost, sound: &BTreeSet<u16>) {
-    let Contents { catalog, counts, problems, .. } = contents;
-    counts.retain(|&id, &mut count| {
-        if catalog.channels.contains_key(&id) {
-            return true;
-        }
-        problems.add(format!("{count} messages are of channel {id}, which the log does not define"));
-        if sound.contains(&id) {
-            catalog.define(id);
-            return true;
-        }
-        lost.messages += count;
-        false
-    });
 }
 
 /// The first pass.
@@ -315,123 +291,4 @@ impl<'a> Hops<'a> {
 /// Whether a chunk's header is that of a chunk as writers make them.
 fn is_known(chunk: &ChunkHead) -> bool {
     matches!(chunk.compression.as_str(), "" | "zstd" | "lz4") && chunk.first <= chunk.last
-}
-
-/// What the second pass keeps of a chunk.
-struct Checked {
-    tally: Tally,
-    contents: u64,
-    damage: Option<crate::segment::Damage>,
-}
-
-/// A schema or channel found in a chunk: whether that chunk is damaged, its number, the record's body.
-type Definition = (bool, usize, Bytes);
-
-/// Checks all chunks. Gives the channels of which sound segments hold messages.
-fn check_chunks(
-    source: &Source,
-    contents: &mut Contents,
-    indexed: &BTreeMap<usize, u64>,
-    lost: &mut Lost,
-) -> BTreeSet<u16> {
-    let mut sound: BTreeSet<u16> = contents.counts.keys().copied().collect();
-    let chunks: Vec<usize> =
-        (0..contents.segments.len()).filter(|&index| contents.segments[index].chunk).collect();
-    let next = AtomicUsize::new(0);
-    let checked: Mutex<BTreeMap<usize, Checked>> = Mutex::default();
-    let definitions: Mutex<BTreeMap<(u8, u16), Definition>> = Mutex::default();
-    let large = Mutex::new(());
-    let segments = &contents.segments;
-    let work = || {
-        while let Some(&index) = chunks.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let segment = &segments[index];
-            let _one_at_a_time = (segment.weight() > LARGE_CHUNK)
-                .then(|| large.lock().unwrap_or_else(PoisonError::into_inner));
-            let decoded = decode(source, segment).unwrap_or_else(|error| Decoded {
-                damage: Some(crate::segment::Damage { lost_bytes: segment.length, what: error.to_string() }),
-                ..Decoded::default()
-            });
-            note_definitions(
-                &decoded,
-                index,
-                &mut definitions.lock().unwrap_or_else(PoisonError::into_inner),
-            );
-            let tally = Tally::of(&decoded.messages);
-            let size = decoded.contents.len() as u64;
-            let result = Checked { tally, contents: size, damage: decoded.damage };
-            checked.lock().unwrap_or_else(PoisonError::into_inner).insert(index, result);
-        }
-    };
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(8).min(chunks.len().max(1));
-    std::thread::scope(|scope| {
-        for _ in 1..threads {
-            scope.spawn(work);
-        }
-        work();
-    });
-
-    take_definitions(definitions.into_inner().unwrap_or_else(PoisonError::into_inner), contents);
-    for (index, checked) in checked.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        let segment = &mut contents.segments[index];
-        let found: u64 = checked.tally.counts.iter().map(|&(_, count)| count).sum();
-        (segment.first, segment.last) = (checked.tally.first, checked.tally.last);
-        segment.channels = Some(checked.tally.counts.iter().map(|&(channel, _)| channel).collect());
-        segment.contents = checked.contents;
-        if checked.damage.is_none() {
-            sound.extend(segment.channels.iter().flatten());
-        }
-        for (channel, count) in checked.tally.counts {
-            *contents.counts.entry(channel).or_insert(0) += count;
-        }
-        let missing = indexed.get(&index).map_or(0, |&count| count.saturating_sub(found));
-        if let Some(damage) = checked.damage {
-            *lost += Lost { bytes: damage.lost_bytes, messages: missing };
-            let (start, bytes) = (segment.start, damage.lost_bytes);
-            contents.problems.add(format!(
-                "chunk at byte {start}: {}; {found} messages salvaged, {missing} known to be lost, {bytes} bytes lost",
-                damage.what
-            ));
-        } else if missing > 0 {
-            let start = segment.start;
-            contents
-                .problems
-                .add(format!("the index of the chunk at byte {start} counts {missing} messages too many"));
-        }
-    }
-    sound
-}
-
-/// Keeps each schema and channel once: the earliest one of a sound chunk, else of a damaged one.
-fn note_definitions(decoded: &Decoded, index: usize, definitions: &mut BTreeMap<(u8, u16), Definition>) {
-    let damaged = decoded.damage.is_some();
-    for &offset in &decoded.definitions {
-        let Some((head, body)) = decoded.record(offset) else { continue };
-        let Some(&[low, high]) = body.get(..2) else { continue };
-        let key = (head.op, u16::from_le_bytes([low, high]));
-        let better =
-            definitions.get(&key).is_none_or(|&(was_damaged, was, _)| (damaged, index) < (was_damaged, was));
-        if better {
-            // Copied, so that a few bytes do not keep a chunk in memory.
-            definitions.insert(key, (damaged, index, Bytes::copy_from_slice(&body)));
-        }
-    }
-}
-
-fn take_definitions(definitions: BTreeMap<(u8, u16), Definition>, contents: &mut Contents) {
-    let mut problems = Problems::default();
-    for ((op, id), (damaged, index, body)) in definitions {
-        let known = match op {
-            op::SCHEMA => contents.catalog.schemas.contains_key(&id),
-            _ => contents.catalog.channels.contains_key(&id),
-        };
-        // What a damaged chunk says of a known number is not worth a word.
-        if known && damaged {
-            continue;
-        }
-        let head = Head { op, body: body.len() as u64 };
-        if let Err(problem) = contents.catalog.take(head, contents.segments[index].start, &body) {
-            problems.add(problem);
-        }
-    }
-    contents.problems.append(problems);
 }

@@ -2,17 +2,18 @@
 
 use crate::catalog::{ATTACHMENT_PROBE, BODY_LIMIT, Catalog, Problems};
 use crate::error::LogError;
+use crate::parse;
 use crate::record::{Fields, HEAD, Head, MAGIC, PROBE, indexed_messages, op};
 use crate::segment::Segment;
 use crate::source::{Source, Window};
 use bytes::Bytes;
-use mcap::records::{ChunkIndex, Record, Statistics};
+use mcap::records::{ChunkIndex, Statistics};
 use std::collections::BTreeMap;
 
 /// Footer record and closing magic.
 const TAIL: u64 = HEAD as u64 + 20 + 8;
 /// A larger summary is not read.
-const SUMMARY_LIMIT: u64 = 256 << 20;
+const SUMMARY_LIMIT: u64 = 64 << 20;
 
 const NO_FOOTER: &str = "the log ends without a footer: it was cut, or never finished";
 
@@ -47,7 +48,7 @@ pub(crate) fn read(source: &Source) -> Result<Result<Summary, String>, LogError>
     if &tail[HEAD + 20..] != MAGIC || Head::read(&tail) != Some(Head { op: op::FOOTER, body: 20 }) {
         return Ok(Err(NO_FOOTER.to_owned()));
     }
-    let Ok(Record::Footer(footer)) = mcap::parse_record(op::FOOTER, footer_body) else {
+    let Some(footer) = parse::footer(footer_body) else {
         return Ok(Err("the footer does not parse".to_owned()));
     };
     let end = length - TAIL;
@@ -88,10 +89,7 @@ fn parse(bytes: &Bytes, start: u64) -> Result<Summary, String> {
         let end = end.filter(|&end| end <= bytes.len()).ok_or_else(cut)?;
         let body = bytes.slice(at + HEAD..end);
         if head.op == op::CHUNK_INDEX {
-            match mcap::parse_record(head.op, &body) {
-                Ok(Record::ChunkIndex(index)) => summary.chunks.push(index),
-                _ => return Err(cut()),
-            }
+            summary.chunks.push(parse::chunk_index(&body).ok_or_else(cut)?);
         } else {
             summary.catalog.take(head, offset, &body)?;
         }

@@ -29,14 +29,12 @@ pub fn write_big(path: impl AsRef<Path>, bytes: u64) -> Result<u64, LogError> {
     let pose = channel("/pose", "foxglove.PoseInFrame")?;
 
     let mut number = 0x2545_f491_4f6c_dd1d_u64;
-    let noise: Vec<u8> = std::iter::repeat_with(|| {
+    let mut noise = || {
         number ^= number << 13;
         number ^= number >> 7;
         number ^= number << 17;
-        number as u8
-    })
-    .take(PIXELS + 4096)
-    .collect();
+        number.to_le_bytes()
+    };
 
     let images = bytes.div_ceil(PIXELS as u64);
     let mut messages = 0;
@@ -55,7 +53,8 @@ pub fn write_big(path: impl AsRef<Path>, bytes: u64) -> Result<u64, LogError> {
             writer.write(pose, header, &AnyMessage::new(message).bytes())?;
             messages += 1;
         }
-        let from = (image as usize * 97) % 4096;
+        // Fresh noise each time: what repeats within a chunk would compress.
+        let pixels: Vec<u8> = std::iter::repeat_with(&mut noise).take(PIXELS / 8).flatten().collect();
         let message = foxglove::RawImage {
             timestamp: Some(Stamp(time).to_proto()),
             frame_id: "camera".to_owned(),
@@ -63,7 +62,7 @@ pub fn write_big(path: impl AsRef<Path>, bytes: u64) -> Result<u64, LogError> {
             height: SIDE,
             encoding: "mono8".to_owned(),
             step: SIDE,
-            data: noise[from..from + PIXELS].to_vec().into(),
+            data: pixels.into(),
         };
         let at = Stamp(time + 7);
         let header = WriteHeader { sequence: image as u32, log_time: at, publish_time: Stamp(time) };
