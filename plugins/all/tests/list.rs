@@ -1,14 +1,8 @@
-//! One loop over the list: what must hold of every process type.
+//! One loop over the list: what must hold of every process type. (Parameters and port tables: the rules of the
+//! architecture, in the package of the cross-crate tests.)
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-#![allow(clippy::disallowed_methods, reason = "a test reads files; plugins do not")]
-
-use rcs_msg::params::{self, ParamKind};
 use rcs_plugins::all;
-use rcs_runtime::{PortDef, ProcessType};
 use std::collections::BTreeSet;
-use std::fs;
-use std::path::{Path, PathBuf};
 
 #[test]
 fn names_are_unique_and_in_order() {
@@ -67,73 +61,4 @@ fn every_port_has_help_and_a_name_of_its_own() {
             }
         }
     }
-}
-
-#[test]
-fn every_parameter_has_unit_range_default_and_help() {
-    for kind in all() {
-        let schema = kind.params_schema();
-        let descriptor = schema.descriptor().expect("parameters are messages of ours");
-        let specs = params::specs(&descriptor);
-        assert_eq!(
-            specs.len(),
-            descriptor.fields().len(),
-            "{}: not every field is a parameter",
-            schema.name()
-        );
-        for spec in &specs {
-            let name = format!("{}.{}", schema.name(), spec.name);
-            assert!(spec.help.ends_with('.') && spec.help.len() > 10, "{name}: help {:?}", spec.help);
-            if matches!(spec.kind, ParamKind::Integer | ParamKind::Number) {
-                assert!(!spec.unit.is_empty(), "{name} has no unit");
-                assert!(spec.min.is_some() && spec.max.is_some(), "{name} has no range");
-            }
-        }
-        params::check(&params::defaults(&descriptor)).expect("defaults are in range");
-    }
-}
-
-#[test]
-fn every_port_table_in_the_documentation_is_the_definition() {
-    let texts: Vec<String> = sources().iter().map(|file| fs::read_to_string(file).unwrap()).collect();
-    for kind in all() {
-        let table = port_table(kind);
-        assert!(
-            texts.iter().any(|text| text.contains(&table)),
-            "no file under plugins/ holds the port table of {}, expected\n{table}",
-            kind.def().plugin
-        );
-    }
-}
-
-/// The table as module documentation writes it.
-fn port_table(kind: &ProcessType) -> String {
-    let line = |port: &PortDef, direction: &str| {
-        let direction = if direction == "in" && !port.required { "in, optional" } else { direction };
-        format!("//! | `{}` | {direction} | `{}` | {} |\n", port.name, port.schema.name(), port.help)
-    };
-    let inputs = kind.inputs();
-    let outputs = kind.outputs();
-    let lines =
-        inputs.iter().map(|port| line(port, "in")).chain(outputs.iter().map(|port| line(port, "out")));
-    format!(
-        "//! | port | direction | type | what |\n//! | --- | --- | --- | --- |\n{}",
-        lines.collect::<String>()
-    )
-}
-
-fn sources() -> Vec<PathBuf> {
-    let mut folders = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("..")];
-    let mut files = Vec::new();
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|extension| extension == "rs") {
-                files.push(path);
-            }
-        }
-    }
-    files
 }

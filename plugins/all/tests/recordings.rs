@@ -1,7 +1,6 @@
 //! The stacks in `assets/stacks` on the recordings of others: they run, they say what is there, and they say it again.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-#![allow(clippy::disallowed_methods, reason = "a test reads files; plugins do not")]
 
 use rcs_log::Log;
 use rcs_msg::foxglove::{Grid, RawImage};
@@ -9,21 +8,26 @@ use rcs_msg::{Payload, rcs};
 use rcs_plugins::all;
 use rcs_runtime::{Plan, RunOptions, Snapshot, StackFile, Stepped};
 use rcs_world::{GridView, NumericType};
-use std::path::Path;
 use std::sync::Arc;
 
-fn stack(name: &str) -> Arc<Plan> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/stacks").join(name);
-    let text = std::fs::read_to_string(&path).unwrap();
-    Arc::new(Plan::new(StackFile::parse(name, &text).unwrap(), all(), &[]).unwrap())
+const RANGE_CAMERA: [&str; 2] =
+    ["range_camera.toml", include_str!("../../../assets/stacks/range_camera.toml")];
+const FOREST_ROBOT: [&str; 2] =
+    ["forest_robot.toml", include_str!("../../../assets/stacks/forest_robot.toml")];
+const HUSKY: [&str; 2] = ["husky.toml", include_str!("../../../assets/stacks/husky.toml")];
+
+fn stack([name, text]: [&str; 2], params: &[(&str, &str)]) -> Arc<Plan> {
+    let params: Vec<(String, String)> =
+        params.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+    Arc::new(Plan::new(StackFile::parse(name, text).unwrap(), all(), &params).unwrap())
 }
 
 /// The stack on the log, begun; `None` where there are no recordings.
-fn begin(stack_name: &str, log: &str, threads: usize, hash: bool) -> Option<Stepped> {
+fn begin(plan: Arc<Plan>, log: &str, threads: usize, hash: bool) -> Option<Stepped> {
     let path = rcs_testkit::data_dir()?.join("real-logs").join(log);
     let log = Log::open(&path).unwrap();
     let options = RunOptions { threads, hash, ..RunOptions::default() };
-    let mut run = Stepped::new(stack(stack_name), Some(&log), options).unwrap();
+    let mut run = Stepped::new(plan, Some(&log), options).unwrap();
     run.begin().unwrap();
     Some(run)
 }
@@ -85,7 +89,9 @@ fn obstacle_share(map: &Grid, x: [f64; 2], y: [f64; 2]) -> (f64, usize) {
 
 #[test]
 fn on_a_road_the_road_is_ground_and_trees_and_crops_are_obstacles() {
-    let Some(mut run) = begin("range_camera.toml", "orfd_y0613_1242_ros2.mcap", 1, false) else { return };
+    let Some(mut run) = begin(stack(RANGE_CAMERA, &[]), "orfd_y0613_1242_ros2.mcap", 1, false) else {
+        return;
+    };
     finish(&mut run);
     assert_no_faults(&run);
     let labels: RawImage = latest(&run, "/obstacles/labels");
@@ -111,7 +117,9 @@ fn on_a_road_the_road_is_ground_and_trees_and_crops_are_obstacles() {
 
 #[test]
 fn in_a_forest_the_map_has_trunks_where_the_scan_has_them_and_follows_the_robot() {
-    let Some(mut run) = begin("forest_robot.toml", "monoforce_tradr_ros2.mcap", 1, false) else { return };
+    // Fewer maps: only the last one is looked at.
+    let plan = stack(FOREST_ROBOT, &[("wm1.publish_hz", "0.5")]);
+    let Some(mut run) = begin(plan, "monoforce_tradr_ros2.mcap", 1, false) else { return };
     finish(&mut run);
     assert_no_faults(&run);
     let stats: rcs::ObstacleStats = latest(&run, "/obstacles/stats");
@@ -143,7 +151,7 @@ fn in_a_forest_the_map_has_trunks_where_the_scan_has_them_and_follows_the_robot(
 
 #[test]
 fn a_log_without_range_data_runs_without_processes() {
-    let Some(mut run) = begin("husky.toml", "husky_outdoor_ros2.mcap", 1, false) else { return };
+    let Some(mut run) = begin(stack(HUSKY, &[]), "husky_outdoor_ros2.mcap", 1, false) else { return };
     finish(&mut run);
     let messages: u64 = run
         .summary()
@@ -158,24 +166,24 @@ fn a_log_without_range_data_runs_without_processes() {
 #[test]
 fn a_run_gives_the_same_bytes_again_with_two_threads_and_from_a_snapshot() {
     // The scan of the second log comes after 23.6 s.
-    for (stack, log, until_s, snapshot_at_s) in [
-        ("range_camera.toml", "orfd_y0613_1242_ros2.mcap", 0.95, 0.4),
-        ("forest_robot.toml", "monoforce_tradr_ros2.mcap", 25.0, 23.7),
+    for (file, log, until_s, snapshot_at_s) in [
+        (RANGE_CAMERA, "orfd_y0613_1242_ros2.mcap", 0.95, 0.4),
+        (FOREST_ROBOT, "monoforce_tradr_ros2.mcap", 25.0, 23.7),
     ] {
         let at = |run: &Stepped, seconds: f64| run.start().after_ns((seconds * 1e9) as u64);
-        let Some(mut run) = begin(stack, log, 1, true) else { return };
+        let Some(mut run) = begin(stack(file, &[]), log, 1, true) else { return };
         run.run_until(at(&run, until_s)).unwrap();
         let expected = run.summary().hash;
         assert!(expected.is_some());
 
-        let Some(mut threaded) = begin(stack, log, 2, true) else { return };
+        let Some(mut threaded) = begin(stack(file, &[]), log, 2, true) else { return };
         threaded.run_until(at(&threaded, snapshot_at_s)).unwrap();
         let bytes = threaded.snapshot().to_bytes().unwrap();
         threaded.run_until(at(&threaded, until_s)).unwrap();
-        assert_eq!(threaded.summary().hash, expected, "{stack}: two threads");
+        assert_eq!(threaded.summary().hash, expected, "{}: two threads", file[0]);
 
         threaded.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
         threaded.run_until(at(&threaded, until_s)).unwrap();
-        assert_eq!(threaded.summary().hash, expected, "{stack}: from a snapshot");
+        assert_eq!(threaded.summary().hash, expected, "{}: from a snapshot", file[0]);
     }
 }

@@ -16,8 +16,9 @@
 //! itself where that goes on without a jump (a steep bank).
 //!
 //! Where the paper is silent: noise widens `d` in proportion to range; a run of neighbouring obstacle points is short
-//! as a whole or not at all; and a point below the expected ground is ground, since negative obstacles are another
-//! module's.
+//! as a whole or not at all; a point below the expected ground is ground, since negative obstacles are another module's,
+//! unless a steep face begins there beyond a gap: then the foot of that face is hidden, and the heights of its points
+//! count from the lowest one that is seen.
 
 /// What a pixel shows. The numbers are those of label images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -198,11 +198,17 @@ impl Reference<'_> {
     }
 }
 
+/// Neighbouring points that are no ground, with their rise.
+struct ReferenceRun {
+    points: Vec<(usize, f32)>,
+    low: bool,
+    base: f32,
+}
+
 fn reference_scan(points: &[ScanPoint], start: Start, params: &ScanParams) -> Vec<Label> {
     let mut reference = Reference { points, start, params, ground: Vec::new() };
     let mut labels = vec![Label::Invalid; points.len()];
-    // Runs: their points with rise, and whether they are low.
-    let mut runs: Vec<(Vec<(usize, f32)>, bool, f32)> = Vec::new();
+    let mut runs: Vec<ReferenceRun> = Vec::new();
     let mut open = false;
     let mut lost = true;
     for i in 0..points.len() {
@@ -236,12 +242,12 @@ fn reference_scan(points: &[ScanPoint], start: Start, params: &ScanParams) -> Ve
         } else {
             reference.profile(point.rho)
         };
-        if let Some((run, ..)) = runs.last()
-            && (point.rho - points[run[run.len() - 1].0].rho).abs() > params.gap_m
+        if let Some(run) = runs.last()
+            && (point.rho - points[run.points[run.points.len() - 1].0].rho).abs() > params.gap_m
         {
             open = false;
         }
-        let low_base = runs.last().filter(|run| open && run.1).map(|run| run.2);
+        let low_base = runs.last().filter(|run| open && run.low).map(|run| run.base);
         let mut base = low_base.unwrap_or(expected);
         if low_base.is_none() && point.z <= expected + tolerance {
             let low = ahead > params.gap_m && point.z < expected - tolerance;
@@ -250,17 +256,17 @@ fn reference_scan(points: &[ScanPoint], start: Start, params: &ScanParams) -> Ve
                 continue;
             }
             base = point.z;
-            runs.push((Vec::new(), true, base));
+            runs.push(ReferenceRun { points: Vec::new(), low: true, base });
             open = true;
         } else if !open {
-            runs.push((Vec::new(), false, base));
+            runs.push(ReferenceRun { points: Vec::new(), low: false, base });
             open = true;
         }
         lost = true;
         let last_run = runs.len() - 1;
-        runs[last_run].0.push((i, point.z - base));
+        runs[last_run].points.push((i, point.z - base));
     }
-    for (run, ..) in &runs {
+    for ReferenceRun { points: run, .. } in &runs {
         let highest = run.iter().map(|&(_, rise)| rise).fold(0.0, f32::max);
         let mut farthest = points[run[0].0].rho;
         for &(i, rise) in run {

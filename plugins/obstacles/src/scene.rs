@@ -84,7 +84,7 @@ impl Scene {
     /// Distance in lengths of the ray, and what is there.
     fn cast(&self, from: DVec3, ray: DVec3) -> (f64, Truth) {
         // Sheared, so that the plane is z = 0 and a height is one above the plane.
-        let tangent = self.slope_rad.tan();
+        let tangent = libm::tan(self.slope_rad);
         let shear = |v: DVec3| DVec3::new(v.x, v.y, v.z - tangent * v.x);
         let (from, ray) = (shear(from), shear(ray));
         let mut best = (f64::INFINITY, Truth::Sky);

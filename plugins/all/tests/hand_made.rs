@@ -1,18 +1,22 @@
-//! What cannot be used is reported, counted and skipped, and nothing goes out for it.
+//! Messages made by hand: what cannot be used is reported, counted and skipped, and nothing goes out for it; what can be
+//! used does what it should.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+use rcs_geom::DVec2;
 use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::foxglove::{CameraCalibration, Grid, PointCloud, PoseInFrame, RawImage};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs, schema_of};
 use rcs_plugins::all;
-use rcs_runtime::{Plan, RunOptions, StackFile, Stepped};
+use rcs_runtime::source::Task;
+use rcs_runtime::{OperatorWrite, Plan, RunOptions, Session, StackFile, Stepped};
+use rcs_world::{Map, MapOptions, Source, VoteRule, Weights};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 const STACK: &str = r#"
 format = 1
-name = "bad_input"
+name = "hand_made"
 input = [
     { buffer = "/depth", topic = "/depth" },
     { buffer = "/cloud", topic = "/cloud" },
@@ -55,9 +59,9 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(messages: &[&Given]) -> Bench {
+    fn new(messages: &[&Given], params: &[(&str, &str)]) -> Bench {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("bad_input.mcap");
+        let path = folder.path().join("hand_made.mcap");
         let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
         let metadata = BTreeMap::new();
         let mut channels = BTreeMap::new();
@@ -77,7 +81,9 @@ impl Bench {
             writer.write(channels[given.buffer], header, &given.message.bytes()).unwrap();
         }
         writer.finish().unwrap();
-        let plan = Plan::new(StackFile::parse("bad_input", STACK).unwrap(), all(), &[]).unwrap();
+        let params: Vec<(String, String)> =
+            params.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+        let plan = Plan::new(StackFile::parse("hand_made", STACK).unwrap(), all(), &params).unwrap();
         let log = Log::open(&path).unwrap();
         let mut run = Stepped::new(Arc::new(plan), Some(&log), RunOptions::default()).unwrap();
         run.begin().unwrap();
@@ -109,7 +115,7 @@ impl Bench {
 /// Gives messages to `obstacles`, each with what it says of it (`None`: nothing, it uses it) and how many messages go
 /// out for it.
 fn check(steps: &[(Given, Option<&str>, u64)]) -> Bench {
-    let mut bench = Bench::new(&steps.iter().map(|step| &step.0).collect::<Vec<_>>());
+    let mut bench = Bench::new(&steps.iter().map(|step| &step.0).collect::<Vec<_>>(), &[]);
     for (second, (_, why, sent)) in (0..).zip(steps) {
         bench.run_before(second);
         let (before, outputs) = (bench.faults("obstacles").0, bench.outputs());
@@ -186,7 +192,7 @@ fn clouds_and_poses_that_cannot_be_used_are_skipped() {
 fn a_cost_map_of_another_frame_or_without_costs_changes_nothing() {
     let elsewhere = given("/cost", Grid { frame_id: "elsewhere".to_owned(), ..Grid::default() });
     let empty = given("/cost", Grid { frame_id: "local".to_owned(), ..Grid::default() });
-    let mut bench = Bench::new(&[&elsewhere, &empty]);
+    let mut bench = Bench::new(&[&elsewhere, &empty], &[]);
     for second in 1..=2 {
         bench.run_before(second);
         let (faults, last) = bench.faults("wm1");
@@ -195,4 +201,47 @@ fn a_cost_map_of_another_frame_or_without_costs_changes_nothing() {
     }
     let stats: rcs::WorldModelStats = bench.latest("/wm1/stats").unwrap();
     assert_eq!((stats.known, stats.votes), (0, 0));
+}
+
+/// A cost map with one obstacle at a place, m.
+fn obstacle_at(x_m: f64) -> Given {
+    let mut map = Map::new(0.2).unwrap();
+    let cell = map.grid().cell_at(DVec2::new(x_m, 0.1)).unwrap();
+    map.vote(cell, Source::Stereo, 250, 1, Stamp(1), VoteRule::default());
+    let sources = [Source::Stereo].into_iter().collect();
+    let options = MapOptions { sources, heights: false, weights: Weights::default() };
+    given("/cost", map.to_grid("local", Stamp(1), &options))
+}
+
+#[test]
+fn the_map_gathers_frames_unless_it_is_told_to_forget_each() {
+    for (clear, known) in [("false", 2), ("true", 1)] {
+        let (first, second) = (obstacle_at(3.1), obstacle_at(5.1));
+        let mut bench = Bench::new(&[&first, &second], &[("wm1.clear_each_frame", clear)]);
+        bench.run_before(2);
+        let stats: rcs::WorldModelStats = bench.latest("/wm1/stats").unwrap();
+        assert_eq!((stats.known, stats.obstacle), (known, known), "clear_each_frame = {clear}");
+    }
+}
+
+#[test]
+fn the_command_clear_forgets_the_map() {
+    let (first, second) = (obstacle_at(3.1), obstacle_at(5.1));
+    let Bench { run, _folder: folder } = Bench::new(&[&first, &second], &[]);
+    let mut session = Session::new(run).unwrap();
+    let known_after = |session: &mut Session, ms: u64| {
+        session.forward_until(Stamp(ms * 1_000_000), &Task::default()).unwrap();
+        let stats = session.run().bus().get("/wm1/stats").unwrap().latest().unwrap();
+        stats.message.to::<rcs::WorldModelStats>().unwrap().known
+    };
+    assert_eq!(known_after(&mut session, 540), 1);
+    let command = rcs::Command { serial: 7, name: "CLEAR".to_owned(), ..rcs::Command::default() };
+    session
+        .write(OperatorWrite { buffer: "/wm1/command".to_owned(), message: AnyMessage::new(command) })
+        .unwrap();
+    assert_eq!(known_after(&mut session, 1_040), 0);
+    let status = session.run().bus().get("/wm1/status").unwrap().latest().unwrap();
+    assert_eq!(status.message.to::<rcs::Status>().unwrap().echo_serial, 7);
+    assert_eq!(known_after(&mut session, 2_040), 1);
+    drop(folder);
 }
