@@ -56,6 +56,8 @@ fn real_logs_hold_what_their_authors_say() {
         log
     };
     let husky = check("real-logs/husky_outdoor_ros2.mcap", 16_806, 395.0);
+    check("real-logs/orfd_y0613_1242_ros2.mcap", 18, 0.9);
+    check("real-logs/monoforce_tradr_ros2.mcap", 65, 89.0);
     let imu = husky.info().topics.iter().find(|topic| topic.schema.name() == "sensor_msgs/msg/Imu").unwrap();
     assert!((imu.hz - 30.0).abs() < 1.0, "{}", imu.hz);
     let drive = Log::open(data.join("mcap-crate-drive/compressed.mcap")).unwrap();
