@@ -5,6 +5,8 @@
 
 mod code;
 mod dependencies;
+mod lists;
+mod port_tables;
 mod sources;
 mod tree;
 
