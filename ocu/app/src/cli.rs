@@ -1,0 +1,239 @@
+//! The command line: every flag is defined here, once.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// The program's arguments.
+#[derive(Debug, Parser)]
+#[command(
+    name = "ocu",
+    version,
+    about = "Operator control unit and diagnostics tool for 4D/RCS robots",
+    args_conflicts_with_subcommands = true,
+    after_help = "Examples:\n  ocu drive.mcap                        look at a recording\n  \
+                  ocu drive.mcap --stack range_camera   run a stack on it and step both ways\n  \
+                  ocu info drive.mcap                   say what it holds\n\n\
+                  Exit codes: 0 success, 1 the run failed, 2 wrong usage."
+)]
+pub struct Cli {
+    /// What to do; without one, the window opens.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// Arguments of the window.
+    #[command(flatten)]
+    pub window: WindowArgs,
+}
+
+/// The commands beside the window.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a stack to its end, without a window
+    Run(RunArgs),
+    /// Say what a recording holds, and what of it was lost
+    Info(InfoArgs),
+    /// Draw a layout at a time into a PNG; needs no display
+    Render(RenderArgs),
+    /// Write a small recording to look at
+    Sample(SampleArgs),
+}
+
+/// `ocu [LOG]`
+#[derive(Debug, Clone, Default, Args)]
+pub struct WindowArgs {
+    /// Recording to open
+    pub log: Option<PathBuf>,
+    /// Stack to run on it: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "STACK")]
+    pub stack: Option<String>,
+    /// Layout to start with: the name of a bundled one, or a .ron file
+    #[arg(long, short, value_name = "LAYOUT")]
+    pub layout: Option<String>,
+    /// What draws the window; by default wgpu, or glow where the only graphics adapter is a software one
+    #[arg(long, value_enum)]
+    pub renderer: Option<Renderer>,
+}
+
+/// What draws the window.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Renderer {
+    /// Vulkan, through wgpu
+    Wgpu,
+    /// OpenGL, through glow
+    Glow,
+}
+
+/// `ocu run`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Examples:\n  ocu run --stack range_camera --log drive.mcap --json\n  \
+                        ocu run --stack my_stack.toml --log drive.mcap --record out.mcap --until 10 \\\n          \
+                        --param wm1.weight_stereo=0.4\n\n\
+                        The result depends on the log, the stack, the parameters and the seed alone: \
+                        the hash is the same on every run and for any number of threads.")]
+pub struct RunArgs {
+    /// Stack to run: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "STACK")]
+    pub stack: String,
+    /// Recording that it reads
+    #[arg(long)]
+    pub log: Option<PathBuf>,
+    /// File to record the run to
+    #[arg(long, value_name = "OUT")]
+    pub record: Option<PathBuf>,
+    /// Seed of the run's random numbers
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Parameter of a process, as process.field=value; may be given several times
+    #[arg(long = "param", value_name = "P.F=V", value_parser = parse_param)]
+    pub params: Vec<Param>,
+    /// Stop at this time, in seconds from the log's start
+    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    pub until: Option<f64>,
+    /// Threads that processes may share, all of the machine's by default; the result does not depend on it
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ocu info`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Example:\n  ocu info drive.mcap --json")]
+pub struct InfoArgs {
+    /// Recording to describe
+    pub log: PathBuf,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ocu render`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Example:\n  ocu render drive.mcap --stack range_camera --layout default --at 12.5 \\\n    \
+                        --size 1600x900 -o picture.png")]
+pub struct RenderArgs {
+    /// Recording to draw
+    #[arg(required_unless_present = "stack")]
+    pub log: Option<PathBuf>,
+    /// Stack to run on it: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "STACK")]
+    pub stack: Option<String>,
+    /// Layout to draw: the name of a bundled one, or a .ron file
+    #[arg(long, short, value_name = "LAYOUT")]
+    pub layout: String,
+    /// Moment to draw, in seconds from the log's start
+    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    pub at: f64,
+    /// Size of the picture in pixels, as WIDTHxHEIGHT
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Size,
+    /// File to write
+    #[arg(short, long, value_name = "PNG")]
+    pub output: PathBuf,
+    /// Light instead of dark colours
+    #[arg(long)]
+    pub light: bool,
+}
+
+/// `ocu sample`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Example:\n  ocu sample drive.mcap && ocu drive.mcap --stack sample")]
+pub struct SampleArgs {
+    /// File to write
+    pub path: PathBuf,
+    /// Length of the recording in seconds
+    #[arg(long, value_name = "T", default_value = "20", value_parser = parse_seconds)]
+    pub duration: f64,
+}
+
+/// One parameter given on the command line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Param {
+    /// Name of the process in the stack.
+    pub process: String,
+    /// Name of the field.
+    pub field: String,
+    /// Its value, as text.
+    pub value: String,
+}
+
+/// Size of a picture in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Size {
+    /// Pixels from left to right.
+    pub width: u32,
+    /// Pixels from top to bottom.
+    pub height: u32,
+}
+
+fn parse_param(text: &str) -> Result<Param, String> {
+    let expected = || format!("expected process.field=value, got {text:?}");
+    let (path, value) = text.split_once('=').ok_or_else(expected)?;
+    let (process, field) = path.split_once('.').ok_or_else(expected)?;
+    if process.is_empty() || field.is_empty() || value.is_empty() {
+        return Err(expected());
+    }
+    Ok(Param { process: process.to_owned(), field: field.to_owned(), value: value.to_owned() })
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds.is_finite() && (0.0..=1e9).contains(&seconds) => Ok(seconds),
+        _ => Err(format!("expected seconds from 0 to 1e9, got {text:?}")),
+    }
+}
+
+fn parse_size(text: &str) -> Result<Size, String> {
+    const RANGE: std::ops::RangeInclusive<u32> = 16..=8192;
+    let side = |part: &str| part.parse::<u32>().ok().filter(|side| RANGE.contains(side));
+    text.split_once('x')
+        .and_then(|(width, height)| Some(Size { width: side(width)?, height: side(height)? }))
+        .ok_or_else(|| format!("expected WIDTHxHEIGHT with sides from 16 to 8192 pixels, got {text:?}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn definitions_are_consistent_and_every_command_has_an_example() {
+        let mut command = Cli::command();
+        command.build();
+        command.clone().debug_assert();
+        for sub in command.get_subcommands().filter(|sub| sub.get_name() != "help") {
+            let help = sub.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(help.contains("Example"), "{} has no example", sub.get_name());
+            for arg in sub.get_arguments() {
+                assert!(arg.get_help().is_some(), "{} {} has no help", sub.get_name(), arg.get_id());
+            }
+        }
+    }
+
+    #[test]
+    fn sizes_times_and_parameters_out_of_range_are_refused() {
+        assert_eq!(parse_size("1600x900"), Ok(Size { width: 1600, height: 900 }));
+        for text in ["", "x", "1600", "15x900", "1600x99999", "1600X900", "-1x5"] {
+            assert!(parse_size(text).is_err(), "{text}");
+        }
+        assert_eq!(parse_seconds("12.5"), Ok(12.5));
+        for text in ["", "-1", "NaN", "inf", "1e300", "3 s"] {
+            assert!(parse_seconds(text).is_err(), "{text}");
+        }
+        let param = Param { process: "wm1".into(), field: "weight_stereo".into(), value: "0.4".into() };
+        assert_eq!(parse_param("wm1.weight_stereo=0.4"), Ok(param));
+        for text in ["", "wm1", "wm1=1", "wm1.x", "wm1.=1", ".x=1", "wm1.x="] {
+            assert!(parse_param(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_log_alone_opens_the_window_and_a_command_takes_its_own_arguments() {
+        let cli = Cli::try_parse_from(["ocu", "drive.mcap", "--stack", "sample"]).unwrap();
+        assert!(cli.command.is_none());
+        assert_eq!(cli.window.stack.as_deref(), Some("sample"));
+        let cli = Cli::try_parse_from(["ocu", "info", "drive.mcap", "--json"]).unwrap();
+        assert!(matches!(cli.command, Some(Command::Info(InfoArgs { json: true, .. }))));
+        assert!(Cli::try_parse_from(["ocu", "render", "--layout", "default"]).is_err());
+    }
+}

@@ -1,0 +1,292 @@
+//! Layouts: how the window's views are arranged, as versioned files that are edited by hand, shared, and kept after a
+//! crash.
+//!
+//! ```ron
+//! Layout(
+//!     version: 1,
+//!     name: "two views",
+//!     root: Row([
+//!         (2.0, View(kind: "camera")),
+//!         (1.0, Tabs(active: 0, tiles: [View(kind: "map"), View(kind: "fields")])),
+//!     ]),
+//! )
+//! ```
+
+use ocu_views::{SavedState, view_type};
+use rcs_runtime::source::Frame;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// The version that this program writes, and the newest that it reads.
+pub const VERSION: u32 = 1;
+/// Tiles within tiles.
+const MAX_DEPTH: usize = 16;
+
+/// The layouts that come with the program: name, text.
+pub const BUNDLED: &[(&str, &str)] = &[
+    ("default", include_str!("../../../layouts/default.ron")),
+    ("tracks", include_str!("../../../layouts/tracks.ron")),
+    ("fields", include_str!("../../../layouts/fields.ron")),
+];
+
+/// An arrangement of views.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Layout {
+    /// Version of the format.
+    pub version: u32,
+    /// Name for a person.
+    pub name: String,
+    /// Whether the list of buffers at the left is open.
+    #[serde(default = "yes")]
+    pub buffers: bool,
+    /// The tiles; an empty row where all have been closed.
+    pub root: Node,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// A tile.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Node {
+    /// Tiles side by side, each with its share of the width.
+    Row(Vec<(f32, Node)>),
+    /// Tiles one above the other, each with its share of the height.
+    Column(Vec<(f32, Node)>),
+    /// Tiles in a grid that finds its own number of columns.
+    Grid(Vec<Node>),
+    /// Tiles of which one is seen.
+    Tabs {
+        /// Index of the one that is seen.
+        #[serde(default)]
+        active: usize,
+        /// The tiles.
+        tiles: Vec<Node>,
+    },
+    /// One view.
+    View {
+        /// Its kind, as the list of views names it.
+        kind: String,
+        /// What it had saved.
+        #[serde(default)]
+        state: SavedState,
+    },
+}
+
+/// What is wrong with a layout file: `file:line: what, and what was expected`.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{file}:{line}: {message}")]
+pub struct LayoutError {
+    /// File, or name of the bundled layout.
+    pub file: String,
+    /// Line, from 1.
+    pub line: usize,
+    /// What is wrong.
+    pub message: String,
+}
+
+/// The part of a layout that is read first.
+#[derive(Deserialize)]
+#[serde(rename = "Layout")]
+struct Version {
+    version: u32,
+}
+
+impl Layout {
+    /// Reads a layout; `file` is how errors name it.
+    pub fn parse(file: &str, text: &str) -> Result<Self, LayoutError> {
+        let error = |line: usize, message: String| LayoutError { file: file.to_owned(), line, message };
+        let spanned = |found: &ron::error::SpannedError| error(found.span.start.line, found.code.to_string());
+        let Version { version } = ron::from_str(text).map_err(|found| spanned(&found))?;
+        if version == 0 || version > VERSION {
+            let line = line_of(text, "version");
+            return Err(error(line, format!("version {version} is not known; expected {VERSION}")));
+        }
+        let layout: Self = ron::from_str(text).map_err(|found| spanned(&found))?;
+        layout.root.check(0).map_err(|Flaw { near, message }| error(line_of(text, &near), message))?;
+        Ok(layout)
+    }
+
+    /// Reads a layout file.
+    pub fn load(path: &Path) -> anyhow::Result<Self> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| crate::usage(format!("cannot read the layout: {error}: {}", path.display())))?;
+        Ok(Self::parse(&path.display().to_string(), &text)?)
+    }
+
+    /// The layout as text; [`Layout::parse`] reads it back.
+    pub fn to_text(&self) -> anyhow::Result<String> {
+        let pretty = ron::ser::PrettyConfig::new().struct_names(true).depth_limit(10).compact_arrays(false);
+        Ok(ron::ser::to_string_pretty(self, pretty)? + "\n")
+    }
+
+    /// Writes a layout file, aside and then moved, so that a crash leaves the old one or the new one.
+    pub fn save(&self, path: &Path) -> anyhow::Result<()> {
+        write_whole(path, &self.to_text()?)
+    }
+
+    /// The bundled layout of that name.
+    pub fn bundled(name: &str) -> Option<Result<Self, LayoutError>> {
+        let (name, text) = BUNDLED.iter().find(|(known, _)| *known == name)?;
+        Some(Self::parse(&format!("layouts/{name}.ron"), text))
+    }
+
+    /// The layout that the command line names: a bundled one by name, or a file.
+    pub fn named(spec: &str) -> anyhow::Result<Self> {
+        if let Some(layout) = Self::bundled(spec) {
+            return Ok(layout?);
+        }
+        if looks_like_path(spec) {
+            return Self::load(Path::new(spec));
+        }
+        let names: Vec<&str> = BUNDLED.iter().map(|(name, _)| *name).collect();
+        Err(crate::usage(format!("no bundled layout is called {spec:?}; expected {} or a .ron file", names.join(", "))))
+    }
+
+    /// The bundled layout that shows what a source has.
+    pub fn for_content(frame: &Frame) -> Self {
+        let has = |types: &[&str]| frame.topics.iter().any(|topic| types.contains(&topic.type_name()));
+        let name = if has(&["foxglove.RawImage", "foxglove.CompressedImage"]) || !frame.processes.is_empty() {
+            "default"
+        } else if has(&[
+            "foxglove.Odometry",
+            "foxglove.PoseInFrame",
+            "foxglove.LocationFix",
+            "foxglove.PointCloud",
+            "foxglove.Grid",
+            "foxglove.PosesInFrame",
+        ]) {
+            "tracks"
+        } else {
+            "fields"
+        };
+        Self::bundled(name).and_then(Result::ok).unwrap_or_else(Self::empty)
+    }
+
+    /// A layout without views.
+    pub fn empty() -> Self {
+        Self { version: VERSION, name: "empty".to_owned(), buffers: true, root: Node::Row(Vec::new()) }
+    }
+}
+
+/// Something that is wrong near a piece of the text.
+struct Flaw {
+    near: String,
+    message: String,
+}
+
+impl Node {
+    fn check(&self, depth: usize) -> Result<(), Flaw> {
+        let flaw = |near: &str, message: String| Err(Flaw { near: near.to_owned(), message });
+        if depth > MAX_DEPTH {
+            return flaw("root", format!("tiles lie deeper than expected: at most {MAX_DEPTH} levels"));
+        }
+        match self {
+            Self::Row(tiles) | Self::Column(tiles) => tiles.iter().try_for_each(|(share, tile)| {
+                if !share.is_finite() || *share <= 0.0 {
+                    return flaw(&share.to_string(), format!("a share is {share}; expected more than 0"));
+                }
+                tile.check(depth + 1)
+            }),
+            Self::Grid(tiles) => tiles.iter().try_for_each(|tile| tile.check(depth + 1)),
+            Self::Tabs { active, tiles } if *active > 0 && *active >= tiles.len() => {
+                flaw("active", format!("tab {active} is active; expected less than {}", tiles.len()))
+            }
+            Self::Tabs { tiles, .. } => tiles.iter().try_for_each(|tile| tile.check(depth + 1)),
+            Self::View { kind, .. } if view_type(kind).is_none() => {
+                let known: Vec<&str> = ocu_views::all().iter().map(|view| view.kind).collect();
+                flaw(
+                    &format!("{kind:?}"),
+                    format!("no view is of kind {kind:?}; expected one of {}", known.join(", ")),
+                )
+            }
+            Self::View { kind, state } => {
+                let Some(view_type) = view_type(kind) else { return Ok(()) };
+                match (view_type.make)().load(state) {
+                    Err(error) if !state.is_null() => {
+                        flaw(&format!("{kind:?}"), format!("the state of the view {kind:?} does not fit: {error}"))
+                    }
+                    _ => Ok(()),
+                }
+            }
+        }
+    }
+}
+
+/// Line of the first place where `near` stands, from 1.
+fn line_of(text: &str, near: &str) -> usize {
+    let before = text.find(near).map_or("", |at| &text[..at]);
+    1 + before.matches('\n').count()
+}
+
+/// Whether an argument means a file and not the name of something bundled.
+pub(crate) fn looks_like_path(spec: &str) -> bool {
+    spec.contains(['/', '\\', '.']) || Path::new(spec).exists()
+}
+
+/// Where the program keeps what it remembers: `$XDG_DATA_HOME/ocu` or `~/.local/share/ocu`.
+pub fn data_dir() -> Option<PathBuf> {
+    let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let base = absolute("XDG_DATA_HOME").or_else(|| Some(absolute("HOME")?.join(".local/share")))?;
+    Some(base.join("ocu"))
+}
+
+/// Writes a small file so that it is there as a whole or not at all.
+pub(crate) fn write_whole(path: &Path, text: &str) -> anyhow::Result<()> {
+    let aside = path.with_extension("new");
+    let attempt = || {
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder)?;
+        }
+        std::fs::write(&aside, text)?;
+        std::fs::rename(&aside, path)
+    };
+    attempt().map_err(|error: std::io::Error| anyhow::anyhow!("cannot write: {error}: {}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_bundled_layout_loads_and_survives_being_written() {
+        for (name, _) in BUNDLED {
+            let layout = Layout::bundled(name).unwrap().unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!(&layout.name, name);
+            let again = Layout::parse("again", &layout.to_text().unwrap()).unwrap();
+            assert_eq!(layout, again);
+        }
+    }
+
+    #[track_caller]
+    fn refused(text: &str, line: usize, part: &str) {
+        let error = Layout::parse("mine.ron", text).unwrap_err();
+        assert_eq!((error.line, error.file.as_str()), (line, "mine.ron"), "{error}");
+        assert!(error.message.contains(part), "{error}");
+    }
+
+    #[test]
+    fn flaws_are_refused_with_file_line_and_expectation() {
+        refused("", 1, "Unexpected");
+        refused("Layout(\n  version: 9,\n  name: \"a\",\n  root: Row([]),\n)", 2, "expected 1");
+        refused("Layout(\n  version: 1,\n  nome: \"a\",\n  root: Row([]),\n)", 3, "nome");
+        refused("Layout(\n version: 1,\n name: \"a\",\n root: Row([\n (1.0, View(kind: \"caméra\"))]))", 5, "camera");
+        refused("Layout(\n version: 1,\n name: \"a\",\n root: Row([\n (-2.5, Row([]))]))", 5, "more than 0");
+        refused("Layout(version: 1, name: \"a\",\n root: Tabs(active: 3, tiles: []))", 2, "less than 0");
+        refused("Layout(version: 1, name: \"a\",\n root: Pile([]))", 2, "Pile");
+        assert!(Layout::named("nonsense").unwrap_err().to_string().contains("default"));
+        assert!(Layout::named("./absent.ron").is_err());
+    }
+
+    #[test]
+    fn a_saved_layout_replaces_the_old_one_as_a_whole() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("deep/layout.ron");
+        Layout::empty().save(&path).unwrap();
+        assert_eq!(Layout::load(&path).unwrap(), Layout::empty());
+        assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1, "nothing is left aside");
+    }
+}

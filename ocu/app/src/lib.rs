@@ -1,0 +1,84 @@
+//! The program `ocu`: its window and its command line.
+//!
+//! - [`cli`]: every flag, defined once.
+//! - [`window`]: the window; [`render`] draws the same without one.
+//! - [`run`], [`info`], [`sample`]: the commands.
+//! - [`layout`], [`stacks`]: what comes with the program, by explicit lists.
+
+pub mod cli;
+pub mod info;
+pub mod layout;
+pub mod offscreen;
+pub mod open;
+pub mod render;
+pub mod run;
+pub mod sample;
+pub mod stacks;
+mod table;
+mod time;
+pub mod window;
+
+use cli::{Cli, Command};
+use rcs_runtime::source::SourceError;
+use rcs_runtime::{RunError, StackError};
+use std::io::Write;
+
+/// Program and version, for logs.
+pub const BUILD: &str = concat!("ocu ", env!("CARGO_PKG_VERSION"));
+
+/// Exit code of a run that failed.
+pub const FAILED: u8 = 1;
+/// Exit code of wrong usage: arguments, stacks and layouts that are refused before anything runs.
+pub const USAGE: u8 = 2;
+
+/// Something that was asked for in a wrong way.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Usage(String);
+
+/// An error of usage.
+pub(crate) fn usage(text: impl Into<String>) -> anyhow::Error {
+    Usage(text.into()).into()
+}
+
+/// Does what the command line says; gives the exit code. Errors are printed here, once.
+pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
+    let result = match &cli.command {
+        None => window::run(&cli.window).map(|()| true),
+        Some(Command::Run(args)) => run::run(args, out),
+        Some(Command::Info(args)) => info::info(args, out).map(|()| true),
+        Some(Command::Render(args)) => render::render(args).map(|()| true),
+        Some(Command::Sample(args)) => sample::write(&args.path, args.duration).map(|()| true),
+    };
+    match result {
+        Ok(true) => 0,
+        Ok(false) => FAILED,
+        // Whoever read the output has read enough: `ocu info … | head`.
+        Err(error) if is_broken_pipe(&error) => 0,
+        Err(error) => {
+            // Where even this cannot be written, the exit code still tells.
+            let _ = writeln!(errors, "error: {error:#}");
+            code_of(&error)
+        }
+    }
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let of = |error: &std::io::Error| error.kind() == std::io::ErrorKind::BrokenPipe;
+    error.chain().any(|cause| {
+        let json = cause.downcast_ref::<serde_json::Error>();
+        cause.downcast_ref().is_some_and(of)
+            || json.is_some_and(|error| error.io_error_kind() == Some(std::io::ErrorKind::BrokenPipe))
+    })
+}
+
+fn code_of(error: &anyhow::Error) -> u8 {
+    let refused = error.chain().any(|cause| {
+        cause.is::<Usage>()
+            || cause.is::<StackError>()
+            || cause.is::<layout::LayoutError>()
+            || matches!(cause.downcast_ref(), Some(RunError::Stack(_)))
+            || matches!(cause.downcast_ref(), Some(SourceError::Run(RunError::Stack(_))))
+    });
+    if refused { USAGE } else { FAILED }
+}

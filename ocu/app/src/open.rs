@@ -1,0 +1,59 @@
+//! From what a person names (a recording, a stack, both) to a source.
+
+use crate::stacks;
+use rcs_runtime::source::Source;
+use std::path::{Path, PathBuf};
+
+/// What to look at.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Request {
+    /// The recording.
+    pub log: Option<PathBuf>,
+    /// The stack that runs on it (or on nothing): a bundled one's name, or a file.
+    pub stack: Option<String>,
+}
+
+impl Request {
+    /// What a file that was dropped on the window asks for: a stack is run on the recording that is open, anything
+    /// else is a recording.
+    pub fn dropped(path: &Path, current: &Self) -> Self {
+        let is_stack = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+        if is_stack {
+            Self { log: current.log.clone(), stack: Some(path.display().to_string()) }
+        } else {
+            Self { log: Some(path.to_owned()), stack: None }
+        }
+    }
+
+    /// Name for a person.
+    pub fn title(&self) -> String {
+        let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        match (&self.log, &self.stack) {
+            (Some(log), Some(stack)) => format!("{} through {}", file(log), file(Path::new(stack))),
+            (Some(log), None) => file(log),
+            (None, Some(stack)) => file(Path::new(stack)),
+            (None, None) => String::new(),
+        }
+    }
+
+    /// Opens it. May take long: not on the window's thread.
+    pub fn open(&self) -> anyhow::Result<Box<dyn Source>> {
+        stacks::open(self.log.as_deref(), self.stack.as_deref())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dropped_stack_runs_on_the_open_recording_and_a_dropped_recording_replaces_it() {
+        let current = Request { log: Some("a.mcap".into()), stack: Some("sample".into()) };
+        let stack = Request::dropped(Path::new("/x/Mine.TOML"), &current);
+        assert_eq!(stack, Request { log: Some("a.mcap".into()), stack: Some("/x/Mine.TOML".into()) });
+        assert_eq!(stack.title(), "a.mcap through Mine.TOML");
+        let log = Request::dropped(Path::new("/x/b.mcap"), &current);
+        assert_eq!(log, Request { log: Some("/x/b.mcap".into()), stack: None });
+        assert_eq!(log.title(), "b.mcap");
+    }
+}

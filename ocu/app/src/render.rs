@@ -1,0 +1,78 @@
+//! `ocu render`: a layout at a time as a picture, without a window or a display.
+
+use crate::cli::{RenderArgs, Size};
+use crate::layout::Layout;
+use crate::offscreen::Painter;
+use crate::open::Request;
+use crate::usage;
+use crate::window::Window;
+use anyhow::Context as _;
+use image::RgbaImage;
+use rcs_runtime::source::{Frame, Task};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A view settles in a few passes; one that never does is painted as it is.
+const MOST_PASSES: usize = 40;
+/// At least this many: sizes are known from the second on.
+const LEAST_PASSES: usize = 3;
+
+/// Draws the picture and writes it.
+pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
+    let layout = Layout::named(&args.layout)?;
+    let frame = frame_at(&Request { log: args.log.clone(), stack: args.stack.clone() }, args.at)?;
+    let theme = if args.light { egui::Theme::Light } else { egui::Theme::Dark };
+    let picture = picture(&Arc::new(frame), &layout, args.size, theme)?;
+    picture
+        .save_with_format(&args.output, image::ImageFormat::Png)
+        .with_context(|| format!("cannot write the picture: {}", args.output.display()))
+}
+
+/// Everything that can be known of a source `at_s` seconds after its start, tracks of all of it among them.
+pub fn frame_at(request: &Request, at_s: f64) -> anyhow::Result<Frame> {
+    let mut source = request.open()?;
+    let info = source.info();
+    let at = info.start.after_ns((at_s * 1e9).round() as u64);
+    if let Some(end) = info.end
+        && at > end
+    {
+        let length_s = end.seconds_since(info.start);
+        return Err(usage(format!("--at is {at_s} s; expected at most {length_s:.3} s, where the recording ends")));
+    }
+    source.seek(at, &Task::default())?;
+    while source.idle() {}
+    Ok(source.frame())
+}
+
+/// The whole window at one moment, as the screen would show it.
+pub fn picture(frame: &Arc<Frame>, layout: &Layout, size: Size, theme: egui::Theme) -> anyhow::Result<RgbaImage> {
+    let mut painter = Painter::new()?;
+    let context = egui::Context::default();
+    ocu_ui::install(&context);
+    context.set_theme(theme);
+    let mut window = Window::still(&context, Arc::clone(frame), layout);
+    let screen = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(size.width as f32, size.height as f32));
+    for pass in 1.. {
+        let input = egui::RawInput {
+            screen_rect: Some(screen),
+            max_texture_side: Some(painter.max_texture_side()),
+            // A clock of its own: the picture must not depend on the machine's speed.
+            time: Some(pass as f64 * 0.1),
+            ..egui::RawInput::default()
+        };
+        let mut output = context.run_ui(input, |ui| window.ui(ui));
+        painter.take_textures(&mut output.textures_delta);
+        let delay = output.viewport_output.get(&egui::ViewportId::ROOT).map(|viewport| viewport.repaint_delay);
+        let settled = delay.is_none_or(|delay| delay > Duration::ZERO);
+        let last = pass >= MOST_PASSES || (pass >= LEAST_PASSES && settled);
+        let painted = last.then(|| {
+            let primitives = context.tessellate(std::mem::take(&mut output.shapes), output.pixels_per_point);
+            painter.paint(&primitives, [size.width, size.height], output.pixels_per_point)
+        });
+        painter.free_textures(&mut output.textures_delta);
+        if let Some(pixels) = painted {
+            return RgbaImage::from_raw(size.width, size.height, pixels?).context("the picture has another size");
+        }
+    }
+    anyhow::bail!("no pass was drawn")
+}

@@ -1,0 +1,203 @@
+//! `ocu run`: a stack to its end, in simulated time, with a summary.
+
+use crate::cli::RunArgs;
+use crate::table::{Align, Table};
+use crate::{BUILD, stacks, usage};
+use anyhow::Context as _;
+use ocu_ui::format;
+use rcs_log::Log;
+use rcs_msg::rcs::ProcessState;
+use rcs_msg::Stamp;
+use rcs_runtime::{RecordOptions, Recording, RunOptions, Stepped, Summary};
+use serde::Serialize;
+use std::io::Write;
+use std::time::Instant;
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Outcome {
+    /// The recording ended.
+    End,
+    /// The time that `--until` gives was reached.
+    Timeout,
+    /// A process ended in `ERROR`, or what was asked for could not be done to the end.
+    Error,
+}
+
+/// `ocu run --json`.
+#[derive(Debug, Serialize)]
+struct Report {
+    outcome: Outcome,
+    time_s: f64,
+    wall_s: f64,
+    processes: Vec<ProcessReport>,
+    buffers: Vec<BufferReport>,
+    hash: String,
+}
+
+#[derive(Debug, Serialize)]
+struct ProcessReport {
+    name: String,
+    state: &'static str,
+    cycles: u64,
+    mean_us: f64,
+    max_us: f64,
+    overruns: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct BufferReport {
+    name: String,
+    schema: String,
+    messages: u64,
+    bytes: u64,
+    hash: String,
+}
+
+/// Runs the stack and prints what came of it; `false` if the run failed.
+pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
+    let overrides: Vec<(String, String)> = args
+        .params
+        .iter()
+        .map(|param| (format!("{}.{}", param.process, param.field), param.value.clone()))
+        .collect();
+    let plan = stacks::plan(&args.stack, &overrides)?;
+    let log = args.log.as_ref().map(Log::open).transpose()?;
+    if log.is_none() && args.until.is_none() {
+        return Err(usage("a stack without a recording runs on for ever: expected --log or --until"));
+    }
+    let base = stacks::options(log.as_ref());
+    let threads = args.threads.map_or(base.threads, usize::from);
+    let options = RunOptions { seed: args.seed, threads, hash: true, ..base };
+
+    let clock = Instant::now();
+    let mut run = Stepped::new(plan, log.as_ref(), options).context("the stack cannot run")?;
+    let recording = match &args.record {
+        Some(path) => {
+            let options = RecordOptions { lossless: true, build: BUILD.to_owned() };
+            Some(Recording::start(path, run.plan(), run.buffers(), &options)?)
+        }
+        None => None,
+    };
+    let (outcome, mut failure) = match to_the_end(&mut run, args.until) {
+        Ok(outcome) => (outcome, None),
+        Err(error) => (Outcome::Error, Some(error)),
+    };
+    if let Some(recording) = recording
+        && let Err(error) = recording.finish()
+        && failure.is_none()
+    {
+        failure = Some(error.into());
+    }
+    let outcome = if failure.is_some() { Outcome::Error } else { outcome };
+    let report = report(run.summary(), outcome, clock.elapsed().as_secs_f64());
+    if args.json {
+        serde_json::to_writer_pretty(&mut *out, &report).context("cannot write the report")?;
+        writeln!(out)?;
+    } else {
+        human(&report, out)?;
+    }
+    match failure {
+        Some(error) => Err(error),
+        None => Ok(report.outcome != Outcome::Error),
+    }
+}
+
+/// Runs until the recording has nothing more to cause, or until `until_s` after its start.
+fn to_the_end(run: &mut Stepped, until_s: Option<f64>) -> anyhow::Result<Outcome> {
+    run.begin()?;
+    let horizon = run.horizon();
+    let until = until_s.map(|seconds| run.start().after_ns((seconds * 1e9).round() as u64));
+    let end = match (horizon, until) {
+        (Some(horizon), Some(until)) => horizon.min(until),
+        (horizon, until) => horizon.or(until).unwrap_or(Stamp(0)),
+    };
+    let more = run.run_until(end)?;
+    let cut = more && until.is_some_and(|until| horizon.is_none_or(|horizon| until < horizon));
+    Ok(if cut { Outcome::Timeout } else { Outcome::End })
+}
+
+fn report(summary: Summary, outcome: Outcome, wall_s: f64) -> Report {
+    let failed = summary.processes.iter().any(|process| process.state == ProcessState::Error);
+    Report {
+        outcome: if failed { Outcome::Error } else { outcome },
+        time_s: summary.time_s,
+        wall_s,
+        processes: summary
+            .processes
+            .into_iter()
+            .map(|process| ProcessReport {
+                name: process.name,
+                state: process.state.as_str_name(),
+                cycles: process.cycles,
+                mean_us: process.mean_us,
+                max_us: process.max_us,
+                overruns: process.overruns,
+            })
+            .collect(),
+        buffers: summary
+            .buffers
+            .into_iter()
+            .map(|buffer| BufferReport {
+                name: buffer.name,
+                schema: buffer.schema,
+                messages: buffer.messages,
+                bytes: buffer.bytes.unwrap_or(0),
+                hash: buffer.hash.unwrap_or_default(),
+            })
+            .collect(),
+        hash: summary.hash.unwrap_or_default(),
+    }
+}
+
+fn human(report: &Report, out: &mut dyn Write) -> anyhow::Result<()> {
+    let outcome = match report.outcome {
+        Outcome::End => "end: the recording is over",
+        Outcome::Timeout => "timeout: the time asked for was reached",
+        Outcome::Error => "error",
+    };
+    let speed = report.time_s / report.wall_s.max(1e-9);
+    writeln!(out, "outcome  {outcome}")?;
+    let (time, wall) = (format::elapsed(report.time_s), format::elapsed(report.wall_s));
+    writeln!(out, "time     {time} in {wall} (× {})", format::number((speed * 10.0).round() / 10.0))?;
+    writeln!(out, "hash     {}\n", report.hash)?;
+    let mut table = Table::new(&[
+        ("process", Align::Left),
+        ("state", Align::Left),
+        ("cycles", Align::Right),
+        ("mean", Align::Right),
+        ("max", Align::Right),
+        ("overruns", Align::Right),
+    ]);
+    for process in &report.processes {
+        table.row([
+            process.name.clone(),
+            process.state.to_owned(),
+            process.cycles.to_string(),
+            format!("{:.0} µs", process.mean_us),
+            format!("{:.0} µs", process.max_us),
+            process.overruns.to_string(),
+        ]);
+    }
+    table.write(out)?;
+    writeln!(out)?;
+    let mut table = Table::new(&[
+        ("buffer", Align::Left),
+        ("schema", Align::Left),
+        ("messages", Align::Right),
+        ("size", Align::Right),
+        ("hash", Align::Left),
+    ]);
+    for buffer in report.buffers.iter().filter(|buffer| buffer.messages > 0) {
+        table.row([
+            buffer.name.clone(),
+            buffer.schema.clone(),
+            buffer.messages.to_string(),
+            format::bytes(buffer.bytes),
+            buffer.hash.clone(),
+        ]);
+    }
+    table.write(out)?;
+    Ok(())
+}

@@ -1,0 +1,102 @@
+//! The stacks that come with the program, and sources made from them.
+
+use crate::layout::looks_like_path;
+use crate::usage;
+use anyhow::Context as _;
+use rcs_log::Log;
+use rcs_runtime::source::{LogSource, Source, StackSource};
+use rcs_runtime::{Plan, RunOptions, StackFile};
+use std::path::Path;
+use std::sync::{Arc, LazyLock};
+
+/// The stacks that come with the program: name, text. The one list.
+const BUNDLED: &[(&str, &str)] = &[
+    ("range_camera", include_str!("../../../assets/stacks/range_camera.toml")),
+    ("forest_robot", include_str!("../../../assets/stacks/forest_robot.toml")),
+    ("husky", include_str!("../../../assets/stacks/husky.toml")),
+    ("sample", include_str!("../../../assets/stacks/sample.toml")),
+];
+
+/// The bundled stacks, by name.
+pub fn bundled() -> &'static [(&'static str, StackFile)] {
+    static STACKS: LazyLock<Vec<(&str, StackFile)>> = LazyLock::new(|| {
+        let parse = |&(name, text): &(&'static str, &str)| match StackFile::parse(&file_name(name), text) {
+            Ok(stack) => Some((name, stack)),
+            Err(error) => {
+                tracing::error!("{error}");
+                None
+            }
+        };
+        BUNDLED.iter().filter_map(parse).collect()
+    });
+    &STACKS
+}
+
+/// How errors name a bundled stack.
+fn file_name(name: &str) -> String {
+    format!("assets/stacks/{name}.toml")
+}
+
+/// The stack that a person names: a bundled one by name, or a file. Read, not yet checked against the plugins.
+pub fn named(spec: &str) -> anyhow::Result<StackFile> {
+    if let Some((name, text)) = BUNDLED.iter().find(|(name, _)| *name == spec) {
+        return Ok(StackFile::parse(&file_name(name), text)?);
+    }
+    if !looks_like_path(spec) {
+        let names: Vec<&str> = BUNDLED.iter().map(|(name, _)| *name).collect();
+        return Err(usage(format!("no bundled stack is called {spec:?}; expected {} or a .toml file", names.join(", "))));
+    }
+    let text = std::fs::read_to_string(spec)
+        .map_err(|error| usage(format!("cannot read the stack: {error}: {spec}")))?;
+    Ok(StackFile::parse(spec, &text)?)
+}
+
+/// The stack that a person names, checked against the plugins, with parameters from the command line.
+pub fn plan(spec: &str, overrides: &[(String, String)]) -> anyhow::Result<Arc<Plan>> {
+    Ok(Arc::new(Plan::new(named(spec)?, rcs_plugins::all(), overrides)?))
+}
+
+/// A source: the recording as it is, or through a stack, or a stack alone.
+pub fn open(log: Option<&Path>, stack: Option<&str>) -> anyhow::Result<Box<dyn Source>> {
+    let Some(stack) = stack else {
+        let log = log.ok_or_else(|| usage("expected a recording or a stack to open, got neither"))?;
+        return Ok(Box::new(LogSource::open(log)?));
+    };
+    let plan = plan(stack, &[])?;
+    let log = log.map(Log::open).transpose()?;
+    let options = options(log.as_ref());
+    let source = StackSource::new(plan, log.as_ref(), options).context("the stack cannot run")?;
+    Ok(Box::new(source))
+}
+
+/// How a stack is run, but for what the command line says.
+pub fn options(log: Option<&Log>) -> RunOptions {
+    RunOptions {
+        build: crate::BUILD.to_owned(),
+        log_name: log.map(|log| log.info().path.display().to_string()).unwrap_or_default(),
+        threads: std::thread::available_parallelism().map_or(1, usize::from),
+        ..RunOptions::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_bundled_stack_fits_the_plugins_and_says_what_it_is_for() {
+        assert_eq!(bundled().len(), BUNDLED.len(), "each can be read");
+        for (name, stack) in bundled() {
+            let plan = plan(name, &[]).unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!(plan.file.name(), *name);
+            assert!(!stack.description().is_empty(), "{name}");
+        }
+    }
+
+    #[test]
+    fn an_unknown_stack_is_refused_with_the_names_of_the_known_ones() {
+        let error = named("samples").unwrap_err().to_string();
+        assert!(error.contains("\"samples\"") && error.contains("husky, sample or"), "{error}");
+        assert!(named("./absent.toml").unwrap_err().to_string().contains("absent.toml"));
+    }
+}

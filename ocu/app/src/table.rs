@@ -1,0 +1,67 @@
+//! Tables for people: columns aligned, numbers to the right.
+
+use std::io::{self, Write};
+
+/// A column's alignment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Align {
+    /// Text.
+    Left,
+    /// Numbers.
+    Right,
+}
+
+/// Rows under headings.
+#[derive(Debug)]
+pub(crate) struct Table {
+    columns: Vec<(&'static str, Align)>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// A table with those headings.
+    pub(crate) fn new(columns: &[(&'static str, Align)]) -> Self {
+        Self { columns: columns.to_vec(), rows: Vec::new() }
+    }
+
+    /// Appends a row; cells that are missing are empty.
+    pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
+        self.rows.push(cells.into_iter().collect());
+    }
+
+    /// Writes the table, two spaces between columns and none at the ends of lines; nothing without rows.
+    pub(crate) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        if self.rows.is_empty() {
+            return Ok(());
+        }
+        let heading: Vec<String> = self.columns.iter().map(|(name, _)| (*name).to_owned()).collect();
+        let lines: Vec<&Vec<String>> = std::iter::once(&heading).chain(&self.rows).collect();
+        let cell = |line: &[String], index: usize| line.get(index).cloned().unwrap_or_default();
+        let width = |index: usize| lines.iter().map(|line| cell(line, index).chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..self.columns.len()).map(width).collect();
+        for line in &lines {
+            let cells = self.columns.iter().zip(&widths).enumerate().map(|(index, ((_, align), &width))| {
+                let text = cell(line, index);
+                if *align == Align::Right { format!("{text:>width$}") } else { format!("{text:<width$}") }
+            });
+            writeln!(out, "{}", cells.collect::<Vec<_>>().join("  ").trim_end())?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_aligned_and_lines_have_no_trailing_space() {
+        let mut table = Table::new(&[("topic", Align::Left), ("messages", Align::Right), ("note", Align::Left)]);
+        table.row(["/imu", "16806"].map(str::to_owned));
+        table.row(["/gps/fix", "7", "x"].map(str::to_owned));
+        let mut out = Vec::new();
+        table.write(&mut out).unwrap();
+        let text = String::from_utf8(out).unwrap();
+        assert_eq!(text, "topic     messages  note\n/imu         16806\n/gps/fix         7  x\n");
+    }
+}

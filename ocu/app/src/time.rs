@@ -1,0 +1,43 @@
+//! Points in time as a person reads them.
+
+use rcs_msg::Stamp;
+
+/// A year in nanoseconds: times before the first year of Unix belong to a clock that starts at 0, a simulation's.
+const YEAR_NS: u64 = 365 * 86_400 * 1_000_000_000;
+
+/// `2026-01-01 00:00:12.345 UTC`; times of a simulation as `00:00:12.345`.
+pub(crate) fn date_and_time(stamp: Stamp) -> String {
+    let clock = ocu_ui::format::clock(stamp.0);
+    if stamp.0 < YEAR_NS {
+        return clock;
+    }
+    let (year, month, day) = civil(stamp.0 / 86_400_000_000_000);
+    format!("{year:04}-{month:02}-{day:02} {clock} UTC")
+}
+
+/// Year, month and day of a number of days since 1970-01-01 (Howard Hinnant's `civil_from_days`, for days from 0).
+fn civil(days: u64) -> (u64, u64, u64) {
+    let days = days + 719_468;
+    let era = days / 146_097;
+    let day_of_era = days % 146_097;
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    (era * 400 + year_of_era + u64::from(month <= 2), month, day)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        let at = |seconds: u64| date_and_time(Stamp(seconds * 1_000_000_000));
+        assert_eq!(at(1_767_225_600), "2026-01-01 00:00:00.000 UTC");
+        assert_eq!(at(951_782_400), "2000-02-29 00:00:00.000 UTC");
+        assert_eq!(at(1_700_000_000), "2023-11-14 22:13:20.000 UTC");
+        assert_eq!(at(12), "00:00:12.000");
+    }
+}

@@ -1,0 +1,77 @@
+//! The frame around [`Window`]: eframe, and the choice of what draws.
+
+use super::body::{Options, Window};
+use crate::cli::{Renderer, WindowArgs};
+use crate::layout::{Layout, data_dir};
+use crate::offscreen::only_software_adapters;
+use crate::open::Request;
+use anyhow::anyhow;
+use std::time::Instant;
+
+/// Opens the window and returns when it is closed.
+pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
+    let started = Instant::now();
+    let layout = args.layout.as_deref().map(Layout::named).transpose()?;
+    let options = Options {
+        request: Request { log: args.log.clone(), stack: args.stack.clone() },
+        layout,
+        data_dir: data_dir(),
+    };
+    let renderer = args.renderer.unwrap_or_else(|| {
+        // Software Vulkan draws a full window five times slower than software OpenGL.
+        if only_software_adapters() { Renderer::Glow } else { Renderer::Wgpu }
+    });
+    tracing::debug!("drawing with {renderer:?}");
+    let native = eframe::NativeOptions {
+        viewport: egui::ViewportBuilder::default()
+            .with_title("OCU")
+            .with_app_id("ocu")
+            .with_inner_size([1600.0, 900.0])
+            .with_min_inner_size([640.0, 400.0])
+            .with_drag_and_drop(true),
+        renderer: match renderer {
+            Renderer::Wgpu => eframe::Renderer::Wgpu,
+            Renderer::Glow => eframe::Renderer::Glow,
+        },
+        ..eframe::NativeOptions::default()
+    };
+    eframe::run_native(
+        "ocu",
+        native,
+        Box::new(move |creation| {
+            ocu_ui::install(&creation.egui_ctx);
+            let window = Window::new(&creation.egui_ctx, options);
+            Ok(Box::new(App { window, started, is_shown: false }))
+        }),
+    )
+    .map_err(|error| {
+        anyhow!(
+            "the window cannot be opened: {error}; it needs a display and the packages libxkbcommon-x11-0 libegl1 \
+             libgl1 libx11-xcb1 libxcursor1 libxi6 (ocu render and ocu run need none)"
+        )
+    })
+}
+
+struct App {
+    window: Window,
+    started: Instant,
+    is_shown: bool,
+}
+
+impl eframe::App for App {
+    fn ui(&mut self, ui: &mut egui::Ui, _frame: &mut eframe::Frame) {
+        self.window.ui(ui);
+        if !self.is_shown && self.window.frame().is_some() {
+            self.is_shown = true;
+            tracing::info!("first picture of the source after {:.3} s", self.started.elapsed().as_secs_f64());
+        }
+    }
+
+    fn on_exit(&mut self, _gl: Option<&eframe::glow::Context>) {
+        self.window.keep_layout();
+    }
+
+    fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
+        visuals.panel_fill.to_normalized_gamma_f32()
+    }
+}

@@ -1,0 +1,348 @@
+//! Everything inside the window's frame.
+
+use super::keys::{self, Action};
+use super::notices::Notices;
+use super::open::{self, Invited, Opener, Outcome};
+use super::timeline::Timeline;
+use super::top_bar::{self, Wish};
+use super::tree::{Workspace, view_menu};
+use crate::layout::Layout;
+use crate::open::Request;
+use ocu_ui::{icons, tokens, widgets};
+use ocu_views::{Selection, View, ViewContext};
+use rcs_runtime::source::{Control, Driver, Frame, Source};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// The arrangement is written this long after the last time, at the soonest.
+const KEEP_EVERY: Duration = Duration::from_secs(2);
+
+/// Progress of long work is shown this often.
+const LOOK_AGAIN: Duration = Duration::from_millis(150);
+
+/// What a window starts with.
+#[derive(Debug, Default)]
+pub struct Options {
+    /// What to look at; nothing where it names nothing.
+    pub request: Request,
+    /// Layout to start with; otherwise the one that was kept, otherwise one that fits what is opened.
+    pub layout: Option<Layout>,
+    /// Where the arrangement and the recent recordings are kept; nowhere if `None`.
+    pub data_dir: Option<PathBuf>,
+}
+
+/// What is looked at.
+enum Shown {
+    Nothing,
+    /// A source that plays.
+    Live(Driver),
+    /// One moment, for a picture.
+    Still(Arc<Frame>),
+}
+
+impl Shown {
+    fn frame(&self) -> Option<Arc<Frame>> {
+        match self {
+            Self::Nothing => None,
+            Self::Live(driver) => Some(driver.frame()),
+            Self::Still(frame) => Some(Arc::clone(frame)),
+        }
+    }
+}
+
+/// The window's contents and everything that they remember.
+pub struct Window {
+    ctx: egui::Context,
+    shown: Shown,
+    /// What is open.
+    current: Request,
+    workspace: Option<Workspace>,
+    buffers: Option<Box<dyn View>>,
+    buffers_open: bool,
+    selection: Selection,
+    timeline: Timeline,
+    opener: Opener,
+    notices: Notices,
+    help_open: bool,
+    keeper: Keeper,
+}
+
+impl Window {
+    /// A window that starts opening what `options` names. `ocu_ui::install` must have been called on the context.
+    pub fn new(ctx: &egui::Context, options: Options) -> Self {
+        let Options { request, layout, data_dir } = options;
+        let mut notices = Notices::default();
+        let mut keeper = Keeper::new(data_dir.as_ref().map(|dir| dir.join("layout.ron")));
+        let kept = if layout.is_none() { keeper.load(&mut notices) } else { None };
+        let mut window = Self {
+            ctx: ctx.clone(),
+            shown: Shown::Nothing,
+            current: Request::default(),
+            workspace: None,
+            buffers: ocu_views::view_type("buffers").map(|buffers| (buffers.make)()),
+            buffers_open: true,
+            selection: Selection::default(),
+            timeline: Timeline::default(),
+            opener: Opener::new(ctx, data_dir.as_deref()),
+            notices,
+            help_open: false,
+            keeper,
+        };
+        if let Some(layout) = layout.or(kept) {
+            window.arrange(&layout);
+        }
+        if request != Request::default() {
+            window.opener.open(request);
+        }
+        window
+    }
+
+    /// A window that shows one moment and cannot play: what `ocu render` draws.
+    pub fn still(ctx: &egui::Context, frame: Arc<Frame>, layout: &Layout) -> Self {
+        let mut window = Self::new(ctx, Options { layout: Some(layout.clone()), ..Options::default() });
+        window.shown = Shown::Still(frame);
+        window
+    }
+
+    /// The moment that is shown.
+    pub fn frame(&self) -> Option<Arc<Frame>> {
+        self.shown.frame()
+    }
+
+    /// Shows a source that is open already, in place of what was shown.
+    fn show_source(&mut self, request: Request, source: Box<dyn Source>) {
+        let ctx = self.ctx.clone();
+        let driver = match Driver::spawn(source, move || ctx.request_repaint()) {
+            Ok(driver) => driver,
+            Err(error) => return self.notices.error(format!("no thread to play {}: {error}", request.title())),
+        };
+        if self.workspace.is_none() {
+            self.arrange(&Layout::for_content(&driver.frame()));
+        }
+        self.shown = Shown::Live(driver);
+        self.current = request;
+        self.selection = Selection::default();
+    }
+
+    /// Writes the arrangement for the next start.
+    pub fn keep_layout(&mut self) {
+        if let Some(workspace) = &self.workspace {
+            self.keeper.keep(&workspace.layout(self.buffers_open), &mut self.notices);
+        }
+    }
+
+    /// Shows everything.
+    pub fn ui(&mut self, ui: &mut egui::Ui) {
+        self.take_opened();
+        self.take_dropped(ui);
+        let frame = self.shown.frame();
+        let mut controls = Vec::new();
+        self.take_keys(ui, frame.as_deref(), &mut controls);
+        self.selection.hovered = None;
+
+        let fill = tokens(ui).panel();
+        let bar = egui::Frame::new().fill(fill).inner_margin(egui::Margin::symmetric(8, 4));
+        let top = egui::Panel::top("top").frame(bar).resizable(false);
+        let wishes = top.show(ui, |ui| self.top(ui, frame.as_deref())).inner;
+        for wish in wishes {
+            self.fulfil(wish, frame.as_deref(), &mut controls);
+        }
+        let source_error = frame.as_ref().and_then(|frame| frame.playback.error.clone());
+        if !self.notices.is_empty(source_error.as_deref()) {
+            let top = egui::Panel::top("notices").frame(bar).resizable(false);
+            top.show(ui, |ui| self.notices.ui(ui, source_error.as_deref()));
+        }
+        match &frame {
+            Some(frame) => self.source_ui(ui, frame, bar, &mut controls),
+            None => self.empty_ui(ui),
+        }
+        if let Some(path) = self.opener.ui(ui) {
+            self.opener.open(Request::dropped(&path, &self.current));
+        }
+        self.help_ui(ui);
+
+        if let Shown::Live(driver) = &self.shown {
+            // Work that takes long shows its progress: look again while there is some, or when some may have begun.
+            if !controls.is_empty() || driver.busy().is_some() {
+                self.ctx.request_repaint_after(LOOK_AGAIN);
+            }
+            for control in controls {
+                driver.send(control);
+            }
+        }
+        if self.keeper.is_due() {
+            self.keep_layout();
+        }
+    }
+
+    fn top(&self, ui: &mut egui::Ui, frame: Option<&Frame>) -> Vec<Wish> {
+        let layout_name = self.workspace.as_ref().map_or("", Workspace::name);
+        let state = top_bar::State {
+            frame,
+            busy: if let Shown::Live(driver) = &self.shown { driver.busy() } else { None },
+            current: &self.current,
+            opening: self.opener.opening(),
+            recent: self.opener.recent(),
+            buffers_open: self.buffers_open,
+            layout_name,
+        };
+        top_bar::ui(ui, &state)
+    }
+
+    fn source_ui(&mut self, ui: &mut egui::Ui, frame: &Frame, bar: egui::Frame, controls: &mut Vec<Control>) {
+        let bottom = egui::Panel::bottom("timeline").frame(bar).resizable(false);
+        bottom.show(ui, |ui| self.timeline.ui(ui, frame, controls));
+        let mut cx = ViewContext { frame, controls, selection: &mut self.selection };
+        if let Some(buffers) = self.buffers.as_mut().filter(|_| self.buffers_open) {
+            let panel = egui::Frame::new().fill(tokens(ui).panel());
+            let left = egui::Panel::left("buffers").frame(panel).default_size(300.0).size_range(180.0..=600.0);
+            left.show(ui, |ui| {
+                ui.push_id("buffers", |ui| ocu_views::show(buffers.as_mut(), ui, &mut cx));
+            });
+        }
+        let middle = egui::Frame::new().fill(tokens(ui).canvas());
+        egui::CentralPanel::default().frame(middle).show(ui, |ui| match &mut self.workspace {
+            Some(workspace) if !workspace.is_empty() => workspace.ui(ui, &mut cx),
+            _ => {
+                widgets::empty(ui, icons::ICON_DASHBOARD, "No view is open", "Add one, or choose a layout above.");
+                ui.vertical_centered(|ui| {
+                    let chosen = ui.menu_button("Add a view", view_menu).inner.flatten();
+                    if let Some(view_type) = chosen {
+                        self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty())).add(view_type);
+                    }
+                });
+            }
+        });
+    }
+
+    fn empty_ui(&mut self, ui: &mut egui::Ui) {
+        let middle = egui::Frame::new().fill(tokens(ui).canvas());
+        let invited = egui::CentralPanel::default().frame(middle).show(ui, |ui| match self.opener.opening() {
+            Some(title) => {
+                open::waiting(ui, &title);
+                None
+            }
+            None => open::invitation(ui, self.opener.recent()),
+        });
+        match invited.inner {
+            Some(Invited::Ask) => self.opener.ask(),
+            Some(Invited::Open(path)) => self.opener.open(Request { log: Some(path), stack: None }),
+            None => {}
+        }
+    }
+
+    fn help_ui(&mut self, ui: &egui::Ui) {
+        egui::Window::new("Keys").open(&mut self.help_open).collapsible(false).resizable(false).show(ui.ctx(), keys::list);
+    }
+
+    /// Takes over what has been opened since the last pass.
+    fn take_opened(&mut self) {
+        match self.opener.poll() {
+            Some(Outcome::Opened(request, source)) => self.show_source(request, source),
+            Some(Outcome::Failed(text)) => self.notices.error(text),
+            None => {}
+        }
+    }
+
+    fn take_dropped(&mut self, ui: &egui::Ui) {
+        let files = ui.input_mut(|input| std::mem::take(&mut input.raw.dropped_files));
+        if let [first, rest @ ..] = files.as_slice() {
+            if !rest.is_empty() {
+                self.notices.error(format!("{} files were dropped; one can be opened at a time", files.len()));
+            }
+            self.opener.open(Request::dropped(first.path(), &self.current));
+        }
+    }
+
+    fn take_keys(&mut self, ui: &egui::Ui, frame: Option<&Frame>, controls: &mut Vec<Control>) {
+        for action in keys::pressed(ui) {
+            match (action, frame) {
+                (Action::Open, _) => self.opener.ask(),
+                (Action::Help, _) => self.help_open = !self.help_open,
+                (action, Some(frame)) => controls.extend(self.timeline.key(action, frame, &self.selection)),
+                (_, None) => {}
+            }
+        }
+    }
+
+    fn fulfil(&mut self, wish: Wish, frame: Option<&Frame>, controls: &mut Vec<Control>) {
+        match wish {
+            Wish::Ask => self.opener.ask(),
+            Wish::Open(request) => self.opener.open(request),
+            Wish::Cancel => controls.push(Control::Cancel),
+            Wish::ToggleBuffers => self.buffers_open = !self.buffers_open,
+            Wish::ToggleTheme => {
+                let dark = self.ctx.theme() == egui::Theme::Dark;
+                self.ctx.set_theme(if dark { egui::Theme::Light } else { egui::Theme::Dark });
+            }
+            Wish::Help => self.help_open = !self.help_open,
+            Wish::AddView(view_type) => {
+                self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty())).add(view_type);
+            }
+            Wish::Layout(name) => match Layout::named(&name) {
+                Ok(layout) => self.arrange(&layout),
+                Err(error) => self.notices.error(format!("{error:#}")),
+            },
+            Wish::FittingLayout => {
+                if let Some(frame) = frame {
+                    self.arrange(&Layout::for_content(frame));
+                }
+            }
+        }
+    }
+
+    fn arrange(&mut self, layout: &Layout) {
+        self.buffers_open = layout.buffers;
+        self.workspace = Some(Workspace::new(layout));
+    }
+}
+
+/// Keeps the arrangement in a file, so that it survives a crash.
+struct Keeper {
+    path: Option<PathBuf>,
+    last: Option<Layout>,
+    looked: Instant,
+}
+
+impl Keeper {
+    fn new(path: Option<PathBuf>) -> Self {
+        Self { path, last: None, looked: Instant::now() }
+    }
+
+    fn load(&mut self, notices: &mut Notices) -> Option<Layout> {
+        let path = self.path.as_ref().filter(|path| path.exists())?;
+        match Layout::load(path) {
+            Ok(layout) => {
+                self.last = Some(layout.clone());
+                Some(layout)
+            }
+            Err(error) => {
+                notices.error(format!("the arrangement that was kept cannot be used: {error:#}"));
+                None
+            }
+        }
+    }
+
+    fn is_due(&mut self) -> bool {
+        let due = self.path.is_some() && self.looked.elapsed() >= KEEP_EVERY;
+        if due {
+            self.looked = Instant::now();
+        }
+        due
+    }
+
+    fn keep(&mut self, layout: &Layout, notices: &mut Notices) {
+        let Some(path) = &self.path else { return };
+        if self.last.as_ref() == Some(layout) {
+            return;
+        }
+        if let Err(error) = layout.save(path) {
+            // Said once; trying again every two seconds would not help.
+            notices.error(format!("the arrangement cannot be kept: {error:#}"));
+            self.path = None;
+            return;
+        }
+        self.last = Some(layout.clone());
+    }
+}

@@ -1,0 +1,81 @@
+//! Keys, and the list of them.
+
+use egui::{Key, Modifiers};
+
+/// What a key asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Action {
+    PlayPause,
+    /// By what the timeline is set to.
+    Step { back: bool },
+    /// By a cycle of the process that is selected, or of any.
+    StepCycle { back: bool },
+    /// By a second.
+    StepSecond { back: bool },
+    ToStart,
+    ToEnd,
+    Loop,
+    Open,
+    Help,
+}
+
+/// Every key, with what it does: the one list of them.
+pub(super) const KEYS: &[(Modifiers, Key, &str, &str, Action)] = &[
+    (Modifiers::NONE, Key::Space, "space", "play or pause", Action::PlayPause),
+    (Modifiers::NONE, Key::ArrowRight, "→", "step forward", Action::Step { back: false }),
+    (Modifiers::NONE, Key::ArrowLeft, "←", "step back", Action::Step { back: true }),
+    (Modifiers::SHIFT, Key::ArrowRight, "shift →", "forward by a cycle of a process", Action::StepCycle { back: false }),
+    (Modifiers::SHIFT, Key::ArrowLeft, "shift ←", "back by a cycle of a process", Action::StepCycle { back: true }),
+    (Modifiers::NONE, Key::Period, ".", "forward by a second", Action::StepSecond { back: false }),
+    (Modifiers::NONE, Key::Comma, ",", "back by a second", Action::StepSecond { back: true }),
+    (Modifiers::NONE, Key::Home, "home", "to the start", Action::ToStart),
+    (Modifiers::NONE, Key::End, "end", "to the end", Action::ToEnd),
+    (Modifiers::NONE, Key::L, "L", "start again at the end, or stop there", Action::Loop),
+    (Modifiers::CTRL, Key::O, "ctrl O", "open a recording or a stack", Action::Open),
+    (Modifiers::SHIFT, Key::Questionmark, "?", "list the keys", Action::Help),
+    (Modifiers::NONE, Key::Questionmark, "?", "list the keys", Action::Help),
+];
+
+/// What was pressed in this pass, while no text is being typed.
+pub(super) fn pressed(ui: &egui::Ui) -> Vec<Action> {
+    if ui.ctx().egui_wants_keyboard_input() {
+        return Vec::new();
+    }
+    ui.input_mut(|input| {
+        KEYS.iter()
+            // Exactly these modifiers: a plain arrow is not a shifted one.
+            .filter(|(modifiers, key, ..)| {
+                input.modifiers.matches_exact(*modifiers) && input.consume_key(*modifiers, *key)
+            })
+            .map(|&(.., action)| action)
+            .collect()
+    })
+}
+
+/// The list of keys, for a menu.
+pub(super) fn list(ui: &mut egui::Ui) {
+    egui::Grid::new("keys").num_columns(2).spacing([16.0, 4.0]).show(ui, |ui| {
+        let mut last = "";
+        for (_, _, name, help, _) in KEYS {
+            if *name != last {
+                ui.label(ocu_ui::widgets::mono(*name));
+                ui.label(*help);
+                ui.end_row();
+            }
+            last = name;
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_two_entries_claim_one_key() {
+        for (index, (modifiers, key, ..)) in KEYS.iter().enumerate() {
+            let again = KEYS[..index].iter().any(|(m, k, ..)| m == modifiers && k == key);
+            assert!(!again, "{key:?}");
+        }
+    }
+}

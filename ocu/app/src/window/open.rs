@@ -1,0 +1,276 @@
+//! Opening a source off the window's thread, and asking which.
+
+use crate::layout::write_whole;
+use crate::open::Request;
+use ocu_ui::{icons, tokens, widgets};
+use rcs_runtime::source::Source;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Recordings that are remembered.
+const MOST_RECENT: usize = 10;
+/// A file dialog that closes sooner was not one that a person saw.
+const SEEN: Duration = Duration::from_millis(400);
+
+/// What came of opening.
+pub(super) enum Outcome {
+    Opened(Request, Box<dyn Source>),
+    Failed(String),
+}
+
+/// Opens sources, and asks which.
+pub(super) struct Opener {
+    ctx: egui::Context,
+    pending: Option<(Request, Receiver<anyhow::Result<Box<dyn Source>>>)>,
+    browsing: Option<Receiver<(Option<PathBuf>, Duration)>>,
+    recent: Recent,
+    /// The dialog, while it is open.
+    dialog: Option<Dialog>,
+}
+
+struct Dialog {
+    path: String,
+    hint: Option<&'static str>,
+    fresh: bool,
+}
+
+impl Opener {
+    pub(super) fn new(ctx: &egui::Context, data_dir: Option<&Path>) -> Self {
+        let recent = Recent::load(data_dir.map(|dir| dir.join("recent.txt")));
+        Self { ctx: ctx.clone(), pending: None, browsing: None, recent, dialog: None }
+    }
+
+    /// Starts opening; what was being opened before is forgotten.
+    pub(super) fn open(&mut self, request: Request) {
+        let (sender, receiver) = channel();
+        let (ctx, what) = (self.ctx.clone(), request.clone());
+        let spawned = thread::Builder::new().name("open".to_owned()).spawn(move || {
+            // Nobody listens any more if another request came first.
+            let _ = sender.send(what.open());
+            ctx.request_repaint();
+        });
+        if let Err(error) = spawned {
+            tracing::error!("no thread to open {}: {error}", request.title());
+        }
+        self.pending = Some((request, receiver));
+    }
+
+    /// What is being opened.
+    pub(super) fn opening(&self) -> Option<String> {
+        self.pending.as_ref().map(|(request, _)| request.title())
+    }
+
+    /// What came of it since the last call.
+    pub(super) fn poll(&mut self) -> Option<Outcome> {
+        let result = self.pending.as_ref()?.1.try_recv();
+        if matches!(result, Err(std::sync::mpsc::TryRecvError::Empty)) {
+            return None;
+        }
+        let (request, _) = self.pending.take()?;
+        Some(match result {
+            Ok(Ok(source)) => {
+                if let Some(log) = &request.log {
+                    self.recent.add(log);
+                }
+                Outcome::Opened(request, source)
+            }
+            Ok(Err(error)) => Outcome::Failed(format!("{error:#}")),
+            Err(_) => Outcome::Failed(format!("opening stopped unexpectedly: {}", request.title())),
+        })
+    }
+
+    /// Shows the dialog.
+    pub(super) fn ask(&mut self) {
+        self.dialog = Some(Dialog { path: String::new(), hint: None, fresh: true });
+    }
+
+    /// Recordings that were opened before, the newest first.
+    pub(super) fn recent(&self) -> &[PathBuf] {
+        &self.recent.paths
+    }
+
+    /// The dialog, while it is open: a path, recent recordings, and the desktop's own dialog. Gives the chosen path.
+    pub(super) fn ui(&mut self, ui: &egui::Ui) -> Option<PathBuf> {
+        if let Some(chosen) = self.poll_browser() {
+            self.dialog = None;
+            return Some(chosen);
+        }
+        let dialog = self.dialog.as_mut()?;
+        let (mut chosen, mut open, mut browse) = (None, true, false);
+        egui::Window::new("Open a recording or a stack")
+            .collapsible(false)
+            .resizable(false)
+            .default_width(520.0)
+            .anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO)
+            .open(&mut open)
+            .show(ui.ctx(), |ui| {
+                ui.horizontal(|ui| {
+                    let label = ui.label("Path");
+                    let edit = egui::TextEdit::singleline(&mut dialog.path).desired_width(380.0);
+                    let response = ui.add(edit).labelled_by(label.id);
+                    if std::mem::take(&mut dialog.fresh) {
+                        response.request_focus();
+                    }
+                    let entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+                    let ready = !dialog.path.trim().is_empty();
+                    if (ui.add_enabled(ready, egui::Button::new("Open")).clicked() || entered) && ready {
+                        chosen = Some(PathBuf::from(dialog.path.trim()));
+                    }
+                });
+                ui.horizontal(|ui| {
+                    browse = ui.button(format!("{}  Browse…", icons::ICON_FOLDER_OPEN.codepoint)).clicked();
+                    if let Some(hint) = dialog.hint {
+                        ui.label(egui::RichText::new(hint).color(tokens(ui).warning));
+                    }
+                });
+                if !self.recent.paths.is_empty() {
+                    ui.add_space(4.0);
+                    ui.label(egui::RichText::new("Recent").small().color(tokens(ui).weak));
+                }
+                for path in &self.recent.paths {
+                    if recent_button(ui, path).clicked() {
+                        chosen = Some(path.clone());
+                    }
+                }
+            });
+        if browse {
+            self.browse();
+        }
+        let escaped = ui.input(|input| input.key_pressed(egui::Key::Escape));
+        if chosen.is_some() || !open || escaped {
+            self.dialog = None;
+        }
+        chosen
+    }
+
+    /// Asks the desktop's own dialog, on a thread of its own: it blocks.
+    fn browse(&mut self) {
+        let (sender, receiver) = channel();
+        let ctx = self.ctx.clone();
+        let spawned = thread::Builder::new().name("file dialog".to_owned()).spawn(move || {
+            let start = Instant::now();
+            let chosen = rfd::FileDialog::new()
+                .set_title("Open a recording or a stack")
+                .add_filter("Recordings and stacks", &["mcap", "toml"])
+                .add_filter("All files", &["*"])
+                .pick_file();
+            let _ = sender.send((chosen, start.elapsed()));
+            ctx.request_repaint();
+        });
+        if spawned.is_ok() {
+            self.browsing = Some(receiver);
+        }
+    }
+
+    fn poll_browser(&mut self) -> Option<PathBuf> {
+        let (chosen, took) = self.browsing.as_ref()?.try_recv().ok()?;
+        self.browsing = None;
+        if let Some(dialog) = &mut self.dialog
+            && chosen.is_none()
+            && took < SEEN
+        {
+            dialog.hint = Some("This desktop has no file dialog; type a path.");
+        }
+        chosen
+    }
+}
+
+/// A recent recording as a flat button: its name, its folder weakly.
+pub(super) fn recent_button(ui: &mut egui::Ui, path: &Path) -> egui::Response {
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    let folder = path.parent().map(|folder| folder.display().to_string()).unwrap_or_default();
+    let weak = tokens(ui).weak;
+    let text = egui::RichText::new(&name);
+    let button = egui::Button::new((text, egui::RichText::new(folder).small().color(weak))).truncate().frame(false);
+    let response = ui.add(button);
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
+    response.on_hover_text(path.display().to_string())
+}
+
+/// What was opened before, kept in a file.
+#[derive(Debug, Default)]
+struct Recent {
+    file: Option<PathBuf>,
+    paths: Vec<PathBuf>,
+}
+
+impl Recent {
+    fn load(file: Option<PathBuf>) -> Self {
+        let text = file.as_deref().and_then(|file| std::fs::read_to_string(file).ok()).unwrap_or_default();
+        let paths = text.lines().filter(|line| !line.is_empty()).map(PathBuf::from).take(MOST_RECENT).collect();
+        Self { file, paths }
+    }
+
+    fn add(&mut self, path: &Path) {
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        self.paths.retain(|known| *known != path);
+        self.paths.insert(0, path);
+        self.paths.truncate(MOST_RECENT);
+        let text: String = self.paths.iter().map(|path| format!("{}\n", path.display())).collect();
+        if let Some(file) = &self.file
+            && let Err(error) = write_whole(file, &text)
+        {
+            tracing::warn!("the list of recent recordings was not kept: {error}");
+        }
+    }
+}
+
+/// The hint of an empty window.
+pub(super) fn invitation(ui: &mut egui::Ui, recent: &[PathBuf]) -> Option<Invited> {
+    let mut invited = None;
+    let tokens = tokens(ui);
+    let height = ui.available_height();
+    ui.vertical_centered(|ui| {
+        ui.add_space((height * 0.3).max(16.0));
+        ui.label(icons::ICON_FOLDER_OPEN.rich_text().size(32.0).color(tokens.unknown));
+        ui.label(egui::RichText::new("Nothing is open").heading());
+        ui.label(egui::RichText::new("Drop a recording (.mcap) here, or a stack (.toml).").color(tokens.weak));
+        ui.add_space(8.0);
+        if ui.button("Open…").clicked() {
+            invited = Some(Invited::Ask);
+        }
+        if !recent.is_empty() {
+            ui.add_space(16.0);
+            ui.label(egui::RichText::new("Recent").small().color(tokens.weak));
+        }
+        for path in recent {
+            if recent_button(ui, path).clicked() {
+                invited = Some(Invited::Open(path.clone()));
+            }
+        }
+    });
+    invited
+}
+
+/// What a person chose in an empty window.
+pub(super) enum Invited {
+    Ask,
+    Open(PathBuf),
+}
+
+/// While a recording is opened and nothing else is there.
+pub(super) fn waiting(ui: &mut egui::Ui, title: &str) {
+    widgets::empty(ui, icons::ICON_HOURGLASS_TOP, &format!("Opening {title}"), "Long recordings without an index are read once.");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recent_recordings_are_kept_newest_first_and_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("recent.txt");
+        let mut recent = Recent::load(Some(file.clone()));
+        for index in 0..12 {
+            recent.add(Path::new(&format!("/logs/{index}.mcap")));
+        }
+        recent.add(Path::new("/logs/8.mcap"));
+        let again = Recent::load(Some(file)).paths;
+        assert_eq!(again.len(), MOST_RECENT);
+        assert_eq!(again[0], Path::new("/logs/8.mcap"));
+        assert_eq!(again.iter().filter(|path| path.ends_with("8.mcap")).count(), 1);
+    }
+}

@@ -1,0 +1,203 @@
+//! The top of the window: what is open, how it is, and what can be done with it.
+
+use super::open::recent_button;
+use super::tree::view_menu;
+use crate::layout::BUNDLED;
+use crate::open::Request;
+use crate::stacks;
+use ocu_ui::{icons, tokens, widgets};
+use ocu_views::ViewType;
+use rcs_msg::rcs::ProcessState;
+use rcs_runtime::source::{Frame, SourceKind};
+use std::path::PathBuf;
+
+/// What the bar shows.
+pub(super) struct State<'a> {
+    pub(super) frame: Option<&'a Frame>,
+    /// How far long work is, 0 to 1.
+    pub(super) busy: Option<f64>,
+    pub(super) current: &'a Request,
+    pub(super) opening: Option<String>,
+    pub(super) recent: &'a [PathBuf],
+    pub(super) buffers_open: bool,
+    pub(super) layout_name: &'a str,
+}
+
+/// What a person wants done.
+pub(super) enum Wish {
+    Ask,
+    Open(Request),
+    Cancel,
+    ToggleBuffers,
+    ToggleTheme,
+    Help,
+    AddView(&'static ViewType),
+    Layout(String),
+    FittingLayout,
+}
+
+/// Shows the bar.
+pub(super) fn ui(ui: &mut egui::Ui, state: &State<'_>) -> Vec<Wish> {
+    let mut wishes = Vec::new();
+    ui.horizontal(|ui| {
+        // The right side first: it keeps its place, and a long title is cut.
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            right(ui, state, &mut wishes);
+            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| left(ui, state, &mut wishes));
+        });
+    });
+    wishes
+}
+
+fn right(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
+    let (icon, name) = if ui.visuals().dark_mode {
+        (icons::ICON_LIGHT_MODE, "Light colours")
+    } else {
+        (icons::ICON_DARK_MODE, "Dark colours")
+    };
+    if widgets::icon_button(ui, icon, name).clicked() {
+        wishes.push(Wish::ToggleTheme);
+    }
+    if widgets::icon_button(ui, icons::ICON_KEYBOARD, "List the keys").clicked() {
+        wishes.push(Wish::Help);
+    }
+    let toggle = widgets::icon_button_of(ui, icons::ICON_VIEW_SIDEBAR, "Buffers", state.buffers_open, true);
+    if toggle.clicked() {
+        wishes.push(Wish::ToggleBuffers);
+    }
+    ui.menu_button(format!("{}  Layout", icons::ICON_DASHBOARD.codepoint), |ui| {
+        for (name, _) in BUNDLED {
+            if ui.selectable_label(*name == state.layout_name, *name).clicked() {
+                wishes.push(Wish::Layout((*name).to_owned()));
+                ui.close();
+            }
+        }
+        ui.separator();
+        if ui.add_enabled(state.frame.is_some(), egui::Button::new("What fits the source")).clicked() {
+            wishes.push(Wish::FittingLayout);
+            ui.close();
+        }
+    });
+    ui.menu_button(format!("{}  View", icons::ICON_ADD.codepoint), |ui| {
+        if let Some(view_type) = view_menu(ui) {
+            wishes.push(Wish::AddView(view_type));
+        }
+    });
+}
+
+fn left(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
+    ui.menu_button(format!("{}  Open", icons::ICON_FOLDER_OPEN.codepoint), |ui| {
+        ui.set_min_width(280.0);
+        if ui.button("Recording or stack…").clicked() {
+            wishes.push(Wish::Ask);
+            ui.close();
+        }
+        for path in state.recent {
+            if recent_button(ui, path).clicked() {
+                wishes.push(Wish::Open(Request { log: Some(path.clone()), stack: None }));
+                ui.close();
+            }
+        }
+    });
+    if state.current.log.is_some() {
+        stack_menu(ui, state.frame, state.current, wishes);
+    }
+    if let Some(frame) = state.frame {
+        source(ui, frame, state.busy, wishes);
+    }
+    if let Some(title) = &state.opening {
+        ui.label(icons::ICON_HOURGLASS_TOP.rich_text().size(14.0).color(tokens(ui).weak));
+        ui.add(egui::Label::new(egui::RichText::new(format!("opening {title}")).color(tokens(ui).weak)).truncate());
+    }
+}
+
+/// Which stack runs on the recording.
+fn stack_menu(ui: &mut egui::Ui, frame: Option<&Frame>, current: &Request, wishes: &mut Vec<Wish>) {
+    let name = current.stack.as_deref().unwrap_or("no stack");
+    let name = std::path::Path::new(name).file_name().map_or(name.into(), |name| name.to_string_lossy());
+    let button = ui.menu_button(format!("{}  {name}", icons::ICON_ACCOUNT_TREE.codepoint), |ui| {
+        ui.set_min_width(200.0);
+        let mut choice = |ui: &mut egui::Ui, stack: Option<&str>, text: &str, missing: Option<&str>, help: &str| {
+            let label = egui::Button::selectable(current.stack.as_deref() == stack, text);
+            let response = ui.add_enabled(missing.is_none(), label).on_hover_text(help);
+            let response = match missing {
+                Some(topic) => response.on_disabled_hover_text(format!("{help}\nThis recording has no {topic}.")),
+                None => response,
+            };
+            if response.clicked() {
+                wishes.push(Wish::Open(Request { log: current.log.clone(), stack: stack.map(str::to_owned) }));
+                ui.close();
+            }
+        };
+        choice(ui, None, "no stack", None, "Show the recording as it is");
+        ui.separator();
+        for (name, stack) in stacks::bundled() {
+            let missing = stack.topics().find(|topic| frame.is_some_and(|frame| frame.topic(topic).is_none()));
+            choice(ui, Some(name), name, missing, stack.description());
+        }
+    });
+    button.response.on_hover_text("The stack that runs on this recording");
+}
+
+fn source(ui: &mut egui::Ui, frame: &Frame, busy: Option<f64>, wishes: &mut Vec<Wish>) {
+    let tokens = tokens(ui);
+    let info = &frame.info;
+    let kind = match info.kind {
+        SourceKind::Log => "LOG",
+        SourceKind::Replay => "REPLAY",
+        SourceKind::Stack => "STACK",
+    };
+    widgets::tag(ui, kind, tokens.accent);
+    if !info.problems.is_empty() {
+        let count = info.problems.len();
+        let text = format!("{count} {}", if count == 1 { "problem" } else { "problems" });
+        let text = egui::RichText::new(format!("{}  {text}", icons::ICON_WARNING.codepoint)).color(tokens.warning);
+        ui.menu_button(text, |ui| {
+            ui.set_max_width(480.0);
+            egui::ScrollArea::vertical().max_height(320.0).show(ui, |ui| {
+                for problem in &info.problems {
+                    ui.add(egui::Label::new(problem).wrap());
+                }
+            });
+        });
+    }
+    run_state(ui, frame);
+    if let Some(fraction) = busy {
+        let bar = egui::ProgressBar::new(fraction as f32).desired_width(120.0).desired_height(14.0);
+        ui.add(bar.text(egui::RichText::new(format!("{:.0} %", fraction * 100.0)).small()));
+        if widgets::icon_button(ui, icons::ICON_CANCEL, "Stop this work").clicked() {
+            wishes.push(Wish::Cancel);
+        }
+    }
+    let title = egui::Label::new(egui::RichText::new(&info.title).color(tokens.strong)).truncate();
+    ui.add(title).on_hover_text(&info.detail);
+}
+
+/// How the processes are, in one word.
+fn run_state(ui: &mut egui::Ui, frame: &Frame) {
+    if frame.processes.is_empty() {
+        return;
+    }
+    let tokens = tokens(ui);
+    let states: Vec<Option<ProcessState>> =
+        frame.processes.iter().map(|process| frame.status(process).map(rcs_msg::rcs::Status::state)).collect();
+    let count = |state: ProcessState| states.iter().filter(|&&known| known == Some(state)).count();
+    let all = states.len();
+    let (errors, done) = (count(ProcessState::Error), count(ProcessState::Done));
+    let (text, color) = if errors > 0 {
+        (format!("{errors} of {all} ERROR"), tokens.error)
+    } else if states.iter().any(Option::is_none) {
+        ("NOT STARTED".to_owned(), tokens.unknown)
+    } else if done == all {
+        ("DONE".to_owned(), tokens.text)
+    } else {
+        (format!("{} of {all} EXEC", count(ProcessState::Exec)), tokens.ok)
+    };
+    let names: Vec<String> = frame
+        .processes
+        .iter()
+        .zip(&states)
+        .map(|(process, state)| format!("{}: {}", process.name, state.map_or("no status yet", |state| state.as_str_name())))
+        .collect();
+    widgets::tag(ui, &text, color).on_hover_text(names.join("\n"));
+}

@@ -1,0 +1,180 @@
+//! The command line, through the built program.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// Runs `ocu` and gives its exit code, output and errors.
+fn ocu(args: &[&str]) -> (i32, String, String) {
+    let Output { status, stdout, stderr } =
+        Command::new(env!("CARGO_BIN_EXE_ocu")).args(args).env_remove("DISPLAY").output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (status.code().unwrap_or(-1), text(stdout), text(stderr))
+}
+
+/// A recording of two seconds in a folder of its own.
+fn recording() -> (tempfile::TempDir, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("drive.mcap");
+    ocu_app::sample::write(&path, 2.0).unwrap();
+    (dir, path)
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+fn json(text: &str) -> serde_json::Value {
+    serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"))
+}
+
+fn keys(value: &serde_json::Value) -> Vec<&str> {
+    let mut keys: Vec<&str> = value.as_object().unwrap().keys().map(String::as_str).collect();
+    keys.sort_unstable();
+    keys
+}
+
+#[test]
+fn info_says_what_a_recording_holds() {
+    let (_dir, path) = recording();
+    let (code, out, errors) = ocu(&["info", text(&path)]);
+    assert_eq!((code, errors.as_str()), (0, ""));
+    // Path and size are the machine's and the compressor's business.
+    let stable: Vec<&str> = out.lines().filter(|line| !line.starts_with("file ")).collect();
+    insta::assert_snapshot!(stable.join("\n"));
+}
+
+#[test]
+fn info_as_json_has_exactly_the_agreed_keys() {
+    let (_dir, path) = recording();
+    let (code, out, _) = ocu(&["info", text(&path), "--json"]);
+    assert_eq!(code, 0);
+    let report = json(&out);
+    assert_eq!(keys(&report), ["duration_s", "end_ns", "lost", "messages", "recovered", "start_ns", "topics"]);
+    assert_eq!(keys(&report["lost"]), ["bytes", "messages"]);
+    assert_eq!(keys(&report["topics"][0]), ["decodable", "encoding", "hz", "messages", "name", "schema"]);
+    assert_eq!(report["start_ns"], 1_767_225_600_000_000_000_u64);
+    assert_eq!(report["duration_s"], 2.0);
+    assert_eq!(report["recovered"], false);
+    let topics = report["topics"].as_array().unwrap();
+    let total: u64 = topics.iter().map(|topic| topic["messages"].as_u64().unwrap()).sum();
+    assert_eq!(report["messages"], total);
+    assert!(topics.iter().all(|topic| topic["decodable"] == true), "{out}");
+}
+
+#[test]
+fn info_of_a_cut_recording_says_that_it_was_recovered() {
+    let (_dir, path) = recording();
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
+    let (code, out, errors) = ocu(&["info", text(&path), "--json"]);
+    assert_eq!(code, 0, "{errors}");
+    assert_eq!(json(&out)["recovered"], true);
+    let (_, out, _) = ocu(&["info", text(&path)]);
+    assert!(out.contains("recovered"), "{out}");
+}
+
+#[test]
+fn run_as_json_has_exactly_the_agreed_keys_and_one_hash_for_any_number_of_threads() {
+    let (_dir, path) = recording();
+    let run = |threads: &str| {
+        let (code, out, errors) =
+            ocu(&["run", "--stack", "sample", "--log", text(&path), "--threads", threads, "--json"]);
+        assert_eq!(code, 0, "{errors}{out}");
+        json(&out)
+    };
+    let (one, two) = (run("1"), run("2"));
+    assert_eq!(keys(&one), ["buffers", "hash", "outcome", "processes", "time_s", "wall_s"]);
+    assert_eq!(keys(&one["processes"][0]), ["cycles", "max_us", "mean_us", "name", "overruns", "state"]);
+    assert_eq!(keys(&one["buffers"][0]), ["bytes", "hash", "messages", "name", "schema"]);
+    assert_eq!(one["outcome"], "end");
+    assert!(!one["hash"].as_str().unwrap().is_empty());
+    assert_eq!(one["hash"], two["hash"]);
+}
+
+#[test]
+fn run_stops_where_it_is_told_and_records_what_it_did() {
+    let (dir, path) = recording();
+    let out_path = dir.path().join("run.mcap");
+    let record = text(&out_path);
+    let (code, out, errors) =
+        ocu(&["run", "--stack", "sample", "--log", text(&path), "--until", "1", "--record", record]);
+    assert_eq!(code, 0, "{errors}{out}");
+    assert!(out.starts_with("outcome  timeout"), "{out}");
+    let (code, out, _) = ocu(&["info", record, "--json"]);
+    assert_eq!(code, 0);
+    let report = json(&out);
+    assert_eq!(report["recovered"], false);
+    let names: Vec<&str> =
+        report["topics"].as_array().unwrap().iter().filter_map(|topic| topic["name"].as_str()).collect();
+    assert!(names.contains(&"/runtime/processes"), "{names:?}");
+}
+
+#[test]
+fn render_draws_the_same_picture_twice_without_a_display() {
+    let (dir, path) = recording();
+    let draw = |name: &str| {
+        let png = dir.path().join(name);
+        let args = ["render", text(&path), "--layout", "default", "--at", "1", "--size", "640x400", "-o", text(&png)];
+        let (code, _, errors) = ocu(&args);
+        assert_eq!(code, 0, "{errors}");
+        image::open(png).unwrap().to_rgba8()
+    };
+    let (a, b) = (draw("a.png"), draw("b.png"));
+    assert_eq!(a.dimensions(), (640, 400));
+    let mut colours: Vec<[u8; 4]> = a.pixels().map(|pixel| pixel.0).collect();
+    colours.sort_unstable();
+    colours.dedup();
+    assert!(colours.len() > 500, "{} colours: a camera picture has more", colours.len());
+    assert!(a == b, "the two pictures differ");
+}
+
+#[test]
+fn wrong_usage_is_told_from_a_failed_run() {
+    let (dir, path) = recording();
+    let log = text(&path);
+    let absent = dir.path().join("absent.mcap");
+    let png = dir.path().join("a.png");
+    let render = |layout: &str, at: &str| {
+        ocu(&["render", log, "--layout", layout, "--at", at, "--size", "64x64", "-o", text(&png)]).0
+    };
+    assert_eq!(ocu(&["--nonsense"]).0, 2);
+    assert_eq!(ocu(&["info"]).0, 2);
+    assert_eq!(ocu(&["run", "--stack", "nonsense", "--log", log]).0, 2);
+    assert_eq!(ocu(&["run", "--stack", "sample", "--log", log, "--param", "nobody.x=1"]).0, 2);
+    assert_eq!(ocu(&["run", "--stack", "sample", "--log", log, "--param", "x"]).0, 2);
+    assert_eq!(ocu(&["run", "--stack", "sample"]).0, 2);
+    assert_eq!(render("nonsense", "1"), 2);
+    assert_eq!(render("default", "99"), 2);
+    assert_eq!(render("default", "NaN"), 2);
+    assert_eq!(ocu(&["info", text(&absent)]).0, 1);
+    assert_eq!(ocu(&["run", "--stack", "sample", "--log", text(&absent)]).0, 1);
+    assert!(!png.exists());
+}
+
+#[test]
+fn errors_name_the_file_and_what_was_expected() {
+    let (dir, path) = recording();
+    let stack = dir.path().join("mine.toml");
+    std::fs::write(&stack, "format = 1\nname = \"mine\"\n[[process]]\nname = \"a\"\nplugin = \"nonsense\"\nsupervisor = \"viewer\"\n")
+        .unwrap();
+    let (code, _, errors) = ocu(&["run", "--stack", text(&stack), "--log", text(&path)]);
+    assert_eq!(code, 2);
+    assert!(errors.contains("mine.toml:5") && errors.contains("nonsense"), "{errors}");
+    let not_a_log = dir.path().join("text.mcap");
+    std::fs::write(&not_a_log, "hello").unwrap();
+    let (code, _, errors) = ocu(&["info", text(&not_a_log)]);
+    assert_eq!(code, 1);
+    assert!(errors.starts_with("error: ") && errors.contains("text.mcap"), "{errors}");
+}
+
+#[test]
+fn every_command_has_help_with_an_example() {
+    let (code, out, _) = ocu(&["--help"]);
+    assert_eq!(code, 0);
+    assert!(out.contains("Examples:") && out.contains("Exit codes"), "{out}");
+    for command in ["run", "info", "render", "sample"] {
+        let (code, out, _) = ocu(&[command, "--help"]);
+        assert_eq!(code, 0);
+        assert!(out.contains("Example"), "{out}");
+    }
+}

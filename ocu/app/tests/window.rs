@@ -1,0 +1,249 @@
+//! The whole window, driven without a display.
+
+use egui::{Key, Modifiers};
+use egui_kittest::{Harness, kittest::Queryable};
+use ocu_app::layout::{BUNDLED, Layout};
+use ocu_app::open::Request;
+use ocu_app::window::{Options, Window};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Longer than anything here takes; a test that waits so long has failed.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A recording of three seconds in a folder of its own.
+fn recording(dir: &Path) -> Request {
+    let path = dir.join("drive.mcap");
+    ocu_app::sample::write(&path, 3.0).unwrap();
+    Request { log: Some(path), stack: None }
+}
+
+struct State(Option<Window>);
+
+fn harness<'a>(options: Options) -> Harness<'a, State> {
+    let mut options = Some(options);
+    Harness::builder().with_size([1280.0, 800.0]).build_ui_state(
+        move |ui, state: &mut State| {
+            match &mut state.0 {
+                Some(window) => window.ui(ui),
+                // Fonts are there from the next pass on.
+                None => {
+                    ocu_ui::install(ui.ctx());
+                    state.0 = Some(Window::new(ui.ctx(), options.take().unwrap_or_default()));
+                    ui.ctx().request_repaint();
+                }
+            }
+        },
+        State(None),
+    )
+}
+
+/// Runs passes until `done`, as the source's thread works on its own clock.
+#[track_caller]
+fn wait_until(harness: &mut Harness<'_, State>, what: &str, mut done: impl FnMut(&Harness<'_, State>) -> bool) {
+    let start = Instant::now();
+    loop {
+        harness.step();
+        if done(harness) {
+            return;
+        }
+        assert!(start.elapsed() < PATIENCE, "waited in vain: {what}");
+        std::thread::yield_now();
+    }
+}
+
+fn time_s(harness: &Harness<'_, State>) -> Option<f64> {
+    Some(harness.state().0.as_ref()?.frame()?.time_s())
+}
+
+fn opened<'a>(dir: &Path) -> Harness<'a, State> {
+    let mut harness = harness(Options { request: recording(dir), ..Options::default() });
+    wait_until(&mut harness, "the recording opens", |harness| time_s(harness).is_some());
+    harness
+}
+
+#[test]
+fn an_empty_window_invites_to_open_something() {
+    let mut harness = harness(Options::default());
+    harness.run();
+    assert!(harness.query_by_label("Nothing is open").is_some());
+    harness.key_press_modifiers(Modifiers::CTRL, Key::O);
+    harness.run();
+    assert!(harness.query_by_label("Path").is_some(), "the dialog has a field for a path");
+}
+
+#[test]
+fn a_recording_that_cannot_be_opened_is_said_and_the_old_one_stays() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = opened(dir.path());
+    let absent = dir.path().join("absent.mcap");
+    drop_file(&mut harness, &absent);
+    wait_until(&mut harness, "the notice", |harness| harness.query_by_label("Dismiss").is_some());
+    assert!(harness.query_by_label_contains("absent.mcap").is_some());
+    assert!(time_s(&harness).is_some(), "the old recording is still there");
+    harness.get_by_label("Dismiss").click();
+    harness.run();
+    assert!(harness.query_by_label("Dismiss").is_none());
+}
+
+#[derive(Debug)]
+struct Dropped(std::path::PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|error| error.to_string())
+    }
+}
+
+fn drop_file(harness: &mut Harness<'_, State>, path: &Path) {
+    harness.input_mut().dropped_files.push(Arc::new(Dropped(path.to_owned())));
+}
+
+#[test]
+fn a_dropped_recording_opens_and_shows_its_start() {
+    let dir = tempfile::tempdir().unwrap();
+    let request = recording(dir.path());
+    let mut harness = harness(Options::default());
+    harness.run();
+    drop_file(&mut harness, &request.log.unwrap());
+    wait_until(&mut harness, "the recording opens", |harness| time_s(harness).is_some());
+    harness.run();
+    assert!(harness.query_by_label("00:00:00.000").is_some());
+    assert!(harness.query_by_label("/ 00:00:03.000").is_some());
+}
+
+#[test]
+fn a_dropped_stack_runs_on_the_open_recording() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = opened(dir.path());
+    let stack = dir.path().join("mine.toml");
+    std::fs::write(&stack, include_str!("../../../assets/stacks/sample.toml")).unwrap();
+    drop_file(&mut harness, &stack);
+    wait_until(&mut harness, "the stack runs", |harness| harness.query_by_label("REPLAY").is_some());
+}
+
+#[test]
+fn buttons_step_forward_and_back_and_the_time_follows() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = opened(dir.path());
+    harness.get_by_label("Step forward").click();
+    wait_until(&mut harness, "a step forward", |harness| time_s(harness) > Some(0.0));
+    harness.run();
+    let first = time_s(&harness).unwrap();
+    // The inertial sensor's second message is the first that comes after the start.
+    assert!(harness.query_by_label("00:00:00.020").is_some(), "{first}");
+    harness.get_by_label("Step forward").click();
+    wait_until(&mut harness, "another step forward", |harness| time_s(harness) > Some(first));
+    harness.get_by_label("Step back").click();
+    wait_until(&mut harness, "a step back", |harness| time_s(harness) == Some(first));
+}
+
+#[test]
+fn keys_play_pause_step_and_jump() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = opened(dir.path());
+    harness.key_press(Key::ArrowRight);
+    wait_until(&mut harness, "a step by key", |harness| time_s(harness) > Some(0.0));
+    harness.key_press(Key::ArrowLeft);
+    wait_until(&mut harness, "a step back by key", |harness| time_s(harness) == Some(0.0));
+    harness.key_press(Key::End);
+    wait_until(&mut harness, "a jump to the end", |harness| time_s(harness) == Some(3.0));
+    harness.key_press(Key::Home);
+    wait_until(&mut harness, "a jump to the start", |harness| time_s(harness) == Some(0.0));
+    harness.key_press(Key::Period);
+    wait_until(&mut harness, "a second forward", |harness| time_s(harness) == Some(1.0));
+    harness.key_press(Key::Space);
+    wait_until(&mut harness, "playing", |harness| time_s(harness) > Some(1.2));
+    harness.key_press(Key::Space);
+    wait_until(&mut harness, "the pause", |harness| {
+        let frame = harness.state().0.as_ref().and_then(Window::frame);
+        frame.is_some_and(|frame| !frame.playback.playing)
+    });
+}
+
+#[test]
+fn keys_do_not_play_while_a_path_is_typed() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = opened(dir.path());
+    harness.key_press_modifiers(Modifiers::CTRL, Key::O);
+    harness.run();
+    harness.get_by_label("Path").focus();
+    harness.run();
+    harness.key_press(Key::End);
+    harness.run();
+    assert_eq!(time_s(&harness), Some(0.0));
+}
+
+#[test]
+fn a_drag_along_the_bar_goes_there() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = opened(dir.path());
+    harness.run();
+    let bar = harness.get_by_label("Time").rect();
+    harness.drag_at(bar.left_center() + egui::vec2(20.0, 0.0));
+    harness.step();
+    harness.hover_at(bar.center());
+    harness.step();
+    harness.drop_at(bar.center());
+    wait_until(&mut harness, "the seek", |harness| time_s(harness).is_some_and(|time| (time - 1.5).abs() < 0.01));
+}
+
+#[test]
+fn a_paused_window_asks_for_no_repaint() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = opened(dir.path());
+    // Tracks are read while nothing else is asked; then there is peace.
+    let start = Instant::now();
+    let mut quiet = 0;
+    while quiet < 20 {
+        assert!(start.elapsed() < PATIENCE, "the window never comes to rest");
+        harness.step();
+        let delay = harness.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
+        quiet = if delay > Duration::from_secs(1) { quiet + 1 } else { 0 };
+    }
+}
+
+#[test]
+fn every_bundled_layout_draws_and_has_named_widgets() {
+    let dir = tempfile::tempdir().unwrap();
+    let request = recording(dir.path());
+    for (name, _) in BUNDLED {
+        let layout = Layout::named(name).unwrap();
+        let options = Options { request: request.clone(), layout: Some(layout), ..Options::default() };
+        let mut harness = harness(options);
+        wait_until(&mut harness, name, |harness| time_s(harness).is_some());
+        // The harness fails on a widget without a name.
+        harness.run_steps(3);
+        let image = harness.render().unwrap_or_else(|error| panic!("{name}: {error}"));
+        let first = *image.get_pixel(0, 0);
+        assert!(image.pixels().any(|pixel| *pixel != first), "{name} is blank");
+    }
+}
+
+#[test]
+fn the_arrangement_survives_a_restart_and_a_damaged_one_is_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let request = recording(dir.path());
+    let options = || Options {
+        request: request.clone(),
+        layout: None,
+        data_dir: Some(dir.path().join("data")),
+    };
+    let mut first = harness(options());
+    wait_until(&mut first, "the recording opens", |harness| time_s(harness).is_some());
+    first.get_by_label("Buffers").click();
+    first.run_steps(2);
+    first.state_mut().0.as_mut().unwrap().keep_layout();
+    let kept = dir.path().join("data/layout.ron");
+    assert!(!Layout::load(&kept).unwrap().buffers, "the list of buffers was closed");
+
+    std::fs::write(&kept, "Layout(version: 77)").unwrap();
+    let mut second = harness(options());
+    wait_until(&mut second, "the recording opens", |harness| time_s(harness).is_some());
+    assert!(second.query_by_label_contains("version 77").is_some());
+}
