@@ -138,7 +138,7 @@ impl View for Map {
         self.tracks.update(cx.frame, map, &layers, self.saved.align);
         self.toolbar(ui, map, &frames);
         let area = ui.available_rect_before_wrap();
-        let panel_width = if self.saved.panel && area.width() >= 440.0 { 216.0 } else { 0.0 };
+        let panel_width = if self.saved.panel && area.width() >= 560.0 { 216.0 } else { 0.0 };
         let canvas = Rect::from_min_max(area.min, Pos2::new(area.right() - panel_width, area.bottom()));
         if panel_width > 0.0 {
             let panel = Rect::from_min_max(Pos2::new(canvas.right(), area.top()), area.max);
