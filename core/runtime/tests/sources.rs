@@ -88,13 +88,13 @@ fn a_log_says_why_it_cannot_step_by_cycle_or_be_written_to() {
 fn recorded_topics_and_those_made_now_stand_side_by_side() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.mcap");
-    write_log(&path, &[(0.0, "/in", 1.0), (0.5, "/in", 2.0), (1.0, "/in", 3.0), (1.0, "/adder/sum", -1.0)]);
+    write_log(&path, &[(0.0, "/a", 1.0), (0.5, "/a", 2.0), (1.0, "/a", 3.0), (1.0, "/adder/sum", -1.0)]);
     let stack = "
 format = 1
 name = \"again\"
 [[input]]
 buffer = \"/in\"
-topic = \"/in\"
+topic = \"/a\"
 [[process]]
 name = \"adder\"
 plugin = \"adder\"
@@ -108,10 +108,14 @@ inputs = { input = \"/in\" }
     let frame = source.frame();
     assert_eq!(frame.info.kind, SourceKind::Replay);
     let of =
-        |run| frame.topic_of("/adder/sum", run).and_then(|topic| topic.get::<foxglove::Vector3>()).cloned();
+        |run| frame.topic_of("/adder/sum", run).and_then(|topic| topic.get::<foxglove::Vector3>()).copied();
     assert_eq!(of(RunTag::Recorded).unwrap().x, -1.0);
     assert_eq!(of(RunTag::Run).unwrap().y, 3.0);
     assert_eq!(x_of(&frame, "/adder/sum"), of(RunTag::Run).map(|v| v.x), "the one made now comes first");
+    let inputs: Vec<_> = frame.topics.iter().filter(|topic| &*topic.name == "/in").collect();
+    assert!(frame.topic("/a").is_none());
+    assert_eq!(inputs.len(), 1, "a topic that fills a buffer is shown once, as that buffer");
+    assert_eq!(inputs[0].run, RunTag::Run);
     let adder = &frame.processes[0];
     assert_eq!(frame.status(adder).unwrap().state(), rcs::ProcessState::Exec);
 }

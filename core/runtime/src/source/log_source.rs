@@ -5,6 +5,7 @@ use super::log_view::LogView;
 use super::{Source, SourceError, Step, Task};
 use rcs_log::{Log, LogMessage, Place};
 use rcs_msg::{AnyMessage, Stamp, rcs};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -26,7 +27,7 @@ impl LogSource {
 
     /// Stands at the start of a log.
     pub fn new(log: &Log) -> Result<Self, SourceError> {
-        let mut view = LogView::new(log);
+        let mut view = LogView::new(log, &BTreeMap::new());
         let info = Arc::new(info_of(log, SourceKind::Log));
         let processes = view.processes()?;
         let place = Place::after(info.start);

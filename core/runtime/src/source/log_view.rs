@@ -32,14 +32,15 @@ pub(crate) struct LogView {
 }
 
 impl LogView {
-    pub(crate) fn new(log: &Log) -> Self {
+    /// A view of all topics; those in `wired` go by the name of the buffer that they fill.
+    pub(crate) fn new(log: &Log, wired: &BTreeMap<String, Arc<str>>) -> Self {
         let info = log.info();
         let mut topics = Vec::new();
         let mut by_id = BTreeMap::new();
         for topic in &info.topics {
             by_id.insert(topic.id, topics.len());
             topics.push(Topic {
-                name: topic.name.as_str().into(),
+                name: wired.get(&topic.name).map_or_else(|| topic.name.as_str().into(), Arc::clone),
                 run: RunTag::Recorded,
                 schema: Arc::clone(&topic.schema),
                 metadata: Arc::new(topic.metadata.clone()),
@@ -152,7 +153,7 @@ impl LogView {
                     let topic = &self.topics[index];
                     let raw = AnyMessage::encoded(Arc::clone(&topic.schema), message.data);
                     if let Some(message_out) = canonical(&raw) {
-                        let is_static = is_static_topic(&topic.name);
+                        let is_static = is_static_topic(&self.log, message.topic);
                         self.tracks.take(&topic.name, message.log_time, &message_out, is_static);
                     }
                 }
@@ -192,8 +193,8 @@ impl LogView {
 }
 
 /// Transforms of this topic hold for the whole log, by ROS's convention.
-pub(crate) fn is_static_topic(name: &str) -> bool {
-    name.ends_with("/tf_static")
+fn is_static_topic(log: &Log, id: TopicId) -> bool {
+    log.info().topic(id).is_some_and(|topic| topic.name.ends_with("/tf_static"))
 }
 
 /// A source's `idle` work, done to its end.

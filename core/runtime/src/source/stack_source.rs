@@ -20,6 +20,8 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 pub struct StackSource {
     session: Session,
     recorded: Option<LogView>,
+    /// Topics of the log that fill a buffer: shown once, as that buffer.
+    wired: BTreeMap<String, Arc<str>>,
     info: Arc<SourceInfo>,
     processes: Arc<[rcs::ProcessInfo]>,
     /// One topic a buffer, in the order of the plan.
@@ -80,11 +82,17 @@ impl StackSource {
             None => plan.file.name().to_owned(),
         };
         let now = run.start();
-        let recorded = log.map(LogView::new);
+        let wired: BTreeMap<String, Arc<str>> = plan
+            .inputs
+            .iter()
+            .map(|input| (input.topic.clone(), plan.buffers[input.buffer].spec.name.as_str().into()))
+            .collect();
+        let recorded = log.map(|log| LogView::new(log, &wired));
         let processes = plan.process_infos().into();
         let session = Session::new(run)?;
         let info = Arc::new(info);
-        let mut source = Self { session, recorded, info, processes, topics, tracks, now, generation: 0 };
+        let mut source =
+            Self { session, recorded, wired, info, processes, topics, tracks, now, generation: 0 };
         // What the log holds at its first moment is there at once.
         source.seek(now, &Task::default())?;
         Ok(source)
@@ -216,8 +224,10 @@ impl Source for StackSource {
         self.update_topics();
         self.generation += 1;
         let recorded = self.recorded.as_ref();
-        let topics =
-            recorded.map_or(&[][..], |view| &view.topics).iter().chain(&self.topics).cloned().collect();
+        let recorded_topics = recorded.map_or(&[][..], |view| &view.topics).iter();
+        let unwired =
+            recorded_topics.filter(|topic| !self.wired.values().any(|buffer| *buffer == topic.name));
+        let topics = unwired.chain(&self.topics).cloned().collect();
         let mut tracks: BTreeMap<_, _> =
             recorded.map(|view| (*view.shared_tracks).clone()).unwrap_or_default();
         tracks.extend(self.tracks.lock().unwrap_or_else(PoisonError::into_inner).share());
