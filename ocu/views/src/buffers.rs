@@ -2,7 +2,7 @@
 //!
 //! A click selects a topic (the fields view follows), and a topic can be dragged into any view that takes it.
 
-use crate::view::{SavedState, TopicKey, View, ViewContext};
+use crate::view::{SavedState, TopicKey, View, ViewContext, rate_hz};
 use egui::{Align, FontId, Rect, Role, ScrollArea, Sense, TextStyle, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, stale, tokens, widgets};
 use rcs_runtime::source::{Frame, RunTag, SourceKind, Topic};
@@ -60,8 +60,8 @@ impl Columns {
         let mut room = width - 180.0;
         let mut cells = Vec::new();
         let by_worth = [
-            (Column::Age, 64.0),
-            (Column::Rate, 64.0),
+            (Column::Age, 52.0),
+            (Column::Rate, 60.0),
             (Column::Type, 176.0),
             (Column::Messages, 72.0),
             (Column::Size, 64.0),
@@ -239,7 +239,7 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, columns: &Columns) 
     }
 
     let age_s = topic.age_s(cx.frame.now);
-    let old = age_s.is_some_and(|age_s| stale::is_stale(age_s, topic.hz));
+    let old = age_s.is_some_and(|age_s| stale::is_stale(age_s, rate_hz(topic)));
     let (mut name, cells) = columns.layout(rect);
     name.min.x += 24.0;
     if let Some(icon) = topic.undecodable.as_ref().map(|_| icons::ICON_ERROR) {
@@ -256,7 +256,7 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, columns: &Columns) 
             Column::Role => topic.role().to_owned(),
             Column::Messages => format::count(topic.messages),
             Column::Size => topic.latest.as_ref().map_or_else(|| "–".to_owned(), |_| size(topic)),
-            Column::Rate => format::rate(topic.hz),
+            Column::Rate => format::rate(rate_hz(topic)),
             Column::Age => age_s.map_or_else(|| "–".to_owned(), format::age),
         };
         match column {
@@ -303,7 +303,7 @@ fn details(ui: &mut Ui, frame: &Frame, topic: &Topic, old: bool) {
     }
     line("encoding", topic.schema.message_encoding().name().to_owned());
     line("writer", topic.writer.to_string());
-    line("rate", format::rate(topic.hz));
+    line("rate", format::rate(rate_hz(topic)));
     line("messages", format::count(topic.messages));
     line("size", size(topic));
     match topic.age_s(frame.now) {

@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 
 const BOX: Vec2 = Vec2::new(200.0, 92.0);
 const GAP: Vec2 = Vec2::new(20.0, 40.0);
+const MARGIN: f32 = 16.0;
 /// How long a line shows that something went along it, in seconds of the source.
 const MOMENT_S: f64 = 0.3;
 
@@ -59,10 +60,10 @@ impl View for Hierarchy {
             let hint = "Open a stack, or a log that a stack recorded; a plain log has none.";
             return widgets::empty(ui, icons::ICON_ACCOUNT_TREE, "No processes", hint);
         }
-        let placed = place(&cx.frame.processes);
+        let placed = place(&cx.frame.processes, ui.available_width() - 2.0 * MARGIN);
         let size = placed.iter().fold(Vec2::ZERO, |size, at| size.max(at.to_vec2() + BOX));
         ScrollArea::both().auto_shrink(false).show(ui, |ui| {
-            let margin = Vec2::splat(16.0);
+            let margin = Vec2::splat(MARGIN);
             let room = ui.available_size();
             let area = (size + 2.0 * margin).max(room);
             let (rect, _) = ui.allocate_exact_size(area, Sense::hover());
@@ -79,7 +80,8 @@ impl View for Hierarchy {
 }
 
 /// Left top corner of each process's box: below its supervisor, which stands over the middle of its subordinates.
-fn place(processes: &[ProcessInfo]) -> Vec<Pos2> {
+/// Processes that are all on one level go on in the next row where there is no `room`.
+fn place(processes: &[ProcessInfo], room: f32) -> Vec<Pos2> {
     let index: BTreeMap<&str, usize> =
         processes.iter().enumerate().map(|(i, p)| (p.name.as_str(), i)).collect();
     let mut children = vec![Vec::new(); processes.len()];
@@ -93,6 +95,13 @@ fn place(processes: &[ProcessInfo]) -> Vec<Pos2> {
         }
     }
     let mut at = vec![Pos2::ZERO; processes.len()];
+    if roots.len() == processes.len() {
+        let columns = ((room + GAP.x) / (BOX.x + GAP.x)).max(1.0) as usize;
+        let step = BOX + Vec2::splat(GAP.x);
+        return (0..roots.len())
+            .map(|i| (Vec2::new((i % columns) as f32, (i / columns) as f32) * step).to_pos2())
+            .collect();
+    }
     let mut right = 0.0;
     for root in roots {
         place_tree(root, 0, &children, &mut at, &mut right);
@@ -259,12 +268,10 @@ mod tests {
 
     #[test]
     fn a_supervisor_stands_over_the_middle_of_its_subordinates() {
-        let at = place(&[
-            process("a", "sup"),
-            process("sup", ""),
-            process("b", "sup"),
-            process("alone", "nobody"),
-        ]);
+        let at = place(
+            &[process("a", "sup"), process("sup", ""), process("b", "sup"), process("alone", "nobody")],
+            300.0,
+        );
         assert_eq!(at[1].x, f32::midpoint(at[0].x, at[2].x));
         assert!(at[1].y < at[0].y && at[0].y == at[2].y);
         assert!(at[3].x >= at[2].x + BOX.x);
@@ -272,9 +279,16 @@ mod tests {
 
     #[test]
     fn processes_that_supervise_each_other_are_all_placed() {
-        let at = place(&[process("a", "b"), process("b", "a"), process("self", "self")]);
+        let at = place(&[process("a", "b"), process("b", "a"), process("self", "self")], 300.0);
         assert_eq!(at.len(), 3);
         assert!(at.iter().all(|at| at.is_finite()));
+    }
+
+    #[test]
+    fn processes_of_one_level_go_on_in_the_next_row() {
+        let at = place(&["a", "b", "c"].map(|name| process(name, "viewer")), 450.0);
+        assert_eq!((at[0].y, at[1].y, at[2].x), (0.0, 0.0, 0.0));
+        assert!(at[1].x >= BOX.x && at[2].y >= BOX.y);
     }
 
     #[test]

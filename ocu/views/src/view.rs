@@ -34,6 +34,11 @@ impl TopicKey {
     }
 }
 
+/// Rate of a topic, 0 where it is not known: a message that came once has none, whatever the log's mean says.
+pub(crate) fn rate_hz(topic: &Topic) -> f64 {
+    if topic.messages < 2 { 0.0 } else { topic.hz }
+}
+
 /// A place that the pointer is on, in one view, so that the others can light it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HoverPoint {

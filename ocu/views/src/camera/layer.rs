@@ -41,11 +41,17 @@ pub(super) fn is_image(topic: &Topic) -> bool {
     matches!(topic.type_name(), "foxglove.RawImage" | "foxglove.CompressedImage")
 }
 
-/// All images: pictures first, then depths, then what was made of them.
+/// All images: first those that something lies on, then other pictures, then depths, then what was made of them.
 pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
     let mut images: Vec<_> = frame.topics.iter().filter(|topic| is_image(topic)).collect();
+    let has_overlay = |image: &Topic| {
+        frame
+            .topics
+            .iter()
+            .any(|topic| topic.metadata.get("rcs.overlay_of").is_some_and(|name| **name == *image.name))
+    };
     images.sort_by_key(|topic| match role(topic) {
-        _ if topic.role() == "image" => 0,
+        _ if has_overlay(topic) => 0,
         Role::Image if topic.name.contains("depth") => 2,
         Role::Image => 1,
         _ => 3,
@@ -57,7 +63,8 @@ pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
 pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
     let lies_on = |topic: &Topic| match topic.metadata.get("rcs.overlay_of") {
         Some(name) => **name == *base.name,
-        None => role(topic) != Role::Image,
+        // Labels of a scan are no image: they may never come.
+        None => role(topic) != Role::Image && topic.latest.is_some(),
     };
     let other = |topic: &&Topic| topic.name != base.name || topic.run != base.run;
     frame.topics.iter().filter(|topic| is_image(topic) && lies_on(topic)).filter(other).collect()

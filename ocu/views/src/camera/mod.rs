@@ -8,7 +8,7 @@ mod layer;
 
 use crate::canvas::Viewport;
 use crate::picture::Pixels;
-use crate::view::{SavedState, TopicKey, View, ViewContext};
+use crate::view::{SavedState, TopicKey, View, ViewContext, rate_hz};
 use egui::{Align2, Rect, Response, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
 use layer::{Layer, Role as LayerRole};
 use ocu_ui::palette::{self, MapPalette};
@@ -236,7 +236,7 @@ impl Camera {
             }
         }
         let age_s = topic.age_s(cx.frame.now).unwrap_or(0.0);
-        if age_s > stale::limit_s(topic.hz).unwrap_or(2.0) {
+        if age_s > stale::limit_s(rate_hz(topic)).unwrap_or(2.0) {
             stale::cover(ui, rect.intersect(canvas), age_s);
         }
         self.legends(ui, canvas, topic, &shown);

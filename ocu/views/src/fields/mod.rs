@@ -6,7 +6,7 @@
 mod rows;
 
 use crate::texture::{Cached, SameMessage};
-use crate::view::{SavedState, TopicKey, View, ViewContext};
+use crate::view::{SavedState, TopicKey, View, ViewContext, rate_hz};
 use egui::text::LayoutJob;
 use egui::{
     Align, FontId, FontSelection, Pos2, Rect, RichText, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo,
@@ -146,7 +146,7 @@ fn header(ui: &mut Ui, frame: &Frame, topic: &Topic) {
             if let Some(sample) = &topic.latest {
                 let header = &sample.header;
                 let age_s = topic.age_s(frame.now).unwrap_or(0.0);
-                let old = stale::is_stale(age_s, topic.hz);
+                let old = stale::is_stale(age_s, rate_hz(topic));
                 item(ui, "sequence", mono(header.sequence.to_string()));
                 item(ui, "log time", mono(format::clock(header.log_time.0)));
                 item(ui, "acquired", mono(format::clock(header.acq_time.0)));

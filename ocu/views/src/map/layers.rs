@@ -2,6 +2,7 @@
 
 use super::track::{Alignment, Placed, WGS84, local_enu};
 use crate::texture::SameMessage;
+use crate::view::rate_hz;
 use ocu_ui::stale::is_stale;
 use rcs_geom::{Enu, Pose, TransformError};
 use rcs_msg::Stamp;
@@ -41,7 +42,7 @@ pub(super) struct Layer<'a> {
 impl Layer<'_> {
     /// Whether it is older than its rate allows.
     pub(super) fn is_stale(&self, now: Stamp) -> bool {
-        self.topic.is_some_and(|topic| topic.age_s(now).is_some_and(|age_s| is_stale(age_s, topic.hz)))
+        self.topic.is_some_and(|topic| topic.age_s(now).is_some_and(|age_s| is_stale(age_s, rate_hz(topic))))
     }
 
     /// The message that it shows; a track is many.

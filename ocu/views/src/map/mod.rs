@@ -52,7 +52,8 @@ struct Saved {
     layers: BTreeMap<String, LayerState>,
     /// Whether tracks that nothing connects are laid on another by their first metres.
     align: bool,
-    panel: bool,
+    /// Whether the layers are listed beside the map; `None` where there is room.
+    panel: Option<bool>,
 }
 
 impl Default for Saved {
@@ -62,7 +63,7 @@ impl Default for Saved {
             palette: MapPalette::default(),
             layers: BTreeMap::new(),
             align: true,
-            panel: true,
+            panel: None,
         }
     }
 }
@@ -136,9 +137,11 @@ impl View for Map {
         };
         map.clone_into(&mut self.frame_id);
         self.tracks.update(cx.frame, map, &layers, self.saved.align);
-        self.toolbar(ui, map, &frames);
+        let roomy = ui.available_width() >= 560.0;
+        self.toolbar(ui, map, &frames, roomy);
         let area = ui.available_rect_before_wrap();
-        let panel_width = if self.saved.panel && area.width() >= 560.0 { 216.0 } else { 0.0 };
+        let listed = self.saved.panel.unwrap_or(roomy);
+        let panel_width = if listed { 216.0_f32.min(area.width() * 0.6).floor() } else { 0.0 };
         let canvas = Rect::from_min_max(area.min, Pos2::new(area.right() - panel_width, area.bottom()));
         if panel_width > 0.0 {
             let panel = Rect::from_min_max(Pos2::new(canvas.right(), area.top()), area.max);
@@ -150,7 +153,7 @@ impl View for Map {
 }
 
 impl Map {
-    fn toolbar(&mut self, ui: &mut Ui, map: &str, frames: &[&str]) {
+    fn toolbar(&mut self, ui: &mut Ui, map: &str, frames: &[&str], roomy: bool) {
         crate::toolbar::row(ui, |ui| {
             let text = layers::frame_label(map);
             let combo = egui::ComboBox::from_id_salt("map frame").selected_text(text).width(160.0).show_ui(
@@ -168,12 +171,12 @@ impl Map {
             combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Frame of the map"));
             combo.response.on_hover_text("Frame that everything is drawn in");
             crate::toolbar::at_right(ui, |ui| {
-                widgets::icon_toggle(
-                    ui,
-                    icons::ICON_LAYERS,
-                    "Show the list of layers",
-                    &mut self.saved.panel,
-                );
+                let mut listed = self.saved.panel.unwrap_or(roomy);
+                if widgets::icon_toggle(ui, icons::ICON_LAYERS, "Show the list of layers", &mut listed)
+                    .clicked()
+                {
+                    self.saved.panel = Some(listed);
+                }
                 let mut even = self.saved.palette == MapPalette::Even;
                 let name = "Even colours, for colour-blind people";
                 if widgets::icon_toggle(ui, icons::ICON_PALETTE, name, &mut even).clicked() {

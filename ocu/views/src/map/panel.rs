@@ -152,7 +152,11 @@ impl Map {
         let placed = |layer: &&&Layer<'_>| layers::map_from_layer(frame, &self.frame_id, layer).is_ok();
         let colored =
             shown.iter().filter(placed).any(|layer| matches!(layer.kind, Kind::Grid(_) | Kind::Cloud(_)));
-        if shown.is_empty() || (listed && !colored) {
+        // The list of layers beside the map names the lines already, and a small map has no room for both.
+        let named = !listed
+            && (!colored || canvas.height() >= 400.0)
+            && shown.iter().any(|layer| matches!(layer.kind, Kind::Path(_) | Kind::Track(_)));
+        if !colored && !named {
             return;
         }
         let palette = self.saved.palette;
@@ -197,9 +201,7 @@ impl Map {
             if costs {
                 crate::toolbar::cost_legend(ui, palette);
             }
-            // The list of layers beside the map names the lines already.
-            let names = !listed && canvas.height() >= 400.0;
-            for (index, layer) in layers.iter().enumerate().filter(|_| names) {
+            for (index, layer) in layers.iter().enumerate().filter(|_| named) {
                 let drawn = shown.iter().any(|shown| shown.name == layer.name);
                 let placed = self.tracks.placed.get(&layer.name);
                 let visible = match layer.kind {
