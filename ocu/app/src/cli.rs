@@ -109,8 +109,10 @@ pub struct InfoArgs {
 
 /// `ocu render`
 #[derive(Debug, Clone, Args)]
-#[command(after_help = "Example:\n  ocu render drive.mcap --stack range_camera --layout default --at 12.5 \\\n    \
-                        --size 1600x900 -o picture.png")]
+#[command(
+    after_help = "Example:\n  ocu render drive.mcap --stack range_camera --layout default --at 12.5 \\\n    \
+                        --size 1600x900 -o picture.png"
+)]
 pub struct RenderArgs {
     /// Recording to draw
     #[arg(required_unless_present = "stack")]

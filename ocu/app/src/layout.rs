@@ -25,6 +25,7 @@ const MAX_DEPTH: usize = 16;
 /// The layouts that come with the program: name, text.
 pub const BUNDLED: &[(&str, &str)] = &[
     ("default", include_str!("../../../layouts/default.ron")),
+    ("recording", include_str!("../../../layouts/recording.ron")),
     ("tracks", include_str!("../../../layouts/tracks.ron")),
     ("fields", include_str!("../../../layouts/fields.ron")),
 ];
@@ -143,14 +144,19 @@ impl Layout {
             return Self::load(Path::new(spec));
         }
         let names: Vec<&str> = BUNDLED.iter().map(|(name, _)| *name).collect();
-        Err(crate::usage(format!("no bundled layout is called {spec:?}; expected {} or a .ron file", names.join(", "))))
+        Err(crate::usage(format!(
+            "no bundled layout is called {spec:?}; expected {} or a .ron file",
+            names.join(", ")
+        )))
     }
 
     /// The bundled layout that shows what a source has.
     pub fn for_content(frame: &Frame) -> Self {
         let has = |types: &[&str]| frame.topics.iter().any(|topic| types.contains(&topic.type_name()));
-        let name = if has(&["foxglove.RawImage", "foxglove.CompressedImage"]) || !frame.processes.is_empty() {
+        let name = if !frame.processes.is_empty() {
             "default"
+        } else if has(&["foxglove.RawImage", "foxglove.CompressedImage"]) {
+            "recording"
         } else if has(&[
             "foxglove.Odometry",
             "foxglove.PoseInFrame",
@@ -206,9 +212,10 @@ impl Node {
             Self::View { kind, state } => {
                 let Some(view_type) = view_type(kind) else { return Ok(()) };
                 match (view_type.make)().load(state) {
-                    Err(error) if !state.is_null() => {
-                        flaw(&format!("{kind:?}"), format!("the state of the view {kind:?} does not fit: {error}"))
-                    }
+                    Err(error) if !state.is_null() => flaw(
+                        &format!("{kind:?}"),
+                        format!("the state of the view {kind:?} does not fit: {error}"),
+                    ),
                     _ => Ok(()),
                 }
             }
@@ -270,10 +277,14 @@ mod tests {
 
     #[test]
     fn flaws_are_refused_with_file_line_and_expectation() {
-        refused("", 1, "Unexpected");
+        refused("", 1, "Layout");
         refused("Layout(\n  version: 9,\n  name: \"a\",\n  root: Row([]),\n)", 2, "expected 1");
         refused("Layout(\n  version: 1,\n  nome: \"a\",\n  root: Row([]),\n)", 3, "nome");
-        refused("Layout(\n version: 1,\n name: \"a\",\n root: Row([\n (1.0, View(kind: \"caméra\"))]))", 5, "camera");
+        refused(
+            "Layout(\n version: 1,\n name: \"a\",\n root: Row([\n (1.0, View(kind: \"caméra\"))]))",
+            5,
+            "camera",
+        );
         refused("Layout(\n version: 1,\n name: \"a\",\n root: Row([\n (-2.5, Row([]))]))", 5, "more than 0");
         refused("Layout(version: 1, name: \"a\",\n root: Tabs(active: 3, tiles: []))", 2, "less than 0");
         refused("Layout(version: 1, name: \"a\",\n root: Pile([]))", 2, "Pile");

@@ -41,8 +41,8 @@ impl Painter {
             },
             ..wgpu::DeviceDescriptor::default()
         };
-        let (device, queue) =
-            pollster::block_on(adapter.request_device(&descriptor)).context("the graphics driver gave no device")?;
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+            .context("the graphics driver gave no device")?;
         let renderer = Renderer::new(&device, FORMAT, RendererOptions::PREDICTABLE);
         let info = adapter.get_info();
         Ok(Self { device, queue, renderer, adapter: format!("{} ({:?})", info.name, info.device_type) })
@@ -82,8 +82,7 @@ impl Painter {
     ) -> anyhow::Result<Vec<u8>> {
         let screen = ScreenDescriptor { size_in_pixels: size_px, pixels_per_point };
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let user =
-            self.renderer.update_buffers(&self.device, &self.queue, &mut encoder, primitives, &screen);
+        let user = self.renderer.update_buffers(&self.device, &self.queue, &mut encoder, primitives, &screen);
         let extent = wgpu::Extent3d { width: size_px[0], height: size_px[1], depth_or_array_layers: 1 };
         let texture = self.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("ocu picture"),
@@ -99,7 +98,10 @@ impl Painter {
         let attachment = wgpu::RenderPassColorAttachment {
             view: &view,
             resolve_target: None,
-            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store },
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                store: wgpu::StoreOp::Store,
+            },
             depth_slice: None,
         };
         {
@@ -132,9 +134,14 @@ impl Painter {
         self.device
             .poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(PATIENCE) })
             .context("the graphics driver did not finish the picture")?;
-        receiver.recv().context("the picture was not handed over")?.context("the picture cannot be read back")?;
-        let mapped =
-            buffer.slice(..).get_mapped_range().map_err(|error| anyhow!("the picture cannot be read back: {error}"))?;
+        receiver
+            .recv()
+            .context("the picture was not handed over")?
+            .context("the picture cannot be read back")?;
+        let mapped = buffer
+            .slice(..)
+            .get_mapped_range()
+            .map_err(|error| anyhow!("the picture cannot be read back: {error}"))?;
         Ok(mapped.chunks_exact(padded as usize).flat_map(|row| &row[..row_bytes as usize]).copied().collect())
     }
 }

@@ -20,9 +20,10 @@ const LEAST_PASSES: usize = 3;
 /// Draws the picture and writes it.
 pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     let layout = Layout::named(&args.layout)?;
-    let frame = frame_at(&Request { log: args.log.clone(), stack: args.stack.clone() }, args.at)?;
+    let request = Request { log: args.log.clone(), stack: args.stack.clone() };
+    let frame = Arc::new(frame_at(&request, args.at)?);
     let theme = if args.light { egui::Theme::Light } else { egui::Theme::Dark };
-    let picture = picture(&Arc::new(frame), &layout, args.size, theme)?;
+    let picture = picture(&request, &frame, &layout, args.size, theme)?;
     picture
         .save_with_format(&args.output, image::ImageFormat::Png)
         .with_context(|| format!("cannot write the picture: {}", args.output.display()))
@@ -37,7 +38,9 @@ pub fn frame_at(request: &Request, at_s: f64) -> anyhow::Result<Frame> {
         && at > end
     {
         let length_s = end.seconds_since(info.start);
-        return Err(usage(format!("--at is {at_s} s; expected at most {length_s:.3} s, where the recording ends")));
+        return Err(usage(format!(
+            "--at is {at_s} s; expected at most {length_s:.3} s, where the recording ends"
+        )));
     }
     source.seek(at, &Task::default())?;
     while source.idle() {}
@@ -45,13 +48,20 @@ pub fn frame_at(request: &Request, at_s: f64) -> anyhow::Result<Frame> {
 }
 
 /// The whole window at one moment, as the screen would show it.
-pub fn picture(frame: &Arc<Frame>, layout: &Layout, size: Size, theme: egui::Theme) -> anyhow::Result<RgbaImage> {
+pub fn picture(
+    request: &Request,
+    frame: &Arc<Frame>,
+    layout: &Layout,
+    size: Size,
+    theme: egui::Theme,
+) -> anyhow::Result<RgbaImage> {
     let mut painter = Painter::new()?;
     let context = egui::Context::default();
     ocu_ui::install(&context);
     context.set_theme(theme);
-    let mut window = Window::still(&context, Arc::clone(frame), layout);
-    let screen = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(size.width as f32, size.height as f32));
+    let mut window = Window::still(&context, request, Arc::clone(frame), layout);
+    let screen =
+        egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(size.width as f32, size.height as f32));
     for pass in 1.. {
         let input = egui::RawInput {
             screen_rect: Some(screen),
@@ -62,7 +72,8 @@ pub fn picture(frame: &Arc<Frame>, layout: &Layout, size: Size, theme: egui::The
         };
         let mut output = context.run_ui(input, |ui| window.ui(ui));
         painter.take_textures(&mut output.textures_delta);
-        let delay = output.viewport_output.get(&egui::ViewportId::ROOT).map(|viewport| viewport.repaint_delay);
+        let delay =
+            output.viewport_output.get(&egui::ViewportId::ROOT).map(|viewport| viewport.repaint_delay);
         let settled = delay.is_none_or(|delay| delay > Duration::ZERO);
         let last = pass >= MOST_PASSES || (pass >= LEAST_PASSES && settled);
         let painted = last.then(|| {
@@ -71,7 +82,8 @@ pub fn picture(frame: &Arc<Frame>, layout: &Layout, size: Size, theme: egui::The
         });
         painter.free_textures(&mut output.textures_delta);
         if let Some(pixels) = painted {
-            return RgbaImage::from_raw(size.width, size.height, pixels?).context("the picture has another size");
+            return RgbaImage::from_raw(size.width, size.height, pixels?)
+                .context("the picture has another size");
         }
     }
     anyhow::bail!("no pass was drawn")

@@ -44,7 +44,10 @@ pub fn named(spec: &str) -> anyhow::Result<StackFile> {
     }
     if !looks_like_path(spec) {
         let names: Vec<&str> = BUNDLED.iter().map(|(name, _)| *name).collect();
-        return Err(usage(format!("no bundled stack is called {spec:?}; expected {} or a .toml file", names.join(", "))));
+        return Err(usage(format!(
+            "no bundled stack is called {spec:?}; expected {} or a .toml file",
+            names.join(", ")
+        )));
     }
     let text = std::fs::read_to_string(spec)
         .map_err(|error| usage(format!("cannot read the stack: {error}: {spec}")))?;

@@ -37,7 +37,8 @@ impl Table {
         let heading: Vec<String> = self.columns.iter().map(|(name, _)| (*name).to_owned()).collect();
         let lines: Vec<&Vec<String>> = std::iter::once(&heading).chain(&self.rows).collect();
         let cell = |line: &[String], index: usize| line.get(index).cloned().unwrap_or_default();
-        let width = |index: usize| lines.iter().map(|line| cell(line, index).chars().count()).max().unwrap_or(0);
+        let width =
+            |index: usize| lines.iter().map(|line| cell(line, index).chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..self.columns.len()).map(width).collect();
         for line in &lines {
             let cells = self.columns.iter().zip(&widths).enumerate().map(|(index, ((_, align), &width))| {
@@ -56,7 +57,8 @@ mod tests {
 
     #[test]
     fn columns_are_aligned_and_lines_have_no_trailing_space() {
-        let mut table = Table::new(&[("topic", Align::Left), ("messages", Align::Right), ("note", Align::Left)]);
+        let mut table =
+            Table::new(&[("topic", Align::Left), ("messages", Align::Right), ("note", Align::Left)]);
         table.row(["/imu", "16806"].map(str::to_owned));
         table.row(["/gps/fix", "7", "x"].map(str::to_owned));
         let mut out = Vec::new();

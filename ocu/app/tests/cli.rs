@@ -49,7 +49,10 @@ fn info_as_json_has_exactly_the_agreed_keys() {
     let (code, out, _) = ocu(&["info", text(&path), "--json"]);
     assert_eq!(code, 0);
     let report = json(&out);
-    assert_eq!(keys(&report), ["duration_s", "end_ns", "lost", "messages", "recovered", "start_ns", "topics"]);
+    assert_eq!(
+        keys(&report),
+        ["duration_s", "end_ns", "lost", "messages", "recovered", "start_ns", "topics"]
+    );
     assert_eq!(keys(&report["lost"]), ["bytes", "messages"]);
     assert_eq!(keys(&report["topics"][0]), ["decodable", "encoding", "hz", "messages", "name", "schema"]);
     assert_eq!(report["start_ns"], 1_767_225_600_000_000_000_u64);
@@ -114,7 +117,18 @@ fn render_draws_the_same_picture_twice_without_a_display() {
     let (dir, path) = recording();
     let draw = |name: &str| {
         let png = dir.path().join(name);
-        let args = ["render", text(&path), "--layout", "default", "--at", "1", "--size", "640x400", "-o", text(&png)];
+        let args = [
+            "render",
+            text(&path),
+            "--layout",
+            "default",
+            "--at",
+            "1",
+            "--size",
+            "640x400",
+            "-o",
+            text(&png),
+        ];
         let (code, _, errors) = ocu(&args);
         assert_eq!(code, 0, "{errors}");
         image::open(png).unwrap().to_rgba8()

@@ -41,7 +41,11 @@ fn harness<'a>(options: Options) -> Harness<'a, State> {
 
 /// Runs passes until `done`, as the source's thread works on its own clock.
 #[track_caller]
-fn wait_until(harness: &mut Harness<'_, State>, what: &str, mut done: impl FnMut(&Harness<'_, State>) -> bool) {
+fn wait_until(
+    harness: &mut Harness<'_, State>,
+    what: &str,
+    mut done: impl FnMut(&Harness<'_, State>) -> bool,
+) {
     let start = Instant::now();
     loop {
         harness.step();
@@ -190,7 +194,9 @@ fn a_drag_along_the_bar_goes_there() {
     harness.hover_at(bar.center());
     harness.step();
     harness.drop_at(bar.center());
-    wait_until(&mut harness, "the seek", |harness| time_s(harness).is_some_and(|time| (time - 1.5).abs() < 0.01));
+    wait_until(&mut harness, "the seek", |harness| {
+        time_s(harness).is_some_and(|time| (time - 1.5).abs() < 0.01)
+    });
 }
 
 #[test]
@@ -229,11 +235,8 @@ fn every_bundled_layout_draws_and_has_named_widgets() {
 fn the_arrangement_survives_a_restart_and_a_damaged_one_is_said() {
     let dir = tempfile::tempdir().unwrap();
     let request = recording(dir.path());
-    let options = || Options {
-        request: request.clone(),
-        layout: None,
-        data_dir: Some(dir.path().join("data")),
-    };
+    let options =
+        || Options { request: request.clone(), layout: None, data_dir: Some(dir.path().join("data")) };
     let mut first = harness(options());
     wait_until(&mut first, "the recording opens", |harness| time_s(harness).is_some());
     first.get_by_label("Buffers").click();

@@ -70,7 +70,13 @@ struct Recording {
 }
 
 impl Recording {
-    fn put<T: Payload>(&mut self, topic: &'static str, role: &str, time_s: f64, value: T) -> anyhow::Result<()> {
+    fn put<T: Payload>(
+        &mut self,
+        topic: &'static str,
+        role: &str,
+        time_s: f64,
+        value: T,
+    ) -> anyhow::Result<()> {
         let message = AnyMessage::new(value);
         if !self.channels.contains_key(topic) {
             let metadata = BTreeMap::from([("rcs.role".to_owned(), role.to_owned())]);
@@ -117,11 +123,8 @@ fn quaternion(q: DQuat) -> foxglove::Quaternion {
 /// The camera on the vehicle, as an optical frame (z forward, x right, y down).
 fn mount() -> foxglove::FrameTransforms {
     let (sin, cos) = (libm::sin(MOUNT_PITCH_RAD), libm::cos(MOUNT_PITCH_RAD));
-    let vehicle_from_camera = DMat3::from_cols(
-        DVec3::new(0.0, -1.0, 0.0),
-        DVec3::new(-sin, 0.0, -cos),
-        DVec3::new(cos, 0.0, -sin),
-    );
+    let vehicle_from_camera =
+        DMat3::from_cols(DVec3::new(0.0, -1.0, 0.0), DVec3::new(-sin, 0.0, -cos), DVec3::new(cos, 0.0, -sin));
     foxglove::FrameTransforms {
         transforms: vec![foxglove::FrameTransform {
             timestamp: Some(START.to_proto()),
@@ -134,8 +137,8 @@ fn mount() -> foxglove::FrameTransforms {
 }
 
 fn odometry(state: &State, drift: &Drift) -> foxglove::Odometry {
-    let local_from_vehicle = DQuat::from_rotation_z(state.yaw_rad + drift.yaw_rad)
-        * DQuat::from_rotation_y(state.pitch_rad);
+    let local_from_vehicle =
+        DQuat::from_rotation_z(state.yaw_rad + drift.yaw_rad) * DQuat::from_rotation_y(state.pitch_rad);
     foxglove::Odometry {
         timestamp: Some(stamp(state.time_s).to_proto()),
         frame_id: "local".to_owned(),
@@ -172,7 +175,8 @@ fn fix(state: &State, noise: &mut Noise) -> foxglove::LocationFix {
 }
 
 fn imu(state: &State, noise: &mut Noise) -> rcs::Imu {
-    let mut noisy = |v: DVec3, sigma: f64| v + DVec3::new(noise.normal(sigma), noise.normal(sigma), noise.normal(sigma));
+    let mut noisy =
+        |v: DVec3, sigma: f64| v + DVec3::new(noise.normal(sigma), noise.normal(sigma), noise.normal(sigma));
     let turning = state.speed_mps * state.yaw_rate_radps;
     let acceleration = noisy(DVec3::new(state.acceleration_mps2, turning, 9.81), 0.08);
     let rate = noisy(DVec3::new(0.0, 0.0, state.yaw_rate_radps), 0.004);

@@ -96,10 +96,7 @@ impl Scene {
                 Shape::Sphere { centre_m: up(0.12), radius_m: noise.between(0.3, 0.5) },
                 DVec3::new(0.52, 0.5, 0.47),
             ),
-            _ => push(
-                Shape::Cylinder { foot_m, radius_m: 0.7, height_m: 1.2 },
-                DVec3::new(0.72, 0.6, 0.3),
-            ),
+            _ => push(Shape::Cylinder { foot_m, radius_m: 0.7, height_m: 1.2 }, DVec3::new(0.72, 0.6, 0.3)),
         }
     }
 
@@ -145,8 +142,7 @@ impl Scene {
 
     /// For each column of the image, the things that may show in it.
     fn things_by_column(&self, eye: DVec3, forward: DVec3, right: DVec3) -> Vec<Vec<&Thing>> {
-        let angles: Vec<f64> =
-            (0..WIDTH).map(|u| atan2(u as f64 - CENTRE_PX[0], FOCAL_PX)).collect();
+        let angles: Vec<f64> = (0..WIDTH).map(|u| atan2(u as f64 - CENTRE_PX[0], FOCAL_PX)).collect();
         let mut columns = vec![Vec::new(); WIDTH];
         for thing in &self.things {
             let (centre_m, radius_m) = thing.bounds();
@@ -175,7 +171,8 @@ impl Scene {
             {
                 let light = 0.45 + 0.55 * normal.dot(SUN).max(0.0);
                 let point = eye + ray * depth;
-                let grain = 0.85 + 0.3 * value_noise(point.x * 7.0 + point.z * 5.0, point.y * 7.0 - point.z * 3.0);
+                let grain =
+                    0.85 + 0.3 * value_noise(point.x * 7.0 + point.z * 5.0, point.y * 7.0 - point.z * 3.0);
                 best = (depth, thing.colour * light * grain);
             }
         }
@@ -191,7 +188,10 @@ impl Scene {
             return (best.0, best.1.lerp(DVec3::new(0.72, 0.78, 0.84), haze));
         }
         let height = (ray.z / ray.length()).clamp(0.0, 1.0);
-        (f64::INFINITY, DVec3::new(0.74, 0.8, 0.86).lerp(DVec3::new(0.4, 0.58, 0.82), (height * 2.0).min(1.0)))
+        (
+            f64::INFINITY,
+            DVec3::new(0.74, 0.8, 0.86).lerp(DVec3::new(0.4, 0.58, 0.82), (height * 2.0).min(1.0)),
+        )
     }
 
     fn ground(&self, point: DVec3, depth: f64) -> DVec3 {
@@ -252,7 +252,8 @@ fn nearest_root(a: f64, b: f64, c: f64) -> Option<f64> {
 fn value_noise(x: f64, y: f64) -> f64 {
     let (x0, y0) = (floor(x), floor(y));
     let corner = |dx: f64, dy: f64| {
-        let key = ((x0 + dx) as i64 as u64).wrapping_mul(0x9e37_79b9) ^ ((y0 + dy) as i64 as u64).wrapping_mul(0x85eb_ca6b);
+        let key = ((x0 + dx) as i64 as u64).wrapping_mul(0x9e37_79b9)
+            ^ ((y0 + dy) as i64 as u64).wrapping_mul(0x85eb_ca6b);
         Noise::new(key).uniform()
     };
     let (fx, fy) = (x - x0, y - y0);

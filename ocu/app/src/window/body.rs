@@ -99,9 +99,10 @@ impl Window {
     }
 
     /// A window that shows one moment and cannot play: what `ocu render` draws.
-    pub fn still(ctx: &egui::Context, frame: Arc<Frame>, layout: &Layout) -> Self {
+    pub fn still(ctx: &egui::Context, request: &Request, frame: Arc<Frame>, layout: &Layout) -> Self {
         let mut window = Self::new(ctx, Options { layout: Some(layout.clone()), ..Options::default() });
         window.shown = Shown::Still(frame);
+        window.current = request.clone();
         window
     }
 
@@ -115,7 +116,9 @@ impl Window {
         let ctx = self.ctx.clone();
         let driver = match Driver::spawn(source, move || ctx.request_repaint()) {
             Ok(driver) => driver,
-            Err(error) => return self.notices.error(format!("no thread to play {}: {error}", request.title())),
+            Err(error) => {
+                return self.notices.error(format!("no thread to play {}: {error}", request.title()));
+            }
         };
         if self.workspace.is_none() {
             self.arrange(&Layout::for_content(&driver.frame()));
@@ -196,7 +199,8 @@ impl Window {
         let mut cx = ViewContext { frame, controls, selection: &mut self.selection };
         if let Some(buffers) = self.buffers.as_mut().filter(|_| self.buffers_open) {
             let panel = egui::Frame::new().fill(tokens(ui).panel());
-            let left = egui::Panel::left("buffers").frame(panel).default_size(300.0).size_range(180.0..=600.0);
+            let left =
+                egui::Panel::left("buffers").frame(panel).default_size(300.0).size_range(180.0..=600.0);
             left.show(ui, |ui| {
                 ui.push_id("buffers", |ui| ocu_views::show(buffers.as_mut(), ui, &mut cx));
             });
@@ -205,7 +209,12 @@ impl Window {
         egui::CentralPanel::default().frame(middle).show(ui, |ui| match &mut self.workspace {
             Some(workspace) if !workspace.is_empty() => workspace.ui(ui, &mut cx),
             _ => {
-                widgets::empty(ui, icons::ICON_DASHBOARD, "No view is open", "Add one, or choose a layout above.");
+                widgets::empty(
+                    ui,
+                    icons::ICON_DASHBOARD,
+                    "No view is open",
+                    "Add one, or choose a layout above.",
+                );
                 ui.vertical_centered(|ui| {
                     let chosen = ui.menu_button("Add a view", view_menu).inner.flatten();
                     if let Some(view_type) = chosen {
@@ -218,13 +227,14 @@ impl Window {
 
     fn empty_ui(&mut self, ui: &mut egui::Ui) {
         let middle = egui::Frame::new().fill(tokens(ui).canvas());
-        let invited = egui::CentralPanel::default().frame(middle).show(ui, |ui| match self.opener.opening() {
-            Some(title) => {
-                open::waiting(ui, &title);
-                None
-            }
-            None => open::invitation(ui, self.opener.recent()),
-        });
+        let invited =
+            egui::CentralPanel::default().frame(middle).show(ui, |ui| match self.opener.opening() {
+                Some(title) => {
+                    open::waiting(ui, &title);
+                    None
+                }
+                None => open::invitation(ui, self.opener.recent()),
+            });
         match invited.inner {
             Some(Invited::Ask) => self.opener.ask(),
             Some(Invited::Open(path)) => self.opener.open(Request { log: Some(path), stack: None }),
@@ -233,7 +243,11 @@ impl Window {
     }
 
     fn help_ui(&mut self, ui: &egui::Ui) {
-        egui::Window::new("Keys").open(&mut self.help_open).collapsible(false).resizable(false).show(ui.ctx(), keys::list);
+        egui::Window::new("Keys")
+            .open(&mut self.help_open)
+            .collapsible(false)
+            .resizable(false)
+            .show(ui.ctx(), keys::list);
     }
 
     /// Takes over what has been opened since the last pass.
@@ -249,7 +263,8 @@ impl Window {
         let files = ui.input_mut(|input| std::mem::take(&mut input.raw.dropped_files));
         if let [first, rest @ ..] = files.as_slice() {
             if !rest.is_empty() {
-                self.notices.error(format!("{} files were dropped; one can be opened at a time", files.len()));
+                self.notices
+                    .error(format!("{} files were dropped; one can be opened at a time", files.len()));
             }
             self.opener.open(Request::dropped(first.path(), &self.current));
         }

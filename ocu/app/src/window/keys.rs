@@ -7,11 +7,17 @@ use egui::{Key, Modifiers};
 pub(super) enum Action {
     PlayPause,
     /// By what the timeline is set to.
-    Step { back: bool },
+    Step {
+        back: bool,
+    },
     /// By a cycle of the process that is selected, or of any.
-    StepCycle { back: bool },
+    StepCycle {
+        back: bool,
+    },
     /// By a second.
-    StepSecond { back: bool },
+    StepSecond {
+        back: bool,
+    },
     ToStart,
     ToEnd,
     Loop,
@@ -24,8 +30,20 @@ pub(super) const KEYS: &[(Modifiers, Key, &str, &str, Action)] = &[
     (Modifiers::NONE, Key::Space, "space", "play or pause", Action::PlayPause),
     (Modifiers::NONE, Key::ArrowRight, "→", "step forward", Action::Step { back: false }),
     (Modifiers::NONE, Key::ArrowLeft, "←", "step back", Action::Step { back: true }),
-    (Modifiers::SHIFT, Key::ArrowRight, "shift →", "forward by a cycle of a process", Action::StepCycle { back: false }),
-    (Modifiers::SHIFT, Key::ArrowLeft, "shift ←", "back by a cycle of a process", Action::StepCycle { back: true }),
+    (
+        Modifiers::SHIFT,
+        Key::ArrowRight,
+        "shift →",
+        "forward by a cycle of a process",
+        Action::StepCycle { back: false },
+    ),
+    (
+        Modifiers::SHIFT,
+        Key::ArrowLeft,
+        "shift ←",
+        "back by a cycle of a process",
+        Action::StepCycle { back: true },
+    ),
     (Modifiers::NONE, Key::Period, ".", "forward by a second", Action::StepSecond { back: false }),
     (Modifiers::NONE, Key::Comma, ",", "back by a second", Action::StepSecond { back: true }),
     (Modifiers::NONE, Key::Home, "home", "to the start", Action::ToStart),

@@ -113,7 +113,8 @@ impl Opener {
                     if std::mem::take(&mut dialog.fresh) {
                         response.request_focus();
                     }
-                    let entered = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+                    let entered =
+                        response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
                     let ready = !dialog.path.trim().is_empty();
                     if (ui.add_enabled(ready, egui::Button::new("Open")).clicked() || entered) && ready {
                         chosen = Some(PathBuf::from(dialog.path.trim()));
@@ -183,7 +184,8 @@ pub(super) fn recent_button(ui: &mut egui::Ui, path: &Path) -> egui::Response {
     let folder = path.parent().map(|folder| folder.display().to_string()).unwrap_or_default();
     let weak = tokens(ui).weak;
     let text = egui::RichText::new(&name);
-    let button = egui::Button::new((text, egui::RichText::new(folder).small().color(weak))).truncate().frame(false);
+    let button =
+        egui::Button::new((text, egui::RichText::new(folder).small().color(weak))).truncate().frame(false);
     let response = ui.add(button);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
     response.on_hover_text(path.display().to_string())
@@ -199,7 +201,8 @@ struct Recent {
 impl Recent {
     fn load(file: Option<PathBuf>) -> Self {
         let text = file.as_deref().and_then(|file| std::fs::read_to_string(file).ok()).unwrap_or_default();
-        let paths = text.lines().filter(|line| !line.is_empty()).map(PathBuf::from).take(MOST_RECENT).collect();
+        let paths =
+            text.lines().filter(|line| !line.is_empty()).map(PathBuf::from).take(MOST_RECENT).collect();
         Self { file, paths }
     }
 
@@ -226,7 +229,9 @@ pub(super) fn invitation(ui: &mut egui::Ui, recent: &[PathBuf]) -> Option<Invite
         ui.add_space((height * 0.3).max(16.0));
         ui.label(icons::ICON_FOLDER_OPEN.rich_text().size(32.0).color(tokens.unknown));
         ui.label(egui::RichText::new("Nothing is open").heading());
-        ui.label(egui::RichText::new("Drop a recording (.mcap) here, or a stack (.toml).").color(tokens.weak));
+        ui.label(
+            egui::RichText::new("Drop a recording (.mcap) here, or a stack (.toml).").color(tokens.weak),
+        );
         ui.add_space(8.0);
         if ui.button("Open…").clicked() {
             invited = Some(Invited::Ask);
@@ -252,7 +257,12 @@ pub(super) enum Invited {
 
 /// While a recording is opened and nothing else is there.
 pub(super) fn waiting(ui: &mut egui::Ui, title: &str) {
-    widgets::empty(ui, icons::ICON_HOURGLASS_TOP, &format!("Opening {title}"), "Long recordings without an index are read once.");
+    widgets::empty(
+        ui,
+        icons::ICON_HOURGLASS_TOP,
+        &format!("Opening {title}"),
+        "Long recordings without an index are read once.",
+    );
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::keys::Action;
 use crate::time::date_and_time;
-use egui::{Align2, FontId, Rect, Sense, Stroke, WidgetInfo, Role};
+use egui::{Align2, FontId, Rect, Role, Sense, Stroke, WidgetInfo};
 use ocu_ui::{format, icons, tokens, widgets};
 use ocu_views::Selection;
 use rcs_msg::Stamp;
@@ -122,11 +122,12 @@ impl Timeline {
         }
         let mut speed = playback.speed;
         let shown = format!("× {}", format::number(speed));
-        let combo = egui::ComboBox::from_id_salt("speed").selected_text(shown).width(56.0).show_ui(ui, |ui| {
-            for choice in SPEEDS {
-                ui.selectable_value(&mut speed, choice, format!("× {}", format::number(choice)));
-            }
-        });
+        let combo =
+            egui::ComboBox::from_id_salt("speed").selected_text(shown).width(56.0).show_ui(ui, |ui| {
+                for choice in SPEEDS {
+                    ui.selectable_value(&mut speed, choice, format!("× {}", format::number(choice)));
+                }
+            });
         combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Speed"));
         combo.response.on_hover_text("Speed: seconds of the recording a second");
         if speed != playback.speed {
@@ -188,7 +189,8 @@ impl Timeline {
         scale.paint_ticks(&painter, tokens);
 
         let x = scale.x(frame.now);
-        let done = Rect::from_min_max(egui::pos2(scale.rect.left(), rect.top()), egui::pos2(x, rect.top() + 4.0));
+        let done =
+            Rect::from_min_max(egui::pos2(scale.rect.left(), rect.top()), egui::pos2(x, rect.top() + 4.0));
         painter.rect_filled(done, 0.0, tokens.selected);
         painter.vline(x, rect.y_range(), Stroke::new(2.0, tokens.accent));
         let head = [(-5.0, 0.0), (5.0, 0.0), (0.0, 6.0)].map(|(dx, dy)| egui::pos2(x + dx, rect.top() + dy));
@@ -246,7 +248,13 @@ impl Scale {
             let room = x + 56.0 < self.rect.right();
             if room {
                 let at = egui::pos2(x + 4.0, bottom);
-                painter.text(at, Align2::LEFT_BOTTOM, tick_text(time_s, step_s), FontId::monospace(10.0), tokens.weak);
+                painter.text(
+                    at,
+                    Align2::LEFT_BOTTOM,
+                    tick_text(time_s, step_s),
+                    FontId::monospace(10.0),
+                    tokens.weak,
+                );
             }
         }
     }
@@ -255,17 +263,26 @@ impl Scale {
 /// A round step that gives at most `most` ticks.
 fn tick_step_s(duration_s: f64, most: f32) -> f64 {
     const STEPS_S: [f64; 19] = [
-        0.001, 0.01, 0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 21_600.0,
-        86_400.0,
+        0.001, 0.01, 0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0, 1800.0,
+        3600.0, 21_600.0, 86_400.0,
     ];
     let least = duration_s / f64::from(most.max(1.0));
-    STEPS_S.into_iter().find(|&step_s| step_s >= least).unwrap_or_else(|| (least / 86_400.0).ceil() * 86_400.0)
+    STEPS_S
+        .into_iter()
+        .find(|&step_s| step_s >= least)
+        .unwrap_or_else(|| (least / 86_400.0).ceil() * 86_400.0)
 }
 
 /// Minutes and seconds, hours where there are some, and as many decimals as the steps need.
 fn tick_text(time_s: f64, step_s: f64) -> String {
     let whole = time_s.floor() as u64;
-    let decimals = if step_s < 0.01 { 3 } else if step_s < 0.1 { 2 } else { usize::from(step_s < 1.0) };
+    let decimals = if step_s < 0.01 {
+        3
+    } else if step_s < 0.1 {
+        2
+    } else {
+        usize::from(step_s < 1.0)
+    };
     let width = if decimals == 0 { 2 } else { decimals + 3 };
     let seconds = time_s - (whole / 60 * 60) as f64;
     let minutes = format!("{:02}:{seconds:0width$.decimals$}", whole / 60 % 60);
@@ -275,7 +292,8 @@ fn tick_text(time_s: f64, step_s: f64) -> String {
 /// The moment, since the start and absolute.
 fn clock(ui: &mut egui::Ui, frame: &Frame) {
     let tokens = tokens(ui);
-    let now = egui::RichText::new(format::elapsed(frame.time_s())).monospace().size(16.0).color(tokens.strong);
+    let now =
+        egui::RichText::new(format::elapsed(frame.time_s())).monospace().size(16.0).color(tokens.strong);
     ui.label(now).on_hover_text("Time since the start");
     if let Some(end) = frame.info.end {
         let length = format::elapsed(end.seconds_since(frame.info.start));

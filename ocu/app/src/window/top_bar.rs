@@ -43,7 +43,9 @@ pub(super) fn ui(ui: &mut egui::Ui, state: &State<'_>) -> Vec<Wish> {
         // The right side first: it keeps its place, and a long title is cut.
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             right(ui, state, &mut wishes);
-            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| left(ui, state, &mut wishes));
+            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                left(ui, state, &mut wishes)
+            });
         });
     });
     wishes
@@ -107,7 +109,10 @@ fn left(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
     }
     if let Some(title) = &state.opening {
         ui.label(icons::ICON_HOURGLASS_TOP.rich_text().size(14.0).color(tokens(ui).weak));
-        ui.add(egui::Label::new(egui::RichText::new(format!("opening {title}")).color(tokens(ui).weak)).truncate());
+        ui.add(
+            egui::Label::new(egui::RichText::new(format!("opening {title}")).color(tokens(ui).weak))
+                .truncate(),
+        );
     }
 }
 
@@ -117,22 +122,29 @@ fn stack_menu(ui: &mut egui::Ui, frame: Option<&Frame>, current: &Request, wishe
     let name = std::path::Path::new(name).file_name().map_or(name.into(), |name| name.to_string_lossy());
     let button = ui.menu_button(format!("{}  {name}", icons::ICON_ACCOUNT_TREE.codepoint), |ui| {
         ui.set_min_width(200.0);
-        let mut choice = |ui: &mut egui::Ui, stack: Option<&str>, text: &str, missing: Option<&str>, help: &str| {
-            let label = egui::Button::selectable(current.stack.as_deref() == stack, text);
-            let response = ui.add_enabled(missing.is_none(), label).on_hover_text(help);
-            let response = match missing {
-                Some(topic) => response.on_disabled_hover_text(format!("{help}\nThis recording has no {topic}.")),
-                None => response,
+        let mut choice =
+            |ui: &mut egui::Ui, stack: Option<&str>, text: &str, missing: Option<&str>, help: &str| {
+                let label = egui::Button::selectable(current.stack.as_deref() == stack, text);
+                let response = ui.add_enabled(missing.is_none(), label).on_hover_text(help);
+                let response = match missing {
+                    Some(topic) => {
+                        response.on_disabled_hover_text(format!("{help}\nThis recording has no {topic}."))
+                    }
+                    None => response,
+                };
+                if response.clicked() {
+                    wishes.push(Wish::Open(Request {
+                        log: current.log.clone(),
+                        stack: stack.map(str::to_owned),
+                    }));
+                    ui.close();
+                }
             };
-            if response.clicked() {
-                wishes.push(Wish::Open(Request { log: current.log.clone(), stack: stack.map(str::to_owned) }));
-                ui.close();
-            }
-        };
         choice(ui, None, "no stack", None, "Show the recording as it is");
         ui.separator();
         for (name, stack) in stacks::bundled() {
-            let missing = stack.topics().find(|topic| frame.is_some_and(|frame| frame.topic(topic).is_none()));
+            let missing =
+                stack.topics().find(|topic| frame.is_some_and(|frame| frame.topic(topic).is_none()));
             choice(ui, Some(name), name, missing, stack.description());
         }
     });
@@ -151,7 +163,8 @@ fn source(ui: &mut egui::Ui, frame: &Frame, busy: Option<f64>, wishes: &mut Vec<
     if !info.problems.is_empty() {
         let count = info.problems.len();
         let text = format!("{count} {}", if count == 1 { "problem" } else { "problems" });
-        let text = egui::RichText::new(format!("{}  {text}", icons::ICON_WARNING.codepoint)).color(tokens.warning);
+        let text =
+            egui::RichText::new(format!("{}  {text}", icons::ICON_WARNING.codepoint)).color(tokens.warning);
         ui.menu_button(text, |ui| {
             ui.set_max_width(480.0);
             egui::ScrollArea::vertical().max_height(320.0).show(ui, |ui| {
@@ -179,8 +192,11 @@ fn run_state(ui: &mut egui::Ui, frame: &Frame) {
         return;
     }
     let tokens = tokens(ui);
-    let states: Vec<Option<ProcessState>> =
-        frame.processes.iter().map(|process| frame.status(process).map(rcs_msg::rcs::Status::state)).collect();
+    let states: Vec<Option<ProcessState>> = frame
+        .processes
+        .iter()
+        .map(|process| frame.status(process).map(rcs_msg::rcs::Status::state))
+        .collect();
     let count = |state: ProcessState| states.iter().filter(|&&known| known == Some(state)).count();
     let all = states.len();
     let (errors, done) = (count(ProcessState::Error), count(ProcessState::Done));
@@ -197,7 +213,9 @@ fn run_state(ui: &mut egui::Ui, frame: &Frame) {
         .processes
         .iter()
         .zip(&states)
-        .map(|(process, state)| format!("{}: {}", process.name, state.map_or("no status yet", |state| state.as_str_name())))
+        .map(|(process, state)| {
+            format!("{}: {}", process.name, state.map_or("no status yet", |state| state.as_str_name()))
+        })
         .collect();
     widgets::tag(ui, &text, color).on_hover_text(names.join("\n"));
 }

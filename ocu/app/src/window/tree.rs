@@ -23,8 +23,8 @@ impl Workspace {
         let mut tiles = Tiles::default();
         let root = insert(&mut tiles, &layout.root);
         let tree = match root {
-            Some(root) => Tree::new(egui::Id::new("workspace"), root, tiles),
-            None => Tree::empty(egui::Id::new("workspace")),
+            Some(root) => Tree::new(id(), root, tiles),
+            None => Tree::empty(id()),
         };
         Self { tree, name: layout.name.clone() }
     }
@@ -32,7 +32,12 @@ impl Workspace {
     /// The layout as it stands now.
     pub(super) fn layout(&self, buffers: bool) -> Layout {
         let root = self.tree.root().and_then(|root| extract(&self.tree.tiles, root));
-        Layout { version: VERSION, name: self.name.clone(), buffers, root: root.unwrap_or(Node::Row(Vec::new())) }
+        Layout {
+            version: VERSION,
+            name: self.name.clone(),
+            buffers,
+            root: root.unwrap_or(Node::Row(Vec::new())),
+        }
     }
 
     /// Name of the layout that it was made from.
@@ -50,7 +55,7 @@ impl Workspace {
         let pane = self.tree.tiles.insert_pane(Pane { view_type, view: (view_type.make)() });
         let added = self.tree.tiles.insert_tab_tile(vec![pane]);
         let Some(root) = self.tree.root().filter(|_| !self.is_alone(added)) else {
-            self.tree = Tree::new(egui::Id::new("workspace"), added, std::mem::take(&mut self.tree.tiles));
+            self.tree = Tree::new(id(), added, std::mem::take(&mut self.tree.tiles));
             return;
         };
         let row = match self.tree.tiles.get(root) {
@@ -157,6 +162,11 @@ impl egui_tiles::Behavior<Pane> for Behavior<'_, '_> {
     }
 }
 
+/// Identity of the tiles: there is one workspace in a window.
+fn id() -> egui::Id {
+    egui::Id::unique("workspace")
+}
+
 /// Puts a node's views into tiles; `None` for a container without any.
 fn insert(tiles: &mut Tiles<Pane>, node: &Node) -> Option<TileId> {
     let linear = |tiles: &mut Tiles<Pane>, dir: LinearDir, parts: &[(f32, Node)]| {
@@ -211,7 +221,8 @@ fn extract(tiles: &Tiles<Pane>, id: TileId) -> Option<Node> {
     match container {
         Container::Linear(linear) => {
             let total: f32 = linear.children.iter().map(|&child| linear.shares[child]).sum();
-            let share = |id: TileId| (linear.shares[id] / total.max(f32::MIN_POSITIVE) * 100.0).round().max(1.0);
+            let share =
+                |id: TileId| (linear.shares[id] / total.max(f32::MIN_POSITIVE) * 100.0).round().max(1.0);
             let parts: Vec<(f32, Node)> = linear
                 .children
                 .iter()
@@ -220,7 +231,9 @@ fn extract(tiles: &Tiles<Pane>, id: TileId) -> Option<Node> {
             let node = if linear.dir == LinearDir::Horizontal { Node::Row } else { Node::Column };
             (!parts.is_empty()).then(|| node(parts))
         }
-        Container::Grid(_) => Some(children().collect::<Vec<_>>()).filter(|nodes| !nodes.is_empty()).map(Node::Grid),
+        Container::Grid(_) => {
+            Some(children().collect::<Vec<_>>()).filter(|nodes| !nodes.is_empty()).map(Node::Grid)
+        }
         Container::Tabs(tabs) => {
             let mut nodes: Vec<Node> = children().collect();
             if nodes.len() == 1 {
