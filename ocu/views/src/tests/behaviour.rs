@@ -14,8 +14,8 @@ fn shown(kind: &str) -> Harness<'static, Shown> {
     harness
 }
 
-fn key(name: &str) -> Option<TopicKey> {
-    Some(TopicKey { name: name.into(), recorded: false })
+fn key(name: &str) -> TopicKey {
+    TopicKey { name: name.into(), recorded: false }
 }
 
 #[test]
@@ -38,7 +38,7 @@ fn a_click_on_a_buffer_selects_it_and_a_group_folds() {
     let mut harness = shown("buffers");
     harness.get_by_label("/wm1/map").click();
     harness.run();
-    assert_eq!(harness.state().selection.topic, key("/wm1/map"));
+    assert_eq!(harness.state().selection.topic, Some(key("/wm1/map")));
     harness.get_by_label("Group wm1").click();
     harness.run();
     assert!(harness.query_by_label("/wm1/map").is_none());
@@ -56,7 +56,7 @@ fn a_buffer_can_be_dragged() {
     harness.hover_at(at + Vec2::new(0.0, 60.0));
     harness.run_steps(2);
     let payload = egui::DragAndDrop::payload::<TopicKey>(&harness.ctx);
-    assert_eq!(payload.as_deref(), key("/lidar/points").as_ref());
+    assert_eq!(payload.as_deref(), Some(&key("/lidar/points")));
 }
 
 #[test]
@@ -76,7 +76,7 @@ fn a_topic_that_is_dropped_on_the_fields_is_kept_there() {
 fn fields_follow_the_selection_open_and_search() {
     let mut harness = shown("fields");
     assert!(harness.query_by_label("No buffer is chosen").is_some());
-    harness.state_mut().selection.topic = key("/planner/path");
+    harness.state_mut().selection.topic = Some(key("/planner/path"));
     harness.run();
     harness.get_by_label("poses 12 elements").click();
     harness.run();
@@ -106,11 +106,11 @@ fn a_message_without_a_reader_says_why_and_shows_its_bytes() {
 #[test]
 fn a_pinned_topic_stays_when_another_is_selected() {
     let mut harness = shown("fields");
-    harness.state_mut().selection.topic = key("/wm1/map");
+    harness.state_mut().selection.topic = Some(key("/wm1/map"));
     harness.run();
     harness.get_by_label("Keep this buffer").click();
     harness.run();
-    harness.state_mut().selection.topic = key("/planner/path");
+    harness.state_mut().selection.topic = Some(key("/planner/path"));
     harness.run();
     assert!(harness.query_by_label_contains("poses").is_none());
     harness.get_by_label("Follow the selection again").click();
