@@ -46,7 +46,8 @@ impl LogView {
                 metadata: Arc::new(topic.metadata.clone()),
                 writer: topic.metadata.get("rcs.writer").map_or("", String::as_str).into(),
                 messages: topic.messages,
-                hz: topic.hz,
+                // One message has no rate.
+                hz: if topic.messages > 1 { topic.hz } else { 0.0 },
                 undecodable: topic.undecodable_because.as_deref().map(Arc::from),
                 latest: None,
                 canonical: Arc::new(OnceLock::new()),
