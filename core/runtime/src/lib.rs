@@ -12,6 +12,7 @@ mod feed;
 mod history;
 mod live;
 mod node;
+mod overrides;
 mod pool;
 mod process;
 mod record;
@@ -20,6 +21,7 @@ pub mod source;
 mod stack;
 mod status;
 mod stepped;
+mod summary;
 
 pub use cycle::{Cycle, Msg};
 pub use history::{OperatorWrite, Session};
@@ -34,4 +36,5 @@ pub use stack::{
     StackError, StackFile, VIEWER,
 };
 pub use status::{Text, child_state};
-pub use stepped::{BufferSummary, Happened, ProcessSummary, RunOptions, Stepped, Summary};
+pub use stepped::{Happened, RunOptions, Stepped};
+pub use summary::{BufferSummary, ProcessSummary, Summary};

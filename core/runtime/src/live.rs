@@ -6,10 +6,11 @@
 
 use crate::history::OperatorWrite;
 use crate::node::{Machine, Node, RunError};
+use crate::overrides::apply_override;
 use crate::pool::Pool;
 use crate::record::{RecordOptions, Recording};
 use crate::stack::{Plan, names};
-use crate::stepped::{RunOptions, Stepped, apply_override};
+use crate::stepped::{RunOptions, Stepped};
 use rcs_bus::{Buffer, Bus, Draft, WriterId};
 use rcs_log::{CursorOptions, Log, RecorderStatus};
 use rcs_msg::{AnyMessage, Stamp, rcs};

@@ -6,7 +6,8 @@
 use crate::cycle::{InputView, Staged};
 use crate::node::{NodeState, Output, RunError, SavedBody};
 use crate::status::{StatusCell, StatusOnDisk};
-use crate::stepped::{Event, EventKind, Stepped, Tally};
+use crate::stepped::{Event, EventKind, Stepped};
+use crate::summary::Tally;
 use rand_chacha::ChaCha8Rng;
 use rcs_bus::{BufferState, Header, Sample};
 use rcs_log::Position;

@@ -6,14 +6,16 @@
 use crate::feed::Feed;
 use crate::history::OperatorWrite;
 use crate::node::{Machine, Output, RunError, check_params};
+use crate::overrides::apply_override;
 use crate::pool::Pool;
 use crate::stack::{Plan, names};
-use rcs_bus::{Buffer, Bus, Draft, Override, OverrideMode, OverrideValue, Sample, WriterId};
+use crate::summary::{CycleTimes, Tallies, tap_tallies};
+use rcs_bus::{Buffer, Bus, Draft, WriterId};
 use rcs_log::Log;
-use rcs_msg::{AnyMessage, Stamp, Value, foxglove, rcs};
+use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// How a stack is run.
@@ -108,16 +110,6 @@ impl Ord for Event {
     }
 }
 
-/// What was written to each buffer so far, in the order of the plan.
-pub(crate) type Tallies = Arc<Mutex<Vec<Tally>>>;
-
-/// What was written to one buffer so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub(crate) struct Tally {
-    hash: [u8; 32],
-    bytes: u64,
-}
-
 /// A stack in simulated time.
 pub struct Stepped {
     machine: Machine,
@@ -132,7 +124,7 @@ pub struct Stepped {
     /// Cycles of a live run that are run again; empty on the nominal schedule.
     schedule: Vec<ScheduledCycle>,
     pool: Pool,
-    timings: Vec<CycleTimes>,
+    pub(crate) timings: Vec<CycleTimes>,
     timing_due: Stamp,
 }
 
@@ -142,14 +134,6 @@ pub(crate) struct ScheduledCycle {
     pub(crate) node: usize,
     pub(crate) start: Stamp,
     pub(crate) end: Stamp,
-}
-
-#[derive(Clone, Copy, Default)]
-struct CycleTimes {
-    cycles: u64,
-    total_ns: u64,
-    max_ns: u64,
-    overruns: u64,
 }
 
 impl Stepped {
@@ -187,7 +171,7 @@ impl Stepped {
         };
         stepped.pool = Pool::new(stepped.options.threads);
         if stepped.options.hash {
-            stepped.tallies = Some(stepped.tap_tallies());
+            stepped.tallies = Some(tap_tallies(&stepped.machine.buffers));
         }
         for rank in 0..stepped.machine.nodes.len() {
             stepped.schedule_cycle(rank, start);
@@ -411,11 +395,7 @@ impl Stepped {
     }
 
     fn count(&mut self, index: usize, took_ns: u64, period_ns: u64) {
-        let times = &mut self.timings[index];
-        times.cycles += 1;
-        times.total_ns += took_ns;
-        times.max_ns = times.max_ns.max(took_ns);
-        times.overruns += u64::from(took_ns > period_ns);
+        self.timings[index].count(took_ns, period_ns);
         if self.now >= self.timing_due {
             self.timing_due = self.now.after_ns(1_000_000_000);
             let processes = self.process_summaries();
@@ -435,30 +415,6 @@ impl Stepped {
             };
             self.write_runtime(names::TIMING, self.now, AnyMessage::new(timing));
         }
-    }
-
-    fn tap_tallies(&self) -> Tallies {
-        let tallies: Tallies = Arc::new(Mutex::new(vec![Tally::default(); self.machine.buffers.len()]));
-        for (index, buffer) in self.machine.buffers.iter().enumerate() {
-            if buffer.name() == names::TIMING {
-                continue;
-            }
-            let tallies = Arc::clone(&tallies);
-            buffer.tap(Box::new(move |sample: &Sample| {
-                let mut tallies = tallies.lock().unwrap_or_else(PoisonError::into_inner);
-                let header = &sample.header;
-                let bytes = sample.message.bytes();
-                let mut hasher = blake3::Hasher::new();
-                hasher.update(&tallies[index].hash);
-                hasher.update(&header.sequence.to_le_bytes());
-                hasher.update(&header.log_time.0.to_le_bytes());
-                hasher.update(&header.acq_time.0.to_le_bytes());
-                hasher.update(&bytes);
-                tallies[index].hash = *hasher.finalize().as_bytes();
-                tallies[index].bytes += bytes.len() as u64;
-            }));
-        }
-        tallies
     }
 
     /// The run's buffers.
@@ -498,146 +454,4 @@ impl Stepped {
     pub(crate) fn machine_mut(&mut self) -> &mut Machine {
         &mut self.machine
     }
-
-    fn process_summaries(&self) -> Vec<ProcessSummary> {
-        let nodes = self.machine.nodes.iter().zip(&self.timings);
-        nodes
-            .map(|(node, times)| ProcessSummary {
-                name: node.status().process.to_string(),
-                state: node.status().state,
-                cycles: node.status().cycle,
-                mean_us: times.total_ns as f64 * 1e-3 / times.cycles.max(1) as f64,
-                max_us: times.max_ns as f64 * 1e-3,
-                overruns: times.overruns,
-            })
-            .collect()
-    }
-
-    /// What the run has done so far.
-    pub fn summary(&self) -> Summary {
-        let tallies = self
-            .tallies
-            .as_ref()
-            .map(|tallies| tallies.lock().unwrap_or_else(PoisonError::into_inner).clone());
-        let mut buffers: Vec<BufferSummary> = self
-            .machine
-            .buffers
-            .iter()
-            .enumerate()
-            .map(|(index, buffer)| BufferSummary {
-                name: buffer.name().to_owned(),
-                schema: buffer.spec().schema.name().to_owned(),
-                messages: buffer.newest(),
-                bytes: tallies.as_ref().map(|tallies| tallies[index].bytes),
-                hash: tallies.as_ref().map(|tallies| hex(&tallies[index].hash)),
-            })
-            .collect();
-        buffers.sort_by(|a, b| a.name.cmp(&b.name));
-        let hash = tallies.is_some().then(|| {
-            let mut hasher = blake3::Hasher::new();
-            for buffer in buffers.iter().filter(|buffer| buffer.name != names::TIMING) {
-                hasher.update(buffer.name.as_bytes());
-                hasher.update(&buffer.messages.to_le_bytes());
-                hasher.update(buffer.hash.as_deref().unwrap_or_default().as_bytes());
-            }
-            hex(hasher.finalize().as_bytes())
-        });
-        Summary {
-            time_s: self.now.seconds_since(self.start),
-            processes: self.process_summaries(),
-            buffers,
-            hash,
-        }
-    }
-}
-
-/// Lays an operator's hand on a buffer, or takes it away, as an [`rcs::Override`] says.
-pub(crate) fn apply_override(bus: &Bus, message: &AnyMessage) -> Result<(), RunError> {
-    let refused = |text: String| RunError::Refused(text);
-    let change = message
-        .to::<rcs::Override>()
-        .ok_or_else(|| refused("an override that does not decode".to_owned()))?;
-    let Some(buffer) = bus.get(&change.buffer) else {
-        return Err(refused(format!("there is no buffer {} to override", change.buffer)));
-    };
-    let schema = &buffer.spec().schema;
-    let value = if change.path.is_empty() {
-        let whole = rcs_msg::canonical(schema, &change.message).and_then(Result::ok);
-        let whole =
-            whole.ok_or_else(|| refused(format!("the message does not decode as {}", schema.name())))?;
-        OverrideValue::Message(whole)
-    } else {
-        let path = change.path.parse().map_err(|error| refused(format!("{}: {error}", change.path)))?;
-        let value = match (change.mode(), serde_json::from_str(&change.value_json)) {
-            (rcs::r#override::Mode::Release, _) => Value::Null,
-            (_, Ok(serde_json::Value::Bool(on))) => Value::Bool(on),
-            (_, Ok(serde_json::Value::String(text))) => Value::Text(text),
-            (_, Ok(serde_json::Value::Number(number))) => {
-                number.as_i64().map_or_else(|| Value::Float(number.as_f64().unwrap_or(f64::NAN)), Value::Int)
-            }
-            _ => {
-                return Err(refused(format!(
-                    "{:?} is no value for a field; expected a number, a text, true or false",
-                    change.value_json
-                )));
-            }
-        };
-        OverrideValue::Field(path, value)
-    };
-    let mode = match change.mode() {
-        rcs::r#override::Mode::Hold => OverrideMode::Hold,
-        rcs::r#override::Mode::Once => OverrideMode::Once,
-        rcs::r#override::Mode::Release => OverrideMode::Release,
-    };
-    buffer.set_override(Override { mode, value });
-    Ok(())
-}
-
-fn hex(hash: &[u8; 32]) -> String {
-    blake3::Hash::from_bytes(*hash).to_hex()[..16].to_owned()
-}
-
-/// What a run has done so far.
-#[derive(Clone, Debug)]
-pub struct Summary {
-    /// Simulated seconds since the start.
-    pub time_s: f64,
-    /// Processes, in the order of the stack file.
-    pub processes: Vec<ProcessSummary>,
-    /// Buffers, by name.
-    pub buffers: Vec<BufferSummary>,
-    /// Hash of all buffers but `/runtime/timing`; `None` where the run does not hash.
-    pub hash: Option<String>,
-}
-
-/// What a process has done so far. Durations are measured, and differ from run to run.
-#[derive(Clone, Debug)]
-pub struct ProcessSummary {
-    /// Its name.
-    pub name: String,
-    /// Its state.
-    pub state: rcs::ProcessState,
-    /// Cycles done.
-    pub cycles: u64,
-    /// Mean duration of a cycle.
-    pub mean_us: f64,
-    /// Longest duration of a cycle.
-    pub max_us: f64,
-    /// Cycles that took longer than the period.
-    pub overruns: u64,
-}
-
-/// What a buffer has held so far.
-#[derive(Clone, Debug)]
-pub struct BufferSummary {
-    /// Its name.
-    pub name: String,
-    /// Type of its messages.
-    pub schema: String,
-    /// Messages written.
-    pub messages: u64,
-    /// Bytes of all of them; `None` where the run does not hash.
-    pub bytes: Option<u64>,
-    /// Hash of all of them, 16 hexadecimal digits; `None` where the run does not hash.
-    pub hash: Option<String>,
 }

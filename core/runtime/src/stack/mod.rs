@@ -29,6 +29,7 @@
 //! record_hz = 5.0                 # at most; every message where it is absent
 //! ```
 
+mod builder;
 mod error;
 mod file;
 mod plan;

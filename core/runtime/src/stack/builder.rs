@@ -1,0 +1,457 @@
+//! From a stack file's entries to what will run: every mistake is found here, with its line.
+
+use super::error::{StackError, one_of};
+use super::file::{BufferEntry, OverflowEntry, ProcessEntry, StackFile, VIEWER};
+use super::plan::{BufferPlan, InputPlan, ProcessPlan, names};
+use crate::process::{PortDef, ProcessType};
+use rcs_bus::{BufferSpec, Mode, Overflow};
+use rcs_msg::{AnyMessage, Payload, Schema, foxglove, params, rcs, schema_of};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use toml::Spanned;
+
+/// What has been found out so far.
+pub(super) struct Builder<'a> {
+    file: &'a StackFile,
+    buffers: Vec<BufferPlan>,
+    by_name: BTreeMap<String, usize>,
+}
+
+type Parts = (Vec<InputPlan>, Vec<ProcessPlan>, Vec<BufferPlan>);
+
+impl<'a> Builder<'a> {
+    pub(super) fn new(file: &'a StackFile) -> Self {
+        Self { file, buffers: Vec::new(), by_name: BTreeMap::new() }
+    }
+
+    pub(super) fn build(
+        mut self,
+        plugins: &[ProcessType],
+        overrides: &[(String, String)],
+    ) -> Result<Parts, StackError> {
+        let processes = self.processes(plugins, overrides)?;
+        let inputs = self.inputs()?;
+        self.check_wiring(&inputs, &processes)?;
+        self.buffer_entries()?;
+        self.runtime_buffers(processes.len());
+        Ok((inputs, processes, self.buffers))
+    }
+
+    fn processes(
+        &mut self,
+        plugins: &[ProcessType],
+        overrides: &[(String, String)],
+    ) -> Result<Vec<ProcessPlan>, StackError> {
+        let file = self.file;
+        let entries = &file.content.processes;
+        for (index, entry) in entries.iter().enumerate() {
+            let name = &entry.get_ref().name;
+            if !is_name(name.get_ref()) {
+                return Err(file.error(
+                    &name.span(),
+                    format!(
+                        "{:?} cannot name a process; expected letters, digits and underscores",
+                        name.get_ref()
+                    ),
+                ));
+            }
+            if entries[..index].iter().any(|other| other.get_ref().name.get_ref() == name.get_ref()) {
+                return Err(
+                    file.error(&name.span(), format!("there are two processes named {}", name.get_ref()))
+                );
+            }
+            if name.get_ref() == VIEWER || name.get_ref() == "runtime" {
+                return Err(file.error(&name.span(), format!("the name {} is taken", name.get_ref())));
+            }
+        }
+        for (path, _) in overrides {
+            let process = path.split_once('.').map(|(process, _)| process);
+            if !entries.iter().any(|entry| Some(entry.get_ref().name.get_ref().as_str()) == process) {
+                let names = entries.iter().map(|entry| entry.get_ref().name.get_ref().as_str());
+                return Err(StackError {
+                    file: "--param".to_owned(),
+                    line: 1,
+                    message: format!(
+                        "{path} names no parameter; expected <process>.<field>=<value>, with process {}",
+                        one_of(names)
+                    ),
+                });
+            }
+        }
+        // A process's own buffers come first, so that a wire of another type to one of them is what is refused.
+        for spanned in entries {
+            let name = spanned.get_ref().name.get_ref();
+            self.buffer(&format!("/{name}/command"), &spanned.span(), schema_of::<rcs::Command>())?;
+            self.buffer(&format!("/{name}/status"), &spanned.span(), schema_of::<rcs::Status>())?;
+        }
+        entries.iter().map(|entry| self.process(entry, plugins, overrides)).collect()
+    }
+
+    fn process(
+        &mut self,
+        spanned: &Spanned<ProcessEntry>,
+        plugins: &[ProcessType],
+        overrides: &[(String, String)],
+    ) -> Result<ProcessPlan, StackError> {
+        let file = self.file;
+        let entry = spanned.get_ref();
+        let name = entry.name.get_ref().as_str();
+        let plugin = &entry.plugin;
+        let Some(kind) = plugins.iter().find(|kind| kind.def().plugin == plugin.get_ref()) else {
+            let names = one_of(plugins.iter().map(|kind| kind.def().plugin));
+            let message = format!("there is no plugin {:?}; expected {names}", plugin.get_ref());
+            return Err(file.error(&plugin.span(), message));
+        };
+        let supervisor = self.supervisor(spanned)?;
+        let millis = |value: &Option<Spanned<f64>>, default: f64, least: f64| match value {
+            Some(ms) if ms.get_ref().is_finite() && (least..=1e7).contains(ms.get_ref()) => Ok(*ms.get_ref()),
+            Some(ms) => Err(file.error(
+                &ms.span(),
+                format!("{} ms is out of range; expected {least} to 10000000", ms.get_ref()),
+            )),
+            None => Ok(default),
+        };
+        let period_ms = millis(&entry.period_ms, kind.def().period_ms, 0.1)?;
+        let latency_ms = millis(&entry.latency_ms, 0.0, 0.0)?;
+
+        let input_defs = kind.inputs();
+        let output_defs = kind.outputs();
+        check_ports(file, "input", &entry.inputs, &input_defs)?;
+        check_ports(file, "output", &entry.outputs, &output_defs)?;
+        let mut inputs = Vec::new();
+        for def in &input_defs {
+            inputs.push(match wired(&entry.inputs, def.name) {
+                Some(buffer) => Some(self.buffer(buffer.get_ref(), &buffer.span(), &def.schema)?),
+                None if def.required => {
+                    let message = format!(
+                        "process {name} has no buffer for its input {}; expected inputs.{} = \"/…\" ({})",
+                        def.name, def.name, def.help
+                    );
+                    return Err(file.error(&spanned.span(), message));
+                }
+                None => None,
+            });
+        }
+        let mut outputs = Vec::new();
+        for def in &output_defs {
+            let default = Spanned::new(spanned.span(), format!("/{name}/{}", def.name));
+            let buffer = wired(&entry.outputs, def.name).unwrap_or(&default);
+            let index = self.buffer(buffer.get_ref(), &buffer.span(), &def.schema)?;
+            let mut metadata = def.metadata.clone();
+            if let Some(port) = metadata.get("rcs.overlay_of") {
+                // The port names what the overlay lies on; a view needs the buffer.
+                match wired(&entry.inputs, port) {
+                    Some(buffer) => metadata.insert("rcs.overlay_of".to_owned(), buffer.get_ref().clone()),
+                    None => metadata.remove("rcs.overlay_of"),
+                };
+            }
+            self.buffers[index].spec.metadata.extend(metadata);
+            outputs.push(index);
+        }
+        let params = self.params(name, entry, kind, overrides)?;
+        let span = spanned.span();
+        let mut own = |suffix: &str, schema| self.buffer(&format!("/{name}/{suffix}"), &span, schema);
+        Ok(ProcessPlan {
+            name: name.into(),
+            kind: *kind,
+            supervisor,
+            host: entry.host.clone(),
+            period_ns: (period_ms * 1e6).round() as u64,
+            latency_ns: (latency_ms * 1e6).round() as u64,
+            inputs,
+            outputs,
+            params,
+            command_buffer: own("command", schema_of::<rcs::Command>())?,
+            status_buffer: own("status", schema_of::<rcs::Status>())?,
+            params_buffer: own("params", kind.params_schema())?,
+        })
+    }
+
+    fn supervisor(&self, process: &Spanned<ProcessEntry>) -> Result<Option<usize>, StackError> {
+        let file = self.file;
+        let entries = &file.content.processes;
+        let name = process.get_ref().name.get_ref();
+        let others = || {
+            one_of(
+                [VIEWER]
+                    .into_iter()
+                    .chain(entries.iter().map(|e| e.get_ref().name.get_ref().as_str()).filter(|n| n != name)),
+            )
+        };
+        let Some(supervisor) = &process.get_ref().supervisor else {
+            let message = format!("process {name} has no supervisor; expected supervisor = {}", others());
+            return Err(file.error(&process.span(), message));
+        };
+        if supervisor.get_ref() == VIEWER {
+            return Ok(None);
+        }
+        let parent_of = |name: &str| entries.iter().position(|entry| entry.get_ref().name.get_ref() == name);
+        let Some(parent) = parent_of(supervisor.get_ref()) else {
+            let message = format!(
+                "there is no process {:?} to supervise {name}; expected {}",
+                supervisor.get_ref(),
+                others()
+            );
+            return Err(file.error(&supervisor.span(), message));
+        };
+        // Follow the chain of supervisors: it must end at the viewer's.
+        let mut above = parent;
+        for _ in 0..entries.len() {
+            match entries[above].get_ref().supervisor.as_ref().map(Spanned::get_ref) {
+                Some(next) if next != VIEWER => match parent_of(next) {
+                    Some(next) => above = next,
+                    None => return Ok(Some(parent)),
+                },
+                _ => return Ok(Some(parent)),
+            }
+        }
+        let message = format!("process {name} supervises itself; expected a chain that ends at {VIEWER}");
+        Err(file.error(&supervisor.span(), message))
+    }
+
+    fn params(
+        &self,
+        name: &str,
+        entry: &ProcessEntry,
+        kind: &ProcessType,
+        overrides: &[(String, String)],
+    ) -> Result<AnyMessage, StackError> {
+        let schema = kind.params_schema();
+        let Some(descriptor) = schema.descriptor() else {
+            return Err(self
+                .file
+                .error(&entry.plugin.span(), format!("{} has no descriptor", schema.name())));
+        };
+        let mut values = params::defaults(descriptor);
+        for (field, value) in &entry.params {
+            let result = match to_value(value.get_ref()) {
+                Some(new) => {
+                    params::set_param(&mut values, field.get_ref(), &new).map_err(|error| error.to_string())
+                }
+                None => Err("expected a number, a text, true or false, or a list of these".to_owned()),
+            };
+            result.map_err(|error| {
+                self.file.error(&value.span(), format!("parameter {name}.{}: {error}", field.get_ref()))
+            })?;
+        }
+        for (path, text) in overrides {
+            let Some(field) = path.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')) else {
+                continue;
+            };
+            params::set_param_text(&mut values, field, text).map_err(|error| StackError {
+                file: "--param".to_owned(),
+                line: 1,
+                message: format!("{path}: {error}"),
+            })?;
+        }
+        Ok(AnyMessage::encoded(Arc::clone(schema), prost::Message::encode_to_vec(&values).into()))
+    }
+
+    fn inputs(&mut self) -> Result<Vec<InputPlan>, StackError> {
+        let file = self.file;
+        let mut inputs = Vec::new();
+        for spanned in &file.content.inputs {
+            let entry = spanned.get_ref();
+            let known = self.by_name.get(entry.buffer.get_ref()).copied();
+            let buffer = match (&entry.type_name, known) {
+                (None, Some(buffer)) => buffer,
+                (None, None) => {
+                    let message = format!(
+                        "no process reads {}; expected a buffer that one reads, or a type, like type = \"foxglove.Odometry\"",
+                        entry.buffer.get_ref()
+                    );
+                    return Err(file.error(&entry.buffer.span(), message));
+                }
+                (Some(type_name), _) => {
+                    let Some(schema) = rcs_msg::registry().schema(type_name.get_ref()) else {
+                        let message = format!(
+                            "there is no type {:?}; expected one of foxglove's or rcs's, like foxglove.Odometry",
+                            type_name.get_ref()
+                        );
+                        return Err(file.error(&type_name.span(), message));
+                    };
+                    self.buffer(entry.buffer.get_ref(), &entry.buffer.span(), schema)?
+                }
+            };
+            inputs.push(InputPlan {
+                topic: entry.topic.get_ref().clone(),
+                buffer,
+                is_static: entry.is_static || entry.topic.get_ref().ends_with("/tf_static"),
+                line: StackError::at("", &file.text, &entry.topic.span(), "").line,
+            });
+        }
+        Ok(inputs)
+    }
+
+    /// Every buffer that a process reads is written by someone.
+    fn check_wiring(&self, inputs: &[InputPlan], processes: &[ProcessPlan]) -> Result<(), StackError> {
+        for (process, entry) in processes.iter().zip(&self.file.content.processes) {
+            for (def, buffer) in process.kind.inputs().iter().zip(&process.inputs) {
+                let Some(buffer) = *buffer else { continue };
+                let written = inputs.iter().any(|input| input.buffer == buffer)
+                    || processes.iter().any(|other| {
+                        other.outputs.contains(&buffer)
+                            || [other.status_buffer, other.command_buffer, other.params_buffer]
+                                .contains(&buffer)
+                    });
+                if !written {
+                    let name = &self.buffers[buffer].spec.name;
+                    let wire = wired(&entry.get_ref().inputs, def.name);
+                    let span = wire.map_or(entry.span(), Spanned::span);
+                    let mut writable: Vec<&str> = inputs
+                        .iter()
+                        .map(|input| input.buffer)
+                        .chain(processes.iter().flat_map(|other| other.outputs.iter().copied()))
+                        .filter(|&index| self.buffers[index].spec.schema.name() == def.schema.name())
+                        .map(|index| self.buffers[index].spec.name.as_str())
+                        .collect();
+                    writable.sort_unstable();
+                    writable.dedup();
+                    let message = format!(
+                        "nothing writes {name}, which process {} reads as {}; expected an [[input]] or an output of that \
+                         type: {}",
+                        process.name,
+                        def.schema.name(),
+                        one_of(writable)
+                    );
+                    return Err(self.file.error(&span, message));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn buffer_entries(&mut self) -> Result<(), StackError> {
+        let file = self.file;
+        for (name, spanned) in &file.content.buffers {
+            let Some(&index) = self.by_name.get(name.get_ref()) else {
+                let names = one_of(self.by_name.keys().map(String::as_str));
+                let message = format!("there is no buffer {}; expected {names}", name.get_ref());
+                return Err(file.error(&name.span(), message));
+            };
+            let BufferEntry { queue, overflow, record, record_hz } = spanned.get_ref();
+            let plan = &mut self.buffers[index];
+            match (queue, overflow) {
+                (Some(depth), overflow) => {
+                    if !(1..=100_000).contains(depth.get_ref()) {
+                        let message =
+                            format!("a queue of {} is not possible; expected 1 to 100000", depth.get_ref());
+                        return Err(file.error(&depth.span(), message));
+                    }
+                    let overflow = match overflow.as_ref().map(|overflow| *overflow.get_ref()) {
+                        Some(OverflowEntry::Refuse) => Overflow::Refuse,
+                        Some(OverflowEntry::DropOldest) | None => Overflow::DropOldest,
+                    };
+                    plan.spec.mode = Mode::Queue { depth: *depth.get_ref(), overflow };
+                }
+                (None, Some(overflow)) => {
+                    let message = "overflow is for a queue; expected queue = <depth> beside it";
+                    return Err(file.error(&overflow.span(), message));
+                }
+                (None, None) => {}
+            }
+            plan.record = record.unwrap_or(true);
+            if let Some(hz) = record_hz {
+                if !(hz.get_ref().is_finite() && *hz.get_ref() > 0.0) {
+                    let message = format!("{} is no rate; expected a number above 0", hz.get_ref());
+                    return Err(file.error(&hz.span(), message));
+                }
+                plan.record_hz = Some(*hz.get_ref());
+            }
+        }
+        Ok(())
+    }
+
+    fn runtime_buffers(&mut self, processes: usize) {
+        fn spec<T: Payload>(name: &str, mode: Mode) -> BufferSpec {
+            let schema = Arc::clone(schema_of::<T>());
+            BufferSpec { name: name.to_owned(), schema, mode, metadata: BTreeMap::new() }
+        }
+        let queue = |depth: usize| Mode::Queue { depth: depth.max(1), overflow: Overflow::DropOldest };
+        for spec in [
+            spec::<rcs::RunInfo>(names::RUN, Mode::Latest),
+            spec::<rcs::ProcessInfo>(names::PROCESSES, queue(processes)),
+            spec::<rcs::Timing>(names::TIMING, Mode::Latest),
+            spec::<foxglove::Log>(names::LOG, queue(64)),
+            spec::<rcs::CycleRecord>(names::SCHEDULE, queue(64)),
+            spec::<rcs::Override>(names::OVERRIDE, queue(16)),
+        ] {
+            self.by_name.insert(spec.name.clone(), self.buffers.len());
+            self.buffers.push(BufferPlan { spec, record: true, record_hz: None });
+        }
+    }
+
+    /// The buffer of that name, made if it is new; an error where it holds another type.
+    fn buffer(
+        &mut self,
+        name: &str,
+        span: &std::ops::Range<usize>,
+        schema: &Arc<Schema>,
+    ) -> Result<usize, StackError> {
+        if !name.starts_with('/')
+            || name.len() < 2
+            || name.ends_with('/')
+            || name.chars().any(char::is_whitespace)
+        {
+            let message = format!("{name:?} cannot name a buffer; expected a name like /wm1/map");
+            return Err(self.file.error(span, message));
+        }
+        if name.starts_with("/runtime/") {
+            let message = format!("{name} is the runtime's own; expected another name");
+            return Err(self.file.error(span, message));
+        }
+        if let Some(&index) = self.by_name.get(name) {
+            let holds = self.buffers[index].spec.schema.name();
+            if holds != schema.name() {
+                let message = format!(
+                    "{name} holds {holds} elsewhere in this stack; expected it to hold {}",
+                    schema.name()
+                );
+                return Err(self.file.error(span, message));
+            }
+            return Ok(index);
+        }
+        let spec = BufferSpec {
+            name: name.to_owned(),
+            schema: Arc::clone(schema),
+            mode: Mode::Latest,
+            metadata: BTreeMap::new(),
+        };
+        self.by_name.insert(name.to_owned(), self.buffers.len());
+        self.buffers.push(BufferPlan { spec, record: true, record_hz: None });
+        Ok(self.buffers.len() - 1)
+    }
+}
+
+type Wires = BTreeMap<Spanned<String>, Spanned<String>>;
+
+fn wired<'a>(wires: &'a Wires, port: &str) -> Option<&'a Spanned<String>> {
+    wires.iter().find(|(name, _)| name.get_ref() == port).map(|(_, buffer)| buffer)
+}
+
+fn check_ports(file: &StackFile, what: &str, wires: &Wires, defs: &[PortDef]) -> Result<(), StackError> {
+    match wires.keys().find(|name| !defs.iter().any(|def| def.name == name.get_ref())) {
+        Some(name) => {
+            let names = one_of(defs.iter().map(|def| def.name));
+            let message = format!("there is no {what} {:?}; expected {names}", name.get_ref());
+            Err(file.error(&name.span(), message))
+        }
+        None => Ok(()),
+    }
+}
+
+fn is_name(name: &str) -> bool {
+    !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+}
+
+fn to_value(value: &toml::Value) -> Option<rcs_msg::Value> {
+    use rcs_msg::Value;
+    Some(match value {
+        toml::Value::String(text) => Value::Text(text.clone()),
+        toml::Value::Integer(number) => Value::Int(*number),
+        toml::Value::Float(number) => Value::Float(*number),
+        toml::Value::Boolean(on) => Value::Bool(*on),
+        toml::Value::Array(list) => Value::List(list.iter().map(to_value).collect::<Option<_>>()?),
+        toml::Value::Datetime(_) | toml::Value::Table(_) => return None,
+    })
+}

@@ -1,0 +1,162 @@
+//! What a run has done so far: cycles, messages, and a hash of everything that was written.
+
+use crate::stack::names;
+use crate::stepped::Stepped;
+use rcs_bus::{Buffer, Sample};
+use rcs_msg::rcs;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What was written to each buffer so far, in the order of the plan.
+pub(crate) type Tallies = Arc<Mutex<Vec<Tally>>>;
+
+/// What was written to one buffer so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub(crate) struct Tally {
+    hash: [u8; 32],
+    bytes: u64,
+}
+
+/// Measured durations of one process's cycles.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct CycleTimes {
+    cycles: u64,
+    total_ns: u64,
+    max_ns: u64,
+    overruns: u64,
+}
+
+impl CycleTimes {
+    pub(crate) fn count(&mut self, took_ns: u64, period_ns: u64) {
+        self.cycles += 1;
+        self.total_ns += took_ns;
+        self.max_ns = self.max_ns.max(took_ns);
+        self.overruns += u64::from(took_ns > period_ns);
+    }
+}
+
+/// Hashes what is written to each of these buffers from now on.
+pub(crate) fn tap_tallies(buffers: &[Arc<Buffer>]) -> Tallies {
+    let tallies: Tallies = Arc::new(Mutex::new(vec![Tally::default(); buffers.len()]));
+    for (index, buffer) in buffers.iter().enumerate() {
+        if buffer.name() == names::TIMING {
+            continue;
+        }
+        let tallies = Arc::clone(&tallies);
+        buffer.tap(Box::new(move |sample: &Sample| {
+            let mut tallies = tallies.lock().unwrap_or_else(PoisonError::into_inner);
+            let header = &sample.header;
+            let bytes = sample.message.bytes();
+            let mut hasher = blake3::Hasher::new();
+            hasher.update(&tallies[index].hash);
+            hasher.update(&header.sequence.to_le_bytes());
+            hasher.update(&header.log_time.0.to_le_bytes());
+            hasher.update(&header.acq_time.0.to_le_bytes());
+            hasher.update(&bytes);
+            tallies[index].hash = *hasher.finalize().as_bytes();
+            tallies[index].bytes += bytes.len() as u64;
+        }));
+    }
+    tallies
+}
+
+impl Stepped {
+    pub(crate) fn process_summaries(&self) -> Vec<ProcessSummary> {
+        let nodes = self.machine().nodes.iter().zip(&self.timings);
+        nodes
+            .map(|(node, times)| ProcessSummary {
+                name: node.status().process.to_string(),
+                state: node.status().state,
+                cycles: node.status().cycle,
+                mean_us: times.total_ns as f64 * 1e-3 / times.cycles.max(1) as f64,
+                max_us: times.max_ns as f64 * 1e-3,
+                overruns: times.overruns,
+            })
+            .collect()
+    }
+
+    /// What the run has done so far.
+    pub fn summary(&self) -> Summary {
+        let tallies = self
+            .tallies
+            .as_ref()
+            .map(|tallies| tallies.lock().unwrap_or_else(PoisonError::into_inner).clone());
+        let mut buffers: Vec<BufferSummary> = self
+            .machine()
+            .buffers
+            .iter()
+            .enumerate()
+            .map(|(index, buffer)| BufferSummary {
+                name: buffer.name().to_owned(),
+                schema: buffer.spec().schema.name().to_owned(),
+                messages: buffer.newest(),
+                bytes: tallies.as_ref().map(|tallies| tallies[index].bytes),
+                hash: tallies.as_ref().map(|tallies| hex(&tallies[index].hash)),
+            })
+            .collect();
+        buffers.sort_by(|a, b| a.name.cmp(&b.name));
+        let hash = tallies.is_some().then(|| {
+            let mut hasher = blake3::Hasher::new();
+            for buffer in buffers.iter().filter(|buffer| buffer.name != names::TIMING) {
+                hasher.update(buffer.name.as_bytes());
+                hasher.update(&buffer.messages.to_le_bytes());
+                hasher.update(buffer.hash.as_deref().unwrap_or_default().as_bytes());
+            }
+            hex(hasher.finalize().as_bytes())
+        });
+        Summary {
+            time_s: self.now.seconds_since(self.start),
+            processes: self.process_summaries(),
+            buffers,
+            hash,
+        }
+    }
+}
+
+fn hex(hash: &[u8; 32]) -> String {
+    blake3::Hash::from_bytes(*hash).to_hex()[..16].to_owned()
+}
+
+/// What a run has done so far.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// Simulated seconds since the start.
+    pub time_s: f64,
+    /// Processes, in the order of the stack file.
+    pub processes: Vec<ProcessSummary>,
+    /// Buffers, by name.
+    pub buffers: Vec<BufferSummary>,
+    /// Hash of all buffers but `/runtime/timing`; `None` where the run does not hash.
+    pub hash: Option<String>,
+}
+
+/// What a process has done so far. Durations are measured, and differ from run to run.
+#[derive(Clone, Debug)]
+pub struct ProcessSummary {
+    /// Its name.
+    pub name: String,
+    /// Its state.
+    pub state: rcs::ProcessState,
+    /// Cycles done.
+    pub cycles: u64,
+    /// Mean duration of a cycle.
+    pub mean_us: f64,
+    /// Longest duration of a cycle.
+    pub max_us: f64,
+    /// Cycles that took longer than the period.
+    pub overruns: u64,
+}
+
+/// What a buffer has held so far.
+#[derive(Clone, Debug)]
+pub struct BufferSummary {
+    /// Its name.
+    pub name: String,
+    /// Type of its messages.
+    pub schema: String,
+    /// Messages written.
+    pub messages: u64,
+    /// Bytes of all of them; `None` where the run does not hash.
+    pub bytes: Option<u64>,
+    /// Hash of all of them, 16 hexadecimal digits; `None` where the run does not hash.
+    pub hash: Option<String>,
+}
