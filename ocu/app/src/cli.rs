@@ -126,7 +126,7 @@ pub struct RenderArgs {
     /// Moment to draw, in seconds from the log's start
     #[arg(long, value_name = "T", value_parser = parse_seconds)]
     pub at: f64,
-    /// Size of the picture in pixels, as WIDTHxHEIGHT
+    /// Size of the picture in pixels: 1600x900
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Size,
     /// File to write

@@ -75,7 +75,8 @@ fn report(info: &LogInfo) -> Report<'_> {
 fn human(info: &LogInfo, out: &mut dyn Write) -> anyhow::Result<()> {
     let mut facts = vec![
         ("file", format!("{} ({})", info.path.display(), format::bytes(info.bytes))),
-        ("written by", [info.library.as_str(), info.profile.as_str()].join(" ").trim().to_owned()),
+        ("written by", info.library.clone()),
+        ("profile", info.profile.clone()),
         ("start", crate::time::date_and_time(info.start)),
         ("duration", format::elapsed(info.duration_s())),
         ("messages", info.messages.to_string()),

@@ -7,7 +7,7 @@ use std::time::Duration;
 /// Gamma-space colours, as egui wants them.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// A software driver may take seconds for a large picture; a lost device takes forever.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 
 /// Paints what egui gives into a texture.
 pub struct Painter {

@@ -1,5 +1,7 @@
 //! The whole window, driven without a display.
 
+#![allow(clippy::unwrap_used, reason = "a test may fail")]
+
 use egui::{Key, Modifiers};
 use egui_kittest::{Harness, kittest::Queryable};
 use ocu_app::layout::{BUNDLED, Layout};
@@ -10,7 +12,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Longer than anything here takes; a test that waits so long has failed.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 
 /// A recording of three seconds in a folder of its own.
 fn recording(dir: &Path) -> Request {
@@ -25,14 +27,13 @@ fn harness<'a>(options: Options) -> Harness<'a, State> {
     let mut options = Some(options);
     Harness::builder().with_size([1280.0, 800.0]).build_ui_state(
         move |ui, state: &mut State| {
-            match &mut state.0 {
-                Some(window) => window.ui(ui),
+            if let Some(window) = &mut state.0 {
+                window.ui(ui);
+            } else {
                 // Fonts are there from the next pass on.
-                None => {
-                    ocu_ui::install(ui.ctx());
-                    state.0 = Some(Window::new(ui.ctx(), options.take().unwrap_or_default()));
-                    ui.ctx().request_repaint();
-                }
+                ocu_ui::install(ui.ctx());
+                state.0 = Some(Window::new(ui.ctx(), options.take().unwrap_or_default()));
+                ui.ctx().request_repaint();
             }
         },
         State(None),
@@ -129,6 +130,21 @@ fn a_dropped_stack_runs_on_the_open_recording() {
     std::fs::write(&stack, include_str!("../../../assets/stacks/sample.toml")).unwrap();
     drop_file(&mut harness, &stack);
     wait_until(&mut harness, "the stack runs", |harness| harness.query_by_label("REPLAY").is_some());
+}
+
+#[test]
+fn a_dropped_layout_arranges_the_views_and_a_wrong_one_is_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = opened(dir.path());
+    let mine = dir.path().join("mine.ron");
+    std::fs::write(&mine, include_str!("../../../layouts/fields.ron")).unwrap();
+    drop_file(&mut harness, &mine);
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Map").is_none(), "only the fields are left");
+    std::fs::write(&mine, "Layout(version: 1, name: \"mine\", root: Pile([]))").unwrap();
+    drop_file(&mut harness, &mine);
+    harness.run_steps(3);
+    assert!(harness.query_by_label_contains("mine.ron:1").is_some());
 }
 
 #[test]

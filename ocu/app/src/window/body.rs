@@ -11,7 +11,7 @@ use crate::open::Request;
 use ocu_ui::{icons, tokens, widgets};
 use ocu_views::{Selection, View, ViewContext};
 use rcs_runtime::source::{Control, Driver, Frame, Source};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -123,6 +123,8 @@ impl Window {
         if self.workspace.is_none() {
             self.arrange(&Layout::for_content(&driver.frame()));
         }
+        let title = format!("{} – OCU", driver.frame().info.title);
+        self.ctx.send_viewport_cmd(egui::ViewportCommand::Title(title));
         self.shown = Shown::Live(driver);
         self.current = request;
         self.selection = Selection::default();
@@ -161,7 +163,7 @@ impl Window {
             None => self.empty_ui(ui),
         }
         if let Some(path) = self.opener.ui(ui) {
-            self.opener.open(Request::dropped(&path, &self.current));
+            self.open_path(&path);
         }
         self.help_ui(ui);
 
@@ -247,6 +249,7 @@ impl Window {
             .open(&mut self.help_open)
             .collapsible(false)
             .resizable(false)
+            .anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO)
             .show(ui.ctx(), keys::list);
     }
 
@@ -266,7 +269,18 @@ impl Window {
                 self.notices
                     .error(format!("{} files were dropped; one can be opened at a time", files.len()));
             }
-            self.opener.open(Request::dropped(first.path(), &self.current));
+            self.open_path(first.path());
+        }
+    }
+
+    /// Opens a recording, a stack or a layout.
+    fn open_path(&mut self, path: &Path) {
+        if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("ron")) {
+            return self.opener.open(Request::dropped(path, &self.current));
+        }
+        match Layout::load(path) {
+            Ok(layout) => self.arrange(&layout),
+            Err(error) => self.notices.error(format!("{error:#}")),
         }
     }
 
@@ -290,6 +304,8 @@ impl Window {
             Wish::ToggleTheme => {
                 let dark = self.ctx.theme() == egui::Theme::Dark;
                 self.ctx.set_theme(if dark { egui::Theme::Light } else { egui::Theme::Dark });
+                // What has been laid out in this pass still has the old colours.
+                self.ctx.request_repaint();
             }
             Wish::Help => self.help_open = !self.help_open,
             Wish::AddView(view_type) => {

@@ -14,6 +14,9 @@ const MOST_RECENT: usize = 10;
 /// A file dialog that closes sooner was not one that a person saw.
 const SEEN: Duration = Duration::from_millis(400);
 
+/// What the opening thread sends.
+type Opened = anyhow::Result<Box<dyn Source>>;
+
 /// What came of opening.
 pub(super) enum Outcome {
     Opened(Request, Box<dyn Source>),
@@ -23,7 +26,7 @@ pub(super) enum Outcome {
 /// Opens sources, and asks which.
 pub(super) struct Opener {
     ctx: egui::Context,
-    pending: Option<(Request, Receiver<anyhow::Result<Box<dyn Source>>>)>,
+    pending: Option<(Request, Receiver<Opened>)>,
     browsing: Option<Receiver<(Option<PathBuf>, Duration)>>,
     recent: Recent,
     /// The dialog, while it is open.
@@ -99,7 +102,7 @@ impl Opener {
         }
         let dialog = self.dialog.as_mut()?;
         let (mut chosen, mut open, mut browse) = (None, true, false);
-        egui::Window::new("Open a recording or a stack")
+        egui::Window::new("Open a recording, a stack or a layout")
             .collapsible(false)
             .resizable(false)
             .default_width(520.0)
@@ -154,7 +157,7 @@ impl Opener {
             let start = Instant::now();
             let chosen = rfd::FileDialog::new()
                 .set_title("Open a recording or a stack")
-                .add_filter("Recordings and stacks", &["mcap", "toml"])
+                .add_filter("Recordings, stacks and layouts", &["mcap", "toml", "ron"])
                 .add_filter("All files", &["*"])
                 .pick_file();
             let _ = sender.send((chosen, start.elapsed()));
@@ -211,9 +214,11 @@ impl Recent {
         self.paths.retain(|known| *known != path);
         self.paths.insert(0, path);
         self.paths.truncate(MOST_RECENT);
-        let text: String = self.paths.iter().map(|path| format!("{}\n", path.display())).collect();
+        let mut text: Vec<String> = self.paths.iter().map(|path| path.display().to_string()).collect();
+        // The last line ends, too.
+        text.push(String::new());
         if let Some(file) = &self.file
-            && let Err(error) = write_whole(file, &text)
+            && let Err(error) = write_whole(file, &text.join("\n"))
         {
             tracing::warn!("the list of recent recordings was not kept: {error}");
         }

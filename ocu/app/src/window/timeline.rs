@@ -201,7 +201,8 @@ impl Timeline {
             return;
         };
         let to = scale.stamp(pointer.x);
-        if response.clicked() || response.dragged() {
+        // The last move and the release may come in one pass.
+        if response.clicked() || response.dragged() || response.drag_stopped() {
             if self.asked != Some(to) {
                 controls.push(Control::Seek(to));
                 self.asked = Some(to);
@@ -209,9 +210,7 @@ impl Timeline {
         } else {
             self.asked = None;
         }
-        painter.vline(pointer.x, rect.y_range(), Stroke::new(1.0, tokens.weak));
-        let text = format::elapsed(to.seconds_since(frame.info.start));
-        response.on_hover_text_at_pointer(text);
+        scale.paint_pointer(&painter, tokens, pointer.x, to);
     }
 }
 
@@ -235,6 +234,18 @@ impl Scale {
     fn stamp(&self, x: f32) -> Stamp {
         let fraction = ((x - self.rect.left()) / self.rect.width().max(1.0)).clamp(0.0, 1.0);
         self.start.after_ns((f64::from(fraction) * (self.end.0 - self.start.0) as f64).round() as u64)
+    }
+
+    /// The time under the pointer, beside a line.
+    fn paint_pointer(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens, x: f32, to: Stamp) {
+        painter.vline(x, self.rect.y_range(), Stroke::new(1.0, tokens.weak));
+        let text = format::elapsed(to.seconds_since(self.start));
+        let galley = painter.layout_no_wrap(text, FontId::monospace(11.0), tokens.strong);
+        let room = x + galley.size().x + 12.0 < self.rect.right();
+        let left = if room { x + 4.0 } else { x - galley.size().x - 4.0 };
+        let at = egui::pos2(left, self.rect.center().y - galley.size().y / 2.0);
+        painter.rect_filled(Rect::from_min_size(at, galley.size()).expand(2.0), 2.0, tokens.surface[3]);
+        painter.galley(at, galley, tokens.strong);
     }
 
     fn paint_ticks(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens) {

@@ -44,7 +44,7 @@ pub(super) fn ui(ui: &mut egui::Ui, state: &State<'_>) -> Vec<Wish> {
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             right(ui, state, &mut wishes);
             ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
-                left(ui, state, &mut wishes)
+                left(ui, state, &mut wishes);
             });
         });
     });
