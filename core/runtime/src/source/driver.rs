@@ -80,10 +80,11 @@ impl Driver {
 
     /// Asks something of the source. [`Control::Cancel`] acts at once, everything else in turn.
     pub fn send(&self, control: Control) {
-        if matches!(control, Control::Cancel)
-            && let Some((task, _)) = &*self.shared.task.lock().unwrap_or_else(PoisonError::into_inner)
-        {
-            task.cancel();
+        if matches!(control, Control::Cancel) {
+            if let Some((task, _)) = &*self.shared.task.lock().unwrap_or_else(PoisonError::into_inner) {
+                task.cancel();
+            }
+            return;
         }
         if let Some(controls) = &self.controls {
             // The thread ends only with the driver.
@@ -200,7 +201,8 @@ impl<W: Fn()> Pacer<W> {
                 self.work(|source, task| source.step(&step, task).map(|_| ()))
             }
             Control::Write { buffer, message } => self.source.write(&buffer, message),
-            Control::Cancel => Ok(()),
+            // It has acted already, in `Driver::send`.
+            Control::Cancel => return,
         };
         self.playback.error = result.err().map(|error| error.to_string());
     }
