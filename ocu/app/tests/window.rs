@@ -216,6 +216,33 @@ fn a_drag_along_the_bar_goes_there() {
 }
 
 #[test]
+fn a_drag_that_falls_into_one_slow_pass_goes_there_too() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = opened(dir.path());
+    harness.run();
+    let bar = harness.get_by_label("Time").rect();
+    harness.hover_at(bar.left_center());
+    harness.run();
+    let button = |pos, pressed| egui::Event::PointerButton {
+        pos,
+        button: egui::PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    };
+    let (from, to) = (bar.left_center() + egui::vec2(50.0, 0.0), bar.center());
+    let events = [
+        egui::Event::PointerMoved(from),
+        button(from, true),
+        egui::Event::PointerMoved(to),
+        button(to, false),
+    ];
+    harness.input_mut().events.extend(events);
+    wait_until(&mut harness, "the seek", |harness| {
+        time_s(harness).is_some_and(|time| (time - 1.5).abs() < 0.01)
+    });
+}
+
+#[test]
 fn a_paused_window_asks_for_no_repaint() {
     let dir = tempfile::tempdir().unwrap();
     let mut harness = opened(dir.path());
@@ -258,7 +285,7 @@ fn the_arrangement_survives_a_restart_and_a_damaged_one_is_said() {
     first.get_by_label("Buffers").click();
     first.run_steps(2);
     first.state_mut().0.as_mut().unwrap().keep_layout();
-    let kept = dir.path().join("data/layout.ron");
+    let kept = dir.path().join("data/layouts/recording.ron");
     assert!(!Layout::load(&kept).unwrap().buffers, "the list of buffers was closed");
 
     std::fs::write(&kept, "Layout(version: 77)").unwrap();

@@ -1,5 +1,6 @@
 //! Everything inside the window's frame.
 
+use super::keeper::Keeper;
 use super::keys::{self, Action};
 use super::notices::Notices;
 use super::open::{self, Invited, Opener, Outcome};
@@ -13,10 +14,7 @@ use ocu_views::{Selection, View, ViewContext};
 use rcs_runtime::source::{Control, Driver, Frame, Source};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
-
-/// The arrangement is written this long after the last time, at the soonest.
-const KEEP_EVERY: Duration = Duration::from_secs(2);
+use std::time::Duration;
 
 /// Progress of long work is shown this often.
 const LOOK_AGAIN: Duration = Duration::from_millis(150);
@@ -26,7 +24,7 @@ const LOOK_AGAIN: Duration = Duration::from_millis(150);
 pub struct Options {
     /// What to look at; nothing where it names nothing.
     pub request: Request,
-    /// Layout to start with; otherwise the one that was kept, otherwise one that fits what is opened.
+    /// Layout to start with; otherwise one that fits what is opened, as the person last arranged it.
     pub layout: Option<Layout>,
     /// Where the arrangement and the recent recordings are kept; nowhere if `None`.
     pub data_dir: Option<PathBuf>,
@@ -66,15 +64,14 @@ pub struct Window {
     notices: Notices,
     help_open: bool,
     keeper: Keeper,
+    /// Whether a person chose the layout; otherwise it goes with what is opened.
+    is_layout_chosen: bool,
 }
 
 impl Window {
     /// A window that starts opening what `options` names. `ocu_ui::install` must have been called on the context.
     pub fn new(ctx: &egui::Context, options: Options) -> Self {
         let Options { request, layout, data_dir } = options;
-        let mut notices = Notices::default();
-        let mut keeper = Keeper::new(data_dir.as_ref().map(|dir| dir.join("layout.ron")));
-        let kept = if layout.is_none() { keeper.load(&mut notices) } else { None };
         let mut window = Self {
             ctx: ctx.clone(),
             shown: Shown::Nothing,
@@ -85,12 +82,13 @@ impl Window {
             selection: Selection::default(),
             timeline: Timeline::default(),
             opener: Opener::new(ctx, data_dir.as_deref()),
-            notices,
+            notices: Notices::default(),
             help_open: false,
-            keeper,
+            keeper: Keeper::new(data_dir.as_ref().map(|dir| dir.join("layouts"))),
+            is_layout_chosen: false,
         };
-        if let Some(layout) = layout.or(kept) {
-            window.arrange(&layout);
+        if let Some(layout) = layout {
+            window.choose(&layout);
         }
         if request != Request::default() {
             window.opener.open(request);
@@ -120,9 +118,7 @@ impl Window {
                 return self.notices.error(format!("no thread to play {}: {error}", request.title()));
             }
         };
-        if self.workspace.is_none() {
-            self.arrange(&Layout::for_content(&driver.frame()));
-        }
+        self.arrange_for(&driver.frame());
         let title = format!("{} – OCU", driver.frame().info.title);
         self.ctx.send_viewport_cmd(egui::ViewportCommand::Title(title));
         self.shown = Shown::Live(driver);
@@ -279,7 +275,7 @@ impl Window {
             return self.opener.open(Request::dropped(path, &self.current));
         }
         match Layout::load(path) {
-            Ok(layout) => self.arrange(&layout),
+            Ok(layout) => self.choose(&layout),
             Err(error) => self.notices.error(format!("{error:#}")),
         }
     }
@@ -312,68 +308,39 @@ impl Window {
                 self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty())).add(view_type);
             }
             Wish::Layout(name) => match Layout::named(&name) {
-                Ok(layout) => self.arrange(&layout),
+                Ok(layout) => self.choose(&layout),
                 Err(error) => self.notices.error(format!("{error:#}")),
             },
             Wish::FittingLayout => {
+                self.is_layout_chosen = false;
                 if let Some(frame) = frame {
-                    self.arrange(&Layout::for_content(frame));
+                    self.arrange_for(frame);
                 }
             }
+        }
+    }
+
+    /// Arranges the views as a person asked for.
+    fn choose(&mut self, layout: &Layout) {
+        self.keep_layout();
+        self.is_layout_chosen = true;
+        self.arrange(layout);
+    }
+
+    /// Arranges the views for what is opened, as the person last had them for such a source.
+    fn arrange_for(&mut self, frame: &Frame) {
+        let fitting = Layout::for_content(frame);
+        let stays =
+            self.workspace.as_ref().is_some_and(|now| self.is_layout_chosen || now.name() == fitting.name);
+        if !stays {
+            self.keep_layout();
+            let kept = self.keeper.load(&fitting.name, &mut self.notices);
+            self.arrange(&kept.unwrap_or(fitting));
         }
     }
 
     fn arrange(&mut self, layout: &Layout) {
         self.buffers_open = layout.buffers;
         self.workspace = Some(Workspace::new(layout));
-    }
-}
-
-/// Keeps the arrangement in a file, so that it survives a crash.
-struct Keeper {
-    path: Option<PathBuf>,
-    last: Option<Layout>,
-    looked: Instant,
-}
-
-impl Keeper {
-    fn new(path: Option<PathBuf>) -> Self {
-        Self { path, last: None, looked: Instant::now() }
-    }
-
-    fn load(&mut self, notices: &mut Notices) -> Option<Layout> {
-        let path = self.path.as_ref().filter(|path| path.exists())?;
-        match Layout::load(path) {
-            Ok(layout) => {
-                self.last = Some(layout.clone());
-                Some(layout)
-            }
-            Err(error) => {
-                notices.error(format!("the arrangement that was kept cannot be used: {error:#}"));
-                None
-            }
-        }
-    }
-
-    fn is_due(&mut self) -> bool {
-        let due = self.path.is_some() && self.looked.elapsed() >= KEEP_EVERY;
-        if due {
-            self.looked = Instant::now();
-        }
-        due
-    }
-
-    fn keep(&mut self, layout: &Layout, notices: &mut Notices) {
-        let Some(path) = &self.path else { return };
-        if self.last.as_ref() == Some(layout) {
-            return;
-        }
-        if let Err(error) = layout.save(path) {
-            // Said once; trying again every two seconds would not help.
-            notices.error(format!("the arrangement cannot be kept: {error:#}"));
-            self.path = None;
-            return;
-        }
-        self.last = Some(layout.clone());
     }
 }

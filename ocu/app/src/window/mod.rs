@@ -4,6 +4,7 @@
 
 mod app;
 mod body;
+mod keeper;
 mod keys;
 mod notices;
 mod open;

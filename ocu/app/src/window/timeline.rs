@@ -201,8 +201,9 @@ impl Timeline {
             return;
         };
         let to = scale.stamp(pointer.x);
-        // The last move and the release may come in one pass.
-        if response.clicked() || response.dragged() || response.drag_stopped() {
+        // The last move and the release may come in one pass; where passes are slow, the whole drag may.
+        let is_drag = response.dragged() || response.drag_stopped() || pressed_and_released_in(ui, rect);
+        if response.clicked() || is_drag {
             if self.asked != Some(to) {
                 controls.push(Control::Seek(to));
                 self.asked = Some(to);
@@ -212,6 +213,20 @@ impl Timeline {
         }
         scale.paint_pointer(&painter, tokens, pointer.x, to);
     }
+}
+
+/// Whether the pointer was pressed in `rect` and released since the last pass.
+fn pressed_and_released_in(ui: &egui::Ui, rect: Rect) -> bool {
+    let is_button = |event: &egui::Event, down: bool| match event {
+        egui::Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed, .. } => {
+            *pressed == down && (!down || rect.contains(*pos))
+        }
+        _ => false,
+    };
+    ui.input(|input| {
+        let press = input.events.iter().position(|event| is_button(event, true));
+        press.is_some_and(|press| input.events[press..].iter().any(|event| is_button(event, false)))
+    })
 }
 
 /// Time against the bar's width.

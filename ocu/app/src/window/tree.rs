@@ -149,6 +149,14 @@ impl egui_tiles::Behavior<Pane> for Behavior<'_, '_> {
         egui_tiles::SimplificationOptions { all_panes_must_have_tabs: true, ..Default::default() }
     }
 
+    fn drag_preview_color(&self, visuals: &egui::Visuals) -> egui::Color32 {
+        visuals.selection.bg_fill.gamma_multiply(0.5)
+    }
+
+    fn drag_preview_stroke(&self, visuals: &egui::Visuals) -> egui::Stroke {
+        egui::Stroke::new(1.0, visuals.hyperlink_color)
+    }
+
     fn gap_width(&self, _style: &egui::Style) -> f32 {
         2.0
     }
