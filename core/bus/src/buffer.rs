@@ -108,6 +108,8 @@ struct Inner {
     cursors: Vec<Option<u64>>,
     taps: Vec<Tap>,
     overrides: Active,
+    /// How many readers and writers wait for a change. Waking is a call of the system, and mostly no one waits.
+    waiting: usize,
 }
 
 /// All that a buffer remembers, apart from its taps: part of a snapshot.
@@ -203,6 +205,15 @@ impl Buffer {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Lets go of the buffer and wakes those who wait for a change.
+    fn release_and_wake(&self, inner: MutexGuard<'_, Inner>) {
+        let waited_for = inner.waiting > 0;
+        drop(inner);
+        if waited_for {
+            self.changed.notify_all();
+        }
+    }
+
     fn publish(&self, inner: &mut Inner, writer: WriterId, draft: Draft) -> Result<u64, WriteError> {
         let message = if inner.overrides.is_empty() {
             draft.message
@@ -273,19 +284,20 @@ impl Writer {
         let mut inner = buffer.lock();
         if buffer.spec.mode.refuses() && inner.is_full(depth) {
             if !limit.is_zero() {
+                inner.waiting += 1;
                 inner = buffer
                     .changed
                     .wait_timeout_while(inner, limit, |inner| inner.is_full(depth))
                     .unwrap_or_else(PoisonError::into_inner)
                     .0;
+                inner.waiting -= 1;
             }
             if inner.is_full(depth) {
                 return Err(WriteError::Full { buffer: buffer.spec.name.clone(), depth });
             }
         }
         let sequence = buffer.publish(&mut inner, self.id, draft)?;
-        drop(inner);
-        buffer.changed.notify_all();
+        buffer.release_and_wake(inner);
         Ok(sequence)
     }
 
@@ -311,9 +323,8 @@ impl Reader {
     pub fn read_counting(&mut self) -> Option<(Sample, u64)> {
         let mut inner = self.buffer.lock();
         let next = Self::take(&mut inner, self.slot);
-        drop(inner);
-        if next.is_some() && self.buffer.spec.mode.refuses() {
-            self.buffer.changed.notify_all();
+        if next.is_some() {
+            self.buffer.release_and_wake(inner);
         }
         next
     }
@@ -324,12 +335,13 @@ impl Reader {
         let mut inner = self.buffer.lock();
         loop {
             if let Some((sample, _)) = Self::take(&mut inner, self.slot) {
-                drop(inner);
-                self.buffer.changed.notify_all();
+                self.buffer.release_and_wake(inner);
                 return Some(sample);
             }
             let left = deadline.checked_duration_since(Instant::now()).filter(|left| !left.is_zero())?;
+            inner.waiting += 1;
             inner = self.buffer.changed.wait_timeout(inner, left).unwrap_or_else(PoisonError::into_inner).0;
+            inner.waiting -= 1;
         }
     }
 
@@ -351,9 +363,8 @@ impl Reader {
             fresh.push(sample);
             missed += skipped;
         }
-        drop(inner);
-        if !fresh.is_empty() && self.buffer.spec.mode.refuses() {
-            self.buffer.changed.notify_all();
+        if !fresh.is_empty() {
+            self.buffer.release_and_wake(inner);
         }
         missed
     }
@@ -376,9 +387,8 @@ impl Drop for Reader {
         if let Some(cursor) = inner.cursors.get_mut(self.slot) {
             *cursor = None;
         }
-        drop(inner);
         // A writer may have waited for this reader.
-        self.buffer.changed.notify_all();
+        self.buffer.release_and_wake(inner);
     }
 }
 

@@ -7,6 +7,12 @@ use rcs_msg::{Schema, Stamp};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Items that are taken from the queue at a time: the lock and the waking are paid once for all of them.
+const BATCH: usize = 256;
+/// How long the thread lets items gather before it takes fewer than that.
+const GATHER: Duration = Duration::from_millis(2);
 
 /// What a full queue does to a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +74,35 @@ struct Queue {
     /// Flushes asked for and done.
     flushes: (u64, u64),
     closed: bool,
+    /// What the thread that writes is at.
+    thread: Thread,
+    /// How many callers wait for the queue to drain.
+    waiting: usize,
     status: RecorderStatus,
+}
+
+/// What the thread that writes is at. Waking it is a call of the system, so it is woken only where it sleeps.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+enum Thread {
+    /// It will look into the queue by itself.
+    #[default]
+    Busy,
+    /// It sleeps until there is something.
+    Asleep,
+    /// It sleeps until there is much, or for a moment.
+    Gathering,
+}
+
+/// What became of a batch.
+#[derive(Default)]
+struct Done {
+    messages: usize,
+    bytes: usize,
+    written: u64,
+    dropped: u64,
+    flushes: u64,
+    refused: Option<String>,
+    failed: Option<LogError>,
 }
 
 struct Shared {
@@ -86,9 +120,26 @@ impl Shared {
     }
 
     fn put(&self, mut queue: MutexGuard<'_, Queue>, item: Item) {
+        let urgent = !matches!(item, Item::Message { .. });
         queue.items.push_back(item);
-        drop(queue);
-        self.filled.notify_one();
+        let much = urgent || queue.items.len() >= BATCH;
+        if queue.thread == Thread::Asleep || (queue.thread == Thread::Gathering && much) {
+            queue.thread = Thread::Busy;
+            drop(queue);
+            self.filled.notify_one();
+        }
+    }
+
+    /// Waits until something has been written.
+    fn wait_for_room<'a>(&self, mut queue: MutexGuard<'a, Queue>) -> MutexGuard<'a, Queue> {
+        if queue.thread == Thread::Gathering {
+            queue.thread = Thread::Busy;
+            self.filled.notify_one();
+        }
+        queue.waiting += 1;
+        queue = self.drained.wait(queue).unwrap_or_else(PoisonError::into_inner);
+        queue.waiting -= 1;
+        queue
     }
 }
 
@@ -135,7 +186,7 @@ impl RecorderHandle {
                 queue.status.dropped += 1;
                 return false;
             }
-            queue = self.0.drained.wait(queue).unwrap_or_else(PoisonError::into_inner);
+            queue = self.0.wait_for_room(queue);
         }
         queue.messages += 1;
         queue.bytes += data.len();
@@ -165,7 +216,7 @@ impl RecorderHandle {
         self.0.put(queue, Item::Flush);
         let mut queue = self.0.lock();
         while queue.flushes.1 < mine {
-            queue = self.0.drained.wait(queue).unwrap_or_else(PoisonError::into_inner);
+            queue = self.0.wait_for_room(queue);
         }
     }
 
@@ -246,62 +297,92 @@ impl Drop for Recorder {
 
 fn write_all(shared: &Shared, mut writer: LogWriter) -> Result<(), LogError> {
     let mut channels: Vec<Option<ChannelId>> = Vec::new();
-    loop {
+    let mut batch = Vec::with_capacity(BATCH);
+    while take_batch(shared, &writer, &mut batch) {
+        let done = write_batch(&mut writer, &mut channels, &mut batch);
         let mut queue = shared.lock();
-        while queue.items.is_empty() && !queue.closed {
-            let Some(wait) = writer.time_to_flush() else {
-                queue = shared.filled.wait(queue).unwrap_or_else(PoisonError::into_inner);
-                continue;
-            };
-            if wait.is_zero() {
-                break;
-            }
-            queue = shared.filled.wait_timeout(queue, wait).unwrap_or_else(PoisonError::into_inner).0;
-        }
-        let item = queue.items.pop_front();
-        let ended = item.is_none() && queue.closed;
-        drop(queue);
-        if ended {
-            break;
-        }
-        let message = matches!(item, Some(Item::Message { .. }));
-        let flush = matches!(item, Some(Item::Flush));
-        let size = if let Some(Item::Message { data, .. }) = &item { data.len() } else { 0 };
-        let result = match item {
-            Some(item) => step(&mut writer, &mut channels, item),
-            None => writer.flush_if_due().map(|_| ()),
-        };
-        let mut queue = shared.lock();
+        queue.messages -= done.messages;
+        queue.bytes -= done.bytes;
+        queue.flushes.1 += done.flushes;
         queue.status.bytes = writer.bytes_written();
-        if message {
-            queue.messages -= 1;
-            queue.bytes -= size;
-            if result.is_ok() {
-                queue.status.written += 1;
-            } else {
-                queue.status.dropped += 1;
-            }
+        queue.status.written += done.written;
+        queue.status.dropped += done.dropped;
+        if done.refused.is_some() {
+            queue.status.refused = done.refused;
         }
-        if flush {
-            queue.flushes.1 += 1;
+        if let Some(error) = done.failed {
+            queue.status.error = Some(error.to_string());
+            drop(queue);
+            abandon(shared);
+            return Err(error);
         }
-        match result {
-            Ok(()) => {}
-            Err(error @ LogError::Refused { .. }) => queue.status.refused = Some(error.to_string()),
-            Err(error) => {
-                queue.status.error = Some(error.to_string());
-                drop(queue);
-                abandon(shared);
-                return Err(error);
-            }
-        }
+        let waited_for = queue.waiting > 0;
         drop(queue);
-        shared.drained.notify_all();
+        if waited_for {
+            shared.drained.notify_all();
+        }
     }
     let written = writer.bytes_counter();
     writer.finish().inspect_err(|error| shared.lock().status.error = Some(error.to_string()))?;
     shared.lock().status.bytes = written.load(std::sync::atomic::Ordering::Relaxed);
     Ok(())
+}
+
+/// Takes what is next, which is nothing where only a flush is due. Says whether the recording goes on.
+fn take_batch(shared: &Shared, writer: &LogWriter, batch: &mut Vec<Item>) -> bool {
+    let mut queue = shared.lock();
+    while queue.items.is_empty() && !queue.closed {
+        queue.thread = Thread::Asleep;
+        let Some(wait) = writer.time_to_flush() else {
+            queue = shared.filled.wait(queue).unwrap_or_else(PoisonError::into_inner);
+            continue;
+        };
+        if wait.is_zero() {
+            break;
+        }
+        queue = shared.filled.wait_timeout(queue, wait).unwrap_or_else(PoisonError::into_inner).0;
+    }
+    if (1..BATCH).contains(&queue.items.len()) && !queue.closed && queue.waiting == 0 {
+        queue.thread = Thread::Gathering;
+        let wait = writer.time_to_flush().unwrap_or(GATHER).min(GATHER);
+        queue = shared.filled.wait_timeout(queue, wait).unwrap_or_else(PoisonError::into_inner).0;
+    }
+    queue.thread = Thread::Busy;
+    let count = queue.items.len().min(BATCH);
+    batch.extend(queue.items.drain(..count));
+    !(batch.is_empty() && queue.closed)
+}
+
+fn write_batch(writer: &mut LogWriter, channels: &mut Vec<Option<ChannelId>>, batch: &mut Vec<Item>) -> Done {
+    let mut done = Done::default();
+    if batch.is_empty() {
+        done.take(writer.flush_if_due().map(|_| ()));
+    }
+    for item in batch.drain(..) {
+        let size = if let Item::Message { data, .. } = &item { Some(data.len()) } else { None };
+        done.messages += usize::from(size.is_some());
+        done.bytes += size.unwrap_or(0);
+        done.flushes += u64::from(matches!(item, Item::Flush));
+        // After an error that ends the recording, the rest of the batch is lost with it.
+        let is_written = done.failed.is_none() && done.take(step(writer, channels, item));
+        if size.is_some() {
+            done.written += u64::from(is_written);
+            done.dropped += u64::from(!is_written);
+        }
+    }
+    done
+}
+
+impl Done {
+    /// Notes how one item went, and says whether it went well.
+    fn take(&mut self, result: Result<(), LogError>) -> bool {
+        match result {
+            Ok(()) => return true,
+            Err(error @ LogError::Refused { .. }) => self.refused = Some(error.to_string()),
+            Err(error) => self.failed = Some(error),
+        }
+        false
+    }
 }
 
 /// After an error: counts what is queued as dropped.
