@@ -41,6 +41,17 @@ pub(crate) fn usage(text: impl Into<String>) -> anyhow::Error {
     Usage(text.into()).into()
 }
 
+/// An error with its causes, each said once: many errors of libraries name their cause themselves.
+pub(crate) fn say(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
 /// Does what the command line says; gives the exit code. Errors are printed here, once.
 pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
     let result = match &cli.command {
@@ -57,7 +68,7 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
         Err(error) if is_broken_pipe(&error) => 0,
         Err(error) => {
             // Where even this cannot be written, the exit code still tells.
-            let _ = writeln!(errors, "error: {error:#}");
+            let _ = writeln!(errors, "error: {}", say(&error));
             code_of(&error)
         }
     }

@@ -73,7 +73,7 @@ fn an_empty_window_invites_to_open_something() {
     let mut harness = harness(Options::default());
     harness.run();
     assert!(harness.query_by_label("Nothing is open").is_some());
-    harness.key_press_modifiers(Modifiers::CTRL, Key::O);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::O);
     harness.run();
     assert!(harness.query_by_label("Path").is_some(), "the dialog has a field for a path");
 }
@@ -190,7 +190,7 @@ fn keys_play_pause_step_and_jump() {
 fn keys_do_not_play_while_a_path_is_typed() {
     let dir = tempfile::tempdir().unwrap();
     let mut harness = opened(dir.path());
-    harness.key_press_modifiers(Modifiers::CTRL, Key::O);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::O);
     harness.run();
     harness.get_by_label("Path").focus();
     harness.run();

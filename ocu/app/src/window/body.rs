@@ -9,6 +9,7 @@ use super::top_bar::{self, Wish};
 use super::tree::{Workspace, view_menu};
 use crate::layout::Layout;
 use crate::open::Request;
+use crate::say;
 use ocu_ui::{icons, tokens, widgets};
 use ocu_views::{Selection, View, ViewContext};
 use rcs_runtime::source::{Control, Driver, Frame, Source};
@@ -276,7 +277,7 @@ impl Window {
         }
         match Layout::load(path) {
             Ok(layout) => self.choose(&layout),
-            Err(error) => self.notices.error(format!("{error:#}")),
+            Err(error) => self.notices.error(say(&error)),
         }
     }
 
@@ -309,7 +310,7 @@ impl Window {
             }
             Wish::Layout(name) => match Layout::named(&name) {
                 Ok(layout) => self.choose(&layout),
-                Err(error) => self.notices.error(format!("{error:#}")),
+                Err(error) => self.notices.error(say(&error)),
             },
             Wish::FittingLayout => {
                 self.is_layout_chosen = false;

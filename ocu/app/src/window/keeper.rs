@@ -2,6 +2,7 @@
 
 use super::notices::Notices;
 use crate::layout::Layout;
+use crate::say;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -36,7 +37,7 @@ impl Keeper {
                 Some(layout)
             }
             Err(error) => {
-                notices.error(format!("the arrangement that was kept cannot be used: {error:#}"));
+                notices.error(format!("the arrangement that was kept cannot be used: {}", say(&error)));
                 None
             }
         }
@@ -58,7 +59,7 @@ impl Keeper {
         };
         if let Err(error) = layout.save(&path) {
             // Said once; trying again every two seconds would not help.
-            notices.error(format!("the arrangement cannot be kept: {error:#}"));
+            notices.error(format!("the arrangement cannot be kept: {}", say(&error)));
             self.folder = None;
             return;
         }

@@ -49,7 +49,7 @@ pub(super) const KEYS: &[(Modifiers, Key, &str, &str, Action)] = &[
     (Modifiers::NONE, Key::Home, "home", "to the start", Action::ToStart),
     (Modifiers::NONE, Key::End, "end", "to the end", Action::ToEnd),
     (Modifiers::NONE, Key::L, "L", "start again at the end, or stop there", Action::Loop),
-    (Modifiers::CTRL, Key::O, "ctrl O", "open a recording or a stack", Action::Open),
+    (Modifiers::COMMAND, Key::O, "ctrl O", "open a recording or a stack", Action::Open),
     (Modifiers::SHIFT, Key::Questionmark, "?", "list the keys", Action::Help),
     (Modifiers::NONE, Key::Questionmark, "?", "list the keys", Action::Help),
 ];
@@ -59,15 +59,18 @@ pub(super) fn pressed(ui: &egui::Ui) -> Vec<Action> {
     if ui.ctx().egui_wants_keyboard_input() {
         return Vec::new();
     }
+    let mut actions = Vec::new();
     ui.input_mut(|input| {
-        KEYS.iter()
-            // Exactly these modifiers: a plain arrow is not a shifted one.
-            .filter(|(modifiers, key, ..)| {
-                input.modifiers.matches_exact(*modifiers) && input.consume_key(*modifiers, *key)
-            })
-            .map(|&(.., action)| action)
-            .collect()
-    })
+        input.events.retain(|event| {
+            let egui::Event::Key { key, pressed: true, modifiers, .. } = event else { return true };
+            // The modifiers of this very event: where passes are slow, they have been let go by the end of one. And
+            // exactly these: a plain arrow is not a shifted one.
+            let entry = KEYS.iter().find(|(wanted, k, ..)| k == key && modifiers.matches_exact(*wanted));
+            actions.extend(entry.map(|&(.., action)| action));
+            entry.is_none()
+        });
+    });
+    actions
 }
 
 /// The list of keys, for a menu.

@@ -2,6 +2,7 @@
 
 use crate::layout::write_whole;
 use crate::open::Request;
+use crate::say;
 use ocu_ui::{icons, tokens, widgets};
 use rcs_runtime::source::Source;
 use std::path::{Path, PathBuf};
@@ -79,7 +80,7 @@ impl Opener {
                 }
                 Outcome::Opened(request, source)
             }
-            Ok(Err(error)) => Outcome::Failed(format!("{error:#}")),
+            Ok(Err(error)) => Outcome::Failed(say(&error)),
             Err(_) => Outcome::Failed(format!("opening stopped unexpectedly: {}", request.title())),
         })
     }
