@@ -5,11 +5,13 @@
 mod common;
 
 use common::{PAIR, plan, seconds, write_log};
+use rcs_log::{LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::{AnyMessage, foxglove, rcs};
 use rcs_runtime::RunOptions;
 use rcs_runtime::source::{
     Control, Driver, Frame, LogSource, RunTag, Source, SourceKind, StackSource, Step, Task, finish_idle,
 };
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
@@ -72,6 +74,28 @@ fn a_seek_shows_the_newest_message_of_every_topic_whichever_way_it_came() {
             assert_eq!(x_of(&frame, topic), reference.map(|(_, _, x)| *x), "{topic} at {to} s");
         }
     }
+}
+
+#[test]
+fn a_log_opens_at_its_first_picture_where_that_comes_within_a_second() {
+    let open = |picture_s: f64| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.mcap");
+        let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
+        let mut write = |topic: &str, time_s: f64, message: &AnyMessage| {
+            let channel = writer.add_channel(topic, &message.schema(), &BTreeMap::new()).unwrap();
+            let header =
+                WriteHeader { sequence: 1, log_time: seconds(time_s), publish_time: seconds(time_s) };
+            writer.write(channel, header, &message.bytes()).unwrap();
+        };
+        write("/a", 1.0, &AnyMessage::new(foxglove::Vector3::default()));
+        write("/image", picture_s, &AnyMessage::new(foxglove::RawImage::default()));
+        writer.finish().unwrap();
+        LogSource::open(&path).unwrap().now()
+    };
+    assert_eq!(open(1.4), seconds(1.4));
+    assert_eq!(open(1.0), seconds(1.0));
+    assert_eq!(open(9.0), seconds(1.0));
 }
 
 #[test]

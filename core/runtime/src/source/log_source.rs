@@ -1,7 +1,7 @@
 //! A log, as it is.
 
 use super::frame::{Frame, Playback, SourceInfo, SourceKind};
-use super::log_view::LogView;
+use super::log_view::{LogView, opening_time};
 use super::{Source, SourceError, Step, Task};
 use rcs_log::{Log, LogMessage, Place};
 use rcs_msg::{AnyMessage, Stamp, rcs};
@@ -20,17 +20,17 @@ pub struct LogSource {
 }
 
 impl LogSource {
-    /// Opens a log and stands at its start.
+    /// Opens a log; see [`LogSource::new`].
     pub fn open(path: &Path) -> Result<Self, SourceError> {
         Self::new(&Log::open(path)?)
     }
 
-    /// Stands at the start of a log.
+    /// Stands at the start of a log, or at its first picture where that comes shortly after.
     pub fn new(log: &Log) -> Result<Self, SourceError> {
         let mut view = LogView::new(log, &BTreeMap::new());
         let info = Arc::new(info_of(log, SourceKind::Log));
         let processes = view.processes()?;
-        let place = Place::after(info.start);
+        let place = Place::after(opening_time(log)?);
         view.go_to(place)?;
         Ok(Self { view, place, info, processes, generation: 0 })
     }

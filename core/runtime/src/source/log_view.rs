@@ -11,6 +11,11 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
+/// Types whose messages are something to look at.
+const PICTURE_TYPES: [&str; 4] =
+    ["foxglove.RawImage", "foxglove.CompressedImage", "foxglove.PointCloud", "foxglove.Grid"];
+/// A log that shows nothing at its very start is opened at its first picture, if that comes this soon.
+const FIRST_PICTURE_NS: u64 = 1_000_000_000;
 /// A jump by more than this looks everything up afresh instead of reading all that lies between.
 const JUMP_NS: u64 = 2_000_000_000;
 /// How long one piece of background work may take.
@@ -191,6 +196,22 @@ impl LogView {
         }
         Ok(found.into())
     }
+}
+
+/// Where a person begins to look: at the start of the log, or at its first picture shortly after.
+pub(crate) fn opening_time(log: &Log) -> Result<Stamp, SourceError> {
+    let info = log.info();
+    let is_picture =
+        |schema| rcs_msg::canonical_name(schema).is_some_and(|name| PICTURE_TYPES.contains(&name));
+    let topics: Vec<TopicId> =
+        info.topics.iter().filter(|topic| is_picture(&topic.schema)).map(|topic| topic.id).collect();
+    if topics.is_empty() {
+        return Ok(info.start);
+    }
+    let end = info.start.after_ns(FIRST_PICTURE_NS);
+    let first =
+        log.cursor(CursorOptions { topics: Some(topics), start: info.start, end }).next().transpose()?;
+    Ok(first.map_or(info.start, |message| message.log_time))
 }
 
 /// Transforms of this topic hold for the whole log, by ROS's convention.

@@ -2,7 +2,7 @@
 
 use super::frame::{Frame, Playback, RunTag, SourceInfo, SourceKind, Topic};
 use super::log_source::{info_of, neighbour};
-use super::log_view::LogView;
+use super::log_view::{LogView, opening_time};
 use super::tracks::{Tracks, is_pose_type};
 use super::{Source, SourceError, Step, Task, canonical};
 use crate::history::{OperatorWrite, Session};
@@ -93,8 +93,9 @@ impl StackSource {
         let info = Arc::new(info);
         let mut source =
             Self { session, recorded, wired, info, processes, topics, tracks, now, generation: 0 };
-        // What the log holds at its first moment is there at once.
-        source.seek(now, &Task::default())?;
+        // What the log holds at its first moment (or at its first picture, shortly after) is there at once.
+        let opening = log.map_or(Ok(now), opening_time)?;
+        source.seek(opening, &Task::default())?;
         Ok(source)
     }
 
