@@ -1,0 +1,154 @@
+//! Laplacian of Gaussian (A 3.1.1): takes brightness and its slope out of an image, keeps texture.
+//!
+//! The Gaussian is the binomial row 1 4 6 4 1 in both directions, whose variance is 1 pixel², the Laplacian that of four
+//! neighbours; all in integers. What comes out is scaled, clipped to ±cap and stored as cap + value, one byte a pixel.
+//! Clipping keeps one strong edge from outvoting the rest of a window.
+
+#![allow(clippy::inline_always, reason = "kernels are compiled anew for each width of vectors")]
+#![allow(clippy::needless_range_loop, reason = "loops over lanes index several slices alike")]
+
+use crate::width::Kernel;
+
+/// An image after the filter, each row with `pad` columns more at its left end and `pad + spare` at its right one, copies
+/// of the row's outermost pixels.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Filtered {
+    pub(crate) height: usize,
+    pub(crate) stride: usize,
+    pub(crate) data: Vec<u8>,
+    /// The Gaussian alone in steps of 4 grey levels, in the same layout; empty unless it was asked for.
+    pub(crate) brightness: Vec<u8>,
+}
+
+impl Filtered {
+    /// A row with its padding; rows above and below the image are its first and last ones.
+    #[inline(always)]
+    pub(crate) fn row(&self, y: isize) -> &[u8] {
+        &self.data[self.row_start(y)..][..self.stride]
+    }
+
+    /// The same row of the brightness.
+    #[inline(always)]
+    pub(crate) fn brightness_row(&self, y: isize) -> &[u8] {
+        &self.brightness[self.row_start(y)..][..self.stride]
+    }
+
+    #[inline(always)]
+    fn row_start(&self, y: isize) -> usize {
+        y.clamp(0, self.height as isize - 1) as usize * self.stride
+    }
+}
+
+/// Filters an image of `width` columns.
+pub(crate) struct LogFilter<'a> {
+    pub(crate) image: &'a [u8],
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) pad: usize,
+    /// Columns at the right end that vectors may read and nothing depends on.
+    pub(crate) spare: usize,
+    /// Largest absolute value that is kept.
+    pub(crate) cap: u8,
+    /// Whether the brightness is wanted too.
+    pub(crate) brightness: bool,
+    pub(crate) out: &'a mut Filtered,
+}
+
+/// The answer, in 1/16 grey level, is divided by 2 to this power.
+const SHIFT: u32 = 2;
+
+impl Kernel for LogFilter<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let LogFilter { image, width: w, height: h, pad, spare, cap, brightness, out } = self;
+        out.height = h;
+        out.stride = w + 2 * pad + spare;
+        out.data.resize(out.stride * h, 0);
+        out.brightness.resize(if brightness { out.stride * h } else { 0 }, 0);
+        // Three rows of the Gaussian, with one column more at both ends for the Laplacian.
+        let mut smooth = [vec![0_i16; w + 2], vec![0_i16; w + 2], vec![0_i16; w + 2]];
+        let mut column = vec![0_u16; w + 4];
+        let [above, here, below] = &mut smooth;
+        gauss(image, [w, h], 0, &mut column, here);
+        above.copy_from_slice(here);
+        for y in 0..h {
+            // Rows of the Gaussian are repeated above and below the image, as are its columns beside it.
+            gauss(image, [w, h], (y + 1).min(h - 1), &mut column, below);
+            let row = &mut out.data[y * out.stride..][..out.stride];
+            laplacian(above, here, below, i16::from(cap), &mut row[pad..][..w]);
+            extend(row, pad, w);
+            if brightness {
+                let row = &mut out.brightness[y * out.stride..][..out.stride];
+                quantise(&here[1..=w], &mut row[pad..][..w]);
+                extend(row, pad, w);
+            }
+            std::mem::swap(above, here);
+            std::mem::swap(here, below);
+        }
+    }
+}
+
+/// Repeats the outermost pixels of a row into its padding.
+#[inline(always)]
+fn extend(row: &mut [u8], pad: usize, w: usize) {
+    let (first, last) = (row[pad], row[pad + w - 1]);
+    row[..pad].fill(first);
+    row[pad + w..].fill(last);
+}
+
+/// From 1/16 grey level to steps of 4.
+#[inline(always)]
+fn quantise(smooth: &[i16], out: &mut [u8]) {
+    let n = out.len();
+    let smooth = &smooth[..n];
+    for i in 0..n {
+        out[i] = (smooth[i] >> 6) as u8;
+    }
+}
+
+#[inline(always)]
+fn gauss(image: &[u8], [w, h]: [usize; 2], y: usize, column: &mut [u16], out: &mut [i16]) {
+    let row = |y: usize| &image[y.min(h - 1) * w..][..w];
+    let (a, b) = (row(y.saturating_sub(2)), row(y.saturating_sub(1)));
+    smooth_columns(a, b, row(y), row(y + 1), row(y + 2), &mut column[2..w + 2]);
+    let (first, last) = (column[2], column[w + 1]);
+    column[..2].fill(first);
+    column[w + 2..].fill(last);
+    smooth_row(column, &mut out[1..=w]);
+    out[0] = out[1];
+    out[w + 1] = out[w];
+}
+
+#[inline(always)]
+fn smooth_columns(a: &[u8], b: &[u8], c: &[u8], d: &[u8], e: &[u8], out: &mut [u16]) {
+    let n = out.len();
+    let (a, b, c, d, e) = (&a[..n], &b[..n], &c[..n], &d[..n], &e[..n]);
+    for i in 0..n {
+        let outer = u16::from(a[i]) + u16::from(e[i]);
+        let inner = u16::from(b[i]) + u16::from(d[i]);
+        out[i] = outer + 4 * inner + 6 * u16::from(c[i]);
+    }
+}
+
+/// 16 times the smoothed grey level: fits in 12 bits.
+#[inline(always)]
+fn smooth_row(column: &[u16], out: &mut [i16]) {
+    let n = out.len();
+    let column = &column[..n + 4];
+    for i in 0..n {
+        // At most 16 · 16 · 255, which is below 2¹⁶.
+        let sum = column[i] + column[i + 4] + 4 * (column[i + 1] + column[i + 3]) + 6 * column[i + 2];
+        out[i] = (sum >> 4) as i16;
+    }
+}
+
+#[inline(always)]
+fn laplacian(above: &[i16], here: &[i16], below: &[i16], cap: i16, out: &mut [u8]) {
+    let n = out.len();
+    let (above, here, below) = (&above[..n + 2], &here[..n + 2], &below[..n + 2]);
+    for i in 0..n {
+        let around = above[i + 1] + below[i + 1] + here[i] + here[i + 2];
+        let value = (4 * here[i + 1] - around) >> SHIFT;
+        out[i] = (value.clamp(-cap, cap) + cap) as u8;
+    }
+}
