@@ -28,7 +28,8 @@ struct Typed<T> {
 /// A value that becomes a message when someone looks at it.
 struct Deferred<S, T> {
     source: S,
-    value: OnceLock<T>,
+    /// Boxed, so that a message that no one looks at stays small.
+    value: OnceLock<Box<T>>,
     bytes: OnceLock<Bytes>,
 }
 
@@ -89,7 +90,7 @@ where
     }
 
     fn value(&self) -> Option<&(dyn Any + Send + Sync)> {
-        Some(self.value.get_or_init(|| self.source.clone().into()))
+        Some(&**self.value.get_or_init(|| Box::new(self.source.clone().into())))
     }
 }
 

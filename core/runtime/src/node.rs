@@ -12,6 +12,7 @@ use rcs_bus::{Buffer, Draft, Mode, Reader, Sample, Writer, WriterId};
 use rcs_msg::{AnyMessage, Stamp, params, rcs};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A process with its ports.
 pub(crate) struct Node {
@@ -23,6 +24,7 @@ pub(crate) struct Node {
     views: Vec<InputView>,
     commands: Reader,
     params: Reader,
+    mail: Mail,
     outputs: Vec<Writer>,
     status_out: Writer,
     status: StatusCell,
@@ -33,6 +35,27 @@ pub(crate) struct Node {
     rng: ChaCha8Rng,
     staged: Vec<Staged>,
     scratch: Vec<Sample>,
+}
+
+/// Whether there may be a command or parameters to read: both are rare, and a look at their buffers costs two locks a
+/// cycle. Set by taps, in both executors under the lock (or in the thread) that orders writes and captures; the atomic
+/// only makes it shareable.
+#[derive(Clone, Default)]
+struct Mail(Arc<AtomicBool>);
+
+impl Mail {
+    fn watch(&self, buffer: &Buffer) {
+        let mail = self.clone();
+        buffer.tap(Box::new(move |_| mail.set()));
+    }
+
+    fn set(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    fn take(&self) -> bool {
+        self.0.load(Ordering::Relaxed) && self.0.swap(false, Ordering::Relaxed)
+    }
 }
 
 struct Input {
@@ -74,6 +97,9 @@ impl Node {
                 Mode::Queue { depth, .. } => depth,
             },
         };
+        let mail = Mail::default();
+        mail.watch(&buffers[plan.command_buffer]);
+        mail.watch(&buffers[plan.params_buffer]);
         let hash = blake3::hash(format!("{seed}/{}", plan.name).as_bytes());
         Some(Self {
             period_ns: plan.period_ns,
@@ -84,6 +110,7 @@ impl Node {
             views: vec![InputView::default(); plan.inputs.len()],
             commands: buffers[plan.command_buffer].reader(),
             params: buffers[plan.params_buffer].reader(),
+            mail,
             outputs: plan.outputs.iter().map(|&index| buffers[index].writer(id)).collect(),
             status_out: buffers[plan.status_buffer].writer(id),
             status: StatusCell::new(Arc::clone(&plan.name)),
@@ -102,11 +129,13 @@ impl Node {
 
     /// Takes everything that is visible now: parameters, a command, and all unread inputs.
     pub(crate) fn capture(&mut self) {
-        while let Some(sample) = self.params.read() {
-            self.take_params(&sample.message);
-        }
-        if let Some(sample) = self.commands.read() {
-            self.take_command(&sample.message);
+        if self.mail.take() {
+            while let Some(sample) = self.params.read() {
+                self.take_params(&sample.message);
+            }
+            while let Some(sample) = self.commands.read() {
+                self.take_command(&sample.message);
+            }
         }
         for (input, view) in self.inputs.iter_mut().zip(&mut self.views) {
             let Some(input) = input else { continue };
@@ -272,6 +301,8 @@ impl Node {
         self.rng = state.rng.clone();
         self.command = None;
         self.staged.clear();
+        // The buffers may hold what had not been read then.
+        self.mail.set();
         Ok(())
     }
 }

@@ -57,20 +57,9 @@ impl<'de> Deserialize<'de> for Text {
     }
 }
 
-/// Where a state was set.
-#[derive(Clone, Debug)]
-enum Origin {
-    Here(&'static Location<'static>),
-    Text(Arc<str>),
-}
-
-impl Origin {
-    fn text(&self) -> String {
-        match self {
-            Origin::Here(location) => format!("{}:{}", location.file(), location.line()),
-            Origin::Text(text) => text.to_string(),
-        }
-    }
+/// File and line, as a status tells it. Made once a transition, not once a cycle.
+fn source_line(location: &Location<'_>) -> Arc<str> {
+    format!("{}:{}", location.file(), location.line()).into()
 }
 
 /// What a process says of itself, kept from cycle to cycle.
@@ -81,7 +70,7 @@ pub(crate) struct StatusCell {
     pub(crate) echo_serial: u64,
     pub(crate) state: rcs::ProcessState,
     text: Text,
-    origin: Origin,
+    source_line: Arc<str>,
     pub(crate) cycle: u64,
     faults: u64,
     last_fault: Text,
@@ -96,7 +85,7 @@ impl StatusCell {
             echo_serial: 0,
             state: rcs::ProcessState::Uninitialized,
             text: Text::Static("waits for its first command"),
-            origin: Origin::Here(Location::caller()),
+            source_line: source_line(Location::caller()),
             cycle: 0,
             faults: 0,
             last_fault: Text::default(),
@@ -110,7 +99,7 @@ impl StatusCell {
             echo_serial: status.echo_serial,
             state: status.state(),
             text: status.state_text.clone().into(),
-            origin: Origin::Text(status.source_line.as_str().into()),
+            source_line: status.source_line.as_str().into(),
             cycle: status.cycle,
             faults: status.faults,
             last_fault: status.last_fault.clone().into(),
@@ -120,7 +109,7 @@ impl StatusCell {
     #[track_caller]
     pub(crate) fn set(&mut self, state: rcs::ProcessState, text: Text) {
         if state != self.state || text != self.text {
-            self.origin = Origin::Here(Location::caller());
+            self.source_line = source_line(Location::caller());
             self.state = state;
             self.text = text;
         }
@@ -154,7 +143,7 @@ impl From<StatusRecord> for rcs::Status {
             echo_serial: cell.echo_serial,
             state: cell.state.into(),
             state_text: cell.text.as_str().to_owned(),
-            source_line: cell.origin.text(),
+            source_line: cell.source_line.to_string(),
             cycle: cell.cycle,
             faults: cell.faults,
             last_fault: cell.last_fault.as_str().to_owned(),
