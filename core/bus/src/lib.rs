@@ -6,7 +6,7 @@
 //! - Overrides replace a field or a whole message at the moment of publishing.
 //! - [`Bus`]: the buffers of one run.
 //!
-//! Everything is behind one lock a buffer; there are no other atomics to reason about.
+//! Everything is behind one lock a buffer.
 
 mod buffer;
 mod bus;
