@@ -35,6 +35,19 @@ pub enum Command {
     Render(RenderArgs),
     /// Write a small recording to look at
     Sample(SampleArgs),
+    /// Measure a method on your own data
+    #[command(subcommand, after_help = EVAL_EXAMPLE)]
+    Eval(EvalCommand),
+}
+
+const EVAL_EXAMPLE: &str =
+    "Example:\n  ocu eval stereo --left left.png --right right.png --truth disparity.pfm";
+
+/// The methods that can be measured.
+#[derive(Debug, Subcommand)]
+pub enum EvalCommand {
+    /// Disparities of a pair of images: quality against a truth, density and time
+    Stereo(EvalStereoArgs),
 }
 
 /// `ocu [LOG]`
@@ -146,6 +159,55 @@ pub struct SampleArgs {
     /// Length of the recording in seconds
     #[arg(long, value_name = "T", default_value = "20", value_parser = parse_seconds)]
     pub duration: f64,
+}
+
+/// `ocu eval stereo`
+#[derive(Debug, Clone, Args)]
+#[command(
+    after_help = "Example:\n  ocu eval stereo --left left.png --right right.png --truth disparity.pfm \\\n    \
+                        --disparities 64 --method sgm --json\n\n\
+                        With a truth, all figures are over pixels seen by both eyes: those that have truth, lie at \
+                        x >= the number of disparities, and of which no other pixel of the row with a disparity \
+                        larger by more than 1 claims the same column of the right image. bad2_valid_pct is of \
+                        pixels with a disparity; in bad2_dense_pct a pixel without one counts as bad.\n\n\
+                        A calibration is a TOML file with tables [left] and [right], each with width, height, k (9 \
+                        numbers), model, d, r (9) and p (12), as in calibration messages; the images are then \
+                        rectified first."
+)]
+pub struct EvalStereoArgs {
+    /// Left image
+    #[arg(long, value_name = "L")]
+    pub left: PathBuf,
+    /// Right image, of the same size
+    #[arg(long, value_name = "R")]
+    pub right: PathBuf,
+    /// Calibration of both cameras, a TOML file; without it, the images are taken as rectified
+    #[arg(long, value_name = "C")]
+    pub calib: Option<PathBuf>,
+    /// True disparities of the (rectified) left image: PFM, 16-bit PNG in 1/256 pixel, or NPZ
+    #[arg(long, value_name = "T")]
+    pub truth: Option<PathBuf>,
+    /// Disparities that are tried, pixels: a multiple of 16, from 16 to 256
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    pub disparities: usize,
+    /// Method
+    #[arg(long, value_enum, default_value_t = StereoMethod::Bm)]
+    pub method: StereoMethod,
+    /// Threads to match on; semi-global matching uses one
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: u16,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How disparities are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum StereoMethod {
+    /// Block matching
+    Bm,
+    /// Semi-global matching
+    Sgm,
 }
 
 /// One parameter given on the command line.

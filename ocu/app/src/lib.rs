@@ -2,10 +2,11 @@
 //!
 //! - [`cli`]: every flag, defined once.
 //! - [`window`]: the window; [`render`] draws the same without one.
-//! - [`run`], [`info`], [`sample`]: the commands.
+//! - [`run`], [`info`], [`sample`], [`eval`]: the commands.
 //! - [`layout`], [`stacks`]: what comes with the program, by explicit lists.
 
 pub mod cli;
+pub mod eval;
 pub mod info;
 pub mod layout;
 pub mod offscreen;
@@ -60,6 +61,7 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
         Some(Command::Info(args)) => info::info(args, out).map(|()| true),
         Some(Command::Render(args)) => render::render(args).map(|()| true),
         Some(Command::Sample(args)) => sample::write(&args.path, args.duration).map(|()| true),
+        Some(Command::Eval(command)) => eval::eval(command, out).map(|()| true),
     };
     match result {
         Ok(true) => 0,

@@ -194,3 +194,91 @@ fn every_command_has_help_with_an_example() {
         assert!(out.contains("Example"), "{out}");
     }
 }
+
+/// A pair that is shifted by 6 pixels, and its truth in 1/256 pixel.
+fn stereo_pair() -> (tempfile::TempDir, [String; 3]) {
+    let dir = tempfile::tempdir().unwrap();
+    let level = |x: u32, y: u32| {
+        let mut h = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77);
+        h = (h ^ (h >> 15)).wrapping_mul(0x2c1b_3c6d);
+        image::Luma([(h >> 24) as u8])
+    };
+    let paths = ["left.png", "right.png", "truth.png"].map(|name| text(&dir.path().join(name)).to_owned());
+    image::GrayImage::from_fn(96, 48, level).save(&paths[0]).unwrap();
+    image::GrayImage::from_fn(96, 48, |x, y| level(x + 6, y)).save(&paths[1]).unwrap();
+    let truth = image::ImageBuffer::<image::Luma<u16>, _>::from_pixel(96, 48, image::Luma([6 * 256]));
+    truth.save(&paths[2]).unwrap();
+    (dir, paths)
+}
+
+#[test]
+fn eval_stereo_measures_a_pair_against_its_truth() {
+    let (_dir, [left, right, truth]) = stereo_pair();
+    for (method, threads) in [("bm", 3), ("sgm", 1)] {
+        let args = ["eval", "stereo", "--left", &left, "--right", &right, "--truth", &truth, "--json"];
+        let more = ["--disparities", "16", "--threads", "3", "--method", method];
+        let (code, out, errors) = ocu(&[&args[..], &more].concat());
+        assert_eq!(code, 0, "{errors}");
+        let report = json(&out);
+        let expected = ["bad2_dense_pct", "bad2_valid_pct", "density_pct", "ms_median", "rms_px", "threads"];
+        assert_eq!(keys(&report), expected);
+        assert_eq!(report["bad2_valid_pct"], 0.0);
+        assert!(report["density_pct"].as_f64().unwrap() > 90.0, "{out}");
+        assert_eq!(report["threads"], threads, "{method}");
+    }
+    let (code, out, _) = ocu(&["eval", "stereo", "--left", &left, "--right", &right, "--json"]);
+    assert_eq!((code, &json(&out)["bad2_valid_pct"]), (0, &serde_json::Value::Null));
+}
+
+#[test]
+fn eval_stereo_refuses_what_does_not_fit() {
+    let (dir, [left, right, truth]) = stereo_pair();
+    let small = text(&dir.path().join("small.png")).to_owned();
+    image::GrayImage::new(64, 48).save(&small).unwrap();
+    let calib = text(&dir.path().join("pair.toml")).to_owned();
+    let camera = |r: &str, tx: f64| {
+        format!(
+            "width = 96\nheight = 48\nk = [80, 0, 47.5, 0, 80, 23.5, 0, 0, 1]\nr = {r}\n\
+             p = [80, 0, 47.5, {tx:?}, 0, 80, 23.5, 0, 0, 0, 1, 0]\n"
+        )
+    };
+    let straight = "[1, 0, 0, 0, 1, 0, 0, 0, 1]";
+    let write = |r: &str| {
+        let text = format!("[left]\n{}[right]\n{}", camera(straight, 0.0), camera(r, -16.0));
+        std::fs::write(&calib, text).unwrap();
+    };
+    let check = |right: &str, more: &[&str], code: i32, expected: &str| {
+        let (got, _, errors) = ocu(&[&["eval", "stereo", "--left", &left, "--right", right], more].concat());
+        assert_eq!(got, code, "{errors}");
+        assert!(errors.contains(expected), "got \"{errors}\", expected \"{expected}\"");
+    };
+    check(&small, &[], 2, "left image is 96x48 pixels, right image 64x48");
+    check(&right, &["--disparities", "112"], 2, "112 disparities do not fit into an image of 96 columns");
+    check(&right, &["--disparities", "20"], 2, "expected a multiple of 16");
+    check(&right, &["--truth", &left], 1, "expected a grey PNG of 16 bits");
+    check(&right, &["--truth", "disparity.tif"], 2, ".pfm, .png or .npz");
+    check(&dir.path().join("none.png").to_string_lossy(), &[], 1, "none.png");
+    write("[1, 0.5, 0, 0, 1, 0, 0, 0, 1]");
+    check(&right, &["--calib", &calib], 2, "right camera is not a rotation");
+    write(straight);
+    let args = ["eval", "stereo", "--left", &left, "--right", &right, "--calib", &calib, "--truth", &truth];
+    let (code, out, errors) = ocu(&[&args[..], &["--disparities", "16"]].concat());
+    assert_eq!(code, 0, "{errors}");
+    assert!(out.contains("over pixels seen by both eyes"), "{out}");
+}
+
+#[test]
+fn eval_stereo_reaches_its_bars_on_motorcycle() {
+    let Some(data) = rcs_testkit::data_dir() else { return };
+    let path = |name: &str| text(&data.join("stereo").join(name)).to_owned();
+    let (left, right) = (path("motorcycle_left.png"), path("motorcycle_right.png"));
+    let truth = path("motorcycle_disp.npz");
+    for (method, least_density_pct) in [("bm", 85.0), ("sgm", 95.0)] {
+        let args = ["eval", "stereo", "--left", &left, "--right", &right, "--truth", &truth];
+        let (code, out, errors) = ocu(&[&args[..], &["--method", method, "--json"]].concat());
+        assert_eq!(code, 0, "{errors}");
+        let report = json(&out);
+        assert!(report["bad2_valid_pct"].as_f64().unwrap() <= 3.5, "{method}: {out}");
+        assert!(report["density_pct"].as_f64().unwrap() >= least_density_pct, "{method}: {out}");
+    }
+}

@@ -1,0 +1,15 @@
+//! `ocu eval`: how good and how fast a method is, on the user's own data.
+
+mod npz;
+mod stereo;
+mod truth;
+
+use crate::cli::EvalCommand;
+use std::io::Write;
+
+/// Prints the figures.
+pub fn eval(command: &EvalCommand, out: &mut dyn Write) -> anyhow::Result<()> {
+    match command {
+        EvalCommand::Stereo(args) => stereo::stereo(args, out),
+    }
+}
