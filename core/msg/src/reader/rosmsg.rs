@@ -5,7 +5,7 @@
 //! the two equal on every recorded message.
 
 use crate::packed::Number;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::fmt::Write;
 
 /// Nested deeper than this is refused; the deepest common message has 6 levels.
@@ -99,7 +99,16 @@ impl Layout {
                     Ok(Field { name: field.name.to_owned(), element, count: field.count })
                 })
                 .collect();
-            messages.push(fields?);
+            let fields = fields?;
+            let mut names = BTreeSet::new();
+            if let Some(again) = fields.iter().find(|field| !names.insert(field.name.as_str())) {
+                return Err(LayoutError {
+                    message: name.clone(),
+                    got: again.name.clone(),
+                    expected: "a name that no other field has",
+                });
+            }
+            messages.push(fields);
         }
         let mut layout = Self { messages, signature: String::new() };
         let mut depths = vec![None; layout.messages.len()];
@@ -319,6 +328,7 @@ mod tests {
             ("uint8[0] x", "a length from 1"),
             ("uint8[99999999999999999999] x", "a length from 1"),
             ("Self me\n===\nMSG: a/Self\nSelf me", "at most 32 levels"),
+            ("int8 a\nint16 a", "a name that no other field has"),
         ] {
             let error = Layout::parse("a/msg/Self", text).expect_err(text).to_string();
             assert!(error.contains(expect), "{error}");
