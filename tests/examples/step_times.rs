@@ -1,6 +1,6 @@
 //! Measures how long steps take on a recording with a stack, forward and back, beside what its processes take.
 //!
-//! `cargo run -p rcs-plugins --example step_times -- assets/stacks/range_camera.toml drive.mcap`
+//! `cargo run -p ocu-tests --example step_times -- assets/stacks/range_camera.toml drive.mcap`
 
 #![allow(clippy::print_stdout, reason = "its output is what it is for")]
 
