@@ -2,7 +2,7 @@
 //!
 //! - [`install`], [`tokens`]: every colour and distance of the window, for the dark and the light theme.
 //! - [`palette`]: from a label, a cost, a height or a range to a colour.
-//! - [`format`]: numbers, times, ages and sizes as text of constant width.
+//! - [`mod@format`]: numbers, times, ages and sizes as text of constant width.
 //! - [`stale`]: the look of a value that is old.
 //! - [`widgets`], [`legend`]: what several views need.
 
