@@ -185,7 +185,7 @@ fn a_driver_that_is_paused_makes_no_frames() {
     let (driver, wakes) = drive(source);
     driver.send(Control::Seek(seconds(1.0)));
     wait(&driver, &wakes, "the seek", |frame| frame.now == seconds(1.0));
-    while wakes.recv_timeout(Duration::from_millis(50)).is_ok() {}
+    while wakes.recv_timeout(Duration::from_millis(500)).is_ok() {}
     let generation = driver.frame().generation;
     assert!(wakes.recv_timeout(Duration::from_millis(100)).is_err());
     assert_eq!(driver.frame().generation, generation);
