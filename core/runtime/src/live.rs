@@ -6,12 +6,11 @@
 
 use crate::history::OperatorWrite;
 use crate::node::{Machine, Node, RunError};
-use crate::overrides::apply_override;
 use crate::pool::Pool;
 use crate::record::{RecordOptions, Recording};
 use crate::stack::{Plan, names};
 use crate::stepped::{RunOptions, Stepped};
-use rcs_bus::{Buffer, Bus, Draft, WriterId};
+use rcs_bus::{Bus, Draft, WriterId};
 use rcs_log::{CursorOptions, Log, RecorderStatus};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::path::PathBuf;
@@ -31,8 +30,7 @@ pub struct LiveOptions {
 /// A stack on the wall clock.
 pub struct Live {
     shared: Arc<Shared>,
-    bus: Bus,
-    plan: Arc<Plan>,
+    machine: Machine,
     threads: Vec<JoinHandle<()>>,
     recording: Option<Recording>,
     start: Stamp,
@@ -77,16 +75,10 @@ impl Shared {
 impl Live {
     /// Starts every process of a plan.
     pub fn start(plan: Arc<Plan>, options: &LiveOptions) -> Result<Self, RunError> {
-        let Machine { bus, buffers, nodes, .. } = {
-            let mut machine = Machine::new(Arc::clone(&plan), options.run.seed)?;
-            machine.nodes.shrink_to_fit();
-            machine
-        };
-        let runtime_writer = |name: &str| {
-            bus.get(name)
-                .map(|buffer| buffer.writer(WriterId::RUNTIME))
-                .ok_or_else(|| RunError::Refused(format!("the plan has no buffer {name}")))
-        };
+        let mut machine = Machine::new(plan, options.run.seed)?;
+        // The threads own the nodes; what is left are the buffers.
+        let nodes = std::mem::take(&mut machine.nodes);
+        let runtime_writer = |name: &str| machine.buffer(name).map(|buffer| buffer.writer(WriterId::RUNTIME));
         let unix_ns = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
         let shared = Arc::new(Shared {
             order: Mutex::new(Stamp(0)),
@@ -100,21 +92,12 @@ impl Live {
         });
         let record = RecordOptions { lossless: false, build: options.run.build.clone() };
         let recording = match &options.record {
-            Some(path) => Some(Recording::start(path, &plan, &buffers, &record)?),
+            Some(path) => Some(Recording::start(path, &machine.plan, &machine.buffers, &record)?),
             None => None,
         };
-        let machine = Machine { plan: Arc::clone(&plan), bus, buffers, nodes: Vec::new() };
-        let run = rcs::RunInfo {
-            stack: plan.file.name().to_owned(),
-            stack_text: plan.file.text.clone(),
-            stack_hash: plan.hash.clone(),
-            seed: options.run.seed,
-            build: options.run.build.clone(),
-            ..rcs::RunInfo::default()
-        };
-        let start = shared.commit(|now| machine.begin(now, run).map(|()| now))?;
+        let start = shared.commit(|now| machine.begin(now, &options.run).map(|()| now))?;
         let mut threads = Vec::new();
-        for (node, process) in nodes.into_iter().zip(&plan.processes) {
+        for (node, process) in nodes.into_iter().zip(&machine.plan.processes) {
             let shared = Arc::clone(&shared);
             let name = Arc::clone(&process.name);
             let thread = std::thread::Builder::new().name(name.to_string());
@@ -123,17 +106,17 @@ impl Live {
                 RunError::Refused(format!("no thread could be started for {}: {error}", process.name))
             })?);
         }
-        Ok(Self { shared, bus: machine.bus, plan, threads, recording, start })
+        Ok(Self { shared, machine, threads, recording, start })
     }
 
     /// The run's buffers.
     pub fn bus(&self) -> &Bus {
-        &self.bus
+        &self.machine.bus
     }
 
     /// What runs.
     pub fn plan(&self) -> &Arc<Plan> {
-        &self.plan
+        &self.machine.plan
     }
 
     /// When the run began.
@@ -148,7 +131,7 @@ impl Live {
 
     /// Writes a message from outside: a sensor's, say.
     pub fn inject(&self, buffer: &str, acq_time: Stamp, message: AnyMessage) -> Result<(), RunError> {
-        let buffer = self.buffer(buffer)?;
+        let buffer = self.machine.buffer(buffer)?;
         self.shared.commit(|now| {
             buffer.writer(WriterId::RUNTIME).write(Draft { log_time: now, acq_time, message })
         })?;
@@ -156,20 +139,8 @@ impl Live {
     }
 
     /// An operator's write.
-    pub fn write(&self, write: OperatorWrite) -> Result<(), RunError> {
-        let buffer = self.buffer(&write.buffer)?;
-        if write.buffer == names::OVERRIDE {
-            apply_override(&self.bus, &write.message)?;
-        }
-        self.shared.commit(|now| {
-            let draft = Draft { log_time: now, acq_time: now, message: write.message };
-            buffer.writer(WriterId::OPERATOR).write(draft)
-        })?;
-        Ok(())
-    }
-
-    fn buffer(&self, name: &str) -> Result<&Arc<Buffer>, RunError> {
-        self.bus.get(name).ok_or_else(|| RunError::Refused(format!("there is no buffer {name} to write to")))
+    pub fn write(&self, write: &OperatorWrite) -> Result<(), RunError> {
+        self.shared.commit(|now| self.machine.operator_write(write, now))
     }
 
     /// How the recording goes.

@@ -1,10 +1,13 @@
 //! A process with its ports: captures inputs, runs one cycle, publishes what it wrote. Both executors use it.
 
 use crate::cycle::{Cycle, InputView, Staged};
+use crate::history::OperatorWrite;
+use crate::overrides::apply_override;
 use crate::pool::Pool;
 use crate::process::{Body, SavedState};
-use crate::stack::{Plan, ProcessPlan};
+use crate::stack::{Plan, ProcessPlan, names};
 use crate::status::{StatusCell, StatusRecord};
+use crate::stepped::RunOptions;
 use prost_reflect::DynamicMessage;
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
@@ -308,7 +311,7 @@ impl Node {
 }
 
 /// Refuses parameters that are NaN or out of range, with a message that says the range.
-pub(crate) fn check_params(message: &AnyMessage) -> Result<(), String> {
+fn check_params(message: &AnyMessage) -> Result<(), String> {
     let schema = message.schema();
     let Some(descriptor) = schema.descriptor() else { return Ok(()) };
     let message =
@@ -365,21 +368,48 @@ impl Machine {
         Ok(Self { plan, bus, buffers, nodes })
     }
 
+    /// The buffer of that name, to be written to.
+    pub(crate) fn buffer(&self, name: &str) -> Result<&Arc<Buffer>, RunError> {
+        self.bus.get(name).ok_or_else(|| RunError::Refused(format!("there is no buffer {name} to write to")))
+    }
+
+    /// An operator's write: parameters are checked, an override takes effect, and the message is there to be seen.
+    pub(crate) fn operator_write(&self, write: &OperatorWrite, now: Stamp) -> Result<(), RunError> {
+        let buffer = self.buffer(&write.buffer)?;
+        let is_params =
+            |process: &ProcessPlan| self.plan.buffers[process.params_buffer].spec.name == write.buffer;
+        if self.plan.processes.iter().any(is_params) {
+            check_params(&write.message)
+                .map_err(|error| RunError::Refused(format!("{}: {error}", write.buffer)))?;
+        }
+        if write.buffer == names::OVERRIDE {
+            apply_override(&self.bus, &write.message)?;
+        }
+        let draft = Draft { log_time: now, acq_time: now, message: write.message.clone() };
+        buffer.writer(WriterId::OPERATOR).write(draft)?;
+        Ok(())
+    }
+
     /// Writes what every run begins with: its identity, its processes, their parameters, and the viewer's `RUN`.
-    pub(crate) fn begin(&self, start: Stamp, run: rcs::RunInfo) -> Result<(), RunError> {
-        let write = |index: usize, writer: WriterId, message: AnyMessage| {
-            let draft = Draft { log_time: start, acq_time: start, message };
-            self.buffers[index].writer(writer).write(draft)
+    pub(crate) fn begin(&self, start: Stamp, options: &RunOptions) -> Result<(), RunError> {
+        let run = rcs::RunInfo {
+            stack: self.plan.file.name().to_owned(),
+            stack_text: self.plan.file.text.clone(),
+            stack_hash: self.plan.hash.clone(),
+            seed: options.seed,
+            build: options.build.clone(),
+            log: options.log_name.clone(),
+            ..rcs::RunInfo::default()
         };
-        let named = |name: &str| {
-            self.plan.buffers.iter().position(|buffer| buffer.spec.name == name).unwrap_or_default()
+        let write = |buffer: &Arc<Buffer>, writer: WriterId, message: AnyMessage| {
+            buffer.writer(writer).write(Draft { log_time: start, acq_time: start, message })
         };
-        write(named(crate::stack::names::RUN), WriterId::RUNTIME, AnyMessage::new(run))?;
+        write(self.buffer(names::RUN)?, WriterId::RUNTIME, AnyMessage::new(run))?;
         for info in self.plan.process_infos() {
-            write(named(crate::stack::names::PROCESSES), WriterId::RUNTIME, AnyMessage::new(info))?;
+            write(self.buffer(names::PROCESSES)?, WriterId::RUNTIME, AnyMessage::new(info))?;
         }
         for process in &self.plan.processes {
-            write(process.params_buffer, WriterId::RUNTIME, process.params.clone())?;
+            write(&self.buffers[process.params_buffer], WriterId::RUNTIME, process.params.clone())?;
             if process.supervisor.is_none() {
                 let command = rcs::Command {
                     timestamp: Some(start.to_proto()),
@@ -387,7 +417,7 @@ impl Machine {
                     name: "RUN".to_owned(),
                     ..rcs::Command::default()
                 };
-                write(process.command_buffer, WriterId::OPERATOR, AnyMessage::new(command))?;
+                write(&self.buffers[process.command_buffer], WriterId::OPERATOR, AnyMessage::new(command))?;
             }
         }
         Ok(())

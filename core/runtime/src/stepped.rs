@@ -5,8 +5,7 @@
 
 use crate::feed::Feed;
 use crate::history::OperatorWrite;
-use crate::node::{Machine, Output, RunError, check_params};
-use crate::overrides::apply_override;
+use crate::node::{Machine, Output, RunError};
 use crate::pool::Pool;
 use crate::stack::{Plan, names};
 use crate::summary::{CycleTimes, Tallies, tap_tallies};
@@ -223,17 +222,7 @@ impl Stepped {
 
     /// Writes what every run begins with. To be called once, after taps have been added and before the first event.
     pub fn begin(&mut self) -> Result<(), RunError> {
-        let plan = &self.machine.plan;
-        let run = rcs::RunInfo {
-            stack: plan.file.name().to_owned(),
-            stack_text: plan.file.text.clone(),
-            stack_hash: plan.hash.clone(),
-            seed: self.options.seed,
-            build: self.options.build.clone(),
-            log: self.options.log_name.clone(),
-            ..rcs::RunInfo::default()
-        };
-        self.machine.begin(self.start, run)?;
+        self.machine.begin(self.start, &self.options)?;
         let start = self.start;
         for fault in self.feed.as_mut().map(|feed| feed.give_fixed(start)).unwrap_or_default() {
             self.report(fault.time, &fault.text);
@@ -352,25 +341,7 @@ impl Stepped {
 
     /// An operator's write, now.
     pub(crate) fn write(&mut self, write: &OperatorWrite) -> Result<(), RunError> {
-        let Some(buffer) = self.machine.bus.get(&write.buffer) else {
-            return Err(RunError::Refused(format!("there is no buffer {} to write to", write.buffer)));
-        };
-        let is_params = self
-            .machine
-            .plan
-            .processes
-            .iter()
-            .any(|p| self.machine.plan.buffers[p.params_buffer].spec.name == write.buffer);
-        if is_params {
-            check_params(&write.message)
-                .map_err(|error| RunError::Refused(format!("{}: {error}", write.buffer)))?;
-        }
-        if write.buffer == names::OVERRIDE {
-            apply_override(&self.machine.bus, &write.message)?;
-        }
-        let draft = Draft { log_time: self.now, acq_time: self.now, message: write.message.clone() };
-        buffer.writer(WriterId::OPERATOR).write(draft)?;
-        Ok(())
+        self.machine.operator_write(write, self.now)
     }
 
     /// Tells a person of something, through `/runtime/log`.

@@ -320,17 +320,38 @@ fn a_live_run_on_its_recorded_schedule_gives_the_same_buffers() {
         }
     };
     wait(&live, 5);
-    let params = rcs::WorldModelParams { publish_hz: 8.0, ..rcs_msg::params::default() };
-    live.write(OperatorWrite { buffer: "/counter/params".to_owned(), message: AnyMessage::new(params) })
-        .unwrap();
+    let params = |publish_hz| OperatorWrite {
+        buffer: "/counter/params".to_owned(),
+        message: AnyMessage::new(rcs::WorldModelParams { publish_hz, ..rcs_msg::params::default() }),
+    };
+    live.write(&params(8.0)).unwrap();
+    let refused = live.write(&params(f64::NAN)).unwrap_err().to_string();
+    assert!(refused.contains("publish_hz"), "{refused}");
     wait(&live, 10);
+    let hold = rcs::Override {
+        buffer: "/counter/count".to_owned(),
+        mode: rcs::r#override::Mode::Hold.into(),
+        path: ".z".to_owned(),
+        value_json: "42.0".to_owned(),
+        ..Default::default()
+    };
+    let hold = OperatorWrite { buffer: "/runtime/override".to_owned(), message: AnyMessage::new(hold) };
+    live.write(&hold).unwrap();
+    wait(&live, 15);
     let status = live.stop().unwrap().unwrap();
     assert_eq!((status.dropped, status.error), (0, None));
 
     let log = Log::open(&path).unwrap();
     let mut again = on_recorded_schedule(plan, &log, hashing(1)).unwrap();
     let seen = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
-    let names = ["/counter/count", "/adder/sum", "/counter/status", "/adder/status", "/counter/params"];
+    let names = [
+        "/counter/count",
+        "/adder/sum",
+        "/counter/status",
+        "/adder/status",
+        "/counter/params",
+        "/runtime/override",
+    ];
     for name in names {
         let seen = seen.clone();
         again.bus().get(name).unwrap().tap(Box::new(move |sample| {
