@@ -9,13 +9,10 @@ use crate::scan::{Label, ScanParams};
 use glam::DVec3;
 use rcs_geom::{CameraError, CellIndex, PinholeCamera, Pose};
 use rcs_msg::foxglove::packed_element_field::NumericType;
-use rcs_msg::foxglove::{
-    CameraCalibration, CompressedImage, FrameTransforms, Grid, Odometry, PackedElementField, PointCloud,
-    PoseInFrame, RawImage,
-};
+use rcs_msg::foxglove::{CameraCalibration, CompressedImage, Grid, PackedElementField, PointCloud, RawImage};
 use rcs_msg::rcs::{ObstacleStats, ObstaclesParams, PoseSource};
 use rcs_msg::{PointsError, Stamp};
-use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, PosePorts, Process, ProcessDef};
 use rcs_world::{FrameNames, Localizer, LocalizerError, MAX_COST, OBSTACLE_COST, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -36,10 +33,7 @@ pub struct Ports {
     depth: In<RawImage>,
     cloud: In<PointCloud>,
     calibration: In<CameraCalibration>,
-    odometry: In<Odometry>,
-    pose: In<PoseInFrame>,
-    transforms: In<FrameTransforms>,
-    static_transforms: In<FrameTransforms>,
+    poses: PosePorts,
     labels: Out<RawImage>,
     points: Out<PointCloud>,
     cost: Out<Grid>,
@@ -94,13 +88,7 @@ impl Process for Obstacles {
             depth: b.optional_input("depth", "depth image along the optical axis: 16UC1, mono16 or 32FC1"),
             cloud: b.optional_input("cloud", "point cloud with x, y and z, m, in any order"),
             calibration: b.optional_input("calibration", "calibration of the depth image"),
-            odometry: b.optional_input("odometry", "pose of the vehicle in the local frame"),
-            pose: b.optional_input(
-                "pose",
-                "pose of the vehicle, or of the frame that `pose_frame` names, in the local frame",
-            ),
-            transforms: b.optional_input("transforms", "transforms between frames at their times"),
-            static_transforms: b.optional_input("static_transforms", "transforms that hold at all times"),
+            poses: PosePorts::declare(b),
             labels: b
                 .output("labels", "label of each pixel of the depth image")
                 .role("labels")
@@ -126,7 +114,7 @@ impl Process for Obstacles {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &ObstaclesParams, cx: &mut Cycle<'_>) {
-        self.read_poses(ports, params, cx);
+        ports.poses.read(&mut self.localizer, frames(params), cx);
         if let Some(calibration) = cx.read_newest(&ports.calibration) {
             self.read_calibration(&calibration, cx);
         }
@@ -148,22 +136,6 @@ impl Process for Obstacles {
 }
 
 impl Obstacles {
-    fn read_poses(&mut self, ports: &Ports, params: &ObstaclesParams, cx: &mut Cycle<'_>) {
-        let names = frames(params);
-        while let Some(message) = cx.read(&ports.static_transforms) {
-            report(cx, self.localizer.add_transforms(&message, true));
-        }
-        while let Some(message) = cx.read(&ports.transforms) {
-            report(cx, self.localizer.add_transforms(&message, false));
-        }
-        while let Some(message) = cx.read(&ports.odometry) {
-            report(cx, self.localizer.add_odometry(&message, message.acq_time(), names));
-        }
-        while let Some(message) = cx.read(&ports.pose) {
-            report(cx, self.localizer.add_pose(&message, message.acq_time()));
-        }
-    }
-
     fn read_calibration(&mut self, calibration: &CameraCalibration, cx: &mut Cycle<'_>) {
         let camera = camera_of(calibration);
         let camera = camera.map_err(|error| cx.fault(Unusable::from(error).to_string())).ok();
@@ -381,11 +353,5 @@ fn scan_params(params: &ObstaclesParams) -> ScanParams {
         gap_m: params.gap_m as f32,
         surface_span_m: params.surface_span_m as f32,
         wheels_tolerance_m: params.wheels_tolerance_m as f32,
-    }
-}
-
-fn report(cx: &mut Cycle<'_>, result: Result<(), LocalizerError>) {
-    if let Err(error) = result {
-        cx.fault(format!("{error}; skipped"));
     }
 }

@@ -3,12 +3,10 @@
 use crate::algo::{Ballot, take};
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry, PoseInFrame};
+use rcs_msg::foxglove::{Grid, PoseInFrame};
 use rcs_msg::rcs::{PoseSource, WorldModelParams, WorldModelStats};
-use rcs_runtime::{CommandDef, Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
-use rcs_world::{
-    FrameNames, Label, Localizer, LocalizerError, Map, MapOptions, Source, Sources, VoteRule, Weights,
-};
+use rcs_runtime::{CommandDef, Cycle, In, Msg, Out, PortBuilder, PosePorts, Process, ProcessDef};
+use rcs_world::{FrameNames, Label, Localizer, Map, MapOptions, Source, Sources, VoteRule, Weights};
 use serde::{Deserialize, Serialize};
 
 /// Side of a cell of WM1, m.
@@ -33,10 +31,7 @@ pub struct WorldModel {
 pub struct Ports {
     /// One input of cost maps for each source.
     costs: Vec<(Source, In<Grid>)>,
-    odometry: In<Odometry>,
-    pose: In<PoseInFrame>,
-    transforms: In<FrameTransforms>,
-    static_transforms: In<FrameTransforms>,
+    poses: PosePorts,
     map: Out<Grid>,
     vehicle: Out<PoseInFrame>,
     stats: Out<WorldModelStats>,
@@ -64,13 +59,7 @@ impl Process for WorldModel {
         let costs = Source::ALL.map(|source| (source, b.optional_input(source.name(), help(source))));
         Ports {
             costs: costs.into(),
-            odometry: b.optional_input("odometry", "pose of the vehicle in the local frame"),
-            pose: b.optional_input(
-                "pose",
-                "pose of the vehicle, or of the frame that `pose_frame` names, in the local frame",
-            ),
-            transforms: b.optional_input("transforms", "transforms between frames at their times"),
-            static_transforms: b.optional_input("static_transforms", "transforms that hold at all times"),
+            poses: PosePorts::declare(b),
             map: b
                 .output("map", "201x201 cells of 0.2 m around the vehicle, local frame")
                 .role("map")
@@ -98,7 +87,7 @@ impl Process for WorldModel {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &WorldModelParams, cx: &mut Cycle<'_>) {
-        self.read_poses(ports, params, cx);
+        ports.poses.read(&mut self.localizer, frames(params), cx);
         if cx.command().is_some_and(|command| command.name == "CLEAR") {
             self.map.clear();
             self.seen = Sources::default();
@@ -123,22 +112,6 @@ impl Process for WorldModel {
 }
 
 impl WorldModel {
-    fn read_poses(&mut self, ports: &Ports, params: &WorldModelParams, cx: &mut Cycle<'_>) {
-        let names = frames(params);
-        while let Some(message) = cx.read(&ports.static_transforms) {
-            report(cx, self.localizer.add_transforms(&message, true));
-        }
-        while let Some(message) = cx.read(&ports.transforms) {
-            report(cx, self.localizer.add_transforms(&message, false));
-        }
-        while let Some(message) = cx.read(&ports.odometry) {
-            report(cx, self.localizer.add_odometry(&message, message.acq_time(), names));
-        }
-        while let Some(message) = cx.read(&ports.pose) {
-            report(cx, self.localizer.add_pose(&message, message.acq_time()));
-        }
-    }
-
     /// Brings the map around the vehicle; it stays where it is while the pose is not known.
     fn scroll(&mut self, params: &WorldModelParams, now: Stamp) -> Option<Pose> {
         let pose = match params.pose_source() {
@@ -244,10 +217,4 @@ fn weights(params: &WorldModelParams) -> Weights {
 
 fn frames(params: &WorldModelParams) -> FrameNames<'_> {
     FrameNames { local: &params.local_frame, vehicle: &params.vehicle_frame, pose: &params.pose_frame }
-}
-
-fn report(cx: &mut Cycle<'_>, result: Result<(), LocalizerError>) {
-    if let Err(error) = result {
-        cx.fault(format!("{error}; skipped"));
-    }
 }

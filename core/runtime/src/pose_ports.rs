@@ -1,0 +1,54 @@
+//! The four inputs by which any process learns where its vehicle is.
+
+use crate::cycle::Cycle;
+use crate::process::{In, PortBuilder};
+use rcs_msg::foxglove::{FrameTransforms, Odometry, PoseInFrame};
+use rcs_world::{FrameNames, Localizer, LocalizerError};
+
+/// Handles of the optional inputs `odometry`, `pose`, `transforms` and `static_transforms`: a stack wires what its
+/// robot has.
+#[derive(Debug)]
+pub struct PosePorts {
+    odometry: In<Odometry>,
+    pose: In<PoseInFrame>,
+    transforms: In<FrameTransforms>,
+    static_transforms: In<FrameTransforms>,
+}
+
+impl PosePorts {
+    /// Declares the four ports, in this order.
+    pub fn declare(builder: &mut PortBuilder) -> Self {
+        Self {
+            odometry: builder.optional_input("odometry", "pose of the vehicle in the local frame"),
+            pose: builder.optional_input(
+                "pose",
+                "pose of the vehicle, or of the frame that `pose_frame` names, in the local frame",
+            ),
+            transforms: builder.optional_input("transforms", "transforms between frames at their times"),
+            static_transforms: builder
+                .optional_input("static_transforms", "transforms that hold at all times"),
+        }
+    }
+
+    /// Gives everything unread to the localizer. What it refuses is a fault of the process, and is skipped.
+    pub fn read(&self, localizer: &mut Localizer, names: FrameNames<'_>, cx: &mut Cycle<'_>) {
+        while let Some(message) = cx.read(&self.static_transforms) {
+            report(cx, localizer.add_transforms(&message, true));
+        }
+        while let Some(message) = cx.read(&self.transforms) {
+            report(cx, localizer.add_transforms(&message, false));
+        }
+        while let Some(message) = cx.read(&self.odometry) {
+            report(cx, localizer.add_odometry(&message, message.acq_time(), names));
+        }
+        while let Some(message) = cx.read(&self.pose) {
+            report(cx, localizer.add_pose(&message, message.acq_time()));
+        }
+    }
+}
+
+fn report(cx: &mut Cycle<'_>, result: Result<(), LocalizerError>) {
+    if let Err(error) = result {
+        cx.fault(format!("{error}; skipped"));
+    }
+}

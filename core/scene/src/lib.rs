@@ -1,0 +1,1 @@
+//! Simulated worlds: terrain, vegetation, things, and rays cast into them.

@@ -1,0 +1,1 @@
+//! Colour models of ground and background.

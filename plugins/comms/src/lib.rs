@@ -1,0 +1,1 @@
+//! The comms interface between the controller and the vehicle.

@@ -1,0 +1,1 @@
+//! Costs from bumper, infrared sensors, motor current and slip.

@@ -1,0 +1,1 @@
+//! Terrain models learned from range, and images classified by them.

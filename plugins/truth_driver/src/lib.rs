@@ -1,0 +1,1 @@
+//! A driver that follows the shortest path on the true map.
