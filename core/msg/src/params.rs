@@ -45,6 +45,8 @@ pub struct ParamSpec {
     pub help: String,
     /// The fusion source that it weighs.
     pub fusion_source: Option<String>,
+    /// Kind of the file whose text it is: `world`, `vehicle`, `course`, `models`. A stack gives the file's name.
+    pub file: Option<String>,
     /// Numbers and names to choose from.
     pub choices: Vec<(i32, String)>,
 }
@@ -225,6 +227,7 @@ fn spec(field: &FieldDescriptor) -> Option<ParamSpec> {
         default,
         help: text("help").unwrap_or_default(),
         fusion_source: text("fusion_source"),
+        file: text("file"),
         choices,
     })
 }

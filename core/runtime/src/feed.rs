@@ -4,8 +4,12 @@ use crate::node::{Machine, RunError};
 use crate::source::canonical;
 use rcs_bus::{Draft, Writer, WriterId};
 use rcs_log::{Cursor, CursorOptions, Log, LogMessage, Position, TopicId};
+use rcs_msg::foxglove::CompressedImage;
 use rcs_msg::{AnyMessage, Stamp, header_stamp};
 use std::collections::BTreeMap;
+
+const RAW: &str = "foxglove.RawImage";
+const COMPRESSED: &str = "foxglove.CompressedImage";
 
 /// Reads the topics of a stack's inputs and writes them into its buffers.
 pub(crate) struct Feed {
@@ -14,8 +18,8 @@ pub(crate) struct Feed {
     pending: Option<LogMessage>,
     /// Where the cursor stood before `pending`.
     position: Position,
-    /// Writers that each topic fills.
-    writers: BTreeMap<TopicId, Vec<Writer>>,
+    /// Writers that each topic fills, and whether they want compressed images decoded.
+    writers: BTreeMap<TopicId, Vec<(Writer, bool)>>,
     /// The first and the last moment of the log.
     pub(crate) range: (Stamp, Stamp),
     fixed: Vec<LogMessage>,
@@ -31,13 +35,15 @@ impl Feed {
     pub(crate) fn new(log: &Log, machine: &Machine) -> Result<Self, RunError> {
         let info = log.info();
         machine.plan.check_log(info)?;
-        let mut writers: BTreeMap<TopicId, Vec<Writer>> = BTreeMap::new();
+        let mut writers: BTreeMap<TopicId, Vec<(Writer, bool)>> = BTreeMap::new();
         let mut fixed_topics = Vec::new();
         let mut moving_topics = Vec::new();
         for input in &machine.plan.inputs {
             for topic in info.topics_named(&input.topic) {
-                let writer = machine.buffers[input.buffer].writer(WriterId::RUNTIME);
-                writers.entry(topic.id).or_default().push(writer);
+                let buffer = &machine.buffers[input.buffer];
+                let decoded = buffer.spec().schema.name() == RAW
+                    && rcs_msg::canonical_name(&topic.schema) == Some(COMPRESSED);
+                writers.entry(topic.id).or_default().push((buffer.writer(WriterId::RUNTIME), decoded));
                 if input.is_static { &mut fixed_topics } else { &mut moving_topics }.push(topic.id);
             }
         }
@@ -53,6 +59,11 @@ impl Feed {
         let position = cursor.position();
         let range = (info.start, info.end);
         Ok(Self { log: log.clone(), cursor, pending: None, position, writers, range, fixed })
+    }
+
+    /// Whether a topic of canonical type `got` can fill a buffer of type `wanted`: compressed images are decoded.
+    pub(crate) fn converts(got: &str, wanted: &str) -> bool {
+        got == wanted || (got == COMPRESSED && wanted == RAW)
     }
 
     /// Gives the messages that hold for the whole log.
@@ -94,8 +105,15 @@ impl Feed {
         let acq_time = header_stamp(&message_out)
             .filter(|stamp| stamp.0 != 0)
             .unwrap_or(if message.publish_time.0 == 0 { message.log_time } else { message.publish_time });
-        for writer in self.writers.get(&message.topic).into_iter().flatten() {
-            let draft = Draft { log_time: at, acq_time, message: message_out.clone() };
+        for (writer, decoded) in self.writers.get(&message.topic).into_iter().flatten() {
+            let message = match message_out.get::<CompressedImage>().filter(|_| *decoded) {
+                Some(image) => AnyMessage::new(
+                    rcs_msg::image::decompress(image)
+                        .map_err(|error| fault(format!("{}: {error}; skipped", topic.name)))?,
+                ),
+                None => message_out.clone(),
+            };
+            let draft = Draft { log_time: at, acq_time, message };
             writer.write(draft).map_err(|error| fault(error.to_string()))?;
         }
         Ok(())

@@ -34,8 +34,8 @@ pub use process::{CommandDef, In, Out, OutBuilder, PortBuilder, PortDef, Process
 pub use record::{RecordOptions, Recording};
 pub use snapshot::Snapshot;
 pub use stack::{
-    BufferEntry, BufferPlan, InputEntry, InputPlan, OverflowEntry, Plan, ProcessEntry, ProcessPlan,
-    StackError, StackFile, VIEWER,
+    Asset, Assets, BufferEntry, BufferPlan, InputEntry, InputPlan, NoAssets, OverflowEntry, Plan,
+    PlanOptions, ProcessEntry, ProcessPlan, StackError, StackFile, VIEWER,
 };
 pub use status::{Text, child_state};
 pub use stepped::{Happened, RunOptions, Stepped};

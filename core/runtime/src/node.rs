@@ -378,8 +378,9 @@ impl Machine {
         let buffer = self.buffer(&write.buffer)?;
         let is_params =
             |process: &ProcessPlan| self.plan.buffers[process.params_buffer].spec.name == write.buffer;
-        if self.plan.processes.iter().any(is_params) {
+        if let Some(process) = self.plan.processes.iter().find(|process| is_params(process)) {
             check_params(&write.message)
+                .and_then(|()| process.kind.check(&write.message))
                 .map_err(|error| RunError::Refused(format!("{}: {error}", write.buffer)))?;
         }
         if write.buffer == names::OVERRIDE {

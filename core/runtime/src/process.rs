@@ -24,6 +24,11 @@ pub trait Process: Clone + Serialize + DeserializeOwned + Send + Sync + 'static 
 
     /// Declares the ports. Called once; the order of the calls is the order of the port table.
     fn ports(builder: &mut PortBuilder) -> Self::Ports;
+    /// Refuses values that only the process can judge, like the text of a file, before anything runs. An error in a
+    /// file reads `<field>: line <number>, …`.
+    fn check(_params: &Self::Params) -> Result<(), String> {
+        Ok(())
+    }
     /// The state before the first cycle.
     fn new(params: &Self::Params) -> Self;
     /// One cycle: read, compute, write, say how it went.
@@ -41,6 +46,9 @@ pub struct ProcessDef {
     pub period_ms: f64,
     /// Commands beside `RUN` and `HALT`, which the runtime handles for every process.
     pub commands: &'static [CommandDef],
+    /// Whether it may read the truth of a simulation: its own processes, and those that stand in for what is not
+    /// under test.
+    pub reads_truth: bool,
 }
 
 /// A command that a process obeys.
@@ -143,6 +151,12 @@ impl<T> OutBuilder<'_, T> {
         self.with("rcs.overlay_of", input_port)
     }
 
+    /// It holds the truth of a simulation: only processes with [`ProcessDef::reads_truth`] may be wired to it.
+    #[must_use]
+    pub fn truth(self) -> Self {
+        self.with("rcs.truth", "true")
+    }
+
     fn with(self, key: &str, value: &str) -> Self {
         self.def.metadata.insert(key.to_owned(), value.to_owned());
         self
@@ -160,6 +174,7 @@ pub struct ProcessType {
     def: &'static ProcessDef,
     ports: fn() -> PortBuilder,
     params: fn() -> &'static Arc<Schema>,
+    check: fn(&AnyMessage) -> Result<(), String>,
     make: fn(&AnyMessage) -> Option<Box<dyn Body>>,
 }
 
@@ -174,6 +189,11 @@ impl ProcessType {
                 builder
             },
             params: schema_of::<P::Params>,
+            check: |message| {
+                let params: P::Params =
+                    message.to().ok_or_else(|| format!("expected a {}", schema_of::<P::Params>().name()))?;
+                P::check(&params)
+            },
             make: |message| {
                 let params: P::Params = message.to()?;
                 let ports = P::ports(&mut PortBuilder::default());
@@ -201,6 +221,11 @@ impl ProcessType {
     /// Schema of its parameters.
     pub fn params_schema(&self) -> &'static Arc<Schema> {
         (self.params)()
+    }
+
+    /// Whether the process itself accepts these parameters.
+    pub(crate) fn check(&self, params: &AnyMessage) -> Result<(), String> {
+        (self.check)(params)
     }
 
     /// A new process; `None` where the message is not of its parameters' type.

@@ -60,6 +60,7 @@ impl Process for LabelOverlay {
         summary: "Shows the labels of a point cloud on the picture of a camera",
         period_ms: 200.0,
         commands: &[],
+        reads_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {

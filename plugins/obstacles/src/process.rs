@@ -79,6 +79,7 @@ impl Process for Obstacles {
         summary: "Labels range images and scans column by column and maps the cost of obstacles",
         period_ms: 200.0,
         commands: &[],
+        reads_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
@@ -287,6 +288,8 @@ fn write_results(
         ground: count(Label::Ground),
         obstacle: count(Label::Obstacle),
         short_obstacle: count(Label::ShortObstacle),
+        negative: 0,
+        negative_cells: 0,
         cover: count(Label::Cover),
         too_far: count(Label::TooFar),
         min_range_m: if farthest > 0.0 { f64::from(nearest) } else { 0.0 },

@@ -45,6 +45,7 @@ impl Process for WorldModel {
         summary: "WM1: fuses the costs that the sources see into one scrolling map",
         period_ms: 50.0,
         commands: &[CommandDef { name: "CLEAR", help: "Forget the whole map.", parameters: "" }],
+        reads_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {

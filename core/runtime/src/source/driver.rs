@@ -1,6 +1,8 @@
 //! A source on a thread of its own: paced, stepped and written to by messages, looked at through frames.
 
 use super::frame::{Frame, Playback};
+use super::held::{Hands, Held};
+use super::pace::Pace;
 use super::{Source, SourceError, Step, Task};
 use rcs_msg::{AnyMessage, Stamp};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
@@ -15,7 +17,7 @@ pub enum Control {
     Play,
     /// Stop time.
     Pause,
-    /// Seconds of the source a second.
+    /// Seconds of the source a second; infinite is as fast as it goes.
     Speed(f64),
     /// Start again at the end.
     Loop(bool),
@@ -30,12 +32,19 @@ pub enum Control {
         /// The message.
         message: AnyMessage,
     },
+    /// Write a message again and again while time runs. To be said anew at least every [`Held::LEASE`] while it is
+    /// held: otherwise the hand lets go.
+    Hold(Held),
+    /// Let go of what is held, and write a last message.
+    LetGo(Held),
     /// Stop long work.
     Cancel,
 }
 
 /// Time between frames while playing.
 const FRAME: Duration = Duration::from_millis(16);
+/// Work between two frames, at most (but for a single step of the source that takes longer): the window stays alive.
+const BUDGET: Duration = Duration::from_millis(24);
 /// Slower than this, background work shows what it has found so far.
 const SHOW_IDLE: Duration = Duration::from_millis(250);
 
@@ -59,7 +68,8 @@ impl Driver {
         let (controls, receiver) = channel();
         let theirs = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name("source".to_owned()).spawn(move || {
-            Pacer { source, shared: theirs, wake, playback: Playback::default(), anchor: None }
+            let playback = Playback::default();
+            Pacer { source, shared: theirs, wake, playback, pace: Pace::new(), hands: Hands::default() }
                 .run(&receiver);
         })?;
         Ok(Self { shared, controls: Some(controls), thread: Some(thread) })
@@ -108,17 +118,18 @@ struct Pacer<W> {
     shared: Arc<Shared>,
     wake: W,
     playback: Playback,
-    /// Where playing began: a moment of the clock and of the source.
-    anchor: Option<(Instant, Stamp)>,
+    pace: Pace,
+    hands: Hands,
 }
 
 impl<W: Fn()> Pacer<W> {
     fn run(mut self, controls: &Receiver<Control>) {
         let mut idle = true;
         let mut shown = Instant::now();
+        let mut worked = Duration::ZERO;
         loop {
             let wait = if self.playback.playing {
-                FRAME
+                FRAME.saturating_sub(worked)
             } else if idle {
                 Duration::ZERO
             } else {
@@ -142,8 +153,11 @@ impl<W: Fn()> Pacer<W> {
             for control in pending {
                 self.obey(control);
             }
+            worked = Duration::ZERO;
             if self.playback.playing {
-                self.play_on();
+                let start = Instant::now();
+                self.play_on(start);
+                worked = start.elapsed();
                 changed = true;
             } else if idle {
                 idle = self.source.idle();
@@ -169,10 +183,10 @@ impl<W: Fn()> Pacer<W> {
         let result = match control {
             Control::Play => {
                 self.playback.playing = true;
-                self.anchor = None;
+                self.restart();
                 let info = self.source.info();
                 if info.end.is_some_and(|end| self.source.now() >= end) {
-                    self.work(|source, task| source.seek(info.start, task))
+                    self.go_to(info.start)
                 } else {
                     Ok(())
                 }
@@ -182,57 +196,96 @@ impl<W: Fn()> Pacer<W> {
                 Ok(())
             }
             Control::Speed(speed) => {
-                if speed.is_finite() && speed > 0.0 {
+                if speed > 0.0 {
                     self.playback.speed = speed;
                 }
-                self.anchor = None;
+                self.restart();
                 Ok(())
             }
             Control::Loop(looping) => {
                 self.playback.looping = looping;
                 Ok(())
             }
-            Control::Seek(to) => {
-                self.anchor = None;
-                self.work(|source, task| source.seek(to, task))
-            }
+            Control::Seek(to) => self.go_to(to),
             Control::Step(step) => {
                 self.playback.playing = false;
-                self.work(|source, task| source.step(&step, task).map(|_| ()))
+                let moved = self.work(|source, task| source.step(&step, task).map(|_| ()));
+                self.hands.moved(self.source.now());
+                moved
             }
             Control::Write { buffer, message } => self.source.write(&buffer, message),
+            Control::Hold(held) => {
+                self.hands.hold(held, Instant::now(), self.source.now());
+                return;
+            }
+            Control::LetGo(held) => {
+                self.hands.let_go(&held.buffer);
+                self.source.write(&held.buffer, (held.make)(self.source.now()))
+            }
             // It has acted already, in `Driver::send`.
             Control::Cancel => return,
         };
         self.playback.error = result.err().map(|error| error.to_string());
     }
 
-    fn play_on(&mut self) {
-        let now = self.source.now();
-        let (clock, from) = *self.anchor.get_or_insert((Instant::now(), now));
-        let ahead_ns = clock.elapsed().as_secs_f64() * self.playback.speed * 1e9;
-        let target = from.after_ns(ahead_ns as u64);
+    /// Time begins anew from where the source stands.
+    fn restart(&mut self) {
+        self.pace.restart(self.playback.speed);
+        (self.playback.lag_s, self.playback.achieved) = (0.0, None);
+    }
+
+    fn go_to(&mut self, to: Stamp) -> Result<(), SourceError> {
+        self.restart();
+        let moved = self.work(|source, task| source.seek(to, task));
+        self.hands.moved(self.source.now());
+        moved
+    }
+
+    /// Goes to where the clock says, or as far as the budget allows.
+    fn play_on(&mut self, start: Instant) {
+        self.hands.drop_lapsed(start);
         let info = self.source.info();
         let end = info.end.unwrap_or(Stamp::MAX);
-        // Never try to do more in one piece than what keeps the window alive: fall behind instead, and say so.
-        let piece = now.after_ns((100e6 * self.playback.speed.max(0.1)) as u64);
-        let to = target.min(end).min(piece);
-        if to > now
-            && let Err(error) = self.work(|source, task| source.seek(to, task))
-        {
+        let target = self.pace.target(start, self.source.now());
+        if let Err(error) = self.run_to(target.min(end), start) {
             self.playback.error = Some(error.to_string());
             self.playback.playing = false;
         }
-        self.playback.lag_s = target.min(end).seconds_since(self.source.now()).max(0.0);
-        if self.source.now() >= end {
-            if self.playback.looping {
-                self.anchor = None;
-                if let Err(error) = self.work(|source, task| source.seek(info.start, task)) {
+        self.pace.arrived(Instant::now(), self.source.now(), target.min(end));
+        (self.playback.lag_s, self.playback.achieved) = (self.pace.lag_s(), self.pace.achieved());
+        if self.source.now() < end {
+            return;
+        }
+        if !self.playback.looping {
+            self.playback.playing = false;
+        } else if let Err(error) = self.go_to(info.start) {
+            self.playback.error = Some(error.to_string());
+            self.playback.playing = false;
+        }
+    }
+
+    fn run_to(&mut self, target: Stamp, start: Instant) -> Result<(), SourceError> {
+        loop {
+            let now = self.source.now();
+            for (buffer, message) in self.hands.take_due(now) {
+                if let Err(error) = self.source.write(&buffer, message) {
+                    self.hands.let_go(&buffer);
                     self.playback.error = Some(error.to_string());
-                    self.playback.playing = false;
                 }
-            } else {
-                self.playback.playing = false;
+            }
+            if now >= target || start.elapsed() >= BUDGET {
+                return Ok(());
+            }
+            let piece = now.after_ns(self.pace.piece_ns());
+            let to = target.min(piece).min(self.hands.next_due().unwrap_or(Stamp::MAX));
+            let began = Instant::now();
+            self.work(|source, task| source.seek(to, task))?;
+            if to == piece {
+                self.pace.piece_took(began.elapsed(), BUDGET);
+            }
+            if self.source.now() <= now {
+                // Nothing is left to do: a run that has ended.
+                return Ok(());
             }
         }
     }

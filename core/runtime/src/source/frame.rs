@@ -145,21 +145,32 @@ pub struct Track {
 pub struct Playback {
     /// Whether time runs.
     pub playing: bool,
-    /// Seconds of the source a second.
+    /// Seconds of the source a second that are asked for; infinite is as fast as it goes.
     pub speed: f64,
+    /// Seconds of the source a second as measured over the last half second; `None` until there is such a time.
+    pub achieved: Option<f64>,
     /// Start again at the end.
     pub looping: bool,
     /// How far long work is, 0 to 1; `None` where there is none.
     pub busy: Option<f64>,
     /// The last thing that could not be done.
     pub error: Option<String>,
-    /// How far playing is behind the clock, in seconds.
+    /// How far playing is behind the clock since it was started, in seconds of the source. What a source could not do
+    /// in time is not caught up with.
     pub lag_s: f64,
 }
 
 impl Default for Playback {
     fn default() -> Self {
-        Self { playing: false, speed: 1.0, looping: false, busy: None, error: None, lag_s: 0.0 }
+        Self {
+            playing: false,
+            speed: 1.0,
+            achieved: None,
+            looping: false,
+            busy: None,
+            error: None,
+            lag_s: 0.0,
+        }
     }
 }
 

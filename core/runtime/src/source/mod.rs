@@ -5,14 +5,17 @@
 
 mod driver;
 mod frame;
+mod held;
 mod log_source;
 mod log_view;
+mod pace;
 mod stack_source;
 mod tracks;
 
 pub use driver::{Control, Driver};
 pub(crate) use frame::canonical;
 pub use frame::{Frame, Playback, RunTag, SourceInfo, SourceKind, Topic, Track};
+pub use held::Held;
 pub use log_source::LogSource;
 pub use log_view::finish_idle;
 pub use stack_source::StackSource;

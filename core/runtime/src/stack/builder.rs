@@ -2,13 +2,19 @@
 
 use super::error::{StackError, one_of};
 use super::file::{BufferEntry, OverflowEntry, ProcessEntry, StackFile, VIEWER};
+use super::params::ParamReader;
 use super::plan::{BufferPlan, InputPlan, ProcessPlan, names};
 use crate::process::{PortDef, ProcessType};
 use rcs_bus::{BufferSpec, Mode, Overflow};
-use rcs_msg::{AnyMessage, Payload, Schema, foxglove, params, rcs, schema_of};
+use rcs_msg::{Payload, Schema, foxglove, rcs, schema_of};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use toml::Spanned;
+
+/// Channel metadata of buffers that hold the truth of a simulation.
+const TRUTH: &str = "rcs.truth";
+/// Buffers that the operator writes.
+const OPERATOR: &str = "/operator/";
 
 /// What has been found out so far.
 pub(super) struct Builder<'a> {
@@ -27,9 +33,9 @@ impl<'a> Builder<'a> {
     pub(super) fn build(
         mut self,
         plugins: &[ProcessType],
-        overrides: &[(String, String)],
+        params: &mut ParamReader<'_>,
     ) -> Result<Parts, StackError> {
-        let processes = self.processes(plugins, overrides)?;
+        let processes = self.processes(plugins, params)?;
         let inputs = self.inputs()?;
         self.check_wiring(&inputs, &processes)?;
         self.buffer_entries()?;
@@ -40,7 +46,7 @@ impl<'a> Builder<'a> {
     fn processes(
         &mut self,
         plugins: &[ProcessType],
-        overrides: &[(String, String)],
+        params: &mut ParamReader<'_>,
     ) -> Result<Vec<ProcessPlan>, StackError> {
         let file = self.file;
         let entries = &file.content.processes;
@@ -64,7 +70,7 @@ impl<'a> Builder<'a> {
                 return Err(file.error(&name.span(), format!("the name {} is taken", name.get_ref())));
             }
         }
-        for (path, _) in overrides {
+        for (path, _) in params.options.overrides {
             let process = path.split_once('.').map(|(process, _)| process);
             if !entries.iter().any(|entry| Some(entry.get_ref().name.get_ref().as_str()) == process) {
                 let names = entries.iter().map(|entry| entry.get_ref().name.get_ref().as_str());
@@ -84,14 +90,14 @@ impl<'a> Builder<'a> {
             self.buffer(&format!("/{name}/command"), &spanned.span(), schema_of::<rcs::Command>())?;
             self.buffer(&format!("/{name}/status"), &spanned.span(), schema_of::<rcs::Status>())?;
         }
-        entries.iter().map(|entry| self.process(entry, plugins, overrides)).collect()
+        entries.iter().map(|entry| self.process(entry, plugins, params)).collect()
     }
 
     fn process(
         &mut self,
         spanned: &Spanned<ProcessEntry>,
         plugins: &[ProcessType],
-        overrides: &[(String, String)],
+        params: &mut ParamReader<'_>,
     ) -> Result<ProcessPlan, StackError> {
         let file = self.file;
         let entry = spanned.get_ref();
@@ -148,7 +154,7 @@ impl<'a> Builder<'a> {
             self.buffers[index].spec.metadata.extend(metadata);
             outputs.push(index);
         }
-        let params = self.params(name, entry, kind, overrides)?;
+        let params = params.read(name, entry, kind)?;
         let span = spanned.span();
         let mut own = |suffix: &str, schema| self.buffer(&format!("/{name}/{suffix}"), &span, schema);
         Ok(ProcessPlan {
@@ -209,44 +215,6 @@ impl<'a> Builder<'a> {
         Err(file.error(&supervisor.span(), message))
     }
 
-    fn params(
-        &self,
-        name: &str,
-        entry: &ProcessEntry,
-        kind: &ProcessType,
-        overrides: &[(String, String)],
-    ) -> Result<AnyMessage, StackError> {
-        let schema = kind.params_schema();
-        let Some(descriptor) = schema.descriptor() else {
-            return Err(self
-                .file
-                .error(&entry.plugin.span(), format!("{} has no descriptor", schema.name())));
-        };
-        let mut values = params::defaults(descriptor);
-        for (field, value) in &entry.params {
-            let result = match to_value(value.get_ref()) {
-                Some(new) => {
-                    params::set_param(&mut values, field.get_ref(), &new).map_err(|error| error.to_string())
-                }
-                None => Err("expected a number, a text, true or false, or a list of these".to_owned()),
-            };
-            result.map_err(|error| {
-                self.file.error(&value.span(), format!("parameter {name}.{}: {error}", field.get_ref()))
-            })?;
-        }
-        for (path, text) in overrides {
-            let Some(field) = path.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')) else {
-                continue;
-            };
-            params::set_param_text(&mut values, field, text).map_err(|error| StackError {
-                file: "--param".to_owned(),
-                line: 1,
-                message: format!("{path}: {error}"),
-            })?;
-        }
-        Ok(AnyMessage::encoded(Arc::clone(schema), prost::Message::encode_to_vec(&values).into()))
-    }
-
     fn inputs(&mut self) -> Result<Vec<InputPlan>, StackError> {
         let file = self.file;
         let mut inputs = Vec::new();
@@ -283,11 +251,26 @@ impl<'a> Builder<'a> {
         Ok(inputs)
     }
 
-    /// Every buffer that a process reads is written by someone.
+    /// Every buffer that a process reads is written by someone, and the truth is read by no one who must find it out.
     fn check_wiring(&self, inputs: &[InputPlan], processes: &[ProcessPlan]) -> Result<(), StackError> {
         for (process, entry) in processes.iter().zip(&self.file.content.processes) {
             for (def, buffer) in process.kind.inputs().iter().zip(&process.inputs) {
                 let Some(buffer) = *buffer else { continue };
+                let spec = &self.buffers[buffer].spec;
+                if spec.metadata.contains_key(TRUTH) && !process.kind.def().reads_truth {
+                    let message = format!(
+                        "{} holds the truth of the simulation, which {} must not read; expected a buffer that a \
+                         sensor or a process of the robot writes",
+                        spec.name,
+                        process.kind.def().plugin
+                    );
+                    let wire = wired(&entry.get_ref().inputs, def.name);
+                    return Err(self.file.error(&wire.map_or(entry.span(), Spanned::span), message));
+                }
+                // What the operator says is written by a window, or by nobody.
+                if spec.name.starts_with(OPERATOR) {
+                    continue;
+                }
                 let written = inputs.iter().any(|input| input.buffer == buffer)
                     || processes.iter().any(|other| {
                         other.outputs.contains(&buffer)
@@ -442,16 +425,4 @@ fn check_ports(file: &StackFile, what: &str, wires: &Wires, defs: &[PortDef]) ->
 
 fn is_name(name: &str) -> bool {
     !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-}
-
-fn to_value(value: &toml::Value) -> Option<rcs_msg::Value> {
-    use rcs_msg::Value;
-    Some(match value {
-        toml::Value::String(text) => Value::Text(text.clone()),
-        toml::Value::Integer(number) => Value::Int(*number),
-        toml::Value::Float(number) => Value::Float(*number),
-        toml::Value::Boolean(on) => Value::Bool(*on),
-        toml::Value::Array(list) => Value::List(list.iter().map(to_value).collect::<Option<_>>()?),
-        toml::Value::Datetime(_) | toml::Value::Table(_) => return None,
-    })
 }

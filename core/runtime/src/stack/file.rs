@@ -26,6 +26,8 @@ pub(crate) struct Content {
     pub(crate) name: Spanned<String>,
     #[serde(default)]
     pub(crate) description: String,
+    /// Course of a simulation: parameters that are the text of a course, or of a file that it names, come from it.
+    pub(crate) course: Option<Spanned<String>>,
     #[serde(default, rename = "input")]
     pub(crate) inputs: Vec<Spanned<InputEntry>>,
     #[serde(default, rename = "process")]
@@ -134,6 +136,11 @@ impl StackFile {
     /// What it is for.
     pub fn description(&self) -> &str {
         &self.content.description
+    }
+
+    /// The course that it runs where no one says another.
+    pub fn course(&self) -> Option<&str> {
+        self.content.course.as_ref().map(|course| course.get_ref().as_str())
     }
 
     /// Topics of the log that it reads.

@@ -7,6 +7,7 @@
 //! format = 1
 //! name = "range_camera"
 //! description = "Obstacles from one depth camera."
+//! course = "meadow"               # simulations: the course, and with it the world
 //!
 //! [[input]]                       # a topic of the log, as the type that its readers want
 //! buffer = "/camera/depth"
@@ -29,12 +30,16 @@
 //! record_hz = 5.0                 # at most; every message where it is absent
 //! ```
 
+mod assets;
 mod builder;
 mod error;
 mod file;
+mod params;
 mod plan;
 
+pub use assets::{Asset, Assets, NoAssets};
 pub use error::StackError;
 pub use file::{BufferEntry, InputEntry, OverflowEntry, ProcessEntry, StackFile, VIEWER};
+pub use params::PlanOptions;
 pub(crate) use plan::names;
 pub use plan::{BufferPlan, InputPlan, Plan, ProcessPlan};

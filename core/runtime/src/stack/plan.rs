@@ -1,8 +1,11 @@
 //! A stack file checked against the plugins: what will run, and nothing else can go wrong with the wiring.
 
+use super::assets::NoAssets;
 use super::builder::Builder;
 use super::error::{StackError, one_of};
 use super::file::{StackFile, VIEWER};
+use super::params::{ParamReader, PlanOptions};
+use crate::feed::Feed;
 use crate::process::{PortDef, ProcessType};
 use rcs_bus::BufferSpec;
 use rcs_msg::{AnyMessage, rcs};
@@ -13,7 +16,7 @@ use std::sync::Arc;
 pub struct Plan {
     /// The file that it was made from.
     pub file: StackFile,
-    /// Hash of the file's text, 16 hexadecimal digits.
+    /// Hash of the text of the file and of the files that it names, 16 hexadecimal digits.
     pub hash: String,
     /// Topics of the log that it reads.
     pub inputs: Vec<InputPlan>,
@@ -93,8 +96,23 @@ impl Plan {
         plugins: &[ProcessType],
         overrides: &[(String, String)],
     ) -> Result<Self, StackError> {
-        let hash = blake3::hash(file.text.as_bytes()).to_hex()[..16].to_owned();
-        let (inputs, processes, buffers) = Builder::new(&file).build(plugins, overrides)?;
+        Self::with(file, plugins, &PlanOptions { overrides, course: None, assets: &NoAssets })
+    }
+
+    /// Checks a stack file against the list of plugins, with everything that may be given beside it.
+    pub fn with(
+        file: StackFile,
+        plugins: &[ProcessType],
+        options: &PlanOptions<'_>,
+    ) -> Result<Self, StackError> {
+        let mut params = ParamReader::new(&file, *options)?;
+        let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(file.text.as_bytes());
+        for asset in &params.assets {
+            hasher.update(asset.text.as_bytes());
+        }
+        let hash = hasher.finalize().to_hex()[..16].to_owned();
         Ok(Self { file, hash, inputs, processes, buffers })
     }
 
@@ -159,7 +177,7 @@ impl Plan {
             };
             let wanted = self.buffers[input.buffer].spec.schema.name();
             let got = rcs_msg::canonical_name(&topic.schema);
-            if got != Some(wanted) {
+            if !got.is_some_and(|got| Feed::converts(got, wanted)) {
                 return Err(error(format!(
                     "topic {} holds {} ({}), which is not read as {wanted}",
                     input.topic,

@@ -27,6 +27,7 @@ impl Process for Counter {
         summary: "Counts.",
         period_ms: 10.0,
         commands: &[CommandDef { name: "CLEAR", help: "Starts again.", parameters: "" }],
+        reads_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {
@@ -64,7 +65,8 @@ pub struct AdderPorts {
 impl Process for Adder {
     type Params = rcs::WorldModelParams;
     type Ports = AdderPorts;
-    const DEF: ProcessDef = ProcessDef { plugin: "adder", summary: "Adds.", period_ms: 20.0, commands: &[] };
+    const DEF: ProcessDef =
+        ProcessDef { plugin: "adder", summary: "Adds.", period_ms: 20.0, commands: &[], reads_truth: false };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {
         AdderPorts {
@@ -105,8 +107,13 @@ pub struct Fragile {
 impl Process for Fragile {
     type Params = rcs::WorldModelParams;
     type Ports = Out<foxglove::Vector3>;
-    const DEF: ProcessDef =
-        ProcessDef { plugin: "fragile", summary: "Panics.", period_ms: 10.0, commands: &[] };
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "fragile",
+        summary: "Panics.",
+        period_ms: 10.0,
+        commands: &[],
+        reads_truth: false,
+    };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {
         b.output("out", "Count.").build()

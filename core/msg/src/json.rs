@@ -1,0 +1,85 @@
+//! Messages as JSON text, in protobuf's own mapping: what a person can read, and a program can save and load.
+
+use crate::any::{AnyMessage, Payload, schema_of};
+use prost_reflect::DynamicMessage;
+
+/// Why a message is not JSON, or JSON not a message.
+#[derive(Debug, thiserror::Error)]
+pub enum JsonError {
+    /// The message has no descriptor of ours, or does not decode.
+    #[error("{schema} cannot be written as JSON: {reason}")]
+    Message {
+        /// Name of its schema.
+        schema: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The text is no such message.
+    #[error("line {line}, column {column}: {reason}; expected the JSON of a {schema}")]
+    Text {
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What is wrong.
+        reason: String,
+        /// Name of the schema.
+        schema: String,
+    },
+}
+
+/// The message as indented JSON.
+pub fn to_json(message: &AnyMessage) -> Result<String, JsonError> {
+    let schema = message.schema();
+    let error = |reason: String| JsonError::Message { schema: schema.name().to_owned(), reason };
+    let descriptor = schema.descriptor().ok_or_else(|| error("it is no protobuf type".to_owned()))?;
+    let dynamic = DynamicMessage::decode(descriptor.clone(), message.bytes())
+        .map_err(|reason| error(reason.to_string()))?;
+    serde_json::to_string_pretty(&dynamic).map_err(|reason| error(reason.to_string()))
+}
+
+/// The message that a JSON text is. Unknown fields are refused.
+pub fn from_json<T: Payload>(text: &str) -> Result<T, JsonError> {
+    let schema = schema_of::<T>();
+    let unreadable = |reason: String| JsonError::Message { schema: schema.name().to_owned(), reason };
+    let descriptor = schema.descriptor().ok_or_else(|| unreadable("it has no descriptor".to_owned()))?;
+    let mut reader = serde_json::Deserializer::from_str(text);
+    let read = DynamicMessage::deserialize(descriptor.clone(), &mut reader);
+    let dynamic = read.and_then(|message| reader.end().map(|()| message)).map_err(|error| {
+        let (line, column) = (error.line(), error.column());
+        // serde_json says the place itself; it stands in front here.
+        let reason = error.to_string();
+        let reason = reason.split(" at line ").next().unwrap_or(&reason).to_owned();
+        JsonError::Text { line, column, reason, schema: schema.name().to_owned() }
+    })?;
+    dynamic.transcode_to().map_err(|error| unreadable(error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rcs::{RangeReading, RangeReadings};
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let reading = RangeReading {
+            frame_id: "infrared_left".to_owned(),
+            range_m: 1.25,
+            seen: true,
+            max_range_m: 2.5,
+            cone_rad: 0.1,
+        };
+        let message = RangeReadings { timestamp: None, readings: vec![reading] };
+        let text = to_json(&AnyMessage::new(message.clone())).unwrap();
+        assert!(text.contains("\"infrared_left\""), "{text}");
+        assert_eq!(from_json::<RangeReadings>(&text).unwrap(), message);
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_its_line() {
+        let error = from_json::<RangeReadings>("{\n  \"reading\": []\n}").unwrap_err().to_string();
+        assert!(error.starts_with("line 2, column ") && error.contains("rcs.RangeReadings"), "{error}");
+        let error = from_json::<RangeReadings>("{} x").unwrap_err().to_string();
+        assert!(error.starts_with("line 1"), "{error}");
+    }
+}

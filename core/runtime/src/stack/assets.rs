@@ -1,0 +1,76 @@
+//! The files that a stack names beside itself: worlds, vehicles, courses, models.
+
+use super::error::StackError;
+use super::file::StackFile;
+
+/// The text of a file that a stack names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Asset {
+    /// File as errors name it.
+    pub file: String,
+    /// The whole text.
+    pub text: String,
+}
+
+/// Where the files come from that a stack names: the program's own, or a disk.
+pub trait Assets {
+    /// The file of a kind (`world`, `vehicle`, `course`, `models`) and name; what is wrong, where there is none. A path
+    /// is relative to the file `beside`, which names it; to where the program runs, where that is empty.
+    fn read(&self, kind: &str, name: &str, beside: &str) -> Result<Asset, String>;
+}
+
+/// No files: a stack that names one is refused.
+#[derive(Clone, Copy, Debug)]
+pub struct NoAssets;
+
+impl Assets for NoAssets {
+    fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
+        Err(format!("the {kind} {name:?} cannot be read here; expected a program that has files"))
+    }
+}
+
+/// The course of a run: a file that may name other files by their kind, like `world = "meadow"`.
+#[derive(Clone, Debug)]
+pub(super) struct Course {
+    asset: Asset,
+    table: toml::Table,
+}
+
+impl Course {
+    /// The course that `name` (a command line's), or else the stack, asks for.
+    pub(super) fn read(
+        file: &StackFile,
+        name: Option<&str>,
+        assets: &dyn Assets,
+    ) -> Result<Option<Self>, StackError> {
+        let own = file.content.course.as_ref();
+        let asset = match (name, own) {
+            (Some(name), _) => assets.read("course", name, "").map_err(|message| StackError {
+                file: "--course".to_owned(),
+                line: 1,
+                message,
+            })?,
+            (None, Some(own)) => assets
+                .read("course", own.get_ref(), &file.file)
+                .map_err(|message| file.error(&own.span(), message))?,
+            (None, None) => return Ok(None),
+        };
+        let table = toml::from_str(&asset.text).map_err(|error: toml::de::Error| {
+            StackError::at(&asset.file, &asset.text, &error.span().unwrap_or(0..0), error.message().trim())
+        })?;
+        Ok(Some(Self { asset, table }))
+    }
+
+    /// The file of a kind that comes with the course: itself, or one that it names.
+    pub(super) fn asset(&self, kind: &str, assets: &dyn Assets) -> Result<Option<Asset>, StackError> {
+        if kind == "course" {
+            return Ok(Some(self.asset.clone()));
+        }
+        let Some(name) = self.table.get(kind).and_then(toml::Value::as_str) else { return Ok(None) };
+        let error = |message: String| {
+            let line = self.asset.text.lines().position(|line| line.trim_start().starts_with(kind));
+            StackError { file: self.asset.file.clone(), line: line.map_or(1, |line| line + 1), message }
+        };
+        assets.read(kind, name, &self.asset.file).map(Some).map_err(error)
+    }
+}
