@@ -1,0 +1,268 @@
+//! From a desired heading and speed to the speeds of the wheels.
+//!
+//! The speed ramps to what is wanted: it grows by at most the acceleration, shrinks by at most the deceleration, and
+//! passes through zero on the way from forward to backward. The turn rate is proportional to the error of the heading,
+//! with a dead band and limits, and ramps, too. A differential drive turns `w` by wheel speeds `v ∓ w·b/2` for a track
+//! `b`; where a wheel would be too fast, the vehicle drives more slowly rather than turning less. A vehicle that steers
+//! gets the curvature `w/v`.
+
+use rcs_geom::wrap_angle;
+use serde::{Deserialize, Serialize};
+
+/// Shape and limits of the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drive {
+    /// Distance between the driven wheels, m; `None` for a vehicle that steers.
+    pub track_m: Option<f64>,
+    /// Tightest curve of a vehicle that steers, 1/m.
+    pub max_curvature_per_m: f64,
+    /// Of each wheel, m/s.
+    pub max_speed_mps: f64,
+    /// Speeding up, m/s².
+    pub max_acceleration_mps2: f64,
+    /// Slowing down, m/s².
+    pub max_deceleration_mps2: f64,
+    /// Slowing down where the vehicle is held, m/s².
+    pub stop_deceleration_mps2: f64,
+    /// Either way, rad/s.
+    pub max_yaw_rate_radps: f64,
+    /// Change of the turn rate, rad/s².
+    pub max_yaw_acceleration_radps2: f64,
+    /// Turn rate for each radian of error, 1/s.
+    pub heading_gain_per_s: f64,
+    /// Error that is not steered against, rad.
+    pub heading_dead_band_rad: f64,
+    /// Error from which on a differential drive turns on the spot, rad.
+    pub turn_in_place_rad: f64,
+}
+
+/// What the vehicle shall do in this cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Aim {
+    /// Drive at a speed (m/s) and turn the heading by an angle (rad, counter-clockwise).
+    Heading {
+        /// m/s.
+        speed_mps: f64,
+        /// Wanted less estimated, rad.
+        error_rad: f64,
+    },
+    /// Drive at a speed (m/s) and turn at a rate (rad/s).
+    Rate {
+        /// m/s.
+        speed_mps: f64,
+        /// rad/s.
+        yaw_rate_radps: f64,
+    },
+    /// Brake and stand.
+    Stop,
+    /// Stand at once.
+    Halt,
+}
+
+/// What goes to the vehicle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wheels {
+    /// m/s.
+    pub left_mps: f64,
+    /// m/s.
+    pub right_mps: f64,
+    /// 1/m, positive to the left; 0 for a differential drive.
+    pub curvature_per_m: f64,
+}
+
+/// Speeds that the vehicle was told last: what the ramps start from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Ramps {
+    speed_mps: f64,
+    yaw_rate_radps: f64,
+    curvature_per_m: f64,
+}
+
+/// Slowest speed at which a curvature is derived from a turn rate, m/s: slower vehicles turn their wheels no further.
+const CURVATURE_SPEED_MPS: f64 = 0.3;
+
+impl Ramps {
+    /// One cycle of `dt_s`.
+    pub fn step(&mut self, aim: Aim, drive: &Drive, dt_s: f64) -> Wheels {
+        let (speed_mps, yaw_rate_radps, deceleration) = match aim {
+            Aim::Halt => {
+                *self = Ramps { curvature_per_m: self.curvature_per_m, ..Ramps::default() };
+                return Wheels { curvature_per_m: self.curvature_per_m, ..Wheels::default() };
+            }
+            Aim::Stop => (0.0, 0.0, drive.stop_deceleration_mps2),
+            Aim::Rate { speed_mps, yaw_rate_radps } => {
+                (speed_mps, yaw_rate_radps, drive.max_deceleration_mps2)
+            }
+            Aim::Heading { speed_mps, error_rad } => {
+                let speed_mps = slowed_for(speed_mps, error_rad, drive);
+                (speed_mps, turn_rate(error_rad, drive), drive.max_deceleration_mps2)
+            }
+        };
+        let wanted = speed_mps.clamp(-drive.max_speed_mps, drive.max_speed_mps);
+        self.speed_mps = ramp(self.speed_mps, wanted, drive.max_acceleration_mps2, deceleration, dt_s);
+        let limit = drive.max_yaw_rate_radps;
+        let change = drive.max_yaw_acceleration_radps2 * dt_s;
+        let turn = yaw_rate_radps.clamp(-limit, limit) - self.yaw_rate_radps;
+        self.yaw_rate_radps += turn.clamp(-change, change);
+        match drive.track_m {
+            Some(track_m) => self.differential(track_m, drive.max_speed_mps),
+            None => self.steered(aim, yaw_rate_radps, drive),
+        }
+    }
+
+    fn differential(&self, track_m: f64, max_speed_mps: f64) -> Wheels {
+        let half = (self.yaw_rate_radps * track_m / 2.0).clamp(-max_speed_mps, max_speed_mps);
+        let room = max_speed_mps - half.abs();
+        let speed = self.speed_mps.clamp(-room, room);
+        Wheels { left_mps: speed - half, right_mps: speed + half, curvature_per_m: 0.0 }
+    }
+
+    fn steered(&mut self, aim: Aim, yaw_rate_radps: f64, drive: &Drive) -> Wheels {
+        // A held vehicle keeps its wheels as they are: turning them while it rolls out would swing it aside.
+        if aim != Aim::Stop {
+            let along = if self.speed_mps < 0.0 { -1.0 } else { 1.0 };
+            let speed = along * self.speed_mps.abs().max(CURVATURE_SPEED_MPS);
+            let limit = drive.max_curvature_per_m;
+            self.curvature_per_m = (yaw_rate_radps / speed).clamp(-limit, limit);
+        }
+        Wheels { left_mps: self.speed_mps, right_mps: self.speed_mps, curvature_per_m: self.curvature_per_m }
+    }
+}
+
+fn turn_rate(error_rad: f64, drive: &Drive) -> f64 {
+    let error = wrap_angle(error_rad);
+    if error.abs() < drive.heading_dead_band_rad { 0.0 } else { drive.heading_gain_per_s * error }
+}
+
+/// The speed while the heading is wrong: less with the error, none where a differential drive shall turn on the spot.
+fn slowed_for(speed_mps: f64, error_rad: f64, drive: &Drive) -> f64 {
+    if drive.track_m.is_none() {
+        return speed_mps;
+    }
+    speed_mps * (1.0 - wrap_angle(error_rad).abs() / drive.turn_in_place_rad).max(0.0)
+}
+
+/// `from` brought toward `to` by at most what one cycle allows; on the way to the other sign it stops at zero first.
+fn ramp(from: f64, to: f64, acceleration: f64, deceleration: f64, dt_s: f64) -> f64 {
+    let slows = to.abs() < from.abs() || to * from < 0.0;
+    if slows {
+        let target = if to * from < 0.0 { 0.0 } else { to };
+        let change = deceleration * dt_s;
+        return from + (target - from).clamp(-change, change);
+    }
+    let change = acceleration * dt_s;
+    from + (to - from).clamp(-change, change)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const DIFFERENTIAL: Drive = Drive {
+        track_m: Some(0.6),
+        max_curvature_per_m: 0.188,
+        max_speed_mps: 1.3,
+        max_acceleration_mps2: 1.0,
+        max_deceleration_mps2: 2.0,
+        stop_deceleration_mps2: 4.0,
+        max_yaw_rate_radps: 1.2,
+        max_yaw_acceleration_radps2: 6.0,
+        heading_gain_per_s: 2.0,
+        heading_dead_band_rad: 0.01,
+        turn_in_place_rad: 1.2,
+    };
+    const STEERED: Drive = Drive { track_m: None, ..DIFFERENTIAL };
+    const DT_S: f64 = 0.02;
+
+    fn run(ramps: &mut Ramps, aim: Aim, drive: &Drive, cycles: usize) -> Wheels {
+        (0..cycles).map(|_| ramps.step(aim, drive, DT_S)).last().unwrap_or_default()
+    }
+
+    #[test]
+    fn speed_grows_at_the_acceleration_and_shrinks_at_the_deceleration() {
+        let mut ramps = Ramps::default();
+        let straight = Aim::Heading { speed_mps: 1.0, error_rad: 0.0 };
+        assert!((run(&mut ramps, straight, &DIFFERENTIAL, 25).left_mps - 0.5).abs() < 1e-9);
+        assert_eq!(run(&mut ramps, straight, &DIFFERENTIAL, 30).right_mps, 1.0);
+        let slower = Aim::Heading { speed_mps: 0.2, error_rad: 0.0 };
+        assert!((run(&mut ramps, slower, &DIFFERENTIAL, 10).left_mps - 0.6).abs() < 1e-9);
+        assert!((run(&mut ramps, Aim::Stop, &DIFFERENTIAL, 5).left_mps - 0.2).abs() < 1e-9);
+        assert_eq!(run(&mut ramps, Aim::Stop, &DIFFERENTIAL, 5).left_mps, 0.0);
+    }
+
+    #[test]
+    fn from_forward_to_backward_it_stops_on_the_way() {
+        let mut ramps = Ramps { speed_mps: 0.03, ..Ramps::default() };
+        let back = Aim::Rate { speed_mps: -1.0, yaw_rate_radps: 0.0 };
+        assert_eq!(ramps.step(back, &DIFFERENTIAL, DT_S).left_mps, 0.0);
+        assert!((ramps.step(back, &DIFFERENTIAL, DT_S).left_mps + 0.02).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_halt_stands_at_once() {
+        let mut ramps = Ramps::default();
+        run(&mut ramps, Aim::Rate { speed_mps: 1.3, yaw_rate_radps: 1.0 }, &DIFFERENTIAL, 100);
+        assert_eq!(ramps.step(Aim::Halt, &DIFFERENTIAL, DT_S), Wheels::default());
+    }
+
+    #[test]
+    fn it_turns_left_for_a_positive_error_and_on_the_spot_for_a_large_one() {
+        let mut ramps = Ramps::default();
+        let aim = |error_rad| Aim::Heading { speed_mps: 1.0, error_rad };
+        let wheels = run(&mut ramps, aim(0.1), &DIFFERENTIAL, 100);
+        assert!((wheels.right_mps - wheels.left_mps - 0.2 * 0.6).abs() < 1e-9, "{wheels:?}");
+        let wheels = run(&mut ramps, aim(-3.0), &DIFFERENTIAL, 200);
+        assert!((wheels.left_mps + wheels.right_mps).abs() < 1e-12, "{wheels:?}");
+        assert!((wheels.left_mps - 1.2 * 0.3).abs() < 1e-9, "{wheels:?}");
+        // The short way round: 3.5 rad to the left are 2.78 to the right.
+        let wheels = run(&mut Ramps::default(), aim(3.5), &DIFFERENTIAL, 200);
+        assert!(wheels.left_mps > 0.0 && wheels.right_mps < 0.0, "{wheels:?}");
+    }
+
+    #[test]
+    fn a_turn_at_full_speed_slows_the_vehicle_and_keeps_the_turn() {
+        let aim = Aim::Rate { speed_mps: 1.3, yaw_rate_radps: 1.0 };
+        let wheels = run(&mut Ramps::default(), aim, &DIFFERENTIAL, 200);
+        assert_eq!(wheels.right_mps, 1.3);
+        assert!((wheels.right_mps - wheels.left_mps - 0.6).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_vehicle_that_steers_gets_a_curvature_within_its_limit() {
+        let mut ramps = Ramps::default();
+        let curve = Aim::Rate { speed_mps: 1.0, yaw_rate_radps: 0.1 };
+        let wheels = run(&mut ramps, curve, &STEERED, 100);
+        assert_eq!((wheels.left_mps, wheels.right_mps), (1.0, 1.0));
+        assert!((wheels.curvature_per_m - 0.1).abs() < 1e-12);
+        let tight = Aim::Rate { speed_mps: 1.0, yaw_rate_radps: -1.0 };
+        assert_eq!(run(&mut ramps, tight, &STEERED, 10).curvature_per_m, -0.188);
+        // Backward, the same turn needs the other curvature.
+        let back = Aim::Rate { speed_mps: -1.0, yaw_rate_radps: 0.1 };
+        assert!((run(&mut ramps, back, &STEERED, 200).curvature_per_m + 0.1).abs() < 1e-12);
+        assert!((run(&mut ramps, Aim::Stop, &STEERED, 1).curvature_per_m + 0.1).abs() < 1e-12);
+    }
+
+    proptest! {
+        #[test]
+        fn no_wheel_is_ever_too_fast_and_no_change_too_quick(
+            aims in prop::collection::vec((-2.0..2.0_f64, -4.0..4.0_f64, 0..4_u8), 1..80),
+        ) {
+            let mut ramps = Ramps::default();
+            let mut before = 0.0;
+            for (speed_mps, turn, kind) in aims {
+                let aim = match kind {
+                    0 => Aim::Heading { speed_mps, error_rad: turn },
+                    1 | 2 => Aim::Rate { speed_mps, yaw_rate_radps: turn },
+                    _ => Aim::Stop,
+                };
+                let wheels = ramps.step(aim, &DIFFERENTIAL, DT_S);
+                prop_assert!(wheels.left_mps.abs() <= 1.3 + 1e-12 && wheels.right_mps.abs() <= 1.3 + 1e-12);
+                let speed = ramps.speed_mps;
+                prop_assert!((speed - before).abs() <= 4.0 * DT_S + 1e-12);
+                prop_assert!(speed.abs() - f64::abs(before) <= DT_S + 1e-12, "faster than the acceleration");
+                before = speed;
+            }
+        }
+    }
+}

@@ -1,0 +1,236 @@
+//! Which commands are believed, and for how long.
+//!
+//! Each input has a [`Gate`] of its own. What it refuses stops the vehicle until a good command comes on that input: a
+//! sender that errs once is not trusted to have meant what it said before.
+
+use rcs_msg::Stamp;
+use serde::{Deserialize, Serialize};
+
+/// What a driver wants, checked: all numbers are finite and within the limits.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Wish {
+    /// Along the vehicle's x axis, m/s.
+    pub speed_mps: f64,
+    /// Where to turn.
+    pub turn: Turn,
+}
+
+/// How a driver says where to turn.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Turn {
+    /// Heading in the local frame, radians counter-clockwise from east.
+    Heading(f64),
+    /// Turn rate, rad/s counter-clockwise.
+    Rate(f64),
+}
+
+/// Most that a command may ask for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Of the speed, forward or backward, m/s.
+    pub speed_mps: f64,
+    /// Of the turn rate, either way, rad/s.
+    pub yaw_rate_radps: f64,
+    /// Age from which on a command is of the past, s.
+    pub timeout_s: f64,
+}
+
+/// Why a command was refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Refusal {
+    /// NaN or infinite.
+    #[error("{what} is {got}, expected a finite number")]
+    NotFinite {
+        /// Which number.
+        what: &'static str,
+        /// Its value.
+        got: f64,
+    },
+    /// Faster than the limit.
+    #[error("{what} is {got} {unit}, expected at most {limit} either way")]
+    TooFast {
+        /// Which number.
+        what: &'static str,
+        /// Its value.
+        got: f64,
+        /// Its unit.
+        unit: &'static str,
+        /// The limit.
+        limit: f64,
+    },
+    /// Older than one that has been obeyed.
+    #[error("command is {by_s:.3} s older than the one before, expected none from the past")]
+    OutOfOrder {
+        /// How much older, s.
+        by_s: f64,
+    },
+    /// Given too long ago.
+    #[error("command is {age_s:.3} s old, expected less than {timeout_s} s")]
+    Old {
+        /// Its age, s.
+        age_s: f64,
+        /// Age at which commands end, s.
+        timeout_s: f64,
+    },
+    /// Given at a time that has not come.
+    #[error("command is {ahead_s:.3} s ahead of the clock, expected none from the future")]
+    Future {
+        /// How far ahead, s.
+        ahead_s: f64,
+    },
+}
+
+/// What holds for an input now.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+enum Last {
+    #[default]
+    Silent,
+    Good(Stamp, Wish),
+    Refused(Stamp),
+}
+
+/// What an input says now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Said {
+    /// Nothing, or nothing that is not too old.
+    Nothing,
+    /// To drive like this.
+    Drive(Wish),
+    /// Something that was refused.
+    Refused,
+}
+
+/// One input for commands: what came last, and the newest time of an accepted command.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Gate {
+    last: Last,
+    newest: Option<Stamp>,
+}
+
+impl Gate {
+    /// Takes a command that was given at `given`, or says why not; then the input counts as refused.
+    pub fn take(&mut self, wish: Wish, given: Stamp, now: Stamp, limits: &Limits) -> Result<(), Refusal> {
+        match self.judge(&wish, given, now, limits) {
+            Ok(()) => {
+                self.newest = Some(given);
+                self.last = Last::Good(given, wish);
+                Ok(())
+            }
+            Err(refusal) => {
+                self.last = Last::Refused(now);
+                Err(refusal)
+            }
+        }
+    }
+
+    fn judge(&self, wish: &Wish, given: Stamp, now: Stamp, limits: &Limits) -> Result<(), Refusal> {
+        within("speed", wish.speed_mps, "m/s", limits.speed_mps)?;
+        match wish.turn {
+            Turn::Heading(got) if !got.is_finite() => {
+                return Err(Refusal::NotFinite { what: "heading", got });
+            }
+            Turn::Heading(_) => {}
+            Turn::Rate(got) => within("turn rate", got, "rad/s", limits.yaw_rate_radps)?,
+        }
+        if given > now {
+            return Err(Refusal::Future { ahead_s: given.seconds_since(now) });
+        }
+        if let Some(newest) = self.newest.filter(|&newest| given < newest) {
+            return Err(Refusal::OutOfOrder { by_s: newest.seconds_since(given) });
+        }
+        let age_s = now.seconds_since(given);
+        if age_s >= limits.timeout_s {
+            return Err(Refusal::Old { age_s, timeout_s: limits.timeout_s });
+        }
+        Ok(())
+    }
+
+    /// What the input says at `now`: commands and refusals end when they are `timeout_s` old.
+    pub fn said(&self, now: Stamp, timeout_s: f64) -> Said {
+        let is_fresh = |at: Stamp| now.seconds_since(at) < timeout_s;
+        match self.last {
+            Last::Good(given, wish) if is_fresh(given) => Said::Drive(wish),
+            Last::Refused(at) if is_fresh(at) => Said::Refused,
+            _ => Said::Nothing,
+        }
+    }
+
+    /// Forgets what was said; what is older than an accepted command stays refused.
+    pub fn forget(&mut self) {
+        self.last = Last::Silent;
+    }
+}
+
+fn within(what: &'static str, got: f64, unit: &'static str, limit: f64) -> Result<(), Refusal> {
+    if !got.is_finite() {
+        return Err(Refusal::NotFinite { what, got });
+    }
+    if got.abs() > limit {
+        return Err(Refusal::TooFast { what, got, unit, limit });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: Limits = Limits { speed_mps: 1.3, yaw_rate_radps: 1.2, timeout_s: 0.2 };
+
+    fn at_ms(ms: u64) -> Stamp {
+        Stamp(ms * 1_000_000)
+    }
+
+    fn go(speed_mps: f64) -> Wish {
+        Wish { speed_mps, turn: Turn::Heading(0.0) }
+    }
+
+    /// Takes a command in a gate that has obeyed one of 1 s, and says how it was refused.
+    fn check(wish: Wish, given_ms: u64, now_ms: u64, refusal: &str) {
+        let mut gate = Gate::default();
+        gate.take(go(0.5), at_ms(1_000), at_ms(1_000), &LIMITS).unwrap();
+        let result = gate.take(wish, at_ms(given_ms), at_ms(now_ms), &LIMITS);
+        match result {
+            Ok(()) => assert_eq!(refusal, ""),
+            Err(error) => {
+                assert!(!refusal.is_empty() && error.to_string().contains(refusal), "{error}");
+                assert_eq!(gate.said(at_ms(now_ms), 0.2), Said::Refused, "nothing is obeyed after {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_that_are_none_or_too_large_are_refused() {
+        check(go(1.3), 1_020, 1_020, "");
+        check(go(-1.3), 1_020, 1_020, "");
+        check(go(f64::NAN), 1_020, 1_020, "speed is NaN");
+        check(go(10.0), 1_020, 1_020, "speed is 10 m/s");
+        check(go(f64::NEG_INFINITY), 1_020, 1_020, "finite");
+        check(Wish { speed_mps: 0.0, turn: Turn::Heading(f64::NAN) }, 1_020, 1_020, "heading is NaN");
+        check(Wish { speed_mps: 0.0, turn: Turn::Rate(f64::NAN) }, 1_020, 1_020, "turn rate is NaN");
+        check(Wish { speed_mps: 0.0, turn: Turn::Rate(-1.3) }, 1_020, 1_020, "turn rate is -1.3");
+    }
+
+    #[test]
+    fn commands_of_another_time_are_refused() {
+        check(go(1.0), 980, 1_020, "0.020 s older");
+        check(go(1.0), 1_000, 1_020, "");
+        check(go(1.0), 1_100, 1_300, "0.200 s old");
+        check(go(1.0), 1_040, 1_020, "0.020 s ahead");
+    }
+
+    #[test]
+    fn a_command_holds_until_it_is_too_old_and_a_refusal_ends_it_at_once() {
+        let mut gate = Gate::default();
+        assert_eq!(gate.said(at_ms(0), 0.2), Said::Nothing);
+        gate.take(go(1.0), at_ms(0), at_ms(20), &LIMITS).unwrap();
+        assert_eq!(gate.said(at_ms(199), 0.2), Said::Drive(go(1.0)));
+        assert_eq!(gate.said(at_ms(200), 0.2), Said::Nothing);
+        gate.take(go(f64::NAN), at_ms(100), at_ms(100), &LIMITS).unwrap_err();
+        assert_eq!(gate.said(at_ms(120), 0.2), Said::Refused);
+        gate.take(go(0.7), at_ms(120), at_ms(120), &LIMITS).unwrap();
+        assert_eq!(gate.said(at_ms(120), 0.2), Said::Drive(go(0.7)));
+        gate.forget();
+        assert_eq!(gate.said(at_ms(120), 0.2), Said::Nothing);
+    }
+}

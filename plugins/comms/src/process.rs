@@ -1,0 +1,321 @@
+//! The process `comms`.
+
+use crate::control::{Aim, Drive, Ramps, Wheels};
+use crate::gate::{Gate, Limits, Said, Turn, Wish};
+use rcs_geom::wrap_angle;
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::Odometry;
+use rcs_msg::rcs::{
+    Bumper, CommsParams, DriveCommand, EmergencyStop, Imu, MotorCurrents, ProcessState, Status, SteeringKind,
+    VehicleStatus, WheelCommand, WheelEncoders,
+};
+use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_world::pose_of;
+use serde::{Deserialize, Serialize};
+
+/// State: what each input said last, the emergency stop, the ramps, and what the sensors said last.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Comms {
+    drive: Gate,
+    teleop: Gate,
+    /// Reason and time of the emergency stop that holds.
+    emergency: Option<(String, Stamp)>,
+    ramps: Ramps,
+    last_cycle: Option<Stamp>,
+    /// Yaw of the local estimate, and its time.
+    yaw: Option<(f64, Stamp)>,
+    sensed: Sensed,
+    refused: u64,
+    last_refusal: String,
+}
+
+/// What the vehicle's sensors said last.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct Sensed {
+    speed_mps: f64,
+    yaw_rate_radps: f64,
+    roll_rad: f64,
+    pitch_rad: f64,
+    /// Roll and pitch are the inertial sensor's own, not the position estimate's.
+    attitude_is_inertial: bool,
+    left_a: f64,
+    right_a: f64,
+    bumper_left: bool,
+    bumper_right: bool,
+}
+
+/// Ports of [`Comms`].
+#[derive(Debug)]
+pub struct Ports {
+    drive: In<DriveCommand>,
+    teleop: In<DriveCommand>,
+    emergency_stop: In<EmergencyStop>,
+    above: In<Status>,
+    local: In<Odometry>,
+    imu: In<Imu>,
+    encoders: In<WheelEncoders>,
+    motors: In<MotorCurrents>,
+    bumper: In<Bumper>,
+    wheels: Out<WheelCommand>,
+    vehicle: Out<VehicleStatus>,
+}
+
+/// What this cycle does, and why.
+struct Decision {
+    aim: Aim,
+    wanted_speed_mps: f64,
+    /// Why the vehicle is being held; empty where it is not.
+    stop_reason: String,
+}
+
+impl Decision {
+    fn stop(reason: impl Into<String>) -> Decision {
+        Decision { aim: Aim::Stop, wanted_speed_mps: 0.0, stop_reason: reason.into() }
+    }
+}
+
+impl Process for Comms {
+    type Params = CommsParams;
+    type Ports = Ports;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "comms",
+        summary: "Comms interface: turns heading and speed into wheel speeds, and stops the vehicle when in doubt",
+        period_ms: 20.0,
+        reads_truth: false,
+        commands: &[],
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        Ports {
+            drive: b.optional_input("drive", "heading (local frame) and speed from who drives"),
+            teleop: b.optional_input("teleop", "the same from the operator; it wins while it is fresh"),
+            emergency_stop: b.optional_input("emergency_stop", "holds the vehicle until one says otherwise"),
+            above: b.optional_input("above", "status of who drives; on ERROR it is not obeyed"),
+            local: b.optional_input("local", "pose of the vehicle in the local frame; headings need it"),
+            imu: b.optional_input("imu", "turn rate and attitude; its axes are the vehicle's"),
+            encoders: b.optional_input("encoders", "speeds of the wheels, m/s"),
+            motors: b.optional_input("motors", "currents of the drive motors, A"),
+            bumper: b.optional_input("bumper", "switches of the bumper"),
+            wheels: b
+                .output("wheels", "speeds of the wheels, m/s, and curvature, 1/m")
+                .role("command")
+                .build(),
+            vehicle: b.output("vehicle", "what the vehicle says of itself").role("stats").build(),
+        }
+    }
+
+    fn new(_params: &CommsParams) -> Self {
+        Self::default()
+    }
+
+    fn cycle(&mut self, ports: &Ports, params: &CommsParams, cx: &mut Cycle<'_>) {
+        self.sense(ports, cx);
+        let limits = Limits {
+            speed_mps: params.max_speed_mps,
+            yaw_rate_radps: params.max_yaw_rate_radps,
+            timeout_s: params.command_timeout_s,
+        };
+        while let Some(command) = cx.read(&ports.drive) {
+            let result = take(&mut self.drive, &command, cx.now(), &limits);
+            self.report("drive", result, cx);
+        }
+        while let Some(command) = cx.read(&ports.teleop) {
+            let result = take(&mut self.teleop, &command, cx.now(), &limits);
+            self.report("teleop", result, cx);
+        }
+        while let Some(message) = cx.read(&ports.emergency_stop) {
+            self.take_emergency(&message);
+        }
+        let decision = self.decide(ports, params, cx);
+        let dt_s = self.last_cycle.map_or(0.0, |last| cx.now().seconds_since(last).clamp(0.0, 0.1));
+        self.last_cycle = Some(cx.now());
+        let wheels = self.ramps.step(decision.aim, &drive(params), dt_s);
+        self.send(ports, &decision, wheels, cx);
+    }
+}
+
+impl Comms {
+    /// Takes what the sensors say. Numbers that are none are faults, and what was known before stays.
+    fn sense(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
+        if let Some(encoders) = cx.read_newest(&ports.encoders) {
+            let speed = (encoders.left_mps + encoders.right_mps) / 2.0;
+            if speed.is_finite() {
+                self.sensed.speed_mps = speed;
+            } else {
+                cx.fault(format!(
+                    "encoders: speeds are {} and {} m/s, expected finite numbers; skipped",
+                    encoders.left_mps, encoders.right_mps
+                ));
+            }
+        }
+        if let Some(imu) = cx.read_newest(&ports.imu) {
+            self.take_imu(&imu, cx);
+        }
+        if let Some(odometry) = cx.read_newest(&ports.local) {
+            match pose_of(odometry.pose.as_ref(), &odometry.frame_id) {
+                Ok(pose) => {
+                    self.yaw = Some((pose.yaw(), odometry.acq_time()));
+                    if !self.sensed.attitude_is_inertial {
+                        [self.sensed.roll_rad, self.sensed.pitch_rad, _] = pose.rpy();
+                    }
+                }
+                Err(error) => cx.fault(format!("local: {error}; skipped")),
+            }
+        }
+        if let Some(motors) = cx.read_newest(&ports.motors) {
+            if motors.left_a.is_finite() && motors.right_a.is_finite() {
+                (self.sensed.left_a, self.sensed.right_a) = (motors.left_a, motors.right_a);
+            } else {
+                cx.fault(format!(
+                    "motors: currents are {} and {} A, expected finite numbers; skipped",
+                    motors.left_a, motors.right_a
+                ));
+            }
+        }
+        if let Some(bumper) = cx.read_newest(&ports.bumper) {
+            (self.sensed.bumper_left, self.sensed.bumper_right) = (bumper.left, bumper.right);
+        }
+    }
+
+    fn take_imu(&mut self, imu: &Imu, cx: &mut Cycle<'_>) {
+        if let Some(rate) = imu.angular_velocity.as_ref().map(|rates| rates.z) {
+            if rate.is_finite() {
+                self.sensed.yaw_rate_radps = rate;
+            } else {
+                cx.fault(format!("imu: turn rate is {rate} rad/s, expected a finite number; skipped"));
+            }
+        }
+        if let Some(q) = &imu.orientation {
+            match rcs_geom::Pose::from_parts([0.0; 3], [q.x, q.y, q.z, q.w]) {
+                Ok(pose) => {
+                    [self.sensed.roll_rad, self.sensed.pitch_rad, _] = pose.rpy();
+                    self.sensed.attitude_is_inertial = true;
+                }
+                Err(error) => cx.fault(format!("imu: {error}; skipped")),
+            }
+        }
+    }
+
+    fn report(&mut self, input: &str, result: Result<(), String>, cx: &mut Cycle<'_>) {
+        if let Err(refusal) = result {
+            self.refused += 1;
+            self.last_refusal = format!("{input}: {refusal}");
+            cx.fault(format!("{input}: {refusal}; refused, the vehicle is held"));
+        }
+    }
+
+    /// A stop holds at once, whenever it was given; a release counts only if it is not older than the stop.
+    fn take_emergency(&mut self, message: &Msg<EmergencyStop>) {
+        let given = message.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(message.acq_time());
+        if message.active {
+            let reason = if message.reason.is_empty() { "no reason given" } else { &message.reason };
+            self.emergency = Some((reason.to_owned(), given));
+        } else if self.emergency.as_ref().is_some_and(|&(_, stopped)| given >= stopped) {
+            self.emergency = None;
+            // What was asked for before is not taken up again by itself.
+            self.drive.forget();
+            self.teleop.forget();
+        }
+    }
+
+    /// The emergency stop first, then the operator, then who drives.
+    fn decide(&self, ports: &Ports, params: &CommsParams, cx: &Cycle<'_>) -> Decision {
+        if let Some((reason, _)) = &self.emergency {
+            let stop_reason = format!("emergency stop: {reason}");
+            return Decision { aim: Aim::Halt, wanted_speed_mps: 0.0, stop_reason };
+        }
+        let now = cx.now();
+        match self.teleop.said(now, params.command_timeout_s) {
+            Said::Drive(wish) => return self.obey(wish, params, now),
+            Said::Refused => return Decision::stop("the operator's last command was refused"),
+            Said::Nothing => {}
+        }
+        if let Some(above) = cx.latest(&ports.above).filter(|above| above.state() == ProcessState::Error) {
+            return Decision::stop(format!("{} is in ERROR: {}", above.process, above.state_text));
+        }
+        match self.drive.said(now, params.command_timeout_s) {
+            Said::Drive(wish) => self.obey(wish, params, now),
+            Said::Refused => Decision::stop("the last command was refused"),
+            Said::Nothing => Decision::stop("no command"),
+        }
+    }
+
+    fn obey(&self, wish: Wish, params: &CommsParams, now: Stamp) -> Decision {
+        let is_held = params.bumper_holds && (self.sensed.bumper_left || self.sensed.bumper_right);
+        let speed_mps = if is_held { wish.speed_mps.min(0.0) } else { wish.speed_mps };
+        let stop_reason = if is_held && wish.speed_mps > 0.0 { "bumper is pressed" } else { "" }.to_owned();
+        let aim = match wish.turn {
+            Turn::Rate(yaw_rate_radps) => Aim::Rate { speed_mps, yaw_rate_radps },
+            Turn::Heading(heading_rad) => match self.yaw {
+                Some((yaw_rad, at)) if now.seconds_since(at) <= params.pose_timeout_s => {
+                    Aim::Heading { speed_mps, error_rad: wrap_angle(heading_rad - yaw_rad) }
+                }
+                Some(_) => return Decision::stop("local position is too old to steer for a heading"),
+                None => return Decision::stop("local position is not known: no heading can be steered for"),
+            },
+        };
+        Decision { aim, wanted_speed_mps: wish.speed_mps, stop_reason }
+    }
+
+    fn send(&self, ports: &Ports, decision: &Decision, wheels: Wheels, cx: &mut Cycle<'_>) {
+        let now = cx.now();
+        let command = WheelCommand {
+            timestamp: Some(now.to_proto()),
+            left_mps: wheels.left_mps,
+            right_mps: wheels.right_mps,
+            curvature_per_m: wheels.curvature_per_m,
+        };
+        cx.write(&ports.wheels, now, command);
+        let sensed = &self.sensed;
+        let status = VehicleStatus {
+            timestamp: Some(now.to_proto()),
+            speed_mps: sensed.speed_mps,
+            yaw_rate_radps: sensed.yaw_rate_radps,
+            roll_rad: sensed.roll_rad,
+            pitch_rad: sensed.pitch_rad,
+            wanted_speed_mps: decision.wanted_speed_mps,
+            left_command_mps: wheels.left_mps,
+            right_command_mps: wheels.right_mps,
+            stopped: !decision.stop_reason.is_empty(),
+            stop_reason: decision.stop_reason.clone(),
+            emergency_stopped: self.emergency.is_some(),
+            refused: self.refused,
+            last_refusal: self.last_refusal.clone(),
+            left_a: sensed.left_a,
+            right_a: sensed.right_a,
+            bumper_left: sensed.bumper_left,
+            bumper_right: sensed.bumper_right,
+        };
+        cx.write(&ports.vehicle, now, status);
+        if decision.stop_reason.is_empty() {
+            cx.exec("obeys");
+        } else {
+            cx.exec(format!("held: {}", decision.stop_reason));
+        }
+    }
+}
+
+fn take(gate: &mut Gate, command: &Msg<DriveCommand>, now: Stamp, limits: &Limits) -> Result<(), String> {
+    let turn = command.yaw_rate_radps.map_or(Turn::Heading(command.heading_rad), Turn::Rate);
+    let wish = Wish { speed_mps: command.speed_mps, turn };
+    // A command that carries no time counts from when it came.
+    let given = command.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(command.acq_time());
+    gate.take(wish, given, now, limits).map_err(|refusal| refusal.to_string())
+}
+
+fn drive(params: &CommsParams) -> Drive {
+    let is_differential = params.steering() == SteeringKind::SteeringDifferential;
+    Drive {
+        track_m: is_differential.then_some(params.track_m),
+        max_curvature_per_m: params.max_curvature_per_m,
+        max_speed_mps: params.max_speed_mps,
+        max_acceleration_mps2: params.max_acceleration_mps2,
+        max_deceleration_mps2: params.max_deceleration_mps2,
+        stop_deceleration_mps2: params.stop_deceleration_mps2,
+        max_yaw_rate_radps: params.max_yaw_rate_radps,
+        max_yaw_acceleration_radps2: params.max_yaw_acceleration_radps2,
+        heading_gain_per_s: params.heading_gain_per_s,
+        heading_dead_band_rad: params.heading_dead_band_rad,
+        turn_in_place_rad: params.turn_in_place_rad,
+    }
+}

@@ -1,0 +1,284 @@
+//! Whole cycles: what is written to the inputs, and what the vehicle is told.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use rcs_comms::Comms;
+use rcs_msg::foxglove::{Odometry, Pose, Quaternion, Vector3};
+use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
+use rcs_runtime::source::Task;
+use rcs_runtime::{OperatorWrite, Plan, ProcessType, RunOptions, Session, StackFile, Stepped};
+use std::sync::Arc;
+
+const STACK: &str = r#"
+format = 1
+name = "comms"
+
+[[process]]
+name = "comms"
+plugin = "comms"
+supervisor = "viewer"
+
+[process.inputs]
+drive = "/operator/drive"
+teleop = "/operator/teleop"
+emergency_stop = "/operator/emergency_stop"
+above = "/operator/above"
+local = "/operator/local"
+imu = "/operator/imu"
+encoders = "/operator/encoders"
+motors = "/operator/motors"
+bumper = "/operator/bumper"
+"#;
+
+/// A run of `comms` alone; the time is that of the last cycle, ms.
+struct Bench {
+    session: Session,
+    now_ms: u64,
+}
+
+impl Bench {
+    fn new() -> Bench {
+        let plugins = &[ProcessType::of::<Comms>()];
+        let plan = Plan::new(StackFile::parse("comms.toml", STACK).unwrap(), plugins, &[]).unwrap();
+        let run = Stepped::new(Arc::new(plan), None, RunOptions::default()).unwrap();
+        let mut bench = Bench { session: Session::new(run).unwrap(), now_ms: 0 };
+        bench.cycles(1);
+        bench
+    }
+
+    fn write<T: Payload>(&mut self, port: &str, message: T) {
+        let write = OperatorWrite { buffer: format!("/operator/{port}"), message: AnyMessage::new(message) };
+        self.session.write(write).unwrap();
+    }
+
+    /// A command of this moment: just before the next cycle.
+    fn drive(&mut self, port: &str, speed_mps: f64, yaw_rate_radps: Option<f64>) {
+        let timestamp = Some(Stamp(self.now_ms * 1_000_000).to_proto());
+        self.write(port, rcs::DriveCommand { timestamp, heading_rad: 0.0, speed_mps, yaw_rate_radps });
+    }
+
+    fn stop(&mut self, active: bool) {
+        let timestamp = Some(Stamp(self.now_ms * 1_000_000).to_proto());
+        self.write("emergency_stop", rcs::EmergencyStop { timestamp, active, reason: "button".to_owned() });
+    }
+
+    fn local(&mut self, yaw_rad: f64) {
+        let orientation =
+            Some(Quaternion { z: (yaw_rad / 2.0).sin(), w: (yaw_rad / 2.0).cos(), ..Quaternion::default() });
+        let pose = Some(Pose { position: Some(Vector3::default()), orientation });
+        self.write("local", Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() });
+    }
+
+    fn cycles(&mut self, count: u64) {
+        self.now_ms += 20 * count;
+        let until = Stamp(self.now_ms * 1_000_000 - 10_000_000);
+        self.session.forward_until(until, &Task::default()).unwrap();
+    }
+
+    /// Straight on at that speed, by commands that keep coming.
+    fn drive_for(&mut self, speed_mps: f64, cycles: u64) {
+        for _ in 0..cycles {
+            self.drive("drive", speed_mps, Some(0.0));
+            self.cycles(1);
+        }
+    }
+
+    fn latest<T: Payload>(&self, buffer: &str) -> T {
+        self.session.run().bus().get(buffer).unwrap().latest().unwrap().message.to().unwrap()
+    }
+
+    fn wheels(&self) -> [f64; 2] {
+        let wheels: rcs::WheelCommand = self.latest("/comms/wheels");
+        [wheels.left_mps, wheels.right_mps]
+    }
+
+    fn vehicle(&self) -> rcs::VehicleStatus {
+        self.latest("/comms/vehicle")
+    }
+
+    fn faults(&self) -> u64 {
+        self.latest::<rcs::Status>("/comms/status").faults
+    }
+}
+
+#[test]
+fn it_drives_while_commands_come_and_stops_when_they_have_not_for_200_ms() {
+    let mut bench = Bench::new();
+    bench.drive_for(0.5, 60);
+    assert_eq!(bench.wheels(), [0.5, 0.5]);
+    assert!(!bench.vehicle().stopped);
+    bench.cycles(9);
+    assert_eq!(bench.wheels(), [0.5, 0.5], "the last command is 180 ms old");
+    bench.cycles(2);
+    assert!(bench.wheels()[0] < 0.5 && bench.vehicle().stop_reason == "no command");
+    bench.cycles(20);
+    assert_eq!(bench.wheels(), [0.0, 0.0]);
+    assert_eq!(bench.faults(), 0, "silence is no bad input");
+}
+
+#[test]
+fn emergency_stop_beats_drive_in_the_same_cycle() {
+    for stop_first in [true, false] {
+        let mut bench = Bench::new();
+        bench.drive_for(1.0, 60);
+        if stop_first {
+            bench.stop(true);
+        }
+        bench.drive("drive", 1.0, Some(0.0));
+        bench.drive("teleop", 1.0, Some(0.0));
+        if !stop_first {
+            bench.stop(true);
+        }
+        bench.cycles(1);
+        assert_eq!(bench.wheels(), [0.0, 0.0]);
+        assert!(bench.vehicle().emergency_stopped);
+        assert_eq!(bench.vehicle().stop_reason, "emergency stop: button");
+    }
+}
+
+#[test]
+fn an_emergency_stop_holds_until_a_later_message_releases_it() {
+    let mut bench = Bench::new();
+    bench.drive_for(1.0, 10);
+    bench.stop(true);
+    bench.drive_for(1.0, 100);
+    assert_eq!(bench.wheels(), [0.0, 0.0]);
+    let past = Some(Stamp(40_000_000).to_proto());
+    bench.write("emergency_stop", rcs::EmergencyStop { timestamp: past, ..Default::default() });
+    bench.drive_for(1.0, 10);
+    assert_eq!(bench.wheels(), [0.0, 0.0], "a release from before the stop does not count");
+    bench.drive("drive", 1.0, Some(0.0));
+    bench.stop(false);
+    bench.cycles(1);
+    assert_eq!(bench.wheels(), [0.0, 0.0], "what was asked for before the release is not taken up");
+    bench.drive_for(1.0, 10);
+    assert!(bench.wheels()[0] > 0.1 && !bench.vehicle().emergency_stopped);
+}
+
+#[test]
+fn the_operator_wins_while_fresh() {
+    let mut bench = Bench::new();
+    bench.drive_for(0.5, 60);
+    for _ in 0..50 {
+        bench.drive("drive", 0.5, Some(0.0));
+        bench.drive("teleop", -0.3, Some(0.0));
+        bench.cycles(1);
+    }
+    assert_eq!(bench.wheels(), [-0.3, -0.3]);
+    bench.drive_for(0.5, 80);
+    assert_eq!(bench.wheels(), [0.5, 0.5], "the operator has let go");
+}
+
+#[test]
+fn an_error_above_stops_who_drives_but_not_the_operator() {
+    let mut bench = Bench::new();
+    bench.drive_for(0.5, 60);
+    let state = rcs::ProcessState::Error.into();
+    let above = rcs::Status {
+        process: "follower".to_owned(),
+        state,
+        state_text: "no way".to_owned(),
+        ..Default::default()
+    };
+    bench.write("above", above);
+    bench.drive_for(0.5, 20);
+    assert_eq!(bench.wheels(), [0.0, 0.0]);
+    assert_eq!(bench.vehicle().stop_reason, "follower is in ERROR: no way");
+    for _ in 0..20 {
+        bench.drive("teleop", 0.2, Some(0.0));
+        bench.cycles(1);
+    }
+    assert_eq!(bench.wheels(), [0.2, 0.2]);
+    bench.write("above", rcs::Status { state: rcs::ProcessState::Exec.into(), ..Default::default() });
+    bench.drive_for(0.5, 60);
+    assert_eq!(bench.wheels(), [0.5, 0.5]);
+}
+
+#[test]
+fn bad_commands_are_refused_counted_and_the_vehicle_is_safe() {
+    let bad = [
+        (f64::NAN, None, 0, "speed is NaN"),
+        (10.0, None, 0, "speed is 10 m/s"),
+        (0.5, Some(f64::NAN), 0, "turn rate is NaN"),
+        (0.5, Some(0.0), 500, "older than the one before"),
+    ];
+    for (speed_mps, rate, age_ms, why) in bad {
+        let mut bench = Bench::new();
+        bench.drive_for(0.5, 60);
+        let given = Stamp((bench.now_ms - age_ms) * 1_000_000);
+        bench.write(
+            "drive",
+            rcs::DriveCommand {
+                timestamp: Some(given.to_proto()),
+                heading_rad: f64::NAN,
+                speed_mps,
+                yaw_rate_radps: rate,
+            },
+        );
+        bench.cycles(1);
+        let [left, right] = bench.wheels();
+        assert!(left < 0.5 && left == right, "{why}: {left} {right}");
+        let status = bench.vehicle();
+        assert_eq!((status.refused, bench.faults()), (1, 1), "{why}");
+        assert!(status.last_refusal.contains(why), "{}", status.last_refusal);
+        bench.cycles(15);
+        assert_eq!(bench.wheels(), [0.0, 0.0], "{why}");
+        bench.drive_for(0.5, 60);
+        assert_eq!(bench.wheels(), [0.5, 0.5], "good commands are obeyed again after: {why}");
+    }
+}
+
+#[test]
+fn a_heading_is_steered_for_by_the_local_position_and_without_it_the_vehicle_stands() {
+    let mut bench = Bench::new();
+    for _ in 0..20 {
+        bench.drive("drive", 0.5, None);
+        bench.cycles(1);
+    }
+    assert_eq!(bench.wheels(), [0.0, 0.0]);
+    assert!(bench.vehicle().stop_reason.contains("not known"));
+    for _ in 0..60 {
+        bench.local(-0.3);
+        bench.drive("drive", 0.5, None);
+        bench.cycles(1);
+    }
+    let [left, right] = bench.wheels();
+    assert!((right - left - 0.6 * 0.6).abs() < 1e-9, "turns left at 2 · 0.3 rad/s: {left} {right}");
+    for _ in 0..60 {
+        bench.drive("drive", 0.5, None);
+        bench.cycles(1);
+    }
+    assert_eq!(bench.wheels(), [0.0, 0.0]);
+    assert!(bench.vehicle().stop_reason.contains("too old"));
+}
+
+#[test]
+fn a_pressed_bumper_holds_the_way_forward_and_not_the_way_back() {
+    let mut bench = Bench::new();
+    bench.write("bumper", rcs::Bumper { left: true, ..Default::default() });
+    bench.drive_for(0.5, 20);
+    assert_eq!(bench.wheels(), [0.0, 0.0]);
+    assert_eq!(bench.vehicle().stop_reason, "bumper is pressed");
+    bench.drive_for(-0.5, 60);
+    assert_eq!(bench.wheels(), [-0.5, -0.5]);
+    assert!(bench.vehicle().bumper_left && !bench.vehicle().stopped);
+}
+
+#[test]
+fn the_vehicles_status_is_what_its_sensors_say() {
+    let mut bench = Bench::new();
+    bench.write("encoders", rcs::WheelEncoders { left_mps: 0.4, right_mps: 0.6, ..Default::default() });
+    bench.write("motors", rcs::MotorCurrents { left_a: 3.0, right_a: 4.0, ..Default::default() });
+    let angular_velocity = Some(Vector3 { z: 0.25, ..Vector3::default() });
+    bench.write("imu", rcs::Imu { angular_velocity, ..Default::default() });
+    bench.cycles(1);
+    let status = bench.vehicle();
+    assert_eq!((status.speed_mps, status.yaw_rate_radps), (0.5, 0.25));
+    assert_eq!((status.left_a, status.right_a), (3.0, 4.0));
+    bench.write("encoders", rcs::WheelEncoders { left_mps: f64::NAN, ..Default::default() });
+    let angular_velocity = Some(Vector3 { z: f64::INFINITY, ..Vector3::default() });
+    bench.write("imu", rcs::Imu { angular_velocity, ..Default::default() });
+    bench.cycles(1);
+    assert_eq!(bench.faults(), 2);
+    assert_eq!(bench.vehicle().speed_mps, 0.5, "what was known stays");
+}
