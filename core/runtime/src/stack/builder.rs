@@ -12,7 +12,7 @@ use std::sync::Arc;
 use toml::Spanned;
 
 /// Channel metadata of buffers that hold the truth of a simulation.
-const TRUTH: &str = "rcs.truth";
+pub(crate) const TRUTH: &str = "rcs.truth";
 /// Buffers that the operator writes.
 const OPERATOR: &str = "/operator/";
 

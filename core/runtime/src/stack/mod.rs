@@ -37,6 +37,8 @@ mod file;
 mod params;
 mod plan;
 
+pub(crate) use builder::TRUTH;
+
 pub use assets::{Asset, Assets, NoAssets};
 pub use error::StackError;
 pub use file::{BufferEntry, InputEntry, OverflowEntry, ProcessEntry, StackFile, VIEWER};

@@ -1,0 +1,179 @@
+//! Files that a stack names, the course that brings them, and the truth that no one may read.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+use rcs_msg::{foxglove, rcs};
+use rcs_runtime::{
+    Asset, Assets, Cycle, In, Out, Plan, PlanOptions, PortBuilder, Process, ProcessDef, ProcessType,
+    RunOptions, StackFile, Stepped,
+};
+use serde::{Deserialize, Serialize};
+
+/// A process whose parameters are files, and which writes a truth.
+#[derive(Clone, Serialize, Deserialize)]
+struct World;
+
+impl Process for World {
+    type Params = rcs::SimVehicleParams;
+    type Ports = Out<foxglove::Vector3>;
+    const DEF: ProcessDef =
+        ProcessDef { plugin: "world", summary: "Knows.", period_ms: 10.0, commands: &[], reads_truth: true };
+
+    fn ports(b: &mut PortBuilder) -> Self::Ports {
+        b.output("pose", "Where it really is.").truth().build()
+    }
+
+    fn check(params: &Self::Params) -> Result<(), String> {
+        let line = params.world.lines().position(|line| line.contains("bad"));
+        line.map_or(Ok(()), |line| Err(format!("world: line {}, hills: got bad, expected good", line + 1)))
+    }
+
+    fn new(_params: &Self::Params) -> Self {
+        Self
+    }
+
+    fn cycle(&mut self, _ports: &Self::Ports, _params: &Self::Params, _cx: &mut Cycle<'_>) {}
+}
+
+/// A process of the robot.
+#[derive(Clone, Serialize, Deserialize)]
+struct Robot;
+
+impl Process for Robot {
+    type Params = rcs::LabelOverlayParams;
+    type Ports = In<foxglove::Vector3>;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "robot",
+        summary: "Guesses.",
+        period_ms: 10.0,
+        commands: &[],
+        reads_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Self::Ports {
+        b.optional_input("pose", "Where it is believed to be.")
+    }
+
+    fn new(_params: &Self::Params) -> Self {
+        Self
+    }
+
+    fn cycle(&mut self, _ports: &Self::Ports, _params: &Self::Params, _cx: &mut Cycle<'_>) {}
+}
+
+const PLUGINS: &[ProcessType] = &[ProcessType::of::<World>(), ProcessType::of::<Robot>()];
+
+/// A shelf of files, `kind/name`.
+struct Shelf;
+
+impl Assets for Shelf {
+    fn read(&self, kind: &str, name: &str, beside: &str) -> Result<Asset, String> {
+        let text = match (kind, name) {
+            ("course", "easy") => "name = \"easy\"\nworld = \"flat\"\n",
+            ("course", "lost") => "name = \"lost\"\nworld = \"atlantis\"\n",
+            ("course", "broken") => "name = \n",
+            ("world", "flat") => "hills = 0\n",
+            ("world", "steep") => "hills = 9\n",
+            ("world", "spoiled") => "name = \"spoiled\"\nhills = bad\n",
+            _ => return Err(format!("no {kind} {name:?} beside {beside:?}")),
+        };
+        Ok(Asset { file: format!("{kind}s/{name}.toml"), text: text.to_owned() })
+    }
+}
+
+fn plan(course: Option<&str>, text: &str, overrides: &[(String, String)]) -> Result<Plan, String> {
+    let file = StackFile::parse("test.toml", text).map_err(|error| error.to_string())?;
+    let options = PlanOptions { overrides, course, assets: &Shelf };
+    Plan::with(file, PLUGINS, &options).map_err(|error| error.to_string())
+}
+
+fn world_of(plan: &Plan) -> String {
+    plan.processes[0].params.to::<rcs::SimVehicleParams>().unwrap().world
+}
+
+fn stack(head: &str, params: &str, robot: &str) -> String {
+    format!(
+        "format = 1\nname = \"t\"\n{head}\n[[process]]\nname = \"vehicle\"\nplugin = \"world\"\nsupervisor = \
+         \"viewer\"\nparams = {{ {params} }}\n{robot}"
+    )
+}
+
+fn robot(pose: &str) -> String {
+    format!(
+        "[[process]]\nname = \"robot\"\nplugin = \"robot\"\nsupervisor = \"viewer\"\ninputs = {{ pose = \"{pose}\" }}\n"
+    )
+}
+
+#[test]
+fn a_parameter_that_is_a_file_holds_its_text() {
+    let plan = plan(None, &stack("", "world = \"steep\"", ""), &[]).unwrap();
+    assert_eq!(world_of(&plan), "hills = 9\n");
+}
+
+#[test]
+fn a_course_brings_its_world_and_the_command_line_counts_most() {
+    let text = stack("course = \"easy\"", "world = \"steep\"", "");
+    let own = plan(None, &text, &[]).unwrap();
+    assert_eq!(world_of(&own), "hills = 0\n");
+    assert_eq!(
+        own.processes[0].params.to::<rcs::SimVehicleParams>().unwrap().course,
+        "name = \"easy\"\nworld = \"flat\"\n"
+    );
+    let param = [("vehicle.world".to_owned(), "steep".to_owned())];
+    assert_eq!(world_of(&plan(Some("easy"), &text, &param).unwrap()), "hills = 9\n");
+}
+
+#[test]
+fn other_files_make_another_hash() {
+    let with = |world: &str| plan(None, &stack("", &format!("world = {world:?}"), ""), &[]).unwrap().hash;
+    assert_ne!(with("flat"), with("steep"));
+    let param = [("vehicle.world".to_owned(), "steep".to_owned())];
+    assert_ne!(plan(None, &stack("", "", ""), &param).unwrap().hash, with("flat"));
+}
+
+#[test]
+fn what_is_wrong_with_a_file_is_said_of_that_file() {
+    let error = |course, params| plan(course, &stack("", params, ""), &[]).unwrap_err();
+    assert_eq!(
+        error(None, "world = \"moon\""),
+        "test.toml:8: parameter vehicle.world: no world \"moon\" beside \"test.toml\""
+    );
+    assert_eq!(error(Some("nowhere"), ""), "--course:1: no course \"nowhere\" beside \"\"");
+    assert_eq!(
+        error(Some("lost"), ""),
+        "courses/lost.toml:2: no world \"atlantis\" beside \"courses/lost.toml\""
+    );
+    assert!(error(Some("broken"), "").starts_with("courses/broken.toml:1: "));
+    assert_eq!(error(None, "world = \"spoiled\""), "worlds/spoiled.toml:2: hills: got bad, expected good");
+}
+
+#[test]
+fn the_truth_is_wired_only_to_those_who_may_know_it() {
+    let error = plan(None, &stack("", "", &robot("/vehicle/pose")), &[]).unwrap_err();
+    assert!(
+        error.starts_with("test.toml:13: /vehicle/pose holds the truth of the simulation, which robot"),
+        "{error}"
+    );
+}
+
+#[test]
+fn what_the_operator_writes_needs_no_process_that_writes_it() {
+    let plan_ = plan(None, &stack("", "", &robot("/operator/pose")), &[]).unwrap();
+    assert!(plan_.buffers.iter().any(|buffer| buffer.spec.name == "/operator/pose"));
+    let error = plan(None, &stack("", "", &robot("/somebody/pose")), &[]).unwrap_err();
+    assert!(error.contains("nothing writes /somebody/pose"), "{error}");
+}
+
+#[test]
+fn parameters_that_a_process_refuses_are_refused_while_it_runs() {
+    let plan = std::sync::Arc::new(plan(None, &stack("", "world = \"flat\"", ""), &[]).unwrap());
+    let params = rcs::SimVehicleParams { world: "bad".to_owned(), ..rcs_msg::params::default() };
+    let run = Stepped::new(plan, None, RunOptions::default()).unwrap();
+    let mut session = rcs_runtime::Session::new(run).unwrap();
+    let write = rcs_runtime::OperatorWrite {
+        buffer: "/vehicle/params".to_owned(),
+        message: rcs_msg::AnyMessage::new(params),
+    };
+    let error = session.write(write).unwrap_err().to_string();
+    assert!(error.contains("got bad, expected good"), "{error}");
+}
