@@ -108,6 +108,11 @@ impl Topic {
         self.metadata.get("rcs.role").map_or("", String::as_str)
     }
 
+    /// Whether it holds the truth of a simulation: nothing that a robot could know.
+    pub fn is_truth(&self) -> bool {
+        self.metadata.contains_key(crate::stack::TRUTH)
+    }
+
     /// Name of the type that views ask for: the canonical one where there is one, else the schema's own.
     pub fn type_name(&self) -> &str {
         rcs_msg::canonical_name(&self.schema).unwrap_or_else(|| self.schema.name())

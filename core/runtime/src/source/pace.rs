@@ -55,7 +55,8 @@ impl Pace {
             return Stamp::MAX;
         }
         let (since, from) = *self.anchor.get_or_insert((clock, now));
-        let due = from.after_ns((clock.saturating_duration_since(since).as_secs_f64() * self.speed * 1e9) as u64);
+        let due =
+            from.after_ns((clock.saturating_duration_since(since).as_secs_f64() * self.speed * 1e9) as u64);
         let most_behind_ns = (CATCH_UP_S * self.speed * 1e9) as u64;
         let reachable = now.after_ns(most_behind_ns);
         if due <= reachable {

@@ -3,6 +3,7 @@
 use super::frame::{Frame, Playback, RunTag, SourceInfo, SourceKind, Topic};
 use super::log_source::{info_of, neighbour};
 use super::log_view::{LogView, opening_time};
+use super::run_transforms::RunTransforms;
 use super::tracks::{Tracks, is_pose_type};
 use super::{Source, SourceError, Step, Task, canonical};
 use crate::history::{OperatorWrite, Session};
@@ -27,6 +28,9 @@ pub struct StackSource {
     /// One topic a buffer, in the order of the plan.
     topics: Vec<Topic>,
     tracks: Arc<Mutex<Tracks>>,
+    transforms: Arc<Mutex<RunTransforms>>,
+    /// Buffers that say where frames are, and whether what they say holds at all times.
+    placing: Vec<(usize, bool)>,
     /// Where the operator stands: at the run's last event, or later where nothing has happened since.
     now: Stamp,
     generation: u64,
@@ -38,21 +42,9 @@ impl StackSource {
         let run = Stepped::new(plan, log, options)?;
         let plan = Arc::clone(run.plan());
         let tracks: Arc<Mutex<Tracks>> = Arc::default();
-        for process in &plan.processes {
-            for &index in &process.outputs {
-                let buffer = &run.buffers()[index];
-                if is_pose_type(buffer.spec().schema.name()) {
-                    let tracks = Arc::clone(&tracks);
-                    let name: Arc<str> = buffer.name().into();
-                    buffer.tap(Box::new(move |sample: &Sample| {
-                        if let Some(message) = canonical(&sample.message) {
-                            let mut tracks = tracks.lock().unwrap_or_else(PoisonError::into_inner);
-                            tracks.take(&name, sample.header.log_time, &message, false);
-                        }
-                    }));
-                }
-            }
-        }
+        let transforms: Arc<Mutex<RunTransforms>> = Arc::default();
+        tap_tracks(&run, &tracks);
+        let placing = tap_transforms(&run, &transforms);
         let topics = plan.buffers.iter().map(|buffer| Topic {
             name: buffer.spec.name.as_str().into(),
             run: RunTag::Run,
@@ -91,8 +83,19 @@ impl StackSource {
         let processes = plan.process_infos().into();
         let session = Session::new(run)?;
         let info = Arc::new(info);
-        let mut source =
-            Self { session, recorded, wired, info, processes, topics, tracks, now, generation: 0 };
+        let mut source = Self {
+            session,
+            recorded,
+            wired,
+            info,
+            processes,
+            topics,
+            tracks,
+            transforms,
+            placing,
+            now,
+            generation: 0,
+        };
         // What the log holds at its first moment (or at its first picture, shortly after) is there at once.
         let opening = log.map_or(Ok(now), opening_time)?;
         source.seek(opening, &Task::default())?;
@@ -110,11 +113,28 @@ impl StackSource {
     }
 
     fn arrived(&mut self, now: Stamp) -> Result<(), SourceError> {
+        if now < self.now {
+            self.place_anew();
+        }
         self.now = now;
         let end = self.info.end.unwrap_or(Stamp::MAX);
         match &mut self.recorded {
             Some(view) => view.go_to(Place::after(now.min(end))),
             None => Ok(()),
+        }
+    }
+
+    /// After going back: what the buffers hold says where frames are.
+    fn place_anew(&mut self) {
+        let mut transforms = self.transforms.lock().unwrap_or_else(PoisonError::into_inner);
+        transforms.clear();
+        for &(buffer, is_static) in &self.placing {
+            let newest = self.session.run().buffers()[buffer].latest();
+            if let Some(sample) = newest
+                && let Some(message) = canonical(&sample.message)
+            {
+                transforms.take(sample.header.log_time, &message, is_static);
+            }
         }
     }
 
@@ -212,6 +232,49 @@ impl StackSource {
     }
 }
 
+/// Every position that a process writes becomes part of a track.
+fn tap_tracks(run: &Stepped, tracks: &Arc<Mutex<Tracks>>) {
+    for &index in run.plan().processes.iter().flat_map(|process| &process.outputs) {
+        let buffer = &run.buffers()[index];
+        if is_pose_type(buffer.spec().schema.name()) {
+            let tracks = Arc::clone(tracks);
+            let name: Arc<str> = buffer.name().into();
+            buffer.tap(Box::new(move |sample: &Sample| {
+                if let Some(message) = canonical(&sample.message) {
+                    let mut tracks = tracks.lock().unwrap_or_else(PoisonError::into_inner);
+                    tracks.take(&name, sample.header.log_time, &message, false);
+                }
+            }));
+        }
+    }
+}
+
+/// Everything that says where a frame is goes into `transforms`; the buffers that do, each with whether it holds at
+/// all times.
+fn tap_transforms(run: &Stepped, transforms: &Arc<Mutex<RunTransforms>>) -> Vec<(usize, bool)> {
+    let mut placing = Vec::new();
+    for process in &run.plan().processes {
+        for (def, &index) in process.kind.outputs().iter().zip(&process.outputs) {
+            let buffer = &run.buffers()[index];
+            let known = placing.iter().any(|&(other, _)| other == index);
+            if known || !RunTransforms::takes(buffer.spec().schema.name()) {
+                continue;
+            }
+            // The port's name says it, as it does for the inputs that every process reads poses from.
+            let is_static = def.name == "static_transforms";
+            placing.push((index, is_static));
+            let transforms = Arc::clone(transforms);
+            buffer.tap(Box::new(move |sample: &Sample| {
+                if let Some(message) = canonical(&sample.message) {
+                    let mut transforms = transforms.lock().unwrap_or_else(PoisonError::into_inner);
+                    transforms.take(sample.header.log_time, &message, is_static);
+                }
+            }));
+        }
+    }
+    placing
+}
+
 impl Source for StackSource {
     fn info(&self) -> Arc<SourceInfo> {
         Arc::clone(&self.info)
@@ -239,7 +302,10 @@ impl Source for StackSource {
             topics,
             processes: Arc::clone(&self.processes),
             tracks: Arc::new(tracks),
-            transforms: recorded.map(|view| Arc::clone(&view.shared_tree)).unwrap_or_default(),
+            transforms: match recorded {
+                Some(view) => Arc::clone(&view.shared_tree),
+                None => self.transforms.lock().unwrap_or_else(PoisonError::into_inner).share(),
+            },
             playback: Playback::default(),
         }
     }

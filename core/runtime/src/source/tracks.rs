@@ -112,12 +112,12 @@ impl Tracks {
     }
 }
 
-fn to_pose(pose: &foxglove::Pose) -> Option<Pose> {
+pub(crate) fn to_pose(pose: &foxglove::Pose) -> Option<Pose> {
     pose_of(pose.position.as_ref()?, pose.orientation.as_ref()?)
 }
 
 /// A rigid transform; `None` where a number is none, or the rotation is no rotation.
-fn pose_of(translation: &foxglove::Vector3, rotation: &foxglove::Quaternion) -> Option<Pose> {
+pub(crate) fn pose_of(translation: &foxglove::Vector3, rotation: &foxglove::Quaternion) -> Option<Pose> {
     let translation = [translation.x, translation.y, translation.z];
     Pose::from_parts(translation, [rotation.x, rotation.y, rotation.z, rotation.w]).ok()
 }

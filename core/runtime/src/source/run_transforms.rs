@@ -1,0 +1,136 @@
+//! Where a running stack's frames are to each other, from what its buffers say.
+
+use super::tracks::{is_transform_type, pose_of, to_pose};
+use rcs_geom::TransformTree;
+use rcs_msg::{AnyMessage, Stamp, foxglove};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// What is drawn now was acquired in the last seconds: older poses are not needed.
+const HISTORY_NS: u64 = 10_000_000_000;
+
+/// Transforms up to the moment that is shown.
+pub(crate) struct RunTransforms {
+    tree: TransformTree,
+    /// Frames that a transform message places: odometry of the same frame then says nothing.
+    told: BTreeSet<String>,
+    shared: Option<Arc<TransformTree>>,
+}
+
+impl Default for RunTransforms {
+    fn default() -> Self {
+        Self { tree: TransformTree::with_history_ns(HISTORY_NS), told: BTreeSet::new(), shared: None }
+    }
+}
+
+impl RunTransforms {
+    /// Whether a message of this type can say where a frame is.
+    pub(crate) fn takes(type_name: &str) -> bool {
+        is_transform_type(type_name) || type_name == "foxglove.Odometry"
+    }
+
+    /// Takes a canonical message that came at `log_time`; `is_static` holds for transform messages alone.
+    pub(crate) fn take(&mut self, log_time: Stamp, message: &AnyMessage, is_static: bool) {
+        self.shared = None;
+        if let Some(list) = message.get::<foxglove::FrameTransforms>() {
+            list.transforms.iter().for_each(|transform| self.told(transform, log_time, is_static));
+        } else if let Some(transform) = message.get::<foxglove::FrameTransform>() {
+            self.told(transform, log_time, is_static);
+        } else if let Some(odometry) = message.get::<foxglove::Odometry>() {
+            let (parent, child) = (&odometry.frame_id, &odometry.body_frame_id);
+            let Some(pose) = odometry.pose.as_ref().and_then(to_pose) else { return };
+            if !parent.is_empty() && !child.is_empty() && !self.told.contains(child) {
+                let time = odometry.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
+                // Two estimates of one vehicle: the first that came places it, the other is a track only.
+                let _ = self.tree.insert(parent, child, time.0, pose);
+            }
+        }
+    }
+
+    fn told(&mut self, transform: &foxglove::FrameTransform, log_time: Stamp, is_static: bool) {
+        let (Some(translation), Some(rotation)) = (&transform.translation, &transform.rotation) else {
+            return;
+        };
+        let Some(pose) = pose_of(translation, rotation) else { return };
+        let (parent, child) = (&transform.parent_frame_id, &transform.child_frame_id);
+        let mut place = || {
+            if is_static {
+                return self.tree.set_static(parent, child, pose);
+            }
+            let time = transform.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
+            self.tree.insert(parent, child, time.0, pose)
+        };
+        // A loop, a second parent, or a number that is no number: the frame stays where it was.
+        if place().is_ok() && !self.told.contains(child) {
+            self.told.insert(child.clone());
+        }
+    }
+
+    /// Begins anew: the run went back.
+    pub(crate) fn clear(&mut self) {
+        *self = Self::default();
+    }
+
+    /// The transforms as they are now.
+    pub(crate) fn share(&mut self) -> Arc<TransformTree> {
+        Arc::clone(self.shared.get_or_insert_with(|| Arc::new(self.tree.clone())))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+    use foxglove::{FrameTransform, FrameTransforms, Odometry, Pose, Quaternion, Vector3};
+
+    const UPRIGHT: Quaternion = Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 };
+
+    fn at(x: f64) -> Vector3 {
+        Vector3 { x, y: 0.0, z: 0.0 }
+    }
+
+    fn odometry(parent: &str, child: &str, ns: u64, x: f64) -> AnyMessage {
+        AnyMessage::new(Odometry {
+            timestamp: Some(Stamp(ns).to_proto()),
+            frame_id: parent.into(),
+            body_frame_id: child.into(),
+            pose: Some(Pose { position: Some(at(x)), orientation: Some(UPRIGHT) }),
+            ..Odometry::default()
+        })
+    }
+
+    fn transform(parent: &str, child: &str, ns: u64, x: f64) -> AnyMessage {
+        let transform = FrameTransform {
+            timestamp: Some(Stamp(ns).to_proto()),
+            parent_frame_id: parent.into(),
+            child_frame_id: child.into(),
+            translation: Some(at(x)),
+            rotation: Some(UPRIGHT),
+        };
+        AnyMessage::new(FrameTransforms { transforms: vec![transform] })
+    }
+
+    #[test]
+    fn transforms_and_odometry_make_one_tree_in_which_static_ones_hold_at_all_times() {
+        let mut run = RunTransforms::default();
+        run.take(Stamp(0), &odometry("local", "vehicle", 0, 1.0), false);
+        run.take(Stamp(0), &odometry("global", "vehicle", 0, 7.0), false);
+        run.take(Stamp(100), &odometry("local", "vehicle", 100, 3.0), false);
+        run.take(Stamp(0), &transform("vehicle", "camera", 0, 0.5), true);
+        run.take(Stamp(0), &transform("global", "local", 0, 10.0), false);
+        run.take(Stamp(100), &transform("global", "local", 100, 20.0), false);
+        let tree = run.share();
+        assert_eq!(tree.lookup("local", "camera", 50).unwrap().translation.x, 2.5);
+        assert_eq!(tree.lookup("global", "vehicle", 50).unwrap().translation.x, 17.0);
+        assert!(Arc::ptr_eq(&tree, &run.share()), "nothing is copied while nothing changes");
+    }
+
+    #[test]
+    fn after_going_back_nothing_of_the_future_is_left() {
+        let mut run = RunTransforms::default();
+        run.take(Stamp(100), &odometry("local", "vehicle", 100, 3.0), false);
+        run.clear();
+        run.take(Stamp(50), &odometry("local", "vehicle", 50, 1.0), false);
+        assert_eq!(run.share().newest("local", "vehicle").unwrap(), Some(50));
+    }
+}

@@ -1,0 +1,177 @@
+//! How a driver keeps a source beside the clock, and what a hand on a control does.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+use rcs_geom::TransformTree;
+use rcs_msg::{AnyMessage, Stamp, foxglove};
+use rcs_runtime::source::{
+    Control, Driver, Frame, Held, Playback, Source, SourceError, SourceInfo, SourceKind, Step, Task,
+};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+const PATIENCE: Duration = Duration::from_mins(1);
+
+/// What was written: buffer, time of the source, x.
+type Written = Arc<Mutex<Vec<(String, Stamp, f64)>>>;
+
+/// A source without an end that takes `cost` seconds of the clock for a second of its own.
+struct Busy {
+    now: Stamp,
+    cost: f64,
+    info: Arc<SourceInfo>,
+    written: Written,
+}
+
+impl Busy {
+    fn new(cost: f64) -> (Self, Written) {
+        let written = Written::default();
+        let info = SourceInfo {
+            kind: SourceKind::Stack,
+            title: "busy".to_owned(),
+            detail: String::new(),
+            start: Stamp(0),
+            end: None,
+            problems: Vec::new(),
+        };
+        (Self { now: Stamp(0), cost, info: Arc::new(info), written: Arc::clone(&written) }, written)
+    }
+}
+
+impl Source for Busy {
+    fn info(&self) -> Arc<SourceInfo> {
+        Arc::clone(&self.info)
+    }
+
+    fn now(&self) -> Stamp {
+        self.now
+    }
+
+    fn frame(&mut self) -> Frame {
+        Frame {
+            generation: 0,
+            info: self.info(),
+            now: self.now,
+            topics: Arc::new([]),
+            processes: Arc::new([]),
+            tracks: Arc::default(),
+            transforms: Arc::new(TransformTree::new()),
+            playback: Playback::default(),
+        }
+    }
+
+    fn seek(&mut self, to: Stamp, _task: &Task) -> Result<(), SourceError> {
+        std::thread::sleep(Duration::from_secs_f64(to.seconds_since(self.now).max(0.0) * self.cost));
+        self.now = to;
+        Ok(())
+    }
+
+    fn step(&mut self, _step: &Step, _task: &Task) -> Result<bool, SourceError> {
+        Ok(false)
+    }
+
+    fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError> {
+        let x = message.get::<foxglove::Vector3>().map_or(f64::NAN, |vector| vector.x);
+        self.written.lock().unwrap().push((buffer.to_owned(), self.now, x));
+        Ok(())
+    }
+}
+
+fn drive(cost: f64) -> (Driver, Written) {
+    let (source, written) = Busy::new(cost);
+    (Driver::spawn(Box::new(source), || {}).unwrap(), written)
+}
+
+#[track_caller]
+fn wait(driver: &Driver, what: &str, is: impl Fn(&Frame) -> bool) -> Arc<Frame> {
+    let start = Instant::now();
+    loop {
+        let frame = driver.frame();
+        if is(&frame) {
+            return frame;
+        }
+        assert!(start.elapsed() < PATIENCE, "waited in vain for {what}: {:?}", frame.playback);
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_source_that_cannot_keep_up_falls_behind_says_so_and_stays_responsive() {
+    let (driver, _) = drive(4.0);
+    driver.send(Control::Play);
+    let slow = wait(&driver, "a lag of a second", |frame| frame.playback.lag_s > 1.0);
+    let achieved = slow.playback.achieved.unwrap();
+    assert!(achieved < 0.5, "a quarter of real time at most, got {achieved}");
+    // The work that is waiting has not grown with the lag: a pause takes effect at once.
+    let asked = Instant::now();
+    driver.send(Control::Pause);
+    wait(&driver, "the pause", |frame| !frame.playback.playing);
+    assert!(asked.elapsed() < Duration::from_secs(5), "{:?}", asked.elapsed());
+    driver.send(Control::Play);
+    wait(&driver, "a new start", |frame| frame.playback.playing && frame.playback.lag_s < 0.5);
+}
+
+#[test]
+fn as_fast_as_it_goes_leaves_the_clock_behind() {
+    let (driver, _) = drive(0.01);
+    driver.send(Control::Speed(f64::INFINITY));
+    driver.send(Control::Play);
+    let fast = wait(&driver, "speed", |frame| frame.playback.achieved.is_some_and(|speed| speed > 5.0));
+    assert_eq!(fast.playback.lag_s, 0.0);
+}
+
+/// Holds /hand at `x`, fifty milliseconds of the source from one message to the next.
+fn hand(x: f64) -> Held {
+    Held {
+        buffer: "/hand".to_owned(),
+        every_ns: 50_000_000,
+        make: Arc::new(move |_| AnyMessage::new(foxglove::Vector3 { x, ..Default::default() })),
+    }
+}
+
+#[test]
+fn what_is_held_is_written_at_its_rate_in_the_sources_time_until_let_go() {
+    let (driver, written) = drive(0.01);
+    let held = hand(1.0);
+    driver.send(Control::Speed(4.0));
+    driver.send(Control::Hold(held.clone()));
+    driver.send(Control::Play);
+    let start = Instant::now();
+    while written.lock().unwrap().len() < 40 {
+        assert!(start.elapsed() < PATIENCE);
+        driver.send(Control::Hold(held.clone()));
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    driver.send(Control::LetGo(hand(0.0)));
+    wait(&driver, "more time", |frame| frame.now > written.lock().unwrap()[39].1.after_ns(1_000_000_000));
+    let written = written.lock().unwrap().clone();
+    let (last, before) = written.split_last().unwrap();
+    assert_eq!(last.2, 0.0, "the last message is that of letting go");
+    assert!(before.iter().all(|(buffer, _, x)| buffer == "/hand" && *x == 1.0));
+    for pair in before.windows(2) {
+        assert_eq!(pair[1].1.0 - pair[0].1.0, 50_000_000, "however fast the source runs");
+    }
+}
+
+#[test]
+fn a_hand_that_nobody_speaks_for_lets_go() {
+    let (driver, written) = drive(0.01);
+    driver.send(Control::Hold(hand(1.0)));
+    driver.send(Control::Play);
+    let lapsed = Stamp(0).after_ns((Held::LEASE.as_nanos() * 3) as u64);
+    wait(&driver, "time to pass", |frame| frame.now > lapsed);
+    let count = written.lock().unwrap().len();
+    assert!(count > 0);
+    wait(&driver, "more time to pass", |frame| frame.now > lapsed.after_ns(500_000_000));
+    assert_eq!(written.lock().unwrap().len(), count, "nothing is written any more");
+}
+
+#[test]
+fn nothing_is_written_while_time_stands() {
+    let (driver, written) = drive(0.01);
+    for _ in 0..10 {
+        driver.send(Control::Hold(hand(1.0)));
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert!(written.lock().unwrap().is_empty());
+}
