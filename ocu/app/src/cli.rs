@@ -58,6 +58,12 @@ pub struct WindowArgs {
     /// Stack to run on it: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "STACK")]
     pub stack: Option<String>,
+    /// Course that a simulation runs: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "COURSE")]
+    pub course: Option<String>,
+    /// Seed of the random numbers
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
     /// Layout to start with: the name of a bundled one, or a .ron file
     #[arg(long, short, value_name = "LAYOUT")]
     pub layout: Option<String>,
@@ -79,7 +85,8 @@ pub enum Renderer {
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "Examples:\n  ocu run --stack range_camera --log drive.mcap --json\n  \
                         ocu run --stack my_stack.toml --log drive.mcap --record out.mcap --until 10 \\\n          \
-                        --param wm1.weight_stereo=0.4\n\n\
+                        --param wm1.weight_stereo=0.4\n  \
+                        ocu run --stack truth_driver --course meadow --runs 3 --json\n\n\
                         The result depends on the log, the stack, the parameters and the seed alone: \
                         the hash is the same on every run and for any number of threads.")]
 pub struct RunArgs {
@@ -89,9 +96,18 @@ pub struct RunArgs {
     /// Recording that it reads
     #[arg(long)]
     pub log: Option<PathBuf>,
+    /// Course that a simulation runs: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "COURSE")]
+    pub course: Option<String>,
+    /// Runs of the course, with the seeds SEED, SEED + 1, …
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub runs: u32,
     /// File to record the run to
-    #[arg(long, value_name = "OUT")]
+    #[arg(long, value_name = "OUT", conflicts_with = "runs")]
     pub record: Option<PathBuf>,
+    /// At the end, write the newest message of a buffer to a file, as JSON; may be given several times
+    #[arg(long = "save", value_name = "BUFFER=FILE", value_parser = parse_save)]
+    pub save: Vec<Save>,
     /// Seed of the run's random numbers
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -133,6 +149,12 @@ pub struct RenderArgs {
     /// Stack to run on it: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "STACK")]
     pub stack: Option<String>,
+    /// Course that a simulation runs: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "COURSE")]
+    pub course: Option<String>,
+    /// Seed of the random numbers
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
     /// Layout to draw: the name of a bundled one, or a .ron file
     #[arg(long, short, value_name = "LAYOUT")]
     pub layout: String,
@@ -221,6 +243,15 @@ pub struct Param {
     pub value: String,
 }
 
+/// A buffer whose newest message is written to a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Save {
+    /// Name of the buffer.
+    pub buffer: String,
+    /// File to write.
+    pub path: PathBuf,
+}
+
 /// Size of a picture in pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Size {
@@ -228,6 +259,15 @@ pub struct Size {
     pub width: u32,
     /// Pixels from top to bottom.
     pub height: u32,
+}
+
+fn parse_save(text: &str) -> Result<Save, String> {
+    match text.split_once('=') {
+        Some((buffer, path)) if buffer.starts_with('/') && !path.is_empty() => {
+            Ok(Save { buffer: buffer.to_owned(), path: path.into() })
+        }
+        _ => Err(format!("expected /buffer=file, got {text:?}")),
+    }
 }
 
 fn parse_param(text: &str) -> Result<Param, String> {

@@ -3,8 +3,9 @@
 //! - [`cli`]: every flag, defined once.
 //! - [`window`]: the window; [`render`] draws the same without one.
 //! - [`run`], [`info`], [`sample`], [`eval`]: the commands.
-//! - [`layout`], [`stacks`]: what comes with the program, by explicit lists.
+//! - [`layout`], [`stacks`], [`assets`]: what comes with the program, by explicit lists.
 
+pub mod assets;
 pub mod cli;
 pub mod eval;
 pub mod info;
@@ -13,6 +14,7 @@ pub mod offscreen;
 pub mod open;
 pub mod render;
 pub mod run;
+mod runs;
 pub mod sample;
 pub mod stacks;
 mod table;

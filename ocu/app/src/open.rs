@@ -11,6 +11,10 @@ pub struct Request {
     pub log: Option<PathBuf>,
     /// The stack that runs on it (or on nothing): a bundled one's name, or a file.
     pub stack: Option<String>,
+    /// The course that a simulation runs: a bundled one's name, or a file; the stack's own where there is none.
+    pub course: Option<String>,
+    /// Seed of the random numbers.
+    pub seed: u64,
 }
 
 impl Request {
@@ -19,9 +23,9 @@ impl Request {
     pub fn dropped(path: &Path, current: &Self) -> Self {
         let is_stack = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
         if is_stack {
-            Self { log: current.log.clone(), stack: Some(path.display().to_string()) }
+            Self { log: current.log.clone(), stack: Some(path.display().to_string()), ..Self::default() }
         } else {
-            Self { log: Some(path.to_owned()), stack: None }
+            Self { log: Some(path.to_owned()), ..Self::default() }
         }
     }
 
@@ -31,14 +35,17 @@ impl Request {
         match (&self.log, &self.stack) {
             (Some(log), Some(stack)) => format!("{} through {}", file(log), file(Path::new(stack))),
             (Some(log), None) => file(log),
-            (None, Some(stack)) => file(Path::new(stack)),
+            (None, Some(stack)) => match &self.course {
+                Some(course) => format!("{} on {}", file(Path::new(stack)), file(Path::new(course))),
+                None => file(Path::new(stack)),
+            },
             (None, None) => String::new(),
         }
     }
 
     /// Opens it. May take long: not on the window's thread.
     pub fn open(&self) -> anyhow::Result<Box<dyn Source>> {
-        stacks::open(self.log.as_deref(), self.stack.as_deref())
+        stacks::open(self)
     }
 }
 
@@ -48,12 +55,13 @@ mod tests {
 
     #[test]
     fn a_dropped_stack_runs_on_the_open_recording_and_a_dropped_recording_replaces_it() {
-        let current = Request { log: Some("a.mcap".into()), stack: Some("sample".into()) };
+        let current =
+            Request { log: Some("a.mcap".into()), stack: Some("sample".into()), ..Request::default() };
         let stack = Request::dropped(Path::new("/x/Mine.TOML"), &current);
-        assert_eq!(stack, Request { log: Some("a.mcap".into()), stack: Some("/x/Mine.TOML".into()) });
+        assert_eq!(stack, Request { stack: Some("/x/Mine.TOML".into()), ..current.clone() });
         assert_eq!(stack.title(), "a.mcap through Mine.TOML");
         let log = Request::dropped(Path::new("/x/b.mcap"), &current);
-        assert_eq!(log, Request { log: Some("/x/b.mcap".into()), stack: None });
+        assert_eq!(log, Request { log: Some("/x/b.mcap".into()), ..Request::default() });
         assert_eq!(log.title(), "b.mcap");
     }
 }

@@ -20,7 +20,12 @@ const LEAST_PASSES: usize = 3;
 /// Draws the picture and writes it.
 pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     let layout = Layout::named(&args.layout)?;
-    let request = Request { log: args.log.clone(), stack: args.stack.clone() };
+    let request = Request {
+        log: args.log.clone(),
+        stack: args.stack.clone(),
+        course: args.course.clone(),
+        seed: args.seed,
+    };
     let frame = Arc::new(frame_at(&request, args.at)?);
     let theme = if args.light { egui::Theme::Light } else { egui::Theme::Dark };
     let picture = picture(&request, &frame, &layout, args.size, theme)?;

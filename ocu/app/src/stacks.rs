@@ -1,12 +1,13 @@
 //! The stacks that come with the program, and sources made from them.
 
+use crate::assets::ProgramAssets;
 use crate::layout::looks_like_path;
+use crate::open::Request;
 use crate::usage;
 use anyhow::Context as _;
 use rcs_log::Log;
 use rcs_runtime::source::{LogSource, Source, StackSource};
-use rcs_runtime::{Plan, RunOptions, StackFile};
-use std::path::Path;
+use rcs_runtime::{Plan, PlanOptions, RunOptions, StackFile};
 use std::sync::{Arc, LazyLock};
 
 /// The stacks that come with the program: name, text. The one list.
@@ -54,20 +55,24 @@ pub fn named(spec: &str) -> anyhow::Result<StackFile> {
     Ok(StackFile::parse(spec, &text)?)
 }
 
-/// The stack that a person names, checked against the plugins, with parameters from the command line.
-pub fn plan(spec: &str, overrides: &[(String, String)]) -> anyhow::Result<Arc<Plan>> {
-    Ok(Arc::new(Plan::new(named(spec)?, rcs_plugins::all(), overrides)?))
+/// The stack that a person names, checked against the plugins, with parameters and course from the command line.
+pub fn plan(spec: &str, course: Option<&str>, overrides: &[(String, String)]) -> anyhow::Result<Arc<Plan>> {
+    let options = PlanOptions { overrides, course, assets: &ProgramAssets };
+    Ok(Arc::new(Plan::with(named(spec)?, rcs_plugins::all(), &options)?))
 }
 
-/// A source: the recording as it is, or through a stack, or a stack alone.
-pub fn open(log: Option<&Path>, stack: Option<&str>) -> anyhow::Result<Box<dyn Source>> {
-    let Some(stack) = stack else {
-        let log = log.ok_or_else(|| usage("expected a recording or a stack to open, got neither"))?;
+/// A source: the recording as it is, or through a stack, or a stack alone (on a course, where it is a simulation).
+pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
+    let Some(stack) = &request.stack else {
+        let log = request
+            .log
+            .as_ref()
+            .ok_or_else(|| usage("expected a recording or a stack to open, got neither"))?;
         return Ok(Box::new(LogSource::open(log)?));
     };
-    let plan = plan(stack, &[])?;
-    let log = log.map(Log::open).transpose()?;
-    let options = options(log.as_ref());
+    let plan = plan(stack, request.course.as_deref(), &[])?;
+    let log = request.log.as_ref().map(Log::open).transpose()?;
+    let options = RunOptions { seed: request.seed, ..options(log.as_ref()) };
     let source = StackSource::new(plan, log.as_ref(), options).context("the stack cannot run")?;
     Ok(Box::new(source))
 }
@@ -90,7 +95,7 @@ mod tests {
     fn every_bundled_stack_fits_the_plugins_and_says_what_it_is_for() {
         assert_eq!(bundled().len(), BUNDLED.len(), "each can be read");
         for (name, stack) in bundled() {
-            let plan = plan(name, &[]).unwrap_or_else(|error| panic!("{error}"));
+            let plan = plan(name, None, &[]).unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(plan.file.name(), *name);
             assert!(!stack.description().is_empty(), "{name}");
         }

@@ -18,7 +18,7 @@ const PATIENCE: Duration = Duration::from_mins(1);
 fn recording(dir: &Path) -> Request {
     let path = dir.join("drive.mcap");
     ocu_app::sample::write(&path, 3.0).unwrap();
-    Request { log: Some(path), stack: None }
+    Request { log: Some(path), ..Request::default() }
 }
 
 struct State(Option<Window>);

@@ -13,7 +13,12 @@ pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
     let started = Instant::now();
     let layout = args.layout.as_deref().map(Layout::named).transpose()?;
     let options = Options {
-        request: Request { log: args.log.clone(), stack: args.stack.clone() },
+        request: Request {
+            log: args.log.clone(),
+            stack: args.stack.clone(),
+            course: args.course.clone(),
+            seed: args.seed,
+        },
         layout,
         data_dir: data_dir(),
     };

@@ -236,7 +236,7 @@ impl Window {
             });
         match invited.inner {
             Some(Invited::Ask) => self.opener.ask(),
-            Some(Invited::Open(path)) => self.opener.open(Request { log: Some(path), stack: None }),
+            Some(Invited::Open(path)) => self.opener.open(Request { log: Some(path), ..Request::default() }),
             None => {}
         }
     }

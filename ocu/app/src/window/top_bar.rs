@@ -96,7 +96,7 @@ fn left(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
         }
         for path in state.recent {
             if recent_button(ui, path).clicked() {
-                wishes.push(Wish::Open(Request { log: Some(path.clone()), stack: None }));
+                wishes.push(Wish::Open(Request { log: Some(path.clone()), ..Request::default() }));
                 ui.close();
             }
         }
@@ -136,6 +136,7 @@ fn stack_menu(ui: &mut egui::Ui, frame: Option<&Frame>, current: &Request, wishe
                     wishes.push(Wish::Open(Request {
                         log: current.log.clone(),
                         stack: stack.map(str::to_owned),
+                        ..Request::default()
                     }));
                     ui.close();
                 }

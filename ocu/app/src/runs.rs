@@ -1,0 +1,73 @@
+//! Runs of a course, as the simulation's referee reports them.
+
+use rcs_bus::Buffer;
+use rcs_msg::rcs::{CourseOutcome, CourseRun};
+use rcs_msg::schema_of;
+use rcs_runtime::{Plan, RunError, Stepped};
+use serde::Serialize;
+use std::sync::Arc;
+
+/// The referee is asked this often in simulated time, so that a run ends at the same moment every time.
+const ASK_EVERY_NS: u64 = 200_000_000;
+
+/// One run of a course: an entry of `runs` in `ocu run --json`.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct RunReport {
+    pub(crate) seed: u64,
+    pub(crate) outcome: &'static str,
+    pub(crate) time_s: f64,
+    pub(crate) distance_m: f64,
+    pub(crate) remaining_m: f64,
+    pub(crate) collisions: u32,
+    pub(crate) bumper_hits: u32,
+    pub(crate) slip_s: f64,
+    pub(crate) hash: String,
+}
+
+impl RunReport {
+    /// What the referee said last.
+    pub(crate) fn new(seed: u64, run: &CourseRun, hash: String) -> Self {
+        Self {
+            seed,
+            outcome: match run.outcome() {
+                CourseOutcome::CourseRunning => "unfinished",
+                CourseOutcome::CourseReached => "reached",
+                CourseOutcome::CourseTimeOut => "time_out",
+                CourseOutcome::CourseLost => "lost",
+            },
+            time_s: run.time_s,
+            distance_m: run.distance_m,
+            remaining_m: run.remaining_m,
+            collisions: run.collisions,
+            bumper_hits: run.bumper_hits,
+            slip_s: run.slip_s,
+            hash,
+        }
+    }
+}
+
+/// The buffer in which a stack's referee reports; `None` where it is no simulation.
+pub(crate) fn referee(plan: &Plan) -> Option<usize> {
+    plan.buffers.iter().position(|buffer| buffer.spec.schema.name() == schema_of::<CourseRun>().name())
+}
+
+/// What the referee said last.
+pub(crate) fn verdict(buffer: &Arc<Buffer>) -> Option<CourseRun> {
+    buffer.latest().and_then(|sample| sample.message.to())
+}
+
+/// Runs on until the referee has decided.
+pub(crate) fn to_the_verdict(run: &mut Stepped, referee: usize) -> Result<(), RunError> {
+    let decided = |run: &Stepped| {
+        verdict(&run.buffers()[referee])
+            .is_some_and(|verdict| verdict.outcome() != CourseOutcome::CourseRunning)
+    };
+    let mut until = run.start();
+    while !decided(run) {
+        until = until.after_ns(ASK_EVERY_NS);
+        if !run.run_until(until)? {
+            break;
+        }
+    }
+    Ok(())
+}
