@@ -7,7 +7,7 @@ use super::tree::{Declared, Lock, Package, packages, read};
 const WINDOW_CRATES: [&str; 7] = ["egui", "egui_", "egui-", "eframe", "winit", "wgpu", "wgpu-"];
 
 /// Crates of others a plugin may use: mathematics, and what a message, a state and an error are made of.
-const CRATES_FOR_PLUGINS: [&str; 12] = [
+const CRATES_FOR_PLUGINS: [&str; 13] = [
     "bytes",
     "glam",
     "libm",
@@ -19,6 +19,7 @@ const CRATES_FOR_PLUGINS: [&str; 12] = [
     "rayon",
     "serde",
     "thiserror",
+    "toml",
     "image",
 ];
 
@@ -40,12 +41,13 @@ fn is_plugin(dir: &str) -> bool {
 
 /// The folders a package may depend on, as `folder` or `folder/*`; none where the package is in no layer.
 ///
-/// The layers read: geom ← msg ← {world, bus, log} ← runtime ← plugins ← all ← {app, tests}, and beside them
+/// The layers read: geom ← msg ← {world, scene, bus, log} ← runtime ← plugins ← all ← {app, tests}, and beside them
 /// {msg, world, runtime, ui} ← views ← app. A layer may also use what lies below its neighbours.
 fn allowed_below(dir: &str) -> Option<&'static [&'static str]> {
     Some(match dir {
         "core/geom" | "ocu/ui" => &[],
         "core/msg" => &["core/geom"],
+        "core/scene" => &["core/geom"],
         "core/world" | "core/bus" | "core/log" => &["core/geom", "core/msg"],
         // The testkit makes logs; a crate below it meets it in its tests alone.
         "core/testkit" => &["core/msg", "core/log"],
@@ -54,7 +56,7 @@ fn allowed_below(dir: &str) -> Option<&'static [&'static str]> {
         "ocu/views" => &["core/geom", "core/msg", "core/world", "core/runtime", "ocu/ui"],
         "ocu/app" | "tests" => &["core/*", "plugins/*", "ocu/*"],
         dir if is_plugin(dir) => {
-            &["core/geom", "core/msg", "core/world", "core/bus", "core/log", "core/runtime"]
+            &["core/geom", "core/msg", "core/world", "core/scene", "core/bus", "core/log", "core/runtime"]
         }
         _ => return None,
     })

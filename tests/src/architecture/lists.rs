@@ -83,6 +83,7 @@ fn a_parameter_without_help_unit_or_range_is_found() {
         default: rcs_msg::Value::Float(1.0),
         help: "How fast.".to_owned(),
         fusion_source: None,
+        file: None,
         choices: Vec::new(),
     };
     assert_eq!(undeclared(&sound), [""; 0]);
@@ -102,6 +103,17 @@ fn readme_lists_the_plugins() {
     assert_kept("the README lists every plugin", &differences(&read("README.md"), "## Processes", &listed));
     let names: Vec<_> = plugins.iter().map(|plugin| plugin.def().plugin).collect();
     assert_kept("plugins have names of their own", &repeated(&names));
+}
+
+/// Who may read the truth of a simulation: its own processes, and the one that stands in for planning.
+const READ_THE_TRUTH: [&str; 4] = ["sim_cameras", "sim_ladar", "sim_vehicle", "truth_driver"];
+
+#[test]
+fn nobody_else_reads_the_truth() {
+    let readers = rcs_plugins::all().iter().map(rcs_runtime::ProcessType::def).filter(|def| def.reads_truth);
+    let others = readers.filter(|def| !READ_THE_TRUTH.contains(&def.plugin));
+    let breaches: Vec<_> = others.map(|def| format!("{} reads the truth", def.plugin)).collect();
+    assert_kept("a process finds the truth out", &breaches);
 }
 
 #[test]
