@@ -1,0 +1,349 @@
+//! What a vehicle file says of sensors, and how it is read.
+
+use super::reader::{FileError, Section};
+use glam::DVec3;
+use rcs_geom::{CameraError, Distortion, PinholeCamera, Pose};
+
+/// Where a sensor sits on the vehicle: metres, and radians with positive pitch looking down and positive yaw to the left.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mount {
+    /// In the vehicle frame.
+    pub position: DVec3,
+    /// Looks down by this.
+    pub pitch_rad: f64,
+    /// Looks to the left by this.
+    pub yaw_rad: f64,
+}
+
+/// Wheel encoders.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EncoderSpec {
+    /// 1/s.
+    pub rate_hz: f64,
+    /// Distance of a tick.
+    pub tick_m: f64,
+    /// The wheel's true radius differs from the believed one by up to this part, drawn once.
+    pub scale_error: f64,
+}
+
+/// Gyros, accelerometers and compass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InertialSpec {
+    /// 1/s.
+    pub rate_hz: f64,
+    /// White noise of a reading, rad/s.
+    pub gyro_noise_radps: f64,
+    /// Standard deviation of the bias at the start, rad/s.
+    pub gyro_bias_radps: f64,
+    /// What the bias walks off by in the square root of a second, rad/s.
+    pub gyro_walk_radps: f64,
+    /// White noise of a reading, m/s².
+    pub accel_noise_mps2: f64,
+    /// Standard deviation of the bias at the start, m/s².
+    pub accel_bias_mps2: f64,
+    /// Readings saturate there, m/s².
+    pub accel_limit_mps2: f64,
+    /// White noise of the compass, rad.
+    pub heading_noise_rad: f64,
+    /// Standard deviation of the compass's deviation, rad.
+    pub heading_bias_rad: f64,
+}
+
+/// Position receiver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GpsSpec {
+    /// 1/s.
+    pub rate_hz: f64,
+    /// Place of the antenna.
+    pub antenna: DVec3,
+    /// White noise, m.
+    pub noise_m: f64,
+    /// Slow error: standard deviation, m.
+    pub drift_m: f64,
+    /// Slow error: time constant, s.
+    pub drift_s: f64,
+    /// Heights are worse by this factor.
+    pub vertical_factor: f64,
+    /// Standard deviation that the receiver states, m.
+    pub stated_m: f64,
+    /// Part of the fixes that are far off.
+    pub outliers: f64,
+    /// How far they are off, m.
+    pub outlier_m: f64,
+    /// Dropouts in an hour.
+    pub dropouts_per_hour: f64,
+    /// Shortest and longest dropout, s.
+    pub dropout_s: [f64; 2],
+    /// Trees nearer than this disturb, m.
+    pub tree_radius_m: f64,
+    /// Each of them multiplies outliers and noise by this, up to the fourth power.
+    pub tree_factor: f64,
+}
+
+/// Speed over ground by radar.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DopplerSpec {
+    /// 1/s.
+    pub rate_hz: f64,
+    /// m/s.
+    pub noise_mps: f64,
+}
+
+/// An infrared range sensor, which looks along x of its frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InfraredSpec {
+    /// Name of its frame.
+    pub name: String,
+    /// Place.
+    pub mount: Mount,
+    /// Full angle, rad.
+    pub cone_rad: f64,
+    /// Nearest and farthest range, m.
+    pub range_m: [f64; 2],
+    /// m.
+    pub noise_m: f64,
+}
+
+/// What a camera is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CameraKind {
+    /// Two colour cameras side by side.
+    Stereo,
+    /// One colour camera.
+    Color,
+    /// One thermal camera.
+    Infrared,
+}
+
+/// A camera or a stereo pair. A pair's mount is the middle between its eyes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraSpec {
+    /// Its name.
+    pub name: String,
+    /// One eye or two.
+    pub kind: CameraKind,
+    /// Place.
+    pub mount: Mount,
+    /// Raw lens and sensor.
+    pub lens: PinholeCamera,
+    /// Between the eyes; 0 for one.
+    pub baseline_m: f64,
+    /// 1/s.
+    pub rate_hz: f64,
+    /// Standard deviation of a frame's brightness, as a part of it.
+    pub exposure_noise: f64,
+    /// What the eyes of a pair differ by in brightness, as a part of it.
+    pub eye_difference: f64,
+    /// Noise of a dark pixel, grey levels of 255.
+    pub dark_noise: f64,
+    /// Noise of a white pixel, grey levels of 255; in between it grows with the root of the brightness.
+    pub shot_noise: f64,
+    /// Light lost at the corners, as a part.
+    pub vignette: f64,
+}
+
+/// A scanning ladar: lines of rays, swept up and down.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LadarSpec {
+    /// Name of its frame.
+    pub name: String,
+    /// Place.
+    pub mount: Mount,
+    /// Full horizontal angle, rad.
+    pub fan_rad: f64,
+    /// Rays of a line.
+    pub rays: u32,
+    /// Lowest and highest line, rad above the mount's x axis.
+    pub sweep_rad: [f64; 2],
+    /// Lines of a sweep.
+    pub lines: u32,
+    /// Sweeps, 1/s.
+    pub rate_hz: f64,
+    /// Farthest range, m.
+    pub max_range_m: f64,
+    /// m.
+    pub noise_m: f64,
+}
+
+impl Mount {
+    /// The sensor's axes in the vehicle frame: x along the view, y left, z up.
+    pub fn vehicle_from_sensor(&self) -> Pose {
+        Pose::from_rpy(self.position, 0.0, self.pitch_rad, self.yaw_rad)
+    }
+}
+
+impl CameraSpec {
+    /// The optical frame of an eye in the vehicle frame: 0 is the left eye or the only one, 1 the right one.
+    pub fn vehicle_from_eye(&self, eye: usize) -> Pose {
+        let across = if eye == 0 { 0.5 * self.baseline_m } else { -0.5 * self.baseline_m };
+        self.mount.vehicle_from_sensor()
+            * Pose::from_translation(DVec3::new(0.0, across, 0.0))
+            * Pose::body_from_optical()
+    }
+
+    /// Name of an eye's frame.
+    pub fn frame(&self, eye: usize) -> String {
+        match (self.kind, eye) {
+            (CameraKind::Stereo, 0) => format!("{}_eyes_left", self.name),
+            (CameraKind::Stereo, _) => format!("{}_eyes_right", self.name),
+            _ => format!("{}_eye", self.name),
+        }
+    }
+
+    /// How many eyes it has.
+    pub fn eyes(&self) -> usize {
+        if self.kind == CameraKind::Stereo { 2 } else { 1 }
+    }
+}
+
+impl LadarSpec {
+    /// Directions of a line's rays in the sensor's frame, from right to left.
+    pub fn directions(&self, line: u32) -> impl Iterator<Item = DVec3> + use<> {
+        let [low, high] = self.sweep_rad;
+        let part = if self.lines > 1 { f64::from(line) / f64::from(self.lines - 1) } else { 0.5 };
+        let elevation = low + part * (high - low);
+        let (rays, fan) = (self.rays, self.fan_rad);
+        (0..rays).map(move |ray| {
+            let azimuth = fan * (f64::from(ray) / f64::from((rays - 1).max(1)) - 0.5);
+            let (sin_e, cos_e) = libm::sincos(elevation);
+            let (sin_a, cos_a) = libm::sincos(azimuth);
+            DVec3::new(cos_e * cos_a, cos_e * sin_a, sin_e)
+        })
+    }
+}
+
+fn mount(t: &Section<'_>) -> Result<Mount, FileError> {
+    Ok(Mount {
+        position: position(t)?,
+        pitch_rad: t.number_or("pitch_deg", -90.0..=90.0, 0.0)?.to_radians(),
+        yaw_rad: t.number_or("yaw_deg", -180.0..=180.0, 0.0)?.to_radians(),
+    })
+}
+
+fn position(t: &Section<'_>) -> Result<DVec3, FileError> {
+    Ok(DVec3::new(
+        t.number("x_m", -20.0..=20.0)?,
+        t.number("y_m", -20.0..=20.0)?,
+        t.number("z_m", -1.0..=20.0)?,
+    ))
+}
+
+fn rate(t: &Section<'_>) -> Result<f64, FileError> {
+    t.number("rate_hz", 0.1..=100.0)
+}
+
+pub(super) fn encoders(t: &Section<'_>) -> Result<EncoderSpec, FileError> {
+    Ok(EncoderSpec {
+        rate_hz: rate(t)?,
+        tick_m: t.number("tick_m", 1e-6..=0.1)?,
+        scale_error: t.number("scale_error", 0.0..=0.1)?,
+    })
+}
+
+pub(super) fn inertial(t: &Section<'_>) -> Result<InertialSpec, FileError> {
+    Ok(InertialSpec {
+        rate_hz: rate(t)?,
+        gyro_noise_radps: t.number("gyro_noise_degps", 0.0..=100.0)?.to_radians(),
+        gyro_bias_radps: t.number("gyro_bias_degps", 0.0..=100.0)?.to_radians(),
+        gyro_walk_radps: t.number("gyro_walk_degps", 0.0..=10.0)?.to_radians(),
+        accel_noise_mps2: t.number("accel_noise_mps2", 0.0..=10.0)?,
+        accel_bias_mps2: t.number("accel_bias_mps2", 0.0..=10.0)?,
+        accel_limit_mps2: t.number("accel_limit_mps2", 10.0..=1000.0)?,
+        heading_noise_rad: t.number("heading_noise_deg", 0.0..=90.0)?.to_radians(),
+        heading_bias_rad: t.number("heading_bias_deg", 0.0..=90.0)?.to_radians(),
+    })
+}
+
+pub(super) fn gps(t: &Section<'_>) -> Result<GpsSpec, FileError> {
+    let dropout_s = t.numbers::<2>("dropout_s")?;
+    if !(0.0..=3600.0).contains(&dropout_s[0]) || !(dropout_s[0]..=3600.0).contains(&dropout_s[1]) {
+        return Err(t.error("dropout_s", "is not the shortest and the longest time in seconds"));
+    }
+    Ok(GpsSpec {
+        rate_hz: rate(t)?,
+        antenna: position(t)?,
+        noise_m: t.number("noise_m", 0.0..=100.0)?,
+        drift_m: t.number("drift_m", 0.0..=100.0)?,
+        drift_s: t.number("drift_s", 0.1..=3600.0)?,
+        vertical_factor: t.number("vertical_factor", 0.0..=10.0)?,
+        stated_m: t.number("stated_m", 0.001..=100.0)?,
+        outliers: t.number("outliers", 0.0..=1.0)?,
+        outlier_m: t.number("outlier_m", 0.0..=10000.0)?,
+        dropouts_per_hour: t.number("dropouts_per_hour", 0.0..=3600.0)?,
+        dropout_s,
+        tree_radius_m: t.number("tree_radius_m", 0.0..=50.0)?,
+        tree_factor: t.number("tree_factor", 1.0..=10.0)?,
+    })
+}
+
+pub(super) fn doppler(t: &Section<'_>) -> Result<DopplerSpec, FileError> {
+    Ok(DopplerSpec { rate_hz: rate(t)?, noise_mps: t.number("noise_mps", 0.0..=10.0)? })
+}
+
+pub(super) fn infrared(t: &Section<'_>) -> Result<InfraredSpec, FileError> {
+    let near = t.number("min_range_m", 0.0..=10.0)?;
+    Ok(InfraredSpec {
+        name: t.text("name")?,
+        mount: mount(t)?,
+        cone_rad: t.number("cone_deg", 0.0..=90.0)?.to_radians(),
+        range_m: [near, t.number("max_range_m", near..=20.0)?],
+        noise_m: t.number("noise_m", 0.0..=1.0)?,
+    })
+}
+
+pub(super) fn camera(t: &Section<'_>) -> Result<CameraSpec, FileError> {
+    let kinds =
+        [("stereo", CameraKind::Stereo), ("color", CameraKind::Color), ("infrared", CameraKind::Infrared)];
+    let kind = t.choice("kind", &kinds)?;
+    let baseline_m = match kind {
+        CameraKind::Stereo => t.number("baseline_m", 0.01..=5.0)?,
+        CameraKind::Color | CameraKind::Infrared => 0.0,
+    };
+    Ok(CameraSpec {
+        name: t.text("name")?,
+        kind,
+        mount: mount(t)?,
+        lens: lens(t)?,
+        baseline_m,
+        rate_hz: rate(t)?,
+        exposure_noise: t.number("exposure_noise", 0.0..=1.0)?,
+        eye_difference: t.number_or("eye_difference", 0.0..=1.0, 0.0)?,
+        dark_noise: t.number("dark_noise", 0.0..=50.0)?,
+        shot_noise: t.number("shot_noise", 0.0..=50.0)?,
+        vignette: t.number_or("vignette", 0.0..=1.0, 0.0)?,
+    })
+}
+
+fn lens(t: &Section<'_>) -> Result<PinholeCamera, FileError> {
+    let size = [t.count("width_px", 16..=4096)?, t.count("height_px", 16..=4096)?];
+    let view = t.number("horizontal_view_deg", 5.0..=150.0)?.to_radians();
+    let distortion = t.numbers::<5>("distortion")?;
+    let refuse = |error: CameraError| t.error("distortion", format_args!("cannot be used: {error}"));
+    let straight = PinholeCamera::from_horizontal_fov(size, view).map_err(refuse)?;
+    let distortion = Distortion::from_model("plumb_bob", &distortion).map_err(refuse)?;
+    let lens = PinholeCamera::new(size, [straight.fx, straight.fy], [straight.cx, straight.cy], distortion)
+        .map_err(refuse)?;
+    // A lens that folds back on itself inside the picture has no ray for its corners.
+    let [w, h] = size.map(f64::from);
+    for corner in [[0.0, 0.0], [w - 1.0, 0.0], [0.0, h - 1.0], [w - 1.0, h - 1.0]] {
+        if lens.unproject(glam::DVec2::from_array(corner)).is_none() {
+            return Err(t.error("distortion", format_args!("has no ray for the pixel {corner:?}")));
+        }
+    }
+    Ok(lens)
+}
+
+pub(super) fn ladar(t: &Section<'_>) -> Result<LadarSpec, FileError> {
+    let low = t.number("sweep_low_deg", -90.0..=90.0)?;
+    Ok(LadarSpec {
+        name: t.text("name")?,
+        mount: mount(t)?,
+        fan_rad: t.number("fan_deg", 1.0..=360.0)?.to_radians(),
+        rays: t.count("rays", 1..=4096)?,
+        sweep_rad: [low.to_radians(), t.number("sweep_high_deg", low..=90.0)?.to_radians()],
+        lines: t.count("lines", 1..=1024)?,
+        rate_hz: rate(t)?,
+        max_range_m: t.number("max_range_m", 0.5..=500.0)?,
+        noise_m: t.number("noise_m", 0.0..=1.0)?,
+    })
+}

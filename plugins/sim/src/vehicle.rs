@@ -1,0 +1,313 @@
+//! The vehicle on the ground: one step of its motion, its attitude and what it touches.
+//!
+//! Wheels follow the ground as circles (an edge is rolled over, a step that is too high stops the wheel); heights of the
+//! wheels give height, roll and pitch. Along the ground: [`crate::drive`]. Across it: up to the limit of traction the
+//! vehicle drifts sideways in proportion to its speed and the side force; past it, it slides.
+
+use crate::contact::{Contact, Contacts};
+use crate::drive::{Drive, Load, Motion, slip_of, step_differential, step_steered};
+use crate::spec::VehicleSpec;
+use crate::terrain::Terrain;
+use glam::{DVec2, DVec3};
+use rcs_geom::{Pose, wrap_angle};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// Length of a step, s: 10 ms.
+pub const STEP_S: f64 = 0.01;
+/// Length of a step, ns.
+pub const STEP_NS: u64 = 10_000_000;
+/// The drive is stepped more finely.
+const DRIVE_STEPS: usize = 2;
+/// m/s².
+pub const GRAVITY_MPS2: f64 = 9.81;
+
+/// State of the simulated vehicle. Frame `global`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Vehicle {
+    /// Place of its origin and direction.
+    at: DVec2,
+    yaw_rad: f64,
+    /// Speeds and wheels.
+    pub motion: Motion,
+    /// Sideways speed, m/s, positive to the left.
+    pub side_mps: f64,
+    /// Slip of the driven wheels, left and right.
+    pub slip: [f64; 2],
+    /// Heights of the left and right driven wheel and of the other axle, m.
+    heights_m: [f64; 3],
+    /// What the driven wheels have turned, m.
+    pub rolled_m: [f64; 2],
+    /// What the vehicle has gone, m.
+    pub distance_m: f64,
+    /// `global_from_vehicle`.
+    pub pose: Pose,
+    /// Speed of its origin in the frame `global`, m/s.
+    velocity: DVec3,
+    /// What ideal gyros and accelerometers measure: rad/s and m/s², vehicle axes.
+    pub turn_radps: DVec3,
+    /// See `turn_radps`.
+    pub force_mps2: DVec3,
+    /// Curvature that the steered wheels stand for, 1/m.
+    pub curvature_per_m: f64,
+    /// Commanded curvatures that have not reached the wheels, oldest first.
+    delayed: VecDeque<f64>,
+    /// What it touches.
+    pub contacts: Contacts,
+    /// It leaned too far and lies.
+    pub turned_over: bool,
+}
+
+/// What the driver wants during a step.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Wish {
+    /// Wheels.
+    pub drive: Drive,
+    /// Of vehicles that steer, 1/m, positive to the left.
+    pub curvature_per_m: f64,
+}
+
+/// Heights and grounds under the wheels.
+struct Footing {
+    heights_m: [f64; 3],
+    traction: [f64; 2],
+    rolling: f64,
+    plants_npm: f64,
+    /// A wheel stands before a step that it cannot climb.
+    blocked: bool,
+}
+
+impl Vehicle {
+    /// Stands at a place.
+    pub fn new(spec: &VehicleSpec, terrain: &impl Terrain, at: DVec2, yaw_rad: f64) -> Vehicle {
+        let mut vehicle = Vehicle {
+            at,
+            yaw_rad: wrap_angle(yaw_rad),
+            motion: Motion::default(),
+            side_mps: 0.0,
+            slip: [0.0; 2],
+            heights_m: [0.0; 3],
+            rolled_m: [0.0; 2],
+            distance_m: 0.0,
+            pose: Pose::IDENTITY,
+            velocity: DVec3::ZERO,
+            turn_radps: DVec3::ZERO,
+            force_mps2: DVec3::Z * GRAVITY_MPS2,
+            curvature_per_m: 0.0,
+            delayed: VecDeque::new(),
+            contacts: Contacts::default(),
+            turned_over: false,
+        };
+        vehicle.heights_m = vehicle.footing(spec, terrain).heights_m;
+        vehicle.pose = vehicle.pose_on(spec);
+        vehicle.force_mps2 = vehicle.pose.rotation.conjugate() * (DVec3::Z * GRAVITY_MPS2);
+        vehicle
+    }
+
+    /// One step of [`STEP_S`]. `traction_scale` multiplies the traction of every surface.
+    pub fn step(&mut self, spec: &VehicleSpec, terrain: &impl Terrain, wish: Wish, traction_scale: f64) {
+        let (before, velocity_before) = (self.pose, self.velocity);
+        let footing = self.footing(spec, terrain);
+        self.settle(spec, &footing);
+        let [roll, pitch, _] = self.pose.rpy();
+        self.turned_over |= roll.abs().max(pitch.abs()) > spec.body.tip_over_rad;
+        let wish = if self.turned_over { Wish { drive: Drive::Coast, ..wish } } else { wish };
+        self.steer(spec, wish.curvature_per_m);
+        let grip = self.slide(spec, &footing, roll, pitch, traction_scale);
+        self.roll_on(spec, &footing, wish.drive, roll, pitch, grip);
+        if footing.blocked {
+            self.contacts.meet_step(self.motion.speed_mps);
+            self.motion.speed_mps = 0.0;
+        }
+        self.advance(pitch);
+        self.contacts.update(
+            spec,
+            terrain,
+            &mut self.at,
+            self.yaw_rad,
+            self.pose.translation.z,
+            &mut self.motion,
+        );
+        self.pose = self.pose_on(spec);
+        self.feel(&before, velocity_before);
+    }
+
+    /// Place of the vehicle's origin on the map.
+    pub fn at(&self) -> DVec2 {
+        self.at
+    }
+
+    /// Contacts that have begun during the last step.
+    pub fn new_contacts(&self) -> impl Iterator<Item = &Contact> {
+        self.contacts.list().iter().filter(|contact| contact.began)
+    }
+
+    /// Unit vectors ahead and to the left, level.
+    fn axes(&self) -> [DVec2; 2] {
+        let (sin, cos) = libm::sincos(self.yaw_rad);
+        [DVec2::new(cos, sin), DVec2::new(-sin, cos)]
+    }
+
+    fn footing(&self, spec: &VehicleSpec, terrain: &impl Terrain) -> Footing {
+        let wheels = &spec.wheels;
+        let [ahead, left] = self.axes();
+        let reach = 0.7 * wheels.radius_m;
+        // A circle's lower edge at ±0.7 of its radius is this much above its lowest point.
+        let rise = wheels.radius_m * (1.0 - (1.0_f64 - 0.49).sqrt());
+        let direction = if self.motion.speed_mps < 0.0 { -1.0 } else { 1.0 };
+        let mut blocked = false;
+        let mut height = |at: DVec2, middle_m: f64| {
+            let next = terrain.height_m(at + ahead * (direction * reach));
+            let last = terrain.height_m(at - ahead * (direction * reach));
+            blocked |= next - middle_m > wheels.climb_m;
+            middle_m.max(next - rise).max(last - rise)
+        };
+        let sides = [0.5 * wheels.track_m, -0.5 * wheels.track_m].map(|y| self.at + left * y);
+        let patches = sides.map(|at| terrain.patch(at));
+        let driven = [height(sides[0], patches[0].height_m), height(sides[1], patches[1].height_m)];
+        let axle = self.at + ahead * wheels.other_axle_x_m;
+        let others = [0.5 * wheels.other_track_m, -0.5 * wheels.other_track_m]
+            .map(|y| axle + left * y)
+            .map(|at| height(at, terrain.height_m(at)));
+        Footing {
+            heights_m: [driven[0], driven[1], 0.5 * (others[0] + others[1])],
+            traction: [patches[0].traction, patches[1].traction],
+            rolling: 0.5 * (patches[0].rolling_resistance + patches[1].rolling_resistance),
+            plants_npm: 0.5 * (patches[0].plants_npm + patches[1].plants_npm),
+            blocked: blocked && self.motion.speed_mps != 0.0,
+        }
+    }
+
+    /// Wheels follow the ground with the give of tyres and frame.
+    fn settle(&mut self, spec: &VehicleSpec, footing: &Footing) {
+        let part = STEP_S / (spec.body.settle_s + STEP_S);
+        for (height, ground) in self.heights_m.iter_mut().zip(footing.heights_m) {
+            *height += part * (ground - *height);
+        }
+        self.pose = self.pose_on(spec);
+    }
+
+    /// The pose that follows from place, direction and heights of the wheels.
+    fn pose_on(&self, spec: &VehicleSpec) -> Pose {
+        let [left, right, other] = self.heights_m;
+        let middle = 0.5 * (left + right);
+        let roll = libm::atan2(left - right, spec.wheels.track_m);
+        let rise_ahead = (other - middle) / spec.wheels.other_axle_x_m;
+        let pitch = -libm::atan(rise_ahead);
+        Pose::from_rpy(self.at.extend(middle), roll, pitch, self.yaw_rad)
+    }
+
+    /// Steering follows its command after a delay, as a first-order system (thesis, A.4).
+    fn steer(&mut self, spec: &VehicleSpec, curvature_per_m: f64) {
+        let Some(steering) = &spec.steering else { return };
+        let limit = steering.max_curvature_per_m;
+        self.delayed.push_back(curvature_per_m.clamp(-limit, limit));
+        let delay_steps = libm::round(steering.delay_s / STEP_S) as usize;
+        if self.delayed.len() > delay_steps
+            && let Some(command) = self.delayed.pop_front()
+        {
+            let part = STEP_S / (steering.time_constant_s + STEP_S);
+            self.curvature_per_m += part * (command - self.curvature_per_m);
+        }
+    }
+
+    /// Sideways motion; answers the highest forces that the driven wheels have left for driving, N.
+    fn slide(
+        &mut self,
+        spec: &VehicleSpec,
+        footing: &Footing,
+        roll: f64,
+        pitch: f64,
+        scale: f64,
+    ) -> [f64; 2] {
+        let traction = footing.traction.map(|traction| traction * scale);
+        let upright = libm::cos(roll) * libm::cos(pitch);
+        let limit = 0.5 * (traction[0] + traction[1]) * GRAVITY_MPS2 * upright;
+        let downhill = -GRAVITY_MPS2 * libm::sin(roll) * libm::cos(pitch);
+        let side = downhill - self.motion.speed_mps * self.motion.yaw_rate_radps;
+        let share = if limit > 0.0 { side / limit } else { side.signum() };
+        if share.abs() > 1.0 {
+            self.side_mps += (side - limit * side.signum()) * STEP_S;
+        } else {
+            let drift = spec.wheels.side_slip_at_limit * self.motion.speed_mps.abs() * share;
+            let brake = limit * STEP_S;
+            self.side_mps += (drift - self.side_mps).clamp(-brake, brake);
+        }
+        let left_over = (1.0 - share * share).max(0.09).sqrt();
+        let weight = spec.body.mass_kg * GRAVITY_MPS2 * upright * spec.wheels.driven_load;
+        // Leaning moves the weight to the lower wheel.
+        let lean = spec.body.centre_height_m * libm::tan(roll) / spec.wheels.track_m;
+        let grip = |part: f64, traction: f64| part.clamp(0.0, 1.0) * weight * traction * left_over;
+        [grip(0.5 - lean, traction[0]), grip(0.5 + lean, traction[1])]
+    }
+
+    fn roll_on(
+        &mut self,
+        spec: &VehicleSpec,
+        footing: &Footing,
+        drive: Drive,
+        roll: f64,
+        pitch: f64,
+        grip_n: [f64; 2],
+    ) {
+        let weight = spec.body.mass_kg * GRAVITY_MPS2;
+        let rolling =
+            (footing.rolling + spec.wheels.rolling_resistance) * weight * libm::cos(pitch) * libm::cos(roll);
+        let load = Load {
+            grip_n,
+            push_n: weight * libm::sin(pitch) - self.contacts.spring_n(),
+            hold_n: rolling + footing.plants_npm * spec.body.width_m,
+            hold_nm: spec.wheels.scrub_nm + 0.25 * footing.plants_npm * spec.body.width_m * spec.body.width_m,
+        };
+        let drive = match drive {
+            Drive::Speeds(speeds) if spec.bumper.stops_drive && self.contacts.pressed() != [false; 2] => {
+                Drive::Speeds(speeds.map(|speed| speed.min(0.0)))
+            }
+            other => other,
+        };
+        let dt = STEP_S / DRIVE_STEPS as f64;
+        for _ in 0..DRIVE_STEPS {
+            if spec.steering.is_some() {
+                let curvature = self.driven_curvature(footing, grip_n);
+                step_steered(spec, &mut self.motion, &load, drive, curvature, dt);
+            } else {
+                step_differential(spec, &mut self.motion, &load, drive, dt);
+            }
+            for side in 0..2 {
+                self.rolled_m[side] += self.motion.rim_mps[side] * dt;
+            }
+        }
+        let half = [-0.5 * spec.wheels.track_m, 0.5 * spec.wheels.track_m];
+        for side in 0..2 {
+            let ground = self.motion.speed_mps + self.motion.yaw_rate_radps * half[side];
+            self.slip[side] = slip_of(self.motion.rim_mps[side], ground);
+        }
+    }
+
+    /// The front wheels hold the turn up to the limit of traction; faster, the vehicle turns less.
+    fn driven_curvature(&self, footing: &Footing, grip_n: [f64; 2]) -> f64 {
+        let limit = 0.5 * (footing.traction[0] + footing.traction[1]) * GRAVITY_MPS2;
+        let held = limit / (self.motion.speed_mps * self.motion.speed_mps).max(1e-3);
+        if grip_n == [0.0; 2] { 0.0 } else { self.curvature_per_m.clamp(-held, held) }
+    }
+
+    fn advance(&mut self, pitch: f64) {
+        let level = self.motion.speed_mps * libm::cos(pitch);
+        self.yaw_rad = wrap_angle(self.yaw_rad + 0.5 * self.motion.yaw_rate_radps * STEP_S);
+        let [ahead, left] = self.axes();
+        self.at += (ahead * level + left * self.side_mps) * STEP_S;
+        self.yaw_rad = wrap_angle(self.yaw_rad + 0.5 * self.motion.yaw_rate_radps * STEP_S);
+        self.distance_m += DVec2::new(level, self.side_mps).length() * STEP_S;
+    }
+
+    /// What ideal inertial sensors at the vehicle's origin measure.
+    fn feel(&mut self, before: &Pose, velocity_before: DVec3) {
+        self.velocity = (self.pose.translation - before.translation) / STEP_S;
+        let acceleration = (self.velocity - velocity_before) / STEP_S + DVec3::Z * GRAVITY_MPS2;
+        let vehicle_from_global = self.pose.rotation.conjugate();
+        self.force_mps2 = vehicle_from_global * acceleration;
+        let turn = before.rotation.conjugate() * self.pose.rotation;
+        // For the small turn of a step the vector part is half the angle.
+        self.turn_radps = turn.xyz() * (2.0 * turn.w.signum() / STEP_S);
+    }
+}

@@ -1,0 +1,85 @@
+//! The simple sensors against what the vehicle file says.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod common;
+
+use common::{Counter, lagr};
+use glam::DVec3;
+use rcs_geom::Pose;
+use rcs_sim::sensors::{Gps, GpsFix, GpsSwitches, Inertial};
+
+#[test]
+fn at_rest_the_attitude_is_that_of_the_vehicle() {
+    let spec = lagr().inertial;
+    let mut rng = Counter(1);
+    let mut sensor = Inertial::new(&spec, false, &mut rng);
+    let truth = Pose::from_rpy(DVec3::ZERO, 0.2, -0.3, 1.0);
+    let force = truth.rotation.conjugate() * (DVec3::Z * 9.81);
+    let reading = sensor.measure(&spec, DVec3::ZERO, force, truth.yaw(), false, &mut rng);
+    let [roll, pitch, yaw] = reading.orientation.rpy();
+    assert!((roll - 0.2).abs() < 1e-9 && (pitch + 0.3).abs() < 1e-9 && (yaw - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn noise_is_what_the_vehicle_file_says() {
+    let spec = lagr().inertial;
+    let mut rng = Counter(2);
+    let mut sensor = Inertial::default();
+    let force = DVec3::Z * 9.81;
+    let readings: Vec<f64> = (0..20_000)
+        .map(|_| sensor.measure(&spec, DVec3::ZERO, force, 0.0, true, &mut rng).force_mps2.x)
+        .collect();
+    let mean = readings.iter().sum::<f64>() / readings.len() as f64;
+    let variance = readings.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / readings.len() as f64;
+    assert!((variance.sqrt() / spec.accel_noise_mps2 - 1.0).abs() < 0.03, "{}", variance.sqrt());
+}
+
+const ALL: GpsSwitches = GpsSwitches { noise: true, outliers: true, dropouts: true };
+const NONE: GpsSwitches = GpsSwitches { noise: false, outliers: false, dropouts: false };
+
+fn fixes(count: usize, trees: usize, switches: GpsSwitches) -> Vec<Option<GpsFix>> {
+    let spec = lagr().gps;
+    let mut rng = Counter(7);
+    let mut gps = Gps::new(&spec, &mut rng);
+    (0..count).map(|_| gps.measure(&spec, DVec3::ZERO, trees, switches, &mut rng)).collect()
+}
+
+#[test]
+fn without_errors_the_fix_is_the_antenna() {
+    assert!(fixes(10_000, 0, NONE).iter().all(|fix| fix.is_some_and(|fix| fix.position == DVec3::ZERO)));
+}
+
+#[test]
+fn errors_have_the_deviation_of_the_vehicle_file() {
+    let spec = lagr().gps;
+    let fixes = fixes(400_000, 0, GpsSwitches { noise: true, ..NONE });
+    let square: f64 = fixes.iter().flatten().map(|fix| fix.position.x * fix.position.x).sum();
+    let deviation = (square / fixes.len() as f64).sqrt();
+    let expected = (spec.noise_m * spec.noise_m + spec.drift_m * spec.drift_m).sqrt();
+    assert!((deviation / expected - 1.0).abs() < 0.1, "got {deviation}, expected {expected}");
+}
+
+#[test]
+fn outliers_and_dropouts_are_as_frequent_as_the_vehicle_file_says_and_more_so_under_trees() {
+    let spec = lagr().gps;
+    let count = 400_000;
+    let far = |trees| {
+        let fixes = fixes(count, trees, GpsSwitches { outliers: true, ..NONE });
+        fixes.iter().flatten().filter(|fix| fix.position.length() > 0.4 * spec.outlier_m).count() as f64
+            / count as f64
+    };
+    assert!((far(0) / spec.outliers - 1.0).abs() < 0.1, "{}", far(0));
+    assert!((far(1) / (spec.outliers * spec.tree_factor) - 1.0).abs() < 0.1, "{}", far(1));
+    let lost = fixes(count, 0, ALL).iter().filter(|fix| fix.is_none()).count() as f64 / count as f64;
+    let mean_s = 0.5 * (spec.dropout_s[0] + spec.dropout_s[1]);
+    let expected = spec.dropouts_per_hour / 3600.0 * mean_s;
+    assert!((lost / expected - 1.0).abs() < 0.2, "got {lost}, expected {expected}");
+}
+
+#[test]
+fn a_switch_changes_nothing_but_its_own_effect() {
+    let (with, without) = (fixes(5000, 0, ALL), fixes(5000, 0, GpsSwitches { dropouts: false, ..ALL }));
+    assert!(with.iter().any(Option::is_none));
+    assert!(with.iter().zip(&without).all(|(a, b)| a.is_none() || a == b));
+}
