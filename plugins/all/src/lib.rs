@@ -7,9 +7,12 @@ use rcs_runtime::ProcessType;
 /// Every process type there is, in the order of the names.
 pub fn all() -> &'static [ProcessType] {
     static ALL: &[ProcessType] = &[
+        ProcessType::of::<rcs_terrain::Classifier>(),
         ProcessType::of::<rcs_comms::Comms>(),
         ProcessType::of::<rcs_obstacles::LabelOverlay>(),
         ProcessType::of::<rcs_obstacles::Obstacles>(),
+        ProcessType::of::<rcs_stereo::Stereo>(),
+        ProcessType::of::<rcs_terrain::TerrainLearner>(),
         ProcessType::of::<rcs_world_model::WorldModel>(),
     ];
     ALL

@@ -1,5 +1,34 @@
 //! Range from pairs of images (A 3.1.1): from two grey images to disparities, and from those to points with colour.
 //!
+//! # `stereo`
+//!
+//! | port | direction | type | what |
+//! | --- | --- | --- | --- |
+//! | `left` | in | `foxglove.RawImage` | image of the left eye as its camera took it |
+//! | `right` | in | `foxglove.RawImage` | image of the right eye as its camera took it |
+//! | `left_calibration` | in | `foxglove.CameraCalibration` | calibration of the left eye: K, D, R and P |
+//! | `right_calibration` | in | `foxglove.CameraCalibration` | calibration of the right eye; its P has the baseline |
+//! | `rectified` | out | `foxglove.RawImage` | left image, rectified, rgb8 |
+//! | `calibration` | out | `foxglove.CameraCalibration` | camera of the rectified left image |
+//! | `disparity` | out | `foxglove.RawImage` | disparity of each rectified pixel, 32FC1, px; NaN where none |
+//! | `depth` | out | `foxglove.RawImage` | range along the optical axis, 32FC1, m; NaN where none |
+//! | `points` | out | `foxglove.PointCloud` | points with colour and pixel, left rectified optical frame, m |
+//! | `stats` | out | `rcs.StereoStats` | pixels with a range, ranges in m, pairs |
+//!
+//! Period 50 ms, so that a pair is matched soon after its second image has come. No commands beside the runtime's.
+//! State: both calibrations and the images that wait for their other eye; pairs do not depend on each other.
+//!
+//! Images are paired by the time at which they were taken. Everything that goes out is of the left image's time and in
+//! its frame, which, as in ROS, is that of the *rectified* left eye: a mount is given for it.
+//!
+//! Reported as a fault and skipped, with nothing sent on: an image that is black, saturated or cannot be decoded, one
+//! whose bytes are those of the one before (the camera hangs), one whose other eye is missing or late, one that is older
+//! than the one before, a pair of another size than its calibration, calibrations that are missing or not those of a
+//! pair (R no rotation, rows that differ, eyes exchanged), more disparities than columns, a pair in which nothing has a
+//! range.
+//!
+//! # The engine
+//!
 //! | part | what | in | out |
 //! | --- | --- | --- | --- |
 //! | [`StereoCamera`] | a pair's calibration: rectification, and range of a disparity | two calibrations | rectified images, m |
@@ -28,8 +57,13 @@ mod block;
 mod camera;
 mod checks;
 mod matcher;
+mod pairing;
+mod picture;
 mod points;
 mod prefilter;
+mod process;
+mod publish;
+mod rig;
 pub mod score;
 mod settings;
 mod sgm;
@@ -39,6 +73,7 @@ pub use camera::{CalibrationError, Eye, StereoCamera};
 pub use checks::STEPS_PER_PIXEL;
 pub use matcher::{Matcher, Strip};
 pub use points::Point;
+pub use process::Stereo;
 pub use settings::{Method, Settings, StereoError};
 pub use width::Width;
 

@@ -46,15 +46,21 @@ impl Settings {
 
     /// Whether a matcher for images of this size can work so.
     pub(crate) fn check(&self, [width, height]: [usize; 2]) -> Result<(), StereoError> {
-        let &Settings { disparities, block, uniqueness_pct, speckle_step, .. } = self;
         if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
             return Err(StereoError::Size { width, height });
         }
+        self.check_values()?;
+        if self.disparities > width {
+            return Err(StereoError::Range { disparities: self.disparities, width });
+        }
+        Ok(())
+    }
+
+    /// Whether there are images that a matcher can work so on.
+    pub(crate) fn check_values(&self) -> Result<(), StereoError> {
+        let &Settings { disparities, block, uniqueness_pct, speckle_step, .. } = self;
         if !(16..=256).contains(&disparities) || !disparities.is_multiple_of(16) {
             return Err(StereoError::Disparities { got: disparities });
-        }
-        if disparities > width {
-            return Err(StereoError::Range { disparities, width });
         }
         if !(5..=15).contains(&block) || block.is_multiple_of(2) {
             return Err(StereoError::Block { got: block });

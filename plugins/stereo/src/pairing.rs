@@ -1,0 +1,198 @@
+//! Brings together the images of two eyes that were taken at the same time.
+//!
+//! Images of one eye come in the order in which they were taken. So the two oldest that wait either are a pair, or the
+//! older of them has lost its other eye: that one will not come any more.
+
+use rcs_msg::Stamp;
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// Which camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Side {
+    Left,
+    Right,
+}
+
+impl Side {
+    pub(crate) const BOTH: [Side; 2] = [Side::Left, Side::Right];
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Side::Left => "left",
+            Side::Right => "right",
+        }
+    }
+
+    fn other(self) -> Side {
+        match self {
+            Side::Left => Side::Right,
+            Side::Right => Side::Left,
+        }
+    }
+}
+
+/// How long images may be apart, and how long one waits, ns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Patience {
+    pub(crate) max_difference_ns: u64,
+    pub(crate) max_wait_ns: u64,
+}
+
+/// Images that wait for their other eye.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Pairing<T> {
+    eyes: [VecDeque<Waiting<T>>; 2],
+    /// When the newest image of each eye was taken.
+    newest: [Option<Stamp>; 2],
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Waiting<T> {
+    taken: Stamp,
+    arrived: Stamp,
+    image: T,
+}
+
+impl<T> Default for Pairing<T> {
+    fn default() -> Self {
+        Self { eyes: [VecDeque::new(), VecDeque::new()], newest: [None; 2] }
+    }
+}
+
+/// Two images taken together.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Pair<T> {
+    /// When each was taken.
+    pub(crate) taken: [Stamp; 2],
+    pub(crate) images: [T; 2],
+}
+
+/// Why an image is not matched.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(crate) enum PairingError {
+    #[error("{} image is of {taken}, not newer than the one before of {before}", side.name())]
+    Past { side: Side, taken: Stamp, before: Stamp },
+    #[error("{} image of {taken} is missing: the {} eye's next is of {next}", side.other().name(), side.other().name())]
+    Missing { side: Side, taken: Stamp, next: Stamp },
+    #[error("{} image of {taken} is late by more than {max_wait_ms} ms", side.other().name())]
+    Late { side: Side, taken: Stamp, max_wait_ms: u64 },
+}
+
+impl<T> Pairing<T> {
+    /// Takes an image of one eye that was taken at a time and has come now.
+    pub(crate) fn push(
+        &mut self,
+        side: Side,
+        taken: Stamp,
+        now: Stamp,
+        image: T,
+    ) -> Result<(), PairingError> {
+        let newest = &mut self.newest[side as usize];
+        if let Some(before) = newest.filter(|&before| taken <= before) {
+            return Err(PairingError::Past { side, taken, before });
+        }
+        *newest = Some(taken);
+        self.eyes[side as usize].push_back(Waiting { taken, arrived: now, image });
+        Ok(())
+    }
+
+    /// All pairs there are, oldest first, and what is given up: with it goes its image.
+    pub(crate) fn pairs(&mut self, now: Stamp, patience: Patience) -> (Vec<Pair<T>>, Vec<(PairingError, T)>) {
+        let (mut pairs, mut given_up) = (Vec::new(), Vec::new());
+        loop {
+            let [left, right] = &mut self.eyes;
+            let (Some(a), Some(b)) = (left.front(), right.front()) else { break };
+            let (side, taken, next) = if a.taken.0.abs_diff(b.taken.0) <= patience.max_difference_ns {
+                if let (Some(a), Some(b)) = (left.pop_front(), right.pop_front()) {
+                    pairs.push(Pair { taken: [a.taken, b.taken], images: [a.image, b.image] });
+                }
+                continue;
+            } else if a.taken < b.taken {
+                (Side::Left, a.taken, b.taken)
+            } else {
+                (Side::Right, b.taken, a.taken)
+            };
+            let lost = self.eyes[side as usize].pop_front();
+            given_up.extend(lost.map(|lost| (PairingError::Missing { side, taken, next }, lost.image)));
+        }
+        for side in Side::BOTH {
+            let waiting = &mut self.eyes[side as usize];
+            let too_long =
+                |image: &mut Waiting<T>| now.0.saturating_sub(image.arrived.0) > patience.max_wait_ns;
+            while let Some(late) = waiting.pop_front_if(too_long) {
+                let max_wait_ms = patience.max_wait_ns / 1_000_000;
+                given_up.push((PairingError::Late { side, taken: late.taken, max_wait_ms }, late.image));
+            }
+        }
+        (pairs, given_up)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PATIENCE: Patience = Patience { max_difference_ns: 2, max_wait_ns: 100 };
+
+    /// Gives images (side, taken, arrived) and asks at each arrival and at the end: the pairs' times, and what is said.
+    fn check(images: &[(Side, u64, u64)], end: u64, pairs: &[[u64; 2]], said: &[&str]) {
+        let mut pairing = Pairing::default();
+        let (mut found, mut faults) = (Vec::new(), Vec::new());
+        let mut ask = |pairing: &mut Pairing<u64>, now: u64, faults: &mut Vec<String>| {
+            let (pairs, given_up) = pairing.pairs(Stamp(now), PATIENCE);
+            found.extend(pairs.into_iter().map(|pair| pair.images));
+            faults.extend(given_up.into_iter().map(|(error, _)| error.to_string()));
+        };
+        for &(side, taken, arrived) in images {
+            if let Err(error) = pairing.push(side, Stamp(taken), Stamp(arrived), taken) {
+                faults.push(error.to_string());
+            }
+            ask(&mut pairing, arrived, &mut faults);
+        }
+        ask(&mut pairing, end, &mut faults);
+        assert_eq!(found, pairs);
+        assert_eq!(faults.len(), said.len(), "{faults:?}");
+        for (fault, said) in faults.iter().zip(said) {
+            assert!(fault.contains(said), "got {fault:?}, expected {said:?}");
+        }
+    }
+
+    use Side::{Left, Right};
+
+    #[test]
+    fn images_taken_together_are_a_pair_whichever_comes_first() {
+        check(
+            &[(Left, 10, 20), (Right, 11, 90), (Right, 50, 95), (Left, 52, 140)],
+            500,
+            &[[10, 11], [52, 50]],
+            &[],
+        );
+    }
+
+    #[test]
+    fn a_missing_eye_costs_one_pair_and_is_named() {
+        let images = [(Left, 10, 20), (Left, 50, 60), (Right, 50, 61), (Left, 90, 91), (Right, 90, 92)];
+        check(&images, 100, &[[50, 50], [90, 90]], &["right image of"]);
+        check(&[(Right, 10, 20), (Left, 50, 60), (Right, 50, 61)], 100, &[[50, 50]], &["left image of"]);
+    }
+
+    #[test]
+    fn an_eye_that_stays_away_is_late_after_the_wait_and_not_before() {
+        check(&[(Left, 10, 1000), (Left, 50, 1050)], 1100, &[], &[]);
+        check(&[(Left, 10, 1000), (Left, 50, 1050)], 1101, &[], &["right image of"]);
+        check(&[(Left, 10, 1000), (Left, 50, 1050)], 1151, &[], &["is late", "is late"]);
+    }
+
+    #[test]
+    fn an_image_from_the_past_is_refused_and_changes_nothing() {
+        let images = [(Left, 50, 60), (Left, 50, 61), (Left, 40, 62), (Right, 50, 63)];
+        check(&images, 70, &[[50, 50]], &["not newer", "not newer"]);
+    }
+
+    #[test]
+    fn images_too_far_apart_are_no_pair() {
+        check(&[(Left, 50, 60), (Right, 53, 61)], 62, &[], &["right image of"]);
+        check(&[(Left, 50, 60), (Right, 52, 61)], 62, &[[50, 52]], &[]);
+    }
+}

@@ -1,0 +1,263 @@
+//! A calibrated pair at work: from two images to rectified ones and their disparities.
+
+use crate::pairing::Side;
+use crate::picture::Picture;
+use crate::{CalibrationError, Eye, Matcher, NO_DISPARITY, Settings, StereoCamera, StereoError};
+use rcs_geom::{CameraError, PinholeCamera, Rectification};
+use rcs_msg::foxglove::CameraCalibration;
+use rcs_runtime::Pool;
+use serde::{Deserialize, Serialize};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What a calibration message says of one eye, checked as far as one eye goes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct EyeCalibration {
+    pub(crate) frame_id: String,
+    raw: PinholeCamera,
+    r: Vec<f64>,
+    p: Vec<f64>,
+}
+
+impl EyeCalibration {
+    pub(crate) fn new(message: &CameraCalibration) -> Result<EyeCalibration, CameraError> {
+        let size = [message.width, message.height];
+        Ok(EyeCalibration {
+            frame_id: message.frame_id.clone(),
+            raw: PinholeCamera::from_calibration(size, &message.k, &message.distortion_model, &message.d)?,
+            r: message.r.clone(),
+            p: message.p.clone(),
+        })
+    }
+
+    fn eye(&self) -> Eye<'_> {
+        Eye { raw: &self.raw, r: &self.r, p: &self.p }
+    }
+}
+
+/// Both eyes together.
+#[derive(Clone, Debug)]
+pub(crate) struct Rig {
+    pub(crate) camera: StereoCamera,
+    /// Pixels of each rectified image that its raw image shows.
+    shown: [Shown; 2],
+}
+
+/// Why a pair has no ranges.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Unusable {
+    #[error("no usable calibration of the {eye} eye")]
+    NoCalibration { eye: &'static str },
+    #[error("{0}")]
+    Calibration(#[from] CalibrationError),
+    #[error("{eye} image has {got:?} pixels, its calibration is for {expected:?}")]
+    Size { eye: &'static str, got: [usize; 2], expected: [usize; 2] },
+    #[error("{0}")]
+    Camera(#[from] CameraError),
+    #[error("{0}")]
+    Stereo(#[from] StereoError),
+    #[error("none of {pixels} pixels has a range from {min_m} m to {max_m} m")]
+    NoRange { pixels: usize, min_m: f64, max_m: f64 },
+}
+
+/// A pair in the plane of both images.
+#[derive(Clone, Debug)]
+pub(crate) struct Rectified {
+    /// The left image, red, green, blue.
+    pub(crate) left_rgb: Vec<u8>,
+    grey: [Vec<u8>; 2],
+}
+
+impl Rig {
+    pub(crate) fn new(left: &EyeCalibration, right: &EyeCalibration) -> Result<Rig, CalibrationError> {
+        let camera = StereoCamera::new(left.eye(), right.eye())?;
+        let shown = [camera.left(), camera.right()].map(Shown::new);
+        Ok(Rig { camera, shown })
+    }
+
+    /// Width and height of all images, pixels.
+    pub(crate) fn size(&self) -> [usize; 2] {
+        let camera = self.camera.left().camera();
+        [camera.width as usize, camera.height as usize]
+    }
+
+    /// Rectifies both eyes, each on a thread of its own.
+    pub(crate) fn rectify(&self, pair: [&Picture; 2], pool: &Pool) -> Result<Rectified, Unusable> {
+        for (side, picture) in Side::BOTH.into_iter().zip(pair) {
+            let (got, expected) = ([picture.width, picture.height], self.size());
+            if got != expected {
+                return Err(Unusable::Size { eye: side.name(), got, expected });
+            }
+        }
+        let both = [self.camera.left(), self.camera.right()];
+        // The left eye's colours are a third piece of work.
+        let work = |i: usize| match i {
+            0 | 1 => both[i].remap(&pair[i].grey(), 1),
+            _ => both[0].remap(&pair[0].rgb, 3),
+        };
+        let mut done = pool.map(3, work).into_iter();
+        let mut next = || done.next().unwrap_or(Ok(Vec::new()));
+        let grey = [next()?, next()?];
+        Ok(Rectified { left_rgb: next()?, grey })
+    }
+
+    /// Disparities of the rectified left image, 1/16 pixel, without those that its edges or the other's make up.
+    pub(crate) fn disparities(
+        &self,
+        rectified: &Rectified,
+        settings: Settings,
+        bench: &Bench,
+        pool: &Pool,
+    ) -> Result<Vec<u16>, Unusable> {
+        let mut disparity = Vec::new();
+        let [left, right] = &rectified.grey;
+        bench.with_matcher(self.size(), settings, |matcher| {
+            matcher.compute_in_strips(left, right, &mut disparity, pool.threads(), |strips| {
+                let mut strips: Vec<_> = strips.into_iter().map(Some).collect();
+                pool.for_each_chunk_mut(&mut strips, 1, |_, strip| {
+                    strip.iter_mut().filter_map(Option::take).for_each(crate::Strip::run);
+                });
+            })
+        })?;
+        self.take_out_edges(&mut disparity, settings.block / 2 + FILTER_RADIUS);
+        Ok(disparity)
+    }
+
+    /// Takes out what is matched across the edge of a raw image: black beside it is no texture.
+    fn take_out_edges(&self, disparity: &mut [u16], radius: usize) {
+        let [left, right] = &self.shown;
+        if left.everywhere && right.everywhere {
+            return;
+        }
+        let [width, height] = self.size();
+        for (v, row) in disparity.chunks_exact_mut(width).enumerate().take(height) {
+            for (u, d) in row.iter_mut().enumerate() {
+                let back = u.saturating_sub(usize::from(*d / crate::STEPS_PER_PIXEL));
+                if *d != NO_DISPARITY && !(left.around(u, v, radius) && right.around(back, v, radius)) {
+                    *d = NO_DISPARITY;
+                }
+            }
+        }
+    }
+}
+
+/// Pixels beyond a pixel that the prefilter looks at.
+const FILTER_RADIUS: usize = 3;
+
+/// Which pixels of a rectified image its raw image shows.
+#[derive(Clone, Debug)]
+struct Shown {
+    width: usize,
+    height: usize,
+    everywhere: bool,
+    /// Pixels that are not shown among those above and to the left: one row and one column more than the image.
+    missing: Vec<u32>,
+}
+
+impl Shown {
+    fn new(rectification: &Rectification) -> Shown {
+        let camera = rectification.camera();
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let (last_u, last_v) = ((width - 1) as f64, (height - 1) as f64);
+        let is_missing = |u: usize, v: usize| {
+            let source = rectification.source_of(u as u32, v as u32);
+            // Rounding may put the source of an outermost pixel a little outside.
+            let within = |x: f64, last: f64| x >= -1e-3 && x <= last + 1e-3;
+            !source.is_some_and(|p| within(p.x, last_u) && within(p.y, last_v))
+        };
+        let stride = width + 1;
+        let mut missing = vec![0_u32; stride * (height + 1)];
+        for v in 0..height {
+            let mut row = 0;
+            for u in 0..width {
+                row += u32::from(is_missing(u, v));
+                missing[(v + 1) * stride + u + 1] = missing[v * stride + u + 1] + row;
+            }
+        }
+        let everywhere = missing.last() == Some(&0);
+        Shown { width, height, everywhere, missing }
+    }
+
+    /// Whether all pixels within a radius are shown; what lies beyond the image does not count.
+    fn around(&self, u: usize, v: usize, radius: usize) -> bool {
+        if self.everywhere {
+            return true;
+        }
+        let (u0, v0) = (u.saturating_sub(radius), v.saturating_sub(radius));
+        let (u1, v1) = ((u + radius + 1).min(self.width), (v + radius + 1).min(self.height));
+        let at = |u: usize, v: usize| self.missing[v * (self.width + 1) + u];
+        at(u1, v1) + at(u0, v0) == at(u0, v1) + at(u1, v0)
+    }
+}
+
+/// The matcher's memory. It is no state: a result depends on its pair alone, so clones share it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Bench(Arc<Mutex<Option<Fitted>>>);
+
+#[derive(Debug)]
+struct Fitted {
+    size: [usize; 2],
+    settings: Settings,
+    matcher: Matcher,
+}
+
+impl Bench {
+    fn with_matcher<R>(
+        &self,
+        size: [usize; 2],
+        settings: Settings,
+        work: impl FnOnce(&mut Matcher) -> Result<R, StereoError>,
+    ) -> Result<R, StereoError> {
+        let mut fitted = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if fitted.as_ref().is_none_or(|fitted| (fitted.size, fitted.settings) != (size, settings)) {
+            *fitted = Some(Fitted { size, settings, matcher: Matcher::new(size, settings)? });
+        }
+        match fitted.as_mut() {
+            Some(fitted) => work(&mut fitted.matcher),
+            None => Err(StereoError::Size { width: size[0], height: size[1] }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const K: [f64; 9] = [60.0, 0.0, 31.5, 0.0, 60.0, 23.5, 0.0, 0.0, 1.0];
+    const R: [f64; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+
+    fn shown(d: &[f64], f: f64) -> (Shown, Rectification) {
+        let raw = PinholeCamera::from_calibration([64, 48], &K, "plumb_bob", d).unwrap();
+        let p = [f, 0.0, 31.5, 0.0, 0.0, f, 23.5, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let rectification = Rectification::new(&raw, &R, &p).unwrap();
+        (Shown::new(&rectification), rectification)
+    }
+
+    #[test]
+    fn a_straight_camera_is_shown_everywhere() {
+        let (shown, _) = shown(&[0.0; 5], 60.0);
+        assert!(shown.everywhere && shown.around(0, 0, 9) && shown.around(63, 47, 9));
+    }
+
+    #[test]
+    fn around_equals_looking_at_every_pixel() {
+        // Zoomed out, so that the raw image's edge lies within the rectified one.
+        let (shown, rectification) = shown(&[-0.2, 0.05, 0.0, 0.0, 0.0], 45.0);
+        assert!(!shown.everywhere);
+        let seen = |u: i64, v: i64| {
+            let inside = (0..64).contains(&u) && (0..48).contains(&v);
+            !inside
+                || rectification
+                    .source_of(u as u32, v as u32)
+                    .is_some_and(|p| p.x >= -1e-3 && p.y >= -1e-3 && p.x <= 63.0 + 1e-3 && p.y <= 47.0 + 1e-3)
+        };
+        let mut counts = [0; 2];
+        for v in 0..48_i64 {
+            for u in 0..64_i64 {
+                let expected = (-2..=2).all(|dv| (-2..=2).all(|du| seen(u + du, v + dv)));
+                assert_eq!(shown.around(u as usize, v as usize, 2), expected, "{u} {v}");
+                counts[usize::from(expected)] += 1;
+            }
+        }
+        assert!(counts[0] > 300 && counts[1] > 300, "{counts:?}");
+    }
+}

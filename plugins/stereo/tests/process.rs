@@ -1,0 +1,391 @@
+//! The process on messages made by hand: what cannot be used is reported and skipped with nothing sent on, and what
+//! follows is used; runs are the same on any number of threads and from a snapshot.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
+use rcs_msg::foxglove::{CameraCalibration, PointCloud, RawImage};
+use rcs_msg::{AnyMessage, Payload, Stamp, rcs, schema_of};
+use rcs_runtime::{Plan, ProcessType, RunOptions, Snapshot, StackFile, Stepped};
+use rcs_stereo::Stereo;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+const STACK: &str = r#"
+format = 1
+name = "hand_made"
+input = [
+    { buffer = "/left", topic = "/left" },
+    { buffer = "/right", topic = "/right" },
+    { buffer = "/left_calibration", topic = "/left_calibration" },
+    { buffer = "/right_calibration", topic = "/right_calibration" },
+]
+
+[[process]]
+name = "stereo"
+plugin = "stereo"
+supervisor = "viewer"
+period_ms = 20.0
+params = { disparities = 32, max_wait_ms = 150.0 }
+
+[process.inputs]
+left = "/left"
+right = "/right"
+left_calibration = "/left_calibration"
+right_calibration = "/right_calibration"
+
+[buffers."/left"]
+queue = 4
+
+[buffers."/right"]
+queue = 4
+"#;
+
+const PROCESSES: &[ProcessType] = &[ProcessType::of::<Stereo>()];
+const TOPICS: [&str; 4] = ["/left", "/right", "/left_calibration", "/right_calibration"];
+const OUTPUTS: [&str; 6] = ["rectified", "calibration", "disparity", "depth", "points", "stats"];
+const SIZE: [usize; 2] = [96, 64];
+const F_PX: f64 = 80.0;
+const BASELINE_M: f64 = 0.25;
+/// Ranges of everything in the pair at this disparity: 80 px · 0.25 m / 10 px.
+const SHIFT_PX: usize = 10;
+const DEPTH_M: f32 = 2.0;
+
+/// A message and when it is given, ms.
+struct Given {
+    at_ms: u64,
+    topic: &'static str,
+    message: AnyMessage,
+}
+
+fn texture(x: usize, y: usize, seed: u32) -> u8 {
+    let mut h = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77) ^ seed;
+    h = (h ^ (h >> 15)).wrapping_mul(0x2c1b_3c6d);
+    20 + ((h >> 24) as u8) / 2
+}
+
+fn raw_image([width, height]: [usize; 2], data: Vec<u8>) -> RawImage {
+    RawImage {
+        frame_id: "eye".to_owned(),
+        width: width as u32,
+        height: height as u32,
+        encoding: "mono8".to_owned(),
+        step: width as u32,
+        data: data.into(),
+        ..RawImage::default()
+    }
+}
+
+/// One eye's image of a wall; each seed is a wall of its own.
+fn eye(topic: &str, seed: u32) -> RawImage {
+    let shift = if topic == "/right" { SHIFT_PX } else { 0 };
+    let data = (0..SIZE[0] * SIZE[1]).map(|i| texture(i % SIZE[0] + shift, i / SIZE[0], seed)).collect();
+    raw_image(SIZE, data)
+}
+
+fn calibration(topic: &str) -> CameraCalibration {
+    let tx = if topic == "/right_calibration" { -F_PX * BASELINE_M } else { 0.0 };
+    let (cx, cy) = ((SIZE[0] - 1) as f64 / 2.0, (SIZE[1] - 1) as f64 / 2.0);
+    CameraCalibration {
+        frame_id: "eye".to_owned(),
+        width: SIZE[0] as u32,
+        height: SIZE[1] as u32,
+        distortion_model: "plumb_bob".to_owned(),
+        d: vec![0.0; 5],
+        k: vec![F_PX, 0.0, cx, 0.0, F_PX, cy, 0.0, 0.0, 1.0],
+        r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p: vec![F_PX, 0.0, cx, tx, 0.0, F_PX, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+        ..CameraCalibration::default()
+    }
+}
+
+fn give<T: Payload>(at_ms: u64, topic: &'static str, value: T) -> Given {
+    Given { at_ms, topic, message: AnyMessage::new(value) }
+}
+
+fn calibrated() -> Vec<Given> {
+    ["/left_calibration", "/right_calibration"].map(|topic| give(0, topic, calibration(topic))).into()
+}
+
+/// Both eyes' good images.
+fn pair(at_ms: u64) -> [Given; 2] {
+    let seed = at_ms as u32;
+    [give(at_ms, "/left", eye("/left", seed)), give(at_ms, "/right", eye("/right", seed))]
+}
+
+fn run(given: &[Given], threads: usize, params: &[(&str, &str)]) -> Stepped {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hand_made.mcap");
+    let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
+    let metadata = BTreeMap::new();
+    let channels: BTreeMap<&str, _> = TOPICS
+        .into_iter()
+        .map(|topic| {
+            let is_image = ["/left", "/right"].contains(&topic);
+            let schema = if is_image { schema_of::<RawImage>() } else { schema_of::<CameraCalibration>() };
+            (topic, writer.add_channel(topic, schema, &metadata).unwrap())
+        })
+        .collect();
+    for (sequence, given) in (0..).zip(given) {
+        let time = Stamp((1_000 + given.at_ms) * 1_000_000);
+        let header = WriteHeader { sequence, log_time: time, publish_time: time };
+        writer.write(channels[given.topic], header, &given.message.bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+    let params: Vec<(String, String)> =
+        params.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+    let plan = Plan::new(StackFile::parse("hand_made", STACK).unwrap(), PROCESSES, &params).unwrap();
+    let log = Log::open(&path).unwrap();
+    let options = RunOptions { threads, ..RunOptions::default() };
+    let mut run = Stepped::new(Arc::new(plan), Some(&log), options).unwrap();
+    run.begin().unwrap();
+    run
+}
+
+fn run_until(run: &mut Stepped, ms: u64) {
+    run.run_until(Stamp((1_000 + ms) * 1_000_000)).unwrap();
+}
+
+fn latest<T: Payload>(run: &Stepped, port: &str) -> Option<T> {
+    run.bus().get(&format!("/stereo/{port}")).unwrap().latest()?.message.to()
+}
+
+fn faults(run: &Stepped) -> (u64, String) {
+    let status: Option<rcs::Status> = latest(run, "status");
+    status.map_or((0, String::new()), |status| (status.faults, status.last_fault))
+}
+
+/// How many messages went out on each output.
+fn sent(run: &Stepped) -> [u64; 6] {
+    OUTPUTS.map(|port| run.bus().get(&format!("/stereo/{port}")).unwrap().newest())
+}
+
+/// Runs bad input and, a second later, a good pair: one fault with this text, nothing sent on for it, and the good pair
+/// used.
+fn check(bad: Vec<Given>, params: &[(&str, &str)], expected: &str) {
+    check_count(bad, params, expected, 1);
+}
+
+fn check_count(bad: Vec<Given>, params: &[(&str, &str)], expected: &str, count: u64) {
+    let mut given = calibrated();
+    given.extend(pair(100));
+    given.extend(bad);
+    given.extend(
+        ["/left_calibration", "/right_calibration"].map(|topic| give(900, topic, calibration(topic))),
+    );
+    given.extend(pair(1000));
+    // The last message ends the log: give the process time to see the one before.
+    given.push(give(1200, "/left_calibration", calibration("/left_calibration")));
+    let mut run = run(&given, 1, params);
+    run_until(&mut run, 150);
+    assert_eq!((faults(&run).0, sent(&run)), (0, [1; 6]), "before: {}", faults(&run).1);
+    run_until(&mut run, 850);
+    let (found, last) = faults(&run);
+    assert_eq!(found, count, "{last}");
+    assert!(last.contains(expected), "got {last:?}, expected {expected:?}");
+    assert_eq!(sent(&run), [1; 6], "nothing goes out for bad input");
+    run_until(&mut run, 1150);
+    assert_eq!((faults(&run).0, sent(&run)), (count, [2; 6]), "after: {}", faults(&run).1);
+    let stats: rcs::StereoStats = latest(&run, "stats").unwrap();
+    assert_eq!((stats.timestamp.unwrap().seconds, stats.pairs), (2, 2));
+}
+
+#[test]
+fn a_wall_is_seen_at_its_range_with_colour_and_pixel() {
+    let mut given = calibrated();
+    given.extend(pair(100));
+    let mut run = run(&given, 1, &[]);
+    run_until(&mut run, 200);
+    assert_eq!(faults(&run), (0, String::new()));
+    let depth: RawImage = latest(&run, "depth").unwrap();
+    assert_eq!((depth.frame_id.as_str(), depth.encoding.as_str(), depth.step), ("eye", "32FC1", 384));
+    let depth = rcs_msg::image::depth_m(&depth, 1.0).unwrap();
+    let known: Vec<f32> = depth.iter().copied().filter(|d| !d.is_nan()).collect();
+    let right = known.iter().filter(|&&d| (d - DEPTH_M).abs() < 0.02).count();
+    assert!(right * 10 > known.len() * 9 && right > 3000, "{right} of {}", known.len());
+    let disparity: RawImage = latest(&run, "disparity").unwrap();
+    let disparity: Vec<f32> =
+        disparity.data.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+    for (depth, disparity) in depth.iter().zip(&disparity) {
+        assert_eq!(depth.is_nan(), disparity.is_nan());
+        assert!(depth.is_nan() || (depth * disparity - 20.0).abs() < 1e-3, "{depth} {disparity}");
+    }
+    let cloud: PointCloud = latest(&run, "points").unwrap();
+    assert_eq!(cloud.data.len(), known.len() * 20);
+    let rectified: RawImage = latest(&run, "rectified").unwrap();
+    for (point, bytes) in rcs_msg::points(&cloud).unwrap().iter().zip(cloud.data.chunks_exact(20)) {
+        let [u, v] = [16, 18].map(|at| usize::from(u16::from_le_bytes([bytes[at], bytes[at + 1]])));
+        let z = depth[v * SIZE[0] + u];
+        assert!((point.position.z as f32 - z).abs() < 1e-6);
+        assert!((point.position.x - (u as f64 - 47.5) / F_PX * f64::from(z)).abs() < 1e-5);
+        assert_eq!(point.rgb.unwrap()[..], rectified.data[(v * SIZE[0] + u) * 3..][..3]);
+    }
+    let stats: rcs::StereoStats = latest(&run, "stats").unwrap();
+    assert_eq!((stats.pixels, stats.matched), (96 * 64, known.len() as u64));
+    let calibration: CameraCalibration = latest(&run, "calibration").unwrap();
+    assert_eq!((calibration.k[0], calibration.p[3], calibration.width), (F_PX, 0.0, 96));
+}
+
+#[test]
+fn an_image_of_another_size_than_its_calibration_is_skipped() {
+    let small = raw_image([48, 64], (0..48 * 64).map(|i| texture(i, 1, 1)).collect());
+    let bad = vec![give(300, "/left", small), give(300, "/right", eye("/right", 3))];
+    check(bad, &[], "left image has [48, 64] pixels, its calibration is for [96, 64]");
+}
+
+#[test]
+fn black_and_saturated_images_are_skipped_and_their_other_eye_without_another_word() {
+    for (level, expected) in [(0, "100 % of it are black"), (255, "100 % saturated")] {
+        let blind = raw_image(SIZE, vec![level; SIZE[0] * SIZE[1]]);
+        let bad = vec![give(300, "/left", eye("/left", 3)), give(300, "/right", blind)];
+        check(bad, &[], expected);
+    }
+}
+
+#[test]
+fn an_image_that_does_not_decode_is_skipped() {
+    let cut = RawImage { data: vec![1; 100].into(), ..eye("/left", 1) };
+    check(vec![give(300, "/left", cut), give(300, "/right", eye("/right", 3))], &[], "left image of");
+    let strange = RawImage { encoding: "h264".to_owned(), ..eye("/left", 1) };
+    check(vec![give(300, "/left", strange), give(300, "/right", eye("/right", 3))], &[], "h264");
+}
+
+#[test]
+fn a_frozen_camera_is_reported_for_every_image_and_nothing_stale_goes_out() {
+    // The left eye sends the image of 100 ms again and again, under new stamps.
+    let frozen =
+        |at_ms| [give(at_ms, "/left", eye("/left", 100)), give(at_ms, "/right", eye("/right", at_ms as u32))];
+    let bad = [300, 400, 500].into_iter().flat_map(frozen).collect();
+    check_count(bad, &[], "the camera hangs", 3);
+}
+
+#[test]
+fn a_missing_eye_is_named() {
+    check(vec![give(300, "/left", eye("/left", 3))], &[], "right image of");
+    let bad = vec![give(300, "/right", eye("/right", 3))];
+    check(bad, &[], "left image of");
+}
+
+#[test]
+fn a_late_eye_is_given_up_and_what_comes_of_it_then_is_no_pair() {
+    // Taken 20 ms after the left eye's: too far apart to be the same moment.
+    let bad = vec![give(300, "/left", eye("/left", 3)), give(320, "/right", eye("/right", 3))];
+    check_count(bad, &[], "is late by more than 150 ms", 2);
+}
+
+#[test]
+fn more_disparities_than_columns_are_reported() {
+    let mut given = calibrated();
+    given.extend(pair(100));
+    let mut run = run(&given, 1, &[("stereo.disparities", "112")]);
+    run_until(&mut run, 150);
+    let (count, last) = faults(&run);
+    assert_eq!((count, sent(&run)), (1, [0; 6]));
+    assert!(last.contains("112 disparities do not fit into an image of 96 columns"), "{last}");
+}
+
+#[test]
+fn calibrations_that_are_not_a_pairs_are_reported_with_each_pair() {
+    let sheared = vec![1.0, 0.2, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    let right = calibration("/right_calibration");
+    let cases = [
+        (CameraCalibration { r: sheared, ..right.clone() }, "is not a rotation"),
+        (CameraCalibration { p: calibration("/left_calibration").p, ..right.clone() }, "baseline is"),
+        (CameraCalibration { r: Vec::new(), ..right.clone() }, "rectification matrix has 0 entries"),
+    ];
+    for (bad, expected) in cases {
+        let mut given = vec![give(200, "/right_calibration", bad)];
+        given.extend(pair(300));
+        check(given, &[], expected);
+    }
+    // One that no camera has is reported when it comes, and so is the pair that misses it.
+    let mut given =
+        vec![give(200, "/right_calibration", CameraCalibration { k: vec![f64::NAN; 9], ..right })];
+    given.extend(pair(300));
+    check_count(given, &[], "no usable calibration of the right eye", 2);
+}
+
+#[test]
+fn without_calibrations_pairs_are_skipped() {
+    let mut run = run(&pair(100), 1, &[]);
+    run_until(&mut run, 150);
+    assert_eq!(sent(&run), [0; 6]);
+    assert!(faults(&run).1.contains("no usable calibration of the left eye"));
+}
+
+#[test]
+fn a_pair_in_which_nothing_has_a_range_is_reported() {
+    let grey = |at_ms: u64| raw_image(SIZE, vec![100 + (at_ms % 7) as u8; SIZE[0] * SIZE[1]]);
+    check(
+        vec![give(300, "/left", grey(1)), give(300, "/right", grey(2))],
+        &[],
+        "none of 6144 pixels has a range",
+    );
+}
+
+#[test]
+fn parameters_that_no_matcher_has_are_refused_before_anything_runs() {
+    for (name, value, expected) in [
+        ("stereo.disparities", "40", "multiple of 16"),
+        ("stereo.block_px", "8", "odd number"),
+        ("stereo.min_range_m", "99.5", "expected at most max_range_m"),
+    ] {
+        let params =
+            [(name.to_owned(), value.to_owned()), ("stereo.max_range_m".to_owned(), "50".to_owned())];
+        let stack = StackFile::parse("hand_made", STACK).unwrap();
+        let error = Plan::new(stack, PROCESSES, &params).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+/// Everything that a run sent last.
+fn outcome(run: &Stepped) -> Vec<Vec<u8>> {
+    OUTPUTS
+        .map(|port| {
+            run.bus().get(&format!("/stereo/{port}")).unwrap().latest().unwrap().message.bytes().to_vec()
+        })
+        .into()
+}
+
+#[test]
+fn any_number_of_threads_and_a_run_from_a_snapshot_give_the_same_bytes() {
+    for method in ["STEREO_BM", "STEREO_SGM"] {
+        let mut given = calibrated();
+        given.extend([100, 200, 300].into_iter().flat_map(pair));
+        let params = [("stereo.method", method)];
+        let mut alone = run(&given, 1, &params);
+        // Between the two eyes of a pair nothing happens; between two pairs the state is calibrations and counts.
+        run_until(&mut alone, 250);
+        let saved = Snapshot::from_bytes(&alone.snapshot().to_bytes().unwrap()).unwrap();
+        run_until(&mut alone, 400);
+        let expected = outcome(&alone);
+        let mut threaded = run(&given, 3, &params);
+        run_until(&mut threaded, 400);
+        assert_eq!(outcome(&threaded), expected, "{method}");
+        let mut restored = run(&given, 1, &params);
+        restored.restore(&saved).unwrap();
+        run_until(&mut restored, 400);
+        assert_eq!(outcome(&restored), expected, "{method}");
+        assert_eq!(faults(&restored).0, 0);
+    }
+}
+
+#[test]
+fn an_image_that_waits_is_part_of_the_state() {
+    let mut given = calibrated();
+    // The right image was taken with the left one and comes two cycles later: the difference allowed is as large.
+    given.extend([give(100, "/left", eye("/left", 1)), give(145, "/right", eye("/right", 1))]);
+    given.push(give(400, "/left_calibration", calibration("/left_calibration")));
+    let params = [("stereo.max_time_difference_ms", "50")];
+    let mut alone = run(&given, 1, &params);
+    run_until(&mut alone, 130);
+    assert_eq!(sent(&alone), [0; 6]);
+    let saved = Snapshot::from_bytes(&alone.snapshot().to_bytes().unwrap()).unwrap();
+    run_until(&mut alone, 300);
+    let mut restored = run(&given, 1, &params);
+    restored.restore(&saved).unwrap();
+    run_until(&mut restored, 300);
+    assert_eq!(outcome(&restored), outcome(&alone));
+    let stats: rcs::StereoStats = latest(&restored, "stats").unwrap();
+    assert!((stats.right_after_left_ms - 45.0).abs() < 1e-9);
+}
