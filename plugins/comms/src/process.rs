@@ -138,7 +138,7 @@ impl Comms {
     /// Takes what the sensors say. Numbers that are none are faults, and what was known before stays.
     fn sense(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
         if let Some(encoders) = cx.read_newest(&ports.encoders) {
-            let speed = (encoders.left_mps + encoders.right_mps) / 2.0;
+            let speed = f64::midpoint(encoders.left_mps, encoders.right_mps);
             if speed.is_finite() {
                 self.sensed.speed_mps = speed;
             } else {

@@ -3,10 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rcs_comms::Comms;
-use rcs_msg::foxglove::{Odometry, Pose, Quaternion, Vector3};
+use rcs_geom::Pose;
+use rcs_msg::foxglove::{Odometry, Vector3};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_runtime::source::Task;
 use rcs_runtime::{OperatorWrite, Plan, ProcessType, RunOptions, Session, StackFile, Stepped};
+use rcs_world::pose_message;
 use std::sync::Arc;
 
 const STACK: &str = r#"
@@ -63,9 +65,7 @@ impl Bench {
     }
 
     fn local(&mut self, yaw_rad: f64) {
-        let orientation =
-            Some(Quaternion { z: (yaw_rad / 2.0).sin(), w: (yaw_rad / 2.0).cos(), ..Quaternion::default() });
-        let pose = Some(Pose { position: Some(Vector3::default()), orientation });
+        let pose = Some(pose_message(&Pose::from_yaw(yaw_rad)));
         self.write("local", Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() });
     }
 
