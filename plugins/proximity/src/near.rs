@@ -1,0 +1,150 @@
+//! What bumper and infrared sensors tell of the cells around the vehicle.
+
+use crate::costs::Costs;
+use rcs_geom::{DVec2, DVec3, Pose};
+use rcs_world::MAX_COST;
+
+/// Where the bumper and the body are in the vehicle frame, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// Of the bumper's face.
+    pub bumper_x_m: f64,
+    /// Of the bumper, about the x axis.
+    pub bumper_width_m: f64,
+    /// In front of the bumper, of what a hit marks.
+    pub bumper_depth_m: f64,
+    /// Of the rear end.
+    pub rear_x_m: f64,
+    /// Of the ground that is known to be free.
+    pub width_m: f64,
+}
+
+/// One infrared reading, checked, in the frame of the map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Pose of the sensor, which looks along its x axis.
+    pub map_from_sensor: Pose,
+    /// Distance to what it sees, m; `None` where it sees nothing.
+    pub range_m: Option<f64>,
+    /// m.
+    pub max_range_m: f64,
+    /// Full angle of the cone, rad.
+    pub cone_rad: f64,
+}
+
+/// How infrared readings become costs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayRules {
+    /// Of what is seen, 0–250.
+    pub cost: u8,
+    /// Part of the range that is free before it.
+    pub free_fraction: f64,
+    /// Obstacle cells lie up to this far before and behind the reading, m.
+    pub noise_m: f64,
+}
+
+/// The ground under the vehicle is free; what the pressed switches touch is an obstacle.
+pub fn bumper_costs(map_from_vehicle: &Pose, body: &Body, left: bool, right: bool) -> Costs {
+    let place = |x: f64, y: f64| (*map_from_vehicle * DVec3::new(x, y, 0.0)).truncate();
+    let mut costs = Costs::around(map_from_vehicle.translation.truncate());
+    let half = body.width_m / 2.0;
+    let corner = place(body.rear_x_m, -half);
+    let along = place(body.bumper_x_m, -half) - corner;
+    let across = place(body.rear_x_m, half) - corner;
+    costs.mark_rectangle(corner, along, across, 0);
+    let reach = body.bumper_width_m / 2.0;
+    for (is_pressed, from_m, to_m) in [(left, 0.0, reach), (right, -reach, 0.0)] {
+        if !is_pressed {
+            continue;
+        }
+        // A hit is somewhere on the switch's half: all of it counts, as deep as the bumper cannot tell.
+        let lines = (body.bumper_depth_m / 0.05).ceil().clamp(1.0, 100.0) as u32;
+        for line in 0..=lines {
+            let x = body.bumper_x_m + body.bumper_depth_m * f64::from(line) / f64::from(lines);
+            costs.mark_line(place(x, from_m), place(x, to_m), MAX_COST);
+        }
+    }
+    costs
+}
+
+/// Free cells along each cone up to what it sees, and obstacle cells there.
+pub fn infrared_costs(around: DVec2, rays: &[Ray], rules: &RayRules) -> Costs {
+    let mut costs = Costs::around(around);
+    for ray in rays {
+        let at = |range: f64, angle: f64| {
+            let (sin, cos) = libm::sincos(angle);
+            (ray.map_from_sensor * DVec3::new(range * cos, range * sin, 0.0)).truncate()
+        };
+        let half = ray.cone_rad / 2.0;
+        let free_m = ray.range_m.unwrap_or(ray.max_range_m) * rules.free_fraction;
+        // Rays as close as half a cell at the far end leave no cell out.
+        let spread = (ray.cone_rad * ray.max_range_m / 0.1).ceil().clamp(2.0, 200.0) as u32;
+        for side in 0..=spread {
+            let angle = -half + ray.cone_rad * f64::from(side) / f64::from(spread);
+            costs.mark_line(at(0.0, angle), at(free_m, angle), 0);
+            if let Some(range_m) = ray.range_m {
+                let near = (range_m - rules.noise_m).max(0.0);
+                costs.mark_line(at(near, angle), at(range_m + rules.noise_m, angle), rules.cost);
+            }
+        }
+    }
+    costs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BODY: Body =
+        Body { bumper_x_m: 0.24, bumper_width_m: 0.66, bumper_depth_m: 0.2, rear_x_m: -0.72, width_m: 0.6 };
+    const RULES: RayRules = RayRules { cost: 250, free_fraction: 0.9, noise_m: 0.05 };
+
+    #[test]
+    fn a_hit_marks_the_cells_at_the_pressed_half_of_the_bumper() {
+        // The vehicle looks north at (10, 20).
+        let pose = Pose::from_xy_yaw(10.0, 20.0, std::f64::consts::FRAC_PI_2);
+        let left = bumper_costs(&pose, &BODY, true, false);
+        assert_eq!(left.at(DVec2::new(9.85, 20.3)), Some(250), "left of the middle is west");
+        assert_eq!(left.at(DVec2::new(10.25, 20.5)), None);
+        assert_eq!(left.at(DVec2::new(10.0, 19.7)), Some(0), "under the vehicle");
+        let right = bumper_costs(&pose, &BODY, false, true);
+        assert_eq!((right.at(DVec2::new(10.15, 20.3)), right.at(DVec2::new(9.75, 20.5))), (Some(250), None));
+        let both = bumper_costs(&pose, &BODY, true, true);
+        assert!(both.at(DVec2::new(9.85, 20.3)).is_some() && both.at(DVec2::new(10.15, 20.3)).is_some());
+    }
+
+    #[test]
+    fn without_a_hit_the_ground_under_the_vehicle_is_free_and_nothing_else_is_told() {
+        for tenth in 0..63 {
+            let pose = Pose::from_xy_yaw(-3.3, 4.7, f64::from(tenth) * 0.1);
+            let costs = bumper_costs(&pose, &BODY, false, false);
+            assert_eq!(costs.count_from(1), 0);
+            // 0.96 m by 0.6 m are 14.4 cells; middles inside vary with the angle.
+            assert!((10..=20).contains(&costs.count_from(0)), "{}", costs.count_from(0));
+        }
+    }
+
+    fn ray(range_m: Option<f64>) -> Ray {
+        let map_from_sensor = Pose::from_xy_yaw(0.1, 0.1, 0.0);
+        Ray { map_from_sensor, range_m, max_range_m: 1.5, cone_rad: 0.2 }
+    }
+
+    #[test]
+    fn a_cone_is_free_before_what_it_sees_and_unknown_behind() {
+        let costs = infrared_costs(DVec2::ZERO, &[ray(Some(1.0))], &RULES);
+        assert_eq!(costs.at(DVec2::new(0.5, 0.1)), Some(0));
+        assert_eq!(costs.at(DVec2::new(1.1, 0.1)), Some(250));
+        assert_eq!(costs.at(DVec2::new(1.5, 0.1)), None);
+        assert_eq!(costs.at(DVec2::new(0.5, 0.5)), None);
+    }
+
+    #[test]
+    fn a_cone_that_sees_nothing_is_free_and_an_obstacle_of_one_beats_free_of_another() {
+        let free = infrared_costs(DVec2::ZERO, &[ray(None)], &RULES);
+        assert_eq!(free.count_from(1), 0);
+        assert_eq!(free.at(DVec2::new(1.3, 0.1)), Some(0));
+        assert_eq!(free.at(DVec2::new(1.7, 0.1)), None);
+        let both = infrared_costs(DVec2::ZERO, &[ray(Some(1.0)), ray(None)], &RULES);
+        assert_eq!(both.at(DVec2::new(1.1, 0.1)), Some(250));
+    }
+}

@@ -1,0 +1,313 @@
+//! The process `proximity`.
+
+use crate::near::{Body, Ray, RayRules, bumper_costs, infrared_costs};
+use crate::traction::{Inertial, Rules, State, Traction};
+use rcs_geom::Pose;
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::Grid;
+use rcs_msg::rcs::{
+    Bumper, Imu, MotorCurrents, ProximityParams, RangeReading, RangeReadings, SlipReport, TractionState,
+    WheelEncoders,
+};
+use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, PosePorts, Process, ProcessDef};
+use rcs_world::{FrameNames, Localizer, Source};
+use serde::{Deserialize, Serialize};
+
+/// Slip reports are sent this often, ns.
+const REPORT_NS: u64 = 100_000_000;
+
+/// State: the last seconds of poses, what the bumper said last, and the estimate of the wheels' grip.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Proximity {
+    localizer: Localizer,
+    traction: Traction,
+    /// Switches that the last bumper map was made of, and its time.
+    bumper: Option<([bool; 2], Stamp)>,
+    pitch_rad: f64,
+    /// Whether the wheels have said anything; there is no slip report before.
+    has_encoders: bool,
+    reported: Option<Stamp>,
+}
+
+/// Ports of [`Proximity`].
+#[derive(Debug)]
+pub struct Ports {
+    bumper: In<Bumper>,
+    infrared: In<RangeReadings>,
+    motors: In<MotorCurrents>,
+    encoders: In<WheelEncoders>,
+    imu: In<Imu>,
+    poses: PosePorts,
+    bumper_cost: Out<Grid>,
+    infrared_cost: Out<Grid>,
+    slip: Out<SlipReport>,
+}
+
+impl Process for Proximity {
+    type Params = ProximityParams;
+    type Ports = Ports;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "proximity",
+        summary: "Bumper and infrared sensors as costs; slip of the wheels and stalled motors",
+        period_ms: 50.0,
+        commands: &[],
+        reads_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        Ports {
+            bumper: b.optional_input("bumper", "switches of the bumper"),
+            infrared: b
+                .optional_input("infrared", "readings of range sensors that look along x of their frames, m"),
+            motors: b.optional_input("motors", "currents of the drive motors, A"),
+            encoders: b.optional_input("encoders", "speeds of the wheels, m/s"),
+            imu: b.optional_input("imu", "accelerations and turn rates; its axes are the vehicle's"),
+            poses: PosePorts::declare(b),
+            bumper_cost: b
+                .output(
+                    "bumper_cost",
+                    "field cost.bumper: 250 where the bumper hit, 0 under the vehicle, local frame",
+                )
+                .role("cost")
+                .palette("cost")
+                .build(),
+            infrared_cost: b
+                .output("infrared_cost", "field cost.infrared: cones of the infrared sensors, local frame")
+                .role("cost")
+                .palette("cost")
+                .build(),
+            slip: b
+                .output("slip", "slip of the wheels, 0 to 1, and load of the motors")
+                .role("stats")
+                .build(),
+        }
+    }
+
+    fn new(_params: &ProximityParams) -> Self {
+        Self::default()
+    }
+
+    fn cycle(&mut self, ports: &Ports, params: &ProximityParams, cx: &mut Cycle<'_>) {
+        ports.poses.read(&mut self.localizer, names(params), cx);
+        while let Some(bumper) = cx.read(&ports.bumper) {
+            self.take_bumper(&bumper, ports, params, cx);
+        }
+        while let Some(readings) = cx.read(&ports.infrared) {
+            self.take_infrared(&readings, ports, params, cx);
+        }
+        self.take_wheels(ports, cx);
+        let rules = rules(params);
+        while let Some(imu) = cx.read(&ports.imu) {
+            self.take_imu(&imu, params, &rules, cx);
+        }
+        if self.has_encoders {
+            self.traction.look(cx.now(), params.inertial_timeout_s, &rules);
+            self.report(ports, &rules, cx);
+        }
+        cx.exec(match self.traction.state {
+            State::Unknown => "senses",
+            State::Grips => "senses; the wheels grip",
+            State::Spins => "senses; the wheels spin",
+            State::Stalled => "senses; a motor is stalled",
+        });
+    }
+}
+
+impl Proximity {
+    /// Where the vehicle was. A pose that is not known yet is no fault: before the first message there is none.
+    fn vehicle_at(&self, time: Stamp, params: &ProximityParams) -> Option<Pose> {
+        self.localizer.local_from_vehicle(names(params), time, params.pose_max_age_s).ok()
+    }
+
+    fn take_bumper(
+        &mut self,
+        bumper: &Msg<Bumper>,
+        ports: &Ports,
+        params: &ProximityParams,
+        cx: &mut Cycle<'_>,
+    ) {
+        let time = bumper.acq_time();
+        let switches = [bumper.left, bumper.right];
+        let is_due = self.bumper.is_none_or(|(last, at)| {
+            last != switches || time.seconds_since(at) >= params.bumper_period_s - 1e-6
+        });
+        if !is_due {
+            return;
+        }
+        let Some(pose) = self.vehicle_at(time, params) else {
+            if bumper.left || bumper.right {
+                cx.fault("bumper: hit where the vehicle's pose is not known; skipped");
+            }
+            return;
+        };
+        self.bumper = Some((switches, time));
+        let body = Body {
+            bumper_x_m: params.bumper_x_m,
+            bumper_width_m: params.bumper_width_m,
+            bumper_depth_m: params.bumper_depth_m,
+            rear_x_m: params.rear_x_m,
+            width_m: params.vehicle_width_m,
+        };
+        let costs = bumper_costs(&pose, &body, bumper.left, bumper.right);
+        cx.write(
+            &ports.bumper_cost,
+            time,
+            costs.to_grid(Source::Bumper, &params.local_frame, time.to_proto()),
+        );
+    }
+
+    fn take_infrared(
+        &mut self,
+        readings: &Msg<RangeReadings>,
+        ports: &Ports,
+        params: &ProximityParams,
+        cx: &mut Cycle<'_>,
+    ) {
+        let time = readings.acq_time();
+        let Some(pose) = self.vehicle_at(time, params) else { return };
+        let mut rays = Vec::with_capacity(readings.readings.len());
+        for reading in &readings.readings {
+            match self.ray(&pose, reading, time, params) {
+                Ok(ray) => rays.push(ray),
+                Err(fault) => cx.fault(format!("infrared: {fault}; reading skipped")),
+            }
+        }
+        if rays.is_empty() {
+            return;
+        }
+        let rules = RayRules {
+            cost: params.infrared_max_cost as u8,
+            free_fraction: params.infrared_free_fraction,
+            noise_m: params.range_noise_m,
+        };
+        let costs = infrared_costs(pose.translation.truncate(), &rays, &rules);
+        let grid = costs.to_grid(Source::Infrared, &params.local_frame, time.to_proto());
+        cx.write(&ports.infrared_cost, time, grid);
+    }
+
+    fn ray(
+        &self,
+        local_from_vehicle: &Pose,
+        reading: &RangeReading,
+        time: Stamp,
+        params: &ProximityParams,
+    ) -> Result<Ray, String> {
+        let vehicle_from_sensor = self
+            .localizer
+            .lookup(&params.vehicle_frame, &reading.frame_id, time, params.pose_max_age_s)
+            .map_err(|error| error.to_string())?;
+        let (max_range_m, cone_rad) = (reading.max_range_m, reading.cone_rad);
+        if !(max_range_m > 0.0 && max_range_m.is_finite() && (0.0..=std::f64::consts::PI).contains(&cone_rad))
+        {
+            return Err(format!(
+                "greatest range is {max_range_m} m and cone {cone_rad} rad, expected a positive length and an angle"
+            ));
+        }
+        if reading.seen && !(0.0..=max_range_m).contains(&reading.range_m) {
+            return Err(format!("range is {} m, expected 0 to {max_range_m} m", reading.range_m));
+        }
+        Ok(Ray {
+            map_from_sensor: *local_from_vehicle * vehicle_from_sensor,
+            range_m: reading.seen.then_some(reading.range_m),
+            max_range_m,
+            cone_rad,
+        })
+    }
+
+    fn take_wheels(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
+        if let Some(encoders) = cx.read_newest(&ports.encoders) {
+            let speeds = [encoders.left_mps, encoders.right_mps];
+            if speeds.iter().all(|speed| speed.is_finite()) {
+                self.traction.wheels_mps = speeds;
+                self.has_encoders = true;
+            } else {
+                cx.fault(format!("encoders: speeds are {speeds:?} m/s, expected finite numbers; skipped"));
+            }
+        }
+        if let Some(motors) = cx.read_newest(&ports.motors) {
+            let currents = [motors.left_a, motors.right_a];
+            if currents.iter().all(|current| current.is_finite()) {
+                self.traction.motors_a = currents;
+            } else {
+                cx.fault(format!("motors: currents are {currents:?} A, expected finite numbers; skipped"));
+            }
+        }
+    }
+
+    fn take_imu(&mut self, imu: &Msg<Imu>, params: &ProximityParams, rules: &Rules, cx: &mut Cycle<'_>) {
+        let (Some(acceleration), Some(rate)) = (&imu.linear_acceleration, &imu.angular_velocity) else {
+            cx.fault("imu: expected accelerations and turn rates, got only one of them; skipped");
+            return;
+        };
+        if !(acceleration.x.is_finite() && rate.z.is_finite()) {
+            cx.fault(format!(
+                "imu: acceleration is {} m/s² and turn rate {} rad/s, expected finite numbers; skipped",
+                acceleration.x, rate.z
+            ));
+            return;
+        }
+        self.pitch_rad = self.pitch(imu, params).unwrap_or(self.pitch_rad);
+        let reading = Inertial {
+            time: imu.acq_time(),
+            acceleration_mps2: acceleration.x,
+            yaw_rate_radps: rate.z,
+            pitch_rad: self.pitch_rad,
+        };
+        self.traction.take_inertial(&reading, rules);
+    }
+
+    /// By the inertial sensor itself, else by the position estimate.
+    fn pitch(&self, imu: &Msg<Imu>, params: &ProximityParams) -> Option<f64> {
+        let own =
+            imu.orientation.as_ref().and_then(|q| Pose::from_parts([0.0; 3], [q.x, q.y, q.z, q.w]).ok());
+        let pose = own.or_else(|| self.vehicle_at(imu.acq_time(), params))?;
+        Some(pose.rpy()[1])
+    }
+
+    fn report(&mut self, ports: &Ports, rules: &Rules, cx: &mut Cycle<'_>) {
+        let now = cx.now();
+        if self.reported.is_some_and(|last| now < last.after_ns(REPORT_NS)) {
+            return;
+        }
+        self.reported = Some(now);
+        let traction = &self.traction;
+        let state = match traction.state {
+            State::Unknown => TractionState::TractionUnknown,
+            State::Grips => TractionState::TractionGrips,
+            State::Spins => TractionState::TractionSpins,
+            State::Stalled => TractionState::TractionStalled,
+        };
+        let report = SlipReport {
+            timestamp: Some(now.to_proto()),
+            state: state.into(),
+            slip: traction.slip,
+            wheel_speed_mps: traction.wheel_speed_mps(),
+            inertial_speed_mps: traction.inertial_mps,
+            wheel_yaw_rate_radps: traction.wheel_yaw_rate_radps(rules),
+            gyro_yaw_rate_radps: traction.yaw_rate_radps,
+            left_a: traction.motors_a[0],
+            right_a: traction.motors_a[1],
+            spin_count: traction.spin.count,
+            stall_count: traction.stall.count,
+            spin_time_s: traction.spin.time_s,
+            stall_time_s: traction.stall.time_s,
+        };
+        cx.write(&ports.slip, now, report);
+    }
+}
+
+fn rules(params: &ProximityParams) -> Rules {
+    Rules {
+        track_m: params.track_m,
+        memory_s: params.inertial_memory_s,
+        spin_slip: params.spin_slip,
+        min_speed_mps: params.min_speed_mps,
+        stall_current_a: params.stall_current_a,
+        stall_speed_mps: params.stall_speed_mps,
+        settle_s: params.stall_time_s,
+    }
+}
+
+fn names(params: &ProximityParams) -> FrameNames<'_> {
+    FrameNames { local: &params.local_frame, vehicle: &params.vehicle_frame, pose: &params.pose_frame }
+}

@@ -1,0 +1,200 @@
+//! Whether the wheels grip, spin, or stand against a motor that draws current.
+//!
+//! The wheels say how fast they turn, the inertial sensors how fast the vehicle changes its speed. The inertial speed
+//! integrates the acceleration along the vehicle (gravity taken out by the pitch) and is drawn toward the wheels' speed
+//! within a memory of seconds, more slowly while the wheels spin, as accelerometers drift. While wheels and vehicle
+//! stand, it is zero and the accelerometer's offset is learned. The gyro splits it into the ground speeds of the two
+//! wheels; slip is the part of a wheel's motion that the ground does not make, the greater of the two.
+//!
+//! What this cannot see: a slip that builds up as slowly as the memory forgets, and slip after several memories.
+
+use rcs_msg::Stamp;
+use serde::{Deserialize, Serialize};
+
+/// Standard gravity, m/s².
+const GRAVITY_MPS2: f64 = 9.806_65;
+/// Wheels slower than this stand, m/s.
+const STANDS_MPS: f64 = 0.01;
+/// A gyro below this says that the vehicle stands, rad/s.
+const STANDS_RADPS: f64 = 0.03;
+/// Time over which the accelerometer's offset is averaged while the vehicle stands, s.
+const OFFSET_S: f64 = 1.0;
+/// Longest time between two inertial readings that is integrated over, s.
+const LONGEST_STEP_S: f64 = 0.1;
+/// How much longer the inertial speed is believed while the wheels spin.
+const SPIN_PATIENCE: f64 = 4.0;
+
+/// See the parameters of the process.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rules {
+    /// Between the driven wheels, m.
+    pub track_m: f64,
+    /// Time within which the inertial speed follows the wheels', s.
+    pub memory_s: f64,
+    /// Slip from which on the wheels spin.
+    pub spin_slip: f64,
+    /// Wheels slower than this have no slip, m/s.
+    pub min_speed_mps: f64,
+    /// Current above which a motor works hard, A.
+    pub stall_current_a: f64,
+    /// Wheels slower than this hardly turn, m/s.
+    pub stall_speed_mps: f64,
+    /// How long it must last before it is said, s.
+    pub settle_s: f64,
+}
+
+/// One reading of the inertial sensors in the vehicle's axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inertial {
+    /// When.
+    pub time: Stamp,
+    /// Along the vehicle's x axis, gravity included, m/s².
+    pub acceleration_mps2: f64,
+    /// About its z axis, rad/s.
+    pub yaw_rate_radps: f64,
+    /// Positive lowers the front, rad.
+    pub pitch_rad: f64,
+}
+
+/// What the wheels do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum State {
+    /// Too slow to tell, or nothing to tell it by.
+    #[default]
+    Unknown,
+    /// They roll.
+    Grips,
+    /// They turn faster than the vehicle moves.
+    Spins,
+    /// A motor draws much current and its wheel hardly turns.
+    Stalled,
+}
+
+/// Something that must last before it is said; counts how often it began, and for how long it was.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Lasting {
+    since: Option<Stamp>,
+    is_said: bool,
+    /// Times that it began.
+    pub count: u64,
+    /// How long in all, s.
+    pub time_s: f64,
+}
+
+impl Lasting {
+    /// Whether it is said after a look at `now`, `dt_s` after the one before.
+    fn look(&mut self, is_so: bool, now: Stamp, dt_s: f64, settle_s: f64) -> bool {
+        if !is_so {
+            (self.since, self.is_said) = (None, false);
+            return false;
+        }
+        let since = *self.since.get_or_insert(now);
+        if !self.is_said && now.seconds_since(since) >= settle_s {
+            self.is_said = true;
+            self.count += 1;
+            self.time_s += now.seconds_since(since);
+        } else if self.is_said {
+            self.time_s += dt_s;
+        }
+        self.is_said
+    }
+}
+
+/// The estimate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Traction {
+    /// Speeds of the left and right wheel, m/s.
+    pub wheels_mps: [f64; 2],
+    /// Currents of the left and right motor, A; 0 where they are not known.
+    pub motors_a: [f64; 2],
+    /// Along the vehicle, m/s.
+    pub inertial_mps: f64,
+    /// By the gyro, rad/s.
+    pub yaw_rate_radps: f64,
+    /// 0 to 1.
+    pub slip: f64,
+    /// What the wheels do.
+    pub state: State,
+    /// Spinning wheels.
+    pub spin: Lasting,
+    /// Stalled motors.
+    pub stall: Lasting,
+    offset_mps2: f64,
+    last_inertial: Option<Stamp>,
+    last_look: Option<Stamp>,
+    /// Whether the last look found slip, said or not.
+    slips: bool,
+}
+
+impl Traction {
+    /// Mean speed of the wheels, m/s.
+    pub fn wheel_speed_mps(&self) -> f64 {
+        f64::midpoint(self.wheels_mps[0], self.wheels_mps[1])
+    }
+
+    /// Turn rate by the wheels, rad/s.
+    pub fn wheel_yaw_rate_radps(&self, rules: &Rules) -> f64 {
+        (self.wheels_mps[1] - self.wheels_mps[0]) / rules.track_m
+    }
+
+    /// Takes inertial readings in the order of their times; older ones than the last are left out.
+    pub fn take_inertial(&mut self, reading: &Inertial, rules: &Rules) {
+        self.yaw_rate_radps = reading.yaw_rate_radps;
+        let dt_s = self.last_inertial.map(|last| reading.time.seconds_since(last));
+        self.last_inertial = Some(self.last_inertial.map_or(reading.time, |last| last.max(reading.time)));
+        let wheels = self.wheel_speed_mps();
+        // At rest and level it measures nothing along x; with the front down, gravity pulls it forward.
+        let free = reading.acceleration_mps2 + GRAVITY_MPS2 * libm::sin(reading.pitch_rad);
+        // At the start and after a gap nothing better is known than what the wheels say.
+        let Some(dt_s) = dt_s.filter(|&dt_s| dt_s <= LONGEST_STEP_S) else {
+            self.inertial_mps = wheels;
+            return;
+        };
+        if dt_s <= 0.0 {
+            return;
+        }
+        let stand = self.wheels_mps.iter().all(|speed| speed.abs() < STANDS_MPS);
+        if stand && reading.yaw_rate_radps.abs() < STANDS_RADPS && self.inertial_mps.abs() < 0.1 {
+            self.offset_mps2 += (free - self.offset_mps2) * (dt_s / OFFSET_S);
+            self.inertial_mps = 0.0;
+            return;
+        }
+        let memory_s = if self.slips { rules.memory_s * SPIN_PATIENCE } else { rules.memory_s };
+        self.inertial_mps += (free - self.offset_mps2) * dt_s;
+        self.inertial_mps += (wheels - self.inertial_mps) * (dt_s / memory_s).min(1.0);
+    }
+
+    /// Judges what is known at `now`.
+    pub fn look(&mut self, now: Stamp, inertial_timeout_s: f64, rules: &Rules) {
+        let dt_s = self.last_look.map_or(0.0, |last| now.seconds_since(last).max(0.0));
+        self.last_look = Some(now);
+        let is_inertial =
+            self.last_inertial.is_some_and(|last| now.seconds_since(last) <= inertial_timeout_s);
+        let slip = if is_inertial { self.slip_now(rules) } else { None };
+        self.slip = slip.unwrap_or(0.0);
+        self.slips = slip.is_some_and(|slip| slip >= rules.spin_slip);
+        let spins = self.spin.look(self.slips, now, dt_s, rules.settle_s);
+        let is_stalled = self.wheels_mps.iter().zip(&self.motors_a).any(|(speed, current)| {
+            current.abs() > rules.stall_current_a && speed.abs() < rules.stall_speed_mps
+        });
+        let stalled = self.stall.look(is_stalled, now, dt_s, rules.settle_s);
+        self.state = match (stalled, spins, slip) {
+            (true, ..) => State::Stalled,
+            (_, true, _) => State::Spins,
+            (_, _, Some(_)) => State::Grips,
+            _ => State::Unknown,
+        };
+    }
+
+    /// The greater slip of the two wheels; `None` where neither is fast enough.
+    fn slip_now(&self, rules: &Rules) -> Option<f64> {
+        let half = self.yaw_rate_radps * rules.track_m / 2.0;
+        let ground = [self.inertial_mps - half, self.inertial_mps + half];
+        let fast = self.wheels_mps.iter().zip(ground).filter(|(wheel, _)| wheel.abs() >= rules.min_speed_mps);
+        fast.map(|(wheel, ground)| (1.0 - ground / wheel).clamp(0.0, 1.0)).reduce(f64::max)
+    }
+}
+
+#[cfg(test)]
+#[path = "traction_tests.rs"]
+mod tests;

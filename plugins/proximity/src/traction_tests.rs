@@ -1,0 +1,149 @@
+//! Drives made by hand: what the sensors of a vehicle say that rolls, spins, stalls and turns.
+
+use super::*;
+
+const RULES: Rules = Rules {
+    track_m: 0.6,
+    memory_s: 1.5,
+    spin_slip: 0.3,
+    min_speed_mps: 0.3,
+    stall_current_a: 15.0,
+    stall_speed_mps: 0.05,
+    settle_s: 0.3,
+};
+
+/// One moment of a drive.
+#[derive(Clone, Copy, Default)]
+struct Moment {
+    /// Of the vehicle.
+    speed_mps: f64,
+    yaw_rate_radps: f64,
+    /// Of the wheels.
+    wheels_mps: [f64; 2],
+    motors_a: [f64; 2],
+    pitch_rad: f64,
+}
+
+/// Drives for a time at 100 readings and 20 looks a second; accelerations follow from the speeds.
+fn drive(traction: &mut Traction, from_s: f64, to_s: f64, offset_mps2: f64, at: impl Fn(f64) -> Moment) {
+    for step in (from_s * 100.0) as u64..(to_s * 100.0) as u64 {
+        let (time_s, before_s) = (step as f64 * 0.01, step as f64 * 0.01 - 0.01);
+        let now = at(time_s);
+        let acceleration = (now.speed_mps - at(before_s.max(from_s)).speed_mps) / 0.01;
+        traction.wheels_mps = now.wheels_mps;
+        traction.motors_a = now.motors_a;
+        let time = Stamp(step * 10_000_000);
+        let reading = Inertial {
+            time,
+            acceleration_mps2: acceleration - GRAVITY_MPS2 * libm::sin(now.pitch_rad) + offset_mps2,
+            yaw_rate_radps: now.yaw_rate_radps,
+            pitch_rad: now.pitch_rad,
+        };
+        traction.take_inertial(&reading, &RULES);
+        if step % 5 == 0 {
+            traction.look(time, 0.2, &RULES);
+        }
+    }
+}
+
+fn rolling(speed_mps: f64) -> Moment {
+    Moment { speed_mps, wheels_mps: [speed_mps; 2], ..Moment::default() }
+}
+
+#[test]
+fn wheels_that_roll_grip_also_uphill_and_with_an_offset_of_the_accelerometer() {
+    let mut traction = Traction::default();
+    drive(&mut traction, 0.0, 2.0, 0.05, |_| rolling(0.0));
+    assert_eq!(traction.state, State::Unknown, "a vehicle that stands tells nothing");
+    let uphill = |t: f64| Moment { pitch_rad: -0.2, ..rolling((t - 2.0).clamp(0.0, 1.2)) };
+    drive(&mut traction, 2.0, 12.0, 0.05, uphill);
+    assert_eq!(traction.state, State::Grips);
+    assert!(traction.slip < 0.05, "{}", traction.slip);
+    assert_eq!(traction.spin.count, 0);
+}
+
+#[test]
+fn wheels_that_spin_on_the_spot_are_told_after_the_time_to_settle_and_counted_once() {
+    let mut traction = Traction::default();
+    drive(&mut traction, 0.0, 1.0, 0.0, |_| rolling(0.0));
+    let spinning = |t: f64| Moment { wheels_mps: [(t - 1.0).min(1.0); 2], ..Moment::default() };
+    drive(&mut traction, 1.0, 1.5, 0.0, spinning);
+    assert_eq!(traction.state, State::Grips, "0.2 s above the least speed are too short to be sure");
+    drive(&mut traction, 1.5, 3.0, 0.0, spinning);
+    assert_eq!(traction.state, State::Spins);
+    assert!(traction.slip > 0.6, "{}", traction.slip);
+    assert_eq!(traction.spin.count, 1);
+    assert!((traction.spin.time_s - 1.65).abs() < 0.11, "{}", traction.spin.time_s);
+    drive(&mut traction, 3.0, 8.0, 0.0, |_| rolling(0.0));
+    assert_eq!((traction.state, traction.spin.count), (State::Unknown, 1));
+}
+
+#[test]
+fn a_vehicle_that_loses_its_grip_at_speed_is_noticed() {
+    let mut traction = Traction::default();
+    drive(&mut traction, 0.0, 4.0, 0.02, |t| rolling((t - 1.0).clamp(0.0, 1.0)));
+    // On mud the vehicle is braked to 0.3 m/s within a second while the wheels go on.
+    let mud = |t: f64| Moment { speed_mps: (1.0 - (t - 4.0) * 0.7).max(0.3), ..rolling(1.0) };
+    drive(&mut traction, 4.0, 6.0, 0.02, mud);
+    assert_eq!(traction.state, State::Spins);
+    assert!(traction.slip > 0.3 && traction.slip < 0.8, "{}", traction.slip);
+}
+
+#[test]
+fn a_turn_that_the_gyro_agrees_with_is_no_slip_and_one_that_it_does_not_is() {
+    let turn = |yaw_rate_radps: f64| {
+        let mut traction = Traction::default();
+        drive(&mut traction, 0.0, 3.0, 0.0, |_| Moment {
+            yaw_rate_radps,
+            wheels_mps: [-0.36, 0.36],
+            ..Moment::default()
+        });
+        traction
+    };
+    let grips = turn(1.2);
+    assert_eq!(grips.state, State::Grips);
+    assert!(grips.slip < 1e-9 && (grips.wheel_yaw_rate_radps(&RULES) - 1.2).abs() < 1e-12);
+    let spins = turn(0.3);
+    assert_eq!(spins.state, State::Spins);
+    assert!((spins.slip - 0.75).abs() < 1e-9);
+}
+
+#[test]
+fn a_motor_that_draws_current_while_its_wheel_stands_is_stalled() {
+    let mut traction = Traction::default();
+    let against_a_wall = Moment { motors_a: [4.0, 20.0], ..Moment::default() };
+    drive(&mut traction, 0.0, 0.25, 0.0, |_| against_a_wall);
+    assert_eq!((traction.state, traction.stall.count), (State::Unknown, 0));
+    drive(&mut traction, 0.25, 1.0, 0.0, |_| against_a_wall);
+    assert_eq!((traction.state, traction.stall.count), (State::Stalled, 1));
+    let climbs = Moment { motors_a: [20.0, 20.0], ..rolling(0.5) };
+    drive(&mut traction, 1.0, 2.0, 0.0, |_| climbs);
+    assert_eq!(traction.stall.count, 1, "a current with turning wheels is work");
+}
+
+#[test]
+fn without_inertial_readings_there_is_no_slip() {
+    let mut traction = Traction { wheels_mps: [1.0, 1.0], ..Traction::default() };
+    traction.look(Stamp(0), 0.2, &RULES);
+    assert_eq!((traction.state, traction.slip), (State::Unknown, 0.0));
+    drive(&mut traction, 0.0, 1.0, 0.0, |_| rolling(1.0));
+    assert_eq!(traction.state, State::Grips);
+    traction.look(Stamp(1_500_000_000), 0.2, &RULES);
+    assert_eq!(traction.state, State::Unknown);
+}
+
+#[test]
+fn readings_after_a_gap_or_out_of_order_are_not_integrated() {
+    let mut traction = Traction { wheels_mps: [1.0, 1.0], ..Traction::default() };
+    let reading = |ms: u64| Inertial {
+        time: Stamp(ms * 1_000_000),
+        acceleration_mps2: 50.0,
+        yaw_rate_radps: 0.0,
+        pitch_rad: 0.0,
+    };
+    traction.take_inertial(&reading(1_000), &RULES);
+    traction.take_inertial(&reading(2_000), &RULES);
+    assert_eq!(traction.inertial_mps, 1.0, "the wheels' speed after a gap");
+    traction.take_inertial(&reading(1_990), &RULES);
+    assert_eq!(traction.inertial_mps, 1.0);
+}
