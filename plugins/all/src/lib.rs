@@ -11,8 +11,10 @@ pub fn all() -> &'static [ProcessType] {
         ProcessType::of::<rcs_comms::Comms>(),
         ProcessType::of::<rcs_obstacles::LabelOverlay>(),
         ProcessType::of::<rcs_obstacles::Obstacles>(),
+        ProcessType::of::<rcs_proximity::Proximity>(),
         ProcessType::of::<rcs_stereo::Stereo>(),
         ProcessType::of::<rcs_terrain::TerrainLearner>(),
+        ProcessType::of::<rcs_truth_driver::TruthDriver>(),
         ProcessType::of::<rcs_world_model::WorldModel>(),
     ];
     ALL
