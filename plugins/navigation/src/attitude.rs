@@ -1,0 +1,165 @@
+//! Roll, pitch and yaw from gyros and accelerometers: a complementary filter.
+//!
+//! Gyros are integrated; where the accelerometers feel about as much as gravity, their direction of up pulls roll and
+//! pitch slowly to itself. Yaw has nothing to be pulled to, so it drifts with the bias of its gyro, which is learned
+//! while the vehicle stands.
+
+use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// m/s².
+const GRAVITY_MPS2: f64 = 9.81;
+/// A vehicle that turns faster does not stand, whatever its encoders say, rad/s.
+const STANDING_RADPS: f64 = 0.05;
+/// A gap between readings that is longer is not integrated over, s.
+const MAX_STEP_S: f64 = 0.5;
+
+/// Settings of the filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AttitudeSettings {
+    /// Roll and pitch follow the accelerometers after this, s.
+    pub tilt_time_s: f64,
+    /// Accelerations that differ from gravity by more do not count, m/s².
+    pub tilt_gate_mps2: f64,
+    /// Biases are averaged over this, s.
+    pub bias_time_s: f64,
+}
+
+/// State of the filter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Attitude {
+    /// Turns vehicle axes into level axes, x to the east.
+    pub level_from_vehicle: DQuat,
+    /// Turn rates less their biases, rad/s, vehicle axes.
+    pub turn_radps: DVec3,
+    bias: DVec3,
+}
+
+impl Attitude {
+    /// At rest with this heading: roll and pitch follow from what the accelerometers feel.
+    pub fn at_rest(force_mps2: DVec3, yaw_rad: f64) -> Attitude {
+        let yawless = DQuat::from_rotation_arc(force_mps2.normalize_or(DVec3::Z), DVec3::Z);
+        let forward = yawless * DVec3::X;
+        let turn = yaw_rad - libm::atan2(forward.y, forward.x);
+        Attitude {
+            level_from_vehicle: (DQuat::from_rotation_z(turn) * yawless).normalize(),
+            turn_radps: DVec3::ZERO,
+            bias: DVec3::ZERO,
+        }
+    }
+
+    /// Takes a reading `elapsed_s` after the last one: rad/s and m/s², gravity included, vehicle axes.
+    pub fn update(
+        &mut self,
+        settings: &AttitudeSettings,
+        gyro_radps: DVec3,
+        force_mps2: DVec3,
+        elapsed_s: f64,
+        standing: bool,
+    ) {
+        let elapsed_s = elapsed_s.clamp(0.0, MAX_STEP_S);
+        let turn = gyro_radps - self.bias;
+        if standing && turn.length() < STANDING_RADPS {
+            let part = elapsed_s / (settings.bias_time_s + elapsed_s);
+            self.bias += turn * part;
+            self.turn_radps = DVec3::ZERO;
+        } else {
+            self.turn_radps = turn;
+        }
+        let mut attitude = self.level_from_vehicle * DQuat::from_scaled_axis(self.turn_radps * elapsed_s);
+        if (force_mps2.length() - GRAVITY_MPS2).abs() < settings.tilt_gate_mps2 {
+            let felt_up = force_mps2.normalize();
+            let believed_up = attitude.conjugate() * DVec3::Z;
+            let part = elapsed_s / (settings.tilt_time_s + elapsed_s);
+            // About an axis across up: yaw stays what it is.
+            attitude *= DQuat::from_scaled_axis(felt_up.cross(believed_up) * part);
+        }
+        self.level_from_vehicle = attitude.normalize();
+    }
+
+    /// Heading counter-clockwise from east, rad.
+    pub fn yaw_rad(&self) -> f64 {
+        let forward = self.level_from_vehicle * DVec3::X;
+        libm::atan2(forward.y, forward.x)
+    }
+
+    /// Turns about the vertical, where no gyro says so, rad.
+    pub fn turn_by(&mut self, yaw_rad: f64) {
+        self.level_from_vehicle = (DQuat::from_rotation_z(yaw_rad) * self.level_from_vehicle).normalize();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SETTINGS: AttitudeSettings =
+        AttitudeSettings { tilt_time_s: 2.0, tilt_gate_mps2: 1.0, bias_time_s: 3.0 };
+
+    fn tilt_error(a: DQuat, b: DQuat) -> f64 {
+        (a.conjugate() * DVec3::Z).angle_between(b.conjugate() * DVec3::Z)
+    }
+
+    #[test]
+    fn at_rest_it_has_the_roll_and_pitch_that_gravity_tells_and_the_heading_that_is_given() {
+        let truth = DQuat::from_rotation_z(1.0) * DQuat::from_rotation_y(0.2) * DQuat::from_rotation_x(-0.1);
+        let attitude = Attitude::at_rest(truth.conjugate() * (DVec3::Z * 9.81), 1.0);
+        assert!(attitude.level_from_vehicle.angle_between(truth) < 1e-9);
+        assert!((attitude.yaw_rad() - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn roll_and_pitch_come_back_from_an_error_and_yaw_does_not_move() {
+        let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 0.5);
+        attitude.level_from_vehicle *= DQuat::from_rotation_x(0.2);
+        for _ in 0..1000 {
+            attitude.update(&SETTINGS, DVec3::ZERO, DVec3::Z * 9.81, 0.01, false);
+        }
+        let truth = DQuat::from_rotation_z(0.5);
+        let error = tilt_error(attitude.level_from_vehicle, truth);
+        assert!(error < 0.2 * 0.01, "after five time constants: {error}");
+        assert!((attitude.yaw_rad() - 0.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_push_does_not_tilt_it() {
+        let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 0.0);
+        for _ in 0..100 {
+            attitude.update(&SETTINGS, DVec3::ZERO, DVec3::new(8.0, 0.0, 9.81), 0.01, false);
+        }
+        assert!(tilt_error(attitude.level_from_vehicle, DQuat::IDENTITY) < 1e-9);
+    }
+
+    #[test]
+    fn the_gyros_bias_is_learned_at_rest_and_taken_off_when_it_turns() {
+        let bias = DVec3::new(0.004, -0.003, 0.005);
+        let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 0.0);
+        for _ in 0..2000 {
+            attitude.update(&SETTINGS, bias, DVec3::Z * 9.81, 0.01, true);
+        }
+        assert!(attitude.yaw_rad().abs() < 1e-9, "it does not turn at rest");
+        for _ in 0..100 {
+            let gyro = bias + DVec3::Z * 0.5;
+            attitude.update(&SETTINGS, gyro, DVec3::Z * 9.81, 0.01, false);
+        }
+        assert!((attitude.yaw_rad() - 0.5).abs() < 1e-4, "{}", attitude.yaw_rad());
+    }
+
+    #[test]
+    fn yaw_is_the_integral_of_the_gyro_on_a_slope_too() {
+        let tilt = DQuat::from_rotation_y(0.3);
+        let mut truth = tilt;
+        let mut attitude = Attitude::at_rest(truth.conjugate() * (DVec3::Z * 9.81), truth_yaw(truth));
+        for _ in 0..500 {
+            let gyro = DVec3::Z * 0.4;
+            truth = (truth * DQuat::from_scaled_axis(gyro * 0.01)).normalize();
+            attitude.update(&SETTINGS, gyro, truth.conjugate() * (DVec3::Z * 9.81), 0.01, false);
+        }
+        assert!(attitude.level_from_vehicle.angle_between(truth) < 1e-3);
+    }
+
+    fn truth_yaw(q: DQuat) -> f64 {
+        let forward = q * DVec3::X;
+        libm::atan2(forward.y, forward.x)
+    }
+}

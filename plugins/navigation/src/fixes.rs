@@ -1,0 +1,228 @@
+//! The global estimate: when a position fix is believed, and what happens while there is none.
+//!
+//! A fix is compared with the estimate by the variance that the receiver states; one that surprises is an outlier and is
+//! left out. Fixes err alike over tens of seconds, so a good one is weighed with a larger variance: otherwise a filter
+//! would take sixty fixes of a minute for sixty measurements and follow their common error. After a start or a long
+//! time without a fix the first ones must agree with each other; when many in a row are refused that agree with each
+//! other, it is the estimate that is wrong, and it begins anew.
+
+use crate::planar::{Fix, MotionNoise, Planar};
+use glam::DVec2;
+use rcs_msg::Stamp;
+use serde::{Deserialize, Serialize};
+
+/// Settings of the gate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GateSettings {
+    /// Largest squared, normalised error.
+    pub gate: f64,
+    /// Fixes err alike over this, s.
+    pub correlation_s: f64,
+    /// So many refused fixes in a row that agree with each other begin the estimate anew.
+    pub reset_after: u32,
+}
+
+/// A position fix in the global frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Position {
+    /// When it was taken.
+    pub time: Stamp,
+    /// East and north, m.
+    pub at: DVec2,
+    /// Height, m.
+    pub height_m: f64,
+    /// Stated variances, level and up, m².
+    pub variance: f64,
+    /// See `variance`.
+    pub height_variance: f64,
+}
+
+/// What became of a fix.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Verdict {
+    /// It corrected the estimate.
+    Used,
+    /// It waits for one that agrees with it.
+    Waits,
+    /// The estimate began with it.
+    Began,
+    /// It is an outlier, with this squared, normalised error.
+    Refused {
+        /// See [`GateSettings::gate`].
+        surprise: f64,
+    },
+}
+
+/// The global estimate.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GlobalEstimate {
+    planar: Option<Planar>,
+    /// Global height less local height, m, and its variance, m².
+    lift_m: f64,
+    lift_variance: f64,
+    /// Heading and its variance while there is no place yet.
+    heading: [f64; 2],
+    last_fix: Option<Position>,
+    last_used: Option<Stamp>,
+    /// Refused or waiting fixes in a row that agree with each other.
+    chain: u32,
+}
+
+/// A vehicle moves no faster between two fixes that must agree, m/s.
+const FASTEST_MPS: f64 = 5.0;
+
+impl GlobalEstimate {
+    /// Knows the heading and its variance, rad and rad², and no place.
+    pub fn new(yaw_rad: f64, yaw_variance: f64) -> GlobalEstimate {
+        GlobalEstimate { heading: [yaw_rad, yaw_variance], ..GlobalEstimate::default() }
+    }
+
+    /// Place and heading; `None` before two fixes have agreed.
+    pub fn planar(&self) -> Option<&Planar> {
+        self.planar.as_ref()
+    }
+
+    /// Global height less local height, m, and its variance, m².
+    pub fn lift(&self) -> [f64; 2] {
+        [self.lift_m, self.lift_variance]
+    }
+
+    /// Time since a fix was used, s.
+    pub fn age_s(&self, now: Stamp) -> Option<f64> {
+        Some(now.seconds_since(self.last_used?))
+    }
+
+    /// A step ahead, m, and a turn, rad, in a time, s.
+    pub fn advance(&mut self, noise: &MotionNoise, step_m: f64, turn_rad: f64, elapsed_s: f64) {
+        if let Some(planar) = &mut self.planar {
+            planar.advance(noise, step_m, turn_rad, elapsed_s);
+        } else {
+            self.heading[0] += turn_rad;
+            self.heading[1] += noise.heading_rad * noise.heading_rad * elapsed_s;
+        }
+        self.lift_variance += noise.distance * noise.distance * step_m.abs();
+    }
+
+    /// Takes a fix. `arm` is the antenna seen from the vehicle's origin (level, ahead and left) and `local_height_m`
+    /// the antenna's height in the local frame, m.
+    pub fn take(
+        &mut self,
+        settings: &GateSettings,
+        position: Position,
+        arm: DVec2,
+        local_height_m: f64,
+    ) -> Verdict {
+        let before = self.last_fix.replace(position);
+        let gap_s = before.map_or(f64::INFINITY, |before| position.time.seconds_since(before.time));
+        let alike = (settings.correlation_s / gap_s.max(1e-3)).max(1.0);
+        let fix = Fix { at: position.at, arm, variance: position.variance, alike };
+        let agrees = before.is_some_and(|before| {
+            let spread = 3.0 * (before.variance + position.variance).sqrt();
+            before.at.distance(position.at) < spread + FASTEST_MPS * gap_s
+        });
+        self.chain = if agrees { self.chain + 1 } else { 1 };
+        let Some(planar) = &mut self.planar else {
+            if self.chain < 2 {
+                return Verdict::Waits;
+            }
+            self.begin(&fix, position, local_height_m);
+            return Verdict::Began;
+        };
+        let surprise = planar.surprise(&fix);
+        if surprise > settings.gate {
+            if self.chain < settings.reset_after {
+                return Verdict::Refused { surprise };
+            }
+            self.heading = [planar.yaw_rad, planar.covariance.z_axis.z];
+            self.begin(&fix, position, local_height_m);
+            return Verdict::Began;
+        }
+        planar.correct(&fix);
+        let gain = self.lift_variance / (self.lift_variance + position.height_variance * alike);
+        self.lift_m += gain * (position.height_m - local_height_m - self.lift_m);
+        self.lift_variance *= 1.0 - gain;
+        self.last_used = Some(position.time);
+        self.chain = 0;
+        Verdict::Used
+    }
+
+    fn begin(&mut self, fix: &Fix, position: Position, local_height_m: f64) {
+        let [yaw_rad, yaw_variance] = self.heading;
+        let (sin, cos) = libm::sincos(yaw_rad);
+        let arm = DVec2::new(cos * fix.arm.x - sin * fix.arm.y, sin * fix.arm.x + cos * fix.arm.y);
+        self.planar = Some(Planar::new(position.at - arm, yaw_rad, position.variance, yaw_variance));
+        self.lift_m = position.height_m - local_height_m;
+        self.lift_variance = position.height_variance;
+        self.last_used = Some(position.time);
+        self.chain = 0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SETTINGS: GateSettings = GateSettings { gate: 11.8, correlation_s: 10.0, reset_after: 5 };
+
+    fn position(ms: u64, x: f64) -> Position {
+        Position {
+            time: Stamp(ms * 1_000_000),
+            at: DVec2::new(x, 0.0),
+            height_m: 0.0,
+            variance: 1.0,
+            height_variance: 4.0,
+        }
+    }
+
+    fn take(estimate: &mut GlobalEstimate, ms: u64, x: f64) -> Verdict {
+        estimate.take(&SETTINGS, position(ms, x), DVec2::ZERO, 0.0)
+    }
+
+    #[test]
+    fn it_begins_when_two_fixes_agree_and_an_outlier_at_the_start_does_no_harm() {
+        let mut estimate = GlobalEstimate::new(0.0, 0.01);
+        assert_eq!(take(&mut estimate, 0, 50.0), Verdict::Waits);
+        assert_eq!(take(&mut estimate, 250, 0.0), Verdict::Waits);
+        assert!(estimate.planar().is_none());
+        assert_eq!(take(&mut estimate, 500, 0.1), Verdict::Began);
+        assert!(estimate.planar().unwrap().at.x < 0.2);
+    }
+
+    #[test]
+    fn outliers_are_refused_and_change_nothing() {
+        let mut estimate = GlobalEstimate::new(0.0, 0.01);
+        for fix in 0..3 {
+            take(&mut estimate, fix * 250, 0.0);
+        }
+        let before = *estimate.planar().unwrap();
+        assert!(matches!(take(&mut estimate, 1000, 20.0), Verdict::Refused { surprise } if surprise > 100.0));
+        assert_eq!(*estimate.planar().unwrap(), before);
+        assert_eq!(take(&mut estimate, 1250, 0.2), Verdict::Used);
+    }
+
+    #[test]
+    fn fixes_that_stay_elsewhere_begin_the_estimate_anew() {
+        let mut estimate = GlobalEstimate::new(0.0, 0.01);
+        for fix in 0..4 {
+            take(&mut estimate, fix * 250, 0.0);
+        }
+        let verdicts: Vec<Verdict> = (4..9).map(|fix| take(&mut estimate, fix * 250, 30.0)).collect();
+        assert!(
+            verdicts[..4].iter().all(|verdict| matches!(verdict, Verdict::Refused { .. })),
+            "{verdicts:?}"
+        );
+        assert_eq!(verdicts[4], Verdict::Began);
+        assert_eq!(estimate.planar().unwrap().at.x, 30.0);
+    }
+
+    #[test]
+    fn fixes_that_err_alike_do_not_make_it_sure_of_itself() {
+        let mut estimate = GlobalEstimate::new(0.0, 0.01);
+        for fix in 0..40 {
+            take(&mut estimate, fix * 250, 0.0);
+        }
+        // Ten seconds of fixes are one measurement: the variance is about halved, not a fortieth.
+        let variance = estimate.planar().unwrap().covariance.x_axis.x;
+        assert!((0.4..0.6).contains(&variance), "{variance}");
+    }
+}

@@ -1,0 +1,344 @@
+//! The process `position`.
+
+use crate::attitude::{Attitude, AttitudeSettings};
+use crate::fixes::{GateSettings, GlobalEstimate, Position as Fixed, Verdict};
+use crate::origin::Origin;
+use crate::planar::{MotionNoise, Planar};
+use crate::wheels::{FASTEST_MPS, Rolled, Wheels};
+use glam::{DQuat, DVec2, DVec3};
+use rcs_geom::{Geodetic, Pose, wrap_angle};
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::{
+    FrameTransform, FrameTransforms, LocationFix, Odometry, Quaternion, Vector3, location_fix,
+};
+use rcs_msg::rcs::{GroundSpeed, Imu, PositionParams, WheelEncoders};
+use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_world::{pose_message, pose_of};
+use serde::{Deserialize, Serialize};
+
+/// Time between two global estimates that are sent, ns.
+const GLOBAL_PERIOD_NS: u64 = 100_000_000;
+/// Variance of roll and pitch that is stated: that of the filter on rough ground, rad².
+const TILT_VARIANCE: f64 = 0.0012;
+/// Name of the vehicle in the global estimate: the frame `vehicle` itself hangs below the local frame.
+const GLOBAL_BODY: &str = "vehicle_global";
+
+/// State: attitude, both estimates, and what the sensors said last.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Position {
+    attitude: Option<Attitude>,
+    /// Of the local estimate: place, heading, height.
+    local: Option<Planar>,
+    height_m: f64,
+    global: GlobalEstimate,
+    origin: Option<Origin>,
+    speed_mps: f64,
+    /// Time of the last inertial reading.
+    felt: Option<Stamp>,
+    wheels: Option<Wheels>,
+    /// Speed over ground and when it was measured.
+    ground_speed: Option<(f64, Stamp)>,
+    sent_global: Option<Stamp>,
+}
+
+/// Ports of [`Position`].
+#[derive(Debug)]
+pub struct Ports {
+    encoders: In<WheelEncoders>,
+    imu: In<Imu>,
+    gps: In<LocationFix>,
+    ground_speed: In<GroundSpeed>,
+    local: Out<Odometry>,
+    global: Out<Odometry>,
+    transforms: Out<FrameTransforms>,
+}
+
+impl Process for Position {
+    type Params = PositionParams;
+    type Ports = Ports;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "position",
+        summary: "Estimates the local and the global position of the vehicle",
+        period_ms: 20.0,
+        commands: &[],
+        reads_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        Ports {
+            encoders: b.input("encoders", "distances of the driven wheels, m"),
+            imu: b.optional_input("imu", "turn rates, accelerations and heading, vehicle axes"),
+            gps: b.optional_input("gps", "position fixes of the antenna with their variances"),
+            ground_speed: b.optional_input(
+                "ground_speed",
+                "speed over ground that does not slip, instead of the encoders'",
+            ),
+            local: b
+                .output("local", "pose of the vehicle in the local frame with covariance: smooth, drifts")
+                .role("pose")
+                .build(),
+            global: b
+                .output(
+                    "global",
+                    "pose of the vehicle in the global frame with covariance: noisy, does not drift",
+                )
+                .role("pose")
+                .build(),
+            transforms: b
+                .output("transforms", "the local frame in the global frame")
+                .role("transforms")
+                .build(),
+        }
+    }
+
+    fn check(params: &PositionParams) -> Result<(), String> {
+        if params.world.is_empty() { Ok(()) } else { Origin::from_toml(&params.world).map(|_| ()) }
+    }
+
+    fn new(params: &PositionParams) -> Self {
+        // The runtime has called `check`; a text that is refused leaves the origin to the first fix.
+        Self { origin: Origin::from_toml(&params.world).ok(), ..Self::default() }
+    }
+
+    fn cycle(&mut self, ports: &Ports, params: &PositionParams, cx: &mut Cycle<'_>) {
+        let mut newest = None;
+        while let Some(imu) = cx.read(&ports.imu) {
+            match self.feel(&imu, params) {
+                Ok(()) => newest = newest.max(Some(imu.acq_time())),
+                Err(error) => cx.fault(format!("imu: {error}; reading skipped")),
+            }
+        }
+        while let Some(speed) = cx.read(&ports.ground_speed) {
+            if speed.speed_mps.is_finite() && speed.speed_mps.abs() < FASTEST_MPS {
+                self.ground_speed = Some((speed.speed_mps, speed.acq_time()));
+            } else {
+                cx.fault(format!("ground speed is {} m/s; reading skipped", speed.speed_mps));
+            }
+        }
+        while let Some(encoders) = cx.read(&ports.encoders) {
+            match self.roll(&encoders, params) {
+                Ok(()) => newest = newest.max(Some(encoders.acq_time())),
+                Err(error) => cx.fault(format!("encoders: {error}; reading skipped")),
+            }
+        }
+        while let Some(fix) = cx.read(&ports.gps) {
+            if let Err(error) = self.fix(&fix, params) {
+                cx.fault(format!("{error}; fix skipped"));
+            }
+        }
+        if let Some(time) = newest {
+            self.publish(time, ports, params, cx);
+        }
+        let now = cx.now();
+        let silent =
+            |time: Option<Stamp>| time.is_none_or(|time| now.seconds_since(time) > params.input_timeout_s);
+        let lost = self.global.age_s(now).is_none_or(|age_s| age_s > params.gps_dropout_s);
+        cx.exec(match (silent(self.wheels.map(|wheels| wheels.time)), silent(self.felt), lost) {
+            (true, ..) => "warning: no encoders, the estimates stand still",
+            (_, true, _) => "warning: no inertial readings, turns come from the wheels",
+            (_, _, true) => "warning: no good position fix, the global estimate is dead reckoning",
+            _ => "estimates both positions",
+        });
+    }
+}
+
+fn vector(v: Option<&Vector3>) -> Option<DVec3> {
+    v.map(|v| DVec3::new(v.x, v.y, v.z))
+}
+
+impl Position {
+    fn feel(&mut self, imu: &Msg<Imu>, params: &PositionParams) -> Result<(), String> {
+        let gyro = vector(imu.angular_velocity.as_ref()).ok_or("no turn rates")?;
+        let force = vector(imu.linear_acceleration.as_ref()).ok_or("no accelerations")?;
+        if !gyro.is_finite() || !force.is_finite() {
+            return Err(format!("turn rates {gyro} and accelerations {force}, expected finite ones"));
+        }
+        let time = imu.acq_time();
+        let Some(attitude) = &mut self.attitude else {
+            let (yaw_rad, variance) = start_heading(imu, params)?;
+            self.begin(force, yaw_rad, variance);
+            self.felt = Some(time);
+            return Ok(());
+        };
+        let settings = AttitudeSettings {
+            tilt_time_s: params.tilt_time_s,
+            tilt_gate_mps2: params.tilt_gate_mps2,
+            bias_time_s: params.bias_time_s,
+        };
+        let elapsed_s = self.felt.map_or(0.0, |felt| time.seconds_since(felt));
+        if elapsed_s < 0.0 {
+            return Err(format!("reading is {:.3} s older than the one before", -elapsed_s));
+        }
+        let standing = self.wheels.is_some_and(|wheels| wheels.stand());
+        attitude.update(&settings, gyro, force, elapsed_s, standing);
+        self.felt = Some(time);
+        Ok(())
+    }
+
+    fn begin(&mut self, force_mps2: DVec3, yaw_rad: f64, yaw_variance: f64) {
+        self.attitude = Some(Attitude::at_rest(force_mps2, yaw_rad));
+        // In its own frame the start is known exactly.
+        self.local = Some(Planar::new(DVec2::ZERO, yaw_rad, 0.0, 0.0));
+        self.global = GlobalEstimate::new(yaw_rad, yaw_variance);
+    }
+
+    fn roll(&mut self, encoders: &Msg<WheelEncoders>, params: &PositionParams) -> Result<(), String> {
+        let distance_m = [encoders.left_m, encoders.right_m];
+        let time = encoders.acq_time();
+        let Some(wheels) = &mut self.wheels else {
+            if !distance_m.iter().all(|distance| distance.is_finite()) {
+                return Err(format!("distances are {distance_m:?} m, expected finite ones"));
+            }
+            self.wheels = Some(Wheels::new(time, distance_m));
+            return Ok(());
+        };
+        let Rolled { rolled_m, elapsed_s } = wheels.roll(time, distance_m)?;
+        let has_gyro = self.felt.is_some_and(|felt| time.seconds_since(felt) < params.input_timeout_s);
+        if self.attitude.is_none() {
+            if time.seconds_since(wheels.since) < params.input_timeout_s {
+                // Inertial sensors may be about to say where it looks.
+                return Ok(());
+            }
+            // A vehicle without inertial sensors is level and turns as its wheels say.
+            let deviation = params.start_heading_noise_deg.to_radians();
+            self.begin(DVec3::Z, params.start_heading_deg.to_radians(), deviation * deviation);
+        }
+        let (Some(attitude), Some(local)) = (&mut self.attitude, &mut self.local) else { return Ok(()) };
+        if !has_gyro {
+            attitude.turn_by((rolled_m[1] - rolled_m[0]) / params.track_m);
+        }
+        let turn_rad = wrap_angle(attitude.yaw_rad() - local.yaw_rad);
+        let radar = self.ground_speed.filter(|(_, at)| time.seconds_since(*at) < params.input_timeout_s);
+        let step_m = radar.map_or(0.5 * (rolled_m[0] + rolled_m[1]), |(speed, _)| speed * elapsed_s);
+        let forward = attitude.level_from_vehicle * DVec3::X;
+        let level_m = step_m * forward.truncate().length();
+        let noise = MotionNoise {
+            distance: params.distance_noise,
+            heading_rad: params.heading_noise_deg.to_radians(),
+        };
+        local.advance(&noise, level_m, turn_rad, elapsed_s);
+        self.global.advance(&noise, level_m, turn_rad, elapsed_s);
+        self.height_m += step_m * forward.z;
+        // Quantised ticks are smoothed over a few readings.
+        self.speed_mps += 0.3 * (step_m / elapsed_s - self.speed_mps);
+        Ok(())
+    }
+
+    fn fix(&mut self, fix: &Msg<LocationFix>, params: &PositionParams) -> Result<(), String> {
+        let Some(attitude) = &self.attitude else { return Ok(()) };
+        let place =
+            Geodetic::new(fix.latitude, fix.longitude, fix.altitude).map_err(|error| error.to_string())?;
+        let origin = match self.origin {
+            Some(origin) => origin,
+            None => Origin::at(&place).map_err(|error| error.to_string())?,
+        };
+        self.origin = Some(origin);
+        let p = origin.global_from_geodetic(&place).map_err(|error| error.to_string())?;
+        let stated = |index: usize| fix.position_covariance.get(index).copied();
+        let known = fix.position_covariance_type() != location_fix::PositionCovarianceType::Unknown;
+        let default = params.gps_noise_m * params.gps_noise_m;
+        let variance_of = |index: usize, default: f64| match stated(index).filter(|_| known) {
+            Some(variance) if variance.is_finite() && variance >= 0.0 => Ok(variance.max(0.01 * default)),
+            Some(variance) => Err(format!("variance is {variance} m², expected at least 0")),
+            None => Ok(default),
+        };
+        let variance = 0.5 * (variance_of(0, default)? + variance_of(4, default)?);
+        let height_variance = variance_of(8, 4.0 * default)?;
+        // The antenna, turned by roll and pitch alone.
+        let antenna = DVec3::new(params.antenna_x_m, params.antenna_y_m, params.antenna_z_m);
+        let level = DQuat::from_rotation_z(-attitude.yaw_rad()) * attitude.level_from_vehicle * antenna;
+        let settings = GateSettings {
+            gate: params.gps_gate,
+            correlation_s: params.gps_correlation_s,
+            reset_after: params.gps_reset_after,
+        };
+        let fixed =
+            Fixed { time: fix.acq_time(), at: p.truncate(), height_m: p.z, variance, height_variance };
+        match self.global.take(&settings, fixed, level.truncate(), self.height_m + level.z) {
+            Verdict::Refused { surprise } => Err(format!(
+                "position fix is an outlier: squared error {surprise:.1}, expected at most {}",
+                params.gps_gate
+            )),
+            Verdict::Used | Verdict::Waits | Verdict::Began => Ok(()),
+        }
+    }
+
+    fn publish(&mut self, time: Stamp, ports: &Ports, params: &PositionParams, cx: &mut Cycle<'_>) {
+        let (Some(attitude), Some(local)) = (&self.attitude, &self.local) else { return };
+        let velocity = Some(Vector3 { x: self.speed_mps, y: 0.0, z: 0.0 });
+        let w = attitude.turn_radps;
+        let turning = Some(Vector3 { x: w.x, y: w.y, z: w.z });
+        let odometry = |frame: &str, body: &str, pose: &Pose, covariance: Vec<f64>| Odometry {
+            timestamp: Some(time.to_proto()),
+            frame_id: frame.to_owned(),
+            body_frame_id: body.to_owned(),
+            pose: Some(pose_message(pose)),
+            linear_velocity: velocity,
+            angular_velocity: turning,
+            pose_covariance: covariance,
+            ..Odometry::default()
+        };
+        let local_from_vehicle = Pose::new(attitude.level_from_vehicle, local.at.extend(self.height_m));
+        let height_variance = local.covariance.x_axis.x;
+        let message = odometry(
+            &params.local_frame,
+            &params.vehicle_frame,
+            &local_from_vehicle,
+            covariance_of(local, height_variance),
+        );
+        cx.write(&ports.local, time, message);
+        let due = self.sent_global.is_none_or(|sent| time.0 >= sent.0 + GLOBAL_PERIOD_NS);
+        let (Some(global), true) = (self.global.planar(), due) else { return };
+        self.sent_global = Some(time);
+        // Both have the same roll and pitch, so one frame in the other is turned about the vertical alone.
+        let turn = wrap_angle(global.yaw_rad - attitude.yaw_rad());
+        let [lift_m, lift_variance] = self.global.lift();
+        let rotation = DQuat::from_rotation_z(turn);
+        let height_m = self.height_m + lift_m;
+        let shift = global.at.extend(height_m) - rotation * local_from_vehicle.translation;
+        let global_from_local = Pose::new(rotation, shift);
+        let message = odometry(
+            &params.global_frame,
+            GLOBAL_BODY,
+            &(global_from_local * local_from_vehicle),
+            covariance_of(global, lift_variance),
+        );
+        cx.write(&ports.global, time, message);
+        let q = global_from_local.rotation;
+        let transform = FrameTransform {
+            timestamp: Some(time.to_proto()),
+            parent_frame_id: params.global_frame.clone(),
+            child_frame_id: params.local_frame.clone(),
+            translation: Some(Vector3 { x: shift.x, y: shift.y, z: shift.z }),
+            rotation: Some(Quaternion { x: q.x, y: q.y, z: q.z, w: q.w }),
+        };
+        cx.write(&ports.transforms, time, FrameTransforms { transforms: vec![transform] });
+    }
+}
+
+/// Heading at the start and its variance, rad and rad²: the sensor's own, or the parameters'.
+fn start_heading(imu: &Imu, params: &PositionParams) -> Result<(f64, f64), String> {
+    let deviation = params.start_heading_noise_deg.to_radians();
+    if imu.orientation.is_none() {
+        return Ok((params.start_heading_deg.to_radians(), deviation * deviation));
+    }
+    let pose = rcs_msg::foxglove::Pose { position: None, orientation: imu.orientation };
+    let pose = pose_of(Some(&pose), "imu").map_err(|error| error.to_string())?;
+    let stated = imu.orientation_covariance.get(8).copied().filter(|v| v.is_finite() && *v > 0.0);
+    Ok((pose.yaw(), stated.unwrap_or(deviation * deviation)))
+}
+
+/// Row-major 6×6 covariance of x, y, z, roll, pitch, yaw: m² and rad².
+fn covariance_of(planar: &Planar, height_variance: f64) -> Vec<f64> {
+    let mut covariance = vec![0.0; 36];
+    let places = [0, 1, 5];
+    for (row, &to_row) in places.iter().enumerate() {
+        for (column, &to_column) in places.iter().enumerate() {
+            covariance[6 * to_row + to_column] = planar.covariance.col(column)[row];
+        }
+    }
+    covariance[14] = height_variance;
+    covariance[21] = TILT_VARIANCE;
+    covariance[28] = TILT_VARIANCE;
+    covariance
+}

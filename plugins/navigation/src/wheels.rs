@@ -1,0 +1,102 @@
+//! What the wheels have rolled since the last reading, and whether the vehicle stands.
+
+use rcs_msg::Stamp;
+use serde::{Deserialize, Serialize};
+
+/// Wheels do not turn faster: distances that say so are refused, m/s.
+pub const FASTEST_MPS: f64 = 20.0;
+/// Wheels that have turned less than this for [`STANDING_S`] stand, m.
+const STANDING_M: f64 = 0.002;
+/// See [`STANDING_M`], s.
+const STANDING_S: f64 = 0.5;
+
+/// The last reading of the encoders.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Wheels {
+    /// When it was taken.
+    pub time: Stamp,
+    /// When the first reading was.
+    pub since: Stamp,
+    distance_m: [f64; 2],
+    /// When the wheels last stood elsewhere, and where they have stood since.
+    moved: Stamp,
+    moved_at_m: [f64; 2],
+}
+
+/// A step of the wheels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rolled {
+    /// Left and right, m.
+    pub rolled_m: [f64; 2],
+    /// In this time, s.
+    pub elapsed_s: f64,
+}
+
+impl Wheels {
+    /// The first reading.
+    pub fn new(time: Stamp, distance_m: [f64; 2]) -> Wheels {
+        Wheels { time, since: time, distance_m, moved: time, moved_at_m: distance_m }
+    }
+
+    /// Whether they have stood for a while.
+    pub fn stand(&self) -> bool {
+        self.time.seconds_since(self.moved) > STANDING_S
+    }
+
+    /// Takes the next reading. Counters that jump are refused once and go on from where they jumped to.
+    pub fn roll(&mut self, time: Stamp, distance_m: [f64; 2]) -> Result<Rolled, String> {
+        if !distance_m.iter().all(|distance| distance.is_finite()) {
+            return Err(format!("distances are {distance_m:?} m, expected finite ones"));
+        }
+        let elapsed_s = time.seconds_since(self.time);
+        if elapsed_s <= 0.0 {
+            return Err(format!("reading is {:.3} s older than the one before", -elapsed_s));
+        }
+        let rolled_m = [distance_m[0] - self.distance_m[0], distance_m[1] - self.distance_m[1]];
+        self.time = time;
+        self.distance_m = distance_m;
+        if rolled_m.iter().any(|rolled| rolled.abs() > FASTEST_MPS * elapsed_s) {
+            return Err(format!("wheels rolled {rolled_m:?} m in {elapsed_s:.3} s"));
+        }
+        let away = |side: usize| (distance_m[side] - self.moved_at_m[side]).abs();
+        if away(0).max(away(1)) > STANDING_M {
+            self.moved = time;
+            self.moved_at_m = distance_m;
+        }
+        Ok(Rolled { rolled_m, elapsed_s })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(ms: u64) -> Stamp {
+        Stamp(ms * 1_000_000)
+    }
+
+    #[test]
+    fn a_jump_is_refused_once_and_nonsense_changes_nothing() {
+        let mut wheels = Wheels::new(at(0), [0.0; 2]);
+        assert!(wheels.roll(at(20), [f64::NAN, 0.0]).is_err());
+        assert_eq!(wheels.roll(at(20), [0.01, 0.02]).unwrap().rolled_m, [0.01, 0.02]);
+        assert!(wheels.roll(at(20), [0.01, 0.02]).is_err(), "the same moment twice");
+        assert!(wheels.roll(at(40), [5.0, 5.0]).is_err(), "250 m/s");
+        let rolled = wheels.roll(at(60), [5.01, 5.01]).unwrap();
+        assert!((rolled.rolled_m[0] - 0.01).abs() < 1e-12);
+    }
+
+    #[test]
+    fn wheels_stand_after_half_a_second_without_ticks() {
+        let mut wheels = Wheels::new(at(0), [0.0; 2]);
+        wheels.roll(at(20), [0.1, 0.1]).unwrap();
+        for ms in (40..=520).step_by(20) {
+            wheels.roll(at(ms), [0.1, 0.1005]).unwrap();
+        }
+        assert!(!wheels.stand());
+        wheels.roll(at(540), [0.1, 0.1005]).unwrap();
+        assert!(wheels.stand());
+        wheels.roll(at(560), [0.11, 0.11]).unwrap();
+        assert!(!wheels.stand());
+    }
+}
