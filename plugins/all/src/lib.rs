@@ -8,9 +8,11 @@ use rcs_runtime::ProcessType;
 pub fn all() -> &'static [ProcessType] {
     static ALL: &[ProcessType] = &[
         ProcessType::of::<rcs_terrain::Classifier>(),
+        ProcessType::of::<rcs_color::ColorModelling>(),
         ProcessType::of::<rcs_comms::Comms>(),
         ProcessType::of::<rcs_obstacles::LabelOverlay>(),
         ProcessType::of::<rcs_obstacles::Obstacles>(),
+        ProcessType::of::<rcs_navigation::Position>(),
         ProcessType::of::<rcs_proximity::Proximity>(),
         ProcessType::of::<rcs_stereo::Stereo>(),
         ProcessType::of::<rcs_terrain::TerrainLearner>(),

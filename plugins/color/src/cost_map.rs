@@ -1,0 +1,248 @@
+//! Costs on the ground (A 3.1.2): pixels of the reduced image on the flat plane of the vehicle's pose.
+//!
+//! A cell's cost is the mean over the pixels whose rays meet the plane in it. Far ahead a pixel covers several cells and
+//! meets the plane in one of them: a cell without a pixel of its own takes the cost of the pixel in which its middle
+//! lies. Nothing farther than the range is told of, since the plane does not hold there.
+
+use crate::gate::plane_height;
+use crate::picture::{HEIGHT, WIDTH};
+use glam::{DVec2, DVec3};
+use rcs_geom::{CellIndex, PinholeCamera, Pose};
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::packed_element_field::NumericType;
+use rcs_msg::foxglove::{self, Grid, PackedElementField, Quaternion, Vector2, Vector3};
+use rcs_world::{MAX_COST, OBSTACLE_COST, SIDE, UNKNOWN_COST};
+
+/// Where the camera was.
+#[derive(Clone, Copy, Debug)]
+pub struct Place<'a> {
+    /// The camera.
+    pub camera: &'a PinholeCamera,
+    /// Rays of the reduced image: [`crate::region::rays`].
+    pub rays: &'a [DVec3],
+    /// Its mount.
+    pub vehicle_from_camera: &'a Pose,
+    /// The vehicle.
+    pub local_from_vehicle: &'a Pose,
+    /// How far the plane lies below the vehicle frame's origin, m.
+    pub below_m: f64,
+}
+
+/// 201×201 costs around the vehicle, north-up in the local frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CostMap {
+    cell_size_m: f64,
+    south_west: CellIndex,
+    costs: Vec<u8>,
+}
+
+impl CostMap {
+    /// Projects the costs of the reduced image, onto cells of this size (m) up to this distance from the vehicle (m).
+    pub fn new(costs: &[u8], place: &Place<'_>, cell_size_m: f64, max_range_m: f64) -> CostMap {
+        let half = (SIDE / 2) as i64;
+        let vehicle = place.local_from_vehicle.translation.truncate();
+        let cell = (vehicle / cell_size_m).floor();
+        let south_west = CellIndex::new(cell.x as i64, cell.y as i64).offset(-half, -half);
+        let mut map = CostMap { cell_size_m, south_west, costs: vec![UNKNOWN_COST; SIDE * SIDE] };
+        map.vote(costs, place, max_range_m);
+        map.fill(costs, place, max_range_m);
+        map
+    }
+
+    /// The mean of the pixels in each cell.
+    fn vote(&mut self, costs: &[u8], place: &Place<'_>, max_range_m: f64) {
+        let local_from_camera = *place.local_from_vehicle * *place.vehicle_from_camera;
+        let up = place.local_from_vehicle.rotate(DVec3::Z);
+        let camera = local_from_camera.translation;
+        let above_m = (camera - place.local_from_vehicle.translation).dot(up) + place.below_m;
+        let vehicle = place.local_from_vehicle.translation.truncate();
+        let turn = local_from_camera.rotation_matrix();
+        let mut sums = vec![(0_u32, 0_u32); SIDE * SIDE];
+        for (&cost, &ray) in costs.iter().zip(place.rays) {
+            if cost == UNKNOWN_COST || ray == DVec3::ZERO {
+                continue;
+            }
+            let direction = turn * ray;
+            let down = -direction.dot(up);
+            if above_m <= 0.0 || down <= 0.0 {
+                continue;
+            }
+            let point = (camera + direction * (above_m / down)).truncate();
+            if point.distance_squared(vehicle) > max_range_m * max_range_m {
+                continue;
+            }
+            if let Some(index) = self.index(point) {
+                sums[index].0 += u32::from(cost);
+                sums[index].1 += 1;
+            }
+        }
+        for (cell, (sum, count)) in self.costs.iter_mut().zip(sums) {
+            if let Some(mean) = (sum + count / 2).checked_div(count) {
+                *cell = mean as u8;
+            }
+        }
+    }
+
+    /// Gives cells without a pixel of their own that of their middle.
+    fn fill(&mut self, costs: &[u8], place: &Place<'_>, max_range_m: f64) {
+        let camera_from_local = (*place.local_from_vehicle * *place.vehicle_from_camera).inverse();
+        let plane = plane_height(place.local_from_vehicle, place.below_m);
+        let vehicle = place.local_from_vehicle.translation.truncate();
+        let reach = (max_range_m / self.cell_size_m).ceil() as usize + 1;
+        let middle = SIDE / 2;
+        let side = middle.saturating_sub(reach)..(middle + reach + 1).min(SIDE);
+        for row in side.clone() {
+            for column in side.clone() {
+                let cell = &mut self.costs[row * SIDE + column];
+                let CellIndex { x, y } = self.south_west.offset(column as i64, row as i64);
+                let point = (DVec2::new(x as f64, y as f64) + 0.5) * self.cell_size_m;
+                if *cell != UNKNOWN_COST || point.distance_squared(vehicle) > max_range_m * max_range_m {
+                    continue;
+                }
+                let Some(z) = plane(point) else { continue };
+                let pixel = place.camera.project(camera_from_local * point.extend(z));
+                if let Some(pixel) = pixel.filter(|&pixel| place.camera.contains(pixel)) {
+                    let of = |v: f64, parts: usize, side: u32| {
+                        (((v + 0.5) * parts as f64 / f64::from(side)) as usize).min(parts - 1)
+                    };
+                    let (u, v) =
+                        (of(pixel.x, WIDTH, place.camera.width), of(pixel.y, HEIGHT, place.camera.height));
+                    *cell = costs[v * WIDTH + u];
+                }
+            }
+        }
+    }
+
+    fn index(&self, point: DVec2) -> Option<usize> {
+        let cell = (point / self.cell_size_m).floor();
+        let (column, row) = (cell.x as i64 - self.south_west.x, cell.y as i64 - self.south_west.y);
+        let side = 0..SIDE as i64;
+        (side.contains(&column) && side.contains(&row)).then(|| row as usize * SIDE + column as usize)
+    }
+
+    /// Cost of the cell in which a place of the local frame lies (m); 255 for unknown or outside.
+    pub fn at(&self, place: DVec2) -> u8 {
+        self.index(place).map_or(UNKNOWN_COST, |index| self.costs[index])
+    }
+
+    /// Cells with a cost, and those of them that are obstacles.
+    pub fn known(&self) -> [u32; 2] {
+        let count =
+            |from: u8| self.costs.iter().filter(|&&cost| (from..=MAX_COST).contains(&cost)).count() as u32;
+        [count(0), count(OBSTACLE_COST)]
+    }
+
+    /// As a message with the one field `cost.color` (u8, 0 to 250, 255 unknown).
+    pub fn into_grid(self, frame_id: &str, time: Stamp) -> Grid {
+        let CellIndex { x, y } = self.south_west;
+        let size = self.cell_size_m;
+        Grid {
+            timestamp: Some(time.to_proto()),
+            frame_id: frame_id.to_owned(),
+            pose: Some(foxglove::Pose {
+                position: Some(Vector3 { x: x as f64 * size, y: y as f64 * size, z: 0.0 }),
+                orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
+            }),
+            column_count: SIDE as u32,
+            cell_size: Some(Vector2 { x: size, y: size }),
+            row_stride: SIDE as u32,
+            cell_stride: 1,
+            fields: vec![PackedElementField {
+                name: "cost.color".to_owned(),
+                offset: 0,
+                r#type: NumericType::Uint8.into(),
+            }],
+            data: self.costs.into(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::picture::PIXELS;
+    use crate::region::rays;
+    use rcs_geom::Distortion;
+
+    /// A camera 1 m up that looks 20 degrees down, on a vehicle anywhere.
+    fn check(local_from_vehicle: Pose, paint: impl Fn(DVec3) -> u8) -> CostMap {
+        let camera =
+            PinholeCamera::new([320, 240], [200.0, 200.0], [160.0, 120.0], Distortion::None).unwrap();
+        let mount = Pose::from_rpy(DVec3::new(0.0, 0.0, 1.0), 0.0, 20_f64.to_radians(), 0.0)
+            * Pose::body_from_optical();
+        let rays = rays(&camera);
+        let costs: Vec<u8> = rays
+            .iter()
+            .map(|&ray| {
+                let direction = mount.rotate(ray);
+                if direction.z >= 0.0 {
+                    250
+                } else {
+                    paint(mount.translation + direction * (-1.0 / direction.z))
+                }
+            })
+            .collect();
+        assert_eq!(costs.len(), PIXELS);
+        let place = Place {
+            camera: &camera,
+            rays: &rays,
+            vehicle_from_camera: &mount,
+            local_from_vehicle: &local_from_vehicle,
+            below_m: 0.0,
+        };
+        CostMap::new(&costs, &place, 0.2, 10.0)
+    }
+
+    #[test]
+    fn a_stripe_ahead_of_the_vehicle_lands_where_it_is() {
+        for pose in [Pose::IDENTITY, Pose::from_xy_yaw(103.3, -57.1, 2.0)] {
+            let map = check(pose, |p| if p.y.abs() < 1.0 { 0 } else { 250 });
+            let at = |x: f64, y: f64| map.at((pose * DVec3::new(x, y, 0.0)).truncate());
+            for x in [1.6, 3.0, 5.0, 8.0, 9.5] {
+                assert_eq!((at(x, 0.0), at(x, 0.5), at(x, -0.5)), (0, 0, 0), "on the path at {x}");
+            }
+            for x in [3.0, 5.0, 8.0, 9.5] {
+                assert_eq!((at(x, 1.5), at(x, -1.5)), (250, 250), "beside the path at {x}");
+            }
+            assert_eq!((at(-2.0, 0.0), at(10.5, 0.0), at(3.0, 6.0)), (255, 255, 255), "not seen or too far");
+        }
+    }
+
+    #[test]
+    fn every_cell_in_view_has_a_cost_though_pixels_are_sparse_far_away() {
+        let map = check(Pose::IDENTITY, |_| 40);
+        let cells =
+            (8..45).flat_map(|x| (-20..20).map(move |y| (f64::from(x) * 0.2, f64::from(y) * 0.2 + 0.1)));
+        for (x, y) in cells.filter(|(x, y)| y.abs() < 0.6 * x && x * x + y * y < 90.0) {
+            assert_eq!(map.at(DVec2::new(x, y)), 40, "({x}, {y})");
+        }
+    }
+
+    #[test]
+    fn pixels_without_a_vote_leave_cells_unknown() {
+        let map = check(Pose::IDENTITY, |p| if p.x > 4.0 { UNKNOWN_COST } else { 10 });
+        assert_eq!((map.at(DVec2::new(3.0, 0.0)), map.at(DVec2::new(6.0, 0.0))), (10, UNKNOWN_COST));
+    }
+
+    #[test]
+    fn the_plane_tilts_with_the_vehicle() {
+        // On a slope of 10 degrees the plane goes up ahead of the vehicle: the same pixels land on it, nearer in the map.
+        let up = Pose::from_rpy(DVec3::ZERO, 0.0, -10_f64.to_radians(), 0.0);
+        let map = check(up, |p| if p.x < 5.0 { 0 } else { 250 });
+        let edge = 5.0 * libm::cos(10_f64.to_radians());
+        assert_eq!(map.at(DVec2::new(edge - 0.3, 0.1)), 0);
+        assert_eq!(map.at(DVec2::new(edge + 0.3, 0.1)), 250);
+    }
+
+    #[test]
+    fn the_message_is_a_map_that_the_world_model_takes() {
+        let map = check(Pose::IDENTITY, |_| 40);
+        let known = map.known();
+        let grid = map.into_grid("local", Stamp(7));
+        let view = rcs_world::GridView::new(&grid).unwrap();
+        let costs = view.field_of("cost.color", NumericType::Uint8).unwrap();
+        assert_eq!((view.columns(), view.rows()), (SIDE, SIDE));
+        assert_eq!(costs.values().filter(|cost| *cost == 40.0).count() as u32, known[0]);
+        assert_eq!(known[1], 0);
+    }
+}

@@ -1,0 +1,152 @@
+//! Models as a message, and as the JSON file of it.
+
+use crate::histogram::{BINS, Histogram};
+use crate::models::{Model, Models};
+use rcs_msg::Stamp;
+use rcs_msg::rcs::{ColorModel, ColorModelKind, ColorModels};
+
+/// Why a file is not one of colour models.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// No JSON of `rcs.ColorModels`.
+    #[error(transparent)]
+    Json(#[from] rcs_msg::JsonError),
+    /// A histogram that is none.
+    #[error(
+        "model {name:?} has {got} counts of {red_bins}x{green_bins} bins, expected {BINS}x{BINS} of them, not negative, and not all 0"
+    )]
+    Counts {
+        /// The model.
+        name: String,
+        /// Counts there are.
+        got: usize,
+        /// As the file says.
+        red_bins: u32,
+        /// As the file says.
+        green_bins: u32,
+    },
+    /// Not a kind of ours.
+    #[error("model {name:?} is of kind {kind}, expected 0 to 2")]
+    Kind {
+        /// The model.
+        name: String,
+        /// As the file says.
+        kind: i32,
+    },
+    /// There is one background.
+    #[error("more than one background model: {name:?}")]
+    Backgrounds {
+        /// The second one.
+        name: String,
+    },
+}
+
+/// The models of a JSON file's text; none of an empty text. Counts are as the file has them: scale them.
+pub fn parse(text: &str) -> Result<Models, FileError> {
+    if text.trim().is_empty() {
+        return Ok(Models::default());
+    }
+    from_message(&rcs_msg::from_json::<ColorModels>(text)?)
+}
+
+/// The models of a message.
+pub fn from_message(message: &ColorModels) -> Result<Models, FileError> {
+    let mut models = Models::default();
+    for model in &message.models {
+        let ColorModel { name, kind, red_bins, green_bins, counts, uses, .. } = model;
+        let size_fits = [*red_bins, *green_bins] == [BINS as u32; 2];
+        let histogram =
+            Histogram::from_counts(counts).filter(|_| size_fits).ok_or_else(|| FileError::Counts {
+                name: name.clone(),
+                got: counts.len(),
+                red_bins: *red_bins,
+                green_bins: *green_bins,
+            })?;
+        let updated = model.updated.as_ref().and_then(Stamp::from_proto).unwrap_or_default();
+        let read = Model { name: name.clone(), histogram, uses: (*uses).max(1), updated };
+        match ColorModelKind::try_from(*kind) {
+            Ok(ColorModelKind::ColorModelGround) => models.ground.push(read),
+            Ok(ColorModelKind::ColorModelObstacle) => models.obstacles.push(read),
+            Ok(ColorModelKind::ColorModelBackground) if models.background.is_none() => {
+                models.background = Some(read);
+            }
+            Ok(ColorModelKind::ColorModelBackground) => {
+                return Err(FileError::Backgrounds { name: name.clone() });
+            }
+            Err(_) => return Err(FileError::Kind { name: name.clone(), kind: *kind }),
+        }
+    }
+    Ok(models)
+}
+
+/// The models as a message: ground, then background, then obstacles.
+pub fn to_message(models: &Models, time: Stamp) -> ColorModels {
+    let message = |model: &Model, kind: ColorModelKind| ColorModel {
+        name: model.name.clone(),
+        kind: kind.into(),
+        red_bins: BINS as u32,
+        green_bins: BINS as u32,
+        counts: model.histogram.counts().to_vec(),
+        uses: model.uses,
+        updated: (model.updated != Stamp(0)).then(|| model.updated.to_proto()),
+    };
+    let ground = models.ground.iter().map(|model| message(model, ColorModelKind::ColorModelGround));
+    let background =
+        models.background.iter().map(|model| message(model, ColorModelKind::ColorModelBackground));
+    let obstacles = models.obstacles.iter().map(|model| message(model, ColorModelKind::ColorModelObstacle));
+    ColorModels {
+        timestamp: Some(time.to_proto()),
+        models: ground.chain(background).chain(obstacles).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_msg::AnyMessage;
+
+    fn models() -> Models {
+        let model = |name: &str, red: u8| {
+            let mut histogram = Histogram::default();
+            histogram.add(red, 40);
+            histogram.add(red, 90);
+            Model {
+                name: name.to_owned(),
+                histogram: histogram.scaled(4000.0),
+                uses: 3,
+                updated: Stamp(5_000_000_007),
+            }
+        };
+        Models {
+            ground: vec![model("mulch", 100), model("learned 1", 50)],
+            background: Some(model("background", 200)),
+            obstacles: vec![model("fence", 250)],
+            ..Models::default()
+        }
+    }
+
+    #[test]
+    fn what_is_saved_is_what_is_loaded() {
+        let message = to_message(&models(), Stamp(9));
+        let text = rcs_msg::to_json(&AnyMessage::new(message)).unwrap();
+        assert_eq!(parse(&text).unwrap(), models());
+        assert_eq!(parse(" \n").unwrap(), Models::default());
+    }
+
+    #[test]
+    fn files_that_are_no_models_are_refused_with_what_is_wrong() {
+        let check = |change: fn(&mut ColorModels), expected: &str| {
+            let mut message = to_message(&models(), Stamp(9));
+            change(&mut message);
+            let error = from_message(&message).unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        };
+        check(|m| m.models[0].counts[3] = -1.0, "model \"mulch\" has 900 counts");
+        check(|m| m.models[1].counts[3] = f32::NAN, "model \"learned 1\" has 900 counts");
+        check(|m| m.models[1].counts.truncate(899), "has 899 counts of 30x30 bins, expected 30x30");
+        check(|m| m.models[0].red_bins = 16, "of 16x30 bins");
+        check(|m| m.models[0].kind = 7, "is of kind 7, expected 0 to 2");
+        check(|m| m.models[0].kind = 1, "more than one background model: \"background\"");
+        assert!(matches!(parse("{\"models\": 3}"), Err(FileError::Json(_))));
+    }
+}

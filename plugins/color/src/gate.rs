@@ -1,0 +1,230 @@
+//! When nothing may be learned of the ground (A 3.1.2): while the vehicle stands or turns fast, and while an obstacle of
+//! the world model projects into the ground sample.
+//!
+//! Where we differ: obstacles are those that were seen by their shape or felt (stereo, infrared, bumper). Were those of
+//! the colour models counted, too, ground of a new colour would be an obstacle in the sample for ever, and the vehicle
+//! that drives on it could never learn it. A map without sources of its own is taken by its fused cost.
+
+use crate::histogram::Span;
+use crate::region::{Rectangle, contains};
+use glam::{DVec2, DVec3};
+use rcs_geom::{PinholeCamera, Pose};
+use rcs_msg::Stamp;
+use rcs_world::{Field, GridView, Label, MAX_COST};
+use serde::{Deserialize, Serialize};
+
+/// How the vehicle moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// m/s.
+    pub speed_mps: f64,
+    /// Magnitude, rad/s.
+    pub turn_rate_radps: f64,
+}
+
+/// Poses farther apart in time tell no speed, s.
+const LONGEST_S: f64 = 2.0;
+/// Poses nearer in time tell the speed of their noise, s.
+const SHORTEST_S: f64 = 0.01;
+
+/// Motion between the vehicle's poses at two images.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Odometer(Option<(Stamp, Pose)>);
+
+impl Odometer {
+    /// Takes the pose at an image; `None` where there is none a moment before.
+    pub fn take(&mut self, time: Stamp, local_from_vehicle: &Pose) -> Option<Motion> {
+        let last = self.0.replace((time, *local_from_vehicle));
+        let (last_time, last_pose) = last?;
+        let elapsed_s = time.seconds_since(last_time);
+        if !(SHORTEST_S..=LONGEST_S).contains(&elapsed_s) {
+            return None;
+        }
+        let step = last_pose.inverse() * *local_from_vehicle;
+        Some(Motion {
+            speed_mps: step.translation.length() / elapsed_s,
+            turn_rate_radps: step.yaw().abs() / elapsed_s,
+        })
+    }
+}
+
+/// Points of an obstacle's height that are projected.
+const PARTS: usize = 5;
+/// Obstacles farther from the rectangle's edges than this cannot project into it, m.
+const BEYOND_M: f64 = 2.0;
+/// Sources that see obstacles by their shape or feel them.
+const SOLID: [&str; 3] = ["cost.stereo", "cost.infrared", "cost.bumper"];
+
+/// What the camera sees of the ground sample.
+#[derive(Clone, Copy, Debug)]
+pub struct SampleView<'a> {
+    /// The camera.
+    pub camera: &'a PinholeCamera,
+    /// Its mount.
+    pub vehicle_from_camera: &'a Pose,
+    /// The vehicle in the map's frame.
+    pub local_from_vehicle: &'a Pose,
+    /// The rectangle.
+    pub rectangle: &'a Rectangle,
+    /// Its pixels.
+    pub spans: &'a [Span],
+}
+
+/// Whether an obstacle of a map projects into the ground sample. An obstacle stands on its cell's ground height, or on
+/// the vehicle's plane where the map has none, up to its greatest height.
+pub fn obstacle_in_sample(map: &GridView<'_>, view: &SampleView<'_>) -> bool {
+    let solid: Vec<Field<'_>> = SOLID.iter().filter_map(|name| map.field(name).ok()).collect();
+    let fields = if solid.is_empty() { map.field("cost").into_iter().collect() } else { solid };
+    let is_obstacle = |column: usize, row: usize| {
+        let costs = fields.iter().filter_map(|field| field.get(column, row));
+        costs
+            .filter(|&cost| cost <= f64::from(MAX_COST))
+            .any(|cost| Label::of_cost(cost as u8) == Label::Obstacle)
+    };
+    let ground = map.field("ground.mean").ok();
+    let top = map.field("obstacle.max").ok();
+    let height = |field: &Option<Field<'_>>, column, row| {
+        field.as_ref().and_then(|field| field.get(column, row)).filter(|z| z.is_finite())
+    };
+    let vehicle_from_local = view.local_from_vehicle.inverse();
+    let camera_from_vehicle = view.vehicle_from_camera.inverse();
+    let near = |p: DVec3| {
+        let r = view.rectangle;
+        p.y.abs() <= 0.5 * r.width_m + BEYOND_M
+            && (-BEYOND_M..=r.ahead_m + r.length_m + BEYOND_M).contains(&p.x)
+    };
+    let (size, origin) = (map.cell_size_m(), map.frame_from_grid());
+    let plane = plane_height(view.local_from_vehicle, view.rectangle.below_m);
+    let [columns, rows] = window(map, view);
+    for row in rows {
+        for column in columns.clone() {
+            let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) * size;
+            let place = (origin * DVec3::new(middle.x, middle.y, 0.0)).truncate();
+            // The plane's height is enough to leave out what is far, before any field is read.
+            let Some(plane_z) = plane(place) else { continue };
+            if !near(vehicle_from_local * place.extend(plane_z)) || !is_obstacle(column, row) {
+                continue;
+            }
+            let foot = height(&ground, column, row).unwrap_or(plane_z);
+            let head = height(&top, column, row).unwrap_or(foot).max(foot);
+            let inside = (0..PARTS).any(|part| {
+                let z = foot + (head - foot) * part as f64 / (PARTS - 1) as f64;
+                let point = camera_from_vehicle * (vehicle_from_local * place.extend(z));
+                view.camera.project(point).is_some_and(|pixel| contains(view.spans, pixel))
+            });
+            if inside {
+                return true;
+            }
+        }
+    }
+    false
+}
+
+/// Columns and rows of a map that may be near the rectangle.
+fn window(map: &GridView<'_>, view: &SampleView<'_>) -> [std::ops::Range<usize>; 2] {
+    let rectangle = view.rectangle;
+    let reach_m = rectangle.ahead_m + rectangle.length_m + rectangle.width_m + 2.0 * BEYOND_M;
+    let vehicle = map.frame_from_grid().inverse() * view.local_from_vehicle.translation;
+    let range = |at: f64, size: f64, cells: usize| {
+        let end = |v: f64| (v / size).clamp(0.0, cells as f64) as usize;
+        end((at - reach_m).floor())..end((at + reach_m).ceil())
+    };
+    let size = map.cell_size_m();
+    [range(vehicle.x, size.x, map.columns()), range(vehicle.y, size.y, map.rows())]
+}
+
+/// Height of the vehicle's plane over a place of the local frame, m; `None` where the vehicle lies on its side.
+pub(crate) fn plane_height(local_from_vehicle: &Pose, below_m: f64) -> impl Fn(DVec2) -> Option<f64> + use<> {
+    let up = local_from_vehicle.rotate(DVec3::Z);
+    let origin = local_from_vehicle.translation - up * below_m;
+    move |place| {
+        let offset = place - origin.truncate();
+        (up.z > MIN_UPRIGHT).then(|| origin.z - (offset.x * up.x + offset.y * up.y) / up.z)
+    }
+}
+
+/// Least z of the vehicle's up: below it a plane under the wheels says nothing of the ground ahead.
+pub(crate) const MIN_UPRIGHT: f64 = 0.5;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::region::spans;
+    use rcs_geom::Distortion;
+    use rcs_msg::foxglove::Grid;
+    use rcs_world::{HeightStats, Map, MapOptions, Source, Sources, VoteRule, Weights};
+
+    const RULE: VoteRule = VoteRule { rise: 60, fall: 20 };
+
+    /// A map with one obstacle cell of this height, seen by this source.
+    fn map_with(place: DVec2, height_m: f32, source: Source, cost: u8) -> Grid {
+        let mut map = Map::new(0.2).unwrap();
+        map.recentre(place).unwrap();
+        let index = map.grid().cell_at(place).unwrap();
+        let cell = map.grid_mut().get_mut(index).unwrap();
+        cell.vote(source, cost, 1, Stamp(1), RULE);
+        let mut heights = HeightStats::default();
+        (0..9).for_each(|_| heights.add(height_m));
+        if height_m > 0.0 {
+            cell.observe_heights(&HeightStats::default(), &heights, 0.2, Stamp(1), RULE);
+        }
+        let sources: Sources = [Source::Stereo, source].into_iter().collect();
+        map.to_grid("local", Stamp(1), &MapOptions { sources, heights: true, weights: Weights::default() })
+    }
+
+    /// Whether an obstacle at a place of the vehicle's frame is in the sample of a vehicle that stands somewhere.
+    fn blocked([x, y]: [f64; 2], height_m: f32, source: Source, cost: u8) -> bool {
+        let camera =
+            PinholeCamera::new([320, 240], [200.0, 200.0], [160.0, 120.0], Distortion::None).unwrap();
+        let mount = Pose::from_rpy(DVec3::new(0.0, 0.0, 1.0), 0.0, 30_f64.to_radians(), 0.0)
+            * Pose::body_from_optical();
+        let rectangle = Rectangle { ahead_m: 0.6, length_m: 2.0, width_m: 1.0, below_m: 0.0 };
+        let spans = spans(&rectangle.outline(&camera, &mount), [320, 240]);
+        let local_from_vehicle = Pose::from_xy_yaw(12.0, -7.0, 0.7);
+        let place = local_from_vehicle * DVec3::new(x, y, 0.0);
+        let grid = map_with(place.truncate(), height_m, source, cost);
+        let map = GridView::new(&grid).unwrap();
+        let view = SampleView {
+            camera: &camera,
+            vehicle_from_camera: &mount,
+            local_from_vehicle: &local_from_vehicle,
+            rectangle: &rectangle,
+            spans: &spans,
+        };
+        obstacle_in_sample(&map, &view)
+    }
+
+    #[test]
+    fn an_obstacle_in_the_rectangle_is_in_the_sample_and_one_beside_or_beyond_is_not() {
+        assert!(blocked([1.8, 0.0], 0.0, Source::Stereo, 250));
+        assert!(blocked([2.3, 0.3], 0.5, Source::Bumper, 250));
+        for place in [[1.8, 1.1], [1.8, -1.1], [3.4, 0.0], [-1.5, 0.0]] {
+            assert!(!blocked(place, 0.0, Source::Stereo, 250), "{place:?}");
+        }
+    }
+
+    #[test]
+    fn a_tall_obstacle_beside_the_line_of_sight_is_in_the_sample_by_its_top_alone() {
+        // Nearer than the rectangle, its foot out of it: what stands up hides the sample.
+        assert!(!blocked([0.42, 0.0], 0.0, Source::Stereo, 250));
+        assert!(blocked([0.42, 0.0], 0.7, Source::Stereo, 250));
+    }
+
+    #[test]
+    fn free_cells_and_what_the_colour_models_say_themselves_block_nothing() {
+        assert!(!blocked([1.8, 0.0], 0.0, Source::Stereo, 40));
+        assert!(!blocked([1.8, 0.0], 0.0, Source::Color, 250));
+        assert!(!blocked([1.8, 0.0], 0.0, Source::Terrain, 250));
+    }
+
+    #[test]
+    fn motion_is_what_lies_between_two_images() {
+        let mut odometer = Odometer::default();
+        let at = |s: f64| Stamp((s * 1e9) as u64);
+        assert_eq!(odometer.take(at(1.0), &Pose::IDENTITY), None);
+        let motion = odometer.take(at(1.2), &Pose::from_xy_yaw(0.2, 0.0, -0.1)).unwrap();
+        assert!((motion.speed_mps - 1.0).abs() < 1e-9 && (motion.turn_rate_radps - 0.5).abs() < 1e-9);
+        assert_eq!(odometer.take(at(1.2), &Pose::IDENTITY), None, "no time between");
+        assert_eq!(odometer.take(at(9.0), &Pose::IDENTITY), None, "too long ago");
+    }
+}

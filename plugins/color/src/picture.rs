@@ -1,0 +1,222 @@
+//! The picture that models look at, its reduction to 128×96 by averaging (A 3.1.2), and pictures that tell nothing.
+
+/// Columns of the reduced image.
+pub const WIDTH: usize = 128;
+/// Rows of the reduced image.
+pub const HEIGHT: usize = 96;
+/// Pixels of the reduced image.
+pub const PIXELS: usize = WIDTH * HEIGHT;
+
+/// Rows of red, green and blue bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct Picture<'a> {
+    size: [usize; 2],
+    step: usize,
+    data: &'a [u8],
+}
+
+/// Why a picture is not looked at.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum PictureError {
+    /// Width, height and bytes do not agree.
+    #[error("picture of {width}x{height} pixels has {got} bytes, expected {expected}")]
+    Size {
+        /// Pixels.
+        width: usize,
+        /// Pixels.
+        height: usize,
+        /// Bytes there are.
+        got: usize,
+        /// Bytes there should be.
+        expected: usize,
+    },
+    /// The lens is covered, or the shutter was closed.
+    #[error("image is black: {percent:.0} % of its pixels are at most {DARKEST}, expected at most {} %", 100.0 * DULL_SHARE)]
+    Black {
+        /// Share of black pixels.
+        percent: f64,
+    },
+    /// The exposure was too long.
+    #[error("image is saturated: {percent:.0} % of its pixels are at least {BRIGHTEST}, expected at most {} %", 100.0 * DULL_SHARE)]
+    Saturated {
+        /// Share of saturated pixels.
+        percent: f64,
+    },
+}
+
+/// Red and green up to this are black: sensors have some noise.
+const DARKEST: u8 = 4;
+/// Red and green from here on are saturated.
+const BRIGHTEST: u8 = 251;
+/// A picture with a larger share of pixels at one end tells nothing of the ground. (A bright sky alone is less.)
+const DULL_SHARE: f64 = 0.9;
+
+impl<'a> Picture<'a> {
+    /// Rows of `3 * width` bytes, `step` bytes apart.
+    pub fn new(
+        [width, height]: [usize; 2],
+        step: usize,
+        data: &'a [u8],
+    ) -> Result<Picture<'a>, PictureError> {
+        let expected = if height == 0 { 0 } else { step * (height - 1) + 3 * width };
+        if width == 0 || height == 0 || step < 3 * width || data.len() < expected {
+            return Err(PictureError::Size { width, height, got: data.len(), expected });
+        }
+        Ok(Picture { size: [width, height], step, data })
+    }
+
+    /// Columns and rows.
+    pub fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// Bytes of a row.
+    pub fn row(&self, row: usize) -> &'a [u8] {
+        &self.data[row * self.step..][..3 * self.size[0]]
+    }
+
+    /// Red, green and blue.
+    pub fn pixel(&self, column: usize, row: usize) -> [u8; 3] {
+        let at = row * self.step + 3 * column;
+        [self.data[at], self.data[at + 1], self.data[at + 2]]
+    }
+}
+
+/// First and one past the last pixel of each of `parts` equal parts of a side of `length` pixels, at least 1.
+///
+/// A side that is shorter than `parts` gives each of its pixels to several.
+pub fn edges(length: usize, parts: usize) -> Vec<[usize; 2]> {
+    (0..parts)
+        .map(|i| {
+            let start = i * length / parts;
+            [start, ((i + 1) * length / parts).max(start + 1)]
+        })
+        .collect()
+}
+
+/// Mean red and green of each pixel of the 128×96 image, rounded; 0.3 ms for 640×480.
+pub fn reduce(picture: &Picture<'_>) -> Vec<[u8; 2]> {
+    let [width, height] = picture.size();
+    let columns = edges(width, WIDTH);
+    let mut reduced = Vec::with_capacity(PIXELS);
+    for [top, bottom] in edges(height, HEIGHT) {
+        let mut sums = [[0_u32; 2]; WIDTH];
+        for row in top..bottom {
+            let row = picture.row(row).as_chunks::<3>().0;
+            for (sum, &[start, end]) in sums.iter_mut().zip(&columns) {
+                for &[red, green, _] in &row[start..end] {
+                    sum[0] += u32::from(red);
+                    sum[1] += u32::from(green);
+                }
+            }
+        }
+        reduced.extend(sums.iter().zip(&columns).map(|(sum, [start, end])| {
+            let count = ((end - start) * (bottom - top)) as u32;
+            sum.map(|sum| ((sum + count / 2) / count) as u8)
+        }));
+    }
+    reduced
+}
+
+/// Refuses a picture that is black or saturated almost everywhere.
+pub fn check(reduced: &[[u8; 2]]) -> Result<(), PictureError> {
+    let share = |is: fn(&[u8; 2]) -> bool| {
+        reduced.iter().filter(|pixel| is(pixel)).count() as f64 / reduced.len().max(1) as f64
+    };
+    let dark = share(|pixel| pixel.iter().all(|&v| v <= DARKEST));
+    if dark > DULL_SHARE {
+        return Err(PictureError::Black { percent: 100.0 * dark });
+    }
+    let bright = share(|pixel| pixel.iter().all(|&v| v >= BRIGHTEST));
+    if bright > DULL_SHARE {
+        return Err(PictureError::Saturated { percent: 100.0 * bright });
+    }
+    Ok(())
+}
+
+/// A number that changes with any byte of a picture: the same one twice means that a camera sends one picture again,
+/// since no sensor is without noise. 0.1 ms for 640×480.
+pub fn fingerprint(data: &[u8]) -> u64 {
+    const PRIME: u64 = 0x9E37_79B9_7F4A_7C15;
+    let (words, rest) = data.as_chunks::<8>();
+    let mix = |hash: u64, word: u64| (hash ^ word).wrapping_mul(PRIME).rotate_left(29);
+    let hash = words.iter().fold(data.len() as u64, |hash, &word| mix(hash, u64::from_le_bytes(word)));
+    rest.iter().fold(hash, |hash, &byte| mix(hash, u64::from(byte)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The mean over the pixels whose index times 128 / width (96 / height) falls on a reduced pixel.
+    fn reference_reduce(picture: &Picture<'_>) -> Vec<[u8; 2]> {
+        let [width, height] = picture.size();
+        let mut reduced = Vec::new();
+        for y in 0..96 {
+            for x in 0..128 {
+                let (mut sums, mut count) = ([0.0; 2], 0.0);
+                for v in (y * height / 96)..((y + 1) * height / 96).max(y * height / 96 + 1) {
+                    for u in (x * width / 128)..((x + 1) * width / 128).max(x * width / 128 + 1) {
+                        let [r, g, _] = picture.pixel(u, v);
+                        sums[0] += f64::from(r);
+                        sums[1] += f64::from(g);
+                        count += 1.0;
+                    }
+                }
+                reduced.push(sums.map(|sum| (sum / count + 0.5).floor() as u8));
+            }
+        }
+        reduced
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        #[test]
+        fn reducing_equals_the_mean_of_each_block(width in 1..300_usize, height in 1..220_usize, pad in 0..9_usize, seed: u64) {
+            let step = 3 * width + pad;
+            let mut state = seed | 1;
+            let data: Vec<u8> = (0..step * height).map(|_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                (state >> 56) as u8
+            }).collect();
+            let picture = Picture::new([width, height], step, &data).unwrap();
+            prop_assert_eq!(reduce(&picture), reference_reduce(&picture));
+        }
+    }
+
+    #[test]
+    fn pictures_that_tell_nothing_are_refused_and_others_are_not() {
+        let mostly = |value: u8, share: f64| {
+            let split = (share * PIXELS as f64) as usize;
+            let reduced: Vec<[u8; 2]> =
+                (0..PIXELS).map(|i| if i < split { [value; 2] } else { [90, 120] }).collect();
+            check(&reduced)
+        };
+        assert!(matches!(mostly(0, 1.0), Err(PictureError::Black { .. })));
+        assert!(matches!(mostly(255, 0.95), Err(PictureError::Saturated { .. })));
+        // Half the picture is a blown-out sky, or deep shade.
+        assert_eq!((mostly(255, 0.6), mostly(0, 0.6), mostly(30, 1.0)), (Ok(()), Ok(()), Ok(())));
+    }
+
+    #[test]
+    fn sizes_that_do_not_agree_are_refused() {
+        assert!(Picture::new([4, 2], 12, &[0; 24]).is_ok());
+        assert!(Picture::new([4, 2], 13, &[0; 25]).is_ok(), "the last row may end early");
+        for (size, step, bytes) in [([4, 2], 12, 23), ([4, 2], 11, 24), ([0, 2], 12, 24), ([4, 0], 12, 24)] {
+            assert!(Picture::new(size, step, &vec![0; bytes]).is_err());
+        }
+    }
+
+    #[test]
+    fn one_byte_changes_a_fingerprint() {
+        let mut data = vec![7_u8; 1003];
+        let before = fingerprint(&data);
+        for at in [0, 500, 1002] {
+            data[at] ^= 1;
+            assert_ne!(fingerprint(&data), before);
+            data[at] ^= 1;
+        }
+        assert_eq!(fingerprint(&data), before);
+    }
+}

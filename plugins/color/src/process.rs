@@ -1,0 +1,359 @@
+//! The process `color_models`.
+
+use crate::cost_map::Place;
+use crate::engine::{Engine, Samples};
+use crate::file::to_message;
+use crate::gate::{MIN_UPRIGHT, Odometer, SampleView, obstacle_in_sample};
+use crate::output::{annotation, learning, permission, send_costs, text_of};
+use crate::picture::{Picture, PictureError, fingerprint};
+use crate::region::{first_background, rays, spans};
+use crate::settings::{files, fixed_mount, frames, initial_engine, initial_models, rectangle, settings};
+use glam::DVec3;
+use rcs_geom::{CameraError, PinholeCamera, Pose};
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::{CameraCalibration, Grid, ImageAnnotations, RawImage};
+use rcs_msg::image::{ImageError, raw_to_rgb8};
+use rcs_msg::rcs::{ColorLearning, ColorModels, ColorModelsParams, ColorStats, PoseSource};
+use rcs_runtime::{CommandDef, Cycle, In, Msg, Out, PortBuilder, PosePorts, Process, ProcessDef};
+use rcs_world::{GridView, Localizer, LocalizerError};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Models are sent at least this often while images come, s.
+const MODELS_PERIOD_S: f64 = 1.0;
+
+/// State: models and fused probabilities, the last seconds of poses, the camera.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ColorModelling {
+    engine: Engine,
+    localizer: Localizer,
+    odometer: Odometer,
+    camera: Option<PinholeCamera>,
+    /// Rays of `camera`, made when they are first needed.
+    #[serde(skip)]
+    rays: Option<Arc<Vec<DVec3>>>,
+    /// Time and fingerprint of the last image.
+    last_image: Option<(Stamp, u64)>,
+    /// Which model files the engine began with.
+    loaded: u64,
+    learns: bool,
+    models_sent: Option<Stamp>,
+}
+
+/// Ports of [`ColorModelling`].
+#[derive(Debug)]
+pub struct Ports {
+    image: In<RawImage>,
+    calibration: In<CameraCalibration>,
+    poses: PosePorts,
+    map: In<Grid>,
+    pub(crate) probability: Out<RawImage>,
+    sample: Out<ImageAnnotations>,
+    pub(crate) cost: Out<Grid>,
+    pub(crate) cost_wide: Out<Grid>,
+    models: Out<ColorModels>,
+    stats: Out<ColorStats>,
+}
+
+/// Why an image was skipped.
+#[derive(Debug, thiserror::Error)]
+enum Unusable {
+    #[error("image without a calibration")]
+    NoCalibration,
+    #[error("image has {got:?} pixels, its calibration {expected:?}")]
+    Size { got: [u32; 2], expected: [u32; 2] },
+    #[error("image equals the one before, {age_s:.3} s older: the camera is frozen")]
+    Frozen { age_s: f64 },
+    #[error("image is {late_s:.3} s older than the one before")]
+    Late { late_s: f64 },
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    #[error(transparent)]
+    Picture(#[from] PictureError),
+    #[error(transparent)]
+    Pose(#[from] LocalizerError),
+    #[error("vehicle lies on its side: its up is {up_z:.2} of upright, expected at least {MIN_UPRIGHT}")]
+    OnItsSide { up_z: f64 },
+}
+
+impl Process for ColorModelling {
+    type Params = ColorModelsParams;
+    type Ports = Ports;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "color_models",
+        summary: "Learns the colours of ground and background and maps the cost of what the camera sees",
+        period_ms: 200.0,
+        commands: &[
+            CommandDef {
+                name: "CLEAR",
+                help: "Forget what was learned; begin with the model files again.",
+                parameters: "",
+            },
+            CommandDef { name: "LEARN_ON", help: "Learn, where nothing else forbids it.", parameters: "" },
+            CommandDef { name: "LEARN_OFF", help: "Keep all models as they are.", parameters: "" },
+        ],
+        reads_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        Ports {
+            image: b.input("image", "colour image, distorted as the calibration says or rectified"),
+            calibration: b.input("calibration", "calibration of the image"),
+            poses: PosePorts::declare(b),
+            map: b.optional_input("map", "world model, local frame: its obstacles stop learning"),
+            probability: b
+                .output("probability", "cost 250(1 - P) of the 128x96 image, 255 unclassified")
+                .role("cost")
+                .palette("cost")
+                .overlay_of("image")
+                .build(),
+            sample: b
+                .output("sample", "outline of the ground sample, pixels of the image")
+                .role("annotations")
+                .overlay_of("image")
+                .build(),
+            cost: b
+                .output("cost", "cost of 201x201 cells of 0.2 m around the vehicle, local frame")
+                .role("cost")
+                .palette("cost")
+                .build(),
+            cost_wide: b
+                .output("cost_wide", "cost of 201x201 cells of 0.6 m around the vehicle, local frame")
+                .role("cost")
+                .palette("cost")
+                .build(),
+            models: b
+                .output("models", "the models, once a second and when there is a new one")
+                .role("models")
+                .build(),
+            stats: b.output("stats", "pixels by class, models, learning").role("stats").build(),
+        }
+    }
+
+    fn check(params: &ColorModelsParams) -> Result<(), String> {
+        initial_models(params).map(|_| ())
+    }
+
+    fn new(params: &ColorModelsParams) -> Self {
+        Self {
+            engine: initial_engine(params),
+            localizer: Localizer::default(),
+            odometer: Odometer::default(),
+            camera: None,
+            rays: None,
+            last_image: None,
+            loaded: files(params),
+            learns: true,
+            models_sent: None,
+        }
+    }
+
+    fn cycle(&mut self, ports: &Ports, params: &ColorModelsParams, cx: &mut Cycle<'_>) {
+        match cx.command().map(|command| command.name.as_str()) {
+            Some("CLEAR") => self.engine = initial_engine(params),
+            Some("LEARN_ON") => self.learns = true,
+            Some("LEARN_OFF") => self.learns = false,
+            _ => {}
+        }
+        if self.loaded != files(params) {
+            self.engine = initial_engine(params);
+            self.loaded = files(params);
+        }
+        ports.poses.read(&mut self.localizer, frames(params), cx);
+        if let Some(calibration) = cx.read_newest(&ports.calibration) {
+            self.read_calibration(&calibration, cx);
+        }
+        let Some(image) = cx.read_newest(&ports.image) else {
+            return cx.exec("waits for an image");
+        };
+        match self.see(&image, ports, params, cx) {
+            Ok(ColorLearning::ColorNoSample) if self.engine.models.ground.is_empty() => {
+                cx.exec("waits for ground in view");
+            }
+            Ok(learning) => cx.exec(text_of(learning)),
+            Err(error) => {
+                cx.fault(format!("{error}; image skipped"));
+                cx.exec("waits for an image that it can use");
+            }
+        }
+    }
+}
+
+impl ColorModelling {
+    fn read_calibration(&mut self, calibration: &CameraCalibration, cx: &mut Cycle<'_>) {
+        let size = [calibration.width, calibration.height];
+        let (model, d) = (&calibration.distortion_model, &calibration.d);
+        let camera = PinholeCamera::from_calibration(size, &calibration.k, model, d);
+        let camera = camera.map_err(|error: CameraError| cx.fault(format!("calibration: {error}"))).ok();
+        if camera != self.camera {
+            self.camera = camera;
+            self.rays = None;
+        }
+    }
+
+    fn see(
+        &mut self,
+        image: &Msg<RawImage>,
+        ports: &Ports,
+        params: &ColorModelsParams,
+        cx: &mut Cycle<'_>,
+    ) -> Result<ColorLearning, Unusable> {
+        let time = image.acq_time();
+        self.check_sequence(image, time)?;
+        let camera = self.camera.clone().ok_or(Unusable::NoCalibration)?;
+        let (got, expected) = ([image.width, image.height], [camera.width, camera.height]);
+        if got != expected {
+            return Err(Unusable::Size { got, expected });
+        }
+        let rgb = raw_to_rgb8(image)?;
+        let size = got.map(|side| side as usize);
+        let picture = Picture::new(size, 3 * size[0], &rgb.data)?;
+        let local_from_vehicle = self.vehicle(time, params)?;
+        let vehicle_from_camera = self.mount(image, time, params)?;
+        let rays = self.rays.get_or_insert_with(|| Arc::new(rays(&camera))).clone();
+
+        let rectangle = rectangle(params);
+        let outline = rectangle.outline(&camera, &vehicle_from_camera);
+        let spans = spans(&outline, size);
+        let view = SampleView {
+            camera: &camera,
+            vehicle_from_camera: &vehicle_from_camera,
+            local_from_vehicle: &local_from_vehicle,
+            rectangle: &rectangle,
+            spans: &spans,
+        };
+        let off = self.off(&view, time, ports, params, cx);
+        let samples = Samples {
+            ground: &spans,
+            first_background: &first_background(
+                &rays,
+                &vehicle_from_camera,
+                size[1],
+                params.below_horizon_px,
+            ),
+            permission: permission(off),
+        };
+        let seen = self.engine.see(&picture, &samples, time, &settings(params), cx.rng())?;
+        let learning = learning(&seen, off, params);
+        let place = Place {
+            camera: &camera,
+            rays: &rays,
+            vehicle_from_camera: &vehicle_from_camera,
+            local_from_vehicle: &local_from_vehicle,
+            below_m: params.wheels_below_m,
+        };
+        cx.write(&ports.sample, time, annotation(&outline, time));
+        let cells = send_costs(&seen, &place, image, ports, params, cx);
+        let left_ns = self.engine.models.learning_left_ns().unwrap_or(0);
+        let stats = ColorStats {
+            timestamp: Some(time.to_proto()),
+            ground_models: self.engine.models.ground.len() as u32,
+            learning: learning.into(),
+            difference: f64::from(seen.difference),
+            sample_pixels: seen.sample_pixels,
+            ground: seen.counts.ground,
+            background: seen.counts.background,
+            unclassified: seen.counts.unclassified,
+            cells: cells[0],
+            obstacle_cells: cells[1],
+            learning_left_s: left_ns as f64 * 1e-9,
+        };
+        cx.write(&ports.stats, time, stats);
+        let due = self.models_sent.is_none_or(|sent| time.seconds_since(sent) >= MODELS_PERIOD_S);
+        if due || learning == ColorLearning::ColorAdded {
+            cx.write(&ports.models, time, to_message(&self.engine.models, time));
+            self.models_sent = Some(time);
+        }
+        Ok(learning)
+    }
+
+    /// Refuses an image that came before, and one that is older than the last.
+    fn check_sequence(&mut self, image: &RawImage, time: Stamp) -> Result<(), Unusable> {
+        let print = fingerprint(&image.data);
+        let Some((last_time, last_print)) = self.last_image else {
+            self.last_image = Some((time, print));
+            return Ok(());
+        };
+        let newer_s = time.seconds_since(last_time);
+        if newer_s < 0.0 {
+            return Err(Unusable::Late { late_s: -newer_s });
+        }
+        self.last_image = Some((time, print));
+        if print == last_print {
+            return Err(Unusable::Frozen { age_s: newer_s });
+        }
+        Ok(())
+    }
+
+    fn vehicle(&self, time: Stamp, params: &ColorModelsParams) -> Result<Pose, Unusable> {
+        let pose = match params.pose_source() {
+            PoseSource::PoseFixed => Pose::IDENTITY,
+            PoseSource::PoseMessages => {
+                self.localizer.local_from_vehicle(frames(params), time, params.pose_max_age_s)?
+            }
+        };
+        let up_z = pose.rotate(DVec3::Z).z;
+        if up_z < MIN_UPRIGHT { Err(Unusable::OnItsSide { up_z }) } else { Ok(pose) }
+    }
+
+    fn mount(&self, image: &RawImage, time: Stamp, params: &ColorModelsParams) -> Result<Pose, Unusable> {
+        if params.mount_fixed {
+            return Ok(fixed_mount(params));
+        }
+        Ok(self.localizer.lookup(&params.vehicle_frame, &image.frame_id, time, params.pose_max_age_s)?)
+    }
+
+    /// Why nothing may be learned of the ground in this image. With a fixed pose motion is not known, and not asked.
+    fn off(
+        &mut self,
+        view: &SampleView<'_>,
+        time: Stamp,
+        ports: &Ports,
+        params: &ColorModelsParams,
+        cx: &mut Cycle<'_>,
+    ) -> Option<ColorLearning> {
+        let motion = self.odometer.take(time, view.local_from_vehicle);
+        if !self.learns {
+            return Some(ColorLearning::ColorOffCommand);
+        }
+        match obstacle_ahead(view, time, ports, params, cx) {
+            Ok(false) => {}
+            Ok(true) => return Some(ColorLearning::ColorOffObstacle),
+            Err(fault) => {
+                cx.fault(format!("{fault}; nothing is learned"));
+                return Some(ColorLearning::ColorOffObstacle);
+            }
+        }
+        if params.pose_source() == PoseSource::PoseFixed {
+            return None;
+        }
+        // Poses that tell no motion are those of a vehicle that has not begun to move.
+        let Some(motion) = motion else { return Some(ColorLearning::ColorOffStanding) };
+        if motion.turn_rate_radps > params.max_turn_rate_dps.to_radians() {
+            Some(ColorLearning::ColorOffTurning)
+        } else if motion.speed_mps < params.min_speed_mps {
+            Some(ColorLearning::ColorOffStanding)
+        } else {
+            None
+        }
+    }
+}
+
+/// Whether a map that is recent enough has an obstacle in the sample.
+fn obstacle_ahead(
+    view: &SampleView<'_>,
+    time: Stamp,
+    ports: &Ports,
+    params: &ColorModelsParams,
+    cx: &mut Cycle<'_>,
+) -> Result<bool, String> {
+    let Some(map) = cx.latest(&ports.map) else { return Ok(false) };
+    if time.seconds_since(map.acq_time()).abs() > params.map_max_age_s {
+        return Ok(false);
+    }
+    if map.frame_id != params.local_frame {
+        return Err(format!("map's frame is {:?}, expected {:?}", map.frame_id, params.local_frame));
+    }
+    let grid = GridView::new(&map).map_err(|error| format!("map: {error}"))?;
+    Ok(obstacle_in_sample(&grid, view))
+}

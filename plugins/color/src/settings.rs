@@ -1,0 +1,68 @@
+//! What the parameters of the process mean.
+
+use crate::engine::Engine;
+use crate::file::parse;
+use crate::models::{Models, Settings};
+use crate::picture::fingerprint;
+use crate::region::Rectangle;
+use glam::DVec3;
+use rcs_geom::Pose;
+use rcs_msg::rcs::ColorModelsParams;
+use rcs_world::FrameNames;
+
+pub(crate) fn initial_models(params: &ColorModelsParams) -> Result<Models, String> {
+    let mut models = Models::default();
+    for (name, text) in
+        [("models", &params.models), ("models_2", &params.models_2), ("models_3", &params.models_3)]
+    {
+        let read = parse(text).map_err(|error| format!("{name}: {error}"))?;
+        models = models.with(&read, params.samples);
+    }
+    Ok(models)
+}
+
+/// What the runtime has checked; without a check (a test) wrong files are no files.
+pub(crate) fn initial_engine(params: &ColorModelsParams) -> Engine {
+    Engine::new(initial_models(params).unwrap_or_default())
+}
+
+pub(crate) fn files(params: &ColorModelsParams) -> u64 {
+    let texts = [&params.models, &params.models_2, &params.models_3];
+    texts.iter().fold(0, |hash, text| fingerprint(text.as_bytes()) ^ hash.rotate_left(21))
+}
+
+pub(crate) fn rectangle(params: &ColorModelsParams) -> Rectangle {
+    Rectangle {
+        ahead_m: params.sample_ahead_m,
+        length_m: params.sample_length_m,
+        width_m: params.sample_width_m,
+        below_m: params.wheels_below_m,
+    }
+}
+
+pub(crate) fn settings(params: &ColorModelsParams) -> Settings {
+    Settings {
+        samples: params.samples,
+        max_models: params.max_models as usize,
+        match_difference: params.match_difference as f32,
+        learning_period_ns: (params.learning_period_s * 1e9) as u64,
+        memory: params.model_memory,
+        fusion_frames: params.fusion_frames,
+        min_sample_px: params.min_sample_px,
+    }
+}
+
+pub(crate) fn frames(params: &ColorModelsParams) -> FrameNames<'_> {
+    FrameNames { local: &params.local_frame, vehicle: &params.vehicle_frame, pose: &params.pose_frame }
+}
+
+/// The camera on the vehicle as the mount parameters have it.
+pub(crate) fn fixed_mount(params: &ColorModelsParams) -> Pose {
+    let mount = Pose::from_rpy(
+        DVec3::new(params.mount_x_m, params.mount_y_m, params.mount_height_m),
+        params.mount_roll_deg.to_radians(),
+        params.mount_pitch_deg.to_radians(),
+        params.mount_yaw_deg.to_radians(),
+    );
+    mount * Pose::body_from_optical()
+}

@@ -1,0 +1,422 @@
+//! The process on images made by hand: what it learns and when, what it sends, and that images that cannot be used are
+//! reported and skipped with nothing sent on.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use rand_chacha::ChaCha8Rng;
+use rand_core::{RngCore, SeedableRng};
+use rcs_color::ColorModelling;
+use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
+use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
+use rcs_msg::foxglove::{CameraCalibration, Grid, ImageAnnotations, PoseInFrame, RawImage};
+use rcs_msg::rcs::{ColorLearning, ColorModels, ColorStats};
+use rcs_msg::{AnyMessage, Payload, Stamp, rcs, schema_of, to_json};
+use rcs_runtime::source::Task;
+use rcs_runtime::{
+    Asset, Assets, NoAssets, OperatorWrite, Plan, PlanOptions, ProcessType, RunOptions, Session, Snapshot,
+    StackFile, Stepped,
+};
+use rcs_world::{GridView, Map, MapOptions, NumericType, Source, VoteRule, Weights, pose_message};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+const STACK: &str = r#"
+format = 1
+name = "hand_made"
+input = [
+    { buffer = "/image", topic = "/image" },
+    { buffer = "/calibration", topic = "/calibration" },
+    { buffer = "/pose", topic = "/pose" },
+    { buffer = "/map", topic = "/map" },
+]
+
+[[process]]
+name = "color"
+plugin = "color_models"
+supervisor = "viewer"
+period_ms = 20.0
+inputs = { image = "/image", calibration = "/calibration", pose = "/pose", map = "/map" }
+params = { mount_fixed = true, mount_height_m = 1.0, mount_pitch_deg = 25.0, learning_period_s = 0.5 }
+"#;
+
+const PROCESSES: &[ProcessType] = &[ProcessType::of::<ColorModelling>()];
+const OUTPUTS: [&str; 6] = ["probability", "sample", "cost", "cost_wide", "models", "stats"];
+const SIZE: [u32; 2] = [320, 240];
+const MULCH: [u8; 3] = [120, 84, 58];
+const LIME: [u8; 3] = [205, 200, 185];
+const GRASS: [u8; 3] = [88, 122, 50];
+
+struct Given {
+    at_ms: u64,
+    topic: &'static str,
+    message: AnyMessage,
+}
+
+fn give<T: Payload>(at_ms: u64, topic: &'static str, value: T) -> Given {
+    Given { at_ms, topic, message: AnyMessage::new(value) }
+}
+
+fn camera() -> PinholeCamera {
+    PinholeCamera::from_calibration(SIZE, &calibration().k, "plumb_bob", &[0.0; 5]).unwrap()
+}
+
+fn calibration() -> CameraCalibration {
+    CameraCalibration {
+        width: SIZE[0],
+        height: SIZE[1],
+        distortion_model: "plumb_bob".to_owned(),
+        d: vec![0.0; 5],
+        k: vec![200.0, 0.0, 159.5, 0.0, 200.0, 119.5, 0.0, 0.0, 1.0],
+        ..CameraCalibration::default()
+    }
+}
+
+fn raw(data: Vec<u8>) -> RawImage {
+    RawImage {
+        frame_id: "camera".to_owned(),
+        width: SIZE[0],
+        height: SIZE[1],
+        encoding: "rgb8".to_owned(),
+        step: 3 * SIZE[0],
+        data: data.into(),
+        ..RawImage::default()
+    }
+}
+
+/// A path 1.6 m wide straight ahead in grass, under a sky; with light and noise of its own for each seed.
+fn scene(path: [u8; 3], seed: u64) -> RawImage {
+    let camera = camera();
+    let mount =
+        Pose::from_rpy(DVec3::new(0.0, 0.0, 1.0), 0.0, 25_f64.to_radians(), 0.0) * Pose::body_from_optical();
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut noise = |spread: f64| (f64::from(rng.next_u32()) / f64::from(u32::MAX) - 0.5) * 2.0 * spread;
+    let mut data = Vec::new();
+    for v in 0..SIZE[1] {
+        for u in 0..SIZE[0] {
+            let ray = mount.rotate(camera.unproject(DVec2::new(f64::from(u), f64::from(v))).unwrap());
+            let base = match ray.z {
+                z if z >= 0.0 => [170, 200, 235],
+                z if (ray.y / -z).abs() < 0.8 => path,
+                _ => GRASS,
+            };
+            let light = 1.0 + noise(0.25);
+            data.extend(base.map(|v| (f64::from(v) * light + noise(5.0)).clamp(0.0, 255.0) as u8));
+        }
+    }
+    raw(data)
+}
+
+fn pose(x_m: f64, yaw_rad: f64) -> PoseInFrame {
+    let pose = Some(pose_message(&Pose::from_xy_yaw(x_m, 0.0, yaw_rad)));
+    PoseInFrame { frame_id: "local".to_owned(), pose, ..PoseInFrame::default() }
+}
+
+/// A map with one obstacle 1.8 m ahead of a vehicle at this place.
+fn blocked_map(x_m: f64) -> Grid {
+    let mut map = Map::new(0.2).unwrap();
+    let cell = map.grid().cell_at(DVec2::new(x_m + 1.8, 0.0)).unwrap();
+    map.vote(cell, Source::Stereo, 250, 1, Stamp(1), VoteRule::default());
+    let sources = [Source::Stereo].into_iter().collect();
+    let options = MapOptions { sources, heights: true, weights: Weights::default() };
+    Grid { timestamp: None, ..map.to_grid("local", Stamp(1), &options) }
+}
+
+/// An image every 200 ms of a vehicle that drives so, from a time on.
+fn drive(from_ms: u64, images: u64, path: [u8; 3], speed_mps: f64, turn_dps: f64) -> Vec<Given> {
+    (0..images)
+        .flat_map(|i| {
+            let (at_ms, after_s) = (from_ms + 200 * i, 0.2 * i as f64);
+            let yaw = (turn_dps * after_s).to_radians();
+            [
+                give(at_ms, "/pose", pose(speed_mps * after_s, yaw)),
+                give(at_ms + 1, "/image", scene(path, at_ms)),
+            ]
+        })
+        .collect()
+}
+
+/// Whatever file is asked for.
+struct Shelf(String);
+
+impl Assets for Shelf {
+    fn read(&self, _kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
+        Ok(Asset { file: name.to_owned(), text: self.0.clone() })
+    }
+}
+
+fn begin(given: &[Given], threads: usize, params: &[(&str, &str)]) -> (Stepped, tempfile::TempDir) {
+    begin_with(given, threads, params, &NoAssets)
+}
+
+/// The stack on a log of these messages, begun; the folder holds the log.
+fn begin_with(
+    given: &[Given],
+    threads: usize,
+    params: &[(&str, &str)],
+    assets: &dyn Assets,
+) -> (Stepped, tempfile::TempDir) {
+    let overrides: Vec<(String, String)> =
+        params.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+    let options = PlanOptions { overrides: &overrides, course: None, assets };
+    let plan = Plan::with(StackFile::parse("hand_made", STACK).unwrap(), PROCESSES, &options).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hand_made.mcap");
+    let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
+    let metadata = BTreeMap::new();
+    let schemas = [
+        ("/image", schema_of::<RawImage>()),
+        ("/calibration", schema_of::<CameraCalibration>()),
+        ("/pose", schema_of::<PoseInFrame>()),
+        ("/map", schema_of::<Grid>()),
+    ];
+    let channels: BTreeMap<&str, _> = schemas
+        .into_iter()
+        .map(|(topic, schema)| (topic, writer.add_channel(topic, schema, &metadata).unwrap()))
+        .collect();
+    for (sequence, given) in (0..).zip(given) {
+        let time = Stamp((1_000 + given.at_ms) * 1_000_000);
+        let header = WriteHeader { sequence, log_time: time, publish_time: time };
+        writer.write(channels[given.topic], header, &given.message.bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+    let log = Log::open(&path).unwrap();
+    let options = RunOptions { threads, hash: true, ..RunOptions::default() };
+    let mut run = Stepped::new(Arc::new(plan), Some(&log), options).unwrap();
+    run.begin().unwrap();
+    (run, folder)
+}
+
+fn until(run: &mut Stepped, at_ms: u64) {
+    run.run_until(Stamp((1_000 + at_ms) * 1_000_000)).unwrap();
+}
+
+fn latest<T: Payload>(run: &Stepped, buffer: &str) -> T {
+    run.bus().get(buffer).unwrap().latest().unwrap().message.to().unwrap()
+}
+
+fn sent(run: &Stepped) -> u64 {
+    OUTPUTS.iter().map(|name| run.bus().get(&format!("/color/{name}")).unwrap().newest()).sum()
+}
+
+fn faults(run: &Stepped) -> (u64, String) {
+    let status: rcs::Status = latest(run, "/color/status");
+    (status.faults, status.last_fault)
+}
+
+fn with_calibration(rest: impl IntoIterator<Item = Given>) -> Vec<Given> {
+    [give(0, "/calibration", calibration())].into_iter().chain(rest).collect()
+}
+
+#[test]
+fn on_a_path_the_path_is_cheap_and_the_grass_is_dear() {
+    let (mut run, _folder) = begin(&with_calibration(drive(10, 10, MULCH, 1.0, 0.0)), 1, &[]);
+    until(&mut run, 2_100);
+    assert_eq!(faults(&run).0, 0, "{}", faults(&run).1);
+    let stats: ColorStats = latest(&run, "/color/stats");
+    assert_eq!((stats.learning(), stats.ground_models), (ColorLearning::ColorUpdated, 1));
+
+    for (name, size_m) in [("cost", 0.2), ("cost_wide", 0.6)] {
+        let grid: Grid = latest(&run, &format!("/color/{name}"));
+        assert_eq!((grid.frame_id.as_str(), grid.cell_size.unwrap().x), ("local", size_m));
+        let view = GridView::new(&grid).unwrap();
+        let costs = view.field_of("cost.color", NumericType::Uint8).unwrap();
+        let corner = view.frame_from_grid().translation.truncate();
+        let at = |x: f64, y: f64| {
+            let cell = (DVec2::new(x, y) - corner) / size_m;
+            costs.get(cell.x as usize, cell.y as usize).unwrap()
+        };
+        // The vehicle is at 1.8 m.
+        for x in [4.5, 6.5, 8.5] {
+            let (path, grass) = (at(x, 0.0), at(x, 1.7));
+            assert!(path < 60.0 && grass > 190.0 && grass <= 250.0, "{name} at {x}: {path} {grass}");
+        }
+        assert_eq!(at(0.5, 0.0), 255.0, "behind the camera's view");
+    }
+    let overlay: RawImage = latest(&run, "/color/probability");
+    assert_eq!((overlay.width, overlay.height, overlay.encoding.as_str()), (128, 96, "mono8"));
+    let outline: ImageAnnotations = latest(&run, "/color/sample");
+    assert_eq!(outline.points.len(), 1);
+    let models: ColorModels = latest(&run, "/color/models");
+    assert_eq!(
+        models.models.iter().map(|model| model.name.as_str()).collect::<Vec<_>>(),
+        ["learned 1", "background"]
+    );
+}
+
+/// Drives on mulch, then so on lime, and says what became of the last sample and how many ground models there are.
+fn learning_on_lime(
+    speed_mps: f64,
+    turn_dps: f64,
+    extra: Option<Given>,
+    params: &[(&str, &str)],
+) -> (ColorLearning, u32) {
+    let mut given = with_calibration(drive(10, 5, MULCH, 1.0, 0.0));
+    given.extend(extra);
+    given.extend(drive(1_010, 8, LIME, speed_mps, turn_dps));
+    let (mut run, _folder) = begin(&given, 1, params);
+    until(&mut run, 2_600);
+    let stats: ColorStats = latest(&run, "/color/stats");
+    (stats.learning(), stats.ground_models)
+}
+
+#[test]
+fn new_ground_is_learned_after_the_period_while_the_vehicle_drives_straight() {
+    assert_eq!(learning_on_lime(1.0, 0.0, None, &[]), (ColorLearning::ColorUpdated, 2));
+    assert_eq!(learning_on_lime(1.0, 9.0, None, &[]), (ColorLearning::ColorUpdated, 2), "below the limit");
+}
+
+#[test]
+fn nothing_is_learned_while_the_vehicle_turns_fast() {
+    assert_eq!(learning_on_lime(1.0, 11.0, None, &[]), (ColorLearning::ColorOffTurning, 1));
+    assert_eq!(learning_on_lime(1.0, -40.0, None, &[]), (ColorLearning::ColorOffTurning, 1));
+}
+
+#[test]
+fn nothing_is_learned_while_the_vehicle_stands() {
+    assert_eq!(learning_on_lime(0.0, 0.0, None, &[]), (ColorLearning::ColorOffStanding, 1));
+}
+
+#[test]
+fn nothing_is_learned_with_an_obstacle_of_the_map_in_the_sample() {
+    let obstacle = || Some(give(1_005, "/map", blocked_map(0.0)));
+    assert_eq!(learning_on_lime(0.1, 0.0, obstacle(), &[]), (ColorLearning::ColorOffObstacle, 1));
+    // An old map tells nothing.
+    let old = [("color.map_max_age_s", "0.5")];
+    assert_eq!(learning_on_lime(0.1, 0.0, obstacle(), &old), (ColorLearning::ColorUpdated, 2));
+}
+
+#[test]
+fn the_operator_stops_learning_and_makes_it_forget() {
+    let mut given = with_calibration(drive(10, 5, MULCH, 1.0, 0.0));
+    given.extend(drive(1_010, 20, LIME, 1.0, 0.0));
+    let (run, _folder) = begin(&given, 1, &[]);
+    let mut session = Session::new(run).unwrap();
+    let go = |session: &mut Session, at_ms: u64| {
+        session.forward_until(Stamp((1_000 + at_ms) * 1_000_000), &Task::default()).unwrap();
+        let stats: ColorStats = latest(session.run(), "/color/stats");
+        (stats.learning(), stats.ground_models)
+    };
+    let command = |session: &mut Session, serial: u64, name: &str| {
+        let command = rcs::Command { serial, name: name.to_owned(), ..rcs::Command::default() };
+        let message = AnyMessage::new(command);
+        session.write(OperatorWrite { buffer: "/color/command".to_owned(), message }).unwrap();
+    };
+    assert_eq!(go(&mut session, 900), (ColorLearning::ColorUpdated, 1));
+    command(&mut session, 1, "LEARN_OFF");
+    assert_eq!(go(&mut session, 2_400), (ColorLearning::ColorOffCommand, 1));
+    command(&mut session, 2, "LEARN_ON");
+    assert_eq!(go(&mut session, 3_600), (ColorLearning::ColorUpdated, 2));
+    command(&mut session, 3, "CLEAR");
+    // What is ahead now is the first ground again, and the only one.
+    assert_eq!(go(&mut session, 3_900).1, 1);
+}
+
+#[test]
+fn images_that_cannot_be_used_are_skipped_with_nothing_sent_and_the_next_one_is_used() {
+    let good = |seed: u64| scene(MULCH, seed);
+    let small = RawImage { width: 160, height: 120, step: 480, ..good(2) };
+    let steps: Vec<(&'static str, AnyMessage, Option<&str>)> = vec![
+        ("/image", AnyMessage::new(good(1)), Some("image without a calibration")),
+        (
+            "/calibration",
+            AnyMessage::new(CameraCalibration { k: vec![0.0; 9], ..calibration() }),
+            Some("not calibrated"),
+        ),
+        ("/image", AnyMessage::new(good(2)), Some("image without a calibration")),
+        ("/calibration", AnyMessage::new(calibration()), None),
+        ("/image", AnyMessage::new(good(3)), None),
+        ("/image", AnyMessage::new(good(3)), Some("the camera is frozen")),
+        ("/image", AnyMessage::new(good(4)), None),
+        ("/image", AnyMessage::new(small), Some("image has [160, 120] pixels, its calibration [320, 240]")),
+        ("/image", AnyMessage::new(raw(vec![0; 320 * 240 * 3])), Some("image is black")),
+        ("/image", AnyMessage::new(raw(vec![255; 320 * 240 * 3])), Some("image is saturated")),
+        ("/image", AnyMessage::new(raw(vec![1; 1000])), Some("bytes of the image")),
+        (
+            "/image",
+            AnyMessage::new(RawImage { encoding: "h264".to_owned(), ..good(5) }),
+            Some("got encoding \"h264\""),
+        ),
+        (
+            "/image",
+            AnyMessage::new(RawImage { timestamp: Some(Stamp(5).to_proto()), ..good(6) }),
+            Some("older than the one before"),
+        ),
+        ("/image", AnyMessage::new(good(7)), None),
+    ];
+    let given: Vec<Given> = (0..)
+        .zip(&steps)
+        .map(|(i, (topic, message, _))| Given { at_ms: 100 * i, topic, message: message.clone() })
+        .collect();
+    let (mut run, _folder) = begin(&given, 1, &[("color.pose_source", "POSE_FIXED")]);
+    for (i, (topic, _, why)) in (0..).zip(&steps) {
+        let (before, outputs) = if i == 0 { (0, 0) } else { (faults(&run).0, sent(&run)) };
+        until(&mut run, 100 * i + 80);
+        let (count, last) = faults(&run);
+        assert_eq!(count - before, u64::from(why.is_some()), "message {i}: {last}");
+        if let Some(why) = why {
+            assert!(last.contains(why), "message {i}: got {last:?}, expected {why:?}");
+        }
+        let goes_out = *topic == "/image" && why.is_none();
+        assert_eq!(sent(&run) > outputs, goes_out, "message {i}: {last}");
+    }
+}
+
+#[test]
+fn an_image_without_a_pose_is_skipped() {
+    let (mut run, _folder) = begin(&with_calibration([give(10, "/image", scene(MULCH, 1))]), 1, &[]);
+    until(&mut run, 200);
+    assert_eq!((faults(&run).0, sent(&run)), (1, 0), "{}", faults(&run).1);
+}
+
+#[test]
+fn models_that_were_saved_classify_from_the_first_image_of_the_next_run() {
+    let (mut run, _folder) = begin(&with_calibration(drive(10, 10, MULCH, 1.0, 0.0)), 1, &[]);
+    until(&mut run, 2_100);
+    let models: ColorModels = latest(&run, "/color/models");
+    let text = to_json(&AnyMessage::new(models)).unwrap();
+
+    // The vehicle stands on lime with a mulch path beside it in the file's colours: it learns nothing.
+    let given = with_calibration(drive(10, 3, MULCH, 0.0, 0.0));
+    let (mut run, _folder) = begin_with(&given, 1, &[("color.models", "saved")], &Shelf(text));
+    until(&mut run, 100);
+    let stats: ColorStats = latest(&run, "/color/stats");
+    assert_eq!((stats.learning(), stats.ground_models), (ColorLearning::ColorOffStanding, 1));
+    assert!(stats.ground > 2_000 && stats.unclassified < 100, "{stats:?}");
+}
+
+#[test]
+fn a_file_that_holds_no_models_is_refused_before_anything_runs() {
+    let refused = |text: &str| {
+        let overrides = [("color.models_2".to_owned(), "broken".to_owned())];
+        let shelf = Shelf(text.to_owned());
+        let options = PlanOptions { overrides: &overrides, course: None, assets: &shelf };
+        Plan::with(StackFile::parse("hand_made", STACK).unwrap(), PROCESSES, &options)
+            .unwrap_err()
+            .to_string()
+    };
+    let error = refused("{\"models\": [{\"name\": \"mulch\", \"counts\": [1, 2]}]}");
+    assert!(error.contains("models_2: model \"mulch\" has 2 counts"), "{error}");
+    let error = refused("nonsense");
+    assert!(error.contains("expected the JSON of a rcs.ColorModels"), "{error}");
+}
+
+#[test]
+fn a_run_gives_the_same_bytes_again_with_two_threads_and_from_a_snapshot() {
+    let mut given = with_calibration(drive(10, 4, MULCH, 1.0, 0.0));
+    given.extend(drive(810, 4, LIME, 1.0, 0.0));
+    let hash = |threads: usize| {
+        let (mut run, _folder) = begin(&given, threads, &[]);
+        until(&mut run, 2_000);
+        run.summary().hash
+    };
+    let expected = hash(1);
+    assert!(expected.is_some());
+    assert_eq!(hash(2), expected);
+    let (mut run, _folder) = begin(&given, 1, &[]);
+    until(&mut run, 900);
+    let bytes = run.snapshot().to_bytes().unwrap();
+    until(&mut run, 2_000);
+    run.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
+    until(&mut run, 2_000);
+    assert_eq!(run.summary().hash, expected);
+}
