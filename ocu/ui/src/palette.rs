@@ -36,6 +36,68 @@ pub fn obstacle_label(value: u8) -> Option<&'static Label> {
     OBSTACLE_LABELS.get(usize::from(value))
 }
 
+/// Which classes the pixels of a label image name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Classes {
+    /// Those of [`OBSTACLE_LABELS`].
+    #[default]
+    Obstacles,
+    /// Numbers without names here, 0 for none: told apart by colour alone.
+    Numbered,
+}
+
+/// The classes that `rcs.palette` names; those of obstacles where it names none.
+pub fn classes(palette: &str) -> Classes {
+    match palette {
+        "" | "obstacle_labels" => Classes::Obstacles,
+        _ => Classes::Numbered,
+    }
+}
+
+impl Classes {
+    /// Colour of a class; transparent for what is not known.
+    pub fn color(self, value: u8) -> Color32 {
+        match self {
+            Self::Obstacles => obstacle_label(value).map_or(Color32::TRANSPARENT, |label| label.color),
+            Self::Numbered if value == 0 => Color32::TRANSPARENT,
+            Self::Numbered => NUMBERED[usize::from(value - 1) % NUMBERED.len()],
+        }
+    }
+
+    /// Name of a class.
+    pub fn name(self, value: u8) -> String {
+        match self {
+            Self::Obstacles => obstacle_label(value).map(|label| label.name.to_owned()),
+            Self::Numbered => None,
+        }
+        .unwrap_or_else(|| format!("class {value}"))
+    }
+
+    /// The classes of a legend; none where they have no names.
+    pub fn legend(self) -> &'static [Label] {
+        match self {
+            Self::Obstacles => &OBSTACLE_LABELS[1..],
+            Self::Numbered => &[],
+        }
+    }
+}
+
+/// Twelve colours that are told apart, for classes that have numbers only.
+const NUMBERED: [Color32; 12] = [
+    rgb(0x4c_a64c),
+    rgb(0xe6_9f00),
+    rgb(0x56_b4e9),
+    rgb(0xd5_5e5e),
+    rgb(0xf0_e442),
+    rgb(0x9c_5fd6),
+    rgb(0x2f_c7b0),
+    rgb(0xe4_87bd),
+    rgb(0x3f_6fd8),
+    rgb(0xa8_7848),
+    rgb(0xb8_c4ca),
+    rgb(0x7a_8a2a),
+];
+
 /// One of the ways to colour a map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -146,6 +208,14 @@ mod tests {
         assert!((0..255).all(|i| lightness(VIRIDIS[i + 1]) >= lightness(VIRIDIS[i]) - 1e-3));
         assert_eq!(even(f64::NAN), Color32::TRANSPARENT);
         assert_eq!((even(-1.0), even(2.0)), (VIRIDIS[0], VIRIDIS[255]));
+    }
+
+    #[test]
+    fn classes_without_names_are_numbered_and_nothing_is_transparent() {
+        let classes = classes("surfaces_of_some_robot");
+        assert_eq!((classes.color(0), classes.name(7)), (Color32::TRANSPARENT, "class 7".to_owned()));
+        assert!((1..=255).all(|value| classes.color(value).a() == 255));
+        assert_eq!(super::classes("").name(2), "obstacle");
     }
 
     #[test]

@@ -34,6 +34,10 @@ pub struct Tokens {
     pub warning: Color32,
     /// This is broken.
     pub error: Color32,
+    /// Surface of what stops a vehicle at once; text on it is [`Tokens::on_stop`].
+    pub stop: Color32,
+    /// Text on [`Tokens::stop`].
+    pub on_stop: Color32,
     /// Not known.
     pub unknown: Color32,
     /// Too old to be believed.
@@ -58,6 +62,8 @@ const DARK: Tokens = Tokens {
     ok: rgb(0x4c_c38a),
     warning: rgb(0xf2_b23e),
     error: rgb(0xff_6b63),
+    stop: rgb(0xc4_2b24),
+    on_stop: rgb(0xff_ffff),
     unknown: rgb(0x6b_777d),
     stale: rgb(0x9d_8f7a),
     series: [
@@ -84,6 +90,8 @@ const LIGHT: Tokens = Tokens {
     ok: rgb(0x12_7a4c),
     warning: rgb(0x9a_6000),
     error: rgb(0xc4_2b24),
+    stop: rgb(0xc4_2b24),
+    on_stop: rgb(0xff_ffff),
     unknown: rgb(0x7c_888e),
     stale: rgb(0x7a_6a50),
     series: [
@@ -237,6 +245,7 @@ mod tests {
                     assert!(contrast >= 4.5, "{name} on {surface:?}, dark {}: {contrast}", tokens.dark);
                 }
             }
+            assert!(contrast(tokens.on_stop, tokens.stop) >= 4.5);
             for color in [tokens.ok, tokens.warning, tokens.error, tokens.accent, tokens.stale] {
                 let contrast = contrast(color, tokens.panel());
                 assert!(contrast >= 4.5, "{color:?}, dark {}: {contrast}", tokens.dark);

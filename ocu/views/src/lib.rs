@@ -9,9 +9,11 @@
 mod buffers;
 mod camera;
 mod canvas;
+mod drive;
 mod fields;
 mod hierarchy;
 mod map;
+pub mod operator;
 mod picture;
 mod pose;
 #[cfg(test)]

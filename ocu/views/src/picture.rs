@@ -1,7 +1,7 @@
 //! Images of any encoding as something to look at: colours, values (a depth), or labels.
 
 use egui::{Color32, ColorImage};
-use ocu_ui::palette::{self, MapPalette};
+use ocu_ui::palette::{self, Classes, MapPalette};
 use rcs_msg::AnyMessage;
 use rcs_msg::foxglove::{CompressedImage, RawImage};
 use rcs_msg::image::{self, ImageError};
@@ -35,8 +35,8 @@ pub(crate) struct Picture {
 pub(crate) enum Tint {
     /// Brightness as it is; values over their range in the even palette.
     Plain,
-    /// Labels of the obstacle palette; what is not known is transparent.
-    Labels,
+    /// Labels of these classes; what is not known is transparent.
+    Labels(Classes),
     /// Costs 0 to 250; unknown is transparent.
     Cost(MapPalette),
 }
@@ -110,7 +110,7 @@ impl Picture {
 fn byte_color(value: u8, tint: Tint) -> Color32 {
     match tint {
         Tint::Plain => Color32::from_gray(value),
-        Tint::Labels => palette::obstacle_label(value).map_or(Color32::TRANSPARENT, |label| label.color),
+        Tint::Labels(classes) => classes.color(value),
         Tint::Cost(_) if value > 250 => Color32::TRANSPARENT,
         Tint::Cost(palette) => palette.cost(value),
     }
@@ -166,7 +166,7 @@ mod tests {
     #[test]
     fn unknown_pixels_are_transparent_and_known_ones_have_the_colour_of_their_label() {
         let picture = decoded("mono8", 3, 1, &[0, 2, 77]).unwrap();
-        let image = picture.paint(Tint::Labels, [0.0, 1.0], 64);
+        let image = picture.paint(Tint::Labels(Classes::Obstacles), [0.0, 1.0], 64);
         let red = palette::OBSTACLE_LABELS[2].color;
         assert_eq!(image.pixels, [Color32::TRANSPARENT, red, Color32::TRANSPARENT]);
     }

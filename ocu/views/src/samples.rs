@@ -1,5 +1,9 @@
 //! Small frames for the tests of the views.
 
+#[path = "samples_driving.rs"]
+mod driving;
+
+pub(crate) use driving::driving;
 use rcs_bus::{Header, Sample, WriterId};
 use rcs_geom::{DVec2, DVec3, Pose, TransformTree};
 use rcs_msg::foxglove::packed_element_field::NumericType;

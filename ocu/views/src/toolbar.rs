@@ -45,7 +45,12 @@ pub(crate) fn topic_choice(
     let mut chosen = None;
     let text = shown.map_or_else(|| "choose a topic".to_owned(), |topic| topic_label(frame, topic));
     let combo = ComboBox::from_id_salt(name).selected_text(text).width(160.0).show_ui(ui, |ui| {
+        let mut truth = false;
         for topic in topics {
+            if topic.is_truth() && !std::mem::replace(&mut truth, true) {
+                ui.separator();
+                ui.label(egui::RichText::new("Truth of the simulation").small().color(tokens(ui).weak));
+            }
             let on = shown.is_some_and(|shown| TopicKey::of(topic).is(shown));
             if ui.selectable_label(on, topic_label(frame, topic)).clicked() {
                 chosen = Some(TopicKey::of(topic));

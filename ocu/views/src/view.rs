@@ -1,5 +1,6 @@
 //! What every view is, and what it gets.
 
+use crate::operator::{DriveSettings, Hand};
 use egui::Ui;
 use ocu_ui::tokens;
 use rcs_runtime::source::{Control, Frame, RunTag, Topic};
@@ -57,6 +58,10 @@ pub struct Selection {
     pub process: Option<Arc<str>>,
     /// The place under the pointer; the window clears it before each pass.
     pub hovered: Option<HoverPoint>,
+    /// Where a person pushes; the window sets it to what the keys say before each pass, and drives by it after.
+    pub hand: Hand,
+    /// How fast a push drives.
+    pub drive: DriveSettings,
 }
 
 /// All that a view gets.

@@ -36,6 +36,12 @@ pub fn all() -> &'static [ViewType] {
             icons::ICON_ACCOUNT_TREE,
             "Every process as a box below its supervisor, with its state.",
         ),
+        entry::<crate::drive::Drive>(
+            "drive",
+            "Drive",
+            icons::ICON_SPORTS_ESPORTS,
+            "A vehicle under your hands, and how its course stands.",
+        ),
     ];
     VIEWS
 }

@@ -4,7 +4,7 @@ use crate::picture::{Picture, Pixels, Tint, decode};
 use crate::texture::{CachedTexture, SameMessage};
 use egui::{Context, TextureId, TextureOptions};
 use ocu_ui::legend::round_step;
-use ocu_ui::palette::{self, MapPalette};
+use ocu_ui::palette::{self, Classes, MapPalette};
 use rcs_runtime::source::{Frame, Topic};
 
 /// What an image means.
@@ -27,11 +27,16 @@ pub(super) fn role(topic: &Topic) -> Role {
     }
 }
 
+/// The classes that the topic's labels name.
+pub(super) fn classes(topic: &Topic) -> Classes {
+    palette::classes(topic.metadata.get("rcs.palette").map_or("", String::as_str))
+}
+
 /// How the topic's bytes become colours.
 pub(super) fn tint(topic: &Topic, palette: MapPalette) -> Tint {
     match role(topic) {
         Role::Image => Tint::Plain,
-        Role::Labels => Tint::Labels,
+        Role::Labels => Tint::Labels(classes(topic)),
         Role::Cost => Tint::Cost(palette),
     }
 }
@@ -41,33 +46,47 @@ pub(super) fn is_image(topic: &Topic) -> bool {
     matches!(topic.type_name(), "foxglove.RawImage" | "foxglove.CompressedImage")
 }
 
-/// All images: first those that something lies on, then other pictures, then depths, then what was made of them.
+/// Whether the topic's messages are shapes drawn on an image.
+pub(super) fn is_annotation(topic: &Topic) -> bool {
+    topic.type_name() == "foxglove.ImageAnnotations"
+}
+
+/// All images: first those that something lies on, then other pictures, then depths, then what was made of them, and at
+/// the end the truth, which no robot has.
 pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
     let mut images: Vec<_> = frame.topics.iter().filter(|topic| is_image(topic)).collect();
     let has_overlay = |image: &Topic| {
-        frame
-            .topics
-            .iter()
-            .any(|topic| topic.metadata.get("rcs.overlay_of").is_some_and(|name| **name == *image.name))
+        let lies_on =
+            |topic: &&Topic| topic.metadata.get("rcs.overlay_of").is_some_and(|name| **name == *image.name);
+        frame.topics.iter().filter(lies_on).any(|topic| !topic.is_truth())
     };
     images.sort_by_key(|topic| match role(topic) {
+        _ if topic.is_truth() => 4,
         _ if has_overlay(topic) => 0,
-        Role::Image if topic.name.contains("depth") => 2,
+        Role::Image if topic.name.contains("depth") || topic.role() == "disparity" => 2,
         Role::Image => 1,
         _ => 3,
     });
     images
 }
 
-/// What can be laid over an image.
+/// What can be laid over an image: labels, then what else was made of it, then shapes, then the truth.
 pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
     let lies_on = |topic: &Topic| match topic.metadata.get("rcs.overlay_of") {
         Some(name) => **name == *base.name,
         // Labels of a scan are no image: they may never come.
-        None => role(topic) != Role::Image && topic.latest.is_some(),
+        None => (role(topic) != Role::Image || is_annotation(topic)) && topic.latest.is_some(),
     };
     let other = |topic: &&Topic| topic.name != base.name || topic.run != base.run;
-    frame.topics.iter().filter(|topic| is_image(topic) && lies_on(topic)).filter(other).collect()
+    let can = |topic: &&Topic| (is_image(topic) || is_annotation(topic)) && lies_on(topic);
+    let mut overlays: Vec<_> = frame.topics.iter().filter(can).filter(other).collect();
+    overlays.sort_by_key(|topic| match role(topic) {
+        _ if topic.is_truth() => 3,
+        _ if is_annotation(topic) => 2,
+        Role::Labels => 0,
+        _ => 1,
+    });
+    overlays
 }
 
 /// A decoded image and its texture.
@@ -146,14 +165,12 @@ impl Layer {
     }
 
     /// What the layer says of a place, given in parts of its width and height.
-    pub(super) fn describe(&self, at: [f64; 2], role: Role, depth_step_m: f64) -> Option<String> {
+    pub(super) fn describe(&self, at: [f64; 2], topic: &Topic, depth_step_m: f64) -> Option<String> {
+        let role = role(topic);
         let picture = self.picture()?;
         let index = picture.index(at[0] * picture.width as f64, at[1] * picture.height as f64)?;
         Some(match (&picture.pixels, role) {
-            (Pixels::Bytes(bytes), Role::Labels) => match palette::obstacle_label(bytes[index]) {
-                Some(label) => label.name.to_owned(),
-                None => format!("label {}", bytes[index]),
-            },
+            (Pixels::Bytes(bytes), Role::Labels) => classes(topic).name(bytes[index]),
             (Pixels::Bytes(bytes), Role::Cost) if bytes[index] > 250 => "cost unknown".to_owned(),
             (Pixels::Bytes(bytes), Role::Cost) => format!("cost {:3}", bytes[index]),
             (Pixels::Bytes(bytes), Role::Image) => format!("grey {:3}", bytes[index]),

@@ -1,13 +1,15 @@
 //! Camera: an image with what the processes saw in it.
 //!
-//! Overlays are the topics whose `rcs.overlay_of` names the image's topic; where a topic of labels or costs does not
-//! say which image it lies on, it is offered on all. The read-out under the pointer gives the pixel and the value or
+//! Overlays are the topics whose `rcs.overlay_of` names the image's topic; where a topic of labels, costs or shapes does
+//! not say which image it lies on, it is offered on all. One that is smaller than its image is stretched over it. The
+//! truth of a simulation is off until it is switched on. The read-out under the pointer gives the pixel and the value or
 //! the name in every layer.
 
+mod annotations;
 mod layer;
+mod overlays;
 
 use crate::canvas::Viewport;
-use crate::picture::Pixels;
 use crate::view::{SavedState, TopicKey, View, ViewContext, rate_hz};
 use egui::{Align2, Rect, Response, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
 use layer::{Layer, Role as LayerRole};
@@ -135,56 +137,6 @@ impl Camera {
         }
     }
 
-    fn overlay_bar(&mut self, ui: &mut Ui, topic: &Topic, overlays: &[&Topic]) {
-        let depth = self.layers.get(&*topic.name).and_then(Layer::picture);
-        let whole = depth.is_some_and(|picture| matches!(picture.pixels, Pixels::Values { whole: true, .. }));
-        if overlays.is_empty() && !whole {
-            return;
-        }
-        crate::toolbar::row(ui, |ui| {
-            for overlay in overlays {
-                let state = self.saved.overlays.entry(overlay.name.to_string()).or_default();
-                ui.checkbox(&mut state.shown, &*overlay.name).on_hover_text("Show this overlay");
-                let slider = egui::Slider::new(&mut state.opacity, 0.0..=1.0)
-                    .custom_formatter(|v, _| format!("{:3.0} %", v * 100.0))
-                    .custom_parser(|text| {
-                        text.trim_end_matches('%').trim().parse::<f64>().ok().map(|v| v / 100.0)
-                    });
-                let response = ui.add_enabled(state.shown, slider);
-                let name = format!("Opacity of {}", overlay.name);
-                response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &name));
-                response.on_hover_text(name);
-                let acquired = |topic: &Topic| topic.latest.as_ref().map(|sample| sample.header.acq_time);
-                if let (Some(image), Some(labels)) = (acquired(topic), acquired(overlay)) {
-                    let behind_s = image.seconds_since(labels);
-                    if behind_s.abs() > 0.02 {
-                        let word = if behind_s > 0.0 { "older" } else { "newer" };
-                        let text = format!("{:.2} s {word} than the image", behind_s.abs());
-                        ui.label(egui::RichText::new(text).small().color(tokens(ui).stale));
-                    }
-                }
-            }
-            if whole {
-                let step = &mut self.saved.depth_step_m;
-                ui.label("Depth unit");
-                let text = if *step == 1.0 / 256.0 {
-                    "1/256 m".to_owned()
-                } else {
-                    format!("{} mm", *step * 1000.0)
-                };
-                let combo =
-                    egui::ComboBox::from_id_salt("depth step").selected_text(text).show_ui(ui, |ui| {
-                        ui.selectable_value(step, 0.001, "1 mm (ROS)");
-                        ui.selectable_value(step, 1.0 / 256.0, "1/256 m");
-                    });
-                combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Depth unit"));
-                combo
-                    .response
-                    .on_hover_text("The image does not say what one step of its depth is: an assumption");
-            }
-        });
-    }
-
     fn canvas(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, overlays: &[&Topic]) {
         let (canvas, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         let name = format!("Picture of {}", topic.name);
@@ -221,8 +173,12 @@ impl Camera {
         }
         let mut shown = Vec::new();
         for overlay in overlays {
-            let state = self.saved.overlays.get(&*overlay.name).copied().unwrap_or_default();
+            let state = self.overlay_state(overlay, overlays);
             if !state.shown {
+                continue;
+            }
+            if let Some(shapes) = overlay.get() {
+                annotations::paint(&painter, shapes, viewport, canvas, state.opacity);
                 continue;
             }
             let layer = self.layers.entry(overlay.name.to_string()).or_default();
@@ -254,10 +210,10 @@ impl Camera {
                 let ends = (format::metres(near, 1), format::metres(far, 1));
                 legend::band(ui, 120.0, &ends.0, &ends.1, palette::range);
             }
-            if roles.contains(&LayerRole::Labels) {
-                for label in palette::OBSTACLE_LABELS.iter().filter(|label| label.value > 0) {
-                    legend::swatch(ui, label.color, label.name);
-                }
+            let labels =
+                std::iter::once(&topic).chain(shown).find(|topic| layer::role(topic) == LayerRole::Labels);
+            for label in labels.map_or(&[][..], |topic| layer::classes(topic).legend()) {
+                legend::swatch(ui, label.color, label.name);
             }
             if roles.contains(&LayerRole::Cost) {
                 crate::toolbar::cost_legend(ui, self.saved.palette);
@@ -288,7 +244,7 @@ impl Camera {
             for topic in std::iter::once(&topic).chain(shown) {
                 let Some(layer) = self.layers.get(&*topic.name) else { continue };
                 let at = [x / picture.width as f64, y / picture.height as f64];
-                let Some(text) = layer.describe(at, layer::role(topic), self.saved.depth_step_m) else {
+                let Some(text) = layer.describe(at, topic, self.saved.depth_step_m) else {
                     continue;
                 };
                 ui.label(mono(text)).on_hover_text(&*topic.name);

@@ -6,7 +6,7 @@ use crate::view::rate_hz;
 use ocu_ui::stale::is_stale;
 use rcs_geom::{Enu, Pose, TransformError};
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{Grid, PointCloud, PosesInFrame};
+use rcs_msg::foxglove::{Grid, PointCloud, PoseInFrame, PosesInFrame};
 use rcs_runtime::source::{Frame, Topic, Track};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -20,6 +20,8 @@ pub(super) enum Kind<'a> {
     Cloud(&'a PointCloud),
     /// A planned path.
     Path(&'a PosesInFrame),
+    /// Where something is to go.
+    Goal(&'a PoseInFrame),
     /// Where something has been.
     Track(&'a Arc<Track>),
 }
@@ -40,6 +42,11 @@ pub(super) struct Layer<'a> {
 }
 
 impl Layer<'_> {
+    /// Whether it is the truth of a simulation.
+    pub(super) fn is_truth(&self) -> bool {
+        self.topic.is_some_and(Topic::is_truth)
+    }
+
     /// Whether it is older than its rate allows.
     pub(super) fn is_stale(&self, now: Stamp) -> bool {
         self.topic.is_some_and(|topic| topic.age_s(now).is_some_and(|age_s| is_stale(age_s, rate_hz(topic))))
@@ -51,7 +58,12 @@ impl Layer<'_> {
     }
 }
 
-/// All layers of a frame, the lowest first.
+/// Whether the topic says where something is to go; its positions are no track.
+fn is_goal(topic: &Topic) -> bool {
+    topic.role() == "goal" && topic.type_name() == "foxglove.PoseInFrame"
+}
+
+/// All layers of a frame, the lowest first: the truth lies below everything else.
 pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
     let (mut grids, mut clouds, mut paths) = (Vec::new(), Vec::new(), Vec::new());
     for topic in frame.topics.iter() {
@@ -73,6 +85,9 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
             "foxglove.PosesInFrame" => {
                 paths.extend(topic.get::<PosesInFrame>().map(|path| layer(Kind::Path(path), &path.frame_id)));
             }
+            "foxglove.PoseInFrame" if is_goal(topic) => {
+                paths.extend(topic.get::<PoseInFrame>().map(|goal| layer(Kind::Goal(goal), &goal.frame_id)));
+            }
             _ => {}
         }
     }
@@ -83,7 +98,10 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
         stamp: frame.now,
         topic: frame.topic(&track.topic),
     });
-    grids.into_iter().chain(clouds).chain(paths).chain(tracks).collect()
+    let tracks = tracks.filter(|layer| !layer.topic.is_some_and(is_goal));
+    let mut layers: Vec<_> = grids.into_iter().chain(clouds).chain(paths).chain(tracks).collect();
+    layers.sort_by_key(|layer| !layer.is_truth());
+    layers
 }
 
 /// Frames that a map can be drawn in: those of its layers first, then those of the transforms.
@@ -101,9 +119,10 @@ pub(super) fn frames<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Vec<&'a str>
 /// The frame that a person wants who has not chosen one: a grid's, else north-up where there are degrees, else a
 /// track's, else the root above the first cloud.
 pub(super) fn default_frame<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Option<&'a str> {
-    let grid = layers.iter().find(|layer| matches!(layer.kind, Kind::Grid(_)));
-    let degrees = layers.iter().find(|layer| layer.frame_id == WGS84);
-    let track = layers.iter().find(|layer| matches!(layer.kind, Kind::Track(_)));
+    let find = |is: &dyn Fn(&Layer<'_>) -> bool| layers.iter().find(|layer| !layer.is_truth() && is(layer));
+    let grid = find(&|layer| matches!(layer.kind, Kind::Grid(_)));
+    let degrees = find(&|layer| layer.frame_id == WGS84);
+    let track = find(&|layer| matches!(layer.kind, Kind::Track(_)));
     if let Some(layer) = grid.or(degrees).or(track) {
         return Some(layer.frame_id);
     }

@@ -1,7 +1,8 @@
 //! Map: grids, clouds, paths and tracks from above, north up.
 //!
 //! Everything is drawn in one frame, through the transforms of the log or the run. What no transform connects is
-//! listed with that reason; a track may be laid on another one by its first metres, and says so.
+//! listed with that reason; a track may be laid on another one by its first metres, and says so. The truth of a
+//! simulation lies below everything else, and is off until it is switched on.
 
 mod cloud;
 mod grid;
@@ -23,7 +24,7 @@ use ocu_ui::palette::MapPalette;
 use ocu_ui::{icons, tokens, widgets};
 use rcs_geom::Pose;
 use rcs_msg::foxglove::PointCloud;
-use rcs_runtime::source::{Frame, Topic};
+use rcs_runtime::source::{Frame, SourceKind, Topic};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -198,8 +199,10 @@ impl Map {
         });
     }
 
-    fn state(&self, name: &str) -> LayerState {
-        self.saved.layers.get(name).cloned().unwrap_or_default()
+    /// How a layer is drawn; where a person has not said, the truth is not.
+    fn state(&self, layer: &Layer<'_>) -> LayerState {
+        let fallback = || LayerState { shown: !layer.is_truth(), ..LayerState::default() };
+        self.saved.layers.get(&layer.name).cloned().unwrap_or_else(fallback)
     }
 
     fn canvas(
@@ -214,7 +217,7 @@ impl Map {
         let response = ui.interact(canvas, ui.scope_id().with("map canvas"), Sense::click_and_drag());
         response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Map"));
         ui.painter().rect_filled(canvas, 0.0, tokens(ui).canvas());
-        let shown: Vec<_> = layers.iter().filter(|layer| self.state(&layer.name).shown).collect();
+        let shown: Vec<_> = layers.iter().filter(|layer| self.state(layer).shown).collect();
         let mut viewport = match self.viewport {
             Some(viewport) => viewport,
             None => self.fitted(cx.frame, map, &shown, canvas),
@@ -230,7 +233,7 @@ impl Map {
         let painter = ui.painter_at(canvas);
         let place = |layer: &Layer<'_>| layers::map_from_layer(cx.frame, map, layer);
         for layer in &shown {
-            let (opacity, pose) = (self.state(&layer.name).opacity, place(layer));
+            let (opacity, pose) = (self.state(layer).opacity, place(layer));
             match (layer.kind, pose) {
                 (Kind::Grid(grid), Ok(pose)) => {
                     self.paint_grid(ui, layer, grid, pose, viewport, canvas, opacity, cx.frame.now);
@@ -242,11 +245,12 @@ impl Map {
             }
         }
         paint::metre_lines(ui, viewport, canvas);
-        for (index, layer) in layers.iter().enumerate().filter(|(_, layer)| self.state(&layer.name).shown) {
+        for (index, layer) in layers.iter().enumerate().filter(|(_, layer)| self.state(layer).shown) {
             let color = tokens(ui).series(panel::series(layers, index));
             match (layer.kind, place(layer)) {
                 (Kind::Path(path), Ok(pose)) => paint::path(&painter, path, &pose, viewport, canvas, color),
                 (Kind::Track(_), _) => self.paint_track(&painter, layer, cx, viewport, canvas, color),
+                (Kind::Goal(goal), Ok(pose)) => paint::goal(ui, goal, &pose, viewport, canvas),
                 _ => {}
             }
         }
@@ -269,7 +273,10 @@ impl Map {
                 max[axis] = max[axis].max(point[axis]);
             }
         };
-        for layer in shown {
+        // While something drives, what it knows around it is looked at; of a recording, all of it is.
+        let own = |layer: &&&Layer<'_>| matches!(layer.kind, Kind::Grid(_)) && !layer.is_truth();
+        let follow = frame.info.kind == SourceKind::Stack && shown.iter().any(|layer| own(&layer));
+        for layer in shown.iter().filter(|layer| !follow || own(layer)) {
             let pose = layers::map_from_layer(frame, map, layer);
             match (layer.kind, pose) {
                 (Kind::Grid(grid), Ok(pose)) => {

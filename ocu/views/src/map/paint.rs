@@ -12,7 +12,7 @@ use ocu_ui::legend::round_step;
 use ocu_ui::{format, stale, tokens};
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{Grid, PointCloud, PosesInFrame};
+use rcs_msg::foxglove::{Grid, PointCloud, PoseInFrame, PosesInFrame};
 
 impl Map {
     /// A grid as a textured quadrilateral; its texture is made when the message or the look changes.
@@ -29,7 +29,7 @@ impl Map {
         now: Stamp,
     ) {
         let (Ok(cells), Some(message)) = (Cells::new(grid), layer.message()) else { return };
-        let Some(shade) = cells.shade(self.state(&layer.name).shade.as_deref()) else { return };
+        let Some(shade) = cells.shade(self.state(layer).shade.as_deref()) else { return };
         let palette = self.saved.palette;
         let (texture, range) = self.grids.entry(layer.name.clone()).or_default();
         let key = (message, shade.name().to_owned(), palette);
@@ -97,7 +97,7 @@ impl Map {
         color: Color32,
     ) {
         let Some(track) = self.tracks.placed.get(&layer.name) else { return };
-        let opacity = self.state(&layer.name).opacity;
+        let opacity = self.state(layer).opacity;
         let (color, track) = (color.gamma_multiply(opacity), &track.placed);
         let now = track.stamps.partition_point(|stamp| *stamp <= cx.frame.now);
         let line =
@@ -165,6 +165,42 @@ pub(super) fn path(
     });
     let line = track::thinned(points);
     painter.extend(Shape::dashed_line(&line, Stroke::new(2.0, color), 6.0, 4.0));
+}
+
+/// A flag where something is to go; where that is off the canvas, an arrow at its edge with the distance from there.
+pub(super) fn goal(ui: &Ui, goal: &PoseInFrame, map_from_goal: &Pose, viewport: Viewport, canvas: Rect) {
+    let Ok(pose) = crate::pose::from_message(goal.pose.as_ref()) else { return };
+    let p = *map_from_goal * pose.translation;
+    let (tokens, painter) = (tokens(ui), ui.painter_at(canvas));
+    let at = viewport.to_screen(canvas, [p.x, p.y]);
+    let (ink, edge) = (tokens.strong, Stroke::new(3.0, tokens.canvas()));
+    let inside = canvas.shrink(18.0);
+    if canvas.shrink(4.0).contains(at) {
+        let top = at - Vec2::new(0.0, 18.0);
+        painter.line_segment([at, top], edge);
+        painter.line_segment([at, top], Stroke::new(1.5, ink));
+        let flag = vec![top, top + Vec2::new(11.0, 4.0), top + Vec2::new(0.0, 8.0)];
+        painter.add(Shape::convex_polygon(flag, tokens.ok, Stroke::new(1.0, tokens.canvas())));
+        painter.circle(at, 3.0, ink, Stroke::new(1.0, tokens.canvas()));
+        return;
+    }
+    let (center, way) = (canvas.center(), (at - canvas.center()).normalized());
+    // To the edge along the line from the middle.
+    let reach = |way: f32, room: f32| if way.abs() < 1e-6 { f32::INFINITY } else { room / way.abs() };
+    let length = reach(way.x, inside.width() / 2.0).min(reach(way.y, inside.height() / 2.0));
+    let tip = center + way * length;
+    let left = way.rot90() * 5.0;
+    let head = vec![tip + way * 7.0, tip + left - way * 3.0, tip - left - way * 3.0];
+    painter.add(Shape::convex_polygon(head, tokens.ok, Stroke::new(1.0, tokens.canvas())));
+    let [x, y] = viewport.to_plane(canvas, tip);
+    let text = format!("goal {}", format::metres((p.x - x).hypot(p.y - y), 0));
+    let galley = painter.layout_no_wrap(text, FontId::proportional(11.0), ink);
+    // Behind the arrow, clear of it.
+    let half = galley.size() / 2.0;
+    let back = way.x.abs() * half.x + way.y.abs() * half.y + 10.0;
+    let place = Rect::from_center_size(tip - way * back, galley.size());
+    painter.rect_filled(place.expand2(Vec2::new(4.0, 1.0)), 2.0, tokens.surface[3].gamma_multiply(0.92));
+    painter.galley(place.min, galley, ink);
 }
 
 /// An arrow where something is and looks; a disc where it is not known which way it looks.

@@ -20,8 +20,17 @@ impl Map {
         let mut child = ui.new_child(egui::UiBuilder::new().max_rect(rect.shrink2(Vec2::new(8.0, 4.0))));
         child.set_clip_rect(rect.intersect(ui.clip_rect()));
         ScrollArea::vertical().auto_shrink(false).show(&mut child, |ui| {
-            for (index, layer) in layers.iter().enumerate() {
-                let mut state = self.state(&layer.name);
+            // The truth lies lowest and is listed last, under a heading of its own.
+            let (truth, own): (Vec<usize>, Vec<usize>) =
+                (0..layers.len()).partition(|&i| layers[i].is_truth());
+            for (place, index) in own.iter().chain(&truth).copied().enumerate() {
+                if place == own.len() {
+                    ui.separator();
+                    ui.label(RichText::new("Truth of the simulation").small().color(tokens.weak));
+                    ui.add_space(2.0);
+                }
+                let layer = &layers[index];
+                let mut state = self.state(layer);
                 let before = state.clone();
                 if let Some(frame) = self.layer(ui, frame, map, layers, index, &mut state) {
                     self.saved.frame = Some(frame);
@@ -59,6 +68,7 @@ impl Map {
             Kind::Grid(_) => icons::ICON_GRID_ON,
             Kind::Cloud(_) => icons::ICON_GRAIN,
             Kind::Path(_) => icons::ICON_ROUTE,
+            Kind::Goal(_) => icons::ICON_FLAG,
             Kind::Track(_) => icons::ICON_TIMELINE,
         };
         let color = match layer.kind {
@@ -109,7 +119,7 @@ impl Map {
                     }
                 });
             }
-            (Kind::Path(_) | Kind::Track(_), _) if layer.frame_id != map => {
+            (Kind::Path(_) | Kind::Goal(_) | Kind::Track(_), _) if layer.frame_id != map => {
                 note(ui, format!("in {}", layers::frame_label(layer.frame_id)), tokens.weak);
             }
             _ => {}
@@ -168,7 +178,7 @@ impl Map {
                 match layer.kind {
                     Kind::Grid(grid) => {
                         let Ok(cells) = Cells::new(grid) else { continue };
-                        let Some(shade) = cells.shade(self.state(&layer.name).shade.as_deref()) else {
+                        let Some(shade) = cells.shade(self.state(layer).shade.as_deref()) else {
                             continue;
                         };
                         if shade.is_cost() {
@@ -195,7 +205,7 @@ impl Map {
                         ui.label(RichText::new(format!("{}  height", layer.name)).small());
                         legend::band(ui, 96.0, &low, &high, palette::even);
                     }
-                    Kind::Path(_) | Kind::Track(_) => {}
+                    Kind::Path(_) | Kind::Goal(_) | Kind::Track(_) => {}
                 }
             }
             if costs {

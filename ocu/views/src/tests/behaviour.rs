@@ -1,6 +1,7 @@
 //! What clicks, keys and drags do.
 
 use super::{Shown, harness};
+use crate::operator::Hand;
 use crate::samples;
 use crate::view::TopicKey;
 use egui::accesskit::{Role, Toggled};
@@ -212,4 +213,78 @@ fn an_image_that_cannot_be_decoded_says_why() {
     harness.run();
     assert!(harness.query_by_label("This image cannot be shown").is_some());
     assert!(harness.query_by_label_contains("does not decode").is_some());
+}
+
+fn driving(kind: &str) -> Harness<'static, Shown> {
+    let mut harness = harness(Shown::new(kind, samples::driving()), Vec2::new(900.0, 560.0), Theme::Dark);
+    harness.run();
+    harness
+}
+
+#[test]
+fn the_truth_is_off_until_a_person_switches_it_on() {
+    let mut map = driving("map");
+    let toggled =
+        |harness: &Harness<'_, Shown>, name: &str| harness.get_by_label(name).accesskit_node().toggled();
+    assert_eq!(toggled(&map, "Show /wm1/map"), Some(Toggled::True));
+    assert_eq!(toggled(&map, "Show /vehicle/truth_map"), Some(Toggled::False));
+    assert!(map.query_by_label("Truth of the simulation").is_some());
+    map.get_by_label("Show /vehicle/truth_map").click();
+    map.run();
+    assert_eq!(toggled(&map, "Show /vehicle/truth_map"), Some(Toggled::True));
+    assert_eq!(map.state().view.save()["layers"]["/vehicle/truth_map"]["shown"], true);
+
+    let mut camera = driving("camera");
+    let truth = |harness: &Harness<'_, Shown>| {
+        harness.get_by_role_and_label(Role::CheckBox, "/eye/truth_labels").accesskit_node().toggled()
+    };
+    assert!(camera.query_by_label("class 2").is_none());
+    camera.get_by_label_contains("Overlays: /obstacles/labels, /color/shapes").click();
+    camera.run();
+    assert_eq!(truth(&camera), Some(Toggled::False));
+    assert!(camera.query_by_label("Truth of the simulation").is_some());
+    camera.get_by_role_and_label(Role::CheckBox, "/eye/truth_labels").click();
+    camera.run();
+    assert_eq!(truth(&camera), Some(Toggled::True), "the menu stays open");
+    assert_eq!(camera.state().view.save()["overlays"]["/eye/truth_labels"]["shown"], true);
+}
+
+#[test]
+fn a_goal_is_no_track() {
+    let map = driving("map");
+    assert_eq!(map.query_all_by_label("Show /vehicle/goal").count(), 1);
+}
+
+#[test]
+fn a_button_drives_while_it_is_pressed_and_only_while_time_runs() {
+    let mut harness = driving("drive");
+    let at = harness.get_by_label("Turn left").rect().center();
+    harness.hover_at(at);
+    harness.run();
+    harness.drag_at(at);
+    harness.run();
+    assert_eq!(harness.state().selection.hand, Hand { left: 1.0, ..Hand::default() });
+    harness.state_mut().selection.hand = Hand::default();
+    harness.drop_at(at);
+    harness.step();
+    harness.state_mut().selection.hand = Hand::default();
+    harness.run();
+    assert_eq!(harness.state().selection.hand, Hand::default());
+
+    harness.state_mut().frame.playback.playing = false;
+    harness.drag_at(at);
+    harness.run();
+    assert_eq!(harness.state().selection.hand, Hand::default());
+    assert!(harness.query_by_label_contains("Time stands").is_some());
+}
+
+#[test]
+fn the_drive_view_says_how_the_vehicle_and_the_course_stand() {
+    let harness = driving("drive");
+    for text in ["FREE TO MOVE", "RUNNING", "meadow", "you"] {
+        assert!(harness.query_by_label(text).is_some(), "{text}");
+    }
+    for text in ["0:42.3 of 4:00.0", "63.9 m", "expected at most 1.3"] {
+        assert!(harness.query_by_label_contains(text).is_some(), "{text}");
+    }
 }

@@ -46,7 +46,7 @@ fn harness(shown: Shown, size: Vec2, theme: Theme) -> Harness<'static, Shown> {
 #[test]
 fn every_view_draws_nothing_and_everything_at_any_size_in_both_themes() {
     for view_type in all() {
-        for frame in [samples::empty(), samples::full()] {
+        for frame in [samples::empty(), samples::full(), samples::driving()] {
             for size in [Vec2::new(180.0, 120.0), Vec2::new(900.0, 560.0)] {
                 for theme in [Theme::Dark, Theme::Light] {
                     let mut harness = harness(Shown::new(view_type.kind, frame.clone()), size, theme);
@@ -67,9 +67,10 @@ fn every_view_draws_nothing_and_everything_at_any_size_in_both_themes() {
 
 #[test]
 fn every_topic_can_be_dropped_where_it_is_accepted_and_is_drawn() {
-    let frame = samples::full();
-    for view_type in all() {
-        for topic in frame.topics.iter() {
+    for frame in [samples::full(), samples::driving()] {
+        for (view_type, topic) in
+            all().iter().flat_map(|view_type| frame.topics.iter().map(move |t| (view_type, t)))
+        {
             let mut shown = Shown::new(view_type.kind, frame.clone());
             if shown.view.accepts(topic) {
                 shown.view.drop_topic(topic);

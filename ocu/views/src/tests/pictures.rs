@@ -4,15 +4,40 @@ use super::{Shown, harness};
 use crate::samples;
 use egui::{Theme, Vec2};
 use egui_kittest::SnapshotOptions;
+use rcs_runtime::source::Frame;
 
 /// Anti-aliasing may differ by a little between drivers; a shape that moved may not.
 const THRESHOLD: f32 = 1.6;
 
 fn check(kind: &str, theme: Theme) {
-    let mut harness = harness(Shown::new(kind, samples::full()), Vec2::new(480.0, 320.0), theme);
+    check_frame(kind, samples::full(), kind, theme);
+}
+
+fn check_frame(name: &str, frame: Frame, kind: &str, theme: Theme) {
+    let mut harness = harness(Shown::new(kind, frame), Vec2::new(480.0, 320.0), theme);
     harness.run();
     let options = SnapshotOptions::new().threshold(THRESHOLD).max_failed_pixels(24_usize);
-    harness.snapshot_options(format!("{kind}_{theme:?}").to_lowercase(), &options);
+    harness.snapshot_options(format!("{name}_{theme:?}").to_lowercase(), &options);
+}
+
+#[test]
+fn drive_dark() {
+    check_frame("drive", samples::driving(), "drive", Theme::Dark);
+}
+
+#[test]
+fn drive_light() {
+    check_frame("drive", samples::driving(), "drive", Theme::Light);
+}
+
+#[test]
+fn camera_with_shapes_dark() {
+    check_frame("camera_shapes", samples::driving(), "camera", Theme::Dark);
+}
+
+#[test]
+fn map_of_a_drive_dark() {
+    check_frame("map_drive", samples::driving(), "map", Theme::Dark);
 }
 
 #[test]

@@ -1,0 +1,120 @@
+//! The row that switches what lies over an image.
+
+use super::layer::{self, Layer};
+use super::{Camera, OverlayState};
+use crate::picture::Pixels;
+use crate::view::rate_hz;
+use egui::containers::menu::{MenuButton, MenuConfig};
+use egui::{PopupCloseBehavior, Role, Ui, WidgetInfo};
+use ocu_ui::{icons, tokens};
+use rcs_runtime::source::Topic;
+
+/// More overlays than these are listed in a menu: a row has no room for them.
+const IN_A_ROW: usize = 2;
+
+impl Camera {
+    /// How an overlay is drawn where a person has not said: the first one only, and never the truth.
+    pub(super) fn overlay_state(&self, overlay: &Topic, overlays: &[&Topic]) -> OverlayState {
+        let first = overlays.first().is_some_and(|first| first.name == overlay.name);
+        let fallback = OverlayState {
+            shown: (first || layer::is_annotation(overlay)) && !overlay.is_truth(),
+            ..OverlayState::default()
+        };
+        self.saved.overlays.get(&*overlay.name).copied().unwrap_or(fallback)
+    }
+
+    pub(super) fn overlay_bar(&mut self, ui: &mut Ui, topic: &Topic, overlays: &[&Topic]) {
+        let depth = self.layers.get(&*topic.name).and_then(Layer::picture);
+        let whole = depth.is_some_and(|picture| matches!(picture.pixels, Pixels::Values { whole: true, .. }));
+        if overlays.is_empty() && !whole {
+            return;
+        }
+        crate::toolbar::row(ui, |ui| {
+            if overlays.len() <= IN_A_ROW {
+                for overlay in overlays {
+                    self.overlay_switch(ui, overlay, overlays);
+                }
+            } else {
+                self.overlay_menu(ui, overlays);
+            }
+            for overlay in overlays.iter().filter(|overlay| self.overlay_state(overlay, overlays).shown) {
+                behind(ui, topic, overlay);
+            }
+            if whole {
+                self.depth_unit(ui);
+            }
+        });
+    }
+
+    /// All overlays in a menu, the truth at its end; the button names those that are on.
+    fn overlay_menu(&mut self, ui: &mut Ui, overlays: &[&Topic]) {
+        let on: Vec<&str> = overlays
+            .iter()
+            .filter(|overlay| self.overlay_state(overlay, overlays).shown)
+            .map(|overlay| &*overlay.name)
+            .collect();
+        let shown = if on.is_empty() { "none".to_owned() } else { on.join(", ") };
+        let text = format!("{}  Overlays: {shown}", icons::ICON_LAYERS.codepoint);
+        let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+        let (response, _) = MenuButton::new(text).config(config).ui(ui, |ui| {
+            let mut truth = false;
+            for overlay in overlays {
+                if overlay.is_truth() && !std::mem::replace(&mut truth, true) {
+                    ui.separator();
+                    ui.label(egui::RichText::new("Truth of the simulation").small().color(tokens(ui).weak));
+                }
+                ui.horizontal(|ui| self.overlay_switch(ui, overlay, overlays));
+            }
+        });
+        response.on_hover_text("What lies over the image");
+    }
+
+    /// A checkbox, and how strongly it covers the image.
+    fn overlay_switch(&mut self, ui: &mut Ui, overlay: &Topic, overlays: &[&Topic]) {
+        let before = self.overlay_state(overlay, overlays);
+        let mut state = before;
+        let name = if overlay.is_truth() && overlays.len() <= IN_A_ROW {
+            format!("{} (truth)", overlay.name)
+        } else {
+            overlay.name.to_string()
+        };
+        ui.checkbox(&mut state.shown, name).on_hover_text("Show this overlay");
+        let slider = egui::Slider::new(&mut state.opacity, 0.0..=1.0)
+            .custom_formatter(|v, _| format!("{:3.0} %", v * 100.0))
+            .custom_parser(|text| text.trim_end_matches('%').trim().parse::<f64>().ok().map(|v| v / 100.0));
+        let response = ui.add_enabled(state.shown, slider);
+        let name = format!("Opacity of {}", overlay.name);
+        response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &name));
+        response.on_hover_text(name);
+        if state != before {
+            self.saved.overlays.insert(overlay.name.to_string(), state);
+        }
+    }
+
+    fn depth_unit(&mut self, ui: &mut Ui) {
+        let step = &mut self.saved.depth_step_m;
+        ui.label("Depth unit");
+        let text = if *step == 1.0 / 256.0 { "1/256 m".to_owned() } else { format!("{} mm", *step * 1000.0) };
+        let combo = egui::ComboBox::from_id_salt("depth step").selected_text(text).show_ui(ui, |ui| {
+            ui.selectable_value(step, 0.001, "1 mm (ROS)");
+            ui.selectable_value(step, 1.0 / 256.0, "1/256 m");
+        });
+        combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Depth unit"));
+        combo.response.on_hover_text("The image does not say what one step of its depth is: an assumption");
+    }
+}
+
+/// Says that an overlay is of another image. One that comes an image later than what it was made of, as any that is
+/// computed does, is not worth a word: it would come and go with every image.
+fn behind(ui: &mut Ui, topic: &Topic, overlay: &Topic) {
+    let acquired = |topic: &Topic| topic.latest.as_ref().map(|sample| sample.header.acq_time);
+    let (Some(image), Some(labels)) = (acquired(topic), acquired(overlay)) else { return };
+    let behind_s = image.seconds_since(labels);
+    let hz = rate_hz(topic);
+    let usual_s = if hz > 0.0 { 1.5 / hz } else { 0.02 };
+    if behind_s.abs() > usual_s.max(0.02) {
+        let word = if behind_s > 0.0 { "older" } else { "newer" };
+        let text = format!("{:.2} s {word} than the image", behind_s.abs());
+        ui.label(egui::RichText::new(text).small().color(tokens(ui).stale));
+    }
+}

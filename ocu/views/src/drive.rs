@@ -1,0 +1,240 @@
+//! Drive: a vehicle under a person's hands, what it does of that, and how the course stands.
+//!
+//! Keys are the window's; the view adds buttons on the screen, and shows what is wanted beside what is measured, why
+//! the vehicle is held, and the referee's word on the run.
+
+use crate::operator::{self, DriveSettings, Hand, Inputs};
+use crate::view::{View, ViewContext, rate_hz};
+use egui::{
+    Color32, CornerRadius, FontId, Rect, Role, ScrollArea, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
+};
+use ocu_ui::widgets::{self, mono, name_value};
+use ocu_ui::{Icon, format, icons, stale, tokens};
+use rcs_msg::rcs::{self, CourseOutcome};
+use rcs_runtime::source::{Frame, Topic};
+
+/// Width of the names in front of values.
+const NAMES: f32 = 96.0;
+/// Side of a button that drives, and the gap between two.
+const KEY: f32 = 44.0;
+const GAP: f32 = 4.0;
+/// A person's command is in force this long after it was written.
+const FRESH_S: f64 = 0.3;
+
+/// The drive view.
+#[derive(Default)]
+pub(crate) struct Drive;
+
+impl View for Drive {
+    fn title(&self, _frame: &Frame) -> String {
+        "Drive".to_owned()
+    }
+
+    fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
+        let inputs = Inputs::of(cx.frame);
+        let vehicle = operator::vehicle(cx.frame);
+        let run = cx.frame.topics_of_type("rcs.CourseRun").find_map(Topic::get::<rcs::CourseRun>);
+        if inputs == Inputs::default() && vehicle.is_none() && run.is_none() {
+            let hint = "A stack with a vehicle would fill it: start the program without a recording.";
+            return widgets::empty(ui, icons::ICON_SPORTS_ESPORTS, "Nothing to drive", hint);
+        }
+        let rect = ui.available_rect_before_wrap().shrink(8.0);
+        let mut child = ui.new_child(egui::UiBuilder::new().max_rect(rect));
+        ScrollArea::vertical().auto_shrink(false).show(&mut child, |ui| {
+            let roomy = ui.available_width() >= 440.0;
+            let columns = |ui: &mut Ui| {
+                ui.vertical(|ui| {
+                    ui.set_width(3.0 * KEY + 2.0 * GAP + 8.0);
+                    if let Some(teleop) = &inputs.teleop {
+                        pad(ui, cx, teleop);
+                    }
+                });
+                ui.vertical(|ui| {
+                    if let Some(run) = run {
+                        course(ui, run);
+                        ui.add_space(8.0);
+                    }
+                    motion(ui, cx.frame, &inputs, vehicle);
+                });
+            };
+            if roomy { ui.horizontal_top(columns).inner } else { ui.vertical(columns).inner }
+        });
+        ui.advance_cursor_after_rect(rect);
+    }
+}
+
+/// Four buttons that drive while they are pressed, lit while something drives that way, and how fast they do.
+fn pad(ui: &mut Ui, cx: &mut ViewContext<'_>, teleop: &str) {
+    let playing = cx.frame.playback.playing;
+    let command = commanded(cx.frame, teleop);
+    let [speed, turn] =
+        command.map_or([0.0; 2], |command| [command.speed_mps, command.yaw_rate_radps.unwrap_or(0.0)]);
+    let (area, _) = ui.allocate_exact_size(Vec2::new(3.0 * KEY + 2.0 * GAP, 2.0 * KEY + GAP), Sense::hover());
+    let keys = [
+        (icons::ICON_ARROW_UPWARD, "W", "Drive forward", [1.0, 0.0_f32], hand(1.0, 0.0), speed > 0.0),
+        (icons::ICON_ARROW_BACK, "A", "Turn left", [0.0, 1.0_f32], hand(0.0, 1.0), turn > 0.0),
+        (icons::ICON_ARROW_DOWNWARD, "S", "Drive backward", [1.0, 1.0_f32], hand(-1.0, 0.0), speed < 0.0),
+        (icons::ICON_ARROW_FORWARD, "D", "Turn right", [2.0, 1.0_f32], hand(0.0, -1.0), turn < 0.0),
+    ];
+    for (icon, letter, name, place, push, lit) in keys {
+        let min = area.min + Vec2::from(place) * (KEY + GAP);
+        if key(ui, Rect::from_min_size(min, Vec2::splat(KEY)), icon, letter, name, lit, playing) {
+            cx.selection.hand = cx.selection.hand.with(push);
+        }
+    }
+    ui.add_space(2.0);
+    let weak = tokens(ui).weak;
+    let note = |ui: &mut Ui, text: &str, color: Color32| {
+        ui.add(egui::Label::new(egui::RichText::new(text).small().color(color)).wrap());
+    };
+    if playing {
+        note(ui, "Hold arrow keys or W A S D; with shift, slowly.", weak);
+    } else {
+        note(ui, "Time stands: play (space) to drive.", tokens(ui).warning);
+    }
+    ui.add_space(2.0);
+    let settings = &mut cx.selection.drive;
+    ui.spacing_mut().slider_width = 56.0;
+    slider(ui, "Speed", &mut settings.speed_mps, 0.1..=3.0, " m/s");
+    let mut degrees = settings.turn_radps.to_degrees().round();
+    if slider(ui, "Turn", &mut degrees, 5.0..=90.0, " °/s") {
+        settings.turn_radps = degrees.to_radians();
+    }
+    if *settings != DriveSettings::default() && ui.small_button("Usual speeds").clicked() {
+        *settings = DriveSettings::default();
+    }
+}
+
+fn slider(
+    ui: &mut Ui,
+    name: &str,
+    value: &mut f64,
+    range: std::ops::RangeInclusive<f64>,
+    unit: &str,
+) -> bool {
+    ui.horizontal(|ui| {
+        let weak = tokens(ui).weak;
+        let (rect, _) = ui.allocate_exact_size(Vec2::new(36.0, 16.0), Sense::hover());
+        ui.painter().text(
+            rect.left_center(),
+            egui::Align2::LEFT_CENTER,
+            name,
+            FontId::proportional(12.0),
+            weak,
+        );
+        let decimals = usize::from(*range.end() < 10.0);
+        let slider = egui::Slider::new(value, range).suffix(unit).fixed_decimals(decimals);
+        let response = ui.add(slider);
+        let label = format!("{name} of a full push");
+        response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &label));
+        response.on_hover_text(&label).changed()
+    })
+    .inner
+}
+
+fn hand(forward: f64, left: f64) -> Hand {
+    Hand { forward, left, slow: false }
+}
+
+/// One button; `true` while it is pressed.
+fn key(ui: &mut Ui, rect: Rect, icon: Icon, letter: &str, name: &str, lit: bool, enabled: bool) -> bool {
+    let tokens = tokens(ui);
+    let response = ui.interact(rect, ui.scope_id().with(name), Sense::click_and_drag());
+    response.widget_info(|| WidgetInfo::selected(Role::Button, enabled, lit, name));
+    let pressed = enabled && response.is_pointer_button_down_on();
+    let (fill, ink) = match (lit || pressed, enabled) {
+        (true, _) => (tokens.selected, tokens.strong),
+        (false, true) => (tokens.surface[2], tokens.text),
+        (false, false) => (tokens.panel(), tokens.unknown),
+    };
+    let edge = if lit || pressed || (enabled && response.hovered()) { tokens.accent } else { tokens.line };
+    let painter = ui.painter();
+    painter.rect(rect, CornerRadius::same(4), fill, Stroke::new(1.0, edge), StrokeKind::Inside);
+    widgets::icon_at(painter, rect.center() - Vec2::new(0.0, 3.0), icon, 20.0, ink);
+    let at = rect.center_bottom() - Vec2::new(0.0, 4.0);
+    let weak = if lit || pressed { tokens.strong } else { tokens.weak };
+    painter.text(at, egui::Align2::CENTER_BOTTOM, letter, FontId::proportional(10.0), weak);
+    response.on_hover_text(name);
+    pressed
+}
+
+/// The person's command, while it is in force.
+fn commanded<'a>(frame: &'a Frame, teleop: &str) -> Option<&'a rcs::DriveCommand> {
+    let topic = frame.topic(teleop)?;
+    let fresh = topic.age_s(frame.now).is_some_and(|age_s| age_s <= FRESH_S);
+    topic.get().filter(|_| fresh)
+}
+
+/// What is wanted of the vehicle, and what it does.
+fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, &rcs::VehicleStatus)>) {
+    let tokens = tokens(ui);
+    let Some((topic, status)) = vehicle else {
+        ui.label(egui::RichText::new("The vehicle has not said anything yet.").color(tokens.weak));
+        return;
+    };
+    let age_s = topic.age_s(frame.now).unwrap_or(0.0);
+    let old = stale::is_stale(age_s, rate_hz(topic));
+    let (word, color) = match (old, status.emergency_stopped, status.stopped) {
+        (true, ..) => (format!("NO STATUS FOR {}", format::age(age_s)), tokens.stale),
+        (_, true, _) => ("EMERGENCY STOP".to_owned(), tokens.error),
+        (_, _, true) => ("HELD".to_owned(), tokens.warning),
+        _ => ("FREE TO MOVE".to_owned(), tokens.ok),
+    };
+    ui.horizontal(|ui| {
+        widgets::tag(ui, &word, color);
+        if !status.stop_reason.is_empty() && !old {
+            ui.add(egui::Label::new(&status.stop_reason).truncate()).on_hover_text(&status.stop_reason);
+        }
+    });
+    let person = inputs.teleop.as_deref().and_then(|teleop| commanded(frame, teleop));
+    let turn = |radps: f64| format!("{:6.1}", radps.to_degrees() + 0.0);
+    let wanted_turn = person.and_then(|command| command.yaw_rate_radps).map_or("     –".to_owned(), turn);
+    let ink = if old { tokens.stale } else { tokens.text };
+    let row = |ui: &mut Ui, name: &str, wanted: String, measured: String, unit: &str| {
+        name_value(ui, NAMES, name, mono(format!("{wanted}  {measured} {unit}")).color(ink));
+    };
+    name_value(ui, NAMES, "", mono("wanted    now").color(tokens.weak));
+    let speeds = [status.wanted_speed_mps, status.speed_mps].map(|speed| format!("{:6.2}", speed + 0.0));
+    let [wanted, now] = speeds;
+    row(ui, "Speed", wanted, now, "m/s");
+    row(ui, "Turn", wanted_turn, turn(status.yaw_rate_radps), "°/s");
+    let [roll, pitch] = [status.roll_rad, status.pitch_rad].map(turn);
+    row(ui, "Roll, pitch", roll, pitch, "°");
+    let who = if person.is_some() { "you" } else { "the stack" };
+    name_value(ui, NAMES, "Driven by", egui::RichText::new(who));
+    if status.refused > 0 {
+        let text = format!("{}  {}", status.refused, status.last_refusal);
+        let value = egui::RichText::new(&text).color(tokens.warning);
+        name_value(ui, NAMES, "Refused", value).on_hover_text(text);
+    }
+}
+
+/// How the run of the course stands.
+fn course(ui: &mut Ui, run: &rcs::CourseRun) {
+    let tokens = tokens(ui);
+    let (icon, word, color) = match run.outcome() {
+        CourseOutcome::CourseRunning => (icons::ICON_FLAG, "RUNNING", tokens.accent),
+        CourseOutcome::CourseReached => (icons::ICON_CHECK, "GOAL REACHED", tokens.ok),
+        CourseOutcome::CourseTimeOut => (icons::ICON_TIMER_OFF, "OUT OF TIME", tokens.error),
+        CourseOutcome::CourseLost => (icons::ICON_ERROR, "LOST", tokens.error),
+    };
+    ui.horizontal(|ui| {
+        ui.label(icon.rich_text().size(14.0).color(color));
+        widgets::tag(ui, word, color);
+        let name = if run.course.is_empty() { "no course" } else { &run.course };
+        ui.add(egui::Label::new(egui::RichText::new(name).color(tokens.strong)).truncate());
+    });
+    let minutes = |s: f64| format!("{}:{:04.1}", (s / 60.0).floor(), s % 60.0);
+    let limit = (run.time_limit_s > 0.0).then(|| format!(" of {}", minutes(run.time_limit_s)));
+    let time = minutes(run.time_s) + &limit.unwrap_or_default();
+    name_value(ui, NAMES, "Time", mono(time));
+    name_value(ui, NAMES, "To the goal", mono(format!("{:6.1} m", run.remaining_m)));
+    name_value(ui, NAMES, "Driven", mono(format!("{:6.1} m", run.distance_m)));
+    let count = |ui: &mut Ui, name: &str, count: u32, bad: Color32| {
+        let text = mono(format!("{count:4}")).color(if count > 0 { bad } else { tokens.text });
+        name_value(ui, NAMES, name, text);
+    };
+    count(ui, "Collisions", run.collisions, tokens.error);
+    count(ui, "Bumper hits", run.bumper_hits, tokens.warning);
+    name_value(ui, NAMES, "Slipping", mono(format!("{:6.1} s", run.slip_s)));
+}

@@ -1,0 +1,169 @@
+//! What a person can do to a robot that runs: which buffers wait for an operator, and what is written there.
+//!
+//! Found from the processes themselves: an input named `teleop` of `rcs.DriveCommand`, and one of `rcs.EmergencyStop`,
+//! that no process writes.
+
+use rcs_msg::{AnyMessage, Stamp, rcs};
+use rcs_runtime::source::{Frame, Held, SourceKind, Topic};
+use std::sync::Arc;
+
+/// Time of the source from one drive command to the next: 20 a second.
+const EVERY_NS: u64 = 50_000_000;
+/// Shift drives at this part of the speed.
+const SLOW: f64 = 0.3;
+/// Backward is slower than forward: less is seen there.
+const BACKWARD: f64 = 0.5;
+
+/// The buffers that wait for an operator.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Inputs {
+    /// Drive commands of a person.
+    pub teleop: Option<Arc<str>>,
+    /// The emergency stop.
+    pub emergency_stop: Option<Arc<str>>,
+}
+
+impl Inputs {
+    /// Those of a frame; none where nothing runs.
+    pub fn of(frame: &Frame) -> Self {
+        if frame.info.kind == SourceKind::Log {
+            return Self::default();
+        }
+        let is_written = |buffer: &str| {
+            let mut outputs = frame.processes.iter().flat_map(|process| &process.outputs);
+            outputs.any(|output| output.buffer == buffer)
+        };
+        let find = |schema: &str, name: Option<&str>| {
+            let inputs = frame.processes.iter().flat_map(|process| &process.inputs);
+            inputs
+                .filter(|input| input.schema == schema && name.is_none_or(|name| input.name == name))
+                .map(|input| input.buffer.as_str())
+                .find(|buffer| !buffer.is_empty() && !is_written(buffer))
+                .map(Arc::from)
+        };
+        Self {
+            teleop: find("rcs.DriveCommand", Some("teleop")),
+            emergency_stop: find("rcs.EmergencyStop", None),
+        }
+    }
+}
+
+/// The vehicle's own word on itself, with its topic.
+pub fn vehicle(frame: &Frame) -> Option<(&Topic, &rcs::VehicleStatus)> {
+    frame.topics_of_type("rcs.VehicleStatus").find_map(|topic| Some((topic, topic.get()?)))
+}
+
+/// A message that stops the vehicle, or lets it go again.
+pub fn emergency_stop(now: Stamp, active: bool) -> AnyMessage {
+    let reason = if active { "the operator" } else { "" }.to_owned();
+    AnyMessage::new(rcs::EmergencyStop { timestamp: Some(now.to_proto()), active, reason })
+}
+
+/// Where a person pushes: keys, buttons on the screen, or a stick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Hand {
+    /// -1 (backward) to 1 (forward).
+    pub forward: f64,
+    /// -1 (right) to 1 (left).
+    pub left: f64,
+    /// Slower than usual.
+    pub slow: bool,
+}
+
+impl Hand {
+    /// Whether it pushes at all.
+    pub fn pushes(&self) -> bool {
+        self.forward != 0.0 || self.left != 0.0
+    }
+
+    /// Two hands at once.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        Self {
+            forward: (self.forward + other.forward).clamp(-1.0, 1.0),
+            left: (self.left + other.left).clamp(-1.0, 1.0),
+            slow: self.slow || other.slow,
+        }
+    }
+}
+
+/// How fast a hand drives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriveSettings {
+    /// Speed at full forward, m/s.
+    pub speed_mps: f64,
+    /// Turn rate at full left, rad/s.
+    pub turn_radps: f64,
+}
+
+impl Default for DriveSettings {
+    fn default() -> Self {
+        Self { speed_mps: 1.0, turn_radps: std::f64::consts::FRAC_PI_4 }
+    }
+}
+
+impl DriveSettings {
+    /// Speed (m/s) and turn rate (rad/s, counter-clockwise) that a hand asks for.
+    pub fn wanted(&self, hand: Hand) -> [f64; 2] {
+        let part = if hand.slow { SLOW } else { 1.0 };
+        let speed = self.speed_mps * hand.forward * if hand.forward < 0.0 { BACKWARD } else { 1.0 };
+        [speed * part, self.turn_radps * hand.left * part]
+    }
+}
+
+/// A drive command that is written for as long as it is held.
+pub fn drive(buffer: &str, [speed_mps, yaw_rate_radps]: [f64; 2]) -> Held {
+    Held {
+        buffer: buffer.to_owned(),
+        every_ns: EVERY_NS,
+        make: Arc::new(move |now| {
+            AnyMessage::new(rcs::DriveCommand {
+                timestamp: Some(now.to_proto()),
+                heading_rad: 0.0,
+                speed_mps,
+                yaw_rate_radps: Some(yaw_rate_radps),
+            })
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+
+    #[test]
+    fn inputs_are_found_by_type_and_name_where_a_stack_runs_and_nobody_else_writes_them() {
+        let frame = samples::driving();
+        let inputs = Inputs::of(&frame);
+        assert_eq!(inputs.teleop.as_deref(), Some("/operator/teleop"));
+        assert_eq!(inputs.emergency_stop.as_deref(), Some("/operator/emergency_stop"));
+        assert_eq!(Inputs::of(&samples::full()), Inputs::default(), "a recording cannot be driven");
+
+        let mut written = frame.clone();
+        let mut processes = written.processes.to_vec();
+        let teleop = processes[0].inputs.iter().find(|input| input.name == "teleop").cloned();
+        processes[1].outputs.extend(teleop);
+        written.processes = processes.into();
+        assert_eq!(Inputs::of(&written).teleop, None);
+    }
+
+    #[test]
+    fn a_hand_asks_for_less_when_slow_and_backward_and_two_hands_do_not_add_up_beyond_full() {
+        let settings = DriveSettings { speed_mps: 2.0, turn_radps: 1.0 };
+        let hand = |forward, left, slow| Hand { forward, left, slow };
+        assert_eq!(settings.wanted(hand(1.0, 0.0, false)), [2.0, 0.0]);
+        assert_eq!(settings.wanted(hand(-1.0, 0.5, false)), [-1.0, 0.5]);
+        let [speed, turn] = settings.wanted(hand(1.0, -1.0, true));
+        assert!((speed - 0.6).abs() < 1e-12 && (turn + 0.3).abs() < 1e-12);
+        assert_eq!(hand(1.0, 1.0, false).with(hand(1.0, -1.0, true)), hand(1.0, 0.0, true));
+    }
+
+    #[test]
+    fn what_is_held_is_a_command_with_the_time_at_which_it_is_written() {
+        let message = (drive("/operator/teleop", [0.5, -0.2]).make)(Stamp(7_000_000_001));
+        let command: &rcs::DriveCommand = message.get().unwrap();
+        assert_eq!(command.timestamp.as_ref().and_then(Stamp::from_proto), Some(Stamp(7_000_000_001)));
+        assert_eq!((command.speed_mps, command.yaw_rate_radps), (0.5, Some(-0.2)));
+    }
+}

@@ -1,0 +1,151 @@
+//! A small frame of a simulation that is being driven, for the tests of the views.
+
+use super::{NOW, cloud, empty, grid, image, label_image, topic, track, with_metadata};
+use rcs_msg::foxglove::points_annotation::Type;
+use rcs_msg::foxglove::{
+    CircleAnnotation, Color, ImageAnnotations, Point2, PointsAnnotation, PoseInFrame, TextAnnotation, Vector3,
+};
+use rcs_msg::rcs::{CourseRun, DriveCommand, EmergencyStop, PortInfo, ProcessInfo, VehicleStatus};
+use rcs_msg::{Schema, schema_of};
+use rcs_runtime::source::{Frame, RunTag, SourceInfo, SourceKind, Topic};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// A frame of a stack that runs: a vehicle under way, its course, shapes on an image, and the truth beside it.
+pub(crate) fn driving() -> Frame {
+    let labels =
+        [("rcs.role", "labels"), ("rcs.overlay_of", "/eye/image"), ("rcs.palette", "obstacle_labels")];
+    let truth = [labels[0], labels[1], ("rcs.palette", "surfaces"), ("rcs.truth", "true")];
+    let on_image = [("rcs.overlay_of", "/eye/image")];
+    let mut topics = vec![
+        with_metadata(topic("/eye/image", 5.0, 0.1, image(96, 64)), "eye", &[("rcs.role", "image")]),
+        with_metadata(topic("/obstacles/labels", 5.0, 0.3, label_image(48, 32)), "obstacles", &labels),
+        with_metadata(topic("/color/shapes", 5.0, 0.1, shapes()), "color", &on_image),
+        with_metadata(topic("/eye/truth_labels", 5.0, 0.1, label_image(48, 32)), "eye", &truth),
+        with_metadata(topic("/wm1/map", 5.0, 0.2, grid(40, 40)), "wm1", &[("rcs.role", "map")]),
+        with_metadata(
+            topic("/vehicle/truth_map", 0.1, 3.0, grid(80, 80)),
+            "vehicle",
+            &[("rcs.truth", "true")],
+        ),
+        with_metadata(topic("/vehicle/goal", 1.0, 0.3, goal()), "vehicle", &[("rcs.role", "goal")]),
+        topic("/eye/points", 5.0, 0.1, cloud(&[[1.0, 2.0, 0.1]])),
+        topic("/vehicle/run", 5.0, 0.1, run()),
+        topic("/comms/vehicle", 50.0, 0.02, status()),
+        topic("/operator/teleop", 20.0, 0.04, command()),
+        Topic::new("/operator/emergency_stop", RunTag::Run, Arc::clone(schema_of::<EmergencyStop>())),
+    ];
+    topics.sort_by(|a, b| a.name.cmp(&b.name));
+    let port = |name: &str, buffer: &str, schema: &Schema| PortInfo {
+        name: name.into(),
+        buffer: buffer.into(),
+        schema: schema.name().into(),
+        ..PortInfo::default()
+    };
+    let comms = ProcessInfo {
+        name: "comms".into(),
+        supervisor: "viewer".into(),
+        inputs: vec![
+            port("drive", "/driver/drive", schema_of::<DriveCommand>()),
+            port("teleop", "/operator/teleop", schema_of::<DriveCommand>()),
+            port("emergency_stop", "/operator/emergency_stop", schema_of::<EmergencyStop>()),
+        ],
+        ..ProcessInfo::default()
+    };
+    let driver = ProcessInfo {
+        name: "driver".into(),
+        supervisor: "viewer".into(),
+        outputs: vec![port("drive", "/driver/drive", schema_of::<DriveCommand>())],
+        ..ProcessInfo::default()
+    };
+    let tracks = [track("/position/local", "local", 0.1), track("/vehicle/goal", "local", 0.0)];
+    let nothing = empty();
+    let info = SourceInfo { kind: SourceKind::Stack, end: None, ..(*nothing.info).clone() };
+    let mut playback = nothing.playback.clone();
+    (playback.playing, playback.achieved) = (true, Some(0.98));
+    Frame {
+        info: Arc::new(info),
+        now: NOW,
+        topics: topics.into(),
+        processes: [comms, driver].into(),
+        tracks: Arc::new(
+            tracks
+                .into_iter()
+                .map(|track| (Arc::clone(&track.topic), Arc::new(track)))
+                .collect::<BTreeMap<_, _>>(),
+        ),
+        playback,
+        ..nothing
+    }
+}
+
+fn run() -> CourseRun {
+    CourseRun {
+        course: "meadow".into(),
+        time_s: 42.34,
+        time_limit_s: 240.0,
+        distance_m: 37.2,
+        remaining_m: 63.9,
+        bumper_hits: 1,
+        slip_s: 0.4,
+        ..CourseRun::default()
+    }
+}
+
+fn status() -> VehicleStatus {
+    VehicleStatus {
+        speed_mps: 0.94,
+        yaw_rate_radps: 0.38,
+        roll_rad: -0.02,
+        pitch_rad: 0.05,
+        wanted_speed_mps: 1.0,
+        refused: 2,
+        last_refusal: "speed of 9 m/s; expected at most 1.3".into(),
+        ..VehicleStatus::default()
+    }
+}
+
+fn command() -> DriveCommand {
+    DriveCommand { speed_mps: 1.0, yaw_rate_radps: Some(0.4), ..DriveCommand::default() }
+}
+
+fn goal() -> PoseInFrame {
+    let position = Some(Vector3 { x: 60.0, y: 25.0, z: 0.0 });
+    let pose = Some(rcs_msg::foxglove::Pose { position, orientation: None });
+    PoseInFrame { frame_id: "local".into(), pose, ..PoseInFrame::default() }
+}
+
+fn shapes() -> ImageAnnotations {
+    let point = |x: f64, y: f64| Point2 { x, y };
+    let points = |kind: Type, points: Vec<Point2>| PointsAnnotation {
+        r#type: kind.into(),
+        points,
+        outline_color: Some(Color { r: 1.0, g: 0.9, b: 0.1, a: 1.0 }),
+        thickness: 1.0,
+        ..PointsAnnotation::default()
+    };
+    let corners = vec![point(30.0, 60.0), point(42.0, 40.0), point(54.0, 40.0), point(66.0, 60.0)];
+    let mut filled = points(Type::LineLoop, corners.clone());
+    filled.fill_color = Some(Color { r: 1.0, g: 0.9, b: 0.1, a: 0.2 });
+    ImageAnnotations {
+        points: vec![
+            filled,
+            points(Type::LineStrip, vec![point(0.0, 32.0), point(95.0, 33.0)]),
+            points(Type::LineList, vec![point(2.0, 2.0), point(8.0, 2.0), point(f64::NAN, 0.0)]),
+            points(Type::Points, corners),
+        ],
+        circles: vec![CircleAnnotation {
+            position: Some(point(80.0, 12.0)),
+            diameter: 10.0,
+            thickness: 1.0,
+            ..CircleAnnotation::default()
+        }],
+        texts: vec![TextAnnotation {
+            position: Some(point(30.0, 38.0)),
+            text: "ground sample".into(),
+            font_size: 6.0,
+            ..TextAnnotation::default()
+        }],
+        ..ImageAnnotations::default()
+    }
+}
