@@ -1,0 +1,208 @@
+//! Courses: where a run starts, where it shall go, and in what time.
+//!
+//! ```toml
+//! format = 1
+//! name = "meadow"
+//! description = "trees and bushes on a meadow"
+//! world = "meadow"                # file of the world, by name or path
+//! vehicle = "lagr"                # optional: the file of the vehicle
+//! time_limit_s = 240
+//! goal_radius_m = 1.5
+//! start = { zone = 18, easting = 309030.0, northing = 4335020.0, heading_deg = 90.0 }
+//! goal = { easting = 309030.0, northing = 4335120.0 }
+//! ```
+//!
+//! Places are UTM coordinates in metres, in the zone and hemisphere of the world's origin; a zone may be named, and is
+//! then compared with the world's. Headings are degrees counter-clockwise from east. The world's frame `global` has its
+//! (0, 0) at the world's origin and its axes along easting and northing, so a place in it is a difference.
+
+use crate::read::{SceneError, Table};
+use rcs_geom::{DVec2, Utm};
+use std::ops::RangeInclusive;
+
+/// A course as its file says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Course {
+    /// As reports name it.
+    pub name: String,
+    /// One sentence.
+    pub description: String,
+    /// File of the world, by name or path.
+    pub world: String,
+    /// File of the vehicle, by name or path, where the course asks for one.
+    pub vehicle: Option<String>,
+    /// Where the vehicle stands at the start.
+    pub start: Place,
+    /// Which way it looks then, radians counter-clockwise from east.
+    pub start_heading_rad: f64,
+    /// Where it shall go.
+    pub goal: Place,
+    /// Nearer to the goal than this, it has been reached, m.
+    pub goal_radius_m: f64,
+    /// Time after which the run has failed, s.
+    pub time_limit_s: f64,
+}
+
+/// A place of a course in UTM.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Zone that the file names; the world's where it names none.
+    pub zone: Option<u8>,
+    /// m.
+    pub easting_m: f64,
+    /// m.
+    pub northing_m: f64,
+}
+
+/// A place that is in another zone than the world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("course is in zone {got}, expected the world's zone {expected}")]
+pub struct WrongZone {
+    /// Zone of the course.
+    pub got: u8,
+    /// Zone of the world.
+    pub expected: u8,
+}
+
+impl Place {
+    /// East and north of the world's origin, m.
+    pub fn in_world(&self, origin: &Utm) -> Result<DVec2, WrongZone> {
+        match self.zone {
+            Some(got) if got != origin.zone => Err(WrongZone { got, expected: origin.zone }),
+            _ => Ok(DVec2::new(self.easting_m - origin.easting_m, self.northing_m - origin.northing_m)),
+        }
+    }
+}
+
+const EASTING_M: RangeInclusive<f64> = 0.0..=1.0e6;
+const NORTHING_M: RangeInclusive<f64> = 0.0..=1.0e7;
+
+impl Course {
+    /// Reads the text of a course file. What is missing, unknown or out of range is refused with its line and key.
+    pub fn from_toml(text: &str) -> Result<Course, SceneError> {
+        let mut table = Table::open(text)?;
+        let format = table.need_number("format", 0.0..=1.0e6)?;
+        if format != 1.0 {
+            return Err(table.error("format", format!("got {format}, expected 1")));
+        }
+        let name = table.need_text("name")?;
+        let description = table.text("description")?.unwrap_or_default();
+        let world = named(&mut table, "world")?.ok_or_else(|| {
+            table.error("world", "is missing, expected the name of a world or the path of its file")
+        })?;
+        let vehicle = named(&mut table, "vehicle")?;
+        let goal_radius_m = table.number_or("goal_radius_m", 1.5, 0.1..=100.0)?;
+        let time_limit_s = table.need_number("time_limit_s", 1.0..=36_000.0)?;
+        let (start, heading_deg) = place(&mut table, "start", true)?;
+        let (goal, _) = place(&mut table, "goal", false)?;
+        table.finish()?;
+        let start_heading_rad = heading_deg.to_radians();
+        Ok(Course {
+            name,
+            description,
+            world,
+            vehicle,
+            start,
+            start_heading_rad,
+            goal,
+            goal_radius_m,
+            time_limit_s,
+        })
+    }
+}
+
+/// The name of a file; one that says nothing is refused.
+fn named(table: &mut Table<'_>, key: &'static str) -> Result<Option<String>, SceneError> {
+    match table.text(key)? {
+        Some(name) if name.trim().is_empty() => {
+            Err(table.error(key, "is empty, expected a name or the path of a file"))
+        }
+        name => Ok(name),
+    }
+}
+
+/// A place, and the heading there in degrees (0 where the place has none).
+fn place(
+    table: &mut Table<'_>,
+    key: &'static str,
+    has_heading: bool,
+) -> Result<(Place, f64), SceneError> {
+    let Some(mut entry) = table.table(key)? else {
+        let heading = if has_heading { ", heading_deg" } else { "" };
+        return Err(table.error(key, format!("is missing, expected {{ easting, northing{heading} }}")));
+    };
+    let zone = entry.integer("zone", 1..=60)?.map(|zone| zone as u8);
+    let easting_m = entry.need_number("easting", EASTING_M)?;
+    let northing_m = entry.need_number("northing", NORTHING_M)?;
+    let heading_deg = if has_heading { entry.need_number("heading_deg", -360.0..=360.0)? } else { 0.0 };
+    entry.finish()?;
+    Ok((Place { zone, easting_m, northing_m }, heading_deg))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SOUND: &str = r#"format = 1
+name = "meadow"
+description = "trees and bushes"
+world = "meadow"
+vehicle = "lagr"
+time_limit_s = 240
+goal_radius_m = 2.0
+
+[start]
+zone = 18
+easting = 309030.5
+northing = 4335020
+heading_deg = 90
+
+[goal]
+easting = 309030.0
+northing = 4335120.0
+"#;
+
+    /// Changes one line of a sound file and says how the change is refused.
+    fn check(from: &str, to: &str, refusal: &str) {
+        let text = SOUND.replace(from, to);
+        assert_ne!(text, SOUND, "nothing was changed");
+        let error = Course::from_toml(&text).unwrap_err().to_string();
+        assert!(error.contains(refusal), "got {error:?}, expected {refusal:?}");
+    }
+
+    #[test]
+    fn a_sound_file_is_read() {
+        let course = Course::from_toml(SOUND).unwrap();
+        assert_eq!((course.name.as_str(), course.vehicle.as_deref()), ("meadow", Some("lagr")));
+        assert_eq!((course.time_limit_s, course.goal_radius_m), (240.0, 2.0));
+        assert!((course.start_heading_rad - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+        let origin = Utm::new(18, true, 309_000.0, 4_335_000.0).unwrap();
+        assert_eq!(course.start.in_world(&origin), Ok(DVec2::new(30.5, 20.0)));
+        assert_eq!(course.goal.in_world(&origin), Ok(DVec2::new(30.0, 120.0)));
+    }
+
+    #[test]
+    fn a_place_in_another_zone_than_the_world_is_refused() {
+        let course = Course::from_toml(SOUND).unwrap();
+        let origin = Utm::new(17, true, 309_000.0, 4_335_000.0).unwrap();
+        let error = course.start.in_world(&origin).unwrap_err();
+        assert_eq!(error.to_string(), "course is in zone 18, expected the world's zone 17");
+        assert!(course.goal.in_world(&origin).is_ok(), "a place without a zone is in the world's");
+    }
+
+    #[test]
+    fn mistakes_are_refused_with_their_line_and_key() {
+        check("format = 1", "format = 2", "line 1, key \"format\": got 2, expected 1");
+        check("world = \"meadow\"", "world = \"\"", "line 4, key \"world\": is empty");
+        check("world = \"meadow\"\n", "", "key \"world\": is missing");
+        check("time_limit_s = 240", "time_limit_s = 0", "line 6, key \"time_limit_s\": got 0");
+        check("time_limit_s = 240", "time_limit_s = nan", "line 6, key \"time_limit_s\"");
+        check("goal_radius_m = 2.0", "goal_radius = 2.0", "line 7, key \"goal_radius\": is unknown");
+        check("zone = 18", "zone = 18.5", "line 10, key \"start.zone\"");
+        check("easting = 309030.5", "easting = \"309030\"", "line 11, key \"start.easting\"");
+        check("heading_deg = 90\n", "", "line 9, key \"start.heading_deg\": is missing");
+        check("northing = 4335120.0", "northing = -1.0", "line 17, key \"goal.northing\": got -1");
+        check("[goal]", "[finish]", "key \"goal\": is missing");
+        check("name = \"meadow\"", "name = \"meadow", "line 2");
+    }
+}
