@@ -86,7 +86,7 @@ const ESCAPE_M: f64 = 1.5;
 const ESCAPE_COST: f32 = 20.0;
 
 impl Terrain {
-    /// Reads a map with the fields `height`, `vegetation` (m) and `class`.
+    /// Reads a map with the fields `height`, `vegetation` (m) and `class`, and `blocked` (0 or not) where it has one.
     pub fn new(grid: &Grid, rules: &Rules) -> Result<Terrain, String> {
         let view = GridView::new(grid).map_err(|error| error.to_string())?;
         let size = view.cell_size_m();
@@ -101,6 +101,8 @@ impl Terrain {
             Ok(view.field(name).map_err(|error| error.to_string())?.values().collect())
         };
         let (height, vegetation, class) = (read("height")?, read("vegetation")?, read("class")?);
+        // Growth that does not give way is known to the world alone.
+        let blocked = read("blocked").unwrap_or_default();
         if let Some(at) = height.iter().zip(&vegetation).position(|(h, v)| !h.is_finite() || !v.is_finite()) {
             return Err(format!("height or vegetation of cell {at} is not finite"));
         }
@@ -118,7 +120,9 @@ impl Terrain {
             let class = class[at] as u8;
             let (slope, step_m) = terrain.steepness(&height, at);
             let is_thing = class >= FIRST_THING && class != CROWN;
-            terrain.is_blocked[at] = is_thing || slope > rules.max_slope || step_m > rules.max_step_m;
+            let is_told = blocked.get(at).is_some_and(|&told| told != 0.0);
+            terrain.is_blocked[at] =
+                is_thing || is_told || slope > rules.max_slope || step_m > rules.max_step_m;
             let slip = SLIPPERY.iter().find(|(code, _)| *code == class).map_or(0.0, |&(_, slip)| slip);
             let steep = slope / rules.max_slope;
             let cost = 1.0

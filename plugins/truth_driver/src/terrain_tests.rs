@@ -99,6 +99,17 @@ fn mud_slopes_and_tall_vegetation_are_gone_around_where_that_is_cheaper() {
 }
 
 #[test]
+fn what_the_map_says_is_blocked_is_no_way() {
+    let mut grid = map(|_, _| (0.0, 0.0, 1));
+    // The class field of a map that is 0 everywhere but for one column serves as the field `blocked`, too.
+    grid.data = map(|column, _| (0.0, 0.0, u8::from(column == 30))).data;
+    assert!(Terrain::new(&grid, &RULES).unwrap().way(START, GOAL, &RULES).is_ok());
+    grid.fields.push(PackedElementField { name: "blocked".to_owned(), ..grid.fields[2].clone() });
+    let result = Terrain::new(&grid, &RULES).unwrap().way(START, GOAL, &RULES);
+    assert!(matches!(result, Err(NoWay::Blocked { .. })), "{result:?}");
+}
+
+#[test]
 fn a_vehicle_that_stands_too_close_to_a_thing_may_leave() {
     let way =
         Terrain::new(&map(|column, row| (0.0, 0.0, if column == 5 && row == 20 { 16 } else { 1 })), &RULES)
