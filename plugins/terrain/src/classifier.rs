@@ -1,0 +1,344 @@
+//! The process `classifier`.
+//!
+//! | port | direction | type | what |
+//! | --- | --- | --- | --- |
+//! | `image` | in | `foxglove.RawImage` | colour image |
+//! | `calibration` | in | `foxglove.CameraCalibration` | calibration of the image |
+//! | `models` | in, optional | `rcs.TerrainModels` | terrain models; the newest replace those before |
+//! | `depth` | in, optional | `foxglove.RawImage` | depth of the image's pixels along the optical axis, m: where stereo is good |
+//! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
+//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose_frame` names, in the local frame |
+//! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
+//! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
+//! | `classes` | out | `foxglove.RawImage` | class of each pixel: 0 not known, 1 traversable, 2 not |
+//! | `cost` | out | `foxglove.Grid` | 201x201 cells of 0.2 m: field cost.classifier, local frame |
+//! | `cost_wide` | out | `foxglove.Grid` | 201x201 cells of 0.6 m: field cost.classifier, local frame |
+//! | `stats` | out | `rcs.ClassifierStats` | windows by class, cells with a cost |
+//!
+//! Period 200 ms (5 Hz, B 3.4). No commands beside the runtime's. State: the last seconds of poses, images that wait for
+//! their depth, the models.
+//!
+//! [`crate::classify`] compares windows with models, [`crate::place`] puts them on the map. With `region =
+//! CLASSIFIER_BEYOND_STEREO` an image waits for the depth of its time and is classified from the end of good stereo on; when
+//! no depth has come for a while, whole images are. Windows higher above the horizon than `above_horizon_deg` are never
+//! classified. What cannot be used is a fault and is skipped, as in the learner; without models nothing is sent.
+//!
+//! Both cost maps are in the local frame: the world model of 0.6 m cells turns them into its own.
+
+use crate::appearance::{MatchWeights, RatioBins};
+use crate::classify::{Class, Matcher, WindowGrid, classify_row, end_of_stereo, overlay};
+use crate::cost_grid;
+use crate::map::CELL_SIZE_M;
+use crate::models::{ModelSet, ModelsError, matching_of, models_of_text};
+use crate::place::{Placed, View, place, region};
+use crate::site::{Site, Unusable, camera_of, check_frozen, colours, depths};
+use crate::sync::Recent;
+use crate::texture::PaddedGrey;
+use rcs_geom::PinholeCamera;
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
+use rcs_msg::rcs::{ClassifierParams, ClassifierRegion, ClassifierStats, TerrainModels};
+use rcs_runtime::{Cycle, In, Out, PortBuilder, PosePorts, Process, ProcessDef};
+use rcs_world::{Localizer, Source};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Side of a cell of the wide cost map (WM2's), m.
+pub const WIDE_CELL_SIZE_M: f64 = 0.6;
+
+/// State: poses, the camera, images that wait for their depth, and the models.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Classifier {
+    localizer: Localizer,
+    camera: Option<PinholeCamera>,
+    images: Recent,
+    /// The newest depth image alone.
+    depths: Recent,
+    models: Option<Models>,
+    fingerprint: Option<u64>,
+    /// Time of the first image, and of the last one that was looked at.
+    first: Option<Stamp>,
+    done: Option<Stamp>,
+    #[serde(skip)]
+    ratios: Option<Arc<RatioBins>>,
+}
+
+/// Models and how they are matched.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Models {
+    set: ModelSet,
+    span_octaves: f64,
+    weights: MatchWeights,
+}
+
+impl Models {
+    fn of(message: &TerrainModels) -> Result<Models, ModelsError> {
+        let (span_octaves, weights) = matching_of(message)?;
+        Ok(Models { set: ModelSet::from_message(message)?, span_octaves, weights })
+    }
+}
+
+/// Ports of [`Classifier`].
+#[derive(Debug)]
+pub struct Ports {
+    image: In<RawImage>,
+    calibration: In<CameraCalibration>,
+    models: In<TerrainModels>,
+    depth: In<RawImage>,
+    poses: PosePorts,
+    classes: Out<RawImage>,
+    cost: Out<Grid>,
+    cost_wide: Out<Grid>,
+    stats: Out<ClassifierStats>,
+}
+
+/// What a cycle found to do.
+enum Task {
+    /// An image, and whether it goes with the newest depth.
+    Classify(Stamp, bool),
+    Wait(&'static str),
+}
+
+impl Process for Classifier {
+    type Params = ClassifierParams;
+    type Ports = Ports;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "classifier",
+        summary: "Classifies windows of an image by terrain models and maps their cost on the flat ground",
+        period_ms: 200.0,
+        commands: &[],
+        reads_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        Ports {
+            image: b.input("image", "colour image"),
+            calibration: b.input("calibration", "calibration of the image"),
+            models: b.optional_input("models", "terrain models; the newest replace those before"),
+            depth: b.optional_input(
+                "depth",
+                "depth of the image's pixels along the optical axis, m: where stereo is good",
+            ),
+            poses: PosePorts::declare(b),
+            classes: b
+                .output("classes", "class of each pixel: 0 not known, 1 traversable, 2 not")
+                .role("labels")
+                .palette("classes")
+                .overlay_of("image")
+                .build(),
+            cost: b
+                .output("cost", "201x201 cells of 0.2 m: field cost.classifier, local frame")
+                .role("cost")
+                .palette("cost")
+                .build(),
+            cost_wide: b
+                .output("cost_wide", "201x201 cells of 0.6 m: field cost.classifier, local frame")
+                .role("cost")
+                .palette("cost")
+                .build(),
+            stats: b.output("stats", "windows by class, cells with a cost").role("stats").build(),
+        }
+    }
+
+    fn check(params: &ClassifierParams) -> Result<(), String> {
+        models_of_text(&params.models).map(drop).map_err(|error| format!("models: {error}"))
+    }
+
+    fn new(params: &ClassifierParams) -> Self {
+        // A text that the check has refused never comes here.
+        let models = models_of_text(&params.models).ok().flatten();
+        Self {
+            localizer: Localizer::default(),
+            camera: None,
+            images: Recent::default(),
+            depths: Recent::default(),
+            models: models.and_then(|message| Models::of(&message).ok()),
+            fingerprint: None,
+            first: None,
+            done: None,
+            ratios: None,
+        }
+    }
+
+    fn cycle(&mut self, ports: &Ports, params: &ClassifierParams, cx: &mut Cycle<'_>) {
+        ports.poses.read(&mut self.localizer, Site::from(params).frames, cx);
+        self.read_camera_and_models(ports, cx);
+        let is_new_depth = self.read_images(ports, cx);
+        match self.task(is_new_depth, params, cx) {
+            Task::Wait(text) => cx.exec(text),
+            Task::Classify(time, with_depth) => {
+                self.done = Some(time);
+                let result = self.classify(time, with_depth, ports, params, cx);
+                self.images.forget_before(time.after_ns(1));
+                if let Err(error) = result {
+                    cx.fault(format!("{error}; image skipped"));
+                }
+                cx.exec(if with_depth { "classifies beyond stereo" } else { "classifies whole images" });
+            }
+        }
+    }
+}
+
+impl Classifier {
+    fn read_camera_and_models(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
+        if let Some(calibration) = cx.read_newest(&ports.calibration) {
+            let camera = camera_of(&calibration);
+            self.camera = camera.map_err(|error| cx.fault(Unusable::from(error).to_string())).ok();
+        }
+        if let Some(message) = cx.read_newest(&ports.models) {
+            match Models::of(&message) {
+                Ok(models) => self.models = Some(models),
+                Err(error) => cx.fault(format!("models: {error}; skipped")),
+            }
+        }
+    }
+
+    /// Reads images and depths; whether a new depth has come.
+    fn read_images(&mut self, ports: &Ports, cx: &mut Cycle<'_>) -> bool {
+        let mut is_new_depth = false;
+        for (port, recent, what) in
+            [(&ports.image, &mut self.images, "image"), (&ports.depth, &mut self.depths, "depth")]
+        {
+            while let Some(message) = cx.read(port) {
+                let got = message.acq_time();
+                // An image that was looked at is forgotten, but none before it may follow.
+                let newest = recent.newest().max(if what == "image" { self.done } else { None });
+                if let Some(newest) = newest.filter(|&newest| newest >= got) {
+                    cx.fault(format!("{}; skipped", Unusable::Late { what, got, newest }));
+                } else if recent.add(got, (*message).clone()).is_ok() {
+                    is_new_depth |= what == "depth";
+                }
+            }
+        }
+        self.first = self.first.or(self.images.times().next());
+        is_new_depth
+    }
+
+    /// What can be classified: the image of the newest depth, or, without stereo, the newest image.
+    fn task(&self, is_new_depth: bool, params: &ClassifierParams, cx: &mut Cycle<'_>) -> Task {
+        let (Some(newest), Some(first)) = (self.images.newest(), self.first) else {
+            return Task::Wait("waits for images");
+        };
+        if self.models.as_ref().is_none_or(|models| models.set.models.is_empty()) {
+            return Task::Wait("waits for models");
+        }
+        if params.region() == ClassifierRegion::ClassifierWhole {
+            return Task::Classify(newest, false);
+        }
+        let depth = self.depths.newest();
+        if newest.seconds_since(depth.unwrap_or(first)) > params.stereo_timeout_s {
+            return Task::Classify(newest, false);
+        }
+        let Some(time) = depth else { return Task::Wait("waits for depth") };
+        match self.images.at(time, params.sync_tolerance_s) {
+            Some((time, _)) => Task::Classify(time, true),
+            None if is_new_depth && self.done.is_none_or(|done| done < time) => {
+                let nearest = self.images.times().map(|other| other.0.abs_diff(time.0)).min();
+                let apart_s = nearest.map(|ns| ns as f64 * 1e-9);
+                cx.fault(format!(
+                    "{}; depth skipped",
+                    Unusable::Apart { what: "image", of: "depth", apart_s }
+                ));
+                Task::Wait("waits for depth")
+            }
+            None => Task::Wait("waits for depth"),
+        }
+    }
+
+    fn classify(
+        &mut self,
+        time: Stamp,
+        with_depth: bool,
+        ports: &Ports,
+        params: &ClassifierParams,
+        cx: &mut Cycle<'_>,
+    ) -> Result<(), Unusable> {
+        let Some((_, image)) = self.images.at(time, 0.0) else { return Ok(()) };
+        let image = image.clone();
+        let camera = self.camera.as_ref().ok_or(Unusable::NoCalibration)?;
+        let size = [camera.width as usize, camera.height as usize];
+        let rgb = colours(&image, size, params.max_unexposed_pct)?;
+        check_frozen(&image, &mut self.fingerprint)?;
+        let grid = WindowGrid::new(size, params.window_px as usize);
+        let stereo_end = match self.depths.newest().and_then(|time| self.depths.at(time, 0.0)) {
+            Some((_, depth)) if with_depth => {
+                let depths = depths(depth, size, params.depth_scale_m)?;
+                Some(end_of_stereo(&depths, &grid, params.good_stereo_m as f32))
+            }
+            _ => None,
+        };
+        let site = Site::from(params);
+        let view = View {
+            camera,
+            local_from_vehicle: site.local_from_vehicle(&self.localizer, time)?,
+            vehicle_from_camera: site.vehicle_from_camera(&self.localizer, &image.frame_id, time, true)?,
+        };
+        let Some(models) = &self.models else { return Ok(()) };
+        let ratios = match &self.ratios {
+            Some(ratios) if ratios.span_octaves() == models.span_octaves => ratios.clone(),
+            _ => self.ratios.insert(Arc::new(RatioBins::new(models.span_octaves))).clone(),
+        };
+        let matcher = matcher(models, params);
+        let sine_limit = libm::sin(params.above_horizon_deg.to_radians());
+        let stereo_end = stereo_end.as_deref();
+        let wanted = region(&view, &grid, sine_limit, stereo_end);
+        let grey = PaddedGrey::from_rgb(&rgb, size[0], size[1]);
+        let columns = grid.columns();
+        let rows = cx.pool().map(grid.rows(), |row| {
+            let wanted = &wanted[row * columns..(row + 1) * columns];
+            classify_row(&rgb, &grey, &ratios, &grid, row, wanted, &matcher)
+        });
+        let classes = rows.concat();
+        let near = place(&view, &grid, &classes, stereo_end, CELL_SIZE_M, params.max_range_m);
+        let wide = place(&view, &grid, &classes, stereo_end, WIDE_CELL_SIZE_M, params.max_range_wide_m);
+        cx.write(&ports.stats, time, stats(time, &classes, &matcher, stereo_end.is_some(), [&near, &wide]));
+        let overlay = RawImage {
+            timestamp: Some(time.to_proto()),
+            encoding: "mono8".to_owned(),
+            step: image.width,
+            data: overlay(&classes, &grid).into(),
+            ..image
+        };
+        cx.write(&ports.classes, time, overlay);
+        for (port, placed, size_m) in
+            [(&ports.cost, near, CELL_SIZE_M), (&ports.cost_wide, wide, WIDE_CELL_SIZE_M)]
+        {
+            let frame = &params.local_frame;
+            let grid =
+                cost_grid::message(Source::Classifier, frame, time, placed.south_west, size_m, placed.costs);
+            cx.write(port, time, grid);
+        }
+        Ok(())
+    }
+}
+
+fn matcher(models: &Models, params: &ClassifierParams) -> Matcher {
+    Matcher::new(
+        &models.set,
+        models.weights,
+        params.max_distance as f32,
+        u64::from(params.min_model_points),
+        params.obstacle_pct / 100.0,
+    )
+}
+
+fn stats(
+    time: Stamp,
+    classes: &[Class],
+    matcher: &Matcher,
+    with_stereo: bool,
+    [near, wide]: [&Placed; 2],
+) -> ClassifierStats {
+    let count = |is: fn(&Class) -> bool| classes.iter().filter(|class| is(class)).count() as u64;
+    ClassifierStats {
+        timestamp: Some(time.to_proto()),
+        traversable: count(|class| matches!(class, Class::Traversable(_))),
+        not_traversable: count(|class| matches!(class, Class::NotTraversable(_))),
+        unclassified: count(|class| *class == Class::Unclassified),
+        skipped: count(|class| *class == Class::Skipped),
+        models: matcher.models() as u64,
+        with_stereo,
+        cells: near.cells(),
+        cells_wide: wide.cells(),
+    }
+}

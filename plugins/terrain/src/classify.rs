@@ -1,0 +1,200 @@
+//! Windows of an image by the best of the terrain models (A 3.3).
+//!
+//! The windows lie side by side; those at the right and lower edges may be smaller. A window's histograms and contrast
+//! are compared with each model as a cell's are; if the best is near enough, the window takes its obstacle fraction, else
+//! it is not classified.
+
+use crate::appearance::{Histograms, MatchWeights, Normalised, PixelCodes, RatioBins};
+use crate::models::ModelSet;
+use crate::texture::PaddedGrey;
+use rcs_world::MAX_COST;
+
+/// How an image is cut into windows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WindowGrid {
+    /// Width and height of the image, pixels.
+    pub size: [usize; 2],
+    /// Side of a window, pixels.
+    pub window_px: usize,
+}
+
+impl WindowGrid {
+    /// Windows side by side, a side of at least one pixel.
+    pub fn new(size: [usize; 2], window_px: usize) -> WindowGrid {
+        WindowGrid { size, window_px: window_px.max(1) }
+    }
+
+    /// Windows in a row.
+    pub fn columns(&self) -> usize {
+        self.size[0].div_ceil(self.window_px)
+    }
+
+    /// Rows of windows.
+    pub fn rows(&self) -> usize {
+        self.size[1].div_ceil(self.window_px)
+    }
+
+    /// First and past-the-last pixel of a window's columns.
+    pub fn x(&self, column: usize) -> [usize; 2] {
+        [column * self.window_px, ((column + 1) * self.window_px).min(self.size[0])]
+    }
+
+    /// First and past-the-last pixel of a window's rows.
+    pub fn y(&self, row: usize) -> [usize; 2] {
+        [row * self.window_px, ((row + 1) * self.window_px).min(self.size[1])]
+    }
+}
+
+/// What a window was taken for; the numbers are the pixels' of the overlay.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Class {
+    /// Outside of what is classified.
+    #[default]
+    Skipped,
+    /// No model is near enough.
+    Unclassified,
+    /// Like ground, with its cost.
+    Traversable(u8),
+    /// Like an obstacle, with its cost.
+    NotTraversable(u8),
+}
+
+impl Class {
+    /// Pixel of the overlay: 0 not known, 1 traversable, 2 not.
+    pub fn pixel(self) -> u8 {
+        match self {
+            Class::Skipped | Class::Unclassified => 0,
+            Class::Traversable(_) => 1,
+            Class::NotTraversable(_) => 2,
+        }
+    }
+}
+
+/// The models that windows are compared with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Matcher {
+    appearances: Vec<Normalised>,
+    /// Cost of each model, 0 to 250.
+    costs: Vec<u8>,
+    weights: MatchWeights,
+    /// Largest distance that is accepted.
+    max_distance: f32,
+    /// Costs from here on are not traversable.
+    obstacle_cost: u8,
+}
+
+impl Matcher {
+    /// Compares with the models that have at least so many points. `obstacle_fraction` (0 to 1) is the least that is not
+    /// traversable; `weights` are normalised.
+    pub fn new(
+        set: &ModelSet,
+        weights: MatchWeights,
+        max_distance: f32,
+        min_points: u64,
+        obstacle_fraction: f64,
+    ) -> Matcher {
+        let used = |model: &&crate::models::Model| model.terrain.histograms.points() >= min_points;
+        let cost = |fraction: f64| (f64::from(MAX_COST) * fraction).round() as u8;
+        let (mut appearances, mut costs) = (Vec::new(), Vec::new());
+        for model in set.models.iter().filter(used) {
+            // A model of nothing cannot be: it came of a cell with points.
+            if let Some(fraction) = model.terrain.obstacle_fraction() {
+                appearances.push(model.terrain.histograms.normalised());
+                costs.push(cost(fraction));
+            }
+        }
+        let obstacle_cost = cost(obstacle_fraction.clamp(0.0, 1.0));
+        Matcher { appearances, costs, weights, max_distance, obstacle_cost }
+    }
+
+    /// Number of models.
+    pub fn models(&self) -> usize {
+        self.costs.len()
+    }
+
+    /// The class of an appearance.
+    pub fn class(&self, histograms: &Histograms) -> Class {
+        match self.weights.best(&histograms.normalised(), &self.appearances) {
+            Some((best, distance)) if distance <= self.max_distance => {
+                let cost = self.costs[best];
+                if cost >= self.obstacle_cost {
+                    Class::NotTraversable(cost)
+                } else {
+                    Class::Traversable(cost)
+                }
+            }
+            _ => Class::Unclassified,
+        }
+    }
+}
+
+/// Classes of one row of windows, where `wanted` says so.
+///
+/// # Panics
+/// Where the image is not of the grid's size, or `wanted` has not one entry for each window of the row.
+pub fn classify_row(
+    rgb: &[u8],
+    grey: &PaddedGrey,
+    ratios: &RatioBins,
+    grid: &WindowGrid,
+    row: usize,
+    wanted: &[bool],
+    matcher: &Matcher,
+) -> Vec<Class> {
+    assert_eq!(wanted.len(), grid.columns(), "windows of a row");
+    if !wanted.contains(&true) {
+        return vec![Class::Skipped; wanted.len()];
+    }
+    let [top, bottom] = grid.y(row);
+    let codes = PixelCodes::of_rows(rgb, grey, top..bottom, ratios);
+    let width = grid.size[0];
+    let class = |(column, &is_wanted): (usize, &bool)| {
+        if !is_wanted {
+            return Class::Skipped;
+        }
+        let [left, right] = grid.x(column);
+        let mut histograms = Histograms::default();
+        for row in 0..bottom - top {
+            let pixels = row * width + left..row * width + right;
+            for (&code, &contrast) in codes.codes[pixels.clone()].iter().zip(&codes.contrasts[pixels]) {
+                histograms.add(code, contrast);
+            }
+        }
+        matcher.class(&histograms)
+    };
+    wanted.iter().enumerate().map(class).collect()
+}
+
+/// For each column of windows, the first row of windows above good stereo, counted from the top: rows from there on are
+/// stereo's. A window is stereo's where at least half of its pixels have a depth up to `good_m`.
+///
+/// # Panics
+/// Where the depths are not of the grid's size.
+pub fn end_of_stereo(depth_m: &[f32], grid: &WindowGrid, good_m: f32) -> Vec<usize> {
+    let width = grid.size[0];
+    assert_eq!(depth_m.len(), width * grid.size[1], "depths of the image");
+    let is_good = |column: usize, row: usize| {
+        let ([left, right], [top, bottom]) = (grid.x(column), grid.y(row));
+        let good = |y: usize| {
+            let depths = &depth_m[y * width + left..y * width + right];
+            depths.iter().filter(|&&depth| depth > 0.0 && depth <= good_m).count()
+        };
+        2 * (top..bottom).map(good).sum::<usize>() >= (right - left) * (bottom - top)
+    };
+    let end = |column: usize| (0..grid.rows()).find(|&row| is_good(column, row)).unwrap_or(grid.rows());
+    (0..grid.columns()).map(end).collect()
+}
+
+/// The classes as an image, one byte a pixel.
+pub fn overlay(classes: &[Class], grid: &WindowGrid) -> Vec<u8> {
+    let [width, height] = grid.size;
+    let mut image = Vec::with_capacity(width * height);
+    for y in 0..height {
+        let row = &classes[y / grid.window_px * grid.columns()..][..grid.columns()];
+        for (column, class) in row.iter().enumerate() {
+            let [left, right] = grid.x(column);
+            image.resize(image.len() + right - left, class.pixel());
+        }
+    }
+    image
+}

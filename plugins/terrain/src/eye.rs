@@ -1,0 +1,185 @@
+//! One eye of the learner: its images, what belongs to them, and how a labelled frame becomes points in cells.
+
+use crate::appearance::RatioBins;
+use crate::frame::{Gathered, LabelledFrame, Rays, Window, gather, strips};
+use crate::site::{Unusable, camera_of, check_frozen, colours, depths, labels};
+use crate::sync::Recent;
+use crate::texture::PaddedGrey;
+use rcs_geom::{PinholeCamera, Pose};
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::{CameraCalibration, RawImage};
+use rcs_msg::rcs::TerrainLearnerParams;
+use rcs_runtime::{Cycle, In, Out, PortBuilder};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Ports of one eye.
+#[derive(Debug)]
+pub(crate) struct EyePorts {
+    image: In<RawImage>,
+    labels: In<RawImage>,
+    depth: In<RawImage>,
+    calibration: In<CameraCalibration>,
+}
+
+impl EyePorts {
+    /// Declares the ports of the left eye.
+    pub(crate) fn left(b: &mut PortBuilder) -> EyePorts {
+        EyePorts {
+            image: b.optional_input("left_image", "colour image of the left eye"),
+            labels: b.optional_input("left_labels", "obstacle labels of its pixels, mono8"),
+            depth: b.optional_input("left_depth", "depth of its pixels along the optical axis, m"),
+            calibration: b.optional_input("left_calibration", "calibration of the left eye's image"),
+        }
+    }
+
+    /// Declares the ports of the right eye.
+    pub(crate) fn right(b: &mut PortBuilder) -> EyePorts {
+        EyePorts {
+            image: b.optional_input("right_image", "colour image of the right eye"),
+            labels: b.optional_input("right_labels", "obstacle labels of its pixels, mono8"),
+            depth: b.optional_input("right_depth", "depth of its pixels along the optical axis, m"),
+            calibration: b.optional_input("right_calibration", "calibration of the right eye's image"),
+        }
+    }
+}
+
+/// The overlay port of an eye.
+pub(crate) fn learned_port(b: &mut PortBuilder, name: &'static str, image: &str) -> Out<RawImage> {
+    b.output(name, "points that were learned from, by their label")
+        .role("labels")
+        .palette("obstacle_labels")
+        .overlay_of(image)
+        .build()
+}
+
+/// State of one eye.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Eye {
+    images: Recent,
+    depths: Recent,
+    camera: Option<PinholeCamera>,
+    /// Rays of `camera`, made when they are first needed.
+    #[serde(skip)]
+    rays: Option<Arc<Rays>>,
+    fingerprint: Option<u64>,
+    /// Time of the newest labels.
+    pub(crate) newest: Option<Stamp>,
+    /// Whether it is behind the other eye, which is reported once.
+    pub(crate) is_late: bool,
+}
+
+/// A frame that can be learned from: all its parts have one size and one time.
+pub(crate) struct Frame {
+    pub(crate) time: Stamp,
+    pub(crate) image: RawImage,
+    rgb: Vec<u8>,
+    labels: Vec<u8>,
+    depth_m: Vec<f32>,
+    rays: Arc<Rays>,
+}
+
+impl Eye {
+    /// Reads what has come, and gives the newest labels that are new. What cannot be used is reported under `name`.
+    pub(crate) fn read(
+        &mut self,
+        ports: &EyePorts,
+        name: &str,
+        cx: &mut Cycle<'_>,
+    ) -> Option<(Stamp, RawImage)> {
+        if let Some(calibration) = cx.read_newest(&ports.calibration) {
+            match camera_of(&calibration) {
+                Ok(camera) if self.camera.as_ref() == Some(&camera) => {}
+                Ok(camera) => (self.camera, self.rays) = (Some(camera), None),
+                Err(error) => {
+                    (self.camera, self.rays) = (None, None);
+                    cx.fault(format!("{name} eye: {}", Unusable::from(error)));
+                }
+            }
+        }
+        for (port, recent, what) in
+            [(&ports.image, &mut self.images, "image"), (&ports.depth, &mut self.depths, "depth")]
+        {
+            while let Some(message) = cx.read(port) {
+                let got = message.acq_time();
+                if let Err(newest) = recent.add(got, (*message).clone()) {
+                    cx.fault(format!("{name} eye: {}; skipped", Unusable::Late { what, got, newest }));
+                }
+            }
+        }
+        let message = cx.read_newest(&ports.labels)?;
+        let got = message.acq_time();
+        if let Some(newest) = self.newest.filter(|&newest| newest >= got) {
+            cx.fault(format!("{name} eye: {}; skipped", Unusable::Late { what: "label image", got, newest }));
+            return None;
+        }
+        self.newest = Some(got);
+        Some((got, (*message).clone()))
+    }
+
+    /// The image and the depth that belong to labels, checked.
+    pub(crate) fn frame(
+        &mut self,
+        time: Stamp,
+        label_image: &RawImage,
+        params: &TerrainLearnerParams,
+    ) -> Result<Frame, Unusable> {
+        let apart = |recent: &Recent, what: &'static str| {
+            let nearest = recent.times().map(|other| other.0.abs_diff(time.0)).min();
+            let apart_s = nearest.map(|ns| ns as f64 * 1e-9);
+            Unusable::Apart { what, of: "labels", apart_s }
+        };
+        let tolerance = params.sync_tolerance_s;
+        let (_, image) = self.images.at(time, tolerance).ok_or_else(|| apart(&self.images, "image"))?;
+        let (_, depth) = self.depths.at(time, tolerance).ok_or_else(|| apart(&self.depths, "depth"))?;
+        let (image, depth) = (image.clone(), depth.clone());
+        let camera = self.camera.as_ref().ok_or(Unusable::NoCalibration)?;
+        let rays = self.rays.get_or_insert_with(|| Arc::new(Rays::new(camera))).clone();
+        let size = rays.size();
+        let rgb = colours(&image, size, params.max_unexposed_pct)?;
+        check_frozen(&image, &mut self.fingerprint)?;
+        let labels = labels(label_image, size)?;
+        let depth_m = depths(&depth, size, params.depth_scale_m)?;
+        self.images.forget_before(time);
+        self.depths.forget_before(time);
+        Ok(Frame { time, image, rgb, labels, depth_m, rays })
+    }
+}
+
+impl Frame {
+    /// Its points, sorted into the cells of a window, strip by strip.
+    pub(crate) fn gather(
+        &self,
+        local_from_camera: Pose,
+        window: &Window,
+        max_range_m: f32,
+        ratios: &RatioBins,
+        cx: &Cycle<'_>,
+    ) -> Vec<Gathered> {
+        let [width, height] = self.rays.size();
+        let grey = PaddedGrey::from_rgb(&self.rgb, width, height);
+        let frame = LabelledFrame {
+            rgb: &self.rgb,
+            grey: &grey,
+            labels: &self.labels,
+            depth_m: &self.depth_m,
+            rays: &self.rays,
+            local_from_camera,
+        };
+        cx.pool().map(strips(height), |strip| gather(&frame, strip, window, max_range_m, ratios))
+    }
+
+    /// The pixels that were used, as labels on the image.
+    pub(crate) fn used(&self, strips: &[Gathered]) -> RawImage {
+        let data: Vec<u8> = strips.iter().flat_map(|strip| strip.used.iter().copied()).collect();
+        RawImage {
+            timestamp: Some(self.time.to_proto()),
+            frame_id: self.image.frame_id.clone(),
+            width: self.image.width,
+            height: self.image.height,
+            encoding: "mono8".to_owned(),
+            step: self.image.width,
+            data: data.into(),
+        }
+    }
+}

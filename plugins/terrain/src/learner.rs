@@ -1,0 +1,345 @@
+//! The process `terrain_learner`.
+
+use crate::appearance::{MatchWeights, RatioBins};
+use crate::cost_grid;
+use crate::eye::{Eye, EyePorts, Frame, learned_port};
+use crate::frame::join;
+use crate::map::{CELL_SIZE_M, Learned, Patch, TerrainMap};
+use crate::models::{ModelRules, ModelSet, models_of_text};
+use crate::site::{Site, Unusable};
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::{Grid, RawImage};
+use rcs_msg::rcs::{Bumper, TerrainEye, TerrainEyes, TerrainLearnerParams, TerrainModels, TerrainStats};
+use rcs_runtime::{CommandDef, Cycle, In, Out, PortBuilder, PosePorts, Process, ProcessDef};
+use rcs_world::{Localizer, SIDE, Source};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// State: poses, the eyes' last images, and one map with its models for each set that is learned.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct TerrainLearner {
+    localizer: Localizer,
+    eyes: [Eye; 2],
+    /// One where one eye learns or both share it, else one for each eye.
+    maps: Vec<TerrainMap>,
+    /// When the first labels of any eye came.
+    begun: Option<Stamp>,
+    /// Switches of the bumper that are pressed.
+    pressed: [bool; 2],
+    #[serde(skip)]
+    ratios: Option<Arc<RatioBins>>,
+}
+
+/// Ports of [`TerrainLearner`].
+#[derive(Debug)]
+pub struct Ports {
+    left: EyePorts,
+    right: EyePorts,
+    bumper: In<Bumper>,
+    poses: PosePorts,
+    cost: Out<Grid>,
+    models: [Out<TerrainModels>; 2],
+    learned: [Out<RawImage>; 2],
+    stats: Out<TerrainStats>,
+}
+
+/// Names of the eyes.
+const EYES: [&str; 2] = ["left", "right"];
+
+impl Process for TerrainLearner {
+    type Params = TerrainLearnerParams;
+    type Ports = Ports;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "terrain_learner",
+        summary: "Learns what terrain looks like from labelled range images and from driving over it",
+        period_ms: 333.0,
+        commands: &[CommandDef { name: "CLEAR", help: "Forget the map and all models.", parameters: "" }],
+        reads_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        Ports {
+            left: EyePorts::left(b),
+            right: EyePorts::right(b),
+            bumper: b.optional_input("bumper", "switches of the bumper"),
+            poses: PosePorts::declare(b),
+            cost: b
+                .output("cost", "changed cells of 201x201 of 0.2 m: field cost.terrain, local frame")
+                .role("cost")
+                .palette("cost")
+                .build(),
+            models: [
+                b.output("models", "models of the left eye, or of both").role("models").build(),
+                b.output("models_right", "models of the right eye, where it has its own")
+                    .role("models")
+                    .build(),
+            ],
+            learned: [
+                learned_port(b, "learned_left", "left_image"),
+                learned_port(b, "learned_right", "right_image"),
+            ],
+            stats: b.output("stats", "points, cells and models after each frame").role("stats").build(),
+        }
+    }
+
+    fn check(params: &TerrainLearnerParams) -> Result<(), String> {
+        for (name, text) in [("models", &params.models), ("models_right", &params.models_right)] {
+            let models = models_of_text(text).map_err(|error| format!("{name}: {error}"))?;
+            let expected = params.ratio_span_octaves;
+            let got = models.map(|models| models.ratio_span_octaves);
+            // JSON may change the last bit of a number.
+            if let Some(got) = got.filter(|got| (got - expected).abs() > 1e-9) {
+                return Err(format!(
+                    "{name}: bins span {got} octaves, expected ratio_span_octaves, {expected}"
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn new(params: &TerrainLearnerParams) -> Self {
+        Self {
+            localizer: Localizer::default(),
+            eyes: Default::default(),
+            maps: maps(params),
+            begun: None,
+            pressed: [false; 2],
+            ratios: None,
+        }
+    }
+
+    fn cycle(&mut self, ports: &Ports, params: &TerrainLearnerParams, cx: &mut Cycle<'_>) {
+        let site = Site::from(params);
+        ports.poses.read(&mut self.localizer, site.frames, cx);
+        if cx.command().is_some_and(|command| command.name == "CLEAR") {
+            self.maps = vec![empty_map()];
+        }
+        // The parameter may change during a run.
+        self.maps.resize_with(if params.eyes() == TerrainEyes::TerrainSeparate { 2 } else { 1 }, empty_map);
+        let rules = rules(params);
+        let mut newest = None;
+        let mut said = "waits for labels";
+        for eye in 0..if params.eyes() == TerrainEyes::TerrainLeft { 1 } else { 2 } {
+            let eye_ports = [&ports.left, &ports.right][eye];
+            let Some((time, labels)) = self.eyes[eye].read(eye_ports, EYES[eye], cx) else { continue };
+            self.begun = self.begun.or(Some(time));
+            match self.eyes[eye].frame(time, &labels, params) {
+                Ok(frame) => match self.learn(eye, &frame, params, &rules, ports, cx) {
+                    Ok(text) => {
+                        said = text;
+                        newest = newest.max(Some(time));
+                    }
+                    Err(error) => cx.fault(format!("{} eye: {error}; frame skipped", EYES[eye])),
+                },
+                Err(error) => cx.fault(format!("{} eye: {error}; frame skipped", EYES[eye])),
+            }
+        }
+        self.report_late_eye(params, cx);
+        let felt = self.experience(ports, params, &rules, cx);
+        if newest.is_some() || felt {
+            self.send(newest.unwrap_or(cx.now()), params, &rules, ports, cx);
+        }
+        cx.exec(said);
+    }
+}
+
+impl TerrainLearner {
+    /// Learns from a frame and says what it did, or why it did not.
+    fn learn(
+        &mut self,
+        eye: usize,
+        frame: &Frame,
+        params: &TerrainLearnerParams,
+        rules: &ModelRules,
+        ports: &Ports,
+        cx: &mut Cycle<'_>,
+    ) -> Result<&'static str, Unusable> {
+        let (site, time) = (Site::from(params), frame.time);
+        let local_from_vehicle = site.local_from_vehicle(&self.localizer, time)?;
+        let vehicle_from_camera =
+            site.vehicle_from_camera(&self.localizer, &frame.image.frame_id, time, eye == 0)?;
+        let ratios = self.ratios(params);
+        let set = eye.min(self.maps.len() - 1);
+        let refusal = self.refusal(time, params);
+        let map = &mut self.maps[set];
+        map.recentre(local_from_vehicle.translation.truncate());
+        let mut learned = Learned::default();
+        if refusal.is_none() {
+            let camera = local_from_vehicle * vehicle_from_camera;
+            let strips = frame.gather(camera, &map.window(), params.max_range_m as f32, &ratios, cx);
+            learned = map.learn(&join(&strips, SIDE), rules);
+            cx.write(&ports.learned[eye], time, frame.used(&strips));
+        }
+        let [cells, cells_with_model] = map.counts();
+        let [driven, bumped] = map.experienced();
+        let stats = TerrainStats {
+            timestamp: Some(time.to_proto()),
+            eye: [TerrainEye::Left, TerrainEye::Right][eye].into(),
+            learned: refusal.is_none(),
+            ground: learned.ground,
+            obstacle: learned.obstacle,
+            cells,
+            cells_with_model,
+            models: map.models.models.len() as u64,
+            left_out: learned.left_out,
+            sent: map.changes().len() as u64,
+            driven,
+            bumped,
+        };
+        cx.write(&ports.stats, time, stats);
+        Ok(refusal.unwrap_or("learns from labelled range"))
+    }
+
+    /// Why nothing is learned now (A 3.2, step 1).
+    fn refusal(&self, time: Stamp, params: &TerrainLearnerParams) -> Option<&'static str> {
+        if params.learn_while_standing {
+            return None;
+        }
+        match Site::from(params).motion(&self.localizer, time, params.motion_window_s) {
+            Some([_, turn]) if turn > params.max_turn_rate_dps.to_radians() => {
+                Some("does not learn: the vehicle turns")
+            }
+            Some([speed, _]) if speed >= params.min_speed_mps => None,
+            _ => Some("does not learn: the vehicle stands"),
+        }
+    }
+
+    /// Learns from what is under the wheels and from hits of the bumper; whether there was anything.
+    fn experience(
+        &mut self,
+        ports: &Ports,
+        params: &TerrainLearnerParams,
+        rules: &ModelRules,
+        cx: &mut Cycle<'_>,
+    ) -> bool {
+        let site = Site::from(params);
+        let before: Vec<_> = self.maps.iter().map(TerrainMap::experienced).collect();
+        let half = params.width_m / 2.0;
+        while let Some(bumper) = cx.read(&ports.bumper) {
+            let pressed = [bumper.left, bumper.right];
+            let hit: [bool; 2] = std::array::from_fn(|side| pressed[side] && !self.pressed[side]);
+            self.pressed = pressed;
+            if hit == [false; 2] {
+                continue;
+            }
+            match site.local_from_vehicle(&self.localizer, bumper.acq_time()) {
+                Ok(pose) => {
+                    let y = [if hit[1] { -half } else { 0.0 }, if hit[0] { half } else { 0.0 }];
+                    let patch = Patch { x: [params.front_m, params.front_m + params.bumper_reach_m], y };
+                    self.maps.iter_mut().for_each(|map| map.bump(&pose, &patch, params.bumper_gain, rules));
+                }
+                Err(error) => cx.fault(format!("bumper: {error}; hit skipped")),
+            }
+        }
+        // Without a pose the vehicle is nowhere; frames report it.
+        if !site.fixed_pose
+            && let Ok(pose) = site.local_from_vehicle(&self.localizer, cx.now())
+        {
+            let outline = Patch { x: [-params.rear_m, params.front_m], y: [-half, half] };
+            self.maps.iter_mut().for_each(|map| map.drive(&pose, &outline, params.driven_gain, rules));
+        }
+        self.maps.iter().zip(before).any(|(map, before)| map.experienced() != before)
+    }
+
+    /// Sends changed cells and all models.
+    fn send(
+        &mut self,
+        time: Stamp,
+        params: &TerrainLearnerParams,
+        rules: &ModelRules,
+        ports: &Ports,
+        cx: &mut Cycle<'_>,
+    ) {
+        let eyes = match params.eyes() {
+            TerrainEyes::TerrainLeft => [TerrainEye::Left; 2],
+            TerrainEyes::TerrainCombined => [TerrainEye::Both; 2],
+            TerrainEyes::TerrainSeparate => [TerrainEye::Left, TerrainEye::Right],
+        };
+        for (set, map) in self.maps.iter_mut().enumerate() {
+            let mut models = map.models.to_message(eyes[set], params.ratio_span_octaves, &rules.weights);
+            models.timestamp = Some(time.to_proto());
+            cx.write(&ports.models[set], time, models);
+            if let Some((south_west, costs)) = map.changed() {
+                let frame = &params.local_frame;
+                let grid = cost_grid::message(Source::Terrain, frame, time, south_west, CELL_SIZE_M, costs);
+                cx.write(&ports.cost, time, grid);
+            }
+        }
+    }
+
+    /// An eye that is behind the other one is a fault, once until it has caught up.
+    fn report_late_eye(&mut self, params: &TerrainLearnerParams, cx: &mut Cycle<'_>) {
+        let Some(begun) = self.begun.filter(|_| params.eyes() != TerrainEyes::TerrainLeft) else { return };
+        let times = [0, 1].map(|eye| self.eyes[eye].newest.unwrap_or(begun));
+        for eye in 0..2 {
+            let behind_s = times[1 - eye].seconds_since(times[eye]);
+            let is_late = behind_s > params.eye_timeout_s;
+            if is_late && !self.eyes[eye].is_late {
+                let (name, other) = (EYES[eye], EYES[1 - eye]);
+                cx.fault(format!(
+                    "{name} eye is {behind_s:.1} s behind the {other} one, expected at most {} s",
+                    params.eye_timeout_s
+                ));
+            }
+            self.eyes[eye].is_late = is_late;
+        }
+    }
+
+    fn ratios(&mut self, params: &TerrainLearnerParams) -> Arc<RatioBins> {
+        let span = params.ratio_span_octaves;
+        match &self.ratios {
+            Some(ratios) if ratios.span_octaves() == span => ratios.clone(),
+            _ => self.ratios.insert(Arc::new(RatioBins::new(span))).clone(),
+        }
+    }
+}
+
+/// Rules of the parameters.
+fn rules(params: &TerrainLearnerParams) -> ModelRules {
+    let histograms = [
+        params.weight_red_green,
+        params.weight_red_blue,
+        params.weight_green_blue,
+        params.weight_intensity,
+        params.weight_texture,
+    ];
+    let weights = MatchWeights {
+        histograms: histograms.map(|weight| weight as f32),
+        contrast: params.weight_contrast as f32,
+    };
+    ModelRules {
+        min_points: u64::from(params.min_points),
+        min_purity: params.min_purity_pct / 100.0,
+        merge_distance: params.merge_distance as f32,
+        max_models: params.max_models as usize,
+        weights: weights.normalised(),
+    }
+}
+
+/// Maps with the models of the parameters; those of a text that [`Process::check`] has refused are left out.
+fn maps(params: &TerrainLearnerParams) -> Vec<TerrainMap> {
+    let set = |text: &str| -> ModelSet {
+        let message = models_of_text(text).ok().flatten();
+        message.and_then(|message| ModelSet::from_message(&message).ok()).unwrap_or_default()
+    };
+    let (left, right) = (set(&params.models), set(&params.models_right));
+    let sets = match params.eyes() {
+        TerrainEyes::TerrainLeft => vec![left],
+        TerrainEyes::TerrainSeparate => vec![left, right],
+        TerrainEyes::TerrainCombined => {
+            let mut both = left;
+            both.take_all(&right, &rules(params));
+            vec![both]
+        }
+    };
+    sets.into_iter().map(map_with).collect()
+}
+
+fn empty_map() -> TerrainMap {
+    map_with(ModelSet::default())
+}
+
+#[expect(clippy::expect_used, reason = "201 cells of 0.2 m are a grid")]
+fn map_with(models: ModelSet) -> TerrainMap {
+    TerrainMap::new(models).expect("the size of the map is valid")
+}

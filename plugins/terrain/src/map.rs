@@ -1,0 +1,266 @@
+//! The learning map: 201×201 cells of 0.2 m that scroll with the vehicle, north-up, and the models of its cells (A 3.2).
+//!
+//! A cell that is ready gives all its points to a model; from then on each new point of the cell goes to the model, too,
+//! until the cell is no longer pure: then the model keeps what it has and the cell speaks for itself. Cells that scroll
+//! off are forgotten.
+//!
+//! The paper does not say how much weight experience has. Here a cell that is driven over gains `driven_gain` ground points
+//! for each point that it holds (at least as many as a model needs), and so does its model: what the wheels say of a cell
+//! counts that many times what range said of it, whatever the camera's resolution. A cell gains when it comes under the
+//! vehicle, not for as long as it stays there. Hits of the bumper are the same with obstacle points.
+
+use crate::frame::Window;
+use crate::models::{ModelRules, ModelSet, Terrain};
+use glam::{DVec2, DVec3};
+use rcs_geom::{CellIndex, GridError, Pose, ScrollGrid};
+use rcs_world::{MAX_COST, SIDE, UNKNOWN_COST};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Side of a cell, m.
+pub const CELL_SIZE_M: f64 = 0.2;
+
+/// A cell of the learning map.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Cell {
+    /// What was seen and felt of it.
+    pub terrain: Terrain,
+    /// Number of its model.
+    pub model: Option<u32>,
+}
+
+/// A part of the vehicle's outline on the ground, vehicle frame, m: x forward, y left.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patch {
+    /// From rear to front.
+    pub x: [f64; 2],
+    /// From right to left.
+    pub y: [f64; 2],
+}
+
+/// What happened to a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Experience {
+    /// The vehicle drove over it.
+    Driven,
+    /// The bumper hit something in it.
+    Bumped,
+}
+
+/// What a frame did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Learned {
+    /// Points that went into cells.
+    pub ground: u64,
+    /// Points that went into cells.
+    pub obstacle: u64,
+    /// Cells that found no room among the models.
+    pub left_out: u64,
+}
+
+/// The map and its models.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TerrainMap {
+    cells: ScrollGrid<Option<Arc<Cell>>>,
+    /// Cost of each cell as it was last sent.
+    sent: ScrollGrid<u8>,
+    /// Models of the cells.
+    pub models: ModelSet,
+    /// Cells that lay under the vehicle when it was last looked at.
+    under: Vec<CellIndex>,
+    /// Cells that were driven over, and hit.
+    experienced: [u64; 2],
+}
+
+impl TerrainMap {
+    /// An empty map around the origin, with models to begin with.
+    pub fn new(models: ModelSet) -> Result<TerrainMap, GridError> {
+        Ok(TerrainMap {
+            cells: ScrollGrid::new(SIDE, CELL_SIZE_M, None)?,
+            sent: ScrollGrid::new(SIDE, CELL_SIZE_M, UNKNOWN_COST)?,
+            models,
+            under: Vec::new(),
+            experienced: [0; 2],
+        })
+    }
+
+    /// Brings the map around a place in the local frame, m.
+    pub fn recentre(&mut self, place: DVec2) {
+        if let Some(centre) = self.cells.cell_at(place) {
+            self.cells.recentre(centre);
+            self.sent.recentre(centre);
+        }
+    }
+
+    /// Where points are sorted into cells.
+    pub fn window(&self) -> Window {
+        Window { corner_m: self.cells.origin(), cell_size_m: CELL_SIZE_M, side: SIDE }
+    }
+
+    /// A cell; `None` outside of the map and where nothing is known.
+    pub fn get(&self, cell: CellIndex) -> Option<&Cell> {
+        self.cells.get(cell)?.as_deref()
+    }
+
+    /// The cells, by rows from the south.
+    pub fn iter(&self) -> impl Iterator<Item = (CellIndex, &Cell)> {
+        self.cells.iter().filter_map(|(index, cell)| Some((index, cell.as_deref()?)))
+    }
+
+    /// Cells that were driven over, and those that were hit, since the start.
+    pub fn experienced(&self) -> [u64; 2] {
+        self.experienced
+    }
+
+    /// Adds the points of a frame, sorted into cells by place, and lets ready cells become models (step 4).
+    pub fn learn(&mut self, points: &[(u32, Terrain)], rules: &ModelRules) -> Learned {
+        let mut learned = Learned::default();
+        let mut appearances = self.models.normalised();
+        let south_west = self.cells.bounds().south_west;
+        for (place, new) in points {
+            let place = *place as usize;
+            let index = south_west.offset((place % SIDE) as i64, (place / SIDE) as i64);
+            let Some(cell) = self.cells.get_mut(index) else { continue };
+            let cell = Arc::make_mut(cell.get_or_insert_default());
+            cell.terrain.merge(new);
+            learned.ground += new.ground;
+            learned.obstacle += new.obstacle;
+            if !rules.is_ready(&cell.terrain) {
+                cell.model = None;
+            } else if let Some(number) = cell.model.map(|number| number as usize)
+                && let Some(model) = self.models.models.get_mut(number)
+            {
+                model.terrain.merge(new);
+                appearances[number] = model.terrain.histograms.normalised();
+            } else {
+                let taken = self.models.take(&cell.terrain, 1, rules, &mut appearances);
+                cell.model = taken.map(|number| number as u32);
+                learned.left_out += u64::from(taken.is_none());
+            }
+        }
+        learned
+    }
+
+    /// Cells under the vehicle gain ground points, those that were not under it before (learning by experience).
+    pub fn drive(&mut self, local_from_vehicle: &Pose, outline: &Patch, gain: f64, rules: &ModelRules) {
+        let under = self.covered(local_from_vehicle, outline);
+        let fresh: Vec<CellIndex> =
+            under.iter().copied().filter(|cell| self.under.binary_search(cell).is_err()).collect();
+        self.experience(&fresh, Experience::Driven, gain, rules);
+        self.under = under;
+    }
+
+    /// Cells of a patch that the bumper hit gain obstacle points.
+    pub fn bump(&mut self, local_from_vehicle: &Pose, patch: &Patch, gain: f64, rules: &ModelRules) {
+        let hit = self.covered(local_from_vehicle, patch);
+        self.experience(&hit, Experience::Bumped, gain, rules);
+    }
+
+    fn experience(&mut self, cells: &[CellIndex], what: Experience, gain: f64, rules: &ModelRules) {
+        for &index in cells {
+            let Some(slot) = self.cells.get_mut(index) else { continue };
+            let cell = Arc::make_mut(slot.get_or_insert_default());
+            let points = cell.terrain.points().max(rules.min_points);
+            let gained = (points as f64 * gain).round() as u64;
+            let model = cell.model.and_then(|number| self.models.models.get_mut(number as usize));
+            for terrain in [Some(&mut cell.terrain), model.map(|m| &mut m.terrain)].into_iter().flatten() {
+                let count = match what {
+                    Experience::Driven => &mut terrain.driven,
+                    Experience::Bumped => &mut terrain.bumped,
+                };
+                *count = count.saturating_add(gained);
+            }
+            self.experienced[what as usize] += 1;
+        }
+    }
+
+    /// Cells whose middle lies on a patch of the ground, sorted.
+    fn covered(&self, local_from_vehicle: &Pose, patch: &Patch) -> Vec<CellIndex> {
+        let corners = [0, 1, 2, 3].map(|i| {
+            let corner = DVec3::new(patch.x[i & 1], patch.y[i >> 1], 0.0);
+            (*local_from_vehicle * corner).truncate()
+        });
+        let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min);
+        let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max);
+        let (Some(low), Some(high)) = (self.cells.cell_at(low), self.cells.cell_at(high)) else {
+            return Vec::new();
+        };
+        let vehicle_from_local = local_from_vehicle.inverse();
+        let height = local_from_vehicle.translation.z;
+        let mut covered = Vec::new();
+        for x in low.x..=high.x {
+            for y in low.y..=high.y {
+                let index = CellIndex::new(x, y);
+                let place = vehicle_from_local * self.cells.middle_of(index).extend(height);
+                let on = |v: f64, [from, to]: [f64; 2]| v >= from && v <= to;
+                if on(place.x, patch.x) && on(place.y, patch.y) && self.cells.contains(index) {
+                    covered.push(index);
+                }
+            }
+        }
+        covered
+    }
+
+    /// What is sent of a cell (step 5): its model's obstacle fraction, or its own where it has none, as 0 to 250.
+    pub fn cost(&self, cell: &Cell) -> u8 {
+        let model = cell.model.and_then(|number| self.models.models.get(number as usize));
+        let terrain = model.map_or(&cell.terrain, |model| &model.terrain);
+        match terrain.obstacle_fraction() {
+            Some(fraction) => (f64::from(MAX_COST) * fraction).round() as u8,
+            None => UNKNOWN_COST,
+        }
+    }
+
+    /// Costs of the cells whose cost is not the one that was last given, by rows from the south-west corner cell, which
+    /// comes first; 255 for the others. `None` where no cell has changed.
+    pub fn changed(&mut self) -> Option<(CellIndex, Vec<u8>)> {
+        let changes = self.changes();
+        if changes.is_empty() {
+            return None;
+        }
+        let bounds = self.cells.bounds();
+        let mut costs = vec![UNKNOWN_COST; SIDE * SIDE];
+        for (place, cost) in changes {
+            costs[place] = cost;
+            let index = bounds.south_west.offset((place % SIDE) as i64, (place / SIDE) as i64);
+            if let Some(sent) = self.sent.get_mut(index) {
+                *sent = cost;
+            }
+        }
+        Some((bounds.south_west, costs))
+    }
+
+    /// Place and cost of each cell that [`TerrainMap::changed`] would give.
+    pub fn changes(&self) -> Vec<(usize, u8)> {
+        let own = |terrain: &Terrain| self.cost(&Cell { terrain: *terrain, model: None });
+        let model_costs: Vec<u8> = self.models.models.iter().map(|model| own(&model.terrain)).collect();
+        let mut changes = Vec::new();
+        self.cells.for_each_run(|first, index, cells| {
+            for (at, cell) in cells.iter().enumerate() {
+                let Some(cell) = cell else { continue };
+                let of_model = cell.model.and_then(|number| model_costs.get(number as usize));
+                let cost = of_model.copied().unwrap_or_else(|| own(&cell.terrain));
+                if self.sent.get(index.offset(at as i64, 0)).is_some_and(|&sent| sent != cost) {
+                    changes.push((first + at, cost));
+                }
+            }
+        });
+        changes
+    }
+
+    /// Cells that hold points or experience, and those with a model.
+    pub fn counts(&self) -> [u64; 2] {
+        let mut counts = [0; 2];
+        self.cells.for_each_run(|_, _, cells| {
+            for cell in cells.iter().flatten() {
+                counts[0] += 1;
+                counts[1] += u64::from(cell.model.is_some());
+            }
+        });
+        counts
+    }
+}
+
+#[cfg(test)]
+#[path = "map_tests.rs"]
+mod tests;

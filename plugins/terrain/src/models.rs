@@ -1,0 +1,293 @@
+//! Terrain models: cells that look alike, and what is known of driving over them (A 3.2, steps 4 and 5).
+
+use crate::appearance::{BINS, HISTOGRAMS, Histograms, MatchWeights, Normalised};
+use rcs_msg::rcs::{TerrainEye, TerrainModel, TerrainModels, TerrainWeights};
+use serde::{Deserialize, Serialize};
+
+/// What a cell or a model holds: a model has the structure of a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Terrain {
+    /// Appearance of all points.
+    pub histograms: Histograms,
+    /// Points that range called ground.
+    pub ground: u64,
+    /// Points that range called obstacle.
+    pub obstacle: u64,
+    /// Ground points gained by driving over it.
+    pub driven: u64,
+    /// Obstacle points gained by hits of the bumper.
+    pub bumped: u64,
+}
+
+impl Terrain {
+    /// Points that range labelled.
+    pub fn points(&self) -> u64 {
+        self.ground + self.obstacle
+    }
+
+    /// Share of the points that range labelled with the more frequent label; 0 without points.
+    pub fn purity(&self) -> f64 {
+        self.ground.max(self.obstacle) as f64 / self.points().max(1) as f64
+    }
+
+    /// N_obstacle / (N_ground + N_obstacle), experience counted (the paper calls it traversability). `None` where nothing
+    /// is known.
+    pub fn obstacle_fraction(&self) -> Option<f64> {
+        let obstacle = self.obstacle.saturating_add(self.bumped);
+        let all = obstacle.saturating_add(self.ground).saturating_add(self.driven);
+        (all > 0).then(|| obstacle as f64 / all as f64)
+    }
+
+    /// Adds all points of another.
+    pub fn merge(&mut self, other: &Terrain) {
+        self.histograms.merge(&other.histograms);
+        self.ground = self.ground.saturating_add(other.ground);
+        self.obstacle = self.obstacle.saturating_add(other.obstacle);
+        self.driven = self.driven.saturating_add(other.driven);
+        self.bumped = self.bumped.saturating_add(other.bumped);
+    }
+}
+
+/// A model: terrain, and how many cells have gone into it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Model {
+    /// All points of its cells.
+    pub terrain: Terrain,
+    /// Cells that became it or merged with it.
+    pub cells: u64,
+}
+
+/// Rules by which cells become models.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModelRules {
+    /// Points that a cell needs.
+    pub min_points: u64,
+    /// Share of them that must have one label, 0 to 1.
+    pub min_purity: f64,
+    /// Largest distance of a match.
+    pub merge_distance: f32,
+    /// Models that are kept.
+    pub max_models: usize,
+    /// Weights of a match, normalised.
+    pub weights: MatchWeights,
+}
+
+impl ModelRules {
+    /// Whether a cell may be a model.
+    pub fn is_ready(&self, cell: &Terrain) -> bool {
+        cell.points() >= self.min_points && cell.purity() >= self.min_purity
+    }
+}
+
+/// Why models of a message or a file are not used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ModelsError {
+    /// A histogram has another number of bins.
+    #[error("model {model} has {got} bins of {what}, expected {BINS}")]
+    Bins {
+        /// Number of the model, from 0.
+        model: usize,
+        /// Which histogram.
+        what: &'static str,
+        /// Bins there are.
+        got: usize,
+    },
+    /// Histograms of one model that do not count the same points.
+    #[error("model {model} has {got} points in its histogram of {what}, expected {expected}")]
+    Points {
+        /// Number of the model, from 0.
+        model: usize,
+        /// Which histogram.
+        what: &'static str,
+        /// Points there are.
+        got: u128,
+        /// Points of the first histogram, not 0.
+        expected: u128,
+    },
+    /// More points than can be counted.
+    #[error("model {model} has {what} {got}, expected at most {MOST}")]
+    TooMany {
+        /// Number of the model, from 0.
+        model: usize,
+        /// Which number.
+        what: &'static str,
+        /// The number.
+        got: u64,
+    },
+    /// Weights or span that are not numbers in range.
+    #[error("{what} is {got}, expected {expected}")]
+    Number {
+        /// Which number.
+        what: &'static str,
+        /// The number.
+        got: f64,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// The text of a file.
+    #[error("models do not read: {0}")]
+    Text(String),
+}
+
+/// Largest count that is believed: sums of many stay within 64 bits.
+const MOST: u64 = 1 << 48;
+
+/// A set of models in the order in which they were learned; a model keeps its number.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ModelSet {
+    /// The models.
+    pub models: Vec<Model>,
+}
+
+impl ModelSet {
+    /// Appearances of all models, as they are compared.
+    pub fn normalised(&self) -> Vec<Normalised> {
+        self.models.iter().map(|model| model.terrain.histograms.normalised()).collect()
+    }
+
+    /// Merges a cell with its best match, or makes it a model where none is near enough. `appearances` are those of
+    /// [`ModelSet::normalised`] and are kept up to date. `None` where there is no match and no room.
+    pub fn take(
+        &mut self,
+        cell: &Terrain,
+        cells: u64,
+        rules: &ModelRules,
+        appearances: &mut Vec<Normalised>,
+    ) -> Option<usize> {
+        let appearance = cell.histograms.normalised();
+        match rules.weights.best(&appearance, appearances) {
+            Some((best, distance)) if distance <= rules.merge_distance => {
+                let model = &mut self.models[best];
+                model.terrain.merge(cell);
+                model.cells += cells;
+                appearances[best] = model.terrain.histograms.normalised();
+                Some(best)
+            }
+            _ if self.models.len() < rules.max_models => {
+                self.models.push(Model { terrain: *cell, cells });
+                appearances.push(appearance);
+                Some(self.models.len() - 1)
+            }
+            _ => None,
+        }
+    }
+
+    /// Merges all models of another set, each with its best match.
+    pub fn take_all(&mut self, other: &ModelSet, rules: &ModelRules) {
+        let mut appearances = self.normalised();
+        for model in &other.models {
+            self.take(&model.terrain, model.cells, rules, &mut appearances);
+        }
+    }
+
+    /// The set as a message, without a time.
+    pub fn to_message(&self, eye: TerrainEye, span_octaves: f64, weights: &MatchWeights) -> TerrainModels {
+        let [red_green, red_blue, green_blue, intensity, texture] = weights.histograms.map(f64::from);
+        let contrast = f64::from(weights.contrast);
+        TerrainModels {
+            timestamp: None,
+            eye: eye.into(),
+            ratio_span_octaves: span_octaves,
+            weights: Some(TerrainWeights { red_green, red_blue, green_blue, intensity, texture, contrast }),
+            models: self.models.iter().map(model_message).collect(),
+        }
+    }
+
+    /// The models of a message; sums must agree. No models are a set, too.
+    pub fn from_message(message: &TerrainModels) -> Result<ModelSet, ModelsError> {
+        let models = message.models.iter().enumerate().map(|(number, model)| model_of(number, model));
+        Ok(ModelSet { models: models.collect::<Result<_, _>>()? })
+    }
+}
+
+/// How the windows of an image are compared with the models of a message: the span of the bins (octaves) and the weights.
+pub fn matching_of(message: &TerrainModels) -> Result<(f64, MatchWeights), ModelsError> {
+    let span = message.ratio_span_octaves;
+    if !(span.is_finite() && span > 0.0) {
+        let what = "span of the ratios' bins";
+        return Err(ModelsError::Number { what, got: span, expected: "a number above 0" });
+    }
+    let w = message.weights.unwrap_or_default();
+    let numbers = [w.red_green, w.red_blue, w.green_blue, w.intensity, w.texture, w.contrast];
+    if let Some(&got) = numbers.iter().find(|w| !(0.0..=1e6).contains(*w)) {
+        return Err(ModelsError::Number { what: "weight", got, expected: "0 to 1e6" });
+    }
+    let [histograms @ .., contrast] = numbers.map(|w| w as f32);
+    Ok((span, MatchWeights { histograms, contrast }.normalised()))
+}
+
+/// Models of a file's text; none where it is empty.
+pub fn models_of_text(text: &str) -> Result<Option<TerrainModels>, ModelsError> {
+    if text.trim().is_empty() {
+        return Ok(None);
+    }
+    let message: TerrainModels =
+        rcs_msg::from_json(text).map_err(|error| ModelsError::Text(error.to_string()))?;
+    matching_of(&message)?;
+    ModelSet::from_message(&message)?;
+    Ok(Some(message))
+}
+
+fn model_message(model: &Model) -> TerrainModel {
+    let terrain = &model.terrain;
+    let [red_green, red_blue, green_blue, intensity, texture] = terrain.histograms.bins.map(Vec::from);
+    TerrainModel {
+        red_green,
+        red_blue,
+        green_blue,
+        intensity,
+        texture,
+        contrast_sum: terrain.histograms.contrast_sum,
+        ground: terrain.ground,
+        obstacle: terrain.obstacle,
+        driven: terrain.driven,
+        bumped: terrain.bumped,
+        cells: model.cells,
+        contrast: terrain.histograms.contrast(),
+        obstacle_fraction: terrain.obstacle_fraction().unwrap_or(0.0),
+    }
+}
+
+fn model_of(number: usize, model: &TerrainModel) -> Result<Model, ModelsError> {
+    let named: [(&str, &[u64]); HISTOGRAMS] = [
+        ("red_green", &model.red_green),
+        ("red_blue", &model.red_blue),
+        ("green_blue", &model.green_blue),
+        ("intensity", &model.intensity),
+        ("texture", &model.texture),
+    ];
+    let mut histograms = Histograms { contrast_sum: model.contrast_sum, ..Histograms::default() };
+    let mut expected = 0;
+    for ((what, bins), histogram) in named.into_iter().zip(&mut histograms.bins) {
+        let got = bins.len();
+        *histogram = bins.try_into().map_err(|_| ModelsError::Bins { model: number, what, got })?;
+        let got = bins.iter().map(|&count| u128::from(count)).sum();
+        expected = if expected == 0 { got } else { expected };
+        if got != expected || got == 0 {
+            return Err(ModelsError::Points { model: number, what, got, expected: expected.max(1) });
+        }
+    }
+    let terrain = Terrain {
+        histograms,
+        ground: model.ground,
+        obstacle: model.obstacle,
+        driven: model.driven,
+        bumped: model.bumped,
+    };
+    let counts = [
+        ("points", u64::try_from(expected).unwrap_or(u64::MAX)),
+        ("ground", model.ground),
+        ("obstacle", model.obstacle),
+        ("driven", model.driven),
+        ("bumped", model.bumped),
+        ("cells", model.cells),
+    ];
+    if let Some((what, got)) = counts.into_iter().find(|(_, count)| *count > MOST) {
+        return Err(ModelsError::TooMany { model: number, what, got });
+    }
+    Ok(Model { terrain, cells: model.cells })
+}
+
+#[cfg(test)]
+#[path = "models_tests.rs"]
+mod tests;

@@ -1,0 +1,126 @@
+//! Merging, purity, and the way through a message and a file.
+
+use super::*;
+use proptest::prelude::*;
+use rcs_msg::{AnyMessage, from_json, to_json};
+
+pub(crate) const RULES: ModelRules = ModelRules {
+    min_points: 50,
+    min_purity: 0.95,
+    merge_distance: 0.1,
+    max_models: 3,
+    weights: MatchWeights { histograms: [0.2; HISTOGRAMS], contrast: 0.0 },
+};
+
+/// A cell of one colour bin: `ground` and `obstacle` points.
+fn cell(code: u16, ground: u64, obstacle: u64) -> Terrain {
+    let mut terrain = Terrain { ground, obstacle, ..Terrain::default() };
+    (0..ground + obstacle).for_each(|_| terrain.histograms.add(code, 840));
+    terrain
+}
+
+#[test]
+fn a_cell_is_ready_with_enough_points_of_which_95_percent_share_a_label() {
+    for (ground, obstacle, ready) in [
+        (49, 0, false),
+        (50, 0, true),
+        (0, 50, true),
+        (95, 5, true),
+        (5, 95, true),
+        (94, 6, false),
+        (50, 50, false),
+    ] {
+        assert_eq!(RULES.is_ready(&cell(0, ground, obstacle)), ready, "{ground} ground, {obstacle} obstacle");
+    }
+}
+
+#[test]
+fn cells_that_look_alike_merge_and_others_become_models_until_there_is_no_room() {
+    let mut set = ModelSet::default();
+    let mut appearances = set.normalised();
+    let mut take = |set: &mut ModelSet, cell: &Terrain| {
+        let taken = set.take(cell, 1, &RULES, &mut appearances);
+        assert_eq!(appearances, set.normalised(), "appearances are kept up to date");
+        taken
+    };
+    assert_eq!(take(&mut set, &cell(0, 100, 0)), Some(0));
+    assert_eq!(take(&mut set, &cell(0, 0, 300)), Some(0), "a match does not ask for the label");
+    assert_eq!(take(&mut set, &cell(0o11111, 60, 0)), Some(1));
+    assert_eq!(take(&mut set, &cell(0o22222, 60, 0)), Some(2));
+    assert_eq!(take(&mut set, &cell(0o33333, 60, 0)), None, "no room");
+    assert_eq!(take(&mut set, &cell(0o22222, 60, 0)), Some(2));
+    assert_eq!(set.models.len(), 3);
+    assert_eq!(set.models[0].cells, 2);
+    assert_eq!(set.models[0].terrain.obstacle_fraction(), Some(0.75));
+    assert_eq!(set.models[0].terrain.histograms.points(), 400);
+}
+
+#[test]
+fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts() {
+    let mut terrain = Terrain::default();
+    assert_eq!(terrain.obstacle_fraction(), None);
+    terrain.obstacle = 100;
+    assert_eq!(terrain.obstacle_fraction(), Some(1.0));
+    terrain.driven = 300;
+    assert_eq!(terrain.obstacle_fraction(), Some(0.25));
+    terrain.bumped = 400;
+    assert_eq!(terrain.obstacle_fraction(), Some(0.625));
+}
+
+#[test]
+fn sets_of_two_eyes_are_combined_by_their_matches() {
+    let one = |code: u16| ModelSet { models: vec![Model { terrain: cell(code, 60, 0), cells: 2 }] };
+    let mut left = one(0);
+    left.take_all(&one(0), &RULES);
+    left.take_all(&one(0o44444), &RULES);
+    let cells: Vec<_> = left.models.iter().map(|model| (model.cells, model.terrain.ground)).collect();
+    assert_eq!(cells, [(4, 120), (2, 60)]);
+}
+
+proptest! {
+    #[test]
+    fn models_come_back_from_a_file_as_they_were(points in prop::collection::vec((0..0o77777_u16, 0..214_200_u32, any::<bool>()), 1..60), driven in 0..1000_u64) {
+        let mut terrain = Terrain { driven, ..Terrain::default() };
+        for (code, contrast, obstacle) in points {
+            terrain.histograms.add(code, contrast);
+            terrain.obstacle += u64::from(obstacle);
+            terrain.ground += u64::from(!obstacle);
+        }
+        let set = ModelSet { models: vec![Model { terrain, cells: 3 }; 2] };
+        let weights = RULES.weights.normalised();
+        let message = set.to_message(TerrainEye::Both, 1.5, &weights);
+        let text = to_json(&AnyMessage::new(message.clone())).unwrap();
+        let read = models_of_text(&text).unwrap().unwrap();
+        prop_assert_eq!(ModelSet::from_message(&read).unwrap(), set);
+        let (span, read_weights) = matching_of(&read).unwrap();
+        prop_assert_eq!((span, read_weights), (1.5, weights.normalised()));
+    }
+}
+
+#[test]
+fn files_that_are_not_models_are_refused_with_the_reason() {
+    let set = ModelSet { models: vec![Model { terrain: cell(0, 10, 0), cells: 1 }] };
+    let good = set.to_message(TerrainEye::Left, 1.0, &RULES.weights);
+    let refusal = |change: &dyn Fn(&mut TerrainModels)| {
+        let mut message = good.clone();
+        change(&mut message);
+        let text = to_json(&AnyMessage::new(message)).unwrap();
+        models_of_text(&text).unwrap_err().to_string()
+    };
+    let cases = [
+        (refusal(&|m| m.models[0].texture.truncate(5)), "model 0 has 5 bins of texture, expected 8"),
+        (refusal(&|m| m.models[0].red_blue[3] += 1), "11 points in its histogram of red_blue, expected 10"),
+        (refusal(&|m| m.models[0].driven = u64::MAX), "expected at most"),
+        (refusal(&|m| m.ratio_span_octaves = 0.0), "span of the ratios' bins is 0"),
+        (
+            refusal(&|m| m.weights = Some(TerrainWeights { texture: -1.0, ..Default::default() })),
+            "weight is -1",
+        ),
+    ];
+    for (got, expected) in cases {
+        assert!(got.contains(expected), "got {got:?}, expected {expected:?}");
+    }
+    assert!(models_of_text("{").is_err());
+    assert_eq!(models_of_text("  ").unwrap(), None);
+    assert!(from_json::<TerrainModels>("{\"modles\": []}").is_err());
+}

@@ -1,0 +1,186 @@
+//! Where classified windows are: ground on the flat plane of the vehicle's pose, obstacles upright on it (A 3.3).
+//!
+//! - The plane is z = 0 of the vehicle frame. A cell of the map whose middle is seen in a traversable window gets that
+//!   window's cost; what lies behind an upright obstacle is not seen and gets none.
+//! - An obstacle window stands where the closest ground below it in its column of windows ends: at the upper edge of the
+//!   next traversable window down, or of what stereo covers, or at the lower edge of the image. Its cost goes to the cells
+//!   along the window's width there; above a traversable window's.
+
+use crate::classify::{Class, WindowGrid};
+use glam::{DVec2, DVec3};
+use rcs_geom::{CellIndex, PinholeCamera, Pose};
+use rcs_world::{SIDE, UNKNOWN_COST};
+
+/// Where camera and vehicle were.
+#[derive(Clone, Debug)]
+pub struct View<'a> {
+    /// The camera.
+    pub camera: &'a PinholeCamera,
+    /// Its optical frame on the vehicle.
+    pub vehicle_from_camera: Pose,
+    /// The vehicle in the local frame.
+    pub local_from_vehicle: Pose,
+}
+
+/// A cost map around the vehicle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placed {
+    /// The south-west corner cell.
+    pub south_west: CellIndex,
+    /// Costs by rows, 255 unknown.
+    pub costs: Vec<u8>,
+}
+
+impl View<'_> {
+    /// Sine of the angle of a pixel's ray above the vehicle's plane; `None` where the lens has no ray.
+    pub fn sine_above_horizon(&self, pixel: DVec2) -> Option<f64> {
+        let ray = self.vehicle_from_camera.rotate(self.camera.unproject(pixel)?);
+        Some(ray.z / ray.length())
+    }
+
+    /// The point of the plane that a pixel shows, vehicle frame, m; `None` at and above the horizon.
+    pub fn on_plane(&self, pixel: DVec2) -> Option<DVec3> {
+        let ray = self.vehicle_from_camera.rotate(self.camera.unproject(pixel)?);
+        let origin = self.vehicle_from_camera.translation;
+        let along = -origin.z / ray.z;
+        (ray.z < 0.0 && along.is_finite() && along > 0.0).then(|| origin + ray * along)
+    }
+}
+
+/// Which windows are classified: those below `sine_limit` above the horizon, and above the rows that `stereo_end` gives
+/// for each column of windows to stereo. By rows.
+pub fn region(
+    view: &View<'_>,
+    grid: &WindowGrid,
+    sine_limit: f64,
+    stereo_end: Option<&[usize]>,
+) -> Vec<bool> {
+    let (columns, rows) = (grid.columns(), grid.rows());
+    let mut wanted = Vec::with_capacity(columns * rows);
+    for row in 0..rows {
+        for column in 0..columns {
+            let is_stereos = stereo_end.is_some_and(|end| row >= end[column]);
+            let sine = view.sine_above_horizon(middle(grid, column, row));
+            wanted.push(!is_stereos && sine.is_some_and(|sine| sine <= sine_limit));
+        }
+    }
+    wanted
+}
+
+fn middle(grid: &WindowGrid, column: usize, row: usize) -> DVec2 {
+    let between = |[from, to]: [usize; 2]| (from + to) as f64 / 2.0 - 0.5;
+    DVec2::new(between(grid.x(column)), between(grid.y(row)))
+}
+
+/// Puts classified windows on the map. `classes` are by rows of windows, `max_range_m` is from the vehicle's origin.
+pub fn place(
+    view: &View<'_>,
+    grid: &WindowGrid,
+    classes: &[Class],
+    stereo_end: Option<&[usize]>,
+    cell_size_m: f64,
+    max_range_m: f64,
+) -> Placed {
+    let centre = (view.local_from_vehicle.translation / cell_size_m).floor();
+    let half = (SIDE / 2) as i64;
+    let south_west = CellIndex::new(centre.x as i64, centre.y as i64).offset(-half, -half);
+    let mut placed = Placed { south_west, costs: vec![UNKNOWN_COST; SIDE * SIDE] };
+    placed.put_ground(view, grid, classes, cell_size_m, max_range_m);
+    for column in 0..grid.columns() {
+        placed.stand_obstacles(view, grid, classes, column, stereo_end, cell_size_m, max_range_m);
+    }
+    placed
+}
+
+impl Placed {
+    /// Cells with a cost.
+    pub fn cells(&self) -> u64 {
+        self.costs.iter().filter(|&&cost| cost != UNKNOWN_COST).count() as u64
+    }
+
+    fn put_ground(
+        &mut self,
+        view: &View<'_>,
+        grid: &WindowGrid,
+        classes: &[Class],
+        cell_size_m: f64,
+        max_range_m: f64,
+    ) {
+        let is_ground = |class: &Class| matches!(class, Class::Traversable(_));
+        if !classes.iter().any(is_ground) {
+            return;
+        }
+        let up = view.local_from_vehicle.rotate(DVec3::Z);
+        let vehicle = view.local_from_vehicle.translation;
+        let local_from_camera = view.local_from_vehicle * view.vehicle_from_camera;
+        let camera_from_local = local_from_camera.rotation_matrix().transpose();
+        for (row, costs) in self.costs.chunks_exact_mut(SIDE).enumerate() {
+            let y = (self.south_west.y as f64 + row as f64 + 0.5) * cell_size_m - vehicle.y;
+            for (column, cost) in costs.iter_mut().enumerate() {
+                let x = (self.south_west.x as f64 + column as f64 + 0.5) * cell_size_m - vehicle.x;
+                let offset = DVec3::new(x, y, -(up.x * x + up.y * y) / up.z);
+                if offset.length_squared() > max_range_m * max_range_m {
+                    continue;
+                }
+                let seen = camera_from_local * (offset + vehicle - local_from_camera.translation);
+                // Nearly half of the map is behind the camera.
+                if seen.z <= 0.0 {
+                    continue;
+                }
+                let pixel = view.camera.project(seen).filter(|&pixel| view.camera.contains(pixel));
+                let Some(pixel) = pixel else { continue };
+                let [u, v] = [pixel.x + 0.5, pixel.y + 0.5].map(|at| at as usize / grid.window_px);
+                if let Some(&Class::Traversable(of_window)) = classes.get(v * grid.columns() + u) {
+                    *cost = of_window;
+                }
+            }
+        }
+    }
+
+    fn stand_obstacles(
+        &mut self,
+        view: &View<'_>,
+        grid: &WindowGrid,
+        classes: &[Class],
+        column: usize,
+        stereo_end: Option<&[usize]>,
+        cell_size_m: f64,
+        max_range_m: f64,
+    ) {
+        let mut foot_row = stereo_end.map_or(grid.rows(), |end| end[column]);
+        let [left, right] = grid.x(column);
+        for row in (0..foot_row).rev() {
+            match classes[row * grid.columns() + column] {
+                Class::Skipped | Class::Unclassified => {}
+                Class::Traversable(_) => foot_row = row,
+                Class::NotTraversable(cost) => {
+                    let v = (foot_row * grid.window_px).min(grid.size[1]) as f64 - 0.5;
+                    let ends = [left, right].map(|u| view.on_plane(DVec2::new(u as f64 - 0.5, v)));
+                    let [Some(from), Some(to)] = ends else { continue };
+                    if from.length().max(to.length()) <= max_range_m {
+                        self.stand(view, from, to, cell_size_m, cost);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Gives a cost to the cells along a line of the plane, vehicle frame.
+    fn stand(&mut self, view: &View<'_>, from: DVec3, to: DVec3, cell_size_m: f64, cost: u8) {
+        let steps = (2.0 * from.distance(to) / cell_size_m).ceil().clamp(1.0, 1000.0) as usize;
+        for step in 0..=steps {
+            let place = view.local_from_vehicle * from.lerp(to, step as f64 / steps as f64);
+            let cell = (place / cell_size_m).floor();
+            let (x, y) = (cell.x as i64 - self.south_west.x, cell.y as i64 - self.south_west.y);
+            let side = 0..SIDE as i64;
+            if side.contains(&x) && side.contains(&y) {
+                let slot = &mut self.costs[y as usize * SIDE + x as usize];
+                *slot = if *slot == UNKNOWN_COST { cost } else { cost.max(*slot) };
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "place_tests.rs"]
+mod tests;

@@ -1,0 +1,94 @@
+//! Images that wait for what belongs to them: labels and depth of an image come later than the image.
+
+use rcs_msg::foxglove::RawImage;
+use rcs_msg::{AnyMessage, Stamp};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::collections::VecDeque;
+
+/// Images that are kept: at 5 Hz, those of the last second and a half.
+const KEPT: usize = 8;
+
+/// The last images of one port by their acquisition times.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Recent {
+    images: VecDeque<(Stamp, Held)>,
+}
+
+impl Recent {
+    /// Keeps an image. One that is not newer than the newest is refused: gives that one's time.
+    pub fn add(&mut self, time: Stamp, image: RawImage) -> Result<(), Stamp> {
+        if let Some(newest) = self.newest().filter(|&newest| newest >= time) {
+            return Err(newest);
+        }
+        if self.images.len() == KEPT {
+            self.images.pop_front();
+        }
+        self.images.push_back((time, Held(image)));
+        Ok(())
+    }
+
+    /// Time of the newest image.
+    pub fn newest(&self) -> Option<Stamp> {
+        self.images.back().map(|(time, _)| *time)
+    }
+
+    /// The image that was taken nearest to this time, if that is near enough.
+    pub fn at(&self, time: Stamp, tolerance_s: f64) -> Option<(Stamp, &RawImage)> {
+        let apart = |other: Stamp| other.0.abs_diff(time.0);
+        let nearest = self.images.iter().min_by_key(|(other, _)| apart(*other))?;
+        (apart(nearest.0) as f64 <= tolerance_s * 1e9).then_some((nearest.0, &nearest.1.0))
+    }
+
+    /// Forgets images before this time.
+    pub fn forget_before(&mut self, time: Stamp) {
+        self.images.retain(|(other, _)| *other >= time);
+    }
+
+    /// Times of the images, oldest first.
+    pub fn times(&self) -> impl DoubleEndedIterator<Item = Stamp> {
+        self.images.iter().map(|(time, _)| *time)
+    }
+}
+
+/// An image as a part of a process's state: its pixels are shared, and it is saved as the message that it is.
+#[derive(Clone, Debug, PartialEq)]
+struct Held(RawImage);
+
+impl Serialize for Held {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bytes(&AnyMessage::new(self.0.clone()).bytes())
+    }
+}
+
+impl<'de> Deserialize<'de> for Held {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let bytes = Vec::<u8>::deserialize(deserializer)?;
+        let message = AnyMessage::decode::<RawImage>(bytes.into()).map_err(D::Error::custom)?;
+        message.to::<RawImage>().map(Held).ok_or_else(|| D::Error::custom("not an image"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(width: u32) -> RawImage {
+        RawImage { width, data: vec![7; 3].into(), ..RawImage::default() }
+    }
+
+    #[test]
+    fn an_image_is_found_by_its_time_within_the_tolerance() {
+        let mut recent = Recent::default();
+        for i in 1..=20_u32 {
+            assert_eq!(recent.add(Stamp(u64::from(i) * 1000), image(i)), Ok(()));
+        }
+        assert_eq!(recent.at(Stamp(18_400), 500e-9).map(|(_, image)| image.width), Some(18));
+        assert_eq!(recent.at(Stamp(18_600), 500e-9).map(|(_, image)| image.width), Some(19));
+        assert_eq!(recent.at(Stamp(18_400), 300e-9), None);
+        assert_eq!(recent.at(Stamp(5_000), 500e-9), None, "only the last ones are kept");
+        assert_eq!(recent.add(Stamp(20_000), image(1)), Err(Stamp(20_000)));
+        recent.forget_before(Stamp(19_500));
+        assert_eq!(recent.times().collect::<Vec<_>>(), [Stamp(20_000)]);
+    }
+}
