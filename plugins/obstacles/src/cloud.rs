@@ -4,8 +4,8 @@
 //! So a scanner that stands tilted, as on a robot on a slope, is scanned along gravity like a camera; the columns of the
 //! sensor itself would mix the trunk with the ground beside it.
 
-use crate::columns::{Footing, Placement, Strip};
-use crate::scan::{Label, ScanParams, ScanPoint};
+use crate::columns::{Strip, Survey};
+use crate::scan::{Label, ScanPoint};
 use std::f32::consts::TAU;
 
 /// Columns that are worked on together.
@@ -58,19 +58,13 @@ impl CloudColumns {
     }
 
     /// Labels one strip of columns.
-    pub fn scan_strip(
-        &self,
-        strip: usize,
-        footing: &Footing,
-        placement: &Placement,
-        params: &ScanParams,
-    ) -> Strip {
+    pub fn scan_strip(&self, strip: usize, survey: &Survey<'_>) -> Strip {
         let first = strip * STRIP_COLUMNS;
         let end = (first + STRIP_COLUMNS).min(self.starts.len() - 1);
         let mut result = Strip::with_capacity(self.starts[end] - self.starts[first]);
         for column in first..end {
             let points = &self.points[self.starts[column]..self.starts[column + 1]];
-            result.add_column(points, footing, placement, params);
+            result.add_column(points, &[], survey);
         }
         result
     }

@@ -3,8 +3,11 @@
 //! Columns do not depend on each other, so they are worked on in strips, in any order and on any number of threads; what
 //! a strip found is added up in the order of the strips.
 
+use crate::ground_map::{GROUND_CELL_M, GroundMap};
+use crate::negative::{Hole, HoleScan, NegativeParams};
 use crate::scan::{ColumnScan, Label, ScanParams, ScanPoint, Start};
 use glam::DVec3;
+use rcs_geom::CellIndex;
 
 /// The plane on which the wheels stand, relative to the sensor, axes of the local frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,7 +82,75 @@ pub struct CellVote {
     pub ground: Heights,
     /// `OBSTACLE` pixels.
     pub obstacle: Heights,
+    /// Sums of red, green and blue over all of these pixels; 0 where the columns have no colours.
+    pub colour: [u32; 3],
 }
+
+/// What some neighbouring pixels of one column say of one cell of the ground map.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GroundVote {
+    /// Cell of [`GROUND_CELL_M`]: floor(place / cell size), x and y.
+    pub cell: [i32; 2],
+    /// Ground pixels.
+    pub pixels: u32,
+    /// Sum of their heights relative to the sensor, m.
+    pub height_sum: f32,
+    /// Borders of holes.
+    pub borders: u32,
+}
+
+/// A pixel at the border of a hole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Border {
+    /// Number of its label in [`Strip::labels`].
+    pub label: usize,
+    /// Its cell of the ground map.
+    pub cell: [i32; 2],
+}
+
+/// The ground map as it was before a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct KnownGround<'a> {
+    /// The map.
+    pub map: &'a GroundMap,
+    /// Cells that were seen before this are forgotten, ns.
+    pub since_ns: u64,
+}
+
+/// Where a frame's columns stand, and how they are judged.
+#[derive(Clone, Debug)]
+pub struct Survey<'a> {
+    /// The ground under the wheels.
+    pub footing: Footing,
+    /// The sensor in the map.
+    pub placement: Placement,
+    /// The scan for positive obstacles.
+    pub scan: ScanParams,
+    /// The scan for negative obstacles, unless they are not looked for.
+    pub negative: Option<NegativeParams>,
+    /// Ground that was seen before.
+    pub known: Option<KnownGround<'a>>,
+}
+
+impl Survey<'_> {
+    /// Known ground along the horizontal unit vector `(ux, uy)`, before a distance: distances and heights relative to the
+    /// sensor, m.
+    fn known_before(&self, rho: f32, from: f32, [ux, uy]: [f32; 2]) -> impl Iterator<Item = (f32, f32)> {
+        let sensor = self.placement.sensor;
+        let steps = if self.known.is_some() { KNOWN_STEPS } else { 0 };
+        (1..=steps).rev().map(move |k| rho - k as f32 * GROUND_CELL_M as f32).filter_map(move |rho| {
+            let KnownGround { map, since_ns } = self.known.filter(|_| rho >= from)?;
+            let index = |sensor: f64, u: f32| ((sensor + f64::from(u * rho)) / GROUND_CELL_M).floor() as i64;
+            let cell = map.get(CellIndex::new(index(sensor.x, ux), index(sensor.y, uy)))?;
+            let is_known = cell.pixels >= KNOWN_PIXELS && cell.seen_ns >= since_ns;
+            is_known.then_some((rho, (f64::from(cell.height_m) - sensor.z) as f32))
+        })
+    }
+}
+
+/// Cells of the ground map that a column looks back over, and the ground pixels that make one known.
+const KNOWN_STEPS: usize = 10;
+const KNOWN_PIXELS: u16 = 5;
 
 /// Where points lie in the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,6 +162,11 @@ pub struct Placement {
 }
 
 impl Placement {
+    /// The same sensor in a map of other cells.
+    fn with_cells(self, cell_size_m: f64) -> Placement {
+        Placement { cell_size_m, ..self }
+    }
+
     /// The cell of a point relative to the sensor, m.
     fn cell_of(&self, x: f32, y: f32) -> [i32; 2] {
         let index = |place: f64| (place / self.cell_size_m).floor() as i32;
@@ -116,7 +192,13 @@ pub struct Strip {
     pub counts: [u64; 6],
     /// Nearest and farthest range with a label from [`Label::Ground`] to [`Label::Cover`], m.
     pub range_m: [f32; 2],
+    /// What the ground pixels say of the ground map, and the borders of holes; empty where nobody looks for holes.
+    pub ground: Vec<GroundVote>,
+    /// Pixels at the borders of holes.
+    pub borders: Vec<Border>,
     scanner: ColumnScan,
+    hole_scanner: HoleScan,
+    holes: Vec<Hole>,
 }
 
 impl Strip {
@@ -127,37 +209,95 @@ impl Strip {
             votes: Vec::new(),
             counts: [0; 6],
             range_m: [f32::INFINITY, 0.0],
+            ground: Vec::new(),
+            borders: Vec::new(),
             scanner: ColumnScan::default(),
+            hole_scanner: HoleScan::default(),
+            holes: Vec::new(),
         }
     }
 
-    /// Labels one more column, given from the lowest ray to the highest, and lets its points vote.
-    pub fn add_column(
-        &mut self,
-        points: &[ScanPoint],
-        footing: &Footing,
-        placement: &Placement,
-        params: &ScanParams,
-    ) {
+    /// Labels one more column, given from the lowest ray to the highest, and lets its points vote. `colours` has one for
+    /// each point, or none at all.
+    pub fn add_column(&mut self, points: &[ScanPoint], colours: &[[u8; 3]], survey: &Survey<'_>) {
         let first = self.labels.len();
         self.labels.resize(first + points.len(), Label::Invalid);
         let labels = &mut self.labels[first..];
         // The nearest ground tells the direction in which the wheels' ground is looked for.
-        let Some(ahead) =
-            points.iter().find(|p| p.range >= params.min_range_m && p.rho > 0.0 && p.rho.is_finite())
-        else {
+        let is_start =
+            |p: &&ScanPoint| p.range >= survey.scan.min_range_m && p.rho > 0.0 && p.rho.is_finite();
+        let Some(ahead) = points.iter().find(is_start) else {
             self.counts[Label::Invalid as usize] += points.len() as u64;
             return;
         };
         let rho = f64::from(ahead.rho);
-        let start = footing.start(f64::from(ahead.x) / rho, f64::from(ahead.y) / rho);
-        self.scanner.scan(points, start, params, labels);
+        let start = survey.footing.start(f64::from(ahead.x) / rho, f64::from(ahead.y) / rho);
+        self.scanner.scan(points, start, &survey.scan, labels);
+        if let Some(negative) = &survey.negative {
+            self.find_holes(
+                points,
+                first,
+                [ahead.x / ahead.rho, ahead.y / ahead.rho],
+                start,
+                negative,
+                survey,
+            );
+        }
+        self.vote(points, colours, first, &survey.placement);
+    }
 
+    /// Finds the holes of a column whose labels start at `first`, and lets its ground vote for the ground map.
+    fn find_holes(
+        &mut self,
+        points: &[ScanPoint],
+        first: usize,
+        direction: [f32; 2],
+        start: Start,
+        params: &NegativeParams,
+        survey: &Survey<'_>,
+    ) {
+        let labels = &self.labels[first..];
+        self.holes.clear();
+        let nearest = points.iter().zip(labels).find(|(_, label)| **label == Label::Ground);
+        let nearest = nearest.map_or(start.rho, |(point, _)| point.rho);
+        let known = survey.known_before(nearest, start.rho, direction);
+        self.hole_scanner.scan(points, labels, known, params, &mut self.holes);
+        let placement = survey.placement.with_cells(GROUND_CELL_M);
+        for i in self.holes.iter().flat_map(|hole| [Some(hole.near), hole.far]).flatten() {
+            let cell = placement.cell_of(points[i].x, points[i].y);
+            self.borders.push(Border { label: first + i, cell });
+            self.ground.push(GroundVote { cell, borders: 1, ..GroundVote::default() });
+        }
+        let mut vote = GroundVote::default();
+        let (mut low, mut high) = ([0.0_f32; 2], [0.0_f32; 2]);
+        for (point, &label) in points.iter().zip(labels) {
+            if !matches!(label, Label::Ground | Label::ShortObstacle) || point.range > params.max_range_m {
+                continue;
+            }
+            let inside = point.x >= low[0] && point.x < high[0] && point.y >= low[1] && point.y < high[1];
+            if !(vote.pixels > 0 && inside) {
+                if vote.pixels > 0 {
+                    self.ground.push(vote);
+                }
+                let cell = placement.cell_of(point.x, point.y);
+                (low, high) = placement.edges_of(cell);
+                vote = GroundVote { cell, ..GroundVote::default() };
+            }
+            vote.pixels += 1;
+            vote.height_sum += point.z;
+        }
+        if vote.pixels > 0 {
+            self.ground.push(vote);
+        }
+    }
+
+    /// Counts the labels from `first` on and lets their points vote for cells.
+    fn vote(&mut self, points: &[ScanPoint], colours: &[[u8; 3]], first: usize, placement: &Placement) {
         let mut vote = CellVote::default();
         let mut open = false;
         // Edges of the vote's cell, relative to the sensor: most points lie in the cell of the point before.
         let (mut low, mut high) = ([0.0_f32; 2], [0.0_f32; 2]);
-        for (point, &label) in points.iter().zip(labels.iter()) {
+        for (i, (point, &label)) in points.iter().zip(&self.labels[first..]).enumerate() {
             self.counts[label as usize] += 1;
             if matches!(label, Label::Invalid | Label::TooFar) {
                 continue;
@@ -181,10 +321,35 @@ impl Strip {
                 vote = CellVote { cell, ..CellVote::default() };
                 open = true;
             }
-            if label == Label::Obstacle { vote.obstacle.add(point.z) } else { vote.ground.add(point.z) }
+            if label == Label::Obstacle {
+                vote.obstacle.add(point.z);
+            } else {
+                vote.ground.add(point.z);
+            }
+            if let Some(colour) = colours.get(i) {
+                for (sum, &value) in vote.colour.iter_mut().zip(colour) {
+                    *sum += u32::from(value);
+                }
+            }
         }
         if open {
             self.votes.push(vote);
         }
+    }
+
+    /// Makes the pixels at borders that count obstacles. Gives how many there are.
+    pub fn mark_borders(&mut self, counts: impl Fn([i32; 2]) -> bool) -> u64 {
+        let mut marked = 0;
+        for border in self.borders.iter().filter(|border| counts(border.cell)) {
+            let label = &mut self.labels[border.label];
+            // The far border of one hole may be the near border of the next.
+            if *label != Label::Obstacle {
+                self.counts[*label as usize] -= 1;
+                self.counts[Label::Obstacle as usize] += 1;
+                *label = Label::Obstacle;
+                marked += 1;
+            }
+        }
+        marked
     }
 }

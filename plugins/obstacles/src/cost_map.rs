@@ -2,13 +2,15 @@
 //!
 //! The cost of a cell is the percentage of `OBSTACLE` pixels among those that tell of it, 0 to 100 % as 0 to 250, and
 //! 255 where fewer pixels than asked for do. `GROUND` and `SHORT_OBSTACLE` count as free. `COVER` does not count: what
-//! the vehicle fits under says nothing of the ground, and a crown would make its trunk look harmless.
+//! the vehicle fits under says nothing of the ground, and a crown would make its trunk look harmless. A cell with the
+//! border of a negative obstacle has the highest cost, whatever ground is seen in it: the ground ends there.
 
 use crate::columns::{Heights, Strip};
 use rcs_geom::CellIndex;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{Grid, PackedElementField, Pose, Quaternion, Vector2, Vector3};
 use rcs_world::{MAX_COST, SIDE, UNKNOWN_COST};
+use std::collections::BTreeSet;
 
 /// Side of a cell, m.
 pub const CELL_SIZE_M: f64 = 0.2;
@@ -48,30 +50,82 @@ impl Sums {
     }
 }
 
+/// What the pixels of one cell say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Cell {
+    ground: Sums,
+    obstacle: Sums,
+    colour: [u64; 3],
+    /// A negative obstacle begins or ends here.
+    negative: bool,
+}
+
+impl Cell {
+    const NONE: Cell = Cell { ground: Sums::NONE, obstacle: Sums::NONE, colour: [0; 3], negative: false };
+
+    fn cost(&self, min_pixels: u32) -> u8 {
+        let count = self.ground.count + self.obstacle.count;
+        match (self.negative, count < min_pixels) {
+            (true, _) => MAX_COST,
+            (false, true) => UNKNOWN_COST,
+            (false, false) => {
+                (f64::from(MAX_COST) * f64::from(self.obstacle.count) / f64::from(count)).round() as u8
+            }
+        }
+    }
+
+    /// Mean red, green, blue, and 255 for opaque; all 0 where no pixel has a colour.
+    fn colour(&self) -> [u8; 4] {
+        let count = u64::from(self.ground.count + self.obstacle.count);
+        if self.colour == [0; 3] || count == 0 {
+            return [0; 4];
+        }
+        let [r, g, b] = self.colour.map(|sum| ((sum + count / 2) / count) as u8);
+        [r, g, b, u8::MAX]
+    }
+}
+
 /// Pixels of all cells of one range image.
 #[derive(Clone, Debug)]
 pub struct CostMap {
     south_west: CellIndex,
     sensor_z: f64,
     min_pixels: u32,
-    cells: Vec<(Sums, Sums)>,
+    cells: Vec<Cell>,
 }
 
 impl CostMap {
     /// Adds up what strips found, in their order. `centre` is the vehicle's cell, `sensor_z` the sensor's height in the
-    /// local frame (m). Cells outside of the window are left out.
-    pub fn new(strips: &[Strip], centre: CellIndex, sensor_z: f64, min_pixels: u32) -> CostMap {
+    /// local frame (m), `negative` the cells with borders of negative obstacles. Cells outside of the window are left
+    /// out.
+    pub fn new(
+        strips: &[Strip],
+        negative: &BTreeSet<CellIndex>,
+        centre: CellIndex,
+        sensor_z: f64,
+        min_pixels: u32,
+    ) -> CostMap {
         let half = (SIDE / 2) as i64;
         let south_west = centre.offset(-half, -half);
-        let mut cells = vec![(Sums::NONE, Sums::NONE); SIDE * SIDE];
-        for vote in strips.iter().flat_map(|strip| &strip.votes) {
-            let column = i64::from(vote.cell[0]) - south_west.x;
-            let row = i64::from(vote.cell[1]) - south_west.y;
+        let mut cells = vec![Cell::NONE; SIDE * SIDE];
+        let at = |x: i64, y: i64| {
+            let (column, row) = (x - south_west.x, y - south_west.y);
             let side = 0..SIDE as i64;
-            if side.contains(&column) && side.contains(&row) {
-                let (ground, obstacle) = &mut cells[row as usize * SIDE + column as usize];
-                ground.add(&vote.ground);
-                obstacle.add(&vote.obstacle);
+            (side.contains(&column) && side.contains(&row)).then(|| row as usize * SIDE + column as usize)
+        };
+        for vote in strips.iter().flat_map(|strip| &strip.votes) {
+            if let Some(at) = at(vote.cell[0].into(), vote.cell[1].into()) {
+                let cell = &mut cells[at];
+                cell.ground.add(&vote.ground);
+                cell.obstacle.add(&vote.obstacle);
+                for (sum, value) in cell.colour.iter_mut().zip(vote.colour) {
+                    *sum += u64::from(value);
+                }
+            }
+        }
+        for cell in negative {
+            if let Some(at) = at(cell.x, cell.y) {
+                cells[at].negative = true;
             }
         }
         CostMap { south_west, sensor_z, min_pixels: min_pixels.max(1), cells }
@@ -79,30 +133,24 @@ impl CostMap {
 
     /// Costs by rows from the south-west corner.
     pub fn costs(&self) -> impl Iterator<Item = u8> + '_ {
-        self.cells.iter().map(|(ground, obstacle)| self.cost(ground, obstacle))
-    }
-
-    fn cost(&self, ground: &Sums, obstacle: &Sums) -> u8 {
-        let count = ground.count + obstacle.count;
-        if count < self.min_pixels {
-            return UNKNOWN_COST;
-        }
-        (f64::from(MAX_COST) * f64::from(obstacle.count) / f64::from(count)).round() as u8
+        self.cells.iter().map(|cell| cell.cost(self.min_pixels))
     }
 
     /// The map as a message. Fields, named as in the world model's own maps: for `ground` and `obstacle` `.mean` (m),
     /// `.variance` (m²), `.min` and `.max` (m) of the pixels' heights in the local frame (f32, NaN where there is none)
-    /// and `.count` (u32: pixels); then `cost.stereo` (u8).
+    /// and `.count` (u32: pixels); then `cost.stereo` (u8), and the pixels' mean `red`, `green` and `blue` with `alpha`
+    /// 255, or four zeros where they have no colour (u8).
     pub fn to_grid(&self, frame_id: &str, timestamp: prost_types::Timestamp) -> Grid {
         let mut data = Vec::with_capacity(self.cells.len() * CELL_STRIDE);
-        for (ground, obstacle) in &self.cells {
-            for sums in [ground, obstacle] {
+        for cell in &self.cells {
+            for sums in [&cell.ground, &cell.obstacle] {
                 for value in sums.statistics(self.sensor_z) {
                     data.extend_from_slice(&value.to_le_bytes());
                 }
                 data.extend_from_slice(&sums.count.to_le_bytes());
             }
-            data.extend_from_slice(&[self.cost(ground, obstacle), 0, 0, 0]);
+            data.extend_from_slice(&[cell.cost(self.min_pixels), 0, 0, 0]);
+            data.extend_from_slice(&cell.colour());
         }
         let CellIndex { x, y } = self.south_west;
         let corner = Vector3 { x: x as f64 * CELL_SIZE_M, y: y as f64 * CELL_SIZE_M, z: 0.0 };
@@ -124,7 +172,7 @@ impl CostMap {
 }
 
 /// Bytes of a cell.
-const CELL_STRIDE: usize = 44;
+const CELL_STRIDE: usize = 48;
 
 fn fields() -> Vec<PackedElementField> {
     let numbers = ["mean", "variance", "min", "max", "count"];
@@ -140,5 +188,11 @@ fn fields() -> Vec<PackedElementField> {
         offset: 4 * i as u32,
         r#type: kind.into(),
     };
-    all.enumerate().map(field).collect()
+    let colours = (COLOUR_OFFSET..).zip(["red", "green", "blue", "alpha"]).map(|(offset, name)| {
+        PackedElementField { name: name.to_owned(), offset, r#type: NumericType::Uint8.into() }
+    });
+    all.enumerate().map(field).chain(colours).collect()
 }
+
+/// Where the colour begins in a cell.
+const COLOUR_OFFSET: u32 = CELL_STRIDE as u32 - 4;

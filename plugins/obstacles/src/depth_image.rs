@@ -1,7 +1,7 @@
 //! A depth image as columns of points.
 
-use crate::columns::{Footing, Placement, Strip};
-use crate::scan::{Label, ScanParams, ScanPoint};
+use crate::columns::{Strip, Survey};
+use crate::scan::{Label, ScanPoint};
 use glam::{DMat3, DVec2, Vec3};
 use rcs_geom::PinholeCamera;
 
@@ -147,21 +147,23 @@ impl Rays {
     }
 }
 
-/// Labels one strip of columns. `local_from_optical` turns the optical frame into the axes of the local frame.
+/// Labels one strip of columns. `rgb` is a colour image of the same size, three bytes a pixel, or empty;
+/// `local_from_optical` turns the optical frame into the axes of the local frame.
 /// Labels come column by column, each from the lowest row to the highest.
 ///
 /// # Panics
-/// Where image and rays differ in size.
+/// Where image, colours and rays differ in size.
 pub fn scan_strip(
     image: &DepthImage<'_>,
+    rgb: &[u8],
     rays: &Rays,
     strip: usize,
     local_from_optical: DMat3,
-    footing: &Footing,
-    placement: &Placement,
-    params: &ScanParams,
+    survey: &Survey<'_>,
 ) -> Strip {
     assert_eq!([image.width, image.height], [rays.width, rays.height], "image and rays must fit");
+    let rgb = rgb.as_chunks::<3>().0;
+    assert!(rgb.is_empty() || rgb.len() == image.width * image.height, "image and colours must fit");
     let columns = strip * STRIP_COLUMNS..((strip + 1) * STRIP_COLUMNS).min(image.width);
     let height = image.height;
     let turn = local_from_optical.as_mat3();
@@ -181,8 +183,12 @@ pub fn scan_strip(
         }
     }
     let mut result = Strip::with_capacity(points.len());
-    for column in points.chunks_exact(height) {
-        result.add_column(column, footing, placement, params);
+    let mut colours = vec![[0; 3]; if rgb.is_empty() { 0 } else { height }];
+    for (u, column) in columns.zip(points.chunks_exact(height)) {
+        for (from_bottom, colour) in colours.iter_mut().enumerate() {
+            *colour = rgb[(height - 1 - from_bottom) * image.width + u];
+        }
+        result.add_column(column, &colours, survey);
     }
     result
 }

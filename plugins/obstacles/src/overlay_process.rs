@@ -2,7 +2,7 @@
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
-//! | `image` | in, optional | `foxglove.CompressedImage` | colour image of the camera |
+//! | `image` | in, optional | `foxglove.RawImage` | colour image of the camera |
 //! | `points` | in | `foxglove.PointCloud` | points with the field `label`, m |
 //! | `calibration` | in | `foxglove.CameraCalibration` | calibration of the camera |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
@@ -14,7 +14,7 @@ use glam::DVec3;
 use rcs_geom::{CameraError, PinholeCamera};
 use rcs_msg::PointsError;
 use rcs_msg::foxglove::packed_element_field::NumericType;
-use rcs_msg::foxglove::{CameraCalibration, CompressedImage, FrameTransforms, PointCloud, RawImage};
+use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, PointCloud, RawImage};
 use rcs_msg::rcs::LabelOverlayParams;
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
 use rcs_world::{Localizer, LocalizerError, pose_of};
@@ -65,7 +65,7 @@ impl Process for LabelOverlay {
 
     fn ports(b: &mut PortBuilder) -> Ports {
         // Never read: it names the picture that the labels lie on.
-        let _ = b.optional_input::<CompressedImage>("image", "colour image of the camera");
+        let _ = b.optional_input::<RawImage>("image", "colour image of the camera");
         Ports {
             points: b.input("points", "points with the field `label`, m"),
             calibration: b.input("calibration", "calibration of the camera"),

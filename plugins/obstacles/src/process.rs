@@ -1,27 +1,33 @@
 //! The process `obstacles`.
 
 use crate::cloud::CloudColumns;
-use crate::columns::{Footing, Placement, Strip};
-use crate::cost_map::{CELL_SIZE_M, CostMap};
+use crate::columns::{KnownGround, Strip, Survey};
+use crate::cost_map::CostMap;
 use crate::depth_image::{DepthError, DepthImage, Rays, label_image, scan_strip};
+use crate::ground_map::GroundMap;
 use crate::overlay_process::camera_of;
-use crate::scan::{Label, ScanParams};
+use crate::params::{border_rule, frames, negative_params, scan_params};
+use crate::results::{count, labelled_cloud, stats};
+use crate::scan::Label;
+use crate::stand::{Stand, StandError};
 use glam::DVec3;
 use rcs_geom::{CameraError, CellIndex, PinholeCamera, Pose};
-use rcs_msg::foxglove::packed_element_field::NumericType;
-use rcs_msg::foxglove::{CameraCalibration, CompressedImage, Grid, PackedElementField, PointCloud, RawImage};
-use rcs_msg::rcs::{ObstacleStats, ObstaclesParams, PoseSource};
+use rcs_msg::foxglove::{CameraCalibration, Grid, PointCloud, RawImage};
+use rcs_msg::image::raw_to_rgb8;
+use rcs_msg::rcs::{ObstacleStats, ObstaclesParams};
 use rcs_msg::{PointsError, Stamp};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, PosePorts, Process, ProcessDef};
-use rcs_world::{FrameNames, Localizer, LocalizerError, MAX_COST, OBSTACLE_COST, pose_message, pose_of};
+use rcs_world::{Localizer, LocalizerError, pose_of};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// State: the last seconds of poses, and the camera.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+/// State: the last seconds of poses, the camera, and the ground map of the negative obstacles.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Obstacles {
     localizer: Localizer,
     camera: Option<PinholeCamera>,
+    ground: GroundMap,
     /// Rays of `camera`, made when they are first needed.
     #[serde(skip)]
     rays: Option<Arc<Rays>>,
@@ -30,6 +36,7 @@ pub struct Obstacles {
 /// Ports of [`Obstacles`].
 #[derive(Debug)]
 pub struct Ports {
+    image: In<RawImage>,
     depth: In<RawImage>,
     cloud: In<PointCloud>,
     calibration: In<CameraCalibration>,
@@ -53,23 +60,14 @@ enum Unusable {
     Points(#[from] PointsError),
     #[error(transparent)]
     Pose(#[from] LocalizerError),
-    #[error(
-        "vehicle lies on its side: its up is {up_z:.2} of upright, expected at least {}",
-        Footing::MIN_UPRIGHT
-    )]
-    OnItsSide { up_z: f64 },
+    #[error(transparent)]
+    Stand(#[from] StandError),
     #[error("none of {points} points has a range")]
     Empty { points: u64 },
 }
 
-/// Where the sensor and the vehicle were when the range data were taken.
-struct Scene {
-    local_from_sensor: Pose,
-    footing: Footing,
-    placement: Placement,
-    /// The vehicle's cell.
-    centre: CellIndex,
-}
+/// An image that was taken this much before or after the ranges has their colours, s.
+const SAME_TIME_S: f64 = 0.05;
 
 impl Process for Obstacles {
     type Params = ObstaclesParams;
@@ -83,9 +81,8 @@ impl Process for Obstacles {
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
-        // Never read: it names the picture that the labels lie on.
-        let _ = b.optional_input::<CompressedImage>("image", "colour image of the same camera");
         Ports {
+            image: b.optional_input("image", "colour image of the same camera, pixel for pixel"),
             depth: b.optional_input("depth", "depth image along the optical axis: 16UC1, mono16 or 32FC1"),
             cloud: b.optional_input("cloud", "point cloud with x, y and z, m, in any order"),
             calibration: b.optional_input("calibration", "calibration of the depth image"),
@@ -110,8 +107,14 @@ impl Process for Obstacles {
         }
     }
 
+    #[expect(clippy::expect_used, reason = "201 cells of 0.1 m are a grid")]
     fn new(_params: &ObstaclesParams) -> Self {
-        Self::default()
+        Self {
+            localizer: Localizer::default(),
+            camera: None,
+            ground: GroundMap::new().expect("the size of the ground map is valid"),
+            rays: None,
+        }
     }
 
     fn cycle(&mut self, ports: &Ports, params: &ObstaclesParams, cx: &mut Cycle<'_>) {
@@ -162,14 +165,14 @@ impl Obstacles {
             return Err(DepthError::Size { got: size, expected }.into());
         }
         let rays = self.rays.get_or_insert_with(|| Arc::new(Rays::new(camera))).clone();
-        let scene = self.scene(&message.frame_id, true, &Pose::IDENTITY, message.acq_time(), params)?;
-        let turn = scene.local_from_sensor.rotation_matrix();
-        let limits = scan_params(params);
-        let strips = cx.pool().map(rays.strips(), |strip| {
-            scan_strip(&image, &rays, strip, turn, &scene.footing, &scene.placement, &limits)
-        });
         let time = message.acq_time();
-        write_results(&strips, 0, &scene, time, ports, params, cx)?;
+        let stand = Stand::find(&self.localizer, &message.frame_id, true, &Pose::IDENTITY, time, params)?;
+        let rgb = colours(message, ports, cx);
+        let turn = stand.local_from_sensor.rotation_matrix();
+        let survey = self.survey(&stand, time, params, true);
+        let mut strips =
+            cx.pool().map(rays.strips(), |strip| scan_strip(&image, &rgb, &rays, strip, turn, &survey));
+        self.write_results(&mut strips, 0, &stand, time, ports, params, cx)?;
         let labels = RawImage {
             timestamp: Some(time.to_proto()),
             frame_id: message.frame_id.clone(),
@@ -195,8 +198,9 @@ impl Obstacles {
             Some(pose) => pose_of(Some(pose), &message.frame_id)?,
             None => Pose::IDENTITY,
         };
-        let scene = self.scene(&message.frame_id, false, &origin, message.acq_time(), params)?;
-        let turn = scene.local_from_sensor.rotation_matrix();
+        let time = message.acq_time();
+        let stand = Stand::find(&self.localizer, &message.frame_id, false, &origin, time, params)?;
+        let turn = stand.local_from_sensor.rotation_matrix();
         let points: Vec<Option<[f32; 3]>> = cloud
             .iter()
             .map(|point| {
@@ -207,154 +211,93 @@ impl Obstacles {
             })
             .collect();
         let columns = CloudColumns::new(&points, (params.azimuth_step_deg as f32).to_radians());
-        let limits = scan_params(params);
-        let strips = cx.pool().map(columns.strips(), |strip| {
-            columns.scan_strip(strip, &scene.footing, &scene.placement, &limits)
-        });
-        let time = message.acq_time();
+        let survey = self.survey(&stand, time, params, false);
+        let mut strips = cx.pool().map(columns.strips(), |strip| columns.scan_strip(strip, &survey));
         let without_range = points.iter().filter(|point| point.is_none()).count() as u64;
-        write_results(&strips, without_range, &scene, time, ports, params, cx)?;
+        self.write_results(&mut strips, without_range, &stand, time, ports, params, cx)?;
         let labels = columns.labels(&strips, points.len());
         cx.write(&ports.points, time, labelled_cloud(message, &cloud, &origin, &labels));
         Ok(())
     }
 
-    /// Where sensor and vehicle were. `origin` is the place of the data's coordinates in their frame.
-    fn scene(
-        &self,
-        frame_id: &str,
-        optical: bool,
-        origin: &Pose,
+    fn survey(&self, stand: &Stand, time: Stamp, params: &ObstaclesParams, is_image: bool) -> Survey<'_> {
+        let since_ns = time.0.saturating_sub(border_rule(params).memory_ns);
+        Survey {
+            footing: stand.footing,
+            placement: stand.placement,
+            scan: scan_params(params, self.camera.as_ref().filter(|_| is_image)),
+            negative: negative_params(params),
+            known: Some(KnownGround { map: &self.ground, since_ns }),
+        }
+    }
+
+    /// Brings the frame into the ground map; marks the borders that count. Gives their pixels, and their cells of the
+    /// cost map.
+    fn mark_negative(
+        &mut self,
+        strips: &mut [Strip],
+        stand: &Stand,
         time: Stamp,
         params: &ObstaclesParams,
-    ) -> Result<Scene, Unusable> {
-        let local_from_vehicle = match params.pose_source() {
-            PoseSource::PoseFixed => Pose::IDENTITY,
-            PoseSource::PoseMessages => {
-                self.localizer.local_from_vehicle(frames(params), time, params.pose_max_age_s)?
-            }
-        };
-        let vehicle_from_frame = if params.mount_fixed {
-            let mount = Pose::from_rpy(
-                DVec3::new(params.mount_x_m, params.mount_y_m, params.mount_height_m),
-                params.mount_roll_deg.to_radians(),
-                params.mount_pitch_deg.to_radians(),
-                params.mount_yaw_deg.to_radians(),
-            );
-            if optical { mount * Pose::body_from_optical() } else { mount }
-        } else {
-            self.localizer.lookup(&params.vehicle_frame, frame_id, time, params.pose_max_age_s)?
-        };
-        let local_from_sensor = local_from_vehicle * vehicle_from_frame * *origin;
-        let up = local_from_vehicle.rotate(DVec3::Z);
-        if up.z < Footing::MIN_UPRIGHT {
-            return Err(Unusable::OnItsSide { up_z: up.z });
+    ) -> (u64, BTreeSet<CellIndex>) {
+        if !params.negative_obstacles {
+            return (0, BTreeSet::new());
         }
-        let sensor = local_from_sensor.translation;
-        let below_origin = local_from_vehicle.translation - up * params.wheels_below_m - sensor;
-        let cell = (local_from_vehicle.translation / CELL_SIZE_M).floor();
-        Ok(Scene {
-            local_from_sensor,
-            footing: Footing { below_origin, up, wheels_m: params.wheels_x_m },
-            placement: Placement { sensor, cell_size_m: CELL_SIZE_M },
-            centre: CellIndex::new(cell.x as i64, cell.y as i64),
-        })
+        self.ground.recentre(stand.ground_centre);
+        let votes = strips.iter().flat_map(|strip| &strip.ground);
+        let borders = self.ground.add(votes, stand.placement.sensor.z, time.0, &border_rule(params));
+        let is_border = |[x, y]: [i32; 2]| borders.contains(&CellIndex::new(x.into(), y.into()));
+        let pixels = strips.iter_mut().map(|strip| strip.mark_borders(is_border)).sum();
+        // Two cells of the ground map are as wide as one of the cost map.
+        let cells = borders.iter().map(|cell| CellIndex::new(cell.x.div_euclid(2), cell.y.div_euclid(2)));
+        (pixels, cells.collect())
     }
-}
 
-/// Writes the cost map and the counts, unless nothing had a range.
-fn write_results(
-    strips: &[Strip],
-    without_range: u64,
-    scene: &Scene,
-    time: Stamp,
-    ports: &Ports,
-    params: &ObstaclesParams,
-    cx: &mut Cycle<'_>,
-) -> Result<(), Unusable> {
-    let count = |label: Label| strips.iter().map(|strip| strip.counts[label as usize]).sum::<u64>();
-    let points = Label::ALL.into_iter().map(count).sum::<u64>() + without_range;
-    let invalid = count(Label::Invalid) + without_range;
-    if invalid == points {
-        return Err(Unusable::Empty { points });
-    }
-    let map = CostMap::new(strips, scene.centre, scene.placement.sensor.z, params.min_pixels);
-    let used = |range: &&Strip| range.range_m[1] > 0.0;
-    let nearest = strips.iter().filter(used).map(|strip| strip.range_m[0]).fold(f32::INFINITY, f32::min);
-    let farthest = strips.iter().filter(used).map(|strip| strip.range_m[1]).fold(0.0, f32::max);
-    let stats = ObstacleStats {
-        timestamp: Some(time.to_proto()),
-        invalid,
-        ground: count(Label::Ground),
-        obstacle: count(Label::Obstacle),
-        short_obstacle: count(Label::ShortObstacle),
-        negative: 0,
-        negative_cells: 0,
-        cover: count(Label::Cover),
-        too_far: count(Label::TooFar),
-        min_range_m: if farthest > 0.0 { f64::from(nearest) } else { 0.0 },
-        max_range_m: f64::from(farthest),
-        cells: map.costs().filter(|&cost| cost <= MAX_COST).count() as u64,
-        obstacle_cells: map.costs().filter(|cost| (OBSTACLE_COST..=MAX_COST).contains(cost)).count() as u64,
-    };
-    cx.write(&ports.cost, time, map.to_grid(&params.local_frame, time.to_proto()));
-    cx.write(&ports.stats, time, stats);
-    Ok(())
-}
-
-/// The points that have a label, with it: `x`, `y`, `z` (f32, m) and `label` (u8), 16 bytes a point.
-fn labelled_cloud(
-    message: &PointCloud,
-    cloud: &rcs_msg::Points<'_>,
-    origin: &Pose,
-    labels: &[Label],
-) -> PointCloud {
-    let mut data = Vec::with_capacity(labels.len() * 16);
-    for (point, &label) in cloud.iter().zip(labels) {
-        if label != Label::Invalid {
-            for value in point.position.to_array() {
-                data.extend_from_slice(&(value as f32).to_le_bytes());
-            }
-            data.extend_from_slice(&[label as u8, 0, 0, 0]);
+    /// Writes the cost map and the counts, unless nothing had a range.
+    #[expect(clippy::too_many_arguments, reason = "one frame, and where it goes")]
+    fn write_results(
+        &mut self,
+        strips: &mut [Strip],
+        without_range: u64,
+        stand: &Stand,
+        time: Stamp,
+        ports: &Ports,
+        params: &ObstaclesParams,
+        cx: &mut Cycle<'_>,
+    ) -> Result<(), Unusable> {
+        let points = Label::ALL.into_iter().map(|label| count(strips, label)).sum::<u64>() + without_range;
+        if count(strips, Label::Invalid) + without_range == points {
+            return Err(Unusable::Empty { points });
         }
-    }
-    let field = |name: &str, offset: u32, r#type: NumericType| PackedElementField {
-        name: name.to_owned(),
-        offset,
-        r#type: r#type.into(),
-    };
-    PointCloud {
-        timestamp: message.timestamp,
-        frame_id: message.frame_id.clone(),
-        pose: Some(pose_message(origin)),
-        point_stride: 16,
-        fields: vec![
-            field("x", 0, NumericType::Float32),
-            field("y", 4, NumericType::Float32),
-            field("z", 8, NumericType::Float32),
-            field("label", 12, NumericType::Uint8),
-        ],
-        data: data.into(),
+        let (negative, negative_cells) = self.mark_negative(strips, stand, time, params);
+        let sensor_z = stand.placement.sensor.z;
+        let map = CostMap::new(strips, &negative_cells, stand.centre, sensor_z, params.min_pixels);
+        let stats = ObstacleStats {
+            negative,
+            negative_cells: negative_cells.len() as u64,
+            ..stats(strips, without_range, &map, time)
+        };
+        cx.write(&ports.cost, time, map.to_grid(&params.local_frame, time.to_proto()));
+        cx.write(&ports.stats, time, stats);
+        Ok(())
     }
 }
 
-fn frames(params: &ObstaclesParams) -> FrameNames<'_> {
-    FrameNames { local: &params.local_frame, vehicle: &params.vehicle_frame, pose: &params.pose_frame }
-}
-
-fn scan_params(params: &ObstaclesParams) -> ScanParams {
-    let tangent = |degrees: f64| libm::tan(degrees.to_radians()) as f32;
-    ScanParams {
-        min_range_m: params.min_range_m as f32,
-        max_range_m: params.max_range_m as f32,
-        slope_limit: tangent(params.slope_limit_deg),
-        regain_slope: tangent(params.regain_slope_deg),
-        min_rise_m: params.min_rise_m as f32,
-        rise_noise: params.rise_noise_per_m as f32,
-        short_height_m: params.short_height_m as f32,
-        clearance_m: params.clearance_m as f32,
-        gap_m: params.gap_m as f32,
-        surface_span_m: params.surface_span_m as f32,
-        wheels_tolerance_m: params.wheels_tolerance_m as f32,
+/// Colours of the pixels of a depth image; empty where there are none.
+fn colours(depth: &Msg<RawImage>, ports: &Ports, cx: &mut Cycle<'_>) -> Vec<u8> {
+    let is_same_time =
+        |image: &Msg<RawImage>| image.acq_time().seconds_since(depth.acq_time()).abs() <= SAME_TIME_S;
+    let Some(image) = cx.latest(&ports.image).filter(is_same_time) else { return Vec::new() };
+    if (image.width, image.height) != (depth.width, depth.height) {
+        let (got, expected) = ([image.width, image.height], [depth.width, depth.height]);
+        cx.fault(format!("colour image has {got:?} pixels, expected {expected:?}; colours left out"));
+        return Vec::new();
+    }
+    match raw_to_rgb8(&image) {
+        Ok(rgb) => rgb.data,
+        Err(error) => {
+            cx.fault(format!("colour image: {error}; colours left out"));
+            Vec::new()
+        }
     }
 }

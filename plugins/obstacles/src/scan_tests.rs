@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use rcs_geom::CellIndex;
 use rcs_world::{MAX_COST, SIDE, UNKNOWN_COST};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 fn share(pairs: &[(Truth, Label)], of: impl Fn(Truth) -> bool, is: impl Fn(Label) -> bool) -> f64 {
     let chosen: Vec<Label> = pairs.iter().filter(|(truth, _)| of(*truth)).map(|(_, label)| *label).collect();
@@ -31,9 +31,7 @@ fn flat_ground_is_ground_as_far_as_ranges_are_believed() {
 #[test]
 fn ground_may_slope_ahead_of_a_vehicle_that_stands_on_the_slope() {
     for degrees in [-15.0, 15.0_f64] {
-        let pairs = Scene { slope_rad: degrees.to_radians(), boxes: Vec::new() }
-            .look()
-            .labels(&ScanParams::default());
+        let pairs = Scene::sloping(degrees.to_radians()).look().labels(&ScanParams::default());
         assert_eq!(ground_only(&pairs), 1.0, "{degrees} degrees");
     }
 }
@@ -41,7 +39,7 @@ fn ground_may_slope_ahead_of_a_vehicle_that_stands_on_the_slope() {
 #[test]
 fn a_box_of_thirty_centimetres_is_an_obstacle_and_the_ground_around_it_is_not() {
     for slope_rad in [0.0, 0.26] {
-        let scene = Scene { slope_rad, boxes: Vec::new() }.with_box([6.0, -0.5, 0.0], [6.4, 0.5, 0.3]);
+        let scene = Scene::sloping(slope_rad).with_box([6.0, -0.5, 0.0], [6.4, 0.5, 0.3]);
         let pairs = scene.look().labels(&ScanParams::default());
         let upper = |truth| matches!(truth, Truth::Box { height_m, .. } if height_m > 0.06);
         assert_eq!(share(&pairs, upper, |label| label == Label::Obstacle), 1.0, "slope {slope_rad}");
@@ -119,8 +117,13 @@ fn missing_pixels_do_not_break_the_scan() {
 fn a_cell_costs_its_share_of_obstacle_pixels_and_cover_does_not_count() {
     let scene = Scene::flat().with_box([6.0, -0.4, 0.0], [6.4, 0.4, 4.0]);
     let view = scene.look();
-    let map =
-        CostMap::new(&view.strips(&ScanParams::default()), CellIndex::new(0, 0), view.placement.sensor.z, 1);
+    let map = CostMap::new(
+        &view.strips(&ScanParams::default()),
+        &BTreeSet::new(),
+        CellIndex::new(0, 0),
+        view.placement.sensor.z,
+        1,
+    );
     let costs: Vec<u8> = map.costs().collect();
     let at = |x_m: f64, y_m: f64| {
         let index = |v: f64| ((v / CELL_SIZE_M).floor() + 100.0) as usize;
@@ -383,7 +386,7 @@ proptest! {
     fn the_pipeline_equals_the_plain_rule_pixel_by_pixel(
         slope_rad in -0.2..0.2, boxes in prop::collection::vec((3.0..12.0, -3.0..3.0, 0.02..2.5), 0..5), holes in any::<u64>(),
     ) {
-        let scene = boxes.iter().fold(Scene { slope_rad, boxes: Vec::new() }, |scene, &(x, y, height)| {
+        let scene = boxes.iter().fold(Scene::sloping(slope_rad), |scene, &(x, y, height)| {
             scene.with_box([x, y, 0.0], [x + 0.4, y + 0.6, height])
         });
         let mut view = scene.look();

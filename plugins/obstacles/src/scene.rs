@@ -1,6 +1,6 @@
 //! Scenes with known truth for the tests: a sloping plane and boxes, seen by a depth camera on a vehicle.
 
-use crate::columns::{Footing, Placement, Strip};
+use crate::columns::{Footing, Placement, Strip, Survey};
 use crate::cost_map::CELL_SIZE_M;
 use crate::depth_image::{DepthImage, Rays, label_image, scan_strip};
 use crate::scan::{Label, ScanParams};
@@ -18,6 +18,10 @@ pub(crate) enum Truth {
         number: usize,
         height_m: f64,
     },
+    /// A wall or the bottom of a ditch, and how far below the plane, m.
+    Ditch {
+        depth_m: f64,
+    },
 }
 
 /// A plane through the vehicle's origin that rises ahead, and boxes that stand on it: corners in x and y, and heights
@@ -26,6 +30,8 @@ pub(crate) enum Truth {
 pub(crate) struct Scene {
     pub(crate) slope_rad: f64,
     pub(crate) boxes: Vec<[DVec3; 2]>,
+    /// Holes in the plane: corners in x and y, and the bottom's height below the plane's own point.
+    pub(crate) ditches: Vec<[DVec3; 2]>,
 }
 
 pub(crate) struct View {
@@ -45,6 +51,16 @@ const CAMERA_HEIGHT_M: f64 = 1.2;
 impl Scene {
     pub(crate) fn flat() -> Scene {
         Scene::default()
+    }
+
+    pub(crate) fn sloping(slope_rad: f64) -> Scene {
+        Scene { slope_rad, ..Scene::default() }
+    }
+
+    /// A hole with upright walls.
+    pub(crate) fn with_ditch(mut self, low: [f64; 2], high: [f64; 2], depth_m: f64) -> Scene {
+        self.ditches.push([DVec3::new(low[0], low[1], -depth_m), DVec3::new(high[0], high[1], 0.0)]);
+        self
     }
 
     pub(crate) fn with_box(mut self, low: [f64; 3], high: [f64; 3]) -> Scene {
@@ -90,6 +106,16 @@ impl Scene {
         let mut best = (f64::INFINITY, Truth::Sky);
         if ray.z < 0.0 {
             best = (-from.z / ray.z, Truth::Ground);
+            let crossed = from + ray * best.0;
+            let is_in = |[low, high]: &&[DVec3; 2]| {
+                (low.x..high.x).contains(&crossed.x) && (low.y..high.y).contains(&crossed.y)
+            };
+            if let Some([low, high]) = self.ditches.iter().find(is_in) {
+                // From inside a box, the nearest of the far faces is what the ray meets.
+                let (a, b) = ((*low - from) / ray, (*high - from) / ray);
+                let leave = a.max(b).min_element();
+                best = (leave, Truth::Ditch { depth_m: -(from.z + leave * ray.z) });
+            }
         }
         for (number, [low, high]) in self.boxes.iter().enumerate() {
             let (a, b) = ((*low - from) / ray, (*high - from) / ray);
@@ -109,8 +135,17 @@ impl View {
     }
 
     pub(crate) fn strips(&self, params: &ScanParams) -> Vec<Strip> {
+        self.strips_of(&self.survey(*params), &[])
+    }
+
+    pub(crate) fn survey(&self, scan: ScanParams) -> Survey<'static> {
+        let (footing, placement) = (self.footing, self.placement);
+        Survey { footing, placement, scan, negative: None, known: None }
+    }
+
+    pub(crate) fn strips_of(&self, survey: &Survey<'_>, rgb: &[u8]) -> Vec<Strip> {
         let image = self.image();
-        let strip = |i| scan_strip(&image, &self.rays, i, self.turn, &self.footing, &self.placement, params);
+        let strip = |i| scan_strip(&image, rgb, &self.rays, i, self.turn, survey);
         (0..self.rays.strips()).map(strip).collect()
     }
 

@@ -1,0 +1,176 @@
+//! The ground map of the negative obstacles: cells of 0.1 m that scroll with the vehicle, with all projected ground
+//! pixels and with the borders that columns have seen (A 3.1.1).
+//!
+//! One column's hole may be noise. A border counts when enough columns, of this frame and of those before, have put one
+//! into the same cell, and when such cells lie side by side over the length that makes a hole large. Ground that is seen
+//! in a cell without a border takes its borders away again, one vote a frame.
+
+use crate::columns::GroundVote;
+use rcs_geom::{CellIndex, GridError, ScrollGrid};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+
+/// Side of a cell, m: half of a cell of the cost map.
+pub const GROUND_CELL_M: f64 = 0.1;
+/// Cells a side: 20 m, as far as ranges are good enough for holes.
+pub const GROUND_SIDE: usize = 201;
+
+/// What is known of 0.1 m × 0.1 m of ground.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GroundCell {
+    /// Mean height of its ground pixels in the local frame, m; the newest weigh most.
+    pub height_m: f32,
+    /// Ground pixels, up to [`MAX_WEIGHT`].
+    pub pixels: u16,
+    /// Columns that saw a border of a hole here, less what spoke against it since.
+    pub borders: u16,
+    /// When it was last seen, ns; 0 for never.
+    pub seen_ns: u64,
+}
+
+/// Weight that a mean keeps against new pixels.
+const MAX_WEIGHT: u32 = 400;
+
+/// The map.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct GroundMap {
+    grid: ScrollGrid<GroundCell>,
+}
+
+/// What makes borders count.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BorderRule {
+    /// How long cells are remembered, ns.
+    pub memory_ns: u64,
+    /// Columns that must have seen a border in a cell.
+    pub min_votes: u32,
+    /// Length over which such cells must lie side by side, m.
+    pub min_length_m: f64,
+}
+
+impl GroundMap {
+    /// An empty map.
+    pub fn new() -> Result<GroundMap, GridError> {
+        Ok(GroundMap { grid: ScrollGrid::new(GROUND_SIDE, GROUND_CELL_M, GroundCell::default())? })
+    }
+
+    /// A cell of the window.
+    pub fn get(&self, cell: CellIndex) -> Option<&GroundCell> {
+        self.grid.get(cell)
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.grid.clear();
+    }
+
+    /// Moves the window around the vehicle.
+    pub fn recentre(&mut self, centre: CellIndex) {
+        self.grid.recentre(centre);
+    }
+
+    /// Adds one frame, taken at `time_ns`; votes are relative to a sensor at the height `sensor_z` (m). Gives the cells
+    /// in which this frame saw a border that counts.
+    pub fn add<'a>(
+        &mut self,
+        votes: impl IntoIterator<Item = &'a GroundVote>,
+        sensor_z: f64,
+        time_ns: u64,
+        rule: &BorderRule,
+    ) -> BTreeSet<CellIndex> {
+        let bounds = self.grid.bounds();
+        let mut frame = vec![Sums::default(); GROUND_SIDE * GROUND_SIDE];
+        for vote in votes {
+            let cell = CellIndex::new(vote.cell[0].into(), vote.cell[1].into());
+            if bounds.contains(cell) {
+                let (column, row) = (cell.x - bounds.south_west.x, cell.y - bounds.south_west.y);
+                let sums = &mut frame[row as usize * GROUND_SIDE + column as usize];
+                sums.pixels += vote.pixels;
+                sums.height += f64::from(vote.height_sum);
+                sums.borders += vote.borders;
+            }
+        }
+        let mut seen = BTreeSet::new();
+        for (at, sums) in frame.iter().enumerate().filter(|(_, sums)| sums.pixels + sums.borders > 0) {
+            let index = bounds.south_west.offset((at % GROUND_SIDE) as i64, (at / GROUND_SIDE) as i64);
+            let Some(cell) = self.grid.get_mut(index) else { continue };
+            cell.take(sums, sensor_z, time_ns, rule);
+            if sums.borders > 0 && u32::from(cell.borders) >= rule.min_votes {
+                seen.insert(index);
+            }
+        }
+        self.long_enough(&seen, time_ns, rule)
+    }
+
+    /// Those of the cells that belong to a border of the length asked for.
+    fn long_enough(
+        &self,
+        seen: &BTreeSet<CellIndex>,
+        time_ns: u64,
+        rule: &BorderRule,
+    ) -> BTreeSet<CellIndex> {
+        let is_border = |index: CellIndex| {
+            self.grid.get(index).is_some_and(|cell| {
+                u32::from(cell.borders) >= rule.min_votes && !cell.is_forgotten(time_ns, rule)
+            })
+        };
+        let mut kept = BTreeSet::new();
+        let mut visited = BTreeSet::new();
+        for &start in seen {
+            if !visited.insert(start) {
+                continue;
+            }
+            let mut patch = vec![start];
+            let (mut low, mut high) = (start, start);
+            let mut next = 0;
+            while let Some(&cell) = patch.get(next) {
+                next += 1;
+                (low.x, low.y) = (low.x.min(cell.x), low.y.min(cell.y));
+                (high.x, high.y) = (high.x.max(cell.x), high.y.max(cell.y));
+                for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))) {
+                    let neighbour = cell.offset(dx, dy);
+                    if is_border(neighbour) && visited.insert(neighbour) {
+                        patch.push(neighbour);
+                    }
+                }
+            }
+            let cells = (high.x - low.x).max(high.y - low.y) + 1;
+            if cells as f64 * GROUND_CELL_M >= rule.min_length_m {
+                kept.extend(patch.into_iter().filter(|cell| seen.contains(cell)));
+            }
+        }
+        kept
+    }
+}
+
+/// What one frame saw in a cell.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    pixels: u32,
+    height: f64,
+    borders: u32,
+}
+
+impl GroundCell {
+    fn is_forgotten(&self, time_ns: u64, rule: &BorderRule) -> bool {
+        time_ns.saturating_sub(self.seen_ns) > rule.memory_ns
+    }
+
+    fn take(&mut self, sums: &Sums, sensor_z: f64, time_ns: u64, rule: &BorderRule) {
+        if self.is_forgotten(time_ns, rule) {
+            *self = GroundCell::default();
+        }
+        self.seen_ns = self.seen_ns.max(time_ns);
+        if sums.pixels > 0 {
+            let (old, new) = (f64::from(self.pixels), f64::from(sums.pixels));
+            let sum = f64::from(self.height_m) * old + sums.height + sensor_z * new;
+            self.height_m = (sum / (old + new)) as f32;
+            self.pixels = (u32::from(self.pixels) + sums.pixels).min(MAX_WEIGHT) as u16;
+        }
+        self.borders = if sums.borders > 0 {
+            (u32::from(self.borders) + sums.borders).min(u16::MAX.into()) as u16
+        } else {
+            self.borders.saturating_sub(1)
+        };
+    }
+}
