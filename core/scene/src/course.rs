@@ -122,11 +122,7 @@ fn named(table: &mut Table<'_>, key: &'static str) -> Result<Option<String>, Sce
 }
 
 /// A place, and the heading there in degrees (0 where the place has none).
-fn place(
-    table: &mut Table<'_>,
-    key: &'static str,
-    has_heading: bool,
-) -> Result<(Place, f64), SceneError> {
+fn place(table: &mut Table<'_>, key: &'static str, has_heading: bool) -> Result<(Place, f64), SceneError> {
     let Some(mut entry) = table.table(key)? else {
         let heading = if has_heading { ", heading_deg" } else { "" };
         return Err(table.error(key, format!("is missing, expected {{ easting, northing{heading} }}")));

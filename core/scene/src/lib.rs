@@ -1,1 +1,68 @@
 //! Simulated worlds: terrain, vegetation, things, and rays cast into them.
+//!
+//! A [`World`] is read from a TOML file and never changes. It answers what the ground is like ([`World::ground`]), what
+//! a vehicle touches ([`World::touching`]), what a ray hits ([`World::cast`]), and what a camera sees
+//! ([`render_rows`]); and it knows the truth: [`Class`] and [`Label`] per pixel, [`World::truth_cell`] and
+//! [`World::blocked`] per place.
+//!
+//! # World files
+//!
+//! Lengths in metres, angles in degrees counter-clockwise from east, z up. Keys that nobody knows are refused.
+//!
+//! | table | keys |
+//! | --- | --- |
+//! | top | `name`, `seed`, `bounds_m = [[x, y], [x, y]]`, `base` (a surface) |
+//! | `[origin]` | `zone`, `north`, `easting_m`, `northing_m`: UTM of the place (0, 0) |
+//! | `[sun]` | `azimuth_deg`, `elevation_deg` |
+//! | `[surface.NAME]` | `traction`, `rolling_resistance`, `height_m`, `density_per_m`, `drag`, `passable`, `colour`, `second_colour` |
+//! | `[[undulation]]` | `wavelength_m`, `amplitude_m` |
+//! | `[[hill]]` | `centre`, `radius_m`, `second_radius_m`, `yaw_deg`, `height_m` (negative for a hollow) |
+//! | `[[slope]]` | `from`, `to`, `rise_m` |
+//! | `[[ditch]]` | `path`, `width_m`, `depth_m`, `bank_m` |
+//! | `[[ledge]]` | `path`, `height_m` (of the left side), `run_m`, `fade_m` |
+//! | `[[paint]]` | `surface`, a region, `edge_m` (how far its border wanders) |
+//! | `[[thing]]` | `kind`, `at`, `yaw_deg`, sizes |
+//! | `[[line]]` | `kind` (fence, hedge), `path`, sizes |
+//! | `[[scatter]]` | `kind`, `count`, `spacing_m`, a region, sizes as a number or `[least, largest]` |
+//! | `[[clear]]` | a region that seeded lists leave free |
+//!
+//! A region is one of `polygon = [[x, y], …]`, `path = [[x, y], …]` with `width_m`, `circle = [x, y, radius]`.
+//! Sizes are those of `radius_m`, `height_m`, `crown_radius_m`, `length_m`, `width_m` that the kind has.
+//! Surfaces and kinds are named by [`Surface`] and [`ThingKind`].
+//!
+//! # Determinism
+//!
+//! Everything follows from the text: noise and seeded lists are hashes of the seed and the place, what is in vegetation
+//! is a hash of the place, and a pixel depends on its camera, its pose and the world alone.
+
+mod build;
+mod camera;
+mod class;
+mod course;
+mod drive;
+mod heightfield;
+mod looks;
+mod noise;
+mod read;
+mod region;
+mod render;
+mod shape;
+mod spec;
+mod surface;
+mod terrain;
+mod texture;
+mod thing;
+mod touch;
+mod trace;
+mod world;
+
+pub use camera::CameraRays;
+pub use class::{COVER_M, Class, Label, SHORT_M, Surface, ThingKind};
+pub use course::{Course, Place, WrongZone};
+pub use drive::{TRUTH_CELL_M, TruthCell};
+pub use read::SceneError;
+pub use render::{CAMERA_RANGE_M, ViewRows, render_rows};
+pub use thing::{Outline, Thing};
+pub use touch::{Footprint, Touch};
+pub use trace::Hit;
+pub use world::{Ground, World};

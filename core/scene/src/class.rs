@@ -1,0 +1,323 @@
+//! What a ray can hit, as codes, and which obstacle label the truth gives it.
+
+use serde::{Deserialize, Serialize};
+
+/// What covers the ground.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[repr(u8)]
+pub enum Surface {
+    /// A mown meadow.
+    ShortGrass = 1,
+    /// Grass to the hip that a vehicle pushes aside.
+    TallGrass = 2,
+    /// Dense weeds that hide what stands in them.
+    TallWeeds = 3,
+    /// Bark mulch of a path.
+    Mulch = 4,
+    /// Crushed white lime of a path.
+    WhiteLime = 5,
+    /// Bare soil.
+    Dirt = 6,
+    /// Wet soil: little traction.
+    Mud = 7,
+    /// Fallen leaves under trees.
+    LeafLitter = 8,
+}
+
+impl Surface {
+    /// All of them, in the order of their codes.
+    pub const ALL: [Surface; 8] = [
+        Surface::ShortGrass,
+        Surface::TallGrass,
+        Surface::TallWeeds,
+        Surface::Mulch,
+        Surface::WhiteLime,
+        Surface::Dirt,
+        Surface::Mud,
+        Surface::LeafLitter,
+    ];
+
+    /// As world files write it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Surface::ShortGrass => "short_grass",
+            Surface::TallGrass => "tall_grass",
+            Surface::TallWeeds => "tall_weeds",
+            Surface::Mulch => "mulch",
+            Surface::WhiteLime => "white_lime",
+            Surface::Dirt => "dirt",
+            Surface::Mud => "mud",
+            Surface::LeafLitter => "leaf_litter",
+        }
+    }
+
+    /// The surface of a name.
+    pub fn from_name(name: &str) -> Option<Surface> {
+        Surface::ALL.into_iter().find(|surface| surface.name() == name)
+    }
+
+    /// The surface of a code; short grass for codes that none has.
+    pub(crate) const fn from_code(code: u8) -> Surface {
+        match code {
+            2 => Surface::TallGrass,
+            3 => Surface::TallWeeds,
+            4 => Surface::Mulch,
+            5 => Surface::WhiteLime,
+            6 => Surface::Dirt,
+            7 => Surface::Mud,
+            8 => Surface::LeafLitter,
+            _ => Surface::ShortGrass,
+        }
+    }
+
+    /// What a ray that ends on it, or on what grows on it, has hit.
+    pub const fn class(self) -> Class {
+        match self {
+            Surface::ShortGrass => Class::ShortGrass,
+            Surface::TallGrass => Class::TallGrass,
+            Surface::TallWeeds => Class::TallWeeds,
+            Surface::Mulch => Class::Mulch,
+            Surface::WhiteLime => Class::WhiteLime,
+            Surface::Dirt => Class::Dirt,
+            Surface::Mud => Class::Mud,
+            Surface::LeafLitter => Class::LeafLitter,
+        }
+    }
+}
+
+/// A kind of thing that stands on the ground.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[repr(u8)]
+pub enum ThingKind {
+    /// A trunk with a crown; the trunk alone is solid.
+    Tree,
+    /// Foliage down to the ground around a woody core, which is solid.
+    Bush,
+    /// A row of bushes.
+    Hedge,
+    /// A stone, half an ellipsoid above the ground.
+    Boulder,
+    /// A trunk that lies.
+    Log,
+    /// A square bale.
+    HayBale,
+    /// An upright post.
+    Post,
+    /// Orange plastic mesh: seen through, not driven through.
+    Fence,
+    /// A hut with a roof.
+    Shed,
+    /// Someone who stands.
+    Person,
+}
+
+impl ThingKind {
+    /// All of them.
+    pub const ALL: [ThingKind; 10] = [
+        ThingKind::Tree,
+        ThingKind::Bush,
+        ThingKind::Hedge,
+        ThingKind::Boulder,
+        ThingKind::Log,
+        ThingKind::HayBale,
+        ThingKind::Post,
+        ThingKind::Fence,
+        ThingKind::Shed,
+        ThingKind::Person,
+    ];
+
+    /// As world files and truth messages write it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            ThingKind::Tree => "tree",
+            ThingKind::Bush => "bush",
+            ThingKind::Hedge => "hedge",
+            ThingKind::Boulder => "boulder",
+            ThingKind::Log => "log",
+            ThingKind::HayBale => "hay_bale",
+            ThingKind::Post => "post",
+            ThingKind::Fence => "fence",
+            ThingKind::Shed => "shed",
+            ThingKind::Person => "person",
+        }
+    }
+
+    /// What a ray that ends on it has hit; of a tree, its trunk.
+    pub const fn class(self) -> Class {
+        match self {
+            ThingKind::Tree => Class::Trunk,
+            ThingKind::Bush | ThingKind::Hedge => Class::Bush,
+            ThingKind::Boulder => Class::Boulder,
+            ThingKind::Log => Class::Log,
+            ThingKind::HayBale => Class::HayBale,
+            ThingKind::Post => Class::Post,
+            ThingKind::Fence => Class::Fence,
+            ThingKind::Shed => Class::Shed,
+            ThingKind::Person => Class::Person,
+        }
+    }
+
+    /// The kind of a name.
+    pub fn from_name(name: &str) -> Option<ThingKind> {
+        ThingKind::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+}
+
+/// What a ray has hit. The codes are those of class images and of the class field of truth maps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[repr(u8)]
+pub enum Class {
+    /// Nothing within range.
+    Sky = 0,
+    /// [`Surface::ShortGrass`].
+    ShortGrass = 1,
+    /// [`Surface::TallGrass`]: the ground or a stem.
+    TallGrass = 2,
+    /// [`Surface::TallWeeds`]: the ground or a stem.
+    TallWeeds = 3,
+    /// [`Surface::Mulch`].
+    Mulch = 4,
+    /// [`Surface::WhiteLime`].
+    WhiteLime = 5,
+    /// [`Surface::Dirt`].
+    Dirt = 6,
+    /// [`Surface::Mud`].
+    Mud = 7,
+    /// [`Surface::LeafLitter`].
+    LeafLitter = 8,
+    /// The trunk of a tree.
+    Trunk = 16,
+    /// The crown of a tree.
+    Crown = 17,
+    /// A bush or a hedge.
+    Bush = 18,
+    /// A boulder.
+    Boulder = 19,
+    /// A log.
+    Log = 20,
+    /// A hay bale.
+    HayBale = 21,
+    /// A post.
+    Post = 22,
+    /// The orange fence.
+    Fence = 23,
+    /// A shed.
+    Shed = 24,
+    /// A person.
+    Person = 25,
+}
+
+impl Class {
+    /// All of them, in the order of their codes.
+    pub const ALL: [Class; 19] = [
+        Class::Sky,
+        Class::ShortGrass,
+        Class::TallGrass,
+        Class::TallWeeds,
+        Class::Mulch,
+        Class::WhiteLime,
+        Class::Dirt,
+        Class::Mud,
+        Class::LeafLitter,
+        Class::Trunk,
+        Class::Crown,
+        Class::Bush,
+        Class::Boulder,
+        Class::Log,
+        Class::HayBale,
+        Class::Post,
+        Class::Fence,
+        Class::Shed,
+        Class::Person,
+    ];
+
+    /// In words, for legends.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Class::Sky => "sky",
+            Class::ShortGrass => "short_grass",
+            Class::TallGrass => "tall_grass",
+            Class::TallWeeds => "tall_weeds",
+            Class::Mulch => "mulch",
+            Class::WhiteLime => "white_lime",
+            Class::Dirt => "dirt",
+            Class::Mud => "mud",
+            Class::LeafLitter => "leaf_litter",
+            Class::Trunk => "trunk",
+            Class::Crown => "crown",
+            Class::Bush => "bush",
+            Class::Boulder => "boulder",
+            Class::Log => "log",
+            Class::HayBale => "hay_bale",
+            Class::Post => "post",
+            Class::Fence => "fence",
+            Class::Shed => "shed",
+            Class::Person => "person",
+        }
+    }
+
+    /// The class of a code.
+    pub fn from_code(code: u8) -> Option<Class> {
+        Class::ALL.into_iter().find(|class| class.code() == code)
+    }
+
+    /// The code in images and maps.
+    pub const fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// Whether it is a surface or grows on one.
+    pub const fn is_surface(self) -> bool {
+        let code = self as u8;
+        code >= 1 && code <= 8
+    }
+}
+
+/// Obstacle labels with the codes of the palette `obstacle_labels` (A 3.1.1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[repr(u8)]
+pub enum Label {
+    /// The sky: no range.
+    Invalid = 0,
+    /// Where a vehicle can drive, vegetation that gives way included.
+    Ground = 1,
+    /// What stops a vehicle: things, vegetation that does not give way, and faces steeper than 45°.
+    Obstacle = 2,
+    /// A thing that rises less than [`SHORT_M`] above the ground.
+    Short = 3,
+    /// At least [`COVER_M`] above the ground below: free to drive under.
+    Cover = 4,
+}
+
+impl Label {
+    /// The code in label images.
+    pub const fn code(self) -> u8 {
+        self as u8
+    }
+}
+
+/// Things lower than this are [`Label::Short`], m (A 3.1.1).
+pub const SHORT_M: f64 = 0.05;
+/// From this height above the ground on, a hit is [`Label::Cover`], m (A 3.1.1).
+pub const COVER_M: f64 = 1.5;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_and_names_are_each_ones_own() {
+        for (at, class) in Class::ALL.into_iter().enumerate() {
+            assert_eq!(Class::from_code(class.code()), Some(class));
+            assert!(Class::ALL[at + 1..].iter().all(|other| other.name() != class.name()));
+        }
+        for surface in Surface::ALL {
+            assert_eq!(Surface::from_name(surface.name()), Some(surface));
+            assert_eq!(surface.class().code(), surface as u8);
+            assert_eq!(Surface::from_code(surface as u8), surface);
+        }
+        for kind in ThingKind::ALL {
+            assert_eq!(ThingKind::from_name(kind.name()), Some(kind));
+        }
+    }
+}

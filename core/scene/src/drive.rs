@@ -1,0 +1,214 @@
+//! Where a vehicle can drive: the truth in cells of 0.2 m.
+
+use rcs_geom::DVec2;
+
+use crate::class::{Class, Surface};
+use crate::spec::WorldSpec;
+use crate::terrain::{CELL_M, Lattice};
+use crate::thing::Thing;
+use crate::world::World;
+
+/// Side of a cell of the truth, m.
+pub const TRUTH_CELL_M: f64 = 0.2;
+/// Samples of the lattice per truth cell and side.
+const SAMPLES: usize = 2;
+/// Steeper ground than this stops a vehicle: its tangent over a cell of the truth, 35°.
+const STEEP: f64 = 0.7;
+
+/// What is true of one cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TruthCell {
+    /// A thing that covers the cell's middle, else its surface.
+    pub class: Class,
+    /// Height of the soil, m.
+    pub ground_height_m: f64,
+    /// Height of what grows there, or of the thing that covers it, above the soil, m.
+    pub cover_height_m: f64,
+    /// Whether a solid thing, foliage, a steep face (of a ditch, a ledge) or growth that does not give way covers it.
+    pub blocked: bool,
+}
+
+/// Blocked cells, and the distance to them.
+pub(crate) struct DriveMap {
+    size: [usize; 2],
+    /// The thing in a cell plus 1; 0 for none.
+    thing: Vec<u16>,
+    /// From a cell's middle to that of the nearest blocked cell, m.
+    distance_m: Vec<f32>,
+}
+
+impl DriveMap {
+    pub(crate) fn build(spec: &WorldSpec, lattice: &Lattice, things: &[Thing]) -> DriveMap {
+        let low = spec.bounds_m[0];
+        let extent = spec.bounds_m[1] - low;
+        let size = [extent.x, extent.y].map(|side| (side / TRUTH_CELL_M).ceil() as usize);
+        let mut map = DriveMap { size, thing: vec![0; size[0] * size[1]], distance_m: Vec::new() };
+        let mut blocked = vec![false; size[0] * size[1]];
+        for row in 0..size[1] {
+            for column in 0..size[0] {
+                let first = [column * SAMPLES, row * SAMPLES];
+                let surface =
+                    Surface::from_code(lattice.surface[(first[1] + 1) * lattice.width + first[0] + 1]);
+                let material = &spec.materials[surface as usize - 1];
+                blocked[row * size[0] + column] = !material.passable || is_steep(lattice, first);
+            }
+        }
+        for thing in things {
+            let reach = thing.radius_m + TRUTH_CELL_M;
+            let middle = thing.position.truncate() - low;
+            let index = |value: f64, most: usize| ((value / TRUTH_CELL_M).max(0.0) as usize).min(most);
+            for row in index(middle.y - reach, size[1])..index(middle.y + reach + TRUTH_CELL_M, size[1]) {
+                for column in
+                    index(middle.x - reach, size[0])..index(middle.x + reach + TRUTH_CELL_M, size[0])
+                {
+                    let at = low + (DVec2::new(column as f64, row as f64) + 0.5) * TRUTH_CELL_M;
+                    // A cell that a thing reaches into by half is covered.
+                    if thing.outline_distance_m(at) < 0.5 * TRUTH_CELL_M {
+                        map.thing[row * size[0] + column] = thing.number as u16 + 1;
+                        blocked[row * size[0] + column] = true;
+                    }
+                }
+            }
+        }
+        map.distance_m = distances(&blocked, size[0]);
+        map
+    }
+}
+
+/// Whether the soil of a cell rises too steeply across it, in either direction or diagonally.
+fn is_steep(lattice: &Lattice, [column, row]: [usize; 2]) -> bool {
+    let z = |u: usize, v: usize| f64::from(lattice.z[(row + v) * lattice.width + column + u]);
+    let along = (z(SAMPLES, 0) - z(0, 0)).abs().max((z(SAMPLES, SAMPLES) - z(0, SAMPLES)).abs());
+    let across = (z(0, SAMPLES) - z(0, 0)).abs().max((z(SAMPLES, SAMPLES) - z(SAMPLES, 0)).abs());
+    DVec2::new(along, across).length() > STEEP * SAMPLES as f64 * CELL_M
+}
+
+/// Distance of each cell from the nearest blocked one, m: the exact Euclidean transform in two passes (Felzenszwalb and
+/// Huttenlocher, "Distance transforms of sampled functions", 2012).
+fn distances(blocked: &[bool], width: usize) -> Vec<f32> {
+    const FAR: f64 = 1e9;
+    let height = blocked.len() / width;
+    let mut squared: Vec<f64> = blocked.iter().map(|&blocked| if blocked { 0.0 } else { FAR }).collect();
+    let mut line = vec![0.0; width.max(height)];
+    let mut envelope = Envelope::default();
+    for column in 0..width {
+        for row in 0..height {
+            line[row] = squared[row * width + column];
+        }
+        envelope.lower(&mut line[..height]);
+        for row in 0..height {
+            squared[row * width + column] = line[row];
+        }
+    }
+    for row in squared.chunks_exact_mut(width) {
+        envelope.lower(row);
+    }
+    squared.iter().map(|&cells2| (cells2.sqrt() * TRUTH_CELL_M).min(1e3) as f32).collect()
+}
+
+/// The lower envelope of parabolas that stand on a line of values.
+#[derive(Default)]
+struct Envelope {
+    /// Feet of the parabolas, and from where on each is the lowest.
+    feet: Vec<(usize, f64)>,
+    values: Vec<f64>,
+}
+
+impl Envelope {
+    fn lower(&mut self, line: &mut [f64]) {
+        self.values.clear();
+        self.values.extend_from_slice(line);
+        self.feet.clear();
+        for (foot, value) in self.values.iter().enumerate() {
+            let mut from = f64::NEG_INFINITY;
+            while let Some(&(last, last_from)) = self.feet.last() {
+                let (q, p) = (foot as f64, last as f64);
+                from = ((value + q * q) - (self.values[last] + p * p)) / (2.0 * (q - p));
+                if from > last_from {
+                    break;
+                }
+                self.feet.pop();
+                from = f64::NEG_INFINITY;
+            }
+            self.feet.push((foot, from));
+        }
+        let mut at = 0;
+        for (place, value) in line.iter_mut().enumerate() {
+            while at + 1 < self.feet.len() && self.feet[at + 1].1 < place as f64 {
+                at += 1;
+            }
+            let foot = self.feet[at].0;
+            let away = place as f64 - foot as f64;
+            *value = self.values[foot] + away * away;
+        }
+    }
+}
+
+impl World {
+    /// Columns and rows of the truth's cells, the first at the lower left corner of the bounds.
+    pub fn truth_size(&self) -> [usize; 2] {
+        self.inner.drive.size
+    }
+
+    /// What is true of a cell. `None` outside of the bounds.
+    pub fn truth_cell(&self, column: usize, row: usize) -> Option<TruthCell> {
+        let drive = &self.inner.drive;
+        if column >= drive.size[0] || row >= drive.size[1] {
+            return None;
+        }
+        let index = row * drive.size[0] + column;
+        let at = self.bounds_m()[0] + (DVec2::new(column as f64, row as f64) + 0.5) * TRUTH_CELL_M;
+        let ground = self.ground(at);
+        let thing =
+            drive.thing[index].checked_sub(1).and_then(|number| self.things().get(usize::from(number)));
+        Some(TruthCell {
+            class: thing.map_or(ground.surface.class(), |thing| thing.kind.class()),
+            ground_height_m: ground.height_m,
+            cover_height_m: thing.map_or(ground.vegetation_height_m, |thing| thing.height_m),
+            blocked: drive.distance_m[index] == 0.0,
+        })
+    }
+
+    /// Distance from a place's cell to the nearest that a vehicle cannot drive on, m; 0 in such a cell and outside of
+    /// the bounds. Between cells' middles, so within 0.15 m of the distance between outlines.
+    pub fn clearance_m(&self, xy: DVec2) -> f64 {
+        let drive = &self.inner.drive;
+        let [low, high] = self.bounds_m();
+        if !(xy.cmpge(low).all() && xy.cmplt(high).all()) {
+            return 0.0;
+        }
+        let cell = (xy - low) / TRUTH_CELL_M;
+        let column = (cell.x as usize).min(drive.size[0] - 1);
+        let row = (cell.y as usize).min(drive.size[1] - 1);
+        f64::from(drive.distance_m[row * drive.size[0] + column])
+    }
+
+    /// Whether anything that a vehicle cannot drive on comes closer to a place than `clearance_m`.
+    pub fn blocked(&self, xy: DVec2, clearance_m: f64) -> bool {
+        let clearance = self.clearance_m(xy);
+        clearance == 0.0 || clearance < clearance_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::noise::hash2;
+
+    #[test]
+    fn distances_equal_brute_force() {
+        let (width, height) = (31, 23);
+        let blocked: Vec<bool> = (0..width * height).map(|at| hash2(at, 5, 77) % 41 == 0).collect();
+        let fast = distances(&blocked, width as usize);
+        for y in 0..height {
+            for x in 0..width {
+                let squared = (0..width * height).filter(|&at| blocked[at as usize]).map(|at| {
+                    let (dx, dy) = (at % width - x, at / width - y);
+                    dx * dx + dy * dy
+                });
+                let expected = f64::from(squared.min().unwrap()).sqrt() * TRUTH_CELL_M;
+                assert!((f64::from(fast[(y * width + x) as usize]) - expected).abs() < 1e-6);
+            }
+        }
+    }
+}

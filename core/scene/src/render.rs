@@ -1,0 +1,242 @@
+//! What a camera sees.
+//!
+//! Pixels are taken in bundles of 8×8. For a bundle it is found once which shapes its cone can meet, and how far it is
+//! clear of the ground; each ray of it then tries those shapes and walks the ground from there. Both only leave out what
+//! no ray of the bundle can meet, and bundles lie at fixed places of the image: how it is cut into strips changes no bit.
+
+use std::ops::Range;
+
+use rcs_geom::Pose;
+
+use crate::camera::{BUNDLE, CameraRays, Cone, GROUP};
+use crate::class::{Class, Label, Surface};
+use crate::heightfield::FieldRay;
+use crate::looks::Seen;
+use crate::shape::{Form, MESH_COVER, Shape, Vec3};
+use crate::trace::Met;
+use crate::world::{Inner, World};
+
+/// Farther away nothing is seen but the sky, m.
+pub const CAMERA_RANGE_M: f64 = 300.0;
+const RANGE: f32 = CAMERA_RANGE_M as f32;
+/// From this width of a pixel on, the strands of a fence blend into what is behind, m.
+const BLEND_M: f32 = 0.012;
+
+/// Where to put some rows of a view: row after row, the first of the rows first.
+pub struct ViewRows<'a> {
+    /// Red, green, blue: three bytes a pixel.
+    pub rgb: &'a mut [u8],
+    /// Depth along the optical axis, m; NaN where there is none.
+    pub depth_m: &'a mut [f32],
+    /// Codes of [`Class`].
+    pub class: &'a mut [u8],
+    /// Codes of [`Label`].
+    pub label: &'a mut [u8],
+}
+
+/// Draws some rows of what a camera sees. Rows and pixels beyond those that `out` holds are left out.
+pub fn render_rows(
+    world: &World,
+    rays: &CameraRays,
+    global_from_camera: &Pose,
+    rows: Range<usize>,
+    out: &mut ViewRows<'_>,
+) {
+    let rows = rows.start..rows.end.min(rays.height());
+    let held = [out.rgb.len() / 3, out.depth_m.len(), out.class.len(), out.label.len()];
+    let held_rows = held.into_iter().min().unwrap_or(0) / rays.width().max(1);
+    let rows = rows.start..rows.end.min(rows.start + held_rows);
+    if rows.is_empty() || !global_from_camera.is_finite() {
+        return;
+    }
+    let view = View::new(world, rays, global_from_camera);
+    let mut near = Vec::new();
+    let mut nearer = Vec::new();
+    for bundle_row in rows.start / BUNDLE..=(rows.end - 1) / BUNDLE {
+        for column in 0..rays.bundles_across() {
+            if column % GROUP == 0 {
+                view.shapes_near(rays.group(column, bundle_row), &view.reach, &mut near);
+            }
+            view.shapes_near(rays.bundle(column, bundle_row), &near, &mut nearer);
+            view.bundle(column, bundle_row, &rows, &nearer, out);
+        }
+    }
+}
+
+/// A shape as a ball seen from the camera.
+#[derive(Clone, Copy)]
+struct Ball {
+    shape: u32,
+    /// From the camera, in the global frame, m.
+    middle: Vec3,
+    reach_m: f32,
+}
+
+struct View<'v> {
+    inner: &'v Inner,
+    rays: &'v CameraRays,
+    origin: Vec3,
+    /// Rows of the matrix that turns the optical frame into the global one.
+    turn: [Vec3; 3],
+    reach: Vec<Ball>,
+    passable: [bool; 16],
+}
+
+/// What a ray has found.
+struct Found {
+    t: f32,
+    met: Option<Met>,
+}
+
+impl<'v> View<'v> {
+    fn new(world: &'v World, rays: &'v CameraRays, pose: &Pose) -> View<'v> {
+        let inner = &*world.inner;
+        let origin = world.local(pose.translation);
+        let columns = pose.rotation_matrix().to_cols_array_2d();
+        let turn = [0, 1, 2].map(|row| [0, 1, 2].map(|column| columns[column][row] as f32));
+        let ball = |(number, shape): (usize, &Shape)| {
+            let middle = [0, 1, 2].map(|axis| shape.middle[axis] - origin[axis]);
+            Ball { shape: number as u32, middle, reach_m: shape.reach_m() }
+        };
+        let mut passable = [true; 16];
+        for surface in Surface::ALL {
+            passable[surface as usize] = world.material(surface).passable;
+        }
+        let reach = inner.shapes.iter().enumerate().map(ball).collect();
+        View { inner, rays, origin, turn, reach, passable }
+    }
+
+    #[inline]
+    fn turned(&self, v: Vec3) -> Vec3 {
+        self.turn.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
+    }
+
+    /// The balls that a cone may meet.
+    fn shapes_near(&self, cone: &Cone, among: &[Ball], near: &mut Vec<Ball>) {
+        near.clear();
+        let axis = self.turned(cone.axis);
+        for ball in among {
+            let m = ball.middle;
+            let along = m[0] * axis[0] + m[1] * axis[1] + m[2] * axis[2];
+            let distance2 = m[0] * m[0] + m[1] * m[1] + m[2] * m[2];
+            // A ray stays within spread · distance of the axis's point at the same distance, and meets the ball at most
+            // as far away as its middle plus its radius.
+            let reach = ball.reach_m + cone.spread * (distance2.sqrt() + ball.reach_m);
+            let aside2 = distance2 - along * along;
+            let before = along > 0.0 || distance2 <= reach * reach;
+            if before && aside2 <= reach * reach * 1.0001 + 1e-4 {
+                near.push(*ball);
+            }
+        }
+    }
+
+    fn bundle(
+        &self,
+        column: usize,
+        bundle_row: usize,
+        rows: &Range<usize>,
+        near: &[Ball],
+        out: &mut ViewRows<'_>,
+    ) {
+        let cone = self.rays.bundle(column, bundle_row);
+        let clear = self.inner.field.clear_until(self.origin, self.turned(cone.axis), cone.spread);
+        let first = (bundle_row * BUNDLE).max(rows.start);
+        for row in first..((bundle_row + 1) * BUNDLE).min(rows.end) {
+            for column in self.rays.columns_of(column) {
+                let at = (row - rows.start) * self.rays.width() + column;
+                let ray = self.rays.at(column, row);
+                self.pixel(ray, near, clear, at, out);
+            }
+        }
+    }
+
+    #[inline]
+    fn pixel(&self, ray: Vec3, near: &[Ball], clear: f32, at: usize, out: &mut ViewRows<'_>) {
+        let d = self.turned(ray);
+        if ray[2] <= 0.0 {
+            return put(out, at, [0.0; 3], f32::NAN, Class::Sky, Label::Invalid);
+        }
+        let mut solid = Found { t: RANGE, met: None };
+        // The fence is drawn over what is behind it; a ray may still end at a strand.
+        let (mut veil, mut strand) = (None, Found { t: RANGE, met: None });
+        for ball in near {
+            let shape = &self.inner.shapes[ball.shape as usize];
+            if shape.form == Form::Mesh {
+                self.fence(shape, ball.shape, d, &mut veil, &mut strand);
+            } else if let Some(t) = shape.meet(self.origin, d, solid.t) {
+                solid = Found { t, met: Some(Met::Shape(ball.shape)) };
+            }
+        }
+        if clear < solid.t {
+            let ray = FieldRay::new(self.origin, d);
+            if let Some(hit) = self.inner.field.cast(&ray, clear, solid.t)
+                && hit.t < solid.t
+            {
+                solid = Found { t: hit.t, met: Some(Met::Field(hit)) };
+            }
+        }
+        if let Some(t) = self.inner.plain(self.origin, d, solid.t) {
+            solid = Found { t, met: Some(Met::Plain) };
+        }
+        let mut colour = self.colour(&solid, d);
+        let mut seen = &solid;
+        if strand.t < solid.t {
+            seen = &strand;
+        }
+        if let Some((t, shape)) = veil
+            && t < solid.t
+        {
+            let blended = t * self.rays.pixel_rad > BLEND_M;
+            let cover = if blended { MESH_COVER } else { f32::from(u8::from(strand.t < solid.t)) };
+            let orange = self.colour(&Found { t, met: Some(Met::Shape(shape)) }, d);
+            colour = [0, 1, 2].map(|c| colour[c] + (orange[c] - colour[c]) * cover);
+        }
+        let Some(met) = seen.met else {
+            return put(out, at, colour, f32::NAN, Class::Sky, Label::Invalid);
+        };
+        let point = self.point(seen.t, d);
+        let (class, _) = self.inner.class(met, point);
+        put(out, at, colour, seen.t * ray[2], class, self.inner.label(met, point, &self.passable));
+    }
+
+    #[inline]
+    fn fence(&self, shape: &Shape, number: u32, d: Vec3, veil: &mut Option<(f32, u32)>, strand: &mut Found) {
+        if let Some((t, _)) = shape.crossing(self.origin, d)
+            && veil.is_none_or(|(nearest, _)| t < nearest)
+        {
+            *veil = Some((t, number));
+        }
+        if let Some(t) = shape.meet(self.origin, d, strand.t) {
+            *strand = Found { t, met: Some(Met::Shape(number)) };
+        }
+    }
+
+    #[inline]
+    fn point(&self, t: f32, d: Vec3) -> Vec3 {
+        [0, 1, 2].map(|axis| self.origin[axis] + t * d[axis])
+    }
+
+    #[inline]
+    fn colour(&self, found: &Found, d: Vec3) -> Vec3 {
+        let looks = &self.inner.looks;
+        let Some(met) = found.met else { return looks.sky(d) };
+        let seen =
+            Seen { at: self.point(found.t, d), direction: d, footprint_m: found.t * self.rays.pixel_rad };
+        let colour = match met {
+            Met::Field(hit) => looks.field(&self.inner.field, &hit, &seen),
+            Met::Shape(shape) => looks.shape(&self.inner.shapes[shape as usize], &seen),
+            Met::Plain => looks.plain(&seen),
+        };
+        looks.hazed(colour, found.t)
+    }
+}
+
+#[inline]
+fn put(out: &mut ViewRows<'_>, at: usize, colour: Vec3, depth_m: f32, class: Class, label: Label) {
+    for (byte, value) in out.rgb[3 * at..3 * at + 3].iter_mut().zip(colour) {
+        *byte = value as u8;
+    }
+    out.depth_m[at] = depth_m;
+    out.class[at] = class.code();
+    out.label[at] = label.code();
+}

@@ -1,0 +1,255 @@
+//! Convex shapes of which things are made, and rays against them.
+//!
+//! Every shape is met as an interval along the ray, in the shape's own axes (turned about z alone). Foliage is a volume
+//! in which leaves sit in small cubes, there or not by a hash of the cube's place, so that both eyes see the same ones;
+//! the fence is a panel with holes.
+
+use crate::class::Class;
+use crate::noise::{hash3, unit};
+
+/// Coordinates are metres from the lattice's first sample.
+pub(crate) type Vec3 = [f32; 3];
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Form {
+    Ellipsoid,
+    /// About z.
+    Column,
+    /// About its own x axis.
+    Roll,
+    Box,
+    /// A panel in its own x-z plane, with holes.
+    Mesh,
+}
+
+/// How a shape looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Coat {
+    /// Two colours between which its texture goes, 0 to 255.
+    pub(crate) colours: [Vec3; 2],
+    /// Texture cells per metre across and up: wood has its grain, stone has none.
+    pub(crate) grain: [f32; 2],
+}
+
+/// One shape of a thing.
+#[derive(Clone, Debug)]
+pub(crate) struct Shape {
+    pub(crate) form: Form,
+    pub(crate) thing: u32,
+    pub(crate) class: Class,
+    pub(crate) middle: Vec3,
+    /// Half sizes along its own axes, m.
+    pub(crate) half: Vec3,
+    /// Cosine and sine of its yaw.
+    pub(crate) turn: [f32; 2],
+    /// Side of the cubes of leaves, m; 0 for solid shapes.
+    pub(crate) leaf_m: f32,
+    pub(crate) coat: Coat,
+    /// Ground below the thing, m.
+    pub(crate) ground_m: f32,
+    /// Height of the whole thing, m.
+    pub(crate) thing_height_m: f32,
+}
+
+/// Part of the cubes in foliage that hold a leaf.
+const LEAVES: f32 = 0.6;
+/// Steps through foliage; a ray that met no leaf in them passes.
+const LEAF_STEPS: usize = 8;
+/// Side of the fence's meshes, m.
+pub(crate) const MESH_M: f32 = 0.05;
+/// Width of its strands as a part of that.
+const STRAND: f32 = 0.18;
+/// Part of the fence that is plastic.
+pub(crate) const MESH_COVER: f32 = 1.0 - (1.0 - STRAND) * (1.0 - STRAND);
+/// Its upper and lower edge are solid bands, m.
+const BAND_M: f32 = 0.03;
+
+impl Shape {
+    /// Radius of the sphere around it, m.
+    pub(crate) fn reach_m(&self) -> f32 {
+        let [x, y, z] = self.half;
+        match self.form {
+            Form::Ellipsoid => x.max(y).max(z),
+            Form::Column => (x * x + z * z).sqrt(),
+            Form::Roll => (x * x + y * y).sqrt(),
+            Form::Box | Form::Mesh => (x * x + y * y + z * z).sqrt(),
+        }
+    }
+
+    /// Half size of the upright box around it along x and y of the world, m.
+    pub(crate) fn half_extent(&self) -> [f32; 2] {
+        let [x, y, _] = self.half;
+        let [c, s] = self.turn.map(f32::abs);
+        [c * x + s * y, s * x + c * y]
+    }
+
+    #[inline]
+    fn turned(&self, v: Vec3) -> Vec3 {
+        let [c, s] = self.turn;
+        [c * v[0] + s * v[1], c * v[1] - s * v[0], v[2]]
+    }
+
+    /// The distance at which a ray meets the shape, less than `nearest`, m.
+    #[inline]
+    pub(crate) fn meet(&self, origin: Vec3, direction: Vec3, nearest: f32) -> Option<f32> {
+        let from = [origin[0] - self.middle[0], origin[1] - self.middle[1], origin[2] - self.middle[2]];
+        // Anything but a hit within the sphere around it is told by one square root less.
+        let (o, d) = (self.turned(from), self.turned(direction));
+        let [enter, leave] = match self.form {
+            Form::Ellipsoid => ball(scaled(o, self.half), scaled(d, self.half))?,
+            Form::Column => {
+                let [x, y, z] = self.half;
+                both(disc([o[0] / x, o[1] / y], [d[0] / x, d[1] / y])?, slab(o[2], d[2], z))?
+            }
+            Form::Roll => {
+                let [x, y, z] = self.half;
+                both(disc([o[1] / y, o[2] / z], [d[1] / y, d[2] / z])?, slab(o[0], d[0], x))?
+            }
+            Form::Box => {
+                let [x, y, z] = self.half;
+                both(both(slab(o[0], d[0], x), slab(o[1], d[1], y))?, slab(o[2], d[2], z))?
+            }
+            Form::Mesh => return self.strand(o, d, nearest),
+        };
+        if leave <= 0.0 || enter >= nearest {
+            return None;
+        }
+        if self.leaf_m > 0.0 {
+            return self.leaf(origin, direction, enter.max(0.0), leave.min(nearest));
+        }
+        (enter > 0.0).then_some(enter)
+    }
+
+    /// The first leaf in an interval.
+    #[inline]
+    fn leaf(&self, origin: Vec3, direction: Vec3, enter: f32, leave: f32) -> Option<f32> {
+        let step = 1.3 * self.leaf_m;
+        let mut t = enter + 0.01;
+        for _ in 0..LEAF_STEPS {
+            if t >= leave {
+                return None;
+            }
+            if unit(self.leaf_hash([0, 1, 2].map(|axis| origin[axis] + t * direction[axis]))) < LEAVES {
+                return Some(t);
+            }
+            t += step;
+        }
+        None
+    }
+
+    /// The hash of the cube of leaves at a place.
+    #[inline]
+    pub(crate) fn leaf_hash(&self, at: Vec3) -> u32 {
+        // Places are positive but for rays from outside of the world, where one odd row of cubes harms nobody.
+        let scale = 1.0 / self.leaf_m;
+        let [x, y, z] = [at[0] * scale, at[1] * scale, (at[2] + 64.0) * scale].map(|v| v as i32);
+        hash3(x, y, z, 0x1EAF)
+    }
+
+    /// Where the ray crosses the panel, m.
+    #[inline]
+    pub(crate) fn crossing(&self, origin: Vec3, direction: Vec3) -> Option<(f32, [f32; 2])> {
+        let from = [origin[0] - self.middle[0], origin[1] - self.middle[1], origin[2] - self.middle[2]];
+        self.panel(self.turned(from), self.turned(direction))
+    }
+
+    #[inline]
+    fn panel(&self, o: Vec3, d: Vec3) -> Option<(f32, [f32; 2])> {
+        let t = -o[1] / d[1];
+        let at = [o[0] + t * d[0], o[2] + t * d[2]];
+        (t > 0.0 && t < 1e4 && at[0].abs() <= self.half[0] && at[1].abs() <= self.half[2]).then_some((t, at))
+    }
+
+    #[inline]
+    fn strand(&self, o: Vec3, d: Vec3, nearest: f32) -> Option<f32> {
+        let (t, at) = self.panel(o, d)?;
+        if t >= nearest {
+            return None;
+        }
+        let in_mesh = |v: f32| {
+            let cells = (v + 64.0) * (1.0 / MESH_M);
+            cells - (cells as i32) as f32
+        };
+        let band = self.half[2] - at[1].abs() < BAND_M;
+        (band || in_mesh(at[0]) < STRAND || in_mesh(at[1]) < STRAND).then_some(t)
+    }
+
+    /// The outward direction of the surface at a place on it, in the world, length 1.
+    pub(crate) fn normal(&self, at: Vec3, direction: Vec3) -> Vec3 {
+        let from = [at[0] - self.middle[0], at[1] - self.middle[1], at[2] - self.middle[2]];
+        let p = scaled(self.turned(from), self.half);
+        let n = match self.form {
+            Form::Ellipsoid => scaled(p, self.half),
+            Form::Column if p[2] > 0.9999 => [0.0, 0.0, 1.0],
+            Form::Column => [p[0], p[1], 0.0],
+            Form::Roll if p[0].abs() > 0.9999 => [p[0], 0.0, 0.0],
+            Form::Roll => [0.0, p[1], p[2]],
+            Form::Box => {
+                let [x, y, z] = p.map(f32::abs);
+                if x >= y && x >= z {
+                    [p[0], 0.0, 0.0]
+                } else if y >= z {
+                    [0.0, p[1], 0.0]
+                } else {
+                    [0.0, 0.0, p[2]]
+                }
+            }
+            Form::Mesh => [0.0, -self.turned(direction)[1], 0.0],
+        };
+        let [c, s] = self.turn;
+        unit_length([c * n[0] - s * n[1], s * n[0] + c * n[1], n[2]])
+    }
+}
+
+pub(crate) fn unit_length(v: Vec3) -> Vec3 {
+    let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt().max(1e-12);
+    v.map(|x| x / length)
+}
+
+#[inline]
+fn scaled(v: Vec3, half: Vec3) -> Vec3 {
+    [v[0] / half[0], v[1] / half[1], v[2] / half[2]]
+}
+
+/// The interval in which a ray is within distance 1 of the origin. Worked from the closest point, which keeps its
+/// digits for rays that come from far.
+#[inline]
+fn ball(o: Vec3, d: Vec3) -> Option<[f32; 2]> {
+    let inverse = 1.0 / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+    let t = -(o[0] * d[0] + o[1] * d[1] + o[2] * d[2]) * inverse;
+    let p = [o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2]];
+    let within = 1.0 - (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+    if within <= 0.0 {
+        return None;
+    }
+    let half = (within * inverse).sqrt();
+    Some([t - half, t + half])
+}
+
+/// The same in a plane; a ray that does not move in the plane is inside always or never.
+#[inline]
+fn disc(o: [f32; 2], d: [f32; 2]) -> Option<[f32; 2]> {
+    let inverse = 1.0 / (d[0] * d[0] + d[1] * d[1]).max(1e-12);
+    let t = -(o[0] * d[0] + o[1] * d[1]) * inverse;
+    let p = [o[0] + t * d[0], o[1] + t * d[1]];
+    let within = 1.0 - (p[0] * p[0] + p[1] * p[1]);
+    if within <= 0.0 {
+        return None;
+    }
+    let half = (within * inverse).sqrt();
+    Some([t - half, t + half])
+}
+
+/// The interval in which |o + t·d| ≤ half.
+#[inline]
+fn slab(o: f32, d: f32, half: f32) -> [f32; 2] {
+    let inverse = 1.0 / if d.abs() < 1e-9 { 1e-9 } else { d };
+    let ends = [(-half - o) * inverse, (half - o) * inverse];
+    [ends[0].min(ends[1]), ends[0].max(ends[1])]
+}
+
+#[inline]
+fn both(a: [f32; 2], b: [f32; 2]) -> Option<[f32; 2]> {
+    let [enter, leave] = [a[0].max(b[0]), a[1].min(b[1])];
+    (enter < leave).then_some([enter, leave])
+}

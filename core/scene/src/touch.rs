@@ -1,0 +1,147 @@
+//! What a vehicle touches: its rectangle against the solid outlines of things.
+
+use std::ops::RangeInclusive;
+
+use rcs_geom::{DVec2, DVec3};
+
+use crate::thing::{Outline, Thing};
+use crate::world::World;
+
+/// An oriented rectangle on the ground: a vehicle's outline from above.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Footprint {
+    /// Its middle, m.
+    pub centre: DVec2,
+    /// Of its length, counter-clockwise from east, rad.
+    pub yaw_rad: f64,
+    /// m.
+    pub half_length_m: f64,
+    /// m.
+    pub half_width_m: f64,
+}
+
+/// One place at which a rectangle reaches into a thing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch {
+    /// Number of the thing.
+    pub thing: u32,
+    /// The deepest place, at the middle of the heights that both share, m.
+    pub point: DVec3,
+    /// Level, length 1, from the thing toward the rectangle: the way out.
+    pub normal: DVec2,
+    /// How far to go that way, m.
+    pub depth_m: f64,
+}
+
+/// An oriented rectangle with its axes at hand.
+struct Rectangle {
+    middle: DVec2,
+    axis: DVec2,
+    half: DVec2,
+}
+
+impl Rectangle {
+    fn new(middle: DVec2, yaw_rad: f64, half: DVec2) -> Rectangle {
+        Rectangle { middle, axis: DVec2::new(libm::cos(yaw_rad), libm::sin(yaw_rad)), half }
+    }
+
+    fn to_own(&self, offset: DVec2) -> DVec2 {
+        DVec2::new(self.axis.dot(offset), self.axis.perp_dot(offset))
+    }
+
+    fn to_world(&self, own: DVec2) -> DVec2 {
+        self.axis * own.x + self.axis.perp() * own.y
+    }
+
+    /// How far it reaches from its middle along a direction of length 1, m.
+    fn reach(&self, direction: DVec2) -> f64 {
+        self.to_own(direction).abs().dot(self.half)
+    }
+
+    /// Its farthest place along a direction; the middle of an edge that faces that way.
+    fn farthest(&self, direction: DVec2) -> DVec2 {
+        let own = self.to_own(direction);
+        let corner = |v: f64, half: f64| if v.abs() < 1e-6 { 0.0 } else { half * v.signum() };
+        self.middle + self.to_world(DVec2::new(corner(own.x, self.half.x), corner(own.y, self.half.y)))
+    }
+
+    /// Normal toward this rectangle, depth and place.
+    fn meets_circle(&self, centre: DVec2, radius: f64) -> Option<(DVec2, f64, DVec2)> {
+        let own = self.to_own(centre - self.middle);
+        let nearest = own.clamp(-self.half, self.half);
+        let apart = own - nearest;
+        let distance = apart.length();
+        if distance >= radius {
+            return None;
+        }
+        if distance > 0.0 {
+            let normal = self.to_world(-apart / distance);
+            return Some((normal, radius - distance, self.middle + self.to_world(nearest)));
+        }
+        // The circle's middle is inside: out by the nearest side.
+        let room = self.half - own.abs();
+        let outward =
+            if room.x < room.y { DVec2::new(own.x.signum(), 0.0) } else { DVec2::new(0.0, own.y.signum()) };
+        Some((self.to_world(-outward), radius + room.min_element(), centre))
+    }
+
+    /// The same for another rectangle, by the axis of least overlap.
+    fn meets_rectangle(&self, other: &Rectangle) -> Option<(DVec2, f64, DVec2)> {
+        let between = self.middle - other.middle;
+        let mut least: Option<(DVec2, f64)> = None;
+        for axis in [self.axis, self.axis.perp(), other.axis, other.axis.perp()] {
+            let apart = axis.dot(between);
+            let overlap = self.reach(axis) + other.reach(axis) - apart.abs();
+            if overlap <= 0.0 {
+                return None;
+            }
+            if least.is_none_or(|(_, depth)| overlap < depth - 1e-12) {
+                least = Some((if apart < 0.0 { -axis } else { axis }, overlap));
+            }
+        }
+        let (normal, depth) = least?;
+        // The deepest corner is this one's where it is inside of the other, else the other's.
+        let mine = self.farthest(-normal);
+        let inside = other.to_own(mine - other.middle).abs().cmple(other.half + 1e-9).all();
+        let theirs = other.farthest(normal);
+        let place = if inside { mine } else { theirs };
+        Some((normal, depth, place))
+    }
+}
+
+impl World {
+    /// The solid things that a vehicle's outline reaches into, in the order of their numbers. `heights_m` are those of
+    /// the vehicle's lowest and highest part: what is wholly above or below is not touched. Crowns and the outer foliage
+    /// of bushes are not solid.
+    pub fn touching(&self, footprint: &Footprint, heights_m: RangeInclusive<f64>) -> Vec<Touch> {
+        let finite = footprint.centre.is_finite() && footprint.yaw_rad.is_finite();
+        if !finite {
+            return Vec::new();
+        }
+        let half = DVec2::new(footprint.half_length_m, footprint.half_width_m);
+        let body = Rectangle::new(footprint.centre, footprint.yaw_rad, half);
+        let extent = DVec2::new(body.reach(DVec2::X), body.reach(DVec2::Y));
+        let low = self.bounds_m()[0];
+        let near = self.inner.grid.things_near(body.middle - extent - low, body.middle + extent - low);
+        let touch = |number: u32| touch(self.things().get(number as usize)?, &body, &heights_m);
+        near.into_iter().filter_map(touch).collect()
+    }
+}
+
+fn touch(thing: &Thing, body: &Rectangle, heights_m: &RangeInclusive<f64>) -> Option<Touch> {
+    let [bottom, top] = [thing.position.z, thing.position.z + thing.solid_height_m];
+    if bottom > *heights_m.end() || top < *heights_m.start() {
+        return None;
+    }
+    let middle = thing.position.truncate();
+    let (normal, depth_m, place) = match thing.solid {
+        Outline::Circle { radius_m } => body.meets_circle(middle, radius_m)?,
+        Outline::Rectangle { half_length_m, half_width_m } => body.meets_rectangle(&Rectangle::new(
+            middle,
+            thing.yaw_rad,
+            DVec2::new(half_length_m, half_width_m),
+        ))?,
+    };
+    let z = 0.5 * (bottom.max(*heights_m.start()) + top.min(*heights_m.end()));
+    Some(Touch { thing: thing.number, point: place.extend(z), normal, depth_m })
+}
