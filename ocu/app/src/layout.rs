@@ -13,7 +13,7 @@
 //! ```
 
 use ocu_views::{SavedState, view_type};
-use rcs_runtime::source::Frame;
+use rcs_runtime::source::{Frame, SourceKind};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -25,6 +25,7 @@ const MAX_DEPTH: usize = 16;
 /// The layouts that come with the program: name, text.
 pub const BUNDLED: &[(&str, &str)] = &[
     ("default", include_str!("../../../layouts/default.ron")),
+    ("simulation", include_str!("../../../layouts/simulation.ron")),
     ("recording", include_str!("../../../layouts/recording.ron")),
     ("tracks", include_str!("../../../layouts/tracks.ron")),
     ("fields", include_str!("../../../layouts/fields.ron")),
@@ -153,7 +154,9 @@ impl Layout {
     /// The bundled layout that shows what a source has.
     pub fn for_content(frame: &Frame) -> Self {
         let has = |types: &[&str]| frame.topics.iter().any(|topic| types.contains(&topic.type_name()));
-        let name = if !frame.processes.is_empty() {
+        let name = if frame.info.kind == SourceKind::Stack {
+            "simulation"
+        } else if !frame.processes.is_empty() {
             "default"
         } else if has(&["foxglove.RawImage", "foxglove.CompressedImage"]) {
             "recording"

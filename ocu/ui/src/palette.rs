@@ -31,6 +31,13 @@ pub const OBSTACLE_LABELS: [Label; 6] = [
     Label { value: 5, name: "too far", color: rgb(0x2f_7de0) },
 ];
 
+/// The classes of `rcs.palette = classes` (yellow traversable, magenta not, as in the papers).
+pub const TRAVERSABLE: [Label; 3] = [
+    Label { value: 0, name: "not known", color: Color32::TRANSPARENT },
+    Label { value: 1, name: "traversable", color: rgb(0xf0_d81e) },
+    Label { value: 2, name: "not traversable", color: rgb(0xd6_3ad6) },
+];
+
 /// The class of a pixel of an obstacle-label image.
 pub fn obstacle_label(value: u8) -> Option<&'static Label> {
     OBSTACLE_LABELS.get(usize::from(value))
@@ -42,6 +49,8 @@ pub enum Classes {
     /// Those of [`OBSTACLE_LABELS`].
     #[default]
     Obstacles,
+    /// Those of [`TRAVERSABLE`].
+    Traversable,
     /// Numbers without names here, 0 for none: told apart by colour alone.
     Numbered,
 }
@@ -50,6 +59,7 @@ pub enum Classes {
 pub fn classes(palette: &str) -> Classes {
     match palette {
         "" | "obstacle_labels" => Classes::Obstacles,
+        "classes" => Classes::Traversable,
         _ => Classes::Numbered,
     }
 }
@@ -58,7 +68,9 @@ impl Classes {
     /// Colour of a class; transparent for what is not known.
     pub fn color(self, value: u8) -> Color32 {
         match self {
-            Self::Obstacles => obstacle_label(value).map_or(Color32::TRANSPARENT, |label| label.color),
+            Self::Obstacles | Self::Traversable => {
+                self.label(value).map_or(Color32::TRANSPARENT, |label| label.color)
+            }
             Self::Numbered if value == 0 => Color32::TRANSPARENT,
             Self::Numbered => NUMBERED[usize::from(value - 1) % NUMBERED.len()],
         }
@@ -66,17 +78,22 @@ impl Classes {
 
     /// Name of a class.
     pub fn name(self, value: u8) -> String {
+        self.label(value).map_or_else(|| format!("class {value}"), |label| label.name.to_owned())
+    }
+
+    fn label(self, value: u8) -> Option<&'static Label> {
         match self {
-            Self::Obstacles => obstacle_label(value).map(|label| label.name.to_owned()),
+            Self::Obstacles => obstacle_label(value),
+            Self::Traversable => TRAVERSABLE.get(usize::from(value)),
             Self::Numbered => None,
         }
-        .unwrap_or_else(|| format!("class {value}"))
     }
 
     /// The classes of a legend; none where they have no names.
     pub fn legend(self) -> &'static [Label] {
         match self {
             Self::Obstacles => &OBSTACLE_LABELS[1..],
+            Self::Traversable => &TRAVERSABLE[1..],
             Self::Numbered => &[],
         }
     }
@@ -220,7 +237,9 @@ mod tests {
 
     #[test]
     fn every_label_is_at_the_index_of_its_value() {
-        assert!(OBSTACLE_LABELS.iter().enumerate().all(|(i, label)| usize::from(label.value) == i));
+        for labels in [&OBSTACLE_LABELS[..], &TRAVERSABLE] {
+            assert!(labels.iter().enumerate().all(|(i, label)| usize::from(label.value) == i));
+        }
         assert_eq!(obstacle_label(6), None);
     }
 }

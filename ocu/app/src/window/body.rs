@@ -4,6 +4,7 @@ use super::keeper::Keeper;
 use super::keys::{self, Action};
 use super::notices::Notices;
 use super::open::{self, Invited, Opener, Outcome};
+use super::operate::Operating;
 use super::timeline::Timeline;
 use super::top_bar::{self, Wish};
 use super::tree::{Workspace, view_menu};
@@ -12,7 +13,7 @@ use crate::open::Request;
 use crate::say;
 use ocu_ui::{icons, tokens, widgets};
 use ocu_views::{Selection, View, ViewContext};
-use rcs_runtime::source::{Control, Driver, Frame, Source};
+use rcs_runtime::source::{Control, Driver, Frame, Source, SourceKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -61,6 +62,7 @@ pub struct Window {
     buffers_open: bool,
     selection: Selection,
     timeline: Timeline,
+    operating: Operating,
     opener: Opener,
     notices: Notices,
     help_open: bool,
@@ -82,6 +84,7 @@ impl Window {
             buffers_open: true,
             selection: Selection::default(),
             timeline: Timeline::default(),
+            operating: Operating::default(),
             opener: Opener::new(ctx, data_dir.as_deref()),
             notices: Notices::default(),
             help_open: false,
@@ -122,9 +125,16 @@ impl Window {
         self.arrange_for(&driver.frame());
         let title = format!("{} – OCU", driver.frame().info.title);
         self.ctx.send_viewport_cmd(egui::ViewportCommand::Title(title));
+        if driver.frame().info.kind == SourceKind::Stack {
+            // What runs on nothing but itself has nothing to be looked at until it runs.
+            driver.send(Control::Play);
+        }
         self.shown = Shown::Live(driver);
         self.current = request;
-        self.selection = Selection::default();
+        self.timeline.forget();
+        self.operating.forget();
+        // How fast a person drives is theirs, and stays.
+        self.selection = Selection { drive: self.selection.drive, ..Selection::default() };
     }
 
     /// Writes the arrangement for the next start.
@@ -142,6 +152,9 @@ impl Window {
         let mut controls = Vec::new();
         self.take_keys(ui, frame.as_deref(), &mut controls);
         self.selection.hovered = None;
+        let live = frame.as_deref().filter(|_| matches!(self.shown, Shown::Live(_)));
+        self.selection.hand =
+            live.map(|frame| self.operating.take_keys(ui, frame, &mut controls)).unwrap_or_default();
 
         let fill = tokens(ui).panel();
         let bar = egui::Frame::new().fill(fill).inner_margin(egui::Margin::symmetric(8, 4));
@@ -164,7 +177,8 @@ impl Window {
         }
         self.help_ui(ui);
 
-        if let Shown::Live(driver) = &self.shown {
+        if let (Shown::Live(driver), Some(frame)) = (&self.shown, &frame) {
+            self.operating.finish(ui, frame, &self.selection, &mut controls);
             // Work that takes long shows its progress: look again while there is some, or when some may have begun.
             if !controls.is_empty() || driver.busy().is_some() {
                 self.ctx.request_repaint_after(LOOK_AGAIN);
@@ -188,6 +202,7 @@ impl Window {
             recent: self.opener.recent(),
             buffers_open: self.buffers_open,
             layout_name,
+            stop: frame.map(|frame| self.operating.stop_state(frame)).unwrap_or_default(),
         };
         top_bar::ui(ui, &state)
     }
@@ -286,6 +301,8 @@ impl Window {
             match (action, frame) {
                 (Action::Open, _) => self.opener.ask(),
                 (Action::Help, _) => self.help_open = !self.help_open,
+                // The same keys drive while time runs.
+                (action, Some(frame)) if action.is_arrow() && Operating::drives(frame) => {}
                 (action, Some(frame)) => controls.extend(self.timeline.key(action, frame, &self.selection)),
                 (_, None) => {}
             }
@@ -296,6 +313,12 @@ impl Window {
         match wish {
             Wish::Ask => self.opener.ask(),
             Wish::Open(request) => self.opener.open(request),
+            Wish::Restart => self.opener.open(self.current.clone()),
+            Wish::EmergencyStop(active) => {
+                if let Some(frame) = frame {
+                    self.operating.emergency_stop(frame, active, controls);
+                }
+            }
             Wish::Cancel => controls.push(Control::Cancel),
             Wish::ToggleBuffers => self.buffers_open = !self.buffers_open,
             Wish::ToggleTheme => {

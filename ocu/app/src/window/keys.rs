@@ -25,7 +25,21 @@ pub(super) enum Action {
     Help,
 }
 
-/// Every key, with what it does: the one list of them.
+impl Action {
+    /// Whether an arrow key asks for it.
+    pub(super) fn is_arrow(self) -> bool {
+        matches!(self, Self::Step { .. } | Self::StepCycle { .. })
+    }
+}
+
+/// Keys that act while they are held, or in other places, with what they do.
+const OTHERS: &[(&str, &str)] = &[
+    ("W A S D ↑ ← ↓ →", "drive, while time runs and the stack can be driven by hand"),
+    ("shift", "drive slowly"),
+    ("esc", "emergency stop"),
+];
+
+/// Every key that is pressed once, with what it does: the one list of them.
 pub(super) const KEYS: &[(Modifiers, Key, &str, &str, Action)] = &[
     (Modifiers::NONE, Key::Space, "space", "play or pause", Action::PlayPause),
     (Modifiers::NONE, Key::ArrowRight, "→", "step forward", Action::Step { back: false }),
@@ -84,6 +98,11 @@ pub(super) fn list(ui: &mut egui::Ui) {
                 ui.end_row();
             }
             last = name;
+        }
+        for (name, help) in OTHERS {
+            ui.label(ocu_ui::widgets::mono(*name));
+            ui.label(*help);
+            ui.end_row();
         }
     });
 }

@@ -4,10 +4,12 @@
 
 mod app;
 mod body;
+mod joystick;
 mod keeper;
 mod keys;
 mod notices;
 mod open;
+mod operate;
 mod timeline;
 mod top_bar;
 mod tree;

@@ -9,7 +9,7 @@ use rcs_msg::Stamp;
 use rcs_runtime::source::{Control, Frame, Step};
 
 /// Speeds that can be chosen.
-const SPEEDS: [f64; 9] = [0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 64.0];
+const SPEEDS: [f64; 10] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, f64::INFINITY];
 /// Height of the bar that is dragged.
 const BAR: f32 = 28.0;
 const SECOND_NS: i64 = 1_000_000_000;
@@ -51,15 +51,22 @@ pub(super) struct Timeline {
     unit: Unit,
     /// The last place that a drag asked for, so that a pointer that rests asks once.
     asked: Option<Stamp>,
+    /// How far a source without an end has come.
+    furthest: Stamp,
 }
 
 impl Default for Timeline {
     fn default() -> Self {
-        Self { unit: Unit::Message(None), asked: None }
+        Self { unit: Unit::Message(None), asked: None, furthest: Stamp(0) }
     }
 }
 
 impl Timeline {
+    /// Another source is shown.
+    pub(super) fn forget(&mut self) {
+        (self.asked, self.furthest) = (None, Stamp(0));
+    }
+
     /// What a key asks of the source.
     pub(super) fn key(&self, action: Action, frame: &Frame, selection: &Selection) -> Option<Control> {
         let playback = &frame.playback;
@@ -78,7 +85,7 @@ impl Timeline {
                 Control::Step(Step::Time { ns: if back { -SECOND_NS } else { SECOND_NS } })
             }
             Action::ToStart => Control::Seek(frame.info.start),
-            Action::ToEnd => Control::Seek(frame.info.end?),
+            Action::ToEnd => Control::Seek(frame.info.end.unwrap_or(self.furthest)),
             Action::Loop => Control::Loop(!playback.looping),
             Action::Open | Action::Help => return None,
         })
@@ -121,15 +128,18 @@ impl Timeline {
             controls.push(Control::Loop(looping));
         }
         let mut speed = playback.speed;
-        let shown = format!("× {}", format::number(speed));
+        let text = |speed: f64| {
+            if speed.is_infinite() { "max".to_owned() } else { format!("× {}", format::number(speed)) }
+        };
+        let shown = text(speed);
         let combo =
             egui::ComboBox::from_id_salt("speed").selected_text(shown).width(56.0).show_ui(ui, |ui| {
                 for choice in SPEEDS {
-                    ui.selectable_value(&mut speed, choice, format!("× {}", format::number(choice)));
+                    ui.selectable_value(&mut speed, choice, text(choice));
                 }
             });
         combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Speed"));
-        combo.response.on_hover_text("Speed: seconds of the recording a second");
+        combo.response.on_hover_text("Speed: seconds of the source a second; max is as fast as it goes");
         if speed != playback.speed {
             controls.push(Control::Speed(speed));
         }
@@ -180,14 +190,17 @@ impl Timeline {
         });
         let painter = ui.painter_at(rect);
         painter.rect_filled(rect, 2.0, tokens.canvas());
-        let Some(end) = frame.info.end else {
-            let text = "no end: this runs on";
-            painter.text(rect.center(), Align2::CENTER_CENTER, text, FontId::proportional(11.0), tokens.weak);
-            return;
-        };
+        self.furthest = self.furthest.max(frame.now);
+        // A source without an end has whole minutes ahead of it.
+        let end = frame.info.end.unwrap_or_else(|| {
+            let minutes = (self.furthest.seconds_since(frame.info.start) / 60.0).floor() as u64 + 1;
+            frame.info.start.after_ns(minutes * 60_000_000_000)
+        });
         let scale = Scale { rect: rect.shrink2(egui::vec2(8.0, 0.0)), start: frame.info.start, end };
         scale.paint_ticks(&painter, tokens);
-
+        if frame.info.end.is_none() {
+            scale.paint_unknown(&painter, tokens, rect, self.furthest);
+        }
         let x = scale.x(frame.now);
         let done =
             Rect::from_min_max(egui::pos2(scale.rect.left(), rect.top()), egui::pos2(x, rect.top() + 4.0));
@@ -263,6 +276,12 @@ impl Scale {
         painter.galley(at, galley, tokens.strong);
     }
 
+    /// What has not happened yet.
+    fn paint_unknown(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens, bar: Rect, from: Stamp) {
+        let rest = Rect::from_min_max(egui::pos2(self.x(from), bar.top()), bar.right_bottom());
+        painter.rect_filled(rest, 0.0, tokens.surface[2].gamma_multiply(0.6));
+    }
+
     fn paint_ticks(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens) {
         let step_s = tick_step_s(self.duration_s(), self.rect.width() / 96.0);
         let count = (self.duration_s() / step_s).floor() as u64;
@@ -330,12 +349,27 @@ fn clock(ui: &mut egui::Ui, frame: &Frame) {
     ui.label(absolute).on_hover_text(format!("{} ns", frame.now.0));
 }
 
-/// How playing goes, where there is something to say.
+/// How playing goes: its measured speed, and how far it is behind the clock where it is.
 fn state(ui: &mut egui::Ui, frame: &Frame) {
     let tokens = tokens(ui);
-    if frame.playback.playing && frame.playback.lag_s > 0.25 {
-        let text = format!("{} behind the clock", format::age(frame.playback.lag_s));
-        widgets::tag(ui, &text, tokens.warning);
+    let playback = &frame.playback;
+    if !playback.playing {
+        return;
+    }
+    let slow = playback.achieved.is_some_and(|achieved| achieved < 0.95 * playback.speed)
+        && playback.speed.is_finite();
+    if let Some(achieved) = playback.achieved {
+        let color = if slow { tokens.warning } else { tokens.weak };
+        let text = widgets::mono(format!("{achieved:6.2} × real time")).color(color);
+        ui.label(text).on_hover_text("Seconds of the source a second, over the last half second");
+    }
+    if playback.lag_s > 0.25 {
+        let text = format!("{} behind the clock", format::age(playback.lag_s));
+        let color = if slow { tokens.warning } else { tokens.weak };
+        widgets::tag(ui, &text, color).on_hover_text(
+            "What could not be done in time since playing began. It is not caught up with: time goes on at the speed \
+             that was asked for.",
+        );
     }
 }
 

@@ -1,7 +1,9 @@
 //! The top of the window: what is open, how it is, and what can be done with it.
 
 use super::open::recent_button;
+use super::operate::StopState;
 use super::tree::view_menu;
+use crate::assets;
 use crate::layout::BUNDLED;
 use crate::open::Request;
 use crate::stacks;
@@ -21,12 +23,17 @@ pub(super) struct State<'a> {
     pub(super) recent: &'a [PathBuf],
     pub(super) buffers_open: bool,
     pub(super) layout_name: &'a str,
+    pub(super) stop: StopState,
 }
 
 /// What a person wants done.
 pub(super) enum Wish {
     Ask,
     Open(Request),
+    /// What is open, from its beginning.
+    Restart,
+    /// Stop the vehicle (or let it go again).
+    EmergencyStop(bool),
     Cancel,
     ToggleBuffers,
     ToggleTheme,
@@ -52,6 +59,7 @@ pub(super) fn ui(ui: &mut egui::Ui, state: &State<'_>) -> Vec<Wish> {
 }
 
 fn right(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
+    stop(ui, state.stop, wishes);
     let (icon, name) = if ui.visuals().dark_mode {
         (icons::ICON_LIGHT_MODE, "Light colours")
     } else {
@@ -87,6 +95,83 @@ fn right(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
     });
 }
 
+/// The emergency stop: one action stops, another one lets the vehicle go again, and the vehicle confirms both.
+fn stop(ui: &mut egui::Ui, state: StopState, wishes: &mut Vec<Wish>) {
+    let tokens = tokens(ui);
+    let (text, wish) = match state {
+        StopState::None => return,
+        StopState::Clear => ("STOP", true),
+        StopState::Asked { active: true, late: false } => ("STOPPING…", true),
+        StopState::Asked { late: true, .. } => ("NOT CONFIRMED", true),
+        StopState::Asked { active: false, .. } => ("RELEASING…", true),
+        StopState::Stopped => ("STOPPED", false),
+    };
+    let name = format!("Emergency stop: {text}");
+    let text = egui::RichText::new(format!("{}  {text}", icons::ICON_DANGEROUS.codepoint)).strong();
+    let button =
+        egui::Button::new(text.color(tokens.on_stop)).fill(tokens.stop).min_size(egui::vec2(136.0, 20.0));
+    let response = ui.add(button);
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
+    let hover = match state {
+        StopState::Stopped => {
+            "The vehicle says that it is stopped. Release it with the button beside this one."
+        }
+        StopState::Asked { .. } => "Sent; the vehicle has not said yet that it obeys. Press to stop.",
+        _ => "Emergency stop (Esc)",
+    };
+    if response.on_hover_text(hover).clicked() && wish {
+        wishes.push(Wish::EmergencyStop(true));
+    }
+    if state == StopState::Stopped {
+        let release = egui::Button::new(format!("{}  Release", icons::ICON_LOCK_OPEN.codepoint));
+        let release = ui.add(release).on_hover_text("Let the vehicle move again");
+        if release.clicked() {
+            wishes.push(Wish::EmergencyStop(false));
+        }
+    }
+    ui.separator();
+}
+
+/// Which course a simulation runs and with which seed, and starting it anew.
+fn course_menu(ui: &mut egui::Ui, frame: &Frame, current: &Request, wishes: &mut Vec<Wish>) {
+    if frame.info.kind != SourceKind::Stack {
+        return;
+    }
+    let run = frame.topics_of_type("rcs.CourseRun").find_map(|topic| topic.get::<rcs_msg::rcs::CourseRun>());
+    let running = current.course.as_deref().or(run.map(|run| run.course.as_str())).unwrap_or("course");
+    let name =
+        std::path::Path::new(running).file_stem().map_or(running.into(), |name| name.to_string_lossy());
+    let config = egui::containers::menu::MenuConfig::new()
+        .close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
+    let text = format!("{}  {name}", icons::ICON_FLAG.codepoint);
+    let (response, _) = egui::containers::menu::MenuButton::new(text).config(config).ui(ui, |ui| {
+        ui.set_min_width(200.0);
+        for course in assets::names("course") {
+            if ui.selectable_label(course == running, course).clicked() {
+                wishes.push(Wish::Open(Request { course: Some(course.to_owned()), ..current.clone() }));
+                ui.close();
+            }
+        }
+        ui.separator();
+        let id = ui.scope_id().with("seed");
+        let mut seed = ui.data(|data| data.get_temp(id)).unwrap_or(current.seed);
+        ui.horizontal(|ui| {
+            let label = ui.label("Seed");
+            ui.add(egui::DragValue::new(&mut seed).speed(0.1)).labelled_by(label.id);
+            if ui.button("Start with it").clicked() {
+                wishes.push(Wish::Open(Request { seed, ..current.clone() }));
+                ui.close();
+            }
+        });
+        ui.data_mut(|data| data.insert_temp(id, seed));
+    });
+    response
+        .on_hover_text("The course, and the seed of all that is random: the same seed gives the same run");
+    if widgets::icon_button(ui, icons::ICON_RESTART_ALT, "Start again from the beginning").clicked() {
+        wishes.push(Wish::Restart);
+    }
+}
+
 fn left(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
     ui.menu_button(format!("{}  Open", icons::ICON_FOLDER_OPEN.codepoint), |ui| {
         ui.set_min_width(280.0);
@@ -101,10 +186,11 @@ fn left(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
             }
         }
     });
-    if state.current.log.is_some() {
+    if *state.current != Request::default() {
         stack_menu(ui, state.frame, state.current, wishes);
     }
     if let Some(frame) = state.frame {
+        course_menu(ui, frame, state.current, wishes);
         source(ui, frame, state.busy, wishes);
     }
     if let Some(title) = &state.opening {
@@ -116,7 +202,7 @@ fn left(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
     }
 }
 
-/// Which stack runs on the recording.
+/// Which stack runs on the recording; without one, which of those that need none.
 fn stack_menu(ui: &mut egui::Ui, frame: Option<&Frame>, current: &Request, wishes: &mut Vec<Wish>) {
     let name = current.stack.as_deref().unwrap_or("no stack");
     let name = std::path::Path::new(name).file_name().map_or(name.into(), |name| name.to_string_lossy());
@@ -133,23 +219,24 @@ fn stack_menu(ui: &mut egui::Ui, frame: Option<&Frame>, current: &Request, wishe
                     None => response,
                 };
                 if response.clicked() {
-                    wishes.push(Wish::Open(Request {
-                        log: current.log.clone(),
-                        stack: stack.map(str::to_owned),
-                        ..Request::default()
-                    }));
+                    wishes.push(Wish::Open(Request { stack: stack.map(str::to_owned), ..current.clone() }));
                     ui.close();
                 }
             };
-        choice(ui, None, "no stack", None, "Show the recording as it is");
-        ui.separator();
-        for (name, stack) in stacks::bundled() {
+        if current.log.is_some() {
+            choice(ui, None, "no stack", None, "Show the recording as it is");
+            ui.separator();
+        }
+        let alone = current.log.is_none();
+        for (name, stack) in
+            stacks::bundled().iter().filter(|(_, stack)| !alone || stack.topics().next().is_none())
+        {
             let missing =
                 stack.topics().find(|topic| frame.is_some_and(|frame| frame.topic(topic).is_none()));
             choice(ui, Some(name), name, missing, stack.description());
         }
     });
-    button.response.on_hover_text("The stack that runs on this recording");
+    button.response.on_hover_text("The stack that runs");
 }
 
 fn source(ui: &mut egui::Ui, frame: &Frame, busy: Option<f64>, wishes: &mut Vec<Wish>) {
@@ -158,6 +245,7 @@ fn source(ui: &mut egui::Ui, frame: &Frame, busy: Option<f64>, wishes: &mut Vec<
     let kind = match info.kind {
         SourceKind::Log => "LOG",
         SourceKind::Replay => "REPLAY",
+        SourceKind::Stack if frame.topics.iter().any(rcs_runtime::source::Topic::is_truth) => "SIMULATION",
         SourceKind::Stack => "STACK",
     };
     widgets::tag(ui, kind, tokens.accent);

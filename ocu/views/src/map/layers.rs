@@ -47,6 +47,16 @@ impl Layer<'_> {
         self.topic.is_some_and(Topic::is_truth)
     }
 
+    /// Whether it is a map that others are fused into.
+    pub(super) fn is_map(&self) -> bool {
+        !self.is_truth() && self.topic.is_some_and(|topic| topic.role() == "map")
+    }
+
+    /// Whether a map shows it already: costs of one source, and the cloud that they come from.
+    pub(super) fn is_part_of_a_map(&self) -> bool {
+        self.topic.is_some_and(|topic| matches!(topic.role(), "cost" | "cloud"))
+    }
+
     /// Whether it is older than its rate allows.
     pub(super) fn is_stale(&self, now: Stamp) -> bool {
         self.topic.is_some_and(|topic| topic.age_s(now).is_some_and(|age_s| is_stale(age_s, rate_hz(topic))))

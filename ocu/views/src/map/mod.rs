@@ -86,6 +86,8 @@ pub(crate) struct Map {
     tracks: Tracks,
     /// Frame of the last pass.
     frame_id: String,
+    /// Whether a map was among the layers of the last pass.
+    fused: bool,
     grids: BTreeMap<String, (CachedTexture<GridKey>, Option<[f64; 2]>)>,
     clouds: BTreeMap<String, CloudLayer>,
 }
@@ -137,6 +139,7 @@ impl View for Map {
             return widgets::empty(ui, icons::ICON_MAP, "Nothing to draw on a map", hint);
         };
         map.clone_into(&mut self.frame_id);
+        self.fused = layers.iter().any(Layer::is_map);
         self.tracks.update(cx.frame, map, &layers, self.saved.align);
         let roomy = ui.available_width() >= 560.0;
         self.toolbar(ui, map, &frames, roomy);
@@ -199,10 +202,11 @@ impl Map {
         });
     }
 
-    /// How a layer is drawn; where a person has not said, the truth is not.
+    /// How a layer is drawn; where a person has not said, the truth is not, and neither is what a map is made of.
     fn state(&self, layer: &Layer<'_>) -> LayerState {
-        let fallback = || LayerState { shown: !layer.is_truth(), ..LayerState::default() };
-        self.saved.layers.get(&layer.name).cloned().unwrap_or_else(fallback)
+        let shown = !(layer.is_truth() || (self.fused && layer.is_part_of_a_map()));
+        let usual = LayerState { shown, ..LayerState::default() };
+        self.saved.layers.get(&layer.name).cloned().unwrap_or(usual)
     }
 
     fn canvas(

@@ -1,0 +1,182 @@
+//! Driving by hand and the emergency stop, in the whole window, without a display.
+
+#![allow(clippy::unwrap_used, reason = "a test may fail")]
+
+use egui::Key;
+use egui_kittest::{Harness, kittest::Queryable};
+use ocu_app::open::Request;
+use ocu_app::window::{Options, Window};
+use rcs_msg::rcs;
+use rcs_runtime::source::Frame;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Longer than anything here takes; a test that waits so long has failed.
+const PATIENCE: Duration = Duration::from_mins(1);
+
+/// A stack that waits for an operator, and needs nothing else.
+const STACK: &str = r#"
+format = 1
+name = "hand"
+description = "A comms interface that waits for an operator."
+
+[[process]]
+name = "comms"
+plugin = "comms"
+supervisor = "viewer"
+inputs = { teleop = "/operator/teleop", emergency_stop = "/operator/emergency_stop" }
+"#;
+
+struct State(Option<Window>);
+
+fn running<'a>(dir: &Path) -> Harness<'a, State> {
+    let stack = dir.join("hand.toml");
+    std::fs::write(&stack, STACK).unwrap();
+    let request = Request { stack: Some(stack.display().to_string()), ..Request::default() };
+    let mut options = Some(Options { request, ..Options::default() });
+    let mut harness = Harness::builder().with_size([1280.0, 800.0]).build_ui_state(
+        move |ui, state: &mut State| {
+            if let Some(window) = &mut state.0 {
+                window.ui(ui);
+            } else {
+                // Fonts are there from the next pass on.
+                ocu_ui::install(ui.ctx());
+                state.0 = Some(Window::new(ui.ctx(), options.take().unwrap_or_default()));
+                ui.ctx().request_repaint();
+            }
+        },
+        State(None),
+    );
+    wait_until(&mut harness, "time to run", |frame| frame.playback.playing && frame.time_s() > 0.2);
+    harness
+}
+
+fn frame(harness: &Harness<'_, State>) -> Option<Arc<Frame>> {
+    harness.state().0.as_ref()?.frame()
+}
+
+/// Runs passes until the frame is as wanted, as the source's thread works on its own clock.
+#[track_caller]
+fn wait_until(harness: &mut Harness<'_, State>, what: &str, is: impl Fn(&Frame) -> bool) {
+    let start = Instant::now();
+    loop {
+        harness.step();
+        if frame(harness).is_some_and(|frame| is(&frame)) {
+            return;
+        }
+        assert!(start.elapsed() < PATIENCE, "waited in vain for {what}");
+        std::thread::yield_now();
+    }
+}
+
+/// The last drive command: speed and turn rate.
+fn command(frame: &Frame) -> Option<[f64; 2]> {
+    let command: &rcs::DriveCommand = frame.topic("/operator/teleop")?.get()?;
+    Some([command.speed_mps, command.yaw_rate_radps?])
+}
+
+fn vehicle(frame: &Frame) -> Option<&rcs::VehicleStatus> {
+    frame.topic("/comms/vehicle")?.get()
+}
+
+#[test]
+fn keys_drive_while_they_are_held_and_the_vehicle_stands_when_they_are_let_go() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "forward", |frame| command(frame) == Some([1.0, 0.0]));
+    wait_until(&mut harness, "the vehicle to obey", |frame| {
+        vehicle(frame).is_some_and(|vehicle| vehicle.wanted_speed_mps == 1.0 && !vehicle.stopped)
+    });
+    harness.key_down(Key::ArrowLeft);
+    wait_until(&mut harness, "a turn to the left", |frame| {
+        command(frame).is_some_and(|[_, turn]| turn > 0.5)
+    });
+    harness.key_up(Key::ArrowLeft);
+    harness.key_up(Key::W);
+    wait_until(&mut harness, "a last command", |frame| command(frame) == Some([0.0, 0.0]));
+    wait_until(&mut harness, "the vehicle to stand", |frame| {
+        vehicle(frame).is_some_and(|vehicle| vehicle.left_command_mps == 0.0 && vehicle.refused == 0)
+    });
+    assert!(frame(&harness).unwrap().playback.playing, "the arrow did not step");
+}
+
+#[test]
+fn keys_drive_nothing_while_a_text_is_typed_or_time_stands() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    harness.get_by_label("Buffers").click();
+    harness.step();
+    harness.get_by_label("Search buffers").focus();
+    harness.step();
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "a while", |frame| frame.time_s() > 1.0);
+    assert_eq!(command(&frame(&harness).unwrap()), None);
+    harness.key_up(Key::W);
+
+    harness.get_by_label("Search buffers").type_text("comms");
+    harness.key_press(Key::Tab);
+    harness.get_by_label("Pause").click();
+    wait_until(&mut harness, "the pause", |frame| !frame.playback.playing);
+    harness.key_down(Key::S);
+    for _ in 0..20 {
+        harness.step();
+    }
+    assert_eq!(command(&frame(&harness).unwrap()), None);
+}
+
+#[test]
+fn an_emergency_stop_is_confirmed_by_the_vehicle_and_released_by_a_second_action() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    assert!(harness.query_by_label("Emergency stop: STOP").is_some());
+    harness.key_press(Key::Escape);
+    wait_until(&mut harness, "the vehicle's word", |frame| {
+        vehicle(frame).is_some_and(|vehicle| vehicle.emergency_stopped)
+    });
+    harness.step();
+    assert!(harness.query_by_label("Emergency stop: STOPPED").is_some());
+    harness.key_press(Key::Escape);
+    harness.get_by_label("Emergency stop: STOPPED").click();
+    wait_until(&mut harness, "a while", |frame| frame.time_s() > 1.5);
+    assert!(
+        vehicle(&frame(&harness).unwrap()).unwrap().emergency_stopped,
+        "the same action releases nothing"
+    );
+    harness.get_by_label_contains("Release").click();
+    wait_until(&mut harness, "the release", |frame| {
+        vehicle(frame).is_some_and(|vehicle| !vehicle.emergency_stopped)
+    });
+    harness.step();
+    assert!(harness.query_by_label("Emergency stop: STOP").is_some());
+}
+
+#[test]
+fn a_stop_that_is_not_confirmed_is_never_shown_as_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    harness.get_by_label("Pause").click();
+    wait_until(&mut harness, "the pause", |frame| !frame.playback.playing);
+    harness.get_by_label("Emergency stop: STOP").click();
+    harness.run_steps(10);
+    assert!(harness.query_by_label("Emergency stop: STOPPING…").is_some());
+    harness.get_by_label("Play").click();
+    wait_until(&mut harness, "the vehicle's word", |frame| {
+        vehicle(frame).is_some_and(|vehicle| vehicle.emergency_stopped)
+    });
+}
+
+#[test]
+fn a_run_can_be_started_again_slowed_and_gone_back_in() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    wait_until(&mut harness, "some time", |frame| frame.time_s() > 2.0);
+    harness.get_by_label("Pause").click();
+    wait_until(&mut harness, "the pause", |frame| !frame.playback.playing);
+    harness.key_press(Key::Comma);
+    let paused_s = frame(&harness).unwrap().time_s();
+    wait_until(&mut harness, "a second back", |frame| frame.time_s() < paused_s - 0.9);
+    harness.get_by_label("Start again from the beginning").click();
+    wait_until(&mut harness, "a new run", |frame| frame.time_s() < 0.5 && frame.playback.playing);
+}
