@@ -29,14 +29,19 @@ pub struct Contact {
     pub on_bumper: bool,
     /// Above [`COLLISION_MPS`], off the bumper, or with a person.
     pub collision: bool,
-    /// It began in this step.
-    pub began: bool,
+    /// Steps since it began.
+    pub steps: u32,
     /// It became a collision in this step.
     pub collided: bool,
-    /// It is there in this step.
-    pub present: bool,
     /// Time since it was there, s.
     lost_s: f64,
+}
+
+impl Contact {
+    /// Whether it is there in this step.
+    pub fn is_present(&self) -> bool {
+        self.lost_s == 0.0
+    }
 }
 
 /// All that the vehicle touches, and its bumper.
@@ -84,9 +89,8 @@ impl Contacts {
         self.pressed = [false; 2];
         self.spring_n = 0.0;
         for contact in &mut self.list {
-            contact.began = false;
+            contact.steps = contact.steps.saturating_add(1);
             contact.collided = false;
-            contact.present = false;
             contact.lost_s += STEP_S;
         }
         self.list.retain(|contact| contact.lost_s < SAME_CONTACT_S);
@@ -133,9 +137,8 @@ impl Contacts {
                 speed_mps,
                 on_bumper,
                 collision: false,
-                began: true,
+                steps: 0,
                 collided: false,
-                present: true,
                 lost_s: 0.0,
             });
             self.list.len() - 1
@@ -146,7 +149,6 @@ impl Contacts {
         contact.collision |= is_collision;
         contact.on_bumper = on_bumper;
         contact.point = point;
-        contact.present = true;
         contact.lost_s = 0.0;
     }
 }

@@ -1,8 +1,65 @@
-//! The simulated vehicle: dynamics, sensors, truth.
+//! The simulated vehicle: its motion, its sensors, the truth, and the referee of a course.
+//!
+//! # `sim_vehicle`
+//!
+//! | port | direction | type | what |
+//! | --- | --- | --- | --- |
+//! | `wheels` | in, optional | `rcs.WheelCommand` | speeds of the driven wheels, m/s, and curvature, 1/m |
+//! | `encoders` | out | `rcs.WheelEncoders` | distances and speeds of the driven wheels, m and m/s |
+//! | `imu` | out | `rcs.Imu` | turn rates, accelerations and heading, vehicle axes |
+//! | `motors` | out | `rcs.MotorCurrents` | currents of the drive motors, A |
+//! | `bumper` | out | `rcs.Bumper` | switches of the bumper in front |
+//! | `infrared` | out | `rcs.RangeReadings` | ranges of the infrared sensors, m |
+//! | `gps` | out | `foxglove.LocationFix` | position fixes of the antenna with their variances |
+//! | `ground_speed` | out | `rcs.GroundSpeed` | speed over ground by Doppler radar, m/s |
+//! | `steering` | out | `rcs.Steering` | curvature that the steered wheels stand for, 1/m |
+//! | `static_transforms` | out | `foxglove.FrameTransforms` | places of the sensors on the vehicle, once a second |
+//! | `goal` | out | `foxglove.PoseInFrame` | the goal of the course, frame global, once a second |
+//! | `run` | out | `rcs.CourseRun` | how the run of the course stands |
+//! | `truth_state` | out | `rcs.TruthState` | true pose in the frame global, speed, slip, contacts |
+//! | `truth_pose` | out | `foxglove.Odometry` | true pose of the vehicle in the frame global |
+//! | `truth_map` | out | `foxglove.Grid` | ground height, height of its cover (m), class and blocked of the whole world |
+//! | `truth_things` | out | `rcs.TruthThings` | all things of the world, frame global |
+//!
+//! Period 10 ms, which is also the length of a step; the state that is sent is that of the cycle's time. Sensors are
+//! sent at the rates of the vehicle file. A command holds from the cycle that reads it. No commands beside the runtime's.
+//!
+//! # `sim_cameras`, `sim_ladar`
+//!
+//! A stereo pair or one camera, and a scanning ladar. Their port tables are in [`cameras_process`] and
+//! [`ladar_process`].
+//!
+//! # How it is made
+//!
+//! - [`spec`]: the vehicle file. Everything that distinguishes one vehicle from another is in it.
+//! - [`vehicle`], [`drive`], [`contact`]: the motion. [`terrain`] is what they ask of a world, [`scene`] answers it.
+//! - [`sensors`], [`picture`]: what is measured, with its errors.
+//! - [`commands`]: which commands are obeyed. [`referee`]: how the run stands.
+//!
+//! Where the vehicle differs from a real one, because nothing that drives it would notice: the frame does not bounce
+//! (heights of the wheels follow the ground as first-order systems), the bumper's blow does not turn the vehicle more
+//! than the contact's place asks for, and things do not move when they are hit.
+//!
+//! Frame `global` has its origin at the world's origin and the axes of the UTM grid there; heights are the ellipsoid's.
+//!
+//! Commands that are not finite, faster than the vehicle's wheels can turn, stamped earlier than the one before, or
+//! older than `command_timeout_s` are faults and are not obeyed; without a sound and young command the vehicle brakes.
 
+pub mod cameras_process;
+pub mod commands;
 pub mod contact;
 pub mod drive;
+pub mod ladar_process;
+pub mod picture;
+pub mod referee;
+pub mod scene;
 pub mod sensors;
 pub mod spec;
 pub mod terrain;
+mod truth;
 pub mod vehicle;
+mod vehicle_process;
+
+pub use cameras_process::SimCameras;
+pub use ladar_process::SimLadar;
+pub use vehicle_process::SimVehicle;

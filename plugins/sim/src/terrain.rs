@@ -11,8 +11,8 @@ pub struct Patch {
     pub traction: f64,
     /// Force against rolling by weight.
     pub rolling_resistance: f64,
-    /// Force with which plants hold back a vehicle that is a metre wide, N.
-    pub plants_npm: f64,
+    /// Force with which plants hold a vehicle back, by its weight.
+    pub plant_drag: f64,
 }
 
 /// A thing that reaches into a box.

@@ -72,7 +72,7 @@ struct Footing {
     heights_m: [f64; 3],
     traction: [f64; 2],
     rolling: f64,
-    plants_npm: f64,
+    plant_drag: f64,
     /// A wheel stands before a step that it cannot climb.
     blocked: bool,
 }
@@ -139,7 +139,7 @@ impl Vehicle {
 
     /// Contacts that have begun during the last step.
     pub fn new_contacts(&self) -> impl Iterator<Item = &Contact> {
-        self.contacts.list().iter().filter(|contact| contact.began)
+        self.contacts.list().iter().filter(|contact| contact.steps == 0)
     }
 
     /// Unit vectors ahead and to the left, level.
@@ -173,7 +173,7 @@ impl Vehicle {
             heights_m: [driven[0], driven[1], 0.5 * (others[0] + others[1])],
             traction: [patches[0].traction, patches[1].traction],
             rolling: 0.5 * (patches[0].rolling_resistance + patches[1].rolling_resistance),
-            plants_npm: 0.5 * (patches[0].plants_npm + patches[1].plants_npm),
+            plant_drag: 0.5 * (patches[0].plant_drag + patches[1].plant_drag),
             blocked: blocked && self.motion.speed_mps != 0.0,
         }
     }
@@ -253,11 +253,13 @@ impl Vehicle {
         let weight = spec.body.mass_kg * GRAVITY_MPS2;
         let rolling =
             (footing.rolling + spec.wheels.rolling_resistance) * weight * libm::cos(pitch) * libm::cos(roll);
+        let plants = footing.plant_drag * weight;
         let load = Load {
             grip_n,
             push_n: weight * libm::sin(pitch) - self.contacts.spring_n(),
-            hold_n: rolling + footing.plants_npm * spec.body.width_m,
-            hold_nm: spec.wheels.scrub_nm + 0.25 * footing.plants_npm * spec.body.width_m * spec.body.width_m,
+            hold_n: rolling + plants,
+            // Plants on both sides of the body hold a turn with half its half width as the arm.
+            hold_nm: spec.wheels.scrub_nm + 0.25 * plants * spec.body.width_m,
         };
         let drive = match drive {
             Drive::Speeds(speeds) if spec.bumper.stops_drive && self.contacts.pressed() != [false; 2] => {
@@ -278,8 +280,8 @@ impl Vehicle {
             }
         }
         let half = [-0.5 * spec.wheels.track_m, 0.5 * spec.wheels.track_m];
-        for side in 0..2 {
-            let ground = self.motion.speed_mps + self.motion.yaw_rate_radps * half[side];
+        for (side, arm_m) in half.into_iter().enumerate() {
+            let ground = self.motion.speed_mps + self.motion.yaw_rate_radps * arm_m;
             self.slip[side] = slip_of(self.motion.rim_mps[side], ground);
         }
     }

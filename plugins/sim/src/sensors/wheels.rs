@@ -35,8 +35,8 @@ impl Encoders {
     /// Counts ticks of what the wheels have turned, m, `elapsed_s` after the last reading.
     pub fn measure(&mut self, spec: &EncoderSpec, rolled_m: [f64; 2], elapsed_s: f64) -> EncoderReading {
         let mut reading = EncoderReading { distance_m: [0.0; 2], speed_mps: [0.0; 2] };
-        for side in 0..2 {
-            let believed = rolled_m[side] * (1.0 + self.scale_error[side]);
+        for (side, rolled_m) in rolled_m.into_iter().enumerate() {
+            let believed = rolled_m * (1.0 + self.scale_error[side]);
             let distance = (believed / spec.tick_m).floor() * spec.tick_m;
             reading.distance_m[side] = distance;
             reading.speed_mps[side] = (distance - self.last_m[side]) / elapsed_s;

@@ -151,7 +151,7 @@ impl<'a> Section<'a> {
         let list = value.get_ref().as_array().ok_or_else(|| self.wrong(key, value.get_ref(), &expected))?;
         let mut numbers = [0.0; N];
         let mut length = 0;
-        for entry in list.iter() {
+        for entry in list {
             let number = match entry.get_ref() {
                 DeValue::Float(float) => float.as_str().parse::<f64>().ok(),
                 DeValue::Integer(integer) => integer.as_str().parse::<f64>().ok(),

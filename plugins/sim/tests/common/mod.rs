@@ -28,7 +28,7 @@ pub fn tractor() -> VehicleSpec {
     VehicleSpec::from_toml(TRACTOR).unwrap()
 }
 
-/// A generator that mixes a counter (SplitMix64).
+/// A generator that mixes a counter (`SplitMix64`).
 #[derive(Clone, Debug)]
 pub struct Counter(pub u64);
 
@@ -87,7 +87,7 @@ impl Terrain for Plane {
             height_m: at.x * self.slope_x + at.y * self.slope_y + ledge,
             traction: self.traction,
             rolling_resistance: self.rolling_resistance,
-            plants_npm: 0.0,
+            plant_drag: 0.0,
         }
     }
 

@@ -1,0 +1,352 @@
+//! The process `sim_cameras`: what a stereo pair, or one camera, sees.
+//!
+//! | port | direction | type | what |
+//! | --- | --- | --- | --- |
+//! | `truth_state` | in | `rcs.TruthState` | true pose of the vehicle in the frame global |
+//! | `image` | in, optional | `foxglove.RawImage` | the pictures of its own left eye, on which the truth lies |
+//! | `left` | out | `foxglove.RawImage` | picture of the left or only eye: rgb8, or mono8 of a thermal camera |
+//! | `right` | out | `foxglove.RawImage` | picture of the right eye, rgb8 |
+//! | `left_calibration` | out | `foxglove.CameraCalibration` | raw lens of the left eye, and its rectified one |
+//! | `right_calibration` | out | `foxglove.CameraCalibration` | the same of the right eye; P says the baseline |
+//! | `truth_depth` | out | `foxglove.RawImage` | depth of the left eye's pixels along the optical axis, m, 32FC1 |
+//! | `truth_labels` | out | `foxglove.RawImage` | obstacle label of the left eye's pixels, mono8 |
+//! | `truth_class` | out | `foxglove.RawImage` | class of the left eye's pixels, mono8 |
+//!
+//! Period 50 ms; pictures at the rate of the vehicle file, stamped with the time of the pose that they were taken from.
+//! The eyes of a pair look the same way, so R is the identity. State: the time of the last pose; the world and the rays
+//! of the pixels are made again from the parameters where a snapshot has brought them none.
+//!
+//! Cost: rays. Strips of rows are fixed and noise is a hash of the pixel: any number of threads gives the same bits.
+
+use crate::picture::{Exposure, Sensor, encoding_of, thermal};
+use crate::scene::{Texts, read_vehicle};
+use crate::sensors::{is_due, normal};
+use crate::spec::{CameraKind, CameraSpec};
+use rand_core::RngCore;
+use rcs_geom::{Distortion, PinholeCamera, Pose};
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::{CameraCalibration, RawImage};
+use rcs_msg::rcs::{SimCamerasParams, TruthState};
+use rcs_runtime::{Cycle, In, Out, Pool, PortBuilder, Process, ProcessDef};
+use rcs_scene::{CameraRays, ViewRows, World, render_rows};
+use rcs_world::pose_of;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Rows of a strip.
+const STRIP_ROWS: usize = 16;
+
+/// State: when the last pose was.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct SimCameras {
+    last: Option<Stamp>,
+    #[serde(skip)]
+    eyes: Option<Arc<Eyes>>,
+}
+
+/// Ports of [`SimCameras`].
+#[derive(Debug)]
+pub struct Ports {
+    truth_state: In<TruthState>,
+    images: [Out<RawImage>; 2],
+    calibrations: [Out<CameraCalibration>; 2],
+    truth_depth: Out<RawImage>,
+    truth_labels: Out<RawImage>,
+    truth_class: Out<RawImage>,
+}
+
+/// What the parameters say, and what follows from them alone.
+#[derive(Debug)]
+struct Eyes {
+    texts: Texts,
+    params: SimCamerasParams,
+    spec: CameraSpec,
+    lens: PinholeCamera,
+    rate_hz: f64,
+    world: World,
+    rays: CameraRays,
+    sensor: Sensor,
+}
+
+/// A view being drawn: row by row.
+#[derive(Debug, Default)]
+struct View {
+    picture: Vec<u8>,
+    depth_m: Vec<f32>,
+    class: Vec<u8>,
+    label: Vec<u8>,
+}
+
+/// Some rows of a view.
+struct Strip<'a> {
+    eye: usize,
+    first_row: usize,
+    out: ViewRows<'a>,
+}
+
+impl Process for SimCameras {
+    type Params = SimCamerasParams;
+    type Ports = Ports;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "sim_cameras",
+        summary: "Simulates a stereo pair or a camera of the vehicle, and the truth of each pixel",
+        period_ms: 50.0,
+        commands: &[],
+        reads_truth: true,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        let truth_state = b.input("truth_state", "true pose of the vehicle in the frame global");
+        // Never read: it names the picture that the truth lies on.
+        let _ = b
+            .optional_input::<RawImage>("image", "the pictures of its own left eye, on which the truth lies");
+        let image = |b: &mut PortBuilder, name, help| b.output(name, help).role("image").build();
+        let calibration = |b: &mut PortBuilder, name, help| b.output(name, help).role("calibration").build();
+        Ports {
+            truth_state,
+            images: [
+                image(b, "left", "picture of the left or only eye: rgb8, or mono8 of a thermal camera"),
+                image(b, "right", "picture of the right eye, rgb8"),
+            ],
+            calibrations: [
+                calibration(b, "left_calibration", "raw lens of the left eye, and its rectified one"),
+                calibration(b, "right_calibration", "the same of the right eye; P says the baseline"),
+            ],
+            truth_depth: b
+                .output("truth_depth", "depth of the left eye's pixels along the optical axis, m, 32FC1")
+                .role("depth")
+                .truth()
+                .build(),
+            truth_labels: b
+                .output("truth_labels", "obstacle label of the left eye's pixels, mono8")
+                .role("labels")
+                .palette("obstacle_labels")
+                .overlay_of("image")
+                .truth()
+                .build(),
+            truth_class: b
+                .output("truth_class", "class of the left eye's pixels, mono8")
+                .role("labels")
+                .palette("classes")
+                .overlay_of("image")
+                .truth()
+                .build(),
+        }
+    }
+
+    fn check(params: &SimCamerasParams) -> Result<(), String> {
+        Eyes::new(params).map(|_| ())
+    }
+
+    fn new(_params: &SimCamerasParams) -> Self {
+        Self::default()
+    }
+
+    fn cycle(&mut self, ports: &Ports, params: &SimCamerasParams, cx: &mut Cycle<'_>) {
+        let eyes = match self.eyes(params) {
+            Ok(eyes) => eyes,
+            Err(error) => {
+                cx.error(error);
+                return;
+            }
+        };
+        let Some(state) = cx.read_newest(&ports.truth_state) else {
+            cx.exec("waits for the vehicle's pose");
+            return;
+        };
+        let time = state.acq_time();
+        let due = self.last.is_none_or(|last| is_due(last.0, time.0, eyes.rate_hz));
+        self.last = Some(time);
+        cx.exec("takes pictures");
+        if !due {
+            return;
+        }
+        match pose_of(state.pose.as_ref(), "vehicle") {
+            Ok(global_from_vehicle) => eyes.take(&global_from_vehicle, time, ports, params, cx),
+            Err(error) => cx.fault(format!("{error}; picture skipped")),
+        }
+    }
+}
+
+impl SimCameras {
+    fn eyes(&mut self, params: &SimCamerasParams) -> Result<Arc<Eyes>, String> {
+        if let Some(eyes) = self.eyes.as_ref().filter(|eyes| eyes.is_of(params)) {
+            return Ok(Arc::clone(eyes));
+        }
+        let eyes = Arc::new(Eyes::new(params)?);
+        self.eyes = Some(Arc::clone(&eyes));
+        Ok(eyes)
+    }
+}
+
+impl Eyes {
+    fn new(params: &SimCamerasParams) -> Result<Eyes, String> {
+        let vehicle = read_vehicle(&params.vehicle)?;
+        let Some(spec) = vehicle.camera(&params.pair) else {
+            let names: Vec<&str> = vehicle.cameras.iter().map(|camera| camera.name.as_str()).collect();
+            return Err(format!(
+                "pair is {:?}, expected a camera of the vehicle: {}",
+                params.pair,
+                names.join(", ")
+            ));
+        };
+        let spec = spec.clone();
+        if params.world.is_empty() {
+            return Err("world is missing, expected the text of a world file".to_owned());
+        }
+        let world = World::from_toml(&params.world).map_err(|error| format!("world: {error}"))?;
+        let lens = lens_of(&spec, params)?;
+        let size = [lens.width as usize, lens.height as usize];
+        Ok(Eyes {
+            texts: Texts::of(&[&params.world, &params.vehicle]),
+            params: SimCamerasParams { world: String::new(), vehicle: String::new(), ..params.clone() },
+            rate_hz: if params.rate_hz > 0.0 { params.rate_hz } else { spec.rate_hz },
+            rays: CameraRays::new(&lens),
+            sensor: Sensor::new(&spec, size),
+            spec,
+            lens,
+            world,
+        })
+    }
+
+    fn is_of(&self, params: &SimCamerasParams) -> bool {
+        let own = &self.params;
+        let same = own.pair == params.pair
+            && own.width_px == params.width_px
+            && own.rate_hz == params.rate_hz
+            && own.distortion == params.distortion;
+        same && self.texts.are(&[&params.world, &params.vehicle])
+    }
+
+    /// Takes the pictures of all eyes and sends them.
+    fn take(
+        &self,
+        global_from_vehicle: &Pose,
+        time: Stamp,
+        ports: &Ports,
+        params: &SimCamerasParams,
+        cx: &mut Cycle<'_>,
+    ) {
+        let exposures = self.exposures(cx);
+        let views = self.draw(global_from_vehicle, params.noise.then_some(&exposures), cx.pool());
+        let (channels, encoding) = encoding_of(self.spec.kind);
+        let [width, height] = [self.lens.width, self.lens.height];
+        let image = |eye: usize, encoding: &str, bytes: u32, data: Vec<u8>| RawImage {
+            timestamp: Some(time.to_proto()),
+            frame_id: self.spec.frame(eye),
+            width,
+            height,
+            encoding: encoding.to_owned(),
+            step: width * bytes,
+            data: data.into(),
+        };
+        for (eye, view) in views.into_iter().enumerate() {
+            cx.write(&ports.calibrations[eye], time, self.calibration(eye, time));
+            cx.write(&ports.images[eye], time, image(eye, encoding, channels as u32, view.picture));
+            if eye == 0 && params.truth {
+                let depth = view.depth_m.iter().flat_map(|depth| depth.to_le_bytes()).collect();
+                cx.write(&ports.truth_depth, time, image(eye, "32FC1", 4, depth));
+                cx.write(&ports.truth_labels, time, image(eye, "mono8", 1, view.label));
+                cx.write(&ports.truth_class, time, image(eye, "mono8", 1, view.class));
+            }
+        }
+    }
+
+    /// Exposures of the eyes in this frame: the same for both but for what their sensors differ by.
+    fn exposures(&self, cx: &mut Cycle<'_>) -> [Exposure; 2] {
+        let frame = 1.0 + self.spec.exposure_noise * normal(cx.rng());
+        let differ = 0.5 * self.spec.eye_difference * normal(cx.rng());
+        [1.0, -1.0].map(|sign| Exposure { gain: frame * (1.0 + sign * differ), key: cx.rng().next_u64() })
+    }
+
+    /// Draws what all eyes see, strip by strip.
+    fn draw(&self, global_from_vehicle: &Pose, exposures: Option<&[Exposure; 2]>, pool: &Pool) -> Vec<View> {
+        let (width, height) = (self.rays.width(), self.rays.height());
+        let pixels = width * height;
+        let poses = [0, 1].map(|eye| *global_from_vehicle * self.spec.vehicle_from_eye(eye));
+        let mut views: Vec<View> = (0..self.spec.eyes())
+            .map(|_| View {
+                picture: vec![0; 3 * pixels],
+                depth_m: vec![f32::NAN; pixels],
+                class: vec![0; pixels],
+                label: vec![0; pixels],
+            })
+            .collect();
+        let strip = STRIP_ROWS * width;
+        let mut strips: Vec<Strip<'_>> = Vec::new();
+        for (eye, view) in views.iter_mut().enumerate() {
+            let parts = view
+                .picture
+                .chunks_mut(3 * strip)
+                .zip(view.depth_m.chunks_mut(strip))
+                .zip(view.class.chunks_mut(strip))
+                .zip(view.label.chunks_mut(strip));
+            strips.extend(parts.enumerate().map(|(index, (((rgb, depth_m), class), label))| Strip {
+                eye,
+                first_row: index * STRIP_ROWS,
+                out: ViewRows { rgb, depth_m, class, label },
+            }));
+        }
+        pool.for_each_chunk_mut(&mut strips, 1, |_, strips| {
+            for strip in strips {
+                let rows = strip.first_row..(strip.first_row + STRIP_ROWS).min(height);
+                render_rows(&self.world, &self.rays, &poses[strip.eye], rows, &mut strip.out);
+                if self.spec.kind != CameraKind::Infrared
+                    && let Some(exposures) = exposures
+                {
+                    self.sensor.expose(&exposures[strip.eye], strip.first_row, 3, strip.out.rgb);
+                }
+            }
+        });
+        drop(strips);
+        if self.spec.kind == CameraKind::Infrared {
+            for view in &mut views {
+                let colours = view.picture.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]);
+                let mut grey: Vec<u8> =
+                    colours.zip(&view.class).map(|(rgb, &class)| thermal(class, rgb)).collect();
+                if let Some([only, _]) = exposures {
+                    self.sensor.expose(only, 0, 1, &mut grey);
+                }
+                view.picture = grey;
+            }
+        }
+        views
+    }
+
+    /// The calibration as a calibration of real cameras would give it: the raw lens, and rectified ones side by side.
+    fn calibration(&self, eye: usize, time: Stamp) -> CameraCalibration {
+        let PinholeCamera { fx, fy, cx, cy, .. } = self.lens;
+        let shift = if eye == 0 { 0.0 } else { -fx * self.spec.baseline_m };
+        let d = match self.lens.distortion {
+            Distortion::PlumbBob(d) => d.to_vec(),
+            _ => vec![0.0; 5],
+        };
+        CameraCalibration {
+            timestamp: Some(time.to_proto()),
+            frame_id: self.spec.frame(eye),
+            width: self.lens.width,
+            height: self.lens.height,
+            distortion_model: "plumb_bob".to_owned(),
+            d,
+            k: vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+            r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            p: vec![fx, 0.0, cx, shift, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+        }
+    }
+}
+
+/// The lens with the parameters' size and distortion.
+fn lens_of(spec: &CameraSpec, params: &SimCamerasParams) -> Result<PinholeCamera, String> {
+    let mut lens = spec.lens.clone();
+    if params.width_px > 0 {
+        let height_px = (params.width_px * lens.height + lens.width / 2) / lens.width;
+        let size = [params.width_px, height_px.max(1)];
+        lens = lens.resized(size).map_err(|error| format!("width_px: {error}"))?;
+    }
+    if !params.distortion {
+        let size = [lens.width, lens.height];
+        lens = PinholeCamera::new(size, [lens.fx, lens.fy], [lens.cx, lens.cy], Distortion::None)
+            .map_err(|error| format!("distortion: {error}"))?;
+    }
+    Ok(lens)
+}

@@ -1,0 +1,116 @@
+//! Which wheel commands the vehicle obeys: those that are sound, in order and young. Without one it brakes.
+
+use crate::drive::Drive;
+use crate::spec::VehicleSpec;
+use crate::vehicle::Wish;
+use rcs_msg::Stamp;
+use rcs_msg::rcs::WheelCommand;
+use serde::{Deserialize, Serialize};
+
+/// A command may be stamped this much later than the vehicle's clock says, s.
+const EARLY_S: f64 = 0.05;
+
+/// Why a command was refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Refusal {
+    /// A number is NaN or infinite.
+    #[error("wheels at {left} and {right} m/s with curvature {curvature} 1/m, expected finite numbers")]
+    NotFinite {
+        /// m/s.
+        left: f64,
+        /// m/s.
+        right: f64,
+        /// 1/m.
+        curvature: f64,
+    },
+    /// A wheel is faster than the vehicle's can turn.
+    #[error("wheel at {got} m/s, expected at most {limit} m/s")]
+    TooFast {
+        /// m/s.
+        got: f64,
+        /// m/s.
+        limit: f64,
+    },
+    /// No timestamp.
+    #[error("no timestamp")]
+    NoTime,
+    /// It is older than the command before.
+    #[error("command is {age_s:.3} s older than the one before")]
+    OutOfOrder {
+        /// s.
+        age_s: f64,
+    },
+    /// It is too old.
+    #[error("command is {age_s:.3} s old, expected at most {limit_s} s")]
+    Stale {
+        /// s.
+        age_s: f64,
+        /// s.
+        limit_s: f64,
+    },
+    /// It is from the future.
+    #[error("command is from {ahead_s:.3} s ahead, expected at most {EARLY_S} s")]
+    Early {
+        /// s.
+        ahead_s: f64,
+    },
+}
+
+/// The command that is obeyed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Commands {
+    /// Its time, wheel speeds and curvature.
+    obeyed: Option<(Stamp, [f64; 2], f64)>,
+    /// The time of the newest sound command, obeyed or not.
+    newest: Option<Stamp>,
+}
+
+impl Commands {
+    /// Takes a command at a time. One that is nonsense ends the one before: whoever sends it is not to be trusted.
+    pub fn take(
+        &mut self,
+        spec: &VehicleSpec,
+        command: &WheelCommand,
+        now: Stamp,
+        timeout_s: f64,
+    ) -> Result<(), Refusal> {
+        let (left, right, curvature) = (command.left_mps, command.right_mps, command.curvature_per_m);
+        if ![left, right, curvature].iter().all(|value| value.is_finite()) {
+            self.obeyed = None;
+            return Err(Refusal::NotFinite { left, right, curvature });
+        }
+        let limit = spec.wheels.max_wheel_speed_mps;
+        if let Some(&got) = [left, right].iter().find(|speed| speed.abs() > limit) {
+            self.obeyed = None;
+            return Err(Refusal::TooFast { got, limit });
+        }
+        let time = command.timestamp.as_ref().and_then(Stamp::from_proto).ok_or(Refusal::NoTime)?;
+        let age_s = now.seconds_since(time);
+        if age_s > timeout_s {
+            return Err(Refusal::Stale { age_s, limit_s: timeout_s });
+        }
+        if age_s < -EARLY_S {
+            return Err(Refusal::Early { ahead_s: -age_s });
+        }
+        if let Some(newest) = self.newest.filter(|&newest| time < newest) {
+            return Err(Refusal::OutOfOrder { age_s: newest.seconds_since(time) });
+        }
+        self.newest = Some(time);
+        self.obeyed = Some((time, [left, right], curvature));
+        Ok(())
+    }
+
+    /// What the vehicle does at a time.
+    pub fn wish(&self, spec: &VehicleSpec, now: Stamp, timeout_s: f64) -> Wish {
+        let curvature_per_m = self.obeyed.map_or(0.0, |(_, _, curvature)| curvature);
+        match self.obeyed {
+            Some((time, speeds, _)) if now.seconds_since(time) <= timeout_s => {
+                // The vehicle's own limit: both wheels slow down alike, so that the turn stays.
+                let speed = 0.5 * (speeds[0] + speeds[1]).abs();
+                let part = (spec.wheels.max_speed_mps / speed.max(1e-9)).min(1.0);
+                Wish { drive: Drive::Speeds(speeds.map(|speed| speed * part)), curvature_per_m }
+            }
+            _ => Wish { drive: Drive::Brake, curvature_per_m },
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! From what an eye sees to the picture that its sensor gives: exposure, corners, noise.
+//!
+//! Noise is a hash of the frame's key and the pixel, so that a strip of a picture is the same whoever computes it.
+
+use crate::spec::{CameraKind, CameraSpec};
+use rcs_scene::Class;
+
+/// Exposure of one eye in one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exposure {
+    /// Brightness by what it should be.
+    pub gain: f64,
+    /// Of the noise; another one for each eye and frame.
+    pub key: u64,
+}
+
+/// What a sensor does to the light.
+#[derive(Clone, Debug)]
+pub struct Sensor {
+    size: [usize; 2],
+    vignette: f32,
+    /// Standard deviation by grey level.
+    deviation: Vec<f32>,
+}
+
+/// The sum of three numbers of 7 bits has this mean and this deviation.
+const SUM_MEAN: f32 = 190.5;
+const SUM_DEVIATION: f32 = 63.998;
+
+/// Mixes a key and a counter.
+fn mixed(key: u64, counter: u64) -> u64 {
+    scrambled(key.wrapping_add(counter.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
+}
+
+/// The output function of `SplitMix64`.
+pub(crate) fn scrambled(mut z: u64) -> u64 {
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Nearly normal numbers for the three channels of a pixel, deviation 1: each the sum of three uniform ones.
+fn channels(key: u64, pixel: u64) -> [f32; 3] {
+    let bits = mixed(key, pixel);
+    [0, 21, 42].map(|shift| {
+        let part = bits >> shift;
+        let sum = (part & 127) + (part >> 7 & 127) + (part >> 14 & 127);
+        (sum as f32 - SUM_MEAN) / SUM_DEVIATION
+    })
+}
+
+impl Sensor {
+    /// The sensor of a camera for pictures of a size, pixels.
+    pub fn new(spec: &CameraSpec, size: [usize; 2]) -> Sensor {
+        let (dark, white) = (spec.dark_noise as f32, spec.shot_noise as f32);
+        let deviation = |level: u8| dark + (white - dark) * (f32::from(level) / 255.0).sqrt();
+        Sensor { size, vignette: spec.vignette as f32, deviation: (0..=255).map(deviation).collect() }
+    }
+
+    /// Exposes some rows in place, the first of them `first_row`: `channels` bytes a pixel, 1 or 3.
+    pub fn expose(&self, exposure: &Exposure, first_row: usize, channels_of_pixel: usize, pixels: &mut [u8]) {
+        let [width, height] = self.size.map(|side| side as f32);
+        let middle = [0.5 * (width - 1.0), 0.5 * (height - 1.0)];
+        let corner2 = middle[0] * middle[0] + middle[1] * middle[1];
+        let row_bytes = self.size[0] * channels_of_pixel;
+        for (row, line) in pixels.chunks_exact_mut(row_bytes).enumerate() {
+            let row = first_row + row;
+            let down = row as f32 - middle[1];
+            for (column, pixel) in line.chunks_exact_mut(channels_of_pixel).enumerate() {
+                let right = column as f32 - middle[0];
+                let lost = self.vignette * (right * right + down * down) / corner2;
+                let gain = exposure.gain as f32 * (1.0 - lost);
+                let noise = channels(exposure.key, (row * self.size[0] + column) as u64);
+                for (value, noise) in pixel.iter_mut().zip(noise) {
+                    let light = (f32::from(*value) * gain).clamp(0.0, 255.0);
+                    let exposed = light + noise * self.deviation[light as usize] + 0.5;
+                    *value = exposed.clamp(0.0, 255.0) as u8;
+                }
+            }
+        }
+    }
+}
+
+/// The grey level of a thermal camera: living and sunlit things are warm, plants cool, the sky is cold; what a surface
+/// looks like adds its texture.
+pub fn thermal(class: u8, rgb: [u8; 3]) -> u8 {
+    let warmth: i32 = match Class::from_code(class) {
+        None | Some(Class::Sky) => 10,
+        Some(Class::Person) => 225,
+        Some(Class::TallGrass | Class::TallWeeds | Class::Crown | Class::Bush) => 85,
+        Some(Class::ShortGrass | Class::Trunk) => 100,
+        Some(Class::Mud | Class::LeafLitter) => 110,
+        Some(Class::Dirt | Class::Mulch | Class::WhiteLime) => 140,
+        Some(_) => 125,
+    };
+    let light = (i32::from(rgb[0]) + i32::from(rgb[1]) + i32::from(rgb[2])) / 3;
+    (warmth + (light - 110) / 8).clamp(0, 255) as u8
+}
+
+/// Bytes of a pixel of a camera's pictures, and their encoding.
+pub fn encoding_of(kind: CameraKind) -> (usize, &'static str) {
+    match kind {
+        CameraKind::Stereo | CameraKind::Color => (3, "rgb8"),
+        CameraKind::Infrared => (1, "mono8"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::VehicleSpec;
+
+    fn camera() -> CameraSpec {
+        let text = include_str!("../../../assets/vehicles/lagr.toml");
+        VehicleSpec::from_toml(text).unwrap().camera("left").unwrap().clone()
+    }
+
+    fn exposed(spec: &CameraSpec, level: u8, key: u64) -> Vec<f64> {
+        let mut pixels = vec![level; 64 * 48 * 3];
+        let sensor = Sensor::new(spec, [64, 48]);
+        sensor.expose(&Exposure { gain: 1.0, key }, 0, 3, &mut pixels);
+        pixels.into_iter().map(f64::from).collect()
+    }
+
+    #[test]
+    fn noise_has_the_deviation_of_the_vehicle_file() {
+        let spec = CameraSpec { vignette: 0.0, ..camera() };
+        for (level, expected) in
+            [(20_u8, 0.8 + 1.2 * (20.0_f64 / 255.0).sqrt()), (180, 0.8 + 1.2 * (180.0_f64 / 255.0).sqrt())]
+        {
+            let pixels = exposed(&spec, level, 9);
+            let mean = pixels.iter().sum::<f64>() / pixels.len() as f64;
+            let variance = pixels.iter().map(|p| (p - mean) * (p - mean)).sum::<f64>() / pixels.len() as f64;
+            assert!((mean - f64::from(level)).abs() < 0.1, "{mean}");
+            // Rounding to whole levels adds a twelfth.
+            let got = (variance - 1.0 / 12.0).sqrt();
+            assert!((got / expected - 1.0).abs() < 0.05, "level {level}: got {got}, expected {expected}");
+        }
+    }
+
+    #[test]
+    fn strips_are_the_parts_of_the_whole_and_frames_differ() {
+        let spec = camera();
+        let sensor = Sensor::new(&spec, [64, 48]);
+        let exposure = Exposure { gain: 1.1, key: 3 };
+        let mut whole = vec![100; 64 * 48 * 3];
+        sensor.expose(&exposure, 0, 3, &mut whole);
+        let mut strips = vec![100; 64 * 48 * 3];
+        for (strip, rows) in strips.chunks_mut(64 * 3 * 7).enumerate() {
+            sensor.expose(&exposure, strip * 7, 3, rows);
+        }
+        assert_eq!(whole, strips);
+        assert_ne!(exposed(&spec, 100, 1), exposed(&spec, 100, 2));
+    }
+
+    #[test]
+    fn corners_lose_as_much_light_as_the_vehicle_file_says() {
+        let spec = CameraSpec { vignette: 0.2, dark_noise: 0.0, shot_noise: 0.0, ..camera() };
+        let pixels = exposed(&spec, 200, 0);
+        assert_eq!(pixels[0], 160.0);
+        assert_eq!(pixels[(24 * 64 + 32) * 3], 200.0);
+    }
+}

@@ -1,0 +1,169 @@
+//! The world as the dynamics see it, and everything that a process keeps of its parameters' texts.
+
+use crate::referee::Goal;
+use crate::spec::VehicleSpec;
+use crate::terrain::{Patch, Terrain, Touch, UprightBox};
+use glam::{DVec2, DVec3};
+use rcs_geom::{GeodesyError, Geodetic, Utm};
+use rcs_msg::rcs::SimVehicleParams;
+use rcs_scene::{Course, Footprint, ThingKind, World};
+
+/// A simulated world; what the dynamics ask of it.
+#[derive(Clone, Debug)]
+pub struct Scenery {
+    /// The world itself.
+    pub world: World,
+    /// Where trees stand.
+    trees: Vec<DVec2>,
+}
+
+impl Scenery {
+    /// Reads a world file.
+    pub fn from_toml(text: &str) -> Result<Scenery, String> {
+        if text.is_empty() {
+            return Err("world is missing, expected the text of a world file".to_owned());
+        }
+        let world = World::from_toml(text).map_err(|error| format!("world: {error}"))?;
+        let is_tree = |thing: &&rcs_scene::Thing| thing.kind == ThingKind::Tree;
+        let trees = world.things().iter().filter(is_tree).map(|tree| tree.position.truncate()).collect();
+        Ok(Scenery { world, trees })
+    }
+
+    /// The place on the earth of a point of the frame `global`, whose axes are those of the UTM grid.
+    pub fn geodetic(&self, p_global: DVec3) -> Result<Geodetic, GeodesyError> {
+        let Utm { zone, north, easting_m, northing_m } = self.world.origin();
+        let place = Utm::new(zone, north, easting_m + p_global.x, northing_m + p_global.y)?.to_geodetic();
+        Ok(Geodetic { altitude_m: p_global.z, ..place })
+    }
+}
+
+impl Terrain for Scenery {
+    fn patch(&self, at: DVec2) -> Patch {
+        let ground = self.world.ground(at);
+        Patch {
+            height_m: ground.height_m,
+            traction: ground.traction,
+            rolling_resistance: ground.rolling_resistance,
+            plant_drag: ground.vegetation_drag,
+        }
+    }
+
+    fn height_m(&self, at: DVec2) -> f64 {
+        self.world.height_m(at)
+    }
+
+    fn touching(&self, body: &UprightBox) -> Vec<Touch> {
+        let footprint = Footprint {
+            centre: body.centre,
+            yaw_rad: body.yaw_rad,
+            half_length_m: body.half.x,
+            half_width_m: body.half.y,
+        };
+        let touches = self.world.touching(&footprint, body.z_m[0]..=body.z_m[1]);
+        touches
+            .into_iter()
+            .map(|touch| Touch {
+                thing: touch.thing,
+                point: touch.point,
+                normal: touch.normal,
+                depth_m: touch.depth_m,
+            })
+            .collect()
+    }
+
+    fn range_m(&self, origin: DVec3, direction: DVec3, max_m: f64) -> Option<f64> {
+        Some(self.world.cast(origin, direction, max_m)?.range_m)
+    }
+
+    fn trees_near(&self, at: DVec2, radius_m: f64) -> usize {
+        self.trees.iter().filter(|tree| tree.distance_squared(at) < radius_m * radius_m).count()
+    }
+
+    fn contains(&self, at: DVec2) -> bool {
+        let [low, high] = self.world.bounds_m();
+        at.cmpge(low).all() && at.cmple(high).all()
+    }
+
+    fn kind(&self, thing: u32) -> &str {
+        self.world.things().get(thing as usize).map_or("ground", |thing| thing.kind.name())
+    }
+}
+
+/// The texts of files that something was made of, to see whether they are still the same.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Texts(Vec<String>);
+
+impl Texts {
+    pub(crate) fn of(texts: &[&str]) -> Texts {
+        Texts(texts.iter().map(|text| (*text).to_owned()).collect())
+    }
+
+    pub(crate) fn are(&self, texts: &[&str]) -> bool {
+        self.0.iter().map(String::as_str).eq(texts.iter().copied())
+    }
+}
+
+/// What `sim_vehicle` makes of its parameters.
+#[derive(Clone, Debug)]
+pub(crate) struct Stage {
+    texts: Texts,
+    pub(crate) spec: VehicleSpec,
+    pub(crate) scenery: Scenery,
+    /// Name of the course; empty for none.
+    pub(crate) course: String,
+    pub(crate) start: DVec2,
+    pub(crate) start_yaw_rad: f64,
+    pub(crate) goal: Option<Goal>,
+}
+
+/// Reads a vehicle file.
+pub(crate) fn read_vehicle(text: &str) -> Result<VehicleSpec, String> {
+    if text.is_empty() {
+        return Err("vehicle is missing, expected the text of a vehicle file".to_owned());
+    }
+    VehicleSpec::from_toml(text).map_err(|error| format!("vehicle: {error}"))
+}
+
+impl Stage {
+    /// Reads the texts; says what is wrong with them.
+    pub(crate) fn new(params: &SimVehicleParams) -> Result<Stage, String> {
+        let texts = [params.world.as_str(), &params.vehicle, &params.course];
+        let spec = read_vehicle(&params.vehicle)?;
+        let scenery = Scenery::from_toml(&params.world)?;
+        let mut stage = Stage {
+            texts: Texts::of(&texts),
+            spec,
+            scenery,
+            course: String::new(),
+            start: DVec2::new(params.start_east_m, params.start_north_m),
+            start_yaw_rad: params.start_heading_deg.to_radians(),
+            goal: None,
+        };
+        if !params.course.is_empty() {
+            let course = Course::from_toml(&params.course).map_err(|error| format!("course: {error}"))?;
+            let origin = stage.scenery.world.origin();
+            let place = |place: &rcs_scene::Place| place.in_world(&origin).map_err(|error| error.to_string());
+            stage.start = place(&course.start)?;
+            stage.start_yaw_rad = course.start_heading_rad;
+            stage.goal = Some(Goal {
+                at: place(&course.goal)?,
+                radius_m: course.goal_radius_m,
+                time_limit_s: course.time_limit_s,
+            });
+            stage.course = course.name;
+        }
+        let goal = stage.goal.map(|goal| goal.at);
+        for (what, at) in [("start", Some(stage.start)), ("goal", goal)] {
+            if let Some(at) = at.filter(|&at| !stage.scenery.contains(at)) {
+                let bounds = stage.scenery.world.bounds_m();
+                return Err(format!("{what} is at {at} m, expected a place in the world: {bounds:?}"));
+            }
+        }
+        Ok(stage)
+    }
+
+    /// Whether it was made of these texts.
+    pub(crate) fn is_of(&self, params: &SimVehicleParams) -> bool {
+        self.texts.are(&[&params.world, &params.vehicle, &params.course])
+    }
+}
