@@ -24,7 +24,11 @@ macro_rules! bundled {
 }
 
 /// The one list.
-const BUNDLED: &[Bundled] = bundled![];
+const BUNDLED: &[Bundled] = bundled![
+    "models" "mulch" "models/mulch.json",
+    "models" "white_lime" "models/white_lime.json",
+    "models" "orange_fence" "models/orange_fence.json",
+];
 
 /// Names of the bundled files of a kind, in the order of the list.
 pub fn names(kind: &str) -> impl Iterator<Item = &'static str> {

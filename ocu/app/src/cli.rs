@@ -40,14 +40,17 @@ pub enum Command {
     Eval(EvalCommand),
 }
 
-const EVAL_EXAMPLE: &str =
-    "Example:\n  ocu eval stereo --left left.png --right right.png --truth disparity.pfm";
+const EVAL_EXAMPLE: &str = "Examples:\n  \
+    ocu eval stereo --left left.png --right right.png --truth disparity.pfm\n  \
+    ocu eval color --image path_*.png --labels labels_*.png --ground-ids 1,4";
 
 /// The methods that can be measured.
 #[derive(Debug, Subcommand)]
 pub enum EvalCommand {
     /// Disparities of a pair of images: quality against a truth, density and time
     Stereo(EvalStereoArgs),
+    /// Colour models of ground and background: quality against labelled images, and time
+    Color(EvalColorArgs),
 }
 
 /// `ocu [LOG]`
@@ -218,6 +221,48 @@ pub struct EvalStereoArgs {
     /// Threads to match on; semi-global matching uses one
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: u16,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ocu eval color`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  ocu eval color --image 1.png 2.png --labels 1_labels.png 2_labels.png \\\n    \
+                        --ground-ids 1,4 --apriori orange_fence --json\n\n\
+                        The images are taken in order. From each, the models learn before it is classified: ground \
+                        from a trapezoid at the bottom centre (from 68 % to 96 % of the height; 20 % of the width \
+                        at its top, 40 % at its bottom), background from random pixels above the horizon and up to \
+                        50 pixels below it in the first image, and from what the models call background later. A \
+                        trapezoid whose colours differ from all models becomes a model at once, up to 5. There is \
+                        no fusion over time: images of one's own need not be a sequence.\n\n\
+                        Counted is every pixel of the label images but those with an ignored id. Ground is what has \
+                        one of the ground ids, everything else is obstacle. A pixel is called what its pixel of the \
+                        128x96 image is called. One that no model knows is unclassified: it is missed by both \
+                        classes, and counts in unclassified_pct. IoU is intersection over union, f1 is that of \
+                        ground; null where there is nothing of the class. ms_median is the time to learn from and to \
+                        classify an image, on one thread, without reading the file."
+)]
+pub struct EvalColorArgs {
+    /// Images: PNG or JPEG
+    #[arg(long, value_name = "I", num_args = 1.., required = true)]
+    pub image: Vec<PathBuf>,
+    /// A label image for each image, of the same size: grey PNG whose values are ids
+    #[arg(long, value_name = "L", num_args = 1.., required = true)]
+    pub labels: Vec<PathBuf>,
+    /// Ids that are ground
+    #[arg(long, value_name = "IDS", num_args = 1.., value_delimiter = ',', required = true)]
+    pub ground_ids: Vec<u16>,
+    /// Ids that are not counted
+    #[arg(long, value_name = "IDS", num_args = 1.., value_delimiter = ',')]
+    pub ignore_ids: Vec<u16>,
+    /// Models to begin with: the name of bundled ones, or a .json file
+    #[arg(long, value_name = "F")]
+    pub apriori: Vec<String>,
+    /// Height of the horizon, percent of the image from the top
+    #[arg(long, value_name = "PERCENT", default_value_t = 40.0)]
+    pub horizon: f64,
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,

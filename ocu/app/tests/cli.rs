@@ -282,3 +282,79 @@ fn eval_stereo_reaches_its_bars_on_motorcycle() {
         assert!(report["density_pct"].as_f64().unwrap() >= least_density_pct, "{method}: {out}");
     }
 }
+
+/// A brown path (label 7) in green grass (1) under a sky (2), and a strip of no label (255); image and label files.
+fn labelled_path(dir: &Path, name: &str, seed: u32) -> [String; 2] {
+    let class = |x: u32, y: u32| match y {
+        0..60 => 2,
+        60..64 => 255,
+        _ if x.abs_diff(160) < y / 2 => 7,
+        _ => 1,
+    };
+    let paint = |x: u32, y: u32| {
+        let noise = (x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ seed)
+            .wrapping_mul(0x2c1b_3c6d)
+            >> 27;
+        let base: [u32; 3] = match class(x, y) {
+            7 => [110, 76, 50],
+            1 => [80, 115, 45],
+            _ => [165, 195, 230],
+        };
+        image::Rgb(base.map(|v| (v + noise) as u8))
+    };
+    let paths = ["png", "labels.png"].map(|ending| text(&dir.join(format!("{name}.{ending}"))).to_owned());
+    image::RgbImage::from_fn(320, 240, paint).save(&paths[0]).unwrap();
+    image::GrayImage::from_fn(320, 240, |x, y| image::Luma([class(x, y)])).save(&paths[1]).unwrap();
+    paths
+}
+
+#[test]
+fn eval_color_measures_images_against_their_labels() {
+    let dir = tempfile::tempdir().unwrap();
+    let [first, second] = [1, 2].map(|seed| labelled_path(dir.path(), &format!("path_{seed}"), seed));
+    let images = ["eval", "color", "--image", &first[0], &second[0], "--labels", &first[1], &second[1]];
+    let (code, out, errors) =
+        ocu(&[&images[..], &["--ground-ids", "7", "--ignore-ids", "255", "--json"]].concat());
+    assert_eq!(code, 0, "{errors}");
+    let report = json(&out);
+    assert_eq!(keys(&report), ["f1", "ground_iou", "ms_median", "obstacle_iou", "unclassified_pct"]);
+    for figure in ["ground_iou", "obstacle_iou", "f1"] {
+        assert!(report[figure].as_f64().unwrap() > 0.95, "{out}");
+    }
+    assert!(report["unclassified_pct"].as_f64().unwrap() < 2.0, "{out}");
+    // The other way round nothing is right, and a class that is nowhere has no figure.
+    let (_, out, _) = ocu(&[&images[..], &["--ground-ids", "1,2", "--json"]].concat());
+    assert!(json(&out)["ground_iou"].as_f64().unwrap() < 0.05, "{out}");
+    let (_, out, _) = ocu(&[&images[..], &["--ground-ids", "1,2,7,255", "--json"]].concat());
+    assert_eq!(json(&out)["obstacle_iou"], serde_json::Value::Null);
+    let (code, out, _) = ocu(&[&images[..], &["--ground-ids", "7", "--apriori", "orange_fence"]].concat());
+    assert!(code == 0 && out.contains("intersection over union of ground"), "{out}");
+}
+
+#[test]
+fn eval_color_refuses_what_does_not_fit() {
+    let dir = tempfile::tempdir().unwrap();
+    let [image, labels] = labelled_path(dir.path(), "path", 1);
+    let small = text(&dir.path().join("small.png")).to_owned();
+    image::GrayImage::new(64, 48).save(&small).unwrap();
+    let black = text(&dir.path().join("black.png")).to_owned();
+    image::GrayImage::new(320, 240).save(&black).unwrap();
+    let check = |args: &[&str], code: i32, expected: &str| {
+        let (got, _, errors) = ocu(&[&["eval", "color", "--ground-ids", "7", "--image"], args].concat());
+        assert_eq!(got, code, "{errors}");
+        assert!(errors.contains(expected), "got \"{errors}\", expected \"{expected}\"");
+    };
+    check(&[&image, &image, "--labels", &labels], 2, "2 images, but 1 label images");
+    check(&[&image, "--labels", &small], 2, "labels are 64x48 pixels, their image 320x240");
+    check(&[&image, "--labels", &image], 2, "labels are a picture in colours");
+    check(&[&image, "--labels", "none.png"], 1, "cannot read none.png");
+    check(&[&black, "--labels", &labels], 1, "image is black");
+    check(&[&image, "--labels", &labels, "--horizon", "120"], 2, "horizon is 120 %");
+    check(
+        &[&image, "--labels", &labels, "--apriori", "moss"],
+        2,
+        "expected mulch, white_lime, orange_fence or a file",
+    );
+    check(&[&image, "--labels", &labels, "--apriori", &labels], 2, "cannot read the models");
+    check(&[&image, "--labels", &labels, "--ignore-ids", "1,2,7,255"], 1, "have ignored ids");
+}

@@ -1,6 +1,8 @@
 //! `ocu eval`: how good and how fast a method is, on the user's own data.
 
+mod color;
 mod npz;
+mod segments;
 mod stereo;
 mod truth;
 
@@ -10,6 +12,7 @@ use std::io::Write;
 /// Prints the figures.
 pub fn eval(command: &EvalCommand, out: &mut dyn Write) -> anyhow::Result<()> {
     match command {
+        EvalCommand::Color(args) => color::color(args, out),
         EvalCommand::Stereo(args) => stereo::stereo(args, out),
     }
 }

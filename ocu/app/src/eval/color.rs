@@ -1,0 +1,140 @@
+//! `ocu eval color`: colour models on labelled images.
+
+use crate::assets::ProgramAssets;
+use crate::cli::EvalColorArgs;
+use crate::eval::segments::{Confusion, Said};
+use crate::usage;
+use anyhow::Context as _;
+use image::DynamicImage;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rcs_color::engine::{Engine, Permission, Samples};
+use rcs_color::histogram::Span;
+use rcs_color::models::{Models, Settings};
+use rcs_color::picture::{HEIGHT, Picture, WIDTH};
+use rcs_color::region::spans;
+use rcs_geom::DVec2;
+use rcs_msg::Stamp;
+use rcs_runtime::Assets as _;
+use rcs_world::{OBSTACLE_COST, UNKNOWN_COST};
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+
+/// Times that an image is seen; all of them count in the median.
+const RUNS: usize = 5;
+/// Images are taken as this far apart, ns.
+const PERIOD_NS: u64 = 200_000_000;
+/// How far below the horizon the first background samples lie.
+const BELOW_HORIZON_PX: u32 = 50;
+
+/// Prints the figures of all images together.
+pub(super) fn color(args: &EvalColorArgs, out: &mut dyn Write) -> anyhow::Result<()> {
+    if args.image.len() != args.labels.len() {
+        let (images, labels) = (args.image.len(), args.labels.len());
+        return Err(usage(format!("{images} images, but {labels} label images")));
+    }
+    if !(0.0..=100.0).contains(&args.horizon) {
+        return Err(usage(format!("horizon is {} %, expected 0 to 100", args.horizon)));
+    }
+    // Each image stands for itself: no fusion, and a new ground is a model at once.
+    let settings =
+        Settings { fusion_frames: 0, learning_period_ns: 0, min_sample_px: 1, ..Settings::default() };
+    let mut engine = Engine::new(apriori(&args.apriori, settings.samples)?);
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let (mut confusion, mut times_ms) = (Confusion::default(), Vec::new());
+    for (index, (path, labels)) in (0..).zip(args.image.iter().zip(&args.labels)) {
+        let image = image::open(path).with_context(|| format!("cannot read {}", path.display()))?.to_rgb8();
+        let size = [image.width() as usize, image.height() as usize];
+        let ids = ids(labels, size)?;
+        let picture = Picture::new(size, 3 * size[0], image.as_raw())?;
+        let ground = trapezoid(size);
+        let horizon_px = (args.horizon * 0.01 * size[1] as f64) as u32;
+        let limits = [horizon_px.saturating_add(BELOW_HORIZON_PX).min(size[1] as u32); WIDTH];
+        let samples = Samples { ground: &ground, first_background: &limits, permission: Permission::All };
+        let time = Stamp(index * PERIOD_NS);
+        let before = (engine.clone(), rng.clone());
+        let mut costs = None;
+        for _ in 0..RUNS {
+            (engine, rng) = before.clone();
+            let start = Instant::now();
+            let seen = engine.see(&picture, &samples, time, &settings, &mut rng);
+            times_ms.push(start.elapsed().as_secs_f64() * 1e3);
+            costs = seen.with_context(|| format!("cannot use {}", path.display()))?.costs;
+        }
+        let costs = costs.with_context(|| format!("no ground sample in {}", path.display()))?;
+        count(&costs, &ids, size, args, &mut confusion);
+    }
+    anyhow::ensure!(confusion.total() > 0, "all pixels of the label images have ignored ids");
+    confusion.report(times_ms).print(args.json, out)
+}
+
+fn count(
+    costs: &[u8],
+    ids: &[u16],
+    [width, height]: [usize; 2],
+    args: &EvalColorArgs,
+    confusion: &mut Confusion,
+) {
+    for (pixel, id) in ids.iter().enumerate() {
+        if args.ignore_ids.contains(id) {
+            continue;
+        }
+        let (column, row) = (pixel % width * WIDTH / width, pixel / width * HEIGHT / height);
+        let said = match costs[row * WIDTH + column] {
+            UNKNOWN_COST => Said::Unclassified,
+            OBSTACLE_COST.. => Said::Obstacle,
+            _ => Said::Ground,
+        };
+        confusion.add(args.ground_ids.contains(id), said);
+    }
+}
+
+/// The bottom centre of an image: what is ahead of a vehicle whose camera looks along its path.
+fn trapezoid(size: [usize; 2]) -> Vec<Span> {
+    let corner = |x: f64, y: f64| DVec2::new(x * size[0] as f64, y * size[1] as f64) - 0.5;
+    spans(&[corner(0.4, 0.68), corner(0.6, 0.68), corner(0.7, 0.96), corner(0.3, 0.96)], size)
+}
+
+/// Models of bundled files or files of one's own.
+fn apriori(names: &[String], samples: u32) -> anyhow::Result<Models> {
+    let mut models = Models::default();
+    for name in names {
+        let asset = ProgramAssets.read("models", name, "").map_err(usage)?;
+        let read =
+            rcs_color::file::parse(&asset.text).map_err(|error| usage(format!("{}: {error}", asset.file)))?;
+        models = models.with(&read, samples);
+    }
+    Ok(models)
+}
+
+/// Ids of a label image, by rows.
+fn ids(path: &Path, size: [usize; 2]) -> anyhow::Result<Vec<u16>> {
+    let image = image::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let got = [image.width() as usize, image.height() as usize];
+    if got != size {
+        return Err(usage(format!(
+            "labels are {}x{} pixels, their image {}x{}: {}",
+            got[0],
+            got[1],
+            size[0],
+            size[1],
+            path.display()
+        )));
+    }
+    match image {
+        DynamicImage::ImageLuma8(grey) => Ok(grey.into_raw().into_iter().map(u16::from).collect()),
+        DynamicImage::ImageLuma16(grey) => Ok(grey.into_raw()),
+        other => {
+            let rgb = other.to_rgb8();
+            // Some programs write grey as three equal channels.
+            if rgb.pixels().all(|pixel| pixel.0[0] == pixel.0[1] && pixel.0[1] == pixel.0[2]) {
+                return Ok(rgb.pixels().map(|pixel| u16::from(pixel.0[0])).collect());
+            }
+            Err(usage(format!(
+                "labels are a picture in colours, expected a grey PNG of ids: {}",
+                path.display()
+            )))
+        }
+    }
+}
