@@ -8,6 +8,7 @@
     reason = "each test takes what it needs"
 )]
 
+pub mod bench;
 pub mod golden;
 
 use glam::{DVec2, DVec3};

@@ -1,0 +1,187 @@
+//! Stacks that run in a test: files from memory, a driver that says what a test wants.
+
+#![allow(dead_code, unreachable_pub, clippy::unwrap_used, reason = "each test takes what it needs")]
+
+use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
+use rcs_runtime::source::Task;
+use rcs_runtime::{
+    Asset, Assets, OperatorWrite, Plan, PlanOptions, ProcessType, RunOptions, Session, StackFile, Stepped,
+};
+use rcs_sim::{SimCameras, SimLadar, SimVehicle};
+use std::sync::Arc;
+
+/// A small world: dirt that rises a little, with a tree ahead of the start, a boulder, tall grass and a person.
+pub const WORLD: &str = r#"
+name = "yard"
+seed = 5
+bounds_m = [[0, 0], [40, 30]]
+base = "dirt"
+
+[origin]
+zone = 32
+north = true
+easting_m = 500000.0
+northing_m = 5400000.0
+
+[[undulation]]
+wavelength_m = 9
+amplitude_m = 0.15
+
+[[paint]]
+surface = "tall_grass"
+polygon = [[20, 20], [38, 20], [38, 28], [20, 28]]
+
+[[thing]]
+kind = "tree"
+at = [12, 15.2]
+radius_m = 0.2
+height_m = 6
+crown_radius_m = 1.5
+
+[[thing]]
+kind = "boulder"
+at = [9, 12]
+radius_m = 0.4
+height_m = 0.5
+
+[[thing]]
+kind = "person"
+at = [20, 8]
+"#;
+
+/// Ten metres to the east of the start.
+pub const COURSE: &str = r#"
+format = 1
+name = "yard"
+description = "across the yard"
+world = "yard"
+vehicle = "lagr"
+time_limit_s = 60
+goal_radius_m = 1.0
+start = { easting = 500005.0, northing = 5400010.0, heading_deg = 0.0 }
+goal = { easting = 500015.0, northing = 5400010.0 }
+"#;
+
+pub const STACK: &str = r#"
+format = 1
+name = "yard"
+course = "yard"
+
+[[process]]
+name = "vehicle"
+plugin = "sim_vehicle"
+supervisor = "viewer"
+inputs = { wheels = "/operator/wheels" }
+
+[[process]]
+name = "eyes_left"
+plugin = "sim_cameras"
+supervisor = "viewer"
+inputs = { truth_state = "/vehicle/truth_state", image = "/eyes_left/left" }
+params = { pair = "left" }
+
+[buffers."/operator/wheels"]
+queue = 16
+
+[buffers."/vehicle/gps"]
+queue = 256
+"#;
+
+/// Files of a test, by kind.
+#[derive(Clone, Debug)]
+pub struct Files {
+    pub world: String,
+    pub vehicle: String,
+    pub course: String,
+}
+
+impl Default for Files {
+    fn default() -> Files {
+        Files { world: WORLD.to_owned(), vehicle: super::LAGR.to_owned(), course: COURSE.to_owned() }
+    }
+}
+
+impl Assets for Files {
+    fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
+        let text = match kind {
+            "world" => &self.world,
+            "vehicle" => &self.vehicle,
+            "course" => &self.course,
+            _ => return Err(format!("no {kind} here")),
+        };
+        Ok(Asset { file: format!("{kind}s/{name}.toml"), text: text.clone() })
+    }
+}
+
+/// The stack with these files and parameters; what is wrong with them.
+pub fn plan(stack: &str, files: &Files, params: &[(&str, &str)]) -> Result<Arc<Plan>, String> {
+    let plugins =
+        &[ProcessType::of::<SimCameras>(), ProcessType::of::<SimLadar>(), ProcessType::of::<SimVehicle>()];
+    let overrides: Vec<(String, String)> =
+        params.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+    let file = StackFile::parse("stack.toml", stack).map_err(|error| error.to_string())?;
+    let options = PlanOptions { overrides: &overrides, course: None, assets: files };
+    Plan::with(file, plugins, &options).map(Arc::new).map_err(|error| error.to_string())
+}
+
+/// A run of a stack that a test steps and drives.
+pub struct Bench {
+    pub session: Session,
+    pub now_ms: u64,
+}
+
+impl Bench {
+    pub fn new(stack: &str, files: &Files, params: &[(&str, &str)]) -> Bench {
+        Bench::with_threads(stack, files, params, 1)
+    }
+
+    pub fn with_threads(stack: &str, files: &Files, params: &[(&str, &str)], threads: usize) -> Bench {
+        let options = RunOptions { threads, hash: true, ..RunOptions::default() };
+        let run = Stepped::new(plan(stack, files, params).unwrap(), None, options).unwrap();
+        let mut bench = Bench { session: Session::new(run).unwrap(), now_ms: 0 };
+        bench.session.forward_until(Stamp(5_000_000), &Task::default()).unwrap();
+        bench
+    }
+
+    /// Goes on by so many ms, a multiple of 10; stops half a step later, so that every cycle until then is done.
+    pub fn run(&mut self, ms: u64) {
+        self.now_ms += ms;
+        self.session.forward_until(Stamp(self.now_ms * 1_000_000 + 5_000_000), &Task::default()).unwrap();
+    }
+
+    /// A command of this moment.
+    pub fn command(&mut self, left_mps: f64, right_mps: f64) {
+        self.command_of(self.now_ms as f64, left_mps, right_mps);
+    }
+
+    /// A command with this time.
+    pub fn command_of(&mut self, ms: f64, left_mps: f64, right_mps: f64) {
+        let timestamp = Some(Stamp((ms * 1e6) as u64).to_proto());
+        let command = rcs::WheelCommand { timestamp, left_mps, right_mps, curvature_per_m: 0.0 };
+        let message = AnyMessage::new(command);
+        self.session.write(OperatorWrite { buffer: "/operator/wheels".to_owned(), message }).unwrap();
+    }
+
+    /// Drives for a time by commands that keep coming.
+    pub fn drive(&mut self, left_mps: f64, right_mps: f64, ms: u64) {
+        for _ in 0..ms / 50 {
+            self.command(left_mps, right_mps);
+            self.run(50);
+        }
+    }
+
+    pub fn latest<T: Payload>(&self, buffer: &str) -> T {
+        let sample = self.session.run().bus().get(buffer).unwrap().latest();
+        sample.unwrap_or_else(|| panic!("nothing in {buffer}")).message.to().unwrap()
+    }
+
+    pub fn state(&self) -> rcs::TruthState {
+        self.latest("/vehicle/truth_state")
+    }
+
+    /// Faults of the vehicle's process, and the last one.
+    pub fn faults(&self) -> (u64, String) {
+        let status: rcs::Status = self.latest("/vehicle/status");
+        (status.faults, status.last_fault)
+    }
+}

@@ -1,0 +1,285 @@
+//! Whole runs: what is refused, what is sent, and that the same run gives the same bits.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod common;
+
+use common::bench::{Bench, COURSE, Files, STACK, WORLD, plan};
+use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, Grid, LocationFix, PoseInFrame, RawImage};
+use rcs_msg::rcs::{self, CourseOutcome};
+use rcs_runtime::{RunOptions, Snapshot, Stepped};
+use rcs_world::GridView;
+
+fn quiet() -> [(&'static str, &'static str); 1] {
+    [("eyes_left.truth", "false")]
+}
+
+#[test]
+fn it_drives_by_commands_and_brakes_when_they_stop_coming() {
+    let mut bench = Bench::new(STACK, &Files::default(), &quiet());
+    bench.drive(0.8, 0.8, 2000);
+    assert!((bench.state().speed_mps - 0.8).abs() < 0.05, "{}", bench.state().speed_mps);
+    bench.run(150);
+    assert!(bench.state().speed_mps > 0.7, "the last command is 200 ms old");
+    bench.run(600);
+    assert!(bench.state().speed_mps.abs() < 1e-3, "{}", bench.state().speed_mps);
+    assert_eq!(bench.faults().0, 0, "silence is no bad input");
+}
+
+/// Drives, sends one bad command, and says what became of it.
+fn refused(send: impl FnOnce(&mut Bench)) -> (Bench, String) {
+    let mut bench = Bench::new(STACK, &Files::default(), &quiet());
+    bench.drive(0.8, 0.8, 1500);
+    send(&mut bench);
+    bench.run(10);
+    let (faults, last) = bench.faults();
+    assert_eq!(faults, 1, "{last}");
+    (bench, last)
+}
+
+#[test]
+fn a_command_that_is_not_a_number_is_refused_and_counted_and_the_vehicle_brakes() {
+    for [left, right] in [[f64::NAN, 0.5], [0.5, f64::INFINITY]] {
+        let (mut bench, why) = refused(|bench| bench.command(left, right));
+        assert!(why.contains("expected finite"), "{why}");
+        bench.run(100);
+        assert!(bench.state().speed_mps < 0.6, "it brakes at once: {}", bench.state().speed_mps);
+        bench.run(1000);
+        assert!(bench.state().speed_mps.abs() < 1e-3);
+    }
+}
+
+#[test]
+fn ten_metres_a_second_are_refused_and_counted_and_the_vehicle_brakes() {
+    let (mut bench, why) = refused(|bench| bench.command(10.0, 10.0));
+    assert!(why.contains("wheel at 10 m/s, expected at most 1.8 m/s"), "{why}");
+    bench.run(1000);
+    assert!(bench.state().speed_mps.abs() < 1e-3);
+    bench.drive(0.5, 0.5, 1000);
+    assert!((bench.state().speed_mps - 0.5).abs() < 0.05, "a sound command is obeyed again");
+}
+
+#[test]
+fn commands_from_the_past_are_refused_and_counted_and_change_nothing() {
+    let (bench, why) = refused(|bench| bench.command_of(bench.now_ms as f64 - 300.0, -1.0, -1.0));
+    assert!(why.contains("old, expected at most 0.2 s"), "{why}");
+    assert!(bench.state().speed_mps > 0.7);
+    let (bench, why) = refused(|bench| bench.command_of(bench.now_ms as f64 - 100.0, -1.0, -1.0));
+    assert!(why.contains("older than the one before"), "{why}");
+    assert!(bench.state().speed_mps > 0.7);
+    let (_, why) = refused(|bench| bench.command_of(bench.now_ms as f64 + 500.0, 1.0, 1.0));
+    assert!(why.contains("ahead"), "{why}");
+}
+
+#[test]
+fn a_run_of_a_course_is_counted_until_the_goal_is_reached() {
+    let mut bench = Bench::new(STACK, &Files::default(), &quiet());
+    let goal: PoseInFrame = bench.latest("/vehicle/goal");
+    let place = goal.pose.unwrap().position.unwrap();
+    assert!((place.x - 15.0).abs() < 1e-9 && (place.y - 10.0).abs() < 1e-9 && goal.frame_id == "global");
+    bench.drive(1.0, 1.0, 5000);
+    let run: rcs::CourseRun = bench.latest("/vehicle/run");
+    assert_eq!((run.outcome(), run.course.as_str()), (CourseOutcome::CourseRunning, "yard"));
+    assert!((run.distance_m + run.remaining_m - 10.0).abs() < 0.2, "{run:?}");
+    bench.drive(1.0, 1.0, 6000);
+    let run: rcs::CourseRun = bench.latest("/vehicle/run");
+    assert_eq!(run.outcome(), CourseOutcome::CourseReached, "{run:?}");
+    assert_eq!((run.collisions, run.bumper_hits), (0, 0));
+    assert!((9.0..10.5).contains(&run.time_s), "{run:?}");
+}
+
+#[test]
+fn every_sensor_is_sent_at_its_rate() {
+    let mut bench = Bench::new(STACK, &Files::default(), &[("vehicle.gps_dropouts", "false")]);
+    bench.run(2000);
+    let count = |buffer: &str| bench.session.run().bus().get(buffer).unwrap().newest();
+    for (buffer, expected) in [
+        ("encoders", 101),
+        ("imu", 201),
+        ("motors", 41),
+        ("bumper", 41),
+        ("infrared", 21),
+        ("gps", 9),
+        ("static_transforms", 3),
+        ("goal", 3),
+        ("run", 11),
+        ("truth_state", 201),
+        ("truth_pose", 201),
+        ("truth_map", 1),
+        ("truth_things", 1),
+        ("ground_speed", 0),
+        ("steering", 0),
+    ] {
+        assert_eq!(count(&format!("/vehicle/{buffer}")), expected, "{buffer}");
+    }
+    for buffer in ["left", "right", "left_calibration", "right_calibration", "truth_depth", "truth_labels"] {
+        assert_eq!(count(&format!("/eyes_left/{buffer}")), 11, "{buffer}");
+    }
+    let transforms: FrameTransforms = bench.latest("/vehicle/static_transforms");
+    let names: Vec<&str> = transforms.transforms.iter().map(|t| t.child_frame_id.as_str()).collect();
+    assert_eq!(
+        names,
+        [
+            "imu",
+            "gps",
+            "infrared_left",
+            "infrared_right",
+            "left_eyes_left",
+            "left_eyes_right",
+            "right_eyes_left",
+            "right_eyes_right"
+        ]
+    );
+}
+
+#[test]
+fn the_true_map_is_the_world() {
+    let bench = Bench::new(STACK, &Files::default(), &quiet());
+    let grid: Grid = bench.latest("/vehicle/truth_map");
+    let view = GridView::new(&grid).unwrap();
+    assert_eq!((view.columns(), view.rows()), (200, 150));
+    let world = rcs_scene::World::from_toml(WORLD).unwrap();
+    let (height, class) = (view.field("height").unwrap(), view.field("class").unwrap());
+    let cover = view.field("vegetation").unwrap();
+    for (column, row) in [(0, 0), (60, 76), (110, 115), (199, 149)] {
+        let truth = world.truth_cell(column, row).unwrap();
+        assert!((height.get(column, row).unwrap() - truth.ground_height_m).abs() < 1e-6);
+        assert!((cover.get(column, row).unwrap() - truth.cover_height_m).abs() < 1e-6);
+        assert_eq!(class.get(column, row), Some(f64::from(truth.class.code())));
+    }
+    let things: rcs::TruthThings = bench.latest("/vehicle/truth_things");
+    let kinds: Vec<&str> = things.things.iter().map(|thing| thing.kind.as_str()).collect();
+    assert_eq!(kinds, ["tree", "boulder", "person"]);
+}
+
+#[test]
+fn positions_are_on_the_earth_where_the_world_lies() {
+    let exact = [
+        ("vehicle.gps_noise", "false"),
+        ("vehicle.gps_outliers", "false"),
+        ("vehicle.gps_dropouts", "false"),
+    ];
+    let bench = Bench::new(STACK, &Files::default(), &exact);
+    let fix: LocationFix = bench.latest("/vehicle/gps");
+    let place = rcs_geom::Geodetic::new(fix.latitude, fix.longitude, fix.altitude).unwrap();
+    let utm = rcs_geom::Utm::from_geodetic(&place).unwrap();
+    // The antenna is above the start, which leans a little.
+    assert!((utm.easting_m - 500_005.0).abs() < 0.2 && (utm.northing_m - 5_400_010.0).abs() < 0.2, "{utm:?}");
+    assert_eq!(fix.position_covariance[0], 1.5 * 1.5);
+    let off = Bench::new(STACK, &Files::default(), &[("vehicle.gps_off", "true")]);
+    assert!(off.session.run().bus().get("/vehicle/gps").unwrap().latest().is_none());
+}
+
+#[test]
+fn pictures_have_the_size_of_the_vehicle_file_or_of_the_parameters() {
+    let bench = Bench::new(STACK, &Files::default(), &[]);
+    let image: RawImage = bench.latest("/eyes_left/left");
+    assert_eq!((image.width, image.height, image.step, image.encoding.as_str()), (320, 240, 960, "rgb8"));
+    assert_eq!(image.frame_id, "left_eyes_left");
+    let calibration: CameraCalibration = bench.latest("/eyes_left/right_calibration");
+    assert!((calibration.p[3] / calibration.p[0] + 0.12).abs() < 1e-12, "baseline 0.12 m");
+
+    let bench = Bench::new(
+        STACK,
+        &Files::default(),
+        &[("eyes_left.width_px", "640"), ("eyes_left.distortion", "false")],
+    );
+    let image: RawImage = bench.latest("/eyes_left/left");
+    let large: CameraCalibration = bench.latest("/eyes_left/left_calibration");
+    assert_eq!((image.width, image.height), (640, 480));
+    assert!((large.k[0] / calibration.k[0] - 2.0).abs() < 1e-12);
+    assert_eq!(large.d, [0.0; 5]);
+}
+
+/// A run that drives by itself: the bits of everything that was sent.
+fn driven(threads: usize, snapshot_ms: Option<u64>) -> Option<String> {
+    let mut bench = Bench::with_threads(STACK, &Files::default(), &[], threads);
+    let steps = [(0.5, 0.9, 1500), (1.2, 1.2, 1000), (-0.4, 0.4, 500), (1.3, 1.3, 1000)];
+    for (left, right, ms) in steps {
+        bench.drive(left, right, ms);
+    }
+    if let Some(ms) = snapshot_ms {
+        // Back, and forth again: the session restores a snapshot and does the operator's writes again.
+        bench.session.go_to_time(rcs_msg::Stamp(ms * 1_000_000), &Default::default()).unwrap();
+        let end = rcs_msg::Stamp(bench.now_ms * 1_000_000 + 5_000_000);
+        bench.session.forward_until(end, &Default::default()).unwrap();
+    }
+    bench.session.run().summary().hash.map(|hash| format!("{hash:?}"))
+}
+
+#[test]
+fn two_runs_two_threads_and_a_run_from_a_snapshot_give_the_same_bits() {
+    let once = driven(1, None);
+    assert!(once.is_some());
+    assert_eq!(driven(1, None), once, "again");
+    assert_eq!(driven(2, None), once, "two threads");
+    assert_eq!(driven(1, Some(2200)), once, "from a snapshot");
+}
+
+#[test]
+fn a_run_goes_on_from_a_snapshot_on_disk_with_the_same_bits() {
+    let run = || {
+        let options = RunOptions { hash: true, ..RunOptions::default() };
+        let mut run = Stepped::new(plan(STACK, &Files::default(), &[]).unwrap(), None, options).unwrap();
+        run.begin().unwrap();
+        run
+    };
+    let at = |ms: u64| rcs_msg::Stamp(ms * 1_000_000 + 5_000_000);
+    let mut whole = run();
+    whole.run_until(at(900)).unwrap();
+    let mut first = run();
+    first.run_until(at(470)).unwrap();
+    let bytes = first.snapshot().to_bytes().unwrap();
+    let mut second = run();
+    second.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
+    second.run_until(at(900)).unwrap();
+    assert_eq!(second.summary().hash, whole.summary().hash);
+}
+
+/// Says how files with one change are refused.
+fn check(change: impl FnOnce(&mut Files), expected: &str) {
+    let mut files = Files::default();
+    change(&mut files);
+    let error = plan(STACK, &files, &[]).expect_err("it was not refused");
+    assert!(error.contains(expected), "got {error:?}, expected {expected:?}");
+}
+
+#[test]
+fn bad_files_are_refused_with_their_line_and_reason() {
+    let line_of = |text: &str, part: &str| 1 + text.lines().position(|line| line.contains(part)).unwrap();
+    let vehicle = common::LAGR;
+    let at = |part: &str| format!("vehicles/lagr.toml:{}", line_of(vehicle, part));
+    let swap = |from: &'static str, to: &'static str| {
+        move |files: &mut Files| {
+            assert!(files.vehicle.contains(from));
+            files.vehicle = files.vehicle.replacen(from, to, 1);
+        }
+    };
+    check(swap("mass_kg = 90.0", "mass_kg = -1.0"), &at("mass_kg"));
+    check(
+        swap("mass_kg = 90.0", "mass_kg = -1.0"),
+        "body.mass_kg is -1.0, expected a number from 1 to 50000",
+    );
+    check(swap("mass_kg = 90.0", "mass_kg = nan"), "body.mass_kg is nan");
+    check(swap("track_m = 0.58", "trakc_m = 0.58"), "wheels.track_m is missing");
+    check(swap("noise_a = 0.15", "noise_a = 0.15\ncolour = 1"), "motors.colour is unknown");
+    check(swap("name = \"right\"", "name = \"left\""), "camera has the name \"left\" twice");
+    check(swap("kind = \"stereo\"", "kind = \"fish\""), "camera.kind is \"fish\", expected one of stereo");
+    check(swap("distortion = [-0.16, ", "distortion = [-9.0, "), "has no ray for the pixel");
+    check(swap("[gps]", "[gps"), "vehicles/lagr.toml:");
+    check(|files| files.vehicle.clear(), "vehicle is missing");
+    check(
+        |files| files.world = WORLD.replace("dirt", "dust"),
+        &format!("worlds/yard.toml:{}", line_of(WORLD, "base")),
+    );
+    check(
+        |files| files.course = COURSE.replace("goal_radius_m = 1.0", "goal_radius_m = -1.0"),
+        "courses/yard.toml:8",
+    );
+    check(
+        |files| files.course = COURSE.replace("easting = 500015.0", "easting = 500500.0"),
+        "goal is at [500, 10] m, expected a place in the world",
+    );
+    let error = plan(STACK, &Files::default(), &[("eyes_left.pair", "middle")]).unwrap_err();
+    assert!(error.contains("expected a camera of the vehicle: left, right"), "{error}");
+}
