@@ -4,6 +4,7 @@
 
 mod common;
 
+use common::golden::Trace;
 use common::{Counter, lagr};
 use glam::DVec3;
 use rcs_geom::Pose;
@@ -82,4 +83,28 @@ fn a_switch_changes_nothing_but_its_own_effect() {
     let (with, without) = (fixes(5000, 0, ALL), fixes(5000, 0, GpsSwitches { dropouts: false, ..ALL }));
     assert!(with.iter().any(Option::is_none));
     assert!(with.iter().zip(&without).all(|(a, b)| a.is_none() || a == b));
+}
+
+#[test]
+fn a_dropout_is_a_time_without_fixes_after_which_they_come_again() {
+    let spec = lagr().gps;
+    let mut trace = Trace::new(&["t_s", "fix", "east_m", "north_m", "up_m"]);
+    let (mut gap, mut gaps) = (0, Vec::new());
+    for (index, fix) in (0..).zip(fixes(2400, 0, ALL)) {
+        let p = fix.map_or(DVec3::ZERO, |fix| fix.position);
+        if index % 4 == 0 {
+            trace.row(&[f64::from(index) / spec.rate_hz, f64::from(u8::from(fix.is_some())), p.x, p.y, p.z]);
+        }
+        if fix.is_none() {
+            gap += 1;
+        } else if gap > 0 {
+            gaps.push(f64::from(gap) / spec.rate_hz);
+            gap = 0;
+        }
+    }
+    assert!(!gaps.is_empty());
+    let [shortest, longest] = spec.dropout_s;
+    let allowed = shortest..=longest + 1.0 / spec.rate_hz;
+    assert!(gaps.iter().all(|gap| allowed.contains(gap)), "gaps {gaps:?} s, expected {allowed:?} s");
+    trace.check("gps_dropout.csv");
 }
