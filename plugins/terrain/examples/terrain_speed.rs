@@ -13,7 +13,7 @@ use rcs_terrain::classify::{Matcher, WindowGrid, classify_row};
 use rcs_terrain::frame::{LabelledFrame, Rays, gather, join, strips};
 use rcs_terrain::map::{CELL_SIZE_M, TerrainMap};
 use rcs_terrain::models::{ModelRules, ModelSet};
-use rcs_terrain::place::{View, place, region};
+use rcs_terrain::place::{Scale, View, Windows, place, region};
 use rcs_terrain::texture::PaddedGrey;
 use std::time::Instant;
 
@@ -106,8 +106,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             })
             .collect();
         let classes = classes.concat();
-        place(&view, &grid, &classes, None, CELL_SIZE_M, 20.0);
-        place(&view, &grid, &classes, None, 0.6, 40.0);
+        let windows = Windows { grid: &grid, classes: &classes, stereo_end: None };
+        place(&view, &windows, Scale { cell_size_m: CELL_SIZE_M, max_range_m: 20.0 });
+        place(&view, &windows, Scale { cell_size_m: 0.6, max_range_m: 40.0 });
     });
     Ok(())
 }

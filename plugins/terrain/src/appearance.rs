@@ -4,7 +4,7 @@
 //! 0..7, with both colours at least 1. Eight bins, as the paper has; the span (octaves) is a parameter, since the paper
 //! gives no bins. Intensity: value >> 5. Texture: code >> 5, the top three bits of the pattern.
 
-use crate::texture::{CONTRAST_UNIT, PaddedGrey};
+use crate::texture::{CONTRAST_UNIT, PaddedGrey, Patterns};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -63,12 +63,13 @@ impl PixelCodes {
         if width == 0 {
             return all;
         }
-        let mut patterns = vec![0; width];
+        let mut patterns = Patterns::default();
         let outputs = all.codes.chunks_exact_mut(width).zip(all.contrasts.chunks_exact_mut(width));
         for (row, (codes, contrasts)) in rows.zip(outputs) {
-            grey.patterns(row, &mut patterns, contrasts);
+            grey.patterns(row, &mut patterns);
+            contrasts.copy_from_slice(&patterns.contrasts);
             let pixels = rgb[row * width * 3..(row + 1) * width * 3].as_chunks::<3>().0;
-            let pixels = pixels.iter().zip(grey.row(row)).zip(&patterns);
+            let pixels = pixels.iter().zip(grey.row(row)).zip(&patterns.codes);
             for (code, ((&[r, g, b], &intensity), &pattern)) in codes.iter_mut().zip(pixels) {
                 *code = ratios.bin(r, g)
                     | ratios.bin(r, b) << 3
@@ -121,24 +122,6 @@ impl Histograms {
         }
         self.contrast_sum as f64 / (f64::from(CONTRAST_UNIT) * 255.0 * points as f64)
     }
-
-    /// Each histogram divided by its points: probabilities.
-    pub fn normalised(&self) -> Normalised {
-        let scale = 1.0 / self.points().max(1) as f64;
-        Normalised {
-            bins: self.bins.map(|histogram| histogram.map(|count| (count as f64 * scale) as f32)),
-            contrast: self.contrast() as f32,
-        }
-    }
-}
-
-/// Histograms as probabilities.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Normalised {
-    /// Share of the points by histogram and bin.
-    pub bins: [[f32; BINS]; HISTOGRAMS],
-    /// 0 to 1.
-    pub contrast: f32,
 }
 
 /// How much each part counts in a match.
@@ -162,26 +145,47 @@ impl MatchWeights {
         MatchWeights { histograms: self.histograms.map(|w| w / sum), contrast: self.contrast / sum }
     }
 
-    /// Weighted sum of the squared differences of two appearances (A 3.2, step 4).
+    /// An appearance as it is compared under these weights, which are normalised: each histogram divided by its points,
+    /// and the contrast, times the root of its weight.
+    pub fn signature(&self, histograms: &Histograms) -> Signature {
+        let scale = 1.0 / histograms.points().max(1) as f64;
+        let mut parts = [[0.0; BINS]; HISTOGRAMS + 1];
+        for ((part, bins), &weight) in parts.iter_mut().zip(&histograms.bins).zip(&self.histograms) {
+            let factor = f64::from(weight).sqrt() * scale;
+            *part = bins.map(|count| (count as f64 * factor) as f32);
+        }
+        parts[HISTOGRAMS][0] = (histograms.contrast() * f64::from(self.contrast).sqrt()) as f32;
+        Signature { parts }
+    }
+}
+
+/// An appearance under the weights of a match.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Signature {
+    /// Histograms, and the contrast as the first number of a part of its own.
+    parts: [[f32; BINS]; HISTOGRAMS + 1],
+}
+
+impl Signature {
+    /// Weighted sum of the squared differences of two appearances (A 3.2, step 4): 0 for equals, 2 at most.
     #[inline]
-    pub fn distance(&self, a: &Normalised, b: &Normalised) -> f32 {
+    pub fn distance(&self, other: &Signature) -> f32 {
         // Bins side by side: one vector for each histogram.
         let mut lanes = [0.0_f32; BINS];
-        for ((a, b), &weight) in a.bins.iter().zip(&b.bins).zip(&self.histograms) {
-            for (lane, (a, b)) in lanes.iter_mut().zip(a.iter().zip(b)) {
-                let difference = a - b;
-                *lane += weight * (difference * difference);
+        for (a, b) in self.parts.iter().zip(&other.parts) {
+            for lane in 0..BINS {
+                let difference = a[lane] - b[lane];
+                lanes[lane] += difference * difference;
             }
         }
-        let contrast = a.contrast - b.contrast;
-        lanes.iter().sum::<f32>() + self.contrast * (contrast * contrast)
+        lanes.iter().sum()
     }
 
     /// The nearest of several appearances and its distance; of equally near ones the first.
-    pub fn best(&self, appearance: &Normalised, models: &[Normalised]) -> Option<(usize, f32)> {
+    pub fn best(&self, models: &[Signature]) -> Option<(usize, f32)> {
         let mut best: Option<(usize, f32)> = None;
         for (index, model) in models.iter().enumerate() {
-            let distance = self.distance(appearance, model);
+            let distance = self.distance(model);
             if best.is_none_or(|(_, least)| distance < least) {
                 best = Some((index, distance));
             }

@@ -30,7 +30,7 @@ use crate::classify::{Class, Matcher, WindowGrid, classify_row, end_of_stereo, o
 use crate::cost_grid;
 use crate::map::CELL_SIZE_M;
 use crate::models::{ModelSet, ModelsError, matching_of, models_of_text};
-use crate::place::{Placed, View, place, region};
+use crate::place::{Placed, Scale, View, Windows, place, region};
 use crate::site::{Site, Unusable, camera_of, check_frozen, colours, depths};
 use crate::sync::Recent;
 use crate::texture::PaddedGrey;
@@ -289,8 +289,10 @@ impl Classifier {
             classify_row(&rgb, &grey, &ratios, &grid, row, wanted, &matcher)
         });
         let classes = rows.concat();
-        let near = place(&view, &grid, &classes, stereo_end, CELL_SIZE_M, params.max_range_m);
-        let wide = place(&view, &grid, &classes, stereo_end, WIDE_CELL_SIZE_M, params.max_range_wide_m);
+        let windows = Windows { grid: &grid, classes: &classes, stereo_end };
+        let near = Scale { cell_size_m: CELL_SIZE_M, max_range_m: params.max_range_m };
+        let wide = Scale { cell_size_m: WIDE_CELL_SIZE_M, max_range_m: params.max_range_wide_m };
+        let [near, wide] = [near, wide].map(|scale| place(&view, &windows, scale));
         cx.write(&ports.stats, time, stats(time, &classes, &matcher, stereo_end.is_some(), [&near, &wide]));
         let overlay = RawImage {
             timestamp: Some(time.to_proto()),

@@ -4,7 +4,7 @@
 //! are compared with each model as a cell's are; if the best is near enough, the window takes its obstacle fraction, else
 //! it is not classified.
 
-use crate::appearance::{Histograms, MatchWeights, Normalised, PixelCodes, RatioBins};
+use crate::appearance::{Histograms, MatchWeights, PixelCodes, RatioBins, Signature};
 use crate::models::ModelSet;
 use crate::texture::PaddedGrey;
 use rcs_world::MAX_COST;
@@ -73,7 +73,7 @@ impl Class {
 /// The models that windows are compared with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Matcher {
-    appearances: Vec<Normalised>,
+    signatures: Vec<Signature>,
     /// Cost of each model, 0 to 250.
     costs: Vec<u8>,
     weights: MatchWeights,
@@ -95,16 +95,16 @@ impl Matcher {
     ) -> Matcher {
         let used = |model: &&crate::models::Model| model.terrain.histograms.points() >= min_points;
         let cost = |fraction: f64| (f64::from(MAX_COST) * fraction).round() as u8;
-        let (mut appearances, mut costs) = (Vec::new(), Vec::new());
+        let (mut signatures, mut costs) = (Vec::new(), Vec::new());
         for model in set.models.iter().filter(used) {
             // A model of nothing cannot be: it came of a cell with points.
             if let Some(fraction) = model.terrain.obstacle_fraction() {
-                appearances.push(model.terrain.histograms.normalised());
+                signatures.push(weights.signature(&model.terrain.histograms));
                 costs.push(cost(fraction));
             }
         }
         let obstacle_cost = cost(obstacle_fraction.clamp(0.0, 1.0));
-        Matcher { appearances, costs, weights, max_distance, obstacle_cost }
+        Matcher { signatures, costs, weights, max_distance, obstacle_cost }
     }
 
     /// Number of models.
@@ -114,7 +114,7 @@ impl Matcher {
 
     /// The class of an appearance.
     pub fn class(&self, histograms: &Histograms) -> Class {
-        match self.weights.best(&histograms.normalised(), &self.appearances) {
+        match self.weights.signature(histograms).best(&self.signatures) {
             Some((best, distance)) if distance <= self.max_distance => {
                 let cost = self.costs[best];
                 if cost >= self.obstacle_cost {

@@ -68,10 +68,13 @@ fn reference_class(
     let distance = |model: &Model| {
         let histograms = &model.terrain.histograms;
         let (bins, contrast) = share(&histograms.bins, histograms.contrast_sum);
-        let mut sum = f64::from(WEIGHTS.contrast) * (contrast - window_contrast).powi(2);
+        let mut sum =
+            f64::from(WEIGHTS.contrast) * (contrast - window_contrast) * (contrast - window_contrast);
         for h in 0..HISTOGRAMS {
             for b in 0..BINS {
-                sum += f64::from(WEIGHTS.histograms[h]) * (bins[h][b] - window[h][b]).powi(2);
+                sum += f64::from(WEIGHTS.histograms[h])
+                    * (bins[h][b] - window[h][b])
+                    * (bins[h][b] - window[h][b]);
             }
         }
         sum

@@ -3,7 +3,7 @@
 //! A pixel counts where it is labelled `GROUND` or `OBSTACLE`, has a depth within the range that is learned from, and
 //! lies within the map; its height does not matter.
 
-use crate::appearance::{PixelCodes, RatioBins};
+use crate::appearance::{BINS, HISTOGRAMS, Histograms, PixelCodes, RatioBins};
 use crate::models::Terrain;
 use crate::texture::PaddedGrey;
 use glam::{DMat3, DVec2, DVec3};
@@ -103,30 +103,32 @@ pub fn gather(
     let rays = &frame.rays.xy[pixels];
     let is_used =
         |label: u8, depth: f32| (label == GROUND || label == OBSTACLE) && depth > 0.0 && depth <= max_range_m;
-    let mut gathered = Gathered { cells: Vec::new(), used: vec![0; labels.len()] };
+    let mut used: Vec<u8> =
+        labels.iter().zip(depths).map(|(&label, &depth)| label * u8::from(is_used(label, depth))).collect();
     // Sky and what is far fill whole strips: their patterns are not needed.
-    if !labels.iter().zip(depths).any(|(&label, &depth)| is_used(label, depth)) {
-        return gathered;
+    if used.iter().all(|&label| label == 0) {
+        return Gathered { cells: Vec::new(), used };
     }
     let codes = PixelCodes::of_rows(frame.rgb, frame.grey, rows, ratios);
     let grid = CellGrid::new(frame, window);
-    let mut slots = vec![u32::MAX; window.side * window.side];
-    for (i, ((&label, &depth), ray)) in labels.iter().zip(depths).zip(rays).enumerate() {
-        if !is_used(label, depth) {
-            continue;
+    let mut sums = Sums::new(window.side);
+    let mut places = vec![NOWHERE; width];
+    for (row, used) in used.chunks_exact_mut(width).enumerate() {
+        let pixels = row * width..(row + 1) * width;
+        grid.places(&rays[pixels.clone()], &depths[pixels.clone()], &mut places);
+        let codes = codes.codes[pixels.clone()].iter().zip(&codes.contrasts[pixels]);
+        for ((used, &place), (&code, &contrast)) in used.iter_mut().zip(&places).zip(codes) {
+            if *used == 0 {
+                continue;
+            }
+            if place == NOWHERE {
+                *used = 0;
+            } else {
+                sums.add(place, *used, code, contrast);
+            }
         }
-        let Some(place) = grid.place(ray, depth) else { continue };
-        if slots[place] == u32::MAX {
-            slots[place] = gathered.cells.len() as u32;
-            gathered.cells.push((place as u32, Terrain::default()));
-        }
-        let terrain = &mut gathered.cells[slots[place] as usize].1;
-        terrain.histograms.add(codes.codes[i], codes.contrasts[i]);
-        terrain.ground += u64::from(label == GROUND);
-        terrain.obstacle += u64::from(label == OBSTACLE);
-        gathered.used[i] = label;
     }
-    gathered
+    Gathered { cells: sums.finish(), used }
 }
 
 /// Cells of all strips, by place.
@@ -164,15 +166,74 @@ impl CellGrid {
         CellGrid { x: row(DVec3::X), y: row(DVec3::Y), camera: camera.to_array(), side: window.side }
     }
 
-    #[inline]
-    fn place(&self, &[x, y]: &[f64; 2], depth_m: f32) -> Option<usize> {
-        let depth = f64::from(depth_m);
-        let along = |row: &[f64; 3], camera: f64| (row[0] * x + row[1] * y + row[2]) * depth + camera;
-        let (column, row) = (along(&self.x, self.camera[0]), along(&self.y, self.camera[1]));
+    /// The cells of neighbouring pixels; [`NOWHERE`] outside of the window. Without branches, so that the compiler makes
+    /// vector code of it.
+    fn places(&self, rays: &[[f64; 2]], depths_m: &[f32], places: &mut [u32]) {
         let limit = self.side as f64;
-        // NaN, of a pixel without a ray, is on neither side.
-        let inside = (0.0..limit).contains(&column) && (0.0..limit).contains(&row);
-        inside.then(|| row as usize * self.side + column as usize)
+        for ((place, &[x, y]), &depth_m) in places.iter_mut().zip(rays).zip(depths_m) {
+            let depth = f64::from(depth_m);
+            let along = |row: &[f64; 3], camera: f64| (row[0] * x + row[1] * y + row[2]) * depth + camera;
+            let (column, row) = (along(&self.x, self.camera[0]), along(&self.y, self.camera[1]));
+            // NaN, of a pixel without a ray, is on neither side.
+            let inside = column >= 0.0 && column < limit && row >= 0.0 && row < limit;
+            let at = row as i32 * self.side as i32 + column as i32;
+            *place = if inside { at as u32 } else { NOWHERE };
+        }
+    }
+}
+
+/// Place of a pixel outside of the window.
+const NOWHERE: u32 = u32::MAX;
+
+/// Sums of the cells that a strip meets. Counts of one strip fit 32 bits, and small sums stay in the cache.
+struct Sums {
+    /// Number of a cell's sum, by place.
+    slots: Vec<u32>,
+    places: Vec<u32>,
+    cells: Vec<Sum>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    bins: [[u32; BINS]; HISTOGRAMS],
+    ground: u32,
+    obstacle: u32,
+    contrast: u64,
+}
+
+impl Sums {
+    fn new(side: usize) -> Sums {
+        Sums { slots: vec![NOWHERE; side * side], places: Vec::new(), cells: Vec::new() }
+    }
+
+    #[inline]
+    fn add(&mut self, place: u32, label: u8, code: u16, contrast: u32) {
+        let slot = &mut self.slots[place as usize];
+        if *slot == NOWHERE {
+            *slot = self.cells.len() as u32;
+            self.places.push(place);
+            self.cells.push(Sum::default());
+        }
+        let sum = &mut self.cells[*slot as usize];
+        for (i, histogram) in sum.bins.iter_mut().enumerate() {
+            histogram[usize::from(code >> (3 * i) & 7)] += 1;
+        }
+        sum.contrast += u64::from(contrast);
+        sum.ground += u32::from(label == GROUND);
+        sum.obstacle += u32::from(label == OBSTACLE);
+    }
+
+    fn finish(self) -> Vec<(u32, Terrain)> {
+        let terrain = |sum: &Sum| Terrain {
+            histograms: Histograms {
+                bins: sum.bins.map(|histogram| histogram.map(u64::from)),
+                contrast_sum: sum.contrast,
+            },
+            ground: u64::from(sum.ground),
+            obstacle: u64::from(sum.obstacle),
+            ..Terrain::default()
+        };
+        self.places.into_iter().zip(self.cells.iter().map(terrain)).collect()
     }
 }
 

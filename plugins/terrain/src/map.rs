@@ -115,7 +115,7 @@ impl TerrainMap {
     /// Adds the points of a frame, sorted into cells by place, and lets ready cells become models (step 4).
     pub fn learn(&mut self, points: &[(u32, Terrain)], rules: &ModelRules) -> Learned {
         let mut learned = Learned::default();
-        let mut appearances = self.models.normalised();
+        let mut signatures = self.models.signatures(&rules.weights);
         let south_west = self.cells.bounds().south_west;
         for (place, new) in points {
             let place = *place as usize;
@@ -131,9 +131,9 @@ impl TerrainMap {
                 && let Some(model) = self.models.models.get_mut(number)
             {
                 model.terrain.merge(new);
-                appearances[number] = model.terrain.histograms.normalised();
+                signatures[number] = rules.weights.signature(&model.terrain.histograms);
             } else {
-                let taken = self.models.take(&cell.terrain, 1, rules, &mut appearances);
+                let taken = self.models.take(&cell.terrain, 1, rules, &mut signatures);
                 cell.model = taken.map(|number| number as u32);
                 learned.left_out += u64::from(taken.is_none());
             }

@@ -1,6 +1,6 @@
 //! Terrain models: cells that look alike, and what is known of driving over them (A 3.2, steps 4 and 5).
 
-use crate::appearance::{BINS, HISTOGRAMS, Histograms, MatchWeights, Normalised};
+use crate::appearance::{BINS, HISTOGRAMS, Histograms, MatchWeights, Signature};
 use rcs_msg::rcs::{TerrainEye, TerrainModel, TerrainModels, TerrainWeights};
 use serde::{Deserialize, Serialize};
 
@@ -30,8 +30,8 @@ impl Terrain {
         self.ground.max(self.obstacle) as f64 / self.points().max(1) as f64
     }
 
-    /// N_obstacle / (N_ground + N_obstacle), experience counted (the paper calls it traversability). `None` where nothing
-    /// is known.
+    /// `N_obstacle / (N_ground + N_obstacle)`, experience counted (the paper calls it traversability). `None` where nothing is
+    /// known.
     pub fn obstacle_fraction(&self) -> Option<f64> {
         let obstacle = self.obstacle.saturating_add(self.bumped);
         let all = obstacle.saturating_add(self.ground).saturating_add(self.driven);
@@ -140,32 +140,32 @@ pub struct ModelSet {
 }
 
 impl ModelSet {
-    /// Appearances of all models, as they are compared.
-    pub fn normalised(&self) -> Vec<Normalised> {
-        self.models.iter().map(|model| model.terrain.histograms.normalised()).collect()
+    /// Appearances of all models, as they are compared under these weights.
+    pub fn signatures(&self, weights: &MatchWeights) -> Vec<Signature> {
+        self.models.iter().map(|model| weights.signature(&model.terrain.histograms)).collect()
     }
 
-    /// Merges a cell with its best match, or makes it a model where none is near enough. `appearances` are those of
-    /// [`ModelSet::normalised`] and are kept up to date. `None` where there is no match and no room.
+    /// Merges a cell with its best match, or makes it a model where none is near enough. `signatures` are those of
+    /// [`ModelSet::signatures`] under the rules' weights, and are kept up to date. `None` where there is no match and no room.
     pub fn take(
         &mut self,
         cell: &Terrain,
         cells: u64,
         rules: &ModelRules,
-        appearances: &mut Vec<Normalised>,
+        signatures: &mut Vec<Signature>,
     ) -> Option<usize> {
-        let appearance = cell.histograms.normalised();
-        match rules.weights.best(&appearance, appearances) {
+        let signature = rules.weights.signature(&cell.histograms);
+        match signature.best(signatures) {
             Some((best, distance)) if distance <= rules.merge_distance => {
                 let model = &mut self.models[best];
                 model.terrain.merge(cell);
                 model.cells += cells;
-                appearances[best] = model.terrain.histograms.normalised();
+                signatures[best] = rules.weights.signature(&model.terrain.histograms);
                 Some(best)
             }
             _ if self.models.len() < rules.max_models => {
                 self.models.push(Model { terrain: *cell, cells });
-                appearances.push(appearance);
+                signatures.push(signature);
                 Some(self.models.len() - 1)
             }
             _ => None,
@@ -174,9 +174,9 @@ impl ModelSet {
 
     /// Merges all models of another set, each with its best match.
     pub fn take_all(&mut self, other: &ModelSet, rules: &ModelRules) {
-        let mut appearances = self.normalised();
+        let mut signatures = self.signatures(&rules.weights);
         for model in &other.models {
-            self.take(&model.terrain, model.cells, rules, &mut appearances);
+            self.take(&model.terrain, model.cells, rules, &mut signatures);
         }
     }
 

@@ -37,10 +37,10 @@ fn a_cell_is_ready_with_enough_points_of_which_95_percent_share_a_label() {
 #[test]
 fn cells_that_look_alike_merge_and_others_become_models_until_there_is_no_room() {
     let mut set = ModelSet::default();
-    let mut appearances = set.normalised();
+    let mut signatures = set.signatures(&RULES.weights);
     let mut take = |set: &mut ModelSet, cell: &Terrain| {
-        let taken = set.take(cell, 1, &RULES, &mut appearances);
-        assert_eq!(appearances, set.normalised(), "appearances are kept up to date");
+        let taken = set.take(cell, 1, &RULES, &mut signatures);
+        assert_eq!(signatures, set.signatures(&RULES.weights), "signatures are kept up to date");
         taken
     };
     assert_eq!(take(&mut set, &cell(0, 100, 0)), Some(0));

@@ -22,6 +22,26 @@ pub struct View<'a> {
     pub local_from_vehicle: Pose,
 }
 
+/// Classified windows.
+#[derive(Clone, Copy, Debug)]
+pub struct Windows<'a> {
+    /// How the image was cut.
+    pub grid: &'a WindowGrid,
+    /// Classes by rows of windows.
+    pub classes: &'a [Class],
+    /// For each column of windows the first row that is stereo's; `None` where there is no stereo.
+    pub stereo_end: Option<&'a [usize]>,
+}
+
+/// How large cells are, and how far they go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// Side of a cell, m.
+    pub cell_size_m: f64,
+    /// Farthest place from the vehicle's origin, m.
+    pub max_range_m: f64,
+}
+
 /// A cost map around the vehicle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
@@ -72,22 +92,15 @@ fn middle(grid: &WindowGrid, column: usize, row: usize) -> DVec2 {
     DVec2::new(between(grid.x(column)), between(grid.y(row)))
 }
 
-/// Puts classified windows on the map. `classes` are by rows of windows, `max_range_m` is from the vehicle's origin.
-pub fn place(
-    view: &View<'_>,
-    grid: &WindowGrid,
-    classes: &[Class],
-    stereo_end: Option<&[usize]>,
-    cell_size_m: f64,
-    max_range_m: f64,
-) -> Placed {
-    let centre = (view.local_from_vehicle.translation / cell_size_m).floor();
+/// Puts classified windows on a map of 201×201 cells around the vehicle.
+pub fn place(view: &View<'_>, windows: &Windows<'_>, scale: Scale) -> Placed {
+    let centre = (view.local_from_vehicle.translation / scale.cell_size_m).floor();
     let half = (SIDE / 2) as i64;
     let south_west = CellIndex::new(centre.x as i64, centre.y as i64).offset(-half, -half);
     let mut placed = Placed { south_west, costs: vec![UNKNOWN_COST; SIDE * SIDE] };
-    placed.put_ground(view, grid, classes, cell_size_m, max_range_m);
-    for column in 0..grid.columns() {
-        placed.stand_obstacles(view, grid, classes, column, stereo_end, cell_size_m, max_range_m);
+    placed.put_ground(view, windows, scale);
+    for column in 0..windows.grid.columns() {
+        placed.stand_obstacles(view, windows, column, scale);
     }
     placed
 }
@@ -98,14 +111,9 @@ impl Placed {
         self.costs.iter().filter(|&&cost| cost != UNKNOWN_COST).count() as u64
     }
 
-    fn put_ground(
-        &mut self,
-        view: &View<'_>,
-        grid: &WindowGrid,
-        classes: &[Class],
-        cell_size_m: f64,
-        max_range_m: f64,
-    ) {
+    fn put_ground(&mut self, view: &View<'_>, windows: &Windows<'_>, scale: Scale) {
+        let (grid, classes) = (windows.grid, windows.classes);
+        let Scale { cell_size_m, max_range_m } = scale;
         let is_ground = |class: &Class| matches!(class, Class::Traversable(_));
         if !classes.iter().any(is_ground) {
             return;
@@ -137,28 +145,20 @@ impl Placed {
         }
     }
 
-    fn stand_obstacles(
-        &mut self,
-        view: &View<'_>,
-        grid: &WindowGrid,
-        classes: &[Class],
-        column: usize,
-        stereo_end: Option<&[usize]>,
-        cell_size_m: f64,
-        max_range_m: f64,
-    ) {
-        let mut foot_row = stereo_end.map_or(grid.rows(), |end| end[column]);
+    fn stand_obstacles(&mut self, view: &View<'_>, windows: &Windows<'_>, column: usize, scale: Scale) {
+        let grid = windows.grid;
+        let mut foot_row = windows.stereo_end.map_or(grid.rows(), |end| end[column]);
         let [left, right] = grid.x(column);
         for row in (0..foot_row).rev() {
-            match classes[row * grid.columns() + column] {
+            match windows.classes[row * grid.columns() + column] {
                 Class::Skipped | Class::Unclassified => {}
                 Class::Traversable(_) => foot_row = row,
                 Class::NotTraversable(cost) => {
                     let v = (foot_row * grid.window_px).min(grid.size[1]) as f64 - 0.5;
                     let ends = [left, right].map(|u| view.on_plane(DVec2::new(u as f64 - 0.5, v)));
                     let [Some(from), Some(to)] = ends else { continue };
-                    if from.length().max(to.length()) <= max_range_m {
-                        self.stand(view, from, to, cell_size_m, cost);
+                    if from.length().max(to.length()) <= scale.max_range_m {
+                        self.stand(view, from, to, scale.cell_size_m, cost);
                     }
                 }
             }

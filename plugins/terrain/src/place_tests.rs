@@ -11,6 +11,10 @@ fn view(camera: &PinholeCamera, local_from_vehicle: Pose) -> View<'_> {
     View { camera, vehicle_from_camera: vehicle_from_camera(), local_from_vehicle }
 }
 
+fn windows<'a>(grid: &'a WindowGrid, classes: &'a [Class], stereo_end: Option<&'a [usize]>) -> Windows<'a> {
+    Windows { grid, classes, stereo_end }
+}
+
 fn cost_at(placed: &Placed, cell_size_m: f64, p_local: DVec3) -> Option<u8> {
     let cell = (p_local / cell_size_m).floor();
     let (x, y) = (cell.x as i64 - placed.south_west.x, cell.y as i64 - placed.south_west.y);
@@ -25,7 +29,11 @@ fn ground_lands_on_the_plane_and_a_wall_stands_where_the_ground_ends() {
     for pose in [Pose::IDENTITY, Pose::from_rpy(DVec3::new(31.7, -12.3, 4.0), 0.05, -0.08, 2.0)] {
         let scene = Scene::new(size, pose, 5.0, 20.0, 7);
         let (grid, classes) = classes_of(&scene, &learned(), 16);
-        let placed = place(&view(&camera, pose), &grid, &classes, None, CELL_SIZE_M, 20.0);
+        let placed = place(
+            &view(&camera, pose),
+            &windows(&grid, &classes, None),
+            Scale { cell_size_m: CELL_SIZE_M, max_range_m: 20.0 },
+        );
         let (mut walls, mut grounds) = (0, 0);
         for y in -10..=10 {
             let y = f64::from(y) * 0.1;
@@ -55,8 +63,16 @@ fn the_wide_map_holds_what_the_narrow_one_does() {
     let (camera, pose) = (camera(size), Pose::from_xy_yaw(5.0, 5.0, 0.3));
     let scene = Scene::new(size, pose, 9.0, 20.0, 7);
     let (grid, classes) = classes_of(&scene, &learned(), 8);
-    let near = place(&view(&camera, pose), &grid, &classes, None, CELL_SIZE_M, 20.0);
-    let wide = place(&view(&camera, pose), &grid, &classes, None, 0.6, 40.0);
+    let near = place(
+        &view(&camera, pose),
+        &windows(&grid, &classes, None),
+        Scale { cell_size_m: CELL_SIZE_M, max_range_m: 20.0 },
+    );
+    let wide = place(
+        &view(&camera, pose),
+        &windows(&grid, &classes, None),
+        Scale { cell_size_m: 0.6, max_range_m: 40.0 },
+    );
     let area = |placed: &Placed, size: f64| placed.cells() as f64 * size * size;
     let (near_area, wide_area) = (area(&near, CELL_SIZE_M), area(&wide, 0.6));
     assert!((near_area / wide_area - 1.0).abs() < 0.25, "{near_area} m² and {wide_area} m²");
@@ -78,7 +94,7 @@ proptest! {
             .map(|i| match crate::scene::noise(i, 0, seed) % 3 { 0 => Class::Unclassified, 1 => Class::Skipped, _ => Class::Traversable((i % 100) as u8) })
             .collect();
         let view = view(&camera, pose);
-        let placed = place(&view, &grid, &classes, None, CELL_SIZE_M, 15.0);
+        let placed = place(&view, &windows(&grid, &classes, None), Scale { cell_size_m: CELL_SIZE_M, max_range_m: 15.0 });
         for (at, &cost) in placed.costs.iter().enumerate() {
             let index = placed.south_west.offset((at % SIDE) as i64, (at / SIDE) as i64);
             let middle = DVec2::new(index.x as f64 + 0.5, index.y as f64 + 0.5) * CELL_SIZE_M;
@@ -140,14 +156,18 @@ fn obstacles_beyond_stereo_stand_at_its_end_unless_ground_comes_between() {
         classes[row * grid.columns() + 25] =
             if ground { Class::Traversable(5) } else { Class::NotTraversable(230) };
     }
-    let placed = place(&view, &grid, &classes, Some(&end), CELL_SIZE_M, 20.0);
+    let placed = place(
+        &view,
+        &windows(&grid, &classes, Some(&end)),
+        Scale { cell_size_m: CELL_SIZE_M, max_range_m: 20.0 },
+    );
     let foot = |column: usize, row: usize| {
         view.on_plane(DVec2::new(column as f64 * 16.0 + 7.5, row as f64 * 16.0 - 0.5)).unwrap()
     };
     assert_eq!(cost_at(&placed, CELL_SIZE_M, foot(20, 18)), Some(240));
     assert_eq!(cost_at(&placed, CELL_SIZE_M, foot(25, 16)), Some(230));
     // The window is 0.1 m wide there, so that it lies in two cells at most.
-    let cells = placed.costs.iter().filter(|&&cost| cost == 240).count();
+    let cells: usize = placed.costs.iter().map(|&cost| usize::from(cost == 240)).sum();
     assert!(
         (1..=2).contains(&cells),
         "an obstacle of five windows, one above the other, takes {cells} cells"
