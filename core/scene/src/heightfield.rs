@@ -280,7 +280,6 @@ impl HeightField {
     }
 
     /// Where a ray that is above the ground at the first distance and below it at the second goes through.
-    #[inline]
     fn meet(&self, ray: &FieldRay, cell: [i32; 2], corners: &[f32; 4], [mut a, mut b]: [f32; 2]) -> f32 {
         let mut above_a = self.above_cell(ray, cell, corners, a);
         let mut above_b = self.above_cell(ray, cell, corners, b);

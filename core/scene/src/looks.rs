@@ -3,7 +3,7 @@
 use crate::class::Surface;
 use crate::heightfield::{FieldHit, HeightField};
 use crate::noise::{add_noise, hash2, unit};
-use crate::shape::{Shape, Vec3, unit_length};
+use crate::shape::{Shape, Vec3, between, unit_length};
 use crate::spec::WorldSpec;
 use crate::surface::Material;
 use crate::terrain::{CELL_M, Lattice};
@@ -110,7 +110,9 @@ impl Looks {
     #[inline]
     fn speckled_surface(&self, lattice: &Lattice, cell: [usize; 2], [u, v]: [f32; 2]) -> u8 {
         let at = cell[1] * lattice.width + cell[0];
-        let four = [at, at + 1, at + lattice.width, at + lattice.width + 1].map(|at| lattice.surface[at]);
+        let (low, high) =
+            (&lattice.surface[at..at + 2], &lattice.surface[at + lattice.width..at + lattice.width + 2]);
+        let four = [low[0], low[1], high[0], high[1]];
         if four == [four[0]; 4] {
             return four[0];
         }
@@ -137,7 +139,7 @@ impl Looks {
                 * (0.5 * unit(h.wrapping_mul(0x9E37_79B1)) + 0.4 * unit(leaf.wrapping_mul(0x9E37_79B1))
                     - 0.45);
         let brightness = light * (0.55 + 0.55 * hit.stem) * speck;
-        [0, 1, 2].map(|c| (a[c] + (b[c] - a[c]) * part) * brightness)
+        between(a, b, part, brightness)
     }
 
     /// Colour of the plain beyond the world.
@@ -161,13 +163,13 @@ impl Looks {
             let fine = self.grey(shape, normal, seen);
             let brightness = (SHADE + 0.35 * (1.0 + facing))
                 * (0.75 + clear * 0.4 * (unit(h.wrapping_mul(0x85EB_CA77)) - 0.5) + 0.35 * fine);
-            return [0, 1, 2].map(|c| (a[c] + (b[c] - a[c]) * part) * brightness);
+            return between(a, b, part, brightness);
         }
         let grey = self.grey(shape, normal, seen);
         // The sky lights what looks up more than what looks down.
         let light = SHADE * (0.8 + 0.2 * normal[2]) + self.direct * facing.max(0.0);
         let light = light.min(1.25);
-        [0, 1, 2].map(|c| (a[c] + (b[c] - a[c]) * grey) * light)
+        between(a, b, grey, light)
     }
 
     /// Rough grey from 0 to 1 on the side of a shape that a normal belongs to.
@@ -211,7 +213,7 @@ impl Looks {
     pub(crate) fn hazed(&self, colour: Vec3, range_m: f32) -> Vec3 {
         let part = (range_m * (1.0 / 500.0)).min(0.45);
         let far = [170.0, 184.0, 190.0];
-        [0, 1, 2].map(|c| colour[c] + (far[c] - colour[c]) * part)
+        between(&colour, &far, part, 1.0)
     }
 }
 

@@ -12,7 +12,7 @@ use crate::camera::{BUNDLE, CameraRays, Cone, GROUP};
 use crate::class::{Class, Label, Surface};
 use crate::heightfield::FieldRay;
 use crate::looks::Seen;
-use crate::shape::{Form, MESH_COVER, Shape, Vec3};
+use crate::shape::{Form, MESH_COVER, Shape, Vec3, along, between};
 use crate::trace::Met;
 use crate::world::{Inner, World};
 
@@ -108,7 +108,8 @@ impl<'v> View<'v> {
 
     #[inline]
     fn turned(&self, v: Vec3) -> Vec3 {
-        self.turn.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
+        let [x, y, z] = &self.turn;
+        [dot(x, v), dot(y, v), dot(z, v)]
     }
 
     /// The balls that a cone may meet.
@@ -189,7 +190,7 @@ impl<'v> View<'v> {
             let blended = t * self.rays.pixel_rad > BLEND_M;
             let cover = if blended { MESH_COVER } else { f32::from(u8::from(strand.t < solid.t)) };
             let orange = self.colour(&Found { t, met: Some(Met::Shape(shape)) }, d);
-            colour = [0, 1, 2].map(|c| colour[c] + (orange[c] - colour[c]) * cover);
+            colour = between(&colour, &orange, cover, 1.0);
         }
         let Some(met) = seen.met else {
             return put(out, at, colour, f32::NAN, Class::Sky, Label::Invalid);
@@ -213,7 +214,7 @@ impl<'v> View<'v> {
 
     #[inline]
     fn point(&self, t: f32, d: Vec3) -> Vec3 {
-        [0, 1, 2].map(|axis| self.origin[axis] + t * d[axis])
+        along(self.origin, d, t)
     }
 
     #[inline]
@@ -233,10 +234,13 @@ impl<'v> View<'v> {
 
 #[inline]
 fn put(out: &mut ViewRows<'_>, at: usize, colour: Vec3, depth_m: f32, class: Class, label: Label) {
-    for (byte, value) in out.rgb[3 * at..3 * at + 3].iter_mut().zip(colour) {
-        *byte = value as u8;
-    }
+    out.rgb[3 * at..3 * at + 3].copy_from_slice(&[colour[0] as u8, colour[1] as u8, colour[2] as u8]);
     out.depth_m[at] = depth_m;
     out.class[at] = class.code();
     out.label[at] = label.code();
+}
+
+#[inline]
+fn dot(row: &Vec3, v: Vec3) -> f32 {
+    row[0] * v[0] + row[1] * v[1] + row[2] * v[2]
 }

@@ -129,7 +129,7 @@ impl Shape {
             if t >= leave {
                 return None;
             }
-            if unit(self.leaf_hash([0, 1, 2].map(|axis| origin[axis] + t * direction[axis]))) < LEAVES {
+            if unit(self.leaf_hash(along(origin, direction, t))) < LEAVES {
                 return Some(t);
             }
             t += step;
@@ -142,8 +142,7 @@ impl Shape {
     pub(crate) fn leaf_hash(&self, at: Vec3) -> u32 {
         // Places are positive but for rays from outside of the world, where one odd row of cubes harms nobody.
         let scale = 1.0 / self.leaf_m;
-        let [x, y, z] = [at[0] * scale, at[1] * scale, (at[2] + 64.0) * scale].map(|v| v as i32);
-        hash3(x, y, z, 0x1EAF)
+        hash3((at[0] * scale) as i32, (at[1] * scale) as i32, ((at[2] + 64.0) * scale) as i32, 0x1EAF)
     }
 
     /// Where the ray crosses the panel, m.
@@ -175,6 +174,7 @@ impl Shape {
     }
 
     /// The outward direction of the surface at a place on it, in the world, length 1.
+    #[inline]
     pub(crate) fn normal(&self, at: Vec3, direction: Vec3) -> Vec3 {
         let from = [at[0] - self.middle[0], at[1] - self.middle[1], at[2] - self.middle[2]];
         let p = scaled(self.turned(from), self.half);
@@ -201,9 +201,26 @@ impl Shape {
     }
 }
 
+/// The place at a distance along a ray.
+#[inline]
+pub(crate) fn along(origin: Vec3, direction: Vec3, t: f32) -> Vec3 {
+    [origin[0] + t * direction[0], origin[1] + t * direction[1], origin[2] + t * direction[2]]
+}
+
+/// From one colour to another, both times a factor.
+#[inline]
+pub(crate) fn between(a: &Vec3, b: &Vec3, part: f32, factor: f32) -> Vec3 {
+    [
+        (a[0] + (b[0] - a[0]) * part) * factor,
+        (a[1] + (b[1] - a[1]) * part) * factor,
+        (a[2] + (b[2] - a[2]) * part) * factor,
+    ]
+}
+
+#[inline]
 pub(crate) fn unit_length(v: Vec3) -> Vec3 {
     let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt().max(1e-12);
-    v.map(|x| x / length)
+    [v[0] / length, v[1] / length, v[2] / length]
 }
 
 #[inline]

@@ -34,7 +34,7 @@ fn mix(a: u32, b: u32, part: u32) -> u32 {
 /// The channels as numbers.
 #[inline]
 pub(crate) fn channels(texel: u32) -> [f32; 4] {
-    [0, 8, 16, 24].map(|shift| ((texel >> shift) & 255) as f32)
+    [(texel & 255) as f32, ((texel >> 8) & 255) as f32, ((texel >> 16) & 255) as f32, (texel >> 24) as f32]
 }
 
 pub(crate) fn packed(rgba: [f32; 4]) -> u32 {
