@@ -3,4 +3,6 @@
 #[cfg(test)]
 mod architecture;
 #[cfg(test)]
+mod courses;
+#[cfg(test)]
 mod random_input;

@@ -1,0 +1,135 @@
+//! Every course of the simulation, driven by the driver that knows the truth: it can be driven, in time and without a
+//! collision, and every run of a seed is the same to the last byte.
+
+use rcs_msg::rcs::{CourseOutcome, CourseRun, TruthState};
+use rcs_msg::{Payload, Stamp};
+use rcs_runtime::source::Task;
+use rcs_runtime::{Asset, Assets, Plan, PlanOptions, RunOptions, Session, StackFile, Stepped};
+use std::path::Path;
+use std::sync::Arc;
+
+/// The files that come with the program, where they lie.
+struct Repository;
+
+impl Assets for Repository {
+    fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
+        let file = format!("assets/{kind}s/{name}.toml");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(&file);
+        let text = std::fs::read_to_string(path).map_err(|error| format!("{error}: {file}"))?;
+        Ok(Asset { file, text })
+    }
+}
+
+/// The driver's stack on a course, with other values of parameters.
+fn plan(course: &str, overrides: &[(&str, &str)]) -> Arc<Plan> {
+    let asset = Repository.read("stack", "truth_driver", "").unwrap();
+    let overrides: Vec<(String, String)> =
+        overrides.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+    let file = StackFile::parse(&asset.file, &asset.text).unwrap_or_else(|error| panic!("{error}"));
+    let options = PlanOptions { overrides: &overrides, course: Some(course), assets: &Repository };
+    Arc::new(Plan::with(file, rcs_plugins::all(), &options).unwrap_or_else(|error| panic!("{error}")))
+}
+
+fn latest<T: Payload>(run: &Stepped, buffer: &str) -> T {
+    run.bus().get(buffer).unwrap().latest().unwrap().message.to().unwrap()
+}
+
+/// Drives a course until the referee has decided; what it said, and the hash of everything that was sent.
+fn drive(plan: &Arc<Plan>, seed: u64) -> (CourseRun, String) {
+    let options = RunOptions { seed, hash: true, ..RunOptions::default() };
+    let mut run = Stepped::new(Arc::clone(plan), None, options).unwrap();
+    run.begin().unwrap();
+    // No course gives more than four minutes.
+    for second in 1..=250 {
+        run.run_until(Stamp(second * 1_000_000_000)).unwrap();
+        let verdict: CourseRun = latest(&run, "/vehicle/run");
+        if verdict.outcome() != CourseOutcome::CourseRunning {
+            let hash = run.summary().hash.unwrap();
+            return (verdict, hash);
+        }
+    }
+    panic!("the referee has not decided after 250 s");
+}
+
+/// Drives a course with three seeds, and with the first one again.
+fn check(course: &str) {
+    let plan = plan(course, &[]);
+    let mut hashes = Vec::new();
+    for seed in [0, 1, 2, 0] {
+        let (run, hash) = drive(&plan, seed);
+        let told = format!("{course} with seed {seed}: {run:?}");
+        assert_eq!(run.outcome(), CourseOutcome::CourseReached, "{told}");
+        assert_eq!((run.collisions, run.bumper_hits), (0, 0), "{told}");
+        assert!(run.time_s < run.time_limit_s && run.time_limit_s <= 240.0, "{told}");
+        assert!(run.distance_m > 60.0, "a course is about 100 m long: {told}");
+        hashes.push(hash);
+    }
+    assert_eq!(hashes[0], hashes[3], "{course}: two runs of a seed are the same");
+    assert!(
+        hashes[1] != hashes[0] && hashes[1] != hashes[2],
+        "{course}: the sensors' noise follows the seed"
+    );
+}
+
+#[test]
+fn the_meadow_can_be_driven() {
+    check("meadow");
+}
+
+#[test]
+fn the_mulch_path_can_be_driven() {
+    check("mulch_path");
+}
+
+#[test]
+fn the_dead_end_can_be_driven_around() {
+    check("dead_end");
+}
+
+#[test]
+fn the_tall_grass_can_be_driven() {
+    check("tall_grass");
+}
+
+#[test]
+fn the_hill_can_be_driven() {
+    check("hill");
+}
+
+#[test]
+fn the_corridor_can_be_driven() {
+    check("corridor");
+}
+
+#[test]
+fn the_transition_can_be_driven() {
+    check("transition");
+}
+
+#[test]
+fn the_straight_way_up_the_hill_is_too_slippery() {
+    // A driver that minds neither mud nor slopes.
+    let reckless = [
+        ("truth_driver.slip_weight", "0"),
+        ("truth_driver.slope_weight", "0"),
+        ("truth_driver.max_slope_deg", "35"),
+    ];
+    let (run, _) = drive(&plan("hill", &reckless), 0);
+    assert_eq!(run.outcome(), CourseOutcome::CourseTimeOut, "{run:?}");
+    assert!(run.slip_s > 60.0 && run.remaining_m > 50.0, "it has spun its wheels in the mud: {run:?}");
+}
+
+#[test]
+fn a_simulation_that_is_taken_back_goes_on_as_before() {
+    let plan = plan("meadow", &[]);
+    let run = Stepped::new(plan, None, RunOptions::default()).unwrap();
+    let mut session = Session::new(run).unwrap();
+    let at = |seconds: u64| Stamp(seconds * 1_000_000_000);
+    session.forward_until(at(20), &Task::default()).unwrap();
+    let there: TruthState = latest(session.run(), "/vehicle/truth_state");
+    session.go_to_time(at(7), &Task::default()).unwrap();
+    let back: TruthState = latest(session.run(), "/vehicle/truth_state");
+    assert!(back.distance_m < there.distance_m, "{back:?}");
+    session.forward_until(at(20), &Task::default()).unwrap();
+    assert_eq!(latest::<TruthState>(session.run(), "/vehicle/truth_state"), there);
+}
