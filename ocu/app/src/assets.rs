@@ -25,6 +25,22 @@ macro_rules! bundled {
 
 /// The one list.
 const BUNDLED: &[Bundled] = bundled![
+    "world" "meadow" "worlds/meadow.toml",
+    "world" "mulch_path" "worlds/mulch_path.toml",
+    "world" "dead_end" "worlds/dead_end.toml",
+    "world" "tall_grass" "worlds/tall_grass.toml",
+    "world" "hill" "worlds/hill.toml",
+    "world" "corridor" "worlds/corridor.toml",
+    "world" "transition" "worlds/transition.toml",
+    "vehicle" "lagr" "vehicles/lagr.toml",
+    "vehicle" "tractor" "vehicles/tractor.toml",
+    "course" "meadow" "courses/meadow.toml",
+    "course" "mulch_path" "courses/mulch_path.toml",
+    "course" "dead_end" "courses/dead_end.toml",
+    "course" "tall_grass" "courses/tall_grass.toml",
+    "course" "hill" "courses/hill.toml",
+    "course" "corridor" "courses/corridor.toml",
+    "course" "transition" "courses/transition.toml",
     "models" "mulch" "models/mulch.json",
     "models" "white_lime" "models/white_lime.json",
     "models" "orange_fence" "models/orange_fence.json",

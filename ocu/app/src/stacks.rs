@@ -12,6 +12,9 @@ use std::sync::{Arc, LazyLock};
 
 /// The stacks that come with the program: name, text. The one list.
 const BUNDLED: &[(&str, &str)] = &[
+    ("simulation", include_str!("../../../assets/stacks/simulation.toml")),
+    ("truth_driver", include_str!("../../../assets/stacks/truth_driver.toml")),
+    ("learning", include_str!("../../../assets/stacks/learning.toml")),
     ("range_camera", include_str!("../../../assets/stacks/range_camera.toml")),
     ("forest_robot", include_str!("../../../assets/stacks/forest_robot.toml")),
     ("husky", include_str!("../../../assets/stacks/husky.toml")),
