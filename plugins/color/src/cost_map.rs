@@ -85,7 +85,9 @@ impl CostMap {
 
     /// Gives cells without a pixel of their own that of their middle.
     fn fill(&mut self, costs: &[u8], place: &Place<'_>, max_range_m: f64) {
-        let camera_from_local = (*place.local_from_vehicle * *place.vehicle_from_camera).inverse();
+        let local_from_camera = *place.local_from_vehicle * *place.vehicle_from_camera;
+        let camera_from_local = local_from_camera.inverse();
+        let (turn, shift) = (camera_from_local.rotation_matrix(), camera_from_local.translation);
         let plane = plane_height(place.local_from_vehicle, place.below_m);
         let vehicle = place.local_from_vehicle.translation.truncate();
         let reach = (max_range_m / self.cell_size_m).ceil() as usize + 1;
@@ -100,7 +102,7 @@ impl CostMap {
                     continue;
                 }
                 let Some(z) = plane(point) else { continue };
-                let pixel = place.camera.project(camera_from_local * point.extend(z));
+                let pixel = place.camera.project(turn * point.extend(z) + shift);
                 if let Some(pixel) = pixel.filter(|&pixel| place.camera.contains(pixel)) {
                     let of = |v: f64, parts: usize, side: u32| {
                         (((v + 0.5) * parts as f64 / f64::from(side)) as usize).min(parts - 1)

@@ -1,0 +1,280 @@
+//! The bar of the colour models in the simulator: driven along the mulch path, they tell it from the grass.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
+use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, Odometry, RawImage};
+use rcs_msg::rcs::{ColorStats, DriveCommand, Status, WorldModelParams};
+use rcs_msg::{Payload, Stamp, image::depth_m};
+use rcs_plugins::all;
+use rcs_runtime::{
+    Asset, Assets, Cycle, In, Out, Plan, PlanOptions, PortBuilder, Process, ProcessDef, ProcessType,
+    RunOptions, StackFile, Stepped,
+};
+use rcs_world::{FrameNames, Localizer, OBSTACLE_COST, pose_of};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+const STACK: &str = r#"
+format = 1
+name = "color_course"
+
+[[process]]
+name = "vehicle"
+plugin = "sim_vehicle"
+supervisor = "viewer"
+inputs = { wheels = "/comms/wheels" }
+params = { world = "mulch_path", vehicle = "lagr", start_east_m = 10.0, start_north_m = 45.0 }
+
+[[process]]
+name = "driver"
+plugin = "path_follower"
+supervisor = "viewer"
+inputs = { truth_pose = "/vehicle/truth_pose" }
+
+[[process]]
+name = "comms"
+plugin = "comms"
+supervisor = "viewer"
+inputs = { drive = "/driver/drive", local = "/position/local", imu = "/vehicle/imu", encoders = "/vehicle/encoders" }
+params = { track_m = 0.58 }
+
+[[process]]
+name = "position"
+plugin = "position"
+supervisor = "viewer"
+inputs = { encoders = "/vehicle/encoders", imu = "/vehicle/imu", gps = "/vehicle/gps" }
+params = { track_m = 0.58 }
+
+[[process]]
+name = "eyes_left"
+plugin = "sim_cameras"
+supervisor = "viewer"
+inputs = { truth_state = "/vehicle/truth_state" }
+params = { world = "mulch_path", vehicle = "lagr", pair = "left" }
+
+[[process]]
+name = "eyes_right"
+plugin = "sim_cameras"
+supervisor = "viewer"
+inputs = { truth_state = "/vehicle/truth_state" }
+params = { world = "mulch_path", vehicle = "lagr", pair = "right" }
+
+[[process]]
+name = "color_left"
+plugin = "color_models"
+supervisor = "viewer"
+period_ms = 50.0
+
+[process.inputs]
+image = "/eyes_left/left"
+calibration = "/eyes_left/left_calibration"
+odometry = "/position/local"
+static_transforms = "/vehicle/static_transforms"
+
+[[process]]
+name = "color_right"
+plugin = "color_models"
+supervisor = "viewer"
+period_ms = 50.0
+
+[process.inputs]
+image = "/eyes_right/left"
+calibration = "/eyes_right/left_calibration"
+odometry = "/position/local"
+static_transforms = "/vehicle/static_transforms"
+
+[buffers."/vehicle/imu"]
+queue = 16
+
+[buffers."/vehicle/encoders"]
+queue = 8
+"#;
+
+/// The middle of the mulch path, as the world file paints it, m.
+const PATH: [[f64; 2]; 10] = [
+    [4.0, 45.0],
+    [16.0, 45.0],
+    [28.0, 52.0],
+    [42.0, 50.0],
+    [54.0, 40.0],
+    [68.0, 37.0],
+    [80.0, 45.0],
+    [92.0, 51.0],
+    [102.0, 46.0],
+    [114.0, 45.0],
+];
+
+/// Drives along [`PATH`] by its true pose: it stands in for a driver that knows the way.
+#[derive(Clone, Serialize, Deserialize)]
+struct PathFollower;
+
+struct Ports {
+    truth_pose: In<Odometry>,
+    drive: Out<DriveCommand>,
+}
+
+impl Process for PathFollower {
+    type Params = WorldModelParams;
+    type Ports = Ports;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "path_follower",
+        summary: "Drives along the mulch path",
+        period_ms: 50.0,
+        commands: &[],
+        reads_truth: true,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        Ports {
+            truth_pose: b.input("truth_pose", "true pose"),
+            drive: b.output("drive", "command").role("drive").build(),
+        }
+    }
+
+    fn new(_params: &WorldModelParams) -> Self {
+        PathFollower
+    }
+
+    fn cycle(&mut self, ports: &Ports, _params: &WorldModelParams, cx: &mut Cycle<'_>) {
+        let Some(odometry) = cx.latest(&ports.truth_pose) else { return };
+        let at = pose_of(odometry.pose.as_ref(), "").unwrap().translation.truncate();
+        let to = ahead(at, 2.0) - at;
+        let heading_rad = libm::atan2(to.y, to.x);
+        let timestamp = Some(cx.now().to_proto());
+        let command = DriveCommand { timestamp, heading_rad, speed_mps: 1.0, yaw_rate_radps: None };
+        cx.write(&ports.drive, cx.now(), command);
+        cx.exec("drives");
+    }
+}
+
+/// The point of the path this far beyond the one nearest to a place, m.
+fn ahead(at: DVec2, distance_m: f64) -> DVec2 {
+    let points: Vec<DVec2> = PATH
+        .windows(2)
+        .flat_map(|ends| {
+            let [from, to] = [DVec2::from_array(ends[0]), DVec2::from_array(ends[1])];
+            let steps = (from.distance(to) / 0.1) as usize;
+            (0..steps).map(move |i| from.lerp(to, i as f64 / steps as f64))
+        })
+        .collect();
+    let nearest =
+        (0..points.len()).min_by(|&i, &j| points[i].distance(at).total_cmp(&points[j].distance(at)));
+    points[(nearest.unwrap() + (distance_m / 0.1) as usize).min(points.len() - 1)]
+}
+
+/// The files that the stack names.
+struct Files;
+
+impl Assets for Files {
+    fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
+        let text = match (kind, name) {
+            ("world", "mulch_path") => include_str!("../../../assets/worlds/mulch_path.toml"),
+            ("vehicle", "lagr") => include_str!("../../../assets/vehicles/lagr.toml"),
+            _ => return Err(format!("no {kind} {name:?}")),
+        };
+        Ok(Asset { file: name.to_owned(), text: text.to_owned() })
+    }
+}
+
+fn latest<T: Payload>(run: &Stepped, buffer: &str) -> Option<T> {
+    run.bus().get(buffer)?.latest()?.message.to()
+}
+
+/// Pixels of path and grass by what was said of them.
+#[derive(Clone, Copy, Debug, Default)]
+struct Count {
+    both: u64,
+    either: u64,
+    unclassified: u64,
+    all: u64,
+}
+
+const SHORT_GRASS: u8 = 1;
+const TALL_WEEDS: u8 = 3;
+const MULCH: u8 = 4;
+const FAR_M: f64 = 8.0;
+
+/// Counts the pixels of an eye's newest picture that see mulch or grass within 8 m of the vehicle.
+fn count(run: &Stepped, eye: &str, counts: &mut Count) {
+    let eyes = format!("/eyes_{eye}");
+    let said: RawImage = latest(run, &format!("/color_{eye}/probability")).unwrap();
+    let class: RawImage = latest(run, &format!("{eyes}/truth_class")).unwrap();
+    let depth: RawImage = latest(run, &format!("{eyes}/truth_depth")).unwrap();
+    if said.timestamp != class.timestamp || said.timestamp != depth.timestamp {
+        return;
+    }
+    let (camera, vehicle_from_camera) = (camera(run, &eyes), mount(run, &class.frame_id));
+    let depth = depth_m(&depth, 1.0).unwrap();
+    for row in 0..class.height {
+        for column in 0..class.width {
+            let code = class.data[(row * class.step + column) as usize];
+            if !(SHORT_GRASS..=TALL_WEEDS).contains(&code) && code != MULCH {
+                continue;
+            }
+            let ray = camera.unproject(DVec2::new(f64::from(column), f64::from(row))).unwrap();
+            let range = f64::from(depth[(row * class.width + column) as usize]);
+            let place: DVec3 = vehicle_from_camera * (ray * range);
+            if range.is_nan() || place.truncate().length() > FAR_M {
+                continue;
+            }
+            let at = (row * said.height / class.height) * said.step + column * said.width / class.width;
+            let (is_path, cost) = (code == MULCH, said.data[at as usize]);
+            let called_path = cost < OBSTACLE_COST;
+            counts.both += u64::from(is_path && called_path);
+            counts.either += u64::from(is_path || called_path);
+            counts.unclassified += u64::from(cost == 255);
+            counts.all += 1;
+        }
+    }
+}
+
+fn camera(run: &Stepped, eyes: &str) -> PinholeCamera {
+    let calibration: CameraCalibration = latest(run, &format!("{eyes}/left_calibration")).unwrap();
+    let (model, d) = (&calibration.distortion_model, &calibration.d);
+    PinholeCamera::from_calibration([calibration.width, calibration.height], &calibration.k, model, d)
+        .unwrap()
+}
+
+fn mount(run: &Stepped, frame: &str) -> Pose {
+    let transforms: FrameTransforms = latest(run, "/vehicle/static_transforms").unwrap();
+    let mut localizer = Localizer::default();
+    localizer.add_transforms(&transforms, true).unwrap();
+    let names = FrameNames { local: "local", vehicle: "vehicle", pose: "" };
+    localizer.lookup(names.vehicle, frame, Stamp(0), 0.0).unwrap()
+}
+
+#[test]
+fn the_mulch_path_is_told_from_grass_within_8_m_after_10_s_of_driving() {
+    let plugins: Vec<ProcessType> =
+        all().iter().copied().chain([ProcessType::of::<PathFollower>()]).collect();
+    let options = PlanOptions { overrides: &[], course: None, assets: &Files };
+    let plan = Plan::with(StackFile::parse("color_course", STACK).unwrap(), &plugins, &options).unwrap();
+    let mut run = Stepped::new(Arc::new(plan), None, RunOptions::default()).unwrap();
+    run.begin().unwrap();
+    let (start, mut counts, mut last) = (run.start(), Count::default(), [None, None]);
+    for step in 0..320_u64 {
+        run.run_until(start.after_ns((step + 1) * 50_000_000)).unwrap();
+        for (eye, last) in ["left", "right"].into_iter().zip(&mut last) {
+            let Some(stats) = latest::<ColorStats>(&run, &format!("/color_{eye}/stats")) else { continue };
+            if *last != stats.timestamp && step >= 200 {
+                count(&run, eye, &mut counts);
+            }
+            *last = stats.timestamp;
+        }
+    }
+    for eye in ["left", "right"] {
+        let status: Status = latest(&run, &format!("/color_{eye}/status")).unwrap();
+        println!("{eye}: {} faults, {}", status.faults, status.last_fault);
+        let stats: ColorStats = latest(&run, &format!("/color_{eye}/stats")).unwrap();
+        println!("{stats:?}");
+    }
+    let iou = counts.both as f64 / counts.either as f64;
+    let unclassified_pct = 100.0 * counts.unclassified as f64 / counts.all as f64;
+    println!(
+        "intersection over union {iou:.3}, {unclassified_pct:.2} % of {} pixels unclassified",
+        counts.all
+    );
+    assert!(counts.all > 1_000_000, "{counts:?}");
+    assert!(iou >= 0.85, "intersection over union {iou:.3}");
+}
