@@ -51,6 +51,8 @@ pub enum EvalCommand {
     Stereo(EvalStereoArgs),
     /// Colour models of ground and background: quality against labelled images, and time
     Color(EvalColorArgs),
+    /// Label images of a recording, or of a stack that runs on it, against true ones
+    Classify(EvalClassifyArgs),
 }
 
 /// `ocu [LOG]`
@@ -241,7 +243,7 @@ pub struct EvalStereoArgs {
                         one of the ground ids, everything else is obstacle. A pixel is called what its pixel of the \
                         128x96 image is called. One that no model knows is unclassified: it is missed by both \
                         classes, and counts in unclassified_pct. IoU is intersection over union, f1 is that of \
-                        ground; null where there is nothing of the class. ms_median is the time to learn from and to \
+                        ground; null where nothing is of the class or called so. ms_median is the time to learn from and to \
                         classify an image, on one thread, without reading the file."
 )]
 pub struct EvalColorArgs {
@@ -263,6 +265,54 @@ pub struct EvalColorArgs {
     /// Height of the horizon, percent of the image from the top
     #[arg(long, value_name = "PERCENT", default_value_t = 40.0)]
     pub horizon: f64,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ocu eval classify`
+#[derive(Debug, Clone, Args)]
+#[command(
+    after_help = "Examples:\n  ocu eval classify --log run.mcap --truth-topic /eyes_left/truth_labels --topic /classifier/classes\n  \
+                        ocu eval classify --log drive.mcap --stack my_stack.toml --truth-topic /labels --json\n  \
+                        ocu eval classify --stack learning --course meadow --until 40 \\\n    \
+                        --truth-topic /eyes_left/truth_labels --topic /classifier_left/classes\n\n\
+                        Label images are mono8. 1 is ground or traversable, 2 obstacle or not traversable, 3 a short \
+                        obstacle, which counts as ground. Other values are of no class: pixels whose true label is \
+                        one of them are not counted, pixels that are judged so are unclassified: missed by both \
+                        classes, and counted in unclassified_pct. Images are matched by the time at which they were \
+                        taken, and must be of one size. IoU is intersection over union, f1 is that of ground; null \
+                        where there is nothing of the class. ms_median is the time of a cycle of the stack's process \
+                        that writes the label images, on one thread; null without a stack."
+)]
+pub struct EvalClassifyArgs {
+    /// Recording with the label images, or what the stack needs to make them
+    #[arg(long, required_unless_present = "stack")]
+    pub log: Option<PathBuf>,
+    /// Topic of the true label images, of the recording or of the stack
+    #[arg(long, value_name = "T")]
+    pub truth_topic: String,
+    /// Topic of the label images that are judged; by default the one whose palette is `classes`
+    #[arg(long, value_name = "TOPIC")]
+    pub topic: Option<String>,
+    /// Stack that makes the label images: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "STACK")]
+    pub stack: Option<String>,
+    /// Course that a simulation runs: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "COURSE", requires = "stack")]
+    pub course: Option<String>,
+    /// Seed of the run's random numbers
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Parameter of a process, as process.field=value; may be given several times
+    #[arg(long = "param", value_name = "P.F=V", value_parser = parse_param, requires = "stack")]
+    pub params: Vec<Param>,
+    /// Stop the stack at this time, in seconds from its start
+    #[arg(long, value_name = "T", value_parser = parse_seconds, requires = "stack")]
+    pub until: Option<f64>,
+    /// Label images that were taken no farther apart than this belong together, seconds
+    #[arg(long, value_name = "S", default_value = "0.005", value_parser = parse_seconds)]
+    pub tolerance: f64,
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,

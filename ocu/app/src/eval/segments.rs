@@ -19,14 +19,14 @@ pub(super) struct Confusion {
     counts: [[u64; 3]; 2],
 }
 
-/// The figures, as `--json` prints them; null where there is nothing of the class.
+/// The figures, as `--json` prints them; null where there is nothing of the class, and where nothing was timed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Report {
     ground_iou: Option<f64>,
     obstacle_iou: Option<f64>,
     f1: Option<f64>,
     unclassified_pct: f64,
-    ms_median: f64,
+    ms_median: Option<f64>,
 }
 
 impl Confusion {
@@ -64,7 +64,7 @@ impl Confusion {
             obstacle_iou: iou(0),
             f1: ratio(2 * both, 2 * both + missed + wrong),
             unclassified_pct: 100.0 * ratio(unclassified, self.total()).unwrap_or(0.0),
-            ms_median: times_ms.get(times_ms.len() / 2).copied().unwrap_or(0.0),
+            ms_median: times_ms.get(times_ms.len() / 2).copied(),
         }
     }
 }
@@ -82,7 +82,9 @@ impl Report {
         writeln!(out, "  {} intersection over union of obstacles", figure(self.obstacle_iou))?;
         writeln!(out, "  {} F1 of ground", figure(self.f1))?;
         writeln!(out, "  {:6.2} % unclassified", self.unclassified_pct)?;
-        writeln!(out, "  {:6.2} ms an image, median", self.ms_median)?;
+        if let Some(ms) = self.ms_median {
+            writeln!(out, "  {ms:6.2} ms an image, median")?;
+        }
         Ok(())
     }
 }
@@ -106,7 +108,7 @@ mod tests {
         }
         let report = confusion.report(vec![3.0, 1.0, 2.0]);
         assert_eq!((report.ground_iou, report.obstacle_iou), (Some(0.6), Some(9.0 / 13.0)));
-        assert_eq!((report.f1, report.unclassified_pct, report.ms_median), (Some(12.0 / 16.0), 10.0, 2.0));
+        assert_eq!((report.f1, report.unclassified_pct, report.ms_median), (Some(12.0 / 16.0), 10.0, Some(2.0)));
     }
 
     #[test]
