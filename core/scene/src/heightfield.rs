@@ -53,6 +53,8 @@ pub(crate) struct HeightField {
     tiles: Vec<[f32; 4]>,
     blocks_across: usize,
     blocks: Vec<[f32; 4]>,
+    /// The same for the soil alone; made for tiles with stems.
+    soil: Vec<[f32; 4]>,
     /// Maxima over tiles and their eight neighbours, then over squares twice as large, and so on.
     pyramid: Vec<Maxima>,
     seed: u32,
@@ -75,17 +77,18 @@ pub(crate) struct Stem {
 impl FieldRay {
     /// From a place in metres from the first sample and a direction of length 1.
     pub(crate) fn new(origin_m: [f32; 3], direction: [f32; 3]) -> FieldRay {
-        let o = [origin_m[0] / CELL, origin_m[1] / CELL, origin_m[2]];
-        let d = [direction[0] / CELL, direction[1] / CELL, direction[2]];
-        let inverse = [d[0], d[1]].map(|d| if d.abs() < 1e-6 { 1e12 } else { 1.0 / d });
-        let positive = [d[0], d[1]].map(|d| d >= 0.0 || d.abs() < 1e-6);
+        let o = [origin_m[0] * (1.0 / CELL), origin_m[1] * (1.0 / CELL), origin_m[2]];
+        let d = [direction[0] * (1.0 / CELL), direction[1] * (1.0 / CELL), direction[2]];
+        let still = [d[0].abs() < 1e-6, d[1].abs() < 1e-6];
+        let inverse = |d: f32, still: bool| if still { 1e12 } else { 1.0 / d };
+        let far = [i32::from(still[0] || d[0] >= 0.0), i32::from(still[1] || d[1] >= 0.0)];
         let run = (d[0] * d[0] + d[1] * d[1]).sqrt();
         FieldRay {
             o,
             d,
-            inverse,
-            step: positive.map(|positive| if positive { 1 } else { -1 }),
-            far: positive.map(i32::from),
+            inverse: [inverse(d[0], still[0]), inverse(d[1], still[1])],
+            step: [2 * far[0] - 1, 2 * far[1] - 1],
+            far,
             inverse_run: 1.0 / run.max(1e-6),
         }
     }
@@ -123,17 +126,23 @@ impl HeightField {
         let [tiles_across, tiles_up] = lattice.cells.map(|cells| cells / TILE);
         let [blocks_across, blocks_up] = lattice.cells.map(|cells| cells / BLOCK);
         let grown = Grown { lattice: &lattice, stems: &stems };
+        let bare = Grown { lattice: &lattice, stems: &[[0.0; 2]; 16] };
         let planes = |across: usize, up: usize, side: usize| -> Vec<[f32; 4]> {
             let squares = (0..up).flat_map(|row| (0..across).map(move |column| [column * side, row * side]));
             squares.map(|corner| grown.plane_over(corner, side)).collect()
         };
         let tiles = planes(tiles_across, tiles_up, TILE);
         let blocks = planes(blocks_across, blocks_up, BLOCK);
+        let soil_below = |(index, tile): (usize, &[f32; 4])| {
+            let corner = [index % tiles_across * TILE, index / tiles_across * TILE];
+            if tile[3] > 0.0 { bare.plane_over(corner, TILE) } else { [0.0; 4] }
+        };
+        let soil = tiles.iter().enumerate().map(soil_below).collect();
         let corners =
             (0..tiles_up).flat_map(|row| (0..tiles_across).map(move |column| [column * TILE, row * TILE]));
         let highest = corners.map(|corner| grown.highest(corner, TILE)).collect();
         let pyramid = pyramid(Maxima { across: tiles_across, up: tiles_up, highest });
-        HeightField { lattice, stems, tiles_across, tiles, blocks_across, blocks, pyramid, seed }
+        HeightField { lattice, stems, tiles_across, tiles, soil, blocks_across, blocks, pyramid, seed }
     }
 
     /// The part of the ray above the lattice, m.
@@ -179,7 +188,7 @@ impl HeightField {
     #[inline]
     fn tiles(&self, ray: &FieldRay, block: [i32; 2], from: f32, until: f32) -> Option<FieldHit> {
         const SIDE: i32 = (BLOCK / TILE) as i32;
-        let low = block.map(|index| index * SIDE);
+        let low = [block[0] * SIDE, block[1] * SIDE];
         let start = ray.at(from);
         let mut tile = [0, 1]
             .map(|axis| ((start[axis] * (1.0 / TILE as f32)) as i32).clamp(low[axis], low[axis] + SIDE - 1));
@@ -188,12 +197,13 @@ impl HeightField {
             let leaves = [ray.leaves(0, tile[0], TILE as f32), ray.leaves(1, tile[1], TILE as f32)];
             let axis = usize::from(leaves[1] < leaves[0]);
             let exit = leaves[axis].min(until);
-            let plane = &self.tiles[tile[1] as usize * self.tiles_across + tile[0] as usize];
+            let index = tile[1] as usize * self.tiles_across + tile[0] as usize;
+            let plane = &self.tiles[index];
             if let Some(enters) = goes_under(ray, plane, t, exit) {
                 let hit = if plane[3] > 0.0 {
-                    self.cells::<true>(ray, tile, enters, exit)
+                    self.cells::<true>(ray, index, tile, enters, exit)
                 } else {
-                    self.cells::<false>(ray, tile, enters, exit)
+                    self.cells::<false>(ray, index, tile, enters, exit)
                 };
                 if hit.is_some() {
                     return hit;
@@ -207,35 +217,44 @@ impl HeightField {
         }
     }
 
-    /// The cells of one tile.
+    /// The cells of one tile. Among stems the ground is asked only from where the ray goes under the soil's own plane.
     #[inline]
     fn cells<const STEMS: bool>(
         &self,
         ray: &FieldRay,
+        index: usize,
         tile: [i32; 2],
         from: f32,
         until: f32,
     ) -> Option<FieldHit> {
         const SIDE: i32 = TILE as i32;
-        let low = tile.map(|index| index * SIDE);
+        let low = [tile[0] * SIDE, tile[1] * SIDE];
         let start = ray.at(from);
-        let mut cell = [0, 1].map(|axis| (start[axis] as i32).clamp(low[axis], low[axis] + SIDE - 1));
+        let mut cell = [
+            (start[0] as i32).clamp(low[0], low[0] + SIDE - 1),
+            (start[1] as i32).clamp(low[1], low[1] + SIDE - 1),
+        ];
         let mut t = from;
-        let hit =
-            |t: f32, cell: [i32; 2], stem: f32| Some(FieldHit { t, cell: cell.map(|c| c as usize), stem });
-        let mut corners = self.corners(cell);
-        if self.above_cell(ray, cell, &corners, t) <= 0.0 {
+        let hit = |t: f32, cell: [i32; 2], stem: f32| {
+            Some(FieldHit { t, cell: [cell[0] as usize, cell[1] as usize], stem })
+        };
+        let soil_from =
+            if STEMS { goes_under(ray, &self.soil[index], from, until).unwrap_or(f32::MAX) } else { from };
+        if soil_from <= from && self.above_cell(ray, cell, &self.corners(cell), t) <= 0.0 {
             return hit(t, cell, -1.0);
         }
         loop {
             let leaves = [ray.leaves(0, cell[0], 1.0), ray.leaves(1, cell[1], 1.0)];
             let axis = usize::from(leaves[1] < leaves[0]);
             let exit = leaves[axis].max(t);
-            let ground = if self.above_cell(ray, cell, &corners, exit) <= 0.0 {
-                self.meet(ray, cell, &corners, [t, exit])
-            } else {
-                f32::MAX
-            };
+            let mut ground = f32::MAX;
+            if !STEMS || exit >= soil_from {
+                let corners = self.corners(cell);
+                let above = self.above_cell(ray, cell, &corners, exit);
+                if above <= 0.0 {
+                    ground = self.meet(ray, cell, &corners, [t, exit], above);
+                }
+            }
             if STEMS
                 && let Some((at, part)) = self.stem_hit(ray, cell)
                 && at < ground
@@ -251,7 +270,6 @@ impl HeightField {
             if t >= until || cell[axis] < low[axis] || cell[axis] >= low[axis] + SIDE {
                 return None;
             }
-            corners = self.corners(cell);
         }
     }
 
@@ -279,21 +297,28 @@ impl HeightField {
         ray.o[2] + t * ray.d[2] - (low + fv * (high - low))
     }
 
-    /// Where a ray that is above the ground at the first distance and below it at the second goes through.
-    fn meet(&self, ray: &FieldRay, cell: [i32; 2], corners: &[f32; 4], [mut a, mut b]: [f32; 2]) -> f32 {
-        let mut above_a = self.above_cell(ray, cell, corners, a);
-        let mut above_b = self.above_cell(ray, cell, corners, b);
-        // The ground below a ray is a parabola in a cell: two steps come within micrometres.
-        for _ in 0..2 {
-            let middle = (a + (b - a) * (above_a / (above_a - above_b).max(1e-12))).clamp(a, b);
-            let above = self.above_cell(ray, cell, corners, middle);
-            if above > 0.0 {
-                (a, above_a) = (middle, above);
-            } else {
-                (b, above_b) = (middle, above);
-            }
+    /// Where a ray that is above the ground at the first distance goes through it before the second; `above_b` is its
+    /// height there, 0 or less.
+    #[inline]
+    fn meet(
+        &self,
+        ray: &FieldRay,
+        cell: [i32; 2],
+        corners: &[f32; 4],
+        [a, b]: [f32; 2],
+        above_b: f32,
+    ) -> f32 {
+        let above_a = self.above_cell(ray, cell, corners, a);
+        let first = crossing([a, above_a], [b, above_b]);
+        let above = self.above_cell(ray, cell, corners, first);
+        // The ground below a ray is a parabola in a cell, and nearly always a line: then the first step is the last.
+        if above.abs() < 5e-5 {
+            first
+        } else if above > 0.0 {
+            crossing([first, above], [b, above_b])
+        } else {
+            crossing([a, above_a], [first, above])
         }
-        (a + (b - a) * (above_a / (above_a - above_b).max(1e-12))).clamp(a, b)
     }
 
     /// The stem of a cell, if one stands there: a vertical cylinder that stays within its cell.
@@ -306,9 +331,9 @@ impl HeightField {
         }
         let part = |shift: u32| ((hash >> shift) & 255) as f32 * (1.0 / 256.0);
         let room = 1.0 - 2.0 * radius;
-        let at = [radius + room * part(0), radius + room * part(4)];
+        let at = [radius + room * part(0), radius + room * part(8)];
         // Stems of one surface differ in height, the shortest is at 6/10.
-        let height_m = height_m * (0.6 + 0.4 * part(11));
+        let height_m = height_m * (0.6 + 0.4 * part(16));
         Some(Stem { at, radius, height_m })
     }
 
@@ -372,10 +397,16 @@ fn goes_under(ray: &FieldRay, plane: &[f32; 4], t: f32, until: f32) -> Option<f3
     if first > 0.0 && last > 0.0 {
         None
     } else if first > 0.0 {
-        Some((t + (until - t) * (first / (first - last))).clamp(t, until))
+        Some(crossing([t, first], [until, last]))
     } else {
         Some(t)
     }
+}
+
+/// Where a line between two heights, the first above 0 and the second not, goes through 0.
+#[inline]
+fn crossing([a, above_a]: [f32; 2], [b, above_b]: [f32; 2]) -> f32 {
+    (a + (b - a) * (above_a / (above_a - above_b).max(1e-12))).max(a).min(b)
 }
 
 /// The ground with what grows on it.

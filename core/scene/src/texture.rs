@@ -81,11 +81,11 @@ impl Texture {
         let mask = level.width - 1;
         let (x, y) = ((u >> 8) & mask, (v >> 8) & mask);
         let (right, down) = ((x + 1) & mask, (y + 1) & mask);
-        let row = |y: u32| {
-            let start = (y * level.width) as usize;
-            mix(level.texels[start + x as usize], level.texels[start + right as usize], u & 255)
-        };
-        mix(row(y), row(down), v & 255)
+        let (low, high) = ((y * level.width) as usize, (down * level.width) as usize);
+        let (left, right) = (x as usize, right as usize);
+        let below = mix(level.texels[low + left], level.texels[low + right], u & 255);
+        let above = mix(level.texels[high + left], level.texels[high + right], u & 255);
+        mix(below, above, v & 255)
     }
 }
 
