@@ -10,7 +10,9 @@ use std::path::PathBuf;
     version,
     about = "Operator control unit and diagnostics tool for 4D/RCS robots",
     args_conflicts_with_subcommands = true,
-    after_help = "Examples:\n  ocu drive.mcap                        look at a recording\n  \
+    after_help = "Examples:\n  ocu                                   drive in the simulation\n  \
+                  ocu --course hill                     drive on another course\n  \
+                  ocu drive.mcap                        look at a recording\n  \
                   ocu drive.mcap --stack range_camera   run a stack on it and step both ways\n  \
                   ocu info drive.mcap                   say what it holds\n\n\
                   Exit codes: 0 success, 1 the run failed, 2 wrong usage."

@@ -1,5 +1,6 @@
 //! From what a person names (a recording, a stack, both) to a source.
 
+use crate::cli::WindowArgs;
 use crate::stacks;
 use rcs_runtime::source::Source;
 use std::path::{Path, PathBuf};
@@ -17,7 +18,26 @@ pub struct Request {
     pub seed: u64,
 }
 
+/// The bundled stack that opens where nothing else is asked for.
+const SIMULATION: &str = "simulation";
+
 impl Request {
+    /// What a command line asks for: the simulation where it names neither a recording nor a stack.
+    pub fn of(args: &WindowArgs) -> Self {
+        let alone = args.log.is_none() && args.stack.is_none();
+        Self {
+            log: args.log.clone(),
+            stack: args.stack.clone().or_else(|| alone.then(|| SIMULATION.to_owned())),
+            course: args.course.clone(),
+            seed: args.seed,
+        }
+    }
+
+    /// The simulation, on the course that its stack names.
+    pub fn simulation() -> Self {
+        Self::of(&WindowArgs::default())
+    }
+
     /// What a file that was dropped on the window asks for: a stack is run on the recording that is open, anything
     /// else is a recording.
     pub fn dropped(path: &Path, current: &Self) -> Self {
@@ -52,6 +72,15 @@ impl Request {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_argument_opens_the_simulation_and_a_course_alone_opens_it_there() {
+        assert_eq!(Request::simulation().title(), "simulation");
+        let hill = Request::of(&WindowArgs { course: Some("hill".into()), ..WindowArgs::default() });
+        assert_eq!(hill.title(), "simulation on hill");
+        let log = Request::of(&WindowArgs { log: Some("a.mcap".into()), ..WindowArgs::default() });
+        assert_eq!((log.log, log.stack), (Some("a.mcap".into()), None));
+    }
 
     #[test]
     fn a_dropped_stack_runs_on_the_open_recording_and_a_dropped_recording_replaces_it() {

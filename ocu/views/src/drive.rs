@@ -14,7 +14,7 @@ use rcs_msg::rcs::{self, CourseOutcome};
 use rcs_runtime::source::{Frame, Topic};
 
 /// Width of the names in front of values.
-const NAMES: f32 = 96.0;
+const NAMES: f32 = 80.0;
 /// Side of a button that drives, and the gap between two.
 const KEY: f32 = 44.0;
 const GAP: f32 = 4.0;
@@ -41,7 +41,7 @@ impl View for Drive {
         let rect = ui.available_rect_before_wrap().shrink(8.0);
         let mut child = ui.new_child(egui::UiBuilder::new().max_rect(rect));
         ScrollArea::vertical().auto_shrink(false).show(&mut child, |ui| {
-            let roomy = ui.available_width() >= 440.0;
+            let roomy = ui.available_width() >= 360.0;
             let columns = |ui: &mut Ui| {
                 ui.vertical(|ui| {
                     ui.set_width(3.0 * KEY + 2.0 * GAP + 8.0);
@@ -50,6 +50,7 @@ impl View for Drive {
                     }
                 });
                 ui.vertical(|ui| {
+                    (ui.spacing_mut().item_spacing.y, ui.spacing_mut().interact_size.y) = (2.0, 16.0);
                     if let Some(run) = run {
                         course(ui, run);
                         ui.add_space(8.0);

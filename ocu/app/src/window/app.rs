@@ -12,16 +12,7 @@ use std::time::Instant;
 pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
     let started = Instant::now();
     let layout = args.layout.as_deref().map(Layout::named).transpose()?;
-    let options = Options {
-        request: Request {
-            log: args.log.clone(),
-            stack: args.stack.clone(),
-            course: args.course.clone(),
-            seed: args.seed,
-        },
-        layout,
-        data_dir: data_dir(),
-    };
+    let options = Options { request: Request::of(args), layout, data_dir: data_dir() };
     let renderer = args.renderer.unwrap_or_else(|| {
         // Software Vulkan draws a full window five times slower than software OpenGL.
         if only_software_adapters() { Renderer::Glow } else { Renderer::Wgpu }

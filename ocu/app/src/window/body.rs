@@ -251,7 +251,7 @@ impl Window {
             });
         match invited.inner {
             Some(Invited::Ask) => self.opener.ask(),
-            Some(Invited::Open(path)) => self.opener.open(Request { log: Some(path), ..Request::default() }),
+            Some(Invited::Open(request)) => self.opener.open(request),
             None => {}
         }
     }

@@ -242,13 +242,16 @@ pub(super) fn invitation(ui: &mut egui::Ui, recent: &[PathBuf]) -> Option<Invite
         if ui.button("Open…").clicked() {
             invited = Some(Invited::Ask);
         }
+        if ui.button("Start the simulation").clicked() {
+            invited = Some(Invited::Open(Request::simulation()));
+        }
         if !recent.is_empty() {
             ui.add_space(16.0);
             ui.label(egui::RichText::new("Recent").small().color(tokens.weak));
         }
         for path in recent {
             if recent_button(ui, path).clicked() {
-                invited = Some(Invited::Open(path.clone()));
+                invited = Some(Invited::Open(Request { log: Some(path.clone()), ..Request::default() }));
             }
         }
     });
@@ -258,7 +261,7 @@ pub(super) fn invitation(ui: &mut egui::Ui, recent: &[PathBuf]) -> Option<Invite
 /// What a person chose in an empty window.
 pub(super) enum Invited {
     Ask,
-    Open(PathBuf),
+    Open(Request),
 }
 
 /// While a recording is opened and nothing else is there.

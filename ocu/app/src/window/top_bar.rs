@@ -179,6 +179,11 @@ fn left(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
             wishes.push(Wish::Ask);
             ui.close();
         }
+        if ui.button("Simulation").on_hover_text("A vehicle in a simulated world, to drive by hand").clicked()
+        {
+            wishes.push(Wish::Open(Request::simulation()));
+            ui.close();
+        }
         for path in state.recent {
             if recent_button(ui, path).clicked() {
                 wishes.push(Wish::Open(Request { log: Some(path.clone()), ..Request::default() }));
@@ -264,7 +269,8 @@ fn source(ui: &mut egui::Ui, frame: &Frame, busy: Option<f64>, wishes: &mut Vec<
         });
     }
     run_state(ui, frame);
-    if let Some(fraction) = busy {
+    // While time runs there is always work, and the timeline says how it goes.
+    if let Some(fraction) = busy.filter(|_| !frame.playback.playing) {
         let bar = egui::ProgressBar::new(fraction as f32).desired_width(120.0).desired_height(14.0);
         ui.add(bar.text(egui::RichText::new(format!("{:.0} %", fraction * 100.0)).small()));
         if widgets::icon_button(ui, icons::ICON_CANCEL, "Stop this work").clicked() {

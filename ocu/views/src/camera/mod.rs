@@ -212,9 +212,11 @@ impl Camera {
             }
             let labels =
                 std::iter::once(&topic).chain(shown).find(|topic| layer::role(topic) == LayerRole::Labels);
-            for label in labels.map_or(&[][..], |topic| layer::classes(topic).legend()) {
-                legend::swatch(ui, label.color, label.name);
-            }
+            ui.horizontal(|ui| {
+                for label in labels.map_or(&[][..], |topic| layer::classes(topic).legend()) {
+                    legend::swatch(ui, label.color, label.name);
+                }
+            });
             if roles.contains(&LayerRole::Cost) {
                 crate::toolbar::cost_legend(ui, self.saved.palette);
             }
@@ -234,7 +236,7 @@ impl Camera {
         let Some(picture) = self.layers.get(&*topic.name).and_then(Layer::picture) else { return };
         let pixel = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
         let inside = pixel.filter(|[x, y]| picture.index(*x, *y).is_some());
-        legend::plate(ui, canvas, Align2::RIGHT_BOTTOM, |ui| {
+        legend::plate(ui, canvas, Align2::RIGHT_TOP, |ui| {
             ui.style_mut().interaction.selectable_labels = false;
             let Some([x, y]) = inside else {
                 let text = format!("{} × {}  {}", picture.width, picture.height, picture.encoding);

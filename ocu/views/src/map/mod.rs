@@ -254,7 +254,9 @@ impl Map {
             match (layer.kind, place(layer)) {
                 (Kind::Path(path), Ok(pose)) => paint::path(&painter, path, &pose, viewport, canvas, color),
                 (Kind::Track(_), _) => self.paint_track(&painter, layer, cx, viewport, canvas, color),
-                (Kind::Goal(goal), Ok(pose)) => paint::goal(ui, goal, &pose, viewport, canvas),
+                (Kind::Goal(goal), Ok(pose)) => {
+                    paint::goal(ui, goal, &pose, self.here(cx.frame, &shown), viewport, canvas);
+                }
                 _ => {}
             }
         }
@@ -265,6 +267,14 @@ impl Map {
         self.legend(ui, cx.frame, layers, &shown, canvas, listed);
         let pointer = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
         self.read_out(ui, cx.frame, map, &shown, pointer, canvas);
+    }
+
+    /// Where the first track that is drawn is now.
+    fn here(&self, frame: &Frame, shown: &[&Layer<'_>]) -> Option<[f64; 3]> {
+        let tracks = shown.iter().filter(|layer| matches!(layer.kind, Kind::Track(_)) && !layer.is_truth());
+        tracks
+            .filter_map(|layer| self.tracks.placed.get(&layer.name))
+            .find_map(|track| track.placed.at(frame.now))
     }
 
     /// A viewport that shows all layers, its borders at round numbers so that it does not creep while things move.

@@ -167,8 +167,16 @@ pub(super) fn path(
     painter.extend(Shape::dashed_line(&line, Stroke::new(2.0, color), 6.0, 4.0));
 }
 
-/// A flag where something is to go; where that is off the canvas, an arrow at its edge with the distance from there.
-pub(super) fn goal(ui: &Ui, goal: &PoseInFrame, map_from_goal: &Pose, viewport: Viewport, canvas: Rect) {
+/// A flag where something is to go; where that is off the canvas, an arrow at its edge, with the distance from what goes
+/// there where that is known.
+pub(super) fn goal(
+    ui: &Ui,
+    goal: &PoseInFrame,
+    map_from_goal: &Pose,
+    from: Option<[f64; 3]>,
+    viewport: Viewport,
+    canvas: Rect,
+) {
     let Ok(pose) = crate::pose::from_message(goal.pose.as_ref()) else { return };
     let p = *map_from_goal * pose.translation;
     let (tokens, painter) = (tokens(ui), ui.painter_at(canvas));
@@ -192,8 +200,8 @@ pub(super) fn goal(ui: &Ui, goal: &PoseInFrame, map_from_goal: &Pose, viewport: 
     let left = way.rot90() * 5.0;
     let head = vec![tip + way * 7.0, tip + left - way * 3.0, tip - left - way * 3.0];
     painter.add(Shape::convex_polygon(head, tokens.ok, Stroke::new(1.0, tokens.canvas())));
-    let [x, y] = viewport.to_plane(canvas, tip);
-    let text = format!("goal {}", format::metres((p.x - x).hypot(p.y - y), 0));
+    let distance = from.map(|[x, y, _]| format::metres((p.x - x).hypot(p.y - y), 0));
+    let text = format!("goal {}", distance.unwrap_or_default());
     let galley = painter.layout_no_wrap(text, FontId::proportional(11.0), ink);
     // Behind the arrow, clear of it.
     let half = galley.size() / 2.0;
