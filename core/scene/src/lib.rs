@@ -54,6 +54,8 @@ mod texture;
 mod thing;
 mod touch;
 mod trace;
+#[cfg(test)]
+mod trace_tests;
 mod world;
 
 pub use camera::CameraRays;

@@ -1,0 +1,208 @@
+//! What worlds promise to those who drive in them, and that the seven of ours can be driven.
+
+use std::collections::VecDeque;
+
+use proptest::prelude::*;
+use rcs_geom::DVec2;
+use rcs_scene::{Footprint, Surface, TRUTH_CELL_M, ThingKind, World};
+
+const PLAIN: &str = "name = \"p\"\nbounds_m = [[0, 0], [40, 30]]\norigin = { zone = 18, easting_m = 308000, northing_m = 4333000 }\n";
+
+fn world(more: &str) -> World {
+    World::from_toml(&format!("{PLAIN}{more}")).unwrap()
+}
+
+#[track_caller]
+fn refused(more: &str, line: usize, key: &str, words: &str) {
+    let error = World::from_toml(&format!("{PLAIN}{more}")).unwrap_err();
+    assert_eq!((error.line, error.key.as_str()), (line, key), "{error}");
+    assert!(error.message.contains(words), "{error}");
+}
+
+#[test]
+fn bad_worlds_are_refused_with_line_and_key() {
+    refused("color = 3", 4, "color", "unknown");
+    refused(
+        "[[thing]]\nkind = \"tree\"\nat = [10, 10]\nradius_m = -1\n",
+        7,
+        "thing.radius_m",
+        "got -1, expected a number from",
+    );
+    refused("[[thing]]\nkind = \"tree\"\nat = [nan, 10]\n", 6, "thing.at", "NaN");
+    refused("[[thing]]\nkind = \"tree\"\nat = [50, 10]\n", 6, "thing.at", "within the bounds");
+    refused("[[thing]]\nkind = \"tre\"\nat = [5, 10]\n", 5, "thing.kind", "expected one of tree, bush");
+    refused(
+        "[[thing]]\nkind = \"post\"\nat = [5, 10]\ncrown_radius_m = 2\n",
+        7,
+        "thing.crown_radius_m",
+        "unknown",
+    );
+    refused("[[line]]\nkind = \"fence\"\npath = [[1, 1], [41, 1]]\n", 6, "line.path", "within the bounds");
+    refused("[[scatter]]\nkind = \"bush\"\ncircle = [9, 9, 3]\n", 4, "scatter.count", "missing");
+    refused(
+        "[[scatter]]\nkind = \"bush\"\ncount = 2\ncircle = [9, 9, 3]\nheight_m = [2, 1]\n",
+        8,
+        "scatter.height_m",
+        "smaller number first",
+    );
+    refused("[[paint]]\nsurface = \"mud\"\n", 4, "paint.polygon", "exactly one");
+    refused("[[ditch]]\npath = [[1, 1]]\nwidth_m = 1\ndepth_m = 1\n", 5, "ditch.path", "at least 2");
+    refused("[surface.mud]\ntraction = \"low\"\n", 5, "surface.mud.traction", "got a string");
+    refused("[[hill]]\ncentre = [1, 1]\nradius_m = inf\nheight_m = 1\n", 6, "hill.radius_m", "inf");
+    refused("seed = 1.5", 4, "seed", "whole number");
+    refused("seed = ", 4, "", "");
+    let no_bounds = World::from_toml("name = \"x\"\n").unwrap_err();
+    assert_eq!(no_bounds.key, "bounds_m");
+    let huge = World::from_toml(&PLAIN.replace("40, 30", "4000, 30")).unwrap_err();
+    assert_eq!((huge.line, huge.key.as_str()), (2, "bounds_m"));
+}
+
+const ROUGH: &str = "undulation = [{ wavelength_m = 8, amplitude_m = 0.5 }, { wavelength_m = 1, amplitude_m = 0.02 }]\nhill = [{ centre = [20, 15], radius_m = 8, height_m = 2 }]\nditch = [{ path = [[5, 5], [5, 20]], width_m = 0.4, depth_m = 0.5 }]\n";
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(20))]
+    #[test]
+    fn ground_is_continuous_and_its_normal_is_its_slope(x in 0.0..40.0_f64, y in 0.0..30.0_f64, dx in -1.0..1.0_f64, dy in -1.0..1.0_f64) {
+        let world = world(ROUGH);
+        let (at, step) = (DVec2::new(x, y), DVec2::new(dx, dy) * 1e-4);
+        // No face is steeper than a ditch's bank, 0.5 m over 0.1 m, in each direction.
+        prop_assert!((world.height_m(at + step) - world.height_m(at)).abs() < 8.0 * step.length() + 1e-12);
+        // Within one cell of the lattice the slope is that of the heights.
+        let cell = (at / 0.1).floor();
+        let inside = (cell + (at / 0.1 - cell).clamp(DVec2::splat(0.01), DVec2::splat(0.99))) * 0.1;
+        let slope = |way: DVec2| (world.height_m(inside + way * 1e-5) - world.height_m(inside - way * 1e-5)) / 2e-5;
+        let normal = world.ground(inside).normal;
+        prop_assert!((-normal.x / normal.z - slope(DVec2::X)).abs() < 1e-4);
+        prop_assert!((-normal.y / normal.z - slope(DVec2::Y)).abs() < 1e-4);
+    }
+}
+
+#[test]
+fn places_that_are_no_numbers_are_answered_and_not_a_panic() {
+    let world = world("");
+    assert!(world.ground(DVec2::NAN).height_m.is_finite());
+    assert!(world.blocked(DVec2::NAN, 0.1));
+    assert_eq!(world.cast(DVec2::NAN.extend(1.0), DVec2::X.extend(0.0), 9.0), None);
+    let body = Footprint { centre: DVec2::NAN, yaw_rad: 0.0, half_length_m: 1.0, half_width_m: 1.0 };
+    assert!(world.touching(&body, 0.0..=1.0).is_empty());
+}
+
+#[test]
+fn a_body_touches_the_solid_part_of_things_and_is_told_the_way_out() {
+    let world = world(
+        "[[thing]]\nkind = \"post\"\nat = [10, 10]\nradius_m = 0.1\nheight_m = 1\n[[thing]]\nkind = \"hay_bale\"\nat = [20, 10]\nyaw_deg = 90\nlength_m = 2\nwidth_m = 1\n[[thing]]\nkind = \"tree\"\nat = [30, 10]\nradius_m = 0.2\ncrown_radius_m = 3\n",
+    );
+    let body = |x: f64, y: f64| Footprint {
+        centre: DVec2::new(x, y),
+        yaw_rad: 0.0,
+        half_length_m: 0.5,
+        half_width_m: 0.35,
+    };
+    let touch = |x: f64, y: f64| world.touching(&body(x, y), 0.1..=0.5);
+
+    let [post] = touch(9.45, 10.1)[..] else { panic!("expected one touch") };
+    assert_eq!(post.thing, 0);
+    assert!((post.depth_m - 0.05).abs() < 1e-9 && post.normal.abs_diff_eq(-DVec2::X, 1e-9), "{post:?}");
+    assert!(post.point.abs_diff_eq(DVec2::new(9.95, 10.0).extend(0.3), 1e-9));
+    assert!(touch(9.39, 10.0).is_empty());
+
+    // The bale lies across: half a metre of it to either side along x.
+    let [bale] = touch(20.9, 10.3)[..] else { panic!("expected one touch") };
+    assert!((bale.depth_m - 0.1).abs() < 1e-9 && bale.normal.abs_diff_eq(DVec2::X, 1e-9), "{bale:?}");
+    assert!(touch(21.01, 10.0).is_empty());
+
+    // Under the crown, beside the trunk, over the post.
+    assert!(touch(31.0, 10.0).is_empty());
+    assert_eq!(touch(30.6, 10.0).len(), 1);
+    assert!(world.touching(&body(10.0, 10.0), 1.1..=1.5).is_empty());
+    // The way out is a way out.
+    for (x, y) in [(10.1, 10.02), (20.2, 9.2), (19.3, 10.9), (29.9, 10.1)] {
+        let touched = touch(x, y);
+        assert_eq!(touched.len(), 1);
+        let out = DVec2::new(x, y) + touched[0].normal * (touched[0].depth_m + 1e-6);
+        assert!(touch(out.x, out.y).is_empty(), "{touched:?}");
+    }
+}
+
+fn bundled(name: &str) -> World {
+    let path = format!("{}/../../assets/worlds/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    World::from_toml(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// Least length of a way with a clearance, over neighbouring cells, m.
+fn way_m(world: &World, clearance_m: f64, start: DVec2, goal: DVec2) -> Option<f64> {
+    let [columns, rows] = world.truth_size();
+    let low = world.bounds_m()[0];
+    let cell = |at: DVec2| ((at - low) / TRUTH_CELL_M).as_uvec2().to_array().map(|v| v as usize);
+    let place =
+        |[column, row]: [usize; 2]| low + (DVec2::new(column as f64, row as f64) + 0.5) * TRUTH_CELL_M;
+    let mut steps = vec![u32::MAX; columns * rows];
+    let (first, last) = (cell(start), cell(goal));
+    let mut queue = VecDeque::from([first]);
+    steps[first[1] * columns + first[0]] = 0;
+    while let Some([column, row]) = queue.pop_front() {
+        if [column, row] == last {
+            return Some(f64::from(steps[row * columns + column]) * TRUTH_CELL_M);
+        }
+        for [c, r] in [
+            [column + 1, row],
+            [column.wrapping_sub(1), row],
+            [column, row + 1],
+            [column, row.wrapping_sub(1)],
+        ] {
+            if c < columns
+                && r < rows
+                && steps[r * columns + c] == u32::MAX
+                && !world.blocked(place([c, r]), clearance_m)
+            {
+                steps[r * columns + c] = steps[row * columns + column] + 1;
+                queue.push_back([c, r]);
+            }
+        }
+    }
+    None
+}
+
+const NAMES: [&str; 7] = ["corridor", "dead_end", "hill", "meadow", "mulch_path", "tall_grass", "transition"];
+
+#[test]
+fn each_of_our_worlds_can_be_driven_from_west_to_east_in_four_minutes() {
+    for name in NAMES {
+        let world = bundled(name);
+        assert_eq!(world.name(), name);
+        let place = world.origin().to_geodetic();
+        assert!(
+            (place.latitude_deg - 39.13).abs() < 0.02 && (place.longitude_deg + 77.22).abs() < 0.02,
+            "{place:?}"
+        );
+        // Steps along the axes are longer than the way by up to 41 %.
+        let way = way_m(&world, 0.6, DVec2::new(10.0, 45.0), DVec2::new(110.0, 45.0));
+        assert!(way.is_some_and(|way| way < 240.0), "{name}: {way:?}");
+    }
+}
+
+#[test]
+fn our_worlds_are_hard_where_they_should_be() {
+    let (start, goal) = (DVec2::new(10.0, 45.0), DVec2::new(110.0, 45.0));
+    // Nothing but the corridor leads through, and it is narrow.
+    assert_eq!(way_m(&bundled("corridor"), 1.15, start, goal), None);
+    // The trap: from its end one has to go back.
+    let trap = bundled("dead_end");
+    let back = way_m(&trap, 0.5, DVec2::new(56.0, 45.0), DVec2::new(61.0, 45.0)).unwrap();
+    assert!(back > 40.0, "{back}");
+    // A tractor gets through the transition, into weeds that give way.
+    let transition = bundled("transition");
+    assert!(way_m(&transition, 2.0, start, goal).is_some());
+    let weeds = transition.ground(DVec2::new(60.0, 46.0));
+    assert!(weeds.surface == Surface::TallWeeds && weeds.passable && weeds.vegetation_height_m > 1.0);
+    assert!(transition.things().iter().any(|thing| thing.kind == ThingKind::Person));
+    // A ditch across which there is no way but round its ends.
+    let meadow = bundled("meadow");
+    assert!(meadow.height_m(DVec2::new(42.0, 63.0)) < meadow.height_m(DVec2::new(42.0, 63.6)) - 0.25);
+    assert!(way_m(&meadow, 0.3, DVec2::new(44.0, 61.0), DVec2::new(44.0, 64.5)).unwrap() > 10.0);
+    // The face of the hill is steeper than its mud holds.
+    let hill = bundled("hill");
+    let face = (44..56).map(|x| hill.ground(DVec2::new(f64::from(x), 47.0)));
+    let slips = face.filter(|ground| -ground.normal.x / ground.normal.z > ground.traction).count();
+    assert!(slips >= 3, "{slips}");
+}
