@@ -7,7 +7,7 @@
 //! | `emergency_stop` | in, optional | `rcs.EmergencyStop` | holds the vehicle until one says otherwise |
 //! | `above` | in, optional | `rcs.Status` | status of who drives; on ERROR it is not obeyed |
 //! | `local` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame; headings need it |
-//! | `imu` | in, optional | `rcs.Imu` | turn rate and attitude; its axes are the vehicle's |
+//! | `imu` | in, optional | `rcs.Imu` | turn rate, and attitude where `local` has none; its axes are the vehicle's |
 //! | `encoders` | in, optional | `rcs.WheelEncoders` | speeds of the wheels, m/s |
 //! | `motors` | in, optional | `rcs.MotorCurrents` | currents of the drive motors, A |
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper |

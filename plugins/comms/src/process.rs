@@ -36,8 +36,8 @@ struct Sensed {
     yaw_rate_radps: f64,
     roll_rad: f64,
     pitch_rad: f64,
-    /// Roll and pitch are the inertial sensor's own, not the position estimate's.
-    attitude_is_inertial: bool,
+    /// Roll and pitch are the position estimate's, which knows acceleration from gravity; not the inertial sensor's own.
+    attitude_is_estimated: bool,
     left_a: f64,
     right_a: f64,
     bumper_left: bool,
@@ -92,7 +92,10 @@ impl Process for Comms {
             emergency_stop: b.optional_input("emergency_stop", "holds the vehicle until one says otherwise"),
             above: b.optional_input("above", "status of who drives; on ERROR it is not obeyed"),
             local: b.optional_input("local", "pose of the vehicle in the local frame; headings need it"),
-            imu: b.optional_input("imu", "turn rate and attitude; its axes are the vehicle's"),
+            imu: b.optional_input(
+                "imu",
+                "turn rate, and attitude where `local` has none; its axes are the vehicle's",
+            ),
             encoders: b.optional_input("encoders", "speeds of the wheels, m/s"),
             motors: b.optional_input("motors", "currents of the drive motors, A"),
             bumper: b.optional_input("bumper", "switches of the bumper"),
@@ -155,9 +158,8 @@ impl Comms {
             match pose_of(odometry.pose.as_ref(), &odometry.frame_id) {
                 Ok(pose) => {
                     self.yaw = Some((pose.yaw(), odometry.acq_time()));
-                    if !self.sensed.attitude_is_inertial {
-                        [self.sensed.roll_rad, self.sensed.pitch_rad, _] = pose.rpy();
-                    }
+                    [self.sensed.roll_rad, self.sensed.pitch_rad, _] = pose.rpy();
+                    self.sensed.attitude_is_estimated = true;
                 }
                 Err(error) => cx.fault(format!("local: {error}; skipped")),
             }
@@ -185,12 +187,9 @@ impl Comms {
                 cx.fault(format!("imu: turn rate is {rate} rad/s, expected a finite number; skipped"));
             }
         }
-        if let Some(q) = &imu.orientation {
+        if let Some(q) = imu.orientation.as_ref().filter(|_| !self.sensed.attitude_is_estimated) {
             match rcs_geom::Pose::from_parts([0.0; 3], [q.x, q.y, q.z, q.w]) {
-                Ok(pose) => {
-                    [self.sensed.roll_rad, self.sensed.pitch_rad, _] = pose.rpy();
-                    self.sensed.attitude_is_inertial = true;
-                }
+                Ok(pose) => [self.sensed.roll_rad, self.sensed.pitch_rad, _] = pose.rpy(),
                 Err(error) => cx.fault(format!("imu: {error}; skipped")),
             }
         }

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rcs_comms::Comms;
-use rcs_geom::Pose;
-use rcs_msg::foxglove::{Odometry, Vector3};
+use rcs_geom::{DVec3, Pose};
+use rcs_msg::foxglove::{Odometry, Quaternion, Vector3};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_runtime::source::Task;
 use rcs_runtime::{OperatorWrite, Plan, ProcessType, RunOptions, Session, StackFile, Stepped};
@@ -281,4 +281,22 @@ fn the_vehicles_status_is_what_its_sensors_say() {
     bench.cycles(1);
     assert_eq!(bench.faults(), 2);
     assert_eq!(bench.vehicle().speed_mps, 0.5, "what was known stays");
+}
+
+#[test]
+fn roll_and_pitch_are_the_position_estimates_and_without_it_the_inertial_sensors() {
+    let mut bench = Bench::new();
+    let tilted = |roll_rad, pitch_rad| Pose::from_rpy(DVec3::ZERO, roll_rad, pitch_rad, 0.0);
+    let q = tilted(0.1, -0.2).rotation;
+    let orientation = Some(Quaternion { x: q.x, y: q.y, z: q.z, w: q.w });
+    bench.write("imu", rcs::Imu { orientation, ..Default::default() });
+    bench.cycles(1);
+    let status = bench.vehicle();
+    assert!((status.roll_rad - 0.1).abs() < 1e-9 && (status.pitch_rad + 0.2).abs() < 1e-9, "{status:?}");
+    let pose = Some(pose_message(&tilted(-0.05, 0.3)));
+    bench.write("local", Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() });
+    bench.write("imu", rcs::Imu { orientation, ..Default::default() });
+    bench.cycles(1);
+    let status = bench.vehicle();
+    assert!((status.roll_rad + 0.05).abs() < 1e-9 && (status.pitch_rad - 0.3).abs() < 1e-9, "{status:?}");
 }

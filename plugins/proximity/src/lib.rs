@@ -22,7 +22,8 @@
 //! Method: the papers name these sensors and their rates, not what is made of them. The half of the bumper that a pressed
 //! switch stands for marks the cells in front of it, and the ground under the vehicle is free; an infrared cone is free up
 //! to what it sees, which is an obstacle: [`near`]. Maps have the world model's cells in a window of 8 m: [`costs`].
-//! Slip compares the encoders with the inertial sensors, and a motor that draws current while its wheel hardly turns is
+//! Slip compares the encoders with the inertial sensors, whose gravity is told apart by the position estimate's pitch (no
+//! slip is told without a pose), and a motor that draws current while its wheel hardly turns is
 //! stalled: [`traction`].
 //!
 //! Readings that are no numbers, or of a sensor whose place on the vehicle is not known, are faults and are skipped. A

@@ -23,7 +23,6 @@ pub struct Proximity {
     traction: Traction,
     /// Switches that the last bumper map was made of, and its time.
     bumper: Option<([bool; 2], Stamp)>,
-    pitch_rad: f64,
     /// Whether the wheels have said anything; there is no slip report before.
     has_encoders: bool,
     reported: Option<Stamp>,
@@ -246,22 +245,18 @@ impl Proximity {
             ));
             return;
         }
-        self.pitch_rad = self.pitch(imu, params).unwrap_or(self.pitch_rad);
+        // By the position estimate: what an inertial sensor by itself takes for a tilt may be an acceleration.
+        let Some(pose) = self.vehicle_at(imu.acq_time(), params) else {
+            self.traction.lose_inertial();
+            return;
+        };
         let reading = Inertial {
             time: imu.acq_time(),
             acceleration_mps2: acceleration.x,
             yaw_rate_radps: rate.z,
-            pitch_rad: self.pitch_rad,
+            pitch_rad: pose.rpy()[1],
         };
         self.traction.take_inertial(&reading, rules);
-    }
-
-    /// By the inertial sensor itself, else by the position estimate.
-    fn pitch(&self, imu: &Msg<Imu>, params: &ProximityParams) -> Option<f64> {
-        let own =
-            imu.orientation.as_ref().and_then(|q| Pose::from_parts([0.0; 3], [q.x, q.y, q.z, q.w]).ok());
-        let pose = own.or_else(|| self.vehicle_at(imu.acq_time(), params))?;
-        Some(pose.rpy()[1])
     }
 
     fn report(&mut self, ports: &Ports, rules: &Rules, cx: &mut Cycle<'_>) {

@@ -2,11 +2,13 @@
 //!
 //! The wheels say how fast they turn, the inertial sensors how fast the vehicle changes its speed. The inertial speed
 //! integrates the acceleration along the vehicle (gravity taken out by the pitch) and is drawn toward the wheels' speed
-//! within a memory of seconds, more slowly while the wheels spin, as accelerometers drift. While wheels and vehicle
-//! stand, it is zero and the accelerometer's offset is learned. The gyro splits it into the ground speeds of the two
-//! wheels; slip is the part of a wheel's motion that the ground does not make, the greater of the two.
+//! within a memory of seconds, much more slowly while the wheels spin. The accelerometer's offset (a wrong pitch acts like
+//! one) is learned while the vehicle stands, and while the wheels grip, from what is left between both speeds. The gyro
+//! splits the inertial speed into the ground speeds of the two wheels; slip is the part of a wheel's motion that the
+//! ground does not make, the greater of the two.
 //!
-//! What this cannot see: a slip that builds up as slowly as the memory forgets, and slip after several memories.
+//! What this cannot see: a slip that builds up as slowly as the memory forgets, and one that lasts: after some ten
+//! seconds wheels that spin on the spot are taken to roll again.
 
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
@@ -19,10 +21,16 @@ const STANDS_MPS: f64 = 0.01;
 const STANDS_RADPS: f64 = 0.03;
 /// Time over which the accelerometer's offset is averaged while the vehicle stands, s.
 const OFFSET_S: f64 = 1.0;
+/// The offset is not learned before the vehicle has stood this long, s: wheels are told of later than accelerations.
+const STOOD_S: f64 = 0.5;
 /// Longest time between two inertial readings that is integrated over, s.
 const LONGEST_STEP_S: f64 = 0.1;
 /// How much longer the inertial speed is believed while the wheels spin.
-const SPIN_PATIENCE: f64 = 4.0;
+const SPIN_PATIENCE: f64 = 10.0;
+/// Wheels that spin go on to spin down to this part of the slip from which on they do.
+const STILL_SPINS: f64 = 0.5;
+/// Memories over which the accelerometer's offset follows what is left while the wheels grip; from 4 on nothing swings.
+const OFFSET_MEMORIES: f64 = 5.0;
 
 /// See the parameters of the process.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,6 +128,8 @@ pub struct Traction {
     /// Stalled motors.
     pub stall: Lasting,
     offset_mps2: f64,
+    /// How long the vehicle has stood, s.
+    stood_s: f64,
     last_inertial: Option<Stamp>,
     last_look: Option<Stamp>,
     /// Whether the last look found slip, said or not.
@@ -154,14 +164,28 @@ impl Traction {
             return;
         }
         let stand = self.wheels_mps.iter().all(|speed| speed.abs() < STANDS_MPS);
-        if stand && reading.yaw_rate_radps.abs() < STANDS_RADPS && self.inertial_mps.abs() < 0.1 {
+        if stand && reading.yaw_rate_radps.abs() < STANDS_RADPS {
+            self.stood_s += dt_s;
+        } else {
+            self.stood_s = 0.0;
+        }
+        if self.stood_s > STOOD_S {
             self.offset_mps2 += (free - self.offset_mps2) * (dt_s / OFFSET_S);
             self.inertial_mps = 0.0;
             return;
         }
         let memory_s = if self.slips { rules.memory_s * SPIN_PATIENCE } else { rules.memory_s };
         self.inertial_mps += (free - self.offset_mps2) * dt_s;
-        self.inertial_mps += (wheels - self.inertial_mps) * (dt_s / memory_s).min(1.0);
+        let pull = (wheels - self.inertial_mps) * (dt_s / memory_s).min(1.0);
+        self.inertial_mps += pull;
+        if !self.slips {
+            self.offset_mps2 -= pull / (OFFSET_MEMORIES * rules.memory_s);
+        }
+    }
+
+    /// Without a pitch nothing is known of the speed but what the wheels say.
+    pub fn lose_inertial(&mut self) {
+        self.last_inertial = None;
     }
 
     /// Judges what is known at `now`.
@@ -172,7 +196,8 @@ impl Traction {
             self.last_inertial.is_some_and(|last| now.seconds_since(last) <= inertial_timeout_s);
         let slip = if is_inertial { self.slip_now(rules) } else { None };
         self.slip = slip.unwrap_or(0.0);
-        self.slips = slip.is_some_and(|slip| slip >= rules.spin_slip);
+        let least = if self.slips { rules.spin_slip * STILL_SPINS } else { rules.spin_slip };
+        self.slips = slip.is_some_and(|slip| slip >= least);
         let spins = self.spin.look(self.slips, now, dt_s, rules.settle_s);
         let is_stalled = self.wheels_mps.iter().zip(&self.motors_a).any(|(speed, current)| {
             current.abs() > rules.stall_current_a && speed.abs() < rules.stall_speed_mps

@@ -79,6 +79,18 @@ fn wheels_that_spin_on_the_spot_are_told_after_the_time_to_settle_and_counted_on
 }
 
 #[test]
+fn an_offset_that_was_not_there_at_rest_is_learned_on_the_way_and_wheels_that_spin_are_told_for_seconds() {
+    let mut traction = Traction::default();
+    drive(&mut traction, 0.0, 1.0, 0.0, |_| rolling(0.0));
+    drive(&mut traction, 1.0, 30.0, 0.15, |t| rolling((t - 1.0).min(1.0)));
+    assert!((traction.inertial_mps - 1.0).abs() < 0.02, "{}", traction.inertial_mps);
+    let stuck = |t: f64| Moment { speed_mps: (1.0 - (t - 30.0) * 2.0).max(0.0), ..rolling(1.0) };
+    drive(&mut traction, 30.0, 36.0, 0.15, stuck);
+    assert_eq!((traction.state, traction.spin.count), (State::Spins, 1));
+    assert!(traction.spin.time_s > 5.0, "{}", traction.spin.time_s);
+}
+
+#[test]
 fn a_vehicle_that_loses_its_grip_at_speed_is_noticed() {
     let mut traction = Traction::default();
     drive(&mut traction, 0.0, 4.0, 0.02, |t| rolling((t - 1.0).clamp(0.0, 1.0)));

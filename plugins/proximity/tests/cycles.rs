@@ -191,7 +191,7 @@ fn a_hit_without_a_pose_is_a_fault_and_one_that_is_none_is_not() {
 
 #[test]
 fn spinning_wheels_are_reported_from_encoders_and_inertial_readings() {
-    let mut bench = Bench::new();
+    let mut bench = Bench::placed();
     let level = |x| Some(Vector3 { x, y: 0.0, z: 9.81 });
     for cycle in 0..60 {
         // The wheels spin up within a second while the vehicle stands.
@@ -207,6 +207,7 @@ fn spinning_wheels_are_reported_from_encoders_and_inertial_readings() {
             ..Default::default()
         };
         bench.write("imu", imu);
+        bench.odometry();
         bench.cycle();
     }
     let report: rcs::SlipReport = bench.latest("slip");
