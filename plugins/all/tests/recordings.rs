@@ -107,6 +107,16 @@ fn on_a_road_the_road_is_ground_and_trees_and_crops_are_obstacles() {
     assert!((480_000..540_000).contains(&stats.ground), "{stats:?}");
     assert!((95_000..120_000).contains(&stats.obstacle), "{stats:?}");
 
+    // By their colours: the road to where it ends, and sky, wood and crops. (Pixels of the 128x96 image.)
+    let costs: RawImage = latest(&run, "/color/probability");
+    let cheap = |columns: std::ops::Range<usize>, rows: std::ops::Range<usize>| {
+        let all = columns.len() * rows.len();
+        let costs = rows.flat_map(|row| &costs.data[row * 128..][columns.clone()]);
+        costs.filter(|&&cost| cost < 125).count() as f64 / all as f64
+    };
+    assert!(cheap(34..54, 46..92) > 0.99, "{}", cheap(34..54, 46..92));
+    assert!(cheap(80..124, 4..40) < 0.02 && cheap(2..14, 30..44) < 0.05 && cheap(40..48, 2..24) < 0.02);
+
     let map: Grid = latest(&run, "/wm1/map");
     assert!(obstacle_share(&map, [6.0, 25.0], [0.2, 2.2]).0 < 0.01, "the road is free");
     let (wood, cells) = obstacle_share(&map, [18.4, 20.0], [-8.5, -5.5]);
