@@ -322,7 +322,7 @@ fn start_heading(imu: &Imu, params: &PositionParams) -> Result<(f64, f64), Strin
     if imu.orientation.is_none() {
         return Ok((params.start_heading_deg.to_radians(), deviation * deviation));
     }
-    let pose = rcs_msg::foxglove::Pose { position: None, orientation: imu.orientation };
+    let pose = rcs_msg::foxglove::Pose { position: Some(Vector3::default()), orientation: imu.orientation };
     let pose = pose_of(Some(&pose), "imu").map_err(|error| error.to_string())?;
     let stated = imu.orientation_covariance.get(8).copied().filter(|v| v.is_finite() && *v > 0.0);
     Ok((pose.yaw(), stated.unwrap_or(deviation * deviation)))
