@@ -142,7 +142,7 @@ impl HeightField {
             (0..tiles_up).flat_map(|row| (0..tiles_across).map(move |column| [column * TILE, row * TILE]));
         let highest = corners.map(|corner| grown.highest(corner, TILE)).collect();
         let pyramid = pyramid(Maxima { across: tiles_across, up: tiles_up, highest });
-        HeightField { lattice, stems, tiles_across, tiles, soil, blocks_across, blocks, pyramid, seed }
+        HeightField { lattice, stems, tiles_across, tiles, blocks_across, blocks, soil, pyramid, seed }
     }
 
     /// The part of the ray above the lattice, m.
@@ -240,7 +240,7 @@ impl HeightField {
         };
         let soil_from =
             if STEMS { goes_under(ray, &self.soil[index], from, until).unwrap_or(f32::MAX) } else { from };
-        if soil_from <= from && self.above_cell(ray, cell, &self.corners(cell), t) <= 0.0 {
+        if soil_from <= from && above_cell(ray, cell, &self.corners(cell), t) <= 0.0 {
             return hit(t, cell, -1.0);
         }
         loop {
@@ -250,9 +250,9 @@ impl HeightField {
             let mut ground = f32::MAX;
             if !STEMS || exit >= soil_from {
                 let corners = self.corners(cell);
-                let above = self.above_cell(ray, cell, &corners, exit);
+                let above = above_cell(ray, cell, &corners, exit);
                 if above <= 0.0 {
-                    ground = self.meet(ray, cell, &corners, [t, exit], above);
+                    ground = meet(ray, cell, &corners, [t, exit], above);
                 }
             }
             if STEMS
@@ -284,41 +284,6 @@ impl HeightField {
         let low = &self.lattice.z[at..at + 2];
         let high = &self.lattice.z[at + self.lattice.width..at + self.lattice.width + 2];
         [low[0], low[1], high[0], high[1]]
-    }
-
-    /// Height of the ray above the ground of a cell, m.
-    #[inline]
-    fn above_cell(&self, ray: &FieldRay, cell: [i32; 2], corners: &[f32; 4], t: f32) -> f32 {
-        let at = ray.at(t);
-        let fu = (at[0] - cell[0] as f32).clamp(0.0, 1.0);
-        let fv = (at[1] - cell[1] as f32).clamp(0.0, 1.0);
-        let low = corners[0] + fu * (corners[1] - corners[0]);
-        let high = corners[2] + fu * (corners[3] - corners[2]);
-        ray.o[2] + t * ray.d[2] - (low + fv * (high - low))
-    }
-
-    /// Where a ray that is above the ground at the first distance goes through it before the second; `above_b` is its
-    /// height there, 0 or less.
-    #[inline]
-    fn meet(
-        &self,
-        ray: &FieldRay,
-        cell: [i32; 2],
-        corners: &[f32; 4],
-        [a, b]: [f32; 2],
-        above_b: f32,
-    ) -> f32 {
-        let above_a = self.above_cell(ray, cell, corners, a);
-        let first = crossing([a, above_a], [b, above_b]);
-        let above = self.above_cell(ray, cell, corners, first);
-        // The ground below a ray is a parabola in a cell, and nearly always a line: then the first step is the last.
-        if above.abs() < 5e-5 {
-            first
-        } else if above > 0.0 {
-            crossing([first, above], [b, above_b])
-        } else {
-            crossing([a, above_a], [first, above])
-        }
     }
 
     /// The stem of a cell, if one stands there: a vertical cylinder that stays within its cell.
@@ -386,6 +351,34 @@ impl HeightField {
                 return t;
             }
         }
+    }
+}
+
+/// Height of the ray above the ground of a cell, m.
+#[inline]
+fn above_cell(ray: &FieldRay, cell: [i32; 2], corners: &[f32; 4], t: f32) -> f32 {
+    let at = ray.at(t);
+    let fu = (at[0] - cell[0] as f32).clamp(0.0, 1.0);
+    let fv = (at[1] - cell[1] as f32).clamp(0.0, 1.0);
+    let low = corners[0] + fu * (corners[1] - corners[0]);
+    let high = corners[2] + fu * (corners[3] - corners[2]);
+    ray.o[2] + t * ray.d[2] - (low + fv * (high - low))
+}
+
+/// Where a ray that is above the ground at the first distance goes through it before the second; `above_b` is its
+/// height there, 0 or less.
+#[inline]
+fn meet(ray: &FieldRay, cell: [i32; 2], corners: &[f32; 4], [a, b]: [f32; 2], above_b: f32) -> f32 {
+    let above_a = above_cell(ray, cell, corners, a);
+    let first = crossing([a, above_a], [b, above_b]);
+    let above = above_cell(ray, cell, corners, first);
+    // The ground below a ray is a parabola in a cell, and nearly always a line: then the first step is the last.
+    if above.abs() < 5e-5 {
+        first
+    } else if above > 0.0 {
+        crossing([first, above], [b, above_b])
+    } else {
+        crossing([a, above_a], [first, above])
     }
 }
 

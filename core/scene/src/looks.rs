@@ -210,7 +210,7 @@ impl Looks {
 
     /// What distance does to a colour.
     #[inline]
-    pub(crate) fn hazed(&self, colour: Vec3, range_m: f32) -> Vec3 {
+    pub(crate) fn hazed(colour: Vec3, range_m: f32) -> Vec3 {
         let part = (range_m * (1.0 / 500.0)).min(0.45);
         let far = [170.0, 184.0, 190.0];
         between(&colour, &far, part, 1.0)
@@ -258,11 +258,11 @@ fn soften(values: &mut [f32], width: usize) {
     let rows = values.len() / width;
     let mut last = values[..width].to_vec();
     for row in 1..rows.saturating_sub(1) {
-        for column in 0..width {
+        for (column, before) in last.iter_mut().enumerate() {
             let at = row * width + column;
             let here = values[at];
-            values[at] = (last[column] + here + values[at + width]) * (1.0 / 3.0);
-            last[column] = here;
+            values[at] = (*before + here + values[at + width]) * (1.0 / 3.0);
+            *before = here;
         }
     }
 }

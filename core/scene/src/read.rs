@@ -40,7 +40,7 @@ pub(crate) struct Table<'t> {
 }
 
 fn line_of(text: &str, at: usize) -> usize {
-    1 + text.as_bytes()[..at.min(text.len())].iter().filter(|&&byte| byte == b'\n').count()
+    1 + text.bytes().take(at).filter(|&byte| byte == b'\n').count()
 }
 
 impl<'t> Table<'t> {

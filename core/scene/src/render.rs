@@ -11,7 +11,7 @@ use rcs_geom::Pose;
 use crate::camera::{BUNDLE, CameraRays, Cone, GROUP};
 use crate::class::{Class, Label, Surface};
 use crate::heightfield::FieldRay;
-use crate::looks::Seen;
+use crate::looks::{Looks, Seen};
 use crate::shape::{Form, MESH_COVER, Shape, Vec3, along, between};
 use crate::trace::Met;
 use crate::world::{Inner, World};
@@ -228,7 +228,7 @@ impl<'v> View<'v> {
             Met::Shape(shape) => looks.shape(&self.inner.shapes[shape as usize], &seen),
             Met::Plain => looks.plain(&seen),
         };
-        looks.hazed(colour, found.t)
+        Looks::hazed(colour, found.t)
     }
 }
 

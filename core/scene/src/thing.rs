@@ -47,6 +47,7 @@ pub struct Thing {
 
 /// Sizes of a thing; a kind uses those that it has.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[expect(clippy::struct_field_names, reason = "units stay in names")]
 pub(crate) struct Size {
     /// Radius of the trunk, the foliage, the stone, the log, the post, m.
     pub(crate) radius_m: f64,
@@ -59,6 +60,7 @@ pub(crate) struct Size {
 
 /// Sizes as ranges from which each thing of a list draws its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::struct_field_names, reason = "units stay in names")]
 pub(crate) struct SizeRange {
     pub(crate) radius_m: [f64; 2],
     pub(crate) height_m: [f64; 2],

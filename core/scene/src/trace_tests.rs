@@ -84,12 +84,14 @@ fn reference_cast(world: &World, origin: DVec3, direction: DVec3, max_range_m: f
     (nearest < max_range_m).then_some(nearest)
 }
 
+/// Rays compared.
+const RAYS: usize = 600;
+
 #[test]
 fn rays_meet_what_the_plain_reference_meets() {
     let world = small();
     let mut dice = Dice::new(77);
     let mut missed = Vec::new();
-    const RAYS: usize = 600;
     for _ in 0..RAYS {
         let at = DVec2::new(dice.between([101.0, 129.0]), dice.between([-19.0, 5.0]));
         let origin = at.extend(world.height_m(at) + dice.between([0.05, 3.0]));

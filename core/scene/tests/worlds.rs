@@ -1,5 +1,7 @@
 //! What worlds promise to those who drive in them, and that the seven of ours can be driven.
 
+#![expect(clippy::unwrap_used, reason = "helpers of tests")]
+
 use std::collections::VecDeque;
 
 use proptest::prelude::*;
