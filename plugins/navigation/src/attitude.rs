@@ -33,6 +33,8 @@ pub struct Attitude {
     /// Turn rates less their biases, rad/s, vehicle axes.
     pub turn_radps: DVec3,
     bias: DVec3,
+    /// Time at rest that the bias has been averaged over, s.
+    rested_s: f64,
 }
 
 impl Attitude {
@@ -45,6 +47,7 @@ impl Attitude {
             level_from_vehicle: (DQuat::from_rotation_z(turn) * yawless).normalize(),
             turn_radps: DVec3::ZERO,
             bias: DVec3::ZERO,
+            rested_s: 0.0,
         }
     }
 
@@ -60,7 +63,9 @@ impl Attitude {
         let elapsed_s = elapsed_s.clamp(0.0, MAX_STEP_S);
         let turn = gyro_radps - self.bias;
         if standing && turn.length() < STANDING_RADPS {
-            let part = elapsed_s / (settings.bias_time_s + elapsed_s);
+            // At first the plain mean, so that a second at rest is worth a second; later a mean that forgets.
+            self.rested_s = (self.rested_s + elapsed_s).min(settings.bias_time_s);
+            let part = if self.rested_s > 0.0 { elapsed_s / self.rested_s } else { 0.0 };
             self.bias += turn * part;
             self.turn_radps = DVec3::ZERO;
         } else {

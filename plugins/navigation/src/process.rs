@@ -169,7 +169,7 @@ impl Position {
         if elapsed_s < 0.0 {
             return Err(format!("reading is {:.3} s older than the one before", -elapsed_s));
         }
-        let standing = self.wheels.is_some_and(|wheels| wheels.stand());
+        let standing = self.wheels.is_none_or(|wheels| wheels.stand());
         attitude.update(&settings, gyro, force, elapsed_s, standing);
         self.felt = Some(time);
         Ok(())

@@ -19,7 +19,7 @@ pub struct Wheels {
     pub since: Stamp,
     distance_m: [f64; 2],
     /// When the wheels last stood elsewhere, and where they have stood since.
-    moved: Stamp,
+    moved: Option<Stamp>,
     moved_at_m: [f64; 2],
 }
 
@@ -33,14 +33,14 @@ pub struct Rolled {
 }
 
 impl Wheels {
-    /// The first reading.
+    /// The first reading: until they turn, the wheels stand.
     pub fn new(time: Stamp, distance_m: [f64; 2]) -> Wheels {
-        Wheels { time, since: time, distance_m, moved: time, moved_at_m: distance_m }
+        Wheels { time, since: time, distance_m, moved: None, moved_at_m: distance_m }
     }
 
     /// Whether they have stood for a while.
     pub fn stand(&self) -> bool {
-        self.time.seconds_since(self.moved) > STANDING_S
+        self.moved.is_none_or(|moved| self.time.seconds_since(moved) > STANDING_S)
     }
 
     /// Takes the next reading. Counters that jump are refused once and go on from where they jumped to.
@@ -60,7 +60,7 @@ impl Wheels {
         }
         let away = |side: usize| (distance_m[side] - self.moved_at_m[side]).abs();
         if away(0).max(away(1)) > STANDING_M {
-            self.moved = time;
+            self.moved = Some(time);
             self.moved_at_m = distance_m;
         }
         Ok(Rolled { rolled_m, elapsed_s })
@@ -89,6 +89,7 @@ mod tests {
     #[test]
     fn wheels_stand_after_half_a_second_without_ticks() {
         let mut wheels = Wheels::new(at(0), [0.0; 2]);
+        assert!(wheels.stand(), "from the beginning");
         wheels.roll(at(20), [0.1, 0.1]).unwrap();
         for ms in (40..=520).step_by(20) {
             wheels.roll(at(ms), [0.1, 0.1005]).unwrap();

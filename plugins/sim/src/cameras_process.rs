@@ -33,8 +33,8 @@ use rcs_world::pose_of;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Rows of a strip.
-const STRIP_ROWS: usize = 16;
+/// Rows of a strip: whole bundles of the renderer, and enough strips for a few threads.
+const STRIP_ROWS: usize = 48;
 
 /// State: when the last pose was.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -121,14 +121,14 @@ impl Process for SimCameras {
                 .output("truth_labels", "obstacle label of the left eye's pixels, mono8")
                 .role("labels")
                 .palette("obstacle_labels")
-                .overlay_of("image")
+                .overlay_of("left")
                 .truth()
                 .build(),
             truth_class: b
                 .output("truth_class", "class of the left eye's pixels, mono8")
                 .role("labels")
-                .palette("classes")
-                .overlay_of("image")
+                .palette("surfaces")
+                .overlay_of("left")
                 .truth()
                 .build(),
         }
@@ -294,7 +294,7 @@ impl Eyes {
                 if self.spec.kind != CameraKind::Infrared
                     && let Some(exposures) = exposures
                 {
-                    self.sensor.expose(&exposures[strip.eye], strip.first_row, 3, strip.out.rgb);
+                    self.sensor.expose::<3>(&exposures[strip.eye], strip.first_row, strip.out.rgb);
                 }
             }
         });
@@ -305,7 +305,7 @@ impl Eyes {
                 let mut grey: Vec<u8> =
                     colours.zip(&view.class).map(|(rgb, &class)| thermal(class, rgb)).collect();
                 if let Some([only, _]) = exposures {
-                    self.sensor.expose(only, 0, 1, &mut grey);
+                    self.sensor.expose::<1>(only, 0, &mut grey);
                 }
                 view.picture = grey;
             }

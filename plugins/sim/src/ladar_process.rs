@@ -70,7 +70,7 @@ impl Process for SimLadar {
             truth_class: b
                 .output("truth_class", "the same points with the class of what they hit")
                 .role("cloud")
-                .palette("classes")
+                .palette("surfaces")
                 .truth()
                 .build(),
         }

@@ -20,7 +20,7 @@ pub struct Sensor {
     size: [usize; 2],
     vignette: f32,
     /// Standard deviation by grey level.
-    deviation: Vec<f32>,
+    deviation: [f32; 256],
 }
 
 /// The sum of three numbers of 7 bits has this mean and this deviation.
@@ -53,28 +53,30 @@ impl Sensor {
     /// The sensor of a camera for pictures of a size, pixels.
     pub fn new(spec: &CameraSpec, size: [usize; 2]) -> Sensor {
         let (dark, white) = (spec.dark_noise as f32, spec.shot_noise as f32);
-        let deviation = |level: u8| dark + (white - dark) * (f32::from(level) / 255.0).sqrt();
-        Sensor { size, vignette: spec.vignette as f32, deviation: (0..=255).map(deviation).collect() }
+        let deviation = |level: usize| dark + (white - dark) * (level as f32 / 255.0).sqrt();
+        Sensor { size, vignette: spec.vignette as f32, deviation: std::array::from_fn(deviation) }
     }
 
-    /// Exposes some rows in place, the first of them `first_row`: `channels` bytes a pixel, 1 or 3.
-    pub fn expose(&self, exposure: &Exposure, first_row: usize, channels_of_pixel: usize, pixels: &mut [u8]) {
+    /// Exposes some rows in place, the first of them `first_row`: `CHANNELS` bytes a pixel, 1 or 3.
+    pub fn expose<const CHANNELS: usize>(&self, exposure: &Exposure, first_row: usize, pixels: &mut [u8]) {
         let [width, height] = self.size.map(|side| side as f32);
         let middle = [0.5 * (width - 1.0), 0.5 * (height - 1.0)];
         let corner2 = middle[0] * middle[0] + middle[1] * middle[1];
-        let row_bytes = self.size[0] * channels_of_pixel;
-        for (row, line) in pixels.chunks_exact_mut(row_bytes).enumerate() {
+        let (gain, lost) = (exposure.gain as f32, exposure.gain as f32 * self.vignette / corner2);
+        for (row, line) in pixels.chunks_exact_mut(self.size[0] * CHANNELS).enumerate() {
             let row = first_row + row;
             let down = row as f32 - middle[1];
-            for (column, pixel) in line.chunks_exact_mut(channels_of_pixel).enumerate() {
-                let right = column as f32 - middle[0];
-                let lost = self.vignette * (right * right + down * down) / corner2;
-                let gain = exposure.gain as f32 * (1.0 - lost);
-                let noise = channels(exposure.key, (row * self.size[0] + column) as u64);
+            let gain = gain - lost * down * down;
+            let first = (row * self.size[0]) as u64;
+            let mut right = -middle[0];
+            for (pixel, counter) in line.as_chunks_mut::<CHANNELS>().0.iter_mut().zip(first..) {
+                let gain = gain - lost * right * right;
+                right += 1.0;
+                let noise = channels(exposure.key, counter);
                 for (value, noise) in pixel.iter_mut().zip(noise) {
-                    let light = (f32::from(*value) * gain).clamp(0.0, 255.0);
-                    let exposed = light + noise * self.deviation[light as usize] + 0.5;
-                    *value = exposed.clamp(0.0, 255.0) as u8;
+                    // A number that is too large for a byte becomes the largest one.
+                    let light = f32::from(*value) * gain;
+                    *value = (light + noise * self.deviation[usize::from(light as u8)] + 0.5) as u8;
                 }
             }
         }
@@ -118,7 +120,7 @@ mod tests {
     fn exposed(spec: &CameraSpec, level: u8, key: u64) -> Vec<f64> {
         let mut pixels = vec![level; 64 * 48 * 3];
         let sensor = Sensor::new(spec, [64, 48]);
-        sensor.expose(&Exposure { gain: 1.0, key }, 0, 3, &mut pixels);
+        sensor.expose::<3>(&Exposure { gain: 1.0, key }, 0, &mut pixels);
         pixels.into_iter().map(f64::from).collect()
     }
 
@@ -144,10 +146,10 @@ mod tests {
         let sensor = Sensor::new(&spec, [64, 48]);
         let exposure = Exposure { gain: 1.1, key: 3 };
         let mut whole = vec![100; 64 * 48 * 3];
-        sensor.expose(&exposure, 0, 3, &mut whole);
+        sensor.expose::<3>(&exposure, 0, &mut whole);
         let mut strips = vec![100; 64 * 48 * 3];
         for (strip, rows) in strips.chunks_mut(64 * 3 * 7).enumerate() {
-            sensor.expose(&exposure, strip * 7, 3, rows);
+            sensor.expose::<3>(&exposure, strip * 7, rows);
         }
         assert_eq!(whole, strips);
         assert_ne!(exposed(&spec, 100, 1), exposed(&spec, 100, 2));

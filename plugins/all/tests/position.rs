@@ -1,0 +1,251 @@
+//! The position estimates on the simulated vehicle, against its truth.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use rcs_geom::{DVec3, Pose, wrap_angle};
+use rcs_msg::foxglove::{FrameTransforms, Odometry};
+use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
+use rcs_plugins::all;
+use rcs_runtime::source::Task;
+use rcs_runtime::{Asset, Assets, OperatorWrite, Plan, PlanOptions, RunOptions, Session, StackFile, Stepped};
+use rcs_world::pose_of;
+use std::sync::Arc;
+
+/// Nearly level dirt, 140 m by 100 m.
+const WORLD: &str = r#"
+name = "field"
+bounds_m = [[0, 0], [140, 100]]
+base = "dirt"
+
+[origin]
+zone = 32
+easting_m = 500000.0
+northing_m = 5400000.0
+
+[[undulation]]
+wavelength_m = 15
+amplitude_m = 0.1
+"#;
+
+const STACK: &str = r#"
+format = 1
+name = "field"
+
+[[process]]
+name = "vehicle"
+plugin = "sim_vehicle"
+supervisor = "viewer"
+inputs = { wheels = "/operator/wheels" }
+params = { world = "w", vehicle = "lagr", start_east_m = 30.0, start_north_m = 50.0, start_heading_deg = 20.0 }
+
+[[process]]
+name = "position"
+plugin = "position"
+supervisor = "viewer"
+inputs = { encoders = "/vehicle/encoders", imu = "/vehicle/imu", gps = "/vehicle/gps" }
+params = { world = "w", track_m = 0.58 }
+
+[buffers."/vehicle/imu"]
+queue = 16
+
+[buffers."/vehicle/encoders"]
+queue = 8
+
+[buffers."/operator/wheels"]
+queue = 8
+"#;
+
+struct Files;
+
+impl Assets for Files {
+    fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
+        let text = match kind {
+            "world" => WORLD,
+            _ => include_str!("../../../assets/vehicles/lagr.toml"),
+        };
+        Ok(Asset { file: name.to_owned(), text: text.to_owned() })
+    }
+}
+
+struct Bench {
+    session: Session,
+    now_ms: u64,
+}
+
+/// Where the vehicle is believed to be, and where it is.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    local: Pose,
+    global: Option<Pose>,
+    global_variance: f64,
+    truth: Pose,
+}
+
+impl Bench {
+    fn new(seed: u64, params: &[(&str, &str)]) -> Bench {
+        let overrides: Vec<(String, String)> =
+            params.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+        let options = PlanOptions { overrides: &overrides, course: None, assets: &Files };
+        let plan = Plan::with(StackFile::parse("field.toml", STACK).unwrap(), all(), &options).unwrap();
+        let options = RunOptions { seed, ..RunOptions::default() };
+        let run = Stepped::new(Arc::new(plan), None, options).unwrap();
+        Bench { session: Session::new(run).unwrap(), now_ms: 0 }
+    }
+
+    fn latest<T: Payload>(&self, buffer: &str) -> Option<T> {
+        self.session.run().bus().get(buffer).unwrap().latest()?.message.to()
+    }
+
+    /// Drives for some 100 ms; what is seen after each.
+    fn drive(&mut self, left_mps: f64, right_mps: f64, tenths: u64) -> Vec<Seen> {
+        (0..tenths)
+            .map(|_| {
+                let timestamp = Some(Stamp(self.now_ms * 1_000_000).to_proto());
+                let command = rcs::WheelCommand { timestamp, left_mps, right_mps, curvature_per_m: 0.0 };
+                let message = AnyMessage::new(command);
+                self.session.write(OperatorWrite { buffer: "/operator/wheels".to_owned(), message }).unwrap();
+                self.now_ms += 100;
+                let until = Stamp(self.now_ms * 1_000_000 + 5_000_000);
+                self.session.forward_until(until, &Task::default()).unwrap();
+                self.seen()
+            })
+            .collect()
+    }
+
+    fn seen(&self) -> Seen {
+        let local: Odometry = self.latest("/position/local").unwrap();
+        let global: Option<Odometry> = self.latest("/position/global");
+        let truth: Odometry = self.latest("/vehicle/truth_pose").unwrap();
+        let pose = |odometry: &Odometry| pose_of(odometry.pose.as_ref(), "vehicle").unwrap();
+        Seen {
+            local: pose(&local),
+            global: global.as_ref().map(pose),
+            global_variance: global.map_or(0.0, |global| global.pose_covariance[0]),
+            truth: pose(&truth),
+        }
+    }
+
+    fn status(&self) -> rcs::Status {
+        self.latest("/position/status").unwrap()
+    }
+}
+
+/// A loop of about 90 m with turns to both sides.
+fn lap(bench: &mut Bench) -> Vec<Seen> {
+    let mut seen = bench.drive(0.0, 0.0, 20);
+    for (left, right, tenths) in [(1.0, 1.0, 200), (0.8, 1.1, 150), (1.1, 0.9, 250), (1.2, 1.2, 200)] {
+        seen.extend(bench.drive(left, right, tenths));
+    }
+    seen
+}
+
+/// The place in the frame of the local estimate, which begins where the vehicle starts and knows east.
+fn local_truth(truth: &Pose) -> DVec3 {
+    truth.translation - DVec3::new(30.0, 50.0, 0.0)
+}
+
+#[test]
+fn the_local_estimate_is_smooth_and_drifts_by_a_few_per_cent_of_the_way() {
+    for seed in 0..3 {
+        let mut bench = Bench::new(seed, &[]);
+        let seen = lap(&mut bench);
+        for pair in seen.windows(2) {
+            let step = (pair[1].local.translation - pair[0].local.translation).length();
+            assert!(step < 0.2, "{step} m in a tenth of a second");
+        }
+        let last = seen.last().unwrap();
+        let way_m: f64 = seen
+            .windows(2)
+            .map(|pair| (pair[1].truth.translation - pair[0].truth.translation).length())
+            .sum();
+        assert!(way_m > 75.0, "{way_m}");
+        let error_m = (last.local.translation - local_truth(&last.truth)).truncate().length();
+        assert!(error_m < 0.06 * way_m, "seed {seed}: {error_m:.2} m after {way_m:.0} m");
+        let [roll, pitch, _] = last.local.rpy();
+        let [true_roll, true_pitch, _] = last.truth.rpy();
+        assert!((roll - true_roll).abs() < 0.03 && (pitch - true_pitch).abs() < 0.03);
+    }
+}
+
+#[test]
+fn the_global_estimate_stays_within_what_its_covariance_says() {
+    let mut surprises = Vec::new();
+    for seed in 0..4 {
+        let mut bench = Bench::new(seed, &[]);
+        let seen = lap(&mut bench);
+        for now in seen.iter().skip(100).step_by(50) {
+            let global = now.global.expect("there is a global estimate after 10 s");
+            let error = (global.translation - now.truth.translation).truncate();
+            surprises.push(error.length_squared() / (2.0 * now.global_variance));
+            assert!(error.length() < 6.0, "seed {seed}: {} m", error.length());
+            let turn = wrap_angle(global.yaw() - now.truth.yaw());
+            assert!(turn.abs() < 0.2, "seed {seed}: heading is {turn} rad off");
+        }
+    }
+    let mean = surprises.iter().sum::<f64>() / surprises.len() as f64;
+    // Errors of neighbouring moments are alike, so their mean is only roughly 1.
+    assert!((0.2..2.5).contains(&mean), "squared error by its variance: {mean}");
+}
+
+#[test]
+fn outliers_are_refused_and_do_not_move_the_global_estimate() {
+    let params = [("vehicle.gps_dropouts", "false")];
+    let mut bench = Bench::new(5, &params);
+    let seen = lap(&mut bench);
+    let status = bench.status();
+    assert!(status.faults > 0 && status.last_fault.contains("outlier"), "{status:?}");
+    for pair in seen.windows(2).skip(50) {
+        let (Some(a), Some(b)) = (pair[0].global, pair[1].global) else { continue };
+        let jump = (b.translation - a.translation).length();
+        assert!(jump < 1.0, "{jump} m in a tenth of a second");
+    }
+}
+
+#[test]
+fn without_fixes_the_global_estimate_goes_on_by_dead_reckoning_and_says_so() {
+    let mut bench = Bench::new(1, &[("vehicle.gps_dropouts", "false")]);
+    bench.drive(0.0, 0.0, 300);
+    let off = AnyMessage::new(rcs::SimVehicleParams {
+        gps_off: true,
+        ..bench.latest::<rcs::SimVehicleParams>("/vehicle/params").unwrap()
+    });
+    bench.session.write(OperatorWrite { buffer: "/vehicle/params".to_owned(), message: off }).unwrap();
+    let before = *bench.drive(0.0, 0.0, 1).last().unwrap();
+    let after = *bench.drive(1.0, 1.0, 200).last().unwrap();
+    assert!(bench.status().state_text.contains("dead reckoning"), "{:?}", bench.status().state_text);
+    let error = |seen: &Seen| (seen.global.unwrap().translation - seen.truth.translation).truncate();
+    let grown = (error(&after) - error(&before)).length();
+    assert!(grown < 3.0, "the error grew by {grown} m in 20 m");
+    assert!(after.global_variance > before.global_variance, "it knows that it knows less");
+}
+
+#[test]
+fn the_local_frame_in_the_global_one_is_what_both_estimates_say() {
+    let mut bench = Bench::new(2, &[]);
+    let seen = *bench.drive(0.6, 0.9, 150).last().unwrap();
+    let transforms: FrameTransforms = bench.latest("/position/transforms").unwrap();
+    let transform = &transforms.transforms[0];
+    assert_eq!((transform.parent_frame_id.as_str(), transform.child_frame_id.as_str()), ("global", "local"));
+    let (t, q) = (transform.translation.as_ref().unwrap(), transform.rotation.as_ref().unwrap());
+    let global_from_local = Pose::from_parts([t.x, t.y, t.z], [q.x, q.y, q.z, q.w]).unwrap();
+    let global = seen.global.unwrap();
+    // The global estimate may be a tenth of a second older.
+    assert!((global_from_local * seen.local).translation.abs_diff_eq(global.translation, 0.15));
+    assert!(wrap_angle((global_from_local * seen.local).yaw() - global.yaw()).abs() < 0.1);
+    assert!(q.x.abs() < 1e-12 && q.y.abs() < 1e-12, "both frames are level");
+}
+
+#[test]
+fn slipping_wheels_take_the_local_estimate_too_far_and_not_the_global_one() {
+    let mut bench = Bench::new(3, &[("vehicle.traction_scale", "0.06"), ("vehicle.gps_outliers", "false")]);
+    bench.drive(0.0, 0.0, 100);
+    bench.drive(1.2, 1.2, 600);
+    let seen = bench.drive(1.2, 1.2, 600);
+    let last = seen.last().unwrap();
+    let way = |pose: &Pose, start: DVec3| (pose.translation - start).truncate().length();
+    let (believed, driven) = (way(&last.local, DVec3::ZERO), local_truth(&last.truth).truncate().length());
+    assert!(believed > driven + 50.0, "believed {believed} m, driven {driven} m");
+    let error = (last.global.unwrap().translation - last.truth.translation).truncate().length();
+    // Fixes pull it back, or begin it anew, though the wheels say otherwise all the time.
+    assert!(error < 10.0, "global error {error} m");
+}
