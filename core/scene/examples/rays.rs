@@ -12,7 +12,7 @@ use rcs_geom::{DVec2, DVec3, Distortion, PinholeCamera, Pose};
 use rcs_scene::{CameraRays, ViewRows, World, render_rows};
 
 /// Rows drawn at a time.
-const STRIP: usize = 16;
+const STRIP: usize = 8;
 
 /// Least time of several runs, which other work on the machine disturbs least, seconds.
 fn least(runs: u32, mut work: impl FnMut()) -> f64 {
@@ -48,7 +48,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let time: f64 = (0..height as usize / STRIP)
                     .map(|strip| {
                         let rows = strip * STRIP..(strip + 1) * STRIP;
-                        least(10, || {
+                        least(20, || {
                             let (rgb, depth_m) = (&mut rgb[..], &mut depth_m[..]);
                             let mut out = ViewRows { rgb, depth_m, class: &mut class, label: &mut label };
                             render_rows(&world, &rays, &pose, rows.clone(), &mut out);

@@ -28,8 +28,8 @@ pub(crate) struct FieldRay {
     step: [i32; 2],
     /// 1 where a ray leaves a cell by its far side.
     far: [i32; 2],
-    /// 1 / length of the first two components of d.
-    inverse_run: f32,
+    /// Square of the length of the first two components of d.
+    run2: f32,
 }
 
 /// Where a ray meets the ground or a stem.
@@ -82,14 +82,13 @@ impl FieldRay {
         let still = [d[0].abs() < 1e-6, d[1].abs() < 1e-6];
         let inverse = |d: f32, still: bool| if still { 1e12 } else { 1.0 / d };
         let far = [i32::from(still[0] || d[0] >= 0.0), i32::from(still[1] || d[1] >= 0.0)];
-        let run = (d[0] * d[0] + d[1] * d[1]).sqrt();
         FieldRay {
             o,
             d,
             inverse: [inverse(d[0], still[0]), inverse(d[1], still[1])],
             step: [2 * far[0] - 1, 2 * far[1] - 1],
             far,
-            inverse_run: 1.0 / run.max(1e-6),
+            run2: (d[0] * d[0] + d[1] * d[1]).max(1e-12),
         }
     }
 
@@ -243,10 +242,15 @@ impl HeightField {
         if soil_from <= from && above_cell(ray, cell, &self.corners(cell), t) <= 0.0 {
             return hit(t, cell, -1.0);
         }
+        // The chain from one step to the next is what the walk costs: the cell is counted in f32 beside its index, and
+        // which side a ray leaves by is chosen without a branch, which nothing could predict.
+        let mut place = [cell[0] as f32, cell[1] as f32];
+        let to_far = [ray.far[0] as f32 - ray.o[0], ray.far[1] as f32 - ray.o[1]];
+        let step = [ray.step[0] as f32, ray.step[1] as f32];
         loop {
-            let leaves = [ray.leaves(0, cell[0], 1.0), ray.leaves(1, cell[1], 1.0)];
-            let axis = usize::from(leaves[1] < leaves[0]);
-            let exit = leaves[axis].max(t);
+            let leaves = [(place[0] + to_far[0]) * ray.inverse[0], (place[1] + to_far[1]) * ray.inverse[1]];
+            let sideways = leaves[0] <= leaves[1];
+            let exit = leaves[0].min(leaves[1]).max(t);
             let mut ground = f32::MAX;
             if !STEMS || exit >= soil_from {
                 let corners = self.corners(cell);
@@ -266,8 +270,13 @@ impl HeightField {
                 return hit(ground, cell, -1.0);
             }
             t = exit;
-            cell[axis] += ray.step[axis];
-            if t >= until || cell[axis] < low[axis] || cell[axis] >= low[axis] + SIDE {
+            place[0] += if sideways { step[0] } else { 0.0 };
+            place[1] += if sideways { 0.0 } else { step[1] };
+            cell[0] += if sideways { ray.step[0] } else { 0 };
+            cell[1] += if sideways { 0 } else { ray.step[1] };
+            let outside =
+                (cell[0] - low[0]) as u32 >= SIDE as u32 || (cell[1] - low[1]) as u32 >= SIDE as u32;
+            if t >= until || outside {
                 return None;
             }
         }
@@ -296,24 +305,23 @@ impl HeightField {
         }
         let part = |shift: u32| ((hash >> shift) & 255) as f32 * (1.0 / 256.0);
         let room = 1.0 - 2.0 * radius;
-        let at = [radius + room * part(0), radius + room * part(8)];
         // Stems of one surface differ in height, the shortest is at 6/10.
         let height_m = height_m * (0.6 + 0.4 * part(16));
-        Some(Stem { at, radius, height_m })
+        Some(Stem { at: [radius + room * part(0), radius + room * part(8)], radius, height_m })
     }
 
     #[inline]
     fn stem_hit(&self, ray: &FieldRay, cell: [i32; 2]) -> Option<(f32, f32)> {
-        let index = cell.map(|c| c as usize);
+        let index = [cell[0] as usize, cell[1] as usize];
         let stem = self.stem(index)?;
         let to = [cell[0] as f32 + stem.at[0] - ray.o[0], cell[1] as f32 + stem.at[1] - ray.o[1]];
-        let side = (to[0] * ray.d[1] - to[1] * ray.d[0]) * ray.inverse_run;
-        let within = stem.radius * stem.radius - side * side;
+        // Everything times the ray's run, so that only a hit costs a division.
+        let aside = to[0] * ray.d[1] - to[1] * ray.d[0];
+        let within = stem.radius * stem.radius * ray.run2 - aside * aside;
         if within <= 0.0 {
             return None;
         }
-        let along = (to[0] * ray.d[0] + to[1] * ray.d[1]) * ray.inverse_run - within.sqrt();
-        let t = along * ray.inverse_run;
+        let t = (to[0] * ray.d[0] + to[1] * ray.d[1] - within.sqrt()) / ray.run2;
         let foot = self.lattice.z[index[1] * self.lattice.width + index[0]];
         let part = (ray.o[2] + t * ray.d[2] - foot) / stem.height_m;
         (t > 0.0 && part < 1.0).then_some((t, part.max(0.0)))

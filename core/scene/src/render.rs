@@ -176,7 +176,10 @@ impl<'v> View<'v> {
                 solid = Found { t: hit.t, met: Some(Met::Field(hit)) };
             }
         }
-        if let Some(t) = self.inner.plain(self.origin, d, solid.t) {
+        // The plain lies behind whatever of the ground a ray meets.
+        if !matches!(solid.met, Some(Met::Field(_)))
+            && let Some(t) = self.inner.plain(self.origin, d, solid.t)
+        {
             solid = Found { t, met: Some(Met::Plain) };
         }
         let mut colour = self.colour(&solid, d);

@@ -64,10 +64,12 @@ impl Texture {
             if cell + 1 < side { (cell, 1, fixed & 255) } else { (side - 1, 0, 0) }
         };
         let ((x, dx, fx), (y, dy, fy)) = (place(u, level.width), place(v, level.height));
-        let at = (y * level.width + x) as usize;
-        let (right, down) = (dx as usize, (dy * level.width) as usize);
-        let low = mix(level.texels[at], level.texels[at + right], fx);
-        let high = mix(level.texels[at + down], level.texels[at + down + right], fx);
+        let (at, right) = ((y * level.width + x) as usize, dx as usize);
+        let below = &level.texels[at..=at + right];
+        let above = at + (dy * level.width) as usize;
+        let above = &level.texels[above..=above + right];
+        let low = mix(below[0], below[right], fx);
+        let high = mix(above[0], above[right], fx);
         mix(low, high, fy)
     }
 
