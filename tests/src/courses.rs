@@ -1,10 +1,10 @@
 //! Every course of the simulation, driven by the driver that knows the truth: it can be driven, in time and without a
 //! collision, and every run of a seed is the same to the last byte.
 
-use rcs_msg::rcs::{CourseOutcome, CourseRun, TruthState};
-use rcs_msg::{Payload, Stamp};
+use rcs_msg::rcs::{CourseOutcome, CourseRun, DriveCommand, TruthState, VehicleStatus};
+use rcs_msg::{AnyMessage, Payload, Stamp};
 use rcs_runtime::source::Task;
-use rcs_runtime::{Asset, Assets, Plan, PlanOptions, RunOptions, Session, StackFile, Stepped};
+use rcs_runtime::{Asset, Assets, OperatorWrite, Plan, PlanOptions, RunOptions, Session, StackFile, Stepped};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -51,11 +51,11 @@ fn drive(plan: &Arc<Plan>, seed: u64) -> (CourseRun, String) {
     panic!("the referee has not decided after 250 s");
 }
 
-/// Drives a course with three seeds, and with the first one again.
+/// Drives a course with two seeds, and with the first one again.
 fn check(course: &str) {
     let plan = plan(course, &[]);
     let mut hashes = Vec::new();
-    for seed in [0, 1, 2, 0] {
+    for seed in [0, 1, 0] {
         let (run, hash) = drive(&plan, seed);
         let told = format!("{course} with seed {seed}: {run:?}");
         assert_eq!(run.outcome(), CourseOutcome::CourseReached, "{told}");
@@ -64,11 +64,8 @@ fn check(course: &str) {
         assert!(run.distance_m > 60.0, "a course is about 100 m long: {told}");
         hashes.push(hash);
     }
-    assert_eq!(hashes[0], hashes[3], "{course}: two runs of a seed are the same");
-    assert!(
-        hashes[1] != hashes[0] && hashes[1] != hashes[2],
-        "{course}: the sensors' noise follows the seed"
-    );
+    assert_eq!(hashes[0], hashes[2], "{course}: two runs of a seed are the same");
+    assert_ne!(hashes[0], hashes[1], "{course}: the sensors' noise follows the seed");
 }
 
 #[test]
@@ -117,6 +114,27 @@ fn the_straight_way_up_the_hill_is_too_slippery() {
     let (run, _) = drive(&plan("hill", &reckless), 0);
     assert_eq!(run.outcome(), CourseOutcome::CourseTimeOut, "{run:?}");
     assert!(run.slip_s > 60.0 && run.remaining_m > 50.0, "it has spun its wheels in the mud: {run:?}");
+}
+
+#[test]
+fn the_straight_way_of_the_dead_end_ends_at_the_fence_which_the_bumper_feels() {
+    let mut session =
+        Session::new(Stepped::new(plan("dead_end", &[]), None, RunOptions::default()).unwrap()).unwrap();
+    for cycle in 1..=54 * 10 {
+        let timestamp = Some(session.run().now().to_proto());
+        let straight =
+            DriveCommand { timestamp, speed_mps: 1.0, yaw_rate_radps: Some(0.0), heading_rad: 0.0 };
+        let message = AnyMessage::new(straight);
+        session.write(OperatorWrite { buffer: "/operator/teleop".to_owned(), message }).unwrap();
+        session.forward_until(Stamp(cycle * 100_000_000), &Task::default()).unwrap();
+    }
+    let run: CourseRun = latest(session.run(), "/vehicle/run");
+    assert!((52.0..53.0).contains(&run.remaining_m), "the fence is 58 m east of the origin: {run:?}");
+    assert_eq!((run.bumper_hits, run.outcome()), (1, CourseOutcome::CourseRunning), "{run:?}");
+    assert!(run.collisions >= 1, "1 m/s is no gentle touch: {run:?}");
+    let vehicle: VehicleStatus = latest(session.run(), "/comms/vehicle");
+    assert_eq!(vehicle.stop_reason, "bumper is pressed");
+    assert!(vehicle.bumper_left && vehicle.bumper_right);
 }
 
 #[test]

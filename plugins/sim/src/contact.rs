@@ -171,7 +171,8 @@ fn boxes(spec: &VehicleSpec, at: DVec2, ahead: DVec2, yaw_rad: f64, ground_m: f6
             body.clearance_m.min(bumper.bottom_m),
             body.height_m.max(bumper.top_m),
         ),
-        part(body.front_m, front, bumper.width_m, bumper.bottom_m, bumper.top_m),
+        // As deep as the vehicle: the way out of something thin, such as a fence, is always back.
+        part(-body.rear_m, front, bumper.width_m, bumper.bottom_m, bumper.top_m),
         part(-body.rear_m, body.front_m, body.width_m, body.clearance_m, body.height_m),
     ]
 }
