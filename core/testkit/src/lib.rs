@@ -1,5 +1,6 @@
 //! Fixtures for tests: where recordings of others are found, and logs made on the spot.
 
+pub mod golden;
 pub mod logs;
 
 use std::path::PathBuf;

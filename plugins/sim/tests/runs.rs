@@ -194,7 +194,7 @@ fn pictures_have_the_size_of_the_vehicle_file_or_of_the_parameters() {
 /// A run that drives by itself: the bits of everything that was sent.
 fn driven(threads: usize, snapshot_ms: Option<u64>) -> Option<String> {
     let mut bench = Bench::with_threads(STACK, &Files::default(), &[], threads);
-    let steps = [(0.5, 0.9, 1500), (1.2, 1.2, 1000), (-0.4, 0.4, 500), (1.3, 1.3, 1000)];
+    let steps = [(0.5, 0.9, 500), (1.2, 1.2, 400), (-0.4, 0.4, 200), (1.3, 1.3, 300)];
     for (left, right, ms) in steps {
         bench.drive(left, right, ms);
     }
@@ -213,7 +213,7 @@ fn two_runs_two_threads_and_a_run_from_a_snapshot_give_the_same_bits() {
     assert!(once.is_some());
     assert_eq!(driven(1, None), once, "again");
     assert_eq!(driven(2, None), once, "two threads");
-    assert_eq!(driven(1, Some(2200)), once, "from a snapshot");
+    assert_eq!(driven(1, Some(800)), once, "from a snapshot");
 }
 
 #[test]

@@ -4,11 +4,11 @@
 
 mod common;
 
-use common::golden::Trace;
 use common::{Counter, lagr};
 use glam::DVec3;
 use rcs_geom::Pose;
 use rcs_sim::sensors::{Gps, GpsFix, GpsSwitches, Inertial};
+use rcs_testkit::golden::Trace;
 
 #[test]
 fn at_rest_the_attitude_is_that_of_the_vehicle() {
@@ -106,5 +106,5 @@ fn a_dropout_is_a_time_without_fixes_after_which_they_come_again() {
     let [shortest, longest] = spec.dropout_s;
     let allowed = shortest..=longest + 1.0 / spec.rate_hz;
     assert!(gaps.iter().all(|gap| allowed.contains(gap)), "gaps {gaps:?} s, expected {allowed:?} s");
-    trace.check("gps_dropout.csv");
+    trace.check(env!("CARGO_MANIFEST_DIR"), "gps_dropout.csv");
 }

@@ -4,12 +4,12 @@
 
 mod common;
 
-use common::golden::Trace;
 use common::{Plane, lagr, tractor};
 use glam::DVec2;
 use rcs_sim::drive::Drive;
 use rcs_sim::spec::VehicleSpec;
 use rcs_sim::vehicle::{GRAVITY_MPS2, STEP_S, Vehicle, Wish};
+use rcs_testkit::golden::Trace;
 
 /// A vehicle on a plane.
 struct Drives {
@@ -86,7 +86,7 @@ fn golden(name: &str, drives: &mut Drives, parts: &[(Drive, f64)]) {
         drives.run_watched(drive, seconds, |t, vehicle| record(&mut trace, start + t, vehicle));
         start += seconds;
     }
-    trace.check(name);
+    trace.check(env!("CARGO_MANIFEST_DIR"), name);
 }
 
 #[test]
@@ -290,7 +290,7 @@ fn the_tractor_steers_after_its_delay_and_no_sharper_than_it_can() {
             trace.row(&[t, curvature, drives.speed(), drives.vehicle.motion.yaw_rate_radps]);
         }
     }
-    trace.check("tractor_steering.csv");
+    trace.check(env!("CARGO_MANIFEST_DIR"), "tractor_steering.csv");
     let after = steering.delay_s + steering.time_constant_s;
     assert!(drives.vehicle.curvature_per_m > 0.99 * steering.max_curvature_per_m, "settled after {after} s");
 }

@@ -9,7 +9,6 @@
 )]
 
 pub mod bench;
-pub mod golden;
 
 use glam::{DVec2, DVec3};
 use rand_core::RngCore;
