@@ -43,6 +43,7 @@ pub mod columns;
 pub mod cost_map;
 pub mod depth_image;
 pub mod ground_map;
+mod level;
 pub mod negative;
 pub mod overlay;
 pub mod overlay_process;

@@ -12,8 +12,8 @@
 //! gentle on both sides is ground, and so is a downward slope that is seen as one; behind something that rises above the
 //! ground, ground must be found anew before anything can be below it.
 
+use crate::level::{LEVEL_BASE_M, Level};
 use crate::scan::{Label, ScanPoint};
-use std::collections::VecDeque;
 
 /// What counts as a negative obstacle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,76 +39,12 @@ pub struct Hole {
     pub far: Option<usize>,
 }
 
-/// Ground behind the last point of it says where the level is, m.
-const LEVEL_BASE_M: f32 = 1.0;
-/// A level needs so many points, and this far apart, m.
-const LEVEL_POINTS: i64 = 6;
-const LEVEL_SPAN_M: f32 = 0.3;
 /// How much less sure the level is for each metre beyond the last ground.
 const LEVEL_DRIFT: f32 = 0.05;
 /// Holes are not followed farther than this, m.
 const REACH_M: f32 = 3.0;
 /// Points of a hole that must be deep and prove its width.
 const DEEP_POINTS: u32 = 3;
-
-/// A straight line through points, whose sums are kept in whole millimetres: adding and taking away is exact.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Level {
-    points: VecDeque<[i64; 2]>,
-    n: i64,
-    r: i64,
-    z: i64,
-    rr: i64,
-    rz: i64,
-}
-
-fn millimetres(metres: f32) -> i64 {
-    (metres * 1000.0).round() as i64
-}
-
-impl Level {
-    fn clear(&mut self) {
-        self.points.clear();
-        (self.n, self.r, self.z, self.rr, self.rz) = (0, 0, 0, 0, 0);
-    }
-
-    fn count(&mut self, [r, z]: [i64; 2], sign: i64) {
-        self.n += sign;
-        self.r += sign * r;
-        self.z += sign * z;
-        self.rr += sign * r * r;
-        self.rz += sign * r * z;
-    }
-
-    /// Takes a point and forgets those that lie too far behind it.
-    pub(crate) fn add(&mut self, rho: f32, z: f32) {
-        let point = [millimetres(rho), millimetres(z)];
-        self.points.push_back(point);
-        self.count(point, 1);
-        let base = millimetres(LEVEL_BASE_M);
-        while let Some(old) = self.points.pop_front_if(|old| point[0] - old[0] > base) {
-            self.count(old, -1);
-        }
-    }
-
-    /// Distance of the newest point, m.
-    fn last(&self) -> Option<f32> {
-        self.points.back().map(|point| point[0] as f32 / 1000.0)
-    }
-
-    /// The level at a distance, m; `None` while too little ground is known.
-    pub(crate) fn at(&self, rho: f32, slope_limit: f32) -> Option<f32> {
-        let span = self.points.back()?[0] - self.points.front()?[0];
-        if self.n < LEVEL_POINTS || span < millimetres(LEVEL_SPAN_M) {
-            return None;
-        }
-        let determinant = self.n * self.rr - self.r * self.r;
-        let slope = (self.n * self.rz - self.r * self.z) as f64 / determinant.max(1) as f64;
-        let slope = slope.clamp(-f64::from(slope_limit), f64::from(slope_limit));
-        let ahead = f64::from(rho) * 1000.0 * self.n as f64 - self.r as f64;
-        Some(((self.z as f64 + slope * ahead) / self.n as f64 / 1000.0) as f32)
-    }
-}
 
 /// Points below the level that follow each other.
 #[derive(Clone, Copy, Debug)]

@@ -148,22 +148,38 @@ fn borders_are_gathered_over_frames_forgotten_with_time_and_taken_back_by_ground
     assert_eq!(border(&map), 0);
 }
 
-/// Least squares over the last metre of ground, in whole millimetres; `None` for fewer than 6 points or 0.3 m.
-fn reference_level(ground: &[(f32, f32)], rho: f32, params: &NegativeParams) -> Option<f32> {
-    let mm = |metres: f32| (metres * 1000.0).round() as i64;
-    let newest = mm(ground.last()?.0);
+fn mm(metres: f32) -> i64 {
+    (metres * 1000.0).round().clamp(-1e7, 1e7) as i64
+}
+
+/// The last metre of ground, in whole millimetres.
+fn reference_base(ground: &[(f32, f32)]) -> Vec<[i64; 2]> {
+    let newest = ground.last().map_or(0, |point| mm(point.0));
     let first = ground.iter().rposition(|point| newest - mm(point.0) > 1000).map_or(0, |i| i + 1);
-    let base: Vec<[i64; 2]> = ground[first..].iter().map(|&(r, z)| [mm(r), mm(z)]).collect();
-    if base.len() < 6 || newest - base[0][0] < 300 {
+    ground[first..].iter().map(|&(r, z)| [mm(r), mm(z)]).collect()
+}
+
+/// Slope of the line of least squares; `None` for fewer than 6 points or 0.3 m.
+pub(crate) fn reference_slope(ground: &[(f32, f32)], limit: f32) -> Option<f32> {
+    let base = reference_base(ground);
+    if base.len() < 6 || base[base.len() - 1][0] - base[0][0] < 300 {
         return None;
     }
     let sum = |value: fn(&[i64; 2]) -> i64| base.iter().map(value).sum::<i64>();
     let (n, r, z) = (base.len() as i64, sum(|p| p[0]), sum(|p| p[1]));
     let (rr, rz) = (sum(|p| p[0] * p[0]), sum(|p| p[0] * p[1]));
-    let limit = f64::from(params.slope_limit);
-    let slope = ((n * rz - r * z) as f64 / (n * rr - r * r) as f64).clamp(-limit, limit);
-    let ahead = f64::from(rho) * 1000.0 * n as f64 - r as f64;
-    Some(((z as f64 + slope * ahead) / n as f64 / 1000.0) as f32)
+    let [n, r, z, rr, rz] = [n, r, z, rr, rz].map(i128::from);
+    let slope = (n * rz - r * z) as f64 / (n * rr - r * r).max(1) as f64;
+    Some((slope as f32).clamp(-limit, limit))
+}
+
+/// Height of that line, m.
+pub(crate) fn reference_level(ground: &[(f32, f32)], rho: f32, limit: f32) -> Option<f32> {
+    let slope = f64::from(reference_slope(ground, limit)?);
+    let base = reference_base(ground);
+    let (n, r) = (base.len() as f64, base.iter().map(|p| p[0]).sum::<i64>() as f64);
+    let z = base.iter().map(|p| p[1]).sum::<i64>() as f64;
+    Some(((z + slope * (f64::from(rho) * 1000.0 * n - r)) / n / 1000.0) as f32)
 }
 
 /// The rule once more, plainly: the line through the ground is computed again for each point.
@@ -201,7 +217,9 @@ fn reference_holes(points: &[ScanPoint], labels: &[Label], params: &NegativePara
             break;
         }
         let is_ground = matches!(labels[i], Label::Ground | Label::ShortObstacle);
-        if let (Some(last), Some(level)) = (last_ground, reference_level(&ground, point.rho, params)) {
+        if let (Some(last), Some(level)) =
+            (last_ground, reference_level(&ground, point.rho, params.slope_limit))
+        {
             let last: usize = last;
             let depth = level - point.z;
             let enough = params.depth_m + params.depth_noise * point.range;

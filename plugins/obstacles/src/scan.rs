@@ -16,9 +16,11 @@
 //! itself where that goes on without a jump (a steep bank).
 //!
 //! Where the paper is silent: noise widens `d` in proportion to range; a run of neighbouring obstacle points is short
-//! as a whole or not at all; a point below the expected ground is ground, since negative obstacles are another module's,
+//! as a whole or not at all, and so is one that noise alone could have raised; a point below the expected ground is ground, since negative obstacles are another module's,
 //! unless a steep face begins there beyond a gap: then the foot of that face is hidden, and the heights of its points
 //! count from the lowest one that is seen.
+
+use crate::level::Level;
 
 /// What a pixel shows. The numbers are those of label images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -126,8 +128,6 @@ pub struct Start {
     pub slope: f32,
 }
 
-/// Distance over which the slope of the ground is measured, m.
-const SLOPE_BASE_M: f32 = 1.0;
 /// Distance between the points of the ground profile, m.
 const PROFILE_STEP_M: f32 = 0.1;
 /// Points that are looked at, at most, for the slope of a surface.
@@ -138,6 +138,8 @@ const LOOK_AHEAD: usize = 128;
 pub struct ColumnScan {
     /// Ground of this column: `(rho, z)`, `rho` ascending.
     profile: Vec<(f32, f32)>,
+    /// The last metre of it.
+    level: Level,
 }
 
 /// Neighbouring points that are no ground.
@@ -152,11 +154,14 @@ struct Run {
     /// It stands on ground that is hidden and lower than expected: heights are above its own lowest point.
     low: bool,
     base: f32,
+    /// Range of its first point.
+    range: f32,
 }
 
 impl Run {
-    fn new(first: usize, rho: f32, base: f32, low: bool) -> Run {
-        Run { first, last_rho: rho, max_rise: 0.0, first_rho: rho, max_rho: rho, low, base }
+    fn new(first: usize, point: &ScanPoint, base: f32, low: bool) -> Run {
+        let (rho, range) = (point.rho, point.range);
+        Run { first, last_rho: rho, max_rise: 0.0, first_rho: rho, max_rho: rho, low, base, range }
     }
 }
 
@@ -174,8 +179,8 @@ impl ColumnScan {
     pub fn scan(&mut self, points: &[ScanPoint], start: Start, params: &ScanParams, labels: &mut [Label]) {
         self.profile.clear();
         self.profile.push((start.rho, start.z));
+        self.level.clear();
         let mut ground = (start.rho, start.z);
-        let mut trail = ground;
         let mut slope = start.slope.clamp(-params.slope_limit, params.slope_limit);
         let mut lost = true;
         let mut slack = params.wheels_tolerance_m;
@@ -195,12 +200,13 @@ impl ColumnScan {
             let tolerance = params.min_rise_m + params.rise_noise * point.range;
             if ahead >= 0.0 {
                 lost |= ahead > params.gap_m;
-                let steepest = if lost {
-                    (slope + params.regain_slope).clamp(0.0, params.slope_limit)
+                let (height, steepest) = if lost {
+                    let steepest = (slope + params.regain_slope).clamp(0.0, params.slope_limit);
+                    (self.smooth(ground, params), steepest)
                 } else {
-                    params.slope_limit
+                    (ground.1, params.slope_limit)
                 };
-                let within = point.z <= ground.1 + slack + tolerance + steepest * ahead;
+                let within = point.z <= height + slack + tolerance + steepest * ahead;
                 if within && (!lost || surface(points, i, params) == Surface::Shallow) {
                     end_run(&mut run, i, params, labels);
                     labels[i] = Label::Ground;
@@ -208,11 +214,8 @@ impl ColumnScan {
                     let reach = slack + params.slope_limit * ahead;
                     slack = 0.0;
                     ground = (point.rho, point.z.max(ground.1 - reach).min(ground.1 + reach));
-                    if ground.0 - trail.0 >= SLOPE_BASE_M {
-                        let measured = (ground.1 - trail.1) / (ground.0 - trail.0);
-                        slope = measured.clamp(-params.slope_limit, params.slope_limit);
-                        trail = ground;
-                    }
+                    self.level.add(ground.0, ground.1);
+                    slope = self.level.slope(params.slope_limit).unwrap_or(slope);
                     if self.profile.last().is_none_or(|last| ground.0 - last.0 >= PROFILE_STEP_M) {
                         self.profile.push(ground);
                     }
@@ -220,7 +223,7 @@ impl ColumnScan {
                 }
             }
             let mut base = if ahead >= 0.0 {
-                ground.1 + slope * ahead.min(params.gap_m)
+                self.smooth(ground, params) + slope * ahead.min(params.gap_m)
             } else {
                 self.height_at(point.rho)
             };
@@ -239,10 +242,10 @@ impl ColumnScan {
                 }
                 end_run(&mut run, i, params, labels);
                 base = point.z;
-                run = Some(Run::new(i, point.rho, base, true));
+                run = Some(Run::new(i, point, base, true));
             }
             lost = true;
-            let run = run.get_or_insert(Run::new(i, point.rho, base, false));
+            let run = run.get_or_insert(Run::new(i, point, base, false));
             let rise = point.z - base;
             run.max_rise = run.max_rise.max(rise);
             run.last_rho = point.rho;
@@ -251,6 +254,11 @@ impl ColumnScan {
             labels[i] = if rise - carried >= params.clearance_m { Label::Cover } else { Label::Obstacle };
         }
         end_run(&mut run, points.len(), params, labels);
+    }
+
+    /// Height of the last ground without its own noise.
+    fn smooth(&self, ground: (f32, f32), params: &ScanParams) -> f32 {
+        self.level.at(ground.0, params.slope_limit).unwrap_or(ground.1)
     }
 
     /// Height of this column's ground at a distance that it has passed.
@@ -264,10 +272,11 @@ impl ColumnScan {
     }
 }
 
-/// Closes a run that ends before point `end`: if nothing of it rises high enough, all of it is short.
+/// Closes a run that ends before point `end`: if nothing of it rises higher than what is short and what noise makes of
+/// its top and of the ground below it, all of it is short.
 fn end_run(run: &mut Option<Run>, end: usize, params: &ScanParams, labels: &mut [Label]) {
     if let Some(run) = run.take()
-        && run.max_rise < params.short_height_m
+        && run.max_rise < params.short_height_m + 2.0 * params.rise_noise * run.range
     {
         for label in &mut labels[run.first..end] {
             if *label == Label::Obstacle {

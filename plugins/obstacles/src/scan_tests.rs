@@ -2,6 +2,7 @@
 
 use crate::columns::Strip;
 use crate::cost_map::{CELL_SIZE_M, CostMap};
+use crate::negative_tests::{reference_level, reference_slope};
 use crate::scan::{ColumnScan, Label, ScanParams, ScanPoint, Start};
 use crate::scene::{HEIGHT, Scene, Truth, View, WIDTH};
 use glam::{DVec3, Vec3};
@@ -156,18 +157,14 @@ impl Reference<'_> {
         self.ground.last().copied().unwrap_or((self.start.rho, self.start.z))
     }
 
-    /// Slope between ground points at least a metre apart, found from the start each time.
-    fn slope(&self) -> f32 {
-        let limit = self.params.slope_limit;
-        let mut slope = self.start.slope.clamp(-limit, limit);
-        let mut from = (self.start.rho, self.start.z);
-        for &point in &self.ground {
-            if point.0 - from.0 >= 1.0 {
-                slope = ((point.1 - from.1) / (point.0 - from.0)).clamp(-limit, limit);
-                from = point;
-            }
-        }
-        slope
+    /// The line through the last metre of ground, at the last ground point: its height there and its slope.
+    fn smooth(&self) -> (f32, f32) {
+        let (limit, last) = (self.params.slope_limit, self.last());
+        let start = self.start.slope.clamp(-limit, limit);
+        // As long as there is no line, the slope is that of the line before, or of the start.
+        let slope = (1..=self.ground.len()).rev().find_map(|n| reference_slope(&self.ground[..n], limit));
+        let height = reference_level(&self.ground, last.0, limit);
+        (height.unwrap_or(last.1), slope.unwrap_or(start))
     }
 
     fn profile(&self, rho: f32) -> f32 {
@@ -224,14 +221,15 @@ fn reference_scan(points: &[ScanPoint], start: Start, params: &ScanParams) -> Ve
             continue;
         }
         let tolerance = params.min_rise_m + params.rise_noise * point.range;
-        let (last, slope) = (reference.last(), reference.slope());
+        let (last, (smooth, slope)) = (reference.last(), reference.smooth());
         let ahead = point.rho - last.0;
         let slack = if reference.ground.is_empty() { params.wheels_tolerance_m } else { 0.0 };
         if ahead >= 0.0 {
             lost = lost || ahead > params.gap_m;
             let regain = (slope + params.regain_slope).clamp(0.0, params.slope_limit);
             let steepest = if lost { regain } else { params.slope_limit };
-            let within = point.z <= last.1 + slack + tolerance + steepest * ahead;
+            let height = if lost { smooth } else { last.1 };
+            let within = point.z <= height + slack + tolerance + steepest * ahead;
             if within && (!lost || reference.shallow(i) == Some(true)) {
                 let reach = slack + params.slope_limit * ahead;
                 reference.ground.push((point.rho, point.z.max(last.1 - reach).min(last.1 + reach)));
@@ -241,7 +239,7 @@ fn reference_scan(points: &[ScanPoint], start: Start, params: &ScanParams) -> Ve
             }
         }
         let expected = if ahead >= 0.0 {
-            last.1 + slope * ahead.min(params.gap_m)
+            smooth + slope * ahead.min(params.gap_m)
         } else {
             reference.profile(point.rho)
         };
@@ -271,13 +269,14 @@ fn reference_scan(points: &[ScanPoint], start: Start, params: &ScanParams) -> Ve
     }
     for ReferenceRun { points: run, .. } in &runs {
         let highest = run.iter().map(|&(_, rise)| rise).fold(0.0, f32::max);
+        let short = params.short_height_m + 2.0 * params.rise_noise * points[run[0].0].range;
         let mut farthest = points[run[0].0].rho;
         for &(i, rise) in run {
             farthest = farthest.max(points[i].rho);
             let carried = params.slope_limit * (farthest - points[run[0].0].rho);
             labels[i] = if rise - carried >= params.clearance_m {
                 Label::Cover
-            } else if highest < params.short_height_m {
+            } else if highest < short {
                 Label::ShortObstacle
             } else {
                 Label::Obstacle

@@ -1,0 +1,77 @@
+//! Where the ground is expected: a straight line through the last metre of it.
+
+use std::collections::VecDeque;
+
+/// Ground this far behind the newest point of it still says where the level is, m.
+pub(crate) const LEVEL_BASE_M: f32 = 1.0;
+/// A line needs so many points, and this far apart, m.
+const LEVEL_POINTS: i64 = 6;
+const LEVEL_SPAN_M: f32 = 0.3;
+
+/// Least squares over points (distance, height). Sums are kept in whole millimetres, so that adding and taking away is
+/// exact, and a line does not depend on the points that it has forgotten.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Level {
+    points: VecDeque<[i64; 2]>,
+    n: i64,
+    r: i64,
+    z: i64,
+    rr: i64,
+    rz: i64,
+}
+
+/// Kept within 10 km, so that no image has enough rows for a sum to overflow.
+fn millimetres(metres: f32) -> i64 {
+    (metres * 1000.0).round().clamp(-1e7, 1e7) as i64
+}
+
+impl Level {
+    pub(crate) fn clear(&mut self) {
+        self.points.clear();
+        (self.n, self.r, self.z, self.rr, self.rz) = (0, 0, 0, 0, 0);
+    }
+
+    fn count(&mut self, [r, z]: [i64; 2], sign: i64) {
+        self.n += sign;
+        self.r += sign * r;
+        self.z += sign * z;
+        self.rr += sign * r * r;
+        self.rz += sign * r * z;
+    }
+
+    /// Takes a point and forgets those that lie too far behind it.
+    pub(crate) fn add(&mut self, rho: f32, z: f32) {
+        let point = [millimetres(rho), millimetres(z)];
+        self.points.push_back(point);
+        self.count(point, 1);
+        let base = millimetres(LEVEL_BASE_M);
+        while let Some(old) = self.points.pop_front_if(|old| point[0] - old[0] > base) {
+            self.count(old, -1);
+        }
+    }
+
+    /// Distance of the newest point, m.
+    pub(crate) fn last(&self) -> Option<f32> {
+        self.points.back().map(|point| point[0] as f32 / 1000.0)
+    }
+
+    /// Slope of the line, within the limit; `None` while too little ground is known.
+    pub(crate) fn slope(&self, limit: f32) -> Option<f32> {
+        let span = self.points.back()?[0] - self.points.front()?[0];
+        if self.n < LEVEL_POINTS || span < millimetres(LEVEL_SPAN_M) {
+            return None;
+        }
+        let minor =
+            |a: i64, b: i64, c: i64, d: i64| i128::from(a) * i128::from(b) - i128::from(c) * i128::from(d);
+        let determinant = minor(self.n, self.rr, self.r, self.r);
+        let slope = minor(self.n, self.rz, self.r, self.z) as f64 / determinant.max(1) as f64;
+        Some((slope as f32).clamp(-limit, limit))
+    }
+
+    /// Height of the line at a distance, m.
+    pub(crate) fn at(&self, rho: f32, limit: f32) -> Option<f32> {
+        let slope = f64::from(self.slope(limit)?);
+        let ahead = f64::from(rho) * 1000.0 * self.n as f64 - self.r as f64;
+        Some(((self.z as f64 + slope * ahead) / self.n as f64 / 1000.0) as f32)
+    }
+}
