@@ -20,6 +20,10 @@ use std::sync::Arc;
 /// Side of a cell, m.
 pub const CELL_SIZE_M: f64 = 0.2;
 
+/// Cells of one frame for which room is made among the models, so that a frame of many new kinds of terrain does not take
+/// long: the nearest two of 64 models are found in some 20 µs.
+pub const SQUEEZED: usize = 64;
+
 /// A cell of the learning map.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Cell {
@@ -54,7 +58,7 @@ pub struct Learned {
     pub ground: u64,
     /// Points that went into cells.
     pub obstacle: u64,
-    /// Cells that found no room among the models.
+    /// Cells that found no room among the models yet.
     pub left_out: u64,
 }
 
@@ -112,10 +116,15 @@ impl TerrainMap {
         self.experienced
     }
 
-    /// Adds the points of a frame, sorted into cells by place, and lets ready cells become models (step 4).
+    /// Adds the points of a frame, sorted into cells by place, and lets ready cells become models (step 4). Where there are
+    /// as many models as there may be, room is made for up to [`SQUEEZED`] cells a frame; the others wait for a later one.
     pub fn learn(&mut self, points: &[(u32, Terrain)], rules: &ModelRules) -> Learned {
         let mut learned = Learned::default();
         let mut signatures = self.models.signatures(&rules.weights);
+        // What has become of each model of before the frame, and the models that cells have joined in it.
+        let mut numbers: Vec<u32> = (0..self.models.models.len() as u32).collect();
+        let mut joined: Vec<(CellIndex, u32)> = Vec::new();
+        let mut squeezed = 0;
         let south_west = self.cells.bounds().south_west;
         for (place, new) in points {
             let place = *place as usize;
@@ -125,20 +134,49 @@ impl TerrainMap {
             cell.terrain.merge(new);
             learned.ground += new.ground;
             learned.obstacle += new.obstacle;
+            let number = cell.model.and_then(|before| numbers.get(before as usize)).map(|&now| now as usize);
             if !rules.is_ready(&cell.terrain) {
                 cell.model = None;
-            } else if let Some(number) = cell.model.map(|number| number as usize)
+            } else if let Some(number) = number
                 && let Some(model) = self.models.models.get_mut(number)
             {
                 model.terrain.merge(new);
                 signatures[number] = rules.weights.signature(&model.terrain.histograms);
+            } else if let Some(number) = self.models.take(&cell.terrain, 1, rules, &mut signatures) {
+                joined.push((index, number as u32));
+            } else if squeezed < SQUEEZED
+                && let Some([kept, freed]) = self.models.squeeze_in(&cell.terrain, rules, &mut signatures)
+            {
+                squeezed += 1;
+                let renamed = joined.iter_mut().map(|(_, number)| number).chain(&mut numbers);
+                renamed.filter(|number| **number == freed as u32).for_each(|number| *number = kept as u32);
+                joined.push((index, freed as u32));
             } else {
-                let taken = self.models.take(&cell.terrain, 1, rules, &mut signatures);
-                cell.model = taken.map(|number| number as u32);
-                learned.left_out += u64::from(taken.is_none());
+                learned.left_out += 1;
+            }
+        }
+        if squeezed > 0 {
+            self.rename(&numbers);
+        }
+        for (index, number) in joined {
+            if let Some(Some(cell)) = self.cells.get_mut(index) {
+                Arc::make_mut(cell).model = Some(number);
             }
         }
         learned
+    }
+
+    /// Gives the cells of models that were merged their new numbers.
+    fn rename(&mut self, numbers: &[u32]) {
+        for index in self.cells.bounds().iter() {
+            let before = self.get(index).and_then(|cell| cell.model);
+            let after = before.and_then(|number| numbers.get(number as usize).copied());
+            if before != after
+                && let Some(Some(cell)) = self.cells.get_mut(index)
+            {
+                Arc::make_mut(cell).model = after;
+            }
+        }
     }
 
     /// Cells under the vehicle gain ground points, those that were not under it before (learning by experience).

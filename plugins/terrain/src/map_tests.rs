@@ -166,3 +166,32 @@ fn a_patch_covers_the_cells_whose_middles_lie_on_it_whatever_its_heading() {
         assert!((14..=22).contains(&covered.len()));
     }
 }
+
+#[test]
+fn a_full_set_makes_room_by_merging_what_is_most_alike_and_keeps_its_obstacles() {
+    let rules = ModelRules { max_models: 4, merge_distance: 0.01, ..RULES };
+    // Two shades of one ground, another ground, an obstacle, then something new.
+    let shades = |more: u16| {
+        let mut shade = terrain(0, 100, 0);
+        (0..40).for_each(|_| shade.histograms.add(more, 840));
+        shade.ground += 40;
+        shade
+    };
+    let mut map = empty();
+    let first = [(place(0, 0), shades(1)), (place(1, 0), shades(2)), (place(2, 0), terrain(0o33333, 100, 0))];
+    map.learn(&first, &rules);
+    map.learn(&[(place(3, 0), terrain(3, 0, 100))], &rules);
+    assert_eq!(map.models.models.len(), 4);
+    let learned = map.learn(&[(place(4, 0), terrain(0o44444, 100, 0))], &rules);
+    assert_eq!(learned.left_out, 0);
+    let model = |x: i64| map.get(CellIndex::new(x, 0)).unwrap().model.unwrap();
+    assert_eq!(model(0), model(1), "the two shades are one model");
+    let numbers: std::collections::BTreeSet<u32> = (0..5).map(model).collect();
+    assert_eq!((numbers.len(), map.models.models.len()), (4, 4));
+    let points = |number: u32| map.models.models[number as usize].terrain.points();
+    assert_eq!([points(model(0)), points(model(4))], [280, 100]);
+    assert_eq!(map.cost(map.get(CellIndex::new(3, 0)).unwrap()), 250, "the obstacle is still one");
+    // Every point of every cell is in its model.
+    let in_models: u64 = map.models.models.iter().map(|model| model.terrain.points()).sum();
+    assert_eq!(in_models, map.iter().map(|(_, cell)| cell.terrain.points()).sum::<u64>());
+}

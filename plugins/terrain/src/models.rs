@@ -172,6 +172,47 @@ impl ModelSet {
         }
     }
 
+    /// Makes room for one more model: merges the two models that are most alike and gives their places, the one that is
+    /// left first; `None` where there are no two of one kind. Only two models of which range and experience say the same,
+    /// ground or obstacle, are merged: a set that is full must not lose its obstacles in the many kinds of ground.
+    ///
+    /// The paper does not say what happens when there are many kinds of terrain; without this, the first cells of a frame
+    /// would take all places.
+    fn make_room(&mut self, signatures: &mut [Signature], rules: &ModelRules) -> Option<[usize; 2]> {
+        let is_obstacle = |model: &Model| model.terrain.obstacle_fraction().is_some_and(|f| f >= 0.5);
+        let kinds: Vec<bool> = self.models.iter().map(is_obstacle).collect();
+        let mut best: Option<([usize; 2], f32)> = None;
+        for (b, signature) in signatures.iter().enumerate() {
+            for (a, other) in signatures[..b].iter().enumerate() {
+                let distance = signature.distance(other);
+                if kinds[a] == kinds[b] && best.is_none_or(|(_, least)| distance < least) {
+                    best = Some(([a, b], distance));
+                }
+            }
+        }
+        let ([a, b], _) = best?;
+        let gone = self.models[b];
+        let model = self.models.get_mut(a)?;
+        model.terrain.merge(&gone.terrain);
+        model.cells += gone.cells;
+        signatures[a] = rules.weights.signature(&model.terrain.histograms);
+        Some([a, b])
+    }
+
+    /// Makes a cell a model although there are as many as there may be: the two that are most alike become one, and the
+    /// cell takes the other's place. Gives both places, the cell's last.
+    pub fn squeeze_in(
+        &mut self,
+        cell: &Terrain,
+        rules: &ModelRules,
+        signatures: &mut [Signature],
+    ) -> Option<[usize; 2]> {
+        let [a, b] = self.make_room(signatures, rules)?;
+        self.models[b] = Model { terrain: *cell, cells: 1 };
+        signatures[b] = rules.weights.signature(&cell.histograms);
+        Some([a, b])
+    }
+
     /// Merges all models of another set, each with its best match.
     pub fn take_all(&mut self, other: &ModelSet, rules: &ModelRules) {
         let mut signatures = self.signatures(&rules.weights);
