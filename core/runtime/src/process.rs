@@ -73,7 +73,7 @@ pub struct PortDef {
     pub schema: Arc<Schema>,
     /// Whether a stack must wire it (inputs only).
     pub required: bool,
-    /// Channel metadata of the buffer that it writes (outputs only). `rcs.overlay_of` names an input port; the
+    /// Channel metadata of the buffer that it writes (outputs only). `rcs.overlay_of` names a port; the
     /// runtime puts that port's buffer in its place.
     pub metadata: BTreeMap<String, String>,
 }
@@ -145,10 +145,10 @@ impl<T> OutBuilder<'_, T> {
         self.with("rcs.palette", palette)
     }
 
-    /// The input port on whose images it lies, pixel for pixel.
+    /// The port, an input or another output, on whose images it lies, pixel for pixel.
     #[must_use]
-    pub fn overlay_of(self, input_port: &str) -> Self {
-        self.with("rcs.overlay_of", input_port)
+    pub fn overlay_of(self, port: &str) -> Self {
+        self.with("rcs.overlay_of", port)
     }
 
     /// It holds the truth of a simulation: only processes with [`ProcessDef::reads_truth`] may be wired to it.

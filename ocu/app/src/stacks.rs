@@ -105,6 +105,22 @@ mod tests {
     }
 
     #[test]
+    fn every_overlay_of_a_bundled_stack_lies_on_an_image_of_it() {
+        let mut overlays = 0;
+        for (name, _) in bundled() {
+            let plan = plan(name, None, &[]).unwrap_or_else(|error| panic!("{error}"));
+            for buffer in &plan.buffers {
+                let Some(base) = buffer.spec.metadata.get("rcs.overlay_of") else { continue };
+                let base = plan.buffers.iter().find(|other| other.spec.name == *base);
+                let schema = base.map(|base| base.spec.schema.name());
+                assert_eq!(schema, Some("foxglove.RawImage"), "{name}: {}", buffer.spec.name);
+                overlays += 1;
+            }
+        }
+        assert!(overlays > 4, "{overlays}");
+    }
+
+    #[test]
     fn an_unknown_stack_is_refused_with_the_names_of_the_known_ones() {
         let error = named("samples").unwrap_err().to_string();
         assert!(error.contains("\"samples\"") && error.contains("husky, sample or"), "{error}");

@@ -183,7 +183,7 @@ fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, 
     };
     ui.horizontal(|ui| {
         widgets::tag(ui, &word, color);
-        if !status.stop_reason.is_empty() && !old {
+        if !status.stop_reason.is_empty() && !old && !status.emergency_stopped {
             ui.add(egui::Label::new(&status.stop_reason).truncate()).on_hover_text(&status.stop_reason);
         }
     });
@@ -201,7 +201,11 @@ fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, 
     row(ui, "Turn", wanted_turn, turn(status.yaw_rate_radps), "°/s");
     let [roll, pitch] = [status.roll_rad, status.pitch_rad].map(turn);
     row(ui, "Roll, pitch", roll, pitch, "°");
-    let who = if person.is_some() { "you" } else { "the stack" };
+    let who = match person {
+        Some(_) => "you",
+        None if status.stopped => "nobody",
+        None => "the stack",
+    };
     name_value(ui, NAMES, "Driven by", egui::RichText::new(who));
     if status.refused > 0 {
         let text = format!("{}  {}", status.refused, status.last_refusal);

@@ -53,7 +53,7 @@ fn every_port_has_help_and_a_name_of_its_own() {
             assert!(role.is_some(), "{}.{} has no role", kind.def().plugin, output.name);
             if let Some(of) = output.metadata.get("rcs.overlay_of") {
                 assert!(
-                    inputs.iter().any(|input| input.name == of),
+                    inputs.iter().chain(&outputs).any(|port| port.name == of),
                     "{}.{} lies on {of}",
                     kind.def().plugin,
                     output.name

@@ -146,8 +146,11 @@ impl<'a> Builder<'a> {
             let mut metadata = def.metadata.clone();
             if let Some(port) = metadata.get("rcs.overlay_of") {
                 // The port names what the overlay lies on; a view needs the buffer.
-                match wired(&entry.inputs, port) {
-                    Some(buffer) => metadata.insert("rcs.overlay_of".to_owned(), buffer.get_ref().clone()),
+                let base = wired(&entry.inputs, port).or_else(|| wired(&entry.outputs, port));
+                let own =
+                    || output_defs.iter().any(|def| def.name == port).then(|| format!("/{name}/{port}"));
+                match base.map(|buffer| buffer.get_ref().clone()).or_else(own) {
+                    Some(buffer) => metadata.insert("rcs.overlay_of".to_owned(), buffer),
                     None => metadata.remove("rcs.overlay_of"),
                 };
             }

@@ -312,8 +312,14 @@ impl Window {
     fn fulfil(&mut self, wish: Wish, frame: Option<&Frame>, controls: &mut Vec<Control>) {
         match wish {
             Wish::Ask => self.opener.ask(),
-            Wish::Open(request) => self.opener.open(request),
-            Wish::Restart => self.opener.open(self.current.clone()),
+            Wish::Open(request) => {
+                controls.extend(self.make_room());
+                self.opener.open(request);
+            }
+            Wish::Restart => {
+                controls.extend(self.make_room());
+                self.opener.open(self.current.clone());
+            }
             Wish::EmergencyStop(active) => {
                 if let Some(frame) = frame {
                     self.operating.emergency_stop(frame, active, controls);
@@ -342,6 +348,12 @@ impl Window {
                 }
             }
         }
+    }
+
+    /// A stack that runs would take the time that opening the next one needs.
+    fn make_room(&self) -> Option<Control> {
+        let is_stack = self.frame().is_some_and(|frame| frame.info.kind == SourceKind::Stack);
+        is_stack.then_some(Control::Pause)
     }
 
     /// Arranges the views as a person asked for.

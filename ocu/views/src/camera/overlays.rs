@@ -58,13 +58,18 @@ impl Camera {
         let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
         let (response, _) = MenuButton::new(text).config(config).ui(ui, |ui| {
             let mut truth = false;
-            for overlay in overlays {
-                if overlay.is_truth() && !std::mem::replace(&mut truth, true) {
-                    ui.separator();
-                    ui.label(egui::RichText::new("Truth of the simulation").small().color(tokens(ui).weak));
+            egui::Grid::new("overlays").num_columns(2).show(ui, |ui| {
+                for overlay in overlays {
+                    if overlay.is_truth() && !std::mem::replace(&mut truth, true) {
+                        ui.label(
+                            egui::RichText::new("Truth of the simulation").small().color(tokens(ui).weak),
+                        );
+                        ui.end_row();
+                    }
+                    self.overlay_switch(ui, overlay, overlays);
+                    ui.end_row();
                 }
-                ui.horizontal(|ui| self.overlay_switch(ui, overlay, overlays));
-            }
+            });
         });
         response.on_hover_text("What lies over the image");
     }

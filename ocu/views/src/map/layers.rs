@@ -73,7 +73,7 @@ fn is_goal(topic: &Topic) -> bool {
     topic.role() == "goal" && topic.type_name() == "foxglove.PoseInFrame"
 }
 
-/// All layers of a frame, the lowest first: the truth lies below everything else.
+/// All layers of a frame, the lowest first: the truth lies over everything else of its kind.
 pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
     let (mut grids, mut clouds, mut paths) = (Vec::new(), Vec::new(), Vec::new());
     for topic in frame.topics.iter() {
@@ -110,7 +110,7 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
     });
     let tracks = tracks.filter(|layer| !layer.topic.is_some_and(is_goal));
     let mut layers: Vec<_> = grids.into_iter().chain(clouds).chain(paths).chain(tracks).collect();
-    layers.sort_by_key(|layer| !layer.is_truth());
+    layers.sort_by_key(Layer::is_truth);
     layers
 }
 

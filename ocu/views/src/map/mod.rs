@@ -2,7 +2,7 @@
 //!
 //! Everything is drawn in one frame, through the transforms of the log or the run. What no transform connects is
 //! listed with that reason; a track may be laid on another one by its first metres, and says so. The truth of a
-//! simulation lies below everything else, and is off until it is switched on.
+//! simulation lies over everything else, half transparent, and is off until it is switched on.
 
 mod cloud;
 mod grid;
@@ -205,7 +205,8 @@ impl Map {
     /// How a layer is drawn; where a person has not said, the truth is not, and neither is what a map is made of.
     fn state(&self, layer: &Layer<'_>) -> LayerState {
         let shown = !(layer.is_truth() || (self.fused && layer.is_part_of_a_map()));
-        let usual = LayerState { shown, ..LayerState::default() };
+        let opacity = if layer.is_truth() && matches!(layer.kind, Kind::Grid(_)) { 0.5 } else { 1.0 };
+        let usual = LayerState { shown, opacity, ..LayerState::default() };
         self.saved.layers.get(&layer.name).cloned().unwrap_or(usual)
     }
 

@@ -20,16 +20,14 @@ impl Map {
         let mut child = ui.new_child(egui::UiBuilder::new().max_rect(rect.shrink2(Vec2::new(8.0, 4.0))));
         child.set_clip_rect(rect.intersect(ui.clip_rect()));
         ScrollArea::vertical().auto_shrink(false).show(&mut child, |ui| {
-            // The truth lies lowest and is listed last, under a heading of its own.
-            let (truth, own): (Vec<usize>, Vec<usize>) =
-                (0..layers.len()).partition(|&i| layers[i].is_truth());
-            for (place, index) in own.iter().chain(&truth).copied().enumerate() {
-                if place == own.len() {
+            // The truth is last, under a heading of its own.
+            let truth = layers.iter().position(Layer::is_truth);
+            for (index, layer) in layers.iter().enumerate() {
+                if truth == Some(index) {
                     ui.separator();
                     ui.label(RichText::new("Truth of the simulation").small().color(tokens.weak));
                     ui.add_space(2.0);
                 }
-                let layer = &layers[index];
                 let mut state = self.state(layer);
                 let before = state.clone();
                 if let Some(frame) = self.layer(ui, frame, map, layers, index, &mut state) {
