@@ -7,6 +7,7 @@ mod common;
 use common::bench::{Bench, COURSE, Files, STACK, WORLD, plan};
 use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, Grid, LocationFix, PoseInFrame, RawImage};
 use rcs_msg::rcs::{self, CourseOutcome};
+use rcs_runtime::source::Task;
 use rcs_runtime::{RunOptions, Snapshot, Stepped};
 use rcs_world::GridView;
 
@@ -200,9 +201,9 @@ fn driven(threads: usize, snapshot_ms: Option<u64>) -> Option<String> {
     }
     if let Some(ms) = snapshot_ms {
         // Back, and forth again: the session restores a snapshot and does the operator's writes again.
-        bench.session.go_to_time(rcs_msg::Stamp(ms * 1_000_000), &Default::default()).unwrap();
+        bench.session.go_to_time(rcs_msg::Stamp(ms * 1_000_000), &Task::default()).unwrap();
         let end = rcs_msg::Stamp(bench.now_ms * 1_000_000 + 5_000_000);
-        bench.session.forward_until(end, &Default::default()).unwrap();
+        bench.session.forward_until(end, &Task::default()).unwrap();
     }
     bench.session.run().summary().hash.map(|hash| format!("{hash:?}"))
 }

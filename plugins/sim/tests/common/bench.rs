@@ -156,8 +156,17 @@ impl Bench {
 
     /// A command with this time.
     pub fn command_of(&mut self, ms: f64, left_mps: f64, right_mps: f64) {
+        self.send(ms, [left_mps, right_mps], 0.0);
+    }
+
+    /// A command of this moment for a vehicle that steers.
+    pub fn command_with_curvature(&mut self, speed_mps: f64, curvature_per_m: f64) {
+        self.send(self.now_ms as f64, [speed_mps; 2], curvature_per_m);
+    }
+
+    fn send(&mut self, ms: f64, [left_mps, right_mps]: [f64; 2], curvature_per_m: f64) {
         let timestamp = Some(Stamp((ms * 1e6) as u64).to_proto());
-        let command = rcs::WheelCommand { timestamp, left_mps, right_mps, curvature_per_m: 0.0 };
+        let command = rcs::WheelCommand { timestamp, left_mps, right_mps, curvature_per_m };
         let message = AnyMessage::new(command);
         self.session.write(OperatorWrite { buffer: "/operator/wheels".to_owned(), message }).unwrap();
     }
