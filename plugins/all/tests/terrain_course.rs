@@ -1,0 +1,265 @@
+//! The bar of terrain learning and classification in the simulator: what is learned with stereo is enough to see
+//! obstacles without it.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use rcs_msg::foxglove::RawImage;
+use rcs_msg::rcs::{TerrainModels, TerrainStats};
+use rcs_msg::{AnyMessage, Payload, Stamp, image::depth_m, to_json};
+use rcs_plugins::all;
+use rcs_runtime::{Asset, Assets, Plan, PlanOptions, RunOptions, StackFile, Stepped};
+use std::sync::Arc;
+
+/// Pixels are counted between these times of the drive, s: the first bush has been passed at the first.
+const FROM_S: u32 = 15;
+const UNTIL_S: u32 = 40;
+/// Pixels farther away than this are not counted, m.
+const REACH_M: f32 = 15.0;
+
+/// The drive and one camera.
+const DRIVE: &str = r#"
+format = 1
+name = "terrain_course"
+course = "meadow"
+
+[[process]]
+name = "vehicle"
+plugin = "sim_vehicle"
+supervisor = "viewer"
+inputs = { wheels = "/comms/wheels" }
+
+[[process]]
+name = "driver"
+plugin = "truth_driver"
+supervisor = "viewer"
+inputs = { truth_pose = "/vehicle/truth_pose", truth_map = "/vehicle/truth_map", goal = "/vehicle/goal" }
+
+[[process]]
+name = "comms"
+plugin = "comms"
+supervisor = "viewer"
+inputs = { drive = "/driver/drive", local = "/position/local", imu = "/vehicle/imu", encoders = "/vehicle/encoders" }
+params = { track_m = 0.58 }
+
+[[process]]
+name = "position"
+plugin = "position"
+supervisor = "viewer"
+inputs = { encoders = "/vehicle/encoders", imu = "/vehicle/imu", gps = "/vehicle/gps" }
+params = { track_m = 0.58 }
+
+[[process]]
+name = "eyes_left"
+plugin = "sim_cameras"
+supervisor = "viewer"
+inputs = { truth_state = "/vehicle/truth_state" }
+params = { pair = "left" }
+
+[buffers."/vehicle/imu"]
+queue = 16
+
+[buffers."/vehicle/encoders"]
+queue = 8
+"#;
+
+/// Stereo, its labels, and what is learned of them.
+const LEARNING: &str = r#"
+[[process]]
+name = "stereo_left"
+plugin = "stereo"
+supervisor = "viewer"
+
+[process.inputs]
+left = "/eyes_left/left"
+right = "/eyes_left/right"
+left_calibration = "/eyes_left/left_calibration"
+right_calibration = "/eyes_left/right_calibration"
+
+[process.params]
+disparities = 48
+max_range_m = 20.0
+
+[[process]]
+name = "obstacles_left"
+plugin = "obstacles"
+supervisor = "viewer"
+period_ms = 50.0
+
+[process.inputs]
+image = "/stereo_left/rectified"
+depth = "/stereo_left/depth"
+calibration = "/stereo_left/calibration"
+odometry = "/position/local"
+static_transforms = "/vehicle/static_transforms"
+
+[process.params]
+max_range_m = 10.0
+wheels_x_m = 0.0
+
+[[process]]
+name = "terrain"
+plugin = "terrain_learner"
+supervisor = "viewer"
+
+[process.inputs]
+left_image = "/stereo_left/rectified"
+left_labels = "/obstacles_left/labels"
+left_depth = "/stereo_left/depth"
+left_calibration = "/stereo_left/calibration"
+bumper = "/vehicle/bumper"
+odometry = "/position/local"
+static_transforms = "/vehicle/static_transforms"
+
+[process.params]
+min_points = 50
+merge_distance = 0.03
+ratio_span_octaves = 0.6
+front_m = 0.24
+rear_m = 0.72
+"#;
+
+/// Whole images of one camera, classified.
+const CLASSIFIER: &str = r#"
+[[process]]
+name = "classifier"
+plugin = "classifier"
+supervisor = "viewer"
+period_ms = 50.0
+
+[process.inputs]
+image = "/eyes_left/left"
+calibration = "/eyes_left/left_calibration"
+models = "/terrain/models"
+odometry = "/position/local"
+static_transforms = "/vehicle/static_transforms"
+
+[process.params]
+window_px = 8
+"#;
+
+/// The files that come with the program, and the models that a run has learned.
+struct Files {
+    models: String,
+}
+
+impl Assets for Files {
+    fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
+        if kind == "models" {
+            return Ok(Asset { file: name.to_owned(), text: self.models.clone() });
+        }
+        let file = format!("assets/{kind}s/{name}.toml");
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(&file);
+        let text = std::fs::read_to_string(path).map_err(|error| format!("{error}: {file}"))?;
+        Ok(Asset { file, text })
+    }
+}
+
+/// A run of a stack on a course.
+fn start(text: &str, course: &str, models: String, seed: u64) -> Stepped {
+    let file = StackFile::parse("terrain_course", text).unwrap_or_else(|error| panic!("{error}"));
+    let options = PlanOptions { overrides: &[], course: Some(course), assets: &Files { models } };
+    let plan = Plan::with(file, all(), &options).unwrap_or_else(|error| panic!("{error}"));
+    let options = RunOptions { seed, ..RunOptions::default() };
+    let mut run = Stepped::new(Arc::new(plan), None, options).unwrap();
+    run.begin().unwrap();
+    run
+}
+
+fn latest<T: Payload>(run: &Stepped, buffer: &str) -> Option<T> {
+    run.bus().get(buffer).unwrap().latest()?.message.to()
+}
+
+/// Pixels within a range by truth and class.
+#[derive(Clone, Copy, Debug, Default)]
+struct Score {
+    /// `[ground, obstacle][not known, traversable, not traversable]`.
+    counts: [[u64; 3]; 2],
+}
+
+impl Score {
+    /// Counts the newest classes of a run, where they are of the newest true labels' time.
+    fn count(&mut self, run: &Stepped, reach_m: f32) {
+        let truth = |name: &str| latest::<RawImage>(run, &format!("/eyes_left/{name}"));
+        let (Some(labels), Some(depth)) = (truth("truth_labels"), truth("truth_depth")) else { return };
+        let Some(classes) = latest::<RawImage>(run, "/classifier/classes") else { return };
+        if classes.timestamp != labels.timestamp || depth.timestamp != labels.timestamp {
+            return;
+        }
+        let depths = depth_m(&depth, 1.0).unwrap();
+        for ((&label, &class), depth) in labels.data.iter().zip(classes.data.iter()).zip(depths) {
+            if depth <= reach_m && (label == 1 || label == 2) {
+                self.counts[usize::from(label - 1)][usize::from(class)] += 1;
+            }
+        }
+    }
+
+    fn obstacle_recall(&self) -> f64 {
+        self.counts[1][2] as f64 / self.counts[1].iter().sum::<u64>().max(1) as f64
+    }
+
+    fn iou(&self, of: usize) -> f64 {
+        let [own, other] = [self.counts[of], self.counts[1 - of]];
+        own[of + 1] as f64 / (own.iter().sum::<u64>() + other[of + 1]).max(1) as f64
+    }
+
+    fn unclassified(&self) -> f64 {
+        let all: u64 = self.counts.iter().flatten().sum();
+        (self.counts[0][0] + self.counts[1][0]) as f64 / all.max(1) as f64
+    }
+}
+
+/// What a drive with stereo learned, and how its classes were between two times, s.
+fn with_stereo(course: &str, from_s: u32, until_s: u32) -> (String, Score) {
+    let mut run = start(&[DRIVE, LEARNING, CLASSIFIER].concat(), course, String::new(), 0);
+    let mut score = Score::default();
+    for step in 1..=until_s * 5 {
+        run.run_until(Stamp(u64::from(step) * 200_000_000 + 150_000_000)).unwrap();
+        if step > from_s * 5 {
+            score.count(&run, REACH_M);
+        }
+    }
+    let models: TerrainModels = latest(&run, "/terrain/models").unwrap();
+    let stats: TerrainStats = latest(&run, "/terrain/stats").unwrap();
+    println!("{course}: {stats:?}");
+    for model in &models.models {
+        println!(
+            "  {} points, {:.2} obstacle, {} cells, contrast {:.3}",
+            model.ground + model.obstacle,
+            model.obstacle_fraction,
+            model.cells,
+            model.contrast
+        );
+    }
+    (to_json(&AnyMessage::new(models)).unwrap(), score)
+}
+
+/// The same drive with another seed's noise, without stereo and with models of a file.
+fn without_stereo(course: &str, models: String, from_s: u32, until_s: u32) -> Score {
+    let classifier = CLASSIFIER.replace("models = \"/terrain/models\"\n", "") + "models = \"learned\"\n";
+    let mut run = start(&[DRIVE, &classifier].concat(), course, models, 1);
+    let mut score = Score::default();
+    for step in 1..=until_s * 5 {
+        run.run_until(Stamp(u64::from(step) * 200_000_000 + 150_000_000)).unwrap();
+        if step > from_s * 5 {
+            score.count(&run, REACH_M);
+        }
+    }
+    score
+}
+
+#[test]
+fn without_stereo_classification_keeps_its_obstacle_recall() {
+    let course = "meadow";
+    let (models, with) = with_stereo(course, FROM_S, UNTIL_S);
+    let without = without_stereo(course, models, FROM_S, UNTIL_S);
+    for (name, score) in [("with stereo", with), ("without stereo", without)] {
+        let (recall, unclassified) = (score.obstacle_recall(), score.unclassified());
+        let [ground, obstacle] = [score.iou(0), score.iou(1)];
+        println!(
+            "{course}, {name}: obstacle recall {recall:.3}, obstacle IoU {obstacle:.3}, ground IoU {ground:.3}, {unclassified:.3} unclassified"
+        );
+    }
+    assert!(without.obstacle_recall() >= 0.8 * with.obstacle_recall(), "{with:?}, {without:?}");
+    // Trunks and stones that are narrower than a window are missed; bushes and logs are found.
+    assert!(without.obstacle_recall() >= 0.4 && without.iou(0) >= 0.95, "{without:?}");
+}
