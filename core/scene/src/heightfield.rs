@@ -18,6 +18,9 @@ const CELL: f32 = CELL_M as f32;
 /// Rounding of f32 at a world's size stays far below this, m.
 const SLACK_M: f32 = 1e-3;
 
+/// Stems nearer than this to a ray's beginning are not met: whoever carries the sensor has pushed them aside, m.
+pub(crate) const STEM_CLEAR_M: f32 = 0.35;
+
 /// A ray in the units of the lattice: cells across, metres up and along.
 #[derive(Clone, Copy)]
 pub(crate) struct FieldRay {
@@ -38,7 +41,7 @@ pub(crate) struct FieldHit {
     /// Along the ray, m.
     pub(crate) t: f32,
     /// Cell of the lattice.
-    pub(crate) cell: [usize; 2],
+    pub(crate) cell: [u32; 2],
     /// Height up a stem as a part of the stem's height; negative for the ground.
     pub(crate) stem: f32,
 }
@@ -150,7 +153,7 @@ impl HeightField {
         for axis in 0..2 {
             let ends =
                 [0.0, self.lattice.cells[axis] as f32].map(|end| (end - ray.o[axis]) * ray.inverse[axis]);
-            span = [span[0].max(ends[0].min(ends[1])), span[1].min(ends[0].max(ends[1]))];
+            span = [larger(span[0], smaller(ends[0], ends[1])), smaller(span[1], larger(ends[0], ends[1]))];
         }
         span
     }
@@ -158,7 +161,7 @@ impl HeightField {
     /// The first hit between two distances, m.
     pub(crate) fn cast(&self, ray: &FieldRay, from_m: f32, to_m: f32) -> Option<FieldHit> {
         let over = self.over(ray);
-        let (mut t, end) = (from_m.max(over[0]), to_m.min(over[1]));
+        let (mut t, end) = (larger(from_m, over[0]), smaller(to_m, over[1]));
         if t >= end {
             return None;
         }
@@ -168,14 +171,14 @@ impl HeightField {
         loop {
             let leaves = [ray.leaves(0, block[0], BLOCK as f32), ray.leaves(1, block[1], BLOCK as f32)];
             let axis = usize::from(leaves[1] < leaves[0]);
-            let until = leaves[axis].min(end);
+            let until = smaller(smaller(leaves[0], leaves[1]), end);
             let plane = &self.blocks[block[1] as usize * self.blocks_across + block[0] as usize];
             if let Some(enters) = goes_under(ray, plane, t, until)
                 && let Some(hit) = self.tiles(ray, block, enters, until)
             {
                 return Some(hit);
             }
-            t = t.max(until);
+            t = larger(t, until);
             block[axis] += ray.step[axis];
             if t >= end || block[axis] < 0 || block[axis] > most[axis] {
                 return None;
@@ -195,7 +198,7 @@ impl HeightField {
         loop {
             let leaves = [ray.leaves(0, tile[0], TILE as f32), ray.leaves(1, tile[1], TILE as f32)];
             let axis = usize::from(leaves[1] < leaves[0]);
-            let exit = leaves[axis].min(until);
+            let exit = smaller(smaller(leaves[0], leaves[1]), until);
             let index = tile[1] as usize * self.tiles_across + tile[0] as usize;
             let plane = &self.tiles[index];
             if let Some(enters) = goes_under(ray, plane, t, exit) {
@@ -208,7 +211,7 @@ impl HeightField {
                     return hit;
                 }
             }
-            t = t.max(exit);
+            t = larger(t, exit);
             tile[axis] += ray.step[axis];
             if t >= until || tile[axis] < low[axis] || tile[axis] >= low[axis] + SIDE {
                 return None;
@@ -235,7 +238,7 @@ impl HeightField {
         ];
         let mut t = from;
         let hit = |t: f32, cell: [i32; 2], stem: f32| {
-            Some(FieldHit { t, cell: [cell[0] as usize, cell[1] as usize], stem })
+            Some(FieldHit { t, cell: [cell[0] as u32, cell[1] as u32], stem })
         };
         let soil_from =
             if STEMS { goes_under(ray, &self.soil[index], from, until).unwrap_or(f32::MAX) } else { from };
@@ -250,7 +253,7 @@ impl HeightField {
         loop {
             let leaves = [(place[0] + to_far[0]) * ray.inverse[0], (place[1] + to_far[1]) * ray.inverse[1]];
             let sideways = leaves[0] <= leaves[1];
-            let exit = leaves[0].min(leaves[1]).max(t);
+            let exit = larger(smaller(leaves[0], leaves[1]), t);
             let mut ground = f32::MAX;
             if !STEMS || exit >= soil_from {
                 let corners = self.corners(cell);
@@ -283,8 +286,8 @@ impl HeightField {
     }
 
     /// Heights of a cell's corners, m: the lower two, then the upper two.
-    pub(crate) fn cell_corners(&self, cell: [usize; 2]) -> [f32; 4] {
-        self.corners(cell.map(|c| c as i32))
+    pub(crate) fn cell_corners(&self, cell: [u32; 2]) -> [f32; 4] {
+        self.corners([cell[0] as i32, cell[1] as i32])
     }
 
     #[inline]
@@ -324,7 +327,7 @@ impl HeightField {
         let t = (to[0] * ray.d[0] + to[1] * ray.d[1] - within.sqrt()) / ray.run2;
         let foot = self.lattice.z[index[1] * self.lattice.width + index[0]];
         let part = (ray.o[2] + t * ray.d[2] - foot) / stem.height_m;
-        (t > 0.0 && part < 1.0).then_some((t, part.max(0.0)))
+        (t > STEM_CLEAR_M && part < 1.0).then_some((t, part.max(0.0)))
     }
 
     /// A distance that no ray of a cone reaches the ground or a stem before, m. The cone opens from `origin_m` about
@@ -390,6 +393,18 @@ fn meet(ray: &FieldRay, cell: [i32; 2], corners: &[f32; 4], [a, b]: [f32; 2], ab
     }
 }
 
+/// `f32::min` without its care for NaN, which none of these numbers is: one instruction.
+#[inline]
+pub(crate) fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// `f32::max` in the same way.
+#[inline]
+pub(crate) fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
 /// Where a ray that may be above a plane at `t` goes under it before `until`.
 #[inline]
 fn goes_under(ray: &FieldRay, plane: &[f32; 4], t: f32, until: f32) -> Option<f32> {
@@ -407,7 +422,7 @@ fn goes_under(ray: &FieldRay, plane: &[f32; 4], t: f32, until: f32) -> Option<f3
 /// Where a line between two heights, the first above 0 and the second not, goes through 0.
 #[inline]
 fn crossing([a, above_a]: [f32; 2], [b, above_b]: [f32; 2]) -> f32 {
-    (a + (b - a) * (above_a / (above_a - above_b).max(1e-12))).max(a).min(b)
+    smaller(larger(a + (b - a) * (above_a / larger(above_a - above_b, 1e-12)), a), b)
 }
 
 /// The ground with what grows on it.

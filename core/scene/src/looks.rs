@@ -96,10 +96,11 @@ impl Looks {
         let [u, v] = [seen.at[0] * (1.0 / CELL), seen.at[1] * (1.0 / CELL)];
         let [r, g, b, _] = channels(self.ground.clamped(level_of(footprint2, CELL * CELL), u, v));
         let level = level_of(footprint2, TEXEL_M * TEXEL_M);
-        if level > 4 {
+        if level > 3 {
             return [r, g, b];
         }
-        let surface = self.speckled_surface(&field.lattice, hit.cell, [u, v]);
+        let surface =
+            self.speckled_surface(&field.lattice, [hit.cell[0] as usize, hit.cell[1] as usize], [u, v]);
         let Some(detail) = &self.details[usize::from(surface & 15)] else { return [r, g, b] };
         let ratio =
             channels(detail.wrapped(level, seen.at[0] * (1.0 / TEXEL_M), seen.at[1] * (1.0 / TEXEL_M)));
@@ -125,20 +126,30 @@ impl Looks {
 
     #[inline]
     fn stem(&self, field: &HeightField, hit: &FieldHit, seen: &Seen) -> Vec3 {
-        let at = hit.cell[1] * field.lattice.width + hit.cell[0];
+        let at = hit.cell[1] as usize * field.lattice.width + hit.cell[0] as usize;
         let [a, b] = &self.stems[usize::from(field.lattice.surface[at] & 15)];
         let light = channels(self.ground.clamped(0, hit.cell[0] as f32, hit.cell[1] as f32))[3] * (1.0 / ONE);
         let h = hash2(hit.cell[0] as i32, hit.cell[1] as i32, self.seed ^ 0x57E3);
         // Leaves along the stem, a few centimetres each.
-        let leaf = hash2(h as i32, (hit.stem * 24.0) as i32, self.seed);
+        let leaf = hash2(h as i32, ((seen.at[2] + 64.0) * 28.0) as i32, self.seed);
         // Stems narrower than a pixel blend into their mean.
         let clear = (0.03 / seen.footprint_m).min(1.0);
         let part = 0.5 + clear * (0.6 * unit(h) + 0.4 * unit(leaf) - 0.5);
-        let speck = 1.0
+        let mut speck = 1.0
             + clear
                 * (0.5 * unit(h.wrapping_mul(0x9E37_79B1)) + 0.4 * unit(leaf.wrapping_mul(0x9E37_79B1))
                     - 0.45);
-        let brightness = light * (0.55 + 0.55 * hit.stem) * speck;
+        if seen.footprint_m < 0.006 {
+            // From near, ribs and spots of a few millimetres.
+            let side = (seen.at[0] + seen.at[1]) * 500.0 + unit(leaf) * 256.0;
+            let rib = channels(self.rough.wrapped(0, side, (seen.at[2] + 64.0) * 160.0))[0];
+            speck *= 1.0 + (rib - 128.0) * (0.7 / ONE);
+        }
+        // Light falls in from above, and onto one side of the stem more than onto the other.
+        let to_stem =
+            [seen.at[0] * (1.0 / CELL) - hit.cell[0] as f32, seen.at[1] * (1.0 / CELL) - hit.cell[1] as f32];
+        let sunny = self.sun[0] * (to_stem[0] - 0.5) + self.sun[1] * (to_stem[1] - 0.5);
+        let brightness = light * (0.55 + 0.55 * hit.stem + 0.3 * sunny) * speck;
         between(a, b, part, brightness)
     }
 

@@ -5,6 +5,7 @@
 //! the fence is a panel with holes.
 
 use crate::class::Class;
+use crate::heightfield::{larger, smaller};
 use crate::noise::{hash3, unit};
 
 /// Coordinates are metres from the lattice's first sample.
@@ -58,7 +59,7 @@ const LEAF_STEPS: usize = 8;
 /// Side of the fence's meshes, m.
 pub(crate) const MESH_M: f32 = 0.05;
 /// Width of its strands as a part of that.
-const STRAND: f32 = 0.18;
+const STRAND: f32 = 0.14;
 /// Part of the fence that is plastic.
 pub(crate) const MESH_COVER: f32 = 1.0 - (1.0 - STRAND) * (1.0 - STRAND);
 /// Its upper and lower edge are solid bands, m.
@@ -115,7 +116,7 @@ impl Shape {
             return None;
         }
         if self.leaf_m > 0.0 {
-            return self.leaf(origin, direction, enter.max(0.0), leave.min(nearest));
+            return self.leaf(origin, direction, larger(enter, 0.0), smaller(leave, nearest));
         }
         (enter > 0.0).then_some(enter)
     }
@@ -262,11 +263,11 @@ fn disc(o: [f32; 2], d: [f32; 2]) -> Option<[f32; 2]> {
 fn slab(o: f32, d: f32, half: f32) -> [f32; 2] {
     let inverse = 1.0 / if d.abs() < 1e-9 { 1e-9 } else { d };
     let ends = [(-half - o) * inverse, (half - o) * inverse];
-    [ends[0].min(ends[1]), ends[0].max(ends[1])]
+    [smaller(ends[0], ends[1]), larger(ends[0], ends[1])]
 }
 
 #[inline]
 fn both(a: [f32; 2], b: [f32; 2]) -> Option<[f32; 2]> {
-    let [enter, leave] = [a[0].max(b[0]), a[1].min(b[1])];
+    let [enter, leave] = [larger(a[0], b[0]), smaller(a[1], b[1])];
     (enter < leave).then_some([enter, leave])
 }

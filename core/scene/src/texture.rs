@@ -11,6 +11,8 @@ pub(crate) struct Texture {
 struct Level {
     width: u32,
     height: u32,
+    /// Texels of this level per texel of the first.
+    scale: f32,
     texels: Vec<u32>,
 }
 
@@ -45,7 +47,7 @@ pub(crate) fn packed(rgba: [f32; 4]) -> u32 {
 impl Texture {
     pub(crate) fn new(width: usize, texels: Vec<u32>) -> Texture {
         let height = texels.len() / width;
-        let mut levels = vec![Level { width: width as u32, height: height as u32, texels }];
+        let mut levels = vec![Level { width: width as u32, height: height as u32, scale: 1.0, texels }];
         while levels.last().is_some_and(|level| level.width > 1 || level.height > 1) {
             levels.extend(levels.last().map(Level::halved));
         }
@@ -55,9 +57,8 @@ impl Texture {
     /// Bilinear in one level, at a place in texels of the first level; places beyond the border take the border's.
     #[inline]
     pub(crate) fn clamped(&self, level: usize, u: f32, v: f32) -> u32 {
-        let level_at = level.min(self.levels.len() - 1);
-        let level = &self.levels[level_at];
-        let scale = 1.0 / (1 << level_at) as f32;
+        let level = &self.levels[level.min(self.levels.len() - 1)];
+        let scale = level.scale;
         let place = |value: f32, side: u32| {
             let fixed = (((value + 0.5) * scale - 0.5) * 256.0).max(0.0) as u32;
             let cell = fixed >> 8;
@@ -76,9 +77,8 @@ impl Texture {
     /// Bilinear in one level of a tile that repeats, at a place of at least 0 in texels of the first level.
     #[inline]
     pub(crate) fn wrapped(&self, level: usize, u: f32, v: f32) -> u32 {
-        let level_at = level.min(self.levels.len() - 1);
-        let level = &self.levels[level_at];
-        let scale = 256.0 / (1 << level_at) as f32;
+        let level = &self.levels[level.min(self.levels.len() - 1)];
+        let scale = 256.0 * level.scale;
         let (u, v) = ((u * scale) as i32 as u32, (v * scale) as i32 as u32);
         let mask = level.width - 1;
         let (x, y) = ((u >> 8) & mask, (v >> 8) & mask);
@@ -104,7 +104,7 @@ impl Level {
                 texels.push(mean(four.map(|at| self.texels[at])));
             }
         }
-        Level { width, height, texels }
+        Level { width, height, scale: 0.5 * self.scale, texels }
     }
 }
 

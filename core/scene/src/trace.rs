@@ -162,7 +162,8 @@ impl Inner {
             usize::from(hit.stem < 0.0 && at[axis] / CELL_M as f32 - hit.cell[axis] as f32 >= 0.5)
         };
         Surface::from_code(
-            lattice.surface[(hit.cell[1] + nearer(1)) * lattice.width + hit.cell[0] + nearer(0)],
+            lattice.surface
+                [(hit.cell[1] as usize + nearer(1)) * lattice.width + hit.cell[0] as usize + nearer(0)],
         )
     }
 

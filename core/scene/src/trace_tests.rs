@@ -4,6 +4,7 @@ use proptest::prelude::*;
 use rcs_geom::{DVec2, DVec3, Distortion, PinholeCamera, Pose};
 
 use crate::class::Class;
+use crate::heightfield::STEM_CLEAR_M;
 use crate::noise::Dice;
 use crate::render::{CAMERA_RANGE_M, ViewRows, render_rows};
 use crate::shape::{Coat, Form, Shape};
@@ -70,7 +71,7 @@ fn reference_cast(world: &World, origin: DVec3, direction: DVec3, max_range_m: f
             }
             let t = (along - (radius * radius - aside * aside).sqrt()) / run;
             let up = origin.z + t * direction.z - world.height_m(corner);
-            if t > 0.0 && t < nearest && up < f64::from(stem.height_m) {
+            if t > f64::from(STEM_CLEAR_M) && t < nearest && up < f64::from(stem.height_m) {
                 nearest = t;
             }
         }
