@@ -36,38 +36,53 @@ pub struct CostMap {
     costs: Vec<u8>,
 }
 
-impl CostMap {
-    /// Projects the costs of the reduced image, onto cells of this size (m) up to this distance from the vehicle (m).
-    pub fn new(costs: &[u8], place: &Place<'_>, cell_size_m: f64, max_range_m: f64) -> CostMap {
-        let half = (SIDE / 2) as i64;
-        let vehicle = place.local_from_vehicle.translation.truncate();
-        let cell = (vehicle / cell_size_m).floor();
-        let south_west = CellIndex::new(cell.x as i64, cell.y as i64).offset(-half, -half);
-        let mut map = CostMap { cell_size_m, south_west, costs: vec![UNKNOWN_COST; SIDE * SIDE] };
-        map.vote(costs, place, max_range_m);
-        map.fill(costs, place, max_range_m);
-        map
-    }
+/// The reduced image on the plane, for maps of any cell size.
+#[derive(Clone, Debug)]
+pub struct Ground<'a> {
+    costs: &'a [u8],
+    place: Place<'a>,
+    /// Where rays of pixels with a cost meet the plane, m in the local frame, with that cost.
+    points: Vec<(DVec2, u8)>,
+}
 
-    /// The mean of the pixels in each cell.
-    fn vote(&mut self, costs: &[u8], place: &Place<'_>, max_range_m: f64) {
+impl<'a> Ground<'a> {
+    /// Projects the costs of the reduced image.
+    pub fn new(costs: &'a [u8], place: Place<'a>) -> Ground<'a> {
         let local_from_camera = *place.local_from_vehicle * *place.vehicle_from_camera;
         let up = place.local_from_vehicle.rotate(DVec3::Z);
         let camera = local_from_camera.translation;
         let above_m = (camera - place.local_from_vehicle.translation).dot(up) + place.below_m;
-        let vehicle = place.local_from_vehicle.translation.truncate();
         let turn = local_from_camera.rotation_matrix();
-        let mut sums = vec![(0_u32, 0_u32); SIDE * SIDE];
+        let up_in_camera = turn.transpose() * up;
+        let mut points = Vec::with_capacity(costs.len());
         for (&cost, &ray) in costs.iter().zip(place.rays) {
-            if cost == UNKNOWN_COST || ray == DVec3::ZERO {
-                continue;
+            // A lens that has no ray for the pixel gives 0, which does not go down either.
+            let down = -ray.dot(up_in_camera);
+            if cost != UNKNOWN_COST && above_m > 0.0 && down > 0.0 {
+                points.push(((camera + turn * ray * (above_m / down)).truncate(), cost));
             }
-            let direction = turn * ray;
-            let down = -direction.dot(up);
-            if above_m <= 0.0 || down <= 0.0 {
-                continue;
-            }
-            let point = (camera + direction * (above_m / down)).truncate();
+        }
+        Ground { costs, place, points }
+    }
+}
+
+impl CostMap {
+    /// Cells of this size (m) up to this distance from the vehicle (m).
+    pub fn new(ground: &Ground<'_>, cell_size_m: f64, max_range_m: f64) -> CostMap {
+        let half = (SIDE / 2) as i64;
+        let vehicle = ground.place.local_from_vehicle.translation.truncate();
+        let cell = (vehicle / cell_size_m).floor();
+        let south_west = CellIndex::new(cell.x as i64, cell.y as i64).offset(-half, -half);
+        let mut map = CostMap { cell_size_m, south_west, costs: vec![UNKNOWN_COST; SIDE * SIDE] };
+        map.vote(&ground.points, vehicle, max_range_m);
+        map.fill(ground.costs, &ground.place, max_range_m);
+        map
+    }
+
+    /// The mean of the pixels in each cell.
+    fn vote(&mut self, points: &[(DVec2, u8)], vehicle: DVec2, max_range_m: f64) {
+        let mut sums = vec![(0_u32, 0_u32); SIDE * SIDE];
+        for &(point, cost) in points {
             if point.distance_squared(vehicle) > max_range_m * max_range_m {
                 continue;
             }
@@ -116,10 +131,11 @@ impl CostMap {
     }
 
     fn index(&self, point: DVec2) -> Option<usize> {
-        let cell = (point / self.cell_size_m).floor();
-        let (column, row) = (cell.x as i64 - self.south_west.x, cell.y as i64 - self.south_west.y);
-        let side = 0..SIDE as i64;
-        (side.contains(&column) && side.contains(&row)).then(|| row as usize * SIDE + column as usize)
+        let CellIndex { x, y } = self.south_west;
+        let cell = point / self.cell_size_m - DVec2::new(x as f64, y as f64);
+        let side = 0.0..SIDE as f64;
+        // Not negative, so that the cast rounds down.
+        (side.contains(&cell.x) && side.contains(&cell.y)).then(|| cell.y as usize * SIDE + cell.x as usize)
     }
 
     /// Cost of the cell in which a place of the local frame lies (m); 255 for unknown or outside.
@@ -192,7 +208,7 @@ mod tests {
             local_from_vehicle: &local_from_vehicle,
             below_m: 0.0,
         };
-        CostMap::new(&costs, &place, 0.2, 10.0)
+        CostMap::new(&Ground::new(&costs, place), 0.2, 10.0)
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The whole colour-model algorithm on one image (A 3.1.2): learn from its samples, classify it, fuse it.
 //!
-//! Cost on one 640×480 image: see `examples/color_speed.rs`.
+//! Cost on one image: see `benches/color.rs`.
 
 use crate::background;
 use crate::fusion::{Counts, Fused, count};

@@ -149,4 +149,22 @@ mod tests {
         check(|m| m.models[0].kind = 1, "more than one background model: \"background\"");
         assert!(matches!(parse("{\"models\": 3}"), Err(FileError::Json(_))));
     }
+
+    #[test]
+    fn the_files_that_come_with_the_program_are_models() {
+        let of = |text: &str| {
+            let models = parse(text).unwrap();
+            let one = models.ground.iter().chain(&models.obstacles).next().unwrap();
+            (one.name.clone(), models.ground.len(), models.obstacles.len(), one.histogram.clone())
+        };
+        let mulch = of(include_str!("../../../assets/models/mulch.json"));
+        let lime = of(include_str!("../../../assets/models/white_lime.json"));
+        let fence = of(include_str!("../../../assets/models/orange_fence.json"));
+        assert_eq!((mulch.0.as_str(), mulch.1, mulch.2), ("mulch", 1, 0));
+        assert_eq!((lime.0.as_str(), lime.1, lime.2), ("white lime", 1, 0));
+        assert_eq!((fence.0.as_str(), fence.1, fence.2), ("orange fence", 0, 1));
+        for (a, b) in [(&mulch.3, &lime.3), (&mulch.3, &fence.3), (&lime.3, &fence.3)] {
+            assert!(a.difference(&b.clone().scaled(a.sum())) > 0.99, "their colours have nothing in common");
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! What the process sends and says.
 
-use crate::cost_map::{CostMap, Place};
+use crate::cost_map::{CostMap, Ground, Place};
 use crate::engine::{Permission, Seen};
 use crate::models::Learned;
 use crate::picture::{HEIGHT, WIDTH};
@@ -28,10 +28,11 @@ pub(crate) fn send_costs(
 ) -> [u32; 2] {
     let Some(costs) = &seen.costs else { return [0; 2] };
     let time = image.acq_time();
-    let map = CostMap::new(costs, place, CELL_SIZE_M, params.max_range_m);
+    let ground = Ground::new(costs, *place);
+    let map = CostMap::new(&ground, CELL_SIZE_M, params.max_range_m);
     let known = map.known();
     cx.write(&ports.cost, time, map.into_grid(&params.local_frame, time));
-    let wide = CostMap::new(costs, place, WIDE_CELL_SIZE_M, params.max_range_wide_m);
+    let wide = CostMap::new(&ground, WIDE_CELL_SIZE_M, params.max_range_wide_m);
     cx.write(&ports.cost_wide, time, wide.into_grid(&params.local_frame, time));
     let overlay = RawImage {
         timestamp: Some(time.to_proto()),

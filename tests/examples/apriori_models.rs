@@ -1,12 +1,10 @@
 //! Writes the a priori models of A 3.1.2 into a folder: a path of mulch, a path of white lime, an orange fence.
 //!
-//! `cargo run -p rcs-color --example apriori -- assets/models`
+//! `cargo run -p ocu-tests --example apriori_models -- assets/models`
 //!
 //! Nobody's pictures are in them. A surface is a ratio of green to red with a spread, in any light: red runs over a range
 //! with most of it in the middle. Learned models do better where they can be learned; these are for the first metres,
 //! and for what must not be driven on to learn it.
-
-#![allow(clippy::disallowed_methods, reason = "a program that writes files")]
 
 use rcs_color::file::to_message;
 use rcs_color::histogram::{BINS, Histogram};

@@ -1,0 +1,82 @@
+//! The whole colour model on one picture, as its process runs it: learning, classification, both cost maps.
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use glam::DVec3;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{RngCore, SeedableRng};
+use rcs_color::cost_map::{CostMap, Ground, Place};
+use rcs_color::engine::{Engine, Permission, Samples};
+use rcs_color::models::Settings;
+use rcs_color::picture::{Picture, fingerprint};
+use rcs_color::region::{Rectangle, first_background, rays, spans};
+use rcs_geom::{Distortion, PinholeCamera, Pose};
+use rcs_msg::Stamp;
+
+const SIZE: [usize; 2] = [640, 480];
+/// Pictures come five times a second.
+const PERIOD_NS: u64 = 200_000_000;
+
+/// A path in grass under a sky, with noise in every pixel.
+fn scene(seed: u64) -> Vec<u8> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut data = Vec::with_capacity(SIZE[0] * SIZE[1] * 3);
+    for row in 0..SIZE[1] {
+        for column in 0..SIZE[0] {
+            let base: [u32; 3] = match (row, column.abs_diff(320)) {
+                (0..160, _) => [160, 190, 225],
+                (row, aside) if aside < (row - 160) / 2 => [105, 70, 45],
+                _ => [75, 110, 40],
+            };
+            let noise = rng.next_u32();
+            data.extend([0, 1, 2].map(|i| (base[i] + (noise >> (8 * i)) % 30) as u8));
+        }
+    }
+    data
+}
+
+fn color_models(criterion: &mut Criterion) {
+    let lens = Distortion::from_model("plumb_bob", &[-0.2, 0.03, 0.0, 0.0, 0.0]).expect("a lens");
+    let camera = PinholeCamera::new([640, 480], [400.0; 2], [320.0, 240.0], lens).expect("a sound camera");
+    let mount =
+        Pose::from_rpy(DVec3::new(0.0, 0.0, 1.0), 0.0, 20_f64.to_radians(), 0.0) * Pose::body_from_optical();
+    let rectangle = Rectangle { ahead_m: 0.6, length_m: 2.0, width_m: 1.0, below_m: 0.0 };
+    let rays = rays(&camera);
+    let pictures: Vec<Vec<u8>> = (0..8).map(scene).collect();
+    let (mut engine, settings) = (Engine::default(), Settings::default());
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut at = 0_u64;
+
+    let mut group = criterion.benchmark_group("color/whole_model");
+    group.throughput(Throughput::Elements((SIZE[0] * SIZE[1]) as u64));
+    group.bench_function("640x480", |bench| {
+        bench.iter(|| {
+            at += 1;
+            let data = &pictures[at as usize % pictures.len()];
+            let print = fingerprint(data);
+            // The process copies the picture out of its message.
+            let rgb = data.clone();
+            let spans = spans(&rectangle.outline(&camera, &mount), SIZE);
+            let limits = first_background(&rays, &mount, SIZE[1], 50);
+            let samples = Samples { ground: &spans, first_background: &limits, permission: Permission::All };
+            let picture = Picture::new(SIZE, 3 * SIZE[0], &rgb).expect("a sound picture");
+            let time = Stamp(at * PERIOD_NS);
+            let seen =
+                engine.see(&picture, &samples, time, &settings, &mut rng).expect("neither black nor white");
+            let place = Place {
+                camera: &camera,
+                rays: &rays,
+                vehicle_from_camera: &mount,
+                local_from_vehicle: &Pose::from_xy_yaw(0.2 * at as f64, 0.0, 0.0),
+                below_m: 0.0,
+            };
+            let costs = seen.costs.expect("there is ground in the picture");
+            let ground = Ground::new(&costs, place);
+            let map = |cell_m, range_m| CostMap::new(&ground, cell_m, range_m).into_grid("local", time);
+            (print, map(0.2, 12.0), map(0.6, 20.0))
+        });
+    });
+    group.finish();
+}
+
+criterion_group!(benches, color_models);
+criterion_main!(benches);
