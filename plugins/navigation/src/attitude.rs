@@ -1,8 +1,8 @@
 //! Roll, pitch and yaw from gyros and accelerometers: a complementary filter.
 //!
 //! Gyros are integrated; where the accelerometers feel about as much as gravity, their direction of up pulls roll and
-//! pitch slowly to itself. Yaw has nothing to be pulled to, so it drifts with the bias of its gyro, which is learned
-//! while the vehicle stands.
+//! pitch slowly to itself; what the vehicle's own motion by its wheels adds to them is taken out before. Yaw has nothing
+//! to be pulled to, so it drifts with the bias of its gyro, which is learned while the vehicle stands.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,9 @@ use serde::{Deserialize, Serialize};
 /// m/s².
 const GRAVITY_MPS2: f64 = 9.81;
 /// A vehicle that turns faster does not stand, whatever its encoders say, rad/s.
-const STANDING_RADPS: f64 = 0.05;
+const STANDING_RADPS: f64 = 0.03;
+/// A shorter rest teaches nothing: the vehicle may be about to turn, and its first readings would be taken for a bias, s.
+const LEAST_REST_S: f64 = 0.5;
 /// A gap between readings that is longer is not integrated over, s.
 const MAX_STEP_S: f64 = 0.5;
 
@@ -35,6 +37,9 @@ pub struct Attitude {
     bias: DVec3,
     /// Time at rest that the bias has been averaged over, s.
     rested_s: f64,
+    /// How long this rest has lasted, s, and the mean turn rate in its first [`LEAST_REST_S`], rad/s.
+    rest_s: f64,
+    rest_mean: DVec3,
 }
 
 impl Attitude {
@@ -48,10 +53,13 @@ impl Attitude {
             turn_radps: DVec3::ZERO,
             bias: DVec3::ZERO,
             rested_s: 0.0,
+            rest_s: 0.0,
+            rest_mean: DVec3::ZERO,
         }
     }
 
-    /// Takes a reading `elapsed_s` after the last one: rad/s and m/s², gravity included, vehicle axes.
+    /// Takes a reading `elapsed_s` after the last one: rad/s and m/s², gravity included and the vehicle's own motion, as
+    /// far as it is known, taken out, vehicle axes.
     pub fn update(
         &mut self,
         settings: &AttitudeSettings,
@@ -63,13 +71,11 @@ impl Attitude {
         let elapsed_s = elapsed_s.clamp(0.0, MAX_STEP_S);
         let turn = gyro_radps - self.bias;
         if standing && turn.length() < STANDING_RADPS {
-            // At first the plain mean, so that a second at rest is worth a second; later a mean that forgets.
-            self.rested_s = (self.rested_s + elapsed_s).min(settings.bias_time_s);
-            let part = if self.rested_s > 0.0 { elapsed_s / self.rested_s } else { 0.0 };
-            self.bias += turn * part;
+            self.rest(settings, gyro_radps, elapsed_s);
             self.turn_radps = DVec3::ZERO;
         } else {
             self.turn_radps = turn;
+            (self.rest_s, self.rest_mean) = (0.0, DVec3::ZERO);
         }
         let mut attitude = self.level_from_vehicle * DQuat::from_scaled_axis(self.turn_radps * elapsed_s);
         if (force_mps2.length() - GRAVITY_MPS2).abs() < settings.tilt_gate_mps2 {
@@ -80,6 +86,26 @@ impl Attitude {
             attitude *= DQuat::from_scaled_axis(felt_up.cross(believed_up) * part);
         }
         self.level_from_vehicle = attitude.normalize();
+    }
+
+    /// Learns the biases from a reading at rest: at first by the plain mean, so that a second at rest is worth a second,
+    /// later by one that forgets.
+    fn rest(&mut self, settings: &AttitudeSettings, gyro_radps: DVec3, elapsed_s: f64) {
+        if elapsed_s <= 0.0 {
+            return;
+        }
+        let before_s = self.rest_s;
+        self.rest_s += elapsed_s;
+        let (value, weight_s) = if self.rest_s < LEAST_REST_S {
+            self.rest_mean += (gyro_radps - self.rest_mean) * (elapsed_s / self.rest_s);
+            return;
+        } else if before_s < LEAST_REST_S {
+            (self.rest_mean, self.rest_s)
+        } else {
+            (gyro_radps, elapsed_s)
+        };
+        self.rested_s = (self.rested_s + weight_s).min(settings.bias_time_s.max(weight_s));
+        self.bias += (value - self.bias) * (weight_s / self.rested_s);
     }
 
     /// Heading counter-clockwise from east, rad.
@@ -148,6 +174,17 @@ mod tests {
             attitude.update(&SETTINGS, gyro, DVec3::Z * 9.81, 0.01, false);
         }
         assert!((attitude.yaw_rad() - 0.5).abs() < 1e-4, "{}", attitude.yaw_rad());
+    }
+
+    #[test]
+    fn a_vehicle_that_turns_off_at_once_teaches_no_bias() {
+        let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 0.0);
+        for step in 0..100 {
+            // The encoders say so only after a moment.
+            let (gyro, standing) = (DVec3::Z * 0.001 * f64::from(step), step < 20);
+            attitude.update(&SETTINGS, gyro, DVec3::Z * 9.81, 0.01, standing);
+        }
+        assert_eq!(attitude.bias, DVec3::ZERO);
     }
 
     #[test]

@@ -33,6 +33,8 @@ pub struct Position {
     global: GlobalEstimate,
     origin: Option<Origin>,
     speed_mps: f64,
+    /// How fast the speed grows by the wheels, m/s², and when that was.
+    gain: Option<(f64, Stamp)>,
     /// Time of the last inertial reading.
     felt: Option<Stamp>,
     wheels: Option<Wheels>,
@@ -170,7 +172,12 @@ impl Position {
             return Err(format!("reading is {:.3} s older than the one before", -elapsed_s));
         }
         let standing = self.wheels.is_none_or(|wheels| wheels.stand());
-        attitude.update(&settings, gyro, force, elapsed_s, standing);
+        // What the vehicle's own motion makes the accelerometers feel is no tilt: speeding up, and turning at a speed.
+        let gain = self.gain.filter(|(_, at)| time.seconds_since(*at) < params.input_timeout_s);
+        let own = gain.map_or(DVec3::ZERO, |(gain_mps2, _)| {
+            DVec3::new(gain_mps2, self.speed_mps * attitude.turn_radps.z, 0.0)
+        });
+        attitude.update(&settings, gyro, force - own, elapsed_s, standing);
         self.felt = Some(time);
         Ok(())
     }
@@ -220,7 +227,10 @@ impl Position {
         self.global.advance(&noise, level_m, turn_rad, elapsed_s);
         self.height_m += step_m * forward.z;
         // Quantised ticks are smoothed over a few readings.
-        self.speed_mps += 0.3 * (step_m / elapsed_s - self.speed_mps);
+        let faster_mps = 0.3 * (step_m / elapsed_s - self.speed_mps);
+        self.speed_mps += faster_mps;
+        let gain = self.gain.map_or(0.0, |(gain, _)| gain);
+        self.gain = Some((gain + 0.3 * (faster_mps / elapsed_s - gain), time));
         Ok(())
     }
 

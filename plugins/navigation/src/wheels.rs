@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Wheels do not turn faster: distances that say so are refused, m/s.
 pub const FASTEST_MPS: f64 = 20.0;
 /// Wheels that have turned less than this for [`STANDING_S`] stand, m.
-const STANDING_M: f64 = 0.002;
+const STANDING_M: f64 = 0.001;
 /// See [`STANDING_M`], s.
 const STANDING_S: f64 = 0.5;
 
