@@ -7,8 +7,9 @@
 //! splits the inertial speed into the ground speeds of the two wheels; slip is the part of a wheel's motion that the
 //! ground does not make, the greater of the two.
 //!
-//! What this cannot see: a slip that builds up as slowly as the memory forgets, and one that lasts: after some ten
-//! seconds wheels that spin on the spot are taken to roll again.
+//! What this cannot see: a slip that builds up as slowly as the memory forgets, and one that lasts. A position estimate
+//! that is told of no loss of speed by the wheels takes it for a tilt for a moment, and so after two seconds or more
+//! wheels that spin on the spot are taken to roll again. That they began to is counted.
 
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
