@@ -246,6 +246,7 @@ fn slipping_wheels_take_the_local_estimate_too_far_and_not_the_global_one() {
     let (believed, driven) = (way(&last.local, DVec3::ZERO), local_truth(&last.truth).truncate().length());
     assert!(believed > driven + 50.0, "believed {believed} m, driven {driven} m");
     let error = (last.global.unwrap().translation - last.truth.translation).truncate().length();
-    // Fixes pull it back, or begin it anew, though the wheels say otherwise all the time.
-    assert!(error < 10.0, "global error {error} m");
+    // The wheels say otherwise all the time, so fixes are refused until there are enough of them to begin anew:
+    // five seconds at full speed beyond the gate.
+    assert!(error < 15.0, "global error {error} m");
 }

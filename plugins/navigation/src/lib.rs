@@ -25,7 +25,7 @@
 //! the wheels alone for distances, so when they slip it goes too far, and never hears of it; the global estimate does,
 //! by the fixes. Neither knows of sideways slip.
 //!
-//! Noise that the covariances state, with the parameters' defaults: 5 % of the distance as a random walk, 0.5° of
+//! Noise that the covariances state, with the parameters' defaults: 5 % of each 20 m, as slip lasts, 0.5° of
 //! heading in the square root of a second; a fix as its receiver states it, and fixes that err alike over 15 s, so that 30 s of them are one measurement.
 //!
 //! Where this differs from the seed: A 4 says what the two estimates are and not how they are made; the gate is that of

@@ -16,6 +16,8 @@ use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
 use rcs_world::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
+/// Slip belongs to the ground, so the errors of neighbouring metres are alike: this length has one error, m.
+const SLIP_LENGTH_M: f64 = 20.0;
 /// Time between two global estimates that are sent, ns.
 const GLOBAL_PERIOD_NS: u64 = 100_000_000;
 /// Variance of roll and pitch that is stated: that of the filter on rough ground, rad².
@@ -220,7 +222,7 @@ impl Position {
         let forward = attitude.level_from_vehicle * DVec3::X;
         let level_m = step_m * forward.truncate().length();
         let noise = MotionNoise {
-            distance: params.distance_noise,
+            distance: params.distance_noise * SLIP_LENGTH_M.sqrt(),
             heading_rad: params.heading_noise_deg.to_radians(),
         };
         local.advance(&noise, level_m, turn_rad, elapsed_s);
