@@ -9,8 +9,8 @@ use egui::{PopupCloseBehavior, Role, Ui, WidgetInfo};
 use ocu_ui::{icons, tokens};
 use rcs_runtime::source::Topic;
 
-/// More overlays than these are listed in a menu: a row has no room for them.
-const IN_A_ROW: usize = 2;
+/// What a switch takes beside its name, in points: the box, the slider, its number, and the gaps.
+const SWITCH: f32 = 196.0;
 
 impl Camera {
     /// How an overlay is drawn where a person has not said: the first one only, and never the truth.
@@ -30,7 +30,15 @@ impl Camera {
             return;
         }
         crate::toolbar::row(ui, |ui| {
-            if overlays.len() <= IN_A_ROW {
+            let font = egui::TextStyle::Button.resolve(ui.style());
+            let width = |overlay: &&Topic| {
+                let galley =
+                    ui.painter().layout_no_wrap(overlay.name.to_string(), font.clone(), tokens(ui).text);
+                galley.size().x + SWITCH
+            };
+            // What has no room in a row, and the truth, whose heading has none, are listed in a menu.
+            let truth = overlays.iter().any(|overlay| overlay.is_truth());
+            if !truth && overlays.iter().map(width).sum::<f32>() <= ui.available_width() {
                 for overlay in overlays {
                     self.overlay_switch(ui, overlay, overlays);
                 }
@@ -78,12 +86,7 @@ impl Camera {
     fn overlay_switch(&mut self, ui: &mut Ui, overlay: &Topic, overlays: &[&Topic]) {
         let before = self.overlay_state(overlay, overlays);
         let mut state = before;
-        let name = if overlay.is_truth() && overlays.len() <= IN_A_ROW {
-            format!("{} (truth)", overlay.name)
-        } else {
-            overlay.name.to_string()
-        };
-        ui.checkbox(&mut state.shown, name).on_hover_text("Show this overlay");
+        ui.checkbox(&mut state.shown, &*overlay.name).on_hover_text("Show this overlay");
         let slider = egui::Slider::new(&mut state.opacity, 0.0..=1.0)
             .custom_formatter(|v, _| format!("{:3.0} %", v * 100.0))
             .custom_parser(|text| text.trim_end_matches('%').trim().parse::<f64>().ok().map(|v| v / 100.0));
