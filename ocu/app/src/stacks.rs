@@ -16,6 +16,7 @@ const BUNDLED: &[(&str, &str)] = &[
     ("truth_driver", include_str!("../../../assets/stacks/truth_driver.toml")),
     ("learning", include_str!("../../../assets/stacks/learning.toml")),
     ("range_camera", include_str!("../../../assets/stacks/range_camera.toml")),
+    ("terrain_camera", include_str!("../../../assets/stacks/terrain_camera.toml")),
     ("forest_robot", include_str!("../../../assets/stacks/forest_robot.toml")),
     ("husky", include_str!("../../../assets/stacks/husky.toml")),
     ("sample", include_str!("../../../assets/stacks/sample.toml")),

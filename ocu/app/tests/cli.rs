@@ -358,3 +358,80 @@ fn eval_color_refuses_what_does_not_fit() {
     check(&[&image, "--labels", &labels, "--apriori", &labels], 2, "cannot read the models");
     check(&[&image, "--labels", &labels, "--ignore-ids", "1,2,7,255"], 1, "have ignored ids");
 }
+
+/// A recording with true labels and classes of two moments; the second classes are 3 ms late.
+fn labelled_recording(path: &Path, size: [u32; 2]) {
+    use rcs_log::{LogWriter, WriteHeader, WriterOptions};
+    use rcs_msg::{AnyMessage, Stamp, foxglove::RawImage, schema_of};
+    let mut writer = LogWriter::create(path, WriterOptions::default()).unwrap();
+    let palette = |name: &str| [("rcs.palette".to_owned(), name.to_owned())].into();
+    let truth = writer.add_channel("/truth", schema_of::<RawImage>(), &palette("obstacle_labels")).unwrap();
+    let judged = writer.add_channel("/classes", schema_of::<RawImage>(), &palette("classes")).unwrap();
+    let mut sequence = 0;
+    let mut write = |channel, ms: u64, [width, height]: [u32; 2], pixels: &[u8]| {
+        let time = Stamp(ms * 1_000_000);
+        let data = pixels.iter().copied().cycle().take((width * height) as usize).collect::<Vec<_>>();
+        let image = RawImage {
+            timestamp: Some(time.to_proto()),
+            width,
+            height,
+            encoding: "mono8".to_owned(),
+            step: width,
+            data: data.into(),
+            ..RawImage::default()
+        };
+        let header = WriteHeader { sequence, log_time: time, publish_time: time };
+        sequence += 1;
+        writer.write(channel, header, &AnyMessage::new(image).bytes()).unwrap();
+    };
+    // Ground, short, obstacle, cover: short is ground, cover is not counted.
+    write(truth, 1000, [4, 2], &[1, 3, 2, 4]);
+    write(judged, 1000, size, &[1, 1, 2, 2]);
+    write(judged, 1203, size, &[2, 1, 0, 0]);
+    write(truth, 1200, [4, 2], &[1, 1, 2, 2]);
+    write(truth, 1400, [4, 2], &[1, 1, 1, 1]);
+    writer.finish().unwrap();
+}
+
+#[test]
+fn eval_classify_measures_label_images_of_one_time_against_each_other() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("labels.mcap");
+    labelled_recording(&path, [4, 2]);
+    let (code, out, errors) =
+        ocu(&["eval", "classify", "--log", text(&path), "--truth-topic", "/truth", "--json"]);
+    assert_eq!(code, 0, "{errors}");
+    let report = json(&out);
+    assert_eq!(keys(&report), ["f1", "ground_iou", "ms_median", "obstacle_iou", "unclassified_pct"]);
+    // Of eight pixels of ground six are right and two are called obstacles; of six obstacles two are right and four not
+    // classified.
+    assert_eq!(report["ground_iou"].as_f64(), Some(6.0 / 8.0), "{out}");
+    assert_eq!(report["obstacle_iou"].as_f64(), Some(2.0 / 8.0), "{out}");
+    assert_eq!(report["f1"].as_f64(), Some(12.0 / 14.0), "{out}");
+    assert!((report["unclassified_pct"].as_f64().unwrap() - 100.0 * 4.0 / 14.0).abs() < 1e-9, "{out}");
+    assert_eq!(report["ms_median"], serde_json::Value::Null);
+    // What is too far apart in time is no pair.
+    let narrow = ["--topic", "/classes", "--tolerance", "0.001", "--json"];
+    let (_, out, _) =
+        ocu(&[&["eval", "classify", "--log", text(&path), "--truth-topic", "/truth"], &narrow[..]].concat());
+    assert_eq!(json(&out)["unclassified_pct"].as_f64(), Some(0.0), "{out}");
+}
+
+#[test]
+fn eval_classify_refuses_what_does_not_fit() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("labels.mcap");
+    labelled_recording(&path, [2, 4]);
+    let check = |args: &[&str], code: i32, expected: &str| {
+        let (got, _, errors) = ocu(&[&["eval", "classify", "--log", text(&path)], args].concat());
+        assert_eq!(got, code, "{errors}");
+        assert!(errors.contains(expected), "got \"{errors}\", expected \"{expected}\"");
+    };
+    check(&["--truth-topic", "/truth"], 2, "label images are 2x4 pixels, the true ones 4x2");
+    check(&["--truth-topic", "/nothing"], 2, "the recording has no topic /nothing");
+    check(&["--truth-topic", "/truth", "--topic", "/none"], 2, "the recording has no topic /none");
+    let (drive, sample) = recording();
+    let (code, _, errors) = ocu(&["eval", "classify", "--log", text(&sample), "--truth-topic", "/truth"]);
+    assert!(code == 2 && errors.contains("expected --topic"), "{errors}");
+    drop(drive);
+}
