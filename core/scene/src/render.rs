@@ -70,6 +70,8 @@ struct Ball {
     /// From the camera, in the global frame, m.
     middle: Vec3,
     reach_m: f32,
+    /// No ray meets it before this, m.
+    nearest_m: f32,
 }
 
 struct View<'v> {
@@ -96,13 +98,17 @@ impl<'v> View<'v> {
         let turn = [0, 1, 2].map(|row| [0, 1, 2].map(|column| columns[column][row] as f32));
         let ball = |(number, shape): (usize, &Shape)| {
             let middle = [0, 1, 2].map(|axis| shape.middle[axis] - origin[axis]);
-            Ball { shape: number as u32, middle, reach_m: shape.reach_m() }
+            let reach_m = shape.reach_m();
+            let nearest_m = dot(&middle, middle).sqrt() - reach_m;
+            Ball { shape: number as u32, middle, reach_m, nearest_m }
         };
         let mut passable = [true; 16];
         for surface in Surface::ALL {
             passable[surface as usize] = world.material(surface).passable;
         }
-        let reach = inner.shapes.iter().enumerate().map(ball).collect();
+        let mut reach: Vec<Ball> = inner.shapes.iter().enumerate().map(ball).collect();
+        // Near ones first: what they hide need not be tried.
+        reach.sort_by(|a, b| a.nearest_m.total_cmp(&b.nearest_m));
         View { inner, rays, origin, turn, reach, passable }
     }
 
@@ -161,6 +167,9 @@ impl<'v> View<'v> {
         // The fence is drawn over what is behind it; a ray may still end at a strand.
         let (mut veil, mut strand) = (None, Found { t: RANGE, met: None });
         for ball in near {
+            if ball.nearest_m >= solid.t {
+                break;
+            }
             let shape = &self.inner.shapes[ball.shape as usize];
             if shape.form == Form::Mesh {
                 self.fence(shape, ball.shape, d, &mut veil, &mut strand);

@@ -76,6 +76,13 @@ impl World {
         Ok(World { inner: Arc::new(inner) })
     }
 
+    /// Reads a world file as [`World::from_toml`] does and computes nothing: the origin and the corners that the world
+    /// would have.
+    pub fn check(text: &str) -> Result<(Utm, [DVec2; 2]), SceneError> {
+        let spec = WorldSpec::read(text)?;
+        Ok((spec.origin, spec.bounds_m))
+    }
+
     /// As the file names it.
     pub fn name(&self) -> &str {
         &self.inner.name
