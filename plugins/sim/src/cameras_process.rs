@@ -19,7 +19,7 @@
 //! Cost: rays. Strips of rows are fixed and noise is a hash of the pixel: any number of threads gives the same bits.
 
 use crate::picture::{Exposure, Sensor, encoding_of, thermal};
-use crate::scene::{Texts, read_vehicle};
+use crate::scene::{Texts, check_world, read_vehicle, read_world};
 use crate::sensors::{is_due, normal};
 use crate::spec::{CameraKind, CameraSpec};
 use rand_core::RngCore;
@@ -135,7 +135,8 @@ impl Process for SimCameras {
     }
 
     fn check(params: &SimCamerasParams) -> Result<(), String> {
-        Eyes::new(params).map(|_| ())
+        Eyes::camera(params)?;
+        check_world(&params.world).map(|_| ())
     }
 
     fn new(_params: &SimCamerasParams) -> Self {
@@ -180,7 +181,8 @@ impl SimCameras {
 }
 
 impl Eyes {
-    fn new(params: &SimCamerasParams) -> Result<Eyes, String> {
+    /// The camera that the parameters ask for, and its lens.
+    fn camera(params: &SimCamerasParams) -> Result<(CameraSpec, PinholeCamera), String> {
         let vehicle = read_vehicle(&params.vehicle)?;
         let Some(spec) = vehicle.camera(&params.pair) else {
             let names: Vec<&str> = vehicle.cameras.iter().map(|camera| camera.name.as_str()).collect();
@@ -190,12 +192,12 @@ impl Eyes {
                 names.join(", ")
             ));
         };
-        let spec = spec.clone();
-        if params.world.is_empty() {
-            return Err("world is missing, expected the text of a world file".to_owned());
-        }
-        let world = World::from_toml(&params.world).map_err(|error| format!("world: {error}"))?;
-        let lens = lens_of(&spec, params)?;
+        Ok((spec.clone(), lens_of(spec, params)?))
+    }
+
+    fn new(params: &SimCamerasParams) -> Result<Eyes, String> {
+        let (spec, lens) = Eyes::camera(params)?;
+        let world = read_world(&params.world)?;
         let size = [lens.width as usize, lens.height as usize];
         Ok(Eyes {
             texts: Texts::of(&[&params.world, &params.vehicle]),

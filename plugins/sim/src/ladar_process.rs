@@ -9,7 +9,7 @@
 //! Period 50 ms; sweeps at the rate of the vehicle file. A sweep is taken from one pose. Rays that hit nothing within
 //! range give no point. A ray may pass between stems: see the scene. Lines are cast on the pool; noise is drawn before.
 
-use crate::scene::{Texts, read_vehicle};
+use crate::scene::{Texts, check_world, read_vehicle, read_world};
 use crate::sensors::{is_due, normal};
 use crate::spec::LadarSpec;
 use rand_core::RngCore;
@@ -77,7 +77,8 @@ impl Process for SimLadar {
     }
 
     fn check(params: &SimLadarParams) -> Result<(), String> {
-        Scanner::new(params).map(|_| ())
+        Scanner::ladar(params)?;
+        check_world(&params.world).map(|_| ())
     }
 
     fn new(_params: &SimLadarParams) -> Self {
@@ -127,22 +128,20 @@ impl SimLadar {
 }
 
 impl Scanner {
-    fn new(params: &SimLadarParams) -> Result<Scanner, String> {
+    /// The ladar that the parameters ask for.
+    fn ladar(params: &SimLadarParams) -> Result<LadarSpec, String> {
         let vehicle = read_vehicle(&params.vehicle)?;
-        let Some(spec) = vehicle.ladar(&params.ladar) else {
+        vehicle.ladar(&params.ladar).cloned().ok_or_else(|| {
             let names: Vec<&str> = vehicle.ladars.iter().map(|ladar| ladar.name.as_str()).collect();
-            return Err(format!(
-                "ladar is {:?}, expected one of the vehicle: [{}]",
-                params.ladar,
-                names.join(", ")
-            ));
-        };
-        if params.world.is_empty() {
-            return Err("world is missing, expected the text of a world file".to_owned());
-        }
-        let world = World::from_toml(&params.world).map_err(|error| format!("world: {error}"))?;
+            format!("ladar is {:?}, expected one of the vehicle: [{}]", params.ladar, names.join(", "))
+        })
+    }
+
+    fn new(params: &SimLadarParams) -> Result<Scanner, String> {
+        let spec = Scanner::ladar(params)?;
+        let world = read_world(&params.world)?;
         let texts = Texts::of(&[&params.world, &params.vehicle]);
-        Ok(Scanner { texts, name: params.ladar.clone(), spec: spec.clone(), world })
+        Ok(Scanner { texts, name: params.ladar.clone(), spec, world })
     }
 
     fn is_of(&self, params: &SimLadarParams) -> bool {

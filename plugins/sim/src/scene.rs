@@ -20,10 +20,7 @@ pub struct Scenery {
 impl Scenery {
     /// Reads a world file.
     pub fn from_toml(text: &str) -> Result<Scenery, String> {
-        if text.is_empty() {
-            return Err("world is missing, expected the text of a world file".to_owned());
-        }
-        let world = World::from_toml(text).map_err(|error| format!("world: {error}"))?;
+        let world = read_world(text)?;
         let is_tree = |thing: &&rcs_scene::Thing| thing.kind == ThingKind::Tree;
         let trees = world.things().iter().filter(is_tree).map(|tree| tree.position.truncate()).collect();
         Ok(Scenery { world, trees })
@@ -103,19 +100,6 @@ impl Texts {
     }
 }
 
-/// What `sim_vehicle` makes of its parameters.
-#[derive(Clone, Debug)]
-pub(crate) struct Stage {
-    texts: Texts,
-    pub(crate) spec: VehicleSpec,
-    pub(crate) scenery: Scenery,
-    /// Name of the course; empty for none.
-    pub(crate) course: String,
-    pub(crate) start: DVec2,
-    pub(crate) start_yaw_rad: f64,
-    pub(crate) goal: Option<Goal>,
-}
-
 /// Reads a vehicle file.
 pub(crate) fn read_vehicle(text: &str) -> Result<VehicleSpec, String> {
     if text.is_empty() {
@@ -124,16 +108,33 @@ pub(crate) fn read_vehicle(text: &str) -> Result<VehicleSpec, String> {
     VehicleSpec::from_toml(text).map_err(|error| format!("vehicle: {error}"))
 }
 
-impl Stage {
-    /// Reads the texts; says what is wrong with them.
-    pub(crate) fn new(params: &SimVehicleParams) -> Result<Stage, String> {
-        let texts = [params.world.as_str(), &params.vehicle, &params.course];
-        let spec = read_vehicle(&params.vehicle)?;
-        let scenery = Scenery::from_toml(&params.world)?;
-        let mut stage = Stage {
-            texts: Texts::of(&texts),
-            spec,
-            scenery,
+/// Reads and computes a world.
+pub(crate) fn read_world(text: &str) -> Result<World, String> {
+    check_world(text)?;
+    World::from_toml(text).map_err(|error| format!("world: {error}"))
+}
+
+/// Reads a world file and computes nothing: its origin and its corners.
+pub(crate) fn check_world(text: &str) -> Result<(Utm, [DVec2; 2]), String> {
+    if text.is_empty() {
+        return Err("world is missing, expected the text of a world file".to_owned());
+    }
+    World::check(text).map_err(|error| format!("world: {error}"))
+}
+
+/// Where a run starts and where it shall go.
+#[derive(Clone, Debug)]
+pub(crate) struct Route {
+    /// Name of the course; empty for none.
+    pub(crate) course: String,
+    pub(crate) start: DVec2,
+    pub(crate) start_yaw_rad: f64,
+    pub(crate) goal: Option<Goal>,
+}
+
+impl Route {
+    fn new(params: &SimVehicleParams, origin: &Utm, [low, high]: [DVec2; 2]) -> Result<Route, String> {
+        let mut route = Route {
             course: String::new(),
             start: DVec2::new(params.start_east_m, params.start_north_m),
             start_yaw_rad: params.start_heading_deg.to_radians(),
@@ -141,25 +142,51 @@ impl Stage {
         };
         if !params.course.is_empty() {
             let course = Course::from_toml(&params.course).map_err(|error| format!("course: {error}"))?;
-            let origin = stage.scenery.world.origin();
-            let place = |place: &rcs_scene::Place| place.in_world(&origin).map_err(|error| error.to_string());
-            stage.start = place(&course.start)?;
-            stage.start_yaw_rad = course.start_heading_rad;
-            stage.goal = Some(Goal {
+            let place = |place: &rcs_scene::Place| place.in_world(origin).map_err(|error| error.to_string());
+            route.start = place(&course.start)?;
+            route.start_yaw_rad = course.start_heading_rad;
+            route.goal = Some(Goal {
                 at: place(&course.goal)?,
                 radius_m: course.goal_radius_m,
                 time_limit_s: course.time_limit_s,
             });
-            stage.course = course.name;
+            route.course = course.name;
         }
-        let goal = stage.goal.map(|goal| goal.at);
-        for (what, at) in [("start", Some(stage.start)), ("goal", goal)] {
-            if let Some(at) = at.filter(|&at| !stage.scenery.contains(at)) {
-                let bounds = stage.scenery.world.bounds_m();
-                return Err(format!("{what} is at {at} m, expected a place in the world: {bounds:?}"));
+        for (what, at) in [("start", Some(route.start)), ("goal", route.goal.map(|goal| goal.at))] {
+            if let Some(at) = at.filter(|at| !(at.cmpge(low).all() && at.cmple(high).all())) {
+                return Err(format!(
+                    "{what} is at {at} m, expected a place in the world, from {low} to {high}"
+                ));
             }
         }
-        Ok(stage)
+        Ok(route)
+    }
+}
+
+/// What `sim_vehicle` makes of its parameters.
+#[derive(Clone, Debug)]
+pub(crate) struct Stage {
+    texts: Texts,
+    pub(crate) spec: VehicleSpec,
+    pub(crate) scenery: Scenery,
+    pub(crate) route: Route,
+}
+
+impl Stage {
+    /// Says what is wrong with the texts, without computing a world.
+    pub(crate) fn check(params: &SimVehicleParams) -> Result<(), String> {
+        read_vehicle(&params.vehicle)?;
+        let (origin, bounds) = check_world(&params.world)?;
+        Route::new(params, &origin, bounds).map(|_| ())
+    }
+
+    /// Reads the texts and computes the world.
+    pub(crate) fn new(params: &SimVehicleParams) -> Result<Stage, String> {
+        let spec = read_vehicle(&params.vehicle)?;
+        let scenery = Scenery::from_toml(&params.world)?;
+        let route = Route::new(params, &scenery.world.origin(), scenery.world.bounds_m())?;
+        let texts = Texts::of(&[&params.world, &params.vehicle, &params.course]);
+        Ok(Stage { texts, spec, scenery, route })
     }
 
     /// Whether it was made of these texts.

@@ -151,7 +151,7 @@ impl Process for SimVehicle {
     }
 
     fn check(params: &SimVehicleParams) -> Result<(), String> {
-        Stage::new(params).map(|_| ())
+        Stage::check(params)
     }
 
     fn new(_params: &SimVehicleParams) -> Self {
@@ -231,12 +231,12 @@ impl Run {
         Run {
             start: now,
             steps: 0,
-            vehicle: Vehicle::new(spec, &stage.scenery, stage.start, stage.start_yaw_rad),
+            vehicle: Vehicle::new(spec, &stage.scenery, stage.route.start, stage.route.start_yaw_rad),
             commands: Commands::default(),
             encoders: Encoders::new(&spec.encoders, noise, cx.rng()),
             inertial: Inertial::new(&spec.inertial, noise, cx.rng()),
             gps: Gps::new(&spec.gps, cx.rng()),
-            referee: Referee::new(stage.start, stage.goal.as_ref()),
+            referee: Referee::new(stage.route.start, stage.route.goal.as_ref()),
         }
     }
 
@@ -258,7 +258,7 @@ impl Run {
             let wish = self.commands.wish(&stage.spec, self.time(), params.command_timeout_s);
             self.vehicle.step(&stage.spec, &stage.scenery, wish, params.traction_scale);
             let in_world = stage.scenery.contains(self.vehicle.at());
-            self.referee.watch(&self.vehicle, stage.goal.as_ref(), in_world);
+            self.referee.watch(&self.vehicle, stage.route.goal.as_ref(), in_world);
             self.steps += 1;
         }
     }
@@ -430,7 +430,7 @@ impl Run {
         let time = self.time();
         if times.due(STATIC_HZ) {
             cx.write(&ports.static_transforms, time, sensor_transforms(&stage.spec, time));
-            if let Some(goal) = &stage.goal {
+            if let Some(goal) = &stage.route.goal {
                 let height_m = stage.scenery.height_m(goal.at);
                 let pose = Some(pose_message(&Pose::from_translation(goal.at.extend(height_m))));
                 let message =
@@ -439,7 +439,11 @@ impl Run {
             }
         }
         if times.due(RUN_HZ) {
-            cx.write(&ports.run, time, self.referee.message(&stage.course, stage.goal.as_ref(), time));
+            cx.write(
+                &ports.run,
+                time,
+                self.referee.message(&stage.route.course, stage.route.goal.as_ref(), time),
+            );
         }
         if times.due(stage.spec.rates.truth_hz) {
             let remaining_m = self.referee.remaining_m;
