@@ -288,8 +288,8 @@ fn bake(spec: &WorldSpec, lattice: &Lattice, lit: &[f32], sun: Vec3, direct: f32
         add_noise(&mut tint, width, wavelength / CELL, amplitude, seed);
     }
     let mut hue = vec![0.0_f32; lattice.z.len()];
-    add_noise(&mut hue, width, 5.0 / CELL, 0.08, spec.seed ^ 0x40E);
-    add_noise(&mut hue, width, 0.8 / CELL, 0.04, spec.seed ^ 0x40F);
+    add_noise(&mut hue, width, 5.0 / CELL, 0.05, spec.seed ^ 0x40E);
+    add_noise(&mut hue, width, 0.8 / CELL, 0.03, spec.seed ^ 0x40F);
     let colours: Vec<Vec3> = spec.materials.iter().map(Material::mean_colour).collect();
     let rows = lattice.z.len() / width;
     let mut texels = Vec::with_capacity(lattice.z.len());
