@@ -35,8 +35,11 @@ fn stack(learner: &str) -> String {
     )
 }
 
+/// Gives the schema of a topic.
+type SchemaOf = fn() -> Arc<rcs_msg::Schema>;
+
 /// Topics of the log by name, and how each is stored.
-const TOPICS: [(&str, fn() -> Arc<rcs_msg::Schema>); 9] = [
+const TOPICS: [(&str, SchemaOf); 9] = [
     ("image", || schema_of::<RawImage>().clone()),
     ("labels", || schema_of::<RawImage>().clone()),
     ("depth", || schema_of::<RawImage>().clone()),
