@@ -3,7 +3,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DMat3, DVec3};
 use rcs_geom::{Distortion, PinholeCamera};
-use rcs_obstacles::columns::{Footing, Placement};
+use rcs_obstacles::columns::{Footing, Placement, Survey};
 use rcs_obstacles::depth_image::{DepthImage, Rays, label_image, scan_strip};
 use rcs_obstacles::scan::ScanParams;
 
@@ -39,13 +39,12 @@ fn column_scan(criterion: &mut Criterion) {
         let local_from_optical = DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X);
         let footing = Footing { below_origin: DVec3::new(0.0, 0.0, -HEIGHT_M), up: DVec3::Z, wheels_m: 0.4 };
         let placement = Placement { sensor: DVec3::new(0.0, 0.0, HEIGHT_M), cell_size_m: 0.2 };
-        let params = ScanParams::default();
+        let survey = Survey { footing, placement, scan: ScanParams::default(), negative: None, known: None };
 
         group.throughput(Throughput::Elements((width * height) as u64));
         group.bench_function(format!("{width}x{height}"), |bench| {
             bench.iter(|| {
-                let strip =
-                    |at| scan_strip(&image, &rays, at, local_from_optical, &footing, &placement, &params);
+                let strip = |at| scan_strip(&image, &[], &rays, at, local_from_optical, &survey);
                 let strips: Vec<_> = (0..rays.strips()).map(strip).collect();
                 label_image(&strips, width, height)
             });
