@@ -93,9 +93,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         let model = Model { name: surface.name.to_owned(), histogram, uses: 1, updated: Stamp(0) };
         let mut models = Models::default();
         if surface.is_obstacle {
-            models.obstacles.push(model)
+            models.obstacles.push(model);
         } else {
-            models.ground.push(model)
+            models.ground.push(model);
         }
         let mut message = to_message(&models, Stamp(0));
         message.timestamp = None;

@@ -1,33 +1,16 @@
 //! Every course of the simulation, driven by the driver that knows the truth: it can be driven, in time and without a
 //! collision, and every run of a seed is the same to the last byte.
 
+use crate::bundled;
 use rcs_msg::rcs::{CourseOutcome, CourseRun, DriveCommand, TruthState, VehicleStatus};
 use rcs_msg::{AnyMessage, Payload, Stamp};
 use rcs_runtime::source::Task;
-use rcs_runtime::{Asset, Assets, OperatorWrite, Plan, PlanOptions, RunOptions, Session, StackFile, Stepped};
-use std::path::Path;
+use rcs_runtime::{OperatorWrite, Plan, RunOptions, Session, Stepped};
 use std::sync::Arc;
-
-/// The files that come with the program, where they lie.
-struct Repository;
-
-impl Assets for Repository {
-    fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
-        let file = format!("assets/{kind}s/{name}.toml");
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(&file);
-        let text = std::fs::read_to_string(path).map_err(|error| format!("{error}: {file}"))?;
-        Ok(Asset { file, text })
-    }
-}
 
 /// The driver's stack on a course, with other values of parameters.
 fn plan(course: &str, overrides: &[(&str, &str)]) -> Arc<Plan> {
-    let asset = Repository.read("stack", "truth_driver", "").unwrap();
-    let overrides: Vec<(String, String)> =
-        overrides.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
-    let file = StackFile::parse(&asset.file, &asset.text).unwrap_or_else(|error| panic!("{error}"));
-    let options = PlanOptions { overrides: &overrides, course: Some(course), assets: &Repository };
-    Arc::new(Plan::with(file, rcs_plugins::all(), &options).unwrap_or_else(|error| panic!("{error}")))
+    bundled::plan("truth_driver", course, overrides)
 }
 
 fn latest<T: Payload>(run: &Stepped, buffer: &str) -> T {
@@ -35,7 +18,7 @@ fn latest<T: Payload>(run: &Stepped, buffer: &str) -> T {
 }
 
 /// Drives a course until the referee has decided; what it said, and the hash of everything that was sent.
-fn drive(plan: &Arc<Plan>, seed: u64) -> (CourseRun, String) {
+fn decide(plan: &Arc<Plan>, seed: u64) -> (CourseRun, String) {
     let options = RunOptions { seed, hash: true, ..RunOptions::default() };
     let mut run = Stepped::new(Arc::clone(plan), None, options).unwrap();
     run.begin().unwrap();
@@ -56,7 +39,7 @@ fn check(course: &str) {
     let plan = plan(course, &[]);
     let mut hashes = Vec::new();
     for seed in [0, 1, 0] {
-        let (run, hash) = drive(&plan, seed);
+        let (run, hash) = decide(&plan, seed);
         let told = format!("{course} with seed {seed}: {run:?}");
         assert_eq!(run.outcome(), CourseOutcome::CourseReached, "{told}");
         assert_eq!((run.collisions, run.bumper_hits), (0, 0), "{told}");
@@ -111,7 +94,7 @@ fn the_straight_way_up_the_hill_is_too_slippery() {
         ("truth_driver.slope_weight", "0"),
         ("truth_driver.max_slope_deg", "35"),
     ];
-    let (run, _) = drive(&plan("hill", &reckless), 0);
+    let (run, _) = decide(&plan("hill", &reckless), 0);
     assert_eq!(run.outcome(), CourseOutcome::CourseTimeOut, "{run:?}");
     assert!(run.slip_s > 60.0 && run.remaining_m > 50.0, "it has spun its wheels in the mud: {run:?}");
 }

@@ -3,6 +3,10 @@
 #[cfg(test)]
 mod architecture;
 #[cfg(test)]
+mod bundled;
+#[cfg(test)]
 mod courses;
 #[cfg(test)]
 mod random_input;
+#[cfg(test)]
+mod stereo_truth;

@@ -46,8 +46,7 @@ fn is_plugin(dir: &str) -> bool {
 fn allowed_below(dir: &str) -> Option<&'static [&'static str]> {
     Some(match dir {
         "core/geom" | "ocu/ui" => &[],
-        "core/msg" => &["core/geom"],
-        "core/scene" => &["core/geom"],
+        "core/msg" | "core/scene" => &["core/geom"],
         "core/world" | "core/bus" | "core/log" => &["core/geom", "core/msg"],
         // The testkit makes logs; a crate below it meets it in its tests alone.
         "core/testkit" => &["core/msg", "core/log"],

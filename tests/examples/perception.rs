@@ -1,0 +1,162 @@
+//! What each part of sensory processing gets right, against the truth, on every course: intersection over union of
+//! obstacle and open cells within 8 m, over the first minute of a drive.
+//!
+//! `cargo run -p ocu-tests --example perception [-- COURSE ...]`
+
+#![allow(clippy::print_stdout, clippy::unwrap_used, reason = "its output is what it is for")]
+#![allow(unreachable_pub, reason = "shared with the tests")]
+
+#[path = "../src/bundled.rs"]
+mod bundled;
+
+use bundled::{Repository, plan};
+use rcs_geom::{DVec2, DVec3, Pose};
+use rcs_msg::foxglove::{Grid, Odometry};
+use rcs_msg::{Payload, Stamp};
+use rcs_runtime::{Assets, RunOptions, Stepped};
+use rcs_scene::{Course, World};
+use rcs_world::{GridView, MAX_COST, OBSTACLE_COST, pose_of};
+
+const COURSES: [&str; 7] =
+    ["meadow", "mulch_path", "dead_end", "tall_grass", "hill", "corridor", "transition"];
+const PARTS: [(&str, &str); 5] = [
+    ("/obstacles/cost", "cost.stereo"),
+    ("/color/cost", "cost.color"),
+    ("/terrain/cost", "cost.terrain"),
+    ("/classifier/cost", "cost.classifier"),
+    ("/wm1/map", "cost"),
+];
+
+fn main() {
+    let asked: Vec<String> = std::env::args().skip(1).collect();
+    let courses: Vec<&str> =
+        if asked.is_empty() { COURSES.to_vec() } else { asked.iter().map(String::as_str).collect() };
+    println!("| course | part | obstacle IoU | ground IoU | cells |\n| --- | --- | --- | --- | --- |");
+    for course in courses {
+        let mut drive = Drive::start("learning", course, 0, &[]);
+        let mut scores = [Score::default(); PARTS.len()];
+        for second in 1..=60 {
+            drive.until(f64::from(second));
+            for ((buffer, field), score) in PARTS.iter().zip(&mut scores) {
+                drive.score(buffer, field, 8.0, score);
+            }
+        }
+        for ((_, field), score) in PARTS.iter().zip(&scores) {
+            let cells = score.obstacle_right + score.obstacle_wrong + score.ground_right + score.ground_wrong;
+            let part = field.strip_prefix("cost.").unwrap_or("fused (WM1)");
+            println!(
+                "| {course} | {part} | {:.2} | {:.2} | {cells} |",
+                score.obstacle_iou(),
+                score.ground_iou()
+            );
+        }
+    }
+}
+
+/// A drive that goes on, and the world that it is in.
+struct Drive {
+    run: Stepped,
+    world: World,
+}
+
+impl Drive {
+    /// A drive at its start.
+    fn start(stack: &str, course: &str, seed: u64, params: &[(&str, &str)]) -> Drive {
+        let course_text = Repository.read("course", course, "").unwrap().text;
+        let world_name = Course::from_toml(&course_text).unwrap().world;
+        let world = World::from_toml(&Repository.read("world", &world_name, "").unwrap().text).unwrap();
+        let options = RunOptions { seed, ..RunOptions::default() };
+        let mut run = Stepped::new(plan(stack, course, params), None, options).unwrap();
+        run.begin().unwrap();
+        Drive { run, world }
+    }
+
+    /// Goes on until this many seconds after the start.
+    fn until(&mut self, seconds: f64) {
+        self.run.run_until(Stamp((seconds * 1e9).round() as u64)).unwrap();
+    }
+
+    /// The newest message of a buffer; `None` before the first.
+    fn latest<T: Payload>(&self, buffer: &str) -> Option<T> {
+        let buffer = self.run.bus().get(buffer).unwrap_or_else(|| panic!("there is no buffer {buffer}"));
+        buffer.latest()?.message.to()
+    }
+
+    /// True pose of the vehicle in the frame `global`.
+    fn global_from_vehicle(&self) -> Option<Pose> {
+        let odometry: Odometry = self.latest("/vehicle/truth_pose")?;
+        pose_of(odometry.pose.as_ref(), "global").ok()
+    }
+
+    /// Where the frame of the local estimate really lies, by the vehicle's true and estimated poses.
+    fn global_from_local(&self) -> Option<Pose> {
+        let local: Odometry = self.latest("/position/local")?;
+        let local_from_vehicle = pose_of(local.pose.as_ref(), "local").ok()?;
+        Some(self.global_from_vehicle()? * local_from_vehicle.inverse())
+    }
+
+    /// Scores the newest map of costs in a buffer against the true world, up to `reach_m` from the vehicle.
+    fn score(&self, buffer: &str, field: &str, reach_m: f64, score: &mut Score) {
+        let (Some(grid), Some(global_from_local), Some(vehicle)) =
+            (self.latest::<Grid>(buffer), self.global_from_local(), self.global_from_vehicle())
+        else {
+            return;
+        };
+        let view = GridView::new(&grid).unwrap();
+        let costs = view.field(field).unwrap();
+        let cell = view.cell_size_m();
+        for row in 0..view.rows() {
+            for column in 0..view.columns() {
+                let cost = costs.get(column, row).unwrap_or(255.0);
+                if cost > f64::from(MAX_COST) {
+                    continue;
+                }
+                let at = (DVec2::new(column as f64, row as f64) + 0.5) * cell;
+                let local = view.frame_from_grid() * DVec3::new(at.x, at.y, 0.0);
+                let at = (global_from_local * local).truncate();
+                if (at - vehicle.translation.truncate()).length() <= reach_m {
+                    let sensed = cost >= f64::from(OBSTACLE_COST);
+                    score.count(sensed, &self.world, at);
+                }
+            }
+        }
+    }
+}
+
+/// Cells with a cost, beside the truth. A border of one cell (0.2 m and the diagonal) is nobody's mistake: an obstacle is
+/// right where something blocks within it, and an open cell is right where nothing blocks its own middle.
+#[derive(Clone, Copy, Debug, Default)]
+struct Score {
+    obstacle_right: u64,
+    obstacle_wrong: u64,
+    ground_right: u64,
+    ground_wrong: u64,
+}
+
+/// From a cell's middle to the next one's, diagonally, m.
+const BORDER_M: f64 = 0.29;
+
+impl Score {
+    fn count(&mut self, sensed: bool, world: &World, at: DVec2) {
+        match (sensed, world.blocked(at, if sensed { BORDER_M } else { 0.0 })) {
+            (true, true) => self.obstacle_right += 1,
+            (true, false) => self.obstacle_wrong += 1,
+            (false, true) => self.ground_wrong += 1,
+            (false, false) => self.ground_right += 1,
+        }
+    }
+
+    /// Intersection over union of obstacle cells.
+    fn obstacle_iou(&self) -> f64 {
+        iou(self.obstacle_right, self.obstacle_wrong + self.ground_wrong)
+    }
+
+    /// Intersection over union of open cells.
+    fn ground_iou(&self) -> f64 {
+        iou(self.ground_right, self.obstacle_wrong + self.ground_wrong)
+    }
+}
+
+fn iou(both: u64, one: u64) -> f64 {
+    both as f64 / (both + one).max(1) as f64
+}

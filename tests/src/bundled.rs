@@ -1,0 +1,29 @@
+//! The stacks, worlds, courses and models that come with the program, as the tests run them.
+
+use rcs_runtime::{Asset, Assets, Plan, PlanOptions, StackFile};
+use std::path::Path;
+use std::sync::Arc;
+
+/// The files that come with the program, where they lie.
+pub(crate) struct Repository;
+
+impl Assets for Repository {
+    fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
+        let file = match kind {
+            "models" => format!("assets/models/{name}.json"),
+            kind => format!("assets/{kind}s/{name}.toml"),
+        };
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(&file);
+        let text = std::fs::read_to_string(path).map_err(|error| format!("{error}: {file}"))?;
+        Ok(Asset { file, text })
+    }
+}
+
+/// A bundled stack on a bundled course, with parameters `(process.field, value)`.
+pub(crate) fn plan(stack: &str, course: &str, params: &[(&str, &str)]) -> Arc<Plan> {
+    let asset = Repository.read("stack", stack, "").unwrap();
+    let file = StackFile::parse(&asset.file, &asset.text).unwrap_or_else(|error| panic!("{error}"));
+    let overrides: Vec<_> = params.iter().map(|&(path, value)| (path.to_owned(), value.to_owned())).collect();
+    let options = PlanOptions { overrides: &overrides, course: Some(course), assets: &Repository };
+    Arc::new(Plan::with(file, rcs_plugins::all(), &options).unwrap_or_else(|error| panic!("{error}")))
+}
