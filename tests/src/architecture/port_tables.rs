@@ -39,5 +39,9 @@ fn every_port_table_is_the_definition() {
     assert_kept("a plugin's documentation has its ports", &undocumented(rcs_plugins::all(), &texts));
     // A port that is missing, or another word, is found.
     let cut: Vec<String> = texts.iter().map(|text| text.replace("`calibration`", "`calib`")).collect();
-    assert_eq!(undocumented(rcs_plugins::all(), &cut).len(), 2);
+    let named = |ports: Vec<PortDef>| ports.iter().any(|port| port.name == "calibration");
+    let with = rcs_plugins::all().iter().filter(|plugin| named(plugin.inputs()) || named(plugin.outputs()));
+    let with = with.count();
+    assert!(with > 1, "some plugins have such a port");
+    assert_eq!(undocumented(rcs_plugins::all(), &cut).len(), with);
 }
