@@ -1,0 +1,102 @@
+//! The simulation: a step of the vehicle, a second of its process in a stack, a second of four eyes, a sweep of a ladar.
+//!
+//! A second of four eyes in 0.4 s is the bar of 0.4 of a core; a second of the vehicle in 20 ms that of 50 times real
+//! time. Rays: 4 eyes, 5 pictures, 320×240.
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use glam::{DVec2, DVec3};
+use rcs_msg::Stamp;
+use rcs_runtime::{Asset, Assets, Plan, PlanOptions, ProcessType, RunOptions, StackFile, Stepped};
+use rcs_sim::drive::Drive;
+use rcs_sim::scene::Scenery;
+use rcs_sim::spec::VehicleSpec;
+use rcs_sim::vehicle::{Vehicle, Wish};
+use rcs_sim::{SimCameras, SimVehicle};
+use std::sync::Arc;
+
+const WORLD: &str = include_str!("../assets/worlds/meadow.toml");
+const LAGR: &str = include_str!("../assets/vehicles/lagr.toml");
+const TRACTOR: &str = include_str!("../assets/vehicles/tractor.toml");
+/// Where the meadow's course starts.
+const START: DVec2 = DVec2::new(10.0, 45.0);
+
+struct Files;
+
+impl Assets for Files {
+    fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
+        let text = if kind == "world" { WORLD } else { LAGR };
+        Ok(Asset { file: name.to_owned(), text: text.to_owned() })
+    }
+}
+
+/// A run that has begun: the world and the map are made in its first second.
+fn begun(processes: &str) -> Stepped {
+    let text = format!("format = 1\nname = \"speed\"\n{processes}");
+    let plugins = &[ProcessType::of::<SimCameras>(), ProcessType::of::<SimVehicle>()];
+    let options = PlanOptions { overrides: &[], course: None, assets: &Files };
+    let file = StackFile::parse("speed", &text).expect("a sound stack");
+    let plan = Plan::with(file, plugins, &options).expect("a stack that can run");
+    let mut run = Stepped::new(Arc::new(plan), None, RunOptions::default()).expect("a run");
+    run.begin().expect("a beginning");
+    run.run_until(Stamp(1_000_000_000)).expect("a second");
+    run
+}
+
+const VEHICLE: &str = r#"
+[[process]]
+name = "vehicle"
+plugin = "sim_vehicle"
+supervisor = "viewer"
+params = { world = "w", vehicle = "v", start_east_m = 10.0, start_north_m = 45.0, map_period_s = 0.0 }
+"#;
+
+fn eyes(pair: &str) -> String {
+    format!(
+        "[[process]]\nname = \"eyes_{pair}\"\nplugin = \"sim_cameras\"\nsupervisor = \"viewer\"\n\
+         inputs = {{ truth_state = \"/vehicle/truth_state\" }}\n\
+         params = {{ world = \"w\", vehicle = \"v\", pair = \"{pair}\" }}\n"
+    )
+}
+
+fn seconds(criterion: &mut Criterion, name: &str, elements: u64, processes: &str) {
+    let mut group = criterion.benchmark_group("sim/second");
+    group.sample_size(10).throughput(Throughput::Elements(elements));
+    let mut run = begun(processes);
+    let mut second = 1;
+    group.bench_function(name, |bench| {
+        bench.iter(|| {
+            second += 1;
+            run.run_until(Stamp(second * 1_000_000_000)).expect("a second");
+        });
+    });
+}
+
+fn simulation(criterion: &mut Criterion) {
+    let scenery = Scenery::from_toml(WORLD).expect("a sound world");
+    let spec = VehicleSpec::from_toml(LAGR).expect("a sound vehicle");
+    let mut vehicle = Vehicle::new(&spec, &scenery, START, 0.0);
+    let wish = Wish { drive: Drive::Speeds([0.9, 1.0]), curvature_per_m: 0.0 };
+    criterion.bench_function("sim/vehicle_step/10ms", |bench| {
+        bench.iter(|| vehicle.step(&spec, &scenery, wish, 1.0));
+    });
+
+    seconds(criterion, "vehicle", 100, VEHICLE);
+    let rays = 4 * 5 * 320 * 240;
+    seconds(criterion, "four_eyes_320x240_5hz", rays, &format!("{VEHICLE}{}{}", eyes("left"), eyes("right")));
+
+    let tractor = VehicleSpec::from_toml(TRACTOR).expect("a sound vehicle");
+    let ladar = tractor.ladar("ladar_roof").expect("a ladar");
+    let origin = START.extend(scenery.world.height_m(START)) + DVec3::Z * ladar.mount.position.z;
+    let directions: Vec<DVec3> = (0..ladar.lines).flat_map(|line| ladar.directions(line)).collect();
+    let mut group = criterion.benchmark_group("sim/ladar_sweep");
+    group.throughput(Throughput::Elements(directions.len() as u64));
+    group.bench_function(format!("{}x{}", ladar.rays, ladar.lines), |bench| {
+        bench.iter(|| {
+            let hits = directions.iter().filter_map(|ray| scenery.world.cast(origin, *ray, ladar.max_range_m));
+            hits.map(|hit| hit.range_m).sum::<f64>()
+        });
+    });
+}
+
+criterion_group!(benches, simulation);
+criterion_main!(benches);
