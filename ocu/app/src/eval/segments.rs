@@ -108,7 +108,10 @@ mod tests {
         }
         let report = confusion.report(vec![3.0, 1.0, 2.0]);
         assert_eq!((report.ground_iou, report.obstacle_iou), (Some(0.6), Some(9.0 / 13.0)));
-        assert_eq!((report.f1, report.unclassified_pct, report.ms_median), (Some(12.0 / 16.0), 10.0, Some(2.0)));
+        assert_eq!(
+            (report.f1, report.unclassified_pct, report.ms_median),
+            (Some(12.0 / 16.0), 10.0, Some(2.0))
+        );
     }
 
     #[test]
