@@ -178,7 +178,9 @@ impl Camera {
                 continue;
             }
             if let Some(shapes) = overlay.get() {
-                annotations::paint(&painter, shapes, viewport, canvas, state.opacity);
+                // What lies beside the image was not seen.
+                let inside = painter.with_clip_rect(painter.clip_rect().intersect(rect));
+                annotations::paint(&inside, shapes, viewport, canvas, state.opacity);
                 continue;
             }
             let layer = self.layers.entry(overlay.name.to_string()).or_default();
