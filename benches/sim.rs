@@ -92,7 +92,8 @@ fn simulation(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements(directions.len() as u64));
     group.bench_function(format!("{}x{}", ladar.rays, ladar.lines), |bench| {
         bench.iter(|| {
-            let hits = directions.iter().filter_map(|ray| scenery.world.cast(origin, *ray, ladar.max_range_m));
+            let hits =
+                directions.iter().filter_map(|ray| scenery.world.cast(origin, *ray, ladar.max_range_m));
             hits.map(|hit| hit.range_m).sum::<f64>()
         });
     });
