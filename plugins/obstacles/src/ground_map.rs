@@ -20,7 +20,7 @@ pub const GROUND_SIDE: usize = 201;
 pub struct GroundCell {
     /// Mean height of its ground pixels in the local frame, m; the newest weigh most.
     pub height_m: f32,
-    /// Ground pixels, up to [`MAX_WEIGHT`].
+    /// Ground pixels, up to the most that a cell remembers.
     pub pixels: u16,
     /// Columns that saw a border of a hole here, less what spoke against it since.
     pub borders: u16,
