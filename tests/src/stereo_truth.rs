@@ -296,8 +296,7 @@ fn things_in_the_meadow_are_found_and_little_else_is() {
     println!("{right} of {patches} patches of obstacle cells within 8 m belong to a thing: {precision:.3}");
     println!("labels within 8 m: IoU ground {:.3}, obstacle {:.3}", confusion.iou(1), confusion.iou(2));
     println!("recall over both: {recall:.3}");
-    // The bar of the precision is 0.9, and is missed: 0.89. This keeps what there is.
-    assert!(recall >= 0.95 && precision >= 0.87, "recall {recall:.3}, precision {precision:.3}");
+    assert!(recall >= 0.95 && precision >= 0.9, "recall {recall:.3}, precision {precision:.3}");
 }
 
 #[test]
