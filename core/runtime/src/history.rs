@@ -26,8 +26,10 @@ pub struct OperatorWrite {
 const DENSE: usize = 96;
 /// Behind those, one snapshot is kept in this much simulated time.
 const THINNED_NS: u64 = 1_000_000_000;
-/// How many thinned snapshots are kept in memory; older ones go to disk.
-const THINNED_IN_MEMORY: usize = 64;
+/// How many thinned snapshots are kept in memory; older ones go to disk. With four cameras each is some 25 MB.
+const THINNED_IN_MEMORY: usize = 24;
+/// On disk, one snapshot is kept in this much simulated time.
+const ON_DISK_NS: u64 = 10_000_000_000;
 
 /// A stepped run that can go back.
 pub struct Session {
@@ -268,10 +270,17 @@ impl Session {
         }
         let oldest = self.thinned.iter().find_map(|(&event, kept)| match kept {
             // The very first stays: it is where everything can be reached from.
-            Kept::InMemory(snapshot) if event > 0 => Some((event, snapshot.now, snapshot.to_bytes())),
+            Kept::InMemory(snapshot) if event > 0 => Some((event, snapshot)),
             _ => None,
         });
-        let Some((event, now, encoded)) = oldest else { return };
+        let Some((event, snapshot)) = oldest else { return };
+        let now = snapshot.now;
+        let before = self.thinned.range(..event).next_back().map(|(_, kept)| kept.now());
+        if before.is_some_and(|before| now.0 / ON_DISK_NS == before.0 / ON_DISK_NS) {
+            self.thinned.remove(&event);
+            return;
+        }
+        let encoded = snapshot.to_bytes();
         let written = encoded.map_err(|error| error.to_string()).and_then(|bytes| {
             let folder = self.spill_folder().map_err(|error| error.to_string())?;
             let file = folder.join(format!("{event}.snapshot"));
