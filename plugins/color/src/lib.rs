@@ -27,7 +27,7 @@
 //! - [`region`]: the trapezoid and the horizon in the image. [`cost_map`]: costs on the ground plane.
 //! - [`gate`]: when nothing is learned. [`engine`]: all of it on one image. [`file`](mod@file): models in a message.
 //!
-//! Cost: 640×480 on one thread in 2.2 ms (`benches/color.rs`); linear in the pixels of the image.
+//! Cost: 640×480 on one thread in 2 ms (`benches/color.rs`); linear in the pixels of the image.
 //!
 //! Data that cannot be used (no calibration or one of another size, no pose for that time, an image that is black,
 //! saturated, of an unknown encoding, the same as the one before or older) are reported as a fault and skipped: nothing
