@@ -1,6 +1,7 @@
 //! A log's messages on their way into a stack: converted to canonical types, in the log's order.
 
-use crate::node::{Machine, RunError};
+use crate::error::RunError;
+use crate::machine::Machine;
 use crate::source::canonical;
 use rcs_bus::{Draft, Writer, WriterId};
 use rcs_log::{Cursor, CursorOptions, Log, LogMessage, Position, TopicId};

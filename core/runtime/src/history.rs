@@ -4,23 +4,15 @@
 //! operator did, by event. Going back restores the nearest snapshot and runs forward, doing what the operator did
 //! again. A write of the operator's after going back begins a branch: what was ahead is forgotten.
 
-use crate::node::RunError;
+use crate::error::RunError;
+use crate::journal::OperatorWrite;
 use crate::snapshot::Snapshot;
 use crate::source::{SourceError, Task};
 use crate::stepped::{Happened, Stepped};
-use rcs_msg::{AnyMessage, Stamp};
+use rcs_msg::Stamp;
 use std::collections::{BTreeMap, VecDeque};
 use std::fs;
 use std::path::PathBuf;
-
-/// A write of the operator's: a command, a parameter message, an edited message.
-#[derive(Clone, Debug)]
-pub struct OperatorWrite {
-    /// Buffer that it goes to.
-    pub buffer: String,
-    /// The message.
-    pub message: AnyMessage,
-}
 
 /// How many snapshots are kept of the last moments at which processes ran.
 const DENSE: usize = 96;

@@ -8,10 +8,14 @@
 //! - [`source`]: what a window looks at.
 
 mod cycle;
+mod error;
 mod feed;
 mod history;
+mod journal;
 mod live;
+mod machine;
 mod node;
+mod options;
 mod overrides;
 mod pool;
 mod pose_ports;
@@ -25,9 +29,11 @@ mod stepped;
 mod summary;
 
 pub use cycle::{Cycle, Msg};
-pub use history::{OperatorWrite, Session};
+pub use error::RunError;
+pub use history::Session;
+pub use journal::OperatorWrite;
 pub use live::{Live, LiveOptions, on_recorded_schedule};
-pub use node::RunError;
+pub use options::RunOptions;
 pub use pool::Pool;
 pub use pose_ports::PosePorts;
 pub use process::{CommandDef, In, Out, OutBuilder, PortBuilder, PortDef, Process, ProcessDef, ProcessType};
@@ -38,5 +44,5 @@ pub use stack::{
     PlanOptions, ProcessEntry, ProcessPlan, StackError, StackFile, VIEWER,
 };
 pub use status::{Text, child_state};
-pub use stepped::{Happened, RunOptions, Stepped};
+pub use stepped::{Happened, Stepped};
 pub use summary::{BufferSummary, ProcessSummary, Summary};

@@ -4,12 +4,15 @@
 //! increasing times: every capture and every publication has a place in one order. A [`rcs::CycleRecord`] per cycle
 //! tells that place, so that [`Stepped`](crate::Stepped) can run that very schedule again.
 
-use crate::history::OperatorWrite;
-use crate::node::{Machine, Node, RunError};
+use crate::error::RunError;
+use crate::journal::OperatorWrite;
+use crate::machine::Machine;
+use crate::node::Node;
+use crate::options::RunOptions;
 use crate::pool::Pool;
 use crate::record::{RecordOptions, Recording};
 use crate::stack::{Plan, names};
-use crate::stepped::{RunOptions, Stepped};
+use crate::stepped::Stepped;
 use rcs_bus::{Bus, Draft, WriterId};
 use rcs_log::{CursorOptions, Log, RecorderStatus};
 use rcs_msg::{AnyMessage, Stamp, rcs};

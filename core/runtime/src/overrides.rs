@@ -1,6 +1,6 @@
 //! What an operator's [`rcs::Override`] does to a buffer.
 
-use crate::node::RunError;
+use crate::error::RunError;
 use rcs_bus::{Bus, Override, OverrideMode, OverrideValue};
 use rcs_msg::{AnyMessage, Value, rcs};
 

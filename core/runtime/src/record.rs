@@ -1,6 +1,6 @@
 //! Recording a run: every buffer that its stack records, with what a reader needs to make sense of them.
 
-use crate::node::RunError;
+use crate::error::RunError;
 use crate::stack::{BufferPlan, Plan, names};
 use rcs_bus::{Buffer, Sample};
 use rcs_log::{

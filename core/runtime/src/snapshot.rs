@@ -4,7 +4,8 @@
 //! last. As bytes it goes on from disk, or in another program that has the same stack and log.
 
 use crate::cycle::{InputView, Staged};
-use crate::node::{NodeState, Output, RunError, SavedBody};
+use crate::error::RunError;
+use crate::node::{NodeState, Output, SavedBody};
 use crate::status::{StatusCell, StatusOnDisk};
 use crate::stepped::{Event, EventKind, Stepped};
 use crate::summary::Tally;

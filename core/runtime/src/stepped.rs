@@ -3,9 +3,12 @@
 //! Events are ordered by time; at one instant the log's messages come first, in file order, then output that becomes
 //! visible now, then cycles by rank. The result depends on the inputs, the stack, the parameters and the seed alone.
 
+use crate::error::RunError;
 use crate::feed::Feed;
-use crate::history::OperatorWrite;
-use crate::node::{Machine, Output, RunError};
+use crate::journal::OperatorWrite;
+use crate::machine::Machine;
+use crate::node::Output;
+use crate::options::RunOptions;
 use crate::pool::Pool;
 use crate::stack::{Plan, names};
 use crate::summary::{CycleTimes, Tallies, tap_tallies};
@@ -16,33 +19,6 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// How a stack is run.
-#[derive(Clone, Debug)]
-pub struct RunOptions {
-    /// Seed of every random number.
-    pub seed: u64,
-    /// Threads that processes compute on.
-    pub threads: usize,
-    /// Whether every buffer is hashed, which encodes every message.
-    pub hash: bool,
-    /// Program and version, for the log.
-    pub build: String,
-    /// Name of the log, for the log.
-    pub log_name: String,
-}
-
-impl Default for RunOptions {
-    fn default() -> Self {
-        Self {
-            seed: 0,
-            threads: 1,
-            hash: false,
-            build: concat!("ocu ", env!("CARGO_PKG_VERSION")).to_owned(),
-            log_name: String::new(),
-        }
-    }
-}
 
 /// What one event was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

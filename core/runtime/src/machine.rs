@@ -1,0 +1,104 @@
+//! The buffers and nodes of a plan, and what is written to them from outside.
+
+use crate::error::RunError;
+use crate::journal::OperatorWrite;
+use crate::node::Node;
+use crate::options::RunOptions;
+use crate::overrides::apply_override;
+use crate::stack::{Plan, ProcessPlan, names};
+use prost_reflect::DynamicMessage;
+use rcs_bus::{Buffer, Draft, WriterId};
+use rcs_msg::{AnyMessage, Stamp, params, rcs};
+use std::sync::Arc;
+
+/// The buffers and nodes of a plan, and the writers of those who are no process.
+pub(crate) struct Machine {
+    pub(crate) plan: Arc<Plan>,
+    pub(crate) bus: rcs_bus::Bus,
+    pub(crate) buffers: Vec<Arc<Buffer>>,
+    pub(crate) nodes: Vec<Node>,
+}
+
+impl Machine {
+    pub(crate) fn new(plan: Arc<Plan>, seed: u64) -> Result<Self, RunError> {
+        let mut bus = rcs_bus::Bus::default();
+        let mut buffers = Vec::new();
+        for buffer in &plan.buffers {
+            buffers.push(bus.add(buffer.spec.clone())?);
+        }
+        let mut nodes = Vec::new();
+        for process in &plan.processes {
+            let id = bus.add_writer(&process.name)?;
+            let node = Node::new(process, &buffers, id, seed);
+            nodes.push(node.ok_or_else(|| {
+                RunError::Refused(format!("the parameters of {} are of another type", process.name))
+            })?);
+        }
+        Ok(Self { plan, bus, buffers, nodes })
+    }
+
+    /// The buffer of that name, to be written to.
+    pub(crate) fn buffer(&self, name: &str) -> Result<&Arc<Buffer>, RunError> {
+        self.bus.get(name).ok_or_else(|| RunError::Refused(format!("there is no buffer {name} to write to")))
+    }
+
+    /// An operator's write: parameters are checked, an override takes effect, and the message is there to be seen.
+    pub(crate) fn operator_write(&self, write: &OperatorWrite, now: Stamp) -> Result<(), RunError> {
+        let buffer = self.buffer(&write.buffer)?;
+        let is_params =
+            |process: &ProcessPlan| self.plan.buffers[process.params_buffer].spec.name == write.buffer;
+        if let Some(process) = self.plan.processes.iter().find(|process| is_params(process)) {
+            check_params(&write.message)
+                .and_then(|()| process.kind.check(&write.message))
+                .map_err(|error| RunError::Refused(format!("{}: {error}", write.buffer)))?;
+        }
+        if write.buffer == names::OVERRIDE {
+            apply_override(&self.bus, &write.message)?;
+        }
+        let draft = Draft { log_time: now, acq_time: now, message: write.message.clone() };
+        buffer.writer(WriterId::OPERATOR).write(draft)?;
+        Ok(())
+    }
+
+    /// Writes what every run begins with: its identity, its processes, their parameters, and the viewer's `RUN`.
+    pub(crate) fn begin(&self, start: Stamp, options: &RunOptions) -> Result<(), RunError> {
+        let run = rcs::RunInfo {
+            stack: self.plan.file.name().to_owned(),
+            stack_text: self.plan.file.text.clone(),
+            stack_hash: self.plan.hash.clone(),
+            seed: options.seed,
+            build: options.build.clone(),
+            log: options.log_name.clone(),
+            ..rcs::RunInfo::default()
+        };
+        let write = |buffer: &Arc<Buffer>, writer: WriterId, message: AnyMessage| {
+            buffer.writer(writer).write(Draft { log_time: start, acq_time: start, message })
+        };
+        write(self.buffer(names::RUN)?, WriterId::RUNTIME, AnyMessage::new(run))?;
+        for info in self.plan.process_infos() {
+            write(self.buffer(names::PROCESSES)?, WriterId::RUNTIME, AnyMessage::new(info))?;
+        }
+        for process in &self.plan.processes {
+            write(&self.buffers[process.params_buffer], WriterId::RUNTIME, process.params.clone())?;
+            if process.supervisor.is_none() {
+                let command = rcs::Command {
+                    timestamp: Some(start.to_proto()),
+                    serial: 1,
+                    name: "RUN".to_owned(),
+                    ..rcs::Command::default()
+                };
+                write(&self.buffers[process.command_buffer], WriterId::OPERATOR, AnyMessage::new(command))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Refuses parameters that are NaN or out of range, with a message that says the range.
+pub(crate) fn check_params(message: &AnyMessage) -> Result<(), String> {
+    let schema = message.schema();
+    let Some(descriptor) = schema.descriptor() else { return Ok(()) };
+    let message =
+        DynamicMessage::decode(descriptor.clone(), message.bytes()).map_err(|error| error.to_string())?;
+    params::check(&message).map_err(|error| error.to_string())
+}

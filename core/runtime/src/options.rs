@@ -1,0 +1,28 @@
+//! How a stack is run.
+
+/// How a stack is run.
+#[derive(Clone, Debug)]
+pub struct RunOptions {
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Threads that processes compute on.
+    pub threads: usize,
+    /// Whether every buffer is hashed, which encodes every message.
+    pub hash: bool,
+    /// Program and version, for the log.
+    pub build: String,
+    /// Name of the log, for the log.
+    pub log_name: String,
+}
+
+impl Default for RunOptions {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            threads: 1,
+            hash: false,
+            build: concat!("ocu ", env!("CARGO_PKG_VERSION")).to_owned(),
+            log_name: String::new(),
+        }
+    }
+}
