@@ -5,7 +5,7 @@ use crate::bundled;
 use rcs_msg::rcs::{CourseOutcome, CourseRun, DriveCommand, TruthState, VehicleStatus};
 use rcs_msg::{AnyMessage, Payload, Stamp};
 use rcs_runtime::source::Task;
-use rcs_runtime::{OperatorWrite, Plan, RunOptions, Session, Stepped};
+use rcs_runtime::{ExternalEvent, Plan, RunOptions, Session, Stepped};
 use std::sync::Arc;
 
 /// The driver's stack on a course, with other values of parameters.
@@ -108,7 +108,7 @@ fn the_straight_way_of_the_dead_end_ends_at_the_fence_which_the_bumper_feels() {
         let straight =
             DriveCommand { timestamp, speed_mps: 1.0, yaw_rate_radps: Some(0.0), heading_rad: 0.0 };
         let message = AnyMessage::new(straight);
-        session.write(OperatorWrite { buffer: "/operator/teleop".to_owned(), message }).unwrap();
+        session.write(ExternalEvent::operator("/operator/teleop", message)).unwrap();
         session.forward_until(Stamp(cycle * 100_000_000), &Task::default()).unwrap();
     }
     let run: CourseRun = latest(session.run(), "/vehicle/run");

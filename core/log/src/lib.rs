@@ -37,6 +37,7 @@ mod check;
 mod cursor;
 mod error;
 mod find;
+mod identity;
 mod info;
 mod log;
 mod parse;

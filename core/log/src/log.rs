@@ -28,7 +28,7 @@ pub struct Log(pub(crate) Arc<Inner>);
 
 #[derive(Debug)]
 pub(crate) struct Inner {
-    source: Source,
+    pub(crate) source: Source,
     info: LogInfo,
     /// In file order.
     pub(crate) segments: Vec<Segment>,

@@ -5,7 +5,7 @@
 //! again. A write of the operator's after going back begins a branch: what was ahead is forgotten.
 
 use crate::error::RunError;
-use crate::journal::OperatorWrite;
+use crate::journal::{ExternalEvent, Journal};
 use crate::snapshot::Snapshot;
 use crate::source::{SourceError, Task};
 use crate::stepped::{Happened, Stepped};
@@ -29,9 +29,9 @@ pub struct Session {
     dense: VecDeque<Snapshot>,
     thinned: BTreeMap<u64, Kept>,
     spill: Option<Spill>,
-    /// What the operator wrote, after how many events.
-    writes: Vec<(u64, OperatorWrite)>,
-    /// How many of those the run has seen as it stands.
+    /// What came from outside.
+    journal: Journal,
+    /// How many of its events the run has seen as it stands.
     writes_done: usize,
     marks: Vec<Mark>,
     /// Per buffer, after how many events a message was in it that was not there before; ascending.
@@ -84,7 +84,7 @@ impl Session {
             dense: VecDeque::new(),
             thinned: BTreeMap::new(),
             spill: None,
-            writes: Vec::new(),
+            journal: Journal::default(),
             writes_done: 0,
             marks: Vec::new(),
             written: vec![Vec::new(); newest.len()],
@@ -183,11 +183,11 @@ impl Session {
 
     /// Does again what the operator did at this very event.
     fn repeat_writes(&mut self) -> Result<(), RunError> {
-        while let Some((event, write)) = self.writes.get(self.writes_done)
-            && *event <= self.run.events
+        while let Some(event) = self.journal.events().get(self.writes_done)
+            && event.place.events <= self.run.events
         {
             self.writes_done += 1;
-            self.run.write(write)?;
+            self.run.take(event.clone())?;
         }
         Ok(())
     }
@@ -217,23 +217,23 @@ impl Session {
     }
 
     /// An operator's write, now. After going back it begins a branch.
-    pub fn write(&mut self, write: OperatorWrite) -> Result<(), RunError> {
+    pub fn write(&mut self, event: ExternalEvent) -> Result<(), RunError> {
         let at = self.run.events;
-        self.run.write(&write)?;
-        if (at as usize) < self.marks.len() || self.writes.last().is_some_and(|(event, _)| *event > at) {
+        let event = self.run.take(event)?;
+        if (at as usize) < self.marks.len() || self.journal.up_to(at) < self.journal.len() {
             self.branched = true;
             self.marks.truncate(at as usize);
             for events in &mut self.written {
                 events.truncate(events.partition_point(|&event| event <= at));
             }
             self.newest = newest_of(&self.run);
-            self.writes.retain(|(event, _)| *event <= at);
+            self.journal.truncate(self.journal.up_to(at));
             self.dense.retain(|snapshot| snapshot.events <= at);
             self.thinned.retain(|&event, _| event <= at);
         }
         // A snapshot of this very event was taken before the write: going back there does the write again.
-        self.writes.push((at, write));
-        self.writes_done = self.writes.len();
+        self.journal.push(event);
+        self.writes_done = self.journal.len();
         Ok(())
     }
 
@@ -307,7 +307,7 @@ impl Session {
     fn restore_before(&mut self, events: u64) -> Result<(), RunError> {
         self.restore_nearest(events)?;
         // A snapshot is taken before what the operator writes at its event.
-        self.writes_done = self.writes.partition_point(|(event, _)| *event < self.run.events);
+        self.writes_done = self.journal.before(self.run.events);
         Ok(())
     }
 

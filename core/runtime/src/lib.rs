@@ -7,6 +7,7 @@
 //! - [`Live`]: a thread a process, on the wall clock; its schedule can be run again by [`Stepped`].
 //! - [`source`]: what a window looks at.
 
+mod compare;
 mod cycle;
 mod error;
 mod feed;
@@ -21,6 +22,8 @@ mod pool;
 mod pose_ports;
 mod process;
 mod record;
+mod replay;
+mod script;
 mod snapshot;
 pub mod source;
 mod stack;
@@ -28,16 +31,18 @@ mod status;
 mod stepped;
 mod summary;
 
+pub use compare::{Difference, diff};
 pub use cycle::{Cycle, Msg};
 pub use error::RunError;
 pub use history::Session;
-pub use journal::OperatorWrite;
-pub use live::{Live, LiveOptions, on_recorded_schedule};
+pub use journal::{EventPlace, ExternalEvent, Journal};
+pub use live::{Live, LiveOptions};
 pub use options::RunOptions;
 pub use pool::Pool;
 pub use pose_ports::PosePorts;
 pub use process::{CommandDef, In, Out, OutBuilder, PortBuilder, PortDef, Process, ProcessDef, ProcessType};
-pub use record::{RecordOptions, Recording};
+pub use record::{RecordOptions, RecordWhat, Recording};
+pub use replay::{RecordedRun, Replay};
 pub use snapshot::Snapshot;
 pub use stack::{
     Asset, Assets, BufferEntry, BufferPlan, InputEntry, InputPlan, NoAssets, OverflowEntry, Plan,

@@ -5,16 +5,15 @@
 //! tells that place, so that [`Stepped`](crate::Stepped) can run that very schedule again.
 
 use crate::error::RunError;
-use crate::journal::OperatorWrite;
+use crate::journal::{EventPlace, ExternalEvent};
 use crate::machine::Machine;
 use crate::node::Node;
 use crate::options::RunOptions;
 use crate::pool::Pool;
-use crate::record::{RecordOptions, Recording};
+use crate::record::{RecordOptions, RecordWhat, Recording};
 use crate::stack::{Plan, names};
-use crate::stepped::Stepped;
 use rcs_bus::{Bus, Draft, WriterId};
-use rcs_log::{CursorOptions, Log, RecorderStatus};
+use rcs_log::RecorderStatus;
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -28,6 +27,8 @@ pub struct LiveOptions {
     pub run: RunOptions,
     /// Where to record; nowhere if `None`.
     pub record: Option<PathBuf>,
+    /// What is recorded.
+    pub what: RecordWhat,
 }
 
 /// A stack on the wall clock.
@@ -93,12 +94,13 @@ impl Live {
             schedule: runtime_writer(names::SCHEDULE)?,
             timing: runtime_writer(names::TIMING)?,
         });
-        let record = RecordOptions { lossless: false, build: options.run.build.clone() };
+        let record =
+            RecordOptions { lossless: false, build: options.run.build.clone(), what: options.what.clone() };
         let recording = match &options.record {
             Some(path) => Some(Recording::start(path, &machine.plan, &machine.buffers, &record)?),
             None => None,
         };
-        let start = shared.commit(|now| machine.begin(now, &options.run).map(|()| now))?;
+        let start = shared.commit(|now| machine.begin(now, &options.run, true).map(|()| now))?;
         let mut threads = Vec::new();
         for (node, process) in nodes.into_iter().zip(&machine.plan.processes) {
             let shared = Arc::clone(&shared);
@@ -132,18 +134,11 @@ impl Live {
         self.shared.commit(|now| now)
     }
 
-    /// Writes a message from outside: a sensor's, say.
-    pub fn inject(&self, buffer: &str, acq_time: Stamp, message: AnyMessage) -> Result<(), RunError> {
-        let buffer = self.machine.buffer(buffer)?;
-        self.shared.commit(|now| {
-            buffer.writer(WriterId::RUNTIME).write(Draft { log_time: now, acq_time, message })
-        })?;
-        Ok(())
-    }
-
-    /// An operator's write.
-    pub fn write(&self, write: &OperatorWrite) -> Result<(), RunError> {
-        self.shared.commit(|now| self.machine.operator_write(write, now))
+    /// Takes an event from outside: an operator's, a sensor's, a link's.
+    pub fn take(&self, event: ExternalEvent) -> Result<(), RunError> {
+        // A check may take long (it reads a world, say): nobody waits for it.
+        self.machine.check(&event)?;
+        self.shared.commit(|time| self.machine.apply(event.at(EventPlace { events: 0, time })))
     }
 
     /// How the recording goes.
@@ -154,7 +149,8 @@ impl Live {
     /// Ends every process after its cycle, and the recording after them.
     pub fn stop(mut self) -> Result<Option<RecorderStatus>, RunError> {
         self.end_threads();
-        self.recording.take().map(Recording::finish).transpose()
+        let now = self.now();
+        self.recording.take().map(|recording| recording.finish_at(now)).transpose()
     }
 
     fn end_threads(&mut self) {
@@ -226,55 +222,4 @@ fn report(writer: &rcs_bus::Writer, now: Stamp, message: AnyMessage) {
     if let Err(error) = writer.write(Draft { log_time: now, acq_time: now, message }) {
         tracing::warn!("{error}");
     }
-}
-
-/// A recorded live run, ready to be run again on its own schedule with its operator's writes.
-///
-/// Refused where the log holds no schedule, or one with gaps (the recorder counted drops).
-pub fn on_recorded_schedule(plan: Arc<Plan>, log: &Log, options: RunOptions) -> Result<Stepped, RunError> {
-    let info = log.info();
-    let mut records = Vec::new();
-    let mut writes = Vec::new();
-    let mut start = None;
-    let operator_buffers: Vec<&str> = plan
-        .processes
-        .iter()
-        .flat_map(|process| {
-            let command = process.supervisor.is_none().then_some(process.command_buffer);
-            [Some(process.params_buffer), command]
-        })
-        .flatten()
-        .map(|index| plan.buffers[index].spec.name.as_str())
-        .chain([names::OVERRIDE])
-        .collect();
-    for message in log.cursor(CursorOptions::default()) {
-        let message = message?;
-        let Some(topic) = info.topic(message.topic) else { continue };
-        let raw = AnyMessage::encoded(topic.schema.clone(), message.data.clone());
-        if topic.name == names::SCHEDULE {
-            records.extend(raw.to::<rcs::CycleRecord>());
-        } else if topic.name == names::RUN {
-            start = start.or(Some(message.log_time));
-        } else if operator_buffers.contains(&topic.name.as_str()) && start != Some(message.log_time) {
-            // What was written at the start is written again by `begin`.
-            writes.push((message.log_time, OperatorWrite { buffer: topic.name.clone(), message: raw }));
-        }
-    }
-    let Some(start) = start.filter(|_| !records.is_empty()) else {
-        return Err(RunError::Refused("the log holds no schedule of a live run".to_owned()));
-    };
-    let mut cycles = std::collections::BTreeMap::new();
-    for record in &records {
-        let expected = cycles.entry(record.process.clone()).or_insert(0_u64);
-        *expected += 1;
-        if record.cycle != *expected {
-            return Err(RunError::Refused(format!(
-                "the schedule in the log has a gap: {} went from cycle {} to {}",
-                record.process,
-                *expected - 1,
-                record.cycle
-            )));
-        }
-    }
-    Stepped::new(plan, None, options)?.on_schedule(start, &records, writes)
 }

@@ -1,7 +1,7 @@
 //! The buffers and nodes of a plan, and what is written to them from outside.
 
 use crate::error::RunError;
-use crate::journal::OperatorWrite;
+use crate::journal::ExternalEvent;
 use crate::node::Node;
 use crate::options::RunOptions;
 use crate::overrides::apply_override;
@@ -42,33 +42,63 @@ impl Machine {
         self.bus.get(name).ok_or_else(|| RunError::Refused(format!("there is no buffer {name} to write to")))
     }
 
-    /// An operator's write: parameters are checked, an override takes effect, and the message is there to be seen.
-    pub(crate) fn operator_write(&self, write: &OperatorWrite, now: Stamp) -> Result<(), RunError> {
-        let buffer = self.buffer(&write.buffer)?;
+    /// Takes an event from outside, in its place. Whatever is refused changes nothing.
+    pub(crate) fn take(&self, event: ExternalEvent) -> Result<(), RunError> {
+        self.check(&event)?;
+        self.apply(event)
+    }
+
+    /// Refuses a buffer that is not there or the runtime's own, and parameters that their process would not take. That
+    /// may take long, and changes nothing.
+    pub(crate) fn check(&self, event: &ExternalEvent) -> Result<(), RunError> {
+        self.buffer(&event.buffer)?;
+        if event.buffer.starts_with(names::OWN) && &*event.buffer != names::OVERRIDE {
+            return Err(RunError::Refused(format!(
+                "{} is written by the runtime alone; expected a buffer of the stack's, or {}",
+                event.buffer,
+                names::OVERRIDE
+            )));
+        }
         let is_params =
-            |process: &ProcessPlan| self.plan.buffers[process.params_buffer].spec.name == write.buffer;
+            |process: &ProcessPlan| self.plan.buffers[process.params_buffer].spec.name == *event.buffer;
         if let Some(process) = self.plan.processes.iter().find(|process| is_params(process)) {
-            check_params(&write.message)
-                .and_then(|()| process.kind.check(&write.message))
-                .map_err(|error| RunError::Refused(format!("{}: {error}", write.buffer)))?;
+            check_params(&event.message)
+                .and_then(|()| process.kind.check(&event.message))
+                .map_err(|error| RunError::Refused(format!("{}: {error}", event.buffer)))?;
         }
-        if write.buffer == names::OVERRIDE {
-            apply_override(&self.bus, &write.message)?;
+        Ok(())
+    }
+
+    /// An event that has been checked: an override takes effect, the message is there to be seen, and the journal holds
+    /// the event.
+    pub(crate) fn apply(&self, event: ExternalEvent) -> Result<(), RunError> {
+        let buffer = self.buffer(&event.buffer)?;
+        if &*event.buffer == names::OVERRIDE {
+            apply_override(&self.bus, &event.message)?;
         }
-        let draft = Draft { log_time: now, acq_time: now, message: write.message.clone() };
-        buffer.writer(WriterId::OPERATOR).write(draft)?;
+        let now = event.place.time;
+        let draft = Draft { log_time: now, acq_time: event.acq_time(), message: event.message.clone() };
+        buffer.writer(event.writer).write(draft)?;
+        let message = AnyMessage::deferred::<ExternalEvent, rcs::JournalEvent>(event);
+        self.buffer(names::JOURNAL)?.writer(WriterId::RUNTIME).write(Draft {
+            log_time: now,
+            acq_time: now,
+            message,
+        })?;
         Ok(())
     }
 
     /// Writes what every run begins with: its identity, its processes, their parameters, and the viewer's `RUN`.
-    pub(crate) fn begin(&self, start: Stamp, options: &RunOptions) -> Result<(), RunError> {
+    pub(crate) fn begin(&self, start: Stamp, options: &RunOptions, live: bool) -> Result<(), RunError> {
         let run = rcs::RunInfo {
             stack: self.plan.file.name().to_owned(),
             stack_text: self.plan.file.text.clone(),
             stack_hash: self.plan.hash.clone(),
             seed: options.seed,
             build: options.build.clone(),
-            log: options.log_name.clone(),
+            log: options.log_identity.clone(),
+            params: self.plan.initial_params(),
+            live,
             ..rcs::RunInfo::default()
         };
         let write = |buffer: &Arc<Buffer>, writer: WriterId, message: AnyMessage| {

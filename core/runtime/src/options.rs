@@ -11,8 +11,8 @@ pub struct RunOptions {
     pub hash: bool,
     /// Program and version, for the log.
     pub build: String,
-    /// Name of the log, for the log.
-    pub log_name: String,
+    /// Identity of the log that the run reads, by its content; a stepped run finds it out itself.
+    pub log_identity: String,
 }
 
 impl Default for RunOptions {
@@ -22,7 +22,7 @@ impl Default for RunOptions {
             threads: 1,
             hash: false,
             build: concat!("ocu ", env!("CARGO_PKG_VERSION")).to_owned(),
-            log_name: String::new(),
+            log_identity: String::new(),
         }
     }
 }

@@ -12,13 +12,52 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// How a run is recorded.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct RecordOptions {
     /// Wait for the disk (a stepped run), or drop and count (a live one).
     pub lossless: bool,
     /// Program and version.
     pub build: String,
+    /// What of the run is recorded.
+    pub what: RecordWhat,
 }
+
+/// What of a run is recorded. The run's identity, its journal and its schedule always are: they repeat it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum RecordWhat {
+    /// Every buffer that its stack records.
+    #[default]
+    All,
+    /// Nothing else: the rest is computed again when the recording is opened.
+    Journal,
+    /// These buffers.
+    Buffers(Vec<String>),
+}
+
+impl RecordWhat {
+    fn takes(&self, plan: &BufferPlan) -> bool {
+        let own = plan.spec.name.starts_with(names::OWN);
+        match self {
+            Self::All => plan.record,
+            Self::Journal => own,
+            Self::Buffers(list) => own || list.contains(&plan.spec.name),
+        }
+    }
+}
+
+impl std::fmt::Display for RecordWhat {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::All => f.write_str("all"),
+            Self::Journal => f.write_str("journal"),
+            Self::Buffers(list) => f.write_str(&list.join(",")),
+        }
+    }
+}
+
+/// Name of the metadata record that a finished recording ends with: until when the run went (`time_ns`), and how many
+/// messages are missing (`dropped`).
+pub(crate) const RUN_END: &str = "run_end";
 
 /// A recording that goes on.
 pub struct Recording {
@@ -33,7 +72,19 @@ impl Recording {
         buffers: &[Arc<Buffer>],
         options: &RecordOptions,
     ) -> Result<Self, RunError> {
-        let about = [("stack", plan.file.name().to_owned()), ("stack_hash", plan.hash.clone())];
+        if let RecordWhat::Buffers(list) = &options.what
+            && let Some(name) = list.iter().find(|name| !plan.buffers.iter().any(|b| b.spec.name == **name))
+        {
+            return Err(RunError::Refused(format!(
+                "there is no buffer {name} to record in the stack {}",
+                plan.file.name()
+            )));
+        }
+        let about = [
+            ("stack", plan.file.name().to_owned()),
+            ("stack_hash", plan.hash.clone()),
+            ("recorded", options.what.to_string()),
+        ];
         let writer_options = WriterOptions {
             build: options.build.clone(),
             metadata: about.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),
@@ -48,7 +99,7 @@ impl Recording {
         let handle = recorder.handle();
         handle.attach("stack.toml", "application/toml", Stamp(0), plan.file.text.clone().into());
         for (buffer, planned) in buffers.iter().zip(&plan.buffers) {
-            if planned.record {
+            if options.what.takes(planned) {
                 Self::record(handle.clone(), buffer, planned, writer_of(plan, buffer.name()))?;
             }
         }
@@ -91,6 +142,16 @@ impl Recording {
         self.recorder.status()
     }
 
+    /// Writes what is waiting, until when the run went, and the summary: a run whose end is known is repeated to there.
+    pub fn finish_at(self, end: Stamp) -> Result<RecorderStatus, RunError> {
+        let handle = self.recorder.handle();
+        handle.flush();
+        let dropped = handle.status().dropped.to_string();
+        let entries = [("time_ns".to_owned(), end.0.to_string()), ("dropped".to_owned(), dropped)];
+        handle.metadata(RUN_END, entries.into());
+        self.finish()
+    }
+
     /// Writes what is waiting, and the summary.
     pub fn finish(self) -> Result<RecorderStatus, RunError> {
         Ok(self.recorder.finish()?)
@@ -102,7 +163,9 @@ pub(crate) fn writer_of(plan: &Plan, buffer: &str) -> String {
     if buffer == names::OVERRIDE {
         return "operator".to_owned();
     }
-    if [names::RUN, names::PROCESSES, names::TIMING, names::LOG, names::SCHEDULE].contains(&buffer) {
+    if [names::RUN, names::PROCESSES, names::TIMING, names::LOG, names::SCHEDULE, names::JOURNAL]
+        .contains(&buffer)
+    {
         return "runtime".to_owned();
     }
     let is = |index: usize| plan.buffers[index].spec.name == buffer;

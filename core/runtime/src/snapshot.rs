@@ -219,8 +219,8 @@ impl Snapshot {
                     let status = rcs_msg::rcs::Status::from(output.status.clone());
                     Some((*started, staged.collect(), (&AnyMessage::new(status)).into()))
                 }
-                EventKind::Write(_) => {
-                    return Err(RunError::Snapshot("an operator's write is still to come".to_owned()));
+                EventKind::Write => {
+                    return Err(RunError::Snapshot("a recorded event is still to come".to_owned()));
                 }
             };
             queue.push(EventOnDisk { time: event.time, rank: event.rank, order: event.order, publish });

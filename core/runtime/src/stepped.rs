@@ -5,11 +5,12 @@
 
 use crate::error::RunError;
 use crate::feed::Feed;
-use crate::journal::OperatorWrite;
+use crate::journal::{EventPlace, ExternalEvent, Journal};
 use crate::machine::Machine;
 use crate::node::Output;
 use crate::options::RunOptions;
 use crate::pool::Pool;
+use crate::script::{ScheduledCycle, Script};
 use crate::stack::{Plan, names};
 use crate::summary::{CycleTimes, Tallies, tap_tallies};
 use rcs_bus::{Buffer, Bus, Draft, WriterId};
@@ -29,7 +30,7 @@ pub enum Happened {
     Published(usize),
     /// A process finished a cycle (whose output is visible now, unless it has a latency).
     Cycle(usize),
-    /// An operator's write of a live run was done again.
+    /// An event of a recorded journal was given again.
     Written,
 }
 
@@ -50,14 +51,14 @@ pub(crate) enum EventKind {
         output: Box<Output>,
     },
     Cycle,
-    /// An operator's write of a live run that is run again.
-    Write(Box<OperatorWrite>),
+    /// The event of a live run's journal that was taken at this time.
+    Write,
 }
 
 impl Event {
     fn key(&self) -> (Stamp, u8, u32, u64) {
         let class = match self.kind {
-            EventKind::Publish { .. } | EventKind::Write(_) => 0,
+            EventKind::Publish { .. } | EventKind::Write => 0,
             EventKind::Cycle => 1,
         };
         (self.time, class, self.rank, self.order)
@@ -96,28 +97,20 @@ pub struct Stepped {
     pub(crate) queue: BinaryHeap<Event>,
     pub(crate) feed: Option<Feed>,
     pub(crate) tallies: Option<Tallies>,
-    /// Cycles of a live run that are run again; empty on the nominal schedule.
-    schedule: Vec<ScheduledCycle>,
+    /// Cycles and journal of a live run that is run again; `None` on the nominal schedule.
+    script: Option<Script>,
     pool: Pool,
     pub(crate) timings: Vec<CycleTimes>,
     timing_due: Stamp,
-}
-
-/// One cycle of a recorded schedule.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct ScheduledCycle {
-    pub(crate) node: usize,
-    pub(crate) start: Stamp,
-    pub(crate) end: Stamp,
 }
 
 impl Stepped {
     /// A stack that is about to run, from the start of `log` where it reads one, else from time 0.
     pub fn new(plan: Arc<Plan>, log: Option<&Log>, options: RunOptions) -> Result<Self, RunError> {
         let machine = Machine::new(plan, options.seed)?;
-        let feed = match log {
-            Some(log) => Some(Feed::new(log, &machine)?),
-            None => None,
+        let (feed, log_identity) = match log {
+            Some(log) => (Some(Feed::new(log, &machine)?), log.identity()?),
+            None => (None, String::new()),
         };
         if feed.is_none()
             && let Some(input) = machine.plan.inputs.first()
@@ -129,7 +122,34 @@ impl Stepped {
             )));
         }
         let start = feed.as_ref().map_or(Stamp(0), |feed| feed.range.0);
-        let mut stepped = Self {
+        let options = RunOptions { log_identity, ..options };
+        let mut stepped = Self::at(machine, feed, options, start);
+        for rank in 0..stepped.machine.nodes.len() {
+            stepped.schedule_cycle(rank, start);
+        }
+        Ok(stepped)
+    }
+
+    /// A live run, about to be run again: its cycles instead of the nominal ones, and what came from outside meanwhile.
+    pub(crate) fn on_schedule(
+        plan: Arc<Plan>,
+        options: RunOptions,
+        start: Stamp,
+        cycles: Vec<ScheduledCycle>,
+        journal: Journal,
+    ) -> Result<Self, RunError> {
+        let machine = Machine::new(plan, options.seed)?;
+        let mut stepped = Self::at(machine, None, options, start);
+        stepped.script = Some(Script::new(cycles, journal));
+        stepped.schedule_next_cycle(start);
+        stepped.schedule_next_event(start);
+        Ok(stepped)
+    }
+
+    fn at(machine: Machine, feed: Option<Feed>, options: RunOptions, start: Stamp) -> Self {
+        let pool = Pool::new(options.threads);
+        let tallies = options.hash.then(|| tap_tallies(&machine.buffers));
+        Self {
             options,
             now: start,
             start,
@@ -137,68 +157,33 @@ impl Stepped {
             order: 0,
             queue: BinaryHeap::new(),
             feed,
-            tallies: None,
-            schedule: Vec::new(),
-            pool: Pool::new(1),
+            tallies,
+            script: None,
+            pool,
             timings: vec![CycleTimes::default(); machine.nodes.len()],
             timing_due: start,
             machine,
-        };
-        stepped.pool = Pool::new(stepped.options.threads);
-        if stepped.options.hash {
-            stepped.tallies = Some(tap_tallies(&stepped.machine.buffers));
         }
-        for rank in 0..stepped.machine.nodes.len() {
-            stepped.schedule_cycle(rank, start);
-        }
-        Ok(stepped)
     }
 
-    /// Runs the cycles that a live run recorded, instead of the nominal ones, and what its operator wrote meanwhile.
-    pub(crate) fn on_schedule(
-        mut self,
-        start: Stamp,
-        records: &[rcs::CycleRecord],
-        writes: Vec<(Stamp, OperatorWrite)>,
-    ) -> Result<Self, RunError> {
-        self.queue.clear();
-        self.schedule.clear();
-        for record in records {
-            let processes = &self.machine.plan.processes;
-            let Some(node) = processes.iter().position(|process| *process.name == *record.process) else {
-                return Err(RunError::Refused(format!(
-                    "the schedule names process {}, which the stack does not have",
-                    record.process
-                )));
-            };
-            self.schedule.push(ScheduledCycle {
-                node,
-                start: Stamp(record.start_ns),
-                end: Stamp(record.end_ns),
-            });
+    /// The next cycle of a recorded schedule comes into the queue.
+    fn schedule_next_cycle(&mut self, after: Stamp) {
+        if let Some(cycle) = self.script.as_ref().and_then(|script| script.cycle_after(after)) {
+            self.schedule_cycle(cycle.node, cycle.start);
         }
-        self.schedule.sort_by_key(|cycle| cycle.start);
-        self.start = start;
-        self.now = start;
-        let cycles: Vec<_> = self.schedule.iter().map(|cycle| (cycle.node, cycle.start)).collect();
-        for (node, start) in cycles {
-            self.schedule_cycle(node, start);
-        }
-        for (time, write) in writes {
+    }
+
+    /// The next event of a recorded journal comes into the queue.
+    fn schedule_next_event(&mut self, after: Stamp) {
+        if let Some(time) = self.script.as_ref().and_then(|script| script.event_after(after)) {
             self.order += 1;
-            self.queue.push(Event {
-                time,
-                rank: 0,
-                order: self.order,
-                kind: EventKind::Write(Box::new(write)),
-            });
+            self.queue.push(Event { time, rank: 0, order: self.order, kind: EventKind::Write });
         }
-        Ok(self)
     }
 
     /// Writes what every run begins with. To be called once, after taps have been added and before the first event.
     pub fn begin(&mut self) -> Result<(), RunError> {
-        self.machine.begin(self.start, &self.options)?;
+        self.machine.begin(self.start, &self.options, self.script.is_some())?;
         let start = self.start;
         for fault in self.feed.as_mut().map(|feed| feed.give_fixed(start)).unwrap_or_default() {
             self.report(fault.time, &fault.text);
@@ -255,12 +240,17 @@ impl Stepped {
         match event.kind {
             EventKind::Publish { started, output } => {
                 self.machine.nodes[index].publish_output(*output, started, event.time);
+                if self.script.is_some() {
+                    self.record_cycle(index, started, event.time);
+                }
                 Happened::Published(index)
             }
-            EventKind::Write(write) => {
-                if let Err(error) = self.write(&write) {
+            EventKind::Write => {
+                let taken = self.script.as_ref().and_then(|script| script.event_at(event.time)).cloned();
+                if let Some(Err(error)) = taken.map(|taken| self.machine.take(taken)) {
                     self.report(event.time, &error.to_string());
                 }
+                self.schedule_next_event(event.time);
                 Happened::Written
             }
             EventKind::Cycle => {
@@ -270,11 +260,9 @@ impl Stepped {
                 node.run(event.time, &self.pool);
                 let took_ns = clock.elapsed().as_nanos() as u64;
                 let period_ns = node.period_ns;
-                let visible = if self.schedule.is_empty() {
-                    event.time.after_ns(node.latency_ns)
-                } else {
-                    let at = self.schedule.partition_point(|cycle| cycle.start < event.time);
-                    self.schedule.get(at).map_or(event.time, |cycle| cycle.end)
+                let visible = match &self.script {
+                    None => event.time.after_ns(node.latency_ns),
+                    Some(script) => script.end_of(event.time),
                 };
                 if visible == event.time {
                     node.publish(event.time, visible);
@@ -288,8 +276,9 @@ impl Stepped {
                         kind: EventKind::Publish { started: event.time, output },
                     });
                 }
-                if self.schedule.is_empty() {
-                    self.schedule_cycle(index, event.time.after_ns(period_ns));
+                match &self.script {
+                    None => self.schedule_cycle(index, event.time.after_ns(period_ns)),
+                    Some(_) => self.schedule_next_cycle(event.time),
                 }
                 self.count(index, took_ns, period_ns);
                 Happened::Cycle(index)
@@ -315,9 +304,29 @@ impl Stepped {
         }
     }
 
-    /// An operator's write, now.
-    pub(crate) fn write(&mut self, write: &OperatorWrite) -> Result<(), RunError> {
-        self.machine.operator_write(write, self.now)
+    /// Takes an event from outside, now, and gives it back with its place.
+    pub fn take(&mut self, event: ExternalEvent) -> Result<ExternalEvent, RunError> {
+        let event = event.at(EventPlace { events: self.events, time: self.now });
+        self.machine.take(event.clone())?;
+        Ok(event)
+    }
+
+    /// Takes an event of a recorded journal again, in the place that it had.
+    pub(crate) fn retake(&mut self, event: ExternalEvent) -> Result<(), RunError> {
+        self.machine.take(event)
+    }
+
+    /// Says of a cycle of a recorded schedule what the live run said: what it saw, and when.
+    fn record_cycle(&mut self, index: usize, started: Stamp, ended: Stamp) {
+        let node = &self.machine.nodes[index];
+        let record = rcs::CycleRecord {
+            process: node.status().process.to_string(),
+            cycle: node.status().cycle,
+            start_ns: started.0,
+            end_ns: ended.0,
+            input_sequence: node.captured(),
+        };
+        self.write_runtime(names::SCHEDULE, ended, AnyMessage::new(record));
     }
 
     /// Tells a person of something, through `/runtime/log`.

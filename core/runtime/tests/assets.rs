@@ -170,10 +170,7 @@ fn parameters_that_a_process_refuses_are_refused_while_it_runs() {
     let params = rcs::SimVehicleParams { world: "bad".to_owned(), ..rcs_msg::params::default() };
     let run = Stepped::new(plan, None, RunOptions::default()).unwrap();
     let mut session = rcs_runtime::Session::new(run).unwrap();
-    let write = rcs_runtime::OperatorWrite {
-        buffer: "/vehicle/params".to_owned(),
-        message: rcs_msg::AnyMessage::new(params),
-    };
+    let write = rcs_runtime::ExternalEvent::operator("/vehicle/params", rcs_msg::AnyMessage::new(params));
     let error = session.write(write).unwrap_err().to_string();
     assert!(error.contains("got bad, expected good"), "{error}");
 }

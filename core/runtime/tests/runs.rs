@@ -9,8 +9,8 @@ use rcs_log::{CursorOptions, Log};
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use rcs_runtime::source::{Source, StackSource, Step, Task};
 use rcs_runtime::{
-    Live, LiveOptions, OperatorWrite, RecordOptions, Recording, RunOptions, Session, Snapshot, Stepped,
-    child_state, on_recorded_schedule,
+    ExternalEvent, Live, LiveOptions, RecordOptions, RecordedRun, Recording, RunOptions, Session, Snapshot,
+    Stepped, child_state,
 };
 use std::time::{Duration, Instant};
 
@@ -145,12 +145,14 @@ fn a_long_run_keeps_old_snapshots_on_disk_and_goes_back_through_them() {
 
 #[test]
 fn what_the_operator_did_is_done_again_until_a_new_write_begins_a_branch() {
-    let params = |publish_hz| OperatorWrite {
-        buffer: "/counter/params".to_owned(),
-        message: AnyMessage::new(rcs::WorldModelParams {
-            publish_hz,
-            ..rcs_msg::params::default::<rcs::WorldModelParams>()
-        }),
+    let params = |publish_hz| {
+        ExternalEvent::operator(
+            "/counter/params",
+            AnyMessage::new(rcs::WorldModelParams {
+                publish_hz,
+                ..rcs_msg::params::default::<rcs::WorldModelParams>()
+            }),
+        )
     };
     let z = |session: &Session| newest::<foxglove::Vector3>(session.run(), "/counter/count").z;
     let task = Task::default();
@@ -183,7 +185,7 @@ fn a_parameter_that_is_nan_or_out_of_range_is_refused_and_changes_nothing() {
             publish_hz: bad,
             ..rcs_msg::params::default::<rcs::WorldModelParams>()
         });
-        let write = OperatorWrite { buffer: "/counter/params".to_owned(), message };
+        let write = ExternalEvent::operator("/counter/params", message);
         let error = session.write(write).unwrap_err().to_string();
         assert!(error.contains("publish_hz") && error.contains("0.1") && error.contains("100"), "{error}");
     }
@@ -216,7 +218,7 @@ fn a_command_is_echoed_with_its_serial_and_an_unknown_one_is_an_error() {
     let mut until = 0.0;
     let mut send = |session: &mut Session, serial, name: &str| {
         let message = AnyMessage::new(rcs::Command { serial, name: name.to_owned(), ..Default::default() });
-        session.write(OperatorWrite { buffer: "/counter/command".to_owned(), message }).unwrap();
+        session.write(ExternalEvent::operator("/counter/command", message)).unwrap();
         until += 0.1;
         session.forward_until(seconds(until), &task).unwrap();
         newest::<rcs::Status>(session.run(), "/counter/status")
@@ -268,7 +270,7 @@ fn an_override_is_recorded_and_held_through_going_back() {
         value_json: "42.0".to_owned(),
         ..Default::default()
     });
-    session.write(OperatorWrite { buffer: "/runtime/override".to_owned(), message }).unwrap();
+    session.write(ExternalEvent::operator("/runtime/override", message)).unwrap();
     session.forward_until(seconds(1.0), &task).unwrap();
     assert_eq!(newest::<foxglove::Vector3>(session.run(), "/counter/count").z, 42.0);
     assert_eq!(session.run().bus().get("/runtime/override").unwrap().newest(), 1);
@@ -283,7 +285,7 @@ fn a_recorded_run_opens_with_its_stack_its_processes_and_every_message() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
     let mut run = stepped(PAIR, hashing(1));
-    let options = RecordOptions { lossless: true, build: "test".to_owned() };
+    let options = RecordOptions { lossless: true, build: "test".to_owned(), ..RecordOptions::default() };
     let recording = Recording::start(&path, run.plan(), run.buffers(), &options).unwrap();
     run.begin().unwrap();
     run.run_until(seconds(1.0)).unwrap();
@@ -309,7 +311,7 @@ fn a_live_run_on_its_recorded_schedule_gives_the_same_buffers() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("live.mcap");
     let plan = plan(PAIR).unwrap();
-    let options = LiveOptions { run: hashing(2), record: Some(path.clone()) };
+    let options = LiveOptions { run: hashing(2), record: Some(path.clone()), ..LiveOptions::default() };
     let live = Live::start(plan.clone(), &options).unwrap();
     let deadline = Instant::now() + Duration::from_mins(1);
     let newest = |live: &Live, buffer: &str| live.bus().get(buffer).unwrap().newest();
@@ -320,12 +322,14 @@ fn a_live_run_on_its_recorded_schedule_gives_the_same_buffers() {
         }
     };
     wait(&live, 5);
-    let params = |publish_hz| OperatorWrite {
-        buffer: "/counter/params".to_owned(),
-        message: AnyMessage::new(rcs::WorldModelParams { publish_hz, ..rcs_msg::params::default() }),
+    let params = |publish_hz| {
+        ExternalEvent::operator(
+            "/counter/params",
+            AnyMessage::new(rcs::WorldModelParams { publish_hz, ..rcs_msg::params::default() }),
+        )
     };
-    live.write(&params(8.0)).unwrap();
-    let refused = live.write(&params(f64::NAN)).unwrap_err().to_string();
+    live.take(params(8.0)).unwrap();
+    let refused = live.take(params(f64::NAN)).unwrap_err().to_string();
     assert!(refused.contains("publish_hz"), "{refused}");
     wait(&live, 10);
     let hold = rcs::Override {
@@ -335,14 +339,15 @@ fn a_live_run_on_its_recorded_schedule_gives_the_same_buffers() {
         value_json: "42.0".to_owned(),
         ..Default::default()
     };
-    let hold = OperatorWrite { buffer: "/runtime/override".to_owned(), message: AnyMessage::new(hold) };
-    live.write(&hold).unwrap();
+    let hold = ExternalEvent::operator("/runtime/override", AnyMessage::new(hold));
+    live.take(hold).unwrap();
     wait(&live, 15);
     let status = live.stop().unwrap().unwrap();
     assert_eq!((status.dropped, status.error), (0, None));
 
     let log = Log::open(&path).unwrap();
-    let mut again = on_recorded_schedule(plan, &log, hashing(1)).unwrap();
+    let recorded = RecordedRun::read(&log).unwrap();
+    let mut again = recorded.stepped(&plan, None, hashing(1)).unwrap();
     let seen = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
     let names = [
         "/counter/count",

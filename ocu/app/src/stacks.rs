@@ -76,16 +76,15 @@ pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
     };
     let plan = plan(stack, request.course.as_deref(), &[])?;
     let log = request.log.as_ref().map(Log::open).transpose()?;
-    let options = RunOptions { seed: request.seed, ..options(log.as_ref()) };
+    let options = RunOptions { seed: request.seed, ..options() };
     let source = StackSource::new(plan, log.as_ref(), options).context("the stack cannot run")?;
     Ok(Box::new(source))
 }
 
 /// How a stack is run, but for what the command line says.
-pub fn options(log: Option<&Log>) -> RunOptions {
+pub fn options() -> RunOptions {
     RunOptions {
         build: crate::BUILD.to_owned(),
-        log_name: log.map(|log| log.info().path.display().to_string()).unwrap_or_default(),
         threads: std::thread::available_parallelism().map_or(1, usize::from),
         ..RunOptions::default()
     }

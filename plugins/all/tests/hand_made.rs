@@ -9,7 +9,7 @@ use rcs_msg::foxglove::{CameraCalibration, Grid, PointCloud, PoseInFrame, RawIma
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs, schema_of};
 use rcs_plugins::all;
 use rcs_runtime::source::Task;
-use rcs_runtime::{OperatorWrite, Plan, RunOptions, Session, StackFile, Stepped};
+use rcs_runtime::{ExternalEvent, Plan, RunOptions, Session, StackFile, Stepped};
 use rcs_world::{Map, MapOptions, Source, VoteRule, Weights};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -236,9 +236,7 @@ fn the_command_clear_forgets_the_map() {
     };
     assert_eq!(known_after(&mut session, 540), 1);
     let command = rcs::Command { serial: 7, name: "CLEAR".to_owned(), ..rcs::Command::default() };
-    session
-        .write(OperatorWrite { buffer: "/wm1/command".to_owned(), message: AnyMessage::new(command) })
-        .unwrap();
+    session.write(ExternalEvent::operator("/wm1/command", AnyMessage::new(command))).unwrap();
     assert_eq!(known_after(&mut session, 1_040), 0);
     let status = session.run().bus().get("/wm1/status").unwrap().latest().unwrap();
     assert_eq!(status.message.to::<rcs::Status>().unwrap().echo_serial, 7);

@@ -7,7 +7,7 @@ use rcs_msg::foxglove::{FrameTransforms, Odometry};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_plugins::all;
 use rcs_runtime::source::Task;
-use rcs_runtime::{Asset, Assets, OperatorWrite, Plan, PlanOptions, RunOptions, Session, StackFile, Stepped};
+use rcs_runtime::{Asset, Assets, ExternalEvent, Plan, PlanOptions, RunOptions, Session, StackFile, Stepped};
 use rcs_world::pose_of;
 use std::sync::Arc;
 
@@ -103,7 +103,7 @@ impl Bench {
                 let timestamp = Some(Stamp(self.now_ms * 1_000_000).to_proto());
                 let command = rcs::WheelCommand { timestamp, left_mps, right_mps, curvature_per_m: 0.0 };
                 let message = AnyMessage::new(command);
-                self.session.write(OperatorWrite { buffer: "/operator/wheels".to_owned(), message }).unwrap();
+                self.session.write(ExternalEvent::operator("/operator/wheels", message)).unwrap();
                 self.now_ms += 100;
                 let until = Stamp(self.now_ms * 1_000_000 + 5_000_000);
                 self.session.forward_until(until, &Task::default()).unwrap();
@@ -209,7 +209,7 @@ fn without_fixes_the_global_estimate_goes_on_by_dead_reckoning_and_says_so() {
         gps_off: true,
         ..bench.latest::<rcs::SimVehicleParams>("/vehicle/params").unwrap()
     });
-    bench.session.write(OperatorWrite { buffer: "/vehicle/params".to_owned(), message: off }).unwrap();
+    bench.session.write(ExternalEvent::operator("/vehicle/params", off)).unwrap();
     let before = *bench.drive(0.0, 0.0, 1).last().unwrap();
     let after = *bench.drive(1.0, 1.0, 200).last().unwrap();
     assert!(bench.status().state_text.contains("dead reckoning"), "{:?}", bench.status().state_text);

@@ -13,7 +13,7 @@ use rcs_msg::rcs::{ColorLearning, ColorModels, ColorStats};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs, schema_of, to_json};
 use rcs_runtime::source::Task;
 use rcs_runtime::{
-    Asset, Assets, NoAssets, OperatorWrite, Plan, PlanOptions, ProcessType, RunOptions, Session, Snapshot,
+    Asset, Assets, ExternalEvent, NoAssets, Plan, PlanOptions, ProcessType, RunOptions, Session, Snapshot,
     StackFile, Stepped,
 };
 use rcs_world::{GridView, Map, MapOptions, NumericType, Source, VoteRule, Weights, pose_message};
@@ -299,7 +299,7 @@ fn the_operator_stops_learning_and_makes_it_forget() {
     let command = |session: &mut Session, serial: u64, name: &str| {
         let command = rcs::Command { serial, name: name.to_owned(), ..rcs::Command::default() };
         let message = AnyMessage::new(command);
-        session.write(OperatorWrite { buffer: "/color/command".to_owned(), message }).unwrap();
+        session.write(ExternalEvent::operator("/color/command", message)).unwrap();
     };
     assert_eq!(go(&mut session, 900), (ColorLearning::ColorUpdated, 1));
     command(&mut session, 1, "LEARN_OFF");

@@ -7,7 +7,7 @@ use rcs_geom::{DVec3, Pose};
 use rcs_msg::foxglove::{Odometry, Quaternion, Vector3};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_runtime::source::Task;
-use rcs_runtime::{OperatorWrite, Plan, ProcessType, RunOptions, Session, StackFile, Stepped};
+use rcs_runtime::{ExternalEvent, Plan, ProcessType, RunOptions, Session, StackFile, Stepped};
 use rcs_world::pose_message;
 use std::sync::Arc;
 
@@ -49,7 +49,7 @@ impl Bench {
     }
 
     fn write<T: Payload>(&mut self, port: &str, message: T) {
-        let write = OperatorWrite { buffer: format!("/operator/{port}"), message: AnyMessage::new(message) };
+        let write = ExternalEvent::operator(format!("/operator/{port}"), AnyMessage::new(message));
         self.session.write(write).unwrap();
     }
 

@@ -7,7 +7,7 @@ use rcs_msg::foxglove::{self, FrameTransform, FrameTransforms, Grid, Odometry, Q
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_proximity::Proximity;
 use rcs_runtime::source::Task;
-use rcs_runtime::{OperatorWrite, Plan, ProcessType, RunOptions, Session, StackFile, Stepped};
+use rcs_runtime::{ExternalEvent, Plan, ProcessType, RunOptions, Session, StackFile, Stepped};
 use rcs_world::{GridView, pose_message};
 use std::sync::Arc;
 
@@ -70,7 +70,7 @@ impl Bench {
     }
 
     fn write<T: Payload>(&mut self, port: &str, message: T) {
-        let write = OperatorWrite { buffer: format!("/operator/{port}"), message: AnyMessage::new(message) };
+        let write = ExternalEvent::operator(format!("/operator/{port}"), AnyMessage::new(message));
         self.session.write(write).unwrap();
     }
 

@@ -8,7 +8,7 @@ use super::tracks::{Tracks, is_pose_type};
 use super::{Source, SourceError, Step, Task, canonical};
 use crate::error::RunError;
 use crate::history::Session;
-use crate::journal::OperatorWrite;
+use crate::journal::ExternalEvent;
 use crate::options::RunOptions;
 use crate::record::writer_of;
 use crate::stack::Plan;
@@ -346,13 +346,11 @@ impl Source for StackSource {
 
     fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError> {
         let was_branch = self.session.is_branch();
-        self.session.write(OperatorWrite { buffer: buffer.to_owned(), message }).map_err(
-            |error| match error {
-                // What the operator asked for does not fit: nothing has changed.
-                RunError::Refused(text) => SourceError::Unsupported(text),
-                other => SourceError::Run(other),
-            },
-        )?;
+        self.session.write(ExternalEvent::operator(buffer, message)).map_err(|error| match error {
+            // What the operator asked for does not fit: nothing has changed.
+            RunError::Refused(text) => SourceError::Unsupported(text),
+            other => SourceError::Run(other),
+        })?;
         if self.session.is_branch() && !was_branch {
             self.tracks.lock().unwrap_or_else(PoisonError::into_inner).truncate(self.now);
         }

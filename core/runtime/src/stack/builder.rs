@@ -361,6 +361,7 @@ impl<'a> Builder<'a> {
             spec::<foxglove::Log>(names::LOG, queue(64)),
             spec::<rcs::CycleRecord>(names::SCHEDULE, queue(64)),
             spec::<rcs::Override>(names::OVERRIDE, queue(16)),
+            spec::<rcs::JournalEvent>(names::JOURNAL, Mode::Latest),
         ] {
             self.by_name.insert(spec.name.clone(), self.buffers.len());
             self.buffers.push(BufferPlan { spec, record: true, record_hz: None });
@@ -382,7 +383,7 @@ impl<'a> Builder<'a> {
             let message = format!("{name:?} cannot name a buffer; expected a name like /wm1/map");
             return Err(self.file.error(span, message));
         }
-        if name.starts_with("/runtime/") {
+        if name.starts_with(names::OWN) {
             let message = format!("{name} is the runtime's own; expected another name");
             return Err(self.file.error(span, message));
         }

@@ -1,11 +1,11 @@
 //! The parameters of a process: the stack's, the course's, the command line's.
 
-use super::assets::{Asset, Assets, Course};
+use super::assets::{Asset, Assets, Course, NoAssets};
 use super::error::StackError;
 use super::file::{ProcessEntry, StackFile};
 use crate::process::ProcessType;
 use prost_reflect::{DynamicMessage, MessageDescriptor};
-use rcs_msg::{AnyMessage, Value, params};
+use rcs_msg::{AnyMessage, Value, params, rcs};
 use std::sync::Arc;
 
 /// What is given beside a stack file when it is checked.
@@ -25,6 +25,8 @@ pub(super) struct ParamReader<'a> {
     pub(super) options: PlanOptions<'a>,
     pub(super) course: Option<Course>,
     pub(super) assets: Vec<Asset>,
+    /// Whole messages, of a recorded run: nothing else is looked at.
+    given: Option<&'a [rcs::InitialParams]>,
 }
 
 /// A parameter that is the text of a file: kind of the file, name of the field.
@@ -36,7 +38,13 @@ struct FileField {
 impl<'a> ParamReader<'a> {
     pub(super) fn new(file: &'a StackFile, options: PlanOptions<'a>) -> Result<Self, StackError> {
         let course = Course::read(file, options.course, options.assets)?;
-        Ok(Self { file, options, course, assets: Vec::new() })
+        Ok(Self { file, options, course, assets: Vec::new(), given: None })
+    }
+
+    /// The parameters of a recorded run, as they were.
+    pub(super) fn given(file: &'a StackFile, given: &'a [rcs::InitialParams]) -> Self {
+        let options = PlanOptions { overrides: &[], course: None, assets: &NoAssets };
+        Self { file, options, course: None, assets: Vec::new(), given: Some(given) }
     }
 
     pub(super) fn read(
@@ -51,6 +59,15 @@ impl<'a> ParamReader<'a> {
                 .file
                 .error(&entry.plugin.span(), format!("{} has no descriptor", schema.name())));
         };
+        if let Some(given) = self.given {
+            let given = given.iter().find(|given| given.process == name && given.schema == schema.name());
+            let message = given.map(|given| AnyMessage::encoded(Arc::clone(schema), given.params.clone()));
+            let error = |text: String| self.file.error(&entry.name.span(), text);
+            let message = message
+                .ok_or_else(|| error(format!("the recording holds no {} of {name}", schema.name())))?;
+            kind.check(&message).map_err(|text| error(format!("recorded parameters of {name}: {text}")))?;
+            return Ok(message);
+        }
         let files = file_fields(descriptor);
         let mut values = params::defaults(descriptor);
         for (field, value) in &entry.params {

@@ -16,7 +16,7 @@ use std::sync::Arc;
 pub struct Plan {
     /// The file that it was made from.
     pub file: StackFile,
-    /// Hash of the text of the file and of the files that it names, 16 hexadecimal digits.
+    /// Hash of the text of the file and of all parameters, the texts of files among them, 16 hexadecimal digits.
     pub hash: String,
     /// Topics of the log that it reads.
     pub inputs: Vec<InputPlan>,
@@ -87,6 +87,10 @@ pub(crate) mod names {
     pub(crate) const LOG: &str = "/runtime/log";
     pub(crate) const SCHEDULE: &str = "/runtime/schedule";
     pub(crate) const OVERRIDE: &str = "/runtime/override";
+    /// What came from outside, in order.
+    pub(crate) const JOURNAL: &str = "/runtime/journal";
+    /// What all of these begin with.
+    pub(crate) const OWN: &str = "/runtime/";
 }
 
 impl Plan {
@@ -107,13 +111,27 @@ impl Plan {
     ) -> Result<Self, StackError> {
         let mut params = ParamReader::new(&file, *options)?;
         let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(file.text.as_bytes());
-        for asset in &params.assets {
-            hasher.update(asset.text.as_bytes());
-        }
-        let hash = hasher.finalize().to_hex()[..16].to_owned();
+        let hash = hash_of(&file, &processes);
         Ok(Self { file, hash, inputs, processes, buffers })
+    }
+
+    /// The stack that a recorded run had, from the text and the parameters in its identity: no file is read.
+    pub fn of_run(run: &rcs::RunInfo, plugins: &[ProcessType]) -> Result<Self, StackError> {
+        let file = StackFile::parse(&format!("{} (recorded)", run.stack), &run.stack_text)?;
+        let mut params = ParamReader::given(&file, &run.params);
+        let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
+        let hash = hash_of(&file, &processes);
+        Ok(Self { file, hash, inputs, processes, buffers })
+    }
+
+    /// The parameters that every process begins with, as the identity of a run holds them.
+    pub(crate) fn initial_params(&self) -> Vec<rcs::InitialParams> {
+        let of = |process: &ProcessPlan| rcs::InitialParams {
+            process: process.name.to_string(),
+            schema: process.params.schema().name().to_owned(),
+            params: process.params.bytes(),
+        };
+        self.processes.iter().map(of).collect()
     }
 
     /// The messages that tell a window of the processes: recorded with every log, sent to every link.
@@ -188,4 +206,19 @@ impl Plan {
         }
         Ok(())
     }
+}
+
+/// Hash of everything that a stack begins with: its text, and every parameter wherever it comes from.
+fn hash_of(file: &StackFile, processes: &[ProcessPlan]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    let mut part = |bytes: &[u8]| {
+        hasher.update(&(bytes.len() as u64).to_le_bytes());
+        hasher.update(bytes);
+    };
+    part(file.text.as_bytes());
+    for process in processes {
+        part(process.name.as_bytes());
+        part(&process.params.bytes());
+    }
+    hasher.finalize().to_hex()[..16].to_owned()
 }

@@ -196,7 +196,7 @@ fn run(
         return Err(usage("a stack without a recording runs on for ever: expected --log or --until"));
     }
     // One thread: the time of an image is that of one core.
-    let options = RunOptions { threads: 1, seed: args.seed, ..stacks::options(log) };
+    let options = RunOptions { threads: 1, seed: args.seed, ..stacks::options() };
     let mut run = Stepped::new(plan, log, options).context("the stack cannot run")?;
     let buffers = run.buffers().to_vec();
     let named = |name: &str| buffers.iter().find(|buffer| buffer.name() == name).cloned();

@@ -5,7 +5,7 @@
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_runtime::source::Task;
 use rcs_runtime::{
-    Asset, Assets, OperatorWrite, Plan, PlanOptions, ProcessType, RunOptions, Session, StackFile, Stepped,
+    Asset, Assets, ExternalEvent, Plan, PlanOptions, ProcessType, RunOptions, Session, StackFile, Stepped,
 };
 use rcs_sim::{SimCameras, SimLadar, SimVehicle};
 use std::sync::Arc;
@@ -168,7 +168,7 @@ impl Bench {
         let timestamp = Some(Stamp((ms * 1e6) as u64).to_proto());
         let command = rcs::WheelCommand { timestamp, left_mps, right_mps, curvature_per_m };
         let message = AnyMessage::new(command);
-        self.session.write(OperatorWrite { buffer: "/operator/wheels".to_owned(), message }).unwrap();
+        self.session.write(ExternalEvent::operator("/operator/wheels", message)).unwrap();
     }
 
     /// Drives for a time by commands that keep coming.

@@ -130,14 +130,15 @@ impl Done {
         referee: Option<usize>,
         seed: u64,
     ) -> anyhow::Result<Self> {
-        let base = stacks::options(log);
+        let base = stacks::options();
         let threads = args.threads.map_or(base.threads, usize::from);
         let options = RunOptions { seed, threads, hash: true, ..base };
         let clock = Instant::now();
         let mut run = Stepped::new(Arc::clone(plan), log, options).context("the stack cannot run")?;
         let recording = match &args.record {
             Some(path) => {
-                let options = RecordOptions { lossless: true, build: BUILD.to_owned() };
+                let options =
+                    RecordOptions { lossless: true, build: BUILD.to_owned(), ..RecordOptions::default() };
                 Some(Recording::start(path, run.plan(), run.buffers(), &options)?)
             }
             None => None,
@@ -147,7 +148,7 @@ impl Done {
             Err(error) => (Outcome::Error, Some(error)),
         };
         if let Some(recording) = recording
-            && let Err(error) = recording.finish()
+            && let Err(error) = recording.finish_at(run.now())
         {
             failure.get_or_insert(error.into());
         }

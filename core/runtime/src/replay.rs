@@ -1,0 +1,358 @@
+//! A recorded run, again: from its journal, on its schedule where it was live, compared with what was recorded.
+
+use crate::compare::{Difference, Entry, Matcher, Side, is_measured, put_until};
+use crate::error::RunError;
+use crate::journal::{ExternalEvent, Journal};
+use crate::options::RunOptions;
+use crate::process::ProcessType;
+use crate::record::RUN_END;
+use crate::script::ScheduledCycle;
+use crate::stack::{Plan, names};
+use crate::stepped::Stepped;
+use rcs_bus::Sample;
+use rcs_log::{Cursor, CursorOptions, Log, TopicId};
+use rcs_msg::{AnyMessage, Stamp, Value, rcs};
+use std::iter::Peekable;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What a recording says of the run that it is of: everything that repeats it.
+#[derive(Clone, Debug)]
+pub struct RecordedRun {
+    recording: Log,
+    info: rcs::RunInfo,
+    start: Stamp,
+    /// Up to where it can be repeated.
+    end: Stamp,
+    /// Whether the recording was finished, and holds every message that it was to hold.
+    whole: bool,
+    schedule: Vec<(String, Stamp, Stamp)>,
+    journal: Journal,
+    problems: Vec<String>,
+}
+
+impl RecordedRun {
+    /// Reads a recording's identity, journal and schedule. A recording that was cut, or is damaged, is read as far as
+    /// journal and schedule go without a gap: [`RecordedRun::problems`] says so.
+    pub fn read(recording: &Log) -> Result<Self, RunError> {
+        let info = recording.info();
+        let ids = |name: &str| info.topics_named(name).map(|topic| topic.id).collect::<Vec<TopicId>>();
+        let [runs, schedules, journals] = [names::RUN, names::SCHEDULE, names::JOURNAL].map(ids);
+        let topics = [runs.clone(), schedules.clone(), journals.clone()].concat();
+        let end = recording.metadata().iter().rev().find(|metadata| metadata.name == RUN_END);
+        let end = end.and_then(|metadata| {
+            let number = |key: &str| metadata.entries.get(key)?.parse::<u64>().ok();
+            Some((Stamp(number("time_ns")?), number("dropped")?))
+        });
+        let mut read = Self {
+            recording: recording.clone(),
+            info: rcs::RunInfo::default(),
+            start: info.start,
+            end: end.map_or(info.end, |(time, _)| time),
+            whole: end.is_some_and(|(_, dropped)| dropped == 0) && info.problems.is_empty(),
+            schedule: Vec::new(),
+            journal: Journal::default(),
+            problems: info.problems.clone(),
+        };
+        let (mut known, mut last) = (false, [0_u32; 2]);
+        let mut good = info.start;
+        let mut events = Vec::new();
+        let options = CursorOptions { topics: Some(topics), ..CursorOptions::default() };
+        for message in recording.cursor(options) {
+            let message = message?;
+            let Some(topic) = info.topic(message.topic) else { continue };
+            let raw = AnyMessage::encoded(topic.schema.clone(), message.data.clone());
+            if runs.contains(&message.topic) {
+                if let Some(run) = raw.to::<rcs::RunInfo>().filter(|_| !known) {
+                    (read.info, read.start, known) = (run, message.log_time, true);
+                }
+                continue;
+            }
+            let is_journal = journals.contains(&message.topic);
+            let sequence = &mut last[usize::from(is_journal)];
+            *sequence = sequence.wrapping_add(1);
+            let problem = if message.sequence == *sequence {
+                if is_journal { take_event(&raw, &mut events) } else { take_cycle(&raw, &mut read.schedule) }
+                    .err()
+            } else {
+                Some(format!("message {sequence} of {} is missing", topic.name))
+            };
+            if let Some(problem) = problem {
+                read.problems.push(format!("{problem}: the run can be repeated up to {good} only"));
+                (read.end, read.whole) = (good, false);
+                break;
+            }
+            good = message.log_time;
+        }
+        if !known {
+            return Err(RunError::Refused(format!(
+                "the recording holds no run ({} is not in it, or was cut off); expected a file that a run was \
+                 recorded to: {}",
+                names::RUN,
+                info.path.display()
+            )));
+        }
+        if end.is_none() {
+            let at = read.end.seconds_since(read.start);
+            read.problems.push(format!("the recording was not finished: it goes up to {at:.3} s"));
+        }
+        // What the journal says of later than the last message was to come.
+        let until = read.end;
+        read.schedule.retain(|(_, _, end)| *end <= until);
+        read.journal = Journal::new(events);
+        Ok(read)
+    }
+
+    /// Its identity.
+    pub fn info(&self) -> &rcs::RunInfo {
+        &self.info
+    }
+
+    /// When it began.
+    pub fn start(&self) -> Stamp {
+        self.start
+    }
+
+    /// Up to where it can be repeated.
+    pub fn end(&self) -> Stamp {
+        self.end
+    }
+
+    /// What came from outside.
+    pub fn journal(&self) -> &Journal {
+        &self.journal
+    }
+
+    /// What is wrong with the recording, a sentence each.
+    pub fn problems(&self) -> &[String] {
+        &self.problems
+    }
+
+    /// Whether the recording holds the journal alone: the rest is computed again when it is opened.
+    pub fn is_journal_alone(recording: &Log) -> bool {
+        let entry = |metadata: &rcs_log::Metadata| {
+            metadata.entries.get("recorded").map(String::as_str) == Some("journal")
+        };
+        recording.metadata().iter().any(|metadata| metadata.name == "ocu" && entry(metadata))
+    }
+
+    /// The stack that ran, with the parameters that it began with.
+    pub fn plan(&self, plugins: &[ProcessType]) -> Result<Arc<Plan>, RunError> {
+        let plan = Plan::of_run(&self.info, plugins)?;
+        if plan.hash != self.info.stack_hash {
+            return Err(RunError::Refused(format!(
+                "the recording's stack and parameters have the hash {}; expected {}, as its identity says: it was \
+                 changed, or made by another build ({})",
+                plan.hash, self.info.stack_hash, self.info.build
+            )));
+        }
+        Ok(Arc::new(plan))
+    }
+
+    /// Refuses another stack, another parameter or another seed than the recorded ones, by name.
+    pub fn check(&self, plan: Option<&Plan>, seed: Option<u64>) -> Result<(), RunError> {
+        if let Some(seed) = seed.filter(|seed| *seed != self.info.seed) {
+            return Err(RunError::Refused(format!(
+                "the run was recorded with seed {}, got {seed}",
+                self.info.seed
+            )));
+        }
+        let Some(plan) = plan.filter(|plan| plan.hash != self.info.stack_hash) else { return Ok(()) };
+        if plan.file.text != self.info.stack_text {
+            return Err(RunError::Refused(format!(
+                "the run was recorded with another stack: got {} with hash {}, expected {} with hash {}",
+                plan.file.name(),
+                plan.hash,
+                self.info.stack,
+                self.info.stack_hash
+            )));
+        }
+        let recorded = self.info.params.iter();
+        for (process, recorded) in plan.processes.iter().zip(recorded) {
+            let schema = process.params.schema();
+            let recorded = AnyMessage::encoded(Arc::clone(&schema), recorded.params.clone());
+            if let Some((field, got, expected)) = other_parameter(&process.params, &recorded) {
+                return Err(RunError::Refused(format!(
+                    "the run was recorded with another parameter {}{field}: got {got}, expected {expected}",
+                    process.name
+                )));
+            }
+        }
+        Err(RunError::Refused(format!(
+            "the run was recorded with other parameters: got the hash {}, expected {}",
+            plan.hash, self.info.stack_hash
+        )))
+    }
+
+    /// The run at its start, on the log that it read, where it read one. A live run is on its recorded schedule, with
+    /// its journal; to a stepped run the journal is to be given event by event ([`Replay`], [`crate::Session`]).
+    pub fn stepped(
+        &self,
+        plan: &Arc<Plan>,
+        log: Option<&Log>,
+        options: RunOptions,
+    ) -> Result<Stepped, RunError> {
+        let options = RunOptions { seed: self.info.seed, build: self.info.build.clone(), ..options };
+        if self.info.live {
+            let cycle = |(process, start, end): &(String, Stamp, Stamp)| {
+                let node = plan.processes.iter().position(|known| *known.name == **process);
+                let node = node.ok_or_else(|| {
+                    RunError::Refused(format!(
+                        "the schedule names process {process}, which the stack does not have"
+                    ))
+                })?;
+                Ok(ScheduledCycle { node, start: *start, end: *end })
+            };
+            let cycles = self.schedule.iter().map(cycle).collect::<Result<_, RunError>>()?;
+            return Stepped::on_schedule(Arc::clone(plan), options, self.start, cycles, self.journal.clone());
+        }
+        match (log, self.info.log.as_str()) {
+            (None, "") => {}
+            (Some(_), "") => {
+                return Err(RunError::Refused(
+                    "the run was recorded without a log; expected none".to_owned(),
+                ));
+            }
+            (None, identity) => {
+                return Err(RunError::Refused(format!(
+                    "the run was recorded on a log with the identity {identity}; expected that log"
+                )));
+            }
+            (Some(log), identity) => {
+                let got = log.identity()?;
+                if got != identity {
+                    return Err(RunError::Refused(format!(
+                        "the run was recorded on another log: got one with the identity {got}, expected {identity}: {}",
+                        log.info().path.display()
+                    )));
+                }
+            }
+        }
+        Stepped::new(Arc::clone(plan), log, options)
+    }
+}
+
+fn take_event(raw: &AnyMessage, events: &mut Vec<ExternalEvent>) -> Result<(), String> {
+    let event = raw.to::<rcs::JournalEvent>().ok_or("an event of the journal does not decode")?;
+    events.push(ExternalEvent::from_message(&event).map_err(|error| error.to_string())?);
+    Ok(())
+}
+
+fn take_cycle(raw: &AnyMessage, cycles: &mut Vec<(String, Stamp, Stamp)>) -> Result<(), String> {
+    let record = raw.to::<rcs::CycleRecord>().ok_or("a cycle of the schedule does not decode")?;
+    cycles.push((record.process, Stamp(record.start_ns), Stamp(record.end_ns)));
+    Ok(())
+}
+
+/// The first field in which two parameter messages differ, and both values.
+fn other_parameter(got: &AnyMessage, expected: &AnyMessage) -> Option<(FieldText, String, String)> {
+    let (got, expected) = (got.value().ok()?, expected.value().ok()?);
+    let text = |value: &Value| match value {
+        Value::Text(text) if text.len() > 60 => format!("a text of {} bytes", text.len()),
+        Value::Text(text) => format!("{text:?}"),
+        value => value.as_f64().map_or_else(|| value.kind().to_owned(), |number| number.to_string()),
+    };
+    let mut pairs = got.leaves().zip(expected.leaves());
+    let ((path, got), (_, expected)) = pairs.find(|((_, got), (_, expected))| got != expected)?;
+    Some((path.to_string(), text(got), text(expected)))
+}
+
+type FieldText = String;
+
+type Seen = Arc<Mutex<Vec<(usize, Sample)>>>;
+
+/// A recorded run that is done again and compared on the way.
+pub struct Replay {
+    run: Stepped,
+    recorded: RecordedRun,
+    messages: Peekable<Cursor>,
+    matcher: Matcher,
+    seen: Seen,
+    /// How many events of the journal have been given; those of a live run are in its schedule.
+    given: usize,
+    first: Option<Difference>,
+}
+
+impl Replay {
+    /// A run that was made by [`RecordedRun::stepped`] and has not begun.
+    pub fn new(recorded: RecordedRun, run: Stepped) -> Result<Self, RunError> {
+        let seen = Seen::default();
+        let mut matcher = Matcher::new(recorded.start);
+        let topics = &recorded.recording.info().topics;
+        for (index, (buffer, plan)) in run.buffers().iter().zip(&run.plan().buffers).enumerate() {
+            if is_measured(buffer.name()) || !topics.iter().any(|topic| topic.name == buffer.name()) {
+                continue;
+            }
+            if plan.record_hz.is_some() || !recorded.whole {
+                matcher.thin(buffer.name());
+            }
+            let seen = Arc::clone(&seen);
+            buffer.tap(Box::new(move |sample: &Sample| {
+                seen.lock().unwrap_or_else(PoisonError::into_inner).push((index, sample.clone()));
+            }));
+        }
+        let messages = recorded.recording.cursor(CursorOptions::default()).peekable();
+        let given = if recorded.info.live { recorded.journal.len() } else { 0 };
+        let mut replay = Self { run, recorded, messages, matcher, seen, given, first: None };
+        replay.run.begin()?;
+        Ok(replay)
+    }
+
+    /// The run as it stands.
+    pub fn run(&self) -> &Stepped {
+        &self.run
+    }
+
+    /// The first difference from what was recorded that has been met so far.
+    pub fn first(&self) -> Option<&Difference> {
+        self.first.as_ref()
+    }
+
+    /// Runs to a time, or to the end of the recording where that comes first.
+    pub fn run_until(&mut self, until: Stamp) -> Result<(), RunError> {
+        let until = until.min(self.recorded.end);
+        loop {
+            while let Some(event) = self.recorded.journal.events().get(self.given)
+                && event.place.events <= self.run.events()
+                && event.place.time <= until
+            {
+                self.given += 1;
+                let (buffer, time) = (event.buffer.to_string(), event.place.time);
+                if let Err(error) = self.run.retake(event.clone()) {
+                    let time_s = time.seconds_since(self.recorded.start);
+                    let (field, detail) = ("message".to_owned(), format!("the event is refused: {error}"));
+                    self.first.get_or_insert(Difference { time_s, buffer, sequence: 0, field, detail });
+                }
+            }
+            match self.run.next_time()? {
+                Some(time) if time <= until => {
+                    if time > self.run.now() {
+                        self.settle(self.run.now())?;
+                    }
+                    self.run.advance()?;
+                }
+                _ => break,
+            }
+        }
+        self.settle(until)
+    }
+
+    /// Compares everything up to and with a time.
+    fn settle(&mut self, time: Stamp) -> Result<(), RunError> {
+        let seen = std::mem::take(&mut *self.seen.lock().unwrap_or_else(PoisonError::into_inner));
+        if self.first.is_some() {
+            return Ok(());
+        }
+        put_until(&mut self.matcher, Side::First, &self.recorded.recording, &mut self.messages, time)?;
+        for (index, sample) in seen {
+            let entry = Entry {
+                sequence: sample.header.sequence as u32,
+                log_time: sample.header.log_time,
+                acq_time: sample.header.acq_time,
+                message: sample.message,
+            };
+            self.matcher.put(Side::Second, self.run.buffers()[index].name(), entry);
+        }
+        self.first = self.matcher.settle();
+        Ok(())
+    }
+}

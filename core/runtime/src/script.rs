@@ -1,0 +1,54 @@
+//! What a live run did, for the stepped executor to do it again: its cycles and its journal, each at its own time.
+//!
+//! No two of them have one time, so that the time of the last event says where the run stands: a snapshot holds the next
+//! cycle and the next event in its queue, and nothing of what comes after them.
+
+use crate::journal::{ExternalEvent, Journal};
+use rcs_msg::Stamp;
+
+/// One cycle of a recorded schedule.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ScheduledCycle {
+    /// Place of the process in the plan.
+    pub(crate) node: usize,
+    /// When it took its inputs.
+    pub(crate) start: Stamp,
+    /// When its output became visible.
+    pub(crate) end: Stamp,
+}
+
+/// The cycles and the journal of a live run.
+pub(crate) struct Script {
+    cycles: Vec<ScheduledCycle>,
+    journal: Journal,
+}
+
+impl Script {
+    pub(crate) fn new(mut cycles: Vec<ScheduledCycle>, journal: Journal) -> Self {
+        cycles.sort_by_key(|cycle| cycle.start);
+        Self { cycles, journal }
+    }
+
+    /// When the output of the cycle becomes visible that started at that time.
+    pub(crate) fn end_of(&self, start: Stamp) -> Stamp {
+        let at = self.cycles.partition_point(|cycle| cycle.start < start);
+        self.cycles.get(at).map_or(start, |cycle| cycle.end)
+    }
+
+    /// The first cycle that starts later than that time.
+    pub(crate) fn cycle_after(&self, time: Stamp) -> Option<ScheduledCycle> {
+        self.cycles.get(self.cycles.partition_point(|cycle| cycle.start <= time)).copied()
+    }
+
+    /// The event that was taken at that time.
+    pub(crate) fn event_at(&self, time: Stamp) -> Option<&ExternalEvent> {
+        let events = self.journal.events();
+        events.get(events.partition_point(|event| event.place.time < time))
+    }
+
+    /// When the first event after that time was taken.
+    pub(crate) fn event_after(&self, time: Stamp) -> Option<Stamp> {
+        let events = self.journal.events();
+        events.get(events.partition_point(|event| event.place.time <= time)).map(|event| event.place.time)
+    }
+}
