@@ -1,7 +1,7 @@
 //! Parameters: every one is documented, defaults are accepted, bad values are not.
 
 use prost_reflect::{Kind, MessageDescriptor};
-use rcs_msg::params::{ParamKind, check, defaults, set_param, set_param_text, specs};
+use rcs_msg::params::{ParamKind, ParamSpec, check, defaults, find, set_param, set_param_text, specs};
 use rcs_msg::{MessageEncoding, Schema, Value, registry};
 
 /// Every parameter message of ours.
@@ -13,31 +13,36 @@ fn parameter_messages() -> Vec<MessageDescriptor> {
 #[test]
 fn every_parameter_has_unit_help_and_default_and_numbers_a_range() {
     for message in parameter_messages() {
-        let specs = specs(&message);
-        assert_eq!(specs.len(), message.fields().len(), "{}: a field is no parameter", message.full_name());
-        for spec in specs {
-            let at = format!("{}.{}", message.full_name(), spec.name);
-            let field = message.get_field_by_name(&spec.name).expect("it is a field");
-            let has = |option: &str| {
-                let option = registry().pool().get_extension_by_name(option).expect("it is an option");
-                field.options().has_extension(&option)
-            };
-            assert!(has("rcs.unit"), "{at} has no unit");
-            assert!(spec.help.len() > 10, "{at} has no help");
-            let default = if field.kind() == Kind::String { "rcs.default_text" } else { "rcs.default" };
-            assert!(has(default), "{at} has no default");
-            if matches!(spec.kind, ParamKind::Number | ParamKind::Integer) {
-                assert!(!spec.unit.is_empty(), "{at} is a number without a unit");
-                let (min, max) =
-                    (spec.min.expect("a number has a least value"), spec.max.expect("and a largest"));
-                let default = spec.default.as_f64().expect("a number has a number as default");
-                assert!(
-                    min < max && (min..=max).contains(&default),
-                    "{at}: {default} is not in {min} to {max}"
-                );
-            }
-        }
+        check_declared(&message);
         check(&defaults(&message)).expect("defaults are accepted");
+    }
+}
+
+fn check_declared(message: &MessageDescriptor) {
+    let specs = specs(message);
+    assert_eq!(specs.len(), message.fields().len(), "{}: a field is no parameter", message.full_name());
+    for spec in specs {
+        let at = format!("{}.{}", message.full_name(), spec.name);
+        let field = message.get_field_by_name(&spec.name).expect("it is a field");
+        let has = |option: &str| {
+            let option = registry().pool().get_extension_by_name(option).expect("it is an option");
+            field.options().has_extension(&option)
+        };
+        assert!(spec.help.len() > 10, "{at} has no help");
+        if let Kind::Message(nested) = field.kind() {
+            check_declared(&nested);
+            continue;
+        }
+        assert!(has("rcs.unit"), "{at} has no unit");
+        let default = if field.kind() == Kind::String { "rcs.default_text" } else { "rcs.default" };
+        assert!(has(default), "{at} has no default");
+        if matches!(spec.kind, ParamKind::Number | ParamKind::Integer) {
+            assert!(!spec.unit.is_empty(), "{at} is a number without a unit");
+            let (min, max) =
+                (spec.min.expect("a number has a least value"), spec.max.expect("and a largest"));
+            let default = spec.default.as_f64().expect("a number has a number as default");
+            assert!(min < max && (min..=max).contains(&default), "{at}: {default} is not in {min} to {max}");
+        }
     }
 }
 
@@ -52,9 +57,34 @@ const PROTO: &str = r#"syntax = "proto3"; package odd; import "rcs/options.proto
       Mode mode = 6 [(rcs.default) = 1];
     }"#;
 
+const NESTED: &str = r#"syntax = "proto3"; package odd; import "rcs/options.proto";
+    message Mount {
+      double x_m = 1 [(rcs.unit) = "m", (rcs.min) = -10, (rcs.max) = 10, (rcs.default) = 1];
+      double yaw_deg = 2 [(rcs.unit) = "deg", (rcs.min) = -180, (rcs.max) = 180, (rcs.default) = 0];
+    }
+    message Source {
+      string name = 1 [(rcs.default_text) = "none"];
+      double weight = 2 [(rcs.unit) = "1", (rcs.min) = 0, (rcs.max) = 1, (rcs.default) = 0.5];
+      Mount mount = 3;
+    }
+    message Params {
+      Mount mount = 1 [(rcs.help) = "Where it is.", (rcs.default_text) = "{\"yaw_deg\": 90}"];
+      repeated Source sources = 2 [(rcs.max) = 3, (rcs.default_text) = "[{\"name\": \"range\"}]"];
+      repeated double limits_m = 3 [(rcs.unit) = "m", (rcs.min) = 0, (rcs.max) = 5];
+      map<string, double> others = 4;
+    }"#;
+
 fn odd() -> MessageDescriptor {
+    compiled(PROTO)
+}
+
+fn nested() -> MessageDescriptor {
+    compiled(NESTED)
+}
+
+fn compiled(text: &str) -> MessageDescriptor {
     let dir = tempfile::tempdir().expect("a folder can be made");
-    std::fs::write(dir.path().join("odd.proto"), PROTO).expect("it can be written");
+    std::fs::write(dir.path().join("odd.proto"), text).expect("it can be written");
     let proto = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("proto");
     let mut compiler = protox::Compiler::new([dir.path(), &proto]).expect("the folders are there");
     compiler.include_imports(true).open_file("odd.proto").expect("it compiles");
@@ -147,4 +177,104 @@ fn what_is_not_accepted_says_what_would_be_and_changes_nothing() {
     assert_eq!(error.to_string(), "parameter speed_mps: got \"1\", expected a number from 0.1 to 1.3 m/s");
     message.set_field_by_name("speed_mps", prost_reflect::Value::F64(f64::NAN));
     check(&message).expect_err("NaN is not accepted in a whole message");
+}
+
+fn text_of(message: &prost_reflect::DynamicMessage) -> String {
+    serde_json::to_string(message).expect("it is JSON")
+}
+
+#[test]
+fn a_message_within_and_a_list_of_messages_have_their_defaults_and_specs() {
+    let descriptor = nested();
+    let specs = specs(&descriptor);
+    let kinds: Vec<_> = specs.iter().map(|spec| (spec.name.as_str(), spec.kind)).collect();
+    assert_eq!(
+        kinds,
+        [("mount", ParamKind::Group), ("sources", ParamKind::List), ("limits_m", ParamKind::List)]
+    );
+    let names = |spec: &ParamSpec| spec.fields.iter().map(|field| field.name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&specs[0]), ["x_m", "yaw_deg"]);
+    assert_eq!(names(&specs[1]), ["name", "weight", "mount"]);
+    assert_eq!(specs[2].fields[0].max, Some(5.0));
+    let message = defaults(&descriptor);
+    check(&message).expect("defaults are accepted");
+    assert_eq!(
+        text_of(&message),
+        r#"{"mount":{"xM":1.0,"yawDeg":90.0},"sources":[{"name":"range","weight":0.5,"mount":{"xM":1.0}}]}"#
+    );
+    for (path, unit) in [("mount.x_m", "m"), ("sources[0].weight", "1"), ("sources[7].mount.yaw_deg", "deg")]
+    {
+        assert_eq!(find(&descriptor, path).expect(path).unit, unit);
+    }
+}
+
+#[test]
+fn what_lies_within_is_set_by_its_path_and_keeps_what_is_not_named() {
+    let mut message = defaults(&nested());
+    for (path, text) in [
+        ("mount.x_m", "2"),
+        ("sources", r#"[{"name": "a"}, {"weight": 0.25, "mount": {"x_m": -1}}]"#),
+        ("sources[0].mount.yaw_deg", "7"),
+        ("limits_m", "[1, 2.5]"),
+    ] {
+        set_param_text(&mut message, path, text).expect(path);
+    }
+    let mount = Value::Message(vec![("yaw_deg".to_owned(), Value::Int(3))]);
+    set_param(&mut message, "mount", &mount).expect("a group takes what is named");
+    check(&message).expect("what was set is accepted");
+    assert_eq!(
+        text_of(&message),
+        r#"{"mount":{"xM":2.0,"yawDeg":3.0},"sources":[{"name":"a","weight":0.5,"mount":{"xM":1.0,"yawDeg":7.0}},{"name":"none","weight":0.25,"mount":{"xM":-1.0}}],"limitsM":[1.0,2.5]}"#
+    );
+}
+
+#[test]
+fn what_is_wrong_within_is_said_with_its_path_and_changes_nothing() {
+    let unchanged = defaults(&nested());
+    for (path, text, expect) in [
+        ("mount.x_m", "11", "parameter mount.x_m: got 11, expected a number from -10 to 10 m"),
+        ("mount.z_m", "1", "no parameter \"z_m\" in odd.Mount, expected one of x_m, yaw_deg"),
+        ("mount", "3", "parameter mount: got 3, expected a table of x_m, yaw_deg"),
+        ("mount", "{\"x_m\": 99}", "parameter mount.x_m: got 99, expected a number from -10 to 10 m"),
+        ("sources[0].weight", "NaN", "parameter sources[0].weight: got NaN, expected a number from 0 to 1"),
+        (
+            "sources[1].weight",
+            "1",
+            "parameter sources[1]: got element 1 of 1, expected a list of at most 3 tables of name, weight, mount",
+        ),
+        (
+            "sources",
+            "[{}, {}, {}, {}]",
+            "parameter sources: got 4 elements, expected a list of at most 3 tables of name, weight, mount",
+        ),
+        (
+            "sources",
+            "[{\"mount\": {\"yaw_deg\": 200}}]",
+            "parameter sources[0].mount.yaw_deg: got 200, expected a number from -180 to 180 deg",
+        ),
+        ("limits_m", "[1, 6]", "parameter limits_m[1]: got 6, expected a number from 0 to 5 m"),
+        ("others", "{}", "no parameter \"others\" in odd.Params, expected one of mount, sources, limits_m"),
+    ] {
+        let mut message = unchanged.clone();
+        let error = set_param_text(&mut message, path, text).expect_err(text);
+        assert_eq!(error.to_string(), expect);
+        assert_eq!(message, unchanged);
+    }
+}
+
+#[test]
+fn a_message_that_comes_without_its_group_is_refused() {
+    let mut message = defaults(&nested());
+    message.clear_field_by_name("mount");
+    let error = check(&message).expect_err("the mount is missing").to_string();
+    assert_eq!(error, "parameter mount: got nothing, expected a table of x_m, yaw_deg");
+    let mut message = defaults(&nested());
+    let mut sources = message.get_field_by_name("sources").expect("it is a field").into_owned();
+    if let prost_reflect::Value::List(items) = &mut sources {
+        let source = items[0].as_message_mut().expect("a source is a message");
+        source.set_field_by_name("weight", prost_reflect::Value::F64(2.0));
+    }
+    message.set_field_by_name("sources", sources);
+    let error = check(&message).expect_err("the weight is out of range").to_string();
+    assert_eq!(error, "parameter sources[0].weight: got 2, expected a number from 0 to 1");
 }

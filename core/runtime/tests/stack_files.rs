@@ -89,7 +89,8 @@ fn a_parameter_is_checked_against_its_range_and_type() {
     check("latency_ms = 3", &with("publish_hz = 5000.0"), "100");
     check("latency_ms = 3", &with("publish_hz = \"fast\""), "counter.publish_hz");
     check("latency_ms = 3", &with("publsh_hz = 5.0"), "expected one of");
-    check("latency_ms = 3", &with("publish_hz = { a = 1 }"), "expected a number, a text, true or false");
+    check("latency_ms = 3", &with("publish_hz = { a = 1 }"), "got a message, expected a number from");
+    check("latency_ms = 3", &with("publish_hz = 1979-05-27"), "test.toml:10:");
 }
 
 #[test]

@@ -54,6 +54,16 @@ fn undeclared(spec: &ParamSpec) -> Vec<&'static str> {
     checks.into_iter().filter(|(missing, _)| *missing).map(|(_, what)| what).collect()
 }
 
+/// [`undeclared`] for parameters and all that lie within them.
+fn undeclared_within(specs: &[ParamSpec], name: &str) -> Vec<String> {
+    let of = |spec: &ParamSpec| {
+        let name = format!("{name}.{}", spec.name);
+        let own = undeclared(spec).into_iter().map(|what| format!("{name} has no {what}"));
+        own.chain(undeclared_within(&spec.fields, &name)).collect::<Vec<_>>()
+    };
+    specs.iter().flat_map(of).collect()
+}
+
 #[test]
 fn every_parameter_has_unit_range_default_and_help() {
     let mut breaches = Vec::new();
@@ -64,10 +74,7 @@ fn every_parameter_has_unit_range_default_and_help() {
         if declared.len() != descriptor.fields().len() {
             breaches.push(format!("{} has fields that are no parameters", schema.name()));
         }
-        for spec in &declared {
-            let missing = undeclared(spec).into_iter();
-            breaches.extend(missing.map(|what| format!("{}.{} has no {what}", schema.name(), spec.name)));
-        }
+        breaches.extend(undeclared_within(&declared, schema.name()));
     }
     assert_kept("a parameter says all about itself", &breaches);
 }
@@ -85,8 +92,14 @@ fn a_parameter_without_help_unit_or_range_is_found() {
         fusion_source: None,
         file: None,
         choices: Vec::new(),
+        fields: Vec::new(),
     };
     assert_eq!(undeclared(&sound), [""; 0]);
+    let group =
+        |fields| ParamSpec { name: "drive".to_owned(), kind: ParamKind::Group, fields, ..sound.clone() };
+    assert_eq!(undeclared_within(&[group(vec![sound.clone()])], "P"), [""; 0]);
+    let mute = ParamSpec { help: String::new(), ..sound.clone() };
+    assert_eq!(undeclared_within(&[group(vec![mute])], "P"), ["P.drive.speed_mps has no help"]);
     let bare = ParamSpec { unit: String::new(), max: None, help: String::new(), ..sound.clone() };
     assert_eq!(undeclared(&bare), ["help", "unit", "range", "default within its range"]);
     let outside = ParamSpec { default: rcs_msg::Value::Float(3.0), ..sound };

@@ -127,7 +127,12 @@ fn mismatch(value: &Value, expected: &str, path: &FieldPath) -> EncodeError {
     EncodeError::Field { got: value.kind().to_owned(), expected: expected.to_owned(), path: path.clone() }
 }
 
-fn reflect_field(field: &FieldDescriptor, value: &Value, path: &FieldPath) -> Result<Reflected, EncodeError> {
+/// The value of a field, a list or a map among them, in the type that it wants.
+pub(crate) fn reflect_field(
+    field: &FieldDescriptor,
+    value: &Value,
+    path: &FieldPath,
+) -> Result<Reflected, EncodeError> {
     if field.is_map() {
         let (Kind::Message(entry), Value::Message(entries)) = (field.kind(), value) else {
             return Err(mismatch(value, "a message with a field for each key", path));

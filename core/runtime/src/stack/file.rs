@@ -1,8 +1,11 @@
 //! The text of a stack file as values that know where they stand.
 
 use super::error::StackError;
-use serde::Deserialize;
+use rcs_msg::Value;
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
+use std::fmt;
 use std::ops::Range;
 use toml::Spanned;
 
@@ -77,7 +80,67 @@ pub struct ProcessEntry {
     pub outputs: BTreeMap<Spanned<String>, Spanned<String>>,
     /// Parameters; the default where one is absent.
     #[serde(default)]
-    pub params: BTreeMap<Spanned<String>, Spanned<toml::Value>>,
+    pub params: BTreeMap<Spanned<String>, Spanned<ParamEntry>>,
+}
+
+/// The value of a parameter; what lies within a table or a list knows where it stands, too.
+#[derive(Clone, Debug)]
+pub enum ParamEntry {
+    /// A number, a text, `true` or `false`.
+    Plain(Value),
+    /// A list.
+    List(Vec<Spanned<ParamEntry>>),
+    /// A table: parameters of a group.
+    Table(BTreeMap<Spanned<String>, Spanned<ParamEntry>>),
+}
+
+impl<'de> Deserialize<'de> for ParamEntry {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        // An untagged enum would be read through a buffer, which forgets where things stand.
+        deserializer.deserialize_any(ParamVisitor)
+    }
+}
+
+struct ParamVisitor;
+
+impl<'de> Visitor<'de> for ParamVisitor {
+    type Value = ParamEntry;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number, a text, true or false, a list or a table")
+    }
+
+    fn visit_bool<E>(self, on: bool) -> Result<ParamEntry, E> {
+        Ok(ParamEntry::Plain(Value::Bool(on)))
+    }
+
+    fn visit_i64<E>(self, number: i64) -> Result<ParamEntry, E> {
+        Ok(ParamEntry::Plain(Value::Int(number)))
+    }
+
+    fn visit_f64<E>(self, number: f64) -> Result<ParamEntry, E> {
+        Ok(ParamEntry::Plain(Value::Float(number)))
+    }
+
+    fn visit_str<E>(self, text: &str) -> Result<ParamEntry, E> {
+        Ok(ParamEntry::Plain(Value::Text(text.to_owned())))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<ParamEntry, A::Error> {
+        let mut list = Vec::new();
+        while let Some(item) = items.next_element()? {
+            list.push(item);
+        }
+        Ok(ParamEntry::List(list))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<ParamEntry, A::Error> {
+        let mut table = BTreeMap::new();
+        while let Some((key, value)) = entries.next_entry()? {
+            table.insert(key, value);
+        }
+        Ok(ParamEntry::Table(table))
+    }
 }
 
 fn default_host() -> String {

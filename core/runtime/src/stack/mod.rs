@@ -41,7 +41,7 @@ pub(crate) use builder::TRUTH;
 
 pub use assets::{Asset, Assets, NoAssets};
 pub use error::StackError;
-pub use file::{BufferEntry, InputEntry, OverflowEntry, ProcessEntry, StackFile, VIEWER};
+pub use file::{BufferEntry, InputEntry, OverflowEntry, ParamEntry, ProcessEntry, StackFile, VIEWER};
 pub use params::PlanOptions;
 pub(crate) use plan::names;
 pub use plan::{BufferPlan, InputPlan, Plan, ProcessPlan};

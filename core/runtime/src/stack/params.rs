@@ -2,11 +2,14 @@
 
 use super::assets::{Asset, Assets, Course, NoAssets};
 use super::error::StackError;
-use super::file::{ProcessEntry, StackFile};
+use super::file::{ParamEntry, ProcessEntry, StackFile};
 use crate::process::ProcessType;
-use prost_reflect::{DynamicMessage, MessageDescriptor};
-use rcs_msg::{AnyMessage, Value, params, rcs};
+use prost_reflect::{DynamicMessage, ReflectMessage};
+use rcs_msg::params::{self, ParamKind, ParamSpec};
+use rcs_msg::{AnyMessage, FieldPath, Value, rcs};
+use std::ops::Range;
 use std::sync::Arc;
+use toml::Spanned;
 
 /// What is given beside a stack file when it is checked.
 #[derive(Clone, Copy)]
@@ -29,7 +32,7 @@ pub(super) struct ParamReader<'a> {
     given: Option<&'a [rcs::InitialParams]>,
 }
 
-/// A parameter that is the text of a file: kind of the file, name of the field.
+/// A parameter that is the text of a file: kind of the file, path of the field.
 struct FileField {
     kind: String,
     field: String,
@@ -68,21 +71,13 @@ impl<'a> ParamReader<'a> {
             kind.check(&message).map_err(|text| error(format!("recorded parameters of {name}: {text}")))?;
             return Ok(message);
         }
-        let files = file_fields(descriptor);
+        let files = file_fields(&params::specs(descriptor), "");
         let mut values = params::defaults(descriptor);
         for (field, value) in &entry.params {
-            let error = |error: String| {
-                self.file.error(&value.span(), format!("parameter {name}.{}: {error}", field.get_ref()))
-            };
-            let mut new = to_value(value.get_ref()).ok_or_else(|| {
-                error("expected a number, a text, true or false, or a list of these".to_owned())
+            let path = FieldPath::root().field(field.get_ref().as_str());
+            self.put(&mut values, &path, value).map_err(|(span, error)| {
+                self.file.error(&span, format!("parameter {name}{path}: {error}"))
             })?;
-            if let (Some(file), Value::Text(named)) = (find(&files, field.get_ref()), &new) {
-                let asset = self.options.assets.read(&file.kind, named, &self.file.file).map_err(error)?;
-                new = Value::Text(asset.text.clone());
-                self.assets.push(asset);
-            }
-            params::set_param(&mut values, field.get_ref(), &new).map_err(|e| error(e.to_string()))?;
         }
         self.take_course(&files, &mut values)?;
         for (path, text) in self.options.overrides {
@@ -94,9 +89,10 @@ impl<'a> ParamReader<'a> {
                 line: 1,
                 message: format!("{path}: {error}"),
             };
+            let spec = params::find(descriptor, field).map_err(|e| error(e.to_string()))?;
             let mut text = text.clone();
-            if let Some(file) = find(&files, field) {
-                let asset = self.options.assets.read(&file.kind, &text, "").map_err(error)?;
+            if let (ParamKind::Text, Some(kind)) = (spec.kind, &spec.file) {
+                let asset = self.options.assets.read(kind, &text, "").map_err(error)?;
                 text.clone_from(&asset.text);
                 self.assets.push(asset);
             }
@@ -105,6 +101,51 @@ impl<'a> ParamReader<'a> {
         let message = AnyMessage::encoded(Arc::clone(schema), prost::Message::encode_to_vec(&values).into());
         kind.check(&message).map_err(|error| self.blame(entry, &files, &values, error))?;
         Ok(message)
+    }
+
+    /// Sets a parameter, entry by entry, so that what is wrong is said of its own line.
+    fn put(
+        &mut self,
+        values: &mut DynamicMessage,
+        path: &FieldPath,
+        entry: &Spanned<ParamEntry>,
+    ) -> Result<(), (Range<usize>, String)> {
+        let at = |error: String| (entry.span(), error);
+        let name = path.to_string();
+        let name = name.trim_start_matches('.');
+        let spec = params::find(&values.descriptor(), name).map_err(|error| at(error.to_string()))?;
+        let value = match (entry.get_ref(), spec.kind) {
+            (ParamEntry::Table(fields), ParamKind::Group) => {
+                for (field, value) in fields {
+                    self.put(values, &path.field(field.get_ref().as_str()), value)?;
+                }
+                return Ok(());
+            }
+            (ParamEntry::List(items), ParamKind::List) => match plain(items) {
+                Some(list) if !items.is_empty() => list,
+                _ => {
+                    // As many elements at their defaults, then what is said of each.
+                    let elements = Value::List(vec![Value::Message(Vec::new()); items.len()]);
+                    params::set_param(values, name, &elements).map_err(|error| at(error.to_string()))?;
+                    for (index, item) in items.iter().enumerate() {
+                        self.put(values, &path.index(index), item)?;
+                    }
+                    return Ok(());
+                }
+            },
+            (ParamEntry::Plain(Value::Text(named)), ParamKind::Text) if spec.file.is_some() => {
+                let kind = spec.file.as_deref().unwrap_or_default();
+                let asset = self.options.assets.read(kind, named, &self.file.file).map_err(at)?;
+                let text = Value::Text(asset.text.clone());
+                self.assets.push(asset);
+                text
+            }
+            (ParamEntry::Plain(value), _) => value.clone(),
+            // The error says what is expected in its place.
+            (ParamEntry::List(_), _) => Value::List(Vec::new()),
+            (ParamEntry::Table(_), _) => Value::Message(Vec::new()),
+        };
+        params::set_param(values, name, &value).map_err(|error| at(error.to_string()))
     }
 
     /// Sets what comes with the course: the course itself, and the files that it names.
@@ -136,8 +177,8 @@ impl<'a> ParamReader<'a> {
             let digits = rest.find(|c: char| !c.is_ascii_digit())?;
             let line = rest[..digits].parse().ok()?;
             let file = find(files, field)?;
-            let text = values.get_field_by_name(&file.field)?;
-            let asset = self.assets.iter().find(|asset| Some(asset.text.as_str()) == text.as_str())?;
+            let text = text_at(values, &file.field)?;
+            let asset = self.assets.iter().find(|asset| asset.text == text)?;
             let message = rest[digits..].trim_start_matches([',', ':', ' ']).to_owned();
             Some(StackError { file: asset.file.clone(), line, message })
         };
@@ -145,22 +186,39 @@ impl<'a> ParamReader<'a> {
     }
 }
 
-fn file_fields(descriptor: &MessageDescriptor) -> Vec<FileField> {
-    let specs = params::specs(descriptor).into_iter();
-    specs.filter_map(|spec| Some(FileField { kind: spec.file?, field: spec.name })).collect()
+/// Files outside of lists, by the path of the field that holds each.
+fn file_fields(specs: &[ParamSpec], within: &str) -> Vec<FileField> {
+    let mut files = Vec::new();
+    for spec in specs {
+        let field = format!("{within}{}", spec.name);
+        match (spec.kind, &spec.file) {
+            (ParamKind::Group, _) => files.extend(file_fields(&spec.fields, &format!("{field}."))),
+            (ParamKind::Text, Some(kind)) => files.push(FileField { kind: kind.clone(), field }),
+            _ => {}
+        }
+    }
+    files
 }
 
 fn find<'f>(files: &'f [FileField], field: &str) -> Option<&'f FileField> {
     files.iter().find(|file| file.field == field)
 }
 
-fn to_value(value: &toml::Value) -> Option<Value> {
-    Some(match value {
-        toml::Value::String(text) => Value::Text(text.clone()),
-        toml::Value::Integer(number) => Value::Int(*number),
-        toml::Value::Float(number) => Value::Float(*number),
-        toml::Value::Boolean(on) => Value::Bool(*on),
-        toml::Value::Array(list) => Value::List(list.iter().map(to_value).collect::<Option<_>>()?),
-        toml::Value::Datetime(_) | toml::Value::Table(_) => return None,
-    })
+/// The text that a field holds, as a path leads to it.
+fn text_at(message: &DynamicMessage, path: &str) -> Option<String> {
+    let (name, rest) = path.split_once('.').map_or((path, None), |(name, rest)| (name, Some(rest)));
+    let value = message.get_field_by_name(name)?;
+    match rest {
+        None => value.as_str().map(str::to_owned),
+        Some(rest) => text_at(value.as_message()?, rest),
+    }
+}
+
+/// A list whose elements are plain values.
+fn plain(items: &[Spanned<ParamEntry>]) -> Option<Value> {
+    let item = |item: &Spanned<ParamEntry>| match item.get_ref() {
+        ParamEntry::Plain(value) => Some(value.clone()),
+        _ => None,
+    };
+    items.iter().map(item).collect::<Option<_>>().map(Value::List)
 }
