@@ -23,7 +23,7 @@ impl Process for Relay {
     // Parameters are taken once, so whose they are makes no difference here.
     type Params = rcs::LabelOverlayParams;
     type Ports = RelayPorts;
-    const DEF: ProcessDef = ProcessDef { plugin: "relay", summary: "Relays.", period_ms: 1.0, commands: &[] };
+    const DEF: ProcessDef = ProcessDef { plugin: "relay", summary: "Relays.", period_ms: 1.0, latency_ms: 0.0, commands: &[], reads_truth: false };
 
     fn ports(builder: &mut PortBuilder) -> RelayPorts {
         RelayPorts {
@@ -52,7 +52,7 @@ struct Sink;
 impl Process for Sink {
     type Params = rcs::LabelOverlayParams;
     type Ports = In<foxglove::Pose>;
-    const DEF: ProcessDef = ProcessDef { plugin: "sink", summary: "Reads.", period_ms: 1.0, commands: &[] };
+    const DEF: ProcessDef = ProcessDef { plugin: "sink", summary: "Reads.", period_ms: 1.0, latency_ms: 0.0, commands: &[], reads_truth: false };
 
     fn ports(builder: &mut PortBuilder) -> In<foxglove::Pose> {
         builder.input("input", "Pose.")

@@ -39,6 +39,13 @@ pub(crate) struct Staged {
     pub(crate) message: AnyMessage,
 }
 
+impl Staged {
+    /// Encodes the message now, on this thread, for those who will ask for its bytes.
+    pub(crate) fn encode(&self) {
+        self.message.bytes();
+    }
+}
+
 /// A message from an input port: derefs to its value.
 #[derive(Clone, Debug)]
 pub struct Msg<T> {

@@ -30,6 +30,7 @@ mod stack;
 mod status;
 mod stepped;
 mod summary;
+mod workers;
 
 pub use compare::{Difference, diff};
 pub use cycle::{Cycle, Msg};

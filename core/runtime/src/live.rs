@@ -12,6 +12,7 @@ use crate::options::RunOptions;
 use crate::pool::Pool;
 use crate::record::{RecordOptions, RecordWhat, Recording};
 use crate::stack::{Plan, names};
+use crate::workers::Slot;
 use rcs_bus::{Bus, Draft, WriterId};
 use rcs_log::RecorderStatus;
 use rcs_msg::{AnyMessage, Stamp, rcs};
@@ -102,7 +103,7 @@ impl Live {
         };
         let start = shared.commit(|now| machine.begin(now, &options.run, true).map(|()| now))?;
         let mut threads = Vec::new();
-        for (node, process) in nodes.into_iter().zip(&machine.plan.processes) {
+        for (node, process) in nodes.into_iter().map(Slot::into_node).zip(&machine.plan.processes) {
             let shared = Arc::clone(&shared);
             let name = Arc::clone(&process.name);
             let thread = std::thread::Builder::new().name(name.to_string());

@@ -6,6 +6,7 @@ use crate::node::Node;
 use crate::options::RunOptions;
 use crate::overrides::apply_override;
 use crate::stack::{Plan, ProcessPlan, names};
+use crate::workers::Slot;
 use prost_reflect::DynamicMessage;
 use rcs_bus::{Buffer, Draft, WriterId};
 use rcs_msg::{AnyMessage, Stamp, params, rcs};
@@ -16,7 +17,7 @@ pub(crate) struct Machine {
     pub(crate) plan: Arc<Plan>,
     pub(crate) bus: rcs_bus::Bus,
     pub(crate) buffers: Vec<Arc<Buffer>>,
-    pub(crate) nodes: Vec<Node>,
+    pub(crate) nodes: Vec<Slot>,
 }
 
 impl Machine {
@@ -30,9 +31,9 @@ impl Machine {
         for process in &plan.processes {
             let id = bus.add_writer(&process.name)?;
             let node = Node::new(process, &buffers, id, seed);
-            nodes.push(node.ok_or_else(|| {
+            nodes.push(Slot::new(node.ok_or_else(|| {
                 RunError::Refused(format!("the parameters of {} are of another type", process.name))
-            })?);
+            })?));
         }
         Ok(Self { plan, bus, buffers, nodes })
     }

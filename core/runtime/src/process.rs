@@ -44,6 +44,10 @@ pub struct ProcessDef {
     pub summary: &'static str,
     /// Period where the stack file gives none, in milliseconds.
     pub period_ms: f64,
+    /// Time from the start of a cycle until its output is visible, where a stepped run's stack file gives none, in
+    /// milliseconds: near what the cycle takes on a computer with two cores. 0 for what takes less than half a
+    /// millisecond, and for what stands for the world itself.
+    pub latency_ms: f64,
     /// Commands beside `RUN` and `HALT`, which the runtime handles for every process.
     pub commands: &'static [CommandDef],
     /// Whether it may read the truth of a simulation: its own processes, and those that stand in for what is not

@@ -14,7 +14,7 @@ use rcs_bus::{BufferState, Header, Sample};
 use rcs_log::Position;
 use rcs_msg::{AnyMessage, Stamp};
 use serde::{Deserialize, Serialize};
-use std::sync::PoisonError;
+use std::sync::{Arc, PoisonError};
 
 /// Everything that a stepped run remembers, at one moment.
 #[derive(Clone)]
@@ -53,7 +53,7 @@ impl Stepped {
             order: self.order,
             queue: self.queue.iter().cloned().collect(),
             buffers: machine.buffers.iter().map(|buffer| buffer.save()).collect(),
-            nodes: machine.nodes.iter().map(crate::node::Node::save).collect(),
+            nodes: machine.nodes.iter().map(|slot| slot.look(|node, _| node.save())).collect(),
             position: self.feed.as_ref().map(crate::feed::Feed::position),
             tallies: tallies.map(|tallies| tallies.lock().unwrap_or_else(PoisonError::into_inner).clone()),
             stack_hash: machine.plan.hash.clone(),
@@ -75,8 +75,8 @@ impl Stepped {
         for (buffer, state) in machine.buffers.iter().zip(&snapshot.buffers) {
             buffer.restore(state);
         }
-        for (node, state) in machine.nodes.iter_mut().zip(&snapshot.nodes) {
-            node.restore(state).map_err(RunError::Snapshot)?;
+        for (slot, state) in machine.nodes.iter_mut().zip(&snapshot.nodes) {
+            slot.get().restore(state).map_err(RunError::Snapshot)?;
         }
         self.now = snapshot.now;
         self.events = snapshot.events;
@@ -211,6 +211,8 @@ impl Snapshot {
             let publish = match &event.kind {
                 EventKind::Cycle => None,
                 EventKind::Publish { started, output } => {
+                    let output =
+                        output.get().ok_or_else(|| RunError::Snapshot("a cycle is not done".to_owned()))?;
                     let staged = output.staged.iter().map(|item| StagedOnDisk {
                         output: item.output,
                         acq_time: item.acq_time,
@@ -288,7 +290,7 @@ impl Snapshot {
                     let status = prost::Message::decode(status.bytes.as_slice())
                         .map_err(|error| RunError::Snapshot(error.to_string()))?;
                     let output = Output { staged, status: crate::status::StatusRecord::from_status(&status) };
-                    EventKind::Publish { started, output: Box::new(output) }
+                    EventKind::Publish { started, output: Arc::new(output.into()) }
                 }
             };
             queue.push(Event { time: event.time, rank: event.rank, order: event.order, kind });

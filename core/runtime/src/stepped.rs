@@ -2,33 +2,36 @@
 //!
 //! Events are ordered by time; at one instant the log's messages come first, in file order, then output that becomes
 //! visible now, then cycles by rank. The result depends on the inputs, the stack, the parameters and the seed alone.
+//! A cycle whose output shows later computes meanwhile on other threads, where there are any.
 
 use crate::error::RunError;
 use crate::feed::Feed;
 use crate::journal::{EventPlace, ExternalEvent, Journal};
 use crate::machine::Machine;
-use crate::node::Output;
 use crate::options::RunOptions;
 use crate::pool::Pool;
 use crate::script::{ScheduledCycle, Script};
 use crate::stack::{Plan, names};
-use crate::summary::{CycleTimes, Tallies, tap_tallies};
+use crate::summary::{Tallies, tap_tallies};
+use crate::workers::{CycleWork, Promise, Workers};
 use rcs_bus::{Buffer, Bus, Draft, WriterId};
 use rcs_log::Log;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
-use std::sync::Arc;
-use std::time::Instant;
+use std::sync::{Arc, OnceLock};
+
+/// A cycle whose latency is shorter computes on the executor's own thread: handing it over would take longer.
+const WORTH_SENDING_NS: u64 = 1_000_000;
 
 /// What one event was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Happened {
     /// A message of the log was given to the stack.
     Input,
-    /// Output of an earlier cycle of a process became visible.
-    Published(usize),
-    /// A process finished a cycle (whose output is visible now, unless it has a latency).
+    /// A process started a cycle, whose output becomes visible later.
+    Started(usize),
+    /// A cycle of a process ended: what it wrote, and its status, are visible now.
     Cycle(usize),
     /// An event of a recorded journal was given again.
     Written,
@@ -48,7 +51,7 @@ pub(crate) enum EventKind {
     /// Output that becomes visible, and when its cycle started.
     Publish {
         started: Stamp,
-        output: Box<Output>,
+        output: Promise,
     },
     Cycle,
     /// The event of a live run's journal that was taken at this time.
@@ -99,8 +102,8 @@ pub struct Stepped {
     pub(crate) tallies: Option<Tallies>,
     /// Cycles and journal of a live run that is run again; `None` on the nominal schedule.
     script: Option<Script>,
-    pool: Pool,
-    pub(crate) timings: Vec<CycleTimes>,
+    pool: Arc<Pool>,
+    workers: Option<Workers>,
     timing_due: Stamp,
 }
 
@@ -147,7 +150,7 @@ impl Stepped {
     }
 
     fn at(machine: Machine, feed: Option<Feed>, options: RunOptions, start: Stamp) -> Self {
-        let pool = Pool::new(options.threads);
+        let pool = Arc::new(Pool::new(options.threads));
         let tallies = options.hash.then(|| tap_tallies(&machine.buffers));
         Self {
             options,
@@ -159,8 +162,8 @@ impl Stepped {
             feed,
             tallies,
             script: None,
+            workers: Workers::new(&pool),
             pool,
-            timings: vec![CycleTimes::default(); machine.nodes.len()],
             timing_due: start,
             machine,
         }
@@ -239,11 +242,17 @@ impl Stepped {
         let index = event.rank as usize;
         match event.kind {
             EventKind::Publish { started, output } => {
-                self.machine.nodes[index].publish_output(*output, started, event.time);
+                // Done with its cycle, if not before.
+                let node = self.machine.nodes[index].get();
+                let output =
+                    Arc::try_unwrap(output).map_or_else(|shared| shared.get().cloned(), OnceLock::into_inner);
+                if let Some(output) = output {
+                    node.publish_output(output, started, event.time);
+                }
                 if self.script.is_some() {
                     self.record_cycle(index, started, event.time);
                 }
-                Happened::Published(index)
+                Happened::Cycle(index)
             }
             EventKind::Write => {
                 let taken = self.script.as_ref().and_then(|script| script.event_at(event.time)).cloned();
@@ -254,41 +263,54 @@ impl Stepped {
                 Happened::Written
             }
             EventKind::Cycle => {
-                let node = &mut self.machine.nodes[index];
-                node.capture();
-                let clock = Instant::now();
-                node.run(event.time, &self.pool);
-                let took_ns = clock.elapsed().as_nanos() as u64;
-                let period_ns = node.period_ns;
-                let visible = match &self.script {
-                    None => event.time.after_ns(node.latency_ns),
-                    Some(script) => script.end_of(event.time),
-                };
-                if visible == event.time {
-                    node.publish(event.time, visible);
-                } else {
-                    let output = Box::new(node.take_output(event.time));
-                    self.order += 1;
-                    self.queue.push(Event {
-                        time: visible,
-                        rank: event.rank,
-                        order: self.order,
-                        kind: EventKind::Publish { started: event.time, output },
-                    });
+                let happened = self.cycle(index, event.time);
+                if self.now >= self.timing_due {
+                    self.timing_due = self.now.after_ns(1_000_000_000);
+                    self.write_runtime(names::TIMING, self.now, AnyMessage::new(self.timing()));
                 }
-                match &self.script {
-                    None => self.schedule_cycle(index, event.time.after_ns(period_ns)),
-                    Some(_) => self.schedule_next_cycle(event.time),
-                }
-                self.count(index, took_ns, period_ns);
-                Happened::Cycle(index)
+                happened
             }
         }
     }
 
+    /// A cycle of the process of that rank, from its capture on.
+    fn cycle(&mut self, index: usize, now: Stamp) -> Happened {
+        let slot = &mut self.machine.nodes[index];
+        let node = slot.get();
+        node.capture();
+        let period_ns = node.period_ns;
+        let visible = match &self.script {
+            None => now.after_ns(node.latency_ns),
+            Some(script) => script.end_of(now),
+        };
+        let happened = if visible == now {
+            slot.run(now, &self.pool).publish(now, visible);
+            Happened::Cycle(index)
+        } else {
+            self.order += 1;
+            let output = Promise::default();
+            let work = CycleWork { now, output: Arc::clone(&output), encode: self.tallies.is_some() };
+            let kind = EventKind::Publish { started: now, output };
+            self.queue.push(Event { time: visible, rank: index as u32, order: self.order, kind });
+            match &self.workers {
+                Some(workers) if visible >= now.after_ns(WORTH_SENDING_NS) => {
+                    slot.send(workers, work, (visible, self.order));
+                }
+                _ => work.keep(slot.run(now, &self.pool)),
+            }
+            Happened::Started(index)
+        };
+        match &self.script {
+            None => self.schedule_cycle(index, now.after_ns(period_ns)),
+            Some(_) => self.schedule_next_cycle(now),
+        }
+        happened
+    }
+
     /// When a run on a log has done everything that the log can cause: its end, and one cycle of every process after it.
     pub fn horizon(&self) -> Option<Stamp> {
-        let slack = self.machine.nodes.iter().map(|node| node.period_ns + node.latency_ns).sum::<u64>();
+        let slack =
+            self.plan().processes.iter().map(|process| process.period_ns + process.latency_ns).sum::<u64>();
         self.feed.as_ref().map(|feed| feed.range.1.after_ns(slack.min(2_000_000_000)))
     }
 
@@ -318,7 +340,7 @@ impl Stepped {
 
     /// Says of a cycle of a recorded schedule what the live run said: what it saw, and when.
     fn record_cycle(&mut self, index: usize, started: Stamp, ended: Stamp) {
-        let node = &self.machine.nodes[index];
+        let node = self.machine.nodes[index].get();
         let record = rcs::CycleRecord {
             process: node.status().process.to_string(),
             cycle: node.status().cycle,
@@ -347,29 +369,6 @@ impl Stepped {
             if let Err(error) = buffer.writer(WriterId::RUNTIME).write(draft) {
                 tracing::warn!("{error}");
             }
-        }
-    }
-
-    fn count(&mut self, index: usize, took_ns: u64, period_ns: u64) {
-        self.timings[index].count(took_ns, period_ns);
-        if self.now >= self.timing_due {
-            self.timing_due = self.now.after_ns(1_000_000_000);
-            let processes = self.process_summaries();
-            let timing = rcs::Timing {
-                timestamp: Some(self.now.to_proto()),
-                processes: processes
-                    .into_iter()
-                    .map(|p| rcs::ProcessTiming {
-                        process: p.name,
-                        cycles: p.cycles,
-                        mean_us: p.mean_us,
-                        max_us: p.max_us,
-                        overruns: p.overruns,
-                    })
-                    .collect(),
-                lag_s: 0.0,
-            };
-            self.write_runtime(names::TIMING, self.now, AnyMessage::new(timing));
         }
     }
 

@@ -1,7 +1,9 @@
 //! What a run has done so far: cycles, messages, and a hash of everything that was written.
 
-use crate::stack::names;
+use crate::node::Node;
+use crate::stack::{ProcessPlan, names};
 use crate::stepped::Stepped;
+use crate::workers::Slot;
 use rcs_bus::{Buffer, Sample};
 use rcs_msg::rcs;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,17 +19,42 @@ pub(crate) struct Tally {
 }
 
 /// Measured durations of one process's cycles.
+///
+/// Reading the clock twice takes a fifth of the shortest cycle. So of a process none of whose cycles took
+/// [`CHEAP_NS`] yet, one in [`SAMPLED`] is measured, after as many at the beginning.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct CycleTimes {
-    cycles: u64,
+    begun: u64,
+    measured: u64,
     total_ns: u64,
     max_ns: u64,
     overruns: u64,
 }
 
+/// A process that took so long once is measured in every cycle.
+const CHEAP_NS: u64 = 10_000;
+/// A prime, so that what works in every fourth cycle, say, is met.
+const SAMPLED: u64 = 17;
+
 impl CycleTimes {
+    /// Whether the cycle that begins is to be measured.
+    pub(crate) fn begin(&mut self) -> bool {
+        let is_due = self.max_ns >= CHEAP_NS || self.begun < SAMPLED || self.begun.is_multiple_of(SAMPLED);
+        self.begun += 1;
+        is_due
+    }
+
+    /// Mean of those that were measured.
+    fn mean_us(&self) -> f64 {
+        self.total_ns as f64 * 1e-3 / self.measured.max(1) as f64
+    }
+
+    fn max_us(&self) -> f64 {
+        self.max_ns as f64 * 1e-3
+    }
+
     pub(crate) fn count(&mut self, took_ns: u64, period_ns: u64) {
-        self.cycles += 1;
+        self.measured += 1;
         self.total_ns += took_ns;
         self.max_ns = self.max_ns.max(took_ns);
         self.overruns += u64::from(took_ns > period_ns);
@@ -60,18 +87,36 @@ pub(crate) fn tap_tallies(buffers: &[Arc<Buffer>]) -> Tallies {
 }
 
 impl Stepped {
-    pub(crate) fn process_summaries(&self) -> Vec<ProcessSummary> {
-        let nodes = self.machine().nodes.iter().zip(&self.timings);
-        nodes
-            .map(|(node, times)| ProcessSummary {
-                name: node.status().process.to_string(),
-                state: node.status().state,
-                cycles: node.status().cycle,
-                mean_us: times.total_ns as f64 * 1e-3 / times.cycles.max(1) as f64,
-                max_us: times.max_ns as f64 * 1e-3,
+    /// What is known of the time that cycles take, without waiting for those that compute.
+    pub(crate) fn timing(&self) -> rcs::Timing {
+        let timing = |(slot, process): (&Slot, &ProcessPlan)| {
+            let times = slot.times();
+            rcs::ProcessTiming {
+                process: process.name.to_string(),
+                cycles: times.begun,
+                mean_us: times.mean_us(),
+                max_us: times.max_us(),
                 overruns: times.overruns,
-            })
-            .collect()
+                ..rcs::ProcessTiming::default()
+            }
+        };
+        rcs::Timing {
+            timestamp: Some(self.now.to_proto()),
+            processes: self.machine().nodes.iter().zip(&self.plan().processes).map(timing).collect(),
+            lag_s: 0.0,
+        }
+    }
+
+    pub(crate) fn process_summaries(&self) -> Vec<ProcessSummary> {
+        let summary = |node: &Node, times: &CycleTimes| ProcessSummary {
+            name: node.status().process.to_string(),
+            state: node.status().state,
+            cycles: node.status().cycle,
+            mean_us: times.mean_us(),
+            max_us: times.max_us(),
+            overruns: times.overruns,
+        };
+        self.machine().nodes.iter().map(|slot| slot.look(summary)).collect()
     }
 
     /// What the run has done so far.
@@ -129,7 +174,8 @@ pub struct Summary {
     pub hash: Option<String>,
 }
 
-/// What a process has done so far. Durations are measured, and differ from run to run.
+/// What a process has done so far. Durations are measured, and differ from run to run; of a process whose cycles take
+/// microseconds, only some are.
 #[derive(Clone, Debug)]
 pub struct ProcessSummary {
     /// Its name.

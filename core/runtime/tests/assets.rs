@@ -16,8 +16,14 @@ struct World;
 impl Process for World {
     type Params = rcs::SimVehicleParams;
     type Ports = Out<foxglove::Vector3>;
-    const DEF: ProcessDef =
-        ProcessDef { plugin: "world", summary: "Knows.", period_ms: 10.0, commands: &[], reads_truth: true };
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "world",
+        summary: "Knows.",
+        period_ms: 10.0,
+        latency_ms: 0.0,
+        commands: &[],
+        reads_truth: true,
+    };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {
         b.output("pose", "Where it really is.").truth().build()
@@ -46,6 +52,7 @@ impl Process for Robot {
         plugin: "robot",
         summary: "Guesses.",
         period_ms: 10.0,
+        latency_ms: 0.0,
         commands: &[],
         reads_truth: false,
     };

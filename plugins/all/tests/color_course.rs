@@ -121,6 +121,7 @@ impl Process for PathFollower {
         plugin: "path_follower",
         summary: "Drives along the mulch path",
         period_ms: 50.0,
+        latency_ms: 0.0,
         commands: &[],
         reads_truth: true,
     };

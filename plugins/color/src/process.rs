@@ -83,6 +83,7 @@ impl Process for ColorModelling {
         plugin: "color_models",
         summary: "Learns the colours of ground and background and maps the cost of what the camera sees",
         period_ms: 200.0,
+        latency_ms: 2.0,
         commands: &[
             CommandDef {
                 name: "CLEAR",

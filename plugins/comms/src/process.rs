@@ -81,6 +81,7 @@ impl Process for Comms {
         plugin: "comms",
         summary: "Comms interface: turns heading and speed into wheel speeds, and stops the vehicle when in doubt",
         period_ms: 20.0,
+        latency_ms: 0.0,
         reads_truth: false,
         commands: &[],
     };

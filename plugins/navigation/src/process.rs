@@ -64,6 +64,7 @@ impl Process for Position {
         plugin: "position",
         summary: "Estimates the local and the global position of the vehicle",
         period_ms: 20.0,
+        latency_ms: 0.0,
         commands: &[],
         reads_truth: false,
     };

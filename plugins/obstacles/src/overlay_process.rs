@@ -59,6 +59,7 @@ impl Process for LabelOverlay {
         plugin: "label_overlay",
         summary: "Shows the labels of a point cloud on the picture of a camera",
         period_ms: 200.0,
+        latency_ms: 12.0,
         commands: &[],
         reads_truth: false,
     };

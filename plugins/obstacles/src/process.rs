@@ -76,6 +76,7 @@ impl Process for Obstacles {
         plugin: "obstacles",
         summary: "Labels range images and scans column by column and maps the cost of obstacles",
         period_ms: 200.0,
+        latency_ms: 10.0,
         commands: &[],
         reads_truth: false,
     };

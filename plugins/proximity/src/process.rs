@@ -49,6 +49,7 @@ impl Process for Proximity {
         plugin: "proximity",
         summary: "Bumper and infrared sensors as costs; slip of the wheels and stalled motors",
         period_ms: 50.0,
+        latency_ms: 0.0,
         commands: &[],
         reads_truth: false,
     };

@@ -91,6 +91,7 @@ impl Process for SimCameras {
         plugin: "sim_cameras",
         summary: "Simulates a stereo pair or a camera of the vehicle, and the truth of each pixel",
         period_ms: 50.0,
+        latency_ms: 40.0,
         commands: &[],
         reads_truth: true,
     };

@@ -59,6 +59,7 @@ impl Process for SimLadar {
         plugin: "sim_ladar",
         summary: "Simulates a scanning ladar of the vehicle",
         period_ms: 50.0,
+        latency_ms: 4.0,
         commands: &[],
         reads_truth: true,
     };

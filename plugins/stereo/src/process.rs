@@ -47,6 +47,7 @@ impl Process for Stereo {
         plugin: "stereo",
         summary: "Rectifies a pair of images and finds the range of each pixel",
         period_ms: 50.0,
+        latency_ms: 10.0,
         commands: &[],
         reads_truth: false,
     };
@@ -172,7 +173,7 @@ impl Stereo {
         let rig = self.rig()?;
         let settings = settings(params);
         let rectified = rig.rectify(pair.images, cx.pool())?;
-        let mut disparity = rig.disparities(&rectified, settings, &self.bench, cx.pool())?;
+        let mut disparity = rig.disparities(&rectified, settings, &mut self.bench, cx.pool())?;
         let limits = [params.min_range_m, params.max_range_m];
         let depths = depths(&rig.camera, settings.disparities, limits);
         let (mut matched, mut nearest, mut farthest) = (0_u64, f32::INFINITY, 0.0_f32);

@@ -106,6 +106,7 @@ impl Process for Classifier {
         plugin: "classifier",
         summary: "Classifies windows of an image by terrain models and maps their cost on the flat ground",
         period_ms: 200.0,
+        latency_ms: 4.0,
         commands: &[],
         reads_truth: false,
     };

@@ -53,6 +53,7 @@ impl Process for TerrainLearner {
         plugin: "terrain_learner",
         summary: "Learns what terrain looks like from labelled range images and from driving over it",
         period_ms: 333.0,
+        latency_ms: 8.0,
         commands: &[CommandDef { name: "CLEAR", help: "Forget the map and all models.", parameters: "" }],
         reads_truth: false,
     };

@@ -63,6 +63,7 @@ impl Process for TruthDriver {
         plugin: "truth_driver",
         summary: "Drives the simulated vehicle to its goal by the truth's cheapest path: a yardstick for other drivers",
         period_ms: 50.0,
+        latency_ms: 0.0,
         commands: &[],
         reads_truth: true,
     };

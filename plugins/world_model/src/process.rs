@@ -44,6 +44,7 @@ impl Process for WorldModel {
         plugin: "world_model",
         summary: "WM1: fuses the costs that the sources see into one scrolling map",
         period_ms: 50.0,
+        latency_ms: 4.0,
         commands: &[CommandDef { name: "CLEAR", help: "Forget the whole map.", parameters: "" }],
         reads_truth: false,
     };

@@ -118,7 +118,7 @@ impl<'a> Builder<'a> {
             None => Ok(default),
         };
         let period_ms = millis(&entry.period_ms, kind.def().period_ms, 0.1)?;
-        let latency_ms = millis(&entry.latency_ms, 0.0, 0.0)?;
+        let latency_ms = millis(&entry.latency_ms, kind.def().latency_ms, 0.0)?;
 
         let input_defs = kind.inputs();
         let output_defs = kind.outputs();

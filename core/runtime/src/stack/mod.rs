@@ -18,7 +18,7 @@
 //! plugin = "obstacles"
 //! supervisor = "viewer"           # another process, or the one that is built into the window
 //! period_ms = 50
-//! latency_ms = 0
+//! latency_ms = 12                 # stepped: from the start of a cycle until its output shows
 //! inputs = { depth = "/camera/depth" }
 //! outputs = { labels = "/sp1/obstacles/labels" }
 //! params = { depth_scale_m = 0.00390625 }

@@ -26,6 +26,7 @@ impl Process for Counter {
         plugin: "counter",
         summary: "Counts.",
         period_ms: 10.0,
+        latency_ms: 0.0,
         commands: &[CommandDef { name: "CLEAR", help: "Starts again.", parameters: "" }],
         reads_truth: false,
     };
@@ -65,8 +66,14 @@ pub struct AdderPorts {
 impl Process for Adder {
     type Params = rcs::WorldModelParams;
     type Ports = AdderPorts;
-    const DEF: ProcessDef =
-        ProcessDef { plugin: "adder", summary: "Adds.", period_ms: 20.0, commands: &[], reads_truth: false };
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "adder",
+        summary: "Adds.",
+        period_ms: 20.0,
+        latency_ms: 0.0,
+        commands: &[],
+        reads_truth: false,
+    };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {
         AdderPorts {
@@ -111,6 +118,7 @@ impl Process for Fragile {
         plugin: "fragile",
         summary: "Panics.",
         period_ms: 10.0,
+        latency_ms: 0.0,
         commands: &[],
         reads_truth: false,
     };

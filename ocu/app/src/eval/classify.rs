@@ -218,10 +218,15 @@ fn run(
     let until = args.until.map(|seconds| run.start().after_ns((seconds * 1e9).round() as u64));
     let end = [run.horizon(), until].into_iter().flatten().min().unwrap_or(Stamp(0));
     let mut seen = [0; 2];
+    // Of cycles whose output is not visible yet.
+    let mut computing_ms = BTreeMap::new();
     while run.next_time()?.is_some_and(|time| time <= end) {
         let clock = Instant::now();
         let happened = run.advance()?;
         let took_ms = clock.elapsed().as_secs_f64() * 1e3;
+        if let Some(Happened::Started(process)) = happened {
+            computing_ms.insert(process, took_ms);
+        }
         for (side, buffer) in [(Side::Truth, truth.as_ref()), (Side::Judged, Some(&judged))] {
             let Some(buffer) = buffer else { continue };
             if buffer.newest() == seen[side as usize] {
@@ -232,8 +237,10 @@ fn run(
             let image: Option<RawImage> = sample.message.to();
             let image = image.with_context(|| format!("{} does not hold images of labels", buffer.name()))?;
             pairs.add(side, &image, sample.header.acq_time)?;
-            if side == Side::Judged && matches!(happened, Some(Happened::Cycle(_))) {
-                times_ms.push(took_ms);
+            if side == Side::Judged
+                && let Some(Happened::Cycle(process)) = happened
+            {
+                times_ms.push(took_ms + computing_ms.remove(&process).unwrap_or(0.0));
             }
         }
     }
