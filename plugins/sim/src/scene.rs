@@ -98,6 +98,15 @@ impl Texts {
     pub(crate) fn are(&self, texts: &[&str]) -> bool {
         self.0.iter().map(String::as_str).eq(texts.iter().copied())
     }
+
+    /// Tells texts apart where the texts themselves are too long to be kept: FNV-1a, each text with its length.
+    pub(crate) fn fingerprint(texts: &[&str]) -> u64 {
+        let mix = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+        texts.iter().fold(0xcbf2_9ce4_8422_2325, |hash, text| {
+            let length = (text.len() as u64).to_le_bytes();
+            length.into_iter().chain(text.bytes()).fold(hash, mix)
+        })
+    }
 }
 
 /// Reads a vehicle file.
@@ -192,5 +201,10 @@ impl Stage {
     /// Whether it was made of these texts.
     pub(crate) fn is_of(&self, params: &SimVehicleParams) -> bool {
         self.texts.are(&[&params.world, &params.vehicle, &params.course])
+    }
+
+    /// Tells these texts from others.
+    pub(crate) fn fingerprint(params: &SimVehicleParams) -> u64 {
+        Texts::fingerprint(&[&params.world, &params.vehicle, &params.course])
     }
 }

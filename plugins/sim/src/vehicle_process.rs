@@ -38,6 +38,8 @@ const MOST_STEPS: u64 = 100;
 pub struct SimVehicle {
     /// Made at the first cycle.
     run: Option<Run>,
+    /// Of which texts the run is. Kept with it, so that one that goes on from disk ends with its world, too.
+    texts: Option<u64>,
     /// What the parameters' texts say; made again where it is absent or they have changed.
     #[serde(skip)]
     stage: Option<Arc<Stage>>,
@@ -88,6 +90,7 @@ impl Process for SimVehicle {
         plugin: "sim_vehicle",
         summary: "Simulates a vehicle in a world: its motion, its simple sensors, the truth, and the run of a course",
         period_ms: 10.0,
+        latency_ms: 0.0,
         commands: &[],
         reads_truth: true,
     };
@@ -196,12 +199,14 @@ impl SimVehicle {
         if let Some(stage) = self.stage.as_ref().filter(|stage| stage.is_of(params)) {
             return Ok(Arc::clone(stage));
         }
-        if self.stage.is_some() {
+        let texts = Some(Stage::fingerprint(params));
+        if self.texts != texts {
             self.run = None;
         }
         self.map = None;
         let stage = Arc::new(Stage::new(params)?);
         self.stage = Some(Arc::clone(&stage));
+        self.texts = texts;
         Ok(stage)
     }
 }

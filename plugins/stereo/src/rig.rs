@@ -7,7 +7,6 @@ use rcs_geom::{CameraError, PinholeCamera, Rectification};
 use rcs_msg::foxglove::CameraCalibration;
 use rcs_runtime::Pool;
 use serde::{Deserialize, Serialize};
-use std::sync::{Arc, Mutex, PoisonError};
 
 /// What a calibration message says of one eye, checked as far as one eye goes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -105,7 +104,7 @@ impl Rig {
         &self,
         rectified: &Rectified,
         settings: Settings,
-        bench: &Bench,
+        bench: &mut Bench,
         pool: &Pool,
     ) -> Result<Vec<u16>, Unusable> {
         let mut disparity = Vec::new();
@@ -189,9 +188,15 @@ impl Shown {
     }
 }
 
-/// The matcher's memory. It is no state: a result depends on its pair alone, so clones share it.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Bench(Arc<Mutex<Option<Fitted>>>);
+/// The matcher's memory. It is no state: a result depends on its pair alone, so a clone begins without any.
+#[derive(Debug, Default)]
+pub(crate) struct Bench(Option<Box<Fitted>>);
+
+impl Clone for Bench {
+    fn clone(&self) -> Self {
+        Bench(None)
+    }
+}
 
 #[derive(Debug)]
 struct Fitted {
@@ -202,19 +207,17 @@ struct Fitted {
 
 impl Bench {
     fn with_matcher<R>(
-        &self,
+        &mut self,
         size: [usize; 2],
         settings: Settings,
         work: impl FnOnce(&mut Matcher) -> Result<R, StereoError>,
     ) -> Result<R, StereoError> {
-        let mut fitted = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if fitted.as_ref().is_none_or(|fitted| (fitted.size, fitted.settings) != (size, settings)) {
-            *fitted = Some(Fitted { size, settings, matcher: Matcher::new(size, settings)? });
-        }
-        match fitted.as_mut() {
-            Some(fitted) => work(&mut fitted.matcher),
-            None => Err(StereoError::Size { width: size[0], height: size[1] }),
-        }
+        let kept = self.0.take().filter(|fitted| (fitted.size, fitted.settings) == (size, settings));
+        let fitted = match kept {
+            Some(fitted) => fitted,
+            None => Box::new(Fitted { size, settings, matcher: Matcher::new(size, settings)? }),
+        };
+        work(&mut self.0.insert(fitted).matcher)
     }
 }
 
