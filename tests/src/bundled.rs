@@ -22,8 +22,25 @@ impl Assets for Repository {
 /// A bundled stack on a bundled course, with parameters `(process.field, value)`.
 pub(crate) fn plan(stack: &str, course: &str, params: &[(&str, &str)]) -> Arc<Plan> {
     let asset = Repository.read("stack", stack, "").unwrap();
-    let file = StackFile::parse(&asset.file, &asset.text).unwrap_or_else(|error| panic!("{error}"));
+    planned(&asset.file, &asset.text, Some(course), params)
+}
+
+/// A bundled stack as it stands.
+#[allow(dead_code, reason = "an example includes this file, too")]
+pub(crate) fn plan_of(stack: &str) -> Arc<Plan> {
+    let asset = Repository.read("stack", stack, "").unwrap();
+    planned(&asset.file, &asset.text, None, &[])
+}
+
+/// A test's own stack on a bundled course.
+#[allow(dead_code, reason = "an example includes this file, too")]
+pub(crate) fn plan_from_text(file: &str, text: &str, course: &str) -> Arc<Plan> {
+    planned(file, text, Some(course), &[])
+}
+
+fn planned(file: &str, text: &str, course: Option<&str>, params: &[(&str, &str)]) -> Arc<Plan> {
+    let file = StackFile::parse(file, text).unwrap_or_else(|error| panic!("{error}"));
     let overrides: Vec<_> = params.iter().map(|&(path, value)| (path.to_owned(), value.to_owned())).collect();
-    let options = PlanOptions { overrides: &overrides, course: Some(course), assets: &Repository };
+    let options = PlanOptions { overrides: &overrides, course, assets: &Repository };
     Arc::new(Plan::with(file, rcs_plugins::all(), &options).unwrap_or_else(|error| panic!("{error}")))
 }

@@ -7,6 +7,8 @@ mod bundled;
 #[cfg(test)]
 mod courses;
 #[cfg(test)]
+mod determinism;
+#[cfg(test)]
 mod random_input;
 #[cfg(test)]
 mod stereo_truth;

@@ -33,6 +33,34 @@ const IMPURE_NAMES: [&str; 22] = [
     "rand::random",
 ];
 
+/// What lets a value change behind a shared reference. A process's state may hold none of it: a snapshot shares what
+/// lies behind an `Arc` with the run, and would change with it.
+const INTERIOR_MUTABILITY: [&str; 19] = [
+    "Cell<",
+    "cell::Cell",
+    "RefCell",
+    "UnsafeCell",
+    "OnceCell",
+    "LazyCell",
+    "Mutex",
+    "RwLock",
+    "OnceLock",
+    "LazyLock",
+    "Condvar",
+    "AtomicBool",
+    "AtomicU8",
+    "AtomicU32",
+    "AtomicI32",
+    "AtomicU64",
+    "AtomicI64",
+    "AtomicUsize",
+    "std::sync::atomic",
+];
+
+/// Where one of those is in no state: the file, the name, and why.
+const NO_STATE: [(&str, &str, &str); 1] =
+    [("plugins/sim/src/spec/reader.rs", "RefCell", "a parser that ends before the state begins")];
+
 /// Functions of `f32` and `f64` whose last bits are the system's; `libm` has the same for every machine.
 const SYSTEM_FUNCTIONS: [&str; 27] = [
     "sin", "cos", "tan", "sin_cos", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh",
@@ -52,6 +80,18 @@ fn named(sources: &[Source], names: &[&str]) -> Vec<String> {
             breaches.extend(lines.iter().map(|line| format!("{}:{line}: {name}", source.path)));
         }
     }
+    breaches
+}
+
+/// Interior mutability outside [`NO_STATE`].
+fn interior_mutability(sources: &[Source]) -> Vec<String> {
+    let mut breaches = named(sources, &INTERIOR_MUTABILITY);
+    let is_exception = |breach: &String| {
+        NO_STATE
+            .iter()
+            .any(|(path, name, _)| breach.starts_with(path) && breach.ends_with(&format!(": {name}")))
+    };
+    breaches.retain(|breach| !is_exception(breach));
     breaches
 }
 
@@ -110,6 +150,15 @@ fn plugins_reach_no_file_socket_clock_thread_global_or_chance() {
 }
 
 #[test]
+fn no_state_of_a_process_changes_behind_a_shared_reference() {
+    // Plugins, and the crates whose types their states are made of.
+    let states = of(&["plugins", "core/geom/src", "core/scene/src", "core/world/src"]);
+    let sources: Vec<Source> =
+        states.iter().filter(|source| source.path.contains("/src/")).map(without_tests).collect();
+    assert_kept("a state is a value", &interior_mutability(&sources));
+}
+
+#[test]
 fn views_name_no_plugin_and_reach_no_file() {
     let names = ["rcs_plugins", "rcs_obstacles", "rcs_world_model", "std::fs", "std::net", "std::process"];
     assert_kept("a view reads a source and nothing else", &named(&of(&["ocu/views"]), &names));
@@ -145,6 +194,14 @@ fn a_clock_a_file_and_chance_are_found() {
         named(&source, &IMPURE_NAMES),
         ["x.rs:2: std::fs", "x.rs:1: Instant::now", "x.rs:3: rand::random"]
     );
+}
+
+#[test]
+fn a_lock_a_cell_and_an_atomic_in_a_state_are_found() {
+    let source = example(
+        "// Mutex\nstruct State {\n    bench: Arc<Mutex<u8>>,\n    seen: Cell<u8>,\n    n: AtomicU64,\n    cell: CellIndex,\n}\n",
+    );
+    assert_eq!(interior_mutability(&source), ["x.rs:4: Cell<", "x.rs:3: Mutex", "x.rs:5: AtomicU64"]);
 }
 
 #[test]

@@ -1,0 +1,237 @@
+//! The gate for determinism: every plugin and every bundled stack gives the same bytes on one thread and on two, and
+//! goes on with the same bytes from any moment that was kept, in memory or on disk.
+
+use crate::bundled;
+use rcs_log::Log;
+use rcs_msg::Stamp;
+use rcs_runtime::{Plan, RunOptions, Snapshot, Stepped};
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Numbers that look random and are the same in every run: splitmix64.
+struct Numbers(u64);
+
+impl Numbers {
+    fn below(&mut self, end: u64) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) % end
+    }
+}
+
+/// A stack on a log or on nothing, and the moments, s after its start, between which it is looked at.
+struct Case<'a> {
+    plan: Arc<Plan>,
+    log: Option<&'a Log>,
+    from_s: f64,
+    until_s: f64,
+}
+
+impl Case<'_> {
+    fn begun(&self, threads: usize) -> Stepped {
+        let mut run = self.fresh(threads);
+        run.begin().unwrap();
+        run
+    }
+
+    fn fresh(&self, threads: usize) -> Stepped {
+        let options = RunOptions { threads, hash: true, seed: 3, ..RunOptions::default() };
+        Stepped::new(Arc::clone(&self.plan), self.log, options).unwrap()
+    }
+
+    fn end(&self, run: &Stepped) -> Stamp {
+        run.start().after_ns((self.until_s * 1e9) as u64)
+    }
+
+    /// Goes to the end; the events until there and the hash of everything that was written.
+    fn finish(&self, run: &mut Stepped) -> (u64, String) {
+        run.run_until(self.end(run)).unwrap();
+        (run.events(), run.summary().hash.unwrap())
+    }
+
+    /// Runs the stack through, keeps it at random events on the way, and goes on from each.
+    fn check(&self, seed: u64) {
+        let name = self.plan.file.name();
+        let mut through = self.begun(1);
+        through.run_until(through.start().after_ns((self.from_s * 1e9) as u64)).unwrap();
+        let first = through.events();
+        let expected = self.finish(&mut through);
+        drop(through);
+
+        let mut numbers = Numbers(seed);
+        let mut moments: Vec<u64> =
+            (0..MOMENTS).map(|_| first + numbers.below((expected.0 - first).max(1))).collect();
+        moments.sort_unstable();
+
+        let mut run = self.begun(2);
+        let mut kept = Vec::new();
+        for &moment in &moments {
+            while run.events() < moment {
+                run.advance().unwrap();
+            }
+            let snapshot = run.snapshot();
+            let bytes = snapshot.to_bytes().unwrap();
+            let told = format!("{name} at event {moment}");
+            assert!(snapshot.to_bytes().unwrap() == bytes, "{told}: one snapshot, twice as bytes");
+            assert!(run.snapshot().to_bytes().unwrap() == bytes, "{told}: two snapshots of one moment");
+            kept.push((told, snapshot, bytes));
+        }
+        assert_eq!(self.finish(&mut run), expected, "{name}: two threads, kept on the way");
+
+        for (told, snapshot, bytes) in &kept {
+            run.restore(snapshot).unwrap();
+            assert!(run.snapshot().to_bytes().unwrap() == *bytes, "{told}: kept again after memory");
+            assert_eq!(self.finish(&mut run), expected, "{told}: from memory");
+
+            let mut run = self.fresh(1);
+            run.restore(&Snapshot::from_bytes(bytes).unwrap()).unwrap();
+            assert!(run.snapshot().to_bytes().unwrap() == *bytes, "{told}: kept again after disk");
+            assert_eq!(self.finish(&mut run), expected, "{told}: from disk");
+        }
+    }
+}
+
+/// Moments at which a run is kept.
+const MOMENTS: usize = 2;
+
+/// A bundled stack on a course.
+fn check_course(stack: &str, course: &str, [from_s, until_s]: [f64; 2], seed: u64) {
+    let plan = bundled::plan(stack, course, &[]);
+    Case { plan, log: None, from_s, until_s }.check(seed);
+}
+
+/// A bundled stack on a recording; nothing where there are no recordings.
+fn check_log(stack: &str, log: &str, [from_s, until_s]: [f64; 2], seed: u64) {
+    let Some(folder) = rcs_testkit::data_dir() else { return };
+    let log = Log::open(folder.join("real-logs").join(log)).unwrap();
+    Case { plan: bundled::plan_of(stack), log: Some(&log), from_s, until_s }.check(seed);
+}
+
+#[test]
+fn the_truth_driver_goes_on_from_any_moment() {
+    check_course("truth_driver", "corridor", [0.0, 8.0], 1);
+}
+
+#[test]
+fn the_simulation_goes_on_from_any_moment() {
+    check_course("simulation", "meadow", [0.0, 1.5], 2);
+}
+
+#[test]
+fn learning_goes_on_from_any_moment() {
+    check_course("learning", "mulch_path", [0.5, 3.0], 3);
+}
+
+#[test]
+fn a_range_camera_goes_on_from_any_moment() {
+    check_log("range_camera", "orfd_y0613_1242_ros2.mcap", [0.0, 0.9], 4);
+}
+
+#[test]
+fn a_terrain_camera_goes_on_from_any_moment() {
+    check_log("terrain_camera", "orfd_y0613_1242_ros2.mcap", [0.0, 0.9], 5);
+}
+
+#[test]
+fn the_forest_robot_goes_on_from_any_moment() {
+    // Its scan comes after 23.6 s.
+    check_log("forest_robot", "monoforce_tradr_ros2.mcap", [23.5, 24.8], 6);
+}
+
+#[test]
+fn a_log_without_processes_goes_on_from_any_moment() {
+    check_log("husky", "husky_outdoor_ros2.mcap", [0.0, 5.0], 7);
+}
+
+/// What no bundled stack runs without a recording.
+const REST: &str = r#"
+format = 1
+name = "rest"
+
+[[process]]
+name = "vehicle"
+plugin = "sim_vehicle"
+supervisor = "viewer"
+
+[[process]]
+name = "ladar"
+plugin = "sim_ladar"
+supervisor = "viewer"
+inputs = { truth_state = "/vehicle/truth_state" }
+
+[[process]]
+name = "obstacles"
+plugin = "obstacles"
+supervisor = "viewer"
+inputs = { cloud = "/ladar/cloud", odometry = "/position/local", static_transforms = "/vehicle/static_transforms" }
+
+[[process]]
+name = "position"
+plugin = "position"
+supervisor = "viewer"
+inputs = { encoders = "/vehicle/encoders", imu = "/vehicle/imu", gps = "/vehicle/gps" }
+
+[[process]]
+name = "eyes"
+plugin = "sim_cameras"
+supervisor = "viewer"
+inputs = { truth_state = "/vehicle/truth_state" }
+params = { pair = "left" }
+
+[[process]]
+name = "overlay"
+plugin = "label_overlay"
+supervisor = "viewer"
+
+[process.inputs]
+points = "/obstacles/points"
+image = "/eyes/left"
+calibration = "/eyes/left_calibration"
+static_transforms = "/vehicle/static_transforms"
+"#;
+
+#[test]
+fn a_ladar_and_an_overlay_go_on_from_any_moment() {
+    let plan = bundled::plan_from_text("rest.toml", REST, "meadow");
+    Case { plan, log: None, from_s: 0.0, until_s: 1.5 }.check(8);
+}
+
+#[test]
+fn every_plugin_goes_through_the_gate_without_a_recording() {
+    let plans = [
+        bundled::plan("truth_driver", "corridor", &[]),
+        bundled::plan("simulation", "meadow", &[]),
+        bundled::plan("learning", "mulch_path", &[]),
+        bundled::plan_from_text("rest.toml", REST, "meadow"),
+    ];
+    let run: BTreeSet<_> =
+        plans.iter().flat_map(|plan| &plan.processes).map(|process| process.kind.def().plugin).collect();
+    let all: BTreeSet<_> = rcs_plugins::all().iter().map(|kind| kind.def().plugin).collect();
+    assert_eq!(run, all, "a new plugin belongs into a stack of this gate");
+}
+
+#[test]
+fn every_bundled_stack_goes_through_the_gate() {
+    // `sample` runs on the recording that `ocu sample` writes, and is checked where that is made.
+    let checked: BTreeSet<_> = [
+        "forest_robot",
+        "husky",
+        "learning",
+        "range_camera",
+        "sample",
+        "simulation",
+        "terrain_camera",
+        "truth_driver",
+    ]
+    .map(str::to_owned)
+    .into();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/stacks");
+    let names: BTreeSet<_> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path().file_stem().unwrap().to_str().unwrap().to_owned())
+        .collect();
+    assert_eq!(names, checked, "a new stack belongs into this gate");
+}
