@@ -1,9 +1,10 @@
 //! One buffer: a ring of samples behind one lock.
 
-use crate::overrides::{Active, Override, OverrideMode};
+use crate::overrides::{Active, Due, Override, Release, Tended};
 use crate::sample::{Draft, Header, Sample, WriterId};
-use rcs_msg::Schema;
+use rcs_msg::{Schema, Stamp};
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -79,14 +80,6 @@ pub enum WriteError {
         /// Type of the buffer.
         expected: String,
     },
-    /// An operator's override does not fit the message.
-    #[error("the override of {buffer} does not fit: {reason}")]
-    Override {
-        /// Name of the buffer.
-        buffer: String,
-        /// What is wrong with it.
-        reason: String,
-    },
 }
 
 /// Called with every message, in order, while the buffer is locked: it must return at once.
@@ -97,6 +90,8 @@ pub struct Buffer {
     spec: BufferSpec,
     inner: Mutex<Inner>,
     changed: Condvar,
+    /// Whether any buffer of the bus may have overrides: shared by all of them, so that one look tells.
+    overridden: Arc<AtomicBool>,
 }
 
 #[derive(Default)]
@@ -128,7 +123,12 @@ pub struct BufferState {
 impl Buffer {
     /// An empty buffer.
     pub fn new(spec: BufferSpec) -> Arc<Self> {
-        Arc::new(Self { spec, inner: Mutex::default(), changed: Condvar::new() })
+        Self::on_bus(spec, Arc::default())
+    }
+
+    /// An empty buffer that shares a bus's flag.
+    pub(crate) fn on_bus(spec: BufferSpec, overridden: Arc<AtomicBool>) -> Arc<Self> {
+        Arc::new(Self { spec, inner: Mutex::default(), changed: Condvar::new(), overridden })
     }
 
     /// What the buffer is.
@@ -175,9 +175,26 @@ impl Buffer {
         self.lock().newest
     }
 
-    /// Lays an operator's hand on the buffer, or takes it away.
-    pub fn set_override(&self, change: Override) {
-        self.lock().overrides.set(change);
+    /// Lays an operator's hand on the buffer.
+    pub fn set_override(&self, new: Override) {
+        self.lock().overrides.set(new);
+        self.overridden.store(true, Ordering::Relaxed);
+    }
+
+    /// Takes overrides away, and says how many.
+    pub fn release_overrides(&self, which: &Release) -> usize {
+        self.lock().overrides.release(which)
+    }
+
+    /// The overrides in force, and those that wait for their cycle.
+    pub fn overrides(&self) -> Vec<Override> {
+        self.lock().overrides.list().to_vec()
+    }
+
+    /// Drops overrides that have expired, puts in force those whose cycle has come, and says what became of all since
+    /// the last call. `is_due` must not look at this buffer.
+    pub fn tend_overrides(&self, now: Stamp, is_due: impl Fn(&Due) -> bool) -> Tended {
+        self.lock().overrides.tend(now, is_due)
     }
 
     /// All that the buffer remembers.
@@ -198,6 +215,9 @@ impl Buffer {
         inner.newest = state.newest;
         inner.cursors.clone_from(&state.cursors);
         inner.overrides = Active::from_list(state.overrides.clone());
+        if !state.overrides.is_empty() {
+            self.overridden.store(true, Ordering::Relaxed);
+        }
     }
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
@@ -214,14 +234,11 @@ impl Buffer {
         }
     }
 
-    fn publish(&self, inner: &mut Inner, writer: WriterId, draft: Draft) -> Result<u64, WriteError> {
+    fn publish(&self, inner: &mut Inner, writer: WriterId, draft: Draft) -> u64 {
         let message = if inner.overrides.is_empty() {
             draft.message
         } else {
-            inner.overrides.apply(draft.message).map_err(|reason| WriteError::Override {
-                buffer: self.spec.name.clone(),
-                reason: reason.to_string(),
-            })?
+            inner.overrides.apply(draft.log_time, draft.message)
         };
         inner.newest += 1;
         let header =
@@ -234,7 +251,7 @@ impl Buffer {
             inner.ring.pop_front();
         }
         inner.ring.push_back(sample);
-        Ok(inner.newest)
+        inner.newest
     }
 }
 
@@ -296,7 +313,7 @@ impl Writer {
                 return Err(WriteError::Full { buffer: buffer.spec.name.clone(), depth });
             }
         }
-        let sequence = buffer.publish(&mut inner, self.id, draft)?;
+        let sequence = buffer.publish(&mut inner, self.id, draft);
         buffer.release_and_wake(inner);
         Ok(sequence)
     }
@@ -389,11 +406,5 @@ impl Drop for Reader {
         }
         // A writer may have waited for this reader.
         self.buffer.release_and_wake(inner);
-    }
-}
-
-impl Override {
-    pub(crate) fn is_release(&self) -> bool {
-        self.mode == OverrideMode::Release
     }
 }

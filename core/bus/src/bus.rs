@@ -4,6 +4,7 @@ use crate::buffer::{Buffer, BufferSpec};
 use crate::sample::WriterId;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Why a buffer or a writer could not join a bus.
 #[derive(Debug, thiserror::Error)]
@@ -20,11 +21,17 @@ pub enum BusError {
 pub struct Bus {
     buffers: BTreeMap<String, Arc<Buffer>>,
     writers: Vec<Arc<str>>,
+    /// Whether a buffer may have overrides.
+    overridden: Arc<AtomicBool>,
 }
 
 impl Default for Bus {
     fn default() -> Self {
-        Self { buffers: BTreeMap::new(), writers: vec!["operator".into(), "runtime".into()] }
+        Self {
+            buffers: BTreeMap::new(),
+            writers: vec!["operator".into(), "runtime".into()],
+            overridden: Arc::default(),
+        }
     }
 }
 
@@ -35,9 +42,14 @@ impl Bus {
             return Err(BusError::Duplicate(spec.name));
         }
         let name = spec.name.clone();
-        let buffer = Buffer::new(spec);
+        let buffer = Buffer::on_bus(spec, Arc::clone(&self.overridden));
         self.buffers.insert(name, Arc::clone(&buffer));
         Ok(buffer)
+    }
+
+    /// Whether a buffer may have overrides: set where one is laid or restored, to be cleared by whoever has found none.
+    pub fn overridden(&self) -> &Arc<AtomicBool> {
+        &self.overridden
     }
 
     /// Adds a writer under a name and returns its number.

@@ -3,7 +3,8 @@
 //! - [`Buffer`]: latest-only or a queue of N with a stated [`Overflow`] rule; many readers, many writers.
 //! - [`Reader`], [`Writer`]: non-blocking and blocking with a time limit; [`Reader::peek`] does not consume.
 //! - Taps see every message in order; nothing is encoded unless a tap asks for bytes.
-//! - Overrides replace a field or a whole message at the moment of publishing.
+//! - Overrides replace a field or a whole message at the moment of publishing; one that does not fit is dropped, and
+//!   the message passes.
 //! - [`Bus`]: the buffers of one run.
 //!
 //! Everything is behind one lock a buffer.
@@ -15,5 +16,5 @@ mod sample;
 
 pub use buffer::{Buffer, BufferSpec, BufferState, Mode, Overflow, Reader, Tap, WriteError, Writer};
 pub use bus::{Bus, BusError};
-pub use overrides::{Override, OverrideMode, OverrideValue};
+pub use overrides::{Due, Override, OverrideMode, OverrideValue, Release, Scalar, Tended};
 pub use sample::{Draft, Header, Sample, WriterId};

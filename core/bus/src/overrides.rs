@@ -1,80 +1,249 @@
 //! An operator's hand on a buffer, applied at the moment of publishing.
+//!
+//! A message always passes: an override that does not fit it is dropped, and whoever tends the buffer
+//! ([`crate::Buffer::tend_overrides`]) is told which and why.
 
-use rcs_msg::{AnyMessage, FieldPath, Value};
+use rcs_msg::{AnyMessage, FieldPath, Stamp, Value};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// How long an override lasts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum OverrideMode {
-    /// Until it is released.
+    /// Until it is released, or expires.
     Hold,
     /// For the next message.
     Once,
-    /// Takes away the override of the same field (or of the whole message).
-    Release,
+}
+
+/// The value of one field.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Scalar {
+    /// A truth value.
+    Bool(bool),
+    /// A whole number.
+    Int(i64),
+    /// A whole number that is larger than that.
+    Uint(u64),
+    /// A number.
+    Float(f64),
+    /// A text, or the name of a choice.
+    Text(String),
+}
+
+impl From<Scalar> for Value {
+    fn from(scalar: Scalar) -> Self {
+        match scalar {
+            Scalar::Bool(on) => Value::Bool(on),
+            Scalar::Int(number) => Value::Int(number),
+            Scalar::Uint(number) => Value::Uint(number),
+            Scalar::Float(number) => Value::Float(number),
+            Scalar::Text(text) => Value::Text(text),
+        }
+    }
 }
 
 /// What is put in place of what a process wrote.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(try_from = "ValueOnDisk", into = "ValueOnDisk")]
 pub enum OverrideValue {
     /// One field.
-    Field(FieldPath, Value),
+    Field(FieldPath, Scalar),
     /// The whole message.
     Message(AnyMessage),
 }
 
+#[derive(Serialize, Deserialize)]
+enum ValueOnDisk {
+    Field(String, Scalar),
+    Message(String, Vec<u8>),
+}
+
+impl From<OverrideValue> for ValueOnDisk {
+    fn from(value: OverrideValue) -> Self {
+        match value {
+            OverrideValue::Field(path, value) => Self::Field(path.to_string(), value),
+            OverrideValue::Message(message) => {
+                Self::Message(message.schema().name().to_owned(), message.bytes().to_vec())
+            }
+        }
+    }
+}
+
+impl TryFrom<ValueOnDisk> for OverrideValue {
+    type Error = String;
+
+    fn try_from(value: ValueOnDisk) -> Result<Self, String> {
+        Ok(match value {
+            ValueOnDisk::Field(path, value) => {
+                Self::Field(path.parse().map_err(|error| format!("{error}"))?, value)
+            }
+            ValueOnDisk::Message(schema, bytes) => {
+                let known = rcs_msg::registry().schema(&schema);
+                let message = known.and_then(|known| rcs_msg::canonical(known, &bytes.into()));
+                Self::Message(message.and_then(Result::ok).ok_or_else(|| format!("no {schema}"))?)
+            }
+        })
+    }
+}
+
+/// A cycle of a process that an override waits for.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Due {
+    /// The process.
+    pub process: String,
+    /// The cycle, as its statuses count.
+    pub cycle: u64,
+}
+
 /// An operator's hand on one field of a buffer, or on all of it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Override {
+    /// Number by which it can be released, once in a run.
+    pub id: u64,
+    /// Who set it.
+    pub owner: Arc<str>,
     /// How long.
     pub mode: OverrideMode,
     /// What.
     pub value: OverrideValue,
+    /// When it was set.
+    pub since: Stamp,
+    /// From when on it does nothing.
+    pub until: Option<Stamp>,
+    /// The cycle that it waits for; `None` where it is in force.
+    pub due: Option<Due>,
 }
 
 impl Override {
-    fn same_place(&self, other: &Self) -> bool {
-        match (&self.value, &other.value) {
-            (OverrideValue::Field(a, _), OverrideValue::Field(b, _)) => a == b,
-            (OverrideValue::Message(_), OverrideValue::Message(_)) => true,
-            _ => false,
+    /// The field that is replaced; the root for the whole message.
+    pub fn path(&self) -> FieldPath {
+        match &self.value {
+            OverrideValue::Field(path, _) => path.clone(),
+            OverrideValue::Message(_) => FieldPath::root(),
         }
+    }
+
+    fn applies(&self, now: Stamp) -> bool {
+        self.due.is_none() && !self.is_over(now)
+    }
+
+    fn is_over(&self, now: Stamp) -> bool {
+        self.until.is_some_and(|until| now >= until)
     }
 }
 
-/// The overrides in force on one buffer, in the order in which they were made.
+/// Which overrides of a buffer are taken away.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Release {
+    /// The one of that number.
+    Id(u64),
+    /// Those of that field; the root for those of the whole message.
+    Path(FieldPath),
+    /// All.
+    All,
+}
+
+/// What became of the overrides of a buffer since it was last tended.
+#[derive(Clone, Debug, Default)]
+pub struct Tended {
+    /// Those in force, and those that wait, in the order in which they were set.
+    pub active: Vec<Override>,
+    /// Whether these are others than the last time.
+    pub changed: bool,
+    /// Those that did not fit a message and were dropped, and why.
+    pub failed: Vec<(Override, String)>,
+}
+
+/// The overrides of one buffer, in the order in which they were set.
 #[derive(Default)]
-pub(crate) struct Active(Vec<Override>);
+pub(crate) struct Active {
+    list: Vec<Override>,
+    changed: bool,
+    failed: Vec<(Override, String)>,
+}
 
 impl Active {
     pub(crate) fn from_list(list: Vec<Override>) -> Self {
-        Self(list)
+        Self { list, changed: false, failed: Vec::new() }
     }
 
     pub(crate) fn list(&self) -> &[Override] {
-        &self.0
+        &self.list
     }
 
     pub(crate) fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.list.is_empty()
     }
 
-    pub(crate) fn set(&mut self, change: Override) {
-        self.0.retain(|active| !active.same_place(&change));
-        if !change.is_release() {
-            self.0.push(change);
+    /// Sets an override; it takes the place of one of the same field that is in force, unless it waits itself.
+    pub(crate) fn set(&mut self, new: Override) {
+        if new.due.is_none() {
+            self.list.retain(|active| active.due.is_some() || active.path() != new.path());
         }
+        self.list.push(new);
+        self.changed = true;
     }
 
-    /// The message with every override applied; those that last for one message are then gone.
-    pub(crate) fn apply(&mut self, mut message: AnyMessage) -> Result<AnyMessage, BoxError> {
-        for active in &self.0 {
-            message = match &active.value {
-                OverrideValue::Message(whole) => whole.clone(),
-                OverrideValue::Field(path, value) => with_field(&message, path, value.clone())?,
+    /// Takes overrides away, and says how many.
+    pub(crate) fn release(&mut self, which: &Release) -> usize {
+        let before = self.list.len();
+        self.list.retain(|active| match which {
+            Release::Id(id) => active.id != *id,
+            Release::Path(path) => active.path() != *path,
+            Release::All => false,
+        });
+        let released = before - self.list.len();
+        self.changed |= released > 0;
+        released
+    }
+
+    /// The message with every override applied; those that last for one message are then gone, and those that do not
+    /// fit it are dropped.
+    pub(crate) fn apply(&mut self, now: Stamp, mut message: AnyMessage) -> AnyMessage {
+        let mut kept = Vec::with_capacity(self.list.len());
+        for active in std::mem::take(&mut self.list) {
+            if !active.applies(now) {
+                kept.push(active);
+                continue;
+            }
+            let changed = match &active.value {
+                OverrideValue::Message(whole) => Ok(whole.clone()),
+                OverrideValue::Field(path, value) => with_field(&message, path, value.clone().into()),
             };
+            match changed {
+                Ok(changed) => {
+                    message = changed;
+                    if active.mode == OverrideMode::Hold {
+                        kept.push(active);
+                    } else {
+                        self.changed = true;
+                    }
+                }
+                Err(error) => {
+                    self.changed = true;
+                    self.failed.push((active, error.to_string()));
+                }
+            }
         }
-        self.0.retain(|active| active.mode == OverrideMode::Hold);
-        Ok(message)
+        self.list = kept;
+        message
+    }
+
+    /// Drops what has expired, puts in force what has waited long enough, and says what became of all since last time.
+    pub(crate) fn tend(&mut self, now: Stamp, is_due: impl Fn(&Due) -> bool) -> Tended {
+        let before = self.list.len();
+        self.list.retain(|active| !active.is_over(now));
+        self.changed |= self.list.len() != before;
+        while let Some(at) = self.list.iter().position(|active| active.due.as_ref().is_some_and(&is_due)) {
+            let due = self.list.remove(at);
+            self.set(Override { due: None, ..due });
+        }
+        Tended {
+            active: self.list.clone(),
+            changed: std::mem::take(&mut self.changed),
+            failed: std::mem::take(&mut self.failed),
+        }
     }
 }
 

@@ -4,9 +4,10 @@
 
 use proptest::prelude::*;
 use rcs_bus::{
-    Buffer, BufferSpec, Draft, Mode, Overflow, Override, OverrideMode, OverrideValue, WriteError, WriterId,
+    Buffer, BufferSpec, Draft, Due, Mode, Overflow, Override, OverrideMode, OverrideValue, Release, Scalar,
+    WriteError, WriterId,
 };
-use rcs_msg::{AnyMessage, Stamp, Value, foxglove, rcs, schema_of};
+use rcs_msg::{AnyMessage, Stamp, foxglove, rcs, schema_of};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -168,40 +169,94 @@ fn a_tap_sees_every_message_in_order() {
     assert_eq!(*seen.lock().unwrap(), (1..=1000).collect::<Vec<u64>>());
 }
 
-#[test]
-fn an_override_replaces_a_field_until_it_is_released() {
-    let buffer = buffer(Mode::Latest);
-    let mut reader = buffer.reader();
-    let writer = buffer.writer(WriterId::RUNTIME);
-    let hold = |mode, value: f64| Override {
+/// An override of `.y`, or of another field.
+fn hold(id: u64, mode: OverrideMode, path: &str, value: f64) -> Override {
+    Override {
+        id,
+        owner: "tester".into(),
         mode,
-        value: OverrideValue::Field(".y".parse().unwrap(), Value::Float(value)),
-    };
-    let mut written = |x: f64| {
-        writer.write(draft(x)).unwrap();
-        let sample = reader.read().unwrap();
-        let vector = sample.message.get::<foxglove::Vector3>().unwrap();
-        (vector.x, vector.y)
-    };
-    buffer.set_override(hold(OverrideMode::Hold, 5.0));
-    assert_eq!(written(1.0), (1.0, 5.0));
-    buffer.set_override(hold(OverrideMode::Hold, 6.0));
-    assert_eq!(written(2.0), (2.0, 6.0));
-    buffer.set_override(hold(OverrideMode::Release, 0.0));
-    assert_eq!(written(3.0), (3.0, 0.0));
-    buffer.set_override(hold(OverrideMode::Once, 7.0));
-    assert_eq!(written(4.0), (4.0, 7.0));
-    assert_eq!(written(5.0), (5.0, 0.0));
+        value: OverrideValue::Field(path.parse().unwrap(), Scalar::Float(value)),
+        since: Stamp(0),
+        until: None,
+        due: None,
+    }
+}
+
+/// Writes x and gives what came of it: x and y.
+fn written(buffer: &Arc<Buffer>, x: f64, at: u64) -> (f64, f64) {
+    let draft = Draft { log_time: Stamp(at), ..draft(x) };
+    buffer.writer(WriterId::RUNTIME).write(draft).unwrap();
+    let sample = buffer.latest().unwrap();
+    let vector = sample.message.get::<foxglove::Vector3>().unwrap();
+    (vector.x, vector.y)
 }
 
 #[test]
-fn an_override_that_does_not_fit_is_told_to_the_writer() {
+fn an_override_replaces_a_field_until_it_is_released() {
     let buffer = buffer(Mode::Latest);
-    let value = OverrideValue::Field(".nothing".parse().unwrap(), Value::Float(1.0));
-    buffer.set_override(Override { mode: OverrideMode::Hold, value });
-    let error = buffer.writer(WriterId::RUNTIME).write(draft(1.0)).unwrap_err().to_string();
-    assert!(error.starts_with("the override of /test does not fit"), "{error}");
-    assert!(error.contains("nothing"), "{error}");
+    buffer.set_override(hold(1, OverrideMode::Hold, ".y", 5.0));
+    assert_eq!(written(&buffer, 1.0, 1), (1.0, 5.0));
+    buffer.set_override(hold(2, OverrideMode::Hold, ".y", 6.0));
+    assert_eq!(written(&buffer, 2.0, 1), (2.0, 6.0));
+    assert_eq!(buffer.release_overrides(&Release::Path(".y".parse().unwrap())), 1);
+    assert_eq!(written(&buffer, 3.0, 1), (3.0, 0.0));
+    buffer.set_override(hold(3, OverrideMode::Once, ".y", 7.0));
+    assert_eq!(written(&buffer, 4.0, 1), (4.0, 7.0));
+    assert_eq!(written(&buffer, 5.0, 1), (5.0, 0.0));
+    buffer.set_override(hold(4, OverrideMode::Hold, ".x", 1.0));
+    buffer.set_override(hold(5, OverrideMode::Hold, ".y", 2.0));
+    assert_eq!(buffer.release_overrides(&Release::Id(4)), 1);
+    assert_eq!(written(&buffer, 6.0, 1), (6.0, 2.0));
+    assert_eq!(buffer.release_overrides(&Release::All), 1);
+    assert_eq!(written(&buffer, 7.0, 1), (7.0, 0.0));
+}
+
+#[test]
+fn an_override_that_does_not_fit_is_dropped_and_the_message_passes() {
+    let buffer = buffer(Mode::Latest);
+    buffer.set_override(hold(1, OverrideMode::Hold, ".nothing", 1.0));
+    buffer.set_override(hold(2, OverrideMode::Hold, ".y", 2.0));
+    assert_eq!(written(&buffer, 1.0, 1), (1.0, 2.0), "the other one still applies");
+    let tended = buffer.tend_overrides(Stamp(1), |_| false);
+    assert!(tended.changed);
+    let [(failed, reason)] = tended.failed.as_slice() else { panic!("{:?}", tended.failed) };
+    assert!(failed.id == 1 && reason.contains("nothing"), "{reason}");
+    assert_eq!(tended.active.iter().map(|active| active.id).collect::<Vec<_>>(), [2]);
+    let again = buffer.tend_overrides(Stamp(1), |_| false);
+    assert!(!again.changed && again.failed.is_empty(), "it is told once");
+}
+
+#[test]
+fn an_override_ends_at_its_time_and_begins_at_its_cycle() {
+    let buffer = buffer(Mode::Latest);
+    buffer.set_override(Override { until: Some(Stamp(10)), ..hold(1, OverrideMode::Hold, ".y", 1.0) });
+    assert_eq!(written(&buffer, 0.0, 9).1, 1.0);
+    assert_eq!(written(&buffer, 0.0, 10).1, 0.0);
+    assert!(buffer.tend_overrides(Stamp(10), |_| false).active.is_empty());
+    let due = Some(Due { process: "p".to_owned(), cycle: 3 });
+    buffer.set_override(Override { due, ..hold(2, OverrideMode::Hold, ".y", 2.0) });
+    let at_cycle = |cycle: u64| buffer.tend_overrides(Stamp(11), |due| due.cycle <= cycle);
+    at_cycle(2);
+    assert_eq!(written(&buffer, 0.0, 12).1, 0.0);
+    assert!(at_cycle(3).changed);
+    assert_eq!(written(&buffer, 0.0, 13).1, 2.0);
+}
+
+#[test]
+fn an_override_of_a_saved_buffer_is_the_same_from_bytes() {
+    let whole = AnyMessage::new(foxglove::Vector3 { x: 9.0, ..Default::default() });
+    let value = OverrideValue::Message(whole);
+    for change in
+        [hold(1, OverrideMode::Hold, ".y", 5.0), Override { value, ..hold(2, OverrideMode::Hold, ".y", 0.0) }]
+    {
+        let bytes = serde_json::to_vec(&change).unwrap();
+        let read: Override = serde_json::from_slice(&bytes).unwrap();
+        assert_eq!((read.id, read.path(), &*read.owner), (change.id, change.path(), "tester"));
+        let (one, other) = (buffer(Mode::Latest), buffer(Mode::Latest));
+        one.set_override(change);
+        other.set_override(read);
+        assert_eq!(written(&one, 1.0, 1), written(&other, 1.0, 1));
+    }
 }
 
 /// What a test does to a queue.

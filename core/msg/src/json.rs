@@ -1,7 +1,10 @@
 //! Messages as JSON text, in protobuf's own mapping: what a person can read, and a program can save and load.
 
 use crate::any::{AnyMessage, Payload, schema_of};
+use crate::schema::Schema;
+use prost::Message as _;
 use prost_reflect::DynamicMessage;
+use std::sync::Arc;
 
 /// Why a message is not JSON, or JSON not a message.
 #[derive(Debug, thiserror::Error)]
@@ -41,18 +44,35 @@ pub fn to_json(message: &AnyMessage) -> Result<String, JsonError> {
 /// The message that a JSON text is. Unknown fields are refused.
 pub fn from_json<T: Payload>(text: &str) -> Result<T, JsonError> {
     let schema = schema_of::<T>();
+    read(schema, text)?
+        .transcode_to()
+        .map_err(|error| JsonError::Message { schema: schema.name().to_owned(), reason: error.to_string() })
+}
+
+/// The message of a schema of ours that a JSON text is. Unknown fields are refused.
+pub fn from_json_as(schema: &Arc<Schema>, text: &str) -> Result<AnyMessage, JsonError> {
+    let bytes = read(schema, text)?.encode_to_vec().into();
+    match crate::canonical(schema, &bytes) {
+        Some(Ok(message)) => Ok(message),
+        _ => Err(JsonError::Message {
+            schema: schema.name().to_owned(),
+            reason: "it is none of the program's types".to_owned(),
+        }),
+    }
+}
+
+fn read(schema: &Schema, text: &str) -> Result<DynamicMessage, JsonError> {
     let unreadable = |reason: String| JsonError::Message { schema: schema.name().to_owned(), reason };
     let descriptor = schema.descriptor().ok_or_else(|| unreadable("it has no descriptor".to_owned()))?;
     let mut reader = serde_json::Deserializer::from_str(text);
     let read = DynamicMessage::deserialize(descriptor.clone(), &mut reader);
-    let dynamic = read.and_then(|message| reader.end().map(|()| message)).map_err(|error| {
+    read.and_then(|message| reader.end().map(|()| message)).map_err(|error| {
         let (line, column) = (error.line(), error.column());
         // serde_json says the place itself; it stands in front here.
         let reason = error.to_string();
         let reason = reason.split(" at line ").next().unwrap_or(&reason).to_owned();
         JsonError::Text { line, column, reason, schema: schema.name().to_owned() }
-    })?;
-    dynamic.transcode_to().map_err(|error| unreadable(error.to_string()))
+    })
 }
 
 #[cfg(test)]

@@ -27,7 +27,7 @@ mod value;
 pub use any::{AnyMessage, Payload, schema_of};
 pub use convert::{ConvertError, canonical, canonical_name};
 pub use header::{header_frame, header_stamp};
-pub use json::{JsonError, from_json, to_json};
+pub use json::{JsonError, from_json, from_json_as, to_json};
 pub use packed::{Number, Packed};
 pub use path::{FieldPath, PathSyntaxError, Segment};
 pub use points::{Point, Points, PointsError, points};

@@ -6,13 +6,16 @@
 
 use crate::error::RunError;
 use crate::journal::{EventPlace, ExternalEvent};
+use crate::live_tally::LiveTally;
 use crate::machine::Machine;
 use crate::node::Node;
 use crate::options::RunOptions;
+use crate::overrides::Keeper;
 use crate::pool::Pool;
 use crate::record::{RecordOptions, RecordWhat, Recording};
 use crate::stack::{Plan, names};
 use crate::workers::Slot;
+use crate::summary::Summary;
 use rcs_bus::{Bus, Draft, WriterId};
 use rcs_log::RecorderStatus;
 use rcs_msg::{AnyMessage, Stamp, rcs};
@@ -37,6 +40,7 @@ pub struct Live {
     shared: Arc<Shared>,
     machine: Machine,
     threads: Vec<JoinHandle<()>>,
+    tally: Option<LiveTally>,
     recording: Option<Recording>,
     start: Stamp,
 }
@@ -50,6 +54,7 @@ struct Shared {
     pool: Pool,
     schedule: rcs_bus::Writer,
     timing: rcs_bus::Writer,
+    keeper: Arc<Keeper>,
 }
 
 impl Shared {
@@ -77,6 +82,17 @@ impl Shared {
     }
 }
 
+/// How a live run ended.
+#[derive(Clone, Debug, Default)]
+pub struct Stopped {
+    /// How the recording went; `None` where there was none.
+    pub recording: Option<RecorderStatus>,
+    /// Processes that did not end in time: their threads were left behind.
+    pub hung: Vec<String>,
+    /// What the run has done.
+    pub summary: Summary,
+}
+
 impl Live {
     /// Starts every process of a plan.
     pub fn start(plan: Arc<Plan>, options: &LiveOptions) -> Result<Self, RunError> {
@@ -94,6 +110,7 @@ impl Live {
             pool: Pool::new(options.run.threads),
             schedule: runtime_writer(names::SCHEDULE)?,
             timing: runtime_writer(names::TIMING)?,
+            keeper: Arc::clone(&machine.keeper),
         });
         let record =
             RecordOptions { lossless: false, build: options.run.build.clone(), what: options.what.clone() };
@@ -101,6 +118,9 @@ impl Live {
             Some(path) => Some(Recording::start(path, &machine.plan, &machine.buffers, &record)?),
             None => None,
         };
+        let tally = LiveTally::tap(&machine.plan, &machine.buffers, options.run.hash);
+        let tally = tally
+            .map_err(|error| RunError::Refused(format!("no thread could be started for hashing: {error}")))?;
         let start = shared.commit(|now| machine.begin(now, &options.run, true).map(|()| now))?;
         let mut threads = Vec::new();
         for (node, process) in nodes.into_iter().map(Slot::into_node).zip(&machine.plan.processes) {
@@ -112,7 +132,7 @@ impl Live {
                 RunError::Refused(format!("no thread could be started for {}: {error}", process.name))
             })?);
         }
-        Ok(Self { shared, machine, threads, recording, start })
+        Ok(Self { shared, machine, threads, tally: Some(tally), recording, start })
     }
 
     /// The run's buffers.
@@ -148,10 +168,13 @@ impl Live {
     }
 
     /// Ends every process after its cycle, and the recording after them.
-    pub fn stop(mut self) -> Result<Option<RecorderStatus>, RunError> {
+    pub fn stop(mut self) -> Result<Stopped, RunError> {
         self.end_threads();
         let now = self.now();
-        self.recording.take().map(|recording| recording.finish_at(now)).transpose()
+        let recording = self.recording.take().map(|recording| recording.finish_at(now)).transpose()?;
+        let (plan, buffers) = (&self.machine.plan, &self.machine.buffers);
+        let summary = self.tally.take().map(|tally| tally.finish(plan, buffers, self.start, now));
+        Ok(Stopped { recording, hung: Vec::new(), summary: summary.unwrap_or_default() })
     }
 
     fn end_threads(&mut self) {
@@ -180,6 +203,7 @@ fn run_node(shared: &Shared, mut node: Node, name: &str) {
     while !shared.wait_until(wake) {
         let (started, input_sequence) = shared.commit(|now| {
             node.capture();
+            shared.keeper.tend(now);
             (now, node.captured())
         });
         let clock = Instant::now();
@@ -187,6 +211,7 @@ fn run_node(shared: &Shared, mut node: Node, name: &str) {
         let took = clock.elapsed();
         shared.commit(|now| {
             node.publish(started, now);
+            shared.keeper.tend(now);
             let record = rcs::CycleRecord {
                 process: name.to_owned(),
                 cycle: node.status().cycle,

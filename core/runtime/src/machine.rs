@@ -4,11 +4,11 @@ use crate::error::RunError;
 use crate::journal::ExternalEvent;
 use crate::node::Node;
 use crate::options::RunOptions;
-use crate::overrides::apply_override;
+use crate::overrides::{Change, Keeper};
 use crate::stack::{Plan, ProcessPlan, names};
 use crate::workers::Slot;
 use prost_reflect::DynamicMessage;
-use rcs_bus::{Buffer, Draft, WriterId};
+use rcs_bus::{Buffer, Draft, OverrideValue, WriterId};
 use rcs_msg::{AnyMessage, Stamp, params, rcs};
 use std::sync::Arc;
 
@@ -18,6 +18,8 @@ pub(crate) struct Machine {
     pub(crate) bus: rcs_bus::Bus,
     pub(crate) buffers: Vec<Arc<Buffer>>,
     pub(crate) nodes: Vec<Slot>,
+    /// Looks after the overrides; live runs share it between their threads.
+    pub(crate) keeper: Arc<Keeper>,
 }
 
 impl Machine {
@@ -35,7 +37,10 @@ impl Machine {
                 RunError::Refused(format!("the parameters of {} are of another type", process.name))
             })?));
         }
-        Ok(Self { plan, bus, buffers, nodes })
+        let keeper = Keeper::new(&plan, &bus, &buffers);
+        let keeper =
+            keeper.ok_or_else(|| RunError::Refused("the plan lacks the runtime's buffers".to_owned()))?;
+        Ok(Self { plan, bus, buffers, nodes, keeper: Arc::new(keeper) })
     }
 
     /// The buffer of that name, to be written to.
@@ -74,10 +79,13 @@ impl Machine {
     /// the event.
     pub(crate) fn apply(&self, event: ExternalEvent) -> Result<(), RunError> {
         let buffer = self.buffer(&event.buffer)?;
-        if &*event.buffer == names::OVERRIDE {
-            apply_override(&self.bus, &event.message)?;
-        }
         let now = event.place.time;
+        if &*event.buffer == names::OVERRIDE {
+            // The number of the message in its buffer is the override's.
+            let change = self.keeper.check(&event.message, buffer.newest() + 1, now)?;
+            self.check_whole(&change)?;
+            self.keeper.apply(change);
+        }
         let draft = Draft { log_time: now, acq_time: event.acq_time(), message: event.message.clone() };
         buffer.writer(event.writer).write(draft)?;
         let message = AnyMessage::deferred::<ExternalEvent, rcs::JournalEvent>(event);
@@ -86,7 +94,19 @@ impl Machine {
             acq_time: now,
             message,
         })?;
+        self.keeper.tend(now);
         Ok(())
+    }
+
+    /// Refuses whole parameter messages that their process would not take.
+    fn check_whole(&self, change: &Change) -> Result<(), RunError> {
+        let Change::Set(index, change) = change else { return Ok(()) };
+        let OverrideValue::Message(message) = &change.value else { return Ok(()) };
+        let process = self.plan.processes.iter().find(|process| process.params_buffer == *index);
+        let checked = process
+            .map_or(Ok(()), |process| check_params(message).and_then(|()| process.kind.check(message)));
+        let name = &self.plan.buffers[*index].spec.name;
+        checked.map_err(|error| RunError::Refused(format!("the override of {name}: {error}")))
     }
 
     /// Writes what every run begins with: its identity, its processes, their parameters, and the viewer's `RUN`.

@@ -163,8 +163,16 @@ pub(crate) fn writer_of(plan: &Plan, buffer: &str) -> String {
     if buffer == names::OVERRIDE {
         return "operator".to_owned();
     }
-    if [names::RUN, names::PROCESSES, names::TIMING, names::LOG, names::SCHEDULE, names::JOURNAL]
-        .contains(&buffer)
+    if [
+        names::RUN,
+        names::PROCESSES,
+        names::TIMING,
+        names::LOG,
+        names::SCHEDULE,
+        names::JOURNAL,
+        names::OVERRIDES,
+    ]
+    .contains(&buffer)
     {
         return "runtime".to_owned();
     }

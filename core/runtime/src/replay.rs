@@ -7,7 +7,7 @@ use crate::options::RunOptions;
 use crate::process::ProcessType;
 use crate::record::RUN_END;
 use crate::script::ScheduledCycle;
-use crate::stack::{Plan, names};
+use crate::stack::{Assets, NoAssets, Plan, PlanOptions, names};
 use crate::stepped::Stepped;
 use rcs_bus::Sample;
 use rcs_log::{Cursor, CursorOptions, Log, TopicId};
@@ -135,9 +135,21 @@ impl RecordedRun {
         recording.metadata().iter().any(|metadata| metadata.name == "ocu" && entry(metadata))
     }
 
+    /// The recorded stack with parameters of the command line laid over the recorded ones; [`RecordedRun::check`] says
+    /// whether that made a difference.
+    pub fn plan_with(
+        &self,
+        plugins: &[ProcessType],
+        overrides: &[(String, String)],
+        assets: &dyn Assets,
+    ) -> Result<Arc<Plan>, RunError> {
+        let options = PlanOptions { overrides, course: None, assets };
+        Ok(Arc::new(Plan::of_run(&self.info, plugins, &options)?))
+    }
+
     /// The stack that ran, with the parameters that it began with.
     pub fn plan(&self, plugins: &[ProcessType]) -> Result<Arc<Plan>, RunError> {
-        let plan = Plan::of_run(&self.info, plugins)?;
+        let plan = self.plan_with(plugins, &[], &NoAssets)?;
         if plan.hash != self.info.stack_hash {
             return Err(RunError::Refused(format!(
                 "the recording's stack and parameters have the hash {}; expected {}, as its identity says: it was \
@@ -145,18 +157,20 @@ impl RecordedRun {
                 plan.hash, self.info.stack_hash, self.info.build
             )));
         }
-        Ok(Arc::new(plan))
+        Ok(plan)
     }
 
     /// Refuses another stack, another parameter or another seed than the recorded ones, by name.
-    pub fn check(&self, plan: Option<&Plan>, seed: Option<u64>) -> Result<(), RunError> {
+    pub fn check(&self, plan: &Plan, seed: Option<u64>) -> Result<(), RunError> {
         if let Some(seed) = seed.filter(|seed| *seed != self.info.seed) {
             return Err(RunError::Refused(format!(
                 "the run was recorded with seed {}, got {seed}",
                 self.info.seed
             )));
         }
-        let Some(plan) = plan.filter(|plan| plan.hash != self.info.stack_hash) else { return Ok(()) };
+        if plan.hash == self.info.stack_hash {
+            return Ok(());
+        }
         if plan.file.text != self.info.stack_text {
             return Err(RunError::Refused(format!(
                 "the run was recorded with another stack: got {} with hash {}, expected {} with hash {}",

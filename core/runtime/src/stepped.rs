@@ -234,6 +234,7 @@ impl Stepped {
                 self.run_event(event)
             }
         };
+        self.machine.keeper.tend(self.now);
         self.events += 1;
         Ok(Some(happened))
     }

@@ -18,6 +18,22 @@ pub(crate) struct Tally {
     bytes: u64,
 }
 
+impl Tally {
+    /// Counts one more message.
+    pub(crate) fn take(&mut self, sample: &Sample) {
+        let header = &sample.header;
+        let bytes = sample.message.bytes();
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&self.hash);
+        hasher.update(&header.sequence.to_le_bytes());
+        hasher.update(&header.log_time.0.to_le_bytes());
+        hasher.update(&header.acq_time.0.to_le_bytes());
+        hasher.update(&bytes);
+        self.hash = *hasher.finalize().as_bytes();
+        self.bytes += bytes.len() as u64;
+    }
+}
+
 /// Measured durations of one process's cycles.
 ///
 /// Reading the clock twice takes a fifth of the shortest cycle. So of a process none of whose cycles took
@@ -70,17 +86,7 @@ pub(crate) fn tap_tallies(buffers: &[Arc<Buffer>]) -> Tallies {
         }
         let tallies = Arc::clone(&tallies);
         buffer.tap(Box::new(move |sample: &Sample| {
-            let mut tallies = tallies.lock().unwrap_or_else(PoisonError::into_inner);
-            let header = &sample.header;
-            let bytes = sample.message.bytes();
-            let mut hasher = blake3::Hasher::new();
-            hasher.update(&tallies[index].hash);
-            hasher.update(&header.sequence.to_le_bytes());
-            hasher.update(&header.log_time.0.to_le_bytes());
-            hasher.update(&header.acq_time.0.to_le_bytes());
-            hasher.update(&bytes);
-            tallies[index].hash = *hasher.finalize().as_bytes();
-            tallies[index].bytes += bytes.len() as u64;
+            tallies.lock().unwrap_or_else(PoisonError::into_inner)[index].take(sample);
         }));
     }
     tallies
@@ -108,13 +114,9 @@ impl Stepped {
     }
 
     pub(crate) fn process_summaries(&self) -> Vec<ProcessSummary> {
-        let summary = |node: &Node, times: &CycleTimes| ProcessSummary {
-            name: node.status().process.to_string(),
-            state: node.status().state,
-            cycles: node.status().cycle,
-            mean_us: times.mean_us(),
-            max_us: times.max_us(),
-            overruns: times.overruns,
+        let summary = |node: &Node, times: &CycleTimes| {
+            let status = node.status();
+            ProcessSummary::new(&status.process, status.state, status.cycle, times)
         };
         self.machine().nodes.iter().map(|slot| slot.look(summary)).collect()
     }
@@ -125,34 +127,53 @@ impl Stepped {
             .tallies
             .as_ref()
             .map(|tallies| tallies.lock().unwrap_or_else(PoisonError::into_inner).clone());
-        let mut buffers: Vec<BufferSummary> = self
-            .machine()
-            .buffers
-            .iter()
-            .enumerate()
-            .map(|(index, buffer)| BufferSummary {
-                name: buffer.name().to_owned(),
-                schema: buffer.spec().schema.name().to_owned(),
-                messages: buffer.newest(),
-                bytes: tallies.as_ref().map(|tallies| tallies[index].bytes),
-                hash: tallies.as_ref().map(|tallies| hex(&tallies[index].hash)),
-            })
-            .collect();
-        buffers.sort_by(|a, b| a.name.cmp(&b.name));
-        let hash = tallies.is_some().then(|| {
-            let mut hasher = blake3::Hasher::new();
-            for buffer in buffers.iter().filter(|buffer| buffer.name != names::TIMING) {
-                hasher.update(buffer.name.as_bytes());
-                hasher.update(&buffer.messages.to_le_bytes());
-                hasher.update(buffer.hash.as_deref().unwrap_or_default().as_bytes());
-            }
-            hex(hasher.finalize().as_bytes())
-        });
-        Summary {
-            time_s: self.now.seconds_since(self.start),
-            processes: self.process_summaries(),
-            buffers,
-            hash,
+        let of =
+            |(index, buffer)| BufferSummary::new(buffer, tallies.as_ref().map(|tallies| &tallies[index]));
+        let buffers = self.machine().buffers.iter().enumerate().map(of).collect();
+        summary_of(self.now.seconds_since(self.start), self.process_summaries(), buffers)
+    }
+}
+
+/// A summary with the buffers by name and the hash of all of them.
+pub(crate) fn summary_of(
+    time_s: f64,
+    processes: Vec<ProcessSummary>,
+    mut buffers: Vec<BufferSummary>,
+) -> Summary {
+    buffers.sort_by(|a, b| a.name.cmp(&b.name));
+    let hash = buffers.iter().all(|buffer| buffer.hash.is_some()).then(|| {
+        let mut hasher = blake3::Hasher::new();
+        for buffer in buffers.iter().filter(|buffer| buffer.name != names::TIMING) {
+            hasher.update(buffer.name.as_bytes());
+            hasher.update(&buffer.messages.to_le_bytes());
+            hasher.update(buffer.hash.as_deref().unwrap_or_default().as_bytes());
+        }
+        hex(hasher.finalize().as_bytes())
+    });
+    Summary { time_s, processes, buffers, hash }
+}
+
+impl ProcessSummary {
+    pub(crate) fn new(name: &str, state: rcs::ProcessState, cycles: u64, times: &CycleTimes) -> Self {
+        Self {
+            name: name.to_owned(),
+            state,
+            cycles,
+            mean_us: times.mean_us(),
+            max_us: times.max_us(),
+            overruns: times.overruns,
+        }
+    }
+}
+
+impl BufferSummary {
+    pub(crate) fn new(buffer: &Arc<Buffer>, tally: Option<&Tally>) -> Self {
+        Self {
+            name: buffer.name().to_owned(),
+            schema: buffer.spec().schema.name().to_owned(),
+            messages: buffer.newest(),
+            bytes: tally.map(|tally| tally.bytes),
+            hash: tally.map(|tally| hex(&tally.hash)),
         }
     }
 }
@@ -162,7 +183,7 @@ fn hex(hash: &[u8; 32]) -> String {
 }
 
 /// What a run has done so far.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Summary {
     /// Simulated seconds since the start.
     pub time_s: f64,

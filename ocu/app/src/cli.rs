@@ -1,6 +1,7 @@
 //! The command line: every flag is defined here, once.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use rcs_runtime::RecordWhat;
 use std::path::PathBuf;
 
 /// The program's arguments.
@@ -31,6 +32,8 @@ pub struct Cli {
 pub enum Command {
     /// Run a stack to its end, without a window
     Run(RunArgs),
+    /// Say whether two recordings agree, and where they first do not
+    Diff(DiffArgs),
     /// Say what a recording holds, and what of it was lost
     Info(InfoArgs),
     /// Draw a layout at a time into a PNG; needs no display
@@ -93,13 +96,18 @@ pub enum Renderer {
 #[command(after_help = "Examples:\n  ocu run --stack range_camera --log drive.mcap --json\n  \
                         ocu run --stack my_stack.toml --log drive.mcap --record out.mcap --until 10 \\\n          \
                         --param wm1.weight_stereo=0.4\n  \
-                        ocu run --stack truth_driver --course meadow --runs 3 --json\n\n\
+                        ocu run --stack truth_driver --course meadow --runs 3 --json\n  \
+                        ocu run --live --stack simulation --until 10 --record live.mcap\n  \
+                        ocu run --replay live.mcap --json\n\n\
                         The result depends on the log, the stack, the parameters and the seed alone: \
-                        the hash is the same on every run and for any number of threads.")]
+                        the hash is the same on every run and for any number of threads. A live run depends on the \
+                        computer, too; its recording repeats it with the same hash.\n\n\
+                        --acts gives what an operator does, as a JSON list: [{\"at_s\": 1, \"buffer\": \
+                        \"/operator/teleop\", \"message\": {\"speedMps\": 0.5}, \"every_s\": 0.05, \"until_s\": 3}].")]
 pub struct RunArgs {
     /// Stack to run: the name of a bundled one, or a .toml file
-    #[arg(long, short, value_name = "STACK")]
-    pub stack: String,
+    #[arg(long, short, value_name = "STACK", required_unless_present = "replay")]
+    pub stack: Option<String>,
     /// Recording that it reads
     #[arg(long)]
     pub log: Option<PathBuf>,
@@ -112,12 +120,25 @@ pub struct RunArgs {
     /// File to record the run to
     #[arg(long, value_name = "OUT", conflicts_with = "runs")]
     pub record: Option<PathBuf>,
+    /// What is recorded: all, journal (what came from outside; the rest is computed again when it is opened), or
+    /// buffers, separated by commas
+    #[arg(long, value_name = "WHAT", requires = "record", value_parser = parse_what)]
+    pub record_what: Option<RecordWhat>,
+    /// Repeat a recorded run, and compare it with what was recorded
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["runs", "live", "acts"])]
+    pub replay: Option<PathBuf>,
+    /// Run on the wall clock, a thread a process
+    #[arg(long, conflicts_with_all = ["runs", "log"])]
+    pub live: bool,
+    /// What an operator does meanwhile, a JSON file
+    #[arg(long, value_name = "FILE")]
+    pub acts: Option<PathBuf>,
     /// At the end, write the newest message of a buffer to a file, as JSON; may be given several times
     #[arg(long = "save", value_name = "BUFFER=FILE", value_parser = parse_save)]
     pub save: Vec<Save>,
-    /// Seed of the run's random numbers
-    #[arg(long, default_value_t = 0)]
-    pub seed: u64,
+    /// Seed of the run's random numbers, 0 where it is not given
+    #[arg(long)]
+    pub seed: Option<u64>,
     /// Parameter of a process, as process.field=value; may be given several times
     #[arg(long = "param", value_name = "P.F=V", value_parser = parse_param)]
     pub params: Vec<Param>,
@@ -127,6 +148,21 @@ pub struct RunArgs {
     /// Threads that processes may share, all of the machine's by default; the result does not depend on it
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ocu diff`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Example:\n  ocu diff one.mcap other.mcap --json\n\n\
+                        Messages are compared by buffer and number; measured time is left out. Exit codes: 0 the \
+                        recordings agree, 1 they differ.")]
+pub struct DiffArgs {
+    /// Recording
+    pub first: PathBuf,
+    /// Recording that is compared with it
+    pub second: PathBuf,
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
@@ -364,6 +400,17 @@ fn parse_save(text: &str) -> Result<Save, String> {
             Ok(Save { buffer: buffer.to_owned(), path: path.into() })
         }
         _ => Err(format!("expected /buffer=file, got {text:?}")),
+    }
+}
+
+fn parse_what(text: &str) -> Result<RecordWhat, String> {
+    match text {
+        "all" => Ok(RecordWhat::All),
+        "journal" => Ok(RecordWhat::Journal),
+        list if list.split(',').all(|name| name.starts_with('/') && name.len() > 1) => {
+            Ok(RecordWhat::Buffers(list.split(',').map(str::to_owned).collect()))
+        }
+        _ => Err(format!("expected all, journal, or buffers like /wm1/map,/wm1/status, got {text:?}")),
     }
 }
 

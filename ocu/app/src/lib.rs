@@ -2,11 +2,12 @@
 //!
 //! - [`cli`]: every flag, defined once.
 //! - [`window`]: the window; [`render`] draws the same without one.
-//! - [`run`], [`info`], [`sample`], [`eval`]: the commands.
+//! - [`run`], [`diff`], [`info`], [`sample`], [`eval`]: the commands.
 //! - [`layout`], [`stacks`], [`assets`]: what comes with the program, by explicit lists.
 
 pub mod assets;
 pub mod cli;
+pub mod diff;
 pub mod eval;
 pub mod info;
 pub mod layout;
@@ -60,6 +61,7 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
     let result = match &cli.command {
         None => window::run(&cli.window).map(|()| true),
         Some(Command::Run(args)) => run::run(args, out),
+        Some(Command::Diff(args)) => diff::diff(args, out),
         Some(Command::Info(args)) => info::info(args, out).map(|()| true),
         Some(Command::Render(args)) => render::render(args).map(|()| true),
         Some(Command::Sample(args)) => sample::write(&args.path, args.duration).map(|()| true),

@@ -2,7 +2,7 @@
 
 use rcs_bus::Buffer;
 use rcs_msg::rcs::{CourseOutcome, CourseRun};
-use rcs_msg::schema_of;
+use rcs_msg::{Stamp, schema_of};
 use rcs_runtime::{Plan, RunError, Stepped};
 use serde::Serialize;
 use std::sync::Arc;
@@ -56,16 +56,18 @@ pub(crate) fn verdict(buffer: &Arc<Buffer>) -> Option<CourseRun> {
     buffer.latest().and_then(|sample| sample.message.to())
 }
 
-/// Runs on until the referee has decided.
-pub(crate) fn to_the_verdict(run: &mut Stepped, referee: usize) -> Result<(), RunError> {
+/// Runs on until the referee has decided, or to a time.
+pub(crate) fn to_the_verdict(run: &mut Stepped, referee: usize, to: Stamp) -> Result<(), RunError> {
     let decided = |run: &Stepped| {
         verdict(&run.buffers()[referee])
             .is_some_and(|verdict| verdict.outcome() != CourseOutcome::CourseRunning)
     };
-    let mut until = run.start();
-    while !decided(run) {
+    // The referee is asked at whole multiples from the start on, wherever the run stands.
+    let asked = run.now().0.saturating_sub(run.start().0) / ASK_EVERY_NS;
+    let mut until = run.start().after_ns(asked * ASK_EVERY_NS);
+    while !decided(run) && until < to {
         until = until.after_ns(ASK_EVERY_NS);
-        if !run.run_until(until)? {
+        if !run.run_until(until.min(to))? {
             break;
         }
     }

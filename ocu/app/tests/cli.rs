@@ -104,7 +104,7 @@ fn run_stops_where_it_is_told_and_records_what_it_did() {
     let (code, out, errors) =
         ocu(&["run", "--stack", "sample", "--log", text(&path), "--until", "1", "--record", record]);
     assert_eq!(code, 0, "{errors}{out}");
-    assert!(out.starts_with("outcome  timeout"), "{out}");
+    assert!(out.starts_with("outcome  end"), "{out}");
     let (code, out, _) = ocu(&["info", record, "--json"]);
     assert_eq!(code, 0);
     let report = json(&out);

@@ -10,7 +10,7 @@ mod spec;
 
 pub use spec::{ParamKind, ParamSpec, specs, specs_of};
 
-use crate::any::{Payload, schema_of};
+use crate::any::{AnyMessage, Payload, schema_of};
 use crate::path::{FieldPath, Segment};
 use crate::reader::protobuf::{message_value, reflect, reflect_field};
 use crate::value::Value;
@@ -18,6 +18,7 @@ use prost_reflect::{
     DynamicMessage, FieldDescriptor, Kind, MessageDescriptor, ReflectMessage, Value as Reflected,
 };
 use spec::{fields, from_json, spec};
+use std::sync::Arc;
 
 /// Why a parameter is refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -130,6 +131,26 @@ pub fn set_param_text(message: &mut DynamicMessage, path: &str, text: &str) -> R
         expected: spec.expected(),
     })?;
     set_param(message, path, &value)
+}
+
+/// A parameter message with some parameters changed, each given as what a person writes ([`set_param_text`]).
+pub fn with_params<'a>(
+    message: &AnyMessage,
+    changes: impl IntoIterator<Item = (&'a str, &'a str)>,
+) -> Result<AnyMessage, ParamError> {
+    let schema = message.schema();
+    let unreadable = |got: String| ParamError::Refused {
+        name: schema.name().to_owned(),
+        got,
+        expected: "a parameter message".to_owned(),
+    };
+    let descriptor = schema.descriptor().ok_or_else(|| unreadable("a type without descriptor".to_owned()))?;
+    let mut values = DynamicMessage::decode(descriptor.clone(), message.bytes())
+        .map_err(|error| unreadable(error.to_string()))?;
+    for (name, text) in changes {
+        set_param_text(&mut values, name, text)?;
+    }
+    Ok(AnyMessage::encoded(Arc::clone(&schema), prost::Message::encode_to_vec(&values).into()))
 }
 
 /// Whether every parameter of a message is accepted: for messages that came whole.

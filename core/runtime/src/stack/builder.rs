@@ -361,6 +361,7 @@ impl<'a> Builder<'a> {
             spec::<foxglove::Log>(names::LOG, queue(64)),
             spec::<rcs::CycleRecord>(names::SCHEDULE, queue(64)),
             spec::<rcs::Override>(names::OVERRIDE, queue(16)),
+            spec::<rcs::OverrideList>(names::OVERRIDES, Mode::Latest),
             spec::<rcs::JournalEvent>(names::JOURNAL, Mode::Latest),
         ] {
             self.by_name.insert(spec.name.clone(), self.buffers.len());

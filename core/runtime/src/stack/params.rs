@@ -1,6 +1,6 @@
 //! The parameters of a process: the stack's, the course's, the command line's.
 
-use super::assets::{Asset, Assets, Course, NoAssets};
+use super::assets::{Asset, Assets, Course};
 use super::error::StackError;
 use super::file::{ParamEntry, ProcessEntry, StackFile};
 use crate::process::ProcessType;
@@ -45,8 +45,11 @@ impl<'a> ParamReader<'a> {
     }
 
     /// The parameters of a recorded run, as they were.
-    pub(super) fn given(file: &'a StackFile, given: &'a [rcs::InitialParams]) -> Self {
-        let options = PlanOptions { overrides: &[], course: None, assets: &NoAssets };
+    pub(super) fn given(
+        file: &'a StackFile,
+        given: &'a [rcs::InitialParams],
+        options: PlanOptions<'a>,
+    ) -> Self {
         Self { file, options, course: None, assets: Vec::new(), given: Some(given) }
     }
 
@@ -69,7 +72,7 @@ impl<'a> ParamReader<'a> {
             let message = message
                 .ok_or_else(|| error(format!("the recording holds no {} of {name}", schema.name())))?;
             kind.check(&message).map_err(|text| error(format!("recorded parameters of {name}: {text}")))?;
-            return Ok(message);
+            return self.with_overrides(name, message, &file_fields(descriptor));
         }
         let files = file_fields(&params::specs(descriptor), "");
         let mut values = params::defaults(descriptor);
@@ -103,6 +106,7 @@ impl<'a> ParamReader<'a> {
         Ok(message)
     }
 
+<<<<<<< HEAD
     /// Sets a parameter, entry by entry, so that what is wrong is said of its own line.
     fn put(
         &mut self,
@@ -146,6 +150,33 @@ impl<'a> ParamReader<'a> {
             (ParamEntry::Table(_), _) => Value::Message(Vec::new()),
         };
         params::set_param(values, name, &value).map_err(|error| at(error.to_string()))
+=======
+    /// Recorded parameters with those of the command line laid over them.
+    fn with_overrides(
+        &self,
+        name: &str,
+        message: AnyMessage,
+        files: &[FileField],
+    ) -> Result<AnyMessage, StackError> {
+        let mut message = message;
+        for (path, text) in self.options.overrides {
+            let Some(field) = path.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')) else {
+                continue;
+            };
+            let error = |error: String| StackError {
+                file: "--param".to_owned(),
+                line: 1,
+                message: format!("{path}: {error}"),
+            };
+            let text = match find(files, field) {
+                Some(file) => self.options.assets.read(&file.kind, text, "").map_err(error)?.text,
+                None => text.clone(),
+            };
+            let changed = params::with_params(&message, [(field, text.as_str())]);
+            message = changed.map_err(|refused| error(refused.to_string()))?;
+        }
+        Ok(message)
+>>>>>>> 1e3ca2f (run: --replay, --live, --acts and --record-what; ocu diff; edits are checked, listed, released, and never stop a message)
     }
 
     /// Sets what comes with the course: the course itself, and the files that it names.

@@ -87,6 +87,8 @@ pub(crate) mod names {
     pub(crate) const LOG: &str = "/runtime/log";
     pub(crate) const SCHEDULE: &str = "/runtime/schedule";
     pub(crate) const OVERRIDE: &str = "/runtime/override";
+    /// The overrides in force.
+    pub(crate) const OVERRIDES: &str = "/runtime/overrides";
     /// What came from outside, in order.
     pub(crate) const JOURNAL: &str = "/runtime/journal";
     /// What all of these begin with.
@@ -115,10 +117,15 @@ impl Plan {
         Ok(Self { file, hash, inputs, processes, buffers })
     }
 
-    /// The stack that a recorded run had, from the text and the parameters in its identity: no file is read.
-    pub fn of_run(run: &rcs::RunInfo, plugins: &[ProcessType]) -> Result<Self, StackError> {
+    /// The stack that a recorded run had, from the text and the parameters in its identity; files are read for
+    /// overrides of parameters alone. A course is among the parameters.
+    pub fn of_run(
+        run: &rcs::RunInfo,
+        plugins: &[ProcessType],
+        options: &PlanOptions<'_>,
+    ) -> Result<Self, StackError> {
         let file = StackFile::parse(&format!("{} (recorded)", run.stack), &run.stack_text)?;
-        let mut params = ParamReader::given(&file, &run.params);
+        let mut params = ParamReader::given(&file, &run.params, *options);
         let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
         let hash = hash_of(&file, &processes);
         Ok(Self { file, hash, inputs, processes, buffers })

@@ -1,73 +1,31 @@
-//! `ocu run`: a stack to its end, in simulated time, with a summary.
+//! `ocu run`: a stack to its end, in simulated time, on the wall clock, or as it was recorded; with a summary.
+
+mod acts;
+mod live;
+mod replay;
+mod report;
 
 use crate::cli::{RunArgs, Save};
 use crate::runs::{self, RunReport};
-use crate::table::{Align, Table};
 use crate::{BUILD, stacks, usage};
+use acts::Act;
 use anyhow::Context as _;
-use ocu_ui::format;
 use rcs_log::Log;
 use rcs_msg::Stamp;
-use rcs_msg::rcs::ProcessState;
-use rcs_runtime::{Plan, RecordOptions, Recording, RunOptions, Stepped, Summary};
-use serde::Serialize;
+use rcs_runtime::{Plan, RecordOptions, RecordWhat, Recording, RunOptions, Stepped};
+pub(crate) use report::Comparison;
+use report::{Outcome, Report};
 use std::io::Write;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How a run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-enum Outcome {
-    /// The recording ended, or the course was decided.
-    End,
-    /// The time that `--until` gives was reached.
-    Timeout,
-    /// A process ended in `ERROR`, or what was asked for could not be done to the end.
-    Error,
-}
-
-/// `ocu run --json`.
-#[derive(Debug, Serialize)]
-struct Report {
-    outcome: Outcome,
-    time_s: f64,
-    wall_s: f64,
-    processes: Vec<ProcessReport>,
-    buffers: Vec<BufferReport>,
-    hash: String,
-    /// Runs of a course, in order; the rest of the report is the last one's.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    runs: Vec<RunReport>,
-}
-
-#[derive(Debug, Serialize)]
-struct ProcessReport {
-    name: String,
-    state: &'static str,
-    cycles: u64,
-    mean_us: f64,
-    max_us: f64,
-    overruns: u64,
-}
-
-#[derive(Debug, Serialize)]
-struct BufferReport {
-    name: String,
-    schema: String,
-    messages: u64,
-    bytes: u64,
-    hash: String,
-}
-
 /// Runs the stack, as often as it was asked for, and prints what came of it; `false` if a run failed.
 pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
-    let overrides: Vec<(String, String)> = args
-        .params
-        .iter()
-        .map(|param| (format!("{}.{}", param.process, param.field), param.value.clone()))
-        .collect();
-    let plan = stacks::plan(&args.stack, args.course.as_deref(), &overrides)?;
+    if let Some(recording) = &args.replay {
+        return replay::run(args, recording, out);
+    }
+    let plan = plan(args)?;
     let log = args.log.as_ref().map(Log::open).transpose()?;
     let referee = runs::referee(&plan);
     if log.is_none() && args.until.is_none() && referee.is_none() {
@@ -88,31 +46,63 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
             plan.file.name()
         )));
     }
+    let acts = args.acts.as_deref().map(|path| acts::read(path, &plan)).transpose()?.unwrap_or_default();
+    if args.live {
+        return live::run(args, plan, referee, acts, out);
+    }
+    let stack = Ready { args, plan, log, referee, acts };
+    let seed = args.seed.unwrap_or(0);
     let mut runs = Vec::new();
-    let mut done = Done::run(args, &plan, log.as_ref(), referee, args.seed)?;
+    let mut done = stack.run(seed)?;
     runs.extend(done.verdict.take());
     for more in 1..args.runs {
         if done.failure.is_some() {
             break;
         }
-        done = Done::run(args, &plan, log.as_ref(), referee, args.seed + u64::from(more))?;
+        done = stack.run(seed + u64::from(more))?;
         runs.extend(done.verdict.take());
     }
-    let report = Report { runs, ..done.report };
-    if args.json {
-        serde_json::to_writer_pretty(&mut *out, &report).context("cannot write the report")?;
-        writeln!(out)?;
-    } else {
-        human(&report, out)?;
-    }
-    match done.failure {
-        Some(error) => Err(error),
-        None => Ok(report.outcome != Outcome::Error),
-    }
+    done.report.runs = runs;
+    done.print(args.json, out)
+}
+
+/// The stack that the arguments name, with their course and parameters.
+fn plan(args: &RunArgs) -> anyhow::Result<Arc<Plan>> {
+    let stack =
+        args.stack.as_deref().ok_or_else(|| usage("expected --stack, or --replay with a recording"))?;
+    stacks::plan(stack, args.course.as_deref(), &overrides(args))
+}
+
+/// Parameters of the command line, as `(process.field, value)`.
+fn overrides(args: &RunArgs) -> Vec<(String, String)> {
+    let text =
+        |param: &crate::cli::Param| (format!("{}.{}", param.process, param.field), param.value.clone());
+    args.params.iter().map(text).collect()
 }
 
 fn has_buffer(plan: &Plan, name: &str) -> bool {
     plan.buffers.iter().any(|buffer| buffer.spec.name == name)
+}
+
+/// Begins to record a stepped run, where that is asked for.
+fn record(args: &RunArgs, run: &Stepped) -> anyhow::Result<Option<Recording>> {
+    let Some(path) = &args.record else { return Ok(None) };
+    let options = RecordOptions { lossless: true, build: BUILD.to_owned(), what: what(args) };
+    Ok(Some(Recording::start(path, run.plan(), run.buffers(), &options)?))
+}
+
+/// What is recorded.
+fn what(args: &RunArgs) -> RecordWhat {
+    args.record_what.clone().unwrap_or_default()
+}
+
+/// A stack that can be run.
+struct Ready<'a> {
+    args: &'a RunArgs,
+    plan: Arc<Plan>,
+    log: Option<Log>,
+    referee: Option<usize>,
+    acts: Vec<Act>,
 }
 
 /// One run, done.
@@ -123,44 +113,77 @@ struct Done {
 }
 
 impl Done {
-    fn run(
+    /// What came of a stepped run.
+    fn new(
+        run: &Stepped,
         args: &RunArgs,
-        plan: &Arc<Plan>,
-        log: Option<&Log>,
-        referee: Option<usize>,
-        seed: u64,
-    ) -> anyhow::Result<Self> {
-        let base = stacks::options();
-        let threads = args.threads.map_or(base.threads, usize::from);
-        let options = RunOptions { seed, threads, hash: true, ..base };
-        let clock = Instant::now();
-        let mut run = Stepped::new(Arc::clone(plan), log, options).context("the stack cannot run")?;
-        let recording = match &args.record {
-            Some(path) => {
-                let options =
-                    RecordOptions { lossless: true, build: BUILD.to_owned(), ..RecordOptions::default() };
-                Some(Recording::start(path, run.plan(), run.buffers(), &options)?)
-            }
-            None => None,
-        };
-        let (outcome, mut failure) = match to_the_end(&mut run, args.until, referee) {
-            Ok(outcome) => (outcome, None),
-            Err(error) => (Outcome::Error, Some(error)),
-        };
+        outcome: Outcome,
+        failure: Option<anyhow::Error>,
+        (recording, clock, seed): (Option<Recording>, Instant, u64),
+    ) -> Self {
+        let mut failure = failure;
         if let Some(recording) = recording
             && let Err(error) = recording.finish_at(run.now())
         {
             failure.get_or_insert(error.into());
         }
-        if let Err(error) = save(&run, &args.save) {
+        if let Err(error) = save(run, &args.save) {
             failure.get_or_insert(error);
         }
         let outcome = if failure.is_some() { Outcome::Error } else { outcome };
-        let report = report(run.summary(), outcome, clock.elapsed().as_secs_f64());
-        let verdict = referee
+        let report = Report::new(run.summary(), outcome, clock.elapsed().as_secs_f64());
+        let verdict = runs::referee(run.plan())
             .and_then(|referee| runs::verdict(&run.buffers()[referee]))
             .map(|verdict| RunReport::new(seed, &verdict, report.hash.clone()));
-        Ok(Self { report, verdict, failure })
+        Self { report, verdict, failure }
+    }
+
+    /// Prints the report; `false` if the run failed.
+    fn print(self, json: bool, out: &mut dyn Write) -> anyhow::Result<bool> {
+        self.report.print(json, out)?;
+        match self.failure {
+            Some(error) => Err(error),
+            None => Ok(self.report.outcome != Outcome::Error),
+        }
+    }
+}
+
+impl Ready<'_> {
+    fn run(&self, seed: u64) -> anyhow::Result<Done> {
+        let base = stacks::options();
+        let threads = self.args.threads.map_or(base.threads, usize::from);
+        let options = RunOptions { seed, threads, hash: true, ..base };
+        let clock = Instant::now();
+        let mut run = Stepped::new(Arc::clone(&self.plan), self.log.as_ref(), options)
+            .context("the stack cannot run")?;
+        let recording = record(self.args, &run)?;
+        let failure = self.to_the_end(&mut run).err();
+        Ok(Done::new(&run, self.args, Outcome::End, failure, (recording, clock, seed)))
+    }
+
+    /// Runs until the recording has nothing more to cause, until `--until` after its start, or until the referee of a
+    /// course has decided; what the operator does is done on the way.
+    fn to_the_end(&self, run: &mut Stepped) -> anyhow::Result<()> {
+        run.begin()?;
+        let until = self.args.until.map(|seconds| run.start().after_ns((seconds * 1e9).round() as u64));
+        let end = match (run.horizon(), until) {
+            (Some(horizon), Some(until)) => Some(horizon.min(until)),
+            (horizon, until) => horizon.or(until),
+        };
+        let go_to = |run: &mut Stepped, to: Stamp| match (self.referee, end) {
+            (Some(referee), None) => runs::to_the_verdict(run, referee, to),
+            _ => run.run_until(to.min(end.unwrap_or(to))).map(|_| ()),
+        };
+        for act in &self.acts {
+            let at = run.start().after_ns(act.at_ns);
+            if end.is_some_and(|end| at > end) {
+                break;
+            }
+            go_to(run, at)?;
+            run.take(act.event.clone()).with_context(|| act.name())?;
+        }
+        go_to(run, end.unwrap_or(Stamp::MAX))?;
+        Ok(())
     }
 }
 
@@ -168,146 +191,15 @@ impl Done {
 fn save(run: &Stepped, saves: &[Save]) -> anyhow::Result<()> {
     for Save { buffer, path } in saves {
         let newest = run.buffers().iter().find(|candidate| candidate.name() == buffer);
-        let sample = newest
-            .and_then(|buffer| buffer.latest())
-            .with_context(|| format!("nothing was ever written to {buffer}: it cannot be saved"))?;
-        let text = rcs_msg::to_json(&sample.message)?;
-        std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        save_one(newest.and_then(|buffer| buffer.latest()), buffer, path)?;
     }
     Ok(())
 }
 
-/// Runs until the recording has nothing more to cause, until `until_s` after its start, or until the referee of a course
-/// has decided.
-fn to_the_end(run: &mut Stepped, until_s: Option<f64>, referee: Option<usize>) -> anyhow::Result<Outcome> {
-    run.begin()?;
-    if let (Some(referee), None, None) = (referee, until_s, run.horizon()) {
-        runs::to_the_verdict(run, referee)?;
-        return Ok(Outcome::End);
-    }
-    let horizon = run.horizon();
-    let until = until_s.map(|seconds| run.start().after_ns((seconds * 1e9).round() as u64));
-    let end = match (horizon, until) {
-        (Some(horizon), Some(until)) => horizon.min(until),
-        (horizon, until) => horizon.or(until).unwrap_or(Stamp(0)),
-    };
-    let more = run.run_until(end)?;
-    let cut = more && until.is_some_and(|until| horizon.is_none_or(|horizon| until < horizon));
-    Ok(if cut { Outcome::Timeout } else { Outcome::End })
-}
-
-fn report(summary: Summary, outcome: Outcome, wall_s: f64) -> Report {
-    let failed = summary.processes.iter().any(|process| process.state == ProcessState::Error);
-    Report {
-        outcome: if failed { Outcome::Error } else { outcome },
-        time_s: summary.time_s,
-        wall_s,
-        processes: summary
-            .processes
-            .into_iter()
-            .map(|process| ProcessReport {
-                name: process.name,
-                state: process.state.as_str_name(),
-                cycles: process.cycles,
-                mean_us: process.mean_us,
-                max_us: process.max_us,
-                overruns: process.overruns,
-            })
-            .collect(),
-        buffers: summary
-            .buffers
-            .into_iter()
-            .map(|buffer| BufferReport {
-                name: buffer.name,
-                schema: buffer.schema,
-                messages: buffer.messages,
-                bytes: buffer.bytes.unwrap_or(0),
-                hash: buffer.hash.unwrap_or_default(),
-            })
-            .collect(),
-        hash: summary.hash.unwrap_or_default(),
-        runs: Vec::new(),
-    }
-}
-
-fn human_runs(runs: &[RunReport], out: &mut dyn Write) -> anyhow::Result<()> {
-    let mut table = Table::new(&[
-        ("seed", Align::Right),
-        ("course", Align::Left),
-        ("time", Align::Right),
-        ("distance", Align::Right),
-        ("remaining", Align::Right),
-        ("collisions", Align::Right),
-        ("bumper hits", Align::Right),
-        ("slip", Align::Right),
-    ]);
-    for run in runs {
-        table.row([
-            run.seed.to_string(),
-            run.outcome.to_owned(),
-            format!("{:.1} s", run.time_s),
-            format!("{:.1} m", run.distance_m),
-            format!("{:.1} m", run.remaining_m),
-            run.collisions.to_string(),
-            run.bumper_hits.to_string(),
-            format!("{:.1} s", run.slip_s),
-        ]);
-    }
-    table.write(out)?;
-    writeln!(out)?;
-    Ok(())
-}
-
-fn human(report: &Report, out: &mut dyn Write) -> anyhow::Result<()> {
-    let outcome = match report.outcome {
-        Outcome::End => "end: there was nothing more to run",
-        Outcome::Timeout => "timeout: the time asked for was reached",
-        Outcome::Error => "error",
-    };
-    let speed = report.time_s / report.wall_s.max(1e-9);
-    writeln!(out, "outcome  {outcome}")?;
-    let (time, wall) = (format::elapsed(report.time_s), format::elapsed(report.wall_s));
-    writeln!(out, "time     {time} in {wall} (× {})", format::number((speed * 10.0).round() / 10.0))?;
-    writeln!(out, "hash     {}\n", report.hash)?;
-    if !report.runs.is_empty() {
-        human_runs(&report.runs, out)?;
-    }
-    let mut table = Table::new(&[
-        ("process", Align::Left),
-        ("state", Align::Left),
-        ("cycles", Align::Right),
-        ("mean", Align::Right),
-        ("max", Align::Right),
-        ("overruns", Align::Right),
-    ]);
-    for process in &report.processes {
-        table.row([
-            process.name.clone(),
-            process.state.to_owned(),
-            process.cycles.to_string(),
-            format!("{:.0} µs", process.mean_us),
-            format!("{:.0} µs", process.max_us),
-            process.overruns.to_string(),
-        ]);
-    }
-    table.write(out)?;
-    writeln!(out)?;
-    let mut table = Table::new(&[
-        ("buffer", Align::Left),
-        ("schema", Align::Left),
-        ("messages", Align::Right),
-        ("size", Align::Right),
-        ("hash", Align::Left),
-    ]);
-    for buffer in report.buffers.iter().filter(|buffer| buffer.messages > 0) {
-        table.row([
-            buffer.name.clone(),
-            buffer.schema.clone(),
-            buffer.messages.to_string(),
-            format::bytes(buffer.bytes),
-            buffer.hash.clone(),
-        ]);
-    }
-    table.write(out)?;
-    Ok(())
+/// Writes one message to a file, as JSON.
+fn save_one(newest: Option<rcs_bus::Sample>, buffer: &str, path: &Path) -> anyhow::Result<()> {
+    let sample =
+        newest.with_context(|| format!("nothing was ever written to {buffer}: it cannot be saved"))?;
+    let text = rcs_msg::to_json(&sample.message)?;
+    std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
 }

@@ -1,0 +1,120 @@
+//! Contracts of edits: checked when they are set, listed while they last, and a message always passes.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+mod common;
+
+use common::{PAIR, newest, seconds, stepped};
+use rcs_msg::{AnyMessage, foxglove, rcs};
+use rcs_runtime::{ExternalEvent, RunOptions, Stepped};
+
+fn running() -> Stepped {
+    let mut run = stepped(PAIR, RunOptions::default());
+    run.begin().unwrap();
+    run.run_until(seconds(0.1)).unwrap();
+    run
+}
+
+fn hold(path: &str, value: &str) -> rcs::Override {
+    rcs::Override {
+        buffer: "/counter/count".to_owned(),
+        mode: rcs::r#override::Mode::Hold.into(),
+        path: path.to_owned(),
+        value_json: value.to_owned(),
+        ..Default::default()
+    }
+}
+
+fn release() -> rcs::Override {
+    rcs::Override { mode: rcs::r#override::Mode::Release.into(), ..Default::default() }
+}
+
+fn set(run: &mut Stepped, change: rcs::Override) -> Result<(), String> {
+    let event = ExternalEvent::operator("/runtime/override", AnyMessage::new(change));
+    run.take(event).map(|_| ()).map_err(|error| error.to_string())
+}
+
+fn z(run: &Stepped) -> f64 {
+    newest::<foxglove::Vector3>(run, "/counter/count").z
+}
+
+fn listed(run: &Stepped) -> Vec<(u64, String)> {
+    let list: rcs::OverrideList = newest(run, "/runtime/overrides");
+    list.active.iter().map(|active| (active.id, format!("{}{}", active.buffer, active.path))).collect()
+}
+
+#[test]
+fn an_edit_that_does_not_fit_is_refused_by_name_and_changes_nothing() {
+    let mut run = running();
+    let mut check = |change: rcs::Override, expected: &[&str]| {
+        let error = set(&mut run, change).unwrap_err();
+        assert!(expected.iter().all(|part| error.contains(part)), "{error}");
+    };
+    check(rcs::Override { buffer: "/nobody".to_owned(), ..hold(".z", "1") }, &["/nobody"]);
+    check(rcs::Override { buffer: "/runtime/run".to_owned(), ..hold(".seed", "1") }, &["/runtime/run"]);
+    check(hold(".w", "1"), &["/counter/count.w", "no field w", "x, y, z"]);
+    check(hold(".z", "\"fast\""), &["parameter z", "fast"]);
+    check(hold(".z", "[1]"), &["[1]", "expected a number"]);
+    check(hold(".z", "1e999"), &["1e999"]);
+    check(hold(".z.x", "1"), &["plain value"]);
+    check(hold("..", "1"), &["field path"]);
+    let params =
+        |path: &str, value: &str| rcs::Override { buffer: "/counter/params".to_owned(), ..hold(path, value) };
+    check(params(".publish_hz", "1000"), &["publish_hz", "0.1 to 100"]);
+    check(rcs::Override { expires_s: f64::NAN, ..hold(".z", "1") }, &["expires"]);
+    check(
+        rcs::Override { due_process: "nobody".to_owned(), due_cycle: 3, ..hold(".z", "1") },
+        &["no process nobody"],
+    );
+    check(rcs::Override { id: 77, ..release() }, &["77"]);
+    check(release(), &["names nothing"]);
+    let whole = rcs::Override { message: vec![0xff].into(), ..hold("", "") };
+    check(whole, &["does not decode as foxglove.Vector3"]);
+    run.run_until(seconds(0.2)).unwrap();
+    assert_eq!(z(&run), 5.0);
+    assert_eq!(run.bus().get("/runtime/overrides").unwrap().newest(), 0);
+}
+
+#[test]
+fn an_edit_is_listed_with_its_owner_until_it_is_released_by_its_number() {
+    let mut run = running();
+    set(&mut run, rcs::Override { owner: "anna".to_owned(), ..hold(".z", "42") }).unwrap();
+    set(&mut run, hold(".y", "1.5")).unwrap();
+    run.run_until(seconds(0.2)).unwrap();
+    assert_eq!(z(&run), 42.0);
+    assert_eq!(listed(&run), [(1, "/counter/count.z".to_owned()), (2, "/counter/count.y".to_owned())]);
+    let list: rcs::OverrideList = newest(&run, "/runtime/overrides");
+    assert_eq!((list.active[0].owner.as_str(), list.active[0].value.as_str()), ("anna", "42"));
+    assert_eq!(list.active[1].owner, "operator");
+    set(&mut run, rcs::Override { id: 1, ..release() }).unwrap();
+    run.run_until(seconds(0.3)).unwrap();
+    assert_eq!(z(&run), 5.0);
+    assert_eq!(listed(&run), [(2, "/counter/count.y".to_owned())]);
+    set(&mut run, rcs::Override { all: true, ..release() }).unwrap();
+    assert_eq!(listed(&run), []);
+}
+
+#[test]
+fn an_edit_expires_and_an_edit_waits_for_its_cycle() {
+    let mut run = running();
+    set(&mut run, rcs::Override { expires_s: 0.1, ..hold(".z", "42") }).unwrap();
+    run.run_until(seconds(0.19)).unwrap();
+    assert_eq!(z(&run), 42.0);
+    run.run_until(seconds(0.25)).unwrap();
+    assert_eq!((z(&run), listed(&run).len()), (5.0, 0));
+    // Cycle 31 of the counter starts at 0.3 s; its output shows 3 ms later.
+    let once = rcs::Override {
+        mode: rcs::r#override::Mode::Once.into(),
+        due_process: "counter".to_owned(),
+        due_cycle: 31,
+        ..hold(".z", "43")
+    };
+    set(&mut run, once).unwrap();
+    run.run_until(seconds(0.295)).unwrap();
+    assert_eq!((z(&run), listed(&run).len()), (5.0, 1));
+    run.run_until(seconds(0.303)).unwrap();
+    let count: foxglove::Vector3 = newest(&run, "/counter/count");
+    assert_eq!((count.x, count.z), (31.0, 43.0));
+    run.run_until(seconds(0.313)).unwrap();
+    assert_eq!((z(&run), listed(&run).len()), (5.0, 0));
+}

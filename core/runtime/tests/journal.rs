@@ -1,0 +1,261 @@
+//! Contracts of journal, replay and comparison: a recorded run can be repeated, and what differs is named.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+mod common;
+
+use common::{PAIR, PLUGINS, plan, seconds, stepped};
+use rcs_log::{CursorOptions, Log, LogWriter, WriteHeader, WriterOptions};
+use rcs_msg::{AnyMessage, rcs};
+use rcs_runtime::{
+    Difference, ExternalEvent, NoAssets, RecordOptions, RecordWhat, RecordedRun, Recording, Replay,
+    RunOptions, Stepped, diff,
+};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+fn hashing() -> RunOptions {
+    RunOptions { hash: true, seed: 7, ..RunOptions::default() }
+}
+
+fn hash_of(run: &Stepped) -> String {
+    run.summary().hash.unwrap()
+}
+
+fn params(publish_hz: f64) -> ExternalEvent {
+    let message = rcs::WorldModelParams { publish_hz, ..rcs_msg::params::default() };
+    ExternalEvent::operator("/counter/params", AnyMessage::new(message))
+}
+
+fn hold(path: &str, value: &str) -> ExternalEvent {
+    let message = rcs::Override {
+        buffer: "/counter/count".to_owned(),
+        mode: rcs::r#override::Mode::Hold.into(),
+        path: path.to_owned(),
+        value_json: value.to_owned(),
+        ..Default::default()
+    };
+    ExternalEvent::operator("/runtime/override", AnyMessage::new(message))
+}
+
+/// Two seconds of a counter and an adder in which an operator changes a parameter and edits a field; gives the hash.
+fn record(path: &Path, what: RecordWhat) -> String {
+    let mut run = stepped(PAIR, hashing());
+    let options = RecordOptions { lossless: true, build: "test".to_owned(), what };
+    let recording = Recording::start(path, run.plan(), run.buffers(), &options).unwrap();
+    run.begin().unwrap();
+    run.run_until(seconds(0.5)).unwrap();
+    run.take(params(9.0)).unwrap();
+    run.take(params(11.0)).unwrap();
+    run.run_until(seconds(1.001)).unwrap();
+    run.take(hold(".z", "42.0")).unwrap();
+    run.run_until(seconds(2.0)).unwrap();
+    recording.finish_at(run.now()).unwrap();
+    hash_of(&run)
+}
+
+fn folder() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    (folder, path)
+}
+
+/// Repeats a recording: the hash and the first difference.
+fn repeat(log: &Log) -> (String, Option<Difference>) {
+    let recorded = RecordedRun::read(log).unwrap();
+    let plan = recorded.plan(PLUGINS).unwrap();
+    let run = recorded.stepped(&plan, None, hashing()).unwrap();
+    let mut replay = Replay::new(recorded, run).unwrap();
+    replay.run_until(rcs_msg::Stamp::MAX).unwrap();
+    (hash_of(replay.run()), replay.first().cloned())
+}
+
+/// Copies a recording, with some messages changed.
+fn copy(from: &Log, to: &Path, mut change: impl FnMut(&str, u32, &mut Vec<u8>)) {
+    let about = from.metadata().iter().find(|metadata| metadata.name == "ocu").unwrap();
+    let options = WriterOptions { metadata: about.entries.clone(), ..WriterOptions::default() };
+    let mut writer = LogWriter::create(to, options).unwrap();
+    let mut channels = BTreeMap::new();
+    for message in from.cursor(CursorOptions::default()) {
+        let message = message.unwrap();
+        let topic = from.info().topic(message.topic).unwrap();
+        let channel = *channels
+            .entry(message.topic)
+            .or_insert_with(|| writer.add_channel(&topic.name, &topic.schema, &topic.metadata).unwrap());
+        let mut data = message.data.to_vec();
+        change(&topic.name, message.sequence, &mut data);
+        let header = WriteHeader {
+            sequence: message.sequence,
+            log_time: message.log_time,
+            publish_time: message.publish_time,
+        };
+        writer.write(channel, header, &data).unwrap();
+    }
+    for metadata in from.metadata().iter().filter(|metadata| metadata.name != "ocu") {
+        writer.metadata(&metadata.name, metadata.entries.clone()).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn a_recorded_run_with_an_operator_in_it_replays_to_the_same_hash() {
+    let (_folder, path) = folder();
+    let hash = record(&path, RecordWhat::All);
+    let log = Log::open(&path).unwrap();
+    let recorded = RecordedRun::read(&log).unwrap();
+    assert_eq!((recorded.journal().len(), recorded.problems()), (3, &[][..]));
+    assert_eq!(repeat(&log), (hash, None));
+}
+
+#[test]
+fn a_journal_alone_and_a_list_of_buffers_replay_to_the_hash_of_the_whole() {
+    let (folder, path) = folder();
+    let hash = record(&path, RecordWhat::All);
+    let whole = std::fs::metadata(&path).unwrap().len();
+    let path = folder.path().join("journal.mcap");
+    assert_eq!(record(&path, RecordWhat::Journal), hash);
+    let log = Log::open(&path).unwrap();
+    assert!(RecordedRun::is_journal_alone(&log));
+    assert!(log.info().topics.iter().all(|topic| topic.name.starts_with("/runtime/")));
+    assert!(std::fs::metadata(&path).unwrap().len() < whole, "it is smaller than {whole} bytes");
+    assert_eq!(repeat(&log), (hash.clone(), None));
+    let path = folder.path().join("list.mcap");
+    assert_eq!(record(&path, RecordWhat::Buffers(vec!["/adder/sum".to_owned()])), hash);
+    let log = Log::open(&path).unwrap();
+    assert!(log.info().topics.iter().any(|topic| topic.name == "/adder/sum"));
+    assert!(!log.info().topics.iter().any(|topic| topic.name == "/counter/count"));
+    assert_eq!(repeat(&log), (hash, None));
+}
+
+#[test]
+fn a_list_with_a_buffer_that_is_not_there_is_refused_by_name() {
+    let (_folder, path) = folder();
+    let run = stepped(PAIR, hashing());
+    let what = RecordWhat::Buffers(vec!["/nobody/nothing".to_owned()]);
+    let options = RecordOptions { lossless: true, build: String::new(), what };
+    let error = Recording::start(&path, run.plan(), run.buffers(), &options).err().unwrap().to_string();
+    assert!(error.contains("/nobody/nothing"), "{error}");
+}
+
+#[test]
+fn a_byte_changed_in_one_recorded_message_is_found_and_named() {
+    let (folder, path) = folder();
+    record(&path, RecordWhat::All);
+    let (log, changed) = (Log::open(&path).unwrap(), folder.path().join("changed.mcap"));
+    copy(&log, &changed, |_, _, _| {});
+    assert_eq!(diff(&log, &Log::open(&changed).unwrap()).unwrap(), None, "a copy agrees");
+    // Vector3: tags and doubles; byte 1 to 8 are x.
+    copy(&log, &changed, |topic, sequence, data| {
+        if topic == "/counter/count" && sequence == 70 {
+            data[4] ^= 1;
+        }
+    });
+    let changed = Log::open(&changed).unwrap();
+    let found = diff(&log, &changed).unwrap().unwrap();
+    assert_eq!((found.buffer.as_str(), found.sequence, found.field.as_str()), ("/counter/count", 70, ".x"));
+    assert!((found.time_s - 0.693).abs() < 1e-9, "{found:?}");
+    let (_, first) = repeat(&changed);
+    let first = first.unwrap();
+    assert_eq!((first.buffer, first.sequence, first.field), (found.buffer, 70, found.field));
+}
+
+#[test]
+fn two_recordings_of_runs_that_differ_are_told_apart_where_they_first_do() {
+    let (folder, path) = folder();
+    record(&path, RecordWhat::All);
+    let other = folder.path().join("other.mcap");
+    let mut run = stepped(PAIR, hashing());
+    let options = RecordOptions { lossless: true, build: "test".to_owned(), ..RecordOptions::default() };
+    let recording = Recording::start(&other, run.plan(), run.buffers(), &options).unwrap();
+    run.begin().unwrap();
+    run.run_until(seconds(0.5)).unwrap();
+    run.take(params(9.5)).unwrap();
+    run.run_until(seconds(2.0)).unwrap();
+    recording.finish_at(run.now()).unwrap();
+    let found = diff(&Log::open(&path).unwrap(), &Log::open(&other).unwrap()).unwrap().unwrap();
+    assert_eq!((found.buffer.as_str(), found.time_s), ("/counter/params", 0.5), "{found:?}");
+    assert_eq!(found.field, ".publish_hz");
+}
+
+#[test]
+fn another_stack_seed_or_parameter_is_refused_by_name() {
+    let (_folder, path) = folder();
+    record(&path, RecordWhat::Journal);
+    let recorded = RecordedRun::read(&Log::open(&path).unwrap()).unwrap();
+    let plan_of = |text: &str| plan(text).unwrap();
+    let check = |error: Result<(), rcs_runtime::RunError>, expected: &[&str]| {
+        let error = error.unwrap_err().to_string();
+        assert!(expected.iter().all(|part| error.contains(part)), "{error}");
+    };
+    assert!(recorded.check(&plan_of(PAIR), Some(7)).is_ok());
+    check(recorded.check(&plan_of(PAIR), Some(8)), &["seed 7", "got 8"]);
+    let other = PAIR.replace("period_ms = 25", "period_ms = 30");
+    check(recorded.check(&plan_of(&other), None), &["another stack", "pair"]);
+    let overrides = [("adder.publish_hz".to_owned(), "7.5".to_owned())];
+    let changed = recorded.plan_with(PLUGINS, &overrides, &NoAssets).unwrap();
+    check(recorded.check(&changed, None), &["adder.publish_hz", "got 7.5", "expected 5"]);
+    let same = [("adder.publish_hz".to_owned(), "5".to_owned())];
+    assert!(recorded.check(&recorded.plan_with(PLUGINS, &same, &NoAssets).unwrap(), None).is_ok());
+}
+
+#[test]
+fn a_recording_cut_anywhere_is_repeated_as_far_as_it_goes_and_never_panics() {
+    let (folder, path) = folder();
+    record(&path, RecordWhat::All);
+    let bytes = std::fs::read(&path).unwrap();
+    let cut = folder.path().join("cut.mcap");
+    let (mut refused, mut repeated) = (0, 0);
+    for part in 0..60 {
+        let length = bytes.len() * part / 60;
+        std::fs::write(&cut, &bytes[..length]).unwrap();
+        let Ok(log) = Log::open(&cut) else {
+            refused += 1;
+            continue;
+        };
+        match RecordedRun::read(&log) {
+            Err(error) => {
+                assert!(error.to_string().contains("/runtime/run"), "{error}");
+                refused += 1;
+            }
+            Ok(recorded) => {
+                assert!(!recorded.problems().is_empty(), "cut at {length} of {}", bytes.len());
+                let plan = recorded.plan(PLUGINS).unwrap();
+                let run = recorded.stepped(&plan, None, hashing()).unwrap();
+                let mut replay = Replay::new(recorded, run).unwrap();
+                replay.run_until(rcs_msg::Stamp::MAX).unwrap();
+                assert_eq!(replay.first(), None, "cut at {length} of {}", bytes.len());
+                repeated += 1;
+            }
+        }
+    }
+    assert!(refused > 0 && repeated > 10, "{refused} refused, {repeated} repeated");
+}
+
+#[test]
+fn a_journal_with_a_gap_or_an_unreadable_event_is_said_and_repeated_up_to_there() {
+    let (folder, path) = folder();
+    record(&path, RecordWhat::All);
+    let (log, bad) = (Log::open(&path).unwrap(), folder.path().join("bad.mcap"));
+    copy(&log, &bad, |topic, sequence, data| {
+        if topic == "/runtime/journal" && sequence == 3 {
+            data.clear();
+        }
+    });
+    let recorded = RecordedRun::read(&Log::open(&bad).unwrap()).unwrap();
+    assert_eq!(recorded.journal().len(), 2);
+    assert_eq!(recorded.end(), seconds(0.5));
+    assert!(
+        recorded.problems().iter().any(|problem| problem.contains("journal")),
+        "{:?}",
+        recorded.problems()
+    );
+    assert_eq!(repeat(&Log::open(&bad).unwrap()).1, None);
+}
+
+#[test]
+fn a_log_that_is_no_recording_of_a_run_is_refused() {
+    let (_folder, path) = folder();
+    common::write_log(&path, &[(0.0, "/a", 1.0)]);
+    let error = RecordedRun::read(&Log::open(&path).unwrap()).unwrap_err().to_string();
+    assert!(error.contains("holds no run"), "{error}");
+}

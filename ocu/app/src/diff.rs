@@ -1,0 +1,25 @@
+//! `ocu diff`: whether two recordings agree, and where they first do not.
+
+use crate::cli::DiffArgs;
+use crate::run::Comparison;
+use anyhow::Context as _;
+use rcs_log::Log;
+use std::io::Write;
+
+/// Compares two recordings and prints what came of it; `false` where they differ.
+pub fn diff(args: &DiffArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
+    let (first, second) = (Log::open(&args.first)?, Log::open(&args.second)?);
+    for (log, path) in [(&first, &args.first), (&second, &args.second)] {
+        for problem in &log.info().problems {
+            tracing::warn!("{problem}: {}", path.display());
+        }
+    }
+    let comparison = Comparison::new(rcs_runtime::diff(&first, &second)?.as_ref());
+    if args.json {
+        serde_json::to_writer_pretty(&mut *out, &comparison).context("cannot write the result")?;
+        writeln!(out)?;
+    } else {
+        writeln!(out, "{}", comparison.line())?;
+    }
+    Ok(comparison.equal)
+}

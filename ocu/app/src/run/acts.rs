@@ -1,0 +1,96 @@
+//! What an operator does in a run without a window, from a file.
+//!
+//! A JSON list: `[{"at_s": 1.5, "buffer": "/operator/teleop", "message": {"speed_mps": 0.5}, "every_s": 0.05,
+//! "until_s": 3}]`. A message is protobuf's JSON. Of a parameter message only those fields are given that change.
+
+use crate::usage;
+use rcs_msg::{AnyMessage, params};
+use rcs_runtime::{ExternalEvent, Plan, ProcessPlan};
+use serde::Deserialize;
+use std::path::Path;
+
+/// No file asks for more.
+const MOST: usize = 1_000_000;
+
+/// One act, and when it is done.
+#[derive(Clone, Debug)]
+pub(super) struct Act {
+    /// Nanoseconds from the start of the run.
+    pub(super) at_ns: u64,
+    pub(super) event: ExternalEvent,
+}
+
+impl Act {
+    /// How errors name it.
+    pub(super) fn name(&self) -> String {
+        format!("what was to be written to {} at {} s", self.event.buffer, self.at_ns as f64 * 1e-9)
+    }
+}
+
+/// An entry of the file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    at_s: f64,
+    buffer: String,
+    message: serde_json::Value,
+    /// Done again and again,
+    every_s: Option<f64>,
+    /// until then.
+    until_s: Option<f64>,
+}
+
+/// Reads a file of acts and checks them against the stack; in the order of their times.
+pub(super) fn read(path: &Path, plan: &Plan) -> anyhow::Result<Vec<Act>> {
+    let refused = |text: String| usage(format!("{text}: {}", path.display()));
+    let text =
+        std::fs::read_to_string(path).map_err(|error| refused(format!("cannot read the acts: {error}")))?;
+    let entries: Vec<Entry> =
+        serde_json::from_str(&text).map_err(|error| refused(format!("the acts cannot be read: {error}")))?;
+    let mut acts = Vec::new();
+    for (number, entry) in entries.into_iter().enumerate() {
+        let refused = |text: String| refused(format!("act {}: {text}", number + 1));
+        let seconds = |value: f64, what: &str| {
+            let good = value.is_finite() && (0.0..=1e6).contains(&value);
+            good.then(|| (value * 1e9).round() as u64)
+                .ok_or_else(|| refused(format!("{what} is {value}; expected seconds from 0 to 1e6")))
+        };
+        let event = ExternalEvent::operator(entry.buffer.as_str(), message(&entry, plan).map_err(refused)?);
+        let mut at_ns = seconds(entry.at_s, "at_s")?;
+        let every_ns = seconds(entry.every_s.unwrap_or(0.0), "every_s")?;
+        let until_ns = seconds(entry.until_s.unwrap_or(entry.at_s), "until_s")?;
+        loop {
+            acts.push(Act { at_ns, event: event.clone() });
+            at_ns += every_ns;
+            if every_ns == 0 || at_ns > until_ns {
+                break;
+            }
+            if acts.len() > MOST {
+                return Err(refused(format!("it is done more than {MOST} times")));
+            }
+        }
+    }
+    acts.sort_by_key(|act| act.at_ns);
+    Ok(acts)
+}
+
+fn message(entry: &Entry, plan: &Plan) -> Result<AnyMessage, String> {
+    let name = &entry.buffer;
+    let buffer = plan.buffers.iter().find(|buffer| buffer.spec.name == *name);
+    let buffer = buffer.ok_or_else(|| format!("there is no buffer {name} in the stack"))?;
+    let is_params = |process: &&ProcessPlan| plan.buffers[process.params_buffer].spec.name == *name;
+    match plan.processes.iter().find(is_params) {
+        Some(process) => changed(&process.params, &entry.message),
+        None => rcs_msg::from_json_as(&buffer.spec.schema, &entry.message.to_string())
+            .map_err(|error| error.to_string()),
+    }
+}
+
+/// A parameter message with some fields changed.
+fn changed(params: &AnyMessage, fields: &serde_json::Value) -> Result<AnyMessage, String> {
+    let fields = fields.as_object().ok_or("expected an object of fields as the message")?;
+    let text = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let changes: Vec<_> = fields.iter().map(|(field, value)| (field.as_str(), text(value))).collect();
+    params::with_params(params, changes.iter().map(|(field, text)| (*field, text.as_str())))
+        .map_err(|error| error.to_string())
+}

@@ -1,0 +1,96 @@
+//! `ocu run --live`: a stack on threads, in real time, without a window.
+
+use super::acts::Act;
+use super::report::{Outcome, Report};
+use super::{Done, save_one, what};
+use crate::cli::RunArgs;
+use crate::runs::{self, RunReport};
+use crate::stacks;
+use anyhow::Context as _;
+use rcs_msg::rcs::CourseOutcome;
+use rcs_runtime::{Live, LiveOptions, Plan, RunOptions};
+use std::io::Write;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// The referee of a course is asked this often.
+const ASK_EVERY: Duration = Duration::from_millis(100);
+
+/// Runs the stack until `--until`, or until the referee of a course has decided, and prints what came of it.
+pub(super) fn run(
+    args: &RunArgs,
+    plan: Arc<Plan>,
+    referee: Option<usize>,
+    acts: Vec<Act>,
+    out: &mut dyn Write,
+) -> anyhow::Result<bool> {
+    let base = stacks::options();
+    let seed = args.seed.unwrap_or(0);
+    let threads = args.threads.map_or(base.threads, usize::from);
+    let options = LiveOptions {
+        run: RunOptions { seed, threads, hash: true, ..base },
+        record: args.record.clone(),
+        what: what(args),
+        ..LiveOptions::default()
+    };
+    let live = Live::start(plan, &options).context("the stack cannot run")?;
+    let clock = Instant::now();
+    let buffer = |name: &str| live.bus().get(name).cloned();
+    let saves: Vec<_> = args.save.iter().map(|save| (save, buffer(&save.buffer))).collect();
+    let referee = referee.and_then(|index| buffer(&live.plan().buffers[index].spec.name));
+    let mut failure = drive(&live, args.until, referee.as_ref(), &acts).err();
+    let stopped = live.stop()?;
+    for (save, buffer) in saves {
+        if let Err(error) = save_one(buffer.and_then(|buffer| buffer.latest()), &save.buffer, &save.path) {
+            failure.get_or_insert(error);
+        }
+    }
+    if let Some(recording) = stopped.recording.filter(|recording| recording.dropped > 0) {
+        tracing::warn!("{} messages are not in the recording: the disk did not keep up", recording.dropped);
+    }
+    for process in &stopped.hung {
+        tracing::warn!("{process} hung and was left behind");
+    }
+    let outcome = if failure.is_some() || !stopped.hung.is_empty() { Outcome::Error } else { Outcome::End };
+    let mut report = Report::new(stopped.summary, outcome, clock.elapsed().as_secs_f64());
+    let verdict = referee.as_ref().and_then(runs::verdict);
+    report.runs.extend(verdict.map(|verdict| RunReport::new(seed, &verdict, report.hash.clone())));
+    Done { report, verdict: None, failure }.print(args.json, out)
+}
+
+/// Does what the operator does, each act at its time, until the end.
+fn drive(
+    live: &Live,
+    until_s: Option<f64>,
+    referee: Option<&Arc<rcs_bus::Buffer>>,
+    acts: &[Act],
+) -> anyhow::Result<()> {
+    let decided = || {
+        let verdict = referee.filter(|_| until_s.is_none()).and_then(runs::verdict);
+        verdict.is_some_and(|verdict| verdict.outcome() != CourseOutcome::CourseRunning)
+    };
+    let wait_until = |at_ns: Option<u64>| {
+        loop {
+            let passed = live.now().0.saturating_sub(live.started().0);
+            let left =
+                at_ns.map_or(Duration::MAX, |at_ns| Duration::from_nanos(at_ns.saturating_sub(passed)));
+            if left.is_zero() || decided() {
+                return;
+            }
+            std::thread::sleep(left.min(ASK_EVERY));
+        }
+    };
+    let end_ns = until_s.map(|seconds| (seconds * 1e9).round() as u64);
+    for act in acts {
+        if end_ns.is_some_and(|end_ns| act.at_ns > end_ns) {
+            break;
+        }
+        wait_until(Some(act.at_ns));
+        if decided() {
+            return Ok(());
+        }
+        live.take(act.event.clone()).with_context(|| act.name())?;
+    }
+    wait_until(end_ns);
+    Ok(())
+}

@@ -1,0 +1,50 @@
+//! `ocu run --replay`: a recorded run again, compared with what was recorded.
+
+use super::report::{Comparison, Outcome};
+use super::{Done, overrides, plan, record};
+use crate::assets::ProgramAssets;
+use crate::cli::RunArgs;
+use crate::stacks;
+use anyhow::Context as _;
+use rcs_log::Log;
+use rcs_msg::Stamp;
+use rcs_runtime::{RecordedRun, Replay, RunOptions};
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+
+/// Repeats a recorded run and prints what `ocu run` prints, and whether it was as recorded; `false` if it was not.
+pub(super) fn run(args: &RunArgs, recording: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
+    let recording = Log::open(recording)?;
+    let recorded = RecordedRun::read(&recording)?;
+    for problem in recorded.problems() {
+        tracing::warn!("{problem}");
+    }
+    let asked = match &args.stack {
+        Some(_) => plan(args)?,
+        None => recorded.plan_with(rcs_plugins::all(), &overrides(args), &ProgramAssets)?,
+    };
+    recorded.check(&asked, args.seed)?;
+    let log = args.log.as_ref().map(Log::open).transpose()?;
+    let base = stacks::options();
+    let threads = args.threads.map_or(base.threads, usize::from);
+    let options = RunOptions { threads, hash: true, ..base };
+    let clock = Instant::now();
+    let seed = recorded.info().seed;
+    let until = match args.until {
+        Some(seconds) => recorded.start().after_ns((seconds * 1e9).round() as u64),
+        None => Stamp::MAX,
+    };
+    let run =
+        recorded.stepped(&asked, log.as_ref(), options).context("the recorded run cannot be repeated")?;
+    let recording = record(args, &run)?;
+    let mut replay = Replay::new(recorded, run)?;
+    let failure = replay.run_until(until).err().map(Into::into);
+    let comparison = Comparison::new(replay.first());
+    let equal = comparison.equal;
+    let run = replay.run();
+    let mut done = Done::new(run, args, Outcome::End, failure, (recording, clock, seed));
+    done.report.runs.extend(done.verdict.take());
+    done.report.replay = Some(comparison);
+    Ok(done.print(args.json, out)? && equal)
+}

@@ -1,0 +1,239 @@
+//! What `ocu run` prints of a run, in whichever way it ran.
+
+use crate::runs::RunReport;
+use crate::table::{Align, Table};
+use anyhow::Context as _;
+use ocu_ui::format;
+use rcs_msg::rcs::ProcessState;
+use rcs_runtime::{Difference, Summary};
+use serde::Serialize;
+use std::io::Write;
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Outcome {
+    /// It ran as long as it was to: the recording ended, the course was decided, or the time of `--until` came.
+    End,
+    /// A process ended in `ERROR`, or what was asked for could not be done to the end.
+    Error,
+}
+
+/// `ocu run --json`.
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    pub(super) outcome: Outcome,
+    time_s: f64,
+    wall_s: f64,
+    processes: Vec<ProcessReport>,
+    buffers: Vec<BufferReport>,
+    pub(super) hash: String,
+    /// Runs of a course, in order; the rest of the report is the last one's.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) runs: Vec<RunReport>,
+    /// With `--replay`: whether the run was as it was recorded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) replay: Option<Comparison>,
+}
+
+#[derive(Debug, Serialize)]
+struct ProcessReport {
+    name: String,
+    state: &'static str,
+    cycles: u64,
+    mean_us: f64,
+    max_us: f64,
+    overruns: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct BufferReport {
+    name: String,
+    schema: String,
+    messages: u64,
+    bytes: u64,
+    hash: String,
+}
+
+/// Whether two runs wrote the same: `ocu diff --json`, and `replay` of `ocu run --json`.
+#[derive(Debug, Serialize)]
+pub(crate) struct Comparison {
+    pub(crate) equal: bool,
+    pub(crate) first: Option<First>,
+}
+
+/// The first message in which two runs differ.
+#[derive(Debug, Serialize)]
+pub(crate) struct First {
+    time_s: f64,
+    buffer: String,
+    sequence: u64,
+    field: String,
+    #[serde(skip)]
+    detail: String,
+}
+
+impl Comparison {
+    pub(crate) fn new(first: Option<&Difference>) -> Self {
+        let first = first.map(|first| First {
+            time_s: first.time_s,
+            buffer: first.buffer.clone(),
+            sequence: first.sequence,
+            field: first.field.clone(),
+            detail: first.detail.clone(),
+        });
+        Self { equal: first.is_none(), first }
+    }
+
+    /// One line for a person.
+    pub(crate) fn line(&self) -> String {
+        match &self.first {
+            None => "equal".to_owned(),
+            Some(first) => format!(
+                "differs from {:.6} s on: {} message {}, {}: {}",
+                first.time_s, first.buffer, first.sequence, first.field, first.detail
+            ),
+        }
+    }
+}
+
+impl Report {
+    pub(super) fn new(summary: Summary, outcome: Outcome, wall_s: f64) -> Self {
+        let failed = summary.processes.iter().any(|process| process.state == ProcessState::Error);
+        Self {
+            outcome: if failed { Outcome::Error } else { outcome },
+            time_s: summary.time_s,
+            wall_s,
+            processes: summary
+                .processes
+                .into_iter()
+                .map(|process| ProcessReport {
+                    name: process.name,
+                    state: process.state.as_str_name(),
+                    cycles: process.cycles,
+                    mean_us: process.mean_us,
+                    max_us: process.max_us,
+                    overruns: process.overruns,
+                })
+                .collect(),
+            buffers: summary
+                .buffers
+                .into_iter()
+                .map(|buffer| BufferReport {
+                    name: buffer.name,
+                    schema: buffer.schema,
+                    messages: buffer.messages,
+                    bytes: buffer.bytes.unwrap_or(0),
+                    hash: buffer.hash.unwrap_or_default(),
+                })
+                .collect(),
+            hash: summary.hash.unwrap_or_default(),
+            runs: Vec::new(),
+            replay: None,
+        }
+    }
+
+    /// Prints the report, as JSON or for a person.
+    pub(super) fn print(&self, json: bool, out: &mut dyn Write) -> anyhow::Result<()> {
+        if json {
+            serde_json::to_writer_pretty(&mut *out, self).context("cannot write the report")?;
+            writeln!(out)?;
+            return Ok(());
+        }
+        self.human(out)
+    }
+
+    fn human(&self, out: &mut dyn Write) -> anyhow::Result<()> {
+        let outcome = match self.outcome {
+            Outcome::End => "end",
+            Outcome::Error => "error",
+        };
+        let speed = self.time_s / self.wall_s.max(1e-9);
+        writeln!(out, "outcome  {outcome}")?;
+        let (time, wall) = (format::elapsed(self.time_s), format::elapsed(self.wall_s));
+        writeln!(out, "time     {time} in {wall} (× {})", format::number((speed * 10.0).round() / 10.0))?;
+        writeln!(out, "hash     {}", self.hash)?;
+        if let Some(replay) = &self.replay {
+            writeln!(out, "replay   {}", replay.line())?;
+        }
+        writeln!(out)?;
+        if !self.runs.is_empty() {
+            human_runs(&self.runs, out)?;
+        }
+        self.human_processes(out)?;
+        writeln!(out)?;
+        self.human_buffers(out)
+    }
+
+    fn human_processes(&self, out: &mut dyn Write) -> anyhow::Result<()> {
+        let mut table = Table::new(&[
+            ("process", Align::Left),
+            ("state", Align::Left),
+            ("cycles", Align::Right),
+            ("mean", Align::Right),
+            ("max", Align::Right),
+            ("overruns", Align::Right),
+        ]);
+        for process in &self.processes {
+            table.row([
+                process.name.clone(),
+                process.state.to_owned(),
+                process.cycles.to_string(),
+                format!("{:.0} µs", process.mean_us),
+                format!("{:.0} µs", process.max_us),
+                process.overruns.to_string(),
+            ]);
+        }
+        table.write(out)?;
+        Ok(())
+    }
+
+    fn human_buffers(&self, out: &mut dyn Write) -> anyhow::Result<()> {
+        let mut table = Table::new(&[
+            ("buffer", Align::Left),
+            ("schema", Align::Left),
+            ("messages", Align::Right),
+            ("size", Align::Right),
+            ("hash", Align::Left),
+        ]);
+        for buffer in self.buffers.iter().filter(|buffer| buffer.messages > 0) {
+            table.row([
+                buffer.name.clone(),
+                buffer.schema.clone(),
+                buffer.messages.to_string(),
+                format::bytes(buffer.bytes),
+                buffer.hash.clone(),
+            ]);
+        }
+        table.write(out)?;
+        Ok(())
+    }
+}
+
+fn human_runs(runs: &[RunReport], out: &mut dyn Write) -> anyhow::Result<()> {
+    let mut table = Table::new(&[
+        ("seed", Align::Right),
+        ("course", Align::Left),
+        ("time", Align::Right),
+        ("distance", Align::Right),
+        ("remaining", Align::Right),
+        ("collisions", Align::Right),
+        ("bumper hits", Align::Right),
+        ("slip", Align::Right),
+    ]);
+    for run in runs {
+        table.row([
+            run.seed.to_string(),
+            run.outcome.to_owned(),
+            format!("{:.1} s", run.time_s),
+            format!("{:.1} m", run.distance_m),
+            format!("{:.1} m", run.remaining_m),
+            run.collisions.to_string(),
+            run.bumper_hits.to_string(),
+            format!("{:.1} s", run.slip_s),
+        ]);
+    }
+    table.write(out)?;
+    writeln!(out)?;
+    Ok(())
+}
