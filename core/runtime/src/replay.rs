@@ -197,8 +197,8 @@ impl RecordedRun {
         )))
     }
 
-    /// The run at its start, on the log that it read, where it read one. A live run is on its recorded schedule, with
-    /// its journal; to a stepped run the journal is to be given event by event ([`Replay`], [`crate::Session`]).
+    /// The run at its start, on the log that it read, where it read one. It takes its journal again,
+    /// and where it was live it is on its recorded schedule.
     pub fn stepped(
         &self,
         plan: &Arc<Plan>,
@@ -241,7 +241,9 @@ impl RecordedRun {
                 }
             }
         }
-        Stepped::new(Arc::clone(plan), log, options)
+        let mut run = Stepped::new(Arc::clone(plan), log, options)?;
+        run.repeat(self.journal.clone());
+        Ok(run)
     }
 }
 
@@ -281,8 +283,6 @@ pub struct Replay {
     messages: Peekable<Cursor>,
     matcher: Matcher,
     seen: Seen,
-    /// How many events of the journal have been given; those of a live run are in its schedule.
-    given: usize,
     first: Option<Difference>,
 }
 
@@ -305,8 +305,7 @@ impl Replay {
             }));
         }
         let messages = recorded.recording.cursor(CursorOptions::default()).peekable();
-        let given = if recorded.info.live { recorded.journal.len() } else { 0 };
-        let mut replay = Self { run, recorded, messages, matcher, seen, given, first: None };
+        let mut replay = Self { run, recorded, messages, matcher, seen, first: None };
         replay.run.begin()?;
         Ok(replay)
     }
@@ -325,17 +324,14 @@ impl Replay {
     pub fn run_until(&mut self, until: Stamp) -> Result<(), RunError> {
         let until = until.min(self.recorded.end);
         loop {
-            while let Some(event) = self.recorded.journal.events().get(self.given)
-                && event.place.events <= self.run.events()
-                && event.place.time <= until
-            {
-                self.given += 1;
-                let (buffer, time) = (event.buffer.to_string(), event.place.time);
-                if let Err(error) = self.run.retake(event.clone()) {
-                    let time_s = time.seconds_since(self.recorded.start);
-                    let (field, detail) = ("message".to_owned(), format!("the event is refused: {error}"));
-                    self.first.get_or_insert(Difference { time_s, buffer, sequence: 0, field, detail });
-                }
+            if let Some(refused) = self.run.take_due() {
+                self.first.get_or_insert(Difference {
+                    time_s: refused.time.seconds_since(self.recorded.start),
+                    buffer: refused.buffer.clone(),
+                    sequence: 0,
+                    field: "message".to_owned(),
+                    detail: refused.to_string(),
+                });
             }
             match self.run.next_time()? {
                 Some(time) if time <= until => {

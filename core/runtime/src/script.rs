@@ -1,8 +1,10 @@
-//! What a live run did, for the stepped executor to do it again: its cycles and its journal, each at its own time.
+//! What a recorded run did, for the stepped executor to do it again.
 //!
-//! No two of them have one time, so that the time of the last event says where the run stands: a snapshot holds the next
+//! Of a stepped run that is its journal, each event after so many events of the run: [`Repeated`]. Of a live run it is its
+//! cycles and its journal, each at its own time: [`Script`]. No two of these have one time, so that the time of the last event says where the run stands: a snapshot holds the next
 //! cycle and the next event in its queue, and nothing of what comes after them.
 
+use crate::error::RunError;
 use crate::journal::{ExternalEvent, Journal};
 use rcs_msg::Stamp;
 
@@ -50,5 +52,45 @@ impl Script {
     pub(crate) fn event_after(&self, time: Stamp) -> Option<Stamp> {
         let events = self.journal.events();
         events.get(events.partition_point(|event| event.place.time <= time)).map(|event| event.place.time)
+    }
+}
+
+/// The journal of a stepped run, taken again.
+#[derive(Default)]
+pub(crate) struct Repeated {
+    journal: Journal,
+    /// How many events have been taken when so many events of the run had been done. A run that has gone back, or
+    /// forward by a snapshot, stands elsewhere.
+    taken: (usize, u64),
+}
+
+/// An event that was taken when it was recorded, and is refused now.
+#[derive(Debug, thiserror::Error)]
+#[error("the recorded event for {buffer} is refused: {error}")]
+pub(crate) struct Refused {
+    pub(crate) buffer: String,
+    pub(crate) time: Stamp,
+    pub(crate) error: RunError,
+}
+
+impl Repeated {
+    pub(crate) fn new(journal: Journal) -> Self {
+        Self { journal, taken: (0, 0) }
+    }
+
+    /// The next event that was taken when so many events of the run had been done.
+    pub(crate) fn next_at(&mut self, events: u64) -> Option<ExternalEvent> {
+        if self.journal.is_empty() {
+            return None;
+        }
+        if self.taken.1 != events {
+            self.taken = (self.journal.before(events), events);
+        }
+        let event = self.journal.events().get(self.taken.0)?;
+        if event.place.events > events {
+            return None;
+        }
+        self.taken.0 += 1;
+        Some(event.clone())
     }
 }

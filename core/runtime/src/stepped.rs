@@ -10,7 +10,7 @@ use crate::journal::{EventPlace, ExternalEvent, Journal};
 use crate::machine::Machine;
 use crate::options::RunOptions;
 use crate::pool::Pool;
-use crate::script::{ScheduledCycle, Script};
+use crate::script::{Refused, Repeated, ScheduledCycle, Script};
 use crate::stack::{Plan, names};
 use crate::summary::{Tallies, tap_tallies};
 use crate::workers::{CycleWork, Promise, Workers};
@@ -102,6 +102,8 @@ pub struct Stepped {
     pub(crate) tallies: Option<Tallies>,
     /// Cycles and journal of a live run that is run again; `None` on the nominal schedule.
     script: Option<Script>,
+    /// The journal of a recorded stepped run that is run again.
+    journal: Repeated,
     pool: Arc<Pool>,
     workers: Option<Workers>,
     timing_due: Stamp,
@@ -163,6 +165,7 @@ impl Stepped {
             tallies,
             script: None,
             workers: Workers::new(&pool),
+            journal: Repeated::default(),
             pool,
             timing_due: start,
             machine,
@@ -214,6 +217,9 @@ impl Stepped {
 
     /// Does the next event; `None` where nothing is left to do.
     pub fn advance(&mut self) -> Result<Option<Happened>, RunError> {
+        if let Some(refused) = self.take_due() {
+            self.report(self.now, &refused.to_string());
+        }
         let queued = self.queue.peek().map(|event| event.time);
         let input = match &mut self.feed {
             Some(feed) => feed.next_time()?,
@@ -334,9 +340,21 @@ impl Stepped {
         Ok(event)
     }
 
-    /// Takes an event of a recorded journal again, in the place that it had.
-    pub(crate) fn retake(&mut self, event: ExternalEvent) -> Result<(), RunError> {
-        self.machine.take(event)
+    /// Gives a recorded journal to be taken again, each event in its place.
+    pub(crate) fn repeat(&mut self, journal: Journal) {
+        self.journal = Repeated::new(journal);
+    }
+
+    /// Takes again what a recorded journal says of this very point; the first event that is refused.
+    pub(crate) fn take_due(&mut self) -> Option<Refused> {
+        let mut refused = None;
+        while let Some(event) = self.journal.next_at(self.events) {
+            let (buffer, time) = (event.buffer.to_string(), event.place.time);
+            if let Err(error) = self.machine.take(event) {
+                refused.get_or_insert(Refused { buffer, time, error });
+            }
+        }
+        refused
     }
 
     /// Says of a cycle of a recorded schedule what the live run said: what it saw, and when.

@@ -5,13 +5,12 @@
 mod common;
 
 use common::{PAIR, PLUGINS, plan, seconds, stepped};
-use rcs_log::{CursorOptions, Log, LogWriter, WriteHeader, WriterOptions};
+use rcs_log::Log;
 use rcs_msg::{AnyMessage, rcs};
 use rcs_runtime::{
     Difference, ExternalEvent, NoAssets, RecordOptions, RecordWhat, RecordedRun, Recording, Replay,
     RunOptions, Stepped, diff,
 };
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 fn hashing() -> RunOptions {
@@ -71,30 +70,8 @@ fn repeat(log: &Log) -> (String, Option<Difference>) {
 }
 
 /// Copies a recording, with some messages changed.
-fn copy(from: &Log, to: &Path, mut change: impl FnMut(&str, u32, &mut Vec<u8>)) {
-    let about = from.metadata().iter().find(|metadata| metadata.name == "ocu").unwrap();
-    let options = WriterOptions { metadata: about.entries.clone(), ..WriterOptions::default() };
-    let mut writer = LogWriter::create(to, options).unwrap();
-    let mut channels = BTreeMap::new();
-    for message in from.cursor(CursorOptions::default()) {
-        let message = message.unwrap();
-        let topic = from.info().topic(message.topic).unwrap();
-        let channel = *channels
-            .entry(message.topic)
-            .or_insert_with(|| writer.add_channel(&topic.name, &topic.schema, &topic.metadata).unwrap());
-        let mut data = message.data.to_vec();
-        change(&topic.name, message.sequence, &mut data);
-        let header = WriteHeader {
-            sequence: message.sequence,
-            log_time: message.log_time,
-            publish_time: message.publish_time,
-        };
-        writer.write(channel, header, &data).unwrap();
-    }
-    for metadata in from.metadata().iter().filter(|metadata| metadata.name != "ocu") {
-        writer.metadata(&metadata.name, metadata.entries.clone()).unwrap();
-    }
-    writer.finish().unwrap();
+fn copy(from: &Log, to: &Path, change: impl FnMut(&str, u32, &mut Vec<u8>)) {
+    rcs_testkit::logs::copy_changed(from, to, change).unwrap();
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Logs made on the spot.
 
-use rcs_log::{LogError, LogWriter, WriteHeader, WriterOptions};
+use rcs_log::{CursorOptions, Log, LogError, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::{AnyMessage, Stamp, foxglove, registry};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -71,4 +71,37 @@ pub fn write_big(path: impl AsRef<Path>, bytes: u64) -> Result<u64, LogError> {
     }
     writer.finish()?;
     Ok(messages)
+}
+
+/// Copies a log, with some messages changed: `change` gets the topic, the sequence and the bytes of each.
+pub fn copy_changed(
+    from: &Log,
+    to: impl AsRef<Path>,
+    mut change: impl FnMut(&str, u32, &mut Vec<u8>),
+) -> Result<(), LogError> {
+    let about = from.metadata().iter().find(|metadata| metadata.name == "ocu");
+    let metadata = about.map(|about| about.entries.clone()).unwrap_or_default();
+    let mut writer = LogWriter::create(to, WriterOptions { metadata, ..WriterOptions::default() })?;
+    let mut channels = BTreeMap::new();
+    for message in from.cursor(CursorOptions::default()) {
+        let message = message?;
+        let Some(topic) = from.info().topic(message.topic) else { continue };
+        let channel = match channels.get(&message.topic) {
+            Some(channel) => *channel,
+            None => writer.add_channel(&topic.name, &topic.schema, &topic.metadata)?,
+        };
+        channels.insert(message.topic, channel);
+        let mut data = message.data.to_vec();
+        change(&topic.name, message.sequence, &mut data);
+        let header = WriteHeader {
+            sequence: message.sequence,
+            log_time: message.log_time,
+            publish_time: message.publish_time,
+        };
+        writer.write(channel, header, &data)?;
+    }
+    for metadata in from.metadata().iter().filter(|metadata| metadata.name != "ocu") {
+        writer.metadata(&metadata.name, metadata.entries.clone())?;
+    }
+    writer.finish()
 }

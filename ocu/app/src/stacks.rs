@@ -7,7 +7,8 @@ use crate::usage;
 use anyhow::Context as _;
 use rcs_log::Log;
 use rcs_runtime::source::{LogSource, Source, StackSource};
-use rcs_runtime::{Plan, PlanOptions, RunOptions, StackFile};
+use rcs_runtime::{Plan, PlanOptions, RecordedRun, RunOptions, StackFile};
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
 /// The stacks that come with the program: name, text. The one list.
@@ -72,7 +73,11 @@ pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
             .log
             .as_ref()
             .ok_or_else(|| usage("expected a recording or a stack to open, got neither"))?;
-        return Ok(Box::new(LogSource::open(log)?));
+        let log = Log::open(log)?;
+        if RecordedRun::is_journal_alone(&log) {
+            return repeat(&log);
+        }
+        return Ok(Box::new(LogSource::new(&log)?));
     };
     let plan = plan(stack, request.course.as_deref(), &[])?;
     let log = request.log.as_ref().map(Log::open).transpose()?;
@@ -80,6 +85,41 @@ pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
     let source = StackSource::new(plan, log.as_ref(), options).context("the stack cannot run")?;
     Ok(Box::new(source))
 }
+
+/// A recording that holds the journal of a run alone: the run, computed again.
+fn repeat(recording: &Log) -> anyhow::Result<Box<dyn Source>> {
+    let recorded = RecordedRun::read(recording)?;
+    let plan = recorded.plan(rcs_plugins::all())?;
+    let log = match recorded.info().log.as_str() {
+        "" => None,
+        identity => Some(beside(&recording.info().path, identity)?),
+    };
+    let source = StackSource::repeating(&recorded, &plan, log.as_ref(), options());
+    Ok(Box::new(source.context("the recorded run cannot be repeated")?))
+}
+
+/// The log of that identity, whatever its name, in the folder of a recording that was made of a run on it.
+fn beside(recording: &Path, identity: &str) -> anyhow::Result<Log> {
+    let folder = recording.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut paths: Vec<_> = std::fs::read_dir(folder)?.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.sort();
+    let is_log =
+        |path: &PathBuf| path != recording && path.extension().is_some_and(|ending| ending == "mcap");
+    for path in paths.iter().filter(|path| is_log(path)).take(MOST_LOGS) {
+        let log = Log::open(path).ok();
+        if let Some(log) = log.filter(|log| log.identity().is_ok_and(|found| found == identity)) {
+            return Ok(log);
+        }
+    }
+    Err(usage(format!(
+        "the recording holds the journal of a run on a log with the identity {identity}, which is not in its folder; \
+         expected that log in {}",
+        folder.display()
+    )))
+}
+
+/// How many logs are looked at to find the one that a run was recorded on.
+const MOST_LOGS: usize = 64;
 
 /// How a stack is run, but for what the command line says.
 pub fn options() -> RunOptions {

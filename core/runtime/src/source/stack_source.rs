@@ -11,6 +11,7 @@ use crate::history::Session;
 use crate::journal::ExternalEvent;
 use crate::options::RunOptions;
 use crate::record::writer_of;
+use crate::replay::RecordedRun;
 use crate::stack::Plan;
 use crate::stepped::{Happened, Stepped};
 use rcs_bus::Sample;
@@ -41,7 +42,21 @@ pub struct StackSource {
 impl StackSource {
     /// A stack at its start, on a log where it reads one.
     pub fn new(plan: Arc<Plan>, log: Option<&Log>, options: RunOptions) -> Result<Self, SourceError> {
-        let run = Stepped::new(plan, log, options)?;
+        Self::of(Stepped::new(plan, log, options)?, log, None)
+    }
+
+    /// A recorded run, computed again from its journal (and its schedule, where it was live): what its recording does
+    /// not hold is there, too. What comes from outside now comes in addition to what was recorded.
+    pub fn repeating(
+        recorded: &RecordedRun,
+        plan: &Arc<Plan>,
+        log: Option<&Log>,
+        options: RunOptions,
+    ) -> Result<Self, SourceError> {
+        Self::of(recorded.stepped(plan, log, options)?, log, Some(recorded))
+    }
+
+    fn of(run: Stepped, log: Option<&Log>, recorded: Option<&RecordedRun>) -> Result<Self, SourceError> {
         let plan = Arc::clone(run.plan());
         let tracks: Arc<Mutex<Tracks>> = Arc::default();
         let transforms: Arc<Mutex<RunTransforms>> = Arc::default();
@@ -75,19 +90,28 @@ impl StackSource {
             Some(_) => format!("{} · {}", info.title, plan.file.name()),
             None => plan.file.name().to_owned(),
         };
+        if let Some(horizon) = run.horizon() {
+            // Behind the log's end, until its processes have taken the last messages.
+            info.end = Some(horizon);
+        }
+        if let Some(recorded) = recorded {
+            info.end = Some(recorded.end());
+            info.problems.extend(recorded.problems().iter().cloned());
+            info.detail = format!("{} (recorded, computed again)", info.detail);
+        }
         let now = run.start();
         let wired: BTreeMap<String, Arc<str>> = plan
             .inputs
             .iter()
             .map(|input| (input.topic.clone(), plan.buffers[input.buffer].spec.name.as_str().into()))
             .collect();
-        let recorded = log.map(|log| LogView::new(log, &wired));
+        let view = log.map(|log| LogView::new(log, &wired));
         let processes = plan.process_infos().into();
         let session = Session::new(run)?;
         let info = Arc::new(info);
         let mut source = Self {
             session,
-            recorded,
+            recorded: view,
             wired,
             info,
             processes,
@@ -99,7 +123,12 @@ impl StackSource {
             generation: 0,
         };
         // What the log holds at its first moment (or at its first picture, shortly after) is there at once.
-        let opening = log.map_or(Ok(now), opening_time)?;
+        let opening = match log {
+            // A log of one instant: what the processes make of it is what there is to see.
+            Some(log) if log.info().start == log.info().end => source.last(),
+            Some(log) => opening_time(log)?,
+            None => now,
+        };
         source.seek(opening, &Task::default())?;
         Ok(source)
     }
@@ -111,7 +140,7 @@ impl StackSource {
 
     /// Up to where there is anything to do.
     fn last(&self) -> Stamp {
-        self.session.run().horizon().unwrap_or(Stamp::MAX)
+        self.info.end.unwrap_or(Stamp::MAX)
     }
 
     fn arrived(&mut self, now: Stamp) -> Result<(), SourceError> {
@@ -119,9 +148,8 @@ impl StackSource {
             self.place_anew();
         }
         self.now = now;
-        let end = self.info.end.unwrap_or(Stamp::MAX);
         match &mut self.recorded {
-            Some(view) => view.go_to(Place::after(now.min(end))),
+            Some(view) => view.go_to(Place::after(now.min(view.log().info().end))),
             None => Ok(()),
         }
     }

@@ -1,0 +1,179 @@
+//! Recorded runs, repeated and compared through the built program.
+
+#![allow(clippy::unwrap_used, reason = "a test may fail")]
+
+use rcs_log::Log;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Runs `ocu` and gives its exit code, output and errors.
+fn ocu(args: &[&str]) -> (i32, String, String) {
+    let Output { status, stdout, stderr } =
+        Command::new(env!("CARGO_BIN_EXE_ocu")).args(args).env_remove("DISPLAY").output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (status.code().unwrap_or(-1), text(stdout), text(stderr))
+}
+
+fn run(args: &[&str], code: i32) -> serde_json::Value {
+    let (got, out, errors) = ocu(args);
+    assert_eq!(got, code, "{errors}{out}");
+    serde_json::from_str(&out).unwrap_or_else(|error| panic!("{error}: {out}"))
+}
+
+/// Copies a recording with one byte of one message changed.
+fn change_a_byte(from: &Path, to: &Path, topic: &str) -> u32 {
+    let log = Log::open(from).unwrap();
+    let mut changed = None;
+    rcs_testkit::logs::copy_changed(&log, to, |name, sequence, data| {
+        if changed.is_none() && name == topic && sequence >= 5 && data.len() > 8 {
+            let last = data.len() - 3;
+            data[last] ^= 1;
+            changed = Some(sequence);
+        }
+    })
+    .unwrap();
+    changed.unwrap()
+}
+
+/// Teleoperation, a parameter change, an edit and an emergency stop.
+const ACTS: &str = r#"[
+  {"at_s": 0.2, "buffer": "/operator/teleop", "message": {"speed_mps": 0.6, "yaw_rate_radps": 0.2},
+   "every_s": 0.05, "until_s": 1.2},
+  {"at_s": 0.5, "buffer": "/wm1/params", "message": {"publish_hz": 8}},
+  {"at_s": 0.7, "buffer": "/runtime/override",
+   "message": {"buffer": "/comms/wheels", "mode": "HOLD", "path": ".left_mps", "value_json": "0.1",
+               "owner": "test", "expires_s": 0.3}},
+  {"at_s": 1.3, "buffer": "/operator/emergency_stop", "message": {"active": true, "reason": "a test"}}
+]"#;
+
+#[test]
+fn a_live_run_of_the_simulation_with_an_operator_replays_to_the_same_hash() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (acts, live, again, changed) =
+        (path("acts.json"), path("live.mcap"), path("again.mcap"), path("changed.mcap"));
+    std::fs::write(&acts, ACTS).unwrap();
+    let recorded = run(
+        &[
+            "run",
+            "--live",
+            "--stack",
+            "simulation",
+            "--until",
+            "1.6",
+            "--acts",
+            &acts,
+            "--record",
+            &live,
+            "--json",
+        ],
+        0,
+    );
+    assert_eq!(recorded["outcome"], "end");
+    let messages = |report: &serde_json::Value, name: &str| {
+        let buffers = report["buffers"].as_array().unwrap();
+        buffers.iter().find(|buffer| buffer["name"] == name).unwrap()["messages"].as_u64().unwrap()
+    };
+    assert_eq!(messages(&recorded, "/runtime/journal"), 24);
+    assert_eq!(messages(&recorded, "/operator/teleop"), 21);
+    let replayed = run(&["run", "--replay", &live, "--record", &again, "--json"], 0);
+    assert_eq!(replayed["replay"], serde_json::json!({"equal": true, "first": null}));
+    assert_eq!(replayed["hash"], recorded["hash"]);
+    let agreed = run(&["diff", &live, &again, "--json"], 0);
+    assert_eq!(agreed, serde_json::json!({"equal": true, "first": null}));
+
+    let sequence = change_a_byte(live.as_ref(), changed.as_ref(), "/position/local");
+    for args in [&["diff", &live, &changed, "--json"][..], &["run", "--replay", &changed, "--json"]] {
+        let found = run(args, 1);
+        let found = if args[0] == "run" { &found["replay"] } else { &found };
+        assert_eq!(found["equal"], false);
+        assert_eq!(found["first"]["buffer"], "/position/local", "{found}");
+        assert_eq!(found["first"]["sequence"], sequence, "{found}");
+        let keys: Vec<_> = found["first"].as_object().unwrap().keys().map(String::as_str).collect();
+        assert_eq!(keys, ["buffer", "field", "sequence", "time_s"]);
+        assert!(found["first"]["field"].as_str().unwrap().starts_with('.'), "{found}");
+    }
+}
+
+#[test]
+fn a_run_on_a_log_replays_on_a_copy_of_it_and_refuses_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (drive, copy, other, out) =
+        (path("drive.mcap"), path("copy.mcap"), path("other.mcap"), path("run.mcap"));
+    ocu_app::sample::write(drive.as_ref(), 2.0).unwrap();
+    ocu_app::sample::write(other.as_ref(), 1.0).unwrap();
+    std::fs::copy(&drive, &copy).unwrap();
+    let args = ["run", "--stack", "sample", "--log", &drive, "--record", &out, "--json", "--seed", "3"];
+    let recorded = run(&[&args[..], &["--record-what", "journal"]].concat(), 0);
+    let replayed = run(&["run", "--replay", &out, "--log", &copy, "--json"], 0);
+    assert_eq!((&replayed["hash"], &replayed["replay"]["equal"]), (&recorded["hash"], &true.into()));
+    let check = |more: &[&str], expected: &[&str]| {
+        let (code, _, errors) = ocu(&[&["run", "--replay", &out, "--json"], more].concat());
+        assert!(code == 1 || code == 2, "{code}: {errors}");
+        assert!(expected.iter().all(|part| errors.contains(part)), "{errors}");
+    };
+    check(&["--log", &other], &["another log", "other.mcap"]);
+    check(&[], &["on a log with the identity"]);
+    check(&["--log", &copy, "--seed", "4"], &["seed 3", "got 4"]);
+    check(&["--log", &copy, "--stack", "husky"], &["another stack", "husky", "sample"]);
+    let process = replayed["processes"][0]["name"].as_str().unwrap();
+    check(&["--log", &copy, "--param", &format!("{process}.nothing=1")], &["nothing"]);
+    // The journal alone opens as the run itself, the log found beside it by its content.
+    let request = ocu_app::open::Request { log: Some(out.clone().into()), ..Default::default() };
+    let mut source = request.open().unwrap();
+    let end = source.info().end.unwrap();
+    source.seek(end, &rcs_runtime::source::Task::default()).unwrap();
+    let frame = source.frame();
+    for buffer in recorded["buffers"].as_array().unwrap() {
+        let topic = frame.topics.iter().find(|topic| *topic.name == *buffer["name"].as_str().unwrap());
+        if buffer["name"] != "/runtime/timing" {
+            assert_eq!(topic.unwrap().messages, buffer["messages"].as_u64().unwrap(), "{buffer}");
+        }
+    }
+}
+
+#[test]
+fn the_journal_of_a_simulation_takes_kilobytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run.mcap");
+    let out = out.to_str().unwrap();
+    let args = [
+        "run",
+        "--stack",
+        "simulation",
+        "--until",
+        "0.5",
+        "--record",
+        out,
+        "--record-what",
+        "journal",
+        "--json",
+    ];
+    let recorded = run(&args, 0);
+    let bytes = std::fs::metadata(out).unwrap().len();
+    assert!(bytes < 200_000, "{bytes} bytes");
+    let replayed = run(&["run", "--replay", out, "--json"], 0);
+    assert_eq!((&replayed["hash"], &replayed["replay"]["equal"]), (&recorded["hash"], &true.into()));
+}
+
+#[test]
+fn acts_that_do_not_fit_are_refused_by_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let acts = folder.path().join("acts.json");
+    let check = |text: &str, expected: &[&str]| {
+        std::fs::write(&acts, text).unwrap();
+        let args = ["run", "--stack", "simulation", "--until", "0.1", "--acts", acts.to_str().unwrap()];
+        let (code, _, errors) = ocu(&args);
+        assert_eq!(code, 2, "{errors}");
+        assert!(expected.iter().all(|part| errors.contains(part)), "{errors}");
+    };
+    check("{}", &["the acts cannot be read", "acts.json"]);
+    check(r#"[{"at_s": 0, "buffer": "/none", "message": {}}]"#, &["act 1", "no buffer /none"]);
+    check(r#"[{"at_s": -1, "buffer": "/operator/teleop", "message": {}}]"#, &["act 1", "at_s is -1"]);
+    check(r#"[{"at_s": 0, "buffer": "/operator/teleop", "message": {"speed": 1}}]"#, &["act 1", "speed"]);
+    check(
+        r#"[{"at_s": 0, "buffer": "/wm1/params", "message": {"publish_hz": 1e9}}]"#,
+        &["act 1", "publish_hz"],
+    );
+}
