@@ -4,7 +4,7 @@ use super::assets::{Asset, Assets, Course};
 use super::error::StackError;
 use super::file::{ParamEntry, ProcessEntry, StackFile};
 use crate::process::ProcessType;
-use prost_reflect::{DynamicMessage, ReflectMessage};
+use prost_reflect::{DynamicMessage, MessageDescriptor, ReflectMessage};
 use rcs_msg::params::{self, ParamKind, ParamSpec};
 use rcs_msg::{AnyMessage, FieldPath, Value, rcs};
 use std::ops::Range;
@@ -72,7 +72,7 @@ impl<'a> ParamReader<'a> {
             let message = message
                 .ok_or_else(|| error(format!("the recording holds no {} of {name}", schema.name())))?;
             kind.check(&message).map_err(|text| error(format!("recorded parameters of {name}: {text}")))?;
-            return self.with_overrides(name, message, &file_fields(descriptor));
+            return self.with_overrides(name, message, descriptor);
         }
         let files = file_fields(&params::specs(descriptor), "");
         let mut values = params::defaults(descriptor);
@@ -106,7 +106,6 @@ impl<'a> ParamReader<'a> {
         Ok(message)
     }
 
-<<<<<<< HEAD
     /// Sets a parameter, entry by entry, so that what is wrong is said of its own line.
     fn put(
         &mut self,
@@ -150,13 +149,14 @@ impl<'a> ParamReader<'a> {
             (ParamEntry::Table(_), _) => Value::Message(Vec::new()),
         };
         params::set_param(values, name, &value).map_err(|error| at(error.to_string()))
-=======
+    }
+
     /// Recorded parameters with those of the command line laid over them.
     fn with_overrides(
         &self,
         name: &str,
         message: AnyMessage,
-        files: &[FileField],
+        descriptor: &MessageDescriptor,
     ) -> Result<AnyMessage, StackError> {
         let mut message = message;
         for (path, text) in self.options.overrides {
@@ -168,15 +168,17 @@ impl<'a> ParamReader<'a> {
                 line: 1,
                 message: format!("{path}: {error}"),
             };
-            let text = match find(files, field) {
-                Some(file) => self.options.assets.read(&file.kind, text, "").map_err(error)?.text,
-                None => text.clone(),
+            let spec = params::find(descriptor, field).map_err(|refused| error(refused.to_string()))?;
+            let text = match (spec.kind, &spec.file) {
+                (ParamKind::Text, Some(kind)) => {
+                    self.options.assets.read(kind, text, "").map_err(error)?.text
+                }
+                _ => text.clone(),
             };
             let changed = params::with_params(&message, [(field, text.as_str())]);
             message = changed.map_err(|refused| error(refused.to_string()))?;
         }
         Ok(message)
->>>>>>> 1e3ca2f (run: --replay, --live, --acts and --record-what; ocu diff; edits are checked, listed, released, and never stop a message)
     }
 
     /// Sets what comes with the course: the course itself, and the files that it names.
