@@ -10,7 +10,7 @@ use crate::status::{StatusCell, StatusOnDisk};
 use crate::stepped::{Event, EventKind, Stepped};
 use crate::summary::Tally;
 use rand_chacha::ChaCha8Rng;
-use rcs_bus::{BufferState, Header, Sample};
+use rcs_bus::{BufferState, Header, Override, Sample};
 use rcs_log::Position;
 use rcs_msg::{AnyMessage, Stamp};
 use serde::{Deserialize, Serialize};
@@ -133,6 +133,7 @@ struct BufferOnDisk {
     ring: Vec<SampleOnDisk>,
     newest: u64,
     cursors: Vec<Option<u64>>,
+    overrides: Vec<Override>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -197,15 +198,10 @@ fn samples(list: Vec<SampleOnDisk>) -> Result<Vec<Sample>, RunError> {
 impl Snapshot {
     /// The snapshot as bytes.
     ///
-    /// An error where an override is in force (it would be lost), where a state does not serialise, or for a run on a
+    /// An error where a state does not serialise, or for a run on a
     /// recorded schedule with writes still to come.
     pub fn to_bytes(&self) -> Result<Vec<u8>, RunError> {
         let codec = |error: postcard::Error| RunError::Snapshot(error.to_string());
-        if self.buffers.iter().any(|buffer| !buffer.overrides.is_empty()) {
-            return Err(RunError::Snapshot(
-                "overrides are in force, which are kept in memory only".to_owned(),
-            ));
-        }
         let mut queue = Vec::new();
         for event in &self.queue {
             let publish = match &event.kind {
@@ -251,6 +247,7 @@ impl Snapshot {
             ring: state.ring.iter().map(SampleOnDisk::from).collect(),
             newest: state.newest,
             cursors: state.cursors.clone(),
+            overrides: state.overrides.clone(),
         };
         let disk = OnDisk {
             format: FORMAT,
@@ -302,7 +299,7 @@ impl Snapshot {
                 ring,
                 newest: state.newest,
                 cursors: state.cursors,
-                overrides: Vec::new(),
+                overrides: state.overrides,
             });
         }
         let mut nodes = Vec::new();

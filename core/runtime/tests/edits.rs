@@ -6,7 +6,7 @@ mod common;
 
 use common::{PAIR, newest, seconds, stepped};
 use rcs_msg::{AnyMessage, foxglove, rcs};
-use rcs_runtime::{ExternalEvent, RunOptions, Stepped};
+use rcs_runtime::{ExternalEvent, RunOptions, Snapshot, Stepped};
 
 fn running() -> Stepped {
     let mut run = stepped(PAIR, RunOptions::default());
@@ -117,4 +117,23 @@ fn an_edit_expires_and_an_edit_waits_for_its_cycle() {
     assert_eq!((count.x, count.z), (31.0, 43.0));
     run.run_until(seconds(0.313)).unwrap();
     assert_eq!((z(&run), listed(&run).len()), (5.0, 0));
+}
+
+#[test]
+fn an_edit_survives_in_a_snapshot_on_disk() {
+    let hashing = || RunOptions { hash: true, ..RunOptions::default() };
+    let mut whole = stepped(PAIR, hashing());
+    whole.begin().unwrap();
+    whole.run_until(seconds(0.1)).unwrap();
+    set(&mut whole, rcs::Override { expires_s: 0.5, ..hold(".z", "42") }).unwrap();
+    let due = rcs::Override { due_process: "counter".to_owned(), due_cycle: 31, ..hold(".y", "1.5") };
+    set(&mut whole, due).unwrap();
+    whole.run_until(seconds(0.2)).unwrap();
+    let bytes = whole.snapshot().to_bytes().unwrap();
+    whole.run_until(seconds(1.0)).unwrap();
+    let mut again = stepped(PAIR, hashing());
+    again.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
+    again.run_until(seconds(1.0)).unwrap();
+    assert_eq!(again.summary().hash, whole.summary().hash);
+    assert_eq!(listed(&again), [(2, "/counter/count.y".to_owned())]);
 }

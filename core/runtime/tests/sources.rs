@@ -204,3 +204,34 @@ fn long_work_can_be_stopped_and_the_source_goes_on_from_where_it_stands() {
     driver.send(Control::Step(Step::Cycle { process: Some("adder".to_owned()), back: true }));
     wait(&driver, &wakes, "a step back", |frame| frame.now < stopped.now && frame.playback.error.is_none());
 }
+
+#[test]
+fn a_stack_on_a_log_of_one_message_shows_what_its_processes_make_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    write_log(&path, &[(3.0, "/a", 2.0)]);
+    let stack = r#"
+format = 1
+name = "on_log"
+[[input]]
+buffer = "/in"
+topic = "/a"
+[[process]]
+name = "adder"
+plugin = "adder"
+supervisor = "viewer"
+latency_ms = 15
+inputs = { input = "/in" }
+"#;
+    let log = rcs_log::Log::open(&path).unwrap();
+    let mut source = StackSource::new(plan(stack).unwrap(), Some(&log), RunOptions::default()).unwrap();
+    let end = source.info().end.unwrap();
+    assert!(end > seconds(3.0), "time goes on past the log's end");
+    assert_eq!(x_of(&source.frame(), "/adder/sum"), Some(0.2));
+    source.seek(seconds(3.0), &Task::default()).unwrap();
+    assert_eq!(x_of(&source.frame(), "/adder/sum"), None);
+    let step = Step::Cycle { process: None, back: false };
+    while source.step(&step, &Task::default()).unwrap() {}
+    assert_eq!(x_of(&source.frame(), "/adder/sum"), Some(0.2));
+    assert!(source.now() <= end);
+}
