@@ -21,7 +21,7 @@ struct RelayPorts {
 
 impl Process for Relay {
     // Parameters are taken once, so whose they are makes no difference here.
-    type Params = rcs::LabelOverlayParams;
+    type Params = rcs_msg::rcs::NoParams;
     type Ports = RelayPorts;
     const DEF: ProcessDef = ProcessDef { plugin: "relay", summary: "Relays.", period_ms: 1.0, latency_ms: 0.0, commands: &[], reads_truth: false };
 
@@ -50,7 +50,7 @@ impl Process for Relay {
 struct Sink;
 
 impl Process for Sink {
-    type Params = rcs::LabelOverlayParams;
+    type Params = rcs_msg::rcs::NoParams;
     type Ports = In<foxglove::Pose>;
     const DEF: ProcessDef = ProcessDef { plugin: "sink", summary: "Reads.", period_ms: 1.0, latency_ms: 0.0, commands: &[], reads_truth: false };
 

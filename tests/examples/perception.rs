@@ -15,7 +15,8 @@ use rcs_msg::foxglove::{Grid, Odometry};
 use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Assets, RunOptions, Stepped};
 use rcs_scene::{Course, World};
-use rcs_world::{GridView, MAX_COST, OBSTACLE_COST, pose_of};
+use rcs_sense::pose_of;
+use rcs_world::{GridView, MAX_COST, OBSTACLE_COST};
 
 const COURSES: [&str; 7] =
     ["meadow", "mulch_path", "dead_end", "tall_grass", "hill", "corridor", "transition"];

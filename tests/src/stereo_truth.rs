@@ -6,7 +6,8 @@ use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, Grid, Odometry, RawI
 use rcs_msg::rcs::{TruthThing, TruthThings};
 use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Asset, Assets, Plan, PlanOptions, RunOptions, StackFile, Stepped};
-use rcs_world::{GridView, Localizer, MAX_COST, OBSTACLE_COST, pose_of};
+use rcs_sense::{Localizer, pose_of};
+use rcs_world::{GridView, MAX_COST, OBSTACLE_COST};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;

@@ -1,13 +1,15 @@
 //! Messages whose type is known at run time.
 
-use crate::schema::{MessageEncoding, Schema, registry};
+use crate::schema::{MessageEncoding, Schema};
 use bytes::Bytes;
 use std::any::Any;
 use std::sync::{Arc, OnceLock};
 
-/// A message type of ours: what a buffer can carry typed.
-pub trait Payload: prost::Message + prost::Name + Default + Clone + PartialEq + 'static {}
-impl<T: prost::Message + prost::Name + Default + Clone + PartialEq + 'static> Payload for T {}
+/// A message type: what a buffer can carry typed. `rcs-msg-build` implements it for what it generates.
+pub trait Payload: prost::Message + prost::Name + Default + Clone + PartialEq + 'static {
+    /// Its schema, which is in the registry from then on.
+    fn schema() -> &'static Arc<Schema>;
+}
 
 /// One message: typed or encoded, shared without a copy, encoded at most once.
 #[derive(Clone)]
@@ -39,13 +41,8 @@ struct Encoded {
 }
 
 /// The schema of a generated type.
-#[expect(
-    clippy::expect_used,
-    clippy::missing_panics_doc,
-    reason = "the registry is compiled from the same files as the types"
-)]
 pub fn schema_of<T: Payload>() -> &'static Arc<Schema> {
-    registry().schema(&T::full_name()).expect("a generated type is in the registry")
+    T::schema()
 }
 
 /// Whether that schema is `T`'s, found out without an allocation: every write asks this.

@@ -1,8 +1,8 @@
 //! When and in which frame a message was acquired.
 
 use crate::any::AnyMessage;
-use crate::convert::ours;
 use crate::foxglove::FrameTransforms;
+use crate::schema::{Known, registry};
 use crate::time::Stamp;
 use crate::value::Value;
 use prost_types::Timestamp;
@@ -22,7 +22,7 @@ pub fn header_stamp(message: &AnyMessage) -> Option<Stamp> {
 /// Frame of a message: its `frame_id`, or its ROS 2 header's. `None` where it has none.
 pub fn header_frame(message: &AnyMessage) -> Option<String> {
     let name = message.schema();
-    let frame = ours::known(name.name()).and_then(|known| (known.frame_id)(message));
+    let frame = registry().known(name.name()).and_then(|known| (known.frame_id)(message));
     match frame {
         Some(frame) => Some(frame.to_owned()),
         None if message.is_typed() => None,
@@ -32,9 +32,9 @@ pub fn header_frame(message: &AnyMessage) -> Option<String> {
 
 fn typed(
     message: &AnyMessage,
-    field: impl Fn(&'static ours::Known) -> fn(&AnyMessage) -> Option<Timestamp>,
+    field: impl Fn(&'static Known) -> fn(&AnyMessage) -> Option<Timestamp>,
 ) -> Option<Timestamp> {
-    field(ours::known(message.schema().name())?)(message)
+    field(registry().known(message.schema().name())?)(message)
 }
 
 impl Value {

@@ -1,10 +1,12 @@
 //! Schemas: what a message's bytes mean.
 
+use crate::any::AnyMessage;
 use crate::reader::{DecodeError, Reader};
 use bytes::Bytes;
 use prost_reflect::{DescriptorPool, MessageDescriptor};
+use prost_types::Timestamp;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, LazyLock, OnceLock};
+use std::sync::{Arc, LazyLock, OnceLock, PoisonError, RwLock, RwLockReadGuard};
 
 /// How the bytes of a message are laid out.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -95,57 +97,173 @@ impl Schema {
     }
 }
 
-/// Every message type of ours and of Foxglove's.
-pub struct Registry {
-    pool: DescriptorPool,
-    schemas: BTreeMap<String, Arc<Schema>>,
+/// One generated message type, as the registry knows it. Written by `rcs-msg-build`.
+#[derive(Clone, Copy)]
+pub struct Known {
+    /// Full name: `foxglove.Grid`.
+    pub name: &'static str,
+    /// The message of its bytes, typed.
+    pub decode: fn(Bytes) -> Result<AnyMessage, prost::DecodeError>,
+    /// Its field `timestamp`, if it has one.
+    pub timestamp: fn(&AnyMessage) -> Option<Timestamp>,
+    /// Its field `frame_id`, if it has one.
+    pub frame_id: fn(&AnyMessage) -> Option<&str>,
 }
 
-/// The one registry, decoded at first use.
+/// The generated messages of one crate: types and descriptors. Written by `rcs-msg-build`.
+pub struct Bundle {
+    descriptors: &'static [u8],
+    known: &'static [Known],
+    pool: OnceLock<DescriptorPool>,
+}
+
+impl Bundle {
+    /// Messages with the descriptor set that they were generated from.
+    pub const fn new(descriptors: &'static [u8], known: &'static [Known]) -> Self {
+        Self { descriptors, known, pool: OnceLock::new() }
+    }
+
+    /// Descriptors of the messages and of all that they import, with our field options.
+    #[expect(clippy::expect_used, reason = "the build script has compiled this very set")]
+    fn pool(&self) -> &DescriptorPool {
+        self.pool.get_or_init(|| {
+            DescriptorPool::decode(self.descriptors).expect("the embedded descriptor set decodes")
+        })
+    }
+
+    /// Schemas of the messages that are generated here, and of those within them.
+    fn schemas(&self) -> Vec<(MessageDescriptor, Schema)> {
+        let is_own = |message: &MessageDescriptor| {
+            let file = message.parent_file();
+            self.known.iter().any(|known| file.messages().any(|own| own.full_name() == known.name))
+        };
+        let own = self.pool().all_messages().filter(is_own);
+        own.map(|message| {
+            let data = file_descriptor_set(&message);
+            let schema = Schema::new(message.full_name(), MessageEncoding::Protobuf, "protobuf", data);
+            (message, schema)
+        })
+        .collect()
+    }
+}
+
+/// The schema of one generated type, looked up once. Written by `rcs-msg-build`.
+pub struct SchemaCell(OnceLock<&'static Arc<Schema>>);
+
+impl SchemaCell {
+    /// Not looked up yet.
+    #[expect(clippy::new_without_default, reason = "only generated statics have one")]
+    pub const fn new() -> Self {
+        Self(OnceLock::new())
+    }
+
+    /// The schema of that name in its crate's bundle, which is in the registry from then on.
+    ///
+    /// # Panics
+    /// Where the bundle has no such message, or two crates have different messages of one name: neither happens to a
+    /// program whose `.proto` files have been compiled together.
+    #[expect(clippy::panic, clippy::expect_used, reason = "what was generated together belongs together")]
+    pub fn get(&'static self, bundle: &'static Bundle, name: &str) -> &'static Arc<Schema> {
+        self.0.get_or_init(|| {
+            registry().add(bundle).unwrap_or_else(|error| panic!("{error}"));
+            registry().schema(name).expect("a generated type is in its bundle")
+        })
+    }
+}
+
+/// Two crates define different messages of one name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("two different messages are named {name}, expected each name once")]
+pub struct DuplicateMessage {
+    /// Full name of the message.
+    pub name: String,
+}
+
+/// The message types that are known by name: ours, Foxglove's, and those of the plugins that have been named so far.
+///
+/// It only grows: when a plan is made, every plugin in its list adds its own. What a name means never changes.
+#[derive(Default)]
+pub struct Registry {
+    inner: RwLock<Inner>,
+}
+
+#[derive(Default)]
+struct Inner {
+    /// Addresses of the bundles that are in.
+    bundles: Vec<usize>,
+    /// Each lives as long as the program: a type has one schema.
+    schemas: BTreeMap<String, &'static Arc<Schema>>,
+    descriptors: BTreeMap<String, MessageDescriptor>,
+    known: BTreeMap<&'static str, &'static Known>,
+}
+
+/// The one registry. Our own messages and Foxglove's are in it from the start.
+#[expect(clippy::expect_used, reason = "an empty registry has no other message of that name")]
 pub fn registry() -> &'static Registry {
-    static REGISTRY: LazyLock<Registry> = LazyLock::new(Registry::new);
+    static REGISTRY: LazyLock<Registry> = LazyLock::new(|| {
+        let registry = Registry::default();
+        registry.add(&crate::messages::BUNDLE).expect("our own messages are the first");
+        registry
+    });
     &REGISTRY
 }
 
 impl Registry {
-    #[expect(clippy::expect_used, reason = "the build script has compiled this very set")]
-    fn new() -> Self {
-        let set = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.bin"));
-        let pool = DescriptorPool::decode(set.as_slice()).expect("the embedded descriptor set decodes");
-        let schemas = pool
-            .all_messages()
-            .filter(|message| message.package_name() != "google.protobuf")
-            .map(|message| {
-                let schema = Schema::new(
-                    message.full_name(),
-                    MessageEncoding::Protobuf,
-                    "protobuf",
-                    file_descriptor_set(&message),
-                );
-                (message.full_name().to_owned(), Arc::new(schema))
-            })
-            .collect();
-        Self { pool, schemas }
+    /// Adds the messages of a crate; those that are in already change nothing.
+    pub fn add(&self, bundle: &'static Bundle) -> Result<(), DuplicateMessage> {
+        let address = std::ptr::from_ref(bundle) as usize;
+        if self.read().bundles.contains(&address) {
+            return Ok(());
+        }
+        let schemas = bundle.schemas();
+        let mut inner = self.inner.write().unwrap_or_else(PoisonError::into_inner);
+        if inner.bundles.contains(&address) {
+            return Ok(());
+        }
+        for (_, schema) in &schemas {
+            if inner.schemas.get(schema.name()).is_some_and(|known| known.data() != schema.data()) {
+                return Err(DuplicateMessage { name: schema.name().to_owned() });
+            }
+        }
+        for (descriptor, schema) in schemas {
+            let name = schema.name().to_owned();
+            inner.descriptors.entry(name.clone()).or_insert(descriptor);
+            inner.schemas.entry(name).or_insert_with(|| Box::leak(Box::new(Arc::new(schema))));
+        }
+        for known in bundle.known {
+            inner.known.entry(known.name).or_insert(known);
+        }
+        inner.bundles.push(address);
+        Ok(())
     }
 
     /// The schema of that full name.
-    pub fn schema(&self, name: &str) -> Option<&Arc<Schema>> {
-        self.schemas.get(name)
+    pub fn schema(&self, name: &str) -> Option<&'static Arc<Schema>> {
+        self.read().schemas.get(name).copied()
     }
 
     /// All schemas, by name.
-    pub fn schemas(&self) -> impl Iterator<Item = &Arc<Schema>> {
-        self.schemas.values()
+    pub fn schemas(&self) -> Vec<&'static Arc<Schema>> {
+        self.read().schemas.values().copied().collect()
     }
 
     /// The descriptor of that full name, with our field options.
     pub fn descriptor(&self, name: &str) -> Option<MessageDescriptor> {
-        self.pool.get_message_by_name(name)
+        self.read().descriptors.get(name).cloned()
     }
 
-    /// All descriptors.
-    pub fn pool(&self) -> &DescriptorPool {
-        &self.pool
+    /// All descriptors, by name.
+    pub fn descriptors(&self) -> Vec<MessageDescriptor> {
+        self.read().descriptors.values().cloned().collect()
+    }
+
+    /// The generated type of that full name.
+    pub(crate) fn known(&self, name: &str) -> Option<&'static Known> {
+        self.read().known.get(name).copied()
+    }
+
+    fn read(&self) -> RwLockReadGuard<'_, Inner> {
+        self.inner.read().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -167,4 +285,44 @@ fn file_descriptor_set(message: &MessageDescriptor) -> Bytes {
     let mut out = Vec::new();
     visit(&message.parent_file(), &mut BTreeSet::new(), &mut out);
     out.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_message_of_the_registry_is_typed_by_its_name() {
+        for schema in registry().schemas() {
+            let nested = schema.descriptor().is_some_and(|message| message.parent_message().is_some());
+            let Some(known) = registry().known(schema.name()) else {
+                assert!(nested, "{} is not in the list", schema.name());
+                continue;
+            };
+            let message = (known.decode)(Bytes::new()).expect("no bytes are a message of defaults");
+            assert_eq!(message.schema().name(), schema.name());
+        }
+    }
+
+    #[test]
+    fn adding_a_crate_again_changes_nothing_and_another_message_of_a_name_is_refused() {
+        static OTHER: Bundle = Bundle::new(
+            // A file `x.proto` of package `foxglove` with a message `Color` that is empty.
+            b"\x0a\x24\x0a\x07x.proto\x12\x08foxglove\"\x07\x0a\x05Color\x62\x06proto3",
+            &[Known {
+                name: "foxglove.Color",
+                decode: |_| unreachable!(),
+                timestamp: |_| None,
+                frame_id: |_| None,
+            }],
+        );
+        let before = registry().schemas().len();
+        assert_eq!(registry().add(&crate::messages::BUNDLE), Ok(()));
+        let error = registry().add(&OTHER).expect_err("the name is taken");
+        assert_eq!(
+            error.to_string(),
+            "two different messages are named foxglove.Color, expected each name once"
+        );
+        assert_eq!(registry().schemas().len(), before);
+    }
 }

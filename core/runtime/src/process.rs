@@ -15,7 +15,8 @@ use std::sync::Arc;
 ///
 /// The value itself is the state. Large parts belong behind `Arc`, copied on write, so that a clone costs little.
 pub trait Process: Clone + Serialize + DeserializeOwned + Send + Sync + 'static {
-    /// Parameters: a message of `proto/rcs` whose fields carry unit, range, default and help.
+    /// Parameters: a message of the plugin's own `proto/` whose fields carry unit, range, default and help;
+    /// `rcs.NoParams` where there are none.
     type Params: Payload;
     /// Handles of the ports, made by [`Process::ports`].
     type Ports: Send + Sync + 'static;
@@ -220,6 +221,12 @@ impl ProcessType {
     /// Output ports, in order.
     pub fn outputs(&self) -> Vec<PortDef> {
         (self.ports)().outputs
+    }
+
+    /// Puts the messages of its ports and parameters into the registry, so that stacks and recordings can name them.
+    pub fn register(&self) {
+        self.params_schema();
+        (self.ports)();
     }
 
     /// Schema of its parameters.

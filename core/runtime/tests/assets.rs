@@ -7,6 +7,7 @@ use rcs_runtime::{
     Asset, Assets, Cycle, In, Out, Plan, PlanOptions, PortBuilder, Process, ProcessDef, ProcessType,
     RunOptions, StackFile, Stepped,
 };
+use rcs_testkit::proto::FileParams;
 use serde::{Deserialize, Serialize};
 
 /// A process whose parameters are files, and which writes a truth.
@@ -14,7 +15,7 @@ use serde::{Deserialize, Serialize};
 struct World;
 
 impl Process for World {
-    type Params = rcs::SimVehicleParams;
+    type Params = FileParams;
     type Ports = Out<foxglove::Vector3>;
     const DEF: ProcessDef = ProcessDef {
         plugin: "world",
@@ -46,7 +47,7 @@ impl Process for World {
 struct Robot;
 
 impl Process for Robot {
-    type Params = rcs::LabelOverlayParams;
+    type Params = rcs::NoParams;
     type Ports = In<foxglove::Vector3>;
     const DEF: ProcessDef = ProcessDef {
         plugin: "robot",
@@ -95,7 +96,7 @@ fn plan(course: Option<&str>, text: &str, overrides: &[(String, String)]) -> Res
 }
 
 fn world_of(plan: &Plan) -> String {
-    plan.processes[0].params.to::<rcs::SimVehicleParams>().unwrap().world
+    plan.processes[0].params.to::<FileParams>().unwrap().world
 }
 
 fn stack(head: &str, params: &str, robot: &str) -> String {
@@ -123,7 +124,7 @@ fn a_course_brings_its_world_and_the_command_line_counts_most() {
     let own = plan(None, &text, &[]).unwrap();
     assert_eq!(world_of(&own), "hills = 0\n");
     assert_eq!(
-        own.processes[0].params.to::<rcs::SimVehicleParams>().unwrap().course,
+        own.processes[0].params.to::<FileParams>().unwrap().course,
         "name = \"easy\"\nworld = \"flat\"\n"
     );
     let param = [("vehicle.world".to_owned(), "steep".to_owned())];
@@ -174,7 +175,7 @@ fn what_the_operator_writes_needs_no_process_that_writes_it() {
 #[test]
 fn parameters_that_a_process_refuses_are_refused_while_it_runs() {
     let plan = std::sync::Arc::new(plan(None, &stack("", "world = \"flat\"", ""), &[]).unwrap());
-    let params = rcs::SimVehicleParams { world: "bad".to_owned(), ..rcs_msg::params::default() };
+    let params = FileParams { world: "bad".to_owned(), ..rcs_msg::params::default() };
     let run = Stepped::new(plan, None, RunOptions::default()).unwrap();
     let mut session = rcs_runtime::Session::new(run).unwrap();
     let write = rcs_runtime::ExternalEvent::operator("/vehicle/params", rcs_msg::AnyMessage::new(params));

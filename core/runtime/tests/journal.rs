@@ -22,7 +22,7 @@ fn hash_of(run: &Stepped) -> String {
 }
 
 fn params(publish_hz: f64) -> ExternalEvent {
-    let message = rcs::WorldModelParams { publish_hz, ..rcs_msg::params::default() };
+    let message = rcs_testkit::proto::CounterParams { publish_hz, ..rcs_msg::params::default() };
     ExternalEvent::operator("/counter/params", AnyMessage::new(message))
 }
 

@@ -36,7 +36,7 @@ macro_rules! meets {
         }
 
         impl Process for $name {
-            type Params = rcs::WorldModelParams;
+            type Params = rcs::NoParams;
             type Ports = (In<foxglove::Vector3>, Out<foxglove::Vector3>);
             const DEF: ProcessDef = ProcessDef {
                 plugin: $plugin,

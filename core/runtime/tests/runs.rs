@@ -148,9 +148,9 @@ fn what_the_operator_did_is_done_again_until_a_new_write_begins_a_branch() {
     let params = |publish_hz| {
         ExternalEvent::operator(
             "/counter/params",
-            AnyMessage::new(rcs::WorldModelParams {
+            AnyMessage::new(rcs_testkit::proto::CounterParams {
                 publish_hz,
-                ..rcs_msg::params::default::<rcs::WorldModelParams>()
+                ..rcs_msg::params::default::<rcs_testkit::proto::CounterParams>()
             }),
         )
     };
@@ -181,9 +181,9 @@ fn what_the_operator_did_is_done_again_until_a_new_write_begins_a_branch() {
 fn a_parameter_that_is_nan_or_out_of_range_is_refused_and_changes_nothing() {
     let mut session = Session::new(stepped(PAIR, hashing(1))).unwrap();
     for bad in [f64::NAN, 1000.0] {
-        let message = AnyMessage::new(rcs::WorldModelParams {
+        let message = AnyMessage::new(rcs_testkit::proto::CounterParams {
             publish_hz: bad,
-            ..rcs_msg::params::default::<rcs::WorldModelParams>()
+            ..rcs_msg::params::default::<rcs_testkit::proto::CounterParams>()
         });
         let write = ExternalEvent::operator("/counter/params", message);
         let error = session.write(write).unwrap_err().to_string();
@@ -325,7 +325,7 @@ fn a_live_run_on_its_recorded_schedule_gives_the_same_buffers() {
     let params = |publish_hz| {
         ExternalEvent::operator(
             "/counter/params",
-            AnyMessage::new(rcs::WorldModelParams { publish_hz, ..rcs_msg::params::default() }),
+            AnyMessage::new(rcs_testkit::proto::CounterParams { publish_hz, ..rcs_msg::params::default() }),
         )
     };
     live.take(params(8.0)).unwrap();

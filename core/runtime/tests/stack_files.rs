@@ -98,12 +98,47 @@ fn a_parameter_of_the_command_line_overrides_the_file_and_is_checked() {
     let file = || StackFile::parse("test.toml", PAIR).unwrap();
     let with = |path: &str, value: &str| Plan::new(file(), PLUGINS, &[(path.to_owned(), value.to_owned())]);
     let plan = with("counter.publish_hz", "7.5").unwrap();
-    let params: rcs_msg::rcs::WorldModelParams = plan.processes[0].params.to().unwrap();
+    let params: rcs_testkit::proto::CounterParams = plan.processes[0].params.to().unwrap();
     assert_eq!(params.publish_hz, 7.5);
     let error = |path, value| with(path, value).unwrap_err().to_string();
     assert!(error("counter.publish_hz", "NaN").contains("publish_hz"));
     assert!(error("nobody.publish_hz", "1").contains("with process counter or adder"));
     assert!(error("publish_hz", "1").contains("expected <process>.<field>=<value>"));
+}
+
+#[test]
+fn parameters_nest_and_repeat_and_what_is_wrong_in_them_has_its_own_line() {
+    let with = |text: &str| {
+        let params = format!("latency_ms = 3\n\n[process.params]\npublish_hz = 2.0\n\n{text}");
+        let stack = PAIR.replacen("latency_ms = 3", &params, 1);
+        Plan::new(StackFile::parse("test.toml", &stack).unwrap(), PLUGINS, &[])
+    };
+    let plan = with(
+        "[process.params.mount]\nx_m = 3.0\nfixed = true\n\n[[process.params.steps]]\nname = \"a\"\n\n\
+         [[process.params.steps]]\nweight = 0.25\n",
+    );
+    let params: rcs_testkit::proto::CounterParams = plan.unwrap().processes[0].params.to().unwrap();
+    let mount = params.mount.unwrap();
+    // What is not named is at its default: the group's own, or the field's.
+    assert_eq!((mount.x_m, mount.yaw_deg, mount.height_m, mount.fixed), (3.0, 90.0, 1.0, true));
+    let steps: Vec<_> = params.steps.iter().map(|step| (step.name.as_str(), step.weight)).collect();
+    assert_eq!(steps, [("a", 0.5), ("one", 0.25)]);
+    for (text, expected) in [
+        ("[process.params.mount]\nx_m = 3.0\ny_m = 11\n", "test.toml:16: parameter counter.mount.y_m: "),
+        ("[process.params.mount]\nz_m = 3.0\n", "test.toml:15: parameter counter.mount.z_m: no parameter"),
+        (
+            "[[process.params.steps]]\nname = \"a\"\n\n[[process.params.steps]]\nweight = 2.0\n",
+            "test.toml:18: parameter counter.steps[1].weight: ",
+        ),
+    ] {
+        let error = with(text).unwrap_err();
+        assert!(error.to_string().starts_with(expected), "{error}");
+    }
+    let given = [("counter.mount.x_m", "-2"), ("counter.steps", "[{}]"), ("counter.steps[0].weight", "1")];
+    let given = given.map(|(path, value)| (path.to_owned(), value.to_owned()));
+    let plan = Plan::new(StackFile::parse("test.toml", PAIR).unwrap(), PLUGINS, &given).unwrap();
+    let params: rcs_testkit::proto::CounterParams = plan.processes[0].params.to().unwrap();
+    assert_eq!((params.mount.unwrap().x_m, params.steps[0].weight), (-2.0, 1.0));
 }
 
 #[test]

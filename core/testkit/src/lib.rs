@@ -5,6 +5,11 @@ pub mod logs;
 
 use std::path::PathBuf;
 
+rcs_msg::messages!(
+    /// Messages of processes that only tests have.
+    pub mod proto
+);
+
 /// The folder with recordings of others: `$OCU_DATA`, else `../shared/data` beside the checkout.
 ///
 /// `None` where it is absent, with a line that says so; with `OCU_REQUIRE_DATA=1` its absence is a failure.

@@ -5,7 +5,6 @@
 //! - [`fuse`]: the one rule that makes one cost of what the sources say. The world-model plugin and the window's tuning
 //!   view both call it, so what an operator sees before sending new weights is what the robot will compute.
 //! - [`Map`]: 201×201 cells around the vehicle, and the same as a `foxglove.Grid`.
-//! - [`Localizer`]: where the vehicle is, from whatever a stack wires.
 //! - [`GridView`], [`fuse_grid`]: reading any `foxglove.Grid` without copying it, and fusing it anew with other weights.
 //!
 //! Cost is 0 (free) to 250 (do not touch), 255 is unknown; confidence is 0 to 255. Lengths are metres.
@@ -14,7 +13,6 @@ mod cell;
 mod fusion;
 mod grid_view;
 mod layout;
-mod localizer;
 mod map;
 mod source;
 
@@ -22,8 +20,7 @@ pub use cell::{Cell, Evidence, HeightStats, VoteRule};
 pub use fusion::{Fused, Label, Weights, WeightsError, fuse};
 pub use grid_view::{Field, GridView, GridViewError, NumericType, fuse_grid};
 pub use layout::{MapGridError, MapOptions};
-pub use localizer::{FrameNames, Localizer, LocalizerError, pose_message, pose_of};
-pub use map::{Map, SIDE};
+pub use map::{CELL_SIZE_M, Map, SIDE, WIDE_CELL_SIZE_M};
 pub use source::{Source, Sources};
 
 /// The highest cost.

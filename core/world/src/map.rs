@@ -8,6 +8,10 @@ use crate::{Cell, Fused, Source, VoteRule, Weights};
 
 /// Cells a side, so that the vehicle is in cell (100, 100).
 pub const SIDE: usize = 201;
+/// Side of a cell of WM1, and of the cost maps that it takes, m.
+pub const CELL_SIZE_M: f64 = 0.2;
+/// Side of a cell of WM2, m.
+pub const WIDE_CELL_SIZE_M: f64 = 0.6;
 
 /// A world-model map: 201×201 cells, north-up, the vehicle in the middle one. WM1 has cells of 0.2 m (about 40 m across),
 /// WM2 of 0.6 m (about 120 m).

@@ -58,6 +58,7 @@ pub(crate) fn say(error: &anyhow::Error) -> String {
 
 /// Does what the command line says; gives the exit code. Errors are printed here, once.
 pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
+    rcs_plugins::register();
     let result = match &cli.command {
         None => window::run(&cli.window).map(|()| true),
         Some(Command::Run(args)) => run::run(args, out),

@@ -4,6 +4,12 @@
 
 use rcs_runtime::ProcessType;
 
+/// Puts the messages of every plugin into the registry: a program does this before it opens anything, so that what is
+/// known by name does not depend on what it has opened before.
+pub fn register() {
+    all().iter().for_each(ProcessType::register);
+}
+
 /// Every process type there is, in the order of the names.
 pub fn all() -> &'static [ProcessType] {
     static ALL: &[ProcessType] = &[

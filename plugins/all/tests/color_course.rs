@@ -2,16 +2,19 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+use rcs_color::proto::ColorStats;
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
 use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, Odometry, RawImage};
-use rcs_msg::rcs::{ColorStats, DriveCommand, Status, WorldModelParams};
+use rcs_msg::rcs::{DriveCommand, Status};
 use rcs_msg::{Payload, Stamp, image::depth_m};
 use rcs_plugins::all;
 use rcs_runtime::{
     Asset, Assets, Cycle, In, Out, Plan, PlanOptions, PortBuilder, Process, ProcessDef, ProcessType,
     RunOptions, StackFile, Stepped,
 };
-use rcs_world::{FrameNames, Localizer, OBSTACLE_COST, pose_of};
+use rcs_sense::{FrameNames, Localizer, pose_of};
+use rcs_world::OBSTACLE_COST;
+use rcs_world_model::proto::WorldModelParams;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

@@ -31,7 +31,7 @@ plugin = "obstacles"
 supervisor = "viewer"
 period_ms = 100.0
 inputs = { depth = "/depth", cloud = "/cloud", calibration = "/calibration", pose = "/pose" }
-params = { pose_source = "POSE_FIXED", mount_fixed = true, mount_height_m = 1.0, mount_pitch_deg = 20.0 }
+params = { pose = { source = "POSE_FIXED" }, mount = { fixed = true, height_m = 1.0, pitch_deg = 20.0 } }
 
 [[process]]
 name = "wm1"
@@ -39,7 +39,7 @@ plugin = "world_model"
 supervisor = "viewer"
 period_ms = 100.0
 inputs = { stereo = "/cost" }
-params = { pose_source = "POSE_FIXED" }
+params = { pose = { source = "POSE_FIXED" } }
 "#;
 
 /// What is given to a buffer: one message a second.
@@ -175,7 +175,7 @@ fn depth_that_cannot_be_used_is_skipped_and_what_comes_after_it_is_used() {
         (given("/depth", depth("32FC1", [64, 48], nan)), Some("has a range"), 0),
         (given("/depth", good_depth()), None, 3),
     ]);
-    let stats: rcs::ObstacleStats = bench.latest("/obstacles/stats").unwrap();
+    let stats: rcs_obstacles::proto::ObstacleStats = bench.latest("/obstacles/stats").unwrap();
     assert_eq!(stats.invalid + stats.ground + stats.obstacle + stats.short_obstacle + stats.cover, 64 * 48);
 }
 
@@ -199,7 +199,7 @@ fn a_cost_map_of_another_frame_or_without_costs_changes_nothing() {
         assert_eq!(faults, second, "{last}");
         assert!(last.starts_with("stereo: "), "{last}");
     }
-    let stats: rcs::WorldModelStats = bench.latest("/wm1/stats").unwrap();
+    let stats: rcs_world_model::proto::WorldModelStats = bench.latest("/wm1/stats").unwrap();
     assert_eq!((stats.known, stats.votes), (0, 0));
 }
 
@@ -219,7 +219,7 @@ fn the_map_gathers_frames_unless_it_is_told_to_forget_each() {
         let (first, second) = (obstacle_at(3.1), obstacle_at(5.1));
         let mut bench = Bench::new(&[&first, &second], &[("wm1.clear_each_frame", clear)]);
         bench.run_before(2);
-        let stats: rcs::WorldModelStats = bench.latest("/wm1/stats").unwrap();
+        let stats: rcs_world_model::proto::WorldModelStats = bench.latest("/wm1/stats").unwrap();
         assert_eq!((stats.known, stats.obstacle), (known, known), "clear_each_frame = {clear}");
     }
 }
@@ -232,7 +232,7 @@ fn the_command_clear_forgets_the_map() {
     let known_after = |session: &mut Session, ms: u64| {
         session.forward_until(Stamp(ms * 1_000_000), &Task::default()).unwrap();
         let stats = session.run().bus().get("/wm1/stats").unwrap().latest().unwrap();
-        stats.message.to::<rcs::WorldModelStats>().unwrap().known
+        stats.message.to::<rcs_world_model::proto::WorldModelStats>().unwrap().known
     };
     assert_eq!(known_after(&mut session, 540), 1);
     let command = rcs::Command { serial: 7, name: "CLEAR".to_owned(), ..rcs::Command::default() };

@@ -8,7 +8,7 @@ use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_plugins::all;
 use rcs_runtime::source::Task;
 use rcs_runtime::{Asset, Assets, ExternalEvent, Plan, PlanOptions, RunOptions, Session, StackFile, Stepped};
-use rcs_world::pose_of;
+use rcs_sense::pose_of;
 use std::sync::Arc;
 
 /// Nearly level dirt, 140 m by 100 m.
@@ -205,9 +205,9 @@ fn outliers_are_refused_and_do_not_move_the_global_estimate() {
 fn without_fixes_the_global_estimate_goes_on_by_dead_reckoning_and_says_so() {
     let mut bench = Bench::new(1, &[("vehicle.gps_dropouts", "false")]);
     bench.drive(0.0, 0.0, 300);
-    let off = AnyMessage::new(rcs::SimVehicleParams {
+    let off = AnyMessage::new(rcs_sim::proto::SimVehicleParams {
         gps_off: true,
-        ..bench.latest::<rcs::SimVehicleParams>("/vehicle/params").unwrap()
+        ..bench.latest::<rcs_sim::proto::SimVehicleParams>("/vehicle/params").unwrap()
     });
     bench.session.write(ExternalEvent::operator("/vehicle/params", off)).unwrap();
     let before = *bench.drive(0.0, 0.0, 1).last().unwrap();

@@ -103,7 +103,7 @@ fn on_a_road_the_road_is_ground_and_trees_and_crops_are_obstacles() {
     assert!(shares(&labels, 20..160, 250..330)[obstacle] > 0.9);
     assert!(shares(&labels, 800..1200, 200..260)[obstacle] > 0.85);
     assert!(shares(&labels, 700..1200, 130..150)[cover] > 0.85);
-    let stats: rcs::ObstacleStats = latest(&run, "/obstacles/stats");
+    let stats: rcs_obstacles::proto::ObstacleStats = latest(&run, "/obstacles/stats");
     assert!((480_000..540_000).contains(&stats.ground), "{stats:?}");
     assert!((95_000..120_000).contains(&stats.obstacle), "{stats:?}");
 
@@ -121,7 +121,7 @@ fn on_a_road_the_road_is_ground_and_trees_and_crops_are_obstacles() {
     assert!(obstacle_share(&map, [6.0, 25.0], [0.2, 2.2]).0 < 0.01, "the road is free");
     let (wood, cells) = obstacle_share(&map, [18.4, 20.0], [-8.5, -5.5]);
     assert!(wood > 0.8 && cells > 80, "{wood} of {cells}: the wood is not");
-    let world: rcs::WorldModelStats = latest(&run, "/wm1/stats");
+    let world: rcs_world_model::proto::WorldModelStats = latest(&run, "/wm1/stats");
     assert!(world.known > 4000 && world.obstacle > 700, "{world:?}");
 }
 
@@ -132,7 +132,7 @@ fn in_a_forest_the_map_has_trunks_where_the_scan_has_them_and_follows_the_robot(
     let Some(mut run) = begin(plan, "monoforce_tradr_ros2.mcap", 1, false) else { return };
     finish(&mut run);
     assert_no_faults(&run);
-    let stats: rcs::ObstacleStats = latest(&run, "/obstacles/stats");
+    let stats: rcs_obstacles::proto::ObstacleStats = latest(&run, "/obstacles/stats");
     let points =
         stats.invalid + stats.ground + stats.obstacle + stats.short_obstacle + stats.cover + stats.too_far;
     assert_eq!(points, 131_072);

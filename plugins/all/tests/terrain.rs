@@ -6,14 +6,15 @@
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
 use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::foxglove::{CameraCalibration, Grid, PoseInFrame, RawImage};
-use rcs_msg::rcs::{Bumper, ClassifierStats, Status, TerrainModels, TerrainStats};
+use rcs_msg::rcs::{Bumper, Status};
 use rcs_msg::{AnyMessage, Payload, Stamp, schema_of, to_json};
 use rcs_plugins::all;
 use rcs_runtime::{Plan, RunOptions, Snapshot, StackFile, Stepped};
+use rcs_terrain::proto::{ClassifierStats, TerrainModels, TerrainStats};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-const MOUNT: &str = "mount_fixed = true, mount_height_m = 1.0, mount_pitch_deg = 12.0";
+const MOUNT: &str = "mount = { fixed = true, height_m = 1.0, pitch_deg = 12.0 }";
 
 fn stack(learner: &str) -> String {
     let input = |name: &str| format!("{{ buffer = \"/{name}\", topic = \"/{name}\" }},\n");
@@ -31,7 +32,7 @@ fn stack(learner: &str) -> String {
          params = {{ min_points = 40, merge_distance = 0.05, {learner}, {MOUNT} }}\n\n\
          [[process]]\nname = \"classifier\"\nplugin = \"classifier\"\nsupervisor = \"viewer\"\nperiod_ms = 100.0\n\
          inputs = {{ image = \"/image\", calibration = \"/calibration\", models = \"/terrain/models\", pose = \"/pose\" }}\n\
-         params = {{ window_px = 8, pose_max_age_s = 2.0, {MOUNT} }}\n"
+         params = {{ window_px = 8, pose = {{ max_age_s = 2.0 }}, {MOUNT} }}\n"
     )
 }
 
@@ -110,7 +111,7 @@ fn scene(ms: u64) -> [RawImage; 3] {
 }
 
 fn pose(ms: u64, x_m: f64) -> Given {
-    let pose = Some(rcs_world::pose_message(&Pose::from_xy_yaw(x_m, 0.0, 0.0)));
+    let pose = Some(rcs_sense::pose_message(&Pose::from_xy_yaw(x_m, 0.0, 0.0)));
     let timestamp = Some(Stamp(ms * 1_000_000).to_proto());
     (ms, "pose", AnyMessage::new(PoseInFrame { timestamp, frame_id: "local".to_owned(), pose }))
 }
@@ -178,7 +179,7 @@ impl Bench {
     }
 }
 
-const LEARNS: &str = "learn_while_standing = true, pose_source = \"POSE_FIXED\"";
+const LEARNS: &str = "learn_while_standing = true, pose = { source = \"POSE_FIXED\" }";
 
 #[test]
 fn what_is_learned_from_range_classifies_the_next_image() {
@@ -215,8 +216,8 @@ fn frames_that_cannot_be_used_are_skipped_and_what_comes_after_them_is_used() {
     type Change = fn(&mut [RawImage; 3]);
     let cases: [(Change, &str); 8] = [
         (|images| images[0] = RawImage { width: 48, step: 144, ..images[0].clone() }, "calibration is for"),
-        (|images| images[0].data = vec![2; images[0].data.len()].into(), "image is black"),
-        (|images| images[0].data = vec![255; images[0].data.len()].into(), "image is saturated"),
+        (|images| images[0].data = vec![2; images[0].data.len()].into(), "image is 100 % black"),
+        (|images| images[0].data = vec![255; images[0].data.len()].into(), "100 % saturated"),
         (|images| images[0].data = scene(100)[0].data.clone(), "frozen"),
         (|images| images[1] = RawImage { width: 48, step: 48, ..images[1].clone() }, "its image is for"),
         (|images| images[1].encoding = "rgb8".to_owned(), "expected mono8"),
@@ -257,13 +258,13 @@ fn nothing_is_learned_while_the_vehicle_stands_or_turns() {
     let turning = |ms: u64| -> Given {
         let pose = Pose::from_xy_yaw(0.1 * ms as f64 * 1e-2, 0.0, 0.5 * ms as f64 * 1e-3);
         let timestamp = Some(Stamp(ms * 1_000_000).to_proto());
-        let pose = Some(rcs_world::pose_message(&pose));
+        let pose = Some(rcs_sense::pose_message(&pose));
         (ms, "pose", AnyMessage::new(PoseInFrame { timestamp, frame_id: "local".to_owned(), pose }))
     };
     let turn: Vec<Given> = (0..12).map(|i| turning(i * 100 + 1)).collect();
     for (poses, learned) in [(drive(0.0, 1200), false), (turn, false), (drive(1.0, 1200), true)] {
         let given = [frame(801, |_| {}), poses].concat();
-        let mut bench = Bench::new("pose_max_age_s = 0.5", given, RunOptions::default());
+        let mut bench = Bench::new("pose = { max_age_s = 0.5 }", given, RunOptions::default());
         bench.until(1100);
         assert_eq!(bench.faults("terrain"), (0, String::new()));
         let stats: TerrainStats = bench.latest("/terrain/stats").unwrap();
@@ -319,7 +320,7 @@ fn threads_and_snapshots_do_not_change_a_bit() {
     let given = || [(0..5).flat_map(|i| frame(500 + i * 300, |_| {})).collect(), drive(1.0, 2400)].concat();
     let bench = |threads: usize| {
         let options = RunOptions { threads, hash: true, ..RunOptions::default() };
-        Bench::new("pose_max_age_s = 0.5", given(), options)
+        Bench::new("pose = { max_age_s = 0.5 }", given(), options)
     };
     let mut one = bench(1);
     one.until(2300);
@@ -345,7 +346,7 @@ fn models_of_a_file_are_checked_before_anything_runs_and_classify_without_a_lear
     let types = all();
     let kind = types.iter().find(|kind| kind.def().plugin == "classifier").unwrap();
     assert_eq!(kind.params_schema().name(), "rcs.ClassifierParams");
-    let params = |models: String| rcs_msg::rcs::ClassifierParams { models, ..Default::default() };
+    let params = |models: String| rcs_terrain::proto::ClassifierParams { models, ..Default::default() };
     let check = <rcs_terrain::Classifier as rcs_runtime::Process>::check;
     assert_eq!(check(&params(text.clone())), Ok(()));
     assert!(check(&params(text.replace("redGreen", "redGrean"))).is_err());

@@ -4,10 +4,10 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rcs_msg::foxglove::RawImage;
-use rcs_msg::rcs::TerrainModels;
 use rcs_msg::{AnyMessage, Payload, Stamp, image::depth_m, to_json};
 use rcs_plugins::all;
 use rcs_runtime::{Asset, Assets, Plan, PlanOptions, RunOptions, StackFile, Stepped};
+use rcs_terrain::proto::TerrainModels;
 use std::sync::Arc;
 
 /// Pixels are counted between these times of the drive, s: the first bush has been passed at the first.

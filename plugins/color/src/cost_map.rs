@@ -7,11 +7,11 @@
 use crate::gate::plane_height;
 use crate::picture::{HEIGHT, WIDTH};
 use glam::{DVec2, DVec3};
-use rcs_geom::{CellIndex, PinholeCamera, Pose};
+use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::packed_element_field::NumericType;
-use rcs_msg::foxglove::{self, Grid, PackedElementField, Quaternion, Vector2, Vector3};
-use rcs_world::{MAX_COST, OBSTACLE_COST, SIDE, UNKNOWN_COST};
+use rcs_msg::foxglove::Grid;
+use rcs_sense::{CostGrid, GridFrame};
+use rcs_world::{OBSTACLE_COST, SIDE, Source, UNKNOWN_COST};
 
 /// Where the camera was.
 #[derive(Clone, Copy, Debug)]
@@ -30,11 +30,7 @@ pub struct Place<'a> {
 
 /// 201×201 costs around the vehicle, north-up in the local frame.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CostMap {
-    cell_size_m: f64,
-    south_west: CellIndex,
-    costs: Vec<u8>,
-}
+pub struct CostMap(CostGrid);
 
 /// The reduced image on the plane, for maps of any cell size.
 #[derive(Clone, Debug)]
@@ -69,11 +65,8 @@ impl<'a> Ground<'a> {
 impl CostMap {
     /// Cells of this size (m) up to this distance from the vehicle (m).
     pub fn new(ground: &Ground<'_>, cell_size_m: f64, max_range_m: f64) -> CostMap {
-        let half = (SIDE / 2) as i64;
         let vehicle = ground.place.local_from_vehicle.translation.truncate();
-        let cell = (vehicle / cell_size_m).floor();
-        let south_west = CellIndex::new(cell.x as i64, cell.y as i64).offset(-half, -half);
-        let mut map = CostMap { cell_size_m, south_west, costs: vec![UNKNOWN_COST; SIDE * SIDE] };
+        let mut map = CostMap(CostGrid::new(GridFrame::around(vehicle, SIDE, cell_size_m)));
         map.vote(&ground.points, vehicle, max_range_m);
         map.fill(ground.costs, &ground.place, max_range_m);
         map
@@ -86,12 +79,12 @@ impl CostMap {
             if point.distance_squared(vehicle) > max_range_m * max_range_m {
                 continue;
             }
-            if let Some(index) = self.index(point) {
+            if let Some(index) = self.0.slot(point) {
                 sums[index].0 += u32::from(cost);
                 sums[index].1 += 1;
             }
         }
-        for (cell, (sum, count)) in self.costs.iter_mut().zip(sums) {
+        for (cell, (sum, count)) in self.0.costs_mut().iter_mut().zip(sums) {
             if let Some(mean) = (sum + count / 2).checked_div(count) {
                 *cell = mean as u8;
             }
@@ -105,14 +98,14 @@ impl CostMap {
         let (turn, shift) = (camera_from_local.rotation_matrix(), camera_from_local.translation);
         let plane = plane_height(place.local_from_vehicle, place.below_m);
         let vehicle = place.local_from_vehicle.translation.truncate();
-        let reach = (max_range_m / self.cell_size_m).ceil() as usize + 1;
+        let frame = *self.0.frame();
+        let reach = (max_range_m / frame.cell_size_m).ceil() as usize + 1;
         let middle = SIDE / 2;
         let side = middle.saturating_sub(reach)..(middle + reach + 1).min(SIDE);
         for row in side.clone() {
             for column in side.clone() {
-                let cell = &mut self.costs[row * SIDE + column];
-                let CellIndex { x, y } = self.south_west.offset(column as i64, row as i64);
-                let point = (DVec2::new(x as f64, y as f64) + 0.5) * self.cell_size_m;
+                let cell = &mut self.0.costs_mut()[row * SIDE + column];
+                let point = frame.middle(column, row);
                 if *cell != UNKNOWN_COST || point.distance_squared(vehicle) > max_range_m * max_range_m {
                     continue;
                 }
@@ -130,48 +123,19 @@ impl CostMap {
         }
     }
 
-    fn index(&self, point: DVec2) -> Option<usize> {
-        let CellIndex { x, y } = self.south_west;
-        let cell = point / self.cell_size_m - DVec2::new(x as f64, y as f64);
-        let side = 0.0..SIDE as f64;
-        // Not negative, so that the cast rounds down.
-        (side.contains(&cell.x) && side.contains(&cell.y)).then(|| cell.y as usize * SIDE + cell.x as usize)
-    }
-
     /// Cost of the cell in which a place of the local frame lies (m); 255 for unknown or outside.
     pub fn at(&self, place: DVec2) -> u8 {
-        self.index(place).map_or(UNKNOWN_COST, |index| self.costs[index])
+        self.0.at(place).unwrap_or(UNKNOWN_COST)
     }
 
     /// Cells with a cost, and those of them that are obstacles.
     pub fn known(&self) -> [u32; 2] {
-        let count =
-            |from: u8| self.costs.iter().filter(|&&cost| (from..=MAX_COST).contains(&cost)).count() as u32;
-        [count(0), count(OBSTACLE_COST)]
+        [0, OBSTACLE_COST].map(|from| self.0.count_from(from) as u32)
     }
 
     /// As a message with the one field `cost.color` (u8, 0 to 250, 255 unknown).
     pub fn into_grid(self, frame_id: &str, time: Stamp) -> Grid {
-        let CellIndex { x, y } = self.south_west;
-        let size = self.cell_size_m;
-        Grid {
-            timestamp: Some(time.to_proto()),
-            frame_id: frame_id.to_owned(),
-            pose: Some(foxglove::Pose {
-                position: Some(Vector3 { x: x as f64 * size, y: y as f64 * size, z: 0.0 }),
-                orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
-            }),
-            column_count: SIDE as u32,
-            cell_size: Some(Vector2 { x: size, y: size }),
-            row_stride: SIDE as u32,
-            cell_stride: 1,
-            fields: vec![PackedElementField {
-                name: "cost.color".to_owned(),
-                offset: 0,
-                r#type: NumericType::Uint8.into(),
-            }],
-            data: self.costs.into(),
-        }
+        self.0.into_message(Source::Color, frame_id, time)
     }
 }
 
@@ -181,6 +145,7 @@ mod tests {
     use crate::picture::PIXELS;
     use crate::region::rays;
     use rcs_geom::Distortion;
+    use rcs_msg::foxglove::packed_element_field::NumericType;
 
     /// A camera 1 m up that looks 20 degrees down, on a vehicle anywhere.
     fn check(local_from_vehicle: Pose, paint: impl Fn(DVec3) -> u8) -> CostMap {

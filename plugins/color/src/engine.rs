@@ -6,7 +6,7 @@ use crate::background;
 use crate::fusion::{Counts, Fused, count};
 use crate::histogram::{Histogram, Span};
 use crate::models::{Learned, Models, Settings};
-use crate::picture::{Picture, PictureError, check, reduce};
+use crate::picture::{Picture, reduce};
 use rand_core::RngCore;
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
@@ -69,7 +69,7 @@ impl Engine {
         Engine { models, ..Engine::default() }
     }
 
-    /// One image. One that is black or saturated is refused and changes nothing.
+    /// One image, which has been checked: it is neither black nor saturated.
     pub fn see(
         &mut self,
         picture: &Picture<'_>,
@@ -77,9 +77,8 @@ impl Engine {
         time: Stamp,
         settings: &Settings,
         rng: &mut impl RngCore,
-    ) -> Result<Seen, PictureError> {
+    ) -> Seen {
         let reduced = reduce(picture);
-        check(&reduced)?;
         if self.last_image.is_none_or(|last| time.0.abs_diff(last.0) > FUSION_GAP_NS) {
             self.fused = Fused::default();
         }
@@ -118,6 +117,6 @@ impl Engine {
             seen.counts = count(&costs);
             seen.costs = Some(costs);
         }
-        Ok(seen)
+        seen
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::histogram::{BINS, Histogram};
 use crate::models::{Model, Models};
+use crate::proto::{ColorModel, ColorModelKind, ColorModels};
 use rcs_msg::Stamp;
-use rcs_msg::rcs::{ColorModel, ColorModelKind, ColorModels};
 
 /// Why a file is not one of colour models.
 #[derive(Debug, thiserror::Error)]

@@ -10,6 +10,7 @@ use crate::region::{Rectangle, contains};
 use glam::{DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
+use rcs_sense::MIN_UPRIGHT;
 use rcs_world::{Field, GridView, Label, MAX_COST};
 use serde::{Deserialize, Serialize};
 
@@ -142,9 +143,6 @@ pub(crate) fn plane_height(local_from_vehicle: &Pose, below_m: f64) -> impl Fn(D
         (up.z > MIN_UPRIGHT).then(|| origin.z - (offset.x * up.x + offset.y * up.y) / up.z)
     }
 }
-
-/// Least z of the vehicle's up: below it a plane under the wheels says nothing of the ground ahead.
-pub(crate) const MIN_UPRIGHT: f64 = 0.5;
 
 #[cfg(test)]
 mod tests {

@@ -7,7 +7,7 @@
 //! | `image` | in | `foxglove.RawImage` | colour image, distorted as the calibration says or rectified |
 //! | `calibration` | in | `foxglove.CameraCalibration` | calibration of the image |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
-//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose_frame` names, in the local frame |
+//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
 //! | `map` | in, optional | `foxglove.Grid` | world model, local frame: its obstacles stop learning |
@@ -32,6 +32,11 @@
 //! Data that cannot be used (no calibration or one of another size, no pose for that time, an image that is black,
 //! saturated, of an unknown encoding, the same as the one before or older) are reported as a fault and skipped: nothing
 //! is learned from them and nothing sent on for them.
+
+rcs_msg::messages!(
+    /// Messages of this plugin alone, from `proto/`.
+    pub mod proto
+);
 
 pub mod background;
 pub mod cost_map;

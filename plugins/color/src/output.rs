@@ -5,17 +5,14 @@ use crate::engine::{Permission, Seen};
 use crate::models::Learned;
 use crate::picture::{HEIGHT, WIDTH};
 use crate::process::Ports;
+use crate::proto::{ColorLearning, ColorModelsParams};
+use crate::settings::site;
 use glam::DVec2;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::points_annotation::Type;
 use rcs_msg::foxglove::{Color, ImageAnnotations, Point2, PointsAnnotation, RawImage};
-use rcs_msg::rcs::{ColorLearning, ColorModelsParams};
 use rcs_runtime::{Cycle, Msg};
-
-/// Side of a cell of the map for WM1, m.
-const CELL_SIZE_M: f64 = 0.2;
-/// Side of a cell of the map for WM2, m.
-const WIDE_CELL_SIZE_M: f64 = 0.6;
+use rcs_sense::{CELL_SIZE_M, WIDE_CELL_SIZE_M};
 
 /// Overlay and both maps; cells of the first with a cost, and those of them that are obstacles.
 pub(crate) fn send_costs(
@@ -31,9 +28,9 @@ pub(crate) fn send_costs(
     let ground = Ground::new(costs, *place);
     let map = CostMap::new(&ground, CELL_SIZE_M, params.max_range_m);
     let known = map.known();
-    cx.write(&ports.cost, time, map.into_grid(&params.local_frame, time));
+    cx.write(&ports.cost, time, map.into_grid(site(params).frames.local, time));
     let wide = CostMap::new(&ground, WIDE_CELL_SIZE_M, params.max_range_wide_m);
-    cx.write(&ports.cost_wide, time, wide.into_grid(&params.local_frame, time));
+    cx.write(&ports.cost_wide, time, wide.into_grid(site(params).frames.local, time));
     let overlay = RawImage {
         timestamp: Some(time.to_proto()),
         frame_id: image.frame_id.clone(),

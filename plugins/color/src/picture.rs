@@ -1,4 +1,4 @@
-//! The picture that models look at, its reduction to 128×96 by averaging (A 3.1.2), and pictures that tell nothing.
+//! The picture that models look at, its reduction to 128×96 by averaging (A 3.1.2).
 
 /// Columns of the reduced image.
 pub const WIDTH: usize = 128;
@@ -30,26 +30,7 @@ pub enum PictureError {
         /// Bytes there should be.
         expected: usize,
     },
-    /// The lens is covered, or the shutter was closed.
-    #[error("image is black: {percent:.0} % of its pixels are at most {DARKEST}, expected at most {} %", 100.0 * DULL_SHARE)]
-    Black {
-        /// Share of black pixels.
-        percent: f64,
-    },
-    /// The exposure was too long.
-    #[error("image is saturated: {percent:.0} % of its pixels are at least {BRIGHTEST}, expected at most {} %", 100.0 * DULL_SHARE)]
-    Saturated {
-        /// Share of saturated pixels.
-        percent: f64,
-    },
 }
-
-/// Red and green up to this are black: sensors have some noise.
-const DARKEST: u8 = 4;
-/// Red and green from here on are saturated.
-const BRIGHTEST: u8 = 251;
-/// A picture with a larger share of pixels at one end tells nothing of the ground. (A bright sky alone is less.)
-const DULL_SHARE: f64 = 0.9;
 
 impl<'a> Picture<'a> {
     /// Rows of `3 * width` bytes, `step` bytes apart.
@@ -118,32 +99,6 @@ pub fn reduce(picture: &Picture<'_>) -> Vec<[u8; 2]> {
     reduced
 }
 
-/// Refuses a picture that is black or saturated almost everywhere.
-pub fn check(reduced: &[[u8; 2]]) -> Result<(), PictureError> {
-    let share = |is: fn(&[u8; 2]) -> bool| {
-        reduced.iter().filter(|pixel| is(pixel)).count() as f64 / reduced.len().max(1) as f64
-    };
-    let dark = share(|pixel| pixel.iter().all(|&v| v <= DARKEST));
-    if dark > DULL_SHARE {
-        return Err(PictureError::Black { percent: 100.0 * dark });
-    }
-    let bright = share(|pixel| pixel.iter().all(|&v| v >= BRIGHTEST));
-    if bright > DULL_SHARE {
-        return Err(PictureError::Saturated { percent: 100.0 * bright });
-    }
-    Ok(())
-}
-
-/// A number that changes with any byte of a picture: the same one twice means that a camera sends one picture again,
-/// since no sensor is without noise. 0.1 ms for 640×480.
-pub fn fingerprint(data: &[u8]) -> u64 {
-    const PRIME: u64 = 0x9E37_79B9_7F4A_7C15;
-    let (words, rest) = data.as_chunks::<8>();
-    let mix = |hash: u64, word: u64| (hash ^ word).wrapping_mul(PRIME).rotate_left(29);
-    let hash = words.iter().fold(data.len() as u64, |hash, &word| mix(hash, u64::from_le_bytes(word)));
-    rest.iter().fold(hash, |hash, &byte| mix(hash, u64::from(byte)))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,37 +141,11 @@ mod tests {
     }
 
     #[test]
-    fn pictures_that_tell_nothing_are_refused_and_others_are_not() {
-        let mostly = |value: u8, share: f64| {
-            let split = (share * PIXELS as f64) as usize;
-            let reduced: Vec<[u8; 2]> =
-                (0..PIXELS).map(|i| if i < split { [value; 2] } else { [90, 120] }).collect();
-            check(&reduced)
-        };
-        assert!(matches!(mostly(0, 1.0), Err(PictureError::Black { .. })));
-        assert!(matches!(mostly(255, 0.95), Err(PictureError::Saturated { .. })));
-        // Half the picture is a blown-out sky, or deep shade.
-        assert_eq!((mostly(255, 0.6), mostly(0, 0.6), mostly(30, 1.0)), (Ok(()), Ok(()), Ok(())));
-    }
-
-    #[test]
     fn sizes_that_do_not_agree_are_refused() {
         assert!(Picture::new([4, 2], 12, &[0; 24]).is_ok());
         assert!(Picture::new([4, 2], 13, &[0; 25]).is_ok(), "the last row may end early");
         for (size, step, bytes) in [([4, 2], 12, 23), ([4, 2], 11, 24), ([0, 2], 12, 24), ([4, 0], 12, 24)] {
             assert!(Picture::new(size, step, &vec![0; bytes]).is_err());
         }
-    }
-
-    #[test]
-    fn one_byte_changes_a_fingerprint() {
-        let mut data = vec![7_u8; 1003];
-        let before = fingerprint(&data);
-        for at in [0, 500, 1002] {
-            data[at] ^= 1;
-            assert_ne!(fingerprint(&data), before);
-            data[at] ^= 1;
-        }
-        assert_eq!(fingerprint(&data), before);
     }
 }

@@ -3,19 +3,21 @@
 use crate::cost_map::Place;
 use crate::engine::{Engine, Samples};
 use crate::file::to_message;
-use crate::gate::{MIN_UPRIGHT, Odometer, SampleView, obstacle_in_sample};
+use crate::gate::{Odometer, SampleView, obstacle_in_sample};
 use crate::output::{annotation, learning, permission, send_costs, text_of};
-use crate::picture::{Picture, PictureError, fingerprint};
+use crate::picture::{Picture, PictureError};
+use crate::proto::{ColorLearning, ColorModels, ColorModelsParams, ColorStats};
 use crate::region::{first_background, rays, spans};
-use crate::settings::{files, fixed_mount, frames, initial_engine, initial_models, rectangle, settings};
+use crate::settings::{files, initial_engine, initial_models, rectangle, settings, site};
 use glam::DVec3;
-use rcs_geom::{CameraError, PinholeCamera, Pose};
+use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{CameraCalibration, Grid, ImageAnnotations, RawImage};
-use rcs_msg::image::{ImageError, raw_to_rgb8};
-use rcs_msg::rcs::{ColorLearning, ColorModels, ColorModelsParams, ColorStats, PoseSource};
-use rcs_runtime::{CommandDef, Cycle, In, Msg, Out, PortBuilder, PosePorts, Process, ProcessDef};
-use rcs_world::{GridView, Localizer, LocalizerError};
+use rcs_runtime::{CommandDef, Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_sense::{
+    Axes, ImageCheck, ImageFault, Localizer, LocalizerError, OnItsSide, PosePorts, camera_of, upright,
+};
+use rcs_world::GridView;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -32,8 +34,9 @@ pub struct ColorModelling {
     /// Rays of `camera`, made when they are first needed.
     #[serde(skip)]
     rays: Option<Arc<Vec<DVec3>>>,
-    /// Time and fingerprint of the last image.
-    last_image: Option<(Stamp, u64)>,
+    check: ImageCheck,
+    /// Time of the last image.
+    last_image: Option<Stamp>,
     /// Which model files the engine began with.
     loaded: u64,
     learns: bool,
@@ -60,20 +63,16 @@ pub struct Ports {
 enum Unusable {
     #[error("image without a calibration")]
     NoCalibration,
-    #[error("image has {got:?} pixels, its calibration {expected:?}")]
-    Size { got: [u32; 2], expected: [u32; 2] },
-    #[error("image equals the one before, {age_s:.3} s older: the camera is frozen")]
-    Frozen { age_s: f64 },
     #[error("image is {late_s:.3} s older than the one before")]
     Late { late_s: f64 },
     #[error(transparent)]
-    Image(#[from] ImageError),
+    Image(#[from] ImageFault),
     #[error(transparent)]
     Picture(#[from] PictureError),
     #[error(transparent)]
     Pose(#[from] LocalizerError),
-    #[error("vehicle lies on its side: its up is {up_z:.2} of upright, expected at least {MIN_UPRIGHT}")]
-    OnItsSide { up_z: f64 },
+    #[error(transparent)]
+    OnItsSide(#[from] OnItsSide),
 }
 
 impl Process for ColorModelling {
@@ -142,6 +141,7 @@ impl Process for ColorModelling {
             odometer: Odometer::default(),
             camera: None,
             rays: None,
+            check: ImageCheck::default(),
             last_image: None,
             loaded: files(params),
             learns: true,
@@ -160,7 +160,7 @@ impl Process for ColorModelling {
             self.engine = initial_engine(params);
             self.loaded = files(params);
         }
-        ports.poses.read(&mut self.localizer, frames(params), cx);
+        ports.poses.read(&mut self.localizer, site(params).frames, cx);
         if let Some(calibration) = cx.read_newest(&ports.calibration) {
             self.read_calibration(&calibration, cx);
         }
@@ -182,10 +182,8 @@ impl Process for ColorModelling {
 
 impl ColorModelling {
     fn read_calibration(&mut self, calibration: &CameraCalibration, cx: &mut Cycle<'_>) {
-        let size = [calibration.width, calibration.height];
-        let (model, d) = (&calibration.distortion_model, &calibration.d);
-        let camera = PinholeCamera::from_calibration(size, &calibration.k, model, d);
-        let camera = camera.map_err(|error: CameraError| cx.fault(format!("calibration: {error}"))).ok();
+        let camera = camera_of(calibration);
+        let camera = camera.map_err(|error| cx.fault(format!("calibration: {error}"))).ok();
         if camera != self.camera {
             self.camera = camera;
             self.rays = None;
@@ -200,17 +198,15 @@ impl ColorModelling {
         cx: &mut Cycle<'_>,
     ) -> Result<ColorLearning, Unusable> {
         let time = image.acq_time();
-        self.check_sequence(image, time)?;
+        self.check_sequence(time)?;
         let camera = self.camera.clone().ok_or(Unusable::NoCalibration)?;
-        let (got, expected) = ([image.width, image.height], [camera.width, camera.height]);
-        if got != expected {
-            return Err(Unusable::Size { got, expected });
-        }
-        let rgb = raw_to_rgb8(image)?;
-        let size = got.map(|side| side as usize);
-        let picture = Picture::new(size, 3 * size[0], &rgb.data)?;
+        let size = [camera.width, camera.height];
+        let rgb = self.check.check(image, Some(size), params.image_check.as_ref())?;
+        let size = size.map(|side| side as usize);
+        let picture = Picture::new(size, 3 * size[0], &rgb)?;
         let local_from_vehicle = self.vehicle(time, params)?;
-        let vehicle_from_camera = self.mount(image, time, params)?;
+        let vehicle_from_camera =
+            site(params).vehicle_from_sensor(&self.localizer, &image.frame_id, Axes::Optical, time)?;
         let rays = self.rays.get_or_insert_with(|| Arc::new(rays(&camera))).clone();
 
         let rectangle = rectangle(params);
@@ -234,7 +230,7 @@ impl ColorModelling {
             ),
             permission: permission(off),
         };
-        let seen = self.engine.see(&picture, &samples, time, &settings(params), cx.rng())?;
+        let seen = self.engine.see(&picture, &samples, time, &settings(params), cx.rng());
         let learning = learning(&seen, off, params);
         let place = Place {
             camera: &camera,
@@ -268,40 +264,20 @@ impl ColorModelling {
         Ok(learning)
     }
 
-    /// Refuses an image that came before, and one that is older than the last.
-    fn check_sequence(&mut self, image: &RawImage, time: Stamp) -> Result<(), Unusable> {
-        let print = fingerprint(&image.data);
-        let Some((last_time, last_print)) = self.last_image else {
-            self.last_image = Some((time, print));
-            return Ok(());
-        };
-        let newer_s = time.seconds_since(last_time);
+    /// Refuses an image that is older than the last.
+    fn check_sequence(&mut self, time: Stamp) -> Result<(), Unusable> {
+        let newer_s = self.last_image.map_or(0.0, |last| time.seconds_since(last));
         if newer_s < 0.0 {
             return Err(Unusable::Late { late_s: -newer_s });
         }
-        self.last_image = Some((time, print));
-        if print == last_print {
-            return Err(Unusable::Frozen { age_s: newer_s });
-        }
+        self.last_image = Some(time);
         Ok(())
     }
 
     fn vehicle(&self, time: Stamp, params: &ColorModelsParams) -> Result<Pose, Unusable> {
-        let pose = match params.pose_source() {
-            PoseSource::PoseFixed => Pose::IDENTITY,
-            PoseSource::PoseMessages => {
-                self.localizer.local_from_vehicle(frames(params), time, params.pose_max_age_s)?
-            }
-        };
-        let up_z = pose.rotate(DVec3::Z).z;
-        if up_z < MIN_UPRIGHT { Err(Unusable::OnItsSide { up_z }) } else { Ok(pose) }
-    }
-
-    fn mount(&self, image: &RawImage, time: Stamp, params: &ColorModelsParams) -> Result<Pose, Unusable> {
-        if params.mount_fixed {
-            return Ok(fixed_mount(params));
-        }
-        Ok(self.localizer.lookup(&params.vehicle_frame, &image.frame_id, time, params.pose_max_age_s)?)
+        let pose = site(params).local_from_vehicle(&self.localizer, time)?;
+        upright(&pose)?;
+        Ok(pose)
     }
 
     /// Why nothing may be learned of the ground in this image. With a fixed pose motion is not known, and not asked.
@@ -325,7 +301,7 @@ impl ColorModelling {
                 return Some(ColorLearning::ColorOffObstacle);
             }
         }
-        if params.pose_source() == PoseSource::PoseFixed {
+        if site(params).fixed_pose {
             return None;
         }
         // Poses that tell no motion are those of a vehicle that has not begun to move.
@@ -352,8 +328,9 @@ fn obstacle_ahead(
     if time.seconds_since(map.acq_time()).abs() > params.map_max_age_s {
         return Ok(false);
     }
-    if map.frame_id != params.local_frame {
-        return Err(format!("map's frame is {:?}, expected {:?}", map.frame_id, params.local_frame));
+    let local = site(params).frames.local;
+    if map.frame_id != local {
+        return Err(format!("map's frame is {:?}, expected {local:?}", map.frame_id));
     }
     let grid = GridView::new(&map).map_err(|error| format!("map: {error}"))?;
     Ok(obstacle_in_sample(&grid, view))

@@ -3,12 +3,9 @@
 use crate::engine::Engine;
 use crate::file::parse;
 use crate::models::{Models, Settings};
-use crate::picture::fingerprint;
+use crate::proto::ColorModelsParams;
 use crate::region::Rectangle;
-use glam::DVec3;
-use rcs_geom::Pose;
-use rcs_msg::rcs::ColorModelsParams;
-use rcs_world::FrameNames;
+use rcs_sense::{Site, fingerprint};
 
 pub(crate) fn initial_models(params: &ColorModelsParams) -> Result<Models, String> {
     let mut models = Models::default();
@@ -52,17 +49,6 @@ pub(crate) fn settings(params: &ColorModelsParams) -> Settings {
     }
 }
 
-pub(crate) fn frames(params: &ColorModelsParams) -> FrameNames<'_> {
-    FrameNames { local: &params.local_frame, vehicle: &params.vehicle_frame, pose: &params.pose_frame }
-}
-
-/// The camera on the vehicle as the mount parameters have it.
-pub(crate) fn fixed_mount(params: &ColorModelsParams) -> Pose {
-    let mount = Pose::from_rpy(
-        DVec3::new(params.mount_x_m, params.mount_y_m, params.mount_height_m),
-        params.mount_roll_deg.to_radians(),
-        params.mount_pitch_deg.to_radians(),
-        params.mount_yaw_deg.to_radians(),
-    );
-    mount * Pose::body_from_optical()
+pub(crate) fn site(params: &ColorModelsParams) -> Site<'_> {
+    Site::new(params.pose.as_ref(), params.mount.as_ref())
 }

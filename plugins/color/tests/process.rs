@@ -6,17 +6,18 @@
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 use rcs_color::ColorModelling;
+use rcs_color::proto::{ColorLearning, ColorModels, ColorStats};
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
 use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::foxglove::{CameraCalibration, Grid, ImageAnnotations, PoseInFrame, RawImage};
-use rcs_msg::rcs::{ColorLearning, ColorModels, ColorStats};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs, schema_of, to_json};
 use rcs_runtime::source::Task;
 use rcs_runtime::{
     Asset, Assets, ExternalEvent, NoAssets, Plan, PlanOptions, ProcessType, RunOptions, Session, Snapshot,
     StackFile, Stepped,
 };
-use rcs_world::{GridView, Map, MapOptions, NumericType, Source, VoteRule, Weights, pose_message};
+use rcs_sense::pose_message;
+use rcs_world::{GridView, Map, MapOptions, NumericType, Source, VoteRule, Weights};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -36,7 +37,7 @@ plugin = "color_models"
 supervisor = "viewer"
 period_ms = 20.0
 inputs = { image = "/image", calibration = "/calibration", pose = "/pose", map = "/map" }
-params = { mount_fixed = true, mount_height_m = 1.0, mount_pitch_deg = 25.0, learning_period_s = 0.5 }
+params = { mount = { fixed = true, height_m = 1.0, pitch_deg = 25.0 }, learning_period_s = 0.5 }
 "#;
 
 const PROCESSES: &[ProcessType] = &[ProcessType::of::<ColorModelling>()];
@@ -327,9 +328,13 @@ fn images_that_cannot_be_used_are_skipped_with_nothing_sent_and_the_next_one_is_
         ("/image", AnyMessage::new(good(3)), None),
         ("/image", AnyMessage::new(good(3)), Some("the camera is frozen")),
         ("/image", AnyMessage::new(good(4)), None),
-        ("/image", AnyMessage::new(small), Some("image has [160, 120] pixels, its calibration [320, 240]")),
-        ("/image", AnyMessage::new(raw(vec![0; 320 * 240 * 3])), Some("image is black")),
-        ("/image", AnyMessage::new(raw(vec![255; 320 * 240 * 3])), Some("image is saturated")),
+        (
+            "/image",
+            AnyMessage::new(small),
+            Some("image has [160, 120] pixels, its calibration is for [320, 240]"),
+        ),
+        ("/image", AnyMessage::new(raw(vec![0; 320 * 240 * 3])), Some("image is 100 % black")),
+        ("/image", AnyMessage::new(raw(vec![255; 320 * 240 * 3])), Some("100 % saturated")),
         ("/image", AnyMessage::new(raw(vec![1; 1000])), Some("bytes of the image")),
         (
             "/image",
@@ -347,7 +352,7 @@ fn images_that_cannot_be_used_are_skipped_with_nothing_sent_and_the_next_one_is_
         .zip(&steps)
         .map(|(i, (topic, message, _))| Given { at_ms: 100 * i, topic, message: message.clone() })
         .collect();
-    let (mut run, _folder) = begin(&given, 1, &[("color.pose_source", "POSE_FIXED")]);
+    let (mut run, _folder) = begin(&given, 1, &[("color.pose.source", "POSE_FIXED")]);
     for (i, (topic, _, why)) in (0..).zip(&steps) {
         let (before, outputs) = if i == 0 { (0, 0) } else { (faults(&run).0, sent(&run)) };
         until(&mut run, 100 * i + 80);

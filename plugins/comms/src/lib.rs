@@ -29,6 +29,11 @@
 //!
 //! Not in the papers: a pressed bumper holds the vehicle's way forward (backward and turning stay possible).
 
+rcs_msg::messages!(
+    /// Messages of this plugin alone, from `proto/`.
+    pub mod proto
+);
+
 pub mod control;
 pub mod gate;
 mod process;

@@ -2,15 +2,16 @@
 
 use crate::control::{Aim, Drive, Ramps, Wheels};
 use crate::gate::{Gate, Limits, Said, Turn, Wish};
+use crate::proto::{CommsParams, SteeringKind};
 use rcs_geom::wrap_angle;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::Odometry;
 use rcs_msg::rcs::{
-    Bumper, CommsParams, DriveCommand, EmergencyStop, Imu, MotorCurrents, ProcessState, Status, SteeringKind,
-    VehicleStatus, WheelCommand, WheelEncoders,
+    Bumper, DriveCommand, EmergencyStop, Imu, MotorCurrents, ProcessState, Status, VehicleStatus,
+    WheelCommand, WheelEncoders,
 };
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
-use rcs_world::pose_of;
+use rcs_sense::pose_of;
 use serde::{Deserialize, Serialize};
 
 /// State: what each input said last, the emergency stop, the ramps, and what the sensors said last.

@@ -8,7 +8,7 @@ use rcs_msg::foxglove::{Odometry, Quaternion, Vector3};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_runtime::source::Task;
 use rcs_runtime::{ExternalEvent, Plan, ProcessType, RunOptions, Session, StackFile, Stepped};
-use rcs_world::pose_message;
+use rcs_sense::pose_message;
 use std::sync::Arc;
 
 const STACK: &str = r#"

@@ -34,6 +34,11 @@
 //! Readings that cannot be used (not finite, older than the one before, wheels that jump, a place outside of UTM, an
 //! outlier) are faults and are skipped.
 
+rcs_msg::messages!(
+    /// Messages of this plugin alone, from `proto/`.
+    pub mod proto
+);
+
 pub mod attitude;
 pub mod fixes;
 pub mod origin;

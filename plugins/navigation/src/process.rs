@@ -4,6 +4,7 @@ use crate::attitude::{Attitude, AttitudeSettings};
 use crate::fixes::{GateSettings, GlobalEstimate, Position as Fixed, Verdict};
 use crate::origin::Origin;
 use crate::planar::{MotionNoise, Planar};
+use crate::proto::PositionParams;
 use crate::wheels::{FASTEST_MPS, Rolled, Wheels};
 use glam::{DQuat, DVec2, DVec3};
 use rcs_geom::{Geodetic, Pose, wrap_angle};
@@ -11,9 +12,9 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{
     FrameTransform, FrameTransforms, LocationFix, Odometry, Quaternion, Vector3, location_fix,
 };
-use rcs_msg::rcs::{GroundSpeed, Imu, PositionParams, WheelEncoders};
+use rcs_msg::rcs::{GroundSpeed, Imu, WheelEncoders};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
-use rcs_world::{pose_message, pose_of};
+use rcs_sense::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// Slip belongs to the ground, so the errors of neighbouring metres are alike: this length has one error, m.

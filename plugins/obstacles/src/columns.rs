@@ -21,9 +21,6 @@ pub struct Footing {
 }
 
 impl Footing {
-    /// Least vertical part of the normal: a vehicle that lies on its side says nothing of the ground.
-    pub const MIN_UPRIGHT: f64 = 0.5;
-
     /// Known ground from which a column starts that goes out along the horizontal unit vector `(ux, uy)`.
     pub fn start(&self, ux: f64, uy: f64) -> Start {
         let slope = -(self.up.x * ux + self.up.y * uy) / self.up.z;

@@ -7,13 +7,12 @@
 
 use crate::columns::{Heights, Strip};
 use rcs_geom::CellIndex;
+use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
-use rcs_msg::foxglove::{Grid, PackedElementField, Pose, Quaternion, Vector2, Vector3};
-use rcs_world::{MAX_COST, SIDE, UNKNOWN_COST};
+use rcs_msg::foxglove::{Grid, PackedElementField};
+use rcs_sense::{CELL_SIZE_M, GridFrame, cost_field};
+use rcs_world::{MAX_COST, SIDE, Source, UNKNOWN_COST};
 use std::collections::BTreeSet;
-
-/// Side of a cell, m.
-pub const CELL_SIZE_M: f64 = 0.2;
 
 /// Pixels of one kind in one cell; heights relative to the sensor, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,7 +87,7 @@ impl Cell {
 /// Pixels of all cells of one range image.
 #[derive(Clone, Debug)]
 pub struct CostMap {
-    south_west: CellIndex,
+    frame: GridFrame,
     sensor_z: f64,
     min_pixels: u32,
     cells: Vec<Cell>,
@@ -106,15 +105,11 @@ impl CostMap {
         min_pixels: u32,
     ) -> CostMap {
         let half = (SIDE / 2) as i64;
-        let south_west = centre.offset(-half, -half);
+        let frame =
+            GridFrame { south_west: centre.offset(-half, -half), side: SIDE, cell_size_m: CELL_SIZE_M };
         let mut cells = vec![Cell::NONE; SIDE * SIDE];
-        let at = |x: i64, y: i64| {
-            let (column, row) = (x - south_west.x, y - south_west.y);
-            let side = 0..SIDE as i64;
-            (side.contains(&column) && side.contains(&row)).then(|| row as usize * SIDE + column as usize)
-        };
         for vote in strips.iter().flat_map(|strip| &strip.votes) {
-            if let Some(at) = at(vote.cell[0].into(), vote.cell[1].into()) {
+            if let Some(at) = frame.slot(CellIndex::new(vote.cell[0].into(), vote.cell[1].into())) {
                 let cell = &mut cells[at];
                 cell.ground.add(&vote.ground);
                 cell.obstacle.add(&vote.obstacle);
@@ -124,11 +119,11 @@ impl CostMap {
             }
         }
         for cell in negative {
-            if let Some(at) = at(cell.x, cell.y) {
+            if let Some(at) = frame.slot(*cell) {
                 cells[at].negative = true;
             }
         }
-        CostMap { south_west, sensor_z, min_pixels: min_pixels.max(1), cells }
+        CostMap { frame, sensor_z, min_pixels: min_pixels.max(1), cells }
     }
 
     /// Costs by rows from the south-west corner.
@@ -140,7 +135,7 @@ impl CostMap {
     /// `.variance` (m²), `.min` and `.max` (m) of the pixels' heights in the local frame (f32, NaN where there is none)
     /// and `.count` (u32: pixels); then `cost.stereo` (u8), and the pixels' mean `red`, `green` and `blue` with `alpha`
     /// 255, or four zeros where they have no colour (u8).
-    pub fn to_grid(&self, frame_id: &str, timestamp: prost_types::Timestamp) -> Grid {
+    pub fn to_grid(&self, frame_id: &str, time: Stamp) -> Grid {
         let mut data = Vec::with_capacity(self.cells.len() * CELL_STRIDE);
         for cell in &self.cells {
             for sums in [&cell.ground, &cell.obstacle] {
@@ -152,22 +147,7 @@ impl CostMap {
             data.extend_from_slice(&[cell.cost(self.min_pixels), 0, 0, 0]);
             data.extend_from_slice(&cell.colour());
         }
-        let CellIndex { x, y } = self.south_west;
-        let corner = Vector3 { x: x as f64 * CELL_SIZE_M, y: y as f64 * CELL_SIZE_M, z: 0.0 };
-        Grid {
-            timestamp: Some(timestamp),
-            frame_id: frame_id.to_owned(),
-            pose: Some(Pose {
-                position: Some(corner),
-                orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
-            }),
-            column_count: SIDE as u32,
-            cell_size: Some(Vector2 { x: CELL_SIZE_M, y: CELL_SIZE_M }),
-            row_stride: (SIDE * CELL_STRIDE) as u32,
-            cell_stride: CELL_STRIDE as u32,
-            fields: fields(),
-            data: data.into(),
-        }
+        self.frame.message(frame_id, time, fields(), CELL_STRIDE, data)
     }
 }
 
@@ -182,7 +162,7 @@ fn fields() -> Vec<PackedElementField> {
             (format!("{class}.{number}"), kind)
         })
     });
-    let all = heights.chain([("cost.stereo".to_owned(), NumericType::Uint8)]);
+    let all = heights.chain([(cost_field(Source::Stereo), NumericType::Uint8)]);
     let field = |(i, (name, kind)): (usize, (String, NumericType))| PackedElementField {
         name,
         offset: 4 * i as u32,

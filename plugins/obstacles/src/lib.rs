@@ -10,7 +10,7 @@
 //! | `cloud` | in, optional | `foxglove.PointCloud` | point cloud with x, y and z, m, in any order |
 //! | `calibration` | in, optional | `foxglove.CameraCalibration` | calibration of the depth image |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
-//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose_frame` names, in the local frame |
+//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
 //! | `labels` | out | `foxglove.RawImage` | label of each pixel of the depth image |
@@ -37,6 +37,11 @@
 //! # `label_overlay`
 //!
 //! Projects the labelled points into a camera. Its port table is in [`overlay_process`].
+
+rcs_msg::messages!(
+    /// Messages of this plugin alone, from `proto/`.
+    pub mod proto
+);
 
 pub mod cloud;
 pub mod columns;

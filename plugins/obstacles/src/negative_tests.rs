@@ -115,7 +115,7 @@ fn colours_of_a_cell_are_the_mean_of_its_pixels() {
     let rgb: Vec<u8> = (0..size).flat_map(|i| [10 + (i % 2 * 20) as u8, 40, 200]).collect();
     let strips = view.strips_of(&view.survey(ScanParams::default()), &rgb);
     let map = CostMap::new(&strips, &BTreeSet::new(), CellIndex::new(0, 0), view.placement.sensor.z, 1);
-    let grid = map.to_grid("local", prost_types::Timestamp::default());
+    let grid = map.to_grid("local", rcs_msg::Stamp(0));
     let grid = rcs_world::GridView::new(&grid).unwrap();
     let field = |name: &str| grid.field(name).unwrap();
     let (column, row) = (115, 100);

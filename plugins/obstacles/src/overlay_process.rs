@@ -10,14 +10,14 @@
 //! | `labels` | out | `foxglove.RawImage` | label of each pixel that a point falls on |
 
 use crate::overlay::paint;
+use crate::proto::LabelOverlayParams;
 use glam::DVec3;
 use rcs_geom::{CameraError, PinholeCamera};
 use rcs_msg::PointsError;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, PointCloud, RawImage};
-use rcs_msg::rcs::LabelOverlayParams;
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
-use rcs_world::{Localizer, LocalizerError, pose_of};
+use rcs_sense::{Localizer, LocalizerError, camera_of, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// State: transforms and the camera.
@@ -145,16 +145,6 @@ impl LabelOverlay {
             data: data.into(),
         })
     }
-}
-
-/// The camera of a calibration message.
-pub(crate) fn camera_of(calibration: &CameraCalibration) -> Result<PinholeCamera, CameraError> {
-    PinholeCamera::from_calibration(
-        [calibration.width, calibration.height],
-        &calibration.k,
-        &calibration.distortion_model,
-        &calibration.d,
-    )
 }
 
 /// Where the label lies in a point.

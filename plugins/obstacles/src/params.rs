@@ -2,14 +2,13 @@
 
 use crate::ground_map::BorderRule;
 use crate::negative::NegativeParams;
+use crate::proto::ObstaclesParams;
 use crate::scan::ScanParams;
-use glam::DVec3;
-use rcs_geom::{PinholeCamera, Pose};
-use rcs_msg::rcs::ObstaclesParams;
-use rcs_world::FrameNames;
+use rcs_geom::PinholeCamera;
+use rcs_sense::Site;
 
-pub(crate) fn frames(params: &ObstaclesParams) -> FrameNames<'_> {
-    FrameNames { local: &params.local_frame, vehicle: &params.vehicle_frame, pose: &params.pose_frame }
+pub(crate) fn site(params: &ObstaclesParams) -> Site<'_> {
+    Site::new(params.pose.as_ref(), params.mount.as_ref())
 }
 
 fn tangent(degrees: f64) -> f32 {
@@ -65,17 +64,6 @@ pub(crate) fn border_rule(params: &ObstaclesParams) -> BorderRule {
         min_votes: params.negative_votes,
         min_length_m: params.negative_width_m,
     }
-}
-
-/// The mount that the parameters give, of a sensor whose data are in optical axes or in those of a body.
-pub(crate) fn mount(params: &ObstaclesParams, optical: bool) -> Pose {
-    let mount = Pose::from_rpy(
-        DVec3::new(params.mount_x_m, params.mount_y_m, params.mount_height_m),
-        params.mount_roll_deg.to_radians(),
-        params.mount_pitch_deg.to_radians(),
-        params.mount_yaw_deg.to_radians(),
-    );
-    if optical { mount * Pose::body_from_optical() } else { mount }
 }
 
 #[cfg(test)]

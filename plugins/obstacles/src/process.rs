@@ -5,8 +5,8 @@ use crate::columns::{KnownGround, Strip, Survey};
 use crate::cost_map::CostMap;
 use crate::depth_image::{DepthError, DepthImage, Rays, label_image, scan_strip};
 use crate::ground_map::GroundMap;
-use crate::overlay_process::camera_of;
-use crate::params::{border_rule, frames, negative_params, scan_params};
+use crate::params::{border_rule, negative_params, scan_params, site};
+use crate::proto::{ObstacleStats, ObstaclesParams};
 use crate::results::{count, labelled_cloud, stats};
 use crate::scan::Label;
 use crate::stand::{Stand, StandError};
@@ -14,10 +14,9 @@ use glam::DVec3;
 use rcs_geom::{CameraError, CellIndex, PinholeCamera, Pose};
 use rcs_msg::foxglove::{CameraCalibration, Grid, PointCloud, RawImage};
 use rcs_msg::image::raw_to_rgb8;
-use rcs_msg::rcs::{ObstacleStats, ObstaclesParams};
 use rcs_msg::{PointsError, Stamp};
-use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, PosePorts, Process, ProcessDef};
-use rcs_world::{Localizer, LocalizerError, pose_of};
+use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_sense::{Axes, Localizer, LocalizerError, PosePorts, camera_of, pose_of};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -119,7 +118,7 @@ impl Process for Obstacles {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &ObstaclesParams, cx: &mut Cycle<'_>) {
-        ports.poses.read(&mut self.localizer, frames(params), cx);
+        ports.poses.read(&mut self.localizer, site(params).frames, cx);
         if let Some(calibration) = cx.read_newest(&ports.calibration) {
             self.read_calibration(&calibration, cx);
         }
@@ -167,7 +166,8 @@ impl Obstacles {
         }
         let rays = self.rays.get_or_insert_with(|| Arc::new(Rays::new(camera))).clone();
         let time = message.acq_time();
-        let stand = Stand::find(&self.localizer, &message.frame_id, true, &Pose::IDENTITY, time, params)?;
+        let stand =
+            Stand::find(&self.localizer, &message.frame_id, Axes::Optical, &Pose::IDENTITY, time, params)?;
         let rgb = colours(message, ports, cx);
         let turn = stand.local_from_sensor.rotation_matrix();
         let survey = self.survey(&stand, time, params, true);
@@ -200,7 +200,7 @@ impl Obstacles {
             None => Pose::IDENTITY,
         };
         let time = message.acq_time();
-        let stand = Stand::find(&self.localizer, &message.frame_id, false, &origin, time, params)?;
+        let stand = Stand::find(&self.localizer, &message.frame_id, Axes::Body, &origin, time, params)?;
         let turn = stand.local_from_sensor.rotation_matrix();
         let points: Vec<Option<[f32; 3]>> = cloud
             .iter()
@@ -278,7 +278,7 @@ impl Obstacles {
             negative_cells: negative_cells.len() as u64,
             ..stats(strips, without_range, &map, time)
         };
-        cx.write(&ports.cost, time, map.to_grid(&params.local_frame, time.to_proto()));
+        cx.write(&ports.cost, time, map.to_grid(site(params).frames.local, time));
         cx.write(&ports.stats, time, stats);
         Ok(())
     }

@@ -2,13 +2,14 @@
 
 use crate::columns::Strip;
 use crate::cost_map::CostMap;
+use crate::proto::ObstacleStats;
 use crate::scan::Label;
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{PackedElementField, PointCloud};
-use rcs_msg::rcs::ObstacleStats;
-use rcs_world::{MAX_COST, OBSTACLE_COST, pose_message};
+use rcs_sense::pose_message;
+use rcs_world::{MAX_COST, OBSTACLE_COST};
 
 /// Pixels by label over all strips.
 pub(crate) fn count(strips: &[Strip], label: Label) -> u64 {

@@ -21,30 +21,7 @@
 //! count from the lowest one that is seen.
 
 use crate::level::Level;
-
-/// What a pixel shows. The numbers are those of label images.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Label {
-    /// No range.
-    Invalid = 0,
-    /// Ground that the vehicle can stand on.
-    Ground = 1,
-    /// Rises from the ground by more than a short obstacle, in the vehicle's way.
-    Obstacle = 2,
-    /// Rises from the ground by less than 5 cm.
-    ShortObstacle = 3,
-    /// 1.5 m or more above the local ground: the vehicle fits under it.
-    Cover = 4,
-    /// Too far away for its range to be believed.
-    TooFar = 5,
-}
-
-impl Label {
-    /// All labels, by number.
-    pub const ALL: [Label; 6] =
-        [Label::Invalid, Label::Ground, Label::Obstacle, Label::ShortObstacle, Label::Cover, Label::TooFar];
-}
+pub use rcs_sense::ObstacleLabel as Label;
 
 /// Where the scan draws its lines. Metres, and tangents of angles.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,13 +1,14 @@
 //! What the scan must say of scenes with known truth, and that it says what the plain rule says.
 
 use crate::columns::Strip;
-use crate::cost_map::{CELL_SIZE_M, CostMap};
+use crate::cost_map::CostMap;
 use crate::negative_tests::{reference_level, reference_slope};
 use crate::scan::{ColumnScan, Label, ScanParams, ScanPoint, Start};
 use crate::scene::{HEIGHT, Scene, Truth, View, WIDTH};
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use rcs_geom::CellIndex;
+use rcs_sense::CELL_SIZE_M;
 use rcs_world::{MAX_COST, SIDE, UNKNOWN_COST};
 use std::collections::{BTreeMap, BTreeSet};
 

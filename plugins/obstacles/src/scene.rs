@@ -1,11 +1,11 @@
 //! Scenes with known truth for the tests: a sloping plane and boxes, seen by a depth camera on a vehicle.
 
 use crate::columns::{Footing, Placement, Strip, Survey};
-use crate::cost_map::CELL_SIZE_M;
 use crate::depth_image::{DepthImage, Rays, label_image, scan_strip};
 use crate::scan::{Label, ScanParams};
 use glam::{DMat3, DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
+use rcs_sense::CELL_SIZE_M;
 
 /// What a pixel really shows.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,13 +1,12 @@
 //! Where the sensor and the vehicle were when range data were taken.
 
 use crate::columns::{Footing, Placement};
-use crate::cost_map::CELL_SIZE_M;
 use crate::ground_map::GROUND_CELL_M;
-use crate::params::{frames, mount};
+use crate::params::site;
+use crate::proto::ObstaclesParams;
 use rcs_geom::{CellIndex, Pose};
 use rcs_msg::Stamp;
-use rcs_msg::rcs::{ObstaclesParams, PoseSource};
-use rcs_world::{Localizer, LocalizerError};
+use rcs_sense::{Axes, CELL_SIZE_M, Localizer, LocalizerError, OnItsSide, upright};
 
 /// Where everything stood.
 #[derive(Clone, Debug)]
@@ -25,39 +24,25 @@ pub(crate) struct Stand {
 pub(crate) enum StandError {
     #[error(transparent)]
     Pose(#[from] LocalizerError),
-    #[error(
-        "vehicle lies on its side: its up is {up_z:.2} of upright, expected at least {}",
-        Footing::MIN_UPRIGHT
-    )]
-    OnItsSide { up_z: f64 },
+    #[error(transparent)]
+    OnItsSide(#[from] OnItsSide),
 }
 
 impl Stand {
-    /// At a time; `optical` tells the axes of the data, `origin` the place of their coordinates in their frame.
+    /// At a time; `axes` are those of the data, `origin` the place of their coordinates in their frame.
     pub(crate) fn find(
         localizer: &Localizer,
         frame_id: &str,
-        optical: bool,
+        axes: Axes,
         origin: &Pose,
         time: Stamp,
         params: &ObstaclesParams,
     ) -> Result<Stand, StandError> {
-        let local_from_vehicle = match params.pose_source() {
-            PoseSource::PoseFixed => Pose::IDENTITY,
-            PoseSource::PoseMessages => {
-                localizer.local_from_vehicle(frames(params), time, params.pose_max_age_s)?
-            }
-        };
-        let vehicle_from_frame = if params.mount_fixed {
-            mount(params, optical)
-        } else {
-            localizer.lookup(&params.vehicle_frame, frame_id, time, params.pose_max_age_s)?
-        };
+        let site = site(params);
+        let local_from_vehicle = site.local_from_vehicle(localizer, time)?;
+        let vehicle_from_frame = site.vehicle_from_sensor(localizer, frame_id, axes, time)?;
         let local_from_sensor = local_from_vehicle * vehicle_from_frame * *origin;
-        let up = local_from_vehicle.rotate(glam::DVec3::Z);
-        if up.z < Footing::MIN_UPRIGHT {
-            return Err(StandError::OnItsSide { up_z: up.z });
-        }
+        let up = upright(&local_from_vehicle)?;
         let sensor = local_from_sensor.translation;
         let below_origin = local_from_vehicle.translation - up * params.wheels_below_m - sensor;
         let cell = |size_m: f64| {

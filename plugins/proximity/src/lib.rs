@@ -8,7 +8,7 @@
 //! | `encoders` | in, optional | `rcs.WheelEncoders` | speeds of the wheels, m/s |
 //! | `imu` | in, optional | `rcs.Imu` | accelerations and turn rates; its axes are the vehicle's |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
-//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose_frame` names, in the local frame |
+//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
 //! | `bumper_cost` | out | `foxglove.Grid` | field cost.bumper: 250 where the bumper hit, 0 under the vehicle, local frame |
@@ -28,6 +28,11 @@
 //!
 //! Readings that are no numbers, or of a sensor whose place on the vehicle is not known, are faults and are skipped. A
 //! bumper hit while the vehicle's pose is not known is a fault, as it can mark nothing.
+
+rcs_msg::messages!(
+    /// Messages of this plugin alone, from `proto/`.
+    pub mod proto
+);
 
 pub mod costs;
 pub mod near;

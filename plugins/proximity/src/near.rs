@@ -1,7 +1,8 @@
 //! What bumper and infrared sensors tell of the cells around the vehicle.
 
-use crate::costs::Costs;
+use crate::costs::{around as costs_around, mark_line, mark_rectangle};
 use rcs_geom::{DVec2, DVec3, Pose};
+use rcs_sense::CostGrid;
 use rcs_world::MAX_COST;
 
 /// Where the bumper and the body are in the vehicle frame, m.
@@ -44,14 +45,14 @@ pub struct RayRules {
 }
 
 /// The ground under the vehicle is free; what the pressed switches touch is an obstacle.
-pub fn bumper_costs(map_from_vehicle: &Pose, body: &Body, left: bool, right: bool) -> Costs {
+pub fn bumper_costs(map_from_vehicle: &Pose, body: &Body, left: bool, right: bool) -> CostGrid {
     let place = |x: f64, y: f64| (*map_from_vehicle * DVec3::new(x, y, 0.0)).truncate();
-    let mut costs = Costs::around(map_from_vehicle.translation.truncate());
+    let mut costs = costs_around(map_from_vehicle.translation.truncate());
     let half = body.width_m / 2.0;
     let corner = place(body.rear_x_m, -half);
     let along = place(body.bumper_x_m, -half) - corner;
     let across = place(body.rear_x_m, half) - corner;
-    costs.mark_rectangle(corner, along, across, 0);
+    mark_rectangle(&mut costs, corner, along, across, 0);
     let reach = body.bumper_width_m / 2.0;
     for (is_pressed, from_m, to_m) in [(left, 0.0, reach), (right, -reach, 0.0)] {
         if !is_pressed {
@@ -61,15 +62,15 @@ pub fn bumper_costs(map_from_vehicle: &Pose, body: &Body, left: bool, right: boo
         let lines = (body.bumper_depth_m / 0.05).ceil().clamp(1.0, 100.0) as u32;
         for line in 0..=lines {
             let x = body.bumper_x_m + body.bumper_depth_m * f64::from(line) / f64::from(lines);
-            costs.mark_line(place(x, from_m), place(x, to_m), MAX_COST);
+            mark_line(&mut costs, place(x, from_m), place(x, to_m), MAX_COST);
         }
     }
     costs
 }
 
 /// Free cells along each cone up to what it sees, and obstacle cells there.
-pub fn infrared_costs(around: DVec2, rays: &[Ray], rules: &RayRules) -> Costs {
-    let mut costs = Costs::around(around);
+pub fn infrared_costs(around: DVec2, rays: &[Ray], rules: &RayRules) -> CostGrid {
+    let mut costs = costs_around(around);
     for ray in rays {
         let at = |range: f64, angle: f64| {
             let (sin, cos) = libm::sincos(angle);
@@ -81,10 +82,10 @@ pub fn infrared_costs(around: DVec2, rays: &[Ray], rules: &RayRules) -> Costs {
         let spread = (ray.cone_rad * ray.max_range_m / 0.1).ceil().clamp(2.0, 200.0) as u32;
         for side in 0..=spread {
             let angle = -half + ray.cone_rad * f64::from(side) / f64::from(spread);
-            costs.mark_line(at(0.0, angle), at(free_m, angle), 0);
+            mark_line(&mut costs, at(0.0, angle), at(free_m, angle), 0);
             if let Some(range_m) = ray.range_m {
                 let near = (range_m - rules.noise_m).max(0.0);
-                costs.mark_line(at(near, angle), at(range_m + rules.noise_m, angle), rules.cost);
+                mark_line(&mut costs, at(near, angle), at(range_m + rules.noise_m, angle), rules.cost);
             }
         }
     }

@@ -1,16 +1,15 @@
 //! The process `proximity`.
 
 use crate::near::{Body, Ray, RayRules, bumper_costs, infrared_costs};
+use crate::proto::{ProximityParams, SlipReport, TractionState};
 use crate::traction::{Inertial, Rules, State, Traction};
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::Grid;
-use rcs_msg::rcs::{
-    Bumper, Imu, MotorCurrents, ProximityParams, RangeReading, RangeReadings, SlipReport, TractionState,
-    WheelEncoders,
-};
-use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, PosePorts, Process, ProcessDef};
-use rcs_world::{FrameNames, Localizer, Source};
+use rcs_msg::rcs::{Bumper, Imu, MotorCurrents, RangeReading, RangeReadings, WheelEncoders};
+use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_sense::{Axes, Localizer, PosePorts, Site};
+use rcs_world::Source;
 use serde::{Deserialize, Serialize};
 
 /// Slip reports are sent this often, ns.
@@ -88,7 +87,7 @@ impl Process for Proximity {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &ProximityParams, cx: &mut Cycle<'_>) {
-        ports.poses.read(&mut self.localizer, names(params), cx);
+        ports.poses.read(&mut self.localizer, site(params).frames, cx);
         while let Some(bumper) = cx.read(&ports.bumper) {
             self.take_bumper(&bumper, ports, params, cx);
         }
@@ -116,7 +115,7 @@ impl Process for Proximity {
 impl Proximity {
     /// Where the vehicle was. A pose that is not known yet is no fault: before the first message there is none.
     fn vehicle_at(&self, time: Stamp, params: &ProximityParams) -> Option<Pose> {
-        self.localizer.local_from_vehicle(names(params), time, params.pose_max_age_s).ok()
+        site(params).local_from_vehicle(&self.localizer, time).ok()
     }
 
     fn take_bumper(
@@ -149,11 +148,8 @@ impl Proximity {
             width_m: params.vehicle_width_m,
         };
         let costs = bumper_costs(&pose, &body, bumper.left, bumper.right);
-        cx.write(
-            &ports.bumper_cost,
-            time,
-            costs.to_grid(Source::Bumper, &params.local_frame, time.to_proto()),
-        );
+        let grid = costs.into_message(Source::Bumper, site(params).frames.local, time);
+        cx.write(&ports.bumper_cost, time, grid);
     }
 
     fn take_infrared(
@@ -181,7 +177,7 @@ impl Proximity {
             noise_m: params.range_noise_m,
         };
         let costs = infrared_costs(pose.translation.truncate(), &rays, &rules);
-        let grid = costs.to_grid(Source::Infrared, &params.local_frame, time.to_proto());
+        let grid = costs.into_message(Source::Infrared, site(params).frames.local, time);
         cx.write(&ports.infrared_cost, time, grid);
     }
 
@@ -192,9 +188,8 @@ impl Proximity {
         time: Stamp,
         params: &ProximityParams,
     ) -> Result<Ray, String> {
-        let vehicle_from_sensor = self
-            .localizer
-            .lookup(&params.vehicle_frame, &reading.frame_id, time, params.pose_max_age_s)
+        let vehicle_from_sensor = site(params)
+            .vehicle_from_sensor(&self.localizer, &reading.frame_id, Axes::Body, time)
             .map_err(|error| error.to_string())?;
         let (max_range_m, cone_rad) = (reading.max_range_m, reading.cone_rad);
         if !(max_range_m > 0.0 && max_range_m.is_finite() && (0.0..=std::f64::consts::PI).contains(&cone_rad))
@@ -304,6 +299,6 @@ fn rules(params: &ProximityParams) -> Rules {
     }
 }
 
-fn names(params: &ProximityParams) -> FrameNames<'_> {
-    FrameNames { local: &params.local_frame, vehicle: &params.vehicle_frame, pose: &params.pose_frame }
+fn site(params: &ProximityParams) -> Site<'_> {
+    Site::new(params.pose.as_ref(), None)
 }

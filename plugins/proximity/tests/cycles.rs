@@ -8,7 +8,8 @@ use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_proximity::Proximity;
 use rcs_runtime::source::Task;
 use rcs_runtime::{ExternalEvent, Plan, ProcessType, RunOptions, Session, StackFile, Stepped};
-use rcs_world::{GridView, pose_message};
+use rcs_sense::pose_message;
+use rcs_world::GridView;
 use std::sync::Arc;
 
 const STACK: &str = r#"
@@ -210,8 +211,8 @@ fn spinning_wheels_are_reported_from_encoders_and_inertial_readings() {
         bench.odometry();
         bench.cycle();
     }
-    let report: rcs::SlipReport = bench.latest("slip");
-    assert_eq!(report.state(), rcs::TractionState::TractionSpins);
+    let report: rcs_proximity::proto::SlipReport = bench.latest("slip");
+    assert_eq!(report.state(), rcs_proximity::proto::TractionState::TractionSpins);
     assert!(report.slip > 0.5 && report.wheel_speed_mps == 1.0, "{report:?}");
     assert_eq!((report.spin_count, report.left_a, report.right_a), (1, 4.0, 5.0));
     let imu = rcs::Imu {

@@ -19,6 +19,7 @@
 //! Cost: rays. Strips of rows are fixed and noise is a hash of the pixel: any number of threads gives the same bits.
 
 use crate::picture::{Exposure, Sensor, encoding_of, thermal};
+use crate::proto::SimCamerasParams;
 use crate::scene::{Texts, check_world, read_vehicle, read_world};
 use crate::sensors::{is_due, normal};
 use crate::spec::{CameraKind, CameraSpec};
@@ -26,10 +27,10 @@ use rand_core::RngCore;
 use rcs_geom::{Distortion, PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{CameraCalibration, RawImage};
-use rcs_msg::rcs::{SimCamerasParams, TruthState};
+use rcs_msg::rcs::TruthState;
 use rcs_runtime::{Cycle, In, Out, Pool, PortBuilder, Process, ProcessDef};
 use rcs_scene::{CameraRays, ViewRows, World, render_rows};
-use rcs_world::pose_of;
+use rcs_sense::pose_of;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

@@ -9,6 +9,7 @@
 //! Period 50 ms; sweeps at the rate of the vehicle file. A sweep is taken from one pose. Rays that hit nothing within
 //! range give no point. A ray may pass between stems: see the scene. Lines are cast on the pool; noise is drawn before.
 
+use crate::proto::SimLadarParams;
 use crate::scene::{Texts, check_world, read_vehicle, read_world};
 use crate::sensors::{is_due, normal};
 use crate::spec::LadarSpec;
@@ -17,10 +18,10 @@ use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{PackedElementField, PointCloud};
-use rcs_msg::rcs::{SimLadarParams, TruthState};
+use rcs_msg::rcs::TruthState;
 use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef};
 use rcs_scene::{Class, World};
-use rcs_world::{pose_message, pose_of};
+use rcs_sense::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

@@ -45,6 +45,11 @@
 //! Commands that are not finite, faster than the vehicle's wheels can turn, stamped earlier than the one before, or
 //! older than `command_timeout_s` are faults and are not obeyed; without a sound and young command the vehicle brakes.
 
+rcs_msg::messages!(
+    /// Messages of this plugin alone, from `proto/`.
+    pub mod proto
+);
+
 pub mod cameras_process;
 pub mod commands;
 pub mod contact;

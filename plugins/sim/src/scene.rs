@@ -1,11 +1,11 @@
 //! The world as the dynamics see it, and everything that a process keeps of its parameters' texts.
 
+use crate::proto::SimVehicleParams;
 use crate::referee::Goal;
 use crate::spec::VehicleSpec;
 use crate::terrain::{Patch, Terrain, Touch, UprightBox};
 use glam::{DVec2, DVec3};
 use rcs_geom::{GeodesyError, Geodetic, Utm};
-use rcs_msg::rcs::SimVehicleParams;
 use rcs_scene::{Course, Footprint, ThingKind, World};
 
 /// A simulated world; what the dynamics ask of it.

@@ -11,7 +11,7 @@ use rcs_msg::foxglove::{Grid, PackedElementField, Point3, Pose, Quaternion, Vect
 use rcs_msg::rcs::{TruthContact, TruthState, TruthThing, TruthThings};
 use rcs_runtime::Pool;
 use rcs_scene::TRUTH_CELL_M;
-use rcs_world::pose_message;
+use rcs_sense::pose_message;
 
 /// Bytes of a cell: height (f32), cover (f32), class (u8), blocked (u8), and two to fill up.
 const CELL_BYTES: usize = 12;

@@ -2,6 +2,7 @@
 
 use crate::commands::Commands;
 use crate::drive::Drive;
+use crate::proto::SimVehicleParams;
 use crate::referee::Referee;
 use crate::scene::{Scenery, Stage};
 use crate::sensors::{Encoders, Gps, GpsSwitches, Inertial, is_due, measure_infrared, normal};
@@ -18,11 +19,11 @@ use rcs_msg::foxglove::{
     location_fix,
 };
 use rcs_msg::rcs::{
-    Bumper, CourseOutcome, CourseRun, GroundSpeed, Imu, MotorCurrents, RangeReading, RangeReadings,
-    SimVehicleParams, Steering, TruthState, TruthThings, WheelCommand, WheelEncoders,
+    Bumper, CourseOutcome, CourseRun, GroundSpeed, Imu, MotorCurrents, RangeReading, RangeReadings, Steering,
+    TruthState, TruthThings, WheelCommand, WheelEncoders,
 };
 use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef};
-use rcs_world::pose_message;
+use rcs_sense::pose_message;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

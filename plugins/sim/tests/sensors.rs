@@ -108,3 +108,18 @@ fn a_dropout_is_a_time_without_fixes_after_which_they_come_again() {
     assert!(gaps.iter().all(|gap| allowed.contains(gap)), "gaps {gaps:?} s, expected {allowed:?} s");
     trace.check(env!("CARGO_MANIFEST_DIR"), "gps_dropout.csv");
 }
+
+#[test]
+fn true_labels_have_the_codes_of_label_images() {
+    use rcs_scene::Label;
+    use rcs_sense::ObstacleLabel;
+    for (truth, label) in [
+        (Label::Invalid, ObstacleLabel::Invalid),
+        (Label::Ground, ObstacleLabel::Ground),
+        (Label::Obstacle, ObstacleLabel::Obstacle),
+        (Label::Short, ObstacleLabel::ShortObstacle),
+        (Label::Cover, ObstacleLabel::Cover),
+    ] {
+        assert_eq!(truth.code(), label.code());
+    }
+}

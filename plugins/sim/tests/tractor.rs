@@ -73,7 +73,7 @@ fn the_ladars_points_lie_where_the_world_is() {
     let world = rcs_scene::World::from_toml(&WORLD.replace("at = [20, 8]", "at = [25, 9]")).unwrap();
     let [low, high] = world.bounds_m();
     let state = bench.state();
-    let global_from_vehicle = rcs_world::pose_of(state.pose.as_ref(), "vehicle").unwrap();
+    let global_from_vehicle = rcs_sense::pose_of(state.pose.as_ref(), "vehicle").unwrap();
     let spec = common::tractor();
     let global_from_ladar =
         global_from_vehicle * spec.ladar("ladar_roof").unwrap().mount.vehicle_from_sensor();

@@ -53,6 +53,11 @@
 //! Integers until the fraction of a pixel, which is one division of exact numbers: the same bits from vectors of any
 //! width and from any number of strips.
 
+rcs_msg::messages!(
+    /// Messages of this plugin alone, from `proto/`.
+    pub mod proto
+);
+
 mod block;
 mod camera;
 mod checks;

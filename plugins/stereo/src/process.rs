@@ -1,13 +1,14 @@
 //! The process `stereo`.
 
 use crate::pairing::{Pair, Pairing, Patience, Side};
-use crate::picture::{Exposure, Picture, fingerprint};
+use crate::picture::Picture;
+use crate::proto::{StereoMethod, StereoParams, StereoStats};
 use crate::publish::{Heading, depth_of, depths, pixels};
 use crate::rig::{Bench, EyeCalibration, Rectified, Rig, Unusable};
 use crate::{CalibrationError, Method, NO_DISPARITY, STEPS_PER_PIXEL, Settings};
 use rcs_msg::foxglove::{CameraCalibration, PointCloud, RawImage};
-use rcs_msg::rcs::{StereoMethod, StereoParams, StereoStats};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_sense::ImageCheck;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -17,7 +18,7 @@ pub struct Stereo {
     calibrations: [Option<EyeCalibration>; 2],
     /// `None` is an image that was refused when it came: its other eye goes without another word.
     waiting: Pairing<Option<Arc<Picture>>>,
-    fingerprints: [Option<u64>; 2],
+    checks: [ImageCheck; 2],
     pairs: u64,
     unpaired: u64,
     /// Follows from the calibrations; made when it is first needed.
@@ -138,14 +139,8 @@ impl Stereo {
 
     fn read_image(&mut self, side: Side, message: &Msg<RawImage>, params: &StereoParams, cx: &mut Cycle<'_>) {
         let taken = message.acq_time();
-        let fingerprint = Some(fingerprint(message));
-        let is_frozen = params.check_frozen && self.fingerprints[side as usize] == fingerprint;
-        self.fingerprints[side as usize] = fingerprint;
-        let picture = match Picture::new(message, exposure(params)) {
-            Err(error) => Err(error.to_string()),
-            Ok(_) if is_frozen => Err("the same bytes as the one before, the camera hangs".to_owned()),
-            Ok(picture) => Ok(Arc::new(picture)),
-        };
+        let rgb = self.checks[side as usize].check(message, None, params.image_check.as_ref());
+        let picture = rgb.map(|rgb| Arc::new(Picture::new(message, rgb)));
         let picture = picture
             .map_err(|error| cx.fault(format!("{} image of {taken}: {error}; image skipped", side.name())))
             .ok();
@@ -254,14 +249,6 @@ fn settings(params: &StereoParams) -> Settings {
         speckle_min_area: params.speckle_min_area_px as usize,
         // A float that is out of range ends at the range's end.
         speckle_step: (params.speckle_step_px * f64::from(STEPS_PER_PIXEL)).round() as u16,
-    }
-}
-
-fn exposure(params: &StereoParams) -> Exposure {
-    Exposure {
-        black: params.black_level.min(255) as u8,
-        saturated: params.saturated_level.min(255) as u8,
-        min_usable_pct: params.min_usable_pct,
     }
 }
 

@@ -186,7 +186,7 @@ fn check_count(bad: Vec<Given>, params: &[(&str, &str)], expected: &str, count: 
     assert_eq!(sent(&run), [1; 6], "nothing goes out for bad input");
     run_until(&mut run, 1150);
     assert_eq!((faults(&run).0, sent(&run)), (count, [2; 6]), "after: {}", faults(&run).1);
-    let stats: rcs::StereoStats = latest(&run, "stats").unwrap();
+    let stats: rcs_stereo::proto::StereoStats = latest(&run, "stats").unwrap();
     assert_eq!((stats.timestamp.unwrap().seconds, stats.pairs), (2, 2));
 }
 
@@ -220,7 +220,7 @@ fn a_wall_is_seen_at_its_range_with_colour_and_pixel() {
         assert!((point.position.x - (u as f64 - 47.5) / F_PX * f64::from(z)).abs() < 1e-5);
         assert_eq!(point.rgb.unwrap()[..], rectified.data[(v * SIZE[0] + u) * 3..][..3]);
     }
-    let stats: rcs::StereoStats = latest(&run, "stats").unwrap();
+    let stats: rcs_stereo::proto::StereoStats = latest(&run, "stats").unwrap();
     assert_eq!((stats.pixels, stats.matched), (96 * 64, known.len() as u64));
     let calibration: CameraCalibration = latest(&run, "calibration").unwrap();
     assert_eq!((calibration.k[0], calibration.p[3], calibration.width), (F_PX, 0.0, 96));
@@ -235,7 +235,7 @@ fn an_image_of_another_size_than_its_calibration_is_skipped() {
 
 #[test]
 fn black_and_saturated_images_are_skipped_and_their_other_eye_without_another_word() {
-    for (level, expected) in [(0, "100 % of it are black"), (255, "100 % saturated")] {
+    for (level, expected) in [(0, "image is 100 % black"), (255, "100 % saturated")] {
         let blind = raw_image(SIZE, vec![level; SIZE[0] * SIZE[1]]);
         let bad = vec![give(300, "/left", eye("/left", 3)), give(300, "/right", blind)];
         check(bad, &[], expected);
@@ -256,7 +256,7 @@ fn a_frozen_camera_is_reported_for_every_image_and_nothing_stale_goes_out() {
     let frozen =
         |at_ms| [give(at_ms, "/left", eye("/left", 100)), give(at_ms, "/right", eye("/right", at_ms as u32))];
     let bad = [300, 400, 500].into_iter().flat_map(frozen).collect();
-    check_count(bad, &[], "the camera hangs", 3);
+    check_count(bad, &[], "the camera is frozen", 3);
 }
 
 #[test]
@@ -386,6 +386,6 @@ fn an_image_that_waits_is_part_of_the_state() {
     restored.restore(&saved).unwrap();
     run_until(&mut restored, 300);
     assert_eq!(outcome(&restored), outcome(&alone));
-    let stats: rcs::StereoStats = latest(&restored, "stats").unwrap();
+    let stats: rcs_stereo::proto::StereoStats = latest(&restored, "stats").unwrap();
     assert!((stats.right_after_left_ms - 45.0).abs() < 1e-9);
 }

@@ -8,10 +8,11 @@
 
 use glam::{DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
+use rcs_sense::CELL_SIZE_M;
 use rcs_terrain::appearance::{MatchWeights, RatioBins};
 use rcs_terrain::classify::{Matcher, WindowGrid, classify_row};
 use rcs_terrain::frame::{LabelledFrame, Rays, gather, join, strips};
-use rcs_terrain::map::{CELL_SIZE_M, TerrainMap};
+use rcs_terrain::map::TerrainMap;
 use rcs_terrain::models::{ModelRules, ModelSet};
 use rcs_terrain::place::{Scale, View, Windows, place, region};
 use rcs_terrain::texture::PaddedGrey;

@@ -7,7 +7,7 @@
 //! | `models` | in, optional | `rcs.TerrainModels` | terrain models; the newest replace those before |
 //! | `depth` | in, optional | `foxglove.RawImage` | depth of the image's pixels along the optical axis, m: where stereo is good |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
-//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose_frame` names, in the local frame |
+//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
 //! | `classes` | out | `foxglove.RawImage` | class of each pixel: 0 not known, 1 traversable, 2 not |
@@ -27,24 +27,23 @@
 
 use crate::appearance::{MatchWeights, RatioBins};
 use crate::classify::{Class, Matcher, WindowGrid, classify_row, end_of_stereo, overlay};
-use crate::cost_grid;
-use crate::map::CELL_SIZE_M;
 use crate::models::{ModelSet, ModelsError, matching_of, models_of_text};
 use crate::place::{Placed, Scale, View, Windows, place, region};
-use crate::site::{Site, Unusable, camera_of, check_frozen, colours, depths};
+use crate::proto::{ClassifierParams, ClassifierRegion, ClassifierStats, TerrainModels};
 use crate::sync::Recent;
 use crate::texture::PaddedGrey;
+use crate::unusable::{Unusable, depths};
 use rcs_geom::PinholeCamera;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
-use rcs_msg::rcs::{ClassifierParams, ClassifierRegion, ClassifierStats, TerrainModels};
-use rcs_runtime::{Cycle, In, Out, PortBuilder, PosePorts, Process, ProcessDef};
-use rcs_world::{Localizer, Source};
+use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef};
+use rcs_sense::{
+    Axes, CELL_SIZE_M, CostGrid, GridFrame, ImageCheck, Localizer, PosePorts, Site, WIDE_CELL_SIZE_M,
+    camera_of,
+};
+use rcs_world::{SIDE, Source};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-
-/// Side of a cell of the wide cost map (WM2's), m.
-pub const WIDE_CELL_SIZE_M: f64 = 0.6;
 
 /// State: poses, the camera, images that wait for their depth, and the models.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -55,7 +54,7 @@ pub struct Classifier {
     /// The newest depth image alone.
     depths: Recent,
     models: Option<Models>,
-    fingerprint: Option<u64>,
+    check: ImageCheck,
     /// Time of the first image, and of the last one that was looked at.
     first: Option<Stamp>,
     done: Option<Stamp>,
@@ -154,7 +153,7 @@ impl Process for Classifier {
             images: Recent::default(),
             depths: Recent::default(),
             models: models.and_then(|message| Models::of(&message).ok()),
-            fingerprint: None,
+            check: ImageCheck::default(),
             first: None,
             done: None,
             ratios: None,
@@ -162,7 +161,7 @@ impl Process for Classifier {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &ClassifierParams, cx: &mut Cycle<'_>) {
-        ports.poses.read(&mut self.localizer, Site::from(params).frames, cx);
+        ports.poses.read(&mut self.localizer, site(params).frames, cx);
         self.read_camera_and_models(ports, cx);
         let is_new_depth = self.read_images(ports, cx);
         match self.task(is_new_depth, params, cx) {
@@ -257,22 +256,27 @@ impl Classifier {
         let Some((_, image)) = self.images.at(time, 0.0) else { return Ok(()) };
         let image = image.clone();
         let camera = self.camera.as_ref().ok_or(Unusable::NoCalibration)?;
-        let size = [camera.width as usize, camera.height as usize];
-        let rgb = colours(&image, size, params.max_unexposed_pct)?;
-        check_frozen(&image, &mut self.fingerprint)?;
+        let pixels = [camera.width, camera.height];
+        let rgb = self.check.check(&image, Some(pixels), params.image_check.as_ref())?;
+        let size = pixels.map(|side| side as usize);
         let grid = WindowGrid::new(size, params.window_px as usize);
         let stereo_end = match self.depths.newest().and_then(|time| self.depths.at(time, 0.0)) {
             Some((_, depth)) if with_depth => {
-                let depths = depths(depth, size, params.depth_scale_m)?;
+                let depths = depths(depth, pixels, params.depth_scale_m)?;
                 Some(end_of_stereo(&depths, &grid, params.good_stereo_m as f32))
             }
             _ => None,
         };
-        let site = Site::from(params);
+        let site = site(params);
         let view = View {
             camera,
             local_from_vehicle: site.local_from_vehicle(&self.localizer, time)?,
-            vehicle_from_camera: site.vehicle_from_camera(&self.localizer, &image.frame_id, time, true)?,
+            vehicle_from_camera: site.vehicle_from_sensor(
+                &self.localizer,
+                &image.frame_id,
+                Axes::Optical,
+                time,
+            )?,
         };
         let Some(models) = &self.models else { return Ok(()) };
         let ratios = match &self.ratios {
@@ -306,13 +310,19 @@ impl Classifier {
         for (port, placed, size_m) in
             [(&ports.cost, near, CELL_SIZE_M), (&ports.cost_wide, wide, WIDE_CELL_SIZE_M)]
         {
-            let frame = &params.local_frame;
-            let grid =
-                cost_grid::message(Source::Classifier, frame, time, placed.south_west, size_m, placed.costs);
-            cx.write(port, time, grid);
+            let frame = GridFrame { south_west: placed.south_west, side: SIDE, cell_size_m: size_m };
+            let local = site.frames.local;
+            let grid = CostGrid::of(frame, placed.costs);
+            let message = grid.map(|grid| grid.into_message(Source::Classifier, local, time));
+            message.into_iter().for_each(|message| cx.write(port, time, message));
         }
         Ok(())
     }
+}
+
+/// How vehicle and camera are found.
+fn site(params: &ClassifierParams) -> Site<'_> {
+    Site::new(params.pose.as_ref(), params.mount.as_ref())
 }
 
 fn matcher(models: &Models, params: &ClassifierParams) -> Matcher {

@@ -2,14 +2,15 @@
 
 use crate::appearance::RatioBins;
 use crate::frame::{Gathered, LabelledFrame, Rays, Window, gather, strips};
-use crate::site::{Unusable, camera_of, check_frozen, colours, depths, labels};
+use crate::proto::TerrainLearnerParams;
 use crate::sync::Recent;
 use crate::texture::PaddedGrey;
+use crate::unusable::{Unusable, depths, labels};
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{CameraCalibration, RawImage};
-use rcs_msg::rcs::TerrainLearnerParams;
 use rcs_runtime::{Cycle, In, Out, PortBuilder};
+use rcs_sense::{ImageCheck, camera_of};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -62,7 +63,7 @@ pub(crate) struct Eye {
     /// Rays of `camera`, made when they are first needed.
     #[serde(skip)]
     rays: Option<Arc<Rays>>,
-    fingerprint: Option<u64>,
+    check: ImageCheck,
     /// Time of the newest labels.
     pub(crate) newest: Option<Stamp>,
     /// Whether it is behind the other eye, which is reported once.
@@ -135,9 +136,8 @@ impl Eye {
         let (image, depth) = (image.clone(), depth.clone());
         let camera = self.camera.as_ref().ok_or(Unusable::NoCalibration)?;
         let rays = self.rays.get_or_insert_with(|| Arc::new(Rays::new(camera))).clone();
-        let size = rays.size();
-        let rgb = colours(&image, size, params.max_unexposed_pct)?;
-        check_frozen(&image, &mut self.fingerprint)?;
+        let size = [camera.width, camera.height];
+        let rgb = self.check.check(&image, Some(size), params.image_check.as_ref())?;
         let labels = labels(label_image, size)?;
         let depth_m = depths(&depth, size, params.depth_scale_m)?;
         self.images.forget_before(time);

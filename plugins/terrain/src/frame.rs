@@ -8,13 +8,14 @@ use crate::models::Terrain;
 use crate::texture::PaddedGrey;
 use glam::{DMat3, DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
+use rcs_sense::ObstacleLabel;
 
 /// Rows that are worked on together.
 pub const STRIP_ROWS: usize = 32;
 /// Label of ground in label images.
-pub const GROUND: u8 = 1;
+pub const GROUND: u8 = ObstacleLabel::Ground.code();
 /// Label of obstacles in label images.
-pub const OBSTACLE: u8 = 2;
+pub const OBSTACLE: u8 = ObstacleLabel::Obstacle.code();
 
 /// The ray of every pixel of a camera, with z = 1 in the optical frame: made once for a calibration.
 #[derive(Clone, Debug, PartialEq)]

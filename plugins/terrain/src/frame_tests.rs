@@ -1,9 +1,9 @@
 //! From pixels to cells, against a plain reference.
 
 use super::*;
-use crate::map::CELL_SIZE_M;
 use crate::scene::{Scene, vehicle_from_camera};
 use proptest::prelude::*;
+use rcs_sense::CELL_SIZE_M;
 use std::collections::BTreeMap;
 
 /// Every pixel by itself: its point in the local frame, its cell, its code.

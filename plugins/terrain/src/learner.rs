@@ -1,17 +1,18 @@
 //! The process `terrain_learner`.
 
 use crate::appearance::{MatchWeights, RatioBins};
-use crate::cost_grid;
 use crate::eye::{Eye, EyePorts, Frame, learned_port};
 use crate::frame::join;
-use crate::map::{CELL_SIZE_M, Learned, Patch, TerrainMap};
+use crate::map::{Learned, Patch, TerrainMap};
 use crate::models::{ModelRules, ModelSet, models_of_text};
-use crate::site::{Site, Unusable};
+use crate::proto::{TerrainEye, TerrainEyes, TerrainLearnerParams, TerrainModels, TerrainStats};
+use crate::unusable::Unusable;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, RawImage};
-use rcs_msg::rcs::{Bumper, TerrainEye, TerrainEyes, TerrainLearnerParams, TerrainModels, TerrainStats};
-use rcs_runtime::{CommandDef, Cycle, In, Out, PortBuilder, PosePorts, Process, ProcessDef};
-use rcs_world::{Localizer, SIDE, Source};
+use rcs_msg::rcs::Bumper;
+use rcs_runtime::{CommandDef, Cycle, In, Out, PortBuilder, Process, ProcessDef};
+use rcs_sense::{Axes, CELL_SIZE_M, CostGrid, GridFrame, Localizer, PosePorts, Site};
+use rcs_world::{SIDE, Source};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -110,7 +111,7 @@ impl Process for TerrainLearner {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &TerrainLearnerParams, cx: &mut Cycle<'_>) {
-        let site = Site::from(params);
+        let site = site(params);
         ports.poses.read(&mut self.localizer, site.frames, cx);
         if cx.command().is_some_and(|command| command.name == "CLEAR") {
             self.maps = vec![empty_map()];
@@ -155,10 +156,12 @@ impl TerrainLearner {
         ports: &Ports,
         cx: &mut Cycle<'_>,
     ) -> Result<&'static str, Unusable> {
-        let (site, time) = (Site::from(params), frame.time);
+        let (site, time) = (site(params), frame.time);
         let local_from_vehicle = site.local_from_vehicle(&self.localizer, time)?;
+        // The mount parameters are the left camera's.
+        let camera = if eye == 0 { site } else { site.without_mount() };
         let vehicle_from_camera =
-            site.vehicle_from_camera(&self.localizer, &frame.image.frame_id, time, eye == 0)?;
+            camera.vehicle_from_sensor(&self.localizer, &frame.image.frame_id, Axes::Optical, time)?;
         let ratios = self.ratios(params);
         let set = eye.min(self.maps.len() - 1);
         let refusal = self.refusal(time, params);
@@ -196,7 +199,7 @@ impl TerrainLearner {
         if params.learn_while_standing {
             return None;
         }
-        match Site::from(params).motion(&self.localizer, time, params.motion_window_s) {
+        match site(params).motion(&self.localizer, time, params.motion_window_s) {
             Some([_, turn]) if turn > params.max_turn_rate_dps.to_radians() => {
                 Some("does not learn: the vehicle turns")
             }
@@ -213,7 +216,7 @@ impl TerrainLearner {
         rules: &ModelRules,
         cx: &mut Cycle<'_>,
     ) -> bool {
-        let site = Site::from(params);
+        let site = site(params);
         let before: Vec<_> = self.maps.iter().map(TerrainMap::experienced).collect();
         let half = params.width_m / 2.0;
         while let Some(bumper) = cx.read(&ports.bumper) {
@@ -261,9 +264,11 @@ impl TerrainLearner {
             models.timestamp = Some(time.to_proto());
             cx.write(&ports.models[set], time, models);
             if let Some((south_west, costs)) = map.changed() {
-                let frame = &params.local_frame;
-                let grid = cost_grid::message(Source::Terrain, frame, time, south_west, CELL_SIZE_M, costs);
-                cx.write(&ports.cost, time, grid);
+                let frame = GridFrame { south_west, side: SIDE, cell_size_m: CELL_SIZE_M };
+                let grid = CostGrid::of(frame, costs);
+                let local = site(params).frames.local;
+                let message = grid.map(|grid| grid.into_message(Source::Terrain, local, time));
+                message.into_iter().for_each(|message| cx.write(&ports.cost, time, message));
             }
         }
     }
@@ -293,6 +298,11 @@ impl TerrainLearner {
             _ => self.ratios.insert(Arc::new(RatioBins::new(span))).clone(),
         }
     }
+}
+
+/// How vehicle and cameras are found.
+fn site(params: &TerrainLearnerParams) -> Site<'_> {
+    Site::new(params.pose.as_ref(), params.mount.as_ref())
 }
 
 /// Rules of the parameters.

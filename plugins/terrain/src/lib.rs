@@ -14,7 +14,7 @@
 //! | `right_calibration` | in, optional | `foxglove.CameraCalibration` | calibration of the right eye's image |
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
-//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose_frame` names, in the local frame |
+//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
 //! | `cost` | out | `foxglove.Grid` | changed cells of 201x201 of 0.2 m: field cost.terrain, local frame |
@@ -36,7 +36,7 @@
 //!
 //! - [`texture`]: local binary patterns and contrast. [`appearance`]: histograms and how they are compared.
 //! - [`frame`]: from pixels to cells. [`map`]: the learning map. [`models`]: models, and the way to and from messages.
-//! - [`image_check`], [`sync`], [`site`]: what both processes ask of images, times and frames.
+//! - [`sync`]: images that belong together by their times.
 //!
 //! Cost: linear in pixels. Counts are whole numbers, so any number of threads gives the same bits.
 //!
@@ -51,20 +51,23 @@
 //!
 //! Classifies windows of an image by these models. Its port table is in [`classifier`].
 
+rcs_msg::messages!(
+    /// Messages of this plugin alone, from `proto/`.
+    pub mod proto
+);
+
 pub mod appearance;
 pub mod classifier;
 pub mod classify;
-pub mod cost_grid;
 mod eye;
 pub mod frame;
-pub mod image_check;
 mod learner;
 pub mod map;
 pub mod models;
 pub mod place;
-pub mod site;
 pub mod sync;
 pub mod texture;
+mod unusable;
 
 pub use classifier::Classifier;
 pub use learner::TerrainLearner;

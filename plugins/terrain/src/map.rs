@@ -13,12 +13,10 @@ use crate::frame::Window;
 use crate::models::{ModelRules, ModelSet, Terrain};
 use glam::{DVec2, DVec3};
 use rcs_geom::{CellIndex, GridError, Pose, ScrollGrid};
+use rcs_sense::CELL_SIZE_M;
 use rcs_world::{MAX_COST, SIDE, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-
-/// Side of a cell, m.
-pub const CELL_SIZE_M: f64 = 0.2;
 
 /// Cells of one frame for which room is made among the models, so that a frame of many new kinds of terrain does not take
 /// long: the nearest two of 64 models are found in some 20 µs.

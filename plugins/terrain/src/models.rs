@@ -1,7 +1,7 @@
 //! Terrain models: cells that look alike, and what is known of driving over them (A 3.2, steps 4 and 5).
 
 use crate::appearance::{BINS, HISTOGRAMS, Histograms, MatchWeights, Signature};
-use rcs_msg::rcs::{TerrainEye, TerrainModel, TerrainModels, TerrainWeights};
+use crate::proto::{TerrainEye, TerrainModel, TerrainModels, TerrainWeights};
 use serde::{Deserialize, Serialize};
 
 /// What a cell or a model holds: a model has the structure of a cell.

@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::classify_tests::{classes_of, learned};
-use crate::map::CELL_SIZE_M;
 use crate::scene::{Scene, camera, vehicle_from_camera};
 use proptest::prelude::*;
+use rcs_sense::CELL_SIZE_M;
 use rcs_world::MAX_COST;
 
 fn view(camera: &PinholeCamera, local_from_vehicle: Pose) -> View<'_> {

@@ -21,6 +21,11 @@
 //! It commands a turn rate rather than a heading: headings of [`rcs_msg::rcs::DriveCommand`] are in the local frame of a
 //! position estimate, which knows nothing of the truth.
 
+rcs_msg::messages!(
+    /// Messages of this plugin alone, from `proto/`.
+    pub mod proto
+);
+
 pub mod distance;
 mod process;
 pub mod pursuit;

@@ -1,13 +1,14 @@
 //! The process `truth_driver`.
 
+use crate::proto::{TruthDriverParams, TruthDriverStats};
 use crate::pursuit::{Steering, Style, length, progress, steer};
 use crate::terrain::{Rules, Terrain, Way};
 use rcs_geom::{DVec2, DVec3, Pose};
+use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, Odometry, PoseInFrame, PosesInFrame};
-use rcs_msg::rcs::{DriveCommand, TruthDriverParams, TruthDriverStats};
-use rcs_msg::{Stamp, rcs};
+use rcs_msg::rcs::DriveCommand;
 use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef};
-use rcs_world::{pose_message, pose_of};
+use rcs_sense::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// Frame of the truth.
@@ -220,7 +221,7 @@ impl TruthDriver {
             poses: self.path.iter().map(pose).collect(),
         };
         cx.write(&ports.path, now, path);
-        let stats = rcs::TruthDriverStats {
+        let stats = crate::proto::TruthDriverStats {
             timestamp: Some(now.to_proto()),
             plans: self.plans,
             last_reason: self.last_reason.clone(),

@@ -8,8 +8,8 @@ use rcs_msg::foxglove::{Grid, Odometry, PackedElementField, PoseInFrame, PosesIn
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
 use rcs_runtime::source::Task;
 use rcs_runtime::{ExternalEvent, Plan, ProcessType, RunOptions, Session, StackFile, Stepped};
+use rcs_sense::pose_message;
 use rcs_truth_driver::TruthDriver;
-use rcs_world::pose_message;
 use std::sync::Arc;
 
 const STACK: &str = r#"
@@ -158,7 +158,7 @@ fn it_turns_on_the_spot_to_a_path_behind_it() {
 fn a_new_path_is_searched_for_when_the_map_or_the_goal_changes_or_it_has_strayed() {
     let mut bench = Bench::on_a_meadow();
     let plans = |bench: &Bench| {
-        let stats: rcs::TruthDriverStats = bench.latest("stats");
+        let stats: rcs_truth_driver::proto::TruthDriverStats = bench.latest("stats");
         (stats.plans, stats.last_reason)
     };
     bench.at(2.0, 4.0, 0.0);

@@ -9,7 +9,7 @@
 //! | `bumper` | in, optional | `foxglove.Grid` | cells that the bumper hit: field cost.bumper, local frame |
 //! | `infrared` | in, optional | `foxglove.Grid` | costs of the infrared sensors: field cost.infrared, local frame |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
-//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose_frame` names, in the local frame |
+//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
 //! | `map` | out | `foxglove.Grid` | 201x201 cells of 0.2 m around the vehicle, local frame |
@@ -26,6 +26,11 @@
 //!
 //! A cost map that cannot be used (another frame, no `cost.<source>`, sizes that do not fit) is a fault and changes
 //! nothing.
+
+rcs_msg::messages!(
+    /// Messages of this plugin alone, from `proto/`.
+    pub mod proto
+);
 
 pub mod algo;
 mod process;

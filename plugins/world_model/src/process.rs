@@ -1,12 +1,13 @@
 //! The process `world_model`.
 
 use crate::algo::{Ballot, take};
+use crate::proto::{WorldModelParams, WorldModelStats};
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame};
-use rcs_msg::rcs::{PoseSource, WorldModelParams, WorldModelStats};
-use rcs_runtime::{CommandDef, Cycle, In, Msg, Out, PortBuilder, PosePorts, Process, ProcessDef};
-use rcs_world::{FrameNames, Label, Localizer, Map, MapOptions, Source, Sources, VoteRule, Weights};
+use rcs_runtime::{CommandDef, Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_sense::{Localizer, PosePorts, Site, pose_message};
+use rcs_world::{Label, Map, MapOptions, Source, Sources, VoteRule, Weights};
 use serde::{Deserialize, Serialize};
 
 /// Side of a cell of WM1, m.
@@ -89,7 +90,7 @@ impl Process for WorldModel {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &WorldModelParams, cx: &mut Cycle<'_>) {
-        ports.poses.read(&mut self.localizer, frames(params), cx);
+        ports.poses.read(&mut self.localizer, site(params).frames, cx);
         if cx.command().is_some_and(|command| command.name == "CLEAR") {
             self.map.clear();
             self.seen = Sources::default();
@@ -116,21 +117,16 @@ impl Process for WorldModel {
 impl WorldModel {
     /// Brings the map around the vehicle; it stays where it is while the pose is not known.
     fn scroll(&mut self, params: &WorldModelParams, now: Stamp) -> Option<Pose> {
-        let pose = match params.pose_source() {
-            PoseSource::PoseFixed => Some(Pose::IDENTITY),
-            // A pose that is not known yet is no fault: before the first message there is none.
-            PoseSource::PoseMessages => {
-                self.localizer.local_from_vehicle(frames(params), now, params.pose_max_age_s).ok()
-            }
-        }?;
+        // A pose that is not known yet is no fault: before the first message there is none.
+        let pose = site(params).local_from_vehicle(&self.localizer, now).ok()?;
         let exposed = self.map.recentre(pose.translation.truncate())?;
         self.scrolled += exposed.len() as u64;
         Some(pose)
     }
 
     fn vote(&mut self, source: Source, grid: &Msg<Grid>, params: &WorldModelParams) -> Result<(), String> {
-        if grid.frame_id != params.local_frame {
-            return Err(format!("frame is {:?}, expected {:?}", grid.frame_id, params.local_frame));
+        if grid.frame_id != site(params).frames.local {
+            return Err(format!("frame is {:?}, expected {:?}", grid.frame_id, site(params).frames.local));
         }
         let rule = VoteRule { rise: params.gain_up.min(255) as u8, fall: params.gain_down.min(255) as u8 };
         let ballot = Ballot {
@@ -174,12 +170,12 @@ impl WorldModel {
         let weights = weights(params);
         let options = MapOptions { sources, heights: true, weights };
         let acq_time = if self.changed == Stamp(0) { now } else { self.changed };
-        cx.write(&ports.map, acq_time, self.map.to_grid(&params.local_frame, now, &options));
+        cx.write(&ports.map, acq_time, self.map.to_grid(site(params).frames.local, now, &options));
         if let Some(pose) = vehicle {
             let vehicle = PoseInFrame {
                 timestamp: Some(now.to_proto()),
-                frame_id: params.local_frame.clone(),
-                pose: Some(rcs_world::pose_message(&pose)),
+                frame_id: site(params).frames.local.to_owned(),
+                pose: Some(pose_message(&pose)),
             };
             cx.write(&ports.vehicle, now, vehicle);
         }
@@ -217,6 +213,6 @@ fn weights(params: &WorldModelParams) -> Weights {
     }
 }
 
-fn frames(params: &WorldModelParams) -> FrameNames<'_> {
-    FrameNames { local: &params.local_frame, vehicle: &params.vehicle_frame, pose: &params.pose_frame }
+fn site(params: &WorldModelParams) -> Site<'_> {
+    Site::new(params.pose.as_ref(), None)
 }

@@ -41,22 +41,32 @@ fn is_plugin(dir: &str) -> bool {
 
 /// The folders a package may depend on, as `folder` or `folder/*`; none where the package is in no layer.
 ///
-/// The layers read: geom ← msg ← {world, scene, bus, log} ← runtime ← plugins ← all ← {app, tests}, and beside them
+/// The layers read: geom ← msg ← {world, scene, bus, log} ← runtime ← sense ← plugins ← all ← {app, tests}, and beside them
 /// {msg, world, runtime, ui} ← views ← app. A layer may also use what lies below its neighbours.
 fn allowed_below(dir: &str) -> Option<&'static [&'static str]> {
     Some(match dir {
-        "core/geom" | "ocu/ui" => &[],
-        "core/msg" | "core/scene" => &["core/geom"],
+        "core/geom" | "core/msg-build" | "ocu/ui" => &[],
+        "core/msg" => &["core/geom", "core/msg-build"],
+        "core/scene" => &["core/geom"],
         "core/world" | "core/bus" | "core/log" => &["core/geom", "core/msg"],
         // The testkit makes logs; a crate below it meets it in its tests alone.
-        "core/testkit" => &["core/msg", "core/log"],
-        "core/runtime" | "core/link" => &["core/geom", "core/msg", "core/world", "core/bus", "core/log"],
+        "core/testkit" => &["core/msg", "core/msg-build", "core/log"],
+        // The runtime runs anything: it knows no map and no perception.
+        "core/runtime" | "core/link" => &["core/geom", "core/msg", "core/bus", "core/log"],
+        "core/sense" => &["core/geom", "core/msg", "core/world", "core/bus", "core/runtime"],
         "plugins/all" => &["core/runtime", "plugins/*"],
         "ocu/views" => &["core/geom", "core/msg", "core/world", "core/runtime", "ocu/ui"],
         "ocu/app" | "tests" => &["core/*", "plugins/*", "ocu/*"],
-        dir if is_plugin(dir) => {
-            &["core/geom", "core/msg", "core/world", "core/scene", "core/bus", "core/log", "core/runtime"]
-        }
+        dir if is_plugin(dir) => &[
+            "core/geom",
+            "core/msg",
+            "core/msg-build",
+            "core/world",
+            "core/scene",
+            "core/bus",
+            "core/runtime",
+            "core/sense",
+        ],
         _ => return None,
     })
 }

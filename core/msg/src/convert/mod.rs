@@ -2,7 +2,7 @@
 //!
 //! | from | to | file |
 //! | --- | --- | --- |
-//! | every message of ours and of Foxglove's, by name | itself, typed | `ours.rs` |
+//! | every message of the registry, by name | itself, typed | `schema.rs` |
 //! | `sensor_msgs/Image` | `foxglove.RawImage` | `image.rs` |
 //! | `sensor_msgs/CompressedImage` | `foxglove.CompressedImage` | `image.rs` |
 //! | `sensor_msgs/CameraInfo` | `foxglove.CameraCalibration` | `image.rs` |
@@ -22,13 +22,12 @@ mod cloud;
 mod grid;
 mod image;
 mod navigation;
-pub(crate) mod ours;
 mod pose;
 
 use crate::any::AnyMessage;
 use crate::reader::Reader;
 use crate::reader::cdr::{CdrError, Cursor};
-use crate::schema::{MessageEncoding, Schema};
+use crate::schema::{Known, MessageEncoding, Schema, registry};
 use bytes::Bytes;
 use prost_types::Timestamp;
 
@@ -97,8 +96,8 @@ pub fn canonical_name(schema: &Schema) -> Option<&'static str> {
     ours(schema).map(|known| known.name).or_else(|| conversion(schema)?.ok().map(|conversion| conversion.to))
 }
 
-fn ours(schema: &Schema) -> Option<&'static ours::Known> {
-    (*schema.message_encoding() == MessageEncoding::Protobuf).then(|| ours::known(schema.name()))?
+fn ours(schema: &Schema) -> Option<&'static Known> {
+    (*schema.message_encoding() == MessageEncoding::Protobuf).then(|| registry().known(schema.name()))?
 }
 
 fn conversion(schema: &Schema) -> Option<Result<&'static Conversion, ConvertError>> {

@@ -7,7 +7,6 @@ use crate::process::ProcessType;
 use prost_reflect::{DynamicMessage, MessageDescriptor, ReflectMessage};
 use rcs_msg::params::{self, ParamKind, ParamSpec};
 use rcs_msg::{AnyMessage, FieldPath, Value, rcs};
-use std::ops::Range;
 use std::sync::Arc;
 use toml::Spanned;
 
@@ -78,9 +77,7 @@ impl<'a> ParamReader<'a> {
         let mut values = params::defaults(descriptor);
         for (field, value) in &entry.params {
             let path = FieldPath::root().field(field.get_ref().as_str());
-            self.put(&mut values, &path, value).map_err(|(span, error)| {
-                self.file.error(&span, format!("parameter {name}{path}: {error}"))
-            })?;
+            self.put(name, &mut values, &path, value)?;
         }
         self.take_course(&files, &mut values)?;
         for (path, text) in self.options.overrides {
@@ -109,18 +106,20 @@ impl<'a> ParamReader<'a> {
     /// Sets a parameter, entry by entry, so that what is wrong is said of its own line.
     fn put(
         &mut self,
+        process: &str,
         values: &mut DynamicMessage,
         path: &FieldPath,
         entry: &Spanned<ParamEntry>,
-    ) -> Result<(), (Range<usize>, String)> {
-        let at = |error: String| (entry.span(), error);
+    ) -> Result<(), StackError> {
+        let file = self.file;
+        let at = |error: String| file.error(&entry.span(), format!("parameter {process}{path}: {error}"));
         let name = path.to_string();
         let name = name.trim_start_matches('.');
         let spec = params::find(&values.descriptor(), name).map_err(|error| at(error.to_string()))?;
         let value = match (entry.get_ref(), spec.kind) {
             (ParamEntry::Table(fields), ParamKind::Group) => {
                 for (field, value) in fields {
-                    self.put(values, &path.field(field.get_ref().as_str()), value)?;
+                    self.put(process, values, &path.field(field.get_ref().as_str()), value)?;
                 }
                 return Ok(());
             }
@@ -131,7 +130,7 @@ impl<'a> ParamReader<'a> {
                     let elements = Value::List(vec![Value::Message(Vec::new()); items.len()]);
                     params::set_param(values, name, &elements).map_err(|error| at(error.to_string()))?;
                     for (index, item) in items.iter().enumerate() {
-                        self.put(values, &path.index(index), item)?;
+                        self.put(process, values, &path.index(index), item)?;
                     }
                     return Ok(());
                 }

@@ -112,6 +112,7 @@ impl Plan {
         options: &PlanOptions<'_>,
     ) -> Result<Self, StackError> {
         let mut params = ParamReader::new(&file, *options)?;
+        plugins.iter().for_each(ProcessType::register);
         let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
         let hash = hash_of(&file, &processes);
         Ok(Self { file, hash, inputs, processes, buffers })
@@ -126,6 +127,7 @@ impl Plan {
     ) -> Result<Self, StackError> {
         let file = StackFile::parse(&format!("{} (recorded)", run.stack), &run.stack_text)?;
         let mut params = ParamReader::given(&file, &run.params, *options);
+        plugins.iter().for_each(ProcessType::register);
         let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
         let hash = hash_of(&file, &processes);
         Ok(Self { file, hash, inputs, processes, buffers })

@@ -20,7 +20,7 @@ pub struct Counter {
 }
 
 impl Process for Counter {
-    type Params = rcs::WorldModelParams;
+    type Params = rcs_testkit::proto::CounterParams;
     type Ports = Out<foxglove::Vector3>;
     const DEF: ProcessDef = ProcessDef {
         plugin: "counter",
@@ -64,7 +64,7 @@ pub struct AdderPorts {
 }
 
 impl Process for Adder {
-    type Params = rcs::WorldModelParams;
+    type Params = rcs::NoParams;
     type Ports = AdderPorts;
     const DEF: ProcessDef = ProcessDef {
         plugin: "adder",
@@ -112,7 +112,7 @@ pub struct Fragile {
 }
 
 impl Process for Fragile {
-    type Params = rcs::WorldModelParams;
+    type Params = rcs::NoParams;
     type Ports = Out<foxglove::Vector3>;
     const DEF: ProcessDef = ProcessDef {
         plugin: "fragile",

@@ -10,6 +10,7 @@ use rcs_msg::foxglove::RawImage;
 use rcs_msg::image::raw_to_rgb8;
 use rcs_msg::{AnyMessage, Stamp, canonical, canonical_name, schema_of};
 use rcs_runtime::{Happened, RunOptions, Stepped};
+use rcs_sense::ObstacleLabel;
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::sync::Arc;
@@ -120,8 +121,10 @@ impl Pairs {
 /// cover, too far or invalid is of no class.
 fn class(label: u8) -> Said {
     match label {
-        1 | 3 => Said::Ground,
-        2 => Said::Obstacle,
+        label if label == ObstacleLabel::Ground.code() || label == ObstacleLabel::ShortObstacle.code() => {
+            Said::Ground
+        }
+        label if label == ObstacleLabel::Obstacle.code() => Said::Obstacle,
         _ => Said::Unclassified,
     }
 }

@@ -16,6 +16,7 @@ use rcs_color::region::spans;
 use rcs_geom::DVec2;
 use rcs_msg::Stamp;
 use rcs_runtime::Assets as _;
+use rcs_sense::check_exposure;
 use rcs_world::{OBSTACLE_COST, UNKNOWN_COST};
 use std::io::Write;
 use std::path::Path;
@@ -43,10 +44,12 @@ pub(super) fn color(args: &EvalColorArgs, out: &mut dyn Write) -> anyhow::Result
     let mut engine = Engine::new(apriori(&args.apriori, settings.samples)?);
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let (mut confusion, mut times_ms) = (Confusion::default(), Vec::new());
+    let rules = rcs_msg::params::default();
     for (index, (path, labels)) in (0..).zip(args.image.iter().zip(&args.labels)) {
         let image = image::open(path).with_context(|| format!("cannot read {}", path.display()))?.to_rgb8();
         let size = [image.width() as usize, image.height() as usize];
         let ids = ids(labels, size)?;
+        check_exposure(image.as_raw(), &rules).with_context(|| format!("cannot use {}", path.display()))?;
         let picture = Picture::new(size, 3 * size[0], image.as_raw())?;
         let ground = trapezoid(size);
         let horizon_px = (args.horizon * 0.01 * size[1] as f64) as u32;
@@ -60,7 +63,7 @@ pub(super) fn color(args: &EvalColorArgs, out: &mut dyn Write) -> anyhow::Result
             let start = Instant::now();
             let seen = engine.see(&picture, &samples, time, &settings, &mut rng);
             times_ms.push(start.elapsed().as_secs_f64() * 1e3);
-            costs = seen.with_context(|| format!("cannot use {}", path.display()))?.costs;
+            costs = seen.costs;
         }
         let costs = costs.with_context(|| format!("no ground sample in {}", path.display()))?;
         count(&costs, &ids, size, args, &mut confusion);

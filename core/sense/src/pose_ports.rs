@@ -1,9 +1,8 @@
 //! The four inputs by which any process learns where its vehicle is.
 
-use crate::cycle::Cycle;
-use crate::process::{In, PortBuilder};
+use crate::localizer::{FrameNames, Localizer, LocalizerError};
 use rcs_msg::foxglove::{FrameTransforms, Odometry, PoseInFrame};
-use rcs_world::{FrameNames, Localizer, LocalizerError};
+use rcs_runtime::{Cycle, In, PortBuilder};
 
 /// Handles of the optional inputs `odometry`, `pose`, `transforms` and `static_transforms`: a stack wires what its
 /// robot has.
@@ -22,7 +21,7 @@ impl PosePorts {
             odometry: builder.optional_input("odometry", "pose of the vehicle in the local frame"),
             pose: builder.optional_input(
                 "pose",
-                "pose of the vehicle, or of the frame that `pose_frame` names, in the local frame",
+                "pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame",
             ),
             transforms: builder.optional_input("transforms", "transforms between frames at their times"),
             static_transforms: builder

@@ -1,0 +1,156 @@
+//! Where sensor and vehicle were at a time, as the parameters ask for it.
+
+use crate::localizer::{FrameNames, Localizer, LocalizerError};
+use rcs_geom::{CameraError, DVec3, PinholeCamera, Pose};
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::CameraCalibration;
+use rcs_msg::rcs::{Mount, PoseSource, VehiclePose};
+use std::sync::LazyLock;
+
+/// The z component of the vehicle's up axis below which it lies on its side: what it sees says nothing of ground.
+pub const MIN_UPRIGHT: f64 = 0.5;
+
+/// The vehicle lies on its side.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("vehicle lies on its side: its up is {up_z:.2} of upright, expected at least {MIN_UPRIGHT}")]
+pub struct OnItsSide {
+    /// The z component of its up axis in the local frame.
+    pub up_z: f64,
+}
+
+/// Axes of a sensor's data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axes {
+    /// x right, y down, z along the view: cameras.
+    Optical,
+    /// x forward, y left, z up: scanners.
+    Body,
+}
+
+/// How vehicle and sensor are found, as the parameters of a process say.
+#[derive(Clone, Copy, Debug)]
+pub struct Site<'a> {
+    /// Names of the frames.
+    pub frames: FrameNames<'a>,
+    /// Whether the vehicle stands at the origin of the local frame.
+    pub fixed_pose: bool,
+    /// Oldest pose that is used, s.
+    pub max_age_s: f64,
+    /// Sensor on the vehicle, body axes, where parameters give it.
+    pub vehicle_from_mount: Option<Pose>,
+}
+
+impl<'a> Site<'a> {
+    /// Of the parameters of a process. Those of a plan have every group; where one is absent, its defaults hold.
+    pub fn new(pose: Option<&'a VehiclePose>, mount: Option<&Mount>) -> Site<'a> {
+        static DEFAULT: LazyLock<VehiclePose> = LazyLock::new(rcs_msg::params::default);
+        let pose = pose.unwrap_or(&DEFAULT);
+        Site {
+            frames: FrameNames {
+                local: &pose.local_frame,
+                vehicle: &pose.vehicle_frame,
+                pose: &pose.stream_frame,
+            },
+            fixed_pose: pose.source() == PoseSource::PoseFixed,
+            max_age_s: pose.max_age_s,
+            vehicle_from_mount: mount.filter(|mount| mount.fixed).map(|mount| {
+                Pose::from_rpy(
+                    DVec3::new(mount.x_m, mount.y_m, mount.height_m),
+                    mount.roll_deg.to_radians(),
+                    mount.pitch_deg.to_radians(),
+                    mount.yaw_deg.to_radians(),
+                )
+            }),
+        }
+    }
+
+    /// The same for a sensor that the mount parameters are not about.
+    #[must_use]
+    pub fn without_mount(self) -> Site<'a> {
+        Site { vehicle_from_mount: None, ..self }
+    }
+
+    /// The vehicle in the local frame at a time.
+    pub fn local_from_vehicle(&self, localizer: &Localizer, time: Stamp) -> Result<Pose, LocalizerError> {
+        if self.fixed_pose {
+            return Ok(Pose::IDENTITY);
+        }
+        localizer.local_from_vehicle(self.frames, time, self.max_age_s)
+    }
+
+    /// The frame of a sensor's data on the vehicle at a time.
+    pub fn vehicle_from_sensor(
+        &self,
+        localizer: &Localizer,
+        frame_id: &str,
+        axes: Axes,
+        time: Stamp,
+    ) -> Result<Pose, LocalizerError> {
+        match (self.vehicle_from_mount, axes) {
+            (Some(mount), Axes::Optical) => Ok(mount * Pose::body_from_optical()),
+            (Some(mount), Axes::Body) => Ok(mount),
+            (None, _) => localizer.lookup(self.frames.vehicle, frame_id, time, self.max_age_s),
+        }
+    }
+
+    /// Speed (m/s) and turn rate (rad/s) over the `window_s` before a time; `None` while poses do not reach back so far.
+    pub fn motion(&self, localizer: &Localizer, time: Stamp, window_s: f64) -> Option<[f64; 2]> {
+        let before = Stamp(time.0.checked_sub((window_s * 1e9) as u64)?);
+        let now = self.local_from_vehicle(localizer, time).ok()?;
+        let then = self.local_from_vehicle(localizer, before).ok()?;
+        let moved = now.translation.distance(then.translation);
+        let turned = rcs_geom::wrap_angle(now.yaw() - then.yaw()).abs();
+        Some([moved / window_s, turned / window_s])
+    }
+}
+
+/// The up axis of the vehicle in the local frame; refused where the vehicle lies on its side.
+pub fn upright(local_from_vehicle: &Pose) -> Result<DVec3, OnItsSide> {
+    let up = local_from_vehicle.rotate(DVec3::Z);
+    if up.z < MIN_UPRIGHT { Err(OnItsSide { up_z: up.z }) } else { Ok(up) }
+}
+
+/// The camera of a calibration message.
+pub fn camera_of(calibration: &CameraCalibration) -> Result<PinholeCamera, CameraError> {
+    PinholeCamera::from_calibration(
+        [calibration.width, calibration.height],
+        &calibration.k,
+        &calibration.distortion_model,
+        &calibration.d,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fixed_mount_needs_no_transform_and_another_sensor_does() {
+        let pose = VehiclePose { source: PoseSource::PoseFixed.into(), ..rcs_msg::params::default() };
+        let mount = Mount { fixed: true, x_m: 0.5, ..rcs_msg::params::default() };
+        let site = Site::new(Some(&pose), Some(&mount));
+        let localizer = Localizer::default();
+        assert_eq!(site.local_from_vehicle(&localizer, Stamp(7)), Ok(Pose::IDENTITY));
+        let camera = site.vehicle_from_sensor(&localizer, "camera", Axes::Optical, Stamp(7)).unwrap();
+        assert_eq!(camera.translation, DVec3::new(0.5, 0.0, 1.0));
+        assert!((camera.rotate(DVec3::Z) - DVec3::X).length() < 1e-12);
+        let scanner = site.vehicle_from_sensor(&localizer, "scanner", Axes::Body, Stamp(7)).unwrap();
+        assert!((scanner.rotate(DVec3::X) - DVec3::X).length() < 1e-12);
+        let other = site.without_mount().vehicle_from_sensor(&localizer, "camera", Axes::Optical, Stamp(7));
+        assert!(matches!(other, Err(LocalizerError::Transform(_))), "{other:?}");
+    }
+
+    #[test]
+    fn a_group_that_is_absent_has_its_defaults() {
+        let site = Site::new(None, None);
+        assert_eq!(site.frames, FrameNames { local: "local", vehicle: "vehicle", pose: "" });
+        assert_eq!((site.fixed_pose, site.max_age_s), (false, 0.5));
+    }
+
+    #[test]
+    fn a_vehicle_on_its_side_is_told() {
+        let rolled = |roll_rad| upright(&Pose::from_rpy(DVec3::ZERO, roll_rad, 0.0, 0.0));
+        assert!(rolled(1.0).is_ok());
+        assert!(rolled(1.1).is_err());
+    }
+}
