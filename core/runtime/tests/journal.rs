@@ -168,10 +168,10 @@ fn another_stack_seed_or_parameter_is_refused_by_name() {
     check(recorded.check(&plan_of(PAIR), Some(8)), &["seed 7", "got 8"]);
     let other = PAIR.replace("period_ms = 25", "period_ms = 30");
     check(recorded.check(&plan_of(&other), None), &["another stack", "pair"]);
-    let overrides = [("adder.publish_hz".to_owned(), "7.5".to_owned())];
+    let overrides = [("counter.publish_hz".to_owned(), "7.5".to_owned())];
     let changed = recorded.plan_with(PLUGINS, &overrides, &NoAssets).unwrap();
-    check(recorded.check(&changed, None), &["adder.publish_hz", "got 7.5", "expected 5"]);
-    let same = [("adder.publish_hz".to_owned(), "5".to_owned())];
+    check(recorded.check(&changed, None), &["counter.publish_hz", "got 7.5", "expected 5"]);
+    let same = [("counter.publish_hz".to_owned(), "5".to_owned())];
     assert!(recorded.check(&recorded.plan_with(PLUGINS, &same, &NoAssets).unwrap(), None).is_ok());
 }
 

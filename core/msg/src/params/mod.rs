@@ -324,7 +324,8 @@ fn parse(descriptor: &MessageDescriptor, path: &str) -> Result<FieldPath, ParamE
 
 fn unknown(name: &str, message: &str, known: &[ParamSpec]) -> ParamError {
     let names: Vec<_> = known.iter().map(|spec| spec.name.as_str()).collect();
-    ParamError::Unknown { name: name.to_owned(), message: message.to_owned(), expected: names.join(", ") }
+    let expected = if names.is_empty() { "none: there are none".to_owned() } else { names.join(", ") };
+    ParamError::Unknown { name: name.to_owned(), message: message.to_owned(), expected }
 }
 
 fn refused(path: &FieldPath, got: String, spec: &ParamSpec) -> ParamError {
