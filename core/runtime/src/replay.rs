@@ -25,7 +25,9 @@ pub struct RecordedRun {
     end: Stamp,
     /// Whether the recording was finished, and holds every message that it was to hold.
     whole: bool,
-    schedule: Vec<(String, Stamp, Stamp)>,
+    /// Cycles of a live run: the process by its place in `processes`, start and end.
+    schedule: Vec<(u16, Stamp, Stamp)>,
+    processes: Vec<String>,
     journal: Journal,
     problems: Vec<String>,
 }
@@ -50,6 +52,7 @@ impl RecordedRun {
             end: end.map_or(info.end, |(time, _)| time),
             whole: end.is_some_and(|(_, dropped)| dropped == 0) && info.problems.is_empty(),
             schedule: Vec::new(),
+            processes: Vec::new(),
             journal: Journal::default(),
             problems: info.problems.clone(),
         };
@@ -71,8 +74,12 @@ impl RecordedRun {
             let sequence = &mut last[usize::from(is_journal)];
             *sequence = sequence.wrapping_add(1);
             let problem = if message.sequence == *sequence {
-                if is_journal { take_event(&raw, &mut events) } else { take_cycle(&raw, &mut read.schedule) }
-                    .err()
+                if is_journal {
+                    take_event(&raw, &mut events)
+                } else {
+                    take_cycle(&raw, &mut read.processes, &mut read.schedule)
+                }
+                .err()
             } else {
                 Some(format!("message {sequence} of {} is missing", topic.name))
             };
@@ -207,16 +214,19 @@ impl RecordedRun {
     ) -> Result<Stepped, RunError> {
         let options = RunOptions { seed: self.info.seed, build: self.info.build.clone(), ..options };
         if self.info.live {
-            let cycle = |(process, start, end): &(String, Stamp, Stamp)| {
-                let node = plan.processes.iter().position(|known| *known.name == **process);
-                let node = node.ok_or_else(|| {
-                    RunError::Refused(format!(
-                        "the schedule names process {process}, which the stack does not have"
-                    ))
-                })?;
-                Ok(ScheduledCycle { node, start: *start, end: *end })
+            let place = |name: &String| {
+                let place = plan.processes.iter().position(|known| *known.name == **name);
+                place.ok_or_else(|| {
+                    let text = format!("the schedule names process {name}, which the stack does not have");
+                    RunError::Refused(text)
+                })
             };
-            let cycles = self.schedule.iter().map(cycle).collect::<Result<_, RunError>>()?;
+            let places = self.processes.iter().map(place).collect::<Result<Vec<_>, _>>()?;
+            let cycle = |&(process, start, end): &(u16, Stamp, Stamp)| {
+                let node = places[usize::from(process)];
+                ScheduledCycle { node, start, end }
+            };
+            let cycles = self.schedule.iter().map(cycle).collect();
             return Stepped::on_schedule(Arc::clone(plan), options, self.start, cycles, self.journal.clone());
         }
         match (log, self.info.log.as_str()) {
@@ -253,9 +263,19 @@ fn take_event(raw: &AnyMessage, events: &mut Vec<ExternalEvent>) -> Result<(), S
     Ok(())
 }
 
-fn take_cycle(raw: &AnyMessage, cycles: &mut Vec<(String, Stamp, Stamp)>) -> Result<(), String> {
+fn take_cycle(
+    raw: &AnyMessage,
+    processes: &mut Vec<String>,
+    cycles: &mut Vec<(u16, Stamp, Stamp)>,
+) -> Result<(), String> {
     let record = raw.to::<rcs::CycleRecord>().ok_or("a cycle of the schedule does not decode")?;
-    cycles.push((record.process, Stamp(record.start_ns), Stamp(record.end_ns)));
+    let known = processes.iter().position(|known| *known == record.process);
+    let place = known.unwrap_or(processes.len());
+    let number = u16::try_from(place).map_err(|_| "the schedule names more processes than a run can have")?;
+    if known.is_none() {
+        processes.push(record.process);
+    }
+    cycles.push((number, Stamp(record.start_ns), Stamp(record.end_ns)));
     Ok(())
 }
 

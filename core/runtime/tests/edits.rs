@@ -137,3 +137,28 @@ fn an_edit_survives_in_a_snapshot_on_disk() {
     assert_eq!(again.summary().hash, whole.summary().hash);
     assert_eq!(listed(&again), [(2, "/counter/count.y".to_owned())]);
 }
+
+#[test]
+fn an_edit_that_fits_the_type_but_not_the_message_is_dropped_and_told_as_the_operators() {
+    let mut run = running();
+    let change = rcs::Override {
+        buffer: "/counter/command".to_owned(),
+        owner: "anna".to_owned(),
+        ..hold(".parameters[3]", "7")
+    };
+    set(&mut run, change).unwrap();
+    assert_eq!(listed(&run).len(), 1);
+    let faults = newest::<rcs::Status>(&run, "/counter/status").faults;
+    let halt = rcs::Command { serial: 99, name: "HALT".to_owned(), ..Default::default() };
+    run.take(ExternalEvent::operator("/counter/command", AnyMessage::new(halt))).unwrap();
+    run.run_until(seconds(0.2)).unwrap();
+    let status: rcs::Status = newest(&run, "/counter/status");
+    assert_eq!((status.command.as_str(), status.faults), ("HALT", faults), "the message passed");
+    let told: foxglove::Log = newest(&run, "/runtime/log");
+    assert_eq!(told.name, "operator");
+    for part in ["/counter/command.parameters[3]", "anna", "dropped"] {
+        assert!(told.message.contains(part), "{}", told.message);
+    }
+    let list: rcs::OverrideList = newest(&run, "/runtime/overrides");
+    assert_eq!((list.active.len(), list.dropped, list.last_dropped), (0, 1, told.message));
+}

@@ -6,12 +6,13 @@ mod common;
 
 use common::{PAIR, PLUGINS, plan, seconds, stepped};
 use rcs_log::Log;
-use rcs_msg::{AnyMessage, rcs};
+use rcs_msg::{AnyMessage, foxglove, rcs};
 use rcs_runtime::{
-    Difference, ExternalEvent, NoAssets, RecordOptions, RecordWhat, RecordedRun, Recording, Replay,
-    RunOptions, Stepped, diff,
+    Difference, ExternalEvent, Live, LiveOptions, NoAssets, RecordOptions, RecordWhat, RecordedRun,
+    Recording, Replay, RunOptions, Stepped, diff,
 };
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 fn hashing() -> RunOptions {
     RunOptions { hash: true, seed: 7, ..RunOptions::default() }
@@ -235,4 +236,60 @@ fn a_log_that_is_no_recording_of_a_run_is_refused() {
     common::write_log(&path, &[(0.0, "/a", 1.0)]);
     let error = RecordedRun::read(&Log::open(&path).unwrap()).unwrap_err().to_string();
     assert!(error.contains("holds no run"), "{error}");
+}
+
+#[test]
+fn a_live_run_with_a_sensor_an_edit_and_a_command_replays_to_its_own_hash() {
+    let (folder, path) = folder();
+    let stack = format!(
+        "{PAIR}\n[[input]]\nbuffer = \"/in\"\ntopic = \"/sensor\"\n\n[[process]]\nname = \"second\"\n\
+         plugin = \"adder\"\nsupervisor = \"viewer\"\ninputs = {{ input = \"/in\" }}\n"
+    );
+    // Tables of buffers end the file.
+    let (buffers, rest) = (stack.find("[buffers").unwrap(), stack.find("[[input]]").unwrap());
+    let stack = format!("{}{}{}", &stack[..buffers], &stack[rest..], &stack[buffers..rest]);
+    let plan = plan(&stack).unwrap();
+    let options = LiveOptions { run: hashing(), record: Some(path.clone()), ..LiveOptions::default() };
+    let live = Live::start(plan, &options).unwrap();
+    let deadline = Instant::now() + Duration::from_mins(1);
+    let newest = |buffer: &str| live.bus().get(buffer).unwrap().newest();
+    let wait = |count: u64| {
+        while newest("/counter/count") < count {
+            assert!(Instant::now() < deadline, "a live run of small processes stands still");
+            std::thread::yield_now();
+        }
+    };
+    let sense = |x: f64| {
+        let message = AnyMessage::new(foxglove::Vector3 { x, ..Default::default() });
+        live.take(ExternalEvent::sensed("/in", live.now(), message)).unwrap();
+    };
+    wait(5);
+    sense(1.0);
+    live.take(params(9.0)).unwrap();
+    wait(10);
+    sense(2.0);
+    live.take(hold(".z", "42")).unwrap();
+    let halt = rcs::Command { serial: 9, name: "HALT".to_owned(), ..Default::default() };
+    live.take(ExternalEvent::operator("/second/command", AnyMessage::new(halt))).unwrap();
+    wait(20);
+    let stopped = live.stop().unwrap();
+    assert_eq!(stopped.recording.unwrap().dropped, 0);
+    let log = Log::open(&path).unwrap();
+    assert_eq!(repeat(&log), (stopped.summary.hash.unwrap(), None));
+    // Without one of its cycles the schedule has a gap, and what comes after it is not repeated.
+    let bad = folder.path().join("bad.mcap");
+    copy(&log, &bad, |topic, sequence, data| {
+        if topic == "/runtime/schedule" && sequence == 30 {
+            *data = vec![0xff];
+        }
+    });
+    let bad = Log::open(&bad).unwrap();
+    let recorded = RecordedRun::read(&bad).unwrap();
+    assert!(
+        recorded.problems().iter().any(|problem| problem.contains("schedule")),
+        "{:?}",
+        recorded.problems()
+    );
+    assert!(recorded.end() < RecordedRun::read(&log).unwrap().end());
+    assert_eq!(repeat(&bad).1, None);
 }
