@@ -119,7 +119,6 @@ impl Pair {
         let only = |side: &str| ("message".to_owned(), format!("only the {side} has it"));
         let found = loop {
             match (self.first.front(), self.second.front()) {
-                (None, None) => return None,
                 (Some((_, a)), Some((order, b))) if a.sequence == b.sequence => {
                     if let Some((field, detail)) = difference(a, b) {
                         let order = self.first.front().map_or(*order, |(order, _)| *order);
@@ -139,8 +138,8 @@ impl Pair {
                     let (field, detail) = only("first");
                     break (*order, a.clone(), field, detail);
                 }
-                // The guard above has taken this one.
-                (None, Some(_)) => return None,
+                // Both are empty: one message on the second side alone was taken above.
+                (None, _) => return None,
             }
         };
         self.first.clear();

@@ -11,12 +11,14 @@ use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
+/// What takes messages to be hashed (`None` for the end), and the thread that does it.
+type Hashing = (Sender<Option<(usize, Sample)>>, JoinHandle<Vec<Tally>>);
 type Times = Arc<Mutex<BTreeMap<String, CycleTimes>>>;
 
 /// Counts what a live run does, from its begin on.
 pub(crate) struct LiveTally {
     times: Times,
-    hashing: Option<(Sender<Option<(usize, Sample)>>, JoinHandle<Vec<Tally>>)>,
+    hashing: Option<Hashing>,
 }
 
 impl LiveTally {
@@ -60,8 +62,6 @@ impl LiveTally {
         summary_of(now.seconds_since(start), processes, buffers.iter().enumerate().map(buffer).collect())
     }
 }
-
-type Hashing = (Sender<Option<(usize, Sample)>>, JoinHandle<Vec<Tally>>);
 
 fn hash_on_a_thread(buffers: &[Arc<Buffer>]) -> std::io::Result<Hashing> {
     let (sender, receiver) = channel::<Option<(usize, Sample)>>();
