@@ -34,8 +34,10 @@ pub struct RecordedRun {
 
 impl RecordedRun {
     /// Reads a recording's identity, journal and schedule. A recording that was cut, or is damaged, is read as far as
-    /// journal and schedule go without a gap: [`RecordedRun::problems`] says so.
-    pub fn read(recording: &Log) -> Result<Self, RunError> {
+    /// journal and schedule go without a gap: [`RecordedRun::problems`] says so. The journal may hold messages of any of
+    /// the plugins.
+    pub fn read(recording: &Log, plugins: &[ProcessType]) -> Result<Self, RunError> {
+        plugins.iter().for_each(ProcessType::register);
         let info = recording.info();
         let ids = |name: &str| info.topics_named(name).map(|topic| topic.id).collect::<Vec<TopicId>>();
         let [runs, schedules, journals] = [names::RUN, names::SCHEDULE, names::JOURNAL].map(ids);

@@ -62,7 +62,7 @@ fn folder() -> (tempfile::TempDir, PathBuf) {
 
 /// Repeats a recording: the hash and the first difference.
 fn repeat(log: &Log) -> (String, Option<Difference>) {
-    let recorded = RecordedRun::read(log).unwrap();
+    let recorded = RecordedRun::read(log, PLUGINS).unwrap();
     let plan = recorded.plan(PLUGINS).unwrap();
     let run = recorded.stepped(&plan, None, hashing()).unwrap();
     let mut replay = Replay::new(recorded, run).unwrap();
@@ -80,7 +80,7 @@ fn a_recorded_run_with_an_operator_in_it_replays_to_the_same_hash() {
     let (_folder, path) = folder();
     let hash = record(&path, RecordWhat::All);
     let log = Log::open(&path).unwrap();
-    let recorded = RecordedRun::read(&log).unwrap();
+    let recorded = RecordedRun::read(&log, PLUGINS).unwrap();
     assert_eq!((recorded.journal().len(), recorded.problems()), (3, &[][..]));
     assert_eq!(repeat(&log), (hash, None));
 }
@@ -159,7 +159,7 @@ fn two_recordings_of_runs_that_differ_are_told_apart_where_they_first_do() {
 fn another_stack_seed_or_parameter_is_refused_by_name() {
     let (_folder, path) = folder();
     record(&path, RecordWhat::Journal);
-    let recorded = RecordedRun::read(&Log::open(&path).unwrap()).unwrap();
+    let recorded = RecordedRun::read(&Log::open(&path).unwrap(), PLUGINS).unwrap();
     let plan_of = |text: &str| plan(text).unwrap();
     let check = |error: Result<(), rcs_runtime::RunError>, expected: &[&str]| {
         let error = error.unwrap_err().to_string();
@@ -190,7 +190,7 @@ fn a_recording_cut_anywhere_is_repeated_as_far_as_it_goes_and_never_panics() {
             refused += 1;
             continue;
         };
-        match RecordedRun::read(&log) {
+        match RecordedRun::read(&log, PLUGINS) {
             Err(error) => {
                 assert!(error.to_string().contains("/runtime/run"), "{error}");
                 refused += 1;
@@ -219,7 +219,7 @@ fn a_journal_with_a_gap_or_an_unreadable_event_is_said_and_repeated_up_to_there(
             data.clear();
         }
     });
-    let recorded = RecordedRun::read(&Log::open(&bad).unwrap()).unwrap();
+    let recorded = RecordedRun::read(&Log::open(&bad).unwrap(), PLUGINS).unwrap();
     assert_eq!(recorded.journal().len(), 2);
     assert_eq!(recorded.end(), seconds(0.5));
     assert!(
@@ -234,7 +234,7 @@ fn a_journal_with_a_gap_or_an_unreadable_event_is_said_and_repeated_up_to_there(
 fn a_log_that_is_no_recording_of_a_run_is_refused() {
     let (_folder, path) = folder();
     common::write_log(&path, &[(0.0, "/a", 1.0)]);
-    let error = RecordedRun::read(&Log::open(&path).unwrap()).unwrap_err().to_string();
+    let error = RecordedRun::read(&Log::open(&path).unwrap(), PLUGINS).unwrap_err().to_string();
     assert!(error.contains("holds no run"), "{error}");
 }
 
@@ -284,12 +284,12 @@ fn a_live_run_with_a_sensor_an_edit_and_a_command_replays_to_its_own_hash() {
         }
     });
     let bad = Log::open(&bad).unwrap();
-    let recorded = RecordedRun::read(&bad).unwrap();
+    let recorded = RecordedRun::read(&bad, PLUGINS).unwrap();
     assert!(
         recorded.problems().iter().any(|problem| problem.contains("schedule")),
         "{:?}",
         recorded.problems()
     );
-    assert!(recorded.end() < RecordedRun::read(&log).unwrap().end());
+    assert!(recorded.end() < RecordedRun::read(&log, PLUGINS).unwrap().end());
     assert_eq!(repeat(&bad).1, None);
 }

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{PAIR, newest, plan, seconds, stepped, write_log};
+use common::{PAIR, PLUGINS, newest, plan, seconds, stepped, write_log};
 use rcs_log::{CursorOptions, Log};
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use rcs_runtime::source::{Source, StackSource, Step, Task};
@@ -346,7 +346,7 @@ fn a_live_run_on_its_recorded_schedule_gives_the_same_buffers() {
     assert_eq!((status.dropped, status.error), (0, None));
 
     let log = Log::open(&path).unwrap();
-    let recorded = RecordedRun::read(&log).unwrap();
+    let recorded = RecordedRun::read(&log, PLUGINS).unwrap();
     let mut again = recorded.stepped(&plan, None, hashing(1)).unwrap();
     let seen = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
     let names = [

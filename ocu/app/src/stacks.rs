@@ -88,7 +88,7 @@ pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
 
 /// A recording that holds the journal of a run alone: the run, computed again.
 fn repeat(recording: &Log) -> anyhow::Result<Box<dyn Source>> {
-    let recorded = RecordedRun::read(recording)?;
+    let recorded = RecordedRun::read(recording, rcs_plugins::all())?;
     let plan = recorded.plan(rcs_plugins::all())?;
     let log = match recorded.info().log.as_str() {
         "" => None,

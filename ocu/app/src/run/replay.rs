@@ -16,7 +16,7 @@ use std::time::Instant;
 /// Repeats a recorded run and prints what `ocu run` prints, and whether it was as recorded; `false` if it was not.
 pub(super) fn run(args: &RunArgs, recording: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
     let recording = Log::open(recording)?;
-    let recorded = RecordedRun::read(&recording)?;
+    let recorded = RecordedRun::read(&recording, rcs_plugins::all())?;
     for problem in recorded.problems() {
         tracing::warn!("{problem}");
     }
