@@ -102,6 +102,10 @@ struct Inner {
     /// Per reader, the sequence that it read last; `None` where the reader has gone.
     cursors: Vec<Option<u64>>,
     taps: Vec<Tap>,
+    /// Taps of those outside, which a run that is done again tells nothing.
+    once: Vec<Tap>,
+    /// Sequence of the newest message that those have seen.
+    seen: u64,
     overrides: Active,
     /// How many readers and writers wait for a change. Waking is a call of the system, and mostly no one waits.
     waiting: usize,
@@ -110,7 +114,7 @@ struct Inner {
 /// All that a buffer remembers, apart from its taps: part of a snapshot.
 #[derive(Clone, Debug, Default)]
 pub struct BufferState {
-    /// Messages that it holds, oldest first.
+    /// Messages that it holds, oldest first: the newest, and what some reader has not read.
     pub ring: Vec<Sample>,
     /// Sequence of the newest message ever written.
     pub newest: u64,
@@ -160,9 +164,22 @@ impl Buffer {
         Writer { buffer: Arc::clone(self), id }
     }
 
-    /// Adds a tap, which sees every message from now on.
+    /// Adds a tap, which sees every message from now on, those of a past that is run again among them.
     pub fn tap(&self, tap: Tap) {
         self.lock().taps.push(tap);
+    }
+
+    /// Adds a tap that sees every message from now on once: for recorders, links and whoever else is told of a run as it
+    /// goes on. What is written again after [`Buffer::restore`], up to the newest message that was ever written, it does
+    /// not see.
+    pub fn tap_once(&self, tap: Tap) {
+        self.lock().once.push(tap);
+    }
+
+    /// From now on what is written is new: another run goes on from here.
+    pub fn begin_anew(&self) {
+        let mut inner = self.lock();
+        inner.seen = inner.newest;
     }
 
     /// The newest message.
@@ -208,12 +225,18 @@ impl Buffer {
         }
     }
 
-    /// Makes the buffer what it was. Readers are those that it had then; taps see nothing.
+    /// Makes the buffer what it was; taps see nothing. A reader that has joined since then stands at the newest message
+    /// of then, and one that has gone since then stays gone.
     pub fn restore(&self, state: &BufferState) {
         let mut inner = self.lock();
         inner.ring = state.ring.iter().cloned().collect();
         inner.newest = state.newest;
-        inner.cursors.clone_from(&state.cursors);
+        let joined = Some(state.newest.saturating_sub(1));
+        for (slot, cursor) in inner.cursors.iter_mut().enumerate() {
+            if cursor.is_some() {
+                *cursor = state.cursors.get(slot).copied().flatten().or(joined);
+            }
+        }
         inner.overrides = Active::from_list(state.overrides.clone());
         if !state.overrides.is_empty() {
             self.overridden.store(true, Ordering::Relaxed);
@@ -247,15 +270,33 @@ impl Buffer {
         for tap in &mut inner.taps {
             tap(&sample);
         }
+        if inner.newest > inner.seen {
+            inner.seen = inner.newest;
+            for tap in &mut inner.once {
+                tap(&sample);
+            }
+        }
         if inner.ring.len() >= self.spec.mode.depth() {
             inner.ring.pop_front();
         }
         inner.ring.push_back(sample);
+        inner.drop_consumed();
         inner.newest
     }
 }
 
 impl Inner {
+    /// Forgets what every reader has read, but for the newest message, which a reader that joins may still see.
+    fn drop_consumed(&mut self) {
+        if self.ring.len() < 2 {
+            return;
+        }
+        let read = self.cursors.iter().flatten().copied().min().unwrap_or(u64::MAX);
+        while self.ring.len() > 1 && self.ring.front().is_some_and(|oldest| oldest.header.sequence <= read) {
+            self.ring.pop_front();
+        }
+    }
+
     /// Whether the slowest reader has yet to read the message that the next write would drop.
     fn is_full(&self, depth: usize) -> bool {
         self.ring.len() >= depth
@@ -394,6 +435,7 @@ impl Reader {
     fn take(inner: &mut Inner, slot: usize) -> Option<(Sample, u64)> {
         let (sample, missed) = inner.next_unread(slot).map(|(sample, missed)| (sample.clone(), missed))?;
         inner.cursors[slot] = Some(sample.header.sequence);
+        inner.drop_consumed();
         Some((sample, missed))
     }
 }
@@ -404,6 +446,7 @@ impl Drop for Reader {
         if let Some(cursor) = inner.cursors.get_mut(self.slot) {
             *cursor = None;
         }
+        inner.drop_consumed();
         // A writer may have waited for this reader.
         self.buffer.release_and_wake(inner);
     }

@@ -278,6 +278,68 @@ fn acts() -> impl Strategy<Value = Vec<Act>> {
     prop::collection::vec(act, 0..200)
 }
 
+#[test]
+fn what_every_reader_has_read_is_not_kept_but_for_the_newest() {
+    let buffer = buffer(queue(8, Overflow::DropOldest));
+    let writer = buffer.writer(WriterId::RUNTIME);
+    for i in 0..3 {
+        writer.write(draft(f64::from(i))).unwrap();
+    }
+    assert_eq!(buffer.save().ring.len(), 1, "no one reads it");
+    let (mut fast, mut slow) = (buffer.reader(), buffer.reader());
+    for i in 3..7 {
+        writer.write(draft(f64::from(i))).unwrap();
+        while fast.read().is_some() {}
+    }
+    assert_eq!(buffer.save().ring.len(), 5, "the slow reader has still to read them");
+    for i in 2..7 {
+        assert_eq!(x(&slow.read().unwrap()), f64::from(i));
+    }
+    assert_eq!(buffer.save().ring.len(), 1);
+    assert_eq!(x(&buffer.reader().read().unwrap()), 6.0, "a reader that joins sees the newest");
+}
+
+#[test]
+fn restoring_after_readers_have_joined_and_gone_keeps_those_that_are_there() {
+    let buffer = buffer(queue(4, Overflow::DropOldest));
+    let writer = buffer.writer(WriterId::RUNTIME);
+    let gone = buffer.reader();
+    writer.write(draft(1.0)).unwrap();
+    let state = buffer.save();
+    drop(gone);
+    let mut readers = [buffer.reader(), buffer.reader(), buffer.reader()];
+    writer.write(draft(2.0)).unwrap();
+    buffer.restore(&state);
+    for reader in &mut readers {
+        assert_eq!(reader.read().map(|sample| x(&sample)), Some(1.0));
+        assert!(reader.read().is_none());
+    }
+    drop(readers);
+    let mut late = buffer.reader();
+    writer.write(draft(3.0)).unwrap();
+    assert_eq!((x(&late.read().unwrap()), x(&late.read().unwrap())), (1.0, 3.0));
+}
+
+#[test]
+fn a_tap_that_sees_once_sees_nothing_of_a_past_that_is_run_again() {
+    let buffer = buffer(Mode::Latest);
+    let writer = buffer.writer(WriterId::RUNTIME);
+    let seen: Arc<Mutex<Vec<f64>>> = Arc::default();
+    let theirs = Arc::clone(&seen);
+    buffer.tap_once(Box::new(move |sample| theirs.lock().unwrap().push(x(sample))));
+    writer.write(draft(1.0)).unwrap();
+    let state = buffer.save();
+    writer.write(draft(2.0)).unwrap();
+    buffer.restore(&state);
+    writer.write(draft(2.0)).unwrap();
+    writer.write(draft(3.0)).unwrap();
+    assert_eq!(*seen.lock().unwrap(), [1.0, 2.0, 3.0]);
+    buffer.restore(&state);
+    buffer.begin_anew();
+    writer.write(draft(4.0)).unwrap();
+    assert_eq!(*seen.lock().unwrap(), [1.0, 2.0, 3.0, 4.0], "another run is new");
+}
+
 proptest! {
     /// A queue agrees with a list a reader that is cut to the depth; saving and restoring changes nothing.
     #[test]

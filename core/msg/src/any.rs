@@ -19,6 +19,9 @@ trait Body: Send + Sync {
     fn is_a(&self, schema: &Schema) -> bool;
     fn schema(&self) -> Arc<Schema>;
     fn bytes(&self) -> &Bytes;
+    /// The encoded message, without keeping it.
+    fn encode(&self) -> Bytes;
+    fn size_hint(&self) -> usize;
     fn value(&self) -> Option<&(dyn Any + Send + Sync)>;
 }
 
@@ -64,6 +67,14 @@ impl<T: Payload> Body for Typed<T> {
         self.bytes.get_or_init(|| self.value.encode_to_vec().into())
     }
 
+    fn encode(&self) -> Bytes {
+        self.bytes.get().cloned().unwrap_or_else(|| self.value.encode_to_vec().into())
+    }
+
+    fn size_hint(&self) -> usize {
+        size_of::<T>() + self.value.encoded_len() + self.bytes.get().map_or(0, Bytes::len)
+    }
+
     fn value(&self) -> Option<&(dyn Any + Send + Sync)> {
         Some(&self.value)
     }
@@ -86,6 +97,15 @@ where
         self.bytes.get_or_init(|| self.source.clone().into().encode_to_vec().into())
     }
 
+    fn encode(&self) -> Bytes {
+        self.bytes.get().cloned().unwrap_or_else(|| self.source.clone().into().encode_to_vec().into())
+    }
+
+    fn size_hint(&self) -> usize {
+        let value = self.value.get().map_or(0, |value| size_of::<T>() + value.encoded_len());
+        size_of::<S>() + value + self.bytes.get().map_or(0, Bytes::len)
+    }
+
     fn value(&self) -> Option<&(dyn Any + Send + Sync)> {
         Some(&**self.value.get_or_init(|| Box::new(self.source.clone().into())))
     }
@@ -102,6 +122,14 @@ impl Body for Encoded {
 
     fn bytes(&self) -> &Bytes {
         &self.bytes
+    }
+
+    fn encode(&self) -> Bytes {
+        self.bytes.clone()
+    }
+
+    fn size_hint(&self) -> usize {
+        self.bytes.len()
     }
 
     fn value(&self) -> Option<&(dyn Any + Send + Sync)> {
@@ -163,6 +191,24 @@ impl AnyMessage {
     /// The encoded message; made at the first call and shared from then on.
     pub fn bytes(&self) -> Bytes {
         self.0.bytes().clone()
+    }
+
+    /// The encoded message as [`AnyMessage::bytes`] gives it, but not kept with the message: for what is written to disk
+    /// once, so that it does not take its place in memory twice.
+    pub fn encode(&self) -> Bytes {
+        self.0.encode()
+    }
+
+    /// About how many bytes of memory the message takes, without encoding it. Of a deferred message, what its source takes
+    /// by itself: what the source shares with others is not counted.
+    pub fn size_hint(&self) -> usize {
+        // The counter, the pointers to the shared cells, and what an allocation costs.
+        64 + self.0.size_hint()
+    }
+
+    /// A number that differs from that of every other message which is alive.
+    pub fn address(&self) -> usize {
+        Arc::as_ptr(&self.0).cast::<()>() as usize
     }
 
     /// Whether a typed value is at hand.

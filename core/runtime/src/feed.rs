@@ -1,12 +1,13 @@
 //! A log's messages on their way into a stack: converted to canonical types, in the log's order.
 
 use crate::error::RunError;
+use crate::history::LogRef;
 use crate::machine::Machine;
 use crate::source::canonical;
 use rcs_bus::{Draft, Writer, WriterId};
 use rcs_log::{Cursor, CursorOptions, Log, LogMessage, Position, TopicId};
 use rcs_msg::foxglove::CompressedImage;
-use rcs_msg::{AnyMessage, Stamp, header_stamp};
+use rcs_msg::{AnyMessage, Schema, Stamp, header_stamp};
 use std::collections::BTreeMap;
 
 const RAW: &str = "foxglove.RawImage";
@@ -24,6 +25,17 @@ pub(crate) struct Feed {
     /// The first and the last moment of the log.
     pub(crate) range: (Stamp, Stamp),
     fixed: Vec<LogMessage>,
+    /// The message that was given last.
+    given: Option<LogRef>,
+}
+
+/// A log's message in the form in which a buffer of that type holds it; `None` where it does not decode.
+pub(crate) fn for_buffer(raw: &AnyMessage, wanted: &Schema) -> Option<AnyMessage> {
+    let message = canonical(raw)?;
+    match message.get::<CompressedImage>().filter(|_| wanted.name() == RAW) {
+        Some(image) => rcs_msg::image::decompress(image).ok().map(AnyMessage::new),
+        None => Some(message),
+    }
 }
 
 /// A message that could not be given to the stack.
@@ -59,7 +71,7 @@ impl Feed {
         let cursor = log.cursor(options);
         let position = cursor.position();
         let range = (info.start, info.end);
-        Ok(Self { log: log.clone(), cursor, pending: None, position, writers, range, fixed })
+        Ok(Self { log: log.clone(), cursor, pending: None, position, writers, range, fixed, given: None })
     }
 
     /// Whether a topic of canonical type `got` can fill a buffer of type `wanted`: compressed images are decoded.
@@ -85,7 +97,10 @@ impl Feed {
     /// Gives the next message to the stack.
     pub(crate) fn give_next(&mut self) -> Result<(), FeedFault> {
         match self.pending.take() {
-            Some(message) => self.give(&message, message.log_time),
+            Some(message) => {
+                self.given = Some(LogRef { topic: message.topic, place: message.place });
+                self.give(&message, message.log_time)
+            }
             None => Ok(()),
         }
     }
@@ -118,6 +133,16 @@ impl Feed {
             writer.write(draft).map_err(|error| fault(error.to_string()))?;
         }
         Ok(())
+    }
+
+    /// The log that it reads.
+    pub(crate) fn log(&self) -> &Log {
+        &self.log
+    }
+
+    /// The message that was given last.
+    pub(crate) fn given(&self) -> Option<LogRef> {
+        self.given
     }
 
     /// Where the feed stands.

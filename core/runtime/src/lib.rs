@@ -35,7 +35,7 @@ mod workers;
 pub use compare::{Difference, diff};
 pub use cycle::{Cycle, Msg};
 pub use error::RunError;
-pub use history::Session;
+pub use history::{Moment, PastOptions, PastUse, RunId, RunSummary, Session};
 pub use journal::{EventPlace, ExternalEvent, Journal};
 pub use live::{Live, LiveOptions, Stopped};
 pub use options::RunOptions;

@@ -35,6 +35,8 @@ pub(crate) struct Node {
     rng: ChaCha8Rng,
     staged: Vec<Staged>,
     scratch: Vec<Sample>,
+    /// How often something of what is saved may have changed; never the same again.
+    changes: u64,
 }
 
 /// Whether there may be a command or parameters to read: both are rare, and a look at their buffers costs two locks a
@@ -120,7 +122,13 @@ impl Node {
             rng: ChaCha8Rng::from_seed(*hash.as_bytes()),
             staged: Vec::new(),
             scratch: Vec::new(),
+            changes: 0,
         })
+    }
+
+    /// A count that is another one whenever what [`Node::save`] gives may be.
+    pub(crate) fn changes(&self) -> u64 {
+        self.changes
     }
 
     pub(crate) fn status(&self) -> &StatusCell {
@@ -129,6 +137,7 @@ impl Node {
 
     /// Takes everything that is visible now: parameters, a command, and all unread inputs.
     pub(crate) fn capture(&mut self) {
+        self.changes += 1;
         if self.mail.take() {
             while let Some(sample) = self.params.read() {
                 self.take_params(&sample.message);
@@ -202,6 +211,7 @@ impl Node {
     /// Runs one cycle on what was captured. What it wrote waits in the node until [`Node::take_output`] or
     /// [`Node::publish`].
     pub(crate) fn run(&mut self, now: Stamp, pool: &Pool) {
+        self.changes += 1;
         self.status.cycle += 1;
         let works = self.running == Some(true) || (self.running.is_some() && self.command.is_some());
         if !works || self.panicked {
@@ -264,6 +274,7 @@ impl Node {
     }
 
     fn write_status(&mut self, status: StatusRecord, started: Stamp, visible: Stamp) {
+        self.changes += 1;
         let message = AnyMessage::deferred::<StatusRecord, rcs::Status>(status);
         if let Err(error) = self.status_out.write(Draft { log_time: visible, acq_time: started, message }) {
             self.status.fault(error.to_string().into());
@@ -283,6 +294,7 @@ impl Node {
 
     /// Makes the node what it was; an error where the state is not one of its own.
     pub(crate) fn restore(&mut self, state: &NodeState) -> Result<(), String> {
+        self.changes += 1;
         match &state.body {
             SavedBody::Live(saved) => {
                 if !self.body.restore(&**saved) {

@@ -1,5 +1,7 @@
 //! How a stack is run.
 
+use crate::history::PastOptions;
+
 /// How a stack is run.
 #[derive(Clone, Debug)]
 pub struct RunOptions {
@@ -13,6 +15,8 @@ pub struct RunOptions {
     pub build: String,
     /// Identity of the log that the run reads, by its content; a stepped run finds it out itself.
     pub log_identity: String,
+    /// How much of its past a [`Session`](crate::Session) keeps, and where.
+    pub past: PastOptions,
 }
 
 impl Default for RunOptions {
@@ -23,6 +27,7 @@ impl Default for RunOptions {
             hash: false,
             build: concat!("ocu ", env!("CARGO_PKG_VERSION")).to_owned(),
             log_identity: String::new(),
+            past: PastOptions::default(),
         }
     }
 }

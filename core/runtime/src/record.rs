@@ -118,7 +118,7 @@ impl Recording {
         let channel = handle.add_channel(&spec.name, &spec.schema, metadata)?;
         let least_ns = plan.record_hz.map(|hz| (1e9 / hz) as u64);
         let mut due = Stamp(0);
-        buffer.tap(Box::new(move |sample: &Sample| {
+        buffer.tap_once(Box::new(move |sample: &Sample| {
             let header = &sample.header;
             if let Some(least_ns) = least_ns {
                 if header.log_time < due {

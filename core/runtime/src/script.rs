@@ -78,6 +78,11 @@ impl Repeated {
         Self { journal, taken: (0, 0) }
     }
 
+    /// The run stands elsewhere, perhaps where so many events have been done as before.
+    pub(crate) fn rewind(&mut self) {
+        self.taken = (0, u64::MAX);
+    }
+
     /// The next event that was taken when so many events of the run had been done.
     pub(crate) fn next_at(&mut self, events: u64) -> Option<ExternalEvent> {
         if self.journal.is_empty() {

@@ -13,7 +13,7 @@ use crate::pool::Pool;
 use crate::script::{Refused, Repeated, ScheduledCycle, Script};
 use crate::stack::{Plan, names};
 use crate::summary::{Tallies, tap_tallies};
-use crate::workers::{CycleWork, Promise, Workers};
+use crate::workers::{CycleWork, Promise, Slot, Workers};
 use rcs_bus::{Buffer, Bus, Draft, WriterId};
 use rcs_log::Log;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
@@ -106,7 +106,7 @@ pub struct Stepped {
     journal: Repeated,
     pool: Arc<Pool>,
     workers: Option<Workers>,
-    timing_due: Stamp,
+    pub(crate) timing_due: Stamp,
 }
 
 impl Stepped {
@@ -357,6 +357,17 @@ impl Stepped {
         refused
     }
 
+    /// Takes an event of a session's journal again, in the place that it had.
+    pub(crate) fn retake(&mut self, event: ExternalEvent) -> Result<(), RunError> {
+        // What was checked then is not refused now.
+        self.machine.apply(event)
+    }
+
+    /// The run has been put elsewhere: what a recorded journal says of there is taken again.
+    pub(crate) fn rewind(&mut self) {
+        self.journal.rewind();
+    }
+
     /// Says of a cycle of a recorded schedule what the live run said: what it saw, and when.
     fn record_cycle(&mut self, index: usize, started: Stamp, ended: Stamp) {
         let node = self.machine.nodes[index].get();
@@ -368,6 +379,43 @@ impl Stepped {
             input_sequence: node.captured(),
         };
         self.write_runtime(names::SCHEDULE, ended, AnyMessage::new(record));
+    }
+
+    /// Whether a cycle computes beside the executor: a snapshot would wait for it.
+    pub(crate) fn is_computing(&self) -> bool {
+        self.machine.nodes.iter().any(Slot::is_computing)
+    }
+
+    /// How much of its past a session of this run keeps, and where.
+    pub(crate) fn past_options(&self) -> &crate::history::PastOptions {
+        &self.options.past
+    }
+
+    /// Whether an event from outside would be taken; nothing is changed.
+    pub(crate) fn check_event(&self, event: &ExternalEvent) -> Result<(), RunError> {
+        self.machine.check(event)?;
+        let buffer = self.machine.buffer(&event.buffer)?;
+        let expected = &buffer.spec().schema;
+        if event.message.is_a(expected) {
+            return Ok(());
+        }
+        Err(rcs_bus::WriteError::WrongType {
+            buffer: event.buffer.to_string(),
+            got: event.message.schema().name().to_owned(),
+            expected: expected.name().to_owned(),
+        }
+        .into())
+    }
+
+    /// Says that the run goes on as another one from here, which left `parent`; the event that says so again.
+    pub(crate) fn begin_branch(&mut self, parent: &str) -> Result<ExternalEvent, RunError> {
+        let told = self.machine.buffer(names::RUN)?.latest();
+        let info = told.and_then(|sample| sample.message.to::<rcs::RunInfo>()).unwrap_or_default();
+        let info = rcs::RunInfo { branched_from: parent.to_owned(), branch_time_ns: self.now.0, ..info };
+        let event = ExternalEvent::sensed(names::RUN, self.now, AnyMessage::new(info));
+        let event = event.at(EventPlace { events: self.events, time: self.now });
+        self.machine.apply(event.clone())?;
+        Ok(event)
     }
 
     /// Tells a person of something, through `/runtime/log`.

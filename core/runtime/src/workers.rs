@@ -80,6 +80,14 @@ impl Slot {
         f(node, times)
     }
 
+    /// Whether its cycle is not done.
+    pub(crate) fn is_computing(&self) -> bool {
+        match &lock(&self.0).place {
+            Place::Here(_) => false,
+            Place::Away(job) => !matches!(*lock(&job.state), JobState::Done(..)),
+        }
+    }
+
     /// Measured times of the cycles that are known to be done: waits for none.
     pub(crate) fn times(&self) -> CycleTimes {
         lock(&self.0).times

@@ -5,7 +5,7 @@
 use rcs_geom::TransformTree;
 use rcs_msg::{AnyMessage, Stamp, foxglove};
 use rcs_runtime::source::{
-    Control, Driver, Frame, Held, Playback, Source, SourceError, SourceInfo, SourceKind, Step, Task,
+    Control, Driver, Frame, Held, Playback, Runs, Source, SourceError, SourceInfo, SourceKind, Step, Task,
 };
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -56,6 +56,7 @@ impl Source for Busy {
             processes: Arc::new([]),
             tracks: Arc::default(),
             transforms: Arc::new(TransformTree::new()),
+            runs: Runs::default(),
             playback: Playback::default(),
         }
     }

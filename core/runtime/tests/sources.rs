@@ -134,12 +134,12 @@ inputs = { input = \"/in\" }
     let of =
         |run| frame.topic_of("/adder/sum", run).and_then(|topic| topic.get::<foxglove::Vector3>()).copied();
     assert_eq!(of(RunTag::Recorded).unwrap().x, -1.0);
-    assert_eq!(of(RunTag::Run).unwrap().y, 3.0);
-    assert_eq!(x_of(&frame, "/adder/sum"), of(RunTag::Run).map(|v| v.x), "the one made now comes first");
+    assert_eq!(of(RunTag::FIRST).unwrap().y, 3.0);
+    assert_eq!(x_of(&frame, "/adder/sum"), of(RunTag::FIRST).map(|v| v.x), "the one made now comes first");
     let inputs: Vec<_> = frame.topics.iter().filter(|topic| &*topic.name == "/in").collect();
     assert!(frame.topic("/a").is_none());
     assert_eq!(inputs.len(), 1, "a topic that fills a buffer is shown once, as that buffer");
-    assert_eq!(inputs[0].run, RunTag::Run);
+    assert_eq!(inputs[0].run, RunTag::FIRST);
     let adder = &frame.processes[0];
     assert_eq!(frame.status(adder).unwrap().state(), rcs::ProcessState::Exec);
 }

@@ -1,5 +1,6 @@
 //! The command line: every flag is defined here, once.
 
+use crate::past_args::PastArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use rcs_runtime::RecordWhat;
 use std::path::PathBuf;
@@ -80,6 +81,9 @@ pub struct WindowArgs {
     /// What draws the window; by default wgpu, or glow where the only graphics adapter is a software one
     #[arg(long, value_enum)]
     pub renderer: Option<Renderer>,
+    /// How much of its past a run keeps
+    #[command(flatten)]
+    pub past: PastArgs,
 }
 
 /// What draws the window.

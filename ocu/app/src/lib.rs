@@ -13,6 +13,7 @@ pub mod info;
 pub mod layout;
 pub mod offscreen;
 pub mod open;
+pub mod past_args;
 pub mod render;
 pub mod run;
 mod runs;

@@ -1,6 +1,7 @@
 //! From what a person names (a recording, a stack, both) to a source.
 
 use crate::cli::WindowArgs;
+use crate::past_args::PastArgs;
 use crate::stacks;
 use rcs_runtime::source::Source;
 use std::path::{Path, PathBuf};
@@ -16,6 +17,8 @@ pub struct Request {
     pub course: Option<String>,
     /// Seed of the random numbers.
     pub seed: u64,
+    /// How much of its past a run keeps.
+    pub past: PastArgs,
 }
 
 /// The bundled stack that opens where nothing else is asked for.
@@ -30,6 +33,7 @@ impl Request {
             stack: args.stack.clone().or_else(|| alone.then(|| SIMULATION.to_owned())),
             course: args.course.clone(),
             seed: args.seed,
+            past: args.past.clone(),
         }
     }
 
@@ -43,9 +47,15 @@ impl Request {
     pub fn dropped(path: &Path, current: &Self) -> Self {
         let is_stack = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
         if is_stack {
-            Self { log: current.log.clone(), stack: Some(path.display().to_string()), ..Self::default() }
+            let past = current.past.clone();
+            Self {
+                log: current.log.clone(),
+                stack: Some(path.display().to_string()),
+                past,
+                ..Self::default()
+            }
         } else {
-            Self { log: Some(path.to_owned()), ..Self::default() }
+            Self { log: Some(path.to_owned()), past: current.past.clone(), ..Self::default() }
         }
     }
 

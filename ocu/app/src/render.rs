@@ -25,6 +25,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         stack: args.stack.clone(),
         course: args.course.clone(),
         seed: args.seed,
+        ..Request::default()
     };
     let frame = Arc::new(frame_at(&request, args.at)?);
     let theme = if args.light { egui::Theme::Light } else { egui::Theme::Dark };

@@ -81,7 +81,7 @@ pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
     };
     let plan = plan(stack, request.course.as_deref(), &[])?;
     let log = request.log.as_ref().map(Log::open).transpose()?;
-    let options = RunOptions { seed: request.seed, ..options() };
+    let options = RunOptions { seed: request.seed, past: request.past.options(), ..options() };
     let source = StackSource::new(plan, log.as_ref(), options).context("the stack cannot run")?;
     Ok(Box::new(source))
 }

@@ -156,7 +156,7 @@ impl Buffers {
         let mut topics: Vec<_> = frame.topics.iter().filter(found).collect();
         // Processes in the order of their stack, then what no process writes, then what was recorded.
         topics.sort_by_key(|topic| {
-            let recorded = topic.run == RunTag::Recorded;
+            let recorded = topic.run.is_recorded();
             (
                 recorded,
                 rank(&topic.writer).unwrap_or(usize::MAX),
@@ -201,9 +201,9 @@ fn group_title(frame: &Frame, topic: &Topic) -> String {
     match (topic.run, &*topic.writer) {
         (RunTag::Recorded, "") => "Recording".to_owned(),
         (RunTag::Recorded, writer) => format!("{writer} (recorded)"),
-        (RunTag::Run, "") if frame.info.kind == SourceKind::Log => "Recording".to_owned(),
-        (RunTag::Run, "") => "Runtime and operator".to_owned(),
-        (RunTag::Run, writer) => writer.to_owned(),
+        (RunTag::Run(_), "") if frame.info.kind == SourceKind::Log => "Recording".to_owned(),
+        (RunTag::Run(_), "") => "Runtime and operator".to_owned(),
+        (RunTag::Run(_), writer) => writer.to_owned(),
     }
 }
 
@@ -279,7 +279,7 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, columns: &Columns) 
 /// Size of the newest message. A message that no one has encoded yet is not encoded for this.
 fn size(topic: &Topic) -> String {
     match &topic.latest {
-        Some(sample) if !sample.message.is_typed() || topic.run == RunTag::Recorded => {
+        Some(sample) if !sample.message.is_typed() || topic.run.is_recorded() => {
             format::bytes(sample.message.bytes().len() as u64)
         }
         _ => "–".to_owned(),

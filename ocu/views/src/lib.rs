@@ -25,5 +25,5 @@ mod toolbar;
 mod view;
 mod views;
 
-pub use view::{HoverPoint, SavedState, Selection, TopicKey, View, ViewContext, ViewType, show};
+pub use view::{HoverPoint, RunChoice, SavedState, Selection, TopicKey, View, ViewContext, ViewType, show};
 pub use views::{all, view_type};

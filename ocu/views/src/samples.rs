@@ -12,7 +12,7 @@ use rcs_msg::foxglove::{
 };
 use rcs_msg::rcs::{Command, ProcessInfo, ProcessState, Status};
 use rcs_msg::{AnyMessage, MessageEncoding, Payload, Schema, Stamp, schema_of};
-use rcs_runtime::source::{Frame, Playback, RunTag, SourceInfo, SourceKind, Topic, Track};
+use rcs_runtime::source::{Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic, Track};
 use rcs_world::{Map, MapOptions, Source, Sources, VoteRule, Weights};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -39,6 +39,7 @@ pub(crate) fn empty() -> Frame {
         processes: Arc::new([]),
         tracks: Arc::default(),
         transforms: Arc::new(TransformTree::new()),
+        runs: Runs::default(),
         playback: Playback::default(),
     }
 }
@@ -47,7 +48,7 @@ pub(crate) fn empty() -> Frame {
 pub(crate) fn topic<T: Payload>(name: &str, hz: f64, age_s: f64, message: T) -> Topic {
     let log_time = NOW.before_ns((age_s * 1e9) as u64);
     let header = Header { sequence: 42, log_time, acq_time: log_time, writer: WriterId::RUNTIME };
-    let mut topic = Topic::new(name, RunTag::Run, Arc::clone(schema_of::<T>()))
+    let mut topic = Topic::new(name, RunTag::FIRST, Arc::clone(schema_of::<T>()))
         .with_latest(Sample { header, message: AnyMessage::new(message) });
     topic.hz = hz;
     topic.messages = 1234;
@@ -105,7 +106,7 @@ pub(crate) fn full() -> Frame {
             CompressedImage { data: vec![1, 2, 3].into(), ..Default::default() },
         ),
         ros1,
-        Topic::new("/nothing/yet", RunTag::Run, Arc::clone(schema_of::<RawImage>())),
+        Topic::new("/nothing/yet", RunTag::FIRST, Arc::clone(schema_of::<RawImage>())),
     ];
     topics.sort_by(|a, b| a.name.cmp(&b.name));
     let process = |name: &str, supervisor: &str| ProcessInfo {

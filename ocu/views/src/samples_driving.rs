@@ -7,7 +7,7 @@ use rcs_msg::foxglove::{
 };
 use rcs_msg::rcs::{CourseRun, DriveCommand, EmergencyStop, PortInfo, ProcessInfo, VehicleStatus};
 use rcs_msg::{Schema, schema_of};
-use rcs_runtime::source::{Frame, RunTag, SourceInfo, SourceKind, Topic};
+use rcs_runtime::source::{Frame, RunTag, Runs, SourceInfo, SourceKind, Topic};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ pub(crate) fn driving() -> Frame {
         topic("/vehicle/run", 5.0, 0.1, run()),
         topic("/comms/vehicle", 50.0, 0.02, status()),
         topic("/operator/teleop", 20.0, 0.04, command()),
-        Topic::new("/operator/emergency_stop", RunTag::Run, Arc::clone(schema_of::<EmergencyStop>())),
+        Topic::new("/operator/emergency_stop", RunTag::FIRST, Arc::clone(schema_of::<EmergencyStop>())),
     ];
     topics.sort_by(|a, b| a.name.cmp(&b.name));
     let port = |name: &str, buffer: &str, schema: &Schema| PortInfo {
@@ -74,6 +74,7 @@ pub(crate) fn driving() -> Frame {
                 .map(|track| (Arc::clone(&track.topic), Arc::new(track)))
                 .collect::<BTreeMap<_, _>>(),
         ),
+        runs: Runs::default(),
         playback,
         ..nothing
     }

@@ -3,35 +3,81 @@
 use crate::operator::{DriveSettings, Hand};
 use egui::Ui;
 use ocu_ui::tokens;
+use rcs_runtime::RunId;
 use rcs_runtime::source::{Control, Frame, RunTag, Topic};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
+/// Which run's topic is meant where several have one of that name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RunChoice {
+    /// The run that is looked at.
+    #[default]
+    Shown,
+    /// The recording.
+    Recorded,
+    /// That run, by its number.
+    Run(u32),
+}
+
 /// Names a topic of a frame: stored in layouts, dragged from the buffer list, selected.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(from = "StoredKey")]
 pub struct TopicKey {
     /// Name of the buffer: `/wm1/map`.
     pub name: String,
-    /// Whether the recorded one is meant where the same name is made now, too.
+    /// The run that is meant.
+    pub run: RunChoice,
+}
+
+/// A key as layouts hold it: older ones say `recorded` where newer ones say `run`.
+#[derive(Deserialize)]
+struct StoredKey {
+    name: String,
     #[serde(default)]
-    pub recorded: bool,
+    run: Option<RunChoice>,
+    #[serde(default)]
+    recorded: bool,
+}
+
+impl From<StoredKey> for TopicKey {
+    fn from(stored: StoredKey) -> Self {
+        let old = if stored.recorded { RunChoice::Recorded } else { RunChoice::Shown };
+        Self { name: stored.name, run: stored.run.unwrap_or(old) }
+    }
 }
 
 impl TopicKey {
-    /// The key of that topic.
+    /// The key of that topic; of what runs, whichever run is looked at.
     pub fn of(topic: &Topic) -> Self {
-        Self { name: topic.name.to_string(), recorded: topic.run == RunTag::Recorded }
+        let run = if topic.run.is_recorded() { RunChoice::Recorded } else { RunChoice::Shown };
+        Self { name: topic.name.to_string(), run }
+    }
+
+    /// The topic of that name in the run that is looked at.
+    pub fn shown(name: impl Into<String>) -> Self {
+        Self { name: name.into(), run: RunChoice::Shown }
     }
 
     /// The topic in a frame; the other run's where there is none of the run that is meant.
     pub fn find<'a>(&self, frame: &'a Frame) -> Option<&'a Topic> {
-        let run = if self.recorded { RunTag::Recorded } else { RunTag::Run };
+        let run = match self.run {
+            RunChoice::Shown => RunTag::Run(frame.runs.current()),
+            RunChoice::Recorded => RunTag::Recorded,
+            RunChoice::Run(number) => RunTag::Run(RunId(number)),
+        };
         frame.topic_of(&self.name, run).or_else(|| frame.topic(&self.name))
     }
 
     /// Whether it names this very topic.
     pub fn is(&self, topic: &Topic) -> bool {
-        *self.name == *topic.name && self.recorded == (topic.run == RunTag::Recorded)
+        let same_run = match (self.run, topic.run) {
+            (RunChoice::Recorded, run) => run.is_recorded(),
+            (RunChoice::Shown, run) => !run.is_recorded(),
+            (RunChoice::Run(number), run) => run == RunTag::Run(RunId(number)),
+        };
+        *self.name == *topic.name && same_run
     }
 }
 
@@ -132,5 +178,23 @@ pub fn show(view: &mut dyn View, ui: &mut Ui, cx: &mut ViewContext<'_>) {
     if ui.input(|input| input.pointer.any_released()) {
         view.drop_topic(topic);
         egui::DragAndDrop::clear_payload(ui.ctx());
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_of_older_layouts_open_and_newer_ones_keep_their_run() {
+        let read = |text: &str| serde_json::from_str::<TopicKey>(text).unwrap();
+        assert_eq!(read(r#"{"name":"/a"}"#), TopicKey::shown("/a"));
+        assert_eq!(read(r#"{"name":"/a","recorded":false}"#), TopicKey::shown("/a"));
+        assert_eq!(read(r#"{"name":"/a","recorded":true}"#).run, RunChoice::Recorded);
+        for run in [RunChoice::Shown, RunChoice::Recorded, RunChoice::Run(3)] {
+            let key = TopicKey { name: "/a".into(), run };
+            assert_eq!(read(&serde_json::to_string(&key).unwrap()), key);
+        }
     }
 }

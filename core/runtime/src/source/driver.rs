@@ -32,6 +32,10 @@ pub enum Control {
         /// The message.
         message: AnyMessage,
     },
+    /// Go to another run of what runs.
+    SwitchRun(crate::RunId),
+    /// Take the last write back: go on from before it, in a run of its own.
+    Undo,
     /// Write a message again and again while time runs. To be said anew at least every [`Held::LEASE`] while it is
     /// held: otherwise the hand lets go.
     Hold(Held),
@@ -210,6 +214,18 @@ impl<W: Fn()> Pacer<W> {
             Control::Step(step) => {
                 self.playback.playing = false;
                 let moved = self.work(|source, task| source.step(&step, task).map(|_| ()));
+                self.hands.moved(self.source.now());
+                moved
+            }
+            Control::SwitchRun(run) => {
+                let moved = self.source.switch_run(run);
+                self.restart();
+                self.hands.moved(self.source.now());
+                moved
+            }
+            Control::Undo => {
+                self.playback.playing = false;
+                let moved = self.source.undo().map(|_| ());
                 self.hands.moved(self.source.now());
                 moved
             }

@@ -1,5 +1,6 @@
 //! One moment of a source, as the views see it.
 
+use crate::history::{Moment, RunId, RunSummary};
 use rcs_bus::Sample;
 use rcs_geom::TransformTree;
 use rcs_msg::{AnyMessage, Payload, Schema, Stamp, rcs};
@@ -34,13 +35,23 @@ pub struct SourceInfo {
     pub problems: Vec<String>,
 }
 
-/// Whether a topic was recorded, or is made now. The two are shown side by side and never mixed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+/// The run that a topic is of. Two are shown side by side and never mixed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum RunTag {
     /// Read from the recording.
     Recorded,
-    /// Made by the stack that runs now.
-    Run,
+    /// Made by the stack that runs now, in that run of it.
+    Run(RunId),
+}
+
+impl RunTag {
+    /// The first run of what runs now.
+    pub const FIRST: Self = Self::Run(RunId(0));
+
+    /// Whether it was read from the recording.
+    pub fn is_recorded(self) -> bool {
+        self == Self::Recorded
+    }
 }
 
 /// One buffer, as the views see it at one moment.
@@ -48,7 +59,7 @@ pub enum RunTag {
 pub struct Topic {
     /// Name of the buffer: `/wm1/map`.
     pub name: Arc<str>,
-    /// Recorded, or made now.
+    /// The run that it is of.
     pub run: RunTag,
     /// Type of its messages as they are stored.
     pub schema: Arc<Schema>,
@@ -64,6 +75,8 @@ pub struct Topic {
     pub undecodable: Option<Arc<str>>,
     /// Newest message at this moment.
     pub latest: Option<Sample>,
+    /// Whether `latest` is older than that: the right one is being computed again, because it was not kept.
+    pub pending: bool,
     pub(crate) canonical: Arc<OnceLock<Option<AnyMessage>>>,
 }
 
@@ -80,6 +93,7 @@ impl Topic {
             hz: 0.0,
             undecodable: None,
             latest: None,
+            pending: false,
             canonical: Arc::default(),
         }
     }
@@ -179,6 +193,26 @@ impl Default for Playback {
     }
 }
 
+/// The runs of what runs now, and where in them the moment lies.
+#[derive(Clone, Debug, Default)]
+pub struct Runs {
+    /// All runs, in the order in which they began. Empty for a recording.
+    pub all: Arc<[RunSummary]>,
+    /// The moment that is shown.
+    pub moment: Moment,
+    /// Whether nothing that was done lies ahead of it.
+    pub is_at_end: bool,
+    /// How far that is that is computed again for this moment, 0 to 1; `None` where everything was kept.
+    pub filling: Option<f64>,
+}
+
+impl Runs {
+    /// The run that is shown.
+    pub fn current(&self) -> RunId {
+        self.moment.run
+    }
+}
+
 /// Everything that can be known of a source at one moment.
 #[derive(Clone, Debug)]
 pub struct Frame {
@@ -196,6 +230,8 @@ pub struct Frame {
     pub tracks: Arc<BTreeMap<Arc<str>, Arc<Track>>>,
     /// Transforms up to now; static ones of the whole log.
     pub transforms: Arc<TransformTree>,
+    /// The runs of what runs now.
+    pub runs: Runs,
     /// How it is played.
     pub playback: Playback,
 }

@@ -1,6 +1,6 @@
 //! A log, as it is.
 
-use super::frame::{Frame, Playback, SourceInfo, SourceKind};
+use super::frame::{Frame, Playback, Runs, SourceInfo, SourceKind};
 use super::log_view::{LogView, opening_time};
 use super::{Source, SourceError, Step, Task};
 use rcs_log::{Log, LogMessage, Place};
@@ -75,6 +75,7 @@ impl Source for LogSource {
             processes: Arc::clone(&self.processes),
             tracks: Arc::clone(&self.view.shared_tracks),
             transforms: Arc::clone(&self.view.shared_tree),
+            runs: Runs::default(),
             playback: Playback::default(),
         }
     }

@@ -55,6 +55,7 @@ impl LogView {
                 hz: if topic.messages > 1 { topic.hz } else { 0.0 },
                 undecodable: topic.undecodable_because.as_deref().map(Arc::from),
                 latest: None,
+                pending: false,
                 canonical: Arc::new(OnceLock::new()),
             });
         }

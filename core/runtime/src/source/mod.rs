@@ -9,13 +9,15 @@ mod held;
 mod log_source;
 mod log_view;
 mod pace;
+mod run_tracks;
 mod run_transforms;
 mod stack_source;
+mod stack_steps;
 mod tracks;
 
 pub use driver::{Control, Driver};
 pub(crate) use frame::canonical;
-pub use frame::{Frame, Playback, RunTag, SourceInfo, SourceKind, Topic, Track};
+pub use frame::{Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic, Track};
 pub use held::Held;
 pub use log_source::LogSource;
 pub use log_view::finish_idle;
@@ -113,6 +115,14 @@ pub trait Source: Send {
     fn step(&mut self, step: &Step, task: &Task) -> Result<bool, SourceError>;
     /// An operator's write: a command, a parameter message, an edited message.
     fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError>;
+    /// Goes to another of its runs.
+    fn switch_run(&mut self, run: crate::RunId) -> Result<(), SourceError> {
+        Err(SourceError::Unsupported(format!("there is no {run}: nothing runs here")))
+    }
+    /// Goes to the moment before the last write, and on from there without it; `false` where there was none.
+    fn undo(&mut self) -> Result<bool, SourceError> {
+        Err(SourceError::Unsupported("nothing was written that could be taken back".to_owned()))
+    }
     /// Work that may be done while nothing else is asked, in small pieces (tracks, for example); `true` if some is left.
     fn idle(&mut self) -> bool {
         false

@@ -1,13 +1,13 @@
 //! A stack that runs: on a log, or on nothing but itself. What was recorded and what is made now stand side by side.
 
-use super::frame::{Frame, Playback, RunTag, SourceInfo, SourceKind, Topic};
-use super::log_source::{info_of, neighbour};
+use super::frame::{Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic};
+use super::log_source::info_of;
 use super::log_view::{LogView, opening_time};
+use super::run_tracks::RunTracks;
 use super::run_transforms::RunTransforms;
-use super::tracks::{Tracks, is_pose_type};
 use super::{Source, SourceError, Step, Task, canonical};
 use crate::error::RunError;
-use crate::history::Session;
+use crate::history::{RunId, Session};
 use crate::journal::ExternalEvent;
 use crate::options::RunOptions;
 use crate::record::writer_of;
@@ -18,24 +18,33 @@ use rcs_bus::Sample;
 use rcs_log::{Log, Place};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
+
+/// Going on by less than this through what was thinned out runs it again at once: time runs, or a person steps.
+const STEP_NS: u64 = 500_000_000;
+/// After a jump, poses of this time before are looked for, where they are in memory.
+const POSES_NS: u64 = 1_000_000_000;
 
 /// A stack that runs, forward and back.
 pub struct StackSource {
-    session: Session,
-    recorded: Option<LogView>,
+    pub(super) session: Session,
+    pub(super) recorded: Option<LogView>,
     /// Topics of the log that fill a buffer: shown once, as that buffer.
     wired: BTreeMap<String, Arc<str>>,
     info: Arc<SourceInfo>,
     processes: Arc<[rcs::ProcessInfo]>,
     /// One topic a buffer, in the order of the plan.
     topics: Vec<Topic>,
-    tracks: Arc<Mutex<Tracks>>,
-    transforms: Arc<Mutex<RunTransforms>>,
+    tracks: RunTracks,
+    transforms: RunTransforms,
+    /// The moment that `transforms` is of; `None` where it is to be made anew.
+    placed: Option<crate::Moment>,
     /// Buffers that say where frames are, and whether what they say holds at all times.
     placing: Vec<(usize, bool)>,
-    /// Where the operator stands: at the run's last event, or later where nothing has happened since.
-    now: Stamp,
+    /// Where the operator stands: at an event of the run, or later where nothing has happened since.
+    pub(super) now: Stamp,
+    runs: Arc<[crate::RunSummary]>,
+    problems: usize,
     generation: u64,
 }
 
@@ -58,21 +67,12 @@ impl StackSource {
 
     fn of(run: Stepped, log: Option<&Log>, recorded: Option<&RecordedRun>) -> Result<Self, SourceError> {
         let plan = Arc::clone(run.plan());
-        let tracks: Arc<Mutex<Tracks>> = Arc::default();
-        let transforms: Arc<Mutex<RunTransforms>> = Arc::default();
-        tap_tracks(&run, &tracks);
-        let placing = tap_transforms(&run, &transforms);
+        let tracks = RunTracks::tap(&run);
+        let placing = placing(&plan);
         let topics = plan.buffers.iter().map(|buffer| Topic {
-            name: buffer.spec.name.as_str().into(),
-            run: RunTag::Run,
-            schema: Arc::clone(&buffer.spec.schema),
             metadata: Arc::new(buffer.spec.metadata.clone()),
             writer: writer_of(&plan, &buffer.spec.name).into(),
-            messages: 0,
-            hz: 0.0,
-            undecodable: None,
-            latest: None,
-            canonical: Arc::new(OnceLock::new()),
+            ..Topic::new(&buffer.spec.name, RunTag::FIRST, Arc::clone(&buffer.spec.schema))
         });
         let topics = topics.collect();
         let mut info = match log {
@@ -117,11 +117,15 @@ impl StackSource {
             processes,
             topics,
             tracks,
-            transforms,
+            transforms: RunTransforms::default(),
+            placed: None,
             placing,
             now,
+            runs: Arc::new([]),
+            problems: 0,
             generation: 0,
         };
+        source.follow_runs();
         // What the log holds at its first moment (or at its first picture, shortly after) is there at once.
         let opening = match log {
             // A log of one instant: what the processes make of it is what there is to see.
@@ -139,113 +143,78 @@ impl StackSource {
     }
 
     /// Up to where there is anything to do.
-    fn last(&self) -> Stamp {
+    pub(super) fn last(&self) -> Stamp {
         self.info.end.unwrap_or(Stamp::MAX)
     }
 
-    fn arrived(&mut self, now: Stamp) -> Result<(), SourceError> {
-        if now < self.now {
-            self.place_anew();
-        }
+    pub(super) fn arrived(&mut self, now: Stamp) -> Result<(), SourceError> {
         self.now = now;
+        self.follow_runs();
+        self.place();
         match &mut self.recorded {
             Some(view) => view.go_to(Place::after(now.min(view.log().info().end))),
             None => Ok(()),
         }
     }
 
-    /// After going back: what the buffers hold says where frames are.
-    fn place_anew(&mut self) {
-        let mut transforms = self.transforms.lock().unwrap_or_else(PoisonError::into_inner);
-        transforms.clear();
-        for &(buffer, is_static) in &self.placing {
-            let newest = self.session.run().buffers()[buffer].latest();
-            if let Some(sample) = newest
-                && let Some(message) = canonical(&sample.message)
-            {
-                transforms.take(sample.header.log_time, &message, is_static);
-            }
+    /// Takes note of runs that have begun, and of the one that is shown.
+    fn follow_runs(&mut self) {
+        let current = self.session.moment().run;
+        let tag = RunTag::Run(current);
+        self.runs = self.session.runs().into();
+        self.tracks.follow(&self.runs, current.0 as usize);
+        if self.topics.first().is_some_and(|topic| topic.run != tag) {
+            self.topics.iter_mut().for_each(|topic| topic.run = tag);
         }
     }
 
-    fn buffer_of(&self, topic: &str) -> Option<usize> {
-        let plan = self.session.run().plan();
-        plan.inputs
-            .iter()
-            .find(|input| input.topic == topic && !input.is_static)
-            .map(|input| input.buffer)
-            .or_else(|| plan.buffers.iter().position(|buffer| buffer.spec.name == topic))
-    }
-
-    fn process_named(&self, name: &str) -> Result<usize, SourceError> {
-        let processes = &self.session.run().plan().processes;
-        processes
-            .iter()
-            .position(|process| &*process.name == name)
-            .ok_or_else(|| SourceError::Unsupported(format!("there is no process {name} in this stack")))
-    }
-
-    fn step_message(&mut self, topic: Option<&str>, back: bool, task: &Task) -> Result<bool, SourceError> {
-        let last = self.last();
-        let Some(topic) = topic else {
-            return self.step_event(back, task, |what| what == Happened::Input);
+    /// Brings the transforms to the moment that is shown: by what was written since, or anew after a jump.
+    fn place(&mut self) {
+        let at = self.session.cursor();
+        let moment = self.session.moment();
+        let from = match self.placed {
+            Some(placed) if placed == moment => return,
+            Some(placed) if placed.run == moment.run && placed < moment => {
+                Some(crate::history::Point { event: placed.event, write: placed.write })
+            }
+            _ => None,
         };
-        if let Some(buffer) = self.buffer_of(topic) {
-            if back {
-                return self.go_back(self.session.event_of_message_before(buffer), task);
+        let buffers: Vec<usize> = self.placing.iter().map(|&(buffer, _)| buffer).collect();
+        let mut samples: Vec<(usize, Sample)> = Vec::new();
+        let pending = self.session.is_pending();
+        if let Some(from) = from {
+            self.session.since(from, &buffers, &mut |buffer, sample| samples.push((buffer, sample.clone())));
+        } else {
+            self.transforms.clear();
+            let before = self.session.now().before_ns(POSES_NS);
+            let from = crate::history::Point::after(self.session.events_at(before).min(at.event));
+            self.session.since(from, &buffers, &mut |buffer, sample| samples.push((buffer, sample.clone())));
+            // What was written longer ago and holds still.
+            let mut old = Vec::new();
+            for &buffer in &buffers {
+                if !samples.iter().any(|(other, _)| *other == buffer) {
+                    old.extend(self.session.latest(buffer).sample.map(|sample| (buffer, sample)));
+                }
             }
-            let newest = self.session.run().buffers()[buffer].newest();
-            return self.session.forward_to(last, task, |run, _| run.buffers()[buffer].newest() > newest);
+            old.append(&mut samples);
+            samples = old;
         }
-        // A recorded topic that the stack does not read.
-        let Some(view) = &self.recorded else {
-            return Err(SourceError::Unsupported(format!("there is no topic {topic}")));
-        };
-        let ids = view.topic_ids(topic);
-        match neighbour(
-            view.log(),
-            Some(&ids),
-            if back { Place::before(self.now) } else { Place::after(self.now) },
-            back,
-        )? {
-            Some(message) => {
-                self.session.go_to_time(message.log_time, task)?;
-                self.now = message.log_time;
-                Ok(true)
+        samples.sort_by_key(|(_, sample)| sample.header.log_time);
+        for (buffer, sample) in samples {
+            let is_static = self.placing.iter().any(|&(other, is_static)| other == buffer && is_static);
+            if let Some(message) = canonical(&sample.message) {
+                self.transforms.take(sample.header.log_time, &message, is_static);
             }
-            None => Ok(false),
         }
-    }
-
-    fn step_event(
-        &mut self,
-        back: bool,
-        task: &Task,
-        is_wanted: impl Fn(Happened) -> bool,
-    ) -> Result<bool, SourceError> {
-        if back {
-            let event = self.session.event_before(is_wanted);
-            return self.go_back(event, task);
-        }
-        let last = self.last();
-        self.session.forward_to(last, task, |_, what| is_wanted(what))
-    }
-
-    fn go_back(&mut self, event: Option<u64>, task: &Task) -> Result<bool, SourceError> {
-        match event {
-            Some(event) => {
-                self.session.go_to_event(event, task)?;
-                Ok(true)
-            }
-            None => Ok(false),
-        }
+        self.placed = (!pending).then_some(moment);
     }
 
     fn update_topics(&mut self) {
-        let run = self.session.run();
-        let elapsed_s = self.now.seconds_since(run.start());
-        for (topic, buffer) in self.topics.iter_mut().zip(run.buffers()) {
-            let latest = buffer.latest();
+        let elapsed_s = self.now.seconds_since(self.session.run().start());
+        for (buffer, topic) in self.topics.iter_mut().enumerate() {
+            let shown = self.session.latest(buffer);
+            topic.pending = shown.pending;
+            let latest = shown.sample;
             let same = match (&topic.latest, &latest) {
                 (Some(a), Some(b)) => a.header == b.header && a.message.same(&b.message),
                 (None, None) => true,
@@ -255,51 +224,33 @@ impl StackSource {
                 topic.latest = latest;
                 topic.canonical = Arc::new(OnceLock::new());
             }
-            topic.messages = buffer.newest();
+            topic.messages = self.session.messages(buffer);
             topic.hz =
                 if topic.messages > 1 && elapsed_s > 0.0 { topic.messages as f64 / elapsed_s } else { 0.0 };
         }
     }
-}
 
-/// Every position that a process writes becomes part of a track.
-fn tap_tracks(run: &Stepped, tracks: &Arc<Mutex<Tracks>>) {
-    for &index in run.plan().processes.iter().flat_map(|process| &process.outputs) {
-        let buffer = &run.buffers()[index];
-        if is_pose_type(buffer.spec().schema.name()) {
-            let tracks = Arc::clone(tracks);
-            let name: Arc<str> = buffer.name().into();
-            buffer.tap(Box::new(move |sample: &Sample| {
-                if let Some(message) = canonical(&sample.message) {
-                    let mut tracks = tracks.lock().unwrap_or_else(PoisonError::into_inner);
-                    tracks.take(&name, sample.header.log_time, &message, false);
-                }
-            }));
+    /// What the past could not keep or read back is told with the source.
+    fn tell_problems(&mut self) {
+        let problems = self.session.problems();
+        if problems.len() > self.problems {
+            let info = Arc::make_mut(&mut self.info);
+            info.problems.extend_from_slice(&problems[self.problems..]);
+            self.problems = problems.len();
         }
     }
 }
 
-/// Everything that says where a frame is goes into `transforms`; the buffers that do, each with whether it holds at
-/// all times.
-fn tap_transforms(run: &Stepped, transforms: &Arc<Mutex<RunTransforms>>) -> Vec<(usize, bool)> {
-    let mut placing = Vec::new();
-    for process in &run.plan().processes {
+/// The buffers that say where frames are, and whether what they say holds at all times.
+fn placing(plan: &Plan) -> Vec<(usize, bool)> {
+    let mut placing: Vec<(usize, bool)> = Vec::new();
+    for process in &plan.processes {
         for (def, &index) in process.kind.outputs().iter().zip(&process.outputs) {
-            let buffer = &run.buffers()[index];
             let known = placing.iter().any(|&(other, _)| other == index);
-            if known || !RunTransforms::takes(buffer.spec().schema.name()) {
-                continue;
+            if !known && RunTransforms::takes(plan.buffers[index].spec.schema.name()) {
+                // The port's name says it, as it does for the inputs that every process reads poses from.
+                placing.push((index, def.name == "static_transforms"));
             }
-            // The port's name says it, as it does for the inputs that every process reads poses from.
-            let is_static = def.name == "static_transforms";
-            placing.push((index, is_static));
-            let transforms = Arc::clone(transforms);
-            buffer.tap(Box::new(move |sample: &Sample| {
-                if let Some(message) = canonical(&sample.message) {
-                    let mut transforms = transforms.lock().unwrap_or_else(PoisonError::into_inner);
-                    transforms.take(sample.header.log_time, &message, is_static);
-                }
-            }));
         }
     }
     placing
@@ -315,7 +266,9 @@ impl Source for StackSource {
     }
 
     fn frame(&mut self) -> Frame {
+        self.place();
         self.update_topics();
+        self.tell_problems();
         self.generation += 1;
         let recorded = self.recorded.as_ref();
         let recorded_topics = recorded.map_or(&[][..], |view| &view.topics).iter();
@@ -324,7 +277,7 @@ impl Source for StackSource {
         let topics = unwired.chain(&self.topics).cloned().collect();
         let mut tracks: BTreeMap<_, _> =
             recorded.map(|view| (*view.shared_tracks).clone()).unwrap_or_default();
-        tracks.extend(self.tracks.lock().unwrap_or_else(PoisonError::into_inner).share());
+        tracks.extend(self.tracks.share());
         Frame {
             generation: self.generation,
             info: Arc::clone(&self.info),
@@ -334,7 +287,13 @@ impl Source for StackSource {
             tracks: Arc::new(tracks),
             transforms: match recorded {
                 Some(view) => Arc::clone(&view.shared_tree),
-                None => self.transforms.lock().unwrap_or_else(PoisonError::into_inner).share(),
+                None => self.transforms.share(),
+            },
+            runs: Runs {
+                all: Arc::clone(&self.runs),
+                moment: self.session.moment(),
+                is_at_end: self.session.is_at_end(),
+                filling: self.session.fill_progress(),
             },
             playback: Playback::default(),
         }
@@ -342,9 +301,17 @@ impl Source for StackSource {
 
     fn seek(&mut self, to: Stamp, task: &Task) -> Result<(), SourceError> {
         let to = to.clamp(self.info.start, self.last());
-        let done = self.session.go_to_time(to, task);
+        let end = self.session.end();
+        let goes_on = to > self.now && to.0 - self.now.0 < STEP_NS;
+        let done = if to < end || (to == end && !self.session.is_at_end()) {
+            self.session.look_at_time(to);
+            if goes_on { self.session.fill(task) } else { Ok(()) }
+        } else {
+            self.session.look_at_end();
+            self.session.forward_until(to, task).map(|_| ())
+        };
         // Stopped on the way: stand where the run stands.
-        let now = if done.is_ok() { to } else { self.session.run().now() };
+        let now = if done.is_ok() { to } else { self.session.now() };
         self.arrived(now)?;
         done
     }
@@ -367,25 +334,34 @@ impl Source for StackSource {
             }
         };
         if moved {
-            self.arrived(self.session.run().now())?;
+            self.arrived(self.session.now())?;
         }
         Ok(moved)
     }
 
     fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError> {
-        let was_branch = self.session.is_branch();
         self.session.write(ExternalEvent::operator(buffer, message)).map_err(|error| match error {
             // What the operator asked for does not fit: nothing has changed.
             RunError::Refused(text) => SourceError::Unsupported(text),
             other => SourceError::Run(other),
         })?;
-        if self.session.is_branch() && !was_branch {
-            self.tracks.lock().unwrap_or_else(PoisonError::into_inner).truncate(self.now);
-        }
+        self.follow_runs();
         Ok(())
     }
 
+    fn switch_run(&mut self, run: RunId) -> Result<(), SourceError> {
+        self.session.switch_to(run)?;
+        self.arrived(self.session.now())
+    }
+
+    fn undo(&mut self) -> Result<bool, SourceError> {
+        let undone = self.session.undo()?;
+        self.arrived(self.session.now())?;
+        Ok(undone)
+    }
+
     fn idle(&mut self) -> bool {
-        self.recorded.as_mut().is_some_and(LogView::idle)
+        let past = self.session.idle();
+        self.recorded.as_mut().is_some_and(LogView::idle) || past
     }
 }

@@ -86,14 +86,19 @@ impl Tracks {
         self.has_transforms |= taken.is_ok();
     }
 
-    /// Forgets what came after `time`: the run has branched there.
-    pub(crate) fn truncate(&mut self, time: Stamp) {
-        for track in self.by_topic.values_mut() {
-            let track = Arc::make_mut(track);
+    /// The tracks of a run that leaves this one at `time`.
+    pub(crate) fn fork(&self, time: Stamp) -> Self {
+        let cut = |(topic, track): (&Arc<str>, &Arc<Track>)| {
             let keep = track.stamps.partition_point(|&stamp| stamp <= time);
-            track.stamps.truncate(keep);
-            track.points.truncate(keep);
-        }
+            let track = Track {
+                topic: Arc::clone(&track.topic),
+                frame_id: track.frame_id.clone(),
+                stamps: track.stamps[..keep].to_vec(),
+                points: track.points[..keep].to_vec(),
+            };
+            (Arc::clone(topic), Arc::new(track))
+        };
+        Self { by_topic: self.by_topic.iter().map(cut).collect(), ..Self::default() }
     }
 
     /// How many positions there are.

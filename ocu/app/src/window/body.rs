@@ -326,6 +326,8 @@ impl Window {
                 }
             }
             Wish::Cancel => controls.push(Control::Cancel),
+            Wish::SwitchRun(run) => controls.push(Control::SwitchRun(run)),
+            Wish::Undo => controls.push(Control::Undo),
             Wish::ToggleBuffers => self.buffers_open = !self.buffers_open,
             Wish::ToggleTheme => {
                 let dark = self.ctx.theme() == egui::Theme::Dark;

@@ -10,6 +10,7 @@ use crate::stacks;
 use ocu_ui::{icons, tokens, widgets};
 use ocu_views::ViewType;
 use rcs_msg::rcs::ProcessState;
+use rcs_runtime::RunId;
 use rcs_runtime::source::{Frame, SourceKind};
 use std::path::PathBuf;
 
@@ -35,6 +36,10 @@ pub(super) enum Wish {
     /// Stop the vehicle (or let it go again).
     EmergencyStop(bool),
     Cancel,
+    /// Look at another run of what runs.
+    SwitchRun(RunId),
+    /// Take the last write back.
+    Undo,
     ToggleBuffers,
     ToggleTheme,
     Help,
@@ -181,21 +186,24 @@ fn left(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
         }
         if ui.button("Simulation").on_hover_text("A vehicle in a simulated world, to drive by hand").clicked()
         {
-            wishes.push(Wish::Open(Request::simulation()));
+            let past = state.current.past.clone();
+            wishes.push(Wish::Open(Request { past, ..Request::simulation() }));
             ui.close();
         }
         for path in state.recent {
             if recent_button(ui, path).clicked() {
-                wishes.push(Wish::Open(Request { log: Some(path.clone()), ..Request::default() }));
+                let past = state.current.past.clone();
+                wishes.push(Wish::Open(Request { log: Some(path.clone()), past, ..Request::default() }));
                 ui.close();
             }
         }
     });
-    if *state.current != Request::default() {
+    if state.current.log.is_some() || state.current.stack.is_some() {
         stack_menu(ui, state.frame, state.current, wishes);
     }
     if let Some(frame) = state.frame {
         course_menu(ui, frame, state.current, wishes);
+        runs_menu(ui, frame, wishes);
         source(ui, frame, state.busy, wishes);
     }
     if let Some(title) = &state.opening {
@@ -205,6 +213,37 @@ fn left(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
                 .truncate(),
         );
     }
+}
+
+/// The runs of what runs, once there are several, and taking back what was written last.
+fn runs_menu(ui: &mut egui::Ui, frame: &Frame, wishes: &mut Vec<Wish>) {
+    let (runs, current) = (&frame.runs.all, frame.runs.current());
+    if runs.iter().all(|run| run.writes == 0) {
+        return;
+    }
+    let text = format!("{}  {current}", icons::ICON_CALL_SPLIT.codepoint);
+    let button = ui.menu_button(text, |ui| {
+        ui.set_min_width(220.0);
+        for run in runs.iter() {
+            let seconds = |at: rcs_msg::Stamp| ocu_ui::format::elapsed(at.seconds_since(frame.info.start));
+            let text = match run.branched_from {
+                Some((from, at)) => format!("{}: left {} at {}", run.id, from.run, seconds(at)),
+                None => format!("{}, up to {}", run.id, seconds(run.end)),
+            };
+            if ui.selectable_label(run.id == current, text).clicked() {
+                wishes.push(Wish::SwitchRun(run.id));
+                ui.close();
+            }
+        }
+        ui.separator();
+        if ui.button("Take the last write back").clicked() {
+            wishes.push(Wish::Undo);
+            ui.close();
+        }
+    });
+    button.response.on_hover_text(
+        "The runs: a command after going back begins another one, and the one that it leaves is kept",
+    );
 }
 
 /// Which stack runs on the recording; without one, which of those that need none.

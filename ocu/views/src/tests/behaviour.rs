@@ -16,7 +16,7 @@ fn shown(kind: &str) -> Harness<'static, Shown> {
 }
 
 fn key(name: &str) -> TopicKey {
-    TopicKey { name: name.into(), recorded: false }
+    TopicKey::shown(name)
 }
 
 #[test]
@@ -96,7 +96,8 @@ fn fields_follow_the_selection_open_and_search() {
 #[test]
 fn a_message_without_a_reader_says_why_and_shows_its_bytes() {
     let mut harness = shown("fields");
-    harness.state_mut().selection.topic = Some(TopicKey { name: "/ros1/chatter".into(), recorded: true });
+    harness.state_mut().selection.topic =
+        Some(TopicKey { name: "/ros1/chatter".into(), run: crate::RunChoice::Recorded });
     harness.run();
     assert!(
         harness.query_by_label_contains("Cannot be read: message encoding \"ros1\" has no reader").is_some()

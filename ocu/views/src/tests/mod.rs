@@ -50,8 +50,7 @@ fn every_view_draws_nothing_and_everything_at_any_size_in_both_themes() {
             for size in [Vec2::new(180.0, 120.0), Vec2::new(900.0, 560.0)] {
                 for theme in [Theme::Dark, Theme::Light] {
                     let mut harness = harness(Shown::new(view_type.kind, frame.clone()), size, theme);
-                    harness.state_mut().selection.topic =
-                        Some(crate::TopicKey { name: "/wm1/map".into(), recorded: false });
+                    harness.state_mut().selection.topic = Some(crate::TopicKey::shown("/wm1/map"));
                     harness.run();
                     assert!(!harness.state().view.title(&frame).is_empty(), "{}", view_type.kind);
                     assert!(

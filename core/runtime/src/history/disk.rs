@@ -1,0 +1,337 @@
+//! What a past keeps on disk: compressed pieces, appended to files in a folder of this process.
+//!
+//! A piece has owners; when the last one lets it go its bytes are dead. A file without living bytes is removed, and one
+//! that is mostly dead is rewritten. What lies where is known in memory alone: the folder means nothing to another
+//! process, and the next one to start removes it, by the lock that a dead process no longer holds.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File, OpenOptions};
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+/// A file that has grown to this is not appended to any more; to less where the budget is small.
+const FILE_BYTES: std::ops::RangeInclusive<u64> = 64 << 10..=16 << 20;
+/// How an error begins that says that the budget is used up.
+pub(crate) const OVER_BUDGET: &str = "the past would take more than its";
+/// zstd's level: most of what is kept is noise of cameras or empty cells of maps, and both are told at once.
+const LEVEL: i32 = 1;
+
+/// A folder of this process, removed with it.
+struct Folder {
+    path: PathBuf,
+    lock_path: PathBuf,
+    _lock: File,
+}
+
+impl Folder {
+    /// Makes a folder under `root`.
+    fn make(root: &Path) -> io::Result<Self> {
+        static COUNT: AtomicU64 = AtomicU64::new(0);
+        fs::create_dir_all(root)?;
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("{}-{count}", std::process::id());
+        let lock_path = root.join(format!("{name}.lock"));
+        let lock = OpenOptions::new().create(true).truncate(false).write(true).open(&lock_path)?;
+        lock.lock()?;
+        let path = root.join(name);
+        // A process of the same number may have left one.
+        let _ = fs::remove_dir_all(&path);
+        fs::create_dir(&path)?;
+        Ok(Self { path, lock_path, _lock: lock })
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // Nothing can be done about a folder that does not go; the next start tries again.
+        let _ = fs::remove_dir_all(&self.path);
+        let _ = fs::remove_file(&self.lock_path);
+    }
+}
+
+/// Removes the folders of processes that are no more, and says how many there were.
+pub(crate) fn remove_abandoned(root: &Path) -> usize {
+    let Ok(entries) = fs::read_dir(root) else { return 0 };
+    let mut removed = 0;
+    for path in entries.flatten().map(|entry| entry.path()) {
+        if path.extension().is_none_or(|extension| extension != "lock") {
+            continue;
+        }
+        let Ok(lock) = OpenOptions::new().write(true).open(&path) else { continue };
+        if lock.try_lock().is_err() {
+            continue;
+        }
+        let gone = fs::remove_dir_all(path.with_extension(""));
+        if gone.is_ok() || gone.is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
+            removed += usize::from(fs::remove_file(&path).is_ok());
+        }
+    }
+    removed
+}
+
+/// One file of pieces.
+struct Pack {
+    file: Arc<File>,
+    path: PathBuf,
+    bytes: u64,
+    living: u64,
+    pieces: Vec<Weak<Piece>>,
+}
+
+struct Inner {
+    folder: Option<Folder>,
+    packs: BTreeMap<u32, Pack>,
+    next: u32,
+    bytes: u64,
+    living: u64,
+}
+
+/// The pieces on disk.
+pub(crate) struct Disk {
+    root: PathBuf,
+    budget: u64,
+    file_bytes: u64,
+    inner: Mutex<Inner>,
+}
+
+/// Some compressed bytes on disk; dead when it is dropped.
+pub(crate) struct Piece {
+    disk: Arc<Disk>,
+    /// File and offset.
+    at: Mutex<(u32, u64)>,
+    bytes: u32,
+    raw: u32,
+}
+
+impl Drop for Piece {
+    fn drop(&mut self) {
+        let (pack, _) = *self.at.lock().unwrap_or_else(PoisonError::into_inner);
+        self.disk.release(pack, u64::from(self.bytes));
+    }
+}
+
+impl Piece {
+    /// The bytes as they were given.
+    pub(crate) fn read(&self) -> io::Result<Vec<u8>> {
+        let packed = self.read_packed()?;
+        let raw = zstd::bulk::decompress(&packed, self.raw as usize)?;
+        if raw.len() == self.raw as usize { Ok(raw) } else { Err(io::ErrorKind::InvalidData.into()) }
+    }
+
+    fn read_packed(&self) -> io::Result<Vec<u8>> {
+        // The file stays open, and its bytes where they are, while they are read.
+        let (file, offset) = {
+            let inner = self.disk.lock();
+            let (pack, offset) = *self.at.lock().unwrap_or_else(PoisonError::into_inner);
+            let pack = inner.packs.get(&pack).ok_or(io::ErrorKind::NotFound)?;
+            (Arc::clone(&pack.file), offset)
+        };
+        let mut packed = vec![0; self.bytes as usize];
+        file.read_exact_at(&mut packed, offset)?;
+        Ok(packed)
+    }
+}
+
+impl Disk {
+    /// Up to `budget` bytes in a folder of this process under `root`, which is made when something is first written.
+    pub(crate) fn new(root: PathBuf, budget: u64) -> Arc<Self> {
+        let inner = Inner { folder: None, packs: BTreeMap::new(), next: 0, bytes: 0, living: 0 };
+        let file_bytes = (budget / 32).clamp(*FILE_BYTES.start(), *FILE_BYTES.end());
+        Arc::new(Self { root, budget, file_bytes, inner: Mutex::new(inner) })
+    }
+
+    /// Bytes of all files.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.lock().bytes
+    }
+
+    /// Bytes that someone owns.
+    pub(crate) fn living(&self) -> u64 {
+        self.lock().living
+    }
+
+    /// Compresses bytes and appends them.
+    pub(crate) fn write(self: &Arc<Self>, raw: &[u8]) -> io::Result<Arc<Piece>> {
+        let mut compressor = zstd::bulk::Compressor::new(LEVEL)?;
+        compressor.include_checksum(true)?;
+        let packed = compressor.compress(raw)?;
+        let at = self.append(&packed)?;
+        let piece = Arc::new(Piece {
+            disk: Arc::clone(self),
+            at: Mutex::new(at),
+            bytes: packed.len() as u32,
+            raw: raw.len() as u32,
+        });
+        if let Some(pack) = self.lock().packs.get_mut(&at.0) {
+            pack.pieces.push(Arc::downgrade(&piece));
+        }
+        Ok(piece)
+    }
+
+    /// Appends packed bytes; their file and offset.
+    fn append(&self, packed: &[u8]) -> io::Result<(u32, u64)> {
+        let length = packed.len() as u64;
+        let (number, file, offset) = {
+            let mut inner = self.lock();
+            if inner.bytes + length > self.budget {
+                return Err(io::Error::new(
+                    io::ErrorKind::QuotaExceeded,
+                    format!("{OVER_BUDGET} {} bytes on disk", self.budget),
+                ));
+            }
+            let fits = |pack: &Pack| pack.bytes < self.file_bytes;
+            let current = inner.packs.iter().next_back().filter(|(_, pack)| fits(pack)).map(|(&n, _)| n);
+            let number = match current {
+                Some(number) => number,
+                None => self.begin_file(&mut inner)?,
+            };
+            inner.bytes += length;
+            inner.living += length;
+            let Some(pack) = inner.packs.get_mut(&number) else {
+                return Err(io::ErrorKind::NotFound.into());
+            };
+            let offset = pack.bytes;
+            pack.bytes += length;
+            pack.living += length;
+            (number, Arc::clone(&pack.file), offset)
+        };
+        let written = file.write_all_at(packed, offset);
+        written.inspect_err(|_| self.release(number, length))?;
+        Ok((number, offset))
+    }
+
+    fn begin_file(&self, inner: &mut Inner) -> io::Result<u32> {
+        if inner.folder.is_none() {
+            inner.folder = Some(Folder::make(&self.root)?);
+        }
+        let folder = inner.folder.as_ref().map(|folder| folder.path.clone()).unwrap_or_default();
+        let number = inner.next;
+        let path = folder.join(format!("{number}.past"));
+        let file = OpenOptions::new().create_new(true).read(true).write(true).open(&path)?;
+        inner.next += 1;
+        let pack = Pack { file: Arc::new(file), path, bytes: 0, living: 0, pieces: Vec::new() };
+        inner.packs.insert(number, pack);
+        Ok(number)
+    }
+
+    fn release(&self, number: u32, bytes: u64) {
+        let mut inner = self.lock();
+        inner.living = inner.living.saturating_sub(bytes);
+        let is_last = inner.packs.keys().next_back() == Some(&number);
+        let Some(pack) = inner.packs.get_mut(&number) else { return };
+        pack.living = pack.living.saturating_sub(bytes);
+        if pack.living == 0 && (!is_last || pack.bytes >= self.file_bytes) {
+            let (path, length) = (pack.path.clone(), pack.bytes);
+            inner.packs.remove(&number);
+            inner.bytes = inner.bytes.saturating_sub(length);
+            // A file that does not go is removed with its folder.
+            let _ = fs::remove_file(path);
+        }
+    }
+
+    /// Rewrites one file that is mostly dead; `false` where there is none.
+    pub(crate) fn compact(self: &Arc<Self>) -> io::Result<bool> {
+        let found = {
+            let inner = self.lock();
+            let last = inner.packs.keys().next_back().copied();
+            let sparse = |(number, pack): &(&u32, &Pack)| {
+                Some(**number) != last && pack.bytes >= self.file_bytes / 4 && pack.living * 2 < pack.bytes
+            };
+            inner.packs.iter().find(sparse).map(|(&number, pack)| (number, pack.pieces.clone()))
+        };
+        let Some((number, pieces)) = found else { return Ok(false) };
+        for piece in pieces.iter().filter_map(Weak::upgrade) {
+            let packed = piece.read_packed()?;
+            let to = self.append(&packed)?;
+            *piece.at.lock().unwrap_or_else(PoisonError::into_inner) = to;
+            if let Some(pack) = self.lock().packs.get_mut(&to.0) {
+                pack.pieces.push(Arc::downgrade(&piece));
+            }
+            self.release(number, u64::from(piece.bytes));
+        }
+        Ok(true)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+
+    /// Bytes that do not compress.
+    fn noise(seed: u8, length: usize) -> Vec<u8> {
+        let mut state = u32::from(seed) * 7919 + 1;
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        };
+        (0..length).map(|_| next()).collect()
+    }
+
+    #[test]
+    fn what_is_written_is_read_back_until_it_is_damaged_and_the_folder_goes_with_its_owner() {
+        let root = tempfile::tempdir().unwrap();
+        let disk = Disk::new(root.path().to_owned(), 1 << 20);
+        assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0, "nothing is made before it is needed");
+        let pieces: Vec<_> = (0..4).map(|i| disk.write(&noise(i, 1000)).unwrap()).collect();
+        for (i, piece) in pieces.iter().enumerate() {
+            assert_eq!(piece.read().unwrap(), noise(i as u8, 1000));
+        }
+        let file = root.path().join(format!("{}-", std::process::id()));
+        let folder =
+            fs::read_dir(root.path()).unwrap().flatten().find(|entry| entry.path().is_dir()).unwrap();
+        assert!(folder.path().to_string_lossy().starts_with(&*file.to_string_lossy()));
+        let pack = folder.path().join("0.past");
+        let mut bytes = fs::read(&pack).unwrap();
+        bytes[500] ^= 1;
+        fs::write(&pack, bytes).unwrap();
+        assert!(pieces[0].read().is_err(), "damage is seen");
+        assert!(pieces[1].read().is_ok());
+        drop(pieces);
+        drop(disk);
+        assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn dead_bytes_are_given_back_and_the_budget_is_kept() {
+        let root = tempfile::tempdir().unwrap();
+        let disk = Disk::new(root.path().to_owned(), 100 << 20);
+        let block = noise(1, 1 << 20);
+        let mut pieces: Vec<_> = (0..64).map(|_| Some(disk.write(&block).unwrap())).collect();
+        assert!(disk.bytes() > 64 << 20);
+        for (i, piece) in pieces.iter_mut().enumerate() {
+            if i % 4 != 0 {
+                *piece = None;
+            }
+        }
+        while disk.compact().unwrap() {}
+        assert!(disk.bytes() < 40 << 20, "{}", disk.bytes());
+        for piece in pieces.iter().flatten() {
+            assert_eq!(piece.read().unwrap(), block);
+        }
+        pieces.clear();
+        let full: Vec<_> = std::iter::from_fn(|| disk.write(&block).ok()).collect();
+        assert!(disk.bytes() <= 100 << 20 && full.len() > 60, "{} pieces", full.len());
+    }
+
+    #[test]
+    fn folders_of_processes_that_are_no_more_are_removed_and_those_of_the_living_stay() {
+        let root = tempfile::tempdir().unwrap();
+        let disk = Disk::new(root.path().to_owned(), 1 << 20);
+        let piece = disk.write(b"alive").unwrap();
+        fs::write(root.path().join("1-0.lock"), b"").unwrap();
+        fs::create_dir(root.path().join("1-0")).unwrap();
+        fs::write(root.path().join("1-0/0.past"), b"dead").unwrap();
+        assert_eq!(remove_abandoned(root.path()), 1);
+        assert!(!root.path().join("1-0").exists() && !root.path().join("1-0.lock").exists());
+        assert_eq!(piece.read().unwrap(), b"alive");
+        assert_eq!(remove_abandoned(&root.path().join("absent")), 0);
+    }
+}

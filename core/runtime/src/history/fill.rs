@@ -1,0 +1,422 @@
+//! Looking at the past, and running again what is not kept of it.
+
+use super::runs::Run;
+use super::samples::{Entry, Held, Point, Samples};
+use super::{Session, Shown};
+use crate::error::RunError;
+use crate::snapshot::Snapshot;
+use crate::source::{SourceError, Task};
+use crate::stepped::Happened;
+use rcs_bus::Sample;
+use rcs_log::Log;
+use rcs_msg::Stamp;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How long one piece of work in the background may take.
+const PIECE: Duration = Duration::from_millis(8);
+
+/// What lay in the buffers at a snapshot.
+pub(super) fn opening(snapshot: &Snapshot) -> Vec<Option<Entry>> {
+    let entry = |sample: &Sample| Entry {
+        point: Point::after(snapshot.events),
+        header: sample.header,
+        held: Held::Here(sample.message.clone()),
+    };
+    snapshot.latest().map(|sample| sample.map(entry)).collect()
+}
+
+impl Session {
+    /// How many events had been done at a time, as far as the run has got.
+    pub(crate) fn events_at(&self, time: Stamp) -> u64 {
+        let run = &self.runs[self.run];
+        let place = run.line.partition_point(|&stretch| self.stretches[stretch].start <= time);
+        // Events of one time may lie on both sides of where a stretch ends: the later stretch begins at that time.
+        self.stretches[run.line[place.saturating_sub(1)]].events_at(time)
+    }
+
+    /// Looks at a point of the run; executes nothing.
+    pub(crate) fn look(&mut self, at: Point) {
+        let end = self.runs[self.run].end;
+        let at = at.min(end);
+        self.went_back = at < self.cursor;
+        self.cursor = at;
+        let place = self.place();
+        if self.filling.is_some_and(|filling| filling != place || self.at_run != self.run) {
+            self.filling = None;
+        }
+        if self.filling.is_none() && !self.is_at_hand(place) {
+            self.begin_fill(place);
+        }
+    }
+
+    /// Looks at the moment after an event and the writes that follow it.
+    pub(crate) fn look_at_event(&mut self, event: u64) {
+        let at = self.runs[self.run].settled(event);
+        self.look(at);
+    }
+
+    /// Looks at the end of the run.
+    pub(crate) fn look_at_end(&mut self) {
+        self.look(Point::end_of(u64::MAX));
+    }
+
+    /// Looks at a time.
+    pub(crate) fn look_at_time(&mut self, time: Stamp) {
+        self.look_at_event(self.events_at(time));
+    }
+
+    /// Place in the run's line of the stretch that is looked at.
+    fn place(&self) -> usize {
+        self.runs[self.run].place_of(&self.stretches, self.cursor.event)
+    }
+
+    /// Whether the tape tells what a stretch holds up to a point.
+    fn is_on_tape(&self, stretch: usize, at: Point) -> bool {
+        self.at_stretch == stretch && self.at() >= at
+    }
+
+    /// Whether the messages of a stretch are there, up to the cursor; reads them from disk where they are.
+    fn is_at_hand(&mut self, place: usize) -> bool {
+        let stretch = self.runs[self.run].line[place];
+        self.is_on_tape(stretch, self.cursor) || self.load(stretch)
+    }
+
+    /// Whether the messages of a stretch are in memory, or could be read from disk.
+    fn load(&mut self, stretch: usize) -> bool {
+        if self.stretches[stretch].samples.memory.is_some() {
+            return true;
+        }
+        let Some(packed) = self.stretches[stretch].samples.disk.clone() else { return false };
+        match packed.load(self.machine.plan()) {
+            Ok(samples) => {
+                self.stretches[stretch].samples.memory = Some(Arc::new(samples));
+                true
+            }
+            Err(error) => {
+                self.lose(stretch, &error.to_string());
+                false
+            }
+        }
+    }
+
+    /// Messages of a stretch could not be read back: they are computed again.
+    fn lose(&mut self, stretch: usize, why: &str) {
+        let at = self.stretches[stretch].start.seconds_since(self.machine.start);
+        self.keeper
+            .say(format!("what was kept of {at:.0} s could not be read back, and is computed again: {why}"));
+        self.stretches[stretch].samples.disk = None;
+        self.stretches[stretch].samples.memory = None;
+    }
+
+    fn begin_fill(&mut self, place: usize) {
+        let stretch = self.runs[self.run].line[place];
+        let point = Point::after(self.stretches[stretch].from);
+        if self.at_run != self.run || self.at() > point || self.at_stretch != stretch {
+            self.leave();
+            if let Err(error) = self.place_machine(self.run, point) {
+                self.keeper.say(error.to_string());
+                return;
+            }
+        }
+        self.filling = Some(place);
+    }
+
+    /// Runs on for a while what is to be filled in; `true` where something is left to do.
+    pub(crate) fn fill_for(&mut self, time: Duration) -> bool {
+        let until = Instant::now() + time;
+        while let Some(place) = self.filling {
+            let stretch = self.runs[self.run].line[place];
+            if self.at().event >= self.stretches[stretch].to() || self.at_run != self.run {
+                self.filling = None;
+                break;
+            }
+            match self.step() {
+                Ok(Some(_)) => {}
+                Ok(None) => self.filling = None,
+                Err(error) => {
+                    self.keeper.say(error.to_string());
+                    self.filling = None;
+                }
+            }
+            if Instant::now() >= until {
+                break;
+            }
+        }
+        self.filling.is_some()
+    }
+
+    /// Fills in what is looked at, all of it.
+    pub(crate) fn fill(&mut self, task: &Task) -> Result<(), SourceError> {
+        while self.is_pending() {
+            task.check()?;
+            self.fill_for(PIECE);
+            task.report(self.fill_progress().unwrap_or(1.0));
+        }
+        Ok(())
+    }
+
+    /// Whether something of what is looked at is still to be computed again.
+    pub(crate) fn is_pending(&self) -> bool {
+        let stretch = self.runs[self.run].line[self.place()];
+        self.filling.is_some()
+            && self.stretches[stretch].samples.memory.is_none()
+            && !self.is_on_tape(stretch, self.cursor)
+    }
+
+    /// How far what is filled in has got, 0 to 1; `None` where nothing is.
+    pub(crate) fn fill_progress(&self) -> Option<f64> {
+        let place = self.filling?;
+        let stretch = &self.stretches[self.runs[self.run].line[place]];
+        let start = self.keeper_start(place);
+        Some((self.at().event.saturating_sub(start)) as f64 / (stretch.to() - start).max(1) as f64)
+    }
+
+    /// Events that had been done at the nearest snapshot before a stretch.
+    fn keeper_start(&self, place: usize) -> u64 {
+        let line = &self.runs[self.run].line[..=place];
+        let kept = line.iter().rev().find(|&&stretch| self.stretches[stretch].snapshot.is_kept());
+        kept.map_or(0, |&stretch| self.stretches[stretch].from)
+    }
+
+    /// Work for when nothing else is asked: fills in what is looked at, and the stretch before where a person goes back.
+    pub(crate) fn idle(&mut self) -> bool {
+        self.absorb();
+        if self.filling.is_some() {
+            return self.fill_for(PIECE) || self.went_back;
+        }
+        let place = self.place();
+        if !self.went_back || place == 0 {
+            return false;
+        }
+        self.went_back = false;
+        let before = self.runs[self.run].line[place - 1];
+        if !self.is_on_tape(before, Point::after(self.stretches[before].to())) && !self.load(before) {
+            self.begin_fill(place - 1);
+        }
+        self.filling.is_some()
+    }
+
+    /// The newest message of a buffer at the moment that is looked at.
+    pub(crate) fn latest(&mut self, buffer: usize) -> Shown {
+        let stretch = self.runs[self.run].line[self.place()];
+        let (entry, pending) = if self.is_on_tape(stretch, self.cursor) {
+            (self.tape.samples().latest(buffer, self.cursor).cloned(), false)
+        } else if let Some(samples) = &self.stretches[stretch].samples.memory {
+            (samples.latest(buffer, self.cursor).cloned(), false)
+        } else {
+            let after = Point { event: self.cursor.event, write: self.cursor.write.saturating_add(1) };
+            let wanted = self.stretches[stretch].written_before(buffer, after);
+            let pending = self.at_stretch != stretch || wanted.is_some_and(|wanted| wanted > self.at());
+            (self.tape.samples().latest(buffer, self.cursor).cloned(), pending)
+        };
+        let Some(entry) = entry else { return Shown { sample: None, pending } };
+        match entry.sample(self.log().as_ref()) {
+            Ok(sample) => Shown { sample: Some(sample), pending },
+            Err(error) => {
+                self.lose(stretch, &error.to_string());
+                let place = self.place();
+                self.begin_fill(place);
+                Shown { sample: None, pending: true }
+            }
+        }
+    }
+
+    fn log(&self) -> Option<Log> {
+        self.machine.feed.as_ref().map(|feed| feed.log().clone())
+    }
+
+    /// How many messages had been written to a buffer at the moment that is looked at.
+    pub(crate) fn messages(&self, buffer: usize) -> u64 {
+        let stretch = self.runs[self.run].line[self.place()];
+        if self.is_on_tape(stretch, self.cursor) {
+            let samples = self.tape.samples();
+            let done = samples.written[buffer].partition_point(|entry| entry.point <= self.cursor);
+            return self.stretches[stretch].newest[buffer] + done as u64;
+        }
+        self.stretches[stretch].messages(buffer, self.cursor)
+    }
+
+    /// What was written to these buffers after `from` and up to the cursor, as far as it is in memory, in the order of
+    /// each buffer.
+    pub(crate) fn since(&self, from: Point, buffers: &[usize], take: &mut dyn FnMut(usize, &Sample)) {
+        let run = &self.runs[self.run];
+        let log = self.log();
+        let (first, last) = (run.place_of(&self.stretches, from.event), self.place());
+        for &stretch in &run.line[first..=last] {
+            let memory = self.stretches[stretch].samples.memory.clone();
+            let tape = (self.at_stretch == stretch).then(|| self.tape.samples());
+            let samples: &Samples = match (&memory, &tape) {
+                (Some(samples), _) if !self.is_on_tape(stretch, self.cursor) => samples,
+                (_, Some(tape)) => tape,
+                (Some(samples), None) => samples,
+                (None, None) => continue,
+            };
+            for &buffer in buffers {
+                let written = &samples.written[buffer];
+                let begin = written.partition_point(|entry| entry.point <= from);
+                let end = written.partition_point(|entry| entry.point <= self.cursor);
+                for entry in written.get(begin..end).unwrap_or_default() {
+                    if let Ok(sample) = entry.sample(log.as_ref()) {
+                        take(buffer, &sample);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The point that is looked at.
+    pub(crate) fn cursor(&self) -> Point {
+        self.cursor
+    }
+
+    /// How many events had been done after the last event before the cursor that `is_wanted` accepts.
+    pub fn event_before(&self, mut is_wanted: impl FnMut(Happened) -> bool) -> Option<u64> {
+        let line = &self.runs[self.run].line[..=self.place()];
+        let before = self.cursor.event;
+        line.iter().rev().find_map(|&stretch| self.stretches[stretch].event_before(before, &mut is_wanted))
+    }
+
+    /// The same for the first event after the cursor, as far as the run has got.
+    pub fn event_after(&self, mut is_wanted: impl FnMut(Happened) -> bool) -> Option<u64> {
+        let run = &self.runs[self.run];
+        let line = &run.line[self.place()..];
+        line.iter()
+            .find_map(|&stretch| self.stretches[stretch].event_after(self.cursor.event, &mut is_wanted))
+            .filter(|&event| event <= run.end.event)
+    }
+
+    /// The last point before the cursor at which a message came into a buffer (by its place in the plan).
+    pub(crate) fn message_before(&self, buffer: usize) -> Option<Point> {
+        let line = &self.runs[self.run].line[..=self.place()];
+        line.iter().rev().find_map(|&stretch| {
+            if self.is_on_tape(stretch, self.cursor) {
+                let samples = self.tape.samples();
+                let written = &samples.written[buffer];
+                let before = written.partition_point(|entry| entry.point < self.cursor);
+                return before.checked_sub(1).map(|index| written[index].point);
+            }
+            self.stretches[stretch].written_before(buffer, self.cursor)
+        })
+    }
+
+    /// The first point after the cursor at which a message came into a buffer, as far as the run has got.
+    pub(crate) fn message_after(&self, buffer: usize) -> Option<Point> {
+        let run = &self.runs[self.run];
+        run.line[self.place()..].iter().find_map(|&stretch| {
+            if self.is_on_tape(stretch, Point::end_of(self.stretches[stretch].to()).min(run.end)) {
+                let samples = self.tape.samples();
+                let written = &samples.written[buffer];
+                let after = written.partition_point(|entry| entry.point <= self.cursor);
+                return written.get(after).map(|entry| entry.point);
+            }
+            self.stretches[stretch].written_after(buffer, self.cursor)
+        })
+    }
+
+    /// Brings the machine to a point of a run.
+    pub(super) fn bring(&mut self, run: usize, to: Point, task: &Task) -> Result<(), SourceError> {
+        self.filling = None;
+        if !self.is_near(run, to) {
+            self.leave();
+            self.place_machine(run, to)?;
+        }
+        let from = self.at().event;
+        while self.at() < to {
+            task.check()?;
+            if self.at().event == to.event {
+                self.repeat_write()?;
+            } else if self.step()?.is_none() {
+                break;
+            }
+            task.report((self.at().event - from) as f64 / (to.event - from).max(1) as f64);
+        }
+        Ok(())
+    }
+
+    /// Whether the machine best goes on to a point from where it stands.
+    fn is_near(&self, run: usize, to: Point) -> bool {
+        if self.at_run != run || self.at() > to {
+            return false;
+        }
+        let line = &self.runs[run].line;
+        let place = self.runs[run].place_of(&self.stretches, to.event);
+        let (Some(from), Some(_)) = (line.iter().position(|&s| s == self.at_stretch), line.get(place)) else {
+            return false;
+        };
+        let head = to == self.runs[run].end && self.runs[run].head.is_some();
+        !head && !line[from + 1..=place.max(from)].iter().any(|&s| self.stretches[s].snapshot.is_kept())
+    }
+
+    /// Before the machine goes elsewhere: where it stands at the end of a run, that end is kept.
+    pub(super) fn leave(&mut self) {
+        if !self.is_machine_at_end() || self.runs[self.at_run].head.is_some() {
+            return;
+        }
+        let empty = Samples::begin(vec![None; self.machine.buffers().len()]);
+        let samples = Arc::new(self.tape.replace(empty));
+        let stretch = &mut self.stretches[self.at_stretch];
+        stretch.set_index(&samples);
+        stretch.samples.memory = Some(samples);
+        self.runs[self.at_run].head = Some(Arc::new(self.machine.snapshot()));
+    }
+
+    /// Puts the machine to a point of a run, or to the nearest snapshot before it.
+    fn place_machine(&mut self, run: usize, to: Point) -> Result<(), RunError> {
+        if to == self.runs[run].end
+            && let Some(&stretch) = self.runs[run].line.last()
+            && self.load(stretch)
+            && let Some(head) = self.runs[run].head.take()
+        {
+            self.machine.restore(&head)?;
+            let samples = self.stretches[stretch].samples.memory.take();
+            self.tape.replace(samples.map(Arc::unwrap_or_clone).unwrap_or_default());
+            (self.at_run, self.at_stretch, self.at_write) = (run, stretch, to.write);
+            return Ok(());
+        }
+        for place in (0..=self.runs[run].place_of(&self.stretches, to.event)).rev() {
+            let stretch = self.runs[run].line[place];
+            if let Some(snapshot) = self.snapshot_of(stretch) {
+                self.machine.restore(&snapshot)?;
+                self.tape.replace(Samples::begin(opening(&snapshot)));
+                (self.at_run, self.at_stretch, self.at_write) = (run, stretch, 0);
+                return Ok(());
+            }
+        }
+        Err(RunError::Snapshot(format!("there is none before event {}", to.event)))
+    }
+
+    /// The snapshot at the start of a stretch, read where it is on disk. One that cannot be read is said, and dropped.
+    fn snapshot_of(&mut self, stretch: usize) -> Option<Arc<Snapshot>> {
+        let kept = &mut self.stretches[stretch].snapshot;
+        if let Some(snapshot) = &kept.memory {
+            return Some(Arc::clone(snapshot));
+        }
+        let packed = kept.disk.clone()?;
+        match packed.load() {
+            Ok(snapshot) => Some(Arc::new(snapshot)),
+            Err(error) => {
+                kept.disk = None;
+                let at = self.stretches[stretch].start.seconds_since(self.machine.start);
+                self.keeper.say(format!("{error}; an older one than that of {at:.0} s is used"));
+                None
+            }
+        }
+    }
+
+    /// The machine has reached the end of a stretch that was done before.
+    pub(super) fn enter_next(&mut self) {
+        let Run { line, .. } = &self.runs[self.at_run];
+        let place = line.iter().position(|&stretch| stretch == self.at_stretch);
+        let Some(&next) = place.and_then(|place| line.get(place + 1)) else { return };
+        let closing = self.tape.samples().closing();
+        let samples = self.tape.replace(Samples::begin(closing));
+        let stretch = &mut self.stretches[self.at_stretch];
+        if stretch.samples.memory.is_none() {
+            stretch.set_index(&samples);
+            stretch.samples.memory = Some(Arc::new(samples));
+        }
+        self.at_stretch = next;
+        self.settle();
+    }
+}

@@ -1,0 +1,358 @@
+//! What of the past is kept, and where: one budget in bytes for memory and one for disk.
+//!
+//! Where memory grows tight, stretches are written to disk and let go, those farthest from the cursor first. Where disk
+//! grows tight, messages of whole stretches are dropped so that what is left is the sparser the farther away it lies
+//! (one that is dropped can be run again from its snapshot), and then snapshots by the same rule.
+
+use super::Session;
+use super::disk::{Disk, remove_abandoned};
+use super::options::PastOptions;
+use super::samples::Tape;
+use super::spill::{Done, Job, Spill};
+use super::stretch::Stretch;
+use crate::snapshot::Snapshot;
+use crate::stack::Plan;
+use rcs_msg::Stamp;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// From this part of the memory on, stretches are written to disk.
+const WRITE_AT: f64 = 0.45;
+/// … and let go, down to this part.
+const KEEP: f64 = 0.6;
+/// Above this part, the run waits for the disk.
+const WAIT_AT: f64 = 0.8;
+/// Above this part of the disk, it is thinned, down to the second.
+const THIN_AT: f64 = 0.92;
+const THIN_TO: f64 = 0.85;
+/// How many stretches are on their way to disk at once.
+const ON_THE_WAY: usize = 6;
+/// After an error of the disk, so many stretches are kept in memory alone before it is tried again.
+const PAUSE: u32 = 30;
+/// Snapshots of that many stretches around the cursor and around the end stay in memory.
+const SNAPSHOTS_NEAR_NS: u64 = 3_000_000_000;
+/// A guess, until one has been written.
+const SNAPSHOT_BYTES: usize = 1 << 20;
+const PROBLEMS: usize = 20;
+
+/// What a past takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PastUse {
+    /// About how much memory, bytes; what is shared is counted once.
+    pub memory_bytes: u64,
+    /// How much disk, bytes.
+    pub disk_bytes: u64,
+    /// Stretches of about a second.
+    pub stretches: usize,
+    /// How many of them have their messages, in memory or on disk.
+    pub with_messages: usize,
+    /// How many of them can be gone on from without running anything before them.
+    pub with_snapshot: usize,
+}
+
+pub(super) struct Keeper {
+    options: PastOptions,
+    plan: Arc<Plan>,
+    disk: Arc<Disk>,
+    spill: Option<Spill>,
+    /// Jobs that have to come first once the thread is there.
+    early: Vec<Job>,
+    problems: Vec<String>,
+    /// How many stretches to wait before the disk is tried again.
+    pause: u32,
+    snapshot_bytes: usize,
+}
+
+impl Keeper {
+    pub(super) fn new(options: PastOptions, plan: Arc<Plan>) -> Self {
+        let removed = remove_abandoned(&options.folder);
+        if removed > 0 {
+            tracing::info!("removed the past of {removed} programs that were killed");
+        }
+        let disk = Disk::new(options.folder.clone(), options.disk_bytes);
+        Self {
+            options,
+            plan,
+            disk,
+            spill: None,
+            early: Vec::new(),
+            problems: Vec::new(),
+            pause: 0,
+            snapshot_bytes: SNAPSHOT_BYTES,
+        }
+    }
+
+    pub(super) fn problems(&self) -> &[String] {
+        &self.problems
+    }
+
+    /// Says what could not be done, once.
+    pub(super) fn say(&mut self, problem: String) {
+        if !self.problems.contains(&problem) && self.problems.len() < PROBLEMS {
+            tracing::warn!("{problem}");
+            self.problems.push(problem);
+        }
+    }
+
+    pub(super) fn send(&mut self, job: Job) {
+        match &mut self.spill {
+            Some(spill) => spill.send(job),
+            None => self.early.push(job),
+        }
+    }
+
+    fn can_write(&self) -> bool {
+        self.pause == 0 && self.options.disk_bytes > 0
+    }
+
+    /// Starts the thread where there is none.
+    fn start(&mut self) -> bool {
+        if self.spill.is_some() {
+            return true;
+        }
+        match Spill::start(Arc::clone(&self.disk), Arc::clone(&self.plan)) {
+            Ok(mut spill) => {
+                self.early.drain(..).for_each(|job| spill.send(job));
+                self.spill = Some(spill);
+                true
+            }
+            Err(error) => {
+                self.say(format!("the past stays in memory: {error}"));
+                self.pause = PAUSE;
+                false
+            }
+        }
+    }
+
+    fn waiting(&self) -> usize {
+        self.spill.as_ref().map_or(0, Spill::waiting)
+    }
+
+    /// Memory of a stretch's messages and snapshot.
+    fn memory_of(&self, stretch: &Stretch) -> usize {
+        let samples = stretch.samples.memory.is_some();
+        let snapshot = stretch.snapshot.memory.is_some();
+        usize::from(samples) * stretch.bytes + usize::from(snapshot) * self.snapshot_bytes
+    }
+
+    fn memory(&self, stretches: &[Stretch]) -> usize {
+        stretches.iter().map(|stretch| stretch.fixed_bytes() + self.memory_of(stretch)).sum()
+    }
+
+    pub(super) fn usage(&self, stretches: &[Stretch], tape: &Tape) -> PastUse {
+        PastUse {
+            memory_bytes: (self.memory(stretches) + tape.samples().bytes()) as u64,
+            disk_bytes: self.disk.bytes(),
+            stretches: stretches.len(),
+            with_messages: stretches.iter().filter(|stretch| stretch.samples.is_kept()).count(),
+            with_snapshot: stretches.iter().filter(|stretch| stretch.snapshot.is_kept()).count(),
+        }
+    }
+}
+
+impl Session {
+    /// Takes what has been written to disk since the last time.
+    pub(super) fn absorb(&mut self) {
+        let done = self.keeper.spill.as_mut().map(|spill| spill.done(false)).unwrap_or_default();
+        self.take_done(done);
+    }
+
+    fn take_done(&mut self, done: Vec<Done>) {
+        for done in done {
+            let failed = match done {
+                Done::Samples { stretch, packed } => {
+                    let kept = &mut self.stretches[stretch].samples;
+                    kept.pending = false;
+                    packed.map(|packed| kept.disk = Some(packed)).err()
+                }
+                Done::Snapshot { stretch, packed } => {
+                    let kept = &mut self.stretches[stretch].snapshot;
+                    kept.pending = false;
+                    match packed {
+                        Ok(packed) => {
+                            let (old, new) = (self.keeper.snapshot_bytes, packed.bytes);
+                            self.keeper.snapshot_bytes = (old * 7 + new * 2) / 8;
+                            kept.disk = Some(packed);
+                            None
+                        }
+                        Err(error) => Some(error),
+                    }
+                }
+            };
+            if let Some(error) = failed {
+                // A disk that is full by its budget is thinned at once; one that is full by itself may be for long.
+                let by_budget = error.contains(super::disk::OVER_BUDGET);
+                self.keeper.pause = if by_budget { 2 } else { PAUSE };
+                self.keeper.say(format!("the past could not be written to disk: {error}"));
+            }
+        }
+    }
+
+    /// Keeps the budgets. Called whenever a stretch has come into memory.
+    pub(super) fn settle(&mut self) {
+        self.absorb();
+        self.keeper.pause = self.keeper.pause.saturating_sub(1);
+        let budget = self.keeper.options.memory_bytes as f64;
+        let mut used = self.keeper.memory(&self.stretches) as f64;
+        if used > WRITE_AT * budget {
+            self.write_out(used - WRITE_AT * budget);
+        }
+        if used > KEEP * budget {
+            used = self.let_go(used, KEEP * budget);
+        }
+        while used > WAIT_AT * budget && self.keeper.waiting() > 0 {
+            let done = self.keeper.spill.as_mut().map(|spill| spill.done(true)).unwrap_or_default();
+            self.take_done(done);
+            used = self.let_go(self.keeper.memory(&self.stretches) as f64, KEEP * budget);
+        }
+        if used > WAIT_AT * budget {
+            self.drop_from_memory(used, KEEP * budget);
+        }
+        self.thin_disk();
+    }
+
+    /// Finds out what a snapshot takes.
+    pub(super) fn weigh(&mut self, snapshot: &Snapshot) {
+        if let Ok(bytes) = snapshot.encode(&mut |_| Some(0)) {
+            self.keeper.snapshot_bytes = bytes.len();
+        }
+    }
+
+    /// How far a stretch is from where a person looks, and from the end of the run, in seconds; twice as far in another
+    /// run than the one that is looked at.
+    fn distance_s(&self, stretch: &Stretch, cursor: Stamp) -> f64 {
+        let run = &self.runs[self.run];
+        let end = run.end_time;
+        let to_cursor = cursor.seconds_since(stretch.start).abs();
+        let to_end = end.seconds_since(stretch.start).abs();
+        let place = run.place_of(&self.stretches, stretch.from);
+        let is_ours = self.stretches[run.line[place]].from == stretch.from
+            && self.stretches[run.line[place]].run == stretch.run;
+        to_cursor.min(to_end) * if is_ours { 1.0 } else { 2.0 } + if is_ours { 0.0 } else { 1.0 }
+    }
+
+    /// All stretches but those that are in use, farthest first.
+    fn farthest_first(&self) -> Vec<(usize, f64)> {
+        let cursor = self.now();
+        let ends: BTreeSet<usize> = self.runs.iter().filter_map(|run| run.line.last().copied()).collect();
+        let looked_at =
+            self.runs[self.run].line[self.runs[self.run].place_of(&self.stretches, self.cursor.event)];
+        let free = |index: &usize| !ends.contains(index) && *index != self.at_stretch && *index != looked_at;
+        let mut list: Vec<_> = (0..self.stretches.len())
+            .filter(free)
+            .map(|index| (index, self.distance_s(&self.stretches[index], cursor)))
+            .collect();
+        list.sort_by(|a, b| b.1.total_cmp(&a.1));
+        list
+    }
+
+    /// Sends stretches to disk, until `bytes` are on their way.
+    fn write_out(&mut self, bytes: f64) {
+        if !self.keeper.can_write() {
+            return;
+        }
+        let mut sent = 0.0;
+        for (index, _) in self.farthest_first() {
+            if sent >= bytes || self.keeper.waiting() >= 2 * ON_THE_WAY || !self.keeper.start() {
+                return;
+            }
+            let stretch = &mut self.stretches[index];
+            if let Some(snapshot) = &stretch.snapshot.memory
+                && stretch.snapshot.disk.is_none()
+                && !stretch.snapshot.pending
+            {
+                stretch.snapshot.pending = true;
+                let snapshot = Arc::clone(snapshot);
+                self.keeper.send(Job::Snapshot { stretch: index, run: stretch.run, snapshot });
+            }
+            if let Some(samples) = &stretch.samples.memory {
+                sent += stretch.bytes as f64;
+                if stretch.samples.disk.is_none() && !stretch.samples.pending {
+                    stretch.samples.pending = true;
+                    let samples = Arc::clone(samples);
+                    self.keeper.send(Job::Samples { stretch: index, run: stretch.run, samples });
+                }
+            }
+        }
+    }
+
+    /// Lets go of what is on disk, too, until no more than `to` is used; what is used then.
+    fn let_go(&mut self, mut used: f64, to: f64) -> f64 {
+        for (index, distance) in self.farthest_first() {
+            let stretch = &mut self.stretches[index];
+            // From the first everything can be reached, whatever becomes of the disk.
+            if index > 0
+                && stretch.snapshot.memory.is_some()
+                && stretch.snapshot.disk.is_some()
+                && distance * 1e9 > SNAPSHOTS_NEAR_NS as f64
+            {
+                stretch.snapshot.memory = None;
+                used -= self.keeper.snapshot_bytes as f64;
+            }
+            if stretch.samples.memory.is_some() && stretch.samples.disk.is_some() {
+                stretch.samples.memory = None;
+                used -= stretch.bytes as f64;
+            }
+            if used <= to {
+                break;
+            }
+        }
+        used
+    }
+
+    /// Drops messages, and then snapshots, that are in memory alone: there is no disk for them.
+    fn drop_from_memory(&mut self, mut used: f64, to: f64) {
+        let list = self.farthest_first();
+        for &(index, distance) in &list {
+            let stretch = &mut self.stretches[index];
+            if used <= to || distance < 2.0 {
+                break;
+            }
+            if stretch.samples.memory.take().is_some() {
+                used -= stretch.bytes as f64;
+            }
+        }
+        while used > to {
+            let victim = self.sparsest(&list, |stretch| stretch.snapshot.memory.is_some());
+            let Some(index) = victim else { return };
+            self.stretches[index].snapshot.memory = None;
+            used -= self.keeper.snapshot_bytes as f64;
+        }
+    }
+
+    /// Drops messages on disk, and then snapshots, where the disk's budget is nearly used up.
+    fn thin_disk(&mut self) {
+        let budget = self.keeper.options.disk_bytes as f64;
+        if self.keeper.disk.bytes() as f64 <= THIN_AT * budget || budget == 0.0 {
+            return;
+        }
+        let list = self.farthest_first();
+        while self.keeper.disk.living() as f64 > THIN_TO * budget {
+            if let Some(index) = self.sparsest(&list, |stretch| stretch.samples.disk.is_some()) {
+                self.stretches[index].samples.disk = None;
+                self.stretches[index].samples.memory = None;
+            } else if let Some(index) = self.sparsest(&list, |stretch| stretch.snapshot.disk.is_some()) {
+                self.stretches[index].snapshot.disk = None;
+                self.stretches[index].snapshot.memory = None;
+            } else {
+                return;
+            }
+        }
+    }
+
+    /// Of the stretches that have something, the one that is missed least: the gap that it would leave is small beside
+    /// its distance. What is kept is then the sparser the farther away it lies. The first stretch is never named: from
+    /// it everything can be reached.
+    fn sparsest(&self, list: &[(usize, f64)], has: impl Fn(&Stretch) -> bool) -> Option<usize> {
+        let mut kept: Vec<(usize, f64)> =
+            list.iter().copied().filter(|&(index, _)| index > 0 && has(&self.stretches[index])).collect();
+        kept.sort_by_key(|&(index, _)| (self.stretches[index].run, self.stretches[index].from));
+        let gap = |i: usize| {
+            let start = |i: usize| self.stretches[kept[i].0].start;
+            let (first, last) = (i.saturating_sub(1), (i + 1).min(kept.len() - 1));
+            start(last).seconds_since(start(first)).abs().max(1.0)
+        };
+        let worth = |i: usize| gap(i) / (kept[i].1 + 0.1);
+        (0..kept.len()).min_by(|&a, &b| worth(a).total_cmp(&worth(b))).map(|i| kept[i].0)
+    }
+}

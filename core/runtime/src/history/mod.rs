@@ -1,0 +1,451 @@
+//! Going back: a stepped run with its past.
+//!
+//! A [`Session`] keeps two things of every stretch of a run, which is about a second: every message that was written in
+//! it, and the run as it was at its start. Looking at a moment reads messages, and executes nothing; where they were
+//! thinned out, the stretch is run again in the background, from the nearest snapshot. Where a person looks (the cursor)
+//! and where the machine stands are two things. Only going on from a moment in a new way brings the machine there.
+//!
+//! What comes from outside after going back begins another run; the one that it leaves stays whole. What is kept thins
+//! out away from the cursor, by one budget for memory and one for disk: see [`PastOptions`].
+
+mod disk;
+mod fill;
+mod keep;
+mod options;
+mod pack;
+mod runs;
+mod samples;
+mod spill;
+mod stretch;
+
+pub use keep::PastUse;
+pub use options::PastOptions;
+pub use runs::{Moment, RunId, RunSummary};
+pub(crate) use samples::{LogRef, Point};
+
+use crate::error::RunError;
+use crate::journal::{ExternalEvent, Journal};
+use crate::source::{SourceError, Task};
+use crate::stack::names;
+use crate::stepped::{Happened, Stepped};
+use keep::Keeper;
+use pack::Origin;
+use rcs_bus::Sample;
+use rcs_msg::Stamp;
+use runs::Run;
+use samples::{Held, Samples, Tape, There, Whereabouts};
+use spill::Job;
+use std::sync::Arc;
+use stretch::Stretch;
+
+/// A stretch ends with the first event at or after the next multiple of this.
+const STRETCH_NS: u64 = 1_000_000_000;
+/// … or up to this much later, at an event at which nothing computes.
+const PATIENCE_NS: u64 = 300_000_000;
+/// … or with this many events.
+const STRETCH_EVENTS: u64 = 16_384;
+
+/// A stepped run that can go back.
+pub struct Session {
+    machine: Stepped,
+    tape: Arc<Tape>,
+    stretches: Vec<Stretch>,
+    runs: Vec<Run>,
+    /// The run that is looked at, and the point in it.
+    run: usize,
+    cursor: Point,
+    /// Where the machine stands: the run, the stretch, and how many writes it has done since its last event.
+    at_run: usize,
+    at_stretch: usize,
+    at_write: u32,
+    /// The stretch (its place in the run's line) that the machine runs again, so that it can be looked at.
+    filling: Option<usize>,
+    went_back: bool,
+    keeper: Keeper,
+}
+
+/// The newest message of a buffer at the moment that is looked at.
+pub(crate) struct Shown {
+    pub(crate) sample: Option<Sample>,
+    /// Whether it is older than that, because the right one is still to be computed again.
+    pub(crate) pending: bool,
+}
+
+impl Session {
+    /// A session of a run that has not begun.
+    pub fn new(mut run: Stepped) -> Result<Self, RunError> {
+        let tape = Tape::on(run.buffers());
+        let keeper = Keeper::new(run.past_options().clone(), Arc::clone(run.plan()));
+        run.begin()?;
+        let snapshot = Arc::new(run.snapshot());
+        let opening = fill::opening(&snapshot);
+        tape.replace(Samples::begin(opening));
+        let (start, events) = (run.now, run.events);
+        let first = Run {
+            branched_from: None,
+            line: vec![0],
+            journal: Journal::default(),
+            end: Point::after(events),
+            end_time: start,
+            head: None,
+        };
+        Ok(Self {
+            machine: run,
+            tape,
+            stretches: vec![Stretch::begin(0, snapshot)],
+            runs: vec![first],
+            run: 0,
+            cursor: Point::after(events),
+            at_run: 0,
+            at_stretch: 0,
+            at_write: 0,
+            filling: None,
+            went_back: false,
+            keeper,
+        })
+    }
+
+    /// The machine. It stands where [`Session::forward`] and [`Session::go_to_event`] have brought it; what is looked at
+    /// may be another moment.
+    pub fn run(&self) -> &Stepped {
+        &self.machine
+    }
+
+    /// The moment that is looked at.
+    pub fn moment(&self) -> Moment {
+        Moment { run: RunId(self.run as u32), event: self.cursor.event, write: self.cursor.write }
+    }
+
+    /// Time of the last event before the moment that is looked at.
+    pub fn now(&self) -> Stamp {
+        self.time_of(self.cursor.event)
+    }
+
+    /// Time of the last event of the run.
+    pub fn end(&self) -> Stamp {
+        self.runs[self.run].end_time
+    }
+
+    /// Whether the run that is looked at left another one.
+    pub fn is_branch(&self) -> bool {
+        self.runs[self.run].branched_from.is_some()
+    }
+
+    /// Whether nothing that was done lies ahead of the moment that is looked at.
+    pub fn is_at_end(&self) -> bool {
+        self.cursor >= self.runs[self.run].end
+    }
+
+    /// All runs, in the order in which they began.
+    pub fn runs(&self) -> Vec<RunSummary> {
+        let summary = |(index, run): (usize, &Run)| RunSummary {
+            id: RunId(index as u32),
+            branched_from: run.branched_from.map(|(parent, at, time)| {
+                (Moment { run: RunId(parent as u32), event: at.event, write: at.write }, time)
+            }),
+            end: run.end_time,
+            events: run.end.event,
+            writes: run.journal.len(),
+        };
+        self.runs.iter().enumerate().map(summary).collect()
+    }
+
+    /// What could not be kept or read back, a line each.
+    pub fn problems(&self) -> &[String] {
+        self.keeper.problems()
+    }
+
+    /// What the past takes now.
+    pub fn past_use(&self) -> PastUse {
+        self.keeper.usage(&self.stretches, &self.tape)
+    }
+
+    /// Where the machine stands.
+    fn at(&self) -> Point {
+        Point { event: self.machine.events, write: self.at_write }
+    }
+
+    fn is_machine_at_end(&self) -> bool {
+        self.at() >= self.runs[self.at_run].end
+    }
+
+    fn time_of(&self, event: u64) -> Stamp {
+        let run = &self.runs[self.run];
+        // An event at which a stretch begins is the last one of the stretch before.
+        let place = run.place_of(&self.stretches, event.saturating_sub(1));
+        self.stretches[run.line[place]].time_of(event)
+    }
+
+    /// Does the next event; `None` where nothing is left to do.
+    pub fn forward(&mut self) -> Result<Option<Happened>, RunError> {
+        self.bring_to_cursor()?;
+        let happened = self.step()?;
+        self.cursor = self.at();
+        Ok(happened)
+    }
+
+    fn bring_to_cursor(&mut self) -> Result<(), RunError> {
+        if self.at_run == self.run && self.at() == self.cursor {
+            return Ok(());
+        }
+        self.bring(self.run, self.cursor, &Task::default()).map_err(|error| match error {
+            SourceError::Run(error) => error,
+            other => RunError::Refused(other.to_string()),
+        })
+    }
+
+    /// Does everything up to and with `until`; `false` where nothing is left after that.
+    pub fn forward_until(&mut self, until: Stamp, task: &Task) -> Result<bool, SourceError> {
+        self.bring(self.run, self.cursor, task)?;
+        let from = self.machine.now;
+        let span = until.seconds_since(from);
+        loop {
+            task.check()?;
+            match self.machine.next_time()? {
+                Some(time) if time <= until => {
+                    self.forward()?;
+                    if span > 0.0 {
+                        task.report(self.machine.now.seconds_since(from) / span);
+                    }
+                }
+                next => return Ok(next.is_some()),
+            }
+        }
+    }
+
+    /// Goes forward to the end of the next event that `is_wanted` accepts; `false` where there is none before `until`.
+    pub fn forward_to(
+        &mut self,
+        until: Stamp,
+        task: &Task,
+        mut is_wanted: impl FnMut(&Stepped, Happened) -> bool,
+    ) -> Result<bool, SourceError> {
+        self.bring(self.run, self.cursor, task)?;
+        loop {
+            task.check()?;
+            match self.machine.next_time()? {
+                Some(time) if time <= until => {}
+                _ => return Ok(false),
+            }
+            match self.forward()? {
+                Some(happened) if is_wanted(&self.machine, happened) => return Ok(true),
+                Some(_) => {}
+                None => return Ok(false),
+            }
+        }
+    }
+
+    /// Brings the machine to where `events` events have been done: back to the nearest snapshot before, then forward.
+    pub fn go_to_event(&mut self, events: u64, task: &Task) -> Result<(), SourceError> {
+        let run = &self.runs[self.run];
+        let known = run.settled(events.min(run.end.event));
+        let moved = self.bring(self.run, known, task);
+        while moved.is_ok() && self.machine.events < events {
+            task.check()?;
+            if self.step()?.is_none() {
+                break;
+            }
+        }
+        self.look(self.at());
+        moved
+    }
+
+    /// Brings the machine to a time: everything up to and with it has been done, nothing after it.
+    pub fn go_to_time(&mut self, to: Stamp, task: &Task) -> Result<(), SourceError> {
+        let to_known = to.min(self.end());
+        self.go_to_event(self.events_at(to_known), task)?;
+        if to > to_known {
+            self.forward_until(to, task)?;
+        }
+        Ok(())
+    }
+
+    /// A write from outside, at the moment that is looked at. Where something that was done lies ahead, it begins
+    /// another run.
+    pub fn write(&mut self, event: ExternalEvent) -> Result<(), RunError> {
+        self.bring_to_cursor()?;
+        if !self.is_machine_at_end() {
+            // A write that is refused must not leave a run behind.
+            self.machine.check_event(&event)?;
+            self.fork()?;
+        }
+        self.tape.at(Point { event: self.machine.events, write: self.at_write + 1 });
+        let taken = self.machine.take(event)?;
+        self.written(taken);
+        Ok(())
+    }
+
+    /// A write at the end of the run has been done.
+    fn written(&mut self, event: ExternalEvent) {
+        self.at_write += 1;
+        let at = self.at();
+        let run = &mut self.runs[self.at_run];
+        run.journal.push(event);
+        run.end = at;
+        run.head = None;
+        self.cursor = at;
+    }
+
+    /// Takes back the last write before the moment that is looked at: goes to the moment before it, and on from there
+    /// without it. Nothing is lost: the run with the write can be gone back to. `false` where there is no write.
+    pub fn undo(&mut self) -> Result<bool, RunError> {
+        let run = &self.runs[self.run];
+        let done = &run.journal.events()[..run.writes_done(self.cursor)];
+        // What the runtime says of a branch is nothing that a person has done.
+        let Some(last) = done.iter().rposition(|event| *event.buffer != *names::RUN) else {
+            return Ok(false);
+        };
+        let event = done[last].place.events;
+        let before = Point { event, write: (last - run.journal.before(event)) as u32 };
+        if let Some((parent, at, _)) = run.branched_from
+            && before.event == at.event
+            && before.write == at.write + 1
+        {
+            // The write began this run: without it, it is the run that it left.
+            self.switch_to_point(parent, at)?;
+            return Ok(true);
+        }
+        self.cursor = before;
+        self.bring_to_cursor()?;
+        self.fork()?;
+        Ok(true)
+    }
+
+    /// Goes to another run, to the time that is looked at now or to the run's end where that is earlier.
+    pub fn switch_to(&mut self, run: RunId) -> Result<(), RunError> {
+        let index = run.0 as usize;
+        if index >= self.runs.len() {
+            return Err(RunError::Refused(format!(
+                "there is no {run}; expected 0 to {}",
+                self.runs.len() - 1
+            )));
+        }
+        let time = self.now().min(self.runs[index].end_time);
+        let was_at_end = self.is_at_end();
+        self.run = index;
+        let target = &self.runs[index];
+        let point = if was_at_end && time == target.end_time {
+            target.end
+        } else {
+            target.settled(self.events_at(time))
+        };
+        self.switch_to_point(index, point)
+    }
+
+    fn switch_to_point(&mut self, run: usize, point: Point) -> Result<(), RunError> {
+        self.run = run;
+        // Those who see every message once are told of what is new in this run, and of nothing else.
+        self.cursor = self.runs[run].end;
+        self.bring_to_cursor()?;
+        self.machine.buffers().iter().for_each(|buffer| buffer.begin_anew());
+        self.look(point);
+        Ok(())
+    }
+
+    /// Begins another run where the machine stands, and says so in it.
+    fn fork(&mut self) -> Result<(), RunError> {
+        let (parent, at) = (self.at_run, self.at());
+        let run = self.runs.len();
+        let newest: Vec<u64> = self.machine.buffers().iter().map(|buffer| buffer.newest()).collect();
+        let stretch = self.stretches[self.at_stretch].fork(run, at.event);
+        let old = &self.runs[parent];
+        let place = old.place_of(&self.stretches, at.event);
+        let mut line = old.line[..=place].to_vec();
+        line[place] = self.stretches.len();
+        let begun = Run {
+            branched_from: Some((parent, at, self.machine.now)),
+            line,
+            journal: Journal::new(old.journal.events()[..old.writes_done(at)].to_vec()),
+            end: at,
+            end_time: self.machine.now,
+            head: None,
+        };
+        self.at_stretch = self.stretches.len();
+        self.stretches.push(stretch);
+        self.runs.push(begun);
+        (self.at_run, self.run) = (run, run);
+        self.filling = None;
+        self.machine.buffers().iter().for_each(|buffer| buffer.begin_anew());
+        self.keeper.send(Job::Begun { run, origin: Origin { parent, newest } });
+        self.tape.at(Point { event: at.event, write: at.write + 1 });
+        let said = self.machine.begin_branch(&RunId(parent as u32).to_string())?;
+        self.written(said);
+        Ok(())
+    }
+
+    /// Does the writes that follow the last event, then the next event.
+    fn step(&mut self) -> Result<Option<Happened>, RunError> {
+        let all = self.runs[self.at_run].writes_at(self.machine.events);
+        while self.at_write < all {
+            self.repeat_write()?;
+        }
+        self.tape.at(Point::after(self.machine.events + 1));
+        let Some(happened) = self.machine.advance()? else { return Ok(None) };
+        self.at_write = 0;
+        if happened == Happened::Input {
+            self.refer_to_log();
+        }
+        let (event, now) = (self.machine.events, self.machine.now);
+        if event > self.runs[self.at_run].end.event {
+            let stretch = &mut self.stretches[self.at_stretch];
+            stretch.mark(now, happened);
+            let due = now.0 / STRETCH_NS > stretch.start.0 / STRETCH_NS || stretch.len() >= STRETCH_EVENTS;
+            // A snapshot waits for cycles that compute beside the executor: better where there are none.
+            let late = now.0 - stretch.start.0 > STRETCH_NS + PATIENCE_NS;
+            let run = &mut self.runs[self.at_run];
+            run.end = Point::after(event);
+            run.end_time = now;
+            run.head = None;
+            if due && (late || !self.machine.is_computing()) {
+                self.cut();
+            }
+        } else if event == self.stretches[self.at_stretch].to() {
+            self.enter_next();
+        }
+        Ok(Some(happened))
+    }
+
+    /// Does the next of the writes that were done at this event.
+    fn repeat_write(&mut self) -> Result<(), RunError> {
+        let run = &self.runs[self.at_run];
+        let event = run.journal.events()[run.writes_done(self.at())].clone();
+        self.at_write += 1;
+        self.tape.at(self.at());
+        self.machine.retake(event)
+    }
+
+    /// What the last event brought from the log need not be kept: the log has it.
+    fn refer_to_log(&mut self) {
+        let Some(given) = self.machine.feed.as_ref().and_then(crate::feed::Feed::given) else { return };
+        let mut samples = self.tape.samples();
+        for input in &self.machine.plan().inputs {
+            let buffer = &self.machine.buffers()[input.buffer];
+            if let Some(entry) = samples.written[input.buffer].last_mut()
+                && entry.point.event == self.machine.events
+                && let Held::Here(message) = &entry.held
+            {
+                let schema = Arc::clone(&buffer.spec().schema);
+                let there = There::with(Whereabouts::Log(given), schema, message.clone());
+                entry.held = Held::There(Arc::new(there));
+            }
+        }
+    }
+
+    /// Ends a stretch at the end of a run, and begins the next.
+    fn cut(&mut self) {
+        let closing = self.tape.samples().closing();
+        let samples = Arc::new(self.tape.replace(Samples::begin(closing)));
+        let stretch = &mut self.stretches[self.at_stretch];
+        stretch.set_index(&samples);
+        stretch.samples.memory = Some(samples);
+        let last = stretch.snapshot.memory.clone();
+        let snapshot = Arc::new(self.machine.snapshot_sharing(last.as_deref()));
+        if self.stretches.len().is_power_of_two() {
+            self.weigh(&snapshot);
+        }
+        self.at_stretch = self.stretches.len();
+        self.stretches.push(Stretch::begin(self.at_run, snapshot));
+        self.runs[self.at_run].line.push(self.at_stretch);
+        self.settle();
+    }
+}

@@ -1,0 +1,243 @@
+//! Stretches of messages and snapshots on their way to disk and back.
+//!
+//! Small messages of a stretch are packed together; each large one is a piece of its own, which everything that holds the
+//! message shares: the stretch in which it was written, the next ones that begin with it, and snapshots.
+
+use super::disk::{Disk, Piece};
+use super::samples::{Entry, Held, LogRef, Point, Samples, There, Whereabouts, decoded};
+use crate::error::RunError;
+use crate::snapshot::Snapshot;
+use crate::snapshot::disk::{Block, message_of};
+use crate::stack::Plan;
+use rcs_bus::Header;
+use rcs_msg::AnyMessage;
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::io;
+use std::sync::{Arc, Weak};
+
+/// A message that takes more than this is a piece of its own.
+const LARGE: usize = 2048;
+
+/// A stretch on disk.
+pub(crate) struct PackedSamples {
+    small: Arc<Piece>,
+    large: Vec<Arc<Piece>>,
+}
+
+/// A snapshot on disk.
+pub(crate) struct PackedSnapshot {
+    state: Arc<Piece>,
+    /// Each with the type of its message.
+    large: Vec<(Arc<Piece>, String)>,
+    /// About what it takes in memory.
+    pub(crate) bytes: usize,
+}
+
+#[derive(Serialize, Deserialize)]
+enum HeldOnDisk {
+    Here(Block),
+    Piece(u32),
+    Log(LogRef),
+}
+
+#[derive(Serialize, Deserialize)]
+struct EntryOnDisk {
+    point: Point,
+    header: Header,
+    held: HeldOnDisk,
+}
+
+#[derive(Serialize, Deserialize)]
+struct SamplesOnDisk {
+    opening: Vec<Option<EntryOnDisk>>,
+    written: Vec<Vec<EntryOnDisk>>,
+}
+
+/// Where a run began, for finding out in which run a message was written.
+pub(crate) struct Origin {
+    pub(crate) parent: usize,
+    /// Sequence of the newest message of each buffer when it began.
+    pub(crate) newest: Vec<u64>,
+}
+
+/// Packs stretches and snapshots.
+pub(crate) struct Packer {
+    disk: Arc<Disk>,
+    plan: Arc<Plan>,
+    /// Large messages that are on disk, by run, buffer and sequence.
+    known: HashMap<(usize, usize, u64), Weak<Piece>>,
+    /// By run; `None` for the first.
+    pub(crate) origins: HashMap<usize, Origin>,
+    packed: u64,
+}
+
+impl Packer {
+    pub(crate) fn new(disk: Arc<Disk>, plan: Arc<Plan>) -> Self {
+        Self { disk, plan, known: HashMap::new(), origins: HashMap::new(), packed: 0 }
+    }
+
+    /// The run in which a message of `run` was written.
+    fn writer_run(&self, mut run: usize, buffer: usize, sequence: u64) -> usize {
+        while let Some(origin) = self.origins.get(&run)
+            && origin.newest.get(buffer).is_some_and(|&newest| sequence <= newest)
+        {
+            run = origin.parent;
+        }
+        run
+    }
+
+    /// The piece of a message, written where it is not on disk; `None` where it is small.
+    fn large(
+        &mut self,
+        run: usize,
+        (buffer, sequence): (usize, u64),
+        message: &AnyMessage,
+    ) -> io::Result<Option<Arc<Piece>>> {
+        let key = (self.writer_run(run, buffer, sequence), buffer, sequence);
+        if let Some(piece) = self.known.get(&key).and_then(Weak::upgrade) {
+            return Ok(Some(piece));
+        }
+        if message.size_hint() <= LARGE && !self.plan.buffers[buffer].spec.schema.name().ends_with("Grid") {
+            return Ok(None);
+        }
+        let bytes = message.encode();
+        if bytes.len() <= LARGE {
+            return Ok(None);
+        }
+        let piece = self.disk.write(&bytes)?;
+        self.known.insert(key, Arc::downgrade(&piece));
+        Ok(Some(piece))
+    }
+
+    fn entry(
+        &mut self,
+        run: usize,
+        buffer: usize,
+        entry: &Entry,
+        large: &mut Vec<Arc<Piece>>,
+    ) -> io::Result<EntryOnDisk> {
+        let piece = match &entry.held {
+            Held::There(there) => match &there.place {
+                Whereabouts::Disk(piece) => Some(Arc::clone(piece)),
+                Whereabouts::Log(place) => {
+                    let held = HeldOnDisk::Log(*place);
+                    return Ok(EntryOnDisk { point: entry.point, header: entry.header, held });
+                }
+            },
+            Held::Here(message) => self.large(run, (buffer, entry.header.sequence), message)?,
+        };
+        let held = match (piece, &entry.held) {
+            (Some(piece), _) => {
+                large.push(piece);
+                HeldOnDisk::Piece(large.len() as u32 - 1)
+            }
+            (None, Held::Here(message)) => HeldOnDisk::Here(Block(message.encode().to_vec())),
+            (None, Held::There(_)) => return Err(io::ErrorKind::NotFound.into()),
+        };
+        Ok(EntryOnDisk { point: entry.point, header: entry.header, held })
+    }
+
+    /// Writes a stretch of a run.
+    pub(crate) fn samples(&mut self, run: usize, samples: &Samples) -> io::Result<PackedSamples> {
+        let mut large = Vec::new();
+        let mut opening = Vec::new();
+        for (buffer, entry) in samples.opening.iter().enumerate() {
+            let entry = entry.as_ref().map(|entry| self.entry(run, buffer, entry, &mut large));
+            opening.push(entry.transpose()?);
+        }
+        let mut written = Vec::new();
+        for (buffer, list) in samples.written.iter().enumerate() {
+            let list = list.iter().map(|entry| self.entry(run, buffer, entry, &mut large));
+            written.push(list.collect::<io::Result<Vec<_>>>()?);
+        }
+        let bytes = postcard::to_stdvec(&SamplesOnDisk { opening, written }).map_err(io::Error::other)?;
+        let small = self.disk.write(&bytes)?;
+        self.tidy()?;
+        Ok(PackedSamples { small, large })
+    }
+
+    /// Writes a snapshot of a run.
+    pub(crate) fn snapshot(&mut self, run: usize, snapshot: &Snapshot) -> Result<PackedSnapshot, RunError> {
+        let places = snapshot.places(&self.plan);
+        let mut large = Vec::new();
+        let mut failed = None;
+        let bytes = snapshot.encode(&mut |message| {
+            let place = *places.get(&message.address())?;
+            match self.large(run, place, message) {
+                Ok(piece) => {
+                    large.push((piece?, message.schema().name().to_owned()));
+                    Some(large.len() as u32 - 1)
+                }
+                Err(error) => {
+                    failed.get_or_insert(error);
+                    None
+                }
+            }
+        })?;
+        let said = |error: io::Error| RunError::Snapshot(error.to_string());
+        if let Some(error) = failed {
+            return Err(said(error));
+        }
+        let state = self.disk.write(&bytes).map_err(said)?;
+        Ok(PackedSnapshot { state, large, bytes: bytes.len() })
+    }
+
+    /// From time to time forgets what is no longer on disk, and rewrites what is mostly dead.
+    fn tidy(&mut self) -> io::Result<()> {
+        self.packed += 1;
+        if self.packed.is_multiple_of(64) {
+            self.known.retain(|_, piece| piece.strong_count() > 0);
+        }
+        self.disk.compact().map(|_| ())
+    }
+}
+
+impl PackedSamples {
+    /// The stretch; its large messages are read when they are looked at.
+    pub(crate) fn load(&self, plan: &Plan) -> io::Result<Samples> {
+        let bytes = self.small.read()?;
+        let bad = |text: String| io::Error::new(io::ErrorKind::InvalidData, text);
+        let disk: SamplesOnDisk = postcard::from_bytes(&bytes).map_err(|error| bad(error.to_string()))?;
+        if disk.opening.len() != plan.buffers.len() || disk.written.len() != plan.buffers.len() {
+            return Err(bad("it is of another stack".to_owned()));
+        }
+        let entry = |buffer: usize, entry: EntryOnDisk| {
+            let schema = &plan.buffers[buffer].spec.schema;
+            let there = |place| Held::There(Arc::new(There::new(place, Arc::clone(schema))));
+            let held = match entry.held {
+                HeldOnDisk::Here(bytes) => Held::Here(decoded(schema, bytes.0)?),
+                HeldOnDisk::Piece(number) => {
+                    let piece = self.large.get(number as usize);
+                    let piece = piece.ok_or_else(|| bad(format!("it has no message {number}")))?;
+                    there(Whereabouts::Disk(Arc::clone(piece)))
+                }
+                HeldOnDisk::Log(place) => there(Whereabouts::Log(place)),
+            };
+            Ok::<_, io::Error>(Entry { point: entry.point, header: entry.header, held })
+        };
+        let mut samples = Samples::default();
+        for (buffer, opening) in disk.opening.into_iter().enumerate() {
+            samples.opening.push(opening.map(|opening| entry(buffer, opening)).transpose()?);
+        }
+        for (buffer, list) in disk.written.into_iter().enumerate() {
+            let list = list.into_iter().map(|written| entry(buffer, written));
+            samples.written.push(list.collect::<io::Result<_>>()?);
+        }
+        Ok(samples)
+    }
+}
+
+impl PackedSnapshot {
+    /// The snapshot.
+    pub(crate) fn load(&self) -> Result<Snapshot, RunError> {
+        let said = |error: io::Error| RunError::Snapshot(error.to_string());
+        let bytes = self.state.read().map_err(said)?;
+        Snapshot::decode(&bytes, &mut |number| {
+            let large = self.large.get(number as usize);
+            let (piece, schema) =
+                large.ok_or_else(|| RunError::Snapshot(format!("it has no message {number}")))?;
+            message_of(schema, piece.read().map_err(said)?)
+        })
+    }
+}

@@ -1,0 +1,189 @@
+//! One stretch of a run, about a second: what happened in it, what was written, and the run as it was at its start.
+
+use super::pack::{PackedSamples, PackedSnapshot};
+use super::samples::{Point, Samples};
+use crate::snapshot::Snapshot;
+use crate::stepped::Happened;
+use rcs_msg::Stamp;
+use std::sync::Arc;
+
+/// Something in memory, on disk, both, or neither.
+pub(crate) struct Kept<T, P> {
+    pub(crate) memory: Option<Arc<T>>,
+    pub(crate) disk: Option<Arc<P>>,
+    /// Whether it is on its way to disk.
+    pub(crate) pending: bool,
+}
+
+impl<T, P> Kept<T, P> {
+    pub(crate) fn none() -> Self {
+        Self { memory: None, disk: None, pending: false }
+    }
+
+    pub(crate) fn is_kept(&self) -> bool {
+        self.memory.is_some() || self.disk.is_some()
+    }
+
+    /// The same thing, for another stretch.
+    fn share(&self) -> Self {
+        Self { memory: self.memory.clone(), disk: self.disk.clone(), pending: false }
+    }
+}
+
+/// What one event was, in 10 bytes.
+#[derive(Default, Clone)]
+struct Marks {
+    times: Vec<Stamp>,
+    what: Vec<u16>,
+}
+
+/// One stretch of a run.
+pub(crate) struct Stretch {
+    /// The run in which it was done.
+    pub(crate) run: usize,
+    /// How many events had been done at its start.
+    pub(crate) from: u64,
+    /// Time of its start.
+    pub(crate) start: Stamp,
+    marks: Marks,
+    /// Sequence of the newest message of each buffer at its start.
+    pub(crate) newest: Vec<u64>,
+    /// Where each buffer was written to: event less `from`, and write. Empty until the stretch has ended.
+    index: Vec<Vec<(u32, u32)>>,
+    pub(crate) snapshot: Kept<Snapshot, PackedSnapshot>,
+    pub(crate) samples: Kept<Samples, PackedSamples>,
+    /// About how much memory its samples take when they are there.
+    pub(crate) bytes: usize,
+}
+
+impl Stretch {
+    /// A stretch that begins here.
+    pub(crate) fn begin(run: usize, snapshot: Arc<Snapshot>) -> Self {
+        Self {
+            run,
+            from: snapshot.events,
+            start: snapshot.now,
+            marks: Marks::default(),
+            newest: snapshot.newest(),
+            index: Vec::new(),
+            snapshot: Kept { memory: Some(snapshot), ..Kept::none() },
+            samples: Kept::none(),
+            bytes: 0,
+        }
+    }
+
+    /// The same stretch in another run, which goes its own way after `events` events.
+    pub(crate) fn fork(&self, run: usize, events: u64) -> Self {
+        let done = (events - self.from) as usize;
+        let (times, what) = (&self.marks.times, &self.marks.what);
+        let cut = done.min(times.len());
+        Self {
+            run,
+            from: self.from,
+            start: self.start,
+            marks: Marks { times: times[..cut].to_vec(), what: what[..cut].to_vec() },
+            newest: self.newest.clone(),
+            index: Vec::new(),
+            snapshot: self.snapshot.share(),
+            samples: Kept::none(),
+            bytes: 0,
+        }
+    }
+
+    /// How many events were done in it.
+    pub(crate) fn len(&self) -> u64 {
+        self.marks.times.len() as u64
+    }
+
+    /// How many events had been done at its end.
+    pub(crate) fn to(&self) -> u64 {
+        self.from + self.len()
+    }
+
+    /// Takes down an event.
+    pub(crate) fn mark(&mut self, time: Stamp, what: Happened) {
+        let what = match what {
+            Happened::Input => 0,
+            Happened::Written => 1,
+            Happened::Started(process) => 2 + 2 * process,
+            Happened::Cycle(process) => 3 + 2 * process,
+        };
+        self.marks.times.push(time);
+        self.marks.what.push(what as u16);
+    }
+
+    /// What an event was, by the number of events that had been done after it.
+    fn what(&self, event: u64) -> Happened {
+        match self.marks.what[(event - self.from - 1) as usize] {
+            0 => Happened::Input,
+            1 => Happened::Written,
+            other if other % 2 == 0 => Happened::Started(usize::from(other - 2) / 2),
+            other => Happened::Cycle(usize::from(other - 3) / 2),
+        }
+    }
+
+    /// Time of an event.
+    pub(crate) fn time_of(&self, event: u64) -> Stamp {
+        let index = event.checked_sub(self.from + 1).map(|index| index as usize);
+        index.and_then(|index| self.marks.times.get(index)).copied().unwrap_or(self.start)
+    }
+
+    /// How many events had been done at that time.
+    pub(crate) fn events_at(&self, time: Stamp) -> u64 {
+        self.from + self.marks.times.partition_point(|&mark| mark <= time) as u64
+    }
+
+    /// The last event before `before` that is wanted.
+    pub(crate) fn event_before(
+        &self,
+        before: u64,
+        is_wanted: &mut dyn FnMut(Happened) -> bool,
+    ) -> Option<u64> {
+        let last = before.saturating_sub(1).min(self.to());
+        (self.from + 1..=last).rev().find(|&event| is_wanted(self.what(event)))
+    }
+
+    /// The first event after `after` that is wanted.
+    pub(crate) fn event_after(&self, after: u64, is_wanted: &mut dyn FnMut(Happened) -> bool) -> Option<u64> {
+        (after.max(self.from) + 1..=self.to()).find(|&event| is_wanted(self.what(event)))
+    }
+
+    /// Takes down where the buffers were written to: the stretch has ended.
+    pub(crate) fn set_index(&mut self, samples: &Samples) {
+        let place = |point: Point| ((point.event.saturating_sub(self.from)) as u32, point.write);
+        let list = |written: &Vec<super::samples::Entry>| {
+            written.iter().map(|entry| place(entry.point)).collect::<Vec<_>>()
+        };
+        self.index = samples.written.iter().map(list).collect();
+        self.bytes = samples.bytes();
+    }
+
+    /// Where a buffer was written to, ascending.
+    fn points(&self, buffer: usize) -> impl DoubleEndedIterator<Item = Point> + ExactSizeIterator + '_ {
+        let list = self.index.get(buffer).map_or(&[][..], Vec::as_slice);
+        list.iter().map(|&(event, write)| Point { event: self.from + u64::from(event), write })
+    }
+
+    /// The last point before `before` at which a buffer was written to.
+    pub(crate) fn written_before(&self, buffer: usize, before: Point) -> Option<Point> {
+        self.points(buffer).rev().find(|&point| point < before)
+    }
+
+    /// The first point after `after` at which a buffer was written to.
+    pub(crate) fn written_after(&self, buffer: usize, after: Point) -> Option<Point> {
+        self.points(buffer).find(|&point| point > after)
+    }
+
+    /// How many messages had been written to a buffer at a point.
+    pub(crate) fn messages(&self, buffer: usize, at: Point) -> u64 {
+        let before = self.newest.get(buffer).copied().unwrap_or(0);
+        before + self.points(buffer).take_while(|&point| point <= at).count() as u64
+    }
+
+    /// About how much memory it takes without its samples and its snapshot.
+    pub(crate) fn fixed_bytes(&self) -> usize {
+        let marks = self.marks.times.len() * 10;
+        let index: usize = self.index.iter().map(|list| 24 + 8 * list.len()).sum();
+        size_of::<Self>() + marks + index + 8 * self.newest.len()
+    }
+}

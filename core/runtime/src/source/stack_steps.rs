@@ -1,0 +1,105 @@
+//! Steps of a stack that runs: through what was done already by looking, and past its end by running.
+
+use super::log_source::neighbour;
+use super::stack_source::StackSource;
+use super::{SourceError, Task};
+use crate::history::Point;
+use crate::stepped::Happened;
+use rcs_log::Place;
+
+impl StackSource {
+    /// Looks at a point that was found; `false` where none was.
+    fn look(&mut self, found: Option<Point>) -> bool {
+        if let Some(point) = found {
+            self.session.look(point);
+        }
+        found.is_some()
+    }
+
+    fn buffer_of(&self, topic: &str) -> Option<usize> {
+        let plan = self.session.run().plan();
+        plan.inputs
+            .iter()
+            .find(|input| input.topic == topic && !input.is_static)
+            .map(|input| input.buffer)
+            .or_else(|| plan.buffers.iter().position(|buffer| buffer.spec.name == topic))
+    }
+
+    pub(super) fn process_named(&self, name: &str) -> Result<usize, SourceError> {
+        let processes = &self.session.run().plan().processes;
+        processes
+            .iter()
+            .position(|process| &*process.name == name)
+            .ok_or_else(|| SourceError::Unsupported(format!("there is no process {name} in this stack")))
+    }
+
+    pub(super) fn step_message(
+        &mut self,
+        topic: Option<&str>,
+        back: bool,
+        task: &Task,
+    ) -> Result<bool, SourceError> {
+        let last = self.last();
+        let Some(topic) = topic else {
+            return self.step_event(back, task, |what| what == Happened::Input);
+        };
+        if let Some(buffer) = self.buffer_of(topic) {
+            if back {
+                let before = self.session.message_before(buffer);
+                // The moment before the first message is no step: nothing would be there to look at.
+                return Ok(self.look(before));
+            }
+            if let Some(after) = self.session.message_after(buffer) {
+                self.look(Some(after));
+                self.session.fill(task)?;
+                return Ok(true);
+            }
+            self.session.look_at_end();
+            let newest = self.session.messages(buffer);
+            return self.session.forward_to(last, task, |run, _| run.buffers()[buffer].newest() > newest);
+        }
+        // A recorded topic that the stack does not read.
+        let Some(view) = &self.recorded else {
+            return Err(SourceError::Unsupported(format!("there is no topic {topic}")));
+        };
+        let ids = view.topic_ids(topic);
+        let place = if back { Place::before(self.now) } else { Place::after(self.now) };
+        match neighbour(view.log(), Some(&ids), place, back)? {
+            Some(message) => {
+                let to = message.log_time;
+                if to < self.session.end() {
+                    self.session.look_at_time(to);
+                } else {
+                    self.session.look_at_end();
+                    self.session.forward_until(to, task)?;
+                }
+                self.now = to;
+                Ok(true)
+            }
+            None => Ok(false),
+        }
+    }
+
+    pub(super) fn step_event(
+        &mut self,
+        back: bool,
+        task: &Task,
+        is_wanted: impl Fn(Happened) -> bool,
+    ) -> Result<bool, SourceError> {
+        if back {
+            let before = self.session.event_before(is_wanted);
+            if let Some(event) = before {
+                self.session.look_at_event(event);
+            }
+            return Ok(before.is_some());
+        }
+        if let Some(event) = self.session.event_after(&is_wanted) {
+            self.session.look_at_event(event);
+            self.session.fill(task)?;
+            return Ok(true);
+        }
+        let last = self.last();
+        self.session.look_at_end();
+        self.session.forward_to(last, task, |_, what| is_wanted(what))
+    }
+}
