@@ -11,4 +11,6 @@ mod determinism;
 #[cfg(test)]
 mod random_input;
 #[cfg(test)]
+mod recorded_maps;
+#[cfg(test)]
 mod stereo_truth;

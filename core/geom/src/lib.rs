@@ -26,5 +26,5 @@ pub use geodesy::{Enu, GeodesyError, Geodetic, Utm};
 pub use glam::{DMat3, DQuat, DVec2, DVec3};
 pub use pose::{Pose, PoseError, wrap_angle};
 pub use rectify::Rectification;
-pub use scroll_grid::{CellIndex, CellRect, Exposed, GridError, ScrollGrid};
+pub use scroll_grid::{CellIndex, CellRect, Exposed, GridError, ScrollGrid, TILE};
 pub use transform_tree::{TransformError, TransformTree};

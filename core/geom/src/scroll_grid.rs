@@ -58,7 +58,7 @@ pub enum GridError {
 const MAX_SIDE: usize = 4096;
 /// Cells a side of a tile. Small enough that a column of the map touches few cells beside its own, large enough that
 /// sharing the tiles costs little.
-const TILE: usize = 8;
+pub const TILE: usize = 8;
 /// Beyond this many cells from the origin an f64 no longer tells cells apart.
 const LIMIT: i64 = 1 << 51;
 
@@ -272,6 +272,35 @@ impl<T: Clone> ScrollGrid<T> {
         let mut cells = Vec::with_capacity(self.side * self.side);
         self.for_each_run(|_, _, run| cells.extend_from_slice(run));
         cells
+    }
+
+    /// Numbers of the tiles that are not shared with `other`, ascending: all that differ are among them. Clones share
+    /// what neither has written since, so that this costs one comparison of addresses a tile. All tiles where the two
+    /// have another number of them.
+    pub fn tiles_written_since<'a>(&'a self, other: &'a ScrollGrid<T>) -> impl Iterator<Item = usize> + 'a {
+        let comparable = self.tiles.len() == other.tiles.len();
+        (0..self.tiles.len())
+            .filter(move |&tile| !comparable || !Arc::ptr_eq(&self.tiles[tile], &other.tiles[tile]))
+    }
+
+    /// Number of tiles.
+    pub fn tile_count(&self) -> usize {
+        self.tiles.len()
+    }
+
+    /// Cells of a tile by rows as they lie in memory: [`TILE`] rows of [`TILE`]; empty where there is no such tile.
+    pub fn tile(&self, tile: usize) -> &[T] {
+        self.tiles.get(tile).map_or(&[], |cells| cells)
+    }
+
+    /// Cells of a tile, to write; empty where there is no such tile. Asking copies the tile if a clone shares it.
+    pub fn tile_mut(&mut self, tile: usize) -> &mut [T] {
+        self.tiles.get_mut(tile).map_or(&mut [], |cells| Arc::make_mut(cells))
+    }
+
+    /// Moves the window without filling what it newly shows: for a copy whose tiles are written as the original's were.
+    pub fn set_centre(&mut self, centre: CellIndex) {
+        self.centre = bounded(centre);
     }
 
     /// Tile of a cell and place within it.

@@ -10,7 +10,7 @@ use crate::segment::{Damage, MessageRef, Segment, Tally, decode, message_data};
 use crate::source::{Source, Window};
 use crate::summary::{self, Contents, Summary};
 use bytes::Bytes;
-use rcs_msg::Stamp;
+use rcs_msg::{DeltaCodec, Stamp};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,11 +20,17 @@ const CACHE_BYTES: usize = 64 << 20;
 /// A log no larger than this, compressed and not, is checked whole when it is opened; a larger one as it is read.
 const CHECKED_WHOLE: u64 = 32 << 20;
 
+/// Of how many single messages problems are told.
+const REPORTED_AT_LIMIT: usize = 1000;
+
 /// An open log: cheap to clone, shared between threads, with one cache of decompressed chunks.
 ///
 /// Memory is bounded whatever the log's size: the index, and [64 MiB](Log) of decompressed chunks.
 #[derive(Clone, Debug)]
-pub struct Log(pub(crate) Arc<Inner>);
+pub struct Log(pub(crate) Arc<Inner>, Codecs);
+
+/// Codecs of messages that are stored as key frames and deltas.
+type Codecs = Arc<[&'static dyn DeltaCodec]>;
 
 #[derive(Debug)]
 pub(crate) struct Inner {
@@ -46,6 +52,8 @@ struct Found {
     lost: Lost,
     problems: Problems,
     reported: BTreeSet<u32>,
+    /// Messages that problems have been told of.
+    reported_at: BTreeSet<Place>,
 }
 
 /// What opening found.
@@ -129,9 +137,30 @@ impl Log {
         catalog.schemas.clear();
         // A scan has met and counted all damage already.
         let reported = if recovered { (0..segments.len() as u32).collect() } else { BTreeSet::new() };
-        let found = Mutex::new(Found { lost, problems, reported });
+        let found = Mutex::new(Found { lost, problems, reported, reported_at: BTreeSet::new() });
         let cache = Cache::new(CACHE_BYTES);
-        Self(Arc::new(Inner { source, info, segments, by_first, by_last, catalog, cache, found }))
+        let inner = Inner { source, info, segments, by_first, by_last, catalog, cache, found };
+        Self(Arc::new(inner), Arc::new([]))
+    }
+
+    /// The same log for readers who know how these messages were stored: see [`Reassembly`](crate::Reassembly).
+    #[must_use]
+    pub fn with_codecs(self, codecs: impl IntoIterator<Item = &'static dyn DeltaCodec>) -> Self {
+        Self(self.0, codecs.into_iter().collect())
+    }
+
+    /// What [`Log::with_codecs`] was given.
+    pub fn codecs(&self) -> &[&'static dyn DeltaCodec] {
+        &self.1
+    }
+
+    /// Tells of a problem with the message at `place`, once.
+    pub(crate) fn report_at(&self, place: Place, problem: String) {
+        let mut found = self.0.found.lock().unwrap_or_else(PoisonError::into_inner);
+        if found.reported_at.len() < REPORTED_AT_LIMIT && found.reported_at.insert(place) {
+            tracing::warn!("{problem}");
+            found.problems.add(problem);
+        }
     }
 
     /// What the log holds, as opening it found.

@@ -1,10 +1,14 @@
 //! Recording on a thread of its own, so that no process waits for a disk unless it is asked to.
+//!
+//! What is put in is a reference to a message; the recorder's thread encodes it. How many bytes wait in the queue is
+//! therefore an estimate: the size of a message that has been encoded already, else that of the last one of its channel.
 
 use crate::error::LogError;
 use crate::writer::{ChannelId, LogWriter, WriteHeader};
 use bytes::Bytes;
-use rcs_msg::{Schema, Stamp};
+use rcs_msg::{AnyMessage, DELTA_OF, DELTA_SUFFIX, DeltaCodec, DeltaEncoder, Schema, Stamp, Stored};
 use std::collections::{BTreeMap, VecDeque};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -13,6 +17,9 @@ use std::time::Duration;
 const BATCH: usize = 256;
 /// How long the thread lets items gather before it takes fewer than that.
 const GATHER: Duration = Duration::from_millis(2);
+/// A message up to this size is refused by the number of messages alone: a queue that is full of images still takes
+/// the commands, statuses and cycle records without which a run cannot be repeated.
+const SMALL: usize = 1024;
 
 /// What a full queue does to a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +37,7 @@ pub struct RecorderOptions {
     pub mode: RecorderMode,
     /// The queue is full with this many messages,
     pub queue_messages: usize,
-    /// or with this many bytes.
+    /// or with this many bytes, by estimate; messages of up to 1 KiB are still taken then.
     pub queue_bytes: usize,
 }
 
@@ -58,11 +65,52 @@ pub struct RecorderStatus {
 }
 
 enum Item {
-    Channel { topic: String, schema: Arc<Schema>, metadata: BTreeMap<String, String> },
-    Message { channel: ChannelId, header: WriteHeader, data: Bytes },
-    Attachment { name: String, media_type: String, time: Stamp, data: Bytes },
-    Metadata { name: String, entries: BTreeMap<String, String> },
+    Channel {
+        topic: String,
+        schema: Arc<Schema>,
+        metadata: BTreeMap<String, String>,
+        codec: Option<&'static dyn DeltaCodec>,
+    },
+    Message {
+        channel: ChannelId,
+        header: WriteHeader,
+        data: Data,
+        estimate: usize,
+    },
+    Attachment {
+        name: String,
+        media_type: String,
+        time: Stamp,
+        data: Bytes,
+    },
+    Metadata {
+        name: String,
+        entries: BTreeMap<String, String>,
+    },
     Flush,
+}
+
+/// A message on its way to the file.
+enum Data {
+    Bytes(Bytes),
+    Message(AnyMessage),
+}
+
+impl Data {
+    /// Its size where that is known without encoding it.
+    fn known_len(&self) -> Option<usize> {
+        match self {
+            Data::Bytes(bytes) => Some(bytes.len()),
+            Data::Message(message) => message.encoded_len(),
+        }
+    }
+
+    fn into_bytes(self) -> Bytes {
+        match self {
+            Data::Bytes(bytes) => bytes,
+            Data::Message(message) => message.bytes(),
+        }
+    }
 }
 
 #[derive(Default)]
@@ -71,6 +119,8 @@ struct Queue {
     messages: usize,
     bytes: usize,
     channels: u32,
+    /// Per channel, the size of the message that was encoded last.
+    last_sizes: Vec<usize>,
     /// Flushes asked for and done.
     flushes: (u64, u64),
     closed: bool,
@@ -101,6 +151,8 @@ struct Done {
     written: u64,
     dropped: u64,
     flushes: u64,
+    /// Sizes of what was encoded, in order.
+    sizes: Vec<(ChannelId, usize)>,
     refused: Option<String>,
     failed: Option<LogError>,
 }
@@ -155,6 +207,18 @@ impl RecorderHandle {
         schema: &Arc<Schema>,
         metadata: BTreeMap<String, String>,
     ) -> Result<ChannelId, LogError> {
+        self.add_channel_with(topic, schema, metadata, None)
+    }
+
+    /// Adds a topic whose messages are stored as key frames and deltas where a codec is given: the deltas go into a
+    /// channel beside it, see [`DeltaCodec`].
+    pub fn add_channel_with(
+        &self,
+        topic: &str,
+        schema: &Arc<Schema>,
+        metadata: BTreeMap<String, String>,
+        codec: Option<&'static dyn DeltaCodec>,
+    ) -> Result<ChannelId, LogError> {
         let mut queue = self.0.lock();
         let id = u16::try_from(queue.channels).map_err(|_| LogError::Refused {
             what: "another topic",
@@ -162,35 +226,51 @@ impl RecorderHandle {
             got: "one more".to_owned(),
         })?;
         queue.channels += 1;
-        self.0.put(queue, Item::Channel { topic: topic.to_owned(), schema: Arc::clone(schema), metadata });
+        queue.last_sizes.push(0);
+        let (topic, schema) = (topic.to_owned(), Arc::clone(schema));
+        self.0.put(queue, Item::Channel { topic, schema, metadata, codec });
         Ok(ChannelId(id))
     }
 
-    /// Puts a message in. Says whether it was taken: not by a full queue in [`RecorderMode::Live`], and not after an
-    /// error or the end of the recording.
+    /// Puts encoded bytes in, like [`RecorderHandle::write_message`].
     pub fn write(&self, channel: ChannelId, header: WriteHeader, data: Bytes) -> bool {
+        self.put_data(channel, header, Data::Bytes(data))
+    }
+
+    /// Puts a message in, which the recorder's thread encodes. Says whether it was taken: not by a full queue in
+    /// [`RecorderMode::Live`], and not after an error or the end of the recording.
+    pub fn write_message(&self, channel: ChannelId, header: WriteHeader, message: AnyMessage) -> bool {
+        self.put_data(channel, header, Data::Message(message))
+    }
+
+    fn put_data(&self, channel: ChannelId, header: WriteHeader, data: Data) -> bool {
         let RecorderOptions { mode, queue_messages, queue_bytes } = self.0.options;
+        let known = data.known_len();
         let mut queue = self.0.lock();
-        loop {
+        let estimate = loop {
+            let estimate = known
+                .or_else(|| queue.last_sizes.get(usize::from(channel.0)).copied())
+                .unwrap_or(0)
+                .max(std::mem::size_of::<Item>());
             if queue.closed || queue.status.error.is_some() {
                 queue.status.dropped += 1;
                 return false;
             }
             // A message larger than the whole queue passes through an empty one.
-            let full =
-                queue.messages >= queue_messages || queue.bytes.saturating_add(data.len()) > queue_bytes;
+            let full = queue.messages >= queue_messages
+                || (estimate > SMALL && queue.bytes.saturating_add(estimate) > queue_bytes);
             if !full || queue.messages == 0 {
-                break;
+                break estimate;
             }
             if mode == RecorderMode::Live {
                 queue.status.dropped += 1;
                 return false;
             }
             queue = self.0.wait_for_room(queue);
-        }
+        };
         queue.messages += 1;
-        queue.bytes += data.len();
-        self.0.put(queue, Item::Message { channel, header, data });
+        queue.bytes += estimate;
+        self.0.put(queue, Item::Message { channel, header, data, estimate });
         true
     }
 
@@ -244,7 +324,13 @@ impl Recorder {
         });
         let theirs = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name("recorder".to_owned()).spawn(move || {
-            let result = write_all(&theirs, writer);
+            // A message that panics while it is encoded ends the recording, not those who write to it.
+            let result = catch_unwind(AssertUnwindSafe(|| write_all(&theirs, writer))).unwrap_or_else(|_| {
+                let error = panicked();
+                theirs.lock().status.error = Some(error.to_string());
+                abandon(&theirs);
+                Err(error)
+            });
             // Nobody waits for a thread that has ended.
             let mut queue = theirs.lock();
             queue.closed = true;
@@ -277,13 +363,7 @@ impl Recorder {
         self.handle.0.lock().closed = true;
         self.handle.0.filled.notify_all();
         self.handle.0.drained.notify_all();
-        thread.join().unwrap_or_else(|_| {
-            Err(LogError::Refused {
-                what: "the recording",
-                expected: "a thread that writes".to_owned(),
-                got: "a panic of it".to_owned(),
-            })
-        })
+        thread.join().unwrap_or_else(|_| Err(panicked()))
     }
 }
 
@@ -295,14 +375,27 @@ impl Drop for Recorder {
     }
 }
 
+fn panicked() -> LogError {
+    LogError::Refused {
+        what: "the recording",
+        expected: "a thread that writes".to_owned(),
+        got: "a panic of it".to_owned(),
+    }
+}
+
 fn write_all(shared: &Shared, mut writer: LogWriter) -> Result<(), LogError> {
-    let mut channels: Vec<Option<ChannelId>> = Vec::new();
+    let mut channels: Vec<Option<Channel>> = Vec::new();
     let mut batch = Vec::with_capacity(BATCH);
     while take_batch(shared, &writer, &mut batch) {
         let done = write_batch(&mut writer, &mut channels, &mut batch);
         let mut queue = shared.lock();
         queue.messages -= done.messages;
         queue.bytes -= done.bytes;
+        for (channel, size) in done.sizes {
+            if let Some(last) = queue.last_sizes.get_mut(usize::from(channel.0)) {
+                *last = size;
+            }
+        }
         queue.flushes.1 += done.flushes;
         queue.status.bytes = writer.bytes_written();
         queue.status.written += done.written;
@@ -353,19 +446,22 @@ fn take_batch(shared: &Shared, writer: &LogWriter, batch: &mut Vec<Item>) -> boo
     !(batch.is_empty() && queue.closed)
 }
 
-fn write_batch(writer: &mut LogWriter, channels: &mut Vec<Option<ChannelId>>, batch: &mut Vec<Item>) -> Done {
+fn write_batch(writer: &mut LogWriter, channels: &mut Vec<Option<Channel>>, batch: &mut Vec<Item>) -> Done {
     let mut done = Done::default();
     if batch.is_empty() {
         done.take(writer.flush_if_due().map(|_| ()));
     }
     for item in batch.drain(..) {
-        let size = if let Item::Message { data, .. } = &item { Some(data.len()) } else { None };
-        done.messages += usize::from(size.is_some());
-        done.bytes += size.unwrap_or(0);
+        let estimate = if let Item::Message { estimate, .. } = &item { Some(*estimate) } else { None };
+        done.messages += usize::from(estimate.is_some());
+        done.bytes += estimate.unwrap_or(0);
         done.flushes += u64::from(matches!(item, Item::Flush));
         // After an error that ends the recording, the rest of the batch is lost with it.
-        let is_written = done.failed.is_none() && done.take(step(writer, channels, item));
-        if size.is_some() {
+        let is_written = done.failed.is_none() && {
+            let stepped = step(writer, channels, item, &mut done.sizes);
+            done.take(stepped)
+        };
+        if estimate.is_some() {
             done.written += u64::from(is_written);
             done.dropped += u64::from(!is_written);
         }
@@ -395,21 +491,76 @@ fn abandon(shared: &Shared) {
     shared.drained.notify_all();
 }
 
-fn step(writer: &mut LogWriter, channels: &mut Vec<Option<ChannelId>>, item: Item) -> Result<(), LogError> {
-    match item {
-        Item::Channel { topic, schema, metadata } => {
-            let added = writer.add_channel(&topic, &schema, &metadata);
-            channels.push(added.as_ref().ok().copied());
-            added.map(|_| ())
+/// A channel of the file.
+struct Channel {
+    id: ChannelId,
+    /// The channel of its deltas, and what makes them.
+    deltas: Option<(ChannelId, Box<dyn DeltaEncoder>)>,
+}
+
+impl Channel {
+    fn add(
+        writer: &mut LogWriter,
+        topic: &str,
+        schema: &Schema,
+        mut metadata: BTreeMap<String, String>,
+        codec: Option<&'static dyn DeltaCodec>,
+    ) -> Result<Self, LogError> {
+        let id = writer.add_channel(topic, schema, &metadata)?;
+        let Some(codec) = codec else { return Ok(Self { id, deltas: None }) };
+        metadata.insert(DELTA_OF.to_owned(), topic.to_owned());
+        let deltas =
+            writer.add_channel(&format!("{topic}{DELTA_SUFFIX}"), &codec.delta_schema(), &metadata)?;
+        Ok(Self { id, deltas: Some((deltas, codec.encoder())) })
+    }
+
+    /// Writes a message in the form that its encoder chooses; how it went, and its size.
+    fn write(
+        &mut self,
+        writer: &mut LogWriter,
+        header: WriteHeader,
+        data: Data,
+    ) -> (Result<(), LogError>, usize) {
+        let (mut id, mut bytes) = (self.id, None);
+        if let (Some((deltas, encoder)), Data::Message(message)) = (&mut self.deltas, &data)
+            && let Stored::Delta(delta) = encoder.encode(header.sequence, header.log_time, message)
+        {
+            (id, bytes) = (*deltas, Some(delta));
         }
-        Item::Message { channel, header, data } => {
-            let known = channels.get(usize::from(channel.0)).copied().flatten();
+        let bytes = bytes.unwrap_or_else(|| data.into_bytes());
+        let written = writer.write(id, header, &bytes);
+        if let (Err(_), Some((_, encoder))) = (&written, &mut self.deltas) {
+            encoder.lost();
+        }
+        (written, bytes.len())
+    }
+}
+
+fn step(
+    writer: &mut LogWriter,
+    channels: &mut Vec<Option<Channel>>,
+    item: Item,
+    sizes: &mut Vec<(ChannelId, usize)>,
+) -> Result<(), LogError> {
+    match item {
+        Item::Channel { topic, schema, metadata, codec } => {
+            let (channel, result) = match Channel::add(writer, &topic, &schema, metadata, codec) {
+                Ok(channel) => (Some(channel), Ok(())),
+                Err(error) => (None, Err(error)),
+            };
+            channels.push(channel);
+            result
+        }
+        Item::Message { channel, header, data, .. } => {
+            let known = channels.get_mut(usize::from(channel.0)).and_then(Option::as_mut);
             let known = known.ok_or_else(|| LogError::Refused {
                 what: "a message",
                 expected: "a channel of this recorder".to_owned(),
                 got: format!("channel {}", channel.0),
             })?;
-            writer.write(known, header, &data)
+            let (written, size) = known.write(writer, header, data);
+            sizes.push((channel, size));
+            written
         }
         Item::Attachment { name, media_type, time, data } => writer.attach(&name, &media_type, time, &data),
         Item::Metadata { name, entries } => writer.metadata(&name, entries),

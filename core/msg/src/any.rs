@@ -2,7 +2,7 @@
 
 use crate::schema::{MessageEncoding, Schema};
 use bytes::Bytes;
-use std::any::Any;
+use std::any::{Any, TypeId};
 use std::sync::{Arc, OnceLock};
 
 /// A message type: what a buffer can carry typed. `rcs-msg-build` implements it for what it generates.
@@ -22,7 +22,11 @@ trait Body: Send + Sync {
     /// The encoded message, without keeping it.
     fn encode(&self) -> Bytes;
     fn size_hint(&self) -> usize;
+    fn encoded_len(&self) -> Option<usize>;
     fn value(&self) -> Option<&(dyn Any + Send + Sync)>;
+    /// Type of the value, without making one.
+    fn value_type(&self) -> Option<TypeId>;
+    fn source(&self) -> Option<&(dyn Any + Send + Sync)>;
 }
 
 struct Typed<T> {
@@ -75,14 +79,26 @@ impl<T: Payload> Body for Typed<T> {
         size_of::<T>() + self.value.encoded_len() + self.bytes.get().map_or(0, Bytes::len)
     }
 
+    fn encoded_len(&self) -> Option<usize> {
+        self.bytes.get().map(Bytes::len)
+    }
+
     fn value(&self) -> Option<&(dyn Any + Send + Sync)> {
         Some(&self.value)
+    }
+
+    fn value_type(&self) -> Option<TypeId> {
+        Some(TypeId::of::<T>())
+    }
+
+    fn source(&self) -> Option<&(dyn Any + Send + Sync)> {
+        None
     }
 }
 
 impl<S, T> Body for Deferred<S, T>
 where
-    S: Clone + Into<T> + Send + Sync,
+    S: Clone + Into<T> + Send + Sync + 'static,
     T: Payload,
 {
     fn is_a(&self, schema: &Schema) -> bool {
@@ -106,8 +122,20 @@ where
         size_of::<S>() + value + self.bytes.get().map_or(0, Bytes::len)
     }
 
+    fn encoded_len(&self) -> Option<usize> {
+        self.bytes.get().map(Bytes::len)
+    }
+
     fn value(&self) -> Option<&(dyn Any + Send + Sync)> {
         Some(&**self.value.get_or_init(|| Box::new(self.source.clone().into())))
+    }
+
+    fn value_type(&self) -> Option<TypeId> {
+        Some(TypeId::of::<T>())
+    }
+
+    fn source(&self) -> Option<&(dyn Any + Send + Sync)> {
+        Some(&self.source)
     }
 }
 
@@ -132,7 +160,19 @@ impl Body for Encoded {
         self.bytes.len()
     }
 
+    fn encoded_len(&self) -> Option<usize> {
+        Some(self.bytes.len())
+    }
+
     fn value(&self) -> Option<&(dyn Any + Send + Sync)> {
+        None
+    }
+
+    fn value_type(&self) -> Option<TypeId> {
+        None
+    }
+
+    fn source(&self) -> Option<&(dyn Any + Send + Sync)> {
         None
     }
 }
@@ -144,6 +184,7 @@ impl AnyMessage {
     }
 
     /// A message that is made from `source` when someone looks at it: for what is written every cycle and seldom read.
+    /// Those who know `S` read it as it is, by [`AnyMessage::source`].
     pub fn deferred<S, T>(source: S) -> Self
     where
         S: Clone + Into<T> + Send + Sync + 'static,
@@ -165,7 +206,13 @@ impl AnyMessage {
 
     /// The typed value; `None` if the message is of another type, or only encoded.
     pub fn get<T: Payload>(&self) -> Option<&T> {
-        self.0.value()?.downcast_ref()
+        // Asked first, so that a deferred message is not made for those who want another type.
+        if self.holds::<T>() { self.0.value()?.downcast_ref() } else { None }
+    }
+
+    /// What the message is made from, if that is an `S` given to [`AnyMessage::deferred`]. Nothing is converted.
+    pub fn source<S: 'static>(&self) -> Option<&S> {
+        self.0.source()?.downcast_ref()
     }
 
     /// The value as `T`, decoded if need be; `None` if it is of another type or does not decode.
@@ -211,9 +258,19 @@ impl AnyMessage {
         Arc::as_ptr(&self.0).cast::<()>() as usize
     }
 
-    /// Whether a typed value is at hand.
+    /// Size of the encoded message where it has been encoded already; nothing is encoded for the answer.
+    pub fn encoded_len(&self) -> Option<usize> {
+        self.0.encoded_len()
+    }
+
+    /// Whether a typed value is at hand, or made without decoding.
     pub fn is_typed(&self) -> bool {
-        self.0.value().is_some()
+        self.0.value_type().is_some()
+    }
+
+    /// Whether [`AnyMessage::get`] gives a `T`; a deferred one is not made for the answer.
+    pub fn holds<T: Payload>(&self) -> bool {
+        self.0.value_type() == Some(TypeId::of::<T>())
     }
 
     /// Whether both are the same message in memory.

@@ -7,10 +7,12 @@
 //! - [`Value`], [`FieldPath`]: any message as a tree, and where something is in it.
 //! - [`FieldScanner`]: one number out of many messages, without decoding the rest.
 //! - [`canonical`]: the one registry of conversions, from foreign messages to ours.
+//! - [`DeltaCodec`]: messages of a type stored as key frames and what changed between them.
 //! - [`params`]: parameters as messages: their units, ranges, defaults. [`image`], [`points()`]: pixels and points.
 
 mod any;
 mod convert;
+mod delta;
 mod edit;
 mod header;
 pub mod image;
@@ -27,6 +29,7 @@ mod value;
 
 pub use any::{AnyMessage, Payload, schema_of};
 pub use convert::{ConvertError, canonical, canonical_name};
+pub use delta::{DELTA_OF, DELTA_SUFFIX, DeltaCodec, DeltaDecoder, DeltaEncoder, Stored};
 pub use header::{header_frame, header_stamp};
 pub use json::{JsonError, from_json, from_json_as, to_json};
 pub use packed::{Number, Packed};

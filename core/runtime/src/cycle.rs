@@ -56,7 +56,7 @@ pub struct Msg<T> {
 impl<T: Payload> Msg<T> {
     /// The sample as a `T`; `None` where it is none, or does not decode.
     pub fn from_sample(sample: Sample) -> Option<Self> {
-        let message = if sample.message.get::<T>().is_some() {
+        let message = if sample.message.holds::<T>() {
             sample.message
         } else {
             AnyMessage::new(sample.message.to::<T>()?)
@@ -72,6 +72,12 @@ impl<T: Payload> Msg<T> {
     /// When what it tells of was sensed.
     pub fn acq_time(&self) -> Stamp {
         self.sample.header.acq_time
+    }
+
+    /// The message itself: a reader that knows what it is made from takes [`AnyMessage::source`] of it, and the `T` is
+    /// never made.
+    pub fn message(&self) -> &AnyMessage {
+        &self.sample.message
     }
 }
 
@@ -122,6 +128,16 @@ impl Cycle<'_> {
     /// Writes a message that tells of what was sensed at `acq_time`.
     pub fn write<T: Payload>(&mut self, port: &Out<T>, acq_time: Stamp, value: T) {
         self.staged.push(Staged { output: port.index, acq_time, message: AnyMessage::new(value) });
+    }
+
+    /// Writes a value that becomes a message for those who do not know it: see [`AnyMessage::deferred`].
+    pub fn write_deferred<S, T>(&mut self, port: &Out<T>, acq_time: Stamp, source: S)
+    where
+        S: Clone + Into<T> + Send + Sync + 'static,
+        T: Payload,
+    {
+        let message = AnyMessage::deferred::<S, T>(source);
+        self.staged.push(Staged { output: port.index, acq_time, message });
     }
 
     /// A command that came since the last cycle (other than `RUN` and `HALT`).

@@ -5,7 +5,7 @@ use crate::history::LogRef;
 use crate::machine::Machine;
 use crate::source::canonical;
 use rcs_bus::{Draft, Writer, WriterId};
-use rcs_log::{Cursor, CursorOptions, Log, LogMessage, Position, TopicId};
+use rcs_log::{Cursor, CursorOptions, Log, LogMessage, Position, Reassembly, TopicId};
 use rcs_msg::foxglove::CompressedImage;
 use rcs_msg::{AnyMessage, Schema, Stamp, header_stamp};
 use std::collections::BTreeMap;
@@ -22,6 +22,10 @@ pub(crate) struct Feed {
     position: Position,
     /// Writers that each topic fills, and whether they want compressed images decoded.
     writers: BTreeMap<TopicId, Vec<(Writer, bool)>>,
+    /// Puts together what was stored as key frames and deltas.
+    reassembly: Reassembly,
+    /// It stands elsewhere than the cursor.
+    is_behind: bool,
     /// The first and the last moment of the log.
     pub(crate) range: (Stamp, Stamp),
     fixed: Vec<LogMessage>,
@@ -51,13 +55,16 @@ impl Feed {
         let mut writers: BTreeMap<TopicId, Vec<(Writer, bool)>> = BTreeMap::new();
         let mut fixed_topics = Vec::new();
         let mut moving_topics = Vec::new();
+        let reassembly = Reassembly::new(log);
         for input in &machine.plan.inputs {
             for topic in info.topics_named(&input.topic) {
                 let buffer = &machine.buffers[input.buffer];
                 let decoded = buffer.spec().schema.name() == RAW
                     && rcs_msg::canonical_name(&topic.schema) == Some(COMPRESSED);
                 writers.entry(topic.id).or_default().push((buffer.writer(WriterId::RUNTIME), decoded));
-                if input.is_static { &mut fixed_topics } else { &mut moving_topics }.push(topic.id);
+                let topics = if input.is_static { &mut fixed_topics } else { &mut moving_topics };
+                topics.push(topic.id);
+                topics.extend(reassembly.deltas_of(topic.id));
             }
         }
         let mut fixed = Vec::new();
@@ -71,7 +78,8 @@ impl Feed {
         let cursor = log.cursor(options);
         let position = cursor.position();
         let range = (info.start, info.end);
-        Ok(Self { log: log.clone(), cursor, pending: None, position, writers, range, fixed, given: None })
+        let (log, pending, is_behind, given) = (log.clone(), None, false, None);
+        Ok(Self { log, cursor, pending, position, writers, reassembly, is_behind, range, fixed, given })
     }
 
     /// Whether a topic of canonical type `got` can fill a buffer of type `wanted`: compressed images are decoded.
@@ -96,19 +104,30 @@ impl Feed {
 
     /// Gives the next message to the stack.
     pub(crate) fn give_next(&mut self) -> Result<(), FeedFault> {
-        match self.pending.take() {
-            Some(message) => {
-                self.given = Some(LogRef { topic: message.topic, place: message.place });
-                self.give(&message, message.log_time)
-            }
-            None => Ok(()),
+        let Some(message) = self.pending.take() else { return Ok(()) };
+        // What was put together of several messages cannot be read again as one.
+        let alone = !self.reassembly.takes(message.topic);
+        self.given = alone.then_some(LogRef { topic: message.topic, place: message.place });
+        if std::mem::take(&mut self.is_behind)
+            && let Err(error) = self.reassembly.seek(self.position.place())
+        {
+            return Err(FeedFault { time: message.log_time, text: error.to_string() });
         }
+        self.give(&message, message.log_time)
     }
 
-    fn give(&self, message: &LogMessage, at: Stamp) -> Result<(), FeedFault> {
+    fn give(&mut self, message: &LogMessage, at: Stamp) -> Result<(), FeedFault> {
         let fault = |text: String| FeedFault { time: at, text };
         let Some(topic) = self.log.info().topic(message.topic) else { return Ok(()) };
-        let raw = AnyMessage::encoded(topic.schema.clone(), message.data.clone());
+        let mut id = message.topic;
+        let raw = if self.reassembly.takes(id) {
+            // What cannot be put together has been told by the log.
+            let Some(whole) = self.reassembly.take(message) else { return Ok(()) };
+            id = whole.topic;
+            whole.message
+        } else {
+            AnyMessage::encoded(topic.schema.clone(), message.data.clone())
+        };
         let Some(message_out) = canonical(&raw) else {
             return Err(fault(format!(
                 "{}: message at {} does not decode as {}; skipped",
@@ -121,7 +140,7 @@ impl Feed {
         let acq_time = header_stamp(&message_out)
             .filter(|stamp| stamp.0 != 0)
             .unwrap_or(if message.publish_time.0 == 0 { message.log_time } else { message.publish_time });
-        for (writer, decoded) in self.writers.get(&message.topic).into_iter().flatten() {
+        for (writer, decoded) in self.writers.get(&id).into_iter().flatten() {
             let message = match message_out.get::<CompressedImage>().filter(|_| *decoded) {
                 Some(image) => AnyMessage::new(
                     rcs_msg::image::decompress(image)
@@ -155,5 +174,6 @@ impl Feed {
         self.cursor = self.log.cursor_at(position.clone());
         self.position = position;
         self.pending = None;
+        self.is_behind = true;
     }
 }

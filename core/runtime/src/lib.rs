@@ -40,7 +40,9 @@ pub use journal::{EventPlace, ExternalEvent, Journal};
 pub use live::{Live, LiveOptions, Stopped};
 pub use options::RunOptions;
 pub use pool::Pool;
-pub use process::{CommandDef, In, Out, OutBuilder, PortBuilder, PortDef, Process, ProcessDef, ProcessType};
+pub use process::{
+    CommandDef, In, Out, OutBuilder, PortBuilder, PortDef, Process, ProcessDef, ProcessType, codecs,
+};
 pub use record::{RecordOptions, RecordWhat, Recording};
 pub use replay::{RecordedRun, Replay};
 pub use snapshot::Snapshot;

@@ -4,7 +4,7 @@
 //! that a snapshot is a clone, and it reads, computes and writes only through the [`Cycle`] that it is given.
 
 use crate::cycle::Cycle;
-use rcs_msg::{AnyMessage, Payload, Schema, schema_of};
+use rcs_msg::{AnyMessage, DeltaCodec, Payload, Schema, schema_of};
 use serde::{Serialize, de::DeserializeOwned};
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -81,6 +81,8 @@ pub struct PortDef {
     /// Channel metadata of the buffer that it writes (outputs only). `rcs.overlay_of` names a port; the
     /// runtime puts that port's buffer in its place.
     pub metadata: BTreeMap<String, String>,
+    /// How its messages are recorded as key frames and deltas (outputs only).
+    pub codec: Option<&'static dyn DeltaCodec>,
 }
 
 /// The ports of a process, in the order in which it declared them.
@@ -124,7 +126,7 @@ impl PortBuilder {
 
     fn add_input<T: Payload>(&mut self, name: &'static str, help: &'static str, required: bool) -> In<T> {
         let schema = Arc::clone(schema_of::<T>());
-        self.inputs.push(PortDef { name, help, schema, required, metadata: BTreeMap::new() });
+        self.inputs.push(PortDef { name, help, schema, required, metadata: BTreeMap::new(), codec: None });
         In { index: self.inputs.len() - 1, payload: PhantomData }
     }
 
@@ -132,7 +134,14 @@ impl PortBuilder {
     pub fn output<T: Payload>(&mut self, name: &'static str, help: &'static str) -> OutBuilder<'_, T> {
         let schema = Arc::clone(schema_of::<T>());
         let index = self.outputs.len();
-        self.outputs.push(PortDef { name, help, schema, required: false, metadata: BTreeMap::new() });
+        self.outputs.push(PortDef {
+            name,
+            help,
+            schema,
+            required: false,
+            metadata: BTreeMap::new(),
+            codec: None,
+        });
         OutBuilder { index, def: &mut self.outputs[index], payload: PhantomData }
     }
 }
@@ -160,6 +169,13 @@ impl<T> OutBuilder<'_, T> {
     #[must_use]
     pub fn truth(self) -> Self {
         self.with("rcs.truth", "true")
+    }
+
+    /// Its messages are recorded as key frames and deltas.
+    #[must_use]
+    pub fn recorded_by(self, codec: &'static dyn DeltaCodec) -> Self {
+        self.def.codec = Some(codec);
+        self
     }
 
     fn with(self, key: &str, value: &str) -> Self {
@@ -243,6 +259,17 @@ impl ProcessType {
     pub(crate) fn make(&self, params: &AnyMessage) -> Option<Box<dyn Body>> {
         (self.make)(params)
     }
+}
+
+/// How the outputs of these plugins are recorded where not message by message: what a reader of their logs needs.
+pub fn codecs(plugins: &[ProcessType]) -> Vec<&'static dyn DeltaCodec> {
+    let mut codecs: Vec<&'static dyn DeltaCodec> = Vec::new();
+    for codec in plugins.iter().flat_map(ProcessType::outputs).filter_map(|def| def.codec) {
+        if !codecs.iter().any(|known| known.delta_schema().name() == codec.delta_schema().name()) {
+            codecs.push(codec);
+        }
+    }
+    codecs
 }
 
 impl std::fmt::Debug for ProcessType {

@@ -115,7 +115,7 @@ impl Recording {
         let spec = buffer.spec();
         let mut metadata = spec.metadata.clone();
         metadata.insert("rcs.writer".to_owned(), writer);
-        let channel = handle.add_channel(&spec.name, &spec.schema, metadata)?;
+        let channel = handle.add_channel_with(&spec.name, &spec.schema, metadata, plan.codec)?;
         let least_ns = plan.record_hz.map(|hz| (1e9 / hz) as u64);
         let mut due = Stamp(0);
         buffer.tap_once(Box::new(move |sample: &Sample| {
@@ -132,7 +132,7 @@ impl Recording {
                 publish_time: header.acq_time,
             };
             // A message that is not taken is counted in the status.
-            handle.write(channel, header, sample.message.bytes());
+            handle.write_message(channel, header, sample.message.clone());
         }));
         Ok(())
     }

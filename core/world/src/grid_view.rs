@@ -1,11 +1,16 @@
-//! Reading a `foxglove.Grid` in place, whoever made it, and fusing one anew with other weights.
+//! Reading a `foxglove.Grid`, whoever made it, or one of our maps, in place and by field; and fusing one anew with other
+//! weights.
 
-use rcs_geom::{DVec2, Pose};
+use std::borrow::Cow;
+
+use rcs_geom::{DVec2, DVec3, Pose};
+use rcs_msg::AnyMessage;
 use rcs_msg::foxglove::Grid;
 pub use rcs_msg::foxglove::packed_element_field::NumericType;
 
-use crate::fusion::fuse_said;
-use crate::{Source, Weights};
+use crate::columns::{Column, columns};
+use crate::fusion::{WeightTable, fuse_by_table, fuse_said};
+use crate::{Cell, Map, MapMessage, SIDE, Source, Weights};
 
 /// What is wrong with a grid, or with asking it for a field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -85,6 +90,12 @@ pub enum GridViewError {
         /// The type it should have.
         expected: &'static str,
     },
+    /// Another message than a grid, or bytes that do not decode as one.
+    #[error("message is a {got}, expected a foxglove.Grid that decodes")]
+    Message {
+        /// Name of its type.
+        got: String,
+    },
     /// No field `cost.<source>` to fuse.
     #[error("grid has no field cost.<source>")]
     NoSources,
@@ -93,7 +104,8 @@ pub enum GridViewError {
 /// Longest side that is believed, cells.
 const MAX_SIDE: usize = 1 << 15;
 
-/// A `foxglove.Grid` that has been checked: every cell of every field lies within the data.
+/// A `foxglove.Grid` that has been checked, every cell of every field lies within the data; or a [`MapMessage`], which
+/// has the same fields and is read as it is.
 ///
 /// Column c, row r is the cell whose corner nearest to the grid's origin is at `(c·cell_size.x, r·cell_size.y)` in the
 /// frame of [`GridView::frame_from_grid`]. In our maps that is west to east and south to north.
@@ -102,11 +114,24 @@ pub struct GridView<'a> {
     columns: usize,
     rows: usize,
     cell_size_m: DVec2,
+    frame_id: &'a str,
     frame_from_grid: Pose,
-    row_stride: usize,
-    cell_stride: usize,
-    fields: Vec<(&'a str, usize, NumericType)>,
-    data: &'a [u8],
+    fields: Vec<(Cow<'a, str>, Place, NumericType)>,
+    cells: Cells<'a>,
+}
+
+/// Where the numbers are.
+#[derive(Clone, Debug)]
+enum Cells<'a> {
+    Bytes { row_stride: usize, cell_stride: usize, data: &'a [u8] },
+    Map { map: &'a Map, weights: WeightTable },
+}
+
+/// Where a field is in a cell.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    Offset(usize),
+    Column(Column),
 }
 
 impl<'a> GridView<'a> {
@@ -131,7 +156,7 @@ impl<'a> GridView<'a> {
         if !usable(size.x) || !usable(size.y) {
             return Err(GridViewError::CellSize { x: size.x, y: size.y });
         }
-        let mut fields: Vec<(&str, usize, NumericType)> = Vec::with_capacity(grid.fields.len());
+        let mut fields: Vec<(Cow<'_, str>, Place, NumericType)> = Vec::with_capacity(grid.fields.len());
         for field in &grid.fields {
             let (name, offset) = (field.name.as_str(), field.offset as usize);
             let kind = NumericType::try_from(field.r#type).unwrap_or(NumericType::Unknown);
@@ -139,14 +164,43 @@ impl<'a> GridView<'a> {
                 let (name, kind) = (name.to_owned(), field.r#type);
                 return Err(GridViewError::Field { name, offset, kind, cell_stride });
             }
-            if fields.iter().any(|&(other, ..)| other == name) {
+            if fields.iter().any(|(other, ..)| other == name) {
                 return Err(GridViewError::Twice { name: name.to_owned() });
             }
-            fields.push((name, offset, kind));
+            fields.push((name.into(), Place::Offset(offset), kind));
         }
         let frame_from_grid = corner(grid)?;
         let cell_size_m = DVec2::new(size.x, size.y);
-        Ok(GridView { columns, rows, cell_size_m, frame_from_grid, row_stride, cell_stride, fields, data })
+        let cells = Cells::Bytes { row_stride, cell_stride, data };
+        let frame_id = grid.frame_id.as_str();
+        Ok(GridView { columns, rows, cell_size_m, frame_id, frame_from_grid, fields, cells })
+    }
+
+    /// A map of ours with the fields that its message would have; no message is made.
+    pub fn of_map(message: &'a MapMessage) -> GridView<'a> {
+        let MapMessage { map, frame_id, options, .. } = message;
+        let corner = map.grid().origin();
+        let fields = columns(options.sources, options.heights).into_iter();
+        GridView {
+            columns: SIDE,
+            rows: SIDE,
+            cell_size_m: DVec2::splat(map.grid().cell_size_m()),
+            frame_id,
+            frame_from_grid: Pose { translation: DVec3::new(corner.x, corner.y, 0.0), ..Pose::IDENTITY },
+            fields: fields.map(|(name, kind, column)| (name.into(), Place::Column(column), kind)).collect(),
+            cells: Cells::Map { map, weights: options.weights.table() },
+        }
+    }
+
+    /// A message of a buffer: the map that it is made from where it is one of ours, else its `foxglove.Grid`.
+    pub fn of(message: &'a AnyMessage) -> Result<GridView<'a>, GridViewError> {
+        if let Some(map) = message.source::<MapMessage>() {
+            return Ok(GridView::of_map(map));
+        }
+        match message.get::<Grid>() {
+            Some(grid) => GridView::new(grid),
+            None => Err(GridViewError::Message { got: message.schema().name().to_owned() }),
+        }
     }
 
     /// Cells along x.
@@ -164,21 +218,26 @@ impl<'a> GridView<'a> {
         self.cell_size_m
     }
 
+    /// The frame that the message names.
+    pub fn frame_id(&self) -> &'a str {
+        self.frame_id
+    }
+
     /// Where the grid's corner is in the frame that the message names.
     pub fn frame_from_grid(&self) -> Pose {
         self.frame_from_grid
     }
 
     /// Names of the fields, in the message's order.
-    pub fn names(&self) -> impl Iterator<Item = &'a str> {
-        self.fields.iter().map(|&(name, ..)| name)
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.fields.iter().map(|(name, ..)| &**name)
     }
 
     /// A field by name.
     pub fn field(&self, name: &str) -> Result<Field<'_>, GridViewError> {
-        let found = self.fields.iter().find(|&&(other, ..)| other == name);
-        let &(_, offset, kind) = found.ok_or_else(|| GridViewError::Missing { name: name.to_owned() })?;
-        Ok(Field { grid: self, offset, kind })
+        let found = self.fields.iter().find(|(other, ..)| other == name);
+        let &(_, place, kind) = found.ok_or_else(|| GridViewError::Missing { name: name.to_owned() })?;
+        Ok(Field { grid: self, place, kind })
     }
 
     /// A field that must be of this type.
@@ -193,16 +252,18 @@ impl<'a> GridView<'a> {
 
     /// The sources whose cost the grid holds.
     pub fn sources(&self) -> crate::Sources {
-        let names = self.fields.iter().filter_map(|(name, ..)| name.strip_prefix("cost."));
+        let names = self.names().filter_map(|name| name.strip_prefix("cost."));
         names.filter_map(|name| name.parse::<Source>().ok()).collect()
     }
 
-    /// Bytes of all cells: by rows, each cell with its stride.
-    fn cells(&self) -> impl Iterator<Item = &'a [u8]> {
-        let (columns, cell_stride) = (self.columns, self.cell_stride);
-        self.data
-            .chunks_exact(self.row_stride)
-            .flat_map(move |row| row.chunks_exact(cell_stride).take(columns))
+    /// Bytes of all cells: by rows, each cell with its stride; none where there are no bytes.
+    fn bytes(&self) -> impl Iterator<Item = &'a [u8]> {
+        let columns = self.columns;
+        let (row_stride, cell_stride, data) = match self.cells {
+            Cells::Bytes { row_stride, cell_stride, data } => (row_stride, cell_stride, data),
+            Cells::Map { .. } => (1, 1, [].as_slice()),
+        };
+        data.chunks_exact(row_stride).flat_map(move |row| row.chunks_exact(cell_stride).take(columns))
     }
 }
 
@@ -210,12 +271,12 @@ impl<'a> GridView<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct Field<'a> {
     grid: &'a GridView<'a>,
-    offset: usize,
+    place: Place,
     kind: NumericType,
 }
 
 impl Field<'_> {
-    /// How its numbers are stored.
+    /// How its numbers are stored in the message.
     pub fn kind(&self) -> NumericType {
         self.kind
     }
@@ -225,21 +286,41 @@ impl Field<'_> {
         if column >= self.grid.columns || row >= self.grid.rows {
             return None;
         }
-        let at = row * self.grid.row_stride + column * self.grid.cell_stride + self.offset;
-        self.read(self.grid.data.get(at..)?)
+        match (&self.grid.cells, self.place) {
+            (&Cells::Bytes { row_stride, cell_stride, data }, Place::Offset(offset)) => {
+                self.read(data.get(row * row_stride + column * cell_stride + offset..)?)
+            }
+            (Cells::Map { map, weights }, Place::Column(number)) => {
+                let cell = map.grid().bounds().south_west.offset(column as i64, row as i64);
+                Some(number.of(map.grid().get(cell)?, weights))
+            }
+            _ => None,
+        }
     }
 
     /// The numbers of all cells by rows.
     pub fn values(&self) -> impl Iterator<Item = f64> {
-        // Never NaN for want of bytes: the view has checked them.
-        self.grid.cells().map(|cell| cell.get(self.offset..).and_then(|b| self.read(b)).unwrap_or(f64::NAN))
+        let mut numbers = Vec::new();
+        match (&self.grid.cells, self.place) {
+            // Never NaN for want of bytes: the view has checked them.
+            (Cells::Bytes { .. }, Place::Offset(offset)) => numbers.extend(
+                self.grid
+                    .bytes()
+                    .map(|cell| cell.get(offset..).and_then(|b| self.read(b)).unwrap_or(f64::NAN)),
+            ),
+            (Cells::Map { map, weights }, Place::Column(number)) => map.grid().for_each_run(|_, _, cells| {
+                numbers.extend(cells.iter().map(|cell| number.of(cell, weights)))
+            }),
+            _ => {}
+        }
+        numbers.into_iter()
     }
 
-    /// The bytes of a `UINT8` field of all cells by rows, into a buffer that is used again. Other types: nothing.
+    /// The numbers of a `UINT8` field of all cells by rows, into a buffer that is used again. Other types: nothing.
     pub fn bytes_into(&self, bytes: &mut Vec<u8>) {
         bytes.clear();
         if self.kind == NumericType::Uint8 {
-            bytes.extend(self.grid.cells().map(|cell| cell[self.offset]));
+            bytes.extend(self.values().map(|value| value as u8));
         }
     }
 
@@ -261,26 +342,32 @@ impl Field<'_> {
 /// Fuses the cells of a received grid with these weights, by rows, into a buffer that is used again: one cost a byte, 255
 /// unknown. Sources are those with a field `cost.<source>` and `conf.<source>`, both `UINT8`. The rule is [`crate::fuse`].
 pub fn fuse_grid(view: &GridView<'_>, weights: &Weights, costs: &mut Vec<u8>) -> Result<(), GridViewError> {
+    let table = weights.table();
+    costs.clear();
+    costs.reserve(view.columns * view.rows);
+    if let Cells::Map { map, .. } = view.cells {
+        map.grid().for_each_run(|_, _, cells| {
+            let fused = |cell: &Cell| fuse_by_table(&cell.costs(), &cell.confidences(), &table).cost;
+            costs.extend(cells.iter().map(fused));
+        });
+        return Ok(());
+    }
     let mut places = Vec::with_capacity(Source::COUNT);
     for source in view.sources().iter() {
-        let cost_at = view.field_of(&format!("cost.{source}"), NumericType::Uint8)?.offset;
-        let confidence_at = view.field_of(&format!("conf.{source}"), NumericType::Uint8)?.offset;
+        let offset = |field: Field<'_>| if let Place::Offset(offset) = field.place { offset } else { 0 };
+        let cost_at = view.field_of(&format!("cost.{source}"), NumericType::Uint8).map(offset)?;
+        let confidence_at = view.field_of(&format!("conf.{source}"), NumericType::Uint8).map(offset)?;
         places.push((source, cost_at, confidence_at));
     }
     if places.is_empty() {
         return Err(GridViewError::NoSources);
     }
-    let weights = weights.table();
-    costs.clear();
-    costs.reserve(view.columns * view.rows);
-    for row in view.data.chunks_exact(view.row_stride) {
-        costs.extend(row.chunks_exact(view.cell_stride).take(view.columns).map(|cell| {
-            let said = places
-                .iter()
-                .map(|&(source, cost_at, confidence_at)| (source, cell[cost_at], cell[confidence_at]));
-            fuse_said(said, &weights).cost
-        }));
-    }
+    costs.extend(view.bytes().map(|cell| {
+        let said = places
+            .iter()
+            .map(|&(source, cost_at, confidence_at)| (source, cell[cost_at], cell[confidence_at]));
+        fuse_said(said, &table).cost
+    }));
     Ok(())
 }
 

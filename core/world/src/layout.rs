@@ -24,6 +24,7 @@ use rcs_geom::{CellIndex, DVec2, GridError};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{self, Grid, PackedElementField, Quaternion, Vector2, Vector3};
 
+use crate::columns::{HEIGHT_PARTS, columns, source_number};
 use crate::fusion::{WeightTable, fuse_by_table};
 use crate::grid_view::{GridViewError, NumericType};
 use crate::{Cell, Evidence, GridView, HeightStats, Map, SIDE, Source, Sources, Weights};
@@ -76,30 +77,10 @@ pub enum MapGridError {
     Scroll(#[from] GridError),
 }
 
-const HEIGHT_PARTS: [&str; 5] = ["mean", "variance", "min", "max", "count"];
-
 /// Names and types of a cell in order, and its bytes.
 fn fields(sources: Sources, heights: bool) -> (Vec<PackedElementField>, usize) {
-    let mut list: Vec<(String, NumericType)> =
-        vec![("updated_s".to_owned(), NumericType::Uint32), ("updated_ns".to_owned(), NumericType::Uint32)];
-    list.extend(sources.iter().map(|source| (format!("seq.{source}"), NumericType::Uint32)));
-    if heights {
-        for class in ["ground", "obstacle"] {
-            list.extend(HEIGHT_PARTS.iter().map(|&part| {
-                let kind = if part == "count" { NumericType::Uint32 } else { NumericType::Float32 };
-                (format!("{class}.{part}"), kind)
-            }));
-        }
-    }
-    list.extend(["cost", "confidence", "label", "source"].map(|name| (name.to_owned(), NumericType::Uint8)));
-    for source in sources.iter() {
-        list.extend(["cost", "conf"].map(|part| (format!("{part}.{source}"), NumericType::Uint8)));
-    }
-    if heights {
-        list.push(("conf.elevation".to_owned(), NumericType::Uint8));
-    }
     let mut offset = 0;
-    let fields = list.into_iter().map(|(name, kind)| {
+    let fields = columns(sources, heights).into_iter().map(|(name, kind, _)| {
         let field = PackedElementField { name, offset, r#type: kind.into() };
         offset += if kind == NumericType::Uint8 { 1 } else { 4 };
         field
@@ -188,7 +169,7 @@ fn write(mut data: &mut [u8], cell: &Cell, options: &MapOptions, weights: &Weigh
             data.put_u32_le(stats.count);
         }
     }
-    let source = fused.source.map_or(u8::MAX, |source| source.index() as u8);
+    let source = source_number(&fused);
     data.put_slice(&[fused.cost, fused.confidence, fused.label as u8, source]);
     for source in options.sources.iter() {
         let evidence = &cell.evidence[source.index()];

@@ -5,22 +5,29 @@
 //! - [`fuse`]: the one rule that makes one cost of what the sources say. The world-model plugin and the window's tuning
 //!   view both call it, so what an operator sees before sending new weights is what the robot will compute.
 //! - [`Map`]: 201×201 cells around the vehicle, and the same as a `foxglove.Grid`.
-//! - [`GridView`], [`fuse_grid`]: reading any `foxglove.Grid` without copying it, and fusing it anew with other weights.
+//! - [`MapMessage`], [`MapCodec`]: a map as it is passed on, and as it is recorded: key frames and changed tiles.
+//! - [`GridView`], [`fuse_grid`]: reading any `foxglove.Grid` or [`MapMessage`] by field without copying it, and fusing it
+//!   anew with other weights.
 //!
 //! Cost is 0 (free) to 250 (do not touch), 255 is unknown; confidence is 0 to 255. Lengths are metres.
 
 mod cell;
+mod columns;
+mod delta;
 mod fusion;
 mod grid_view;
 mod layout;
 mod map;
+mod message;
 mod source;
 
 pub use cell::{Cell, Evidence, HeightStats, VoteRule};
+pub use delta::{KEY_FRAME_NS, MAP_CODEC, MapCodec};
 pub use fusion::{Fused, Label, Weights, WeightsError, fuse};
 pub use grid_view::{Field, GridView, GridViewError, NumericType, fuse_grid};
 pub use layout::{MapGridError, MapOptions};
 pub use map::{CELL_SIZE_M, Map, SIDE, WIDE_CELL_SIZE_M};
+pub use message::MapMessage;
 pub use source::{Source, Sources};
 
 /// The highest cost.

@@ -66,6 +66,11 @@ pub fn plan(spec: &str, course: Option<&str>, overrides: &[(String, String)]) ->
     Ok(Arc::new(Plan::with(named(spec)?, rcs_plugins::all(), &options)?))
 }
 
+/// A recording, read with everything that the plugins know of how their messages were stored.
+pub fn open_log(path: impl AsRef<Path>) -> anyhow::Result<Log> {
+    Ok(Log::open(path)?.with_codecs(rcs_runtime::codecs(rcs_plugins::all())))
+}
+
 /// A source: the recording as it is, or through a stack, or a stack alone (on a course, where it is a simulation).
 pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
     let Some(stack) = &request.stack else {
@@ -73,14 +78,14 @@ pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
             .log
             .as_ref()
             .ok_or_else(|| usage("expected a recording or a stack to open, got neither"))?;
-        let log = Log::open(log)?;
+        let log = open_log(log)?;
         if RecordedRun::is_journal_alone(&log) {
             return repeat(&log);
         }
         return Ok(Box::new(LogSource::new(&log)?));
     };
     let plan = plan(stack, request.course.as_deref(), &[])?;
-    let log = request.log.as_ref().map(Log::open).transpose()?;
+    let log = request.log.as_ref().map(open_log).transpose()?;
     let options = RunOptions { seed: request.seed, past: request.past.options(), ..options() };
     let source = StackSource::new(plan, log.as_ref(), options).context("the stack cannot run")?;
     Ok(Box::new(source))

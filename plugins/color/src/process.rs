@@ -328,10 +328,10 @@ fn obstacle_ahead(
     if time.seconds_since(map.acq_time()).abs() > params.map_max_age_s {
         return Ok(false);
     }
+    let grid = GridView::of(map.message()).map_err(|error| format!("map: {error}"))?;
     let local = site(params).frames.local;
-    if map.frame_id != local {
-        return Err(format!("map's frame is {:?}, expected {local:?}", map.frame_id));
+    if grid.frame_id() != local {
+        return Err(format!("map's frame is {:?}, expected {local:?}", grid.frame_id()));
     }
-    let grid = GridView::new(&map).map_err(|error| format!("map: {error}"))?;
     Ok(obstacle_in_sample(&grid, view))
 }

@@ -7,7 +7,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame};
 use rcs_runtime::{CommandDef, Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::{Localizer, PosePorts, Site, pose_message};
-use rcs_world::{Label, Map, MapOptions, Source, Sources, VoteRule, Weights};
+use rcs_world::{Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, Sources, VoteRule, Weights};
 use serde::{Deserialize, Serialize};
 
 /// Side of a cell of WM1, m.
@@ -67,6 +67,7 @@ impl Process for WorldModel {
                 .output("map", "201x201 cells of 0.2 m around the vehicle, local frame")
                 .role("map")
                 .palette("cost")
+                .recorded_by(&MAP_CODEC)
                 .build(),
             vehicle: b
                 .output("vehicle", "pose of the vehicle in the local frame, with each map")
@@ -170,7 +171,9 @@ impl WorldModel {
         let weights = weights(params);
         let options = MapOptions { sources, heights: true, weights };
         let acq_time = if self.changed == Stamp(0) { now } else { self.changed };
-        cx.write(&ports.map, acq_time, self.map.to_grid(site(params).frames.local, now, &options));
+        let frame_id = site(params).frames.local.into();
+        let map = MapMessage { map: self.map.clone(), frame_id, time: now, options };
+        cx.write_deferred(&ports.map, acq_time, map);
         if let Some(pose) = vehicle {
             let vehicle = PoseInFrame {
                 timestamp: Some(now.to_proto()),

@@ -16,6 +16,8 @@ pub struct LogSource {
     processes: Arc<[rcs::ProcessInfo]>,
     /// Everything up to and with this is shown.
     place: Place,
+    /// Problems of the log that `info` holds.
+    told_problems: usize,
     generation: u64,
 }
 
@@ -32,7 +34,8 @@ impl LogSource {
         let processes = view.processes()?;
         let place = Place::after(opening_time(log)?);
         view.go_to(place)?;
-        Ok(Self { view, place, info, processes, generation: 0 })
+        let told_problems = log.info().problems.len();
+        Ok(Self { view, place, info, processes, told_problems, generation: 0 })
     }
 }
 
@@ -67,6 +70,7 @@ impl Source for LogSource {
 
     fn frame(&mut self) -> Frame {
         self.generation += 1;
+        self.tell_problems();
         Frame {
             generation: self.generation,
             info: Arc::clone(&self.info),
@@ -126,6 +130,16 @@ impl Source for LogSource {
 }
 
 impl LogSource {
+    /// What reading has met since the log was opened joins what is wrong with it.
+    fn tell_problems(&mut self) {
+        let told = self.told_problems;
+        let problems = self.view.log().problems();
+        if problems.len() > told {
+            self.told_problems = problems.len();
+            Arc::make_mut(&mut self.info).problems.extend(problems.into_iter().skip(told));
+        }
+    }
+
     fn go_to(&mut self, place: Place) -> Result<(), SourceError> {
         self.view.go_to(place)?;
         self.place = place;

@@ -5,7 +5,7 @@ use super::tracks::{Tracks, is_pose_type, is_transform_type};
 use super::{Source, SourceError, canonical};
 use rcs_bus::{Header, Sample, WriterId};
 use rcs_geom::TransformTree;
-use rcs_log::{Cursor, CursorOptions, Log, LogMessage, Place, TopicId};
+use rcs_log::{Cursor, CursorOptions, Log, LogMessage, Place, Reassembled, Reassembly, TopicId};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
@@ -27,6 +27,8 @@ pub(crate) struct LogView {
     pub(crate) topics: Vec<Topic>,
     by_id: BTreeMap<TopicId, usize>,
     shown: Option<Place>,
+    /// Puts together what was stored as key frames and deltas: one topic, as it was while it ran.
+    reassembly: Reassembly,
     cursor: Cursor,
     ahead: Option<LogMessage>,
     background: Option<Cursor>,
@@ -42,17 +44,23 @@ impl LogView {
         let info = log.info();
         let mut topics = Vec::new();
         let mut by_id = BTreeMap::new();
+        let reassembly = Reassembly::new(log);
         for topic in &info.topics {
+            if reassembly.keys_of(topic.id).is_some() {
+                continue;
+            }
             by_id.insert(topic.id, topics.len());
+            let deltas = reassembly.deltas_of(topic.id).and_then(|id| info.topic(id));
+            let messages = topic.messages + deltas.map_or(0, |deltas| deltas.messages);
             topics.push(Topic {
                 name: wired.get(&topic.name).map_or_else(|| topic.name.as_str().into(), Arc::clone),
                 run: RunTag::Recorded,
                 schema: Arc::clone(&topic.schema),
                 metadata: Arc::new(topic.metadata.clone()),
                 writer: topic.metadata.get("rcs.writer").map_or("", String::as_str).into(),
-                messages: topic.messages,
+                messages,
                 // One message has no rate.
-                hz: if topic.messages > 1 { topic.hz } else { 0.0 },
+                hz: if messages > 1 { topic.hz + deltas.map_or(0.0, |deltas| deltas.hz) } else { 0.0 },
                 undecodable: topic.undecodable_because.as_deref().map(Arc::from),
                 latest: None,
                 pending: false,
@@ -75,6 +83,7 @@ impl LogView {
             topics,
             by_id,
             shown: None,
+            reassembly,
             cursor: log.cursor(CursorOptions::default()),
             ahead: None,
             background,
@@ -89,9 +98,10 @@ impl LogView {
         &self.log
     }
 
-    /// The topic of that name; the first where several channels carry it.
+    /// The channels of the log that carry the topic of that name; its deltas are among them.
     pub(crate) fn topic_ids(&self, name: &str) -> Vec<TopicId> {
-        self.log.info().topics_named(name).map(|topic| topic.id).collect()
+        let keys = self.log.info().topics_named(name).map(|topic| topic.id);
+        keys.flat_map(|id| [Some(id), self.reassembly.deltas_of(id)]).flatten().collect()
     }
 
     /// Shows everything up to and with `to`.
@@ -126,8 +136,13 @@ impl LogView {
         }
         if time > Stamp(0) {
             for message in self.log.latest_at(time.before_ns(1), None)?.into_iter().flatten() {
-                self.show(message);
+                if !self.reassembly.takes(message.topic) {
+                    self.show(message);
+                }
             }
+        }
+        for whole in self.reassembly.seek(Place::before(time))? {
+            self.show_whole(whole);
         }
         self.ahead = None;
         self.cursor = self.log.cursor(CursorOptions { start: time, ..CursorOptions::default() });
@@ -135,15 +150,31 @@ impl LogView {
     }
 
     fn show(&mut self, message: LogMessage) {
+        if self.reassembly.takes(message.topic) {
+            if let Some(whole) = self.reassembly.take(&message) {
+                self.show_whole(whole);
+            }
+            return;
+        }
         let Some(&index) = self.by_id.get(&message.topic) else { return };
+        let encoded = AnyMessage::encoded(Arc::clone(&self.topics[index].schema), message.data.clone());
+        self.set_latest(index, &message, encoded);
+    }
+
+    fn show_whole(&mut self, whole: Reassembled) {
+        if let Some(&index) = self.by_id.get(&whole.topic) {
+            self.set_latest(index, &whole.stored, whole.message);
+        }
+    }
+
+    fn set_latest(&mut self, index: usize, stored: &LogMessage, message: AnyMessage) {
         let topic = &mut self.topics[index];
         let header = Header {
-            sequence: u64::from(message.sequence),
-            log_time: message.log_time,
-            acq_time: message.publish_time,
+            sequence: u64::from(stored.sequence),
+            log_time: stored.log_time,
+            acq_time: stored.publish_time,
             writer: WriterId::RUNTIME,
         };
-        let message = AnyMessage::encoded(Arc::clone(&topic.schema), message.data);
         topic.latest = Some(Sample { header, message });
         topic.canonical = Arc::new(OnceLock::new());
     }

@@ -155,6 +155,7 @@ impl<'a> Builder<'a> {
                 };
             }
             self.buffers[index].spec.metadata.extend(metadata);
+            self.buffers[index].codec = self.buffers[index].codec.or(def.codec);
             outputs.push(index);
         }
         let params = params.read(name, entry, kind)?;
@@ -365,7 +366,7 @@ impl<'a> Builder<'a> {
             spec::<rcs::JournalEvent>(names::JOURNAL, Mode::Latest),
         ] {
             self.by_name.insert(spec.name.clone(), self.buffers.len());
-            self.buffers.push(BufferPlan { spec, record: true, record_hz: None });
+            self.buffers.push(BufferPlan { spec, record: true, record_hz: None, codec: None });
         }
     }
 
@@ -406,7 +407,7 @@ impl<'a> Builder<'a> {
             metadata: BTreeMap::new(),
         };
         self.by_name.insert(name.to_owned(), self.buffers.len());
-        self.buffers.push(BufferPlan { spec, record: true, record_hz: None });
+        self.buffers.push(BufferPlan { spec, record: true, record_hz: None, codec: None });
         Ok(self.buffers.len() - 1)
     }
 }

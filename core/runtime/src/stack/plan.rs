@@ -8,7 +8,7 @@ use super::params::{ParamReader, PlanOptions};
 use crate::feed::Feed;
 use crate::process::{PortDef, ProcessType};
 use rcs_bus::BufferSpec;
-use rcs_msg::{AnyMessage, rcs};
+use rcs_msg::{AnyMessage, DeltaCodec, rcs};
 use std::sync::Arc;
 
 /// What a stack runs: indices lead into [`Plan::buffers`] and [`Plan::processes`].
@@ -77,6 +77,8 @@ pub struct BufferPlan {
     pub record: bool,
     /// Messages recorded a second, at most.
     pub record_hz: Option<f64>,
+    /// How it is recorded where not message by message.
+    pub codec: Option<&'static dyn DeltaCodec>,
 }
 
 /// Buffers of the runtime itself.

@@ -26,7 +26,7 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
         return replay::run(args, recording, out);
     }
     let plan = plan(args)?;
-    let log = args.log.as_ref().map(Log::open).transpose()?;
+    let log = args.log.as_ref().map(stacks::open_log).transpose()?;
     let referee = runs::referee(&plan);
     if log.is_none() && args.until.is_none() && referee.is_none() {
         return Err(usage(

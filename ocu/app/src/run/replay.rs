@@ -25,7 +25,7 @@ pub(super) fn run(args: &RunArgs, recording: &Path, out: &mut dyn Write) -> anyh
         None => recorded.plan_with(rcs_plugins::all(), &overrides(args), &ProgramAssets)?,
     };
     recorded.check(&asked, args.seed)?;
-    let log = args.log.as_ref().map(Log::open).transpose()?;
+    let log = args.log.as_ref().map(stacks::open_log).transpose()?;
     let base = stacks::options();
     let threads = args.threads.map_or(base.threads, usize::from);
     let options = RunOptions { threads, hash: true, ..base };

@@ -1,10 +1,19 @@
-//! A `foxglove.Grid` on a map: where its cells are, which of their numbers can be painted, and painting one.
+//! A `foxglove.Grid`, or a map that would become one, on a map: where its cells are, which of their numbers can be painted, and painting one.
 
 use egui::{Color32, ColorImage};
 use ocu_ui::palette::{self, MapPalette};
 use rcs_geom::DVec3;
+use rcs_msg::AnyMessage;
 use rcs_msg::foxglove::Grid;
-use rcs_world::{GridView, Weights, fuse_grid};
+use rcs_world::{GridView, MapMessage, Weights, fuse_grid};
+
+/// Frame of a grid, whether or not its numbers fit each other; `None` for other messages.
+pub(super) fn frame_of(message: &AnyMessage) -> Option<&str> {
+    match message.source::<MapMessage>() {
+        Some(map) => Some(&map.frame_id),
+        None => Some(&message.get::<Grid>()?.frame_id),
+    }
+}
 
 /// A grid that has been checked.
 #[derive(Clone, Debug)]
@@ -12,8 +21,8 @@ pub(super) struct Cells<'a>(GridView<'a>);
 
 impl<'a> Cells<'a> {
     /// Checks a grid; a sentence where its numbers do not fit each other.
-    pub(super) fn new(grid: &'a Grid) -> Result<Self, String> {
-        GridView::new(grid).map(Self).map_err(|error| error.to_string())
+    pub(super) fn new(message: &'a AnyMessage) -> Result<Self, String> {
+        GridView::of(message).map(Self).map_err(|error| error.to_string())
     }
 
     /// Cells along x and y.
@@ -22,7 +31,7 @@ impl<'a> Cells<'a> {
     }
 
     /// Names of the numbers of a cell.
-    pub(super) fn names(&self) -> impl Iterator<Item = &'a str> {
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         self.0.names()
     }
 
@@ -137,7 +146,7 @@ mod tests {
 
     #[test]
     fn a_cell_is_found_by_its_place_and_gives_every_number() {
-        let grid = samples::grid(4, 3);
+        let grid = AnyMessage::new(samples::grid(4, 3));
         let cells = Cells::new(&grid).unwrap();
         let corner = cells.corners()[0];
         let cell = cells.cell_at(corner + DVec3::new(0.5, 0.3, 0.0)).unwrap();
@@ -150,7 +159,7 @@ mod tests {
 
     #[test]
     fn costs_are_painted_in_the_palettes_colours_and_row_0_comes_first() {
-        let grid = samples::grid(4, 3);
+        let grid = AnyMessage::new(samples::grid(4, 3));
         let cells = Cells::new(&grid).unwrap();
         for shade in [Shade::Field("cost.stereo".into()), Shade::Fused] {
             let image = cells.paint(&shade, MapPalette::Papers, None);
@@ -163,7 +172,7 @@ mod tests {
 
     #[test]
     fn a_layout_that_names_another_grids_field_falls_back_to_the_first_choice() {
-        let grid = samples::grid(4, 3);
+        let grid = AnyMessage::new(samples::grid(4, 3));
         let cells = Cells::new(&grid).unwrap();
         assert_eq!(cells.shade(Some("height")), Some(Shade::Fused));
         assert_eq!(cells.shade(Some("conf.stereo")), Some(Shade::Field("conf.stereo".into())));

@@ -1,12 +1,13 @@
 //! The layers of a map: what a frame has that lies in a plane, and where it lies.
 
+use super::grid::frame_of;
 use super::track::{Alignment, Placed, WGS84, local_enu};
 use crate::texture::SameMessage;
 use crate::view::rate_hz;
 use ocu_ui::stale::is_stale;
 use rcs_geom::{Enu, Pose, TransformError};
-use rcs_msg::Stamp;
-use rcs_msg::foxglove::{Grid, PointCloud, PoseInFrame, PosesInFrame};
+use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
+use rcs_msg::{AnyMessage, Stamp};
 use rcs_runtime::source::{Frame, Topic, Track};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -15,7 +16,7 @@ use std::sync::Arc;
 #[derive(Clone, Copy)]
 pub(super) enum Kind<'a> {
     /// A grid of cells.
-    Grid(&'a Grid),
+    Grid(&'a AnyMessage),
     /// A point cloud.
     Cloud(&'a PointCloud),
     /// A planned path.
@@ -85,7 +86,9 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
         };
         match topic.type_name() {
             "foxglove.Grid" => {
-                grids.extend(topic.get::<Grid>().map(|grid| layer(Kind::Grid(grid), &grid.frame_id)));
+                let message = topic.canonical();
+                let named = message.and_then(|message| Some((message, frame_of(message)?)));
+                grids.extend(named.map(|(message, frame_id)| layer(Kind::Grid(message), frame_id)));
             }
             "foxglove.PointCloud" => {
                 clouds.extend(

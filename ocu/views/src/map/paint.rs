@@ -11,8 +11,8 @@ use egui::{
 use ocu_ui::legend::round_step;
 use ocu_ui::{format, stale, tokens};
 use rcs_geom::Pose;
-use rcs_msg::Stamp;
-use rcs_msg::foxglove::{Grid, PointCloud, PoseInFrame, PosesInFrame};
+use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
+use rcs_msg::{AnyMessage, Stamp};
 
 impl Map {
     /// A grid as a textured quadrilateral; its texture is made when the message or the look changes.
@@ -21,7 +21,7 @@ impl Map {
         &mut self,
         ui: &Ui,
         layer: &Layer<'_>,
-        grid: &Grid,
+        grid: &AnyMessage,
         map_from_grid_frame: Pose,
         viewport: Viewport,
         canvas: Rect,

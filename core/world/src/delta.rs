@@ -1,0 +1,388 @@
+//! Maps as they are recorded: key frames, and what changed between them.
+//!
+//! A key frame is the whole map as a `foxglove.Grid`, as any other tool reads it. A delta (`rcs.MapDelta`) holds the cells
+//! that differ from the map before. Where to look follows from the map itself: tiles that nobody wrote since the last
+//! message are still shared with it, so that comparing their addresses finds the few that may differ, and only their
+//! cells are compared. A map that scrolled differs in the same way, as its cells stay where they are in memory.
+//!
+//! A delta names the message that it follows. A decoder applies it to that one and to no other: where a message is
+//! missing, deltas are refused until the next key frame.
+
+use std::sync::Arc;
+
+use rcs_geom::{CellIndex, TILE};
+use rcs_msg::foxglove::Grid;
+use rcs_msg::rcs::{MapColumn, MapDelta, MapSource};
+use rcs_msg::{AnyMessage, DeltaCodec, DeltaDecoder, DeltaEncoder, Schema, Stamp, Stored, schema_of};
+
+use crate::columns::HEIGHT_PARTS;
+use crate::{Cell, HeightStats, Map, MapMessage, MapOptions, Source, Weights};
+
+/// A key frame is stored when the last is this old. Reading from any moment on starts at a key frame and takes the deltas
+/// behind it.
+pub const KEY_FRAME_NS: u64 = 10_000_000_000;
+
+/// [`MapCodec`] for those who list codecs.
+pub static MAP_CODEC: MapCodec = MapCodec;
+
+/// How maps are recorded: `foxglove.Grid` as key frames, `rcs.MapDelta` in between.
+#[derive(Clone, Copy, Debug)]
+pub struct MapCodec;
+
+impl DeltaCodec for MapCodec {
+    fn delta_schema(&self) -> Arc<Schema> {
+        Arc::clone(schema_of::<MapDelta>())
+    }
+
+    fn encoder(&self) -> Box<dyn DeltaEncoder> {
+        Box::new(Encoder::default())
+    }
+
+    fn decoder(&self) -> Box<dyn DeltaDecoder> {
+        Box::new(Decoder::default())
+    }
+}
+
+/// What was stored last.
+#[derive(Default)]
+struct Encoder {
+    last: Option<Last>,
+}
+
+struct Last {
+    key_sequence: u32,
+    key_time: Stamp,
+    sequence: u32,
+    message: MapMessage,
+}
+
+impl DeltaEncoder for Encoder {
+    fn encode(&mut self, sequence: u32, log_time: Stamp, message: &AnyMessage) -> Stored {
+        let Some(map) = message.source::<MapMessage>() else {
+            // A map that someone else made is stored as it is, and nothing follows from it.
+            self.last = None;
+            return Stored::Whole;
+        };
+        let young =
+            |last: &&mut Last| log_time >= last.key_time && log_time < last.key_time.after_ns(KEY_FRAME_NS);
+        if let Some(last) = self.last.as_mut().filter(young).filter(|last| follows(&last.message, map)) {
+            let delta = difference(last, map);
+            (last.sequence, last.message) = (sequence, map.clone());
+            return Stored::Delta(AnyMessage::new(delta).bytes());
+        }
+        self.last = Some(Last { key_sequence: sequence, key_time: log_time, sequence, message: map.clone() });
+        Stored::Whole
+    }
+
+    fn lost(&mut self) {
+        self.last = None;
+    }
+}
+
+/// Whether a delta can say what changed: cells of the same size, and everything that was stored before is stored still.
+fn follows(before: &MapMessage, after: &MapMessage) -> bool {
+    before.map.grid().cell_size_m() == after.map.grid().cell_size_m()
+        && before.options.heights == after.options.heights
+        && before.options.sources.iter().all(|source| after.options.sources.contains(source))
+}
+
+fn difference(last: &Last, message: &MapMessage) -> MapDelta {
+    let (before, after) = (last.message.map.grid(), message.map.grid());
+    let (mut tiles, mut cells) = (Vec::new(), Vec::new());
+    let mut changed: Vec<(&Cell, &Cell)> = Vec::new();
+    for tile in after.tiles_written_since(before) {
+        let mut mask = 0_u64;
+        for (at, pair) in before.tile(tile).iter().zip(after.tile(tile)).enumerate() {
+            if pair.0 != pair.1 {
+                mask |= 1 << at;
+                changed.push(pair);
+            }
+        }
+        if mask != 0 {
+            tiles.push(tile as u32);
+            cells.push(mask);
+        }
+    }
+    let options = &message.options;
+    let columns = stored_columns(options).filter_map(|(name, column)| {
+        let mut values = Vec::with_capacity(changed.len());
+        let mut before_it = 0;
+        for (old, new) in &changed {
+            let (old, new) = (column.get(old), column.get(new));
+            if old == new {
+                values.push(0);
+                continue;
+            }
+            let reference = if column.follows_last() { before_it } else { old };
+            before_it = new;
+            put(&mut values, zigzag(new.wrapping_sub(reference) as i64).saturating_add(1));
+        }
+        values.iter().any(|&byte| byte != 0).then(|| MapColumn { name, values: values.into() })
+    });
+    let columns = columns.collect();
+    let centre = after.centre();
+    MapDelta {
+        timestamp: Some(message.time.to_proto()),
+        frame_id: message.frame_id.to_string(),
+        key_sequence: last.key_sequence,
+        base_sequence: last.sequence,
+        centre_x: centre.x,
+        centre_y: centre.y,
+        heights: options.heights,
+        sources: options.sources.iter().map(|source| stored_source(source, &options.weights)).collect(),
+        tiles,
+        cells,
+        columns,
+    }
+}
+
+/// The last map that is known whole.
+#[derive(Default)]
+struct Decoder {
+    held: Option<Held>,
+}
+
+struct Held {
+    key_sequence: u32,
+    sequence: u32,
+    what: What,
+}
+
+enum What {
+    /// A key frame from which no map has been made yet.
+    Grid(AnyMessage),
+    Map(Box<MapMessage>),
+}
+
+impl DeltaDecoder for Decoder {
+    fn take_whole(&mut self, sequence: u32, message: &AnyMessage) {
+        let what = match message.source::<MapMessage>() {
+            Some(map) => What::Map(Box::new(map.clone())),
+            None => What::Grid(message.clone()),
+        };
+        self.held = Some(Held { key_sequence: sequence, sequence, what });
+    }
+
+    fn take_delta(&mut self, sequence: u32, delta: &[u8]) -> Result<AnyMessage, String> {
+        let bytes = bytes::Bytes::copy_from_slice(delta);
+        let delta = AnyMessage::decode::<MapDelta>(bytes).ok().and_then(|message| message.to::<MapDelta>());
+        let Some(delta) = delta else {
+            self.held = None;
+            return Err(format!("map delta {sequence} does not decode"));
+        };
+        let Some(held) = &mut self.held else {
+            return Err(format!("map delta {sequence} has no key frame {} before it", delta.key_sequence));
+        };
+        if (held.key_sequence, held.sequence) != (delta.key_sequence, delta.base_sequence) {
+            return Err(format!(
+                "map delta {sequence} follows map {} of key frame {}, the last here is map {} of key frame {}",
+                delta.base_sequence, delta.key_sequence, held.sequence, held.key_sequence
+            ));
+        }
+        let base = match &held.what {
+            What::Map(message) => message.map.clone(),
+            What::Grid(grid) => {
+                let grid: Grid = grid.to().ok_or("the key frame does not decode")?;
+                Map::from_grid(&grid).map_err(|error| format!("key frame {}: {error}", held.key_sequence))?
+            }
+        };
+        match applied(base, &delta) {
+            Ok(message) => {
+                held.sequence = sequence;
+                held.what = What::Map(Box::new(message.clone()));
+                Ok(message.into_message())
+            }
+            Err(error) => {
+                self.held = None;
+                Err(format!("map delta {sequence}: {error}"))
+            }
+        }
+    }
+}
+
+fn applied(mut map: Map, delta: &MapDelta) -> Result<MapMessage, String> {
+    let options = MapOptions {
+        sources: delta
+            .sources
+            .iter()
+            .map(|source| source.name.parse::<Source>())
+            .collect::<Result<_, _>>()
+            .map_err(|error| error.to_string())?,
+        heights: delta.heights,
+        weights: weights_of(&delta.sources),
+    };
+    let count = map.grid().tile_count();
+    let tiles: Vec<usize> = delta.tiles.iter().map(|&tile| tile as usize).collect();
+    let ascending = tiles.windows(2).all(|pair| pair[0] < pair[1]);
+    if !ascending || tiles.last().is_some_and(|&last| last >= count) || tiles.len() != delta.cells.len() {
+        return Err(format!(
+            "{} tiles with {} masks, expected as many of {count}",
+            tiles.len(),
+            delta.cells.len()
+        ));
+    }
+    map.grid_mut().set_centre(CellIndex::new(delta.centre_x, delta.centre_y));
+    let places: Vec<(usize, usize)> = tiles
+        .iter()
+        .zip(&delta.cells)
+        .flat_map(|(&tile, &mask)| {
+            (0..TILE * TILE).filter(move |at| mask >> at & 1 == 1).map(move |at| (tile, at))
+        })
+        .collect();
+    let known: Vec<(String, StoredColumn)> = stored_columns(&options).collect();
+    for column in &delta.columns {
+        let Some((_, stored)) = known.iter().find(|(name, _)| *name == column.name) else {
+            return Err(format!("column \"{}\" is none of the map's", column.name));
+        };
+        let mut values: &[u8] = &column.values;
+        let mut before_it = 0;
+        for &(tile, at) in &places {
+            let code = take(&mut values).ok_or_else(|| format!("column \"{}\" is cut", column.name))?;
+            let Some(code) = code.checked_sub(1) else { continue };
+            let cell = &mut map.grid_mut().tile_mut(tile)[at];
+            let reference = if stored.follows_last() { before_it } else { stored.get(cell) };
+            before_it = reference.wrapping_add(unzigzag(code) as u64);
+            stored.set(cell, before_it);
+        }
+        if !values.is_empty() {
+            return Err(format!("column \"{}\" has {} bytes too many", column.name, values.len()));
+        }
+    }
+    let time = delta.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or_default();
+    Ok(MapMessage { map, frame_id: delta.frame_id.as_str().into(), time, options })
+}
+
+fn stored_source(source: Source, weights: &Weights) -> MapSource {
+    MapSource { name: source.name().to_owned(), weight: weights.get(source) }
+}
+
+fn weights_of(sources: &[MapSource]) -> Weights {
+    let weight = |source: Source| {
+        let found = sources.iter().find(|stored| stored.name == source.name());
+        found.map_or(1.0, |stored| stored.weight)
+    };
+    Weights {
+        stereo: weight(Source::Stereo),
+        color: weight(Source::Color),
+        terrain: weight(Source::Terrain),
+        classifier: weight(Source::Classifier),
+        infrared: weight(Source::Infrared),
+    }
+}
+
+/// One number of a cell as a delta holds it: everything that is remembered of it, and nothing that follows from that.
+#[derive(Clone, Copy)]
+enum StoredColumn {
+    Updated,
+    Sequence(Source),
+    Cost(Source),
+    Confidence(Source),
+    Ground(usize),
+    Obstacle(usize),
+    ElevationConfidence,
+}
+
+fn stored_columns(options: &MapOptions) -> impl Iterator<Item = (String, StoredColumn)> + use<> {
+    let of_source = |source: Source| {
+        [
+            (format!("seq.{source}"), StoredColumn::Sequence(source)),
+            (format!("cost.{source}"), StoredColumn::Cost(source)),
+            (format!("conf.{source}"), StoredColumn::Confidence(source)),
+        ]
+    };
+    let sources: Vec<_> = options.sources.iter().flat_map(of_source).collect();
+    let heights = HEIGHT_PARTS.iter().enumerate().flat_map(|(part, name)| {
+        [
+            (format!("ground.{name}"), StoredColumn::Ground(part)),
+            (format!("obstacle.{name}"), StoredColumn::Obstacle(part)),
+        ]
+    });
+    let elevation = ("conf.elevation".to_owned(), StoredColumn::ElevationConfidence);
+    let heights: Vec<_> = if options.heights { heights.chain([elevation]).collect() } else { Vec::new() };
+    [("updated".to_owned(), StoredColumn::Updated)].into_iter().chain(sources).chain(heights)
+}
+
+impl StoredColumn {
+    /// Whether the numbers of neighbours are alike rather than those of one cell over time.
+    fn follows_last(self) -> bool {
+        matches!(self, StoredColumn::Updated | StoredColumn::Sequence(_))
+    }
+
+    fn get(self, cell: &Cell) -> u64 {
+        match self {
+            StoredColumn::Updated => cell.updated.0,
+            StoredColumn::Sequence(source) => cell.evidence[source.index()].sequence.into(),
+            StoredColumn::Cost(source) => cell.evidence[source.index()].cost.into(),
+            StoredColumn::Confidence(source) => cell.evidence[source.index()].confidence.into(),
+            StoredColumn::Ground(part) => height(&cell.ground, part).into(),
+            StoredColumn::Obstacle(part) => height(&cell.obstacle, part).into(),
+            StoredColumn::ElevationConfidence => cell.elevation_confidence.into(),
+        }
+    }
+
+    fn set(self, cell: &mut Cell, value: u64) {
+        match self {
+            StoredColumn::Updated => cell.updated = Stamp(value),
+            StoredColumn::Sequence(source) => cell.evidence[source.index()].sequence = value as u32,
+            StoredColumn::Cost(source) => cell.evidence[source.index()].cost = value as u8,
+            StoredColumn::Confidence(source) => cell.evidence[source.index()].confidence = value as u8,
+            StoredColumn::Ground(part) => set_height(&mut cell.ground, part, value as u32),
+            StoredColumn::Obstacle(part) => set_height(&mut cell.obstacle, part, value as u32),
+            StoredColumn::ElevationConfidence => cell.elevation_confidence = value as u8,
+        }
+    }
+}
+
+fn height(stats: &HeightStats, part: usize) -> u32 {
+    match part {
+        0 => stats.mean.to_bits(),
+        1 => stats.variance.to_bits(),
+        2 => stats.min.to_bits(),
+        3 => stats.max.to_bits(),
+        _ => stats.count,
+    }
+}
+
+fn set_height(stats: &mut HeightStats, part: usize, value: u32) {
+    match part {
+        0 => stats.mean = f32::from_bits(value),
+        1 => stats.variance = f32::from_bits(value),
+        2 => stats.min = f32::from_bits(value),
+        3 => stats.max = f32::from_bits(value),
+        _ => stats.count = value,
+    }
+}
+
+fn zigzag(value: i64) -> u64 {
+    ((value << 1) ^ (value >> 63)) as u64
+}
+
+fn unzigzag(code: u64) -> i64 {
+    (code >> 1) as i64 ^ -((code & 1) as i64)
+}
+
+fn put(bytes: &mut Vec<u8>, mut value: u64) {
+    while value >= 0x80 {
+        bytes.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    bytes.push(value as u8);
+}
+
+/// The next number; `None` where the bytes end within one or it is too long.
+fn take(bytes: &mut &[u8]) -> Option<u64> {
+    let mut value = 0;
+    for shift in (0..64).step_by(7) {
+        let (&byte, rest) = bytes.split_first()?;
+        *bytes = rest;
+        value |= u64::from(byte & 0x7F).checked_shl(shift)?;
+        if byte < 0x80 {
+            return Some(value);
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+#[path = "delta_tests.rs"]
+mod tests;

@@ -1,0 +1,205 @@
+use proptest::prelude::*;
+use rcs_geom::DVec2;
+
+use super::*;
+use crate::{SIDE, Sources, VoteRule};
+
+/// A drive: votes here and there around a vehicle that moves, seen by a growing set of sources.
+struct Drive {
+    map: Map,
+    sources: Sources,
+    random: u64,
+    at: DVec2,
+    sequence: u32,
+}
+
+impl Drive {
+    fn new(seed: u64) -> Drive {
+        let sources = [Source::Stereo].into_iter().collect();
+        Drive { map: Map::new(0.2).unwrap(), sources, random: seed, at: DVec2::ZERO, sequence: 0 }
+    }
+
+    fn below(&mut self, n: u64) -> u64 {
+        self.random =
+            self.random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.random >> 33) % n
+    }
+
+    fn next(&mut self) -> MapMessage {
+        self.sequence += 1;
+        let time = Stamp(1_700_000_000_000_000_000 + u64::from(self.sequence) * 200_000_000);
+        if self.below(20) == 0 {
+            self.map.clear();
+        }
+        let far = if self.below(15) == 0 { 60.0 } else { 0.5 };
+        let step = [self.below(100), self.below(100)].map(|n| n as f64 * 0.01 - 0.3);
+        self.at += DVec2::from_array(step) * far;
+        self.map.recentre(self.at).unwrap();
+        let south_west = self.map.grid().bounds().south_west;
+        for _ in 0..self.below(400) {
+            let (x, y) = (60 + self.below(60) as i64, 60 + self.below(60) as i64);
+            let source = Source::ALL[self.below(6) as usize];
+            self.sources.insert(source);
+            let cell = south_west.offset(x, y);
+            let cost = self.below(251) as u8;
+            self.map.vote(cell, source, cost, self.sequence, time, VoteRule::default());
+            let mut ground = HeightStats::default();
+            (0..self.below(4)).for_each(|_| ground.add(self.below(1000) as f32 * 0.001));
+            let cell = self.map.grid_mut().get_mut(cell).unwrap();
+            cell.observe_heights(&ground, &HeightStats::default(), 0.1, time, VoteRule::default());
+        }
+        let weights = Weights { terrain: self.below(3) as f32, ..Weights::default() };
+        let options = MapOptions { sources: self.sources, heights: true, weights };
+        MapMessage { map: self.map.clone(), frame_id: "local".into(), time, options }
+    }
+}
+
+/// What a channel and its channel of deltas hold: sequence, log time, and the bytes of one of the two.
+struct Entry {
+    sequence: u32,
+    stored: Stored,
+    whole: MapMessage,
+}
+
+fn recorded(seed: u64, count: usize) -> Vec<Entry> {
+    let (mut drive, mut encoder) = (Drive::new(seed), MAP_CODEC.encoder());
+    let entries = (0..count).map(|_| {
+        let whole = drive.next();
+        let stored = encoder.encode(drive.sequence, whole.time, &whole.clone().into_message());
+        Entry { sequence: drive.sequence, stored, whole }
+    });
+    entries.collect()
+}
+
+/// The message as a reader of a log meets a key frame: bytes.
+fn key_frame(message: &MapMessage) -> AnyMessage {
+    AnyMessage::encoded(Arc::clone(schema_of::<Grid>()), message.clone().into_message().bytes())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(6))]
+    #[test]
+    fn every_map_of_a_drive_comes_back_from_key_frames_and_deltas(seed: u64) {
+        let mut decoder = MAP_CODEC.decoder();
+        let entries = recorded(seed, 60);
+        prop_assert!(entries.iter().filter(|entry| entry.stored == Stored::Whole).count() < 10);
+        for entry in entries {
+            match &entry.stored {
+                Stored::Whole => decoder.take_whole(entry.sequence, &key_frame(&entry.whole)),
+                Stored::Delta(delta) => {
+                    let message = decoder.take_delta(entry.sequence, delta).unwrap();
+                    prop_assert_eq!(message.source::<MapMessage>(), Some(&entry.whole));
+                    prop_assert_eq!(message.bytes(), entry.whole.into_message().bytes());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn where_messages_are_missing_no_map_is_made_until_the_next_key_frame(seed: u64, lost in prop::collection::vec(any::<bool>(), 60)) {
+        let mut decoder = MAP_CODEC.decoder();
+        let mut in_step = false;
+        for (entry, lost) in recorded(seed, 60).into_iter().zip(lost) {
+            match &entry.stored {
+                _ if lost && entry.sequence % 3 == 0 => in_step = false,
+                Stored::Whole => {
+                    decoder.take_whole(entry.sequence, &key_frame(&entry.whole));
+                    in_step = true;
+                }
+                Stored::Delta(delta) => match decoder.take_delta(entry.sequence, delta) {
+                    Ok(message) => {
+                        prop_assert!(in_step);
+                        prop_assert_eq!(message.source::<MapMessage>(), Some(&entry.whole));
+                    }
+                    Err(_) => prop_assert!(!in_step),
+                },
+            }
+        }
+    }
+
+    #[test]
+    fn damaged_deltas_are_refused_or_the_same(seed: u64, at: prop::sample::Index, value: u8) {
+        let entries = recorded(seed, 4);
+        let mut decoder = MAP_CODEC.decoder();
+        decoder.take_whole(entries[0].sequence, &key_frame(&entries[0].whole));
+        if let Stored::Delta(delta) = &entries[1].stored {
+            let mut damaged = delta.to_vec();
+            let at = at.index(damaged.len());
+            damaged[at] = value;
+            // A changed number is a changed number, as in any message; chunks have checksums. Nothing panics.
+            let _ = decoder.take_delta(entries[1].sequence, &damaged);
+            let _ = decoder.take_delta(entries[1].sequence, &damaged[..at]);
+        }
+    }
+}
+
+#[test]
+fn a_delta_holds_only_what_changed() {
+    let mut drive = Drive::new(3);
+    let first = drive.next();
+    let mut encoder = MAP_CODEC.encoder();
+    assert_eq!(encoder.encode(1, first.time, &first.clone().into_message()), Stored::Whole);
+    let mut second = first.clone();
+    let cell = second.map.grid().centre();
+    let rule = VoteRule::default();
+    assert!(second.map.vote(cell, Source::Stereo, 250, 7, first.time, rule));
+    let Stored::Delta(bytes) = encoder.encode(2, first.time.after_ns(1), &second.into_message()) else {
+        panic!("expected a delta");
+    };
+    let delta = AnyMessage::decode::<MapDelta>(bytes.clone()).unwrap().to::<MapDelta>().unwrap();
+    assert_eq!((delta.tiles.len(), delta.cells[0].count_ones()), (1, 1));
+    assert!(bytes.len() < 300, "{}", bytes.len());
+}
+
+#[test]
+fn key_frames_come_every_ten_seconds_and_after_what_was_lost_or_does_not_follow() {
+    let mut drive = Drive::new(5);
+    let first = drive.next();
+    let mut encoder = MAP_CODEC.encoder();
+    let mut is_whole = |message: &MapMessage, time: u64| {
+        encoder.encode(1, Stamp(time), &message.clone().into_message()) == Stored::Whole
+    };
+    assert!(is_whole(&first, 0));
+    assert!(!is_whole(&first, KEY_FRAME_NS - 1));
+    assert!(is_whole(&first, KEY_FRAME_NS));
+    let plain = MapMessage { options: MapOptions { heights: false, ..first.options }, ..first.clone() };
+    assert!(is_whole(&plain, KEY_FRAME_NS + 1));
+    let other = MapMessage { map: Map::new(0.6).unwrap(), ..plain.clone() };
+    assert!(is_whole(&other, KEY_FRAME_NS + 2));
+    assert!(!is_whole(&other, KEY_FRAME_NS + 3));
+    encoder.lost();
+    let mut is_whole = |message: &AnyMessage| encoder.encode(9, Stamp(1), message) == Stored::Whole;
+    assert!(is_whole(&other.clone().into_message()));
+    // A grid that an operator edited is no map of ours, and nothing follows from it.
+    assert!(is_whole(&key_frame(&first)));
+    assert!(is_whole(&other.into_message()));
+}
+
+#[test]
+fn reading_by_field_is_the_same_from_the_map_and_from_its_message() {
+    let mut drive = Drive::new(11);
+    (0..5).for_each(|_| drop(drive.next()));
+    let message = drive.next();
+    let grid = Grid::from(message.clone());
+    let (typed, bytes) = (crate::GridView::of_map(&message), crate::GridView::new(&grid).unwrap());
+    assert_eq!(typed.names().collect::<Vec<_>>(), bytes.names().collect::<Vec<_>>());
+    assert_eq!(typed.frame_from_grid(), bytes.frame_from_grid());
+    assert_eq!((typed.columns(), typed.rows(), typed.frame_id()), (SIDE, SIDE, "local"));
+    for name in bytes.names() {
+        let numbers = |view: &crate::GridView<'_>| {
+            let field = view.field(name).unwrap();
+            assert_eq!(
+                field.get(100, 100).map(f64::to_bits),
+                field.values().nth(100 * SIDE + 100).map(f64::to_bits)
+            );
+            (field.kind(), field.values().map(f64::to_bits).collect::<Vec<_>>())
+        };
+        assert!(numbers(&typed) == numbers(&bytes), "{name}");
+    }
+    let fused = |view: &crate::GridView<'_>| {
+        let mut costs = Vec::new();
+        crate::fuse_grid(view, &Weights { stereo: 0.3, ..Weights::default() }, &mut costs).unwrap();
+        costs
+    };
+    assert_eq!(fused(&typed), fused(&bytes));
+}
