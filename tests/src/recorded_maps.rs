@@ -2,9 +2,7 @@
 
 use proptest::prelude::*;
 use rcs_geom::DVec2;
-use rcs_log::{
-    Log, LogWriter, Recorder, RecorderOptions, WriteHeader, WriterOptions,
-};
+use rcs_log::{Log, LogWriter, Recorder, RecorderOptions, WriteHeader, WriterOptions};
 use rcs_msg::foxglove::Grid;
 use rcs_msg::{DELTA_OF, DeltaCodec, Stamp, Stored, schema_of};
 use rcs_runtime::source::{LogSource, Source, Step, Task};
@@ -35,11 +33,16 @@ fn drive() -> Vec<MapMessage> {
             let offset = DVec2::new(f64::from(i * 7 % 23) * 0.2, f64::from(i * 5 % 17) * 0.2);
             let cell = map.grid().cell_at(at + offset).unwrap();
             let cost = ((i * 31 + sequence * 3) % 251) as u8;
-            map.vote(cell, rcs_world::Source::Stereo, cost, sequence, time_of(sequence), VoteRule::default());
+            map.vote(cell, rcs_world::Source::STEREO, cost, sequence, time_of(sequence), VoteRule::default());
         }
-        let sources = [rcs_world::Source::Stereo].into_iter().collect();
+        let sources = [rcs_world::Source::STEREO].into_iter().collect();
         let options = MapOptions { sources, heights: true, weights: Weights::default() };
-        maps.push(MapMessage { map: map.clone(), frame_id: "local".into(), time: time_of(sequence), options });
+        maps.push(MapMessage {
+            map: map.clone(),
+            frame_id: "local".into(),
+            time: time_of(sequence),
+            options,
+        });
     }
     maps
 }
@@ -147,7 +150,9 @@ fn deltas_without_their_key_frame_are_skipped_and_told_and_never_a_wrong_map() {
     writer.finish().unwrap();
     let mut source = LogSource::new(&open(&path)).unwrap();
     assert!(source.info().problems.is_empty());
-    for (to, expected) in [(19, 19), (21, 19), (50, 19), (60, 19), (100, 19), (101, 101), (102, 102), (10, 10)] {
+    for (to, expected) in
+        [(19, 19), (21, 19), (50, 19), (60, 19), (100, 19), (101, 101), (102, 102), (10, 10)]
+    {
         source.seek(time_of(to), &Task::default()).unwrap();
         assert_eq!(shown(&mut source, &maps), Some(expected), "at map {to}");
     }
@@ -168,7 +173,7 @@ name = "wm2"
 plugin = "world_model"
 supervisor = "viewer"
 inputs = { stereo = "/log/map" }
-params = { pose_source = "POSE_FIXED" }
+params = { pose = { source = "POSE_FIXED" } }
 "#;
 
 fn fed(path: &Path) -> Stepped {

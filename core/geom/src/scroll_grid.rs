@@ -267,6 +267,21 @@ impl<T: Clone> ScrollGrid<T> {
         }
     }
 
+    /// Cells of a row from `cell` on, at most `count` and at most as many as lie beside each other: as many as
+    /// [`ScrollGrid::for_each_run`] of a grid of this shape and place gives there. Empty outside of the window.
+    pub fn run_from(&self, cell: CellIndex, count: usize) -> &[T] {
+        let Some((tile, at)) = self.place(cell) else { return &[] };
+        let (_, run) = self.run(cell.x, count);
+        self.tiles.get(tile).and_then(|cells| cells.get(at..at + run)).unwrap_or(&[])
+    }
+
+    /// A grid of the same shape and place, full of `fill`.
+    pub fn like<U: Clone>(&self, fill: U) -> ScrollGrid<U> {
+        let tile: Arc<[U]> = vec![fill.clone(); TILE * TILE].into();
+        let tiles = vec![tile; self.tiles.len()];
+        ScrollGrid { side: self.side, cell_size_m: self.cell_size_m, centre: self.centre, fill, tiles }
+    }
+
     /// A copy of all cells in the order of [`ScrollGrid::iter`].
     pub fn linearise(&self) -> Vec<T> {
         let mut cells = Vec::with_capacity(self.side * self.side);

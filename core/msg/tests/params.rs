@@ -50,7 +50,7 @@ const PROTO: &str = r#"syntax = "proto3"; package odd; import "rcs/options.proto
     enum Mode { OFF = 0; FAST = 1; }
     message Params {
       double speed_mps = 2 [(rcs.unit) = "m/s", (rcs.min) = 0.1, (rcs.max) = 1.3, (rcs.default) = 0.5, (rcs.help) = "Speed."];
-      float weight = 1 [(rcs.unit) = "1", (rcs.min) = 0, (rcs.max) = 0.1, (rcs.default) = 0.1, (rcs.fusion_source) = "stereo"];
+      float weight = 1 [(rcs.unit) = "1", (rcs.min) = 0, (rcs.max) = 0.1, (rcs.default) = 0.1];
       uint32 count = 3 [(rcs.unit) = "1", (rcs.min) = 1, (rcs.max) = 9, (rcs.default) = 3];
       bool on = 4 [(rcs.default) = 1];
       string name = 5 [(rcs.default_text) = "front"];
@@ -104,7 +104,6 @@ fn options_are_read_from_any_descriptor_in_the_order_of_declaration() {
         (speed.unit.as_str(), speed.min, speed.max, speed.help.as_str()),
         ("m/s", Some(0.1), Some(1.3), "Speed.")
     );
-    assert_eq!(specs[1].fusion_source.as_deref(), Some("stereo"));
     assert_eq!(specs[5].choices, [(0, "OFF".to_owned()), (1, "FAST".to_owned())]);
     let defaults: Vec<_> = specs.into_iter().map(|spec| spec.default).collect();
     let fast = Value::Enum { number: 1, name: "FAST".into() };

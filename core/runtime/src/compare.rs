@@ -5,7 +5,7 @@
 //! and none is kept longer than that.
 
 use crate::stack::names;
-use rcs_log::{Cursor, CursorOptions, Log, LogError, LogMessage};
+use rcs_log::{Cursor, CursorOptions, Log, LogError, LogMessage, Reassembly};
 use rcs_msg::{AnyMessage, FieldPath, Stamp, Value, rcs};
 use std::collections::{BTreeMap, VecDeque};
 use std::iter::Peekable;
@@ -36,13 +36,20 @@ pub(crate) struct Entry {
 }
 
 impl Entry {
-    pub(crate) fn of(message: &LogMessage, log: &Log) -> Option<(String, Self)> {
-        let topic = log.info().topic(message.topic)?;
+    /// A recorded message; one that was stored as a delta is put together, and is `None` where that cannot be done.
+    pub(crate) fn of(stored: &LogMessage, log: &Log, reassembly: &mut Reassembly) -> Option<(String, Self)> {
+        let (topic, message) = if reassembly.takes(stored.topic) {
+            let whole = reassembly.take(stored)?;
+            (log.info().topic(whole.topic)?, whole.message)
+        } else {
+            let topic = log.info().topic(stored.topic)?;
+            (topic, AnyMessage::encoded(topic.schema.clone(), stored.data.clone()))
+        };
         let entry = Self {
-            sequence: message.sequence,
-            log_time: message.log_time,
-            acq_time: message.publish_time,
-            message: AnyMessage::encoded(topic.schema.clone(), message.data.clone()),
+            sequence: stored.sequence,
+            log_time: stored.log_time,
+            acq_time: stored.publish_time,
+            message,
         };
         Some((topic.name.clone(), entry))
     }
@@ -242,12 +249,13 @@ pub(crate) fn is_measured(topic: &str) -> bool {
 pub fn diff(a: &Log, b: &Log) -> Result<Option<Difference>, LogError> {
     let cursor = |log: &Log| log.cursor(CursorOptions::default()).peekable();
     let (mut ones, mut others) = (cursor(a), cursor(b));
+    let mut reassembly = [a, b].map(Reassembly::new);
     let mut matcher = Matcher::new(a.info().start);
     loop {
         let (one, other) = (next_time(&mut ones)?, next_time(&mut others)?);
         let Some(time) = one.into_iter().chain(other).min() else { return Ok(None) };
-        put_until(&mut matcher, Side::First, a, &mut ones, time)?;
-        put_until(&mut matcher, Side::Second, b, &mut others, time)?;
+        put_until(&mut matcher, Side::First, a, &mut reassembly[0], &mut ones, time)?;
+        put_until(&mut matcher, Side::Second, b, &mut reassembly[1], &mut others, time)?;
         if let Some(difference) = matcher.settle() {
             return Ok(Some(difference));
         }
@@ -268,12 +276,14 @@ pub(crate) fn put_until(
     matcher: &mut Matcher,
     side: Side,
     log: &Log,
+    reassembly: &mut Reassembly,
     cursor: &mut Peekable<Cursor>,
     time: Stamp,
 ) -> Result<(), LogError> {
     while next_time(cursor)?.is_some_and(|next| next <= time) {
         let Some(message) = cursor.next().transpose()? else { return Ok(()) };
-        if let Some((topic, entry)) = Entry::of(&message, log).filter(|(topic, _)| !is_measured(topic)) {
+        let entry = Entry::of(&message, log, reassembly);
+        if let Some((topic, entry)) = entry.filter(|(topic, _)| !is_measured(topic)) {
             matcher.put(side, &topic, entry);
         }
     }

@@ -10,7 +10,7 @@ use crate::script::ScheduledCycle;
 use crate::stack::{Assets, NoAssets, Plan, PlanOptions, names};
 use crate::stepped::Stepped;
 use rcs_bus::Sample;
-use rcs_log::{Cursor, CursorOptions, Log, TopicId};
+use rcs_log::{Cursor, CursorOptions, Log, Reassembly, TopicId};
 use rcs_msg::{AnyMessage, Stamp, Value, rcs};
 use std::iter::Peekable;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -303,6 +303,7 @@ pub struct Replay {
     run: Stepped,
     recorded: RecordedRun,
     messages: Peekable<Cursor>,
+    reassembly: Reassembly,
     matcher: Matcher,
     seen: Seen,
     first: Option<Difference>,
@@ -310,7 +311,10 @@ pub struct Replay {
 
 impl Replay {
     /// A run that was made by [`RecordedRun::stepped`] and has not begun.
-    pub fn new(recorded: RecordedRun, run: Stepped) -> Result<Self, RunError> {
+    pub fn new(mut recorded: RecordedRun, run: Stepped) -> Result<Self, RunError> {
+        // The stack knows how its messages were stored.
+        let codecs = run.plan().buffers.iter().filter_map(|buffer| buffer.codec);
+        recorded.recording = recorded.recording.with_codecs(codecs);
         let seen = Seen::default();
         let mut matcher = Matcher::new(recorded.start);
         let topics = &recorded.recording.info().topics;
@@ -327,7 +331,8 @@ impl Replay {
             }));
         }
         let messages = recorded.recording.cursor(CursorOptions::default()).peekable();
-        let mut replay = Self { run, recorded, messages, matcher, seen, first: None };
+        let reassembly = Reassembly::new(&recorded.recording);
+        let mut replay = Self { run, recorded, messages, reassembly, matcher, seen, first: None };
         replay.run.begin()?;
         Ok(replay)
     }
@@ -374,7 +379,9 @@ impl Replay {
         if self.first.is_some() {
             return Ok(());
         }
-        put_until(&mut self.matcher, Side::First, &self.recorded.recording, &mut self.messages, time)?;
+        let recording = &self.recorded.recording;
+        let (reassembly, messages) = (&mut self.reassembly, &mut self.messages);
+        put_until(&mut self.matcher, Side::First, recording, reassembly, messages, time)?;
         for (index, sample) in seen {
             let entry = Entry {
                 sequence: sample.header.sequence as u32,

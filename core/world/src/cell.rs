@@ -3,7 +3,7 @@
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
-use crate::{Fused, Label, MAX_COST, Source, UNKNOWN_COST, Weights, fuse};
+use crate::{Label, MAX_COST, UNKNOWN_COST};
 
 /// How much one vote moves a confidence. The seeds say "a predefined constant" without giving it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -13,12 +13,14 @@ pub struct VoteRule {
     pub rise: u8,
     /// Taken away by a vote for the other class.
     pub fall: u8,
+    /// The highest confidence that votes lead to; at least 1.
+    pub max: u8,
 }
 
 impl Default for VoteRule {
     /// 13 votes to full confidence, 2.6 s at stereo's 5 Hz; as many to lose it.
     fn default() -> Self {
-        VoteRule { rise: 20, fall: 20 }
+        VoteRule { rise: 20, fall: 20, max: 255 }
     }
 }
 
@@ -40,7 +42,7 @@ impl Evidence {
     /// Takes a vote with a cost (above 250 is no vote). The class of a cost is [`Label::of_cost`].
     ///
     /// - Unknown: the vote's cost, with confidence `rise`.
-    /// - Same class: confidence rises by `rise`, up to 255. The cost moves towards the vote's by the fraction
+    /// - Same class: confidence rises by `rise`, up to `max`. The cost moves towards the vote's by the fraction
     ///   `rise / (confidence + rise)`, as a mean over votes would, and by at least 1.
     /// - Other class: confidence falls by `fall`; the cost stays. When nothing is left, the vote's class takes over
     ///   as if the cell had been unknown.
@@ -49,7 +51,7 @@ impl Evidence {
         if cost > MAX_COST {
             return self;
         }
-        let rise = rule.rise.max(1);
+        let (max, rise) = (rule.max.max(1), rule.rise.max(1).min(rule.max.max(1)));
         let fresh = Evidence { cost, confidence: rise, sequence };
         if self.confidence == 0 || self.cost > MAX_COST {
             return fresh;
@@ -68,7 +70,8 @@ impl Evidence {
         let step = if step == 0 { difference.signum() } else { step };
         Evidence {
             cost: (i32::from(self.cost) + step) as u8,
-            confidence: self.confidence.saturating_add(rise),
+            // A confidence from before the rule was changed is not taken away.
+            confidence: self.confidence.saturating_add(rise).min(max.max(self.confidence)),
             sequence,
         }
     }
@@ -138,11 +141,9 @@ impl HeightStats {
     }
 }
 
-/// What is remembered of one cell of the map.
+/// What is remembered of the ground in one cell of the map, whoever saw it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
-    /// By [`Source::index`].
-    pub evidence: [Evidence; Source::COUNT],
     /// Heights of ground points, metres in the map's frame.
     pub ground: HeightStats,
     /// Heights of obstacle points, metres in the map's frame.
@@ -154,15 +155,6 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// Takes a vote of a source; see [`Evidence::voted`]. A cost above 250 is no vote and changes nothing.
-    pub fn vote(&mut self, source: Source, cost: u8, sequence: u32, time: Stamp, rule: VoteRule) {
-        if cost <= MAX_COST {
-            let evidence = &mut self.evidence[source.index()];
-            *evidence = evidence.voted(cost, sequence, rule);
-            self.updated = self.updated.max(time);
-        }
-    }
-
     /// Takes the heights of one frame. It is one vote for the elevation: for, where the mean of its ground lies within
     /// 3 standard deviations (at least `tolerance_m`) of the cell's, else against; when nothing is left of the
     /// confidence, the frame's heights replace the cell's.
@@ -193,21 +185,6 @@ impl Cell {
         self.obstacle.merge(obstacle);
         self.elevation_confidence = self.elevation_confidence.saturating_add(rule.rise);
     }
-
-    /// Costs by source, as [`fuse`] takes them.
-    pub fn costs(&self) -> [u8; Source::COUNT] {
-        self.evidence.map(|evidence| evidence.cost)
-    }
-
-    /// Confidences by source, as [`fuse`] takes them.
-    pub fn confidences(&self) -> [u8; Source::COUNT] {
-        self.evidence.map(|evidence| evidence.confidence)
-    }
-
-    /// What the sources say together.
-    pub fn fused(&self, weights: &Weights) -> Fused {
-        fuse(&self.costs(), &self.confidences(), weights)
-    }
 }
 
 #[cfg(test)]
@@ -216,7 +193,7 @@ mod tests {
 
     use super::*;
 
-    const RULE: VoteRule = VoteRule { rise: 30, fall: 20 };
+    const RULE: VoteRule = VoteRule { rise: 30, fall: 20, max: 255 };
 
     fn voted(votes: &[u8]) -> Evidence {
         (1..)
@@ -230,6 +207,14 @@ mod tests {
         assert_eq!(confidences, [30, 60, 90, 120, 150, 180, 210, 240, 255, 255]);
         assert_eq!(voted(&[200; 10]).cost, 200);
         assert_eq!(voted(&[200; 10]).sequence, 10);
+    }
+
+    #[test]
+    fn a_rule_may_bound_the_confidence_that_its_votes_lead_to() {
+        let rule = VoteRule { max: 70, ..RULE };
+        let evidence = (1..=5).fold(Evidence::NONE, |evidence, n| evidence.voted(200, n, rule));
+        assert_eq!(evidence.confidence, 70);
+        assert_eq!(Evidence { confidence: 200, ..evidence }.voted(200, 6, rule).confidence, 200);
     }
 
     #[test]
@@ -259,7 +244,7 @@ mod tests {
         fn any_votes_keep_the_bounds_and_a_steady_source_wins(
             votes in prop::collection::vec(any::<u8>(), 0..80), last in 0..=MAX_COST, rise in 0..=255_u8, fall in 1..=255_u8,
         ) {
-            let rule = VoteRule { rise, fall };
+            let rule = VoteRule { rise, fall, max: 255 };
             let mut evidence = Evidence::NONE;
             for (i, cost) in (0..).zip(votes) {
                 evidence = evidence.voted(cost, i, rule);

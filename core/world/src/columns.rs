@@ -1,9 +1,9 @@
-//! The numbers of a cell by name: the fields of the message, in its order, read from the cell itself.
+//! The numbers of a cell by name: the fields of the message, in its order, read from the map itself.
 
+use rcs_geom::CellIndex;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 
-use crate::fusion::{Fused, WeightTable, fuse_by_table};
-use crate::{Cell, HeightStats, Source, Sources};
+use crate::{Cell, Evidence, Fused, HeightStats, Map, MapOptions, Source};
 
 /// Parts of the statistics of heights, in the order of the message.
 pub(crate) const HEIGHT_PARTS: [&str; 5] = ["mean", "variance", "min", "max", "count"];
@@ -28,15 +28,16 @@ pub(crate) enum Column {
 }
 
 /// Name, type and meaning of every number of a cell, in the order of the message.
-pub(crate) fn columns(sources: Sources, heights: bool) -> Vec<(String, NumericType, Column)> {
+pub(crate) fn columns(options: &MapOptions) -> Vec<(String, NumericType, Column)> {
     let mut list = vec![
         ("updated_s".to_owned(), NumericType::Uint32, Column::UpdatedS),
         ("updated_ns".to_owned(), NumericType::Uint32, Column::UpdatedNs),
     ];
+    let sources = || options.sources.iter();
     list.extend(
-        sources.iter().map(|source| (format!("seq.{source}"), NumericType::Uint32, Column::Sequence(source))),
+        sources().map(|source| (format!("seq.{source}"), NumericType::Uint32, Column::Sequence(source))),
     );
-    if heights {
+    if options.heights {
         for class in ["ground", "obstacle"] {
             list.extend(HEIGHT_PARTS.iter().enumerate().map(|(part, &name)| {
                 let kind = if name == "count" { NumericType::Uint32 } else { NumericType::Float32 };
@@ -52,40 +53,93 @@ pub(crate) fn columns(sources: Sources, heights: bool) -> Vec<(String, NumericTy
         ("source", Column::SurestSource),
     ];
     list.extend(fused.map(|(name, column)| (name.to_owned(), NumericType::Uint8, column)));
-    for source in sources.iter() {
+    for source in sources() {
         list.push((format!("cost.{source}"), NumericType::Uint8, Column::Cost(source)));
         list.push((format!("conf.{source}"), NumericType::Uint8, Column::Confidence(source)));
     }
-    if heights {
+    if options.heights {
         list.push(("conf.elevation".to_owned(), NumericType::Uint8, Column::ElevationConfidence));
     }
     list
 }
 
 impl Column {
-    /// The number of a cell as the message holds it.
-    pub(crate) fn of(self, cell: &Cell, weights: &WeightTable) -> f64 {
-        let fused = || fuse_by_table(&cell.costs(), &cell.confidences(), weights);
+    /// The number of a cell as the message holds it; `None` outside of the map.
+    pub(crate) fn at(self, map: &Map, options: &MapOptions, index: CellIndex) -> Option<f64> {
+        let cell = map.grid().get(index)?;
+        Some(match self.source() {
+            Some(source) => self.of_evidence(&map.evidence(source, index)),
+            None if self.is_fused() => self.of_fused(&map.fused(index, &options.weights), options),
+            None => self.of_cell(cell),
+        })
+    }
+
+    /// The numbers of all cells by rows.
+    pub(crate) fn all(self, map: &Map, options: &MapOptions) -> Vec<f64> {
+        let side = map.grid().side();
+        let mut numbers = Vec::with_capacity(side * side);
+        match self.source() {
+            Some(source) => match map.layer(source) {
+                Some(layer) => layer.for_each_run(|_, _, cells| {
+                    numbers.extend(cells.iter().map(|evidence| self.of_evidence(evidence)));
+                }),
+                None => numbers.resize(side * side, self.of_evidence(&Evidence::NONE)),
+            },
+            None if self.is_fused() => {
+                let visit = |_, fused: Fused| numbers.push(self.of_fused(&fused, options));
+                map.for_each_fused(&options.weights, visit);
+            }
+            None => map
+                .grid()
+                .for_each_run(|_, _, cells| numbers.extend(cells.iter().map(|cell| self.of_cell(cell)))),
+        }
+        numbers
+    }
+
+    fn source(self) -> Option<Source> {
+        match self {
+            Column::Sequence(source) | Column::Cost(source) | Column::Confidence(source) => Some(source),
+            _ => None,
+        }
+    }
+
+    fn is_fused(self) -> bool {
+        matches!(self, Column::FusedCost | Column::FusedConfidence | Column::Label | Column::SurestSource)
+    }
+
+    fn of_evidence(self, evidence: &Evidence) -> f64 {
+        match self {
+            Column::Sequence(_) => f64::from(evidence.sequence),
+            Column::Cost(_) => f64::from(evidence.cost),
+            _ => f64::from(evidence.confidence),
+        }
+    }
+
+    fn of_fused(self, fused: &Fused, options: &MapOptions) -> f64 {
+        f64::from(match self {
+            Column::FusedCost => fused.cost,
+            Column::FusedConfidence => fused.confidence,
+            Column::Label => fused.label as u8,
+            _ => source_number(fused, options),
+        })
+    }
+
+    fn of_cell(self, cell: &Cell) -> f64 {
         match self {
             Column::UpdatedS => (cell.updated.0 / 1_000_000_000) as f64,
             Column::UpdatedNs => (cell.updated.0 % 1_000_000_000) as f64,
-            Column::Sequence(source) => f64::from(cell.evidence[source.index()].sequence),
             Column::Ground(part) => height(&cell.ground, part),
             Column::Obstacle(part) => height(&cell.obstacle, part),
-            Column::FusedCost => f64::from(fused().cost),
-            Column::FusedConfidence => f64::from(fused().confidence),
-            Column::Label => f64::from(fused().label as u8),
-            Column::SurestSource => f64::from(source_number(&fused())),
-            Column::Cost(source) => f64::from(cell.evidence[source.index()].cost),
-            Column::Confidence(source) => f64::from(cell.evidence[source.index()].confidence),
-            Column::ElevationConfidence => f64::from(cell.elevation_confidence),
+            _ => f64::from(cell.elevation_confidence),
         }
     }
 }
 
-/// The number of the surest source in the message.
-pub(crate) fn source_number(fused: &Fused) -> u8 {
-    fused.source.map_or(u8::MAX, |source| source.index() as u8)
+/// The number of the surest source in the message: its place among the sources that the message has fields of; 255 for
+/// none.
+pub(crate) fn source_number(fused: &Fused, options: &MapOptions) -> u8 {
+    let place = fused.source.and_then(|source| options.sources.iter().position(|other| other == source));
+    place.map_or(u8::MAX, |place| place.min(254) as u8)
 }
 
 fn height(stats: &HeightStats, part: usize) -> f64 {

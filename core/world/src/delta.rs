@@ -12,11 +12,11 @@ use std::sync::Arc;
 
 use rcs_geom::{CellIndex, TILE};
 use rcs_msg::foxglove::Grid;
-use rcs_msg::rcs::{MapColumn, MapDelta, MapSource};
+use rcs_msg::rcs::{MapColumn, MapDelta, MapWeight};
 use rcs_msg::{AnyMessage, DeltaCodec, DeltaDecoder, DeltaEncoder, Schema, Stamp, Stored, schema_of};
 
 use crate::columns::HEIGHT_PARTS;
-use crate::{Cell, HeightStats, Map, MapMessage, MapOptions, Source, Weights};
+use crate::{Cell, Evidence, HeightStats, Map, MapMessage, MapOptions, Source, SourceKind, Weighted};
 
 /// A key frame is stored when the last is this old. Reading from any moment on starts at a key frame and takes the deltas
 /// behind it.
@@ -87,28 +87,21 @@ fn follows(before: &MapMessage, after: &MapMessage) -> bool {
 }
 
 fn difference(last: &Last, message: &MapMessage) -> MapDelta {
-    let (before, after) = (last.message.map.grid(), message.map.grid());
-    let (mut tiles, mut cells) = (Vec::new(), Vec::new());
-    let mut changed: Vec<(&Cell, &Cell)> = Vec::new();
-    for tile in after.tiles_written_since(before) {
-        let mut mask = 0_u64;
-        for (at, pair) in before.tile(tile).iter().zip(after.tile(tile)).enumerate() {
-            if pair.0 != pair.1 {
-                mask |= 1 << at;
-                changed.push(pair);
-            }
-        }
+    let (before, after) = (&last.message.map, &message.map);
+    let (mut tiles, mut cells, mut changed) = (Vec::new(), Vec::new(), Vec::new());
+    for tile in written_tiles(before, message) {
+        let mask = changed_cells(before, message, tile);
         if mask != 0 {
             tiles.push(tile as u32);
             cells.push(mask);
+            changed.extend((0..TILE * TILE).filter(|at| mask >> at & 1 == 1).map(|at| (tile, at)));
         }
     }
-    let options = &message.options;
-    let columns = stored_columns(options).filter_map(|(name, column)| {
+    let columns = stored_columns(&message.options).filter_map(|(name, column)| {
         let mut values = Vec::with_capacity(changed.len());
         let mut before_it = 0;
-        for (old, new) in &changed {
-            let (old, new) = (column.get(old), column.get(new));
+        for &place in &changed {
+            let (old, new) = (column.get(before, place), column.get(after, place));
             if old == new {
                 values.push(0);
                 continue;
@@ -120,7 +113,7 @@ fn difference(last: &Last, message: &MapMessage) -> MapDelta {
         values.iter().any(|&byte| byte != 0).then(|| MapColumn { name, values: values.into() })
     });
     let columns = columns.collect();
-    let centre = after.centre();
+    let centre = after.grid().centre();
     MapDelta {
         timestamp: Some(message.time.to_proto()),
         frame_id: message.frame_id.to_string(),
@@ -128,12 +121,46 @@ fn difference(last: &Last, message: &MapMessage) -> MapDelta {
         base_sequence: last.sequence,
         centre_x: centre.x,
         centre_y: centre.y,
-        heights: options.heights,
-        sources: options.sources.iter().map(|source| stored_source(source, &options.weights)).collect(),
+        heights: message.options.heights,
+        sources: message.options.sources.iter().map(|source| source.name().to_owned()).collect(),
+        weights: message.options.weights.iter().map(stored_weight).collect(),
         tiles,
         cells,
         columns,
     }
+}
+
+/// Tiles that are not shared with the map before, in any of its grids.
+fn written_tiles(before: &Map, after: &MapMessage) -> std::collections::BTreeSet<usize> {
+    let map = &after.map;
+    let mut tiles: std::collections::BTreeSet<usize> =
+        map.grid().tiles_written_since(before.grid()).collect();
+    for source in after.options.sources.iter() {
+        match (before.layer(source), map.layer(source)) {
+            (Some(before), Some(layer)) => tiles.extend(layer.tiles_written_since(before)),
+            (None, None) => {}
+            _ => tiles.extend(0..map.grid().tile_count()),
+        }
+    }
+    tiles
+}
+
+/// The cells of a tile that differ, one bit each.
+fn changed_cells(before: &Map, after: &MapMessage, tile: usize) -> u64 {
+    let map = &after.map;
+    let differ = |mask: u64, (at, differs): (usize, bool)| mask | u64::from(differs) << at;
+    let pairs = before.grid().tile(tile).iter().zip(map.grid().tile(tile));
+    let mut mask = pairs.map(|(old, new)| old != new).enumerate().fold(0, differ);
+    for source in after.options.sources.iter() {
+        let said = |map: &Map, at| evidence(map, source, (tile, at));
+        let changed = (0..TILE * TILE).map(|at| said(before, at) != said(map, at));
+        mask = changed.enumerate().fold(mask, differ);
+    }
+    mask
+}
+
+fn evidence(map: &Map, source: Source, (tile, at): (usize, usize)) -> Evidence {
+    map.layer(source).and_then(|layer| layer.tile(tile).get(at)).copied().unwrap_or_default()
 }
 
 /// The last map that is known whole.
@@ -201,15 +228,15 @@ impl DeltaDecoder for Decoder {
 }
 
 fn applied(mut map: Map, delta: &MapDelta) -> Result<MapMessage, String> {
+    let source = |name: &String| name.parse::<Source>().map_err(|error| error.to_string());
+    let weighted = |stored: &MapWeight| {
+        let kind = if stored.overrides { SourceKind::Override } else { SourceKind::Range };
+        Ok(Weighted { source: source(&stored.name)?, weight: stored.weight, kind })
+    };
     let options = MapOptions {
-        sources: delta
-            .sources
-            .iter()
-            .map(|source| source.name.parse::<Source>())
-            .collect::<Result<_, _>>()
-            .map_err(|error| error.to_string())?,
+        sources: delta.sources.iter().map(source).collect::<Result<_, String>>()?,
         heights: delta.heights,
-        weights: weights_of(&delta.sources),
+        weights: delta.weights.iter().map(weighted).collect::<Result<_, String>>()?,
     };
     let count = map.grid().tile_count();
     let tiles: Vec<usize> = delta.tiles.iter().map(|&tile| tile as usize).collect();
@@ -221,7 +248,7 @@ fn applied(mut map: Map, delta: &MapDelta) -> Result<MapMessage, String> {
             delta.cells.len()
         ));
     }
-    map.grid_mut().set_centre(CellIndex::new(delta.centre_x, delta.centre_y));
+    map.set_centre(CellIndex::new(delta.centre_x, delta.centre_y));
     let places: Vec<(usize, usize)> = tiles
         .iter()
         .zip(&delta.cells)
@@ -236,13 +263,12 @@ fn applied(mut map: Map, delta: &MapDelta) -> Result<MapMessage, String> {
         };
         let mut values: &[u8] = &column.values;
         let mut before_it = 0;
-        for &(tile, at) in &places {
+        for &place in &places {
             let code = take(&mut values).ok_or_else(|| format!("column \"{}\" is cut", column.name))?;
             let Some(code) = code.checked_sub(1) else { continue };
-            let cell = &mut map.grid_mut().tile_mut(tile)[at];
-            let reference = if stored.follows_last() { before_it } else { stored.get(cell) };
+            let reference = if stored.follows_last() { before_it } else { stored.get(&map, place) };
             before_it = reference.wrapping_add(unzigzag(code) as u64);
-            stored.set(cell, before_it);
+            stored.set(&mut map, place, before_it);
         }
         if !values.is_empty() {
             return Err(format!("column \"{}\" has {} bytes too many", column.name, values.len()));
@@ -252,22 +278,9 @@ fn applied(mut map: Map, delta: &MapDelta) -> Result<MapMessage, String> {
     Ok(MapMessage { map, frame_id: delta.frame_id.as_str().into(), time, options })
 }
 
-fn stored_source(source: Source, weights: &Weights) -> MapSource {
-    MapSource { name: source.name().to_owned(), weight: weights.get(source) }
-}
-
-fn weights_of(sources: &[MapSource]) -> Weights {
-    let weight = |source: Source| {
-        let found = sources.iter().find(|stored| stored.name == source.name());
-        found.map_or(1.0, |stored| stored.weight)
-    };
-    Weights {
-        stereo: weight(Source::Stereo),
-        color: weight(Source::Color),
-        terrain: weight(Source::Terrain),
-        classifier: weight(Source::Classifier),
-        infrared: weight(Source::Infrared),
-    }
+fn stored_weight(entry: Weighted) -> MapWeight {
+    let overrides = entry.kind == SourceKind::Override;
+    MapWeight { name: entry.source.name().to_owned(), weight: entry.weight, overrides }
 }
 
 /// One number of a cell as a delta holds it: everything that is remembered of it, and nothing that follows from that.
@@ -308,27 +321,46 @@ impl StoredColumn {
         matches!(self, StoredColumn::Updated | StoredColumn::Sequence(_))
     }
 
-    fn get(self, cell: &Cell) -> u64 {
+    /// Of the cell at a place: number of the tile, place in it.
+    fn get(self, map: &Map, place: (usize, usize)) -> u64 {
+        let cell = || map.grid().tile(place.0).get(place.1).copied().unwrap_or_default();
         match self {
-            StoredColumn::Updated => cell.updated.0,
-            StoredColumn::Sequence(source) => cell.evidence[source.index()].sequence.into(),
-            StoredColumn::Cost(source) => cell.evidence[source.index()].cost.into(),
-            StoredColumn::Confidence(source) => cell.evidence[source.index()].confidence.into(),
-            StoredColumn::Ground(part) => height(&cell.ground, part).into(),
-            StoredColumn::Obstacle(part) => height(&cell.obstacle, part).into(),
-            StoredColumn::ElevationConfidence => cell.elevation_confidence.into(),
+            StoredColumn::Updated => cell().updated.0,
+            StoredColumn::Sequence(source) => evidence(map, source, place).sequence.into(),
+            StoredColumn::Cost(source) => evidence(map, source, place).cost.into(),
+            StoredColumn::Confidence(source) => evidence(map, source, place).confidence.into(),
+            StoredColumn::Ground(part) => height(&cell().ground, part).into(),
+            StoredColumn::Obstacle(part) => height(&cell().obstacle, part).into(),
+            StoredColumn::ElevationConfidence => cell().elevation_confidence.into(),
         }
     }
 
-    fn set(self, cell: &mut Cell, value: u64) {
+    fn set(self, map: &mut Map, (tile, at): (usize, usize), value: u64) {
+        let source = match self {
+            StoredColumn::Sequence(source)
+            | StoredColumn::Cost(source)
+            | StoredColumn::Confidence(source) => source,
+            of_ground => {
+                if let Some(cell) = map.grid_mut().tile_mut(tile).get_mut(at) {
+                    of_ground.set_ground(cell, value);
+                }
+                return;
+            }
+        };
+        let Some(evidence) = map.layer_mut(source).tile_mut(tile).get_mut(at) else { return };
+        match self {
+            StoredColumn::Sequence(_) => evidence.sequence = value as u32,
+            StoredColumn::Cost(_) => evidence.cost = value as u8,
+            _ => evidence.confidence = value as u8,
+        }
+    }
+
+    fn set_ground(self, cell: &mut Cell, value: u64) {
         match self {
             StoredColumn::Updated => cell.updated = Stamp(value),
-            StoredColumn::Sequence(source) => cell.evidence[source.index()].sequence = value as u32,
-            StoredColumn::Cost(source) => cell.evidence[source.index()].cost = value as u8,
-            StoredColumn::Confidence(source) => cell.evidence[source.index()].confidence = value as u8,
             StoredColumn::Ground(part) => set_height(&mut cell.ground, part, value as u32),
             StoredColumn::Obstacle(part) => set_height(&mut cell.obstacle, part, value as u32),
-            StoredColumn::ElevationConfidence => cell.elevation_confidence = value as u8,
+            _ => cell.elevation_confidence = value as u8,
         }
     }
 }

@@ -9,8 +9,8 @@ use rcs_msg::foxglove::Grid;
 pub use rcs_msg::foxglove::packed_element_field::NumericType;
 
 use crate::columns::{Column, columns};
-use crate::fusion::{WeightTable, fuse_by_table, fuse_said};
-use crate::{Cell, Map, MapMessage, SIDE, Source, Weights};
+use crate::fusion::Fuser;
+use crate::{Evidence, MapMessage, SIDE, Source, Weights};
 
 /// What is wrong with a grid, or with asking it for a field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -124,7 +124,7 @@ pub struct GridView<'a> {
 #[derive(Clone, Debug)]
 enum Cells<'a> {
     Bytes { row_stride: usize, cell_stride: usize, data: &'a [u8] },
-    Map { map: &'a Map, weights: WeightTable },
+    Map(&'a MapMessage),
 }
 
 /// Where a field is in a cell.
@@ -180,7 +180,7 @@ impl<'a> GridView<'a> {
     pub fn of_map(message: &'a MapMessage) -> GridView<'a> {
         let MapMessage { map, frame_id, options, .. } = message;
         let corner = map.grid().origin();
-        let fields = columns(options.sources, options.heights).into_iter();
+        let fields = columns(options).into_iter();
         GridView {
             columns: SIDE,
             rows: SIDE,
@@ -188,7 +188,7 @@ impl<'a> GridView<'a> {
             frame_id,
             frame_from_grid: Pose { translation: DVec3::new(corner.x, corner.y, 0.0), ..Pose::IDENTITY },
             fields: fields.map(|(name, kind, column)| (name.into(), Place::Column(column), kind)).collect(),
-            cells: Cells::Map { map, weights: options.weights.table() },
+            cells: Cells::Map(message),
         }
     }
 
@@ -250,7 +250,7 @@ impl<'a> GridView<'a> {
         Ok(field)
     }
 
-    /// The sources whose cost the grid holds.
+    /// The sources whose cost the grid holds, in the order of its fields.
     pub fn sources(&self) -> crate::Sources {
         let names = self.names().filter_map(|name| name.strip_prefix("cost."));
         names.filter_map(|name| name.parse::<Source>().ok()).collect()
@@ -261,7 +261,7 @@ impl<'a> GridView<'a> {
         let columns = self.columns;
         let (row_stride, cell_stride, data) = match self.cells {
             Cells::Bytes { row_stride, cell_stride, data } => (row_stride, cell_stride, data),
-            Cells::Map { .. } => (1, 1, [].as_slice()),
+            Cells::Map(_) => (1, 1, [].as_slice()),
         };
         data.chunks_exact(row_stride).flat_map(move |row| row.chunks_exact(cell_stride).take(columns))
     }
@@ -290,9 +290,9 @@ impl Field<'_> {
             (&Cells::Bytes { row_stride, cell_stride, data }, Place::Offset(offset)) => {
                 self.read(data.get(row * row_stride + column * cell_stride + offset..)?)
             }
-            (Cells::Map { map, weights }, Place::Column(number)) => {
+            (Cells::Map(MapMessage { map, options, .. }), Place::Column(number)) => {
                 let cell = map.grid().bounds().south_west.offset(column as i64, row as i64);
-                Some(number.of(map.grid().get(cell)?, weights))
+                number.at(map, options, cell)
             }
             _ => None,
         }
@@ -300,19 +300,15 @@ impl Field<'_> {
 
     /// The numbers of all cells by rows.
     pub fn values(&self) -> impl Iterator<Item = f64> {
-        let mut numbers = Vec::new();
-        match (&self.grid.cells, self.place) {
+        let numbers: Vec<f64> = match (&self.grid.cells, self.place) {
             // Never NaN for want of bytes: the view has checked them.
-            (Cells::Bytes { .. }, Place::Offset(offset)) => numbers.extend(
-                self.grid
-                    .bytes()
-                    .map(|cell| cell.get(offset..).and_then(|b| self.read(b)).unwrap_or(f64::NAN)),
-            ),
-            (Cells::Map { map, weights }, Place::Column(number)) => map.grid().for_each_run(|_, _, cells| {
-                numbers.extend(cells.iter().map(|cell| number.of(cell, weights)))
-            }),
-            _ => {}
-        }
+            (Cells::Bytes { .. }, Place::Offset(offset)) => {
+                let number = |cell: &[u8]| cell.get(offset..).and_then(|b| self.read(b)).unwrap_or(f64::NAN);
+                self.grid.bytes().map(number).collect()
+            }
+            (Cells::Map(MapMessage { map, options, .. }), Place::Column(number)) => number.all(map, options),
+            _ => Vec::new(),
+        };
         numbers.into_iter()
     }
 
@@ -342,31 +338,31 @@ impl Field<'_> {
 /// Fuses the cells of a received grid with these weights, by rows, into a buffer that is used again: one cost a byte, 255
 /// unknown. Sources are those with a field `cost.<source>` and `conf.<source>`, both `UINT8`. The rule is [`crate::fuse`].
 pub fn fuse_grid(view: &GridView<'_>, weights: &Weights, costs: &mut Vec<u8>) -> Result<(), GridViewError> {
-    let table = weights.table();
     costs.clear();
     costs.reserve(view.columns * view.rows);
-    if let Cells::Map { map, .. } = view.cells {
-        map.grid().for_each_run(|_, _, cells| {
-            let fused = |cell: &Cell| fuse_by_table(&cell.costs(), &cell.confidences(), &table).cost;
-            costs.extend(cells.iter().map(fused));
-        });
+    if let Cells::Map(message) = view.cells {
+        message.map.for_each_fused(weights, |_, fused| costs.push(fused.cost));
         return Ok(());
     }
-    let mut places = Vec::with_capacity(Source::COUNT);
-    for source in view.sources().iter() {
+    let mut places = Vec::new();
+    let sources = view.sources();
+    for source in sources.iter() {
         let offset = |field: Field<'_>| if let Place::Offset(offset) = field.place { offset } else { 0 };
         let cost_at = view.field_of(&format!("cost.{source}"), NumericType::Uint8).map(offset)?;
         let confidence_at = view.field_of(&format!("conf.{source}"), NumericType::Uint8).map(offset)?;
-        places.push((source, cost_at, confidence_at));
+        places.push((cost_at, confidence_at));
     }
     if places.is_empty() {
         return Err(GridViewError::NoSources);
     }
+    let layers = weights.placed(sources.iter());
+    let fuser = Fuser::new(&layers);
     costs.extend(view.bytes().map(|cell| {
-        let said = places
-            .iter()
-            .map(|&(source, cost_at, confidence_at)| (source, cell[cost_at], cell[confidence_at]));
-        fuse_said(said, &table).cost
+        let said = |place: usize| {
+            let (cost_at, confidence_at) = places[place];
+            Evidence { cost: cell[cost_at], confidence: cell[confidence_at], sequence: 0 }
+        };
+        fuser.fuse(said).cost
     }));
     Ok(())
 }

@@ -48,7 +48,7 @@ fn fields_are_read_by_name_at_their_strides() {
     assert_eq!(view.field("cost.stereo").unwrap().get(1, 1), Some(11.0));
     assert_eq!(view.field("height").unwrap().get(3, 0), None);
     assert_eq!(view.field("height").unwrap().get(0, 2), None);
-    assert_eq!(view.sources().iter().collect::<Vec<_>>(), [Source::Stereo]);
+    assert_eq!(view.sources().iter().collect::<Vec<_>>(), [Source::STEREO]);
     let mut bytes = Vec::new();
     view.field("cost.stereo").unwrap().bytes_into(&mut bytes);
     assert_eq!(bytes, [0, 1, 2, 10, 11, 12]);

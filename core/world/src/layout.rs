@@ -13,7 +13,7 @@
 //! | `obstacle.…` | | the same of obstacle points |
 //! | `cost`, `confidence` | `UINT8` | fused with the map's weights: 0–250, 255 unknown; 0–255 |
 //! | `label` | `UINT8` | 0 unknown, 1 ground, 2 obstacle: the class by the surest source |
-//! | `source` | `UINT8` | number of the surest source in [`Source::ALL`], 255 none |
+//! | `source` | `UINT8` | the surest source: its place, from 0, among the `cost.<source>` of the message; 255 none |
 //! | `cost.<source>`, `conf.<source>` | `UINT8` | 0–250, 255 unknown; 0–255 |
 //! | `conf.elevation` | `UINT8` | how sure the heights are; only with heights |
 //!
@@ -25,12 +25,11 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{self, Grid, PackedElementField, Quaternion, Vector2, Vector3};
 
 use crate::columns::{HEIGHT_PARTS, columns, source_number};
-use crate::fusion::{WeightTable, fuse_by_table};
 use crate::grid_view::{GridViewError, NumericType};
-use crate::{Cell, Evidence, GridView, HeightStats, Map, SIDE, Source, Sources, Weights};
+use crate::{Cell, Evidence, Fused, GridView, HeightStats, Map, SIDE, Source, Sources, Weights};
 
 /// What to write of a map.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct MapOptions {
     /// The sources that the stack has.
     pub sources: Sources,
@@ -78,9 +77,9 @@ pub enum MapGridError {
 }
 
 /// Names and types of a cell in order, and its bytes.
-fn fields(sources: Sources, heights: bool) -> (Vec<PackedElementField>, usize) {
+fn fields(options: &MapOptions) -> (Vec<PackedElementField>, usize) {
     let mut offset = 0;
-    let fields = columns(sources, heights).into_iter().map(|(name, kind, _)| {
+    let fields = columns(options).into_iter().map(|(name, kind, _)| {
         let field = PackedElementField { name, offset, r#type: kind.into() };
         offset += if kind == NumericType::Uint8 { 1 } else { 4 };
         field
@@ -92,15 +91,22 @@ fn fields(sources: Sources, heights: bool) -> (Vec<PackedElementField>, usize) {
 impl Map {
     /// The map as a message; see the top of this file for its fields.
     pub fn to_grid(&self, frame_id: &str, time: Stamp, options: &MapOptions) -> Grid {
-        let (fields, cell_stride) = fields(options.sources, options.heights);
-        let weights = options.weights.table();
+        let (fields, cell_stride) = fields(options);
         let mut data = vec![0; SIDE * SIDE * cell_stride];
-        self.grid.for_each_run(|first, _, cells| {
-            let places = data[first * cell_stride..].chunks_exact_mut(cell_stride);
-            cells.iter().zip(places).for_each(|(cell, place)| write(place, cell, options, &weights));
+        let mut places = data.chunks_exact_mut(cell_stride);
+        let layers: Vec<_> = options.sources.iter().map(|source| self.layer(source)).collect();
+        let mut evidence = vec![Evidence::NONE; layers.len()];
+        // Fused cells come in the order of the message.
+        self.for_each_fused(&options.weights, |index, fused| {
+            for (said, layer) in evidence.iter_mut().zip(&layers) {
+                *said = layer.and_then(|layer| layer.get(index)).copied().unwrap_or_default();
+            }
+            if let (Some(place), Some(cell)) = (places.next(), self.grid().get(index)) {
+                write(place, cell, &evidence, &fused, options);
+            }
         });
-        let corner = self.grid.origin();
-        let size = self.grid.cell_size_m();
+        let corner = self.grid().origin();
+        let size = self.grid().cell_size_m();
         Grid {
             timestamp: Some(time.to_proto()),
             frame_id: frame_id.to_owned(),
@@ -139,26 +145,33 @@ impl Map {
             return Err(MapGridError::Corner { x, y, cell_size_m });
         }
         let half = (SIDE / 2) as i64;
-        map.grid.recentre(CellIndex::new(nearest.x as i64, nearest.y as i64).offset(half, half));
+        map.recentre_on(CellIndex::new(nearest.x as i64, nearest.y as i64).offset(half, half));
         let columns = Columns::read(&view)?;
-        for (at, index) in map.grid.bounds().iter().enumerate() {
+        for (at, index) in map.grid().bounds().iter().enumerate() {
             let cell = columns.cell(at);
             if cell != Cell::default()
-                && let Some(slot) = map.grid.get_mut(index)
+                && let Some(slot) = map.cell_mut(index)
             {
                 *slot = cell;
+            }
+            for of_source in &columns.evidence {
+                // What contradicts itself is unknown.
+                if let Some(evidence) = of_source.at(at)
+                    && let Some(slot) = map.layer_mut(of_source.source).get_mut(index)
+                {
+                    *slot = evidence;
+                }
             }
         }
         Ok(map)
     }
 }
 
-fn write(mut data: &mut [u8], cell: &Cell, options: &MapOptions, weights: &WeightTable) {
-    let fused = fuse_by_table(&cell.costs(), &cell.confidences(), weights);
+fn write(mut data: &mut [u8], cell: &Cell, evidence: &[Evidence], fused: &Fused, options: &MapOptions) {
     data.put_u32_le((cell.updated.0 / 1_000_000_000) as u32);
     data.put_u32_le((cell.updated.0 % 1_000_000_000) as u32);
-    for source in options.sources.iter() {
-        data.put_u32_le(cell.evidence[source.index()].sequence);
+    for said in evidence {
+        data.put_u32_le(said.sequence);
     }
     if options.heights {
         for stats in [&cell.ground, &cell.obstacle] {
@@ -169,11 +182,9 @@ fn write(mut data: &mut [u8], cell: &Cell, options: &MapOptions, weights: &Weigh
             data.put_u32_le(stats.count);
         }
     }
-    let source = source_number(&fused);
-    data.put_slice(&[fused.cost, fused.confidence, fused.label as u8, source]);
-    for source in options.sources.iter() {
-        let evidence = &cell.evidence[source.index()];
-        data.put_slice(&[evidence.cost, evidence.confidence]);
+    data.put_slice(&[fused.cost, fused.confidence, fused.label as u8, source_number(fused, options)]);
+    for said in evidence {
+        data.put_slice(&[said.cost, said.confidence]);
     }
     if options.heights {
         data.put_u8(cell.elevation_confidence);
@@ -183,7 +194,7 @@ fn write(mut data: &mut [u8], cell: &Cell, options: &MapOptions, weights: &Weigh
 /// Our fields of a grid, each as a list over the cells; empty where the grid lacks it.
 struct Columns {
     updated: [Vec<f64>; 2],
-    evidence: Vec<(Source, [Vec<f64>; 3])>,
+    evidence: Vec<EvidenceColumns>,
     heights: [[Vec<f64>; 5]; 2],
     elevation: Vec<f64>,
 }
@@ -200,7 +211,7 @@ impl Columns {
             let cost = column(&format!("cost.{source}"), NumericType::Uint8)?;
             let confidence = column(&format!("conf.{source}"), NumericType::Uint8)?;
             let sequence = column(&format!("seq.{source}"), NumericType::Uint32)?;
-            evidence.push((source, [cost, confidence, sequence]));
+            evidence.push(EvidenceColumns { source, cost, confidence, sequence });
         }
         let mut heights: [[Vec<f64>; 5]; 2] = Default::default();
         for (class, columns) in ["ground", "obstacle"].into_iter().zip(&mut heights) {
@@ -218,21 +229,10 @@ impl Columns {
     }
 
     fn cell(&self, at: usize) -> Cell {
-        let value = |column: &[f64], otherwise: f64| column.get(at).copied().unwrap_or(otherwise);
+        let value = |column: &[f64], otherwise: f64| number(column, at, otherwise);
         let mut cell = Cell::default();
         let seconds = value(&self.updated[0], 0.0) as u64;
         cell.updated = Stamp(seconds * 1_000_000_000 + value(&self.updated[1], 0.0) as u64);
-        for (source, [cost, confidence, sequence]) in &self.evidence {
-            let evidence = Evidence {
-                cost: value(cost, 255.0) as u8,
-                confidence: value(confidence, 0.0) as u8,
-                sequence: value(sequence, 0.0) as u32,
-            };
-            // What contradicts itself is unknown.
-            if evidence.confidence > 0 && evidence.cost <= crate::MAX_COST {
-                cell.evidence[source.index()] = evidence;
-            }
-        }
         let stats = |[mean, variance, min, max, count]: &[Vec<f64>; 5]| {
             let count = value(count, 0.0) as u32;
             let numbers = [mean, variance, min, max].map(|column| value(column, f64::NAN) as f32);
@@ -246,6 +246,30 @@ impl Columns {
         cell.elevation_confidence = value(&self.elevation, 0.0) as u8;
         cell
     }
+}
+
+/// What one source says, each number as a list over the cells.
+struct EvidenceColumns {
+    source: Source,
+    cost: Vec<f64>,
+    confidence: Vec<f64>,
+    sequence: Vec<f64>,
+}
+
+impl EvidenceColumns {
+    /// What it says of a cell; `None` for nothing.
+    fn at(&self, at: usize) -> Option<Evidence> {
+        let evidence = Evidence {
+            cost: number(&self.cost, at, 255.0) as u8,
+            confidence: number(&self.confidence, at, 0.0) as u8,
+            sequence: number(&self.sequence, at, 0.0) as u32,
+        };
+        (evidence.confidence > 0 && evidence.cost <= crate::MAX_COST).then_some(evidence)
+    }
+}
+
+fn number(column: &[f64], at: usize, otherwise: f64) -> f64 {
+    column.get(at).copied().unwrap_or(otherwise)
 }
 
 #[cfg(test)]

@@ -5,7 +5,8 @@ use super::*;
 use crate::{GridView, UNKNOWN_COST, VoteRule, fuse_grid};
 
 fn options(sources: Sources) -> MapOptions {
-    MapOptions { sources, heights: true, weights: Weights { terrain: 0.3, color: 2.0, ..Weights::default() } }
+    let weights = Weights::default().with(Source::TERRAIN, 0.3).with(Source::COLOR, 2.0);
+    MapOptions { sources, heights: true, weights }
 }
 
 /// A map with votes of all sources here and there, and heights.
@@ -20,12 +21,12 @@ fn voted(seed: u64, votes: usize, vehicle: DVec2) -> Map {
     let south_west = map.grid().bounds().south_west;
     for sequence in 0..votes as u32 {
         let index = south_west.offset(random(SIDE as u64) as i64, random(SIDE as u64) as i64);
-        let source = Source::ALL[random(6) as usize];
+        let source = Source::BUNDLED[random(6) as usize];
         let time = Stamp(1_700_000_000_123_456_789 + u64::from(sequence) * 7_777_777);
         assert!(map.vote(index, source, random(251) as u8, sequence, time, VoteRule::default()));
         let mut ground = HeightStats::default();
         (0..random(4)).for_each(|_| ground.add(random(1000) as f32 * 0.001));
-        let cell = map.grid_mut().get_mut(index).unwrap();
+        let cell = map.cell_mut(index).unwrap();
         cell.observe_heights(&ground, &HeightStats::default(), 0.1, time, VoteRule::default());
     }
     map
@@ -36,20 +37,21 @@ proptest! {
     #[test]
     fn a_map_comes_back_from_its_grid(seed: u64, x in -1e5..1e5_f64, y in -1e5..1e5_f64) {
         let map = voted(seed, 3000, DVec2::new(x, y));
-        let grid = map.to_grid("local", Stamp(5), &options(Sources::ALL));
+        let grid = map.to_grid("local", Stamp(5), &options(Sources::bundled()));
         let back = Map::from_grid(&grid).unwrap();
         prop_assert_eq!(back.grid().bounds(), map.grid().bounds());
-        prop_assert!(back.grid().iter().eq(map.grid().iter()));
+        prop_assert_eq!(back, map);
     }
 
     #[test]
     fn fusing_the_grid_anew_equals_fusing_the_cells(seed: u64, stereo in 0.0..3.0_f32, infrared in 0.0..3.0_f32) {
         let map = voted(seed, 60_000, DVec2::ZERO);
-        let grid = map.to_grid("local", Stamp(5), &options(Sources::ALL));
-        let weights = Weights { stereo, infrared, ..Weights::default() };
+        let grid = map.to_grid("local", Stamp(5), &options(Sources::bundled()));
+        let weights = Weights::default().with(Source::STEREO, stereo).with(Source::INFRARED, infrared);
         let mut costs = Vec::new();
         fuse_grid(&GridView::new(&grid).unwrap(), &weights, &mut costs).unwrap();
-        let expected: Vec<u8> = map.grid().iter().map(|(_, cell)| cell.fused(&weights).cost).collect();
+        let cells = map.grid().bounds().iter();
+        let expected: Vec<u8> = cells.map(|cell| map.fused(cell, &weights).cost).collect();
         prop_assert_eq!(costs, expected);
     }
 
@@ -60,8 +62,13 @@ proptest! {
         let exposed = map.recentre(DVec2::new(dx, dy)).unwrap();
         let fresh: std::collections::BTreeSet<_> = exposed.iter().collect();
         for (index, cell) in map.grid().iter() {
-            let expected = if fresh.contains(&index) { Cell::default() } else { *before.grid().get(index).unwrap() };
+            let is_fresh = fresh.contains(&index);
+            let expected = if is_fresh { Cell::default() } else { *before.grid().get(index).unwrap() };
             prop_assert_eq!(*cell, expected);
+            for source in Source::BUNDLED {
+                let said = if is_fresh { Evidence::NONE } else { before.evidence(source, index) };
+                prop_assert_eq!(map.evidence(source, index), said);
+            }
         }
     }
 }
@@ -73,10 +80,10 @@ fn the_vehicle_is_in_column_100_of_row_100_and_rows_go_north() {
     map.recentre(vehicle).unwrap();
     let here = map.grid().cell_at(vehicle).unwrap();
     let rule = VoteRule::default();
-    map.vote(here, Source::Stereo, 10, 1, Stamp(1), rule);
-    map.vote(here.offset(1, 0), Source::Stereo, 20, 2, Stamp(1), rule);
-    map.vote(here.offset(0, 1), Source::Stereo, 30, 3, Stamp(1), rule);
-    let grid = map.to_grid("local", Stamp(9), &options(Sources::ALL));
+    map.vote(here, Source::STEREO, 10, 1, Stamp(1), rule);
+    map.vote(here.offset(1, 0), Source::STEREO, 20, 2, Stamp(1), rule);
+    map.vote(here.offset(0, 1), Source::STEREO, 30, 3, Stamp(1), rule);
+    let grid = map.to_grid("local", Stamp(9), &options(Sources::bundled()));
     let view = GridView::new(&grid).unwrap();
     let cost = view.field("cost").unwrap();
     let at = |column, row| cost.get(column, row).unwrap();
@@ -90,10 +97,10 @@ fn the_vehicle_is_in_column_100_of_row_100_and_rows_go_north() {
 
 #[test]
 fn only_sources_of_the_stack_are_written() {
-    let sources = [Source::Stereo, Source::Bumper].into_iter().collect();
+    let sources: Sources = [Source::STEREO, Source::BUMPER].into_iter().collect();
     let map = Map::new(0.6).unwrap();
     let names = |heights| {
-        let grid = map.to_grid("global", Stamp(0), &MapOptions { heights, ..options(sources) });
+        let grid = map.to_grid("global", Stamp(0), &MapOptions { heights, ..options(sources.clone()) });
         GridView::new(&grid).unwrap();
         (grid.fields.into_iter().map(|f| f.name).collect::<Vec<_>>().join(" "), grid.cell_stride)
     };
@@ -112,8 +119,26 @@ fn only_sources_of_the_stack_are_written() {
 }
 
 #[test]
+fn the_surest_source_is_told_by_its_place_among_the_fields_of_the_message() {
+    let radar = Source::new("radar").unwrap();
+    let mut map = Map::new(0.2).unwrap();
+    let cell = map.grid().centre();
+    for (source, votes) in [(Source::STEREO, 1), (radar, 3), (Source::INFRARED, 2)] {
+        for sequence in 1..=votes {
+            assert!(map.vote(cell, source, 30, sequence, Stamp(1), VoteRule::default()));
+        }
+    }
+    let sources = [Source::STEREO, Source::INFRARED, radar].into_iter().collect();
+    let grid = map.to_grid("local", Stamp(1), &options(sources));
+    let view = GridView::new(&grid).unwrap();
+    assert_eq!(view.field("source").unwrap().get(100, 100), Some(2.0));
+    assert_eq!(view.sources().iter().nth(2), Some(radar));
+    assert_eq!(Map::from_grid(&grid).unwrap(), map);
+}
+
+#[test]
 fn an_empty_map_is_unknown_everywhere() {
-    let grid = Map::new(0.2).unwrap().to_grid("local", Stamp(0), &options(Sources::ALL));
+    let grid = Map::new(0.2).unwrap().to_grid("local", Stamp(0), &options(Sources::bundled()));
     let view = GridView::new(&grid).unwrap();
     for name in ["cost", "cost.stereo", "cost.infrared"] {
         assert!(view.field(name).unwrap().values().all(|cost| cost == f64::from(UNKNOWN_COST)), "{name}");
@@ -126,7 +151,7 @@ fn an_empty_map_is_unknown_everywhere() {
 fn grids_that_are_no_map_of_ours_are_refused() {
     let map = Map::new(0.2).unwrap();
     let check = |change: fn(&mut Grid), expected: &str| {
-        let mut grid = map.to_grid("local", Stamp(0), &options(Sources::ALL));
+        let mut grid = map.to_grid("local", Stamp(0), &options(Sources::bundled()));
         change(&mut grid);
         let error = Map::from_grid(&grid).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
@@ -147,9 +172,9 @@ fn grids_that_are_no_map_of_ours_are_refused() {
 #[test]
 fn a_received_map_is_fused_anew_in_about_a_millisecond() {
     let map = voted(7, 200_000, DVec2::ZERO);
-    let grid = map.to_grid("local", Stamp(0), &options(Sources::ALL));
-    let stereo = map.to_grid("local", Stamp(0), &options([Source::Stereo].into_iter().collect()));
-    let (weights, mut costs) = (Weights { stereo: 0.7, ..Weights::default() }, Vec::new());
+    let grid = map.to_grid("local", Stamp(0), &options(Sources::bundled()));
+    let stereo = map.to_grid("local", Stamp(0), &options([Source::STEREO].into_iter().collect()));
+    let (weights, mut costs) = (Weights::default().with(Source::STEREO, 0.7), Vec::new());
     let time = |name: &str, mut work: Box<dyn FnMut() + '_>| {
         let fastest = (0..100).map(|_| {
             let start = std::time::Instant::now();
@@ -175,7 +200,7 @@ fn a_received_map_is_fused_anew_in_about_a_millisecond() {
     time(
         "write the map",
         Box::new(|| {
-            map.to_grid("local", Stamp(0), &options(Sources::ALL));
+            map.to_grid("local", Stamp(0), &options(Sources::bundled()));
         }),
     );
     assert!(fuse < std::time::Duration::from_millis(50));

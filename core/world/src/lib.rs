@@ -1,6 +1,6 @@
 //! The world-model cell, its message layout and the fusion rule (A 4, B 3.4).
 //!
-//! - [`Source`]: who contributes to a cell; [`Sources`]: which of them a stack has.
+//! - [`Source`]: who contributes to a cell, by name; [`Sources`]: those that a map holds. The set is open.
 //! - [`Cell`], [`Evidence`], [`VoteRule`]: what is remembered of a piece of ground, and how a measurement changes it.
 //! - [`fuse`]: the one rule that makes one cost of what the sources say. The world-model plugin and the window's tuning
 //!   view both call it, so what an operator sees before sending new weights is what the robot will compute.
@@ -23,12 +23,12 @@ mod source;
 
 pub use cell::{Cell, Evidence, HeightStats, VoteRule};
 pub use delta::{KEY_FRAME_NS, MAP_CODEC, MapCodec};
-pub use fusion::{Fused, Label, Weights, WeightsError, fuse};
+pub use fusion::{Fused, Label, SourceKind, Weighted, Weights, WeightsError, fuse};
 pub use grid_view::{Field, GridView, GridViewError, NumericType, fuse_grid};
 pub use layout::{MapGridError, MapOptions};
 pub use map::{CELL_SIZE_M, Map, SIDE, WIDE_CELL_SIZE_M};
 pub use message::MapMessage;
-pub use source::{Source, Sources};
+pub use source::{Source, SourceNameError, Sources};
 
 /// The highest cost.
 pub const MAX_COST: u8 = 250;

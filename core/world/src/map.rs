@@ -4,7 +4,8 @@ use rcs_geom::{CellIndex, DVec2, Exposed, GridError, ScrollGrid};
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
-use crate::{Cell, Fused, Source, VoteRule, Weights};
+use crate::fusion::{Fuser, Placed};
+use crate::{Cell, Evidence, Fused, Source, Sources, VoteRule, Weights};
 
 /// Cells a side, so that the vehicle is in cell (100, 100).
 pub const SIDE: usize = 201;
@@ -16,25 +17,73 @@ pub const WIDE_CELL_SIZE_M: f64 = 0.6;
 /// A world-model map: 201×201 cells, north-up, the vehicle in the middle one. WM1 has cells of 0.2 m (about 40 m across),
 /// WM2 of 0.6 m (about 120 m).
 ///
+/// What the ground is lies in one grid, what each source says of it in one of its own, which begins with its first vote.
 /// Clones share what neither has written since.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Map {
-    pub(crate) grid: ScrollGrid<Cell>,
+    grid: ScrollGrid<Cell>,
+    /// In the order of first votes; all as `grid`.
+    layers: Vec<(Source, ScrollGrid<Evidence>)>,
+}
+
+/// Whether the same is known: a source that says nothing is as one that is not there.
+impl PartialEq for Map {
+    fn eq(&self, other: &Map) -> bool {
+        let silent = |layer: &ScrollGrid<Evidence>| layer.iter().all(|(_, said)| *said == Evidence::NONE);
+        let mut sources = self.sources();
+        other.sources().iter().for_each(|source| sources.insert(source));
+        self.grid == other.grid
+            && sources.iter().all(|source| match (self.layer(source), other.layer(source)) {
+                (Some(a), Some(b)) => a == b,
+                (Some(layer), None) | (None, Some(layer)) => silent(layer),
+                (None, None) => true,
+            })
+    }
 }
 
 impl Map {
     /// A map where nothing is known, around the frame's origin.
     pub fn new(cell_size_m: f64) -> Result<Map, GridError> {
-        Ok(Map { grid: ScrollGrid::new(SIDE, cell_size_m, Cell::default())? })
+        Ok(Map { grid: ScrollGrid::new(SIDE, cell_size_m, Cell::default())?, layers: Vec::new() })
     }
 
-    /// The cells.
+    /// What is known of the ground.
     pub fn grid(&self) -> &ScrollGrid<Cell> {
         &self.grid
     }
 
-    /// The cells, to write.
-    pub fn grid_mut(&mut self) -> &mut ScrollGrid<Cell> {
+    /// What is known of the ground of a cell, to write; `None` outside of the map.
+    pub fn cell_mut(&mut self, index: CellIndex) -> Option<&mut Cell> {
+        self.grid.get_mut(index)
+    }
+
+    /// What a source says; `None` where it has not voted yet.
+    pub fn layer(&self, source: Source) -> Option<&ScrollGrid<Evidence>> {
+        self.layers.iter().find(|(name, _)| *name == source).map(|(_, layer)| layer)
+    }
+
+    /// What a source says of a cell.
+    pub fn evidence(&self, source: Source, index: CellIndex) -> Evidence {
+        self.layer(source).and_then(|layer| layer.get(index)).copied().unwrap_or_default()
+    }
+
+    /// Sources that have voted, in the order of their first votes.
+    pub fn sources(&self) -> Sources {
+        self.layers.iter().map(|&(source, _)| source).collect()
+    }
+
+    /// What a source says, to write; its layer begins where it has none.
+    pub(crate) fn layer_mut(&mut self, source: Source) -> &mut ScrollGrid<Evidence> {
+        let place = self.layers.iter().position(|(name, _)| *name == source);
+        let place = place.unwrap_or_else(|| {
+            self.layers.push((source, self.grid.like(Evidence::NONE)));
+            self.layers.len() - 1
+        });
+        &mut self.layers[place].1
+    }
+
+    /// What is known of the ground, to write whole tiles.
+    pub(crate) fn grid_mut(&mut self) -> &mut ScrollGrid<Cell> {
         &mut self.grid
     }
 
@@ -42,10 +91,25 @@ impl Map {
     /// `None`, and nothing moves, for a position that is not finite.
     pub fn recentre(&mut self, p_vehicle: DVec2) -> Option<Exposed> {
         let centre = self.grid.cell_at(p_vehicle)?;
-        Some(self.grid.recentre(centre))
+        Some(self.recentre_on(centre))
     }
 
-    /// Takes a vote of a source for a cell, see [`Cell::vote`]; false when the cell lies outside of the map.
+    /// Scrolls so that this is the middle cell.
+    pub(crate) fn recentre_on(&mut self, centre: CellIndex) -> Exposed {
+        for (_, layer) in &mut self.layers {
+            layer.recentre(centre);
+        }
+        self.grid.recentre(centre)
+    }
+
+    /// Moves the window and fills nothing: for a copy whose tiles are written as the original's were.
+    pub(crate) fn set_centre(&mut self, centre: CellIndex) {
+        self.grid.set_centre(centre);
+        self.layers.iter_mut().for_each(|(_, layer)| layer.set_centre(centre));
+    }
+
+    /// Takes a vote of a source for a cell, see [`Evidence::voted`]; false when the cell lies outside of the map. A cost
+    /// above 250 is no vote and changes nothing.
     pub fn vote(
         &mut self,
         index: CellIndex,
@@ -55,16 +119,49 @@ impl Map {
         time: Stamp,
         rule: VoteRule,
     ) -> bool {
-        self.grid.get_mut(index).map(|cell| cell.vote(source, cost, sequence, time, rule)).is_some()
+        if !self.grid.contains(index) || cost > crate::MAX_COST {
+            return self.grid.contains(index);
+        }
+        if let Some(evidence) = self.layer_mut(source).get_mut(index) {
+            *evidence = evidence.voted(cost, sequence, rule);
+        }
+        if let Some(cell) = self.grid.get_mut(index) {
+            cell.updated = cell.updated.max(time);
+        }
+        true
     }
 
     /// What the sources say of a cell together; unknown outside of the map.
     pub fn fused(&self, index: CellIndex, weights: &Weights) -> Fused {
-        self.grid.get(index).map_or(Fused::UNKNOWN, |cell| cell.fused(weights))
+        if !self.grid.contains(index) {
+            return Fused::UNKNOWN;
+        }
+        let layers = self.placed(weights);
+        Fuser::new(&layers).fuse(|layer| self.layers[layer].1.get(index).copied().unwrap_or_default())
+    }
+
+    /// Calls `visit` with what the sources say together of each cell, by rows from the south, west to east.
+    pub fn for_each_fused(&self, weights: &Weights, mut visit: impl FnMut(CellIndex, Fused)) {
+        let layers = self.placed(weights);
+        let fuser = Fuser::new(&layers);
+        let mut runs: Vec<&[Evidence]> = Vec::with_capacity(self.layers.len());
+        self.grid.for_each_run(|_, index, cells| {
+            runs.clear();
+            runs.extend(self.layers.iter().map(|(_, layer)| layer.run_from(index, cells.len())));
+            for at in 0..cells.len() {
+                let fused = fuser.fuse(|layer| runs[layer].get(at).copied().unwrap_or_default());
+                visit(index.offset(at as i64, 0), fused);
+            }
+        });
+    }
+
+    fn placed(&self, weights: &Weights) -> Vec<Placed> {
+        weights.placed(self.layers.iter().map(|&(source, _)| source))
     }
 
     /// Forgets everything; the map stays where it is.
     pub fn clear(&mut self) {
         self.grid.clear();
+        self.layers.clear();
     }
 }

@@ -1,121 +1,152 @@
-//! Who contributes to the map.
+//! Who contributes to the map: names, and how each counts. The set is open: a stack lists its sources.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::str::FromStr;
+use std::sync::{Mutex, PoisonError};
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// A contributor to the world model. The order is that of arrays by source, and settles ties.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Source {
-    /// Obstacles from range images (A 3.1.1).
-    Stereo,
-    /// Colour models (A 3.1.2); the papers' "classification".
-    Color,
-    /// Terrain learned from range (A 3.2); the papers' "learning".
-    Terrain,
-    /// Classifier over image windows (A 3.3).
-    Classifier,
-    /// The bumper's switches.
-    Bumper,
-    /// The infrared range sensors.
-    Infrared,
-}
+/// Longest name of a source, bytes.
+const MAX_NAME: usize = 64;
+/// How many names there may be in one program: names come from logs, too, and are kept for good.
+const MAX_NAMES: usize = 4096;
+
+/// A contributor to the world model, by name, as in the fields of a map: `cost.stereo`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Source(&'static str);
+
+/// Names that are no constants, each once. They are compared by content, so that their order here shows nowhere.
+static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
 
 impl Source {
-    /// How many there are.
-    pub const COUNT: usize = 6;
-    /// All, in order.
-    pub const ALL: [Source; Source::COUNT] = [
-        Source::Stereo,
-        Source::Color,
-        Source::Terrain,
-        Source::Classifier,
-        Source::Bumper,
-        Source::Infrared,
+    /// Obstacles from range images (A 3.1.1).
+    pub const STEREO: Source = Source("stereo");
+    /// Colour models (A 3.1.2); the papers' "classification".
+    pub const COLOR: Source = Source("color");
+    /// Terrain learned from range (A 3.2); the papers' "learning".
+    pub const TERRAIN: Source = Source("terrain");
+    /// Classifier over image windows (A 3.3).
+    pub const CLASSIFIER: Source = Source("classifier");
+    /// The bumper's switches.
+    pub const BUMPER: Source = Source("bumper");
+    /// The infrared range sensors.
+    pub const INFRARED: Source = Source("infrared");
+    /// The sources that come with the program, in the order that settles ties between them.
+    pub const BUNDLED: [Source; 6] = [
+        Source::STEREO,
+        Source::COLOR,
+        Source::TERRAIN,
+        Source::CLASSIFIER,
+        Source::BUMPER,
+        Source::INFRARED,
     ];
+
+    /// The source of that name: small letters, digits and underscores.
+    pub fn new(name: &str) -> Result<Source, SourceNameError> {
+        let valid = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
+        if name.is_empty() || name.len() > MAX_NAME || !name.bytes().all(valid) {
+            return Err(SourceNameError { got: name.chars().take(MAX_NAME).collect() });
+        }
+        if let Some(known) = Source::BUNDLED.into_iter().find(|source| source.0 == name) {
+            return Ok(known);
+        }
+        let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = names.get(name) {
+            return Ok(Source(known));
+        }
+        if names.len() >= MAX_NAMES {
+            return Err(SourceNameError { got: name.to_owned() });
+        }
+        let name: &'static str = Box::leak(name.into());
+        names.insert(name);
+        Ok(Source(name))
+    }
 
     /// As in the names of grid fields: `cost.stereo`.
     pub const fn name(self) -> &'static str {
-        match self {
-            Source::Stereo => "stereo",
-            Source::Color => "color",
-            Source::Terrain => "terrain",
-            Source::Classifier => "classifier",
-            Source::Bumper => "bumper",
-            Source::Infrared => "infrared",
-        }
-    }
-
-    /// Place in arrays by source.
-    pub const fn index(self) -> usize {
-        self as usize
+        self.0
     }
 }
 
 impl fmt::Display for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+        f.write_str(self.0)
     }
 }
 
 /// Not the name of a source.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("source \"{got}\" is unknown, expected stereo, color, terrain, classifier, bumper or infrared")]
-pub struct UnknownSource {
+#[error("\"{got}\" cannot name a source, expected 1 to 64 small letters, digits and underscores")]
+pub struct SourceNameError {
     got: String,
 }
 
 impl FromStr for Source {
-    type Err = UnknownSource;
+    type Err = SourceNameError;
 
-    fn from_str(name: &str) -> Result<Source, UnknownSource> {
-        let found = Source::ALL.into_iter().find(|source| source.name() == name);
-        found.ok_or_else(|| UnknownSource { got: name.to_owned() })
+    fn from_str(name: &str) -> Result<Source, SourceNameError> {
+        Source::new(name)
     }
 }
 
-/// A set of sources: those that a stack has.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(from = "Vec<Source>", into = "Vec<Source>")]
-pub struct Sources(u8);
+impl Serialize for Source {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for Source {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Source, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        Source::new(&name).map_err(serde::de::Error::custom)
+    }
+}
+
+/// A list of sources, each once: those that a map holds.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "Vec<Source>")]
+pub struct Sources(Vec<Source>);
 
 impl Sources {
-    /// Every source there is.
-    pub const ALL: Sources = Sources((1 << Source::COUNT) - 1);
-
-    /// Whether the source is one of them.
-    pub const fn contains(self, source: Source) -> bool {
-        self.0 >> source.index() & 1 == 1
+    /// The sources that come with the program.
+    pub fn bundled() -> Sources {
+        Source::BUNDLED.into_iter().collect()
     }
 
-    /// Adds a source.
-    pub const fn insert(&mut self, source: Source) {
-        self.0 |= 1 << source.index();
+    /// Whether the source is one of them.
+    pub fn contains(&self, source: Source) -> bool {
+        self.0.contains(&source)
+    }
+
+    /// Adds a source behind the others, if it is not there.
+    pub fn insert(&mut self, source: Source) {
+        if !self.contains(source) {
+            self.0.push(source);
+        }
     }
 
     /// How many.
-    pub const fn len(self) -> usize {
-        self.0.count_ones() as usize
+    pub fn len(&self) -> usize {
+        self.0.len()
     }
 
     /// Whether there are none.
-    pub const fn is_empty(self) -> bool {
-        self.0 == 0
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
     }
 
-    /// In the order of [`Source::ALL`].
-    pub fn iter(self) -> impl Iterator<Item = Source> {
-        Source::ALL.into_iter().filter(move |&source| self.contains(source))
+    /// In their order.
+    pub fn iter(&self) -> impl Iterator<Item = Source> + use<'_> {
+        self.0.iter().copied()
     }
 }
 
 impl FromIterator<Source> for Sources {
     fn from_iter<I: IntoIterator<Item = Source>>(sources: I) -> Sources {
-        let mut set = Sources::default();
-        sources.into_iter().for_each(|source| set.insert(source));
-        set
+        let mut list = Sources::default();
+        sources.into_iter().for_each(|source| list.insert(source));
+        list
     }
 }
 
@@ -125,34 +156,29 @@ impl From<Vec<Source>> for Sources {
     }
 }
 
-impl From<Sources> for Vec<Source> {
-    fn from(sources: Sources) -> Vec<Source> {
-        sources.iter().collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn names_lead_back_to_their_sources_and_indices_count_up() {
-        for (i, source) in Source::ALL.into_iter().enumerate() {
+    fn names_lead_back_to_their_sources_and_any_name_is_one() {
+        for source in Source::BUNDLED {
             assert_eq!(source.name().parse(), Ok(source));
-            assert_eq!(source.index(), i);
         }
-        assert_eq!(
-            "radar".parse::<Source>().unwrap_err().to_string(),
-            "source \"radar\" is unknown, expected stereo, color, terrain, classifier, bumper or infrared"
-        );
+        let radar: Source = "radar_2".parse().unwrap();
+        assert_eq!((radar.name(), "radar_2".parse()), ("radar_2", Ok(radar)));
+        for bad in ["", "Radar", "a b", "a.b", "ä"] {
+            let error = bad.parse::<Source>().unwrap_err().to_string();
+            assert!(error.contains("expected 1 to 64 small letters"), "{error}");
+        }
+        assert!("x".repeat(65).parse::<Source>().is_err());
     }
 
     #[test]
-    fn a_set_holds_what_was_put_in_in_order() {
-        let set: Sources = [Source::Infrared, Source::Stereo, Source::Stereo].into_iter().collect();
-        assert_eq!(Vec::from(set), [Source::Stereo, Source::Infrared]);
-        assert_eq!(set.len(), 2);
-        assert_eq!(Sources::ALL.len(), Source::COUNT);
+    fn a_list_holds_each_source_once_in_the_order_in_which_they_came() {
+        let list: Sources = [Source::INFRARED, Source::STEREO, Source::INFRARED].into_iter().collect();
+        assert_eq!(list.iter().collect::<Vec<_>>(), [Source::INFRARED, Source::STEREO]);
+        assert_eq!(list.len(), 2);
         assert!(Sources::default().is_empty());
     }
 }

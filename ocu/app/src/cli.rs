@@ -99,7 +99,7 @@ pub enum Renderer {
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "Examples:\n  ocu run --stack range_camera --log drive.mcap --json\n  \
                         ocu run --stack my_stack.toml --log drive.mcap --record out.mcap --until 10 \\\n          \
-                        --param wm1.weight_stereo=0.4\n  \
+                        --param wm1.sources[0].weight=0.4\n  \
                         ocu run --stack truth_driver --course meadow --runs 3 --json\n  \
                         ocu run --live --stack simulation --until 10 --record live.mcap\n  \
                         ocu run --replay live.mcap --json\n\n\

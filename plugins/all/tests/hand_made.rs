@@ -207,8 +207,8 @@ fn a_cost_map_of_another_frame_or_without_costs_changes_nothing() {
 fn obstacle_at(x_m: f64) -> Given {
     let mut map = Map::new(0.2).unwrap();
     let cell = map.grid().cell_at(DVec2::new(x_m, 0.1)).unwrap();
-    map.vote(cell, Source::Stereo, 250, 1, Stamp(1), VoteRule::default());
-    let sources = [Source::Stereo].into_iter().collect();
+    map.vote(cell, Source::STEREO, 250, 1, Stamp(1), VoteRule::default());
+    let sources = [Source::STEREO].into_iter().collect();
     let options = MapOptions { sources, heights: false, weights: Weights::default() };
     given("/cost", map.to_grid("local", Stamp(1), &options))
 }

@@ -135,7 +135,7 @@ impl CostMap {
 
     /// As a message with the one field `cost.color` (u8, 0 to 250, 255 unknown).
     pub fn into_grid(self, frame_id: &str, time: Stamp) -> Grid {
-        self.0.into_message(Source::Color, frame_id, time)
+        self.0.into_message(Source::COLOR, frame_id, time)
     }
 }
 

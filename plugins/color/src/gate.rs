@@ -152,21 +152,21 @@ mod tests {
     use rcs_msg::foxglove::Grid;
     use rcs_world::{HeightStats, Map, MapOptions, Source, Sources, VoteRule, Weights};
 
-    const RULE: VoteRule = VoteRule { rise: 60, fall: 20 };
+    const RULE: VoteRule = VoteRule { rise: 60, fall: 20, max: 255 };
 
     /// A map with one obstacle cell of this height, seen by this source.
     fn map_with(place: DVec2, height_m: f32, source: Source, cost: u8) -> Grid {
         let mut map = Map::new(0.2).unwrap();
         map.recentre(place).unwrap();
         let index = map.grid().cell_at(place).unwrap();
-        let cell = map.grid_mut().get_mut(index).unwrap();
-        cell.vote(source, cost, 1, Stamp(1), RULE);
+        map.vote(index, source, cost, 1, Stamp(1), RULE);
+        let cell = map.cell_mut(index).unwrap();
         let mut heights = HeightStats::default();
         (0..9).for_each(|_| heights.add(height_m));
         if height_m > 0.0 {
             cell.observe_heights(&HeightStats::default(), &heights, 0.2, Stamp(1), RULE);
         }
-        let sources: Sources = [Source::Stereo, source].into_iter().collect();
+        let sources: Sources = [Source::STEREO, source].into_iter().collect();
         map.to_grid("local", Stamp(1), &MapOptions { sources, heights: true, weights: Weights::default() })
     }
 
@@ -194,25 +194,25 @@ mod tests {
 
     #[test]
     fn an_obstacle_in_the_rectangle_is_in_the_sample_and_one_beside_or_beyond_is_not() {
-        assert!(blocked([1.8, 0.0], 0.0, Source::Stereo, 250));
-        assert!(blocked([2.3, 0.3], 0.5, Source::Bumper, 250));
+        assert!(blocked([1.8, 0.0], 0.0, Source::STEREO, 250));
+        assert!(blocked([2.3, 0.3], 0.5, Source::BUMPER, 250));
         for place in [[1.8, 1.1], [1.8, -1.1], [3.4, 0.0], [-1.5, 0.0]] {
-            assert!(!blocked(place, 0.0, Source::Stereo, 250), "{place:?}");
+            assert!(!blocked(place, 0.0, Source::STEREO, 250), "{place:?}");
         }
     }
 
     #[test]
     fn a_tall_obstacle_beside_the_line_of_sight_is_in_the_sample_by_its_top_alone() {
         // Nearer than the rectangle, its foot out of it: what stands up hides the sample.
-        assert!(!blocked([0.42, 0.0], 0.0, Source::Stereo, 250));
-        assert!(blocked([0.42, 0.0], 0.7, Source::Stereo, 250));
+        assert!(!blocked([0.42, 0.0], 0.0, Source::STEREO, 250));
+        assert!(blocked([0.42, 0.0], 0.7, Source::STEREO, 250));
     }
 
     #[test]
     fn free_cells_and_what_the_colour_models_say_themselves_block_nothing() {
-        assert!(!blocked([1.8, 0.0], 0.0, Source::Stereo, 40));
-        assert!(!blocked([1.8, 0.0], 0.0, Source::Color, 250));
-        assert!(!blocked([1.8, 0.0], 0.0, Source::Terrain, 250));
+        assert!(!blocked([1.8, 0.0], 0.0, Source::STEREO, 40));
+        assert!(!blocked([1.8, 0.0], 0.0, Source::COLOR, 250));
+        assert!(!blocked([1.8, 0.0], 0.0, Source::TERRAIN, 250));
     }
 
     #[test]

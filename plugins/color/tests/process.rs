@@ -116,8 +116,8 @@ fn pose(x_m: f64, yaw_rad: f64) -> PoseInFrame {
 fn blocked_map(x_m: f64) -> Grid {
     let mut map = Map::new(0.2).unwrap();
     let cell = map.grid().cell_at(DVec2::new(x_m + 1.8, 0.0)).unwrap();
-    map.vote(cell, Source::Stereo, 250, 1, Stamp(1), VoteRule::default());
-    let sources = [Source::Stereo].into_iter().collect();
+    map.vote(cell, Source::STEREO, 250, 1, Stamp(1), VoteRule::default());
+    let sources = [Source::STEREO].into_iter().collect();
     let options = MapOptions { sources, heights: true, weights: Weights::default() };
     Grid { timestamp: None, ..map.to_grid("local", Stamp(1), &options) }
 }

@@ -162,7 +162,7 @@ fn fields() -> Vec<PackedElementField> {
             (format!("{class}.{number}"), kind)
         })
     });
-    let all = heights.chain([(cost_field(Source::Stereo), NumericType::Uint8)]);
+    let all = heights.chain([(cost_field(Source::STEREO), NumericType::Uint8)]);
     let field = |(i, (name, kind)): (usize, (String, NumericType))| PackedElementField {
         name,
         offset: 4 * i as u32,

@@ -148,7 +148,7 @@ impl Proximity {
             width_m: params.vehicle_width_m,
         };
         let costs = bumper_costs(&pose, &body, bumper.left, bumper.right);
-        let grid = costs.into_message(Source::Bumper, site(params).frames.local, time);
+        let grid = costs.into_message(Source::BUMPER, site(params).frames.local, time);
         cx.write(&ports.bumper_cost, time, grid);
     }
 
@@ -177,7 +177,7 @@ impl Proximity {
             noise_m: params.range_noise_m,
         };
         let costs = infrared_costs(pose.translation.truncate(), &rays, &rules);
-        let grid = costs.into_message(Source::Infrared, site(params).frames.local, time);
+        let grid = costs.into_message(Source::INFRARED, site(params).frames.local, time);
         cx.write(&ports.infrared_cost, time, grid);
     }
 

@@ -313,7 +313,7 @@ impl Classifier {
             let frame = GridFrame { south_west: placed.south_west, side: SIDE, cell_size_m: size_m };
             let local = site.frames.local;
             let grid = CostGrid::of(frame, placed.costs);
-            let message = grid.map(|grid| grid.into_message(Source::Classifier, local, time));
+            let message = grid.map(|grid| grid.into_message(Source::CLASSIFIER, local, time));
             message.into_iter().for_each(|message| cx.write(port, time, message));
         }
         Ok(())

@@ -267,7 +267,7 @@ impl TerrainLearner {
                 let frame = GridFrame { south_west, side: SIDE, cell_size_m: CELL_SIZE_M };
                 let grid = CostGrid::of(frame, costs);
                 let local = site(params).frames.local;
-                let message = grid.map(|grid| grid.into_message(Source::Terrain, local, time));
+                let message = grid.map(|grid| grid.into_message(Source::TERRAIN, local, time));
                 message.into_iter().for_each(|message| cx.write(&ports.cost, time, message));
             }
         }

@@ -1,10 +1,8 @@
 //! How a cost map becomes votes (A 4, B 3.4).
 
-use rcs_geom::{CellIndex, DVec2, DVec3};
+use rcs_geom::{DVec2, DVec3};
 use rcs_msg::{Stamp, foxglove::Grid};
-use rcs_world::{
-    Cell, Field, GridView, GridViewError, HeightStats, MAX_COST, Map, NumericType, Source, VoteRule,
-};
+use rcs_world::{Field, GridView, GridViewError, HeightStats, MAX_COST, Map, NumericType, Source, VoteRule};
 
 /// What every vote of a message has in common.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,24 +47,22 @@ pub fn take(map: &mut Map, grid: &Grid, ballot: &Ballot) -> Result<Taken, GridVi
             };
             let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) * size;
             let place = (map_from_grid * DVec3::new(middle.x, middle.y, 0.0)).truncate();
-            let Some(cell) = cell_at(map, place) else {
+            let Some(index) = map.grid().cell_at(place).filter(|&index| map.grid().contains(index)) else {
                 taken.outside += 1;
                 continue;
             };
-            cell.vote(ballot.source, cost, ballot.sequence, ballot.time, ballot.rule);
+            map.vote(index, ballot.source, cost, ballot.sequence, ballot.time, ballot.rule);
             let heights =
                 |of: &Option<Heights<'_>>| of.as_ref().map(|h| h.get(column, row)).unwrap_or_default();
             let tolerance = ballot.height_tolerance_m;
-            cell.observe_heights(&heights(&ground), &heights(&obstacle), tolerance, ballot.time, ballot.rule);
+            if let Some(cell) = map.cell_mut(index) {
+                let (ground, obstacle) = (heights(&ground), heights(&obstacle));
+                cell.observe_heights(&ground, &obstacle, tolerance, ballot.time, ballot.rule);
+            }
             taken.votes += 1;
         }
     }
     Ok(taken)
-}
-
-fn cell_at(map: &mut Map, place: DVec2) -> Option<&mut Cell> {
-    let index: CellIndex = map.grid().cell_at(place)?;
-    map.grid_mut().get_mut(index)
 }
 
 /// Fields with the heights of one class.
@@ -115,7 +111,7 @@ mod tests {
     use super::*;
     use rcs_world::{MapOptions, Sources, Weights};
 
-    const RULE: VoteRule = VoteRule { rise: 30, fall: 20 };
+    const RULE: VoteRule = VoteRule { rise: 30, fall: 20, max: 255 };
 
     fn ballot(source: Source, sequence: u32) -> Ballot {
         Ballot { source, sequence, time: Stamp(u64::from(sequence)), rule: RULE, height_tolerance_m: 0.2 }
@@ -139,11 +135,11 @@ mod tests {
         let mut map = Map::new(0.2).unwrap();
         map.recentre(DVec2::new(5.0, 5.0)).unwrap();
         for (i, centre) in [DVec2::ZERO, DVec2::new(7.7, -9.1)].into_iter().enumerate() {
-            let message = grid(centre, Source::Stereo, &[(place, 250)]);
-            let taken = take(&mut map, &message, &ballot(Source::Stereo, i as u32 + 1)).unwrap();
+            let message = grid(centre, Source::STEREO, &[(place, 250)]);
+            let taken = take(&mut map, &message, &ballot(Source::STEREO, i as u32 + 1)).unwrap();
             assert_eq!(taken, Taken { votes: 1, outside: 0 });
         }
-        let evidence = map.grid().at(place).unwrap().evidence[Source::Stereo.index()];
+        let evidence = map.evidence(Source::STEREO, map.grid().cell_at(place).unwrap());
         assert_eq!((evidence.cost, evidence.confidence, evidence.sequence), (250, 60, 2));
         let known = map.grid().iter().filter(|(_, cell)| cell.updated != Stamp(0)).count();
         assert_eq!(known, 1);
@@ -154,8 +150,8 @@ mod tests {
         let mut map = Map::new(0.2).unwrap();
         map.recentre(DVec2::new(30.0, 0.0)).unwrap();
         let message =
-            grid(DVec2::ZERO, Source::Stereo, &[(DVec2::new(0.1, 0.1), 0), (DVec2::new(15.0, 0.1), 200)]);
-        let taken = take(&mut map, &message, &ballot(Source::Stereo, 1)).unwrap();
+            grid(DVec2::ZERO, Source::STEREO, &[(DVec2::new(0.1, 0.1), 0), (DVec2::new(15.0, 0.1), 200)]);
+        let taken = take(&mut map, &message, &ballot(Source::STEREO, 1)).unwrap();
         assert_eq!(taken, Taken { votes: 1, outside: 1 });
     }
 
@@ -163,8 +159,8 @@ mod tests {
     fn a_grid_without_the_sources_cost_is_refused_and_changes_nothing() {
         let mut map = Map::new(0.2).unwrap();
         let before = map.clone();
-        let message = grid(DVec2::ZERO, Source::Color, &[(DVec2::ZERO, 250)]);
-        assert!(take(&mut map, &message, &ballot(Source::Stereo, 1)).is_err());
+        let message = grid(DVec2::ZERO, Source::COLOR, &[(DVec2::ZERO, 250)]);
+        assert!(take(&mut map, &message, &ballot(Source::STEREO, 1)).is_err());
         assert_eq!(map, before);
     }
 }

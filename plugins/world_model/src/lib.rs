@@ -8,6 +8,7 @@
 //! | `classifier` | in, optional | `foxglove.Grid` | costs of the image classifier: field cost.classifier, local frame |
 //! | `bumper` | in, optional | `foxglove.Grid` | cells that the bumper hit: field cost.bumper, local frame |
 //! | `infrared` | in, optional | `foxglove.Grid` | costs of the infrared sensors: field cost.infrared, local frame |
+//! | `costs` | in, optional | `foxglove.Grid` | costs of any sources: a field cost.<source> for each that the parameters list, local frame |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |

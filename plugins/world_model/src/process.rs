@@ -1,13 +1,15 @@
 //! The process `world_model`.
 
 use crate::algo::{Ballot, take};
-use crate::proto::{WorldModelParams, WorldModelStats};
+use crate::proto::{WorldModelParams, WorldModelSource, WorldModelSourceKind, WorldModelStats};
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame};
 use rcs_runtime::{CommandDef, Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::{Localizer, PosePorts, Site, pose_message};
-use rcs_world::{Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, Sources, VoteRule, Weights};
+use rcs_world::{
+    Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, SourceKind, Sources, VoteRule, Weighted, Weights,
+};
 use serde::{Deserialize, Serialize};
 
 /// Side of a cell of WM1, m.
@@ -27,11 +29,23 @@ pub struct WorldModel {
     scrolled: u64,
 }
 
+/// The input of each source that comes with the program.
+const NAMED_PORTS: [(Source, &str); 6] = [
+    (Source::STEREO, "costs from range images: field cost.stereo, local frame"),
+    (Source::COLOR, "costs of the colour models: field cost.color, local frame"),
+    (Source::TERRAIN, "costs of terrain learned from range: field cost.terrain, local frame"),
+    (Source::CLASSIFIER, "costs of the image classifier: field cost.classifier, local frame"),
+    (Source::BUMPER, "cells that the bumper hit: field cost.bumper, local frame"),
+    (Source::INFRARED, "costs of the infrared sensors: field cost.infrared, local frame"),
+];
+
 /// Ports of [`WorldModel`].
 #[derive(Debug)]
 pub struct Ports {
-    /// One input of cost maps for each source.
-    costs: Vec<(Source, In<Grid>)>,
+    /// An input of cost maps for each source that comes with the program.
+    named: Vec<(Source, In<Grid>)>,
+    /// Cost maps of whatever other sources the parameters list.
+    costs: In<Grid>,
     poses: PosePorts,
     map: Out<Grid>,
     vehicle: Out<PoseInFrame>,
@@ -51,17 +65,14 @@ impl Process for WorldModel {
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
-        let help = |source: Source| match source {
-            Source::Stereo => "costs from range images: field cost.stereo, local frame",
-            Source::Color => "costs of the colour models: field cost.color, local frame",
-            Source::Terrain => "costs of terrain learned from range: field cost.terrain, local frame",
-            Source::Classifier => "costs of the image classifier: field cost.classifier, local frame",
-            Source::Bumper => "cells that the bumper hit: field cost.bumper, local frame",
-            Source::Infrared => "costs of the infrared sensors: field cost.infrared, local frame",
-        };
-        let costs = Source::ALL.map(|source| (source, b.optional_input(source.name(), help(source))));
+        let named = NAMED_PORTS.map(|(source, help)| (source, b.optional_input(source.name(), help)));
+        let costs = b.optional_input(
+            "costs",
+            "costs of any sources: a field cost.<source> for each that the parameters list, local frame",
+        );
         Ports {
-            costs: costs.into(),
+            named: named.into(),
+            costs,
             poses: PosePorts::declare(b),
             map: b
                 .output("map", "201x201 cells of 0.2 m around the vehicle, local frame")
@@ -75,6 +86,10 @@ impl Process for WorldModel {
                 .build(),
             stats: b.output("stats", "known and obstacle cells of the map").role("stats").build(),
         }
+    }
+
+    fn check(params: &WorldModelParams) -> Result<(), String> {
+        check_sources(params)
     }
 
     #[expect(clippy::expect_used, reason = "201 cells of 0.2 m are a grid")]
@@ -97,15 +112,21 @@ impl Process for WorldModel {
             self.seen = Sources::default();
         }
         let vehicle = self.scroll(params, cx.now());
-        for (source, port) in &ports.costs {
+        let listed = Listed::of(params);
+        for (source, port) in &ports.named {
             while let Some(grid) = cx.read(port) {
-                if let Err(fault) = self.vote(*source, &grid, params) {
+                if let Err(fault) = self.vote(*source, &grid, &listed, params) {
                     cx.fault(format!("{source}: {fault}; cost map skipped"));
                 }
             }
         }
+        while let Some(grid) = cx.read(&ports.costs) {
+            if let Err(fault) = self.vote_for_each(&grid, &listed, params) {
+                cx.fault(format!("{fault}; cost map skipped"));
+            }
+        }
         if self.is_due(params, cx.now()) {
-            self.publish(ports, params, vehicle, cx);
+            self.publish(ports, params, listed, vehicle, cx);
         }
         cx.exec(match (vehicle.is_some(), self.seen.is_empty()) {
             (true, false) => "fuses costs",
@@ -125,11 +146,42 @@ impl WorldModel {
         Some(pose)
     }
 
-    fn vote(&mut self, source: Source, grid: &Msg<Grid>, params: &WorldModelParams) -> Result<(), String> {
-        if grid.frame_id != site(params).frames.local {
-            return Err(format!("frame is {:?}, expected {:?}", grid.frame_id, site(params).frames.local));
+    /// Takes a cost map of one or more sources, told by its fields.
+    fn vote_for_each(
+        &mut self,
+        grid: &Msg<Grid>,
+        listed: &Listed,
+        params: &WorldModelParams,
+    ) -> Result<(), String> {
+        let fields = |source: Source| {
+            let name = format!("cost.{source}");
+            grid.fields.iter().any(|field| field.name == name)
+        };
+        let sources: Vec<Source> =
+            listed.weights.iter().map(|entry| entry.source).filter(|&source| fields(source)).collect();
+        if sources.is_empty() {
+            let known: Vec<_> = listed.weights.iter().map(|entry| entry.source.name()).collect();
+            return Err(format!("costs: expected a field cost.<source> of {}", known.join(", ")));
         }
-        let rule = VoteRule { rise: params.gain_up.min(255) as u8, fall: params.gain_down.min(255) as u8 };
+        sources.into_iter().try_for_each(|source| {
+            self.vote(source, grid, listed, params).map_err(|fault| format!("{source}: {fault}"))
+        })
+    }
+
+    fn vote(
+        &mut self,
+        source: Source,
+        grid: &Msg<Grid>,
+        listed: &Listed,
+        params: &WorldModelParams,
+    ) -> Result<(), String> {
+        let Some(rule) = listed.rule(source) else {
+            return Err("it is none of the sources that the parameters list".to_owned());
+        };
+        let local = site(params).frames.local;
+        if grid.frame_id != local {
+            return Err(format!("frame is {:?}, expected {local:?}", grid.frame_id));
+        }
         let ballot = Ballot {
             source,
             sequence: grid.header().sequence as u32,
@@ -158,6 +210,7 @@ impl WorldModel {
         &mut self,
         ports: &Ports,
         params: &WorldModelParams,
+        listed: Listed,
         vehicle: Option<Pose>,
         cx: &mut Cycle<'_>,
     ) {
@@ -166,10 +219,23 @@ impl WorldModel {
         }
         let now = cx.now();
         self.published = Some(now);
-        // The stack's only source is in the map from the start, so that its fields do not come later.
-        let sources = self.seen.iter().chain([Source::Stereo]).collect();
-        let weights = weights(params);
+        let weights = listed.weights;
+        // Those that have voted, in the order of the list. The first is in the map from the start, so that the fields of a
+        // stack's only source do not come later.
+        let order = weights.iter().map(|entry| entry.source);
+        let first = order.clone().next();
+        let sources = order.filter(|&source| Some(source) == first || self.seen.contains(source));
+        let sources: Sources = sources.chain(self.seen.iter()).collect();
         let options = MapOptions { sources, heights: true, weights };
+        let (mut known, mut obstacle) = (0, 0);
+        self.map.for_each_fused(&options.weights, |_, fused| match fused.label {
+            Label::Unknown => {}
+            Label::Ground => known += 1,
+            Label::Obstacle => {
+                known += 1;
+                obstacle += 1;
+            }
+        });
         let acq_time = if self.changed == Stamp(0) { now } else { self.changed };
         let frame_id = site(params).frames.local.into();
         let map = MapMessage { map: self.map.clone(), frame_id, time: now, options };
@@ -182,19 +248,6 @@ impl WorldModel {
             };
             cx.write(&ports.vehicle, now, vehicle);
         }
-        let (mut known, mut obstacle) = (0, 0);
-        self.map.grid().for_each_run(|_, _, cells| {
-            for cell in cells {
-                match cell.fused(&weights).label {
-                    Label::Unknown => {}
-                    Label::Ground => known += 1,
-                    Label::Obstacle => {
-                        known += 1;
-                        obstacle += 1;
-                    }
-                }
-            }
-        });
         let stats = WorldModelStats {
             timestamp: Some(now.to_proto()),
             known,
@@ -206,14 +259,53 @@ impl WorldModel {
     }
 }
 
-fn weights(params: &WorldModelParams) -> Weights {
-    Weights {
-        stereo: params.weight_stereo as f32,
-        color: params.weight_color as f32,
-        terrain: params.weight_terrain as f32,
-        classifier: params.weight_classifier as f32,
-        infrared: params.weight_infrared as f32,
+/// The sources of the parameters.
+struct Listed {
+    weights: Weights,
+    /// In the same order.
+    rules: Vec<(Source, VoteRule)>,
+}
+
+impl Listed {
+    /// The sources that the parameters list; where they list none, those that come with the program.
+    fn of(params: &WorldModelParams) -> Listed {
+        if params.sources.is_empty() {
+            let rules = Source::BUNDLED.map(|source| (source, VoteRule::default())).into();
+            return Listed { weights: Weights::default(), rules };
+        }
+        // Names have been checked when the parameters were taken.
+        let named = params.sources.iter().filter_map(|entry| Some((Source::new(&entry.name).ok()?, entry)));
+        let weighted = |(source, entry): (Source, &WorldModelSource)| {
+            let kind = match entry.kind() {
+                WorldModelSourceKind::SourceRange => SourceKind::Range,
+                WorldModelSourceKind::SourceOverride => SourceKind::Override,
+            };
+            Weighted { source, weight: entry.weight as f32, kind }
+        };
+        let byte = |value: u32| value.min(255) as u8;
+        let rule = |(source, entry): (Source, &WorldModelSource)| {
+            let (rise, fall) = (byte(entry.gain_up), byte(entry.gain_down));
+            (source, VoteRule { rise, fall, max: byte(entry.max_confidence) })
+        };
+        Listed { weights: named.clone().map(weighted).collect(), rules: named.map(rule).collect() }
     }
+
+    fn rule(&self, source: Source) -> Option<VoteRule> {
+        self.rules.iter().find(|(name, _)| *name == source).map(|&(_, rule)| rule)
+    }
+}
+
+/// Refuses names that cannot be, and sources that are listed twice.
+fn check_sources(params: &WorldModelParams) -> Result<(), String> {
+    let mut names = Sources::default();
+    for (place, entry) in params.sources.iter().enumerate() {
+        let source = Source::new(&entry.name).map_err(|error| format!("sources[{place}].name: {error}"))?;
+        if names.contains(source) {
+            return Err(format!("sources[{place}].name: {source} is listed twice"));
+        }
+        names.insert(source);
+    }
+    Ok(())
 }
 
 fn site(params: &WorldModelParams) -> Site<'_> {

@@ -89,7 +89,6 @@ fn a_parameter_without_help_unit_or_range_is_found() {
         max: Some(2.0),
         default: rcs_msg::Value::Float(1.0),
         help: "How fast.".to_owned(),
-        fusion_source: None,
         file: None,
         choices: Vec::new(),
         fields: Vec::new(),

@@ -43,8 +43,6 @@ pub struct ParamSpec {
     pub default: Value,
     /// One sentence that says what it does; empty where the options say nothing.
     pub help: String,
-    /// The fusion source that it weighs.
-    pub fusion_source: Option<String>,
     /// Kind of the file whose text it is: `world`, `vehicle`, `course`, `models`. A stack gives the file's name.
     pub file: Option<String>,
     /// Numbers and names to choose from.
@@ -118,7 +116,6 @@ fn spec_at(field: &FieldDescriptor, depth: usize) -> Option<ParamSpec> {
         max: number("max"),
         default: Value::Null,
         help: text("help").unwrap_or_default(),
-        fusion_source: text("fusion_source"),
         file: text("file"),
         choices,
         fields,

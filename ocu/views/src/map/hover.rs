@@ -11,7 +11,7 @@ use ocu_ui::{format, legend, tokens};
 use rcs_geom::DVec3;
 use rcs_msg::Stamp;
 use rcs_runtime::source::Frame;
-use rcs_world::{Label, Source};
+use rcs_world::Label;
 use std::collections::BTreeSet;
 
 impl Map {
@@ -87,7 +87,9 @@ fn cell_lines(ui: &mut Ui, frame: &Frame, layer: &Layer<'_>, cells: &Cells<'_>, 
     ui.label(RichText::new(format!("{}  cell {}, {}", layer.name, cell[0], cell[1])).small().color(weak));
     if let Some(fused) = tell("cost") {
         let confidence = tell("confidence").map(|conf| format!("  conf {conf:3}")).unwrap_or_default();
-        let source = tell("source").and_then(|number| Source::ALL.get(number as usize));
+        let place = tell("source").unwrap_or(f64::NAN);
+        let mut sources = cells.names().filter_map(|name| name.strip_prefix("cost."));
+        let source = if place >= 0.0 { sources.nth(place as usize) } else { None };
         let by = source.map(|source| format!(" by {source}")).unwrap_or_default();
         let label = match tell("label") {
             Some(label) if label == f64::from(Label::Ground as u8) => "  ground",
