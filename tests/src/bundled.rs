@@ -11,6 +11,7 @@ impl Assets for Repository {
     fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
         let file = match kind {
             "models" => format!("assets/models/{name}.json"),
+            "part" => format!("assets/stacks/parts/{name}.toml"),
             kind => format!("assets/{kind}s/{name}.toml"),
         };
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(&file);
@@ -39,7 +40,7 @@ pub(crate) fn plan_from_text(file: &str, text: &str, course: &str) -> Arc<Plan> 
 }
 
 fn planned(file: &str, text: &str, course: Option<&str>, params: &[(&str, &str)]) -> Arc<Plan> {
-    let file = StackFile::parse(file, text).unwrap_or_else(|error| panic!("{error}"));
+    let file = StackFile::compose(file, text, &Repository).unwrap_or_else(|error| panic!("{error}"));
     let overrides: Vec<_> = params.iter().map(|&(path, value)| (path.to_owned(), value.to_owned())).collect();
     let options = PlanOptions { overrides: &overrides, course, assets: &Repository };
     Arc::new(Plan::with(file, rcs_plugins::all(), &options).unwrap_or_else(|error| panic!("{error}")))

@@ -47,8 +47,8 @@ pub use record::{RecordOptions, RecordWhat, Recording};
 pub use replay::{RecordedRun, Replay};
 pub use snapshot::Snapshot;
 pub use stack::{
-    Asset, Assets, BufferEntry, BufferPlan, InputEntry, InputPlan, NoAssets, OverflowEntry, ParamEntry, Plan,
-    PlanOptions, ProcessEntry, ProcessPlan, StackError, StackFile, VIEWER,
+    Asset, Assets, BufferEntry, BufferPlan, InputEntry, InputPlan, NoAssets, Origin, OverflowEntry,
+    ParamEntry, Plan, PlanOptions, ProcessEntry, ProcessPlan, StackError, StackFile, VIEWER,
 };
 pub use status::{Text, child_state};
 pub use stepped::{Happened, Stepped};

@@ -12,6 +12,7 @@
 //! )
 //! ```
 
+use crate::bundled;
 use ocu_views::{SavedState, view_type};
 use rcs_runtime::source::{Frame, SourceKind};
 use serde::{Deserialize, Serialize};
@@ -21,15 +22,6 @@ use std::path::{Path, PathBuf};
 pub const VERSION: u32 = 1;
 /// Tiles within tiles.
 const MAX_DEPTH: usize = 16;
-
-/// The layouts that come with the program: name, text.
-pub const BUNDLED: &[(&str, &str)] = &[
-    ("default", include_str!("../../../layouts/default.ron")),
-    ("simulation", include_str!("../../../layouts/simulation.ron")),
-    ("recording", include_str!("../../../layouts/recording.ron")),
-    ("tracks", include_str!("../../../layouts/tracks.ron")),
-    ("fields", include_str!("../../../layouts/fields.ron")),
-];
 
 /// An arrangement of views.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -132,8 +124,8 @@ impl Layout {
 
     /// The bundled layout of that name.
     pub fn bundled(name: &str) -> Option<Result<Self, LayoutError>> {
-        let (name, text) = BUNDLED.iter().find(|(known, _)| *known == name)?;
-        Some(Self::parse(&format!("layouts/{name}.ron"), text))
+        let file = bundled::file("layout", name)?;
+        Some(Self::parse(&file.path(), file.text))
     }
 
     /// The layout that the command line names: a bundled one by name, or a file.
@@ -144,10 +136,9 @@ impl Layout {
         if looks_like_path(spec) {
             return Self::load(Path::new(spec));
         }
-        let names: Vec<&str> = BUNDLED.iter().map(|(name, _)| *name).collect();
         Err(crate::usage(format!(
             "no bundled layout is called {spec:?}; expected {} or a .ron file",
-            names.join(", ")
+            bundled::names("layout").join(", ")
         )))
     }
 
@@ -263,9 +254,9 @@ mod tests {
 
     #[test]
     fn every_bundled_layout_loads_and_survives_being_written() {
-        for (name, _) in BUNDLED {
+        for name in bundled::names("layout") {
             let layout = Layout::bundled(name).unwrap().unwrap_or_else(|error| panic!("{error}"));
-            assert_eq!(&layout.name, name);
+            assert_eq!(layout.name, name);
             let again = Layout::parse("again", &layout.to_text().unwrap()).unwrap();
             assert_eq!(layout, again);
         }

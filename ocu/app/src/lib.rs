@@ -2,10 +2,11 @@
 //!
 //! - [`cli`]: every flag, defined once.
 //! - [`window`]: the window; [`render`] draws the same without one.
-//! - [`run`], [`diff`], [`info`], [`sample`], [`eval`]: the commands.
-//! - [`layout`], [`stacks`], [`assets`]: what comes with the program, by explicit lists.
+//! - [`run`], [`diff`], [`info`], [`plugins`], [`stack_tool`], [`sample`], [`eval`]: the commands.
+//! - [`bundled`]: the files that come with the program; [`layout`], [`stacks`], [`assets`] read them.
 
 pub mod assets;
+pub mod bundled;
 pub mod cli;
 pub mod diff;
 pub mod eval;
@@ -14,10 +15,12 @@ pub mod layout;
 pub mod offscreen;
 pub mod open;
 pub mod past_args;
+pub mod plugins;
 pub mod render;
 pub mod run;
 mod runs;
 pub mod sample;
+pub mod stack_tool;
 pub mod stacks;
 mod table;
 mod time;
@@ -68,6 +71,8 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
         Some(Command::Render(args)) => render::render(args).map(|()| true),
         Some(Command::Sample(args)) => sample::write(&args.path, args.duration).map(|()| true),
         Some(Command::Eval(command)) => eval::eval(command, out).map(|()| true),
+        Some(Command::Plugins(args)) => plugins::plugins(args, out).map(|()| true),
+        Some(Command::Stack(command)) => stack_tool::stack(command, out),
     };
     match result {
         Ok(true) => 0,

@@ -1,63 +1,50 @@
 //! The stacks that come with the program, and sources made from them.
 
 use crate::assets::ProgramAssets;
+use crate::bundled;
 use crate::layout::looks_like_path;
 use crate::open::Request;
 use crate::usage;
 use anyhow::Context as _;
 use rcs_log::Log;
 use rcs_runtime::source::{LogSource, Source, StackSource};
-use rcs_runtime::{Plan, PlanOptions, RecordedRun, RunOptions, StackFile};
+use rcs_runtime::{Plan, PlanOptions, RecordedRun, RunOptions, StackError, StackFile};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
-
-/// The stacks that come with the program: name, text. The one list.
-const BUNDLED: &[(&str, &str)] = &[
-    ("simulation", include_str!("../../../assets/stacks/simulation.toml")),
-    ("truth_driver", include_str!("../../../assets/stacks/truth_driver.toml")),
-    ("learning", include_str!("../../../assets/stacks/learning.toml")),
-    ("range_camera", include_str!("../../../assets/stacks/range_camera.toml")),
-    ("terrain_camera", include_str!("../../../assets/stacks/terrain_camera.toml")),
-    ("forest_robot", include_str!("../../../assets/stacks/forest_robot.toml")),
-    ("husky", include_str!("../../../assets/stacks/husky.toml")),
-    ("sample", include_str!("../../../assets/stacks/sample.toml")),
-];
 
 /// The bundled stacks, by name.
 pub fn bundled() -> &'static [(&'static str, StackFile)] {
     static STACKS: LazyLock<Vec<(&str, StackFile)>> = LazyLock::new(|| {
-        let parse = |&(name, text): &(&'static str, &str)| match StackFile::parse(&file_name(name), text) {
-            Ok(stack) => Some((name, stack)),
+        let read = |file: bundled::Bundled| match read(&file.path(), file.text) {
+            Ok(stack) => Some((file.name, stack)),
             Err(error) => {
                 tracing::error!("{error}");
                 None
             }
         };
-        BUNDLED.iter().filter_map(parse).collect()
+        bundled::files("stack").filter_map(read).collect()
     });
     &STACKS
 }
 
-/// How errors name a bundled stack.
-fn file_name(name: &str) -> String {
-    format!("assets/stacks/{name}.toml")
+fn read(file: &str, text: &str) -> Result<StackFile, StackError> {
+    StackFile::compose(file, text, &ProgramAssets)
 }
 
 /// The stack that a person names: a bundled one by name, or a file. Read, not yet checked against the plugins.
 pub fn named(spec: &str) -> anyhow::Result<StackFile> {
-    if let Some((name, text)) = BUNDLED.iter().find(|(name, _)| *name == spec) {
-        return Ok(StackFile::parse(&file_name(name), text)?);
+    if let Some(file) = bundled::file("stack", spec) {
+        return Ok(read(&file.path(), file.text)?);
     }
     if !looks_like_path(spec) {
-        let names: Vec<&str> = BUNDLED.iter().map(|(name, _)| *name).collect();
         return Err(usage(format!(
             "no bundled stack is called {spec:?}; expected {} or a .toml file",
-            names.join(", ")
+            bundled::names("stack").join(", ")
         )));
     }
     let text = std::fs::read_to_string(spec)
         .map_err(|error| usage(format!("cannot read the stack: {error}: {spec}")))?;
-    Ok(StackFile::parse(spec, &text)?)
+    Ok(read(spec, &text)?)
 }
 
 /// The stack that a person names, checked against the plugins, with parameters and course from the command line.
@@ -141,7 +128,7 @@ mod tests {
 
     #[test]
     fn every_bundled_stack_fits_the_plugins_and_says_what_it_is_for() {
-        assert_eq!(bundled().len(), BUNDLED.len(), "each can be read");
+        assert_eq!(bundled().len(), bundled::names("stack").len(), "each can be read");
         for (name, stack) in bundled() {
             let plan = plan(name, None, &[]).unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(plan.file.name(), *name);
@@ -168,7 +155,7 @@ mod tests {
     #[test]
     fn an_unknown_stack_is_refused_with_the_names_of_the_known_ones() {
         let error = named("samples").unwrap_err().to_string();
-        assert!(error.contains("\"samples\"") && error.contains("husky, sample or"), "{error}");
+        assert!(error.contains("\"samples\"") && error.contains("truth_driver or"), "{error}");
         assert!(named("./absent.toml").unwrap_err().to_string().contains("absent.toml"));
     }
 }

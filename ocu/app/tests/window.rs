@@ -4,7 +4,8 @@
 
 use egui::{Key, Modifiers};
 use egui_kittest::{Harness, kittest::Queryable};
-use ocu_app::layout::{BUNDLED, Layout};
+use ocu_app::bundled;
+use ocu_app::layout::Layout;
 use ocu_app::open::Request;
 use ocu_app::window::{Options, Window};
 use std::path::Path;
@@ -261,7 +262,7 @@ fn a_paused_window_asks_for_no_repaint() {
 fn every_bundled_layout_draws_and_has_named_widgets() {
     let dir = tempfile::tempdir().unwrap();
     let request = recording(dir.path());
-    for (name, _) in BUNDLED {
+    for name in bundled::names("layout") {
         let layout = Layout::named(name).unwrap();
         let options = Options { request: request.clone(), layout: Some(layout), ..Options::default() };
         let mut harness = harness(options);

@@ -249,7 +249,7 @@ impl<'a> Builder<'a> {
                 topic: entry.topic.get_ref().clone(),
                 buffer,
                 is_static: entry.is_static || entry.topic.get_ref().ends_with("/tf_static"),
-                line: StackError::at("", &file.text, &entry.topic.span(), "").line,
+                origin: file.origin(&entry.topic.span()),
             });
         }
         Ok(inputs)

@@ -1,5 +1,7 @@
 //! The text of a stack file as values that know where they stand.
 
+use super::assets::{Assets, NoAssets};
+use super::compose::{Origin, compose};
 use super::error::StackError;
 use rcs_msg::Value;
 use serde::de::{MapAccess, SeqAccess, Visitor};
@@ -17,9 +19,10 @@ pub const VIEWER: &str = "viewer";
 pub struct StackFile {
     /// File as it was named.
     pub file: String,
-    /// The whole text.
+    /// The whole text, with every part in its place.
     pub text: String,
     pub(crate) content: Content,
+    origins: Vec<Origin>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -175,12 +178,20 @@ impl StackFile {
     /// The version of the format that this program reads and writes.
     pub const FORMAT: u32 = 1;
 
-    /// Reads the text of a stack file; `file` is how errors name it.
+    /// Reads the text of a stack file that includes no other; `file` is how errors name it.
     pub fn parse(file: &str, text: &str) -> Result<Self, StackError> {
-        let content: Content = toml::from_str(text).map_err(|error| {
-            StackError::at(file, text, &error.span().unwrap_or(0..0), error.message().trim().to_owned())
+        Self::compose(file, text, &NoAssets)
+    }
+
+    /// Reads the text of a stack file and of the parts that it includes; `file` is how errors name it.
+    pub fn compose(file: &str, text: &str, assets: &dyn Assets) -> Result<Self, StackError> {
+        let composed = compose(file, text, assets)?;
+        let text = composed.text;
+        let content: Content = toml::from_str(&text).map_err(|error| {
+            let span = error.span().unwrap_or(0..0);
+            located(&composed.origins, file, &text, &span, error.message().trim())
         })?;
-        let stack = Self { file: file.to_owned(), text: text.to_owned(), content };
+        let stack = Self { file: file.to_owned(), text, content, origins: composed.origins };
         let format = &stack.content.format;
         if *format.get_ref() != Self::FORMAT {
             return Err(stack.error(
@@ -212,6 +223,32 @@ impl StackFile {
     }
 
     pub(crate) fn error(&self, span: &Range<usize>, message: impl Into<String>) -> StackError {
-        StackError::at(&self.file, &self.text, span, message)
+        located(&self.origins, &self.file, &self.text, span, message)
+    }
+
+    /// Where a byte range of the text came from.
+    pub(crate) fn origin(&self, span: &Range<usize>) -> Origin {
+        let StackError { file, line, .. } = self.error(span, "");
+        Origin { file, line }
+    }
+
+    /// Where each line of [`StackFile::text`] came from.
+    pub fn origins(&self) -> &[Origin] {
+        &self.origins
+    }
+}
+
+/// An error at a byte range of a composed text, told where its line came from.
+fn located(
+    origins: &[Origin],
+    file: &str,
+    text: &str,
+    span: &Range<usize>,
+    message: impl Into<String>,
+) -> StackError {
+    let error = StackError::at(file, text, span, message);
+    match origins.get(error.line - 1) {
+        Some(origin) => StackError { file: origin.file.clone(), line: origin.line, ..error },
+        None => error,
     }
 }

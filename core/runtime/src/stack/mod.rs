@@ -29,9 +29,13 @@
 //! record = true
 //! record_hz = 5.0                 # at most; every message where it is absent
 //! ```
+//!
+//! A stack may be made of parts (`[[include]]`, `[change.<process>]`): [`StackFile::compose`]. A parameter may be a value
+//! of the course's files: `track_m = "${vehicle.wheels.track_m}"`.
 
 mod assets;
 mod builder;
+mod compose;
 mod error;
 mod file;
 mod params;
@@ -40,6 +44,7 @@ mod plan;
 pub(crate) use builder::TRUTH;
 
 pub use assets::{Asset, Assets, NoAssets};
+pub use compose::Origin;
 pub use error::StackError;
 pub use file::{BufferEntry, InputEntry, OverflowEntry, ParamEntry, ProcessEntry, StackFile, VIEWER};
 pub use params::PlanOptions;

@@ -1,7 +1,7 @@
 //! The parameters of a process: the stack's, the course's, the command line's.
 
 use super::assets::{Asset, Assets, Course};
-use super::error::StackError;
+use super::error::{StackError, one_of};
 use super::file::{ParamEntry, ProcessEntry, StackFile};
 use crate::process::ProcessType;
 use prost_reflect::{DynamicMessage, MessageDescriptor, ReflectMessage};
@@ -135,6 +135,9 @@ impl<'a> ParamReader<'a> {
                     return Ok(());
                 }
             },
+            (ParamEntry::Plain(Value::Text(text)), _) if is_reference(text) => {
+                self.referenced(text).map_err(at)?
+            }
             (ParamEntry::Plain(Value::Text(named)), ParamKind::Text) if spec.file.is_some() => {
                 let kind = spec.file.as_deref().unwrap_or_default();
                 let asset = self.options.assets.read(kind, named, &self.file.file).map_err(at)?;
@@ -180,6 +183,46 @@ impl<'a> ParamReader<'a> {
         Ok(message)
     }
 
+    /// The value that `${vehicle.wheels.track_m}` names: a key of a file of the course.
+    fn referenced(&mut self, text: &str) -> Result<Value, String> {
+        let path = text.trim_start_matches("${").trim_end_matches('}');
+        let (kind, key) = path.split_once('.').unwrap_or((path, ""));
+        let Some(course) = &self.course else {
+            return Err(format!("{text} is a value of a course's {kind}; expected a stack with a course"));
+        };
+        let asset = course.asset(kind, self.options.assets).map_err(|error| error.to_string())?;
+        let asset = asset.ok_or_else(|| format!("the course has no {kind}, which {text} is of"))?;
+        let table: toml::Table =
+            toml::from_str(&asset.text).map_err(|error| format!("{}: {}", asset.file, error.message()))?;
+        let mut value = &toml::Value::Table(table);
+        for part in key.split('.') {
+            let next = value.as_table().and_then(|table| table.get(part));
+            value = next.ok_or_else(|| {
+                let names = value.as_table().into_iter().flat_map(|table| table.keys());
+                format!(
+                    "{} has no {key}: there is no {part:?}; expected {}",
+                    asset.file,
+                    one_of(names.map(String::as_str))
+                )
+            })?;
+        }
+        let value = match value {
+            toml::Value::String(text) => Value::Text(text.clone()),
+            toml::Value::Integer(number) => Value::Int(*number),
+            toml::Value::Float(number) => Value::Float(*number),
+            toml::Value::Boolean(on) => Value::Bool(*on),
+            other => {
+                return Err(format!(
+                    "{key} of {} is {}; expected a number, a text, true or false",
+                    asset.file,
+                    other.type_str()
+                ));
+            }
+        };
+        self.assets.push(asset);
+        Ok(value)
+    }
+
     /// Sets what comes with the course: the course itself, and the files that it names.
     fn take_course(&mut self, files: &[FileField], values: &mut DynamicMessage) -> Result<(), StackError> {
         let Some(course) = &self.course else { return Ok(()) };
@@ -216,6 +259,11 @@ impl<'a> ParamReader<'a> {
         };
         said(&error).unwrap_or_else(|| self.file.error(&entry.name.span(), error))
     }
+}
+
+/// Whether a text names a value of another file: `${vehicle.wheels.track_m}`.
+fn is_reference(text: &str) -> bool {
+    text.starts_with("${") && text.ends_with('}')
 }
 
 /// Files outside of lists, by the path of the field that holds each.

@@ -2,6 +2,7 @@
 
 use super::assets::NoAssets;
 use super::builder::Builder;
+use super::compose::Origin;
 use super::error::{StackError, one_of};
 use super::file::{StackFile, VIEWER};
 use super::params::{ParamReader, PlanOptions};
@@ -35,8 +36,8 @@ pub struct InputPlan {
     pub buffer: usize,
     /// Given whole at the start.
     pub is_static: bool,
-    /// Line of the stack file that names the topic.
-    pub(crate) line: usize,
+    /// Where the topic is named.
+    pub(crate) origin: Origin,
 }
 
 /// A process with everything that it needs.
@@ -195,8 +196,11 @@ impl Plan {
     /// Checks that a log has every topic that the stack reads, in a form that converts to what its readers want.
     pub fn check_log(&self, log: &rcs_log::LogInfo) -> Result<(), StackError> {
         for input in &self.inputs {
-            let error =
-                |message: String| StackError { file: self.file.file.clone(), line: input.line, message };
+            let error = |message: String| StackError {
+                file: input.origin.file.clone(),
+                line: input.origin.line,
+                message,
+            };
             let Some(topic) = log.topics.iter().find(|topic| topic.name == input.topic) else {
                 return Err(error(format!(
                     "the log has no topic {}; expected {}",

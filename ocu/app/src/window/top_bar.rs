@@ -3,8 +3,7 @@
 use super::open::recent_button;
 use super::operate::StopState;
 use super::tree::view_menu;
-use crate::assets;
-use crate::layout::BUNDLED;
+use crate::bundled;
 use crate::open::Request;
 use crate::stacks;
 use ocu_ui::{icons, tokens, widgets};
@@ -81,9 +80,9 @@ fn right(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
         wishes.push(Wish::ToggleBuffers);
     }
     ui.menu_button(format!("{}  Layout", icons::ICON_DASHBOARD.codepoint), |ui| {
-        for (name, _) in BUNDLED {
-            if ui.selectable_label(*name == state.layout_name, *name).clicked() {
-                wishes.push(Wish::Layout((*name).to_owned()));
+        for name in bundled::names("layout") {
+            if ui.selectable_label(name == state.layout_name, name).clicked() {
+                wishes.push(Wish::Layout(name.to_owned()));
                 ui.close();
             }
         }
@@ -151,7 +150,7 @@ fn course_menu(ui: &mut egui::Ui, frame: &Frame, current: &Request, wishes: &mut
     let text = format!("{}  {name}", icons::ICON_FLAG.codepoint);
     let (response, _) = egui::containers::menu::MenuButton::new(text).config(config).ui(ui, |ui| {
         ui.set_min_width(200.0);
-        for course in assets::names("course") {
+        for course in bundled::names("course") {
             if ui.selectable_label(course == running, course).clicked() {
                 wishes.push(Wish::Open(Request { course: Some(course.to_owned()), ..current.clone() }));
                 ui.close();

@@ -256,11 +256,11 @@ fn extract(tiles: &Tiles<Pane>, id: TileId) -> Option<Node> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::BUNDLED;
+    use crate::bundled;
 
     #[test]
     fn a_layout_survives_being_opened_and_kept() {
-        for (name, _) in BUNDLED {
+        for name in bundled::names("layout") {
             let layout = Layout::bundled(name).unwrap().unwrap();
             let kept = Workspace::new(&layout).layout(layout.buffers);
             let again = Workspace::new(&kept).layout(kept.buffers);

@@ -1,0 +1,118 @@
+//! The arguments of a part: declared by it, given by the file that includes it, put into its texts.
+
+use super::blocks::Block;
+use super::{StackError, one_of};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+/// Values of a part's arguments, by name.
+#[derive(Default)]
+pub(super) struct Arguments(BTreeMap<String, toml::Value>);
+
+/// Who has to mend what is wrong with the arguments of an include.
+pub(super) enum Problem {
+    /// The part.
+    InPart(StackError),
+    /// The file that includes it.
+    InInclude(String),
+}
+
+/// The part of a stack file that declares arguments.
+#[derive(Deserialize)]
+struct Declarations {
+    #[serde(default)]
+    arguments: BTreeMap<String, Declaration>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Declaration {
+    help: String,
+    default: Option<toml::Value>,
+}
+
+impl Arguments {
+    /// The arguments that a part declares, with the values that are given, or its defaults.
+    pub(super) fn of(
+        file: &str,
+        text: &str,
+        mut given: BTreeMap<String, toml::Value>,
+    ) -> Result<Self, Problem> {
+        let declared: Declarations = toml::from_str(text).map_err(|error| {
+            let span = error.span().unwrap_or(0..0);
+            Problem::InPart(StackError::at(file, text, &span, error.message().trim().to_owned()))
+        })?;
+        if let Some(unknown) = given.keys().find(|name| !declared.arguments.contains_key(*name)) {
+            let names = one_of(declared.arguments.keys().map(String::as_str));
+            return Err(Problem::InInclude(format!("{file} has no argument {unknown:?}; expected {names}")));
+        }
+        let mut values = BTreeMap::new();
+        for (name, declaration) in declared.arguments {
+            let Some(value) = given.remove(&name).or(declaration.default) else {
+                return Err(Problem::InInclude(format!(
+                    "{file} needs the argument {name}; expected with = {{ {name} = … }} ({})",
+                    declaration.help
+                )));
+            };
+            values.insert(name, value);
+        }
+        Ok(Self(values))
+    }
+
+    /// Puts the values into the texts of a block.
+    pub(super) fn fill(&self, block: &mut Block) -> Result<(), StackError> {
+        for line in &mut block.lines {
+            if line.text.trim_start().starts_with('#') || !line.text.contains("${") {
+                continue;
+            }
+            line.text = self.fill_line(&line.text).map_err(|message| StackError {
+                file: line.origin.file.clone(),
+                line: line.origin.line,
+                message,
+            })?;
+        }
+        Ok(())
+    }
+
+    fn fill_line(&self, line: &str) -> Result<String, String> {
+        let mut filled = String::new();
+        let mut rest = line;
+        while let Some(start) = rest.find("${") {
+            let Some(length) = rest[start..].find('}') else {
+                return Err("${ is not closed; expected ${argument}".to_owned());
+            };
+            let name = &rest[start + 2..start + length];
+            let after = &rest[start + length + 1..];
+            if name.contains('.') {
+                // A value of another file, like ${vehicle.wheels.track_m}: looked up when parameters are read.
+                filled.push_str(&rest[..=start + length]);
+                rest = after;
+                continue;
+            }
+            let Some(value) = self.0.get(name) else {
+                return Err(format!(
+                    "there is no argument {name:?}; expected {}",
+                    one_of(self.0.keys().map(String::as_str))
+                ));
+            };
+            match (rest[..start].strip_suffix('"'), after.strip_prefix('"')) {
+                // The whole text is the argument: it takes the argument's type.
+                (Some(before), Some(after)) => {
+                    filled.push_str(before);
+                    filled.push_str(&value.to_string());
+                    rest = after;
+                }
+                _ => {
+                    filled.push_str(&rest[..start]);
+                    match value {
+                        toml::Value::String(text) => filled.push_str(text),
+                        other => filled.push_str(&other.to_string()),
+                    }
+                    rest = after;
+                }
+            }
+        }
+        filled.push_str(rest);
+        Ok(filled)
+    }
+}

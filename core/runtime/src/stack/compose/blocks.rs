@@ -1,0 +1,185 @@
+//! The text of a stack file as blocks: what stands between two headers, each line with its place.
+
+use super::{Origin, StackError};
+use serde::de::DeserializeOwned;
+use std::collections::BTreeMap;
+
+/// A line of a stack file and where it came from.
+#[derive(Clone, Debug)]
+pub(super) struct Line {
+    pub(super) text: String,
+    pub(super) origin: Origin,
+}
+
+/// A header, what follows it, and the comment right above it. A process keeps the tables of its ports and parameters.
+#[derive(Clone, Debug)]
+pub(super) struct Block {
+    /// The header without white space; empty for what comes before the first.
+    pub(super) header: String,
+    /// At least one line, but for an empty head.
+    pub(super) lines: Vec<Line>,
+}
+
+impl Block {
+    /// Whether it is a table, or an element of an array, at this key.
+    pub(super) fn is(&self, key: &str) -> bool {
+        first_key(&self.header) == key
+    }
+
+    /// Whether it is what comes before the first header: name, description, course.
+    pub(super) fn is_head(&self) -> bool {
+        self.header.is_empty()
+    }
+
+    /// Where its header stands.
+    pub(super) fn origin(&self) -> &Origin {
+        let header = self.lines.iter().find(|line| line.text.trim_start().starts_with('['));
+        &header.unwrap_or(&self.lines[0]).origin
+    }
+
+    pub(super) fn text(&self) -> String {
+        self.lines.iter().map(|line| format!("{}\n", line.text)).collect()
+    }
+
+    /// The block as a value, which stands at `key`, in an array or not.
+    pub(super) fn parse<T: DeserializeOwned>(&self, key: &str) -> Result<T, StackError> {
+        let text = self.text();
+        let error = |error: &toml::de::Error| {
+            self.error(error.span().unwrap_or(0..0).start, error.message().trim().to_owned())
+        };
+        if self.header.starts_with("[[") {
+            let mut table: BTreeMap<String, Vec<T>> = toml::from_str(&text).map_err(|e| error(&e))?;
+            let list = table.remove(key).unwrap_or_default();
+            return list.into_iter().next().ok_or_else(|| self.error(0, format!("expected [[{key}]]")));
+        }
+        let mut table: BTreeMap<String, T> = toml::from_str(&text).map_err(|e| error(&e))?;
+        table.remove(key).ok_or_else(|| self.error(0, format!("expected [{key}]")))
+    }
+
+    /// An error at a byte of [`Block::text`].
+    pub(super) fn error(&self, byte: usize, message: impl Into<String>) -> StackError {
+        let text = self.text();
+        let line = text.get(..byte).unwrap_or_default().matches('\n').count();
+        let origin = self.lines.get(line).map_or_else(|| self.origin(), |line| &line.origin);
+        StackError { file: origin.file.clone(), line: origin.line, message: message.into() }
+    }
+}
+
+/// `process` of `[[process]]` and of `[process.params]`.
+fn first_key(header: &str) -> &str {
+    let inner = header.trim_matches(['[', ']']);
+    inner.split('.').next().unwrap_or_default().trim_matches('"')
+}
+
+/// Splits a text at its headers.
+pub(super) fn split(file: &str, text: &str) -> Vec<Block> {
+    let mut blocks = vec![Block { header: String::new(), lines: Vec::new() }];
+    let mut scanner = Scanner::default();
+    for (index, text) in text.lines().enumerate() {
+        let at_top = scanner.is_at_top();
+        let line = Line { text: text.to_owned(), origin: Origin { file: file.to_owned(), line: index + 1 } };
+        let header = at_top.then(|| header_of(text)).flatten();
+        if header.is_none() {
+            scanner.take(text);
+        }
+        let Some(header) = header else {
+            push(&mut blocks, line);
+            continue;
+        };
+        // [process.inputs] belongs to the [[process]] above it.
+        let inside = blocks.last().is_some_and(|last| {
+            last.header.starts_with("[[") && header.starts_with(&format!("[{}.", first_key(&last.header)))
+        });
+        if inside {
+            push(&mut blocks, line);
+            continue;
+        }
+        let mut lines = comment_above(&mut blocks);
+        lines.push(line);
+        blocks.push(Block { header, lines });
+    }
+    blocks
+}
+
+fn push(blocks: &mut [Block], line: Line) {
+    if let Some(last) = blocks.last_mut() {
+        last.lines.push(line);
+    }
+}
+
+/// Takes the comment at the end of the last block, which is about the next one.
+fn comment_above(blocks: &mut [Block]) -> Vec<Line> {
+    let Some(last) = blocks.last_mut() else { return Vec::new() };
+    let is_comment = |line: &Line| line.text.trim_start().starts_with('#');
+    let comment = last.lines.iter().rev().take_while(|line| is_comment(line)).count();
+    last.lines.split_off(last.lines.len() - comment)
+}
+
+/// The header that a line is, without white space.
+fn header_of(line: &str) -> Option<String> {
+    let line = line.trim();
+    if !line.starts_with('[') {
+        return None;
+    }
+    let mut quoted = false;
+    let end = line.char_indices().find_map(|(at, c)| {
+        if c == '"' {
+            quoted = !quoted;
+        }
+        (c == '#' && !quoted).then_some(at)
+    });
+    let header = line[..end.unwrap_or(line.len())].trim();
+    Some(header.chars().filter(|c| !c.is_whitespace()).collect())
+}
+
+/// Whether a line begins inside an array, an inline table or a text of several lines.
+#[derive(Default)]
+struct Scanner {
+    depth: usize,
+    /// The three quotes that end a text of several lines.
+    text: Option<&'static str>,
+}
+
+impl Scanner {
+    fn is_at_top(&self) -> bool {
+        self.depth == 0 && self.text.is_none()
+    }
+
+    fn take(&mut self, line: &str) {
+        let mut rest = line;
+        while !rest.is_empty() {
+            if let Some(quotes) = self.text {
+                let Some(end) = rest.find(quotes) else { return };
+                rest = &rest[end + quotes.len()..];
+                self.text = None;
+                continue;
+            }
+            if let Some(quotes) = ["\"\"\"", "'''"].into_iter().find(|quotes| rest.starts_with(quotes)) {
+                self.text = Some(quotes);
+                rest = &rest[quotes.len()..];
+                continue;
+            }
+            let Some(first) = rest.chars().next() else { return };
+            rest = &rest[first.len_utf8()..];
+            match first {
+                '#' => return,
+                '[' | '{' => self.depth += 1,
+                ']' | '}' => self.depth = self.depth.saturating_sub(1),
+                '"' => rest = after_text(rest, '"'),
+                '\'' => rest = after_text(rest, '\''),
+                _ => {}
+            }
+        }
+    }
+}
+
+fn after_text(rest: &str, quote: char) -> &str {
+    let mut escaped = false;
+    for (at, c) in rest.char_indices() {
+        if c == quote && !escaped {
+            return &rest[at + c.len_utf8()..];
+        }
+        escaped = c == '\\' && quote == '"' && !escaped;
+    }
+    ""
+}

@@ -1,0 +1,149 @@
+//! Stacks made of parts: `[[include]]` puts another stack file in place, `[change.<process>]` changes a process that came
+//! with one.
+//!
+//! Composition works on the text. Its result is the text of one stack file without includes, which is what is checked,
+//! hashed and recorded, and for each line of it the file and line that it came from.
+//!
+//! ```toml
+//! [[include]]
+//! part = "stereo_pair"           # a bundled part by name, or a file by path
+//! with = { side = "left" }       # the arguments that the part declares
+//!
+//! [change.obstacles_left]        # keys of a process; tables are merged key by key
+//! params = { max_range_m = 16.0 }
+//! ```
+//!
+//! A part declares its arguments, and uses them in any text: `name = "stereo_${side}"`. A text that is nothing but an
+//! argument takes its type: `max_range_m = "${range_m}"`.
+//!
+//! ```toml
+//! [arguments]
+//! side = { help = "left or right" }
+//! range_m = { help = "farthest point that is used, m", default = 10.0 }
+//! ```
+
+mod arguments;
+mod blocks;
+mod change;
+
+use super::assets::Assets;
+use super::error::{StackError, one_of};
+use arguments::Arguments;
+use blocks::{Block, split};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use toml::Spanned;
+
+/// Includes within includes, at most.
+const DEPTH: usize = 8;
+
+/// Where a line of a composed stack came from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Origin {
+    /// File, as errors name it.
+    pub file: String,
+    /// Line in it, from 1.
+    pub line: usize,
+}
+
+/// A stack file with its parts put in place.
+#[derive(Clone, Debug)]
+pub(crate) struct Composed {
+    pub(crate) text: String,
+    /// One for each line of the text.
+    pub(crate) origins: Vec<Origin>,
+}
+
+/// A block `[[include]]`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Include {
+    part: Spanned<String>,
+    #[serde(default)]
+    with: BTreeMap<String, toml::Value>,
+}
+
+/// Puts the parts of a stack file in place. A file without includes and changes is left as it is.
+pub(crate) fn compose(file: &str, text: &str, assets: &dyn Assets) -> Result<Composed, StackError> {
+    let mut blocks = expand(file, text, &Arguments::default(), assets, &mut vec![file.to_owned()])?;
+    change::apply(&mut blocks)?;
+    let lines = keep_last_of_each_buffer(blocks).into_iter().flat_map(|block| block.lines);
+    let mut composed = Composed { text: String::new(), origins: Vec::new() };
+    for line in lines {
+        composed.text.push_str(&line.text);
+        composed.text.push('\n');
+        composed.origins.push(line.origin);
+    }
+    if !text.ends_with('\n') {
+        composed.text.pop();
+    }
+    Ok(composed)
+}
+
+/// The blocks of a file, with those of the parts in the place of each include. `above` are the files that include it.
+fn expand(
+    file: &str,
+    text: &str,
+    arguments: &Arguments,
+    assets: &dyn Assets,
+    above: &mut Vec<String>,
+) -> Result<Vec<Block>, StackError> {
+    // The text is sound before arguments are put in: they stand in texts.
+    toml::from_str::<toml::Table>(text).map_err(|error| {
+        StackError::at(file, text, &error.span().unwrap_or(0..0), error.message().trim().to_owned())
+    })?;
+    let mut blocks = Vec::new();
+    for mut block in split(file, text) {
+        if block.is("arguments") {
+            continue;
+        }
+        arguments.fill(&mut block)?;
+        if block.is("include") {
+            blocks.extend(included(&block, assets, above)?);
+        } else {
+            blocks.push(block);
+        }
+    }
+    Ok(blocks)
+}
+
+fn included(block: &Block, assets: &dyn Assets, above: &mut Vec<String>) -> Result<Vec<Block>, StackError> {
+    let include: Include = block.parse("include")?;
+    let error = |message: String| block.error(include.part.span().start, message);
+    let part = include.part.get_ref();
+    let asset = assets.read("part", part, &block.origin().file).map_err(error)?;
+    if above.contains(&asset.file) {
+        return Err(error(format!("{} includes itself: {}", asset.file, above.join(" includes "))));
+    }
+    if above.len() >= DEPTH {
+        return Err(error(format!(
+            "more than {DEPTH} files include each other: {}",
+            above.join(" includes ")
+        )));
+    }
+    let arguments =
+        Arguments::of(&asset.file, &asset.text, include.with).map_err(|problem| match problem {
+            arguments::Problem::InPart(error) => error,
+            arguments::Problem::InInclude(message) => error(message),
+        })?;
+    above.push(asset.file.clone());
+    let mut blocks = expand(&asset.file, &asset.text, &arguments, assets, above)?;
+    above.pop();
+    // What a part says of itself is not said of the stack.
+    blocks.retain(|block| !block.is_head());
+    Ok(blocks)
+}
+
+/// Of several blocks for one buffer the last counts: the file that includes comes after its parts.
+fn keep_last_of_each_buffer(blocks: Vec<Block>) -> Vec<Block> {
+    let mut last: BTreeMap<String, usize> = BTreeMap::new();
+    for (index, block) in blocks.iter().enumerate() {
+        if block.is("buffers") {
+            last.insert(block.header.clone(), index);
+        }
+    }
+    let keep = |(index, block): &(usize, Block)| {
+        last.get(&block.header).is_none_or(|last| !block.is("buffers") || last == index)
+    };
+    blocks.into_iter().enumerate().filter(keep).map(|(_, block)| block).collect()
+}

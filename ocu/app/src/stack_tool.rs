@@ -1,0 +1,160 @@
+//! `ocu stack`: what a stack file comes to, and what is wrong with it, before anything runs.
+
+use crate::cli::{StackCheckArgs, StackCommand, StackShowArgs};
+use crate::stacks;
+use anyhow::Context as _;
+use rcs_log::Log;
+use rcs_msg::Value;
+use rcs_msg::params::{ParamKind, specs};
+use rcs_runtime::{Plan, ProcessPlan};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::io::Write;
+
+/// Does what `ocu stack …` says; `false` where a check found an error.
+pub fn stack(command: &StackCommand, out: &mut dyn Write) -> anyhow::Result<bool> {
+    match command {
+        StackCommand::Show(args) => show(args, out).map(|()| true),
+        StackCommand::Check(args) => check(args, out),
+    }
+}
+
+/// Prints the stack with every part in its place, each line with the file and line that it came from.
+fn show(args: &StackShowArgs, out: &mut dyn Write) -> anyhow::Result<()> {
+    let stack = stacks::named(&args.stack)?;
+    if args.plain {
+        write!(out, "{}", stack.text)?;
+        return Ok(());
+    }
+    let width = stack.text.lines().map(|line| line.chars().count()).max().unwrap_or(0).min(100);
+    for (line, origin) in stack.text.lines().zip(stack.origins()) {
+        if line.trim().is_empty() {
+            writeln!(out)?;
+        } else {
+            writeln!(out, "{line:<width$}  # {}:{}", origin.file, origin.line)?;
+        }
+    }
+    Ok(())
+}
+
+#[derive(Debug, Default, Serialize)]
+struct Findings {
+    /// What a run would refuse.
+    errors: Vec<String>,
+    /// What runs, and is probably not meant.
+    warnings: Vec<String>,
+}
+
+fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
+    let overrides: Vec<(String, String)> = args
+        .params
+        .iter()
+        .map(|param| (format!("{}.{}", param.process, param.field), param.value.clone()))
+        .collect();
+    let mut findings = Findings::default();
+    match stacks::plan(&args.stack, args.course.as_deref(), &overrides) {
+        Ok(plan) => {
+            match (&args.log, plan.inputs.first()) {
+                (Some(path), _) => {
+                    let log = Log::open(path).with_context(|| format!("cannot open {}", path.display()))?;
+                    findings.errors.extend(plan.check_log(log.info()).err().map(|error| error.to_string()));
+                }
+                (None, Some(input)) => findings
+                    .warnings
+                    .push(format!("it reads {} of a recording, which --log would check", input.topic)),
+                (None, None) => {}
+            }
+            findings.warnings.extend(unread_outputs(&plan));
+            findings.warnings.extend(differing_frames(&plan));
+        }
+        Err(error) => findings.errors.push(crate::say(&error)),
+    }
+    if args.json {
+        serde_json::to_writer_pretty(&mut *out, &findings).context("cannot write the report")?;
+        writeln!(out)?;
+    } else {
+        for error in &findings.errors {
+            writeln!(out, "error: {error}")?;
+        }
+        for warning in &findings.warnings {
+            writeln!(out, "warning: {warning}")?;
+        }
+        if findings.errors.is_empty() && findings.warnings.is_empty() {
+            writeln!(out, "{}: nothing is wrong with it", args.stack)?;
+        }
+    }
+    Ok(findings.errors.is_empty())
+}
+
+/// Outputs of a type that a process of the stack could read, on a wire that no one reads.
+fn unread_outputs(plan: &Plan) -> Vec<String> {
+    let reads = |buffer: usize| plan.processes.iter().any(|process| process.inputs.contains(&Some(buffer)));
+    let wanted = |schema: &str| {
+        plan.processes.iter().any(|process| {
+            let defs = process.kind.inputs();
+            defs.iter().zip(&process.inputs).any(|(def, wire)| wire.is_none() && def.schema.name() == schema)
+        })
+    };
+    let mut warnings = Vec::new();
+    for process in &plan.processes {
+        for (def, &buffer) in process.kind.outputs().iter().zip(&process.outputs) {
+            let spec = &plan.buffers[buffer].spec;
+            // What a person looks at is read by the window. A cost map is for a world model alone.
+            if !reads(buffer)
+                && def.metadata.get("rcs.role").is_some_and(|role| role == "cost")
+                && wanted(spec.schema.name())
+            {
+                warnings.push(format!("{} of {} is read by no process", spec.name, process.name));
+            }
+        }
+    }
+    warnings
+}
+
+/// Frames that have the same name in the parameters of two processes, of which one reads the other, and differ.
+fn differing_frames(plan: &Plan) -> Vec<String> {
+    let frames: Vec<BTreeMap<String, String>> = plan.processes.iter().map(frames).collect();
+    let mut warnings = Vec::new();
+    for (reader, process) in plan.processes.iter().enumerate() {
+        for (writer, source) in plan.processes.iter().enumerate() {
+            let connected = source.outputs.iter().any(|&buffer| process.inputs.contains(&Some(buffer)));
+            if !connected || reader == writer {
+                continue;
+            }
+            for (name, frame) in &frames[reader] {
+                let Some(other) = frames[writer].get(name).filter(|other| *other != frame) else { continue };
+                warnings.push(format!(
+                    "{} is {frame:?} in {} and {other:?} in {}, which it reads",
+                    name, process.name, source.name
+                ));
+            }
+        }
+    }
+    warnings
+}
+
+/// The parameters of a process that name coordinate frames, by name.
+fn frames(process: &ProcessPlan) -> BTreeMap<String, String> {
+    let mut frames = BTreeMap::new();
+    let Some(descriptor) = process.params.schema().descriptor().cloned() else { return frames };
+    let Ok(tree) = process.params.value() else { return frames };
+    let mut take = |path: &str, name: &str| {
+        let Ok(path) = path.parse() else { return };
+        if let Ok(value) = tree.get(&path)
+            && let Value::Text(frame) = &*value
+        {
+            frames.insert(name.to_owned(), frame.clone());
+        }
+    };
+    for spec in specs(&descriptor) {
+        if spec.kind == ParamKind::Text && spec.name.ends_with("_frame") {
+            take(&format!(".{}", spec.name), &spec.name);
+        }
+        for inner in spec.fields.iter().filter(|_| spec.kind == ParamKind::Group) {
+            if inner.kind == ParamKind::Text && inner.name.ends_with("_frame") {
+                take(&format!(".{}.{}", spec.name, inner.name), &inner.name);
+            }
+        }
+    }
+    frames
+}
