@@ -4,10 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use rcs_msg::{foxglove, rcs};
-use rcs_runtime::{
-    Cycle, In, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType, RecordOptions, Recording,
-    RunOptions, StackFile, Stepped,
-};
+use rcs_runtime::{Cycle, In, NoCommands, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType, RecordOptions, Recording, RunOptions, StackFile, Stepped};
 use serde::{Deserialize, Serialize};
 
 /// Reads a pose, writes a pose (seven numbers, 67 bytes encoded), posts its status.
@@ -23,7 +20,8 @@ impl Process for Relay {
     // Parameters are taken once, so whose they are makes no difference here.
     type Params = rcs_msg::rcs::NoParams;
     type Ports = RelayPorts;
-    const DEF: ProcessDef = ProcessDef { plugin: "relay", summary: "Relays.", period_ms: 1.0, latency_ms: 0.0, commands: &[], reads_truth: false };
+    type Command = NoCommands;
+    const DEF: ProcessDef = ProcessDef { plugin: "relay", summary: "Relays.", period_ms: 1.0, latency_ms: 0.0, reads_truth: false };
 
     fn ports(builder: &mut PortBuilder) -> RelayPorts {
         RelayPorts {
@@ -52,7 +50,8 @@ struct Sink;
 impl Process for Sink {
     type Params = rcs_msg::rcs::NoParams;
     type Ports = In<foxglove::Pose>;
-    const DEF: ProcessDef = ProcessDef { plugin: "sink", summary: "Reads.", period_ms: 1.0, latency_ms: 0.0, commands: &[], reads_truth: false };
+    type Command = NoCommands;
+    const DEF: ProcessDef = ProcessDef { plugin: "sink", summary: "Reads.", period_ms: 1.0, latency_ms: 0.0, reads_truth: false };
 
     fn ports(builder: &mut PortBuilder) -> In<foxglove::Pose> {
         builder.input("input", "Pose.")

@@ -327,10 +327,16 @@ outputs = { labels = "/labels" }
 params = { depth_scale_m = 0.001 }
 
 [[process]]
+name = "robot"
+plugin = "supervisor"
+supervisor = "viewer"
+
+[[process]]
 name = "wm1"
 plugin = "world_model"
-supervisor = "obstacles"
+supervisor = "robot"
 period_ms = 100
+as = "auxiliary"
 
 [buffers."/labels"]
 queue = 8

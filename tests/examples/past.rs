@@ -175,12 +175,12 @@ struct FollowerPorts {
 impl Process for Follower {
     type Params = CounterParams;
     type Ports = FollowerPorts;
+    type Command = rcs_runtime::NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "follower",
         summary: "Follows its input.",
         period_ms: 20.0,
         latency_ms: 0.0,
-        commands: &[],
         reads_truth: false,
     };
 

@@ -1,7 +1,9 @@
 //! What a process sees during one cycle.
 
+use crate::children::Family;
 use crate::pool::Pool;
-use crate::process::{In, Out};
+use crate::process::{In, Out, Process};
+use crate::register::Register;
 use crate::status::{StatusCell, Text};
 use rand_chacha::ChaCha8Rng;
 use rcs_bus::{Header, Sample};
@@ -18,7 +20,8 @@ pub struct Cycle<'a> {
     pub(crate) inputs: &'a mut [InputView],
     pub(crate) staged: &'a mut Vec<Staged>,
     pub(crate) status: &'a mut StatusCell,
-    pub(crate) command: Option<&'a rcs::Command>,
+    pub(crate) register: &'a mut Register,
+    pub(crate) family: &'a mut Family,
     pub(crate) rng: &'a mut ChaCha8Rng,
     pub(crate) pool: &'a Pool,
 }
@@ -140,9 +143,20 @@ impl Cycle<'_> {
         self.staged.push(Staged { output: port.index, acq_time, message });
     }
 
-    /// A command that came since the last cycle (other than `RUN` and `HALT`).
-    pub fn command(&self) -> Option<&rcs::Command> {
-        self.command
+    /// The next of the process's own commands that came since its last cycle; call again for more. What is not asked
+    /// for in this cycle does not come again, but the last one stands: [`Cycle::command`].
+    pub fn next_command<P: Process>(&mut self) -> Option<P::Command> {
+        self.register.next()?.downcast_ref::<P::Command>().cloned()
+    }
+
+    /// The process's own command that is being obeyed: the last one since `RUN`.
+    pub fn command<P: Process>(&self) -> Option<&P::Command> {
+        self.register.standing()?.downcast_ref()
+    }
+
+    /// Whether a command, own or not, was accepted since the last cycle.
+    pub fn is_new_command(&self) -> bool {
+        self.register.is_new()
     }
 
     /// Says that the process is at work, and at what.

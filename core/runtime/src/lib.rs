@@ -7,6 +7,8 @@
 //! - [`Live`]: a thread a process, on the wall clock; its schedule can be run again by [`Stepped`].
 //! - [`source`]: what a window looks at.
 
+mod children;
+mod command;
 mod compare;
 mod cycle;
 mod error;
@@ -22,6 +24,7 @@ mod overrides;
 mod pool;
 mod process;
 mod record;
+mod register;
 mod replay;
 mod script;
 mod snapshot;
@@ -32,6 +35,10 @@ mod stepped;
 mod summary;
 mod workers;
 
+pub use children::{Child, ChildDef, ChildReport, ChildState, Children};
+#[doc(hidden)]
+pub use command::support as commands;
+pub use command::{BUILT_IN, CommandDef, CommandSet, NoCommands, Order};
 pub use compare::{Difference, diff};
 pub use cycle::{Cycle, Msg};
 pub use error::RunError;
@@ -40,16 +47,14 @@ pub use journal::{EventPlace, ExternalEvent, Journal};
 pub use live::{Live, LiveOptions, Stopped};
 pub use options::RunOptions;
 pub use pool::Pool;
-pub use process::{
-    CommandDef, In, Out, OutBuilder, PortBuilder, PortDef, Process, ProcessDef, ProcessType, codecs,
-};
+pub use process::{In, Out, OutBuilder, PortBuilder, PortDef, Process, ProcessDef, ProcessType, codecs};
 pub use record::{RecordOptions, RecordWhat, Recording};
 pub use replay::{RecordedRun, Replay};
 pub use snapshot::Snapshot;
 pub use stack::{
-    Asset, Assets, BufferEntry, BufferPlan, InputEntry, InputPlan, NoAssets, Origin, OverflowEntry,
-    ParamEntry, Plan, PlanOptions, ProcessEntry, ProcessPlan, StackError, StackFile, VIEWER,
+    Asset, Assets, BufferEntry, BufferPlan, ChildPlan, InputEntry, InputPlan, NoAssets, Origin,
+    OverflowEntry, ParamEntry, Plan, PlanOptions, ProcessEntry, ProcessPlan, StackError, StackFile, VIEWER,
 };
-pub use status::{Text, child_state};
+pub use status::Text;
 pub use stepped::{Happened, Stepped};
 pub use summary::{BufferSummary, ProcessSummary, Summary};

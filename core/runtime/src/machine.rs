@@ -29,10 +29,15 @@ impl Machine {
         for buffer in &plan.buffers {
             buffers.push(bus.add(buffer.spec.clone())?);
         }
-        let mut nodes = Vec::new();
+        let mut ids = Vec::new();
         for process in &plan.processes {
-            let id = bus.add_writer(&process.name)?;
-            let node = Node::new(process, &buffers, id, seed);
+            ids.push(bus.add_writer(&process.name)?);
+        }
+        let last = ids.last().map_or(WriterId::RUNTIME.0, |id| id.0);
+        let names: Arc<[Arc<str>]> = (0..=last).map(|id| bus.writer_name(WriterId(id))).collect();
+        let mut nodes = Vec::new();
+        for (index, (process, &id)) in plan.processes.iter().zip(&ids).enumerate() {
+            let node = Node::new(&plan, index, &buffers, id, &names, seed);
             nodes.push(Slot::new(node.ok_or_else(|| {
                 RunError::Refused(format!("the parameters of {} are of another type", process.name))
             })?));

@@ -1,10 +1,12 @@
 //! A process with its ports: captures inputs, runs one cycle, publishes what it wrote. Both executors use it.
 
+use crate::children::{Family, FamilyState};
 use crate::cycle::{Cycle, InputView, Staged};
 use crate::machine::check_params;
 use crate::pool::Pool;
 use crate::process::{Body, SavedState};
-use crate::stack::ProcessPlan;
+use crate::register::{Phase, Register, Superiors, Verdict};
+use crate::stack::Plan;
 use crate::status::{StatusCell, StatusRecord};
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
@@ -13,6 +15,9 @@ use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The writer that is the first process of a plan; the others follow in the order of the plan.
+pub(crate) const FIRST_PROCESS: WriterId = WriterId(WriterId::RUNTIME.0 + 1);
 
 /// A process with its ports.
 pub(crate) struct Node {
@@ -28,10 +33,10 @@ pub(crate) struct Node {
     outputs: Vec<Writer>,
     status_out: Writer,
     status: StatusCell,
-    /// Whether the last command lets it work; `None` before the first.
-    running: Option<bool>,
+    superiors: Superiors,
+    register: Register,
+    family: Family,
     panicked: bool,
-    command: Option<rcs::Command>,
     rng: ChaCha8Rng,
     staged: Vec<Staged>,
     scratch: Vec<Sample>,
@@ -71,7 +76,8 @@ pub(crate) struct NodeState {
     pub(crate) body: SavedBody,
     pub(crate) views: Vec<InputView>,
     pub(crate) status: StatusCell,
-    pub(crate) running: Option<bool>,
+    pub(crate) register: Register,
+    pub(crate) family: FamilyState,
     pub(crate) panicked: bool,
     pub(crate) rng: ChaCha8Rng,
 }
@@ -91,7 +97,17 @@ pub(crate) struct Output {
 }
 
 impl Node {
-    pub(crate) fn new(plan: &ProcessPlan, buffers: &[Arc<Buffer>], id: WriterId, seed: u64) -> Option<Self> {
+    /// The process of that place in the plan, who writes as `id`; `names` are those of all writers. `None` where its
+    /// parameters are of another type.
+    pub(crate) fn new(
+        plan: &Plan,
+        index: usize,
+        buffers: &[Arc<Buffer>],
+        id: WriterId,
+        names: &Arc<[Arc<str>]>,
+        seed: u64,
+    ) -> Option<Self> {
+        let process = &plan.processes[index];
         let input = |index: usize| Input {
             reader: buffers[index].reader(),
             depth: match buffers[index].spec().mode {
@@ -100,25 +116,36 @@ impl Node {
             },
         };
         let mail = Mail::default();
-        mail.watch(&buffers[plan.command_buffer]);
-        mail.watch(&buffers[plan.params_buffer]);
-        let hash = blake3::hash(format!("{seed}/{}", plan.name).as_bytes());
+        mail.watch(&buffers[process.command_buffer]);
+        mail.watch(&buffers[process.params_buffer]);
+        let hash = blake3::hash(format!("{seed}/{}", process.name).as_bytes());
+        let children = || process.children.iter().map(|child| &plan.processes[child.process]);
+        let statuses = children().map(|child| Some(input(child.status_buffer)));
+        let inputs: Vec<_> = process.inputs.iter().map(|index| index.map(input)).chain(statuses).collect();
+        let commands = children().map(|child| child.command_buffer);
+        let outputs = process.outputs.iter().copied().chain(commands);
+        let writer = |index: usize| WriterId(FIRST_PROCESS.0 + index as u16);
         Some(Self {
-            period_ns: plan.period_ns,
-            latency_ns: plan.latency_ns,
-            body: plan.kind.make(&plan.params)?,
-            kind: plan.kind,
-            inputs: plan.inputs.iter().map(|index| index.map(input)).collect(),
-            views: vec![InputView::default(); plan.inputs.len()],
-            commands: buffers[plan.command_buffer].reader(),
-            params: buffers[plan.params_buffer].reader(),
+            period_ns: process.period_ns,
+            latency_ns: process.latency_ns,
+            body: process.kind.make(&process.params)?,
+            kind: process.kind,
+            views: vec![InputView::default(); inputs.len()],
+            inputs,
+            commands: buffers[process.command_buffer].reader(),
+            params: buffers[process.params_buffer].reader(),
             mail,
-            outputs: plan.outputs.iter().map(|&index| buffers[index].writer(id)).collect(),
-            status_out: buffers[plan.status_buffer].writer(id),
-            status: StatusCell::new(Arc::clone(&plan.name)),
-            running: None,
+            outputs: outputs.map(|index| buffers[index].writer(id)).collect(),
+            status_out: buffers[process.status_buffer].writer(id),
+            status: StatusCell::new(Arc::clone(&process.name)),
+            superiors: Superiors {
+                supervisor: process.supervisor.map(writer),
+                lease_ns: plan.authority_ns,
+                names: Arc::clone(names),
+            },
+            register: Register::default(),
+            family: Family::new(plan, index),
             panicked: false,
-            command: None,
             rng: ChaCha8Rng::from_seed(*hash.as_bytes()),
             staged: Vec::new(),
             scratch: Vec::new(),
@@ -143,7 +170,7 @@ impl Node {
                 self.take_params(&sample.message);
             }
             while let Some(sample) = self.commands.read() {
-                self.take_command(&sample.message);
+                self.take_command(&sample);
             }
         }
         for (input, view) in self.inputs.iter_mut().zip(&mut self.views) {
@@ -177,33 +204,14 @@ impl Node {
         }
     }
 
-    fn take_command(&mut self, message: &AnyMessage) {
-        let Some(command) = message.to::<rcs::Command>() else {
-            self.status.fault("a command that does not decode".into());
-            return;
-        };
-        self.status.echo_serial = command.serial;
-        self.status.command = command.name.as_str().into();
-        if self.panicked {
-            return;
-        }
-        match command.name.as_str() {
-            "RUN" => {
-                self.running = Some(true);
-                self.status.set(rcs::ProcessState::Exec, "running".into());
-            }
-            "HALT" => {
-                self.running = Some(false);
-                self.status.set(rcs::ProcessState::Done, "halted".into());
-            }
-            name if self.kind.def().commands.iter().any(|known| known.name == name) => {
-                self.command = Some(command);
-            }
-            name => {
-                let known = self.kind.def().commands.iter().map(|known| known.name);
-                let known: Vec<_> = ["RUN", "HALT"].into_iter().chain(known).collect();
-                let text = format!("unknown command {name}; expected {}", known.join(", "));
-                self.status.set(rcs::ProcessState::Error, text.into());
+    fn take_command(&mut self, sample: &Sample) {
+        let verdict =
+            self.register.take(sample, &self.superiors, &self.kind, self.panicked, &mut self.status);
+        if verdict == Verdict::Anew {
+            self.panicked = false;
+            let body = &mut self.body;
+            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| body.reset())) {
+                self.panicked(&*panic);
             }
         }
     }
@@ -213,32 +221,40 @@ impl Node {
     pub(crate) fn run(&mut self, now: Stamp, pool: &Pool) {
         self.changes += 1;
         self.status.cycle += 1;
-        let works = self.running == Some(true) || (self.running.is_some() && self.command.is_some());
-        if !works || self.panicked {
+        self.register.lapse(now, &self.superiors, &mut self.status);
+        let phase = self.register.phase();
+        if phase == Phase::Uninitialized || self.panicked {
             return;
         }
-        let command = self.command.take();
+        self.family.begin_cycle(now);
         let mut cycle = Cycle {
             now,
             inputs: &mut self.views,
             staged: &mut self.staged,
             status: &mut self.status,
-            command: command.as_ref(),
+            register: &mut self.register,
+            family: &mut self.family,
             rng: &mut self.rng,
             pool,
         };
         let body = &mut self.body;
-        if let Err(panic) = catch_unwind(AssertUnwindSafe(|| body.cycle(&mut cycle))) {
-            // Its state may be half changed: it never runs again, and nothing that it wrote in this cycle is sent on.
-            self.panicked = true;
+        if let Err(panic) = catch_unwind(AssertUnwindSafe(|| body.cycle(phase, &mut cycle))) {
             self.staged.clear();
-            let text = panic
-                .downcast_ref::<&str>()
-                .map(|text| (*text).to_owned())
-                .or_else(|| panic.downcast_ref::<String>().cloned())
-                .unwrap_or_default();
-            self.status.set(rcs::ProcessState::Error, format!("panicked: {text}").into());
+            self.panicked(&*panic);
         }
+        self.register.end_cycle();
+    }
+
+    /// Its state may be half changed: it does not run until `INIT` makes it anew, and nothing that it wrote in this
+    /// cycle is sent on.
+    fn panicked(&mut self, panic: &(dyn std::any::Any + Send)) {
+        self.panicked = true;
+        let text = panic
+            .downcast_ref::<&str>()
+            .map(|text| (*text).to_owned())
+            .or_else(|| panic.downcast_ref::<String>().cloned())
+            .unwrap_or_default();
+        self.status.set(rcs::ProcessState::Error, format!("panicked: {text}").into());
     }
 
     /// Takes what the last cycle wrote, for publishing it later.
@@ -286,7 +302,8 @@ impl Node {
             body: SavedBody::Live(self.body.save()),
             views: self.views.clone(),
             status: self.status.clone(),
-            running: self.running,
+            register: self.register.clone(),
+            family: self.family.state.clone(),
             panicked: self.panicked,
             rng: self.rng.clone(),
         }
@@ -308,10 +325,13 @@ impl Node {
         }
         self.views.clone_from(&state.views);
         self.status = state.status.clone();
-        self.running = state.running;
+        self.register = state.register.clone();
+        self.register
+            .decode(&self.kind)
+            .map_err(|error| format!("the commands of {} do not decode: {error}", self.status.process))?;
+        self.family.state = state.family.clone();
         self.panicked = state.panicked;
         self.rng = state.rng.clone();
-        self.command = None;
         self.staged.clear();
         // The buffers may hold what had not been read then.
         self.mail.set();

@@ -3,8 +3,11 @@
 //! The runtime owns everything else: buffers, time, threads, recording. A process is a value: its state is `Clone`, so
 //! that a snapshot is a clone, and it reads, computes and writes only through the [`Cycle`] that it is given.
 
+use crate::children::{Child, ChildDef, Children};
+use crate::command::{CommandDef, CommandSet, Typed};
 use crate::cycle::Cycle;
-use rcs_msg::{AnyMessage, DeltaCodec, Payload, Schema, schema_of};
+use crate::register::Phase;
+use rcs_msg::{AnyMessage, DeltaCodec, Payload, Schema, rcs, schema_of};
 use serde::{Serialize, de::DeserializeOwned};
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -18,9 +21,12 @@ pub trait Process: Clone + Serialize + DeserializeOwned + Send + Sync + 'static 
     /// Parameters: a message of the plugin's own `proto/` whose fields carry unit, range, default and help;
     /// `rcs.NoParams` where there are none.
     type Params: Payload;
-    /// Handles of the ports, made by [`Process::ports`].
+    /// Handles of the ports and of the children, made by [`Process::ports`].
     type Ports: Send + Sync + 'static;
-    /// Name, summary, period and commands.
+    /// Its own commands, declared with [`commands!`](crate::commands); [`NoCommands`](crate::NoCommands) where it obeys
+    /// those of the runtime alone.
+    type Command: CommandSet;
+    /// Name, summary and period.
     const DEF: ProcessDef;
 
     /// Declares the ports. Called once; the order of the calls is the order of the port table.
@@ -34,6 +40,16 @@ pub trait Process: Clone + Serialize + DeserializeOwned + Send + Sync + 'static 
     fn new(params: &Self::Params) -> Self;
     /// One cycle: read, compute, write, say how it went.
     fn cycle(&mut self, ports: &Self::Ports, params: &Self::Params, cx: &mut Cycle<'_>);
+    /// One cycle after `INIT`, which has made the state anew: until `RUN` or `HALT` comes, [`Cycle::done`] where it is
+    /// ready. A supervisor passes it down.
+    fn init(&mut self, _ports: &Self::Ports, _params: &Self::Params, cx: &mut Cycle<'_>) {
+        cx.done("initialized");
+    }
+    /// One cycle after `HALT`: until another command comes, [`Cycle::done`] where everything stands still. What moves
+    /// brakes; a supervisor passes it down.
+    fn halt(&mut self, _ports: &Self::Ports, _params: &Self::Params, cx: &mut Cycle<'_>) {
+        cx.done("halted");
+    }
 }
 
 /// What is fixed about a process.
@@ -49,22 +65,9 @@ pub struct ProcessDef {
     /// milliseconds: near what the cycle takes on a computer with two cores. 0 for what takes less than half a
     /// millisecond, and for what stands for the world itself.
     pub latency_ms: f64,
-    /// Commands beside `RUN` and `HALT`, which the runtime handles for every process.
-    pub commands: &'static [CommandDef],
     /// Whether it may read the truth of a simulation: its own processes, and those that stand in for what is not
     /// under test.
     pub reads_truth: bool,
-}
-
-/// A command that a process obeys.
-#[derive(Clone, Copy, Debug)]
-pub struct CommandDef {
-    /// Its name: `CLEAR`.
-    pub name: &'static str,
-    /// One sentence.
-    pub help: &'static str,
-    /// Full name of its parameter message; empty where it has none.
-    pub parameters: &'static str,
 }
 
 /// One port: what it carries and what it is for.
@@ -90,6 +93,7 @@ pub struct PortDef {
 pub struct PortBuilder {
     pub(crate) inputs: Vec<PortDef>,
     pub(crate) outputs: Vec<PortDef>,
+    pub(crate) children: Vec<ChildDef>,
 }
 
 /// Handle of an input port.
@@ -128,6 +132,34 @@ impl PortBuilder {
         let schema = Arc::clone(schema_of::<T>());
         self.inputs.push(PortDef { name, help, schema, required, metadata: BTreeMap::new(), codec: None });
         In { index: self.inputs.len() - 1, payload: PhantomData }
+    }
+
+    /// A child that a stack must give it: a process that names it as its supervisor, and obeys every command of `C`.
+    pub fn child<C: CommandSet>(&mut self, name: &'static str, help: &'static str) -> Child<C> {
+        self.add_child::<C>(name, help, true, false);
+        Child::new(self.children.len() - 1, 0)
+    }
+
+    /// A child that a stack may leave out.
+    pub fn optional_child<C: CommandSet>(&mut self, name: &'static str, help: &'static str) -> Child<C> {
+        self.add_child::<C>(name, help, false, false);
+        Child::new(self.children.len() - 1, 0)
+    }
+
+    /// Any number of children that obey every command of `C`.
+    pub fn children<C: CommandSet>(&mut self, name: &'static str, help: &'static str) -> Children<C> {
+        self.add_child::<C>(name, help, false, true);
+        Children::new(self.children.len() - 1)
+    }
+
+    fn add_child<C: CommandSet>(
+        &mut self,
+        name: &'static str,
+        help: &'static str,
+        required: bool,
+        many: bool,
+    ) {
+        self.children.push(ChildDef { name, help, required, many, commands: C::COMMANDS });
     }
 
     /// An output; its buffer is `/<process>/<name>` where the stack does not say otherwise.
@@ -195,6 +227,8 @@ pub struct ProcessType {
     def: &'static ProcessDef,
     ports: fn() -> PortBuilder,
     params: fn() -> &'static Arc<Schema>,
+    commands: &'static [CommandDef],
+    decode: fn(&rcs::Command) -> Result<Typed, String>,
     check: fn(&AnyMessage) -> Result<(), String>,
     make: fn(&AnyMessage) -> Option<Box<dyn Body>>,
 }
@@ -210,6 +244,8 @@ impl ProcessType {
                 builder
             },
             params: schema_of::<P::Params>,
+            commands: P::Command::COMMANDS,
+            decode: |command| P::Command::decode(command).map(|command| Arc::new(command) as Typed),
             check: |message| {
                 let params: P::Params =
                     message.to().ok_or_else(|| format!("expected a {}", schema_of::<P::Params>().name()))?;
@@ -243,6 +279,21 @@ impl ProcessType {
     pub fn register(&self) {
         self.params_schema();
         (self.ports)();
+    }
+
+    /// The children that it can have, in order.
+    pub fn children(&self) -> Vec<ChildDef> {
+        (self.ports)().children
+    }
+
+    /// Its own commands, in order.
+    pub fn commands(&self) -> &'static [CommandDef] {
+        self.commands
+    }
+
+    /// One of its own commands as its own type; an error says what is wrong with it.
+    pub(crate) fn decode(&self, command: &rcs::Command) -> Result<Typed, String> {
+        (self.decode)(command)
     }
 
     /// Schema of its parameters.
@@ -280,7 +331,10 @@ impl std::fmt::Debug for ProcessType {
 
 /// A process of a type that is known only to itself.
 pub(crate) trait Body: Send {
-    fn cycle(&mut self, cx: &mut Cycle<'_>);
+    /// One cycle of what the phase asks for.
+    fn cycle(&mut self, phase: Phase, cx: &mut Cycle<'_>);
+    /// Makes the state anew from the parameters.
+    fn reset(&mut self);
     /// Takes new parameters; `false` where they are of another type.
     fn set_params(&mut self, params: &AnyMessage) -> bool;
     fn save(&self) -> Arc<dyn SavedState>;
@@ -308,8 +362,18 @@ struct Saved<P: Process> {
 }
 
 impl<P: Process> Body for Runner<P> {
-    fn cycle(&mut self, cx: &mut Cycle<'_>) {
-        self.state.cycle(&self.ports, &self.params, cx);
+    fn cycle(&mut self, phase: Phase, cx: &mut Cycle<'_>) {
+        let Self { state, params, ports } = self;
+        match phase {
+            Phase::Uninitialized => {}
+            Phase::Init => state.init(ports, params, cx),
+            Phase::Run => state.cycle(ports, params, cx),
+            Phase::Halt => state.halt(ports, params, cx),
+        }
+    }
+
+    fn reset(&mut self) {
+        self.state = P::new(&self.params);
     }
 
     fn set_params(&mut self, params: &AnyMessage) -> bool {

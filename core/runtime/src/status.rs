@@ -1,7 +1,7 @@
-//! RCS's contract of status and command.
+//! What a process says of itself: RCS's status.
 //!
-//! A command carries a serial. A status echoes it. A supervisor treats a child as `EXEC` until the echo equals what it
-//! sent, so that an old `DONE` is never mistaken for the new one: [`child_state`].
+//! A status echoes the serial of the command that the process obeys. While the last command of its owner is refused,
+//! the status says `ERROR` with the reason, whatever the process itself says meanwhile.
 
 use rcs_msg::{Stamp, rcs};
 use serde::{Deserialize, Serialize};
@@ -62,13 +62,26 @@ fn source_line(location: &Location<'_>) -> Arc<str> {
     format!("{}:{}", location.file(), location.line()).into()
 }
 
+/// What a status says of commands. It changes when a command arrives, not when a cycle is run: cells share it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Obeyed {
+    pub(crate) command: String,
+    pub(crate) echo_serial: u64,
+    pub(crate) owner: String,
+    pub(crate) commander: String,
+    pub(crate) supervisor_serial: u64,
+    pub(crate) refused: Option<rcs::Refusal>,
+    /// The owner's last command was refused: the text and the source line of the `ERROR` that is shown until it sends
+    /// one that is accepted.
+    pub(crate) rejected: Option<(Text, Arc<str>)>,
+}
+
 /// What a process says of itself, kept from cycle to cycle.
 #[derive(Clone, Debug)]
 pub(crate) struct StatusCell {
     pub(crate) process: Arc<str>,
-    pub(crate) command: Arc<str>,
-    pub(crate) echo_serial: u64,
-    pub(crate) state: rcs::ProcessState,
+    pub(crate) obeyed: Arc<Obeyed>,
+    state: rcs::ProcessState,
     text: Text,
     source_line: Arc<str>,
     pub(crate) cycle: u64,
@@ -81,8 +94,7 @@ impl StatusCell {
     pub(crate) fn new(process: Arc<str>) -> Self {
         Self {
             process,
-            command: "".into(),
-            echo_serial: 0,
+            obeyed: Arc::default(),
             state: rcs::ProcessState::Uninitialized,
             text: Text::Static("waits for its first command"),
             source_line: source_line(Location::caller()),
@@ -93,10 +105,18 @@ impl StatusCell {
     }
 
     fn from_status(status: &rcs::Status) -> Self {
+        let obeyed = Obeyed {
+            command: status.command.clone(),
+            echo_serial: status.echo_serial,
+            owner: status.owner.clone(),
+            commander: status.commander.clone(),
+            supervisor_serial: status.supervisor_serial,
+            refused: status.refused.clone(),
+            rejected: None,
+        };
         Self {
             process: status.process.as_str().into(),
-            command: status.command.as_str().into(),
-            echo_serial: status.echo_serial,
+            obeyed: Arc::new(obeyed),
             state: status.state(),
             text: status.state_text.clone().into(),
             source_line: status.source_line.as_str().into(),
@@ -106,6 +126,16 @@ impl StatusCell {
         }
     }
 
+    /// The state that is shown.
+    pub(crate) fn state(&self) -> rcs::ProcessState {
+        if self.obeyed.rejected.is_some() { rcs::ProcessState::Error } else { self.state }
+    }
+
+    /// What the process itself says, whatever is shown.
+    pub(crate) fn text(&self) -> &str {
+        self.text.as_str()
+    }
+
     #[track_caller]
     pub(crate) fn set(&mut self, state: rcs::ProcessState, text: Text) {
         if state != self.state || text != self.text {
@@ -113,6 +143,12 @@ impl StatusCell {
             self.state = state;
             self.text = text;
         }
+    }
+
+    /// Shows `ERROR` with this text until a command is accepted.
+    #[track_caller]
+    pub(crate) fn reject(&mut self, text: String) {
+        Arc::make_mut(&mut self.obeyed).rejected = Some((text.into(), source_line(Location::caller())));
     }
 
     pub(crate) fn fault(&mut self, text: Text) {
@@ -136,17 +172,27 @@ pub(crate) struct StatusRecord {
 impl From<StatusRecord> for rcs::Status {
     fn from(record: StatusRecord) -> Self {
         let StatusRecord { now, cell } = record;
+        let state = cell.state();
+        let obeyed = &*cell.obeyed;
+        let (text, source_line) = match &obeyed.rejected {
+            Some((text, source_line)) => (text, source_line),
+            None => (&cell.text, &cell.source_line),
+        };
         rcs::Status {
             timestamp: Some(now.to_proto()),
             process: cell.process.to_string(),
-            command: cell.command.to_string(),
-            echo_serial: cell.echo_serial,
-            state: cell.state.into(),
-            state_text: cell.text.as_str().to_owned(),
-            source_line: cell.source_line.to_string(),
+            command: obeyed.command.clone(),
+            echo_serial: obeyed.echo_serial,
+            state: state.into(),
+            state_text: text.as_str().to_owned(),
+            source_line: source_line.to_string(),
             cycle: cell.cycle,
             faults: cell.faults,
             last_fault: cell.last_fault.as_str().to_owned(),
+            owner: obeyed.owner.clone(),
+            commander: obeyed.commander.clone(),
+            supervisor_serial: obeyed.supervisor_serial,
+            refused: obeyed.refused.clone(),
         }
     }
 }
@@ -159,14 +205,22 @@ impl StatusRecord {
     }
 }
 
-/// [`StatusCell`] as it is written to disk.
+/// [`StatusCell`] as it is written to disk: what the process says, and the refusal that hides it.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct StatusOnDisk(Vec<u8>);
+pub(crate) struct StatusOnDisk {
+    status: Vec<u8>,
+    rejected: Option<(String, String)>,
+}
 
 impl From<&StatusCell> for StatusOnDisk {
     fn from(cell: &StatusCell) -> Self {
-        let status: rcs::Status = cell.record(Stamp(0)).into();
-        Self(prost::Message::encode_to_vec(&status))
+        let mut own = cell.clone();
+        let rejected = Arc::make_mut(&mut own.obeyed).rejected.take();
+        let status: rcs::Status = own.record(Stamp(0)).into();
+        Self {
+            status: prost::Message::encode_to_vec(&status),
+            rejected: rejected.map(|(text, line)| (text.as_str().to_owned(), line.to_string())),
+        }
     }
 }
 
@@ -174,15 +228,11 @@ impl TryFrom<&StatusOnDisk> for StatusCell {
     type Error = prost::DecodeError;
 
     fn try_from(disk: &StatusOnDisk) -> Result<Self, Self::Error> {
-        let status: rcs::Status = prost::Message::decode(disk.0.as_slice())?;
-        Ok(Self::from_status(&status))
-    }
-}
-
-/// How a supervisor must see a child to which it sent `sent_serial`: `EXEC` until the echo equals it.
-pub fn child_state(sent_serial: u64, status: Option<&rcs::Status>) -> rcs::ProcessState {
-    match status {
-        Some(status) if status.echo_serial == sent_serial => status.state(),
-        _ => rcs::ProcessState::Exec,
+        let status: rcs::Status = prost::Message::decode(disk.status.as_slice())?;
+        let mut cell = Self::from_status(&status);
+        if let Some((text, line)) = &disk.rejected {
+            Arc::make_mut(&mut cell.obeyed).rejected = Some((text.clone().into(), line.as_str().into()));
+        }
+        Ok(cell)
     }
 }

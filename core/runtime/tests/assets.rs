@@ -4,8 +4,8 @@
 
 use rcs_msg::{foxglove, rcs};
 use rcs_runtime::{
-    Asset, Assets, Cycle, In, Out, Plan, PlanOptions, PortBuilder, Process, ProcessDef, ProcessType,
-    RunOptions, StackFile, Stepped,
+    Asset, Assets, Cycle, In, NoCommands, Out, Plan, PlanOptions, PortBuilder, Process, ProcessDef,
+    ProcessType, RunOptions, StackFile, Stepped,
 };
 use rcs_testkit::proto::FileParams;
 use serde::{Deserialize, Serialize};
@@ -17,12 +17,12 @@ struct World;
 impl Process for World {
     type Params = FileParams;
     type Ports = Out<foxglove::Vector3>;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "world",
         summary: "Knows.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        commands: &[],
         reads_truth: true,
     };
 
@@ -49,12 +49,12 @@ struct Robot;
 impl Process for Robot {
     type Params = rcs::NoParams;
     type Ports = In<foxglove::Vector3>;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "robot",
         summary: "Guesses.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        commands: &[],
         reads_truth: false,
     };
 

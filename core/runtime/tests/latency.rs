@@ -38,12 +38,12 @@ macro_rules! meets {
         impl Process for $name {
             type Params = rcs::NoParams;
             type Ports = (In<foxglove::Vector3>, Out<foxglove::Vector3>);
+            type Command = rcs_runtime::NoCommands;
             const DEF: ProcessDef = ProcessDef {
                 plugin: $plugin,
                 summary: "Goes on where another computes at the same time.",
                 period_ms: 10.0,
                 latency_ms: 5.0,
-                commands: &[],
                 reads_truth: false,
             };
 

@@ -29,12 +29,12 @@ struct Walker {
 impl Process for Walker {
     type Params = CounterParams;
     type Ports = (Out<foxglove::Odometry>, Out<foxglove::RawImage>);
+    type Command = rcs_runtime::NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "walker",
         summary: "Walks.",
         period_ms: 50.0,
         latency_ms: 0.0,
-        commands: &[],
         reads_truth: false,
     };
 

@@ -10,7 +10,7 @@ use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use rcs_runtime::source::{Source, StackSource, Step, Task};
 use rcs_runtime::{
     ExternalEvent, Live, LiveOptions, RecordOptions, RecordedRun, Recording, RunOptions, Session, Snapshot,
-    Stepped, child_state,
+    Stepped,
 };
 use std::time::{Duration, Instant};
 
@@ -209,53 +209,6 @@ fn a_process_that_panics_becomes_error_and_the_others_go_on() {
     );
     assert_eq!(newest::<rcs::Status>(&run, "/counter/status").state(), rcs::ProcessState::Exec);
     assert!(run.bus().get("/counter/count").unwrap().newest() > 90);
-}
-
-#[test]
-fn a_command_is_echoed_with_its_serial_and_an_unknown_one_is_an_error() {
-    let mut session = Session::new(stepped(PAIR, RunOptions::default())).unwrap();
-    let task = Task::default();
-    let mut until = 0.0;
-    let mut send = |session: &mut Session, serial, name: &str| {
-        let message = AnyMessage::new(rcs::Command { serial, name: name.to_owned(), ..Default::default() });
-        session.write(ExternalEvent::operator("/counter/command", message)).unwrap();
-        until += 0.1;
-        session.forward_until(seconds(until), &task).unwrap();
-        newest::<rcs::Status>(session.run(), "/counter/status")
-    };
-    let status = send(&mut session, 2, "HALT");
-    assert_eq!((status.state(), status.echo_serial), (rcs::ProcessState::Done, 2));
-    let halted_at = session.run().bus().get("/counter/count").unwrap().newest();
-    let status = send(&mut session, 3, "JUMP");
-    assert_eq!(status.state(), rcs::ProcessState::Error);
-    assert_eq!(status.state_text, "unknown command JUMP; expected RUN, HALT, CLEAR");
-    assert_eq!(session.run().bus().get("/counter/count").unwrap().newest(), halted_at);
-    let status = send(&mut session, 4, "RUN");
-    assert_eq!((status.state(), status.command.as_str()), (rcs::ProcessState::Exec, "RUN"));
-    assert!(
-        status.source_line.contains("runs.rs") || status.source_line.contains("common"),
-        "{}",
-        status.source_line
-    );
-}
-
-#[test]
-fn a_child_is_exec_until_its_echo_equals_the_serial_that_was_sent() {
-    let done = rcs::Status { echo_serial: 4, state: rcs::ProcessState::Done.into(), ..Default::default() };
-    assert_eq!(child_state(5, Some(&done)), rcs::ProcessState::Exec, "an old DONE");
-    assert_eq!(child_state(4, Some(&done)), rcs::ProcessState::Done);
-    assert_eq!(child_state(4, None), rcs::ProcessState::Exec);
-}
-
-#[test]
-fn a_process_whose_supervisor_says_nothing_waits_uninitialized() {
-    let stack =
-        format!("{PAIR}\n[[process]]\nname = \"child\"\nplugin = \"counter\"\nsupervisor = \"adder\"\n");
-    let mut run = stepped(&stack, RunOptions::default());
-    run.begin().unwrap();
-    run.run_until(seconds(1.0)).unwrap();
-    assert_eq!(newest::<rcs::Status>(&run, "/child/status").state(), rcs::ProcessState::Uninitialized);
-    assert_eq!(run.bus().get("/child/count").unwrap().newest(), 0);
 }
 
 #[test]

@@ -100,7 +100,7 @@ fn report(kind: &ProcessType) -> PluginReport {
     if let Some(descriptor) = kind.params_schema().descriptor() {
         list(&specs(descriptor), "", &mut params);
     }
-    let commands = def.commands.iter();
+    let commands = kind.commands().iter();
     PluginReport {
         name: def.plugin,
         summary: def.summary,
@@ -113,7 +113,7 @@ fn report(kind: &ProcessType) -> PluginReport {
             .map(|command| CommandReport {
                 name: command.name.to_owned(),
                 help: command.help.to_owned(),
-                parameters_schema: command.parameters.to_owned(),
+                parameters_schema: command.parameters_schema().to_owned(),
             })
             .collect(),
     }

@@ -24,6 +24,7 @@ pub fn all() -> &'static [ProcessType] {
         ProcessType::of::<rcs_sim::SimLadar>(),
         ProcessType::of::<rcs_sim::SimVehicle>(),
         ProcessType::of::<rcs_stereo::Stereo>(),
+        ProcessType::of::<rcs_supervisor::Supervisor>(),
         ProcessType::of::<rcs_terrain::TerrainLearner>(),
         ProcessType::of::<rcs_truth_driver::TruthDriver>(),
         ProcessType::of::<rcs_world_model::WorldModel>(),

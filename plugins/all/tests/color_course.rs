@@ -9,8 +9,8 @@ use rcs_msg::rcs::{DriveCommand, Status};
 use rcs_msg::{Payload, Stamp, image::depth_m};
 use rcs_plugins::all;
 use rcs_runtime::{
-    Asset, Assets, Cycle, In, Out, Plan, PlanOptions, PortBuilder, Process, ProcessDef, ProcessType,
-    RunOptions, StackFile, Stepped,
+    Asset, Assets, Cycle, In, NoCommands, Out, Plan, PlanOptions, PortBuilder, Process, ProcessDef,
+    ProcessType, RunOptions, StackFile, Stepped,
 };
 use rcs_sense::{FrameNames, Localizer, pose_of};
 use rcs_world::OBSTACLE_COST;
@@ -120,12 +120,12 @@ struct Ports {
 impl Process for PathFollower {
     type Params = WorldModelParams;
     type Ports = Ports;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "path_follower",
         summary: "Drives along the mulch path",
         period_ms: 50.0,
         latency_ms: 0.0,
-        commands: &[],
         reads_truth: true,
     };
 

@@ -22,10 +22,10 @@ fn every_process_says_what_it_is_how_often_it_runs_and_what_it_obeys() {
             def.summary
         );
         assert!(def.period_ms.is_finite() && def.period_ms > 0.0, "{}: period {}", def.plugin, def.period_ms);
-        for command in def.commands {
+        for command in kind.commands() {
             assert!(!command.help.is_empty(), "{}: command {}", def.plugin, command.name);
             assert!(
-                !["RUN", "HALT"].contains(&command.name),
+                !rcs_runtime::BUILT_IN.iter().any(|known| known.name == command.name),
                 "{}: the runtime has {}",
                 def.plugin,
                 command.name

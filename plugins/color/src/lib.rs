@@ -52,7 +52,7 @@ mod process;
 pub mod region;
 mod settings;
 
-pub use process::ColorModelling;
+pub use process::{ColorCommand, ColorModelling};
 
 #[cfg(test)]
 mod engine_tests;

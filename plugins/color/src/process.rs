@@ -13,7 +13,7 @@ use glam::DVec3;
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{CameraCalibration, Grid, ImageAnnotations, RawImage};
-use rcs_runtime::{CommandDef, Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::{
     Axes, ImageCheck, ImageFault, Localizer, LocalizerError, OnItsSide, PosePorts, camera_of, upright,
 };
@@ -23,6 +23,15 @@ use std::sync::Arc;
 
 /// Models are sent at least this often while images come, s.
 const MODELS_PERIOD_S: f64 = 1.0;
+
+rcs_runtime::commands! {
+    /// What [`ColorModelling`] obeys.
+    pub enum ColorCommand {
+        Clear = "CLEAR": "Forget what was learned; begin with the model files again.",
+        LearnOn = "LEARN_ON": "Learn, where nothing else forbids it.",
+        LearnOff = "LEARN_OFF": "Keep all models as they are.",
+    }
+}
 
 /// State: models and fused probabilities, the last seconds of poses, the camera.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -78,20 +87,12 @@ enum Unusable {
 impl Process for ColorModelling {
     type Params = ColorModelsParams;
     type Ports = Ports;
+    type Command = ColorCommand;
     const DEF: ProcessDef = ProcessDef {
         plugin: "color_models",
         summary: "Learns the colours of ground and background and maps the cost of what the camera sees",
         period_ms: 200.0,
         latency_ms: 2.0,
-        commands: &[
-            CommandDef {
-                name: "CLEAR",
-                help: "Forget what was learned; begin with the model files again.",
-                parameters: "",
-            },
-            CommandDef { name: "LEARN_ON", help: "Learn, where nothing else forbids it.", parameters: "" },
-            CommandDef { name: "LEARN_OFF", help: "Keep all models as they are.", parameters: "" },
-        ],
         reads_truth: false,
     };
 
@@ -150,11 +151,12 @@ impl Process for ColorModelling {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &ColorModelsParams, cx: &mut Cycle<'_>) {
-        match cx.command().map(|command| command.name.as_str()) {
-            Some("CLEAR") => self.engine = initial_engine(params),
-            Some("LEARN_ON") => self.learns = true,
-            Some("LEARN_OFF") => self.learns = false,
-            _ => {}
+        while let Some(command) = cx.next_command::<Self>() {
+            match command {
+                ColorCommand::Clear => self.engine = initial_engine(params),
+                ColorCommand::LearnOn => self.learns = true,
+                ColorCommand::LearnOff => self.learns = false,
+            }
         }
         if self.loaded != files(params) {
             self.engine = initial_engine(params);

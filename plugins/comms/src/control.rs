@@ -59,6 +59,23 @@ pub enum Aim {
     Halt,
 }
 
+impl Aim {
+    /// The same, at no more than that speed either way.
+    #[must_use]
+    pub fn limited_to(self, limit_mps: f64) -> Aim {
+        let limited = |speed_mps: f64| speed_mps.clamp(-limit_mps, limit_mps);
+        match self {
+            Aim::Heading { speed_mps, error_rad } => {
+                Aim::Heading { speed_mps: limited(speed_mps), error_rad }
+            }
+            Aim::Rate { speed_mps, yaw_rate_radps } => {
+                Aim::Rate { speed_mps: limited(speed_mps), yaw_rate_radps }
+            }
+            Aim::Stop | Aim::Halt => self,
+        }
+    }
+}
+
 /// What goes to the vehicle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wheels {

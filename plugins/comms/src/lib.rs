@@ -27,6 +27,9 @@
 //! number, faster than the limit, out of order, too old or of the future is a fault, is counted in the vehicle status,
 //! and holds the vehicle until a good one comes: [`gate`]. A command without a timestamp counts from when it came.
 //!
+//! `HALT` and `INIT` brake: `DONE` when the vehicle stands, and what was asked for before is not taken up again after
+//! `RUN`. `LIMIT_SPEED` (`rcs.SpeedLimit`) holds for whoever drives, until `RUN`. An emergency stop outlives `INIT`.
+//!
 //! Not in the papers: a pressed bumper holds the vehicle's way forward (backward and turning stay possible).
 
 rcs_msg::messages!(
@@ -38,4 +41,4 @@ pub mod control;
 pub mod gate;
 mod process;
 
-pub use process::Comms;
+pub use process::{Comms, CommsCommand};

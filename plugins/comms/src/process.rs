@@ -7,12 +7,22 @@ use rcs_geom::wrap_angle;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::Odometry;
 use rcs_msg::rcs::{
-    Bumper, DriveCommand, EmergencyStop, Imu, MotorCurrents, ProcessState, Status, VehicleStatus,
+    Bumper, DriveCommand, EmergencyStop, Imu, MotorCurrents, ProcessState, SpeedLimit, Status, VehicleStatus,
     WheelCommand, WheelEncoders,
 };
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::pose_of;
 use serde::{Deserialize, Serialize};
+
+/// Below this speed the vehicle stands, m/s.
+const STANDS_MPS: f64 = 0.05;
+
+rcs_runtime::commands! {
+    /// What [`Comms`] obeys.
+    pub enum CommsCommand {
+        LimitSpeed(SpeedLimit) = "LIMIT_SPEED": "Drive no faster than this, whoever drives, until RUN or another limit.",
+    }
+}
 
 /// State: what each input said last, the emergency stop, the ramps, and what the sensors said last.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -70,6 +80,12 @@ struct Decision {
 }
 
 impl Decision {
+    /// The vehicle stands at once.
+    fn halt(reason: &str) -> Decision {
+        let stop_reason = format!("emergency stop: {reason}");
+        Decision { aim: Aim::Halt, wanted_speed_mps: 0.0, stop_reason }
+    }
+
     fn stop(reason: impl Into<String>) -> Decision {
         Decision { aim: Aim::Stop, wanted_speed_mps: 0.0, stop_reason: reason.into() }
     }
@@ -78,13 +94,13 @@ impl Decision {
 impl Process for Comms {
     type Params = CommsParams;
     type Ports = Ports;
+    type Command = CommsCommand;
     const DEF: ProcessDef = ProcessDef {
         plugin: "comms",
         summary: "Comms interface: turns heading and speed into wheel speeds, and stops the vehicle when in doubt",
         period_ms: 20.0,
         latency_ms: 0.0,
         reads_truth: false,
-        commands: &[],
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
@@ -114,6 +130,51 @@ impl Process for Comms {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &CommsParams, cx: &mut Cycle<'_>) {
+        let limit = cx.command::<Self>().map(|CommsCommand::LimitSpeed(limit)| limit.max_speed_mps);
+        let decision = |comms: &Self, cx: &Cycle<'_>| {
+            let mut decision = comms.decide(ports, params, cx);
+            if let Some(limit_mps) = limit {
+                decision.aim = decision.aim.limited_to(limit_mps);
+            }
+            decision
+        };
+        self.step(ports, params, cx, decision);
+    }
+
+    fn init(&mut self, ports: &Ports, params: &CommsParams, cx: &mut Cycle<'_>) {
+        self.hold("initialized, waits for RUN", ports, params, cx);
+    }
+
+    fn halt(&mut self, ports: &Ports, params: &CommsParams, cx: &mut Cycle<'_>) {
+        self.hold("halted", ports, params, cx);
+    }
+}
+
+impl Comms {
+    /// Brakes, and is done when the vehicle stands. Nobody's wishes from before are taken up again after `RUN`.
+    fn hold(&mut self, reason: &'static str, ports: &Ports, params: &CommsParams, cx: &mut Cycle<'_>) {
+        let wheels = self.step(ports, params, cx, |comms, _| match &comms.emergency {
+            Some((reason, _)) => Decision::halt(reason),
+            None => Decision::stop(reason),
+        });
+        self.drive.forget();
+        self.teleop.forget();
+        let stands = wheels.left_mps == 0.0 && wheels.right_mps == 0.0;
+        if stands && self.sensed.speed_mps.abs() < STANDS_MPS {
+            cx.done(reason);
+        } else {
+            cx.exec(format!("{reason}, brakes"));
+        }
+    }
+
+    /// Reads everything, decides, and sends what follows to the vehicle.
+    fn step(
+        &mut self,
+        ports: &Ports,
+        params: &CommsParams,
+        cx: &mut Cycle<'_>,
+        decide: impl FnOnce(&Self, &Cycle<'_>) -> Decision,
+    ) -> Wheels {
         self.sense(ports, cx);
         let limits = Limits {
             speed_mps: params.max_speed_mps,
@@ -128,18 +189,23 @@ impl Process for Comms {
             let result = take(&mut self.teleop, &command, cx.now(), &limits);
             self.report("teleop", result, cx);
         }
+        if self.last_cycle.is_none()
+            && let Some(message) = cx.latest(&ports.emergency_stop).filter(|message| message.active)
+        {
+            // A state that was made anew has not forgotten an emergency stop.
+            self.take_emergency(&message);
+        }
         while let Some(message) = cx.read(&ports.emergency_stop) {
             self.take_emergency(&message);
         }
-        let decision = self.decide(ports, params, cx);
+        let decision = decide(self, cx);
         let dt_s = self.last_cycle.map_or(0.0, |last| cx.now().seconds_since(last).clamp(0.0, 0.1));
         self.last_cycle = Some(cx.now());
         let wheels = self.ramps.step(decision.aim, &drive(params), dt_s);
         self.send(ports, &decision, wheels, cx);
+        wheels
     }
-}
 
-impl Comms {
     /// Takes what the sensors say. Numbers that are none are faults, and what was known before stays.
     fn sense(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
         if let Some(encoders) = cx.read_newest(&ports.encoders) {
@@ -222,8 +288,7 @@ impl Comms {
     /// The emergency stop first, then the operator, then who drives.
     fn decide(&self, ports: &Ports, params: &CommsParams, cx: &Cycle<'_>) -> Decision {
         if let Some((reason, _)) = &self.emergency {
-            let stop_reason = format!("emergency stop: {reason}");
-            return Decision { aim: Aim::Halt, wanted_speed_mps: 0.0, stop_reason };
+            return Decision::halt(reason);
         }
         let now = cx.now();
         match self.teleop.said(now, params.command_timeout_s) {

@@ -64,6 +64,19 @@ impl Bench {
         self.write("emergency_stop", rcs::EmergencyStop { timestamp, active, reason: "button".to_owned() });
     }
 
+    fn say(&mut self, serial: u64, name: &str) {
+        self.write_command(rcs::Command { serial, name: name.to_owned(), ..Default::default() });
+    }
+
+    fn write_command(&mut self, command: rcs::Command) {
+        let event = ExternalEvent::operator("/comms/command", AnyMessage::new(command));
+        self.session.write(event).unwrap();
+    }
+
+    fn status(&self) -> rcs::Status {
+        self.latest("/comms/status")
+    }
+
     fn local(&mut self, yaw_rad: f64) {
         let pose = Some(pose_message(&Pose::from_yaw(yaw_rad)));
         self.write("local", Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() });
@@ -299,4 +312,61 @@ fn roll_and_pitch_are_the_position_estimates_and_without_it_the_inertial_sensors
     bench.cycles(1);
     let status = bench.vehicle();
     assert!((status.roll_rad + 0.05).abs() < 1e-9 && (status.pitch_rad - 0.3).abs() < 1e-9, "{status:?}");
+}
+
+#[test]
+fn halt_brakes_and_is_done_when_the_vehicle_stands_and_old_wishes_are_not_taken_up_again() {
+    let mut bench = Bench::new();
+    bench.drive_for(1.0, 60);
+    bench.say(2, "HALT");
+    bench.drive_for(1.0, 2);
+    assert_eq!((bench.status().state(), bench.status().echo_serial), (rcs::ProcessState::Exec, 2));
+    assert!((0.1..1.0).contains(&bench.wheels()[0]), "{:?}", bench.wheels());
+    assert_eq!(bench.vehicle().stop_reason, "halted");
+    bench.drive_for(1.0, 60);
+    assert_eq!((bench.status().state(), bench.wheels()), (rcs::ProcessState::Done, [0.0, 0.0]));
+    bench.say(3, "RUN");
+    bench.cycles(1);
+    assert_eq!(bench.vehicle().stop_reason, "no command");
+    bench.drive_for(1.0, 60);
+    assert_eq!(bench.wheels(), [1.0, 1.0]);
+}
+
+#[test]
+fn an_emergency_stop_outlives_init() {
+    let mut bench = Bench::new();
+    bench.drive_for(1.0, 10);
+    bench.stop(true);
+    bench.cycles(1);
+    bench.say(2, "INIT");
+    bench.cycles(2);
+    assert!(bench.vehicle().emergency_stopped);
+    bench.say(3, "RUN");
+    bench.drive_for(1.0, 10);
+    assert_eq!((bench.wheels(), bench.vehicle().emergency_stopped), ([0.0, 0.0], true));
+    bench.stop(false);
+    bench.drive_for(1.0, 60);
+    assert_eq!(bench.wheels(), [1.0, 1.0]);
+}
+
+#[test]
+fn a_speed_limit_holds_for_whoever_drives_until_run() {
+    let mut bench = Bench::new();
+    let limit = |serial, max_speed_mps| rcs::Command {
+        serial,
+        name: "LIMIT_SPEED".to_owned(),
+        parameters_schema: "rcs.SpeedLimit".to_owned(),
+        parameters: AnyMessage::new(rcs::SpeedLimit { max_speed_mps }).bytes(),
+        ..Default::default()
+    };
+    bench.write_command(limit(2, 0.25));
+    bench.drive_for(1.0, 60);
+    assert_eq!(bench.wheels(), [0.25, 0.25]);
+    bench.write_command(limit(3, f64::NAN));
+    bench.drive_for(1.0, 60);
+    assert_eq!(bench.wheels(), [0.25, 0.25], "what is refused changes nothing");
+    assert!(bench.status().state_text.contains("max_speed_mps"), "{}", bench.status().state_text);
+    bench.say(4, "RUN");
+    bench.drive_for(1.0, 60);
+    assert_eq!(bench.wheels(), [1.0, 1.0]);
 }

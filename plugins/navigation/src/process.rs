@@ -13,7 +13,7 @@ use rcs_msg::foxglove::{
     FrameTransform, FrameTransforms, LocationFix, Odometry, Quaternion, Vector3, location_fix,
 };
 use rcs_msg::rcs::{GroundSpeed, Imu, WheelEncoders};
-use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
@@ -61,12 +61,12 @@ pub struct Ports {
 impl Process for Position {
     type Params = PositionParams;
     type Ports = Ports;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "position",
         summary: "Estimates the local and the global position of the vehicle",
         period_ms: 20.0,
         latency_ms: 0.0,
-        commands: &[],
         reads_truth: false,
     };
 

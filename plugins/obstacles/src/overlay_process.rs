@@ -16,7 +16,7 @@ use rcs_geom::{CameraError, PinholeCamera};
 use rcs_msg::PointsError;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, PointCloud, RawImage};
-use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::{Localizer, LocalizerError, camera_of, pose_of};
 use serde::{Deserialize, Serialize};
 
@@ -55,12 +55,12 @@ enum Unusable {
 impl Process for LabelOverlay {
     type Params = LabelOverlayParams;
     type Ports = Ports;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "label_overlay",
         summary: "Shows the labels of a point cloud on the picture of a camera",
         period_ms: 200.0,
         latency_ms: 12.0,
-        commands: &[],
         reads_truth: false,
     };
 

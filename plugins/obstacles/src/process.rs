@@ -15,7 +15,7 @@ use rcs_geom::{CameraError, CellIndex, PinholeCamera, Pose};
 use rcs_msg::foxglove::{CameraCalibration, Grid, PointCloud, RawImage};
 use rcs_msg::image::raw_to_rgb8;
 use rcs_msg::{PointsError, Stamp};
-use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::{Axes, Localizer, LocalizerError, PosePorts, camera_of, pose_of};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -71,12 +71,12 @@ const SAME_TIME_S: f64 = 0.05;
 impl Process for Obstacles {
     type Params = ObstaclesParams;
     type Ports = Ports;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "obstacles",
         summary: "Labels range images and scans column by column and maps the cost of obstacles",
         period_ms: 200.0,
         latency_ms: 10.0,
-        commands: &[],
         reads_truth: false,
     };
 

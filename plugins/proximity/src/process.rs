@@ -7,7 +7,7 @@ use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::Grid;
 use rcs_msg::rcs::{Bumper, Imu, MotorCurrents, RangeReading, RangeReadings, WheelEncoders};
-use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::{Axes, Localizer, PosePorts, Site};
 use rcs_world::Source;
 use serde::{Deserialize, Serialize};
@@ -44,12 +44,12 @@ pub struct Ports {
 impl Process for Proximity {
     type Params = ProximityParams;
     type Ports = Ports;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "proximity",
         summary: "Bumper and infrared sensors as costs; slip of the wheels and stalled motors",
         period_ms: 50.0,
         latency_ms: 0.0,
-        commands: &[],
         reads_truth: false,
     };
 

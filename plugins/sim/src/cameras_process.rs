@@ -28,7 +28,7 @@ use rcs_geom::{Distortion, PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{CameraCalibration, RawImage};
 use rcs_msg::rcs::TruthState;
-use rcs_runtime::{Cycle, In, Out, Pool, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, NoCommands, Out, Pool, PortBuilder, Process, ProcessDef};
 use rcs_scene::{CameraRays, ViewRows, World, render_rows};
 use rcs_sense::pose_of;
 use serde::{Deserialize, Serialize};
@@ -88,12 +88,12 @@ struct Strip<'a> {
 impl Process for SimCameras {
     type Params = SimCamerasParams;
     type Ports = Ports;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "sim_cameras",
         summary: "Simulates a stereo pair or a camera of the vehicle, and the truth of each pixel",
         period_ms: 50.0,
         latency_ms: 40.0,
-        commands: &[],
         reads_truth: true,
     };
 

@@ -19,7 +19,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{PackedElementField, PointCloud};
 use rcs_msg::rcs::TruthState;
-use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef};
 use rcs_scene::{Class, World};
 use rcs_sense::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
@@ -56,12 +56,12 @@ type Point = ([f32; 3], f32, u8);
 impl Process for SimLadar {
     type Params = SimLadarParams;
     type Ports = Ports;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "sim_ladar",
         summary: "Simulates a scanning ladar of the vehicle",
         period_ms: 50.0,
         latency_ms: 4.0,
-        commands: &[],
         reads_truth: true,
     };
 

@@ -22,7 +22,7 @@ use rcs_msg::rcs::{
     Bumper, CourseOutcome, CourseRun, GroundSpeed, Imu, MotorCurrents, RangeReading, RangeReadings, Steering,
     TruthState, TruthThings, WheelCommand, WheelEncoders,
 };
-use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::pose_message;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -87,12 +87,12 @@ pub struct Ports {
 impl Process for SimVehicle {
     type Params = SimVehicleParams;
     type Ports = Ports;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "sim_vehicle",
         summary: "Simulates a vehicle in a world: its motion, its simple sensors, the truth, and the run of a course",
         period_ms: 10.0,
         latency_ms: 0.0,
-        commands: &[],
         reads_truth: true,
     };
 

@@ -7,7 +7,7 @@ use crate::publish::{Heading, depth_of, depths, pixels};
 use crate::rig::{Bench, EyeCalibration, Rectified, Rig, Unusable};
 use crate::{CalibrationError, Method, NO_DISPARITY, STEPS_PER_PIXEL, Settings};
 use rcs_msg::foxglove::{CameraCalibration, PointCloud, RawImage};
-use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::ImageCheck;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -44,12 +44,12 @@ pub struct Ports {
 impl Process for Stereo {
     type Params = StereoParams;
     type Ports = Ports;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "stereo",
         summary: "Rectifies a pair of images and finds the range of each pixel",
         period_ms: 50.0,
         latency_ms: 10.0,
-        commands: &[],
         reads_truth: false,
     };
 

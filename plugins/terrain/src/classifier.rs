@@ -36,7 +36,7 @@ use crate::unusable::{Unusable, depths};
 use rcs_geom::PinholeCamera;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
-use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::{
     Axes, CELL_SIZE_M, CostGrid, GridFrame, ImageCheck, Localizer, PosePorts, Site, WIDE_CELL_SIZE_M,
     camera_of,
@@ -101,12 +101,12 @@ enum Task {
 impl Process for Classifier {
     type Params = ClassifierParams;
     type Ports = Ports;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "classifier",
         summary: "Classifies windows of an image by terrain models and maps their cost on the flat ground",
         period_ms: 200.0,
         latency_ms: 4.0,
-        commands: &[],
         reads_truth: false,
     };
 

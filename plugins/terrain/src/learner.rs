@@ -10,11 +10,18 @@ use crate::unusable::Unusable;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, RawImage};
 use rcs_msg::rcs::Bumper;
-use rcs_runtime::{CommandDef, Cycle, In, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::{Axes, CELL_SIZE_M, CostGrid, GridFrame, Localizer, PosePorts, Site};
 use rcs_world::{SIDE, Source};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+
+rcs_runtime::commands! {
+    /// What a [`TerrainLearner`] obeys.
+    pub enum TerrainLearnerCommand {
+        Clear = "CLEAR": "Forget the map and all models.",
+    }
+}
 
 /// State: poses, the eyes' last images, and one map with its models for each set that is learned.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -50,12 +57,12 @@ const EYES: [&str; 2] = ["left", "right"];
 impl Process for TerrainLearner {
     type Params = TerrainLearnerParams;
     type Ports = Ports;
+    type Command = TerrainLearnerCommand;
     const DEF: ProcessDef = ProcessDef {
         plugin: "terrain_learner",
         summary: "Learns what terrain looks like from labelled range images and from driving over it",
         period_ms: 333.0,
         latency_ms: 8.0,
-        commands: &[CommandDef { name: "CLEAR", help: "Forget the map and all models.", parameters: "" }],
         reads_truth: false,
     };
 
@@ -113,8 +120,10 @@ impl Process for TerrainLearner {
     fn cycle(&mut self, ports: &Ports, params: &TerrainLearnerParams, cx: &mut Cycle<'_>) {
         let site = site(params);
         ports.poses.read(&mut self.localizer, site.frames, cx);
-        if cx.command().is_some_and(|command| command.name == "CLEAR") {
-            self.maps = vec![empty_map()];
+        while let Some(command) = cx.next_command::<Self>() {
+            match command {
+                TerrainLearnerCommand::Clear => self.maps = vec![empty_map()],
+            }
         }
         // The parameter may change during a run.
         self.maps.resize_with(if params.eyes() == TerrainEyes::TerrainSeparate { 2 } else { 1 }, empty_map);

@@ -70,7 +70,7 @@ pub mod texture;
 mod unusable;
 
 pub use classifier::Classifier;
-pub use learner::TerrainLearner;
+pub use learner::{TerrainLearner, TerrainLearnerCommand};
 
 #[cfg(test)]
 mod classify_tests;

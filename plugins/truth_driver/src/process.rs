@@ -7,7 +7,7 @@ use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, Odometry, PoseInFrame, PosesInFrame};
 use rcs_msg::rcs::DriveCommand;
-use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
@@ -60,12 +60,12 @@ pub struct Ports {
 impl Process for TruthDriver {
     type Params = TruthDriverParams;
     type Ports = Ports;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "truth_driver",
         summary: "Drives the simulated vehicle to its goal by the truth's cheapest path: a yardstick for other drivers",
         period_ms: 50.0,
         latency_ms: 0.0,
-        commands: &[],
         reads_truth: true,
     };
 

@@ -39,4 +39,4 @@ rcs_msg::messages!(
 pub mod algo;
 mod process;
 
-pub use process::{CELL_SIZE_M, WorldModel};
+pub use process::{CELL_SIZE_M, WorldModel, WorldModelCommand};

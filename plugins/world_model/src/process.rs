@@ -5,7 +5,7 @@ use crate::proto::{WorldModelParams, WorldModelSource, WorldModelSourceKind, Wor
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame};
-use rcs_runtime::{CommandDef, Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
 use rcs_sense::{Localizer, PosePorts, Site, pose_message};
 use rcs_world::{
     Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, SourceKind, Sources, VoteRule, Weighted, Weights,
@@ -39,6 +39,13 @@ const NAMED_PORTS: [(Source, &str); 6] = [
     (Source::INFRARED, "costs of the infrared sensors: field cost.infrared, local frame"),
 ];
 
+rcs_runtime::commands! {
+    /// What a [`WorldModel`] obeys.
+    pub enum WorldModelCommand {
+        Clear = "CLEAR": "Forget the whole map.",
+    }
+}
+
 /// Ports of [`WorldModel`].
 #[derive(Debug)]
 pub struct Ports {
@@ -55,12 +62,12 @@ pub struct Ports {
 impl Process for WorldModel {
     type Params = WorldModelParams;
     type Ports = Ports;
+    type Command = WorldModelCommand;
     const DEF: ProcessDef = ProcessDef {
         plugin: "world_model",
         summary: "WM1: fuses the costs that the sources see into one scrolling map",
         period_ms: 50.0,
         latency_ms: 4.0,
-        commands: &[CommandDef { name: "CLEAR", help: "Forget the whole map.", parameters: "" }],
         reads_truth: false,
     };
 
@@ -107,9 +114,13 @@ impl Process for WorldModel {
 
     fn cycle(&mut self, ports: &Ports, params: &WorldModelParams, cx: &mut Cycle<'_>) {
         ports.poses.read(&mut self.localizer, site(params).frames, cx);
-        if cx.command().is_some_and(|command| command.name == "CLEAR") {
-            self.map.clear();
-            self.seen = Sources::default();
+        while let Some(command) = cx.next_command::<Self>() {
+            match command {
+                WorldModelCommand::Clear => {
+                    self.map.clear();
+                    self.seen = Sources::default();
+                }
+            }
         }
         let vehicle = self.scroll(params, cx.now());
         let listed = Listed::of(params);

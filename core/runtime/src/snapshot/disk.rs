@@ -3,9 +3,11 @@
 //! Every message stands once in a table, whoever holds it; those that are large may lie elsewhere, under a number.
 
 use super::Snapshot;
+use crate::children::FamilyState;
 use crate::cycle::{InputView, Staged};
 use crate::error::RunError;
 use crate::node::{NodeState, Output, SavedBody};
+use crate::register::{Register, RegisterOnDisk};
 use crate::status::{StatusCell, StatusOnDisk};
 use crate::stepped::{Event, EventKind};
 use crate::summary::Tally;
@@ -18,7 +20,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// The format of [`Snapshot::to_bytes`].
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 
 /// Bytes that serialise in one piece, not one by one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -106,7 +108,8 @@ struct NodeOnDisk {
     body: Block,
     views: Vec<ViewOnDisk>,
     status: StatusOnDisk,
-    running: Option<bool>,
+    register: RegisterOnDisk,
+    family: FamilyState,
     panicked: bool,
     rng: ChaCha8Rng,
 }
@@ -187,7 +190,8 @@ impl Table<'_> {
             body: Block(body),
             views: node.views.iter().map(|view| self.view(view)).collect(),
             status: (&node.status).into(),
-            running: node.running,
+            register: (&node.register).into(),
+            family: node.family.clone(),
             panicked: node.panicked,
             rng: node.rng.clone(),
         })
@@ -234,12 +238,13 @@ impl Messages {
             let latest = view.latest.as_ref().map(|sample| self.sample(sample)).transpose()?;
             Ok(InputView { fresh: self.samples(&view.fresh)?, latest, missed: view.missed })
         };
+        let bad = |error: prost::DecodeError| RunError::Snapshot(error.to_string());
         Ok(NodeState {
             body: SavedBody::Encoded(node.body.0),
             views: node.views.iter().map(view).collect::<Result<_, RunError>>()?,
-            status: StatusCell::try_from(&node.status)
-                .map_err(|error| RunError::Snapshot(error.to_string()))?,
-            running: node.running,
+            status: StatusCell::try_from(&node.status).map_err(bad)?,
+            register: Register::try_from(&node.register).map_err(bad)?,
+            family: node.family,
             panicked: node.panicked,
             rng: node.rng,
         })

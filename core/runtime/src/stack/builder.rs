@@ -1,6 +1,7 @@
 //! From a stack file's entries to what will run: every mistake is found here, with its line.
 
 use super::error::{StackError, one_of};
+use super::family;
 use super::file::{BufferEntry, OverflowEntry, ProcessEntry, StackFile, VIEWER};
 use super::params::ParamReader;
 use super::plan::{BufferPlan, InputPlan, ProcessPlan, names};
@@ -13,6 +14,8 @@ use toml::Spanned;
 
 /// Channel metadata of buffers that hold the truth of a simulation.
 pub(crate) const TRUTH: &str = "rcs.truth";
+/// How many commands wait for a process.
+const COMMANDS: usize = 32;
 /// Buffers that the operator writes.
 const OPERATOR: &str = "/operator/";
 
@@ -35,7 +38,8 @@ impl<'a> Builder<'a> {
         plugins: &[ProcessType],
         params: &mut ParamReader<'_>,
     ) -> Result<Parts, StackError> {
-        let processes = self.processes(plugins, params)?;
+        let mut processes = self.processes(plugins, params)?;
+        family::join(self.file, &mut processes)?;
         let inputs = self.inputs()?;
         self.check_wiring(&inputs, &processes)?;
         self.buffer_entries()?;
@@ -87,7 +91,10 @@ impl<'a> Builder<'a> {
         // A process's own buffers come first, so that a wire of another type to one of them is what is refused.
         for spanned in entries {
             let name = spanned.get_ref().name.get_ref();
-            self.buffer(&format!("/{name}/command"), &spanned.span(), schema_of::<rcs::Command>())?;
+            let command = format!("/{name}/command");
+            let index = self.buffer(&command, &spanned.span(), schema_of::<rcs::Command>())?;
+            // No command replaces another before it is read, and one that finds no place is refused to who sends it.
+            self.buffers[index].spec.mode = Mode::Queue { depth: COMMANDS, overflow: Overflow::Refuse };
             self.buffer(&format!("/{name}/status"), &spanned.span(), schema_of::<rcs::Status>())?;
         }
         entries.iter().map(|entry| self.process(entry, plugins, params)).collect()
@@ -165,6 +172,7 @@ impl<'a> Builder<'a> {
             name: name.into(),
             kind: *kind,
             supervisor,
+            children: Vec::new(),
             host: entry.host.clone(),
             period_ns: (period_ms * 1e6).round() as u64,
             latency_ns: (latency_ms * 1e6).round() as u64,
@@ -318,6 +326,11 @@ impl<'a> Builder<'a> {
             };
             let BufferEntry { queue, overflow, record, record_hz } = spanned.get_ref();
             let plan = &mut self.buffers[index];
+            let depth = queue.as_ref().map(Spanned::span).or(overflow.as_ref().map(Spanned::span));
+            if let Some(span) = depth.filter(|_| is_command(file, name.get_ref())) {
+                let message = format!("{} holds commands: always a queue of {COMMANDS}", name.get_ref());
+                return Err(file.error(&span, message));
+            }
             match (queue, overflow) {
                 (Some(depth), overflow) => {
                     if !(1..=100_000).contains(depth.get_ref()) {
@@ -427,6 +440,12 @@ fn check_ports(file: &StackFile, what: &str, wires: &Wires, defs: &[PortDef]) ->
         }
         None => Ok(()),
     }
+}
+
+/// Whether a buffer holds the commands to a process.
+fn is_command(file: &StackFile, buffer: &str) -> bool {
+    let process = buffer.strip_prefix('/').and_then(|rest| rest.strip_suffix("/command"));
+    file.content.processes.iter().any(|entry| Some(entry.get_ref().name.get_ref().as_str()) == process)
 }
 
 fn is_name(name: &str) -> bool {

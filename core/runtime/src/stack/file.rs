@@ -34,6 +34,8 @@ pub(crate) struct Content {
     pub(crate) description: String,
     /// Course of a simulation: parameters that are the text of a course, or of a file that it names, come from it.
     pub(crate) course: Option<Spanned<String>>,
+    /// How long the operator keeps the authority over a process without a command to it.
+    pub(crate) authority_s: Option<Spanned<f64>>,
     #[serde(default, rename = "input")]
     pub(crate) inputs: Vec<Spanned<InputEntry>>,
     #[serde(default, rename = "process")]
@@ -68,6 +70,9 @@ pub struct ProcessEntry {
     pub plugin: Spanned<String>,
     /// Who commands it; absent is an error that says what to write.
     pub supervisor: Option<Spanned<String>>,
+    /// Which of its supervisor's children it is; by its name or its plugin's where it is absent, else one of any number.
+    #[serde(rename = "as")]
+    pub child: Option<Spanned<String>>,
     /// Computer that it runs on.
     #[serde(default = "default_host")]
     pub host: String,

@@ -8,6 +8,7 @@
 //! name = "range_camera"
 //! description = "Obstacles from one depth camera."
 //! course = "meadow"               # simulations: the course, and with it the world
+//! authority_s = 10.0              # how long the operator's authority over a process lasts without a command
 //!
 //! [[input]]                       # a topic of the log, as the type that its readers want
 //! buffer = "/camera/depth"
@@ -17,6 +18,7 @@
 //! name = "obstacles"
 //! plugin = "obstacles"
 //! supervisor = "viewer"           # another process, or the one that is built into the window
+//! as = "essential"                # which of the supervisor's children it is, where that does not follow from its name
 //! period_ms = 50
 //! latency_ms = 12                 # stepped: from the start of a cycle until its output shows
 //! inputs = { depth = "/camera/depth" }
@@ -37,6 +39,7 @@ mod assets;
 mod builder;
 mod compose;
 mod error;
+mod family;
 mod file;
 mod params;
 mod plan;
@@ -49,4 +52,4 @@ pub use error::StackError;
 pub use file::{BufferEntry, InputEntry, OverflowEntry, ParamEntry, ProcessEntry, StackFile, VIEWER};
 pub use params::PlanOptions;
 pub(crate) use plan::names;
-pub use plan::{BufferPlan, InputPlan, Plan, ProcessPlan};
+pub use plan::{BufferPlan, ChildPlan, InputPlan, Plan, ProcessPlan};

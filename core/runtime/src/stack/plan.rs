@@ -6,6 +6,7 @@ use super::compose::Origin;
 use super::error::{StackError, one_of};
 use super::file::{StackFile, VIEWER};
 use super::params::{ParamReader, PlanOptions};
+use crate::command::{BUILT_IN, CommandDef};
 use crate::feed::Feed;
 use crate::process::{PortDef, ProcessType};
 use rcs_bus::BufferSpec;
@@ -25,6 +26,8 @@ pub struct Plan {
     pub processes: Vec<ProcessPlan>,
     /// All buffers, the runtime's own among them.
     pub buffers: Vec<BufferPlan>,
+    /// How long the operator keeps the authority over a process without a command to it.
+    pub authority_ns: u64,
 }
 
 /// A topic of the log and the buffer that it fills.
@@ -49,6 +52,8 @@ pub struct ProcessPlan {
     pub kind: ProcessType,
     /// Process that commands it; `None` for the built-in viewer's.
     pub supervisor: Option<usize>,
+    /// Processes that it commands, by the children that it declares, then in the order of the file.
+    pub children: Vec<ChildPlan>,
     /// Computer that it runs on.
     pub host: String,
     /// Time from cycle to cycle.
@@ -67,6 +72,15 @@ pub struct ProcessPlan {
     pub status_buffer: usize,
     /// Buffer of its parameters.
     pub params_buffer: usize,
+}
+
+/// A child of a process.
+#[derive(Clone, Copy, Debug)]
+pub struct ChildPlan {
+    /// Which of the children that the process declares.
+    pub slot: usize,
+    /// The process.
+    pub process: usize,
 }
 
 /// A buffer, and how much of it is recorded.
@@ -116,9 +130,10 @@ impl Plan {
     ) -> Result<Self, StackError> {
         let mut params = ParamReader::new(&file, *options)?;
         plugins.iter().for_each(ProcessType::register);
+        let authority_ns = authority_ns(&file)?;
         let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
         let hash = hash_of(&file, &processes);
-        Ok(Self { file, hash, inputs, processes, buffers })
+        Ok(Self { file, hash, inputs, processes, buffers, authority_ns })
     }
 
     /// The stack that a recorded run had, from the text and the parameters in its identity; files are read for
@@ -131,9 +146,10 @@ impl Plan {
         let file = StackFile::parse(&format!("{} (recorded)", run.stack), &run.stack_text)?;
         let mut params = ParamReader::given(&file, &run.params, *options);
         plugins.iter().for_each(ProcessType::register);
+        let authority_ns = authority_ns(&file)?;
         let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
         let hash = hash_of(&file, &processes);
-        Ok(Self { file, hash, inputs, processes, buffers })
+        Ok(Self { file, hash, inputs, processes, buffers, authority_ns })
     }
 
     /// The parameters that every process begins with, as the identity of a run holds them.
@@ -156,18 +172,19 @@ impl Plan {
             help: def.help.to_owned(),
             required: def.required,
         };
-        let command = |name: &str, help: &str, parameters: &str| rcs::CommandInfo {
-            name: name.to_owned(),
-            help: help.to_owned(),
-            parameters_schema: parameters.to_owned(),
+        let command = |def: &CommandDef| rcs::CommandInfo {
+            name: def.name.to_owned(),
+            help: def.help.to_owned(),
+            parameters_schema: def.parameters_schema().to_owned(),
+        };
+        let child_of = |rank: usize| {
+            let parent = &self.processes[self.processes[rank].supervisor?];
+            let child = parent.children.iter().find(|child| child.process == rank)?;
+            parent.kind.children().get(child.slot).map(|def| def.name.to_owned())
         };
         let info = |(rank, process): (usize, &ProcessPlan)| {
             let def = process.kind.def();
-            let mut commands = vec![
-                command("RUN", "Work from now on.", ""),
-                command("HALT", "Stop working; the state is kept.", ""),
-            ];
-            commands.extend(def.commands.iter().map(|c| command(c.name, c.help, c.parameters)));
+            let commands = BUILT_IN.iter().chain(process.kind.commands()).map(command).collect();
             let inputs = process.kind.inputs().into_iter().zip(process.inputs.iter().copied());
             let outputs = process.kind.outputs().into_iter().zip(process.outputs.iter().copied().map(Some));
             rcs::ProcessInfo {
@@ -188,6 +205,7 @@ impl Plan {
                 inputs: inputs.map(|(def, index)| port(def, index)).collect(),
                 outputs: outputs.map(|(def, index)| port(def, index)).collect(),
                 commands,
+                child: child_of(rank).unwrap_or_default(),
             }
         };
         self.processes.iter().enumerate().map(info).collect()
@@ -236,4 +254,14 @@ fn hash_of(file: &StackFile, processes: &[ProcessPlan]) -> String {
         part(&process.params.bytes());
     }
     hasher.finalize().to_hex()[..16].to_owned()
+}
+
+/// The stack's `authority_s`, or 10 s.
+fn authority_ns(file: &StackFile) -> Result<u64, StackError> {
+    let Some(seconds) = &file.content.authority_s else { return Ok(10_000_000_000) };
+    if !(0.1..=3600.0).contains(seconds.get_ref()) {
+        let message = format!("{} s is out of range; expected 0.1 to 3600", seconds.get_ref());
+        return Err(file.error(&seconds.span(), message));
+    }
+    Ok((seconds.get_ref() * 1e9).round() as u64)
 }

@@ -5,13 +5,22 @@ use rand_core::RngCore;
 use rcs_log::{LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::{AnyMessage, Payload, Stamp, foxglove, rcs, schema_of};
 use rcs_runtime::{
-    CommandDef, Cycle, In, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType, RunOptions, StackError,
+    Cycle, In, NoCommands, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType, RunOptions, StackError,
     StackFile, Stepped,
 };
+use rcs_testkit::proto::CounterParams;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
+
+rcs_runtime::commands! {
+    /// What a counter obeys.
+    pub enum CounterCommand {
+        Clear = "CLEAR": "Starts again.",
+        Add(CounterParams) = "ADD": "Adds `publish_hz` to the count.",
+    }
+}
 
 /// Writes (count, a random number, its parameter `publish_hz`); `CLEAR` starts the count again.
 #[derive(Clone, Serialize, Deserialize)]
@@ -22,12 +31,12 @@ pub struct Counter {
 impl Process for Counter {
     type Params = rcs_testkit::proto::CounterParams;
     type Ports = Out<foxglove::Vector3>;
+    type Command = CounterCommand;
     const DEF: ProcessDef = ProcessDef {
         plugin: "counter",
         summary: "Counts.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        commands: &[CommandDef { name: "CLEAR", help: "Starts again.", parameters: "" }],
         reads_truth: false,
     };
 
@@ -40,10 +49,11 @@ impl Process for Counter {
     }
 
     fn cycle(&mut self, out: &Self::Ports, params: &Self::Params, cx: &mut Cycle<'_>) {
-        if cx.command().is_some_and(|command| command.name == "CLEAR") {
-            self.count = 0;
-            cx.done("cleared");
-            return;
+        while let Some(command) = cx.next_command::<Self>() {
+            match command {
+                CounterCommand::Clear => self.count = 0,
+                CounterCommand::Add(params) => self.count += params.publish_hz as u64,
+            }
         }
         self.count += 1;
         let y = f64::from(cx.rng().next_u32());
@@ -66,12 +76,12 @@ pub struct AdderPorts {
 impl Process for Adder {
     type Params = rcs::NoParams;
     type Ports = AdderPorts;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "adder",
         summary: "Adds.",
         period_ms: 20.0,
         latency_ms: 0.0,
-        commands: &[],
         reads_truth: false,
     };
 
@@ -114,12 +124,12 @@ pub struct Fragile {
 impl Process for Fragile {
     type Params = rcs::NoParams;
     type Ports = Out<foxglove::Vector3>;
+    type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "fragile",
         summary: "Panics.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        commands: &[],
         reads_truth: false,
     };
 

@@ -34,12 +34,12 @@ pub struct Ports {
 impl Process for Odometer {
     type Params = OdometerParams;
     type Ports = Ports;
+    type Command = rcs_runtime::NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "acme_odometer",
         summary: "Adds up how far the vehicle has driven",
         period_ms: 50.0,
         latency_ms: 0.0,
-        commands: &[],
         reads_truth: false,
     };
 

@@ -1,0 +1,310 @@
+//! What a supervisor knows of its children, and how it commands them.
+//!
+//! A process declares the children that it can have beside its ports; a stack's `supervisor = "x"` gives it one, and the
+//! plan wires its commands and statuses. A child's state comes with the rules of RCS applied: it is `EXEC` until its
+//! status echoes the serial that was sent, so that an old `DONE` is never mistaken for the new one, and silent where
+//! there was no status for longer than a few of its periods.
+
+use crate::command::{CommandDef, CommandSet, NoCommands, Order};
+use crate::cycle::{Cycle, Staged};
+use crate::stack::Plan;
+use rcs_msg::{AnyMessage, Stamp, rcs};
+use serde::{Deserialize, Serialize};
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+/// A child, or any number of them, that a process can have.
+#[derive(Clone, Copy, Debug)]
+pub struct ChildDef {
+    /// Name in the stack file: `as = "…"`.
+    pub name: &'static str,
+    /// One sentence.
+    pub help: &'static str,
+    /// Whether a stack must give it.
+    pub required: bool,
+    /// Whether there may be more than one.
+    pub many: bool,
+    /// Commands that it must obey beside the runtime's.
+    pub commands: &'static [CommandDef],
+}
+
+/// Handle of a child whose own commands are `C`.
+#[derive(Debug)]
+pub struct Child<C> {
+    slot: usize,
+    place: usize,
+    commands: PhantomData<fn(C)>,
+}
+
+/// Handle of any number of children whose own commands are `C`.
+#[derive(Debug)]
+pub struct Children<C = NoCommands> {
+    slot: usize,
+    commands: PhantomData<fn(C)>,
+}
+
+impl<C> Child<C> {
+    pub(crate) fn new(slot: usize, place: usize) -> Self {
+        Self { slot, place, commands: PhantomData }
+    }
+}
+
+impl<C> Children<C> {
+    pub(crate) fn new(slot: usize) -> Self {
+        Self { slot, commands: PhantomData }
+    }
+}
+
+impl<C> Clone for Child<C> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<C> Copy for Child<C> {}
+
+/// How a supervisor must see a child.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChildState {
+    /// It waits for its first command.
+    Uninitialized,
+    /// It is at work, or has not answered the last command yet.
+    Exec,
+    /// It has done what it was told.
+    Done,
+    /// It cannot go on, or refused the last command.
+    Error,
+    /// It has posted no status for several of its periods.
+    Silent,
+}
+
+/// A child as its supervisor sees it now.
+#[derive(Clone, Debug)]
+pub struct ChildReport {
+    /// Name of the process.
+    pub name: Arc<str>,
+    /// How it must be seen.
+    pub state: ChildState,
+    /// One line: what it says of itself, or why its state is what it is.
+    pub text: String,
+    /// Whether this supervisor has the authority over it.
+    pub is_ours: bool,
+    /// Who sent what it obeys, where that was not this supervisor: the operator. Its state is its own then.
+    pub obeys_another: Option<String>,
+}
+
+/// The children of a node: where their statuses and commands are, and what was sent.
+#[derive(Default)]
+pub(crate) struct Family {
+    me: Arc<str>,
+    links: Vec<Link>,
+    pub(crate) state: FamilyState,
+}
+
+struct Link {
+    slot: usize,
+    name: Arc<str>,
+    /// Index among the node's inputs, and among its outputs.
+    input: usize,
+    output: usize,
+    silent_ns: u64,
+}
+
+/// What a node remembers of its children: part of a snapshot.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct FamilyState {
+    /// Serial of the last command to each child.
+    sent: Vec<u64>,
+    /// When the first cycle was run: from when on a child that was never heard is silent.
+    since: Option<Stamp>,
+}
+
+/// A child is silent after this many of its periods, and after this time at least.
+const SILENT_PERIODS: u64 = 5;
+const SILENT_NS: u64 = 500_000_000;
+
+impl Family {
+    /// The children of a process of the plan. Their statuses are its inputs after its ports, their commands its outputs.
+    pub(crate) fn new(plan: &Plan, process: usize) -> Self {
+        let process = &plan.processes[process];
+        let link = |(index, child): (usize, &crate::stack::ChildPlan)| {
+            let of = &plan.processes[child.process];
+            Link {
+                slot: child.slot,
+                name: Arc::clone(&of.name),
+                input: process.inputs.len() + index,
+                output: process.outputs.len() + index,
+                silent_ns: (SILENT_PERIODS * of.period_ns + of.latency_ns).max(SILENT_NS),
+            }
+        };
+        let links: Vec<_> = process.children.iter().enumerate().map(link).collect();
+        let state = FamilyState { sent: vec![0; links.len()], since: None };
+        Self { me: Arc::clone(&process.name), links, state }
+    }
+
+    pub(crate) fn begin_cycle(&mut self, now: Stamp) {
+        if self.state.since.is_none() {
+            self.state.since = Some(now);
+        }
+    }
+
+    fn index(&self, slot: usize, place: usize) -> Option<usize> {
+        let mut of_slot = self.links.iter().enumerate().filter(|(_, link)| link.slot == slot);
+        of_slot.nth(place).map(|(index, _)| index)
+    }
+
+    /// The refusal of the last command sent, where the child cannot do it.
+    fn refusal<'s>(&self, status: &'s rcs::Status, sent: u64) -> Option<&'s rcs::Refusal> {
+        let ours = |refused: &&rcs::Refusal| refused.serial == sent && *refused.writer == *self.me;
+        status.refused.as_ref().filter(|refused| sent > 0 && !refused.no_authority && ours(refused))
+    }
+
+    /// Whether it obeys someone else, who has the authority over it, or had when it saw the last command.
+    fn obeys_another(&self, status: &rcs::Status, sent: u64) -> bool {
+        let another = |name: &str| !name.is_empty() && *name != *self.me;
+        another(&status.commander) && (another(&status.owner) || status.supervisor_serial >= sent)
+    }
+
+    /// How a child that is not silent must be seen.
+    fn state_of(&self, index: usize, status: Option<&rcs::Status>) -> ChildState {
+        let sent = self.state.sent[index];
+        let Some(status) = status else {
+            return if sent > 0 { ChildState::Exec } else { ChildState::Uninitialized };
+        };
+        if self.refusal(status, sent).is_some() {
+            return ChildState::Error;
+        }
+        let answered = status.supervisor_serial >= sent && status.echo_serial == sent;
+        if sent > 0 && !answered && !self.obeys_another(status, sent) {
+            return ChildState::Exec;
+        }
+        match status.state() {
+            rcs::ProcessState::Uninitialized => ChildState::Uninitialized,
+            rcs::ProcessState::Exec => ChildState::Exec,
+            rcs::ProcessState::Done => ChildState::Done,
+            rcs::ProcessState::Error => ChildState::Error,
+        }
+    }
+}
+
+impl Cycle<'_> {
+    /// The children of a handle that stands for any number.
+    pub fn members<C>(&self, children: &Children<C>) -> impl Iterator<Item = Child<C>> + use<C> {
+        let slot = children.slot;
+        let count = self.family.links.iter().filter(|link| link.slot == slot).count();
+        (0..count).map(move |place| Child::new(slot, place))
+    }
+
+    /// Sends a child an order; `false` where the stack gives no such child. It is visible with what else the cycle
+    /// writes.
+    pub fn send<C: CommandSet>(&mut self, child: &Child<C>, order: impl Into<Order<C>>) -> bool {
+        let Some(index) = self.family.index(child.slot, child.place) else { return false };
+        let serial = &mut self.family.state.sent[index];
+        *serial += 1;
+        let message = AnyMessage::new(order.into().message(*serial, self.now));
+        let output = self.family.links[index].output;
+        self.staged.push(Staged { output, acq_time: self.now, message });
+        true
+    }
+
+    /// How a child must be seen; `None` where the stack gives no such child.
+    pub fn child_state<C>(&self, child: &Child<C>) -> Option<ChildState> {
+        let index = self.family.index(child.slot, child.place)?;
+        Some(self.judge(index, self.status_of(index)))
+    }
+
+    /// A child as it must be seen, with the reason; `None` where the stack gives no such child.
+    pub fn child<C>(&self, child: &Child<C>) -> Option<ChildReport> {
+        let index = self.family.index(child.slot, child.place)?;
+        let (link, sent) = (&self.family.links[index], self.family.state.sent[index]);
+        let status = self.status_of(index);
+        let state = self.judge(index, status);
+        let refusal = status.and_then(|status| self.family.refusal(status, sent));
+        let text = match (state, refusal, status) {
+            (ChildState::Silent, ..) => "posts no status".to_owned(),
+            (_, Some(refusal), _) => format!("refused {}: {}", refusal.command, refusal.reason),
+            (_, _, Some(status)) if status.supervisor_serial >= sent => status.state_text.clone(),
+            _ => "has not answered yet".to_owned(),
+        };
+        Some(ChildReport {
+            name: Arc::clone(&link.name),
+            state,
+            text,
+            is_ours: status.is_some_and(|status| *status.owner == *self.family.me),
+            obeys_another: status
+                .filter(|status| self.family.obeys_another(status, sent))
+                .map(|status| status.commander.clone()),
+        })
+    }
+
+    fn status_of(&self, index: usize) -> Option<&rcs::Status> {
+        self.inputs[self.family.links[index].input].latest.as_ref()?.message.get()
+    }
+
+    fn judge(&self, index: usize, status: Option<&rcs::Status>) -> ChildState {
+        let link = &self.family.links[index];
+        let heard = self.inputs[link.input].latest.as_ref().map(|sample| sample.header.log_time);
+        let heard = heard.or(self.family.state.since).unwrap_or(self.now);
+        if self.now >= heard.after_ns(link.silent_ns) {
+            return ChildState::Silent;
+        }
+        self.family.state_of(index, status)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs::ProcessState::{Done, Error, Exec};
+
+    fn status(
+        state: rcs::ProcessState,
+        commander: &str,
+        echo_serial: u64,
+        supervisor_serial: u64,
+    ) -> rcs::Status {
+        let commander = commander.to_owned();
+        rcs::Status {
+            state: state.into(),
+            commander,
+            echo_serial,
+            supervisor_serial,
+            ..rcs::Status::default()
+        }
+    }
+
+    fn seen(sent: u64, status: Option<&rcs::Status>) -> ChildState {
+        let link = Link { slot: 0, name: "child".into(), input: 0, output: 0, silent_ns: SILENT_NS };
+        let state = FamilyState { sent: vec![sent], since: None };
+        Family { me: "boss".into(), links: vec![link], state }.state_of(0, status)
+    }
+
+    #[test]
+    fn a_child_is_exec_until_its_echo_equals_the_serial_that_was_sent() {
+        assert_eq!(seen(0, None), ChildState::Uninitialized);
+        assert_eq!(seen(5, None), ChildState::Exec);
+        assert_eq!(seen(5, Some(&status(Done, "boss", 4, 4))), ChildState::Exec, "an old DONE");
+        assert_eq!(seen(5, Some(&status(Error, "boss", 4, 4))), ChildState::Exec, "an old ERROR");
+        assert_eq!(seen(5, Some(&status(Done, "boss", 5, 5))), ChildState::Done);
+        assert_eq!(seen(5, Some(&status(Error, "boss", 5, 5))), ChildState::Error);
+    }
+
+    #[test]
+    fn an_equal_serial_of_the_operators_is_no_answer() {
+        assert_eq!(seen(5, Some(&status(Done, "operator", 5, 4))), ChildState::Exec);
+        let taken = status(Done, "operator", 9, 5);
+        assert_eq!(seen(5, Some(&taken)), ChildState::Done, "it has seen 5 and obeys the operator");
+    }
+
+    #[test]
+    fn a_refusal_of_what_was_sent_is_an_error_unless_someone_else_has_the_authority() {
+        let refused = |no_authority| {
+            let writer = "boss".to_owned();
+            let refused = rcs::Refusal { writer, serial: 5, no_authority, ..rcs::Refusal::default() };
+            rcs::Status { refused: Some(refused), ..status(Exec, "operator", 3, 5) }
+        };
+        assert_eq!(seen(5, Some(&refused(false))), ChildState::Error);
+        assert_eq!(seen(5, Some(&refused(true))), ChildState::Exec, "the operator's command holds");
+        assert_eq!(seen(6, Some(&refused(false))), ChildState::Exec, "that was the command before");
+    }
+}

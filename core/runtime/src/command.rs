@@ -1,0 +1,241 @@
+//! Commands: what a process obeys.
+//!
+//! A process declares its own commands as one enum with [`commands!`](crate::commands). The runtime adds five that
+//! every process obeys:
+//!
+//! | command | what it does |
+//! | --- | --- |
+//! | `INIT` | makes the state anew from the parameters (after a panic, too), then calls [`Process::init`](crate::Process::init) every cycle |
+//! | `RUN` | calls [`Process::cycle`](crate::Process::cycle) every cycle |
+//! | `HALT` | calls [`Process::halt`](crate::Process::halt) every cycle |
+//! | `TAKE` | takes the authority over the process, or keeps it; what the process does stays as it is |
+//! | `RELEASE` | gives the authority back: the operator's goes to the supervisor |
+//!
+//! Who may command a process, and what happens to what cannot be obeyed: `register.rs`.
+
+use rcs_msg::{Payload, Schema, Stamp, params, rcs, schema_of};
+use std::any::Any;
+use std::sync::Arc;
+
+/// The commands of a kind of process beside those of the runtime. Written with [`commands!`](crate::commands).
+pub trait CommandSet: Clone + Send + Sync + 'static {
+    /// What there is, in the order in which a person meets it.
+    const COMMANDS: &'static [CommandDef];
+    /// The command as a value; an error says what is wrong with its name or its parameters.
+    fn decode(command: &rcs::Command) -> Result<Self, String>;
+    /// Its name and its parameters, as [`CommandSet::decode`] reads them.
+    fn encode(&self) -> Encoded;
+}
+
+/// A command that a process obeys.
+#[derive(Clone, Copy, Debug)]
+pub struct CommandDef {
+    /// Its name: `CLEAR`.
+    pub name: &'static str,
+    /// One sentence.
+    pub help: &'static str,
+    /// Schema of its parameters, a message whose fields carry unit, range, default and help like those of a process's
+    /// parameters; `None` where it has none.
+    pub parameters: Option<fn() -> &'static Arc<Schema>>,
+}
+
+impl CommandDef {
+    /// Full name of its parameter message; empty where it has none.
+    pub fn parameters_schema(&self) -> &'static str {
+        self.parameters.map_or("", |schema| schema().name())
+    }
+}
+
+/// A command on its way into a message.
+#[derive(Clone, Debug)]
+pub struct Encoded {
+    /// Its name.
+    pub name: &'static str,
+    /// Schema and bytes of its parameters; both empty where it has none.
+    pub parameters: (String, Vec<u8>),
+}
+
+/// No commands but those of the runtime.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoCommands {}
+
+impl CommandSet for NoCommands {
+    const COMMANDS: &'static [CommandDef] = &[];
+
+    fn decode(command: &rcs::Command) -> Result<Self, String> {
+        Err(unknown::<Self>(&command.name))
+    }
+
+    fn encode(&self) -> Encoded {
+        match *self {}
+    }
+}
+
+/// What a supervisor can tell a child whose own commands are `C`.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Order<C> {
+    /// Begin anew.
+    Init,
+    /// Work.
+    Run,
+    /// Stop working.
+    Halt,
+    /// A command of its own.
+    Own(C),
+}
+
+impl<C> From<C> for Order<C> {
+    fn from(command: C) -> Self {
+        Order::Own(command)
+    }
+}
+
+impl<C: CommandSet> Order<C> {
+    pub(crate) fn message(&self, serial: u64, now: Stamp) -> rcs::Command {
+        let plain = |name| Encoded { name, parameters: (String::new(), Vec::new()) };
+        let encoded = match self {
+            Order::Init => plain(INIT),
+            Order::Run => plain(RUN),
+            Order::Halt => plain(HALT),
+            Order::Own(command) => command.encode(),
+        };
+        let (parameters_schema, parameters) = encoded.parameters;
+        let name = encoded.name.to_owned();
+        rcs::Command {
+            timestamp: Some(now.to_proto()),
+            serial,
+            name,
+            parameters_schema,
+            parameters: parameters.into(),
+        }
+    }
+}
+
+/// Declares a process's own commands: an enum with a name, a sentence of help and, where there is one, the parameter
+/// message of each.
+///
+/// ```
+/// rcs_runtime::commands! {
+///     /// What the world model obeys.
+///     pub enum WorldModelCommand {
+///         Clear = "CLEAR": "Forget the whole map.",
+///         Weigh(rcs_msg::rcs::WorldModelParams) = "WEIGH": "Fuse with these weights.",
+///     }
+/// }
+/// ```
+#[macro_export]
+macro_rules! commands {
+    (@schema) => { None };
+    (@schema $parameters:ty) => { Some($crate::commands::schema_of::<$parameters>) };
+    (@decode $command:ident $name:ident $variant:ident) => {
+        $crate::commands::no_parameters($command).map(|()| $name::$variant)
+    };
+    (@decode $command:ident $name:ident $variant:ident $parameters:ty) => {
+        $crate::commands::parameters::<$parameters>($command).map($name::$variant)
+    };
+    (@bind $value:ident $parameters:ty) => { $value };
+    (@encode) => { (String::new(), Vec::new()) };
+    (@encode $value:ident $parameters:ty) => { $crate::commands::encode($value) };
+    (
+        $(#[$meta:meta])*
+        $visibility:vis enum $name:ident {
+            $($variant:ident $(($parameters:ty))? = $text:literal : $help:literal),+ $(,)?
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq)]
+        $visibility enum $name {
+            $(#[doc = $help] $variant $(($parameters))?),+
+        }
+
+        impl $crate::CommandSet for $name {
+            const COMMANDS: &'static [$crate::CommandDef] = &[$($crate::CommandDef {
+                name: $text,
+                help: $help,
+                parameters: $crate::commands!(@schema $($parameters)?),
+            }),+];
+
+            fn decode(command: &$crate::commands::Command) -> Result<Self, String> {
+                match command.name.as_str() {
+                    $($text => $crate::commands!(@decode command $name $variant $($parameters)?),)+
+                    name => Err($crate::commands::unknown::<Self>(name)),
+                }
+            }
+
+            fn encode(&self) -> $crate::commands::Encoded {
+                match self {
+                    $(Self::$variant $({ 0: $crate::commands!(@bind value $parameters) })? => {
+                        $crate::commands::Encoded {
+                            name: $text,
+                            parameters: $crate::commands!(@encode $(value $parameters)?),
+                        }
+                    })+
+                }
+            }
+        }
+    };
+}
+
+/// What the code that [`commands!`](crate::commands) writes calls.
+#[doc(hidden)]
+pub mod support {
+    pub use super::{Encoded, encode, no_parameters, parameters, unknown};
+    pub use rcs_msg::{rcs::Command, schema_of};
+}
+
+/// Says that a name is no command of that set, and what would be.
+pub fn unknown<C: CommandSet>(name: &str) -> String {
+    let known = C::COMMANDS.iter().map(|known| known.name);
+    let known: Vec<_> = BUILT_IN.iter().map(|known| known.name).chain(known).collect();
+    format!("unknown command {name}; expected {}", known.join(", "))
+}
+
+/// Refuses parameters for a command that has none.
+pub fn no_parameters(command: &rcs::Command) -> Result<(), String> {
+    if command.parameters_schema.is_empty() && command.parameters.is_empty() {
+        return Ok(());
+    }
+    Err(format!("{} has no parameters; got {}", command.name, named(&command.parameters_schema)))
+}
+
+/// The parameters of a command, of their type and within their ranges.
+pub fn parameters<T: Payload>(command: &rcs::Command) -> Result<T, String> {
+    let (name, expected) = (&command.name, T::full_name());
+    if command.parameters_schema != expected {
+        return Err(format!(
+            "{name} needs parameters of type {expected}; got {}",
+            named(&command.parameters_schema)
+        ));
+    }
+    let value = T::decode(command.parameters.as_ref())
+        .map_err(|error| format!("the parameters of {name} do not decode as {expected}: {error}"))?;
+    params::check_typed(&value).map_err(|error| format!("{name}: {error}"))?;
+    Ok(value)
+}
+
+/// Schema and bytes of parameters.
+pub fn encode<T: Payload>(value: &T) -> (String, Vec<u8>) {
+    (schema_of::<T>().name().to_owned(), value.encode_to_vec())
+}
+
+fn named(schema: &str) -> &str {
+    if schema.is_empty() { "none" } else { schema }
+}
+
+pub(crate) const INIT: &str = "INIT";
+pub(crate) const RUN: &str = "RUN";
+pub(crate) const HALT: &str = "HALT";
+pub(crate) const TAKE: &str = "TAKE";
+pub(crate) const RELEASE: &str = "RELEASE";
+
+/// The commands that the runtime obeys for every process.
+pub const BUILT_IN: &[CommandDef] = &[
+    CommandDef { name: INIT, help: "Make the state anew, after a panic, too.", parameters: None },
+    CommandDef { name: RUN, help: "Work from now on.", parameters: None },
+    CommandDef { name: HALT, help: "Stop working; the state is kept.", parameters: None },
+    CommandDef { name: TAKE, help: "Take the authority over the process, or keep it.", parameters: None },
+    CommandDef { name: RELEASE, help: "Give the authority back.", parameters: None },
+];
+
+/// A command as the process's own enum.
+pub(crate) type Typed = Arc<dyn Any + Send + Sync>;

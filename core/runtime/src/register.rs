@@ -1,0 +1,372 @@
+//! The register of commands: what a process has been told, and by whom. It is part of the process's state.
+//!
+//! The register decides when a command arrives, in the order in which commands were written:
+//!
+//! 1. Who writes is the operator, the supervisor, or a stranger, who is refused.
+//! 2. A serial that is not above the writer's last one is refused.
+//! 3. One of the two has the authority. The operator takes it from the supervisor with any command; the supervisor is
+//!    refused while the operator has it. The operator loses it by `RELEASE`, or by not having said anything for
+//!    `authority_s` of the stack, in simulated time. What the process does is not changed by that.
+//! 4. The command must be one of the process's, with parameters of its type and within their ranges; a command of the
+//!    process's own needs a process that runs, and a process that panicked obeys `INIT` alone.
+//!
+//! What fails 1 to 3 is a fault and is reported in `Status.refused`; what the owner told the process still holds. What
+//! fails 4 was said by the owner: its serial is echoed with `ERROR` and the reason, until a command is accepted. What
+//! passes is echoed together with `EXEC` in the next status, before the process can say anything else.
+
+use crate::command::{HALT, INIT, RELEASE, RUN, TAKE, Typed, no_parameters};
+use crate::process::ProcessType;
+use crate::status::StatusCell;
+use rcs_bus::{Sample, WriterId};
+use rcs_msg::{Stamp, rcs};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// Which of its functions a process is in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Phase {
+    /// Before its first command.
+    #[default]
+    Uninitialized,
+    /// `Process::init`
+    Init,
+    /// `Process::cycle`
+    Run,
+    /// `Process::halt`
+    Halt,
+}
+
+/// Who may command a process; the greater one takes the authority from the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub(crate) enum Authority {
+    Supervisor,
+    Operator,
+}
+
+/// Who is who for one process, and how long the operator's authority lasts without a word.
+pub(crate) struct Superiors {
+    /// `None` below the viewer, which is the operator.
+    pub(crate) supervisor: Option<WriterId>,
+    pub(crate) lease_ns: u64,
+    /// Names of the writers of the run.
+    pub(crate) names: Arc<[Arc<str>]>,
+}
+
+impl Superiors {
+    fn authority(&self, writer: WriterId) -> Option<Authority> {
+        if writer == WriterId::OPERATOR {
+            Some(Authority::Operator)
+        } else if Some(writer) == self.supervisor {
+            Some(Authority::Supervisor)
+        } else {
+            None
+        }
+    }
+
+    fn name(&self, writer: WriterId) -> &str {
+        self.names.get(usize::from(writer.0)).map_or("unknown", |name| name)
+    }
+
+    fn name_of(&self, owner: Option<Authority>) -> &str {
+        match owner {
+            Some(Authority::Operator) => self.name(WriterId::OPERATOR),
+            Some(Authority::Supervisor) => self.supervisor.map_or("", |writer| self.name(writer)),
+            None => "",
+        }
+    }
+
+    fn expected(&self) -> String {
+        let supervisor = self.supervisor.map(|writer| format!(" or {}", self.name(writer)));
+        format!("{}{}", self.name(WriterId::OPERATOR), supervisor.unwrap_or_default())
+    }
+}
+
+/// A command of the process's own that was accepted.
+#[derive(Clone)]
+struct Accepted {
+    message: Arc<rcs::Command>,
+    /// The decoded command; `None` where the register came from disk and has not been restored into a node.
+    typed: Option<Typed>,
+}
+
+/// What a process has been told: part of its state.
+#[derive(Clone, Default)]
+pub(crate) struct Register {
+    phase: Phase,
+    owner: Option<Authority>,
+    /// When the owner last said something.
+    heard: Stamp,
+    /// Last serial of the supervisor and of the operator.
+    serials: [u64; 2],
+    /// Own commands that the process has not seen.
+    pending: VecDeque<Accepted>,
+    /// The own command that is being obeyed.
+    standing: Option<Accepted>,
+    /// Whether a command was accepted since the last cycle.
+    is_new: bool,
+}
+
+/// What a command that arrived means for the node.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// It changes nothing that the process does.
+    Noted,
+    /// The process goes on with it.
+    Accepted,
+    /// The state is to be made anew.
+    Anew,
+}
+
+impl Register {
+    pub(crate) fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    pub(crate) fn is_new(&self) -> bool {
+        self.is_new
+    }
+
+    /// The next own command that the process has not seen.
+    pub(crate) fn next(&mut self) -> Option<Typed> {
+        self.pending.pop_front()?.typed
+    }
+
+    /// The own command that is being obeyed.
+    pub(crate) fn standing(&self) -> Option<&Typed> {
+        self.standing.as_ref()?.typed.as_ref()
+    }
+
+    /// A cycle has been run: what it did not look at does not come again.
+    pub(crate) fn end_cycle(&mut self) {
+        if self.is_new {
+            self.is_new = false;
+            self.pending.clear();
+        }
+    }
+
+    /// Takes the authority from an operator who has said nothing for too long.
+    pub(crate) fn lapse(&mut self, now: Stamp, superiors: &Superiors, status: &mut StatusCell) {
+        if self.has_lapsed(now, superiors) {
+            self.owner = None;
+            Arc::make_mut(&mut status.obeyed).owner.clear();
+        }
+    }
+
+    fn has_lapsed(&self, now: Stamp, superiors: &Superiors) -> bool {
+        // Below the viewer there is no one else.
+        self.owner == Some(Authority::Operator)
+            && superiors.supervisor.is_some()
+            && now >= self.heard.after_ns(superiors.lease_ns)
+    }
+
+    /// Decides on a command that arrives, and says so in the status.
+    pub(crate) fn take(
+        &mut self,
+        sample: &Sample,
+        superiors: &Superiors,
+        kind: &ProcessType,
+        panicked: bool,
+        status: &mut StatusCell,
+    ) -> Verdict {
+        let writer = superiors.name(sample.header.writer).to_owned();
+        let Some(command) = sample.message.to::<rcs::Command>() else {
+            let none = rcs::Command::default();
+            refuse(
+                status,
+                &writer,
+                &none,
+                Denied { reason: "it does not decode".to_owned(), no_authority: false },
+            );
+            return Verdict::Noted;
+        };
+        let at = sample.header.log_time;
+        let who = match self.admit(sample.header.writer, command.serial, at, superiors) {
+            Ok(who) => who,
+            Err(denied) => {
+                Arc::make_mut(&mut status.obeyed).supervisor_serial =
+                    self.serials[Authority::Supervisor as usize];
+                refuse(status, &writer, &command, denied);
+                return Verdict::Noted;
+            }
+        };
+        if command.name == RELEASE {
+            let supervisor = superiors.supervisor.map(|_| Authority::Supervisor);
+            self.owner = supervisor.filter(|_| who == Authority::Operator);
+        }
+        let obeyed = Arc::make_mut(&mut status.obeyed);
+        superiors.name_of(self.owner).clone_into(&mut obeyed.owner);
+        obeyed.supervisor_serial = self.serials[Authority::Supervisor as usize];
+        if [TAKE, RELEASE].contains(&command.name.as_str()) {
+            return Verdict::Noted;
+        }
+        obeyed.command.clone_from(&command.name);
+        obeyed.commander.clone_from(&writer);
+        obeyed.echo_serial = command.serial;
+        match self.accept(&command, kind, panicked, status.text()) {
+            Ok(verdict) => {
+                self.is_new = true;
+                Arc::make_mut(&mut status.obeyed).rejected = None;
+                status.set(rcs::ProcessState::Exec, format!("obeys {}", command.name).into());
+                verdict
+            }
+            Err(reason) => {
+                status.reject(reason.clone());
+                note(status, &writer, &command, Denied { reason, no_authority: false });
+                Verdict::Noted
+            }
+        }
+    }
+
+    /// Whether the writer may command the process now.
+    fn admit(
+        &mut self,
+        writer: WriterId,
+        serial: u64,
+        at: Stamp,
+        superiors: &Superiors,
+    ) -> Result<Authority, Denied> {
+        let Some(who) = superiors.authority(writer) else {
+            let expected = superiors.expected();
+            let reason =
+                format!("{} may not command this process; expected {expected}", superiors.name(writer));
+            return Err(Denied { reason, no_authority: true });
+        };
+        let last = self.serials[who as usize];
+        if serial <= last {
+            let reason = format!("serial {serial} is old; expected more than {last}");
+            return Err(Denied { reason, no_authority: false });
+        }
+        self.serials[who as usize] = serial;
+        if self.owner.is_some_and(|owner| owner > who) && !self.has_lapsed(at, superiors) {
+            let owner = superiors.name_of(self.owner);
+            let reason = format!("{owner} has the authority over this process");
+            return Err(Denied { reason, no_authority: true });
+        }
+        self.owner = Some(who);
+        self.heard = at;
+        Ok(who)
+    }
+
+    /// Whether the process can do it.
+    fn accept(
+        &mut self,
+        command: &rcs::Command,
+        kind: &ProcessType,
+        panicked: bool,
+        state_text: &str,
+    ) -> Result<Verdict, String> {
+        let name = command.name.as_str();
+        let phase = match name {
+            INIT => Some(Phase::Init),
+            RUN => Some(Phase::Run),
+            HALT => Some(Phase::Halt),
+            _ => None,
+        };
+        let typed = match phase {
+            Some(_) => {
+                no_parameters(command)?;
+                None
+            }
+            None => Some(kind.decode(command)?),
+        };
+        if panicked && phase != Some(Phase::Init) {
+            return Err(format!("{name} needs a process that works; this one {state_text}; expected INIT"));
+        }
+        let Some(typed) = typed else {
+            self.phase = phase.unwrap_or_default();
+            self.standing = None;
+            if self.phase != Phase::Run {
+                self.pending.clear();
+            }
+            return Ok(if self.phase == Phase::Init { Verdict::Anew } else { Verdict::Accepted });
+        };
+        if self.phase != Phase::Run {
+            return Err(format!("{name} needs a process that runs; expected RUN before it"));
+        }
+        let accepted = Accepted { message: Arc::new(command.clone()), typed: Some(typed) };
+        self.pending.push_back(accepted.clone());
+        self.standing = Some(accepted);
+        Ok(Verdict::Accepted)
+    }
+
+    /// Decodes what came from disk; an error where the commands are not of this kind of process.
+    pub(crate) fn decode(&mut self, kind: &ProcessType) -> Result<(), String> {
+        for accepted in self.pending.iter_mut().chain(&mut self.standing) {
+            if accepted.typed.is_none() {
+                accepted.typed = Some(kind.decode(&accepted.message)?);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Why a command is not obeyed.
+struct Denied {
+    reason: String,
+    /// Someone else may command the process, not this writer.
+    no_authority: bool,
+}
+
+/// Counts a command that must not be obeyed, and says why.
+fn refuse(status: &mut StatusCell, writer: &str, command: &rcs::Command, denied: Denied) {
+    let (name, serial, reason) = (&command.name, command.serial, &denied.reason);
+    status.fault(format!("command {name} {serial} of {writer} refused: {reason}").into());
+    note(status, writer, command, denied);
+}
+
+fn note(status: &mut StatusCell, writer: &str, command: &rcs::Command, denied: Denied) {
+    Arc::make_mut(&mut status.obeyed).refused = Some(rcs::Refusal {
+        writer: writer.to_owned(),
+        serial: command.serial,
+        command: command.name.clone(),
+        reason: denied.reason,
+        no_authority: denied.no_authority,
+    });
+}
+
+/// [`Register`] as it is written to disk.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct RegisterOnDisk {
+    phase: Phase,
+    owner: Option<Authority>,
+    heard: Stamp,
+    serials: [u64; 2],
+    pending: Vec<Vec<u8>>,
+    standing: Option<Vec<u8>>,
+    is_new: bool,
+}
+
+impl From<&Register> for RegisterOnDisk {
+    fn from(register: &Register) -> Self {
+        let bytes = |accepted: &Accepted| prost::Message::encode_to_vec(&*accepted.message);
+        Self {
+            phase: register.phase,
+            owner: register.owner,
+            heard: register.heard,
+            serials: register.serials,
+            pending: register.pending.iter().map(bytes).collect(),
+            standing: register.standing.as_ref().map(bytes),
+            is_new: register.is_new,
+        }
+    }
+}
+
+impl TryFrom<&RegisterOnDisk> for Register {
+    type Error = prost::DecodeError;
+
+    fn try_from(disk: &RegisterOnDisk) -> Result<Self, Self::Error> {
+        let accepted = |bytes: &Vec<u8>| -> Result<Accepted, prost::DecodeError> {
+            Ok(Accepted { message: Arc::new(prost::Message::decode(bytes.as_slice())?), typed: None })
+        };
+        Ok(Self {
+            phase: disk.phase,
+            owner: disk.owner,
+            heard: disk.heard,
+            serials: disk.serials,
+            pending: disk.pending.iter().map(accepted).collect::<Result<_, _>>()?,
+            standing: disk.standing.as_ref().map(accepted).transpose()?,
+            is_new: disk.is_new,
+        })
+    }
+}

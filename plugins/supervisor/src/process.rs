@@ -1,0 +1,185 @@
+//! The process `supervisor`.
+
+use crate::proto::SupervisorParams;
+use rcs_msg::Stamp;
+use rcs_runtime::{
+    Child, ChildReport, ChildState, Children, Cycle, NoCommands, Order, PortBuilder, Process, ProcessDef,
+};
+use serde::{Deserialize, Serialize};
+
+/// State: what has been halted, and why.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Supervisor {
+    /// Why the vehicle interface was halted while this supervisor runs.
+    stopped: Option<String>,
+    /// When `HALT` was sent to the vehicle interface.
+    halting: Option<Stamp>,
+    /// The others have been sent `HALT`, too.
+    all_halted: bool,
+}
+
+/// Children of [`Supervisor`].
+#[derive(Debug)]
+pub struct Ports {
+    essential: Children,
+    vehicle_interface: Child<NoCommands>,
+    auxiliary: Children,
+}
+
+impl Process for Supervisor {
+    type Params = SupervisorParams;
+    type Ports = Ports;
+    type Command = NoCommands;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "supervisor",
+        summary: "Starts and halts a group of processes and stops the vehicle where an essential one fails",
+        period_ms: 50.0,
+        latency_ms: 0.0,
+        reads_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        Ports {
+            essential: b.children("essential", "children without which the vehicle must not move"),
+            vehicle_interface: b.optional_child(
+                "vehicle_interface",
+                "what moves the vehicle: halted before all others, and when an essential child fails",
+            ),
+            auxiliary: b.children("auxiliary", "children whose failure is reported, and no more"),
+        }
+    }
+
+    fn new(_params: &SupervisorParams) -> Self {
+        Self::default()
+    }
+
+    fn init(&mut self, ports: &Ports, _params: &SupervisorParams, cx: &mut Cycle<'_>) {
+        order(ports, &Order::Init, cx);
+        match await_all(ports, cx) {
+            Wait::Done => cx.done("all children are initialized"),
+            Wait::For(name) => cx.exec(format!("waits for {name}")),
+            Wait::Failed(why) => cx.error(why),
+        }
+    }
+
+    fn cycle(&mut self, ports: &Ports, _params: &SupervisorParams, cx: &mut Cycle<'_>) {
+        if cx.is_new_command() {
+            *self = Self::default();
+        }
+        if self.stopped.is_none() {
+            order(ports, &Order::Run, cx);
+        } else {
+            order_others(ports, &Order::Run, cx);
+        }
+        let failed = |child: &Child<NoCommands>| cx.child(child).and_then(|report| failure(&report));
+        let vehicle_interface = failed(&ports.vehicle_interface);
+        let essential =
+            vehicle_interface.or_else(|| cx.members(&ports.essential).find_map(|child| failed(&child)));
+        let auxiliary = cx.members(&ports.auxiliary).find_map(|child| failed(&child));
+        if let Some(why) = &essential
+            && self.stopped.is_none()
+            && cx.send(&ports.vehicle_interface, Order::Halt)
+        {
+            self.stopped = Some(why.clone());
+        }
+        match (&self.stopped, essential, auxiliary.or_else(|| taken(ports, cx))) {
+            (Some(why), ..) => cx.error(format!("has stopped the vehicle: {why}")),
+            (None, Some(why), _) => cx.error(why),
+            (None, None, Some(what)) => cx.exec(format!("runs; {what}")),
+            (None, None, None) => cx.exec("all children run"),
+        }
+    }
+
+    fn halt(&mut self, ports: &Ports, params: &SupervisorParams, cx: &mut Cycle<'_>) {
+        let now = cx.now();
+        if cx.is_new_command() {
+            *self = Self { halting: Some(now), ..Self::default() };
+            cx.send(&ports.vehicle_interface, Order::Halt);
+        }
+        let stands = match cx.child_state(&ports.vehicle_interface) {
+            None | Some(ChildState::Done | ChildState::Error | ChildState::Silent) => true,
+            Some(ChildState::Exec | ChildState::Uninitialized) => {
+                self.halting.is_some_and(|since| now.seconds_since(since) >= params.halt_timeout_s)
+            }
+        };
+        if !stands && !self.all_halted {
+            return cx.exec("waits for the vehicle to stand");
+        }
+        if !self.all_halted {
+            self.all_halted = true;
+            for child in others(ports, cx) {
+                cx.send(&child, Order::Halt);
+            }
+        }
+        match await_all(ports, cx) {
+            Wait::Done => cx.done("all children are halted"),
+            Wait::For(name) => cx.exec(format!("waits for {name}")),
+            Wait::Failed(why) => cx.error(why),
+        }
+    }
+}
+
+/// Sends all children an order: in the cycle in which the supervisor got its own, and later to those that the operator
+/// gives back.
+fn order(ports: &Ports, order: &Order<NoCommands>, cx: &mut Cycle<'_>) {
+    if wants_order(&ports.vehicle_interface, cx) {
+        cx.send(&ports.vehicle_interface, order.clone());
+    }
+    order_others(ports, order, cx);
+}
+
+/// The same for all but the vehicle interface.
+fn order_others(ports: &Ports, order: &Order<NoCommands>, cx: &mut Cycle<'_>) {
+    for child in others(ports, cx) {
+        if wants_order(&child, cx) {
+            cx.send(&child, order.clone());
+        }
+    }
+}
+
+fn wants_order(child: &Child<NoCommands>, cx: &Cycle<'_>) -> bool {
+    cx.is_new_command()
+        || cx.child(child).is_some_and(|report| report.is_ours && report.obeys_another.is_some())
+}
+
+/// Every child but the vehicle interface.
+fn others(ports: &Ports, cx: &Cycle<'_>) -> Vec<Child<NoCommands>> {
+    cx.members(&ports.essential).chain(cx.members(&ports.auxiliary)).collect()
+}
+
+/// A child that obeys someone else.
+fn taken(ports: &Ports, cx: &Cycle<'_>) -> Option<String> {
+    let children = [ports.vehicle_interface].into_iter().chain(others(ports, cx));
+    let mut reports = children.filter_map(|child| cx.child(&child));
+    reports.find_map(|report| report.obeys_another.map(|who| format!("{} obeys {who}", report.name)))
+}
+
+/// Whether all children have done what they were told.
+enum Wait {
+    Done,
+    For(String),
+    Failed(String),
+}
+
+fn await_all(ports: &Ports, cx: &Cycle<'_>) -> Wait {
+    let children = [ports.vehicle_interface].into_iter().chain(others(ports, cx));
+    let reports: Vec<ChildReport> = children.filter_map(|child| cx.child(&child)).collect();
+    if let Some(why) = reports.iter().find_map(failure) {
+        return Wait::Failed(why);
+    }
+    let waits = |report: &&ChildReport| report.state != ChildState::Done && report.obeys_another.is_none();
+    match reports.iter().find(waits) {
+        Some(report) => Wait::For(report.name.to_string()),
+        None => Wait::Done,
+    }
+}
+
+/// What is wrong with a child, with its name and its own reason.
+fn failure(report: &ChildReport) -> Option<String> {
+    let word = match report.state {
+        ChildState::Error => "is in ERROR",
+        ChildState::Silent => "is silent",
+        ChildState::Uninitialized | ChildState::Exec | ChildState::Done => return None,
+    };
+    Some(format!("{} {word}: {}", report.name, report.text))
+}

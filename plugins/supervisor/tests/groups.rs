@@ -1,0 +1,286 @@
+//! A supervisor over processes that obey, brake and fail.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
+use rcs_runtime::source::Task;
+use rcs_runtime::{
+    Cycle, ExternalEvent, In, NoCommands, Plan, PortBuilder, Process, ProcessDef, ProcessType, RunOptions,
+    Session, StackFile, Stepped,
+};
+use rcs_supervisor::Supervisor;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Brakes for half a second when it is halted.
+#[derive(Clone, Serialize, Deserialize)]
+struct Wheels {
+    braking: u32,
+}
+
+impl Process for Wheels {
+    type Params = rcs::NoParams;
+    type Ports = ();
+    type Command = NoCommands;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "wheels",
+        summary: "Drives.",
+        period_ms: 20.0,
+        latency_ms: 0.0,
+        reads_truth: false,
+    };
+
+    fn ports(_: &mut PortBuilder) {}
+
+    fn new(_params: &Self::Params) -> Self {
+        Self { braking: 0 }
+    }
+
+    fn cycle(&mut self, _: &(), _params: &Self::Params, cx: &mut Cycle<'_>) {
+        self.braking = 0;
+        cx.exec("drives");
+    }
+
+    fn halt(&mut self, _: &(), _params: &Self::Params, cx: &mut Cycle<'_>) {
+        self.braking += 1;
+        if self.braking > 25 { cx.done("stands") } else { cx.exec("brakes") }
+    }
+}
+
+/// Says `ERROR` while a status that it reads is one, and panics where that says so.
+#[derive(Clone, Serialize, Deserialize)]
+struct Part;
+
+impl Process for Part {
+    type Params = rcs::NoParams;
+    type Ports = In<rcs::Status>;
+    type Command = NoCommands;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "part",
+        summary: "Works.",
+        period_ms: 20.0,
+        latency_ms: 0.0,
+        reads_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Self::Ports {
+        b.optional_input("fate", "What befalls it.")
+    }
+
+    fn new(_params: &Self::Params) -> Self {
+        Self
+    }
+
+    fn cycle(&mut self, fate: &Self::Ports, _params: &Self::Params, cx: &mut Cycle<'_>) {
+        match cx.latest(fate).map(|fate| (fate.state(), fate.state_text.clone())) {
+            Some((rcs::ProcessState::Error, why)) if why == "panic" => panic!("worn out"),
+            Some((rcs::ProcessState::Error, why)) => cx.error(why),
+            _ => cx.exec("works"),
+        }
+    }
+}
+
+const STACK: &str = r#"
+format = 1
+name = "robot"
+authority_s = 1.0
+
+[[process]]
+name = "robot"
+plugin = "supervisor"
+supervisor = "viewer"
+
+[[process]]
+name = "perception"
+plugin = "supervisor"
+supervisor = "robot"
+
+[[process]]
+name = "wheels"
+plugin = "wheels"
+supervisor = "robot"
+as = "vehicle_interface"
+
+[[process]]
+name = "eye"
+plugin = "part"
+supervisor = "perception"
+inputs = { fate = "/operator/eye" }
+
+[[process]]
+name = "lamp"
+plugin = "part"
+supervisor = "robot"
+as = "auxiliary"
+inputs = { fate = "/operator/lamp" }
+"#;
+
+struct Bench {
+    session: Session,
+    now_ms: u64,
+    serial: u64,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let plugins =
+            &[ProcessType::of::<Supervisor>(), ProcessType::of::<Wheels>(), ProcessType::of::<Part>()];
+        let plan = Plan::new(StackFile::parse("robot.toml", STACK).unwrap(), plugins, &[]).unwrap();
+        let run = Stepped::new(Arc::new(plan), None, RunOptions::default()).unwrap();
+        let mut bench = Self { session: Session::new(run).unwrap(), now_ms: 0, serial: 1 };
+        bench.forward(200);
+        bench
+    }
+
+    fn forward(&mut self, by_ms: u64) {
+        self.now_ms += by_ms;
+        self.session.forward_until(Stamp(self.now_ms * 1_000_000), &Task::default()).unwrap();
+    }
+
+    fn write<T: Payload>(&mut self, buffer: String, message: T) {
+        self.session.write(ExternalEvent::operator(buffer, AnyMessage::new(message))).unwrap();
+    }
+
+    fn say(&mut self, process: &str, name: &str) {
+        self.serial += 1;
+        let command = rcs::Command { serial: self.serial, name: name.to_owned(), ..Default::default() };
+        self.write(format!("/{process}/command"), command);
+    }
+
+    /// What befalls a part from now on: nothing, an error, or a panic.
+    fn fate(&mut self, part: &str, why: &str) {
+        let state = if why.is_empty() { rcs::ProcessState::Exec } else { rcs::ProcessState::Error };
+        let status = rcs::Status { state: state.into(), state_text: why.to_owned(), ..Default::default() };
+        self.write(format!("/operator/{part}"), status);
+    }
+
+    fn status(&self, process: &str) -> rcs::Status {
+        let buffer = self.session.run().bus().get(&format!("/{process}/status")).unwrap();
+        buffer.latest().unwrap().message.to().unwrap()
+    }
+
+    #[track_caller]
+    fn expect(&self, process: &str, state: rcs::ProcessState, text: &str) {
+        let status = self.status(process);
+        assert_eq!((status.state(), status.state_text.as_str()), (state, text), "{process}");
+    }
+}
+
+use rcs::ProcessState::{Done, Error, Exec};
+
+#[test]
+fn run_goes_down_every_level_in_the_instant_in_which_it_comes() {
+    let bench = Bench::new();
+    for process in ["robot", "perception"] {
+        bench.expect(process, Exec, "all children run");
+    }
+    for process in ["eye", "lamp"] {
+        bench.expect(process, Exec, "works");
+        assert_eq!(bench.status(process).cycle, 11, "from the first cycle on");
+    }
+    bench.expect("wheels", Exec, "drives");
+    assert_eq!(bench.status("eye").commander, "perception");
+    assert_eq!(bench.status("perception").commander, "robot");
+}
+
+#[test]
+fn halt_stands_the_vehicle_before_anything_else_is_halted() {
+    let mut bench = Bench::new();
+    bench.say("robot", "HALT");
+    bench.forward(200);
+    bench.expect("wheels", Exec, "brakes");
+    bench.expect("robot", Exec, "waits for the vehicle to stand");
+    bench.expect("eye", Exec, "works");
+    bench.forward(800);
+    bench.expect("wheels", Done, "stands");
+    bench.expect("eye", Done, "halted");
+    bench.expect("lamp", Done, "halted");
+    bench.expect("perception", Done, "all children are halted");
+    bench.expect("robot", Done, "all children are halted");
+    bench.say("robot", "RUN");
+    bench.forward(200);
+    bench.expect("robot", Exec, "all children run");
+    bench.expect("wheels", Exec, "drives");
+    bench.expect("eye", Exec, "works");
+}
+
+#[test]
+fn init_goes_down_and_is_done_when_all_are() {
+    let mut bench = Bench::new();
+    bench.say("robot", "INIT");
+    bench.forward(400);
+    bench.expect("robot", Done, "all children are initialized");
+    bench.expect("eye", Done, "initialized");
+    bench.say("robot", "RUN");
+    bench.forward(200);
+    bench.expect("robot", Exec, "all children run");
+}
+
+#[test]
+fn an_essential_child_that_fails_two_levels_down_stops_the_vehicle_until_run() {
+    let mut bench = Bench::new();
+    bench.fate("eye", "blind");
+    bench.forward(200);
+    bench.expect("perception", Error, "eye is in ERROR: blind");
+    let why = "has stopped the vehicle: perception is in ERROR: eye is in ERROR: blind";
+    bench.expect("robot", Error, why);
+    bench.expect("wheels", Exec, "brakes");
+    bench.fate("eye", "");
+    bench.forward(800);
+    bench.expect("perception", Exec, "all children run");
+    bench.expect("robot", Error, why);
+    bench.expect("wheels", Done, "stands");
+    bench.say("robot", "RUN");
+    bench.forward(200);
+    bench.expect("robot", Exec, "all children run");
+    bench.expect("wheels", Exec, "drives");
+}
+
+#[test]
+fn an_auxiliary_child_that_fails_is_reported_and_the_vehicle_drives_on() {
+    let mut bench = Bench::new();
+    bench.fate("lamp", "dark");
+    bench.forward(200);
+    bench.expect("robot", Exec, "runs; lamp is in ERROR: dark");
+    bench.expect("wheels", Exec, "drives");
+}
+
+#[test]
+fn a_child_that_panicked_stops_the_vehicle_and_comes_back_with_init_of_its_group() {
+    let mut bench = Bench::new();
+    bench.fate("eye", "panic");
+    bench.forward(800);
+    bench.expect("perception", Error, "eye is in ERROR: panicked: worn out");
+    bench.expect("wheels", Done, "stands");
+    bench.fate("eye", "");
+    bench.say("robot", "RUN");
+    bench.forward(200);
+    let why = "RUN needs a process that works; this one panicked: worn out; expected INIT";
+    bench.expect("perception", Error, &format!("eye is in ERROR: refused RUN: {why}"));
+    bench.say("robot", "INIT");
+    bench.forward(400);
+    bench.expect("robot", Done, "all children are initialized");
+    bench.say("robot", "RUN");
+    bench.forward(200);
+    bench.expect("eye", Exec, "works");
+    bench.expect("robot", Exec, "all children run");
+}
+
+#[test]
+fn what_the_operator_halted_stays_halted_until_it_is_given_back() {
+    let mut bench = Bench::new();
+    bench.say("wheels", "HALT");
+    bench.forward(800);
+    bench.expect("wheels", Done, "stands");
+    bench.expect("robot", Exec, "runs; wheels obeys operator");
+    bench.say("robot", "RUN");
+    bench.forward(2000);
+    bench.expect("wheels", Done, "stands");
+    assert_eq!(bench.status("wheels").owner, "", "the operator's authority has lapsed");
+    bench.say("wheels", "TAKE");
+    bench.forward(100);
+    bench.say("wheels", "RELEASE");
+    bench.forward(200);
+    bench.expect("wheels", Exec, "drives");
+    assert_eq!(bench.status("wheels").commander, "robot");
+}
