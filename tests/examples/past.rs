@@ -11,7 +11,7 @@
 mod bundled;
 
 use rcs_msg::rcs::DriveCommand;
-use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
+use rcs_msg::{AnyMessage, Stamp, foxglove};
 use rcs_runtime::source::{Source, StackSource, Step, Task};
 use rcs_runtime::{
     Cycle, In, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType, RunOptions, Session, StackFile,
