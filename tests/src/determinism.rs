@@ -4,7 +4,8 @@
 use crate::bundled;
 use rcs_log::Log;
 use rcs_msg::Stamp;
-use rcs_runtime::{Plan, RunOptions, Snapshot, Stepped};
+use rcs_msg::rcs::CourseRun;
+use rcs_runtime::{ExternalEvent, Plan, RunOptions, Snapshot, Stepped};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
@@ -144,6 +145,28 @@ fn the_forest_robot_goes_on_from_any_moment() {
 #[test]
 fn a_log_without_processes_goes_on_from_any_moment() {
     check_log("husky", "husky_outdoor_ros2.mcap", [0.0, 5.0], 7);
+}
+
+#[test]
+fn a_world_that_changes_restarts_a_run_from_disk_as_it_does_one_that_went_through() {
+    let case =
+        Case { plan: bundled::plan("truth_driver", "corridor", &[]), log: None, from_s: 0.0, until_s: 4.0 };
+    let mut through = case.begun(1);
+    through.run_until(Stamp(2_000_000_000)).unwrap();
+    let bytes = through.snapshot().to_bytes().unwrap();
+    let mut from_disk = case.fresh(1);
+    from_disk.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
+
+    let meadow = bundled::plan("truth_driver", "meadow", &[]);
+    let vehicle = meadow.processes.iter().find(|process| &*process.name == "vehicle").unwrap();
+    let ends = [&mut through, &mut from_disk].map(|run| {
+        run.take(ExternalEvent::operator("/vehicle/params", vehicle.params.clone())).unwrap();
+        case.finish(run)
+    });
+    assert_eq!(ends[0], ends[1]);
+    let verdict: CourseRun =
+        from_disk.bus().get("/vehicle/run").unwrap().latest().unwrap().message.to().unwrap();
+    assert!(verdict.time_s < 2.1, "the course begins when the world changes: {verdict:?}");
 }
 
 /// What no bundled stack runs without a recording.
