@@ -33,10 +33,10 @@ pub(crate) fn plan_of(stack: &str) -> Arc<Plan> {
     planned(&asset.file, &asset.text, None, &[])
 }
 
-/// A test's own stack on a bundled course.
+/// A test's own stack.
 #[allow(dead_code, reason = "an example includes this file, too")]
-pub(crate) fn plan_from_text(file: &str, text: &str, course: &str) -> Arc<Plan> {
-    planned(file, text, Some(course), &[])
+pub(crate) fn plan_from_text(file: &str, text: &str) -> Arc<Plan> {
+    planned(file, text, None, &[])
 }
 
 fn planned(file: &str, text: &str, course: Option<&str>, params: &[(&str, &str)]) -> Arc<Plan> {

@@ -178,12 +178,14 @@ name = "rest"
 name = "vehicle"
 plugin = "sim_vehicle"
 supervisor = "viewer"
+params = { world = "meadow", vehicle = "tractor", start_east_m = 10.0, start_north_m = 10.0 }
 
 [[process]]
 name = "ladar"
 plugin = "sim_ladar"
 supervisor = "viewer"
 inputs = { truth_state = "/vehicle/truth_state" }
+params = { world = "meadow", vehicle = "tractor", ladar = "ladar_roof" }
 
 [[process]]
 name = "obstacles"
@@ -202,7 +204,7 @@ name = "eyes"
 plugin = "sim_cameras"
 supervisor = "viewer"
 inputs = { truth_state = "/vehicle/truth_state" }
-params = { pair = "left" }
+params = { world = "meadow", vehicle = "tractor", pair = "infrared" }
 
 [[process]]
 name = "overlay"
@@ -218,7 +220,7 @@ static_transforms = "/vehicle/static_transforms"
 
 #[test]
 fn a_ladar_and_an_overlay_go_on_from_any_moment() {
-    let plan = bundled::plan_from_text("rest.toml", REST, "meadow");
+    let plan = bundled::plan_from_text("rest.toml", REST);
     Case { plan, log: None, from_s: 0.0, until_s: 1.5 }.check(8);
 }
 
@@ -228,7 +230,7 @@ fn every_plugin_goes_through_the_gate_without_a_recording() {
         bundled::plan("truth_driver", "corridor", &[]),
         bundled::plan("simulation", "meadow", &[]),
         bundled::plan("learning", "mulch_path", &[]),
-        bundled::plan_from_text("rest.toml", REST, "meadow"),
+        bundled::plan_from_text("rest.toml", REST),
     ];
     let run: BTreeSet<_> =
         plans.iter().flat_map(|plan| &plan.processes).map(|process| process.kind.def().plugin).collect();
