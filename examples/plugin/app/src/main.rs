@@ -36,6 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let options = PlanOptions { overrides: &overrides, course: None, assets: &Folder };
     let plan = Plan::with(stack, &plugins, &options)?;
     let mut run = Stepped::new(Arc::new(plan), None, RunOptions::default())?;
+    run.begin()?;
     run.run_until(Stamp(run.start().0 + (seconds * 1e9) as u64))?;
 
     for process in run.summary().processes {
