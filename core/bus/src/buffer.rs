@@ -5,8 +5,7 @@ use crate::sample::{Draft, Header, Sample, WriterId};
 use rcs_msg::{Schema, Stamp};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What happens to a write where a queue is full: where the slowest reader has not read its oldest message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -14,8 +13,11 @@ pub enum Overflow {
     /// The oldest message goes; readers that had not read it are told how many they missed.
     #[default]
     DropOldest,
-    /// The write is refused with [`WriteError::Full`], or waits where it was given a time limit.
+    /// The write is refused with [`WriteError::Full`].
     Refuse,
+    /// The queue grows until its slowest reader has read: nothing is lost that anyone waits for. For orders, which are
+    /// small and few; a queue of [`Mode::MOST_GROWN`] drops its oldest after all.
+    Grow,
 }
 
 /// How many messages a buffer keeps.
@@ -34,6 +36,17 @@ pub enum Mode {
 }
 
 impl Mode {
+    /// The most messages that a queue grows to.
+    pub const MOST_GROWN: usize = 65_536;
+
+    /// How many messages may wait for a reader.
+    pub fn most_unread(self) -> usize {
+        match self {
+            Mode::Queue { overflow: Overflow::Grow, .. } => Self::MOST_GROWN,
+            mode => mode.depth(),
+        }
+    }
+
     fn depth(self) -> usize {
         match self {
             Mode::Latest => 1,
@@ -89,7 +102,6 @@ pub type Tap = Box<dyn FnMut(&Sample) + Send>;
 pub struct Buffer {
     spec: BufferSpec,
     inner: Mutex<Inner>,
-    changed: Condvar,
     /// Whether any buffer of the bus may have overrides: shared by all of them, so that one look tells.
     overridden: Arc<AtomicBool>,
 }
@@ -107,8 +119,6 @@ struct Inner {
     /// Sequence of the newest message that those have seen.
     seen: u64,
     overrides: Active,
-    /// How many readers and writers wait for a change. Waking is a call of the system, and mostly no one waits.
-    waiting: usize,
 }
 
 /// All that a buffer remembers, apart from its taps: part of a snapshot.
@@ -132,7 +142,7 @@ impl Buffer {
 
     /// An empty buffer that shares a bus's flag.
     pub(crate) fn on_bus(spec: BufferSpec, overridden: Arc<AtomicBool>) -> Arc<Self> {
-        Arc::new(Self { spec, inner: Mutex::default(), changed: Condvar::new(), overridden })
+        Arc::new(Self { spec, inner: Mutex::default(), overridden })
     }
 
     /// What the buffer is.
@@ -248,15 +258,6 @@ impl Buffer {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Lets go of the buffer and wakes those who wait for a change.
-    fn release_and_wake(&self, inner: MutexGuard<'_, Inner>) {
-        let waited_for = inner.waiting > 0;
-        drop(inner);
-        if waited_for {
-            self.changed.notify_all();
-        }
-    }
-
     fn publish(&self, inner: &mut Inner, writer: WriterId, draft: Draft) -> u64 {
         let message = if inner.overrides.is_empty() {
             draft.message
@@ -276,7 +277,12 @@ impl Buffer {
                 tap(&sample);
             }
         }
-        if inner.ring.len() >= self.spec.mode.depth() {
+        let mode = self.spec.mode;
+        if inner.ring.len() >= mode.most_unread() {
+            inner.ring.pop_front();
+        }
+        // A queue that has grown shrinks again by what has been read.
+        while inner.ring.len() >= mode.depth() && !inner.is_full(mode.depth()) {
             inner.ring.pop_front();
         }
         inner.ring.push_back(sample);
@@ -323,13 +329,8 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Writes a message at once and returns its sequence.
+    /// Writes a message and returns its sequence. Never waits for a reader.
     pub fn write(&self, draft: Draft) -> Result<u64, WriteError> {
-        self.write_within(draft, Duration::ZERO)
-    }
-
-    /// Writes a message, waiting up to `limit` of wall-clock time for a place in a queue that refuses.
-    pub fn write_within(&self, draft: Draft, limit: Duration) -> Result<u64, WriteError> {
         let buffer = &*self.buffer;
         if !draft.message.is_a(&buffer.spec.schema) {
             return Err(WriteError::WrongType {
@@ -341,22 +342,9 @@ impl Writer {
         let depth = buffer.spec.mode.depth();
         let mut inner = buffer.lock();
         if buffer.spec.mode.refuses() && inner.is_full(depth) {
-            if !limit.is_zero() {
-                inner.waiting += 1;
-                inner = buffer
-                    .changed
-                    .wait_timeout_while(inner, limit, |inner| inner.is_full(depth))
-                    .unwrap_or_else(PoisonError::into_inner)
-                    .0;
-                inner.waiting -= 1;
-            }
-            if inner.is_full(depth) {
-                return Err(WriteError::Full { buffer: buffer.spec.name.clone(), depth });
-            }
+            return Err(WriteError::Full { buffer: buffer.spec.name.clone(), depth });
         }
-        let sequence = buffer.publish(&mut inner, self.id, draft);
-        buffer.release_and_wake(inner);
-        Ok(sequence)
+        Ok(buffer.publish(&mut inner, self.id, draft))
     }
 
     /// The buffer that it writes to.
@@ -374,43 +362,7 @@ pub struct Reader {
 impl Reader {
     /// The next message that this reader has not read; in a latest-only buffer, the newest.
     pub fn read(&mut self) -> Option<Sample> {
-        self.read_counting().map(|(sample, _)| sample)
-    }
-
-    /// Like [`Reader::read`], with how many messages were dropped before this reader saw them.
-    pub fn read_counting(&mut self) -> Option<(Sample, u64)> {
-        let mut inner = self.buffer.lock();
-        let next = Self::take(&mut inner, self.slot);
-        if next.is_some() {
-            self.buffer.release_and_wake(inner);
-        }
-        next
-    }
-
-    /// Like [`Reader::read`], waiting up to `limit` of wall-clock time for a message.
-    pub fn read_within(&mut self, limit: Duration) -> Option<Sample> {
-        let deadline = Instant::now() + limit;
-        let mut inner = self.buffer.lock();
-        loop {
-            if let Some((sample, _)) = Self::take(&mut inner, self.slot) {
-                self.buffer.release_and_wake(inner);
-                return Some(sample);
-            }
-            let left = deadline.checked_duration_since(Instant::now()).filter(|left| !left.is_zero())?;
-            inner.waiting += 1;
-            inner = self.buffer.changed.wait_timeout(inner, left).unwrap_or_else(PoisonError::into_inner).0;
-            inner.waiting -= 1;
-        }
-    }
-
-    /// What [`Reader::read`] would return, left unread.
-    pub fn peek(&self) -> Option<Sample> {
-        self.buffer.lock().next_unread(self.slot).map(|(sample, _)| sample.clone())
-    }
-
-    /// The newest message, whether read or not; left as it is.
-    pub fn latest(&self) -> Option<Sample> {
-        self.buffer.latest()
+        Self::take(&mut self.buffer.lock(), self.slot).map(|(sample, _)| sample)
     }
 
     /// Takes every unread message, oldest first, into `fresh`, and returns how many were missed before them.
@@ -421,15 +373,7 @@ impl Reader {
             fresh.push(sample);
             missed += skipped;
         }
-        if !fresh.is_empty() {
-            self.buffer.release_and_wake(inner);
-        }
         missed
-    }
-
-    /// The buffer that it reads.
-    pub fn buffer(&self) -> &Arc<Buffer> {
-        &self.buffer
     }
 
     fn take(inner: &mut Inner, slot: usize) -> Option<(Sample, u64)> {
@@ -447,7 +391,5 @@ impl Drop for Reader {
             *cursor = None;
         }
         inner.drop_consumed();
-        // A writer may have waited for this reader.
-        self.buffer.release_and_wake(inner);
     }
 }

@@ -1,7 +1,7 @@
 //! Buffers: NML's named mailboxes of one message type each.
 //!
 //! - [`Buffer`]: latest-only or a queue of N with a stated [`Overflow`] rule; many readers, many writers.
-//! - [`Reader`], [`Writer`]: non-blocking and blocking with a time limit; [`Reader::peek`] does not consume.
+//! - [`Reader`], [`Writer`]: neither ever waits.
 //! - Taps see every message in order; nothing is encoded unless a tap asks for bytes.
 //! - Overrides replace a field or a whole message at the moment of publishing; one that does not fit is dropped, and
 //!   the message passes.

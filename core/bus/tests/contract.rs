@@ -10,7 +10,6 @@ use rcs_bus::{
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs, schema_of};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
 fn buffer(mode: Mode) -> Arc<Buffer> {
     Buffer::new(BufferSpec {
@@ -43,11 +42,12 @@ fn a_latest_only_buffer_gives_each_reader_the_newest_once() {
     for i in 1..=3 {
         assert_eq!(writer.write(draft(f64::from(i))).unwrap(), i as u64);
     }
-    let (sample, missed) = a.read_counting().unwrap();
-    assert_eq!((x(&sample), missed), (3.0, 2));
+    let mut fresh = Vec::new();
+    assert_eq!(a.drain_into(&mut fresh), 2, "two were replaced before they were read");
+    assert_eq!(fresh.iter().map(x).collect::<Vec<_>>(), [3.0]);
     assert!(a.read().is_none(), "read once");
     assert_eq!(x(&b.read().unwrap()), 3.0, "no reader takes from another");
-    assert_eq!(x(&a.latest().unwrap()), 3.0, "the newest stays to be looked at");
+    assert_eq!(x(&buffer.latest().unwrap()), 3.0, "the newest stays to be looked at");
 }
 
 #[test]
@@ -63,19 +63,6 @@ fn a_late_reader_sees_the_newest_message() {
 }
 
 #[test]
-fn peek_leaves_the_message_unread() {
-    let buffer = buffer(queue(4, Overflow::DropOldest));
-    let mut reader = buffer.reader();
-    buffer.writer(WriterId::RUNTIME).write(draft(1.0)).unwrap();
-    buffer.writer(WriterId::OPERATOR).write(draft(2.0)).unwrap();
-    assert_eq!(x(&reader.peek().unwrap()), 1.0);
-    assert_eq!(x(&reader.peek().unwrap()), 1.0);
-    assert_eq!(x(&reader.read().unwrap()), 1.0);
-    let second = reader.read().unwrap();
-    assert_eq!((x(&second), second.header.writer), (2.0, WriterId::OPERATOR));
-}
-
-#[test]
 fn a_queue_that_drops_tells_how_many_a_reader_missed() {
     let buffer = buffer(queue(2, Overflow::DropOldest));
     let mut reader = buffer.reader();
@@ -86,6 +73,23 @@ fn a_queue_that_drops_tells_how_many_a_reader_missed() {
     let mut fresh = Vec::new();
     assert_eq!(reader.drain_into(&mut fresh), 3);
     assert_eq!(fresh.iter().map(x).collect::<Vec<_>>(), [3.0, 4.0]);
+}
+
+#[test]
+fn a_queue_that_grows_drops_nothing_before_its_slowest_reader_has_read_it() {
+    let buffer = buffer(queue(2, Overflow::Grow));
+    let (mut fast, mut slow) = (buffer.reader(), buffer.reader());
+    let writer = buffer.writer(WriterId::OPERATOR);
+    for i in 0..100 {
+        writer.write(draft(f64::from(i))).unwrap();
+        fast.read().unwrap();
+    }
+    let mut fresh = Vec::new();
+    assert_eq!(slow.drain_into(&mut fresh), 0);
+    assert!(fresh.iter().map(x).eq((0..100).map(f64::from)));
+    writer.write(draft(100.0)).unwrap();
+    assert_eq!(buffer.save().ring.len(), 2, "what all have read goes");
+    assert_eq!(x(&slow.read().unwrap()), 100.0);
 }
 
 #[test]
@@ -107,29 +111,6 @@ fn a_queue_that_refuses_waits_for_its_slowest_reader() {
     writer.write(draft(4.0)).unwrap_err();
     assert_eq!(x(&fast.read().unwrap()), 2.0);
     writer.write(draft(4.0)).unwrap();
-}
-
-#[test]
-fn a_refused_write_goes_through_when_a_reader_reads_in_time() {
-    let buffer = buffer(queue(1, Overflow::Refuse));
-    let mut reader = buffer.reader();
-    let writer = buffer.writer(WriterId::RUNTIME);
-    writer.write(draft(0.0)).unwrap();
-    let thread = std::thread::spawn(move || writer.write_within(draft(1.0), Duration::from_mins(1)));
-    assert_eq!(x(&reader.read_within(Duration::from_mins(1)).unwrap()), 0.0);
-    thread.join().unwrap().unwrap();
-    assert_eq!(x(&reader.read().unwrap()), 1.0);
-}
-
-#[test]
-fn a_blocking_read_ends_with_a_message_or_with_its_time_limit() {
-    let buffer = buffer(Mode::Latest);
-    let mut reader = buffer.reader();
-    assert!(reader.read_within(Duration::from_millis(1)).is_none());
-    let writer = buffer.writer(WriterId::RUNTIME);
-    let thread = std::thread::spawn(move || reader.read_within(Duration::from_mins(1)).map(|s| x(&s)));
-    writer.write(draft(7.0)).unwrap();
-    assert_eq!(thread.join().unwrap(), Some(7.0));
 }
 
 #[test]
@@ -264,15 +245,17 @@ fn an_override_of_a_saved_buffer_is_the_same_from_bytes() {
 enum Act {
     Write,
     Read(usize),
-    Peek(usize),
     SaveAndRestore,
+}
+
+fn overflow() -> impl Strategy<Value = Overflow> {
+    prop_oneof![Just(Overflow::DropOldest), Just(Overflow::Refuse), Just(Overflow::Grow)]
 }
 
 fn acts() -> impl Strategy<Value = Vec<Act>> {
     let act = prop_oneof![
         3 => Just(Act::Write),
         3 => (0..3_usize).prop_map(Act::Read),
-        1 => (0..3_usize).prop_map(Act::Peek),
         1 => Just(Act::SaveAndRestore),
     ];
     prop::collection::vec(act, 0..200)
@@ -343,8 +326,7 @@ fn a_tap_that_sees_once_sees_nothing_of_a_past_that_is_run_again() {
 proptest! {
     /// A queue agrees with a list a reader that is cut to the depth; saving and restoring changes nothing.
     #[test]
-    fn a_queue_is_a_list_for_each_reader(depth in 1..5_usize, refuses: bool, acts in acts()) {
-        let overflow = if refuses { Overflow::Refuse } else { Overflow::DropOldest };
+    fn a_queue_is_a_list_for_each_reader(depth in 1..5_usize, overflow in overflow(), acts in acts()) {
         let buffer = buffer(queue(depth, overflow));
         let writer = buffer.writer(WriterId::RUNTIME);
         let mut readers = [buffer.reader(), buffer.reader(), buffer.reader()];
@@ -354,12 +336,18 @@ proptest! {
         for act in acts {
             match act {
                 Act::Write => {
-                    let oldest = reference_kept.front().copied().filter(|_| reference_kept.len() == depth);
+                    let oldest = reference_kept.front().copied().filter(|_| reference_kept.len() >= depth);
                     let full = oldest.is_some_and(|oldest| reference_unread.iter().any(|list| list.contains(&oldest)));
                     let written = writer.write(draft(next as f64));
-                    prop_assert_eq!(written.is_err(), refuses && full);
+                    prop_assert_eq!(written.is_err(), overflow == Overflow::Refuse && full);
+                    if overflow == Overflow::Grow {
+                        let is_read = |n: u64| !reference_unread.iter().any(|list| list.contains(&n));
+                        while reference_kept.len() >= depth && is_read(reference_kept[0]) {
+                            reference_kept.pop_front();
+                        }
+                    }
                     if written.is_ok() {
-                        if let Some(oldest) = oldest {
+                        if let Some(oldest) = oldest && overflow != Overflow::Grow {
                             reference_kept.pop_front();
                             for list in &mut reference_unread {
                                 list.retain(|&n| n != oldest);
@@ -375,10 +363,6 @@ proptest! {
                 Act::Read(i) => {
                     let got = readers[i].read().map(|sample| sample.header.sequence);
                     prop_assert_eq!(got, reference_unread[i].pop_front());
-                }
-                Act::Peek(i) => {
-                    let got = readers[i].peek().map(|sample| sample.header.sequence);
-                    prop_assert_eq!(got, reference_unread[i].front().copied());
                 }
                 Act::SaveAndRestore => {
                     let state = buffer.save();

@@ -151,7 +151,7 @@ impl Catalog {
             });
             let schema = Arc::clone(schema);
             let messages = counts.get(&id).copied().unwrap_or(0);
-            let hz = if duration_s > 0.0 { messages as f64 / duration_s } else { 0.0 };
+            let hz = if duration_s > 0.0 && messages > 1 { messages as f64 / duration_s } else { 0.0 };
             let undecodable_because = if channel.schema_id != 0 && record.is_none() {
                 Some(format!("the log has no schema {}", channel.schema_id))
             } else {

@@ -42,7 +42,7 @@ pub struct LogTopic {
     pub metadata: BTreeMap<String, String>,
     /// How many messages can be read.
     pub messages: u64,
-    /// Messages per second of the log's duration; 0 for a log without duration.
+    /// Messages per second of the log's duration; 0 for fewer than two messages, and for a log without duration.
     pub hz: f64,
     /// Whether there is a reader for the schema.
     pub decodable: bool,

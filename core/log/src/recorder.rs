@@ -39,11 +39,13 @@ pub struct RecorderOptions {
     pub queue_messages: usize,
     /// or with this many bytes, by estimate; messages of up to 1 KiB are still taken then.
     pub queue_bytes: usize,
+    /// Called first on the recorder's thread: to set its priority, say.
+    pub on_start: Option<fn()>,
 }
 
 impl Default for RecorderOptions {
     fn default() -> Self {
-        Self { mode: RecorderMode::Lossless, queue_messages: 16_384, queue_bytes: 64 << 20 }
+        Self { mode: RecorderMode::Lossless, queue_messages: 16_384, queue_bytes: 64 << 20, on_start: None }
     }
 }
 
@@ -244,7 +246,7 @@ impl RecorderHandle {
     }
 
     fn put_data(&self, channel: ChannelId, header: WriteHeader, data: Data) -> bool {
-        let RecorderOptions { mode, queue_messages, queue_bytes } = self.0.options;
+        let RecorderOptions { mode, queue_messages, queue_bytes, .. } = self.0.options;
         let known = data.known_len();
         let mut queue = self.0.lock();
         let estimate = loop {
@@ -324,6 +326,9 @@ impl Recorder {
         });
         let theirs = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name("recorder".to_owned()).spawn(move || {
+            if let Some(on_start) = theirs.options.on_start {
+                on_start();
+            }
             // A message that panics while it is encoded ends the recording, not those who write to it.
             let result = catch_unwind(AssertUnwindSafe(|| write_all(&theirs, writer))).unwrap_or_else(|_| {
                 let error = panicked();

@@ -52,8 +52,9 @@ pub use record::{RecordOptions, RecordWhat, Recording};
 pub use replay::{RecordedRun, Replay};
 pub use snapshot::Snapshot;
 pub use stack::{
-    Asset, Assets, BufferEntry, BufferPlan, ChildPlan, InputEntry, InputPlan, NoAssets, Origin,
+    Asset, Assets, BufferEntry, BufferPlan, ChildPlan, Class, InputEntry, InputPlan, NoAssets, Origin,
     OverflowEntry, ParamEntry, Plan, PlanOptions, ProcessEntry, ProcessPlan, StackError, StackFile, VIEWER,
+    WritersEntry,
 };
 pub use status::Text;
 pub use stepped::{Happened, Stepped};

@@ -10,7 +10,7 @@ use crate::stack::Plan;
 use crate::status::{StatusCell, StatusRecord};
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
-use rcs_bus::{Buffer, Draft, Mode, Reader, Sample, Writer, WriterId};
+use rcs_bus::{Buffer, Draft, Reader, Sample, Writer, WriterId};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -29,6 +29,8 @@ pub(crate) struct Node {
     views: Vec<InputView>,
     commands: Reader,
     params: Reader,
+    /// Parameters that were captured and wait for the cycle.
+    new_params: Vec<AnyMessage>,
     mail: Mail,
     outputs: Vec<Writer>,
     status_out: Writer,
@@ -110,10 +112,7 @@ impl Node {
         let process = &plan.processes[index];
         let input = |index: usize| Input {
             reader: buffers[index].reader(),
-            depth: match buffers[index].spec().mode {
-                Mode::Latest => 1,
-                Mode::Queue { depth, .. } => depth,
-            },
+            depth: buffers[index].spec().mode.most_unread(),
         };
         let mail = Mail::default();
         mail.watch(&buffers[process.command_buffer]);
@@ -134,6 +133,7 @@ impl Node {
             inputs,
             commands: buffers[process.command_buffer].reader(),
             params: buffers[process.params_buffer].reader(),
+            new_params: Vec::new(),
             mail,
             outputs: outputs.map(|index| buffers[index].writer(id)).collect(),
             status_out: buffers[process.status_buffer].writer(id),
@@ -162,12 +162,13 @@ impl Node {
         &self.status
     }
 
-    /// Takes everything that is visible now: parameters, a command, and all unread inputs.
+    /// Takes everything that is visible now: parameters, a command, and all unread inputs. A live run does so under its
+    /// lock, so parameters are only taken here and decoded in [`Node::run`].
     pub(crate) fn capture(&mut self) {
         self.changes += 1;
         if self.mail.take() {
             while let Some(sample) = self.params.read() {
-                self.take_params(&sample.message);
+                self.new_params.push(sample.message);
             }
             while let Some(sample) = self.commands.read() {
                 self.take_command(&sample);
@@ -208,6 +209,10 @@ impl Node {
         let verdict =
             self.register.take(sample, &self.superiors, &self.kind, self.panicked, &mut self.status);
         if verdict == Verdict::Anew {
+            // What it is made anew from are the newest parameters.
+            for message in std::mem::take(&mut self.new_params) {
+                self.take_params(&message);
+            }
             self.panicked = false;
             let body = &mut self.body;
             if let Err(panic) = catch_unwind(AssertUnwindSafe(|| body.reset())) {
@@ -220,6 +225,9 @@ impl Node {
     /// [`Node::publish`].
     pub(crate) fn run(&mut self, now: Stamp, pool: &Pool) {
         self.changes += 1;
+        for message in std::mem::take(&mut self.new_params) {
+            self.take_params(&message);
+        }
         self.status.cycle += 1;
         self.register.lapse(now, &self.superiors, &mut self.status);
         let phase = self.register.phase();
@@ -249,12 +257,8 @@ impl Node {
     /// cycle is sent on.
     fn panicked(&mut self, panic: &(dyn std::any::Any + Send)) {
         self.panicked = true;
-        let text = panic
-            .downcast_ref::<&str>()
-            .map(|text| (*text).to_owned())
-            .or_else(|| panic.downcast_ref::<String>().cloned())
-            .unwrap_or_default();
-        self.status.set(rcs::ProcessState::Error, format!("panicked: {text}").into());
+        let text = format!("panicked: {}", panic_text(panic));
+        self.status.set(rcs::ProcessState::Error, text.into());
     }
 
     /// Takes what the last cycle wrote, for publishing it later.
@@ -337,4 +341,10 @@ impl Node {
         self.mail.set();
         Ok(())
     }
+}
+
+/// What a panic said.
+pub(crate) fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_default()
 }

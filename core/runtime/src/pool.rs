@@ -11,9 +11,13 @@ pub struct Pool {
 impl Pool {
     /// A pool of that many threads, at least one. Where no threads can be had, everything runs on the caller's.
     pub fn new(threads: usize) -> Self {
-        let inner = (threads > 1)
-            .then(|| rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok())
-            .flatten();
+        Self::starting_with(threads, || {})
+    }
+
+    /// Like [`Pool::new`]; each thread calls `start` first.
+    pub(crate) fn starting_with(threads: usize, start: impl Fn() + Send + Sync + 'static) -> Self {
+        let builder = rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(move |_| start());
+        let inner = (threads > 1).then(|| builder.build().ok()).flatten();
         Self { threads: if inner.is_some() { threads } else { 1 }, inner }
     }
 

@@ -330,7 +330,7 @@ impl std::fmt::Debug for ProcessType {
 }
 
 /// A process of a type that is known only to itself.
-pub(crate) trait Body: Send {
+pub(crate) trait Body: Send + Sync {
     /// One cycle of what the phase asks for.
     fn cycle(&mut self, phase: Phase, cx: &mut Cycle<'_>);
     /// Makes the state anew from the parameters.

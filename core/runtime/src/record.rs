@@ -1,7 +1,8 @@
 //! Recording a run: every buffer that its stack records, with what a reader needs to make sense of them.
 
 use crate::error::RunError;
-use crate::stack::{BufferPlan, Plan, names};
+use crate::live::apply_class;
+use crate::stack::{BufferPlan, Class, Plan, names};
 use rcs_bus::{Buffer, Sample};
 use rcs_log::{
     LogWriter, Recorder, RecorderHandle, RecorderMode, RecorderOptions, RecorderStatus, WriteHeader,
@@ -92,10 +93,14 @@ impl Recording {
         };
         let mode = if options.lossless { RecorderMode::Lossless } else { RecorderMode::Live };
         let writer = LogWriter::create(path, writer_options)?;
-        let recorder = Recorder::start(writer, RecorderOptions { mode, ..RecorderOptions::default() })
-            .map_err(|error| {
-                RunError::Refused(format!("no thread could be started for recording: {error}"))
-            })?;
+        // Encoding and compressing must not hold up a process that is short of time.
+        let on_start: Option<fn()> =
+            (!options.lossless).then_some(|| apply_class(Class::Normal, "the recorder"));
+        let recorder =
+            Recorder::start(writer, RecorderOptions { mode, on_start, ..RecorderOptions::default() })
+                .map_err(|error| {
+                    RunError::Refused(format!("no thread could be started for recording: {error}"))
+                })?;
         let handle = recorder.handle();
         handle.attach("stack.toml", "application/toml", Stamp(0), plan.file.text.clone().into());
         for (buffer, planned) in buffers.iter().zip(&plan.buffers) {
@@ -158,7 +163,8 @@ impl Recording {
     }
 }
 
-/// Who writes a buffer, by the wiring: one process, or the runtime for what it reads from a log.
+/// Who writes a buffer, by the wiring: processes, in the order of the stack file, separated by commas; or the runtime
+/// for what it reads from a log.
 pub(crate) fn writer_of(plan: &Plan, buffer: &str) -> String {
     if buffer == names::OVERRIDE {
         return "operator".to_owned();
@@ -178,7 +184,7 @@ pub(crate) fn writer_of(plan: &Plan, buffer: &str) -> String {
     }
     let is = |index: usize| plan.buffers[index].spec.name == buffer;
     for process in &plan.processes {
-        if process.outputs.iter().any(|&index| is(index)) || is(process.status_buffer) {
+        if is(process.status_buffer) {
             return process.name.to_string();
         }
         if is(process.command_buffer) {
@@ -190,5 +196,8 @@ pub(crate) fn writer_of(plan: &Plan, buffer: &str) -> String {
             return "operator".to_owned();
         }
     }
-    if plan.inputs.iter().any(|input| is(input.buffer)) { "log".to_owned() } else { String::new() }
+    let log = plan.inputs.iter().any(|input| is(input.buffer)).then_some("log");
+    let processes = plan.processes.iter().filter(|process| process.outputs.iter().any(|&index| is(index)));
+    let writers: Vec<_> = log.into_iter().chain(processes.map(|process| &*process.name)).collect();
+    writers.join(", ")
 }

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use rcs_geom::TransformTree;
-use rcs_msg::{AnyMessage, Stamp, foxglove};
+use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use rcs_runtime::source::{
     Control, Driver, Frame, Held, Playback, Runs, Source, SourceError, SourceInfo, SourceKind, Step, Task,
 };
@@ -175,4 +175,100 @@ fn nothing_is_written_while_time_stands() {
         std::thread::sleep(Duration::from_millis(20));
     }
     assert!(written.lock().unwrap().is_empty());
+}
+
+/// A source whose seeks last until they are cancelled, and which panics in a step.
+struct Slow {
+    busy: Busy,
+    seeks: Arc<Mutex<u32>>,
+}
+
+impl Source for Slow {
+    fn info(&self) -> Arc<SourceInfo> {
+        self.busy.info()
+    }
+
+    fn now(&self) -> Stamp {
+        self.busy.now
+    }
+
+    fn frame(&mut self) -> Frame {
+        self.busy.frame()
+    }
+
+    fn seek(&mut self, _to: Stamp, task: &Task) -> Result<(), SourceError> {
+        *self.seeks.lock().unwrap() += 1;
+        loop {
+            task.check()?;
+            std::thread::yield_now();
+        }
+    }
+
+    fn step(&mut self, _step: &Step, _task: &Task) -> Result<bool, SourceError> {
+        std::panic::panic_any("a step too far")
+    }
+
+    fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError> {
+        self.busy.write(buffer, message)
+    }
+}
+
+fn slow() -> (Driver, Written, Arc<Mutex<u32>>) {
+    let (busy, written) = Busy::new(0.0);
+    let seeks = Arc::default();
+    let source = Slow { busy, seeks: Arc::clone(&seeks) };
+    (Driver::spawn(Box::new(source), || {}).unwrap(), written, seeks)
+}
+
+fn write(buffer: &str, message: AnyMessage) -> Control {
+    Control::Write { buffer: buffer.to_owned(), message }
+}
+
+fn stop() -> AnyMessage {
+    AnyMessage::new(rcs::EmergencyStop { active: true, ..Default::default() })
+}
+
+#[test]
+fn an_emergency_stop_ends_a_seek_and_goes_before_everything_that_waits() {
+    let (driver, written, seeks) = slow();
+    driver.send(Control::Seek(Stamp(1)));
+    let start = Instant::now();
+    while *seeks.lock().unwrap() == 0 {
+        assert!(start.elapsed() < PATIENCE, "the seek never began");
+    }
+    // None of these is done while the seek goes on.
+    driver.send(write("/other", AnyMessage::new(foxglove::Vector3::default())));
+    driver.send(Control::Seek(Stamp(2)));
+    driver.send(Control::Speed(2.0));
+    driver.send(write("/stop", stop()));
+    wait(&driver, "the rest", |frame| frame.playback.speed == 2.0);
+    let written: Vec<_> = written.lock().unwrap().iter().map(|(buffer, ..)| buffer.clone()).collect();
+    assert_eq!(written, ["/stop", "/other"]);
+    assert_eq!(*seeks.lock().unwrap(), 1, "the seek that waited is gone");
+}
+
+#[test]
+fn an_emergency_stop_while_time_runs_is_written_and_time_runs_on() {
+    let (driver, written) = drive(0.5);
+    driver.send(Control::Play);
+    wait(&driver, "time", |frame| frame.now > Stamp(20_000_000));
+    driver.send(write("/stop", stop()));
+    let stopped_at = wait(&driver, "the stop", |_| !written.lock().unwrap().is_empty()).now;
+    let frame = wait(&driver, "time to run on", |frame| frame.now > stopped_at.after_ns(50_000_000));
+    assert!(frame.playback.playing && frame.playback.error.is_none(), "{:?}", frame.playback);
+}
+
+#[test]
+fn a_panic_of_the_source_shows_in_the_frame_and_nothing_plays_any_more() {
+    let (driver, ..) = slow();
+    let before = driver.frame().generation;
+    driver.send(Control::Step(Step::Time { ns: 1 }));
+    let frame = wait(&driver, "the end", |frame| frame.playback.error.is_some());
+    let error = frame.playback.error.as_deref().unwrap();
+    assert_eq!(error, "the source has ended: its thread panicked: a step too far");
+    assert!(!frame.playback.playing && frame.generation > before && driver.busy().is_none());
+    // What is asked of it now goes nowhere, and the error stays.
+    driver.send(Control::Play);
+    driver.send(write("/stop", stop()));
+    assert_eq!(driver.frame().playback.error.as_deref(), Some(error));
 }

@@ -9,8 +9,8 @@ use rcs_log::{CursorOptions, Log};
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use rcs_runtime::source::{Source, StackSource, Step, Task};
 use rcs_runtime::{
-    ExternalEvent, Live, LiveOptions, RecordOptions, RecordedRun, Recording, RunOptions, Session, Snapshot,
-    Stepped,
+    Cycle, ExternalEvent, In, Live, LiveOptions, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType,
+    RecordOptions, RecordedRun, Recording, RunOptions, Session, Snapshot, Stepped,
 };
 use std::time::{Duration, Instant};
 
@@ -362,4 +362,91 @@ fn a_stack_source_steps_both_ways_by_message_and_by_cycle() {
     assert!(source.step(&cycle("nobody", false), &task).is_err());
     source.seek(seconds(0.0), &task).unwrap();
     assert!(!source.step(&message("/counter/count", true), &task).unwrap(), "nothing lies before the start");
+}
+
+/// Counts emergency stops.
+#[derive(Clone, serde::Serialize, serde::Deserialize)]
+struct Stops {
+    read: u64,
+    missed: u64,
+}
+
+impl Process for Stops {
+    type Params = rcs::NoParams;
+    type Ports = (In<rcs::EmergencyStop>, Out<foxglove::Vector3>);
+    type Command = rcs_runtime::NoCommands;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "stops",
+        summary: "Counts emergency stops.",
+        period_ms: 1000.0,
+        latency_ms: 0.0,
+        reads_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Self::Ports {
+        (b.input("stop", "Counted."), b.output("count", "Read, missed.").build())
+    }
+
+    fn new(_params: &Self::Params) -> Self {
+        Self { read: 0, missed: 0 }
+    }
+
+    fn cycle(&mut self, (stop, count): &Self::Ports, _params: &Self::Params, cx: &mut Cycle<'_>) {
+        self.missed += cx.missed(stop);
+        while cx.read(stop).is_some() {
+            self.read += 1;
+        }
+        let (x, y) = (self.read as f64, self.missed as f64);
+        cx.write(count, cx.now(), foxglove::Vector3 { x, y, z: 0.0 });
+    }
+}
+
+#[test]
+fn no_emergency_stop_is_dropped_however_many_come_in_a_cycle() {
+    let text = r#"
+format = 1
+name = "stops"
+
+[[process]]
+name = "stops"
+plugin = "stops"
+supervisor = "viewer"
+inputs = { stop = "/operator/emergency_stop" }
+"#;
+    let file = rcs_runtime::StackFile::parse("test.toml", text).unwrap();
+    let plan = Plan::new(file, &[ProcessType::of::<Stops>()], &[]).unwrap();
+    let run = Stepped::new(std::sync::Arc::new(plan), None, RunOptions::default()).unwrap();
+    let mut session = Session::new(run).unwrap();
+    let task = Task::default();
+    session.forward_until(seconds(0.5), &task).unwrap();
+    let buffer = "/operator/emergency_stop".to_owned();
+    for index in 0..1000 {
+        let message = AnyMessage::new(rcs::EmergencyStop { active: index % 2 == 0, ..Default::default() });
+        session.write(ExternalEvent::operator(buffer.as_str(), message)).unwrap();
+    }
+    session.forward_until(seconds(1.0), &task).unwrap();
+    let count = newest::<foxglove::Vector3>(session.run(), "/stops/count");
+    assert_eq!((count.x, count.y), (1000.0, 0.0));
+}
+
+#[test]
+fn a_topic_that_falls_silent_keeps_the_rate_of_its_last_seconds_and_one_message_has_none() {
+    let mut source = StackSource::new(plan(PAIR).unwrap(), None, RunOptions::default()).unwrap();
+    let task = Task::default();
+    source.seek(seconds(1.0), &task).unwrap();
+    let halt = rcs::Command { serial: 2, name: "HALT".to_owned(), ..Default::default() };
+    source.write("/counter/command", AnyMessage::new(halt)).unwrap();
+    source.seek(seconds(60.0), &task).unwrap();
+    let frame = source.frame();
+    let count = frame.topic("/counter/count").unwrap();
+    assert!(count.hz.is_some_and(|hz| (hz - 100.0).abs() < 2.0), "{:?}", count.hz);
+    assert!(count.age_s(frame.now).unwrap() > 58.0, "so it is known to be old");
+    assert_eq!(
+        (frame.topic("/runtime/run").unwrap().messages, frame.topic("/runtime/run").unwrap().hz),
+        (1, None)
+    );
+    source.seek(seconds(0.5), &task).unwrap();
+    let frame = source.frame();
+    let sum = frame.topic("/adder/sum").unwrap();
+    assert!(sum.hz.is_some_and(|hz| (hz - 40.0).abs() < 1.0), "{:?}", sum.hz);
 }

@@ -6,7 +6,7 @@ mod common;
 
 use common::{PAIR, PLUGINS, plan};
 use proptest::prelude::*;
-use rcs_runtime::{Plan, StackFile};
+use rcs_runtime::{Class, Plan, StackFile};
 
 /// Changes `PAIR` and expects this error.
 fn check(from: &str, to: &str, expected: &str) {
@@ -150,6 +150,67 @@ fn processes_that_supervise_each_other_are_refused() {
     );
     let error = plan(&ring).unwrap_err().to_string();
     assert!(error.contains("supervises itself; expected a chain that ends at viewer"), "{error}");
+}
+
+#[test]
+fn a_process_on_another_computer_is_refused_until_there_are_hosts() {
+    check(
+        "latency_ms = 3",
+        "host = \"robot\"",
+        "test.toml:9: \"robot\" is no host that a process can run on; expected \"local\"",
+    );
+    plan(&PAIR.replace("latency_ms = 3", "host = \"local\"")).unwrap();
+}
+
+#[test]
+fn a_scheduling_class_and_a_pool_are_checked() {
+    check(
+        "latency_ms = 3",
+        "class = \"fast\"",
+        "test.toml:9: unknown variant `fast`, expected one of `realtime`, `normal`, `background`",
+    );
+    check(
+        "latency_ms = 3",
+        "pool = \"a pool\"",
+        "test.toml:9: \"a pool\" cannot name a pool; expected letters",
+    );
+    let mixed = PAIR
+        .replace("latency_ms = 3", "class = \"realtime\"\npool = \"fast\"")
+        .replace("period_ms = 25", "pool = \"fast\"");
+    let error = plan(&mixed).unwrap_err().to_string();
+    let expected = "test.toml:16: pool fast serves counter of class realtime and adder of class normal";
+    assert!(error.contains(expected), "{error}");
+    let plan = plan(&PAIR.replace("latency_ms = 3", "class = \"background\"\npool = \"slow\"")).unwrap();
+    assert_eq!((plan.processes[0].class, plan.processes[1].class), (Class::Background, Class::Normal));
+    assert_eq!(plan.processes[0].pool.as_deref(), Some("slow"));
+}
+
+#[test]
+fn two_writers_of_one_buffer_are_declared_or_refused() {
+    let second = "inputs = { input = \"/counter/count\" }\noutputs = { sum = \"/counter/count\" }";
+    check(
+        "inputs = { input = \"/counter/count\" }",
+        second,
+        "test.toml:17: /counter/count is written by process counter and by process adder; expected one writer, or \
+         writers = \"many\" in [buffers.\"/counter/count\"]",
+    );
+    let shared = PAIR
+        .replace("inputs = { input = \"/counter/count\" }", second)
+        .replace("queue = 16", "queue = 16\nwriters = \"many\"");
+    plan(&shared).unwrap();
+    check("queue = 16", "writers = \"two\"", "test.toml:19: unknown variant `two`, expected `one` or `many`");
+    let recorded = format!("{PAIR}\n[[input]]\nbuffer = \"/counter/count\"\ntopic = \"/recorded\"\n");
+    let error = plan(&recorded).unwrap_err().to_string();
+    assert!(error.contains("/counter/count is written by topic /recorded and by process counter"), "{error}");
+}
+
+#[test]
+fn a_queue_for_orders_is_not_for_a_stack_to_say() {
+    check(
+        "[buffers.\"/counter/count\"]",
+        "[buffers.\"/counter/command\"]",
+        "test.toml:19: /counter/command holds commands: always a queue of 32",
+    );
 }
 
 proptest! {

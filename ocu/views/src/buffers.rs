@@ -152,7 +152,11 @@ impl Buffers {
                 || topic.schema.name().to_lowercase().contains(&search)
                 || topic.writer.to_lowercase().contains(&search)
         };
-        let rank = |writer: &str| frame.processes.iter().position(|process| process.name == writer);
+        let rank = |writer: &str| {
+            // What several processes write stands with the first of them.
+            let first = writer.split(", ").next();
+            frame.processes.iter().position(|process| Some(process.name.as_str()) == first)
+        };
         let mut topics: Vec<_> = frame.topics.iter().filter(found).collect();
         // Processes in the order of their stack, then what no process writes, then what was recorded.
         topics.sort_by_key(|topic| {
@@ -256,7 +260,8 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, columns: &Columns) 
             Column::Role => topic.role().to_owned(),
             Column::Messages => format::count(topic.messages),
             Column::Size => topic.latest.as_ref().map_or_else(|| "–".to_owned(), |_| size(topic)),
-            Column::Rate => format::rate(rate_hz(topic)),
+            // One that has fallen silent had a rate, and has none now.
+            Column::Rate => format::rate(if old { 0.0 } else { rate_hz(topic) }),
             Column::Age => age_s.map_or_else(|| "–".to_owned(), format::age),
         };
         match column {

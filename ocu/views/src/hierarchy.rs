@@ -6,7 +6,7 @@
 use crate::view::{View, ViewContext};
 use egui::{Align, Color32, FontId, Pos2, Rect, Role, ScrollArea, Sense, Stroke, Ui, Vec2, WidgetInfo};
 use ocu_ui::{Tokens, format, icons, tokens, widgets};
-use rcs_msg::rcs::{Command, ProcessInfo, ProcessState, Status};
+use rcs_msg::rcs::{Command, ProcessInfo, ProcessState, ProcessTiming, Status, Timing};
 use rcs_runtime::source::Frame;
 use std::collections::BTreeMap;
 
@@ -196,7 +196,7 @@ fn process_box(ui: &mut Ui, cx: &mut ViewContext<'_>, process: &ProcessInfo, rec
     let word = Rect::from_x_y_ranges(left..=right, head.y_range());
     widgets::cell(ui, word, Align::Max, &look.word, word_font, ink);
     body(ui, tokens, rect, frame, process, status);
-    response.on_hover_ui(|ui| details(ui, process, status));
+    response.on_hover_ui(|ui| details(ui, frame, process, status));
 }
 
 fn body(ui: &Ui, tokens: &Tokens, rect: Rect, frame: &Frame, process: &ProcessInfo, status: Option<&Status>) {
@@ -229,7 +229,7 @@ fn body(ui: &Ui, tokens: &Tokens, rect: Rect, frame: &Frame, process: &ProcessIn
     }
 }
 
-fn details(ui: &mut Ui, process: &ProcessInfo, status: Option<&Status>) {
+fn details(ui: &mut Ui, frame: &Frame, process: &ProcessInfo, status: Option<&Status>) {
     let tokens = tokens(ui);
     ui.label(egui::RichText::new(&process.name).color(tokens.strong));
     ui.label(&process.summary);
@@ -251,6 +251,29 @@ fn details(ui: &mut Ui, process: &ProcessInfo, status: Option<&Status>) {
     };
     line("reads", &ports(&process.inputs));
     line("writes", &ports(&process.outputs));
+    let timings = frame.topics_of_type("rcs.Timing").find_map(|topic| topic.get::<Timing>());
+    let timing = timings.and_then(|all| all.processes.iter().find(|timing| timing.process == process.name));
+    for (name, value) in timing.map(measured).unwrap_or_default() {
+        line(name, &value);
+    }
+}
+
+/// What a run measured of a process, a line each; waking and waiting are measured in live runs only.
+fn measured(timing: &ProcessTiming) -> Vec<(&'static str, String)> {
+    let ms = |us: f64| format!("{} ms", format::number((us * 0.1).round() * 0.01));
+    let mut lines = vec![("computes", format!("mean {}, max {}", ms(timing.mean_us), ms(timing.max_us)))];
+    if timing.start_late_p99_us > 0.0 {
+        let late = (ms(timing.wake_late_p99_us), ms(timing.wake_late_max_us));
+        lines.push(("wakes late", format!("99 % {}, max {}", late.0, late.1)));
+        let lock = (ms(timing.lock_wait_p99_us), ms(timing.lock_wait_max_us));
+        lines.push(("waits", format!("99 % {}, max {}", lock.0, lock.1)));
+    }
+    if timing.overruns > 0 {
+        let missed =
+            if timing.missed > 0 { format!(", {} cycles missed", timing.missed) } else { String::new() };
+        lines.push(("overruns", format!("{}{missed}", timing.overruns)));
+    }
+    lines
 }
 
 #[cfg(test)]
@@ -264,6 +287,24 @@ mod tests {
             period_ns: 100_000_000,
             ..ProcessInfo::default()
         }
+    }
+
+    #[test]
+    fn waking_and_waiting_are_told_where_they_were_measured() {
+        let stepped = ProcessTiming { mean_us: 1234.0, max_us: 20_000.0, ..ProcessTiming::default() };
+        assert_eq!(measured(&stepped), [("computes", "mean 1.23 ms, max 20 ms".to_owned())]);
+        let live = ProcessTiming {
+            wake_late_p99_us: 60.0,
+            wake_late_max_us: 1000.0,
+            start_late_p99_us: 80.0,
+            overruns: 2,
+            missed: 3,
+            ..stepped
+        };
+        let lines: Vec<_> =
+            measured(&live).into_iter().map(|(name, value)| format!("{name}: {value}")).collect();
+        assert_eq!(lines[1], "wakes late: 99 % 0.06 ms, max 1 ms");
+        assert_eq!(lines[2..], ["waits: 99 % 0 ms, max 0 ms", "overruns: 2, 3 cycles missed"]);
     }
 
     #[test]

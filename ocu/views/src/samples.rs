@@ -50,7 +50,7 @@ pub(crate) fn topic<T: Payload>(name: &str, hz: f64, age_s: f64, message: T) -> 
     let header = Header { sequence: 42, log_time, acq_time: log_time, writer: WriterId::RUNTIME };
     let mut topic = Topic::new(name, RunTag::FIRST, Arc::clone(schema_of::<T>()))
         .with_latest(Sample { header, message: AnyMessage::new(message) });
-    topic.hz = hz;
+    topic.hz = (hz > 0.0).then_some(hz);
     topic.messages = 1234;
     topic
 }

@@ -81,9 +81,9 @@ impl TopicKey {
     }
 }
 
-/// Rate of a topic, 0 where it is not known: a message that came once has none, whatever the log's mean says.
+/// Rate of a topic when it last spoke, 0 where it is not known: a message that came once has none.
 pub(crate) fn rate_hz(topic: &Topic) -> f64 {
-    if topic.messages < 2 { 0.0 } else { topic.hz }
+    topic.hz.unwrap_or(0.0)
 }
 
 /// A place that the pointer is on, in one view, so that the others can light it.

@@ -3,7 +3,7 @@
 use crate::common::{SharedSink, header, read_all, schema};
 use bytes::Bytes;
 use rcs_log::{Log, LogError, LogWriter, Recorder, RecorderMode, RecorderOptions, Sink, WriterOptions};
-use rcs_msg::Stamp;
+use rcs_msg::{AnyMessage, Stamp};
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::{Arc, Condvar, Mutex};
@@ -11,7 +11,8 @@ use std::sync::{Arc, Condvar, Mutex};
 fn start(sink: Box<dyn Sink>, mode: RecorderMode, queue_messages: usize) -> Recorder {
     let options = WriterOptions { chunk_bytes: 100, compress: false, ..WriterOptions::default() };
     let writer = LogWriter::with_sink(sink, "recording.mcap".into(), options).unwrap();
-    Recorder::start(writer, RecorderOptions { mode, queue_messages, queue_bytes: 1 << 20 }).unwrap()
+    Recorder::start(writer, RecorderOptions { mode, queue_messages, queue_bytes: 1 << 20, on_start: None })
+        .unwrap()
 }
 
 #[test]
@@ -121,4 +122,74 @@ fn a_full_disk_shows_in_the_status_and_a_lossless_recording_does_not_hang() {
     let order: Vec<u32> = read_all(&log).iter().map(|message| message.sequence).collect();
     assert!(order.len() > 5, "{}", order.len());
     assert!(order.iter().copied().eq(0..order.len() as u32));
+}
+
+/// A message that says on which thread it was encoded.
+#[derive(Clone)]
+struct Told(Arc<Mutex<Vec<Option<String>>>>);
+
+impl From<Told> for rcs_msg::foxglove::Vector3 {
+    fn from(told: Told) -> Self {
+        told.0.lock().unwrap().push(std::thread::current().name().map(str::to_owned));
+        Self::default()
+    }
+}
+
+#[test]
+fn a_message_is_encoded_on_the_recorders_thread() {
+    let recorder = start(Box::new(SharedSink::default()), RecorderMode::Live, 8);
+    let handle = recorder.handle();
+    let channel = handle.add_channel("/0", &Arc::new(schema()), BTreeMap::new()).unwrap();
+    let told = Told(Arc::default());
+    let message = AnyMessage::deferred::<Told, rcs_msg::foxglove::Vector3>(told.clone());
+    assert!(handle.write_message(channel, header(0, 0), message));
+    assert_eq!(recorder.finish().unwrap().written, 1);
+    assert_eq!(*told.0.lock().unwrap(), [Some("recorder".to_owned())]);
+}
+
+/// A message that cannot be encoded.
+#[derive(Clone)]
+struct Broken;
+
+impl From<Broken> for rcs_msg::foxglove::Vector3 {
+    fn from(_: Broken) -> Self {
+        std::panic::panic_any("cannot be encoded")
+    }
+}
+
+#[test]
+fn a_message_that_panics_while_it_is_encoded_ends_the_recording_and_nothing_else() {
+    let recorder = start(Box::new(SharedSink::default()), RecorderMode::Lossless, 2);
+    let handle = recorder.handle();
+    let channel = handle.add_channel("/0", &Arc::new(schema()), BTreeMap::new()).unwrap();
+    let broken = AnyMessage::deferred::<Broken, rcs_msg::foxglove::Vector3>(Broken);
+    let taken = (0..50)
+        .filter(|&index| match index {
+            3 => handle.write_message(channel, header(index, 0), broken.clone()),
+            _ => handle.write(channel, header(index, 0), Bytes::from(vec![0; 60])),
+        })
+        .count();
+    handle.flush();
+    assert!((4..50).contains(&taken), "{taken}");
+    assert!(handle.status().error.is_some_and(|error| error.contains("panic")));
+    assert!(recorder.finish().is_err());
+}
+
+#[test]
+fn a_queue_that_is_full_of_images_still_takes_small_messages() {
+    let gate = Arc::new((Mutex::new(true), Condvar::new()));
+    let stuck = Stuck { sink: SharedSink::default(), gate: Arc::clone(&gate) };
+    let recorder = start(Box::new(stuck), RecorderMode::Live, 1000);
+    *gate.0.lock().unwrap() = false;
+    let handle = recorder.handle();
+    let channel = handle.add_channel("/0", &Arc::new(schema()), BTreeMap::new()).unwrap();
+    let image = Bytes::from(vec![0; 400_000]);
+    let images = (0..20).filter(|&index| handle.write(channel, header(index, 0), image.clone())).count();
+    assert!((1..20).contains(&images), "{images} images fit into a mebibyte");
+    for index in 0..100 {
+        assert!(handle.write(channel, header(20 + index, 0), Bytes::from(vec![0; 60])));
+    }
+    *gate.0.lock().unwrap() = true;
+    gate.1.notify_all();
+    assert_eq!(recorder.finish().unwrap().written, images as u64 + 100);
 }

@@ -1,12 +1,19 @@
 //! A source on a thread of its own: paced, stepped and written to by messages, looked at through frames.
+//!
+//! What is asked of it is done in turn, but for an emergency stop, which has a lane of its own: it ends the work that is
+//! going on, goes before everything that waits, and takes away the seeks and steps that wait. Which messages those are
+//! follows from their type.
 
 use super::frame::{Frame, Playback};
 use super::held::{Hands, Held};
 use super::pace::Pace;
 use super::{Source, SourceError, Step, Task};
-use rcs_msg::{AnyMessage, Stamp};
+use crate::node::panic_text;
+use rcs_msg::{AnyMessage, Stamp, rcs, schema_of};
+use std::collections::VecDeque;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -63,18 +70,66 @@ struct Shared {
     frame: Mutex<Arc<Frame>>,
     /// The work that is going on.
     task: Mutex<Option<(Arc<Task>, Instant)>>,
+    /// Emergency stops that have not been written yet, oldest first.
+    urgent: Mutex<VecDeque<(String, AnyMessage)>>,
+}
+
+impl Shared {
+    fn task(&self) -> MutexGuard<'_, Option<(Arc<Task>, Instant)>> {
+        self.task.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn urgent(&self) -> MutexGuard<'_, VecDeque<(String, AnyMessage)>> {
+        self.urgent.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn cancel_task(&self) {
+        if let Some((task, _)) = &*self.task() {
+            task.cancel();
+        }
+    }
+
+    fn show(&self, frame: Frame) {
+        *self.frame.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(frame);
+    }
+
+    /// The last frame, with what ended the source.
+    fn show_end(&self, text: &str) {
+        *self.task() = None;
+        let last = Arc::clone(&self.frame.lock().unwrap_or_else(PoisonError::into_inner));
+        let playback = Playback { playing: false, error: Some(text.to_owned()), ..last.playback.clone() };
+        self.show(Frame { generation: last.generation + 1, playback, ..(*last).clone() });
+    }
 }
 
 impl Driver {
     /// Takes a source over. `wake` is called whenever there is a new frame.
     pub fn spawn(mut source: Box<dyn Source>, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
-        let shared = Arc::new(Shared { frame: Mutex::new(Arc::new(source.frame())), task: Mutex::new(None) });
+        let shared = Arc::new(Shared {
+            frame: Mutex::new(Arc::new(source.frame())),
+            task: Mutex::new(None),
+            urgent: Mutex::default(),
+        });
         let (controls, receiver) = channel();
         let theirs = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name("source".to_owned()).spawn(move || {
-            let playback = Playback::default();
-            Pacer { source, shared: theirs, wake, playback, pace: Pace::new(), hands: Hands::default() }
-                .run(&receiver);
+            let pacer = Pacer {
+                source,
+                shared: Arc::clone(&theirs),
+                wake: &wake,
+                playback: Playback::default(),
+                pace: Pace::new(),
+                hands: Hands::default(),
+                controls: &receiver,
+                pending: VecDeque::new(),
+            };
+            // Whoever looks must see that nothing moves any more, and why.
+            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| pacer.run())) {
+                let text = format!("the source has ended: its thread panicked: {}", panic_text(&*panic));
+                tracing::error!("{text}");
+                theirs.show_end(&text);
+                wake();
+            }
         })?;
         Ok(Self { shared, controls: Some(controls), thread: Some(thread) })
     }
@@ -86,25 +141,34 @@ impl Driver {
 
     /// How far long work is, 0 to 1; `None` where there is none that a person would notice.
     pub fn busy(&self) -> Option<f64> {
-        let task = self.shared.task.lock().unwrap_or_else(PoisonError::into_inner);
+        let task = self.shared.task();
         task.as_ref()
             .filter(|(_, since)| since.elapsed() > Duration::from_millis(100))
             .map(|(task, _)| task.fraction())
     }
 
-    /// Asks something of the source. [`Control::Cancel`] acts at once, everything else in turn.
+    /// Asks something of the source. [`Control::Cancel`] and an emergency stop act at once, everything else in turn.
     pub fn send(&self, control: Control) {
-        if matches!(control, Control::Cancel) {
-            if let Some((task, _)) = &*self.shared.task.lock().unwrap_or_else(PoisonError::into_inner) {
-                task.cancel();
+        let control = match control {
+            Control::Cancel => return self.shared.cancel_task(),
+            Control::Write { buffer, message } if is_emergency_stop(&message) => {
+                self.shared.urgent().push_back((buffer, message));
+                self.shared.cancel_task();
+                // Wakes the thread, wherever it waits.
+                Control::Cancel
             }
-            return;
-        }
+            other => other,
+        };
+        // A thread that has ended by a panic has said so in its last frame.
         if let Some(controls) = &self.controls {
-            // The thread ends only with the driver.
             let _ = controls.send(control);
         }
     }
+}
+
+/// Whether nothing may be done before this message is written.
+fn is_emergency_stop(message: &AnyMessage) -> bool {
+    message.is_a(schema_of::<rcs::EmergencyStop>())
 }
 
 impl Drop for Driver {
@@ -117,17 +181,20 @@ impl Drop for Driver {
     }
 }
 
-struct Pacer<W> {
+struct Pacer<'a, W> {
     source: Box<dyn Source>,
     shared: Arc<Shared>,
-    wake: W,
+    wake: &'a W,
     playback: Playback,
     pace: Pace,
     hands: Hands,
+    controls: &'a Receiver<Control>,
+    /// What was asked and is still to be done, oldest first.
+    pending: VecDeque<Control>,
 }
 
-impl<W: Fn()> Pacer<W> {
-    fn run(mut self, controls: &Receiver<Control>) {
+impl<W: Fn()> Pacer<'_, W> {
+    fn run(mut self) {
         let mut idle = true;
         let mut shown = Instant::now();
         let mut worked = Duration::ZERO;
@@ -139,23 +206,26 @@ impl<W: Fn()> Pacer<W> {
             } else {
                 Duration::MAX
             };
-            let first = match controls.recv_timeout(wait) {
-                Ok(control) => Some(control),
-                Err(RecvTimeoutError::Timeout) => None,
-                Err(RecvTimeoutError::Disconnected) => return,
-            };
-            let mut changed = first.is_some();
-            let mut pending: Vec<Control> = first.into_iter().collect();
+            if self.pending.is_empty() {
+                match self.controls.recv_timeout(wait) {
+                    Ok(control) => self.pending.push_back(control),
+                    Err(RecvTimeoutError::Timeout) => {}
+                    Err(RecvTimeoutError::Disconnected) => return,
+                }
+            }
+            let mut changed = !self.pending.is_empty();
             loop {
-                match controls.try_recv() {
-                    Ok(control) => pending.push(control),
+                match self.controls.try_recv() {
+                    Ok(control) => self.pending.push_back(control),
                     Err(TryRecvError::Empty) => break,
                     Err(TryRecvError::Disconnected) => return,
                 }
             }
-            drop_overtaken_seeks(&mut pending);
-            for control in pending {
+            drop_overtaken_seeks(&mut self.pending);
+            self.write_urgent();
+            while let Some(control) = self.pending.pop_front() {
                 self.obey(control);
+                self.write_urgent();
             }
             worked = Duration::ZERO;
             if self.playback.playing {
@@ -179,8 +249,23 @@ impl<W: Fn()> Pacer<W> {
     fn show(&mut self) {
         let mut frame = self.source.frame();
         frame.playback = self.playback.clone();
-        *self.shared.frame.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(frame);
+        self.shared.show(frame);
         (self.wake)();
+    }
+
+    /// Writes the emergency stops that have been sent, and then takes the seeks and steps away that wait.
+    fn write_urgent(&mut self) {
+        let urgent = std::mem::take(&mut *self.shared.urgent());
+        if urgent.is_empty() {
+            return;
+        }
+        for (buffer, message) in urgent {
+            if let Err(error) = self.source.write(&buffer, message) {
+                self.playback.error = Some(error.to_string());
+            }
+        }
+        self.pending.extend(self.controls.try_iter());
+        self.pending.retain(|control| !matches!(control, Control::Seek(_) | Control::Step(_)));
     }
 
     fn obey(&mut self, control: Control) {
@@ -282,6 +367,7 @@ impl<W: Fn()> Pacer<W> {
 
     fn run_to(&mut self, target: Stamp, start: Instant) -> Result<(), SourceError> {
         loop {
+            self.write_urgent();
             let now = self.source.now();
             for (buffer, message) in self.hands.take_due(now) {
                 if let Err(error) = self.source.write(&buffer, message) {
@@ -295,7 +381,11 @@ impl<W: Fn()> Pacer<W> {
             let piece = now.after_ns(self.pace.piece_ns());
             let to = target.min(piece).min(self.hands.next_due().unwrap_or(Stamp::MAX));
             let began = Instant::now();
-            self.work(|source, task| source.seek(to, task))?;
+            match self.work(|source, task| source.seek(to, task)) {
+                // An emergency stop has cut in: it is written where the source stands now.
+                Err(SourceError::Cancelled) if !self.shared.urgent().is_empty() => continue,
+                done => done?,
+            }
             if to == piece {
                 self.pace.piece_took(began.elapsed(), BUDGET);
             }
@@ -312,17 +402,19 @@ impl<W: Fn()> Pacer<W> {
         f: impl FnOnce(&mut dyn Source, &Task) -> Result<(), SourceError>,
     ) -> Result<(), SourceError> {
         let task = Arc::new(Task::default());
-        let slot =
-            |shared: &Shared, value| *shared.task.lock().unwrap_or_else(PoisonError::into_inner) = value;
-        slot(&self.shared, Some((Arc::clone(&task), Instant::now())));
+        *self.shared.task() = Some((Arc::clone(&task), Instant::now()));
+        // One that was sent before there was a task to cancel.
+        if !self.shared.urgent().is_empty() {
+            task.cancel();
+        }
         let result = f(&mut *self.source, &task);
-        slot(&self.shared, None);
+        *self.shared.task() = None;
         result
     }
 }
 
 /// Of several seeks in a row only the last matters: a person drags the time.
-fn drop_overtaken_seeks(controls: &mut Vec<Control>) {
+fn drop_overtaken_seeks(controls: &mut VecDeque<Control>) {
     let is_seek = |control: &Control| matches!(control, Control::Seek(_));
     let overtaken: Vec<bool> = (0..controls.len())
         .map(|i| is_seek(&controls[i]) && controls.get(i + 1).is_some_and(is_seek))

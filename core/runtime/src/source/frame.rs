@@ -69,8 +69,8 @@ pub struct Topic {
     pub writer: Arc<str>,
     /// Messages up to now (a stack) or in all (a log).
     pub messages: u64,
-    /// Mean rate; 0 where there are fewer than two messages.
-    pub hz: f64,
+    /// Messages a second over the last seconds before the newest message; `None` where there are fewer than two.
+    pub hz: Option<f64>,
     /// Why its messages cannot be read; `None` where they can.
     pub undecodable: Option<Arc<str>>,
     /// Newest message at this moment.
@@ -90,7 +90,7 @@ impl Topic {
             metadata: Arc::default(),
             writer: "".into(),
             messages: 0,
-            hz: 0.0,
+            hz: None,
             undecodable: None,
             latest: None,
             pending: false,

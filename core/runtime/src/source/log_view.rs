@@ -1,6 +1,7 @@
 //! The topics of a log at one moment, and what is read from it in the background.
 
 use super::frame::{RunTag, Topic, Track};
+use super::rates::LastTimes;
 use super::tracks::{Tracks, is_pose_type, is_transform_type};
 use super::{Source, SourceError, canonical};
 use rcs_bus::{Header, Sample, WriterId};
@@ -25,6 +26,10 @@ const PIECE: Duration = Duration::from_millis(8);
 pub(crate) struct LogView {
     log: Log,
     pub(crate) topics: Vec<Topic>,
+    /// The mean rate of each topic over the whole log: shown until two messages in a row have been read.
+    means: Vec<Option<f64>>,
+    /// When the last messages of each topic came, as far as they were read one after another.
+    times: Vec<LastTimes>,
     by_id: BTreeMap<TopicId, usize>,
     shown: Option<Place>,
     /// Puts together what was stored as key frames and deltas: one topic, as it was while it ran.
@@ -42,7 +47,7 @@ impl LogView {
     /// A view of all topics; those in `wired` go by the name of the buffer that they fill.
     pub(crate) fn new(log: &Log, wired: &BTreeMap<String, Arc<str>>) -> Self {
         let info = log.info();
-        let mut topics = Vec::new();
+        let (mut topics, mut means) = (Vec::new(), Vec::new());
         let mut by_id = BTreeMap::new();
         let reassembly = Reassembly::new(log);
         for topic in &info.topics {
@@ -52,6 +57,10 @@ impl LogView {
             by_id.insert(topic.id, topics.len());
             let deltas = reassembly.deltas_of(topic.id).and_then(|id| info.topic(id));
             let messages = topic.messages + deltas.map_or(0, |deltas| deltas.messages);
+            let mean = topic.hz + deltas.map_or(0.0, |deltas| deltas.hz);
+            // One message has no rate.
+            let mean = (messages > 1 && mean > 0.0).then_some(mean);
+            means.push(mean);
             topics.push(Topic {
                 name: wired.get(&topic.name).map_or_else(|| topic.name.as_str().into(), Arc::clone),
                 run: RunTag::Recorded,
@@ -59,8 +68,7 @@ impl LogView {
                 metadata: Arc::new(topic.metadata.clone()),
                 writer: topic.metadata.get("rcs.writer").map_or("", String::as_str).into(),
                 messages,
-                // One message has no rate.
-                hz: if messages > 1 { topic.hz + deltas.map_or(0.0, |deltas| deltas.hz) } else { 0.0 },
+                hz: mean,
                 undecodable: topic.undecodable_because.as_deref().map(Arc::from),
                 latest: None,
                 pending: false,
@@ -80,6 +88,8 @@ impl LogView {
             .then(|| log.cursor(CursorOptions { topics: Some(background), ..CursorOptions::default() }));
         Self {
             log: log.clone(),
+            means,
+            times: vec![LastTimes::default(); topics.len()],
             topics,
             by_id,
             shown: None,
@@ -130,9 +140,11 @@ impl LogView {
 
     /// Shows everything before `time`, and makes ready to read on from there.
     fn look_up_before(&mut self, time: Stamp) -> Result<(), SourceError> {
-        for topic in &mut self.topics {
+        for (index, topic) in self.topics.iter_mut().enumerate() {
             topic.latest = None;
             topic.canonical = Arc::new(OnceLock::new());
+            topic.hz = self.means[index];
+            self.times[index].clear();
         }
         if time > Stamp(0) {
             for message in self.log.latest_at(time.before_ns(1), None)?.into_iter().flatten() {
@@ -177,6 +189,10 @@ impl LogView {
         };
         topic.latest = Some(Sample { header, message });
         topic.canonical = Arc::new(OnceLock::new());
+        self.times[index].take(header.log_time);
+        if let Some(hz) = self.times[index].rate_hz() {
+            topic.hz = Some(hz);
+        }
     }
 
     /// Reads poses and transforms for a few milliseconds; `true` where some are left.

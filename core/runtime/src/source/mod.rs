@@ -9,6 +9,7 @@ mod held;
 mod log_source;
 mod log_view;
 mod pace;
+mod rates;
 mod run_tracks;
 mod run_transforms;
 mod stack_source;

@@ -3,6 +3,7 @@
 use super::frame::{Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic};
 use super::log_source::info_of;
 use super::log_view::{LogView, opening_time};
+use super::rates::RunTimes;
 use super::run_tracks::RunTracks;
 use super::run_transforms::RunTransforms;
 use super::{Source, SourceError, Step, Task, canonical};
@@ -36,6 +37,7 @@ pub struct StackSource {
     /// One topic a buffer, in the order of the plan.
     topics: Vec<Topic>,
     tracks: RunTracks,
+    times: RunTimes,
     transforms: RunTransforms,
     /// The moment that `transforms` is of; `None` where it is to be made anew.
     placed: Option<crate::Moment>,
@@ -68,6 +70,7 @@ impl StackSource {
     fn of(run: Stepped, log: Option<&Log>, recorded: Option<&RecordedRun>) -> Result<Self, SourceError> {
         let plan = Arc::clone(run.plan());
         let tracks = RunTracks::tap(&run);
+        let times = RunTimes::tap(&run);
         let placing = placing(&plan);
         let topics = plan.buffers.iter().map(|buffer| Topic {
             metadata: Arc::new(buffer.spec.metadata.clone()),
@@ -117,6 +120,7 @@ impl StackSource {
             processes,
             topics,
             tracks,
+            times,
             transforms: RunTransforms::default(),
             placed: None,
             placing,
@@ -163,6 +167,7 @@ impl StackSource {
         let tag = RunTag::Run(current);
         self.runs = self.session.runs().into();
         self.tracks.follow(&self.runs, current.0 as usize);
+        self.times.follow(&self.runs, current.0 as usize);
         if self.topics.first().is_some_and(|topic| topic.run != tag) {
             self.topics.iter_mut().for_each(|topic| topic.run = tag);
         }
@@ -210,7 +215,6 @@ impl StackSource {
     }
 
     fn update_topics(&mut self) {
-        let elapsed_s = self.now.seconds_since(self.session.run().start());
         for (buffer, topic) in self.topics.iter_mut().enumerate() {
             let shown = self.session.latest(buffer);
             topic.pending = shown.pending;
@@ -225,8 +229,7 @@ impl StackSource {
                 topic.canonical = Arc::new(OnceLock::new());
             }
             topic.messages = self.session.messages(buffer);
-            topic.hz =
-                if topic.messages > 1 && elapsed_s > 0.0 { topic.messages as f64 / elapsed_s } else { 0.0 };
+            topic.hz = self.times.rate_hz(buffer, topic.messages);
         }
     }
 

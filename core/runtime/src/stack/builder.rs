@@ -2,7 +2,7 @@
 
 use super::error::{StackError, one_of};
 use super::family;
-use super::file::{BufferEntry, OverflowEntry, ProcessEntry, StackFile, VIEWER};
+use super::file::{BufferEntry, Class, OverflowEntry, ProcessEntry, StackFile, VIEWER};
 use super::params::ParamReader;
 use super::plan::{BufferPlan, InputPlan, ProcessPlan, names};
 use crate::process::{PortDef, ProcessType};
@@ -16,6 +16,10 @@ use toml::Spanned;
 pub(crate) const TRUTH: &str = "rcs.truth";
 /// How many commands wait for a process.
 const COMMANDS: usize = 32;
+/// This computer: the only host so far.
+const LOCAL: &str = "local";
+/// Orders that a buffer keeps to be looked at after they were read.
+const ORDERS: usize = 8;
 /// Buffers that the operator writes.
 const OPERATOR: &str = "/operator/";
 
@@ -42,6 +46,7 @@ impl<'a> Builder<'a> {
         family::join(self.file, &mut processes)?;
         let inputs = self.inputs()?;
         self.check_wiring(&inputs, &processes)?;
+        super::sharing::check(self.file, &self.buffers, &inputs, &processes)?;
         self.buffer_entries()?;
         self.runtime_buffers(processes.len());
         Ok((inputs, processes, self.buffers))
@@ -116,6 +121,7 @@ impl<'a> Builder<'a> {
             return Err(file.error(&plugin.span(), message));
         };
         let supervisor = self.supervisor(spanned)?;
+        let host = self.host(entry)?;
         let millis = |value: &Option<Spanned<f64>>, default: f64, least: f64| match value {
             Some(ms) if ms.get_ref().is_finite() && (least..=1e7).contains(ms.get_ref()) => Ok(*ms.get_ref()),
             Some(ms) => Err(file.error(
@@ -173,7 +179,9 @@ impl<'a> Builder<'a> {
             kind: *kind,
             supervisor,
             children: Vec::new(),
-            host: entry.host.clone(),
+            host,
+            class: entry.class.as_ref().map_or(Class::default(), |class| *class.get_ref()),
+            pool: entry.pool.as_ref().map(|pool| pool.get_ref().clone()),
             period_ns: (period_ms * 1e6).round() as u64,
             latency_ns: (latency_ms * 1e6).round() as u64,
             inputs,
@@ -183,6 +191,17 @@ impl<'a> Builder<'a> {
             status_buffer: own("status", schema_of::<rcs::Status>())?,
             params_buffer: own("params", kind.params_schema())?,
         })
+    }
+
+    fn host(&self, entry: &ProcessEntry) -> Result<String, StackError> {
+        match &entry.host {
+            Some(host) if host.get_ref() != LOCAL => {
+                let message =
+                    format!("{:?} is no host that a process can run on; expected {LOCAL:?}", host.get_ref());
+                Err(self.file.error(&host.span(), message))
+            }
+            _ => Ok(LOCAL.to_owned()),
+        }
     }
 
     fn supervisor(&self, process: &Spanned<ProcessEntry>) -> Result<Option<usize>, StackError> {
@@ -324,12 +343,21 @@ impl<'a> Builder<'a> {
                 let message = format!("there is no buffer {}; expected {names}", name.get_ref());
                 return Err(file.error(&name.span(), message));
             };
-            let BufferEntry { queue, overflow, record, record_hz } = spanned.get_ref();
+            // Who may write it has been checked with the wiring.
+            let BufferEntry { queue, overflow, record, record_hz, writers: _ } = spanned.get_ref();
             let plan = &mut self.buffers[index];
             let depth = queue.as_ref().map(Spanned::span).or(overflow.as_ref().map(Spanned::span));
             if let Some(span) = depth.filter(|_| is_command(file, name.get_ref())) {
                 let message = format!("{} holds commands: always a queue of {COMMANDS}", name.get_ref());
                 return Err(file.error(&span, message));
+            }
+            if let (Some(depth), Mode::Queue { overflow: Overflow::Grow, .. }) = (queue, plan.spec.mode) {
+                let message = format!(
+                    "{} holds {}, of which no message is ever dropped; expected no queue",
+                    name.get_ref(),
+                    plan.spec.schema.name()
+                );
+                return Err(file.error(&depth.span(), message));
             }
             match (queue, overflow) {
                 (Some(depth), overflow) => {
@@ -416,13 +444,22 @@ impl<'a> Builder<'a> {
         let spec = BufferSpec {
             name: name.to_owned(),
             schema: Arc::clone(schema),
-            mode: Mode::Latest,
+            mode: mode_of(schema),
             metadata: BTreeMap::new(),
         };
         self.by_name.insert(name.to_owned(), self.buffers.len());
         self.buffers.push(BufferPlan { spec, record: true, record_hz: None, codec: None });
         Ok(self.buffers.len() - 1)
     }
+}
+
+/// How much a buffer keeps where the stack does not say it. Of what a person or a supervisor orders no message may be
+/// replaced by a later one before it was read: that follows from the type, whatever a stack says.
+fn mode_of(schema: &Schema) -> Mode {
+    let is_order = [schema_of::<rcs::EmergencyStop>(), schema_of::<rcs::Command>()]
+        .iter()
+        .any(|order| order.name() == schema.name());
+    if is_order { Mode::Queue { depth: ORDERS, overflow: Overflow::Grow } } else { Mode::Latest }
 }
 
 type Wires = BTreeMap<Spanned<String>, Spanned<String>>;

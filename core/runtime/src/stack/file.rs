@@ -73,9 +73,12 @@ pub struct ProcessEntry {
     /// Which of its supervisor's children it is; by its name or its plugin's where it is absent, else one of any number.
     #[serde(rename = "as")]
     pub child: Option<Spanned<String>>,
-    /// Computer that it runs on.
-    #[serde(default = "default_host")]
-    pub host: String,
+    /// Computer that it runs on: `local`, the only one so far.
+    pub host: Option<Spanned<String>>,
+    /// How the operating system schedules it in a live run; `normal` where it is absent.
+    pub class: Option<Spanned<Class>>,
+    /// Threads that it computes on in a live run: those of every process that names the same pool.
+    pub pool: Option<Spanned<String>>,
     /// Time from cycle to cycle; the plugin's where it is absent.
     pub period_ms: Option<Spanned<f64>>,
     /// Time from the start of a cycle until its output is visible.
@@ -151,8 +154,28 @@ impl<'de> Visitor<'de> for ParamVisitor {
     }
 }
 
-fn default_host() -> String {
-    "local".to_owned()
+/// How the operating system schedules a process in a live run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Class {
+    /// Before everything else: short cycles that must not be late. Computes on its own thread unless it has a pool.
+    Realtime,
+    /// Before what is in the background.
+    #[default]
+    Normal,
+    /// When nothing else wants to run.
+    Background,
+}
+
+impl Class {
+    /// Its name in a stack file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Class::Realtime => "realtime",
+            Class::Normal => "normal",
+            Class::Background => "background",
+        }
+    }
 }
 
 /// How much a buffer keeps, and how much of it is recorded.
@@ -167,6 +190,18 @@ pub struct BufferEntry {
     pub record: Option<bool>,
     /// Messages recorded a second, at most; all of them where it is absent.
     pub record_hz: Option<Spanned<f64>>,
+    /// Who may write it; one writer where it is absent.
+    pub writers: Option<WritersEntry>,
+}
+
+/// Who may write a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WritersEntry {
+    /// One process, or one topic of the log.
+    One,
+    /// Any number: readers tell them apart by the header, or need not.
+    Many,
 }
 
 /// What happens when a reader falls behind.

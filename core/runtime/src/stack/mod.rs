@@ -21,6 +21,8 @@
 //! as = "essential"                # which of the supervisor's children it is, where that does not follow from its name
 //! period_ms = 50
 //! latency_ms = 12                 # stepped: from the start of a cycle until its output shows
+//! class = "normal"                # live: "realtime", "normal" where it is absent, or "background"
+//! pool = "perception"             # live: threads shared with the processes that name the same pool
 //! inputs = { depth = "/camera/depth" }
 //! outputs = { labels = "/sp1/obstacles/labels" }
 //! params = { depth_scale_m = 0.00390625 }
@@ -30,6 +32,7 @@
 //! overflow = "drop_oldest"        # or "refuse"
 //! record = true
 //! record_hz = 5.0                 # at most; every message where it is absent
+//! writers = "many"                # one writer where it is absent: a second one is refused
 //! ```
 //!
 //! A stack may be made of parts (`[[include]]`, `[change.<process>]`): [`StackFile::compose`]. A parameter may be a value
@@ -43,13 +46,16 @@ mod family;
 mod file;
 mod params;
 mod plan;
+mod sharing;
 
 pub(crate) use builder::TRUTH;
 
 pub use assets::{Asset, Assets, NoAssets};
 pub use compose::Origin;
 pub use error::StackError;
-pub use file::{BufferEntry, InputEntry, OverflowEntry, ParamEntry, ProcessEntry, StackFile, VIEWER};
+pub use file::{
+    BufferEntry, Class, InputEntry, OverflowEntry, ParamEntry, ProcessEntry, StackFile, VIEWER, WritersEntry,
+};
 pub use params::PlanOptions;
 pub(crate) use plan::names;
 pub use plan::{BufferPlan, ChildPlan, InputPlan, Plan, ProcessPlan};

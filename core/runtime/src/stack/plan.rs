@@ -4,7 +4,7 @@ use super::assets::NoAssets;
 use super::builder::Builder;
 use super::compose::Origin;
 use super::error::{StackError, one_of};
-use super::file::{StackFile, VIEWER};
+use super::file::{Class, StackFile, VIEWER};
 use super::params::{ParamReader, PlanOptions};
 use crate::command::{BUILT_IN, CommandDef};
 use crate::feed::Feed;
@@ -56,6 +56,10 @@ pub struct ProcessPlan {
     pub children: Vec<ChildPlan>,
     /// Computer that it runs on.
     pub host: String,
+    /// How the operating system schedules it in a live run.
+    pub class: Class,
+    /// Pool of threads that it computes on in a live run; that of its class where there is none.
+    pub pool: Option<String>,
     /// Time from cycle to cycle.
     pub period_ns: u64,
     /// Time from the start of a cycle until its output is visible.

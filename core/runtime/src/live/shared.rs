@@ -1,0 +1,145 @@
+//! What the threads of a live run share: the lock that orders everything, the clock, and the wish to stop.
+
+use crate::journal::{EventPlace, ExternalEvent};
+use crate::machine::Machine;
+use rcs_bus::{Buffer, Draft, Writer, WriterId};
+use rcs_msg::{AnyMessage, Stamp, rcs};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::measure::Measured;
+
+/// What the threads of a live run share.
+pub(super) struct Shared {
+    /// The buffers; the threads own the nodes.
+    pub(super) machine: Machine,
+    order: Mutex<Stamp>,
+    epoch: Stamp,
+    pub(super) clock: Instant,
+    stop: AtomicBool,
+    pub(super) schedule: Writer,
+    pub(super) timing: Writer,
+}
+
+impl Shared {
+    pub(super) fn new(machine: Machine, epoch: Stamp, schedule: Writer, timing: Writer) -> Self {
+        let (order, stop) = (Mutex::new(Stamp(0)), AtomicBool::new(false));
+        Self { machine, order, epoch, clock: Instant::now(), stop, schedule, timing }
+    }
+
+    /// Does `f` at a time that no other commit has, later than all before.
+    pub(super) fn commit<R>(&self, f: impl FnOnce(Stamp) -> R) -> R {
+        self.commit_measured(f).0
+    }
+
+    /// Like [`Shared::commit`], with how long the lock was waited for.
+    pub(super) fn commit_measured<R>(&self, f: impl FnOnce(Stamp) -> R) -> (R, Duration) {
+        let asked = Instant::now();
+        let mut last = self.order.lock().unwrap_or_else(PoisonError::into_inner);
+        let got = Instant::now();
+        let now = self.epoch.after_ns(got.saturating_duration_since(self.clock).as_nanos() as u64);
+        *last = now.max(last.after_ns(1));
+        (f(*last), got.saturating_duration_since(asked))
+    }
+
+    /// Sleeps until `deadline`; `true` where the run is to stop. Threads do not share a lock for that: each parks, and
+    /// is woken for the end.
+    pub(super) fn sleep_until(&self, deadline: Instant) -> bool {
+        while !self.is_stopping() {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return false;
+            }
+            std::thread::park_timeout(left);
+        }
+        true
+    }
+
+    pub(super) fn is_stopping(&self) -> bool {
+        self.stop.load(Ordering::Acquire)
+    }
+
+    pub(super) fn stop(&self) {
+        self.stop.store(true, Ordering::Release);
+    }
+
+    fn elapsed_ns(&self) -> u64 {
+        self.clock.elapsed().as_nanos() as u64
+    }
+}
+
+pub(super) fn report(writer: &Writer, now: Stamp, message: AnyMessage) {
+    if let Err(error) = writer.write(Draft { log_time: now, acq_time: now, message }) {
+        tracing::warn!("{error}");
+    }
+}
+
+/// What is known of one process's thread from outside of it.
+pub(super) struct Seat {
+    pub(super) name: Arc<str>,
+    pub(super) period: Duration,
+    status: Arc<Buffer>,
+    /// When the cycle that goes on began, in nanoseconds of the run's clock; 0 between cycles.
+    began_ns: AtomicU64,
+    is_hung: AtomicBool,
+    measured: Mutex<Measured>,
+}
+
+impl Seat {
+    pub(super) fn new(name: Arc<str>, period: Duration, status: Arc<Buffer>) -> Self {
+        let (began_ns, is_hung) = (AtomicU64::new(0), AtomicBool::new(false));
+        Self { name, period, status, began_ns, is_hung, measured: Mutex::default() }
+    }
+
+    pub(super) fn begin_cycle(&self, shared: &Shared) {
+        self.began_ns.store(shared.elapsed_ns().max(1), Ordering::Release);
+    }
+
+    /// Says whether the watchdog had given the process up.
+    pub(super) fn end_cycle(&self) -> bool {
+        self.began_ns.store(0, Ordering::Release);
+        self.is_hung.swap(false, Ordering::AcqRel)
+    }
+
+    /// How long the cycle that goes on has lasted, where that is longer than `limit` and nobody has been told.
+    pub(super) fn newly_hung(&self, shared: &Shared, limit: Duration) -> Option<Duration> {
+        let began_ns = self.began_ns.load(Ordering::Acquire);
+        if began_ns == 0 {
+            return None;
+        }
+        let lasted = Duration::from_nanos(shared.elapsed_ns().saturating_sub(began_ns));
+        (lasted > limit && !self.is_hung.swap(true, Ordering::AcqRel)).then_some(lasted)
+    }
+
+    pub(super) fn measured<R>(&self, f: impl FnOnce(&mut Measured) -> R) -> R {
+        f(&mut self.measured.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Writes an `ERROR` into the status of a process that cannot say so itself. Its supervisor reads statuses, so that
+    /// is how it learns. It does not follow from the process's cycles, so it stands in the journal.
+    pub(super) fn write_error(&self, shared: &Shared, text: &str) {
+        tracing::error!("{}: {text}", self.name);
+        let written = shared.commit(|now| {
+            let last = self.status.latest().and_then(|sample| sample.message.to::<rcs::Status>());
+            let mut status = last
+                .unwrap_or_else(|| rcs::Status { process: self.name.to_string(), ..rcs::Status::default() });
+            status.timestamp = Some(now.to_proto());
+            status.set_state(rcs::ProcessState::Error);
+            text.clone_into(&mut status.state_text);
+            status.source_line.clear();
+            let message = AnyMessage::new(status);
+            let event = ExternalEvent {
+                place: EventPlace { events: 0, time: now },
+                buffer: self.status.name().into(),
+                writer: WriterId::RUNTIME,
+                acq_time: Some(now),
+                message,
+            };
+            shared.machine.apply(event)
+        });
+        if let Err(error) = written {
+            tracing::error!("{}: {error}", self.name);
+        }
+    }
+}

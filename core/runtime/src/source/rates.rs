@@ -1,0 +1,183 @@
+//! How often messages come: measured over the last seconds before the newest one, so that a topic that has fallen
+//! silent is known by its age within a few of its periods, however long it has been silent or the run has lasted.
+
+use crate::history::RunSummary;
+use crate::stepped::Stepped;
+use rcs_bus::Sample;
+use rcs_msg::Stamp;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// A rate is measured over this much time before the newest message; over two messages where they are further apart.
+const WINDOW_NS: u64 = 2_000_000_000;
+/// Most messages that are looked at: enough for a mean, however fast they come.
+const MOST: usize = 64;
+/// Times are kept in steps of 0.1 ms, which lasts for five days.
+const STEP_NS: u64 = 100_000;
+
+/// Messages a second, from the times of the last ones, newest first; `None` where there are fewer than two.
+fn rate_hz(newest_first: impl Iterator<Item = u64>) -> Option<f64> {
+    let mut times = newest_first.take(MOST);
+    let newest = times.next()?;
+    let mut span = None;
+    for (count, time) in (1_u32..).zip(times) {
+        let age = newest.saturating_sub(time);
+        if span.is_some() && age > WINDOW_NS {
+            break;
+        }
+        span = Some((count, age));
+    }
+    let (count, age) = span?;
+    (age > 0).then(|| f64::from(count) * 1e9 / age as f64)
+}
+
+/// When each message of a buffer came in one run, by its sequence, in steps since the start.
+#[derive(Clone, Debug, Default)]
+struct MessageTimes(Vec<u32>);
+
+impl MessageTimes {
+    /// Takes in that the message of that sequence (from 1) came at `since_start_ns`. What is known stays: a run that is
+    /// done again is the same.
+    fn take(&mut self, sequence: u64, since_start_ns: u64) {
+        if sequence as usize > self.0.len() {
+            // Messages that nobody has seen came at the latest with this one.
+            self.0.resize(sequence as usize, steps(since_start_ns));
+        }
+    }
+
+    /// The times of a run that leaves this one.
+    fn fork(&self, since_start_ns: u64) -> Self {
+        let kept = self.0.partition_point(|&time| time <= steps(since_start_ns));
+        Self(self.0[..kept].to_vec())
+    }
+
+    /// The rate at the message of that sequence.
+    fn rate_hz(&self, newest: u64) -> Option<f64> {
+        let known = &self.0[..self.0.len().min(newest as usize)];
+        rate_hz(known.iter().rev().map(|&time| u64::from(time) * STEP_NS))
+    }
+}
+
+fn steps(since_start_ns: u64) -> u32 {
+    u32::try_from(since_start_ns / STEP_NS).unwrap_or(u32::MAX)
+}
+
+/// When the messages of each buffer came, in every run of what runs.
+pub(super) struct RunTimes {
+    start: Stamp,
+    inner: Arc<Mutex<Inner>>,
+}
+
+struct Inner {
+    /// By run, and by buffer in the order of the plan.
+    runs: Vec<Vec<MessageTimes>>,
+    current: usize,
+}
+
+impl RunTimes {
+    /// Notes when each message of each buffer comes.
+    pub(super) fn tap(run: &Stepped) -> Self {
+        let start = run.start();
+        let first = vec![MessageTimes::default(); run.buffers().len()];
+        let inner = Arc::new(Mutex::new(Inner { runs: vec![first], current: 0 }));
+        for (index, buffer) in run.buffers().iter().enumerate() {
+            let inner = Arc::clone(&inner);
+            buffer.tap_once(Box::new(move |sample: &Sample| {
+                let since_start_ns = sample.header.log_time.0.saturating_sub(start.0);
+                let inner = &mut *inner.lock().unwrap_or_else(PoisonError::into_inner);
+                inner.runs[inner.current][index].take(sample.header.sequence, since_start_ns);
+            }));
+        }
+        Self { start, inner }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What is written from now on is of that run. A run that is new begins with what it shares with the one it left.
+    pub(super) fn follow(&self, runs: &[RunSummary], current: usize) {
+        let mut inner = self.lock();
+        for run in &runs[inner.runs.len().min(runs.len())..] {
+            let times = match run.branched_from {
+                Some((from, time)) => {
+                    let since_start_ns = time.0.saturating_sub(self.start.0);
+                    inner.runs[from.run.0 as usize].iter().map(|times| times.fork(since_start_ns)).collect()
+                }
+                None => vec![MessageTimes::default(); inner.runs[0].len()],
+            };
+            inner.runs.push(times);
+        }
+        inner.current = current;
+    }
+
+    /// The rate of a buffer at its message of that sequence, in the current run.
+    pub(super) fn rate_hz(&self, buffer: usize, newest: u64) -> Option<f64> {
+        let inner = self.lock();
+        inner.runs[inner.current][buffer].rate_hz(newest)
+    }
+}
+
+/// Times of the last messages of a topic that is read from a log.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct LastTimes(VecDeque<Stamp>);
+
+impl LastTimes {
+    pub(crate) fn take(&mut self, time: Stamp) {
+        if self.0.len() == MOST {
+            self.0.pop_front();
+        }
+        self.0.push_back(time);
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    pub(crate) fn rate_hz(&self) -> Option<f64> {
+        rate_hz(self.0.iter().rev().map(|time| time.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rate(times_ms: impl DoubleEndedIterator<Item = u64>) -> Option<f64> {
+        rate_hz(times_ms.rev().map(|ms| ms * 1_000_000))
+    }
+
+    #[test]
+    fn a_topic_with_one_message_has_no_rate() {
+        assert_eq!(rate([].into_iter()), None);
+        assert_eq!(rate([5].into_iter()), None);
+        assert_eq!(rate([5, 5].into_iter()), None, "two at one moment are one");
+    }
+
+    #[test]
+    fn the_rate_is_that_of_the_last_seconds() {
+        assert_eq!(rate((0..100).map(|i| i * 20)), Some(50.0));
+        // Once a second for a while, then 20 times a second.
+        let times = (0..10).map(|i| i * 1000).chain((0..100).map(|i| 10_000 + i * 50));
+        assert_eq!(rate(times), Some(20.0));
+    }
+
+    #[test]
+    fn messages_further_apart_than_the_window_still_have_a_rate() {
+        assert_eq!(rate([0, 10_000, 20_000].into_iter()), Some(0.1));
+    }
+
+    #[test]
+    fn going_back_shows_the_rate_of_then_and_another_run_has_its_own() {
+        let mut times = MessageTimes::default();
+        (1..=10).for_each(|i| times.take(i, i * 100_000_000));
+        let mut other = times.fork(1_000_000_000);
+        (11..=40).for_each(|i| times.take(i, 1_000_000_000 + (i - 10) * 10_000_000));
+        assert_eq!(times.rate_hz(10), Some(10.0));
+        (11..=12).for_each(|i| other.take(i, 1_000_000_000 + (i - 10) * 1_000_000_000));
+        assert_eq!(other.rate_hz(12), Some(1.0));
+        (11..=12).for_each(|i| times.take(i, 9_000_000_000));
+        assert!(times.rate_hz(40).is_some_and(|hz| hz > 20.0), "done again, nothing changes");
+        assert_eq!((times.rate_hz(1), times.rate_hz(0)), (None, None));
+    }
+}

@@ -1,0 +1,205 @@
+//! What a live run does when something takes long, hangs or panics. Nothing here depends on how fast the computer is.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+mod common;
+
+use common::{PAIR, PLUGINS, plan};
+use rcs_msg::{AnyMessage, foxglove, rcs};
+use rcs_runtime::{
+    Cycle, ExternalEvent, Live, LiveOptions, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType,
+    StackFile,
+};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+const PATIENCE: Duration = Duration::from_mins(1);
+
+#[track_caller]
+fn wait(what: &str, is: impl Fn() -> bool) {
+    let deadline = Instant::now() + PATIENCE;
+    while !is() {
+        assert!(Instant::now() < deadline, "waited in vain for {what}");
+        std::thread::yield_now();
+    }
+}
+
+fn newest(live: &Live, buffer: &str) -> u64 {
+    live.bus().get(buffer).unwrap().newest()
+}
+
+fn status(live: &Live, process: &str) -> rcs::Status {
+    let newest = live.bus().get(&format!("/{process}/status")).unwrap().latest();
+    newest.and_then(|sample| sample.message.to()).unwrap_or_default()
+}
+
+/// Whether [`Hanging`] may go on.
+static RELEASED: AtomicBool = AtomicBool::new(false);
+
+/// Its third cycle lasts until it is released.
+#[derive(Clone, Serialize, Deserialize)]
+struct Hanging {
+    cycles: u32,
+}
+
+impl Process for Hanging {
+    type Params = rcs_testkit::proto::CounterParams;
+    type Ports = Out<foxglove::Vector3>;
+    type Command = rcs_runtime::NoCommands;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "hanging",
+        summary: "Hangs.",
+        period_ms: 1.0,
+        latency_ms: 0.0,
+        reads_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Self::Ports {
+        b.output("out", "Count.").build()
+    }
+
+    fn new(_params: &Self::Params) -> Self {
+        Self { cycles: 0 }
+    }
+
+    fn cycle(&mut self, out: &Self::Ports, _params: &Self::Params, cx: &mut Cycle<'_>) {
+        self.cycles += 1;
+        cx.exec("at work");
+        while self.cycles == 3 && !RELEASED.load(Ordering::Relaxed) {
+            std::thread::yield_now();
+        }
+        cx.write(out, cx.now(), foxglove::Vector3 { x: f64::from(self.cycles), ..Default::default() });
+    }
+}
+
+/// How many checks of [`Picky`] have begun, and whether they may end.
+static CHECKS: AtomicU32 = AtomicU32::new(0);
+static CHECKED: AtomicBool = AtomicBool::new(true);
+
+/// Its parameters take long to check.
+#[derive(Clone, Serialize, Deserialize)]
+struct Picky;
+
+impl Process for Picky {
+    type Params = rcs_testkit::proto::CounterParams;
+    type Ports = Out<foxglove::Vector3>;
+    type Command = rcs_runtime::NoCommands;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "picky",
+        summary: "Checks.",
+        period_ms: 10.0,
+        latency_ms: 0.0,
+        reads_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Self::Ports {
+        b.output("out", "Parameter publish_hz.").build()
+    }
+
+    fn check(_params: &Self::Params) -> Result<(), String> {
+        CHECKS.fetch_add(1, Ordering::Relaxed);
+        while !CHECKED.load(Ordering::Relaxed) {
+            std::thread::yield_now();
+        }
+        Ok(())
+    }
+
+    fn new(_params: &Self::Params) -> Self {
+        Self
+    }
+
+    fn cycle(&mut self, out: &Self::Ports, params: &Self::Params, cx: &mut Cycle<'_>) {
+        cx.write(out, cx.now(), foxglove::Vector3 { x: params.publish_hz, ..Default::default() });
+    }
+}
+
+/// `PAIR` and one more process.
+fn with(plugin: &'static str, more: &str) -> Arc<Plan> {
+    let text = format!(
+        "{PAIR}\n[[process]]\nname = \"{plugin}\"\nplugin = \"{plugin}\"\nsupervisor = \"viewer\"\n{more}\n"
+    );
+    let plugins = [PLUGINS, &[ProcessType::of::<Hanging>(), ProcessType::of::<Picky>()]].concat();
+    Arc::new(Plan::new(StackFile::parse("test.toml", &text).unwrap(), &plugins, &[]).unwrap())
+}
+
+#[test]
+fn a_process_that_hangs_becomes_error_and_neither_holds_up_the_others_nor_the_end() {
+    let options = LiveOptions {
+        hang_limit: Duration::from_millis(50),
+        stop_limit: Duration::from_secs(1),
+        ..LiveOptions::default()
+    };
+    let live = Live::start(with("hanging", ""), &options).unwrap();
+    wait("ERROR", || status(&live, "hanging").state() == rcs::ProcessState::Error);
+    let told = status(&live, "hanging");
+    assert!(told.state_text.starts_with("hangs: a cycle has lasted"), "{}", told.state_text);
+    assert_eq!((told.process.as_str(), told.echo_serial), ("hanging", 1), "the rest of the status stays");
+    let sums = newest(&live, "/adder/sum");
+    wait("the others", || newest(&live, "/adder/sum") > sums + 3);
+    assert_eq!(newest(&live, "/hanging/out"), 2);
+    let bus_status = live.bus().get("/hanging/status").unwrap().clone();
+    assert_eq!(live.stop().unwrap().hung, ["hanging"]);
+    // Its thread ends by itself when it can.
+    RELEASED.store(true, Ordering::Relaxed);
+    wait("the end of the cycle", || {
+        let newest = bus_status.latest().unwrap().message.to::<rcs::Status>().unwrap();
+        newest.state() == rcs::ProcessState::Exec
+    });
+}
+
+#[test]
+fn a_panic_outside_of_a_cycle_is_told_in_the_status_of_its_process() {
+    let live = Live::start(plan(PAIR).unwrap(), &LiveOptions::default()).unwrap();
+    wait("a sum", || newest(&live, "/adder/sum") > 2);
+    live.bus().get("/counter/count").unwrap().tap(Box::new(|_| std::panic::panic_any("a broken tap")));
+    wait("ERROR", || status(&live, "counter").state() == rcs::ProcessState::Error);
+    assert_eq!(status(&live, "counter").state_text, "panicked outside of its cycle: a broken tap");
+    let cycles = status(&live, "adder").cycle;
+    wait("the other process", || status(&live, "adder").cycle > cycles + 2);
+    assert!(live.stop().unwrap().hung.is_empty());
+}
+
+#[test]
+fn a_check_of_parameters_that_takes_long_holds_up_no_process() {
+    let live = Live::start(with("picky", ""), &LiveOptions::default()).unwrap();
+    wait("a sum", || newest(&live, "/adder/sum") > 2);
+    CHECKED.store(false, Ordering::Relaxed);
+    let checks = CHECKS.load(Ordering::Relaxed);
+    let params = rcs_testkit::proto::CounterParams { publish_hz: 7.0, ..rcs_msg::params::default() };
+    let write = ExternalEvent::operator("/picky/params", AnyMessage::new(params));
+    std::thread::scope(|scope| {
+        let writing = scope.spawn(|| live.take(write));
+        wait("the check", || CHECKS.load(Ordering::Relaxed) > checks);
+        let (sums, outputs) = (newest(&live, "/adder/sum"), newest(&live, "/picky/out"));
+        wait("the others", || newest(&live, "/adder/sum") > sums + 3);
+        wait("the process itself", || newest(&live, "/picky/out") > outputs + 3);
+        CHECKED.store(true, Ordering::Relaxed);
+        writing.join().unwrap().unwrap();
+    });
+    let x = || {
+        let newest = live.bus().get("/picky/out").unwrap().latest().unwrap();
+        newest.message.get::<foxglove::Vector3>().unwrap().x
+    };
+    wait("the new parameter", || x() == 7.0);
+    live.stop().unwrap();
+}
+
+#[test]
+fn waking_waiting_and_computing_are_told_for_every_process() {
+    let classes = with("picky", "class = \"background\"\npool = \"side\"");
+    let live = Live::start(classes, &LiveOptions::default()).unwrap();
+    wait("cycles", || live.timings().iter().all(|timing| timing.cycles > 5));
+    wait("a message of timings", || newest(&live, "/runtime/timing") > 0);
+    let timing = live.bus().get("/runtime/timing").unwrap().latest().unwrap();
+    let told = timing.message.to::<rcs::Timing>().unwrap().processes;
+    let names: Vec<_> = told.iter().map(|timing| timing.process.as_str()).collect();
+    assert_eq!(names, ["counter", "adder", "picky"]);
+    for timing in live.timings() {
+        assert!(timing.mean_us > 0.0 && timing.p99_us <= timing.max_us, "{timing:?}");
+        assert!(timing.wake_late_p99_us > 0.0 && timing.start_late_p99_us > 0.0, "{timing:?}");
+        assert!(timing.missed_by_lock <= timing.missed, "{timing:?}");
+    }
+    live.stop().unwrap();
+}
