@@ -44,5 +44,40 @@ fn one_field(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, one_field);
+/// Fields at the start of a message with two covariances of 36 numbers, at its end, and the length of one of them.
+fn fields_of_odometry(criterion: &mut Criterion) {
+    let schema = registry().schema("foxglove.Odometry").expect("the registry has the schema");
+    let message = |x: u64| {
+        let position = foxglove::Vector3 { x: x as f64, y: 2.0, z: 3.0 };
+        let orientation = foxglove::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 };
+        AnyMessage::new(foxglove::Odometry {
+            frame_id: "local".to_owned(),
+            body_frame_id: "vehicle".to_owned(),
+            pose: Some(foxglove::Pose { position: Some(position), orientation: Some(orientation) }),
+            pose_covariance: vec![0.1; 36],
+            velocity_covariance: vec![0.1; 36],
+            ..foxglove::Odometry::default()
+        })
+        .bytes()
+    };
+    let messages: Vec<_> = (0..MESSAGES).map(message).collect();
+
+    let mut group = criterion.benchmark_group("msg/fields_of_odometry/100k");
+    group.throughput(Throughput::Elements(MESSAGES)).sample_size(20);
+    for path in [".pose.position.x", ".velocity_covariance[35]", ".pose_covariance.@length"] {
+        let scanner = FieldScanner::new(schema, &path.parse().expect("the path is well formed"))
+            .expect("the schema has the field");
+        group.bench_function(path, |bench| {
+            bench.iter(|| {
+                messages
+                    .iter()
+                    .filter_map(|message| scanner.scan(message).expect("a message that decodes"))
+                    .sum::<f64>()
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, one_field, fields_of_odometry);
 criterion_main!(benches);

@@ -11,6 +11,7 @@ mod bundled;
 
 use bundled::{Repository, plan};
 use rcs_geom::{DVec2, DVec3, Pose};
+use rcs_metrics::Confusion;
 use rcs_msg::foxglove::{Grid, Odometry};
 use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Assets, RunOptions, Stepped};
@@ -35,7 +36,7 @@ fn main() {
     println!("| course | part | obstacle IoU | ground IoU | cells |\n| --- | --- | --- | --- | --- |");
     for course in courses {
         let mut drive = Drive::start("learning", course, 0, &[]);
-        let mut scores = [Score::default(); PARTS.len()];
+        let mut scores = [Confusion::default(); PARTS.len()];
         for second in 1..=60 {
             drive.until(f64::from(second));
             for ((buffer, field), score) in PARTS.iter().zip(&mut scores) {
@@ -43,13 +44,9 @@ fn main() {
             }
         }
         for ((_, field), score) in PARTS.iter().zip(&scores) {
-            let cells = score.obstacle_right + score.obstacle_wrong + score.ground_right + score.ground_wrong;
+            let [obstacle, ground] = [OBSTACLE, GROUND].map(|class| score.iou(class).unwrap_or(0.0));
             let part = field.strip_prefix("cost.").unwrap_or("fused (WM1)");
-            println!(
-                "| {course} | {part} | {:.2} | {:.2} | {cells} |",
-                score.obstacle_iou(),
-                score.ground_iou()
-            );
+            println!("| {course} | {part} | {obstacle:.2} | {ground:.2} | {} |", score.total());
         }
     }
 }
@@ -97,7 +94,7 @@ impl Drive {
     }
 
     /// Scores the newest map of costs in a buffer against the true world, up to `reach_m` from the vehicle.
-    fn score(&self, buffer: &str, field: &str, reach_m: f64, score: &mut Score) {
+    fn score(&self, buffer: &str, field: &str, reach_m: f64, score: &mut Confusion<2>) {
         let (Some(grid), Some(global_from_local), Some(vehicle)) =
             (self.latest::<Grid>(buffer), self.global_from_local(), self.global_from_vehicle())
         else {
@@ -116,48 +113,23 @@ impl Drive {
                 let local = view.frame_from_grid() * DVec3::new(at.x, at.y, 0.0);
                 let at = (global_from_local * local).truncate();
                 if (at - vehicle.translation.truncate()).length() <= reach_m {
-                    let sensed = cost >= f64::from(OBSTACLE_COST);
-                    score.count(sensed, &self.world, at);
+                    count(score, cost >= f64::from(OBSTACLE_COST), &self.world, at);
                 }
             }
         }
     }
 }
 
-/// Cells with a cost, beside the truth. A border of one cell (0.2 m and the diagonal) is nobody's mistake: an obstacle is
-/// right where something blocks within it, and an open cell is right where nothing blocks its own middle.
-#[derive(Clone, Copy, Debug, Default)]
-struct Score {
-    obstacle_right: u64,
-    obstacle_wrong: u64,
-    ground_right: u64,
-    ground_wrong: u64,
-}
+/// Classes of cells.
+const GROUND: usize = 0;
+const OBSTACLE: usize = 1;
 
 /// From a cell's middle to the next one's, diagonally, m.
 const BORDER_M: f64 = 0.29;
 
-impl Score {
-    fn count(&mut self, sensed: bool, world: &World, at: DVec2) {
-        match (sensed, world.blocked(at, if sensed { BORDER_M } else { 0.0 })) {
-            (true, true) => self.obstacle_right += 1,
-            (true, false) => self.obstacle_wrong += 1,
-            (false, true) => self.ground_wrong += 1,
-            (false, false) => self.ground_right += 1,
-        }
-    }
-
-    /// Intersection over union of obstacle cells.
-    fn obstacle_iou(&self) -> f64 {
-        iou(self.obstacle_right, self.obstacle_wrong + self.ground_wrong)
-    }
-
-    /// Intersection over union of open cells.
-    fn ground_iou(&self) -> f64 {
-        iou(self.ground_right, self.obstacle_wrong + self.ground_wrong)
-    }
-}
-
-fn iou(both: u64, one: u64) -> f64 {
-    both as f64 / (both + one).max(1) as f64
+/// Counts a cell with a cost beside the truth. A border of one cell (0.2 m and the diagonal) is nobody's mistake: an
+/// obstacle is right where something blocks within it, and an open cell is right where nothing blocks its own middle.
+fn count(score: &mut Confusion<2>, sensed: bool, world: &World, at: DVec2) {
+    let blocked = world.blocked(at, if sensed { BORDER_M } else { 0.0 });
+    score.add(usize::from(blocked), Some(usize::from(sensed)));
 }

@@ -2,6 +2,7 @@
 //! pixels, and a ditch that the vehicle drives at. The parameters are those of the stack `simulation`.
 
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
+use rcs_metrics::Confusion;
 use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, Grid, Odometry, RawImage};
 use rcs_msg::rcs::{TruthThing, TruthThings};
 use rcs_msg::{Payload, Stamp};
@@ -226,30 +227,21 @@ impl Frame {
     }
 }
 
-/// Pixels by true class and by label, of pixels nearer than 8 m.
-#[derive(Default)]
-struct Confusion([[u64; 6]; 5]);
+/// Labels of obstacle images: 0 is none, and what is above 4 is too far or invalid.
+const LABELS: std::ops::RangeInclusive<u8> = 1..=4;
 
-impl Confusion {
-    fn add(&mut self, frame: &Frame) {
-        let (width, height) = (frame.camera.width as usize, frame.camera.height as usize);
-        for (i, &label) in frame.labels.data.iter().enumerate().take(width * height) {
-            let ray = frame.camera.unproject(DVec2::new((i % width) as f64, (i / width) as f64));
-            let pixel = ray.and_then(|ray| frame.raw.project(ray)).map(DVec2::round);
-            let Some(pixel) = pixel.filter(|&pixel| frame.raw.contains(pixel)) else { continue };
-            let at = pixel.y as usize * frame.raw.width as usize + pixel.x as usize;
-            if frame.true_depth[at] < 8.0 {
-                self.0[usize::from(frame.true_labels.data[at]).min(4)][usize::from(label).min(5)] += 1;
-            }
+/// Counts the pixels nearer than 8 m that have a label and a true one.
+fn count_labels(frame: &Frame, confusion: &mut Confusion<5>) {
+    let (width, height) = (frame.camera.width as usize, frame.camera.height as usize);
+    for (i, &label) in frame.labels.data.iter().enumerate().take(width * height) {
+        let ray = frame.camera.unproject(DVec2::new((i % width) as f64, (i / width) as f64));
+        let pixel = ray.and_then(|ray| frame.raw.project(ray)).map(DVec2::round);
+        let Some(pixel) = pixel.filter(|&pixel| frame.raw.contains(pixel)) else { continue };
+        let at = pixel.y as usize * frame.raw.width as usize + pixel.x as usize;
+        let truth = frame.true_labels.data[at].min(*LABELS.end());
+        if frame.true_depth[at] < 8.0 && LABELS.contains(&truth) && LABELS.contains(&label) {
+            confusion.add(usize::from(truth), Some(usize::from(label)));
         }
-    }
-
-    /// Intersection over union of a class over pixels with a label.
-    fn iou(&self, class: usize) -> f64 {
-        let both = self.0[class][class];
-        let is: u64 = self.0[class][1..5].iter().sum();
-        let said: u64 = self.0[1..].iter().map(|row| row[class]).sum();
-        both as f64 / (is + said - both).max(1) as f64
     }
 }
 
@@ -259,9 +251,9 @@ fn things_in_the_meadow_are_found_and_little_else_is() {
     // found where at least half of the frames that show it do.
     let mut seen: BTreeMap<(usize, u32), [u32; 2]> = BTreeMap::new();
     let (mut patches, mut right) = (0, 0);
-    let mut confusion = Confusion::default();
+    let mut confusion = Confusion::<5>::default();
     watch("meadow", 60, |frame, things| {
-        confusion.add(frame);
+        count_labels(frame, &mut confusion);
         for thing in things.iter().filter(|thing| thing.kind != "ditch") {
             let at = place(thing).truncate();
             let distance_m = at.distance(frame.vehicle) - thing.radius_m;
@@ -295,7 +287,8 @@ fn things_in_the_meadow_are_found_and_little_else_is() {
     }
     let recall = total[1] as f64 / total[0] as f64;
     println!("{right} of {patches} patches of obstacle cells within 8 m belong to a thing: {precision:.3}");
-    println!("labels within 8 m: IoU ground {:.3}, obstacle {:.3}", confusion.iou(1), confusion.iou(2));
+    let [ground, obstacle] = [1, 2].map(|label| confusion.iou(label).unwrap_or(0.0));
+    println!("labels within 8 m: IoU ground {ground:.3}, obstacle {obstacle:.3}");
     println!("recall over both: {recall:.3}");
     assert!(recall >= 0.95 && precision >= 0.9, "recall {recall:.3}, precision {precision:.3}");
 }

@@ -4,6 +4,7 @@
 
 use rcs_color::proto::ColorStats;
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
+use rcs_metrics::Confusion;
 use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, Odometry, RawImage};
 use rcs_msg::rcs::{DriveCommand, Status};
 use rcs_msg::{Payload, Stamp, image::depth_m};
@@ -13,7 +14,7 @@ use rcs_runtime::{
     ProcessType, RunOptions, StackFile, Stepped,
 };
 use rcs_sense::{FrameNames, Localizer, pose_of};
-use rcs_world::OBSTACLE_COST;
+use rcs_world::{OBSTACLE_COST, UNKNOWN_COST};
 use rcs_world_model::proto::WorldModelParams;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -185,14 +186,9 @@ fn latest<T: Payload>(run: &Stepped, buffer: &str) -> Option<T> {
     run.bus().get(buffer)?.latest()?.message.to()
 }
 
-/// Pixels of path and grass by what was said of them.
-#[derive(Clone, Copy, Debug, Default)]
-struct Count {
-    both: u64,
-    either: u64,
-    unclassified: u64,
-    all: u64,
-}
+/// Classes of pixels.
+const GRASS: usize = 0;
+const PATH_CLASS: usize = 1;
 
 const SHORT_GRASS: u8 = 1;
 const TALL_WEEDS: u8 = 3;
@@ -200,7 +196,7 @@ const MULCH: u8 = 4;
 const FAR_M: f64 = 8.0;
 
 /// Counts the pixels of an eye's newest picture that see mulch or grass within 8 m of the vehicle.
-fn count(run: &Stepped, eye: &str, counts: &mut Count) {
+fn count(run: &Stepped, eye: &str, counts: &mut Confusion<2>) {
     let eyes = format!("/eyes_{eye}");
     let said: RawImage = latest(run, &format!("/color_{eye}/probability")).unwrap();
     let class: RawImage = latest(run, &format!("{eyes}/truth_class")).unwrap();
@@ -223,12 +219,12 @@ fn count(run: &Stepped, eye: &str, counts: &mut Count) {
                 continue;
             }
             let at = (row * said.height / class.height) * said.step + column * said.width / class.width;
-            let (is_path, cost) = (code == MULCH, said.data[at as usize]);
-            let called_path = cost < OBSTACLE_COST;
-            counts.both += u64::from(is_path && called_path);
-            counts.either += u64::from(is_path || called_path);
-            counts.unclassified += u64::from(cost == 255);
-            counts.all += 1;
+            let predicted = match said.data[at as usize] {
+                UNKNOWN_COST => None,
+                OBSTACLE_COST.. => Some(GRASS),
+                _ => Some(PATH_CLASS),
+            };
+            counts.add(if code == MULCH { PATH_CLASS } else { GRASS }, predicted);
         }
     }
 }
@@ -256,7 +252,7 @@ fn the_mulch_path_is_told_from_grass_within_8_m_after_10_s_of_driving() {
     let plan = Plan::with(StackFile::parse("color_course", STACK).unwrap(), &plugins, &options).unwrap();
     let mut run = Stepped::new(Arc::new(plan), None, RunOptions::default()).unwrap();
     run.begin().unwrap();
-    let (start, mut counts, mut last) = (run.start(), Count::default(), [None, None]);
+    let (start, mut counts, mut last) = (run.start(), Confusion::default(), [None, None]);
     for step in 0..320_u64 {
         run.run_until(start.after_ns((step + 1) * 50_000_000)).unwrap();
         for (eye, last) in ["left", "right"].into_iter().zip(&mut last) {
@@ -273,12 +269,12 @@ fn the_mulch_path_is_told_from_grass_within_8_m_after_10_s_of_driving() {
         let stats: ColorStats = latest(&run, &format!("/color_{eye}/stats")).unwrap();
         println!("{stats:?}");
     }
-    let iou = counts.both as f64 / counts.either as f64;
-    let unclassified_pct = 100.0 * counts.unclassified as f64 / counts.all as f64;
+    let iou = counts.iou(PATH_CLASS).unwrap();
+    let unclassified_pct = 100.0 * counts.unclassified_share().unwrap();
     println!(
         "intersection over union {iou:.3}, {unclassified_pct:.2} % of {} pixels unclassified",
-        counts.all
+        counts.total()
     );
-    assert!(counts.all > 1_000_000, "{counts:?}");
+    assert!(counts.total() > 1_000_000, "{counts:?}");
     assert!(iou >= 0.85, "intersection over union {iou:.3}");
 }

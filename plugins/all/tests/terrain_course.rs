@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+use rcs_metrics::Confusion;
 use rcs_msg::foxglove::RawImage;
 use rcs_msg::{AnyMessage, Payload, Stamp, image::depth_m, to_json};
 use rcs_plugins::all;
@@ -173,8 +174,8 @@ fn latest<T: Payload>(run: &Stepped, buffer: &str) -> Option<T> {
 /// Pixels within a range by truth and class.
 #[derive(Clone, Copy, Debug, Default)]
 struct Score {
-    /// `[ground, obstacle][not known, traversable, not traversable]`.
-    counts: [[u64; 3]; 2],
+    /// Ground and obstacles.
+    confusion: Confusion<2>,
 }
 
 impl Score {
@@ -189,23 +190,22 @@ impl Score {
         let depths = depth_m(&depth, 1.0).unwrap();
         for ((&label, &class), depth) in labels.data.iter().zip(classes.data.iter()).zip(depths) {
             if depth <= reach_m && (label == 1 || label == 2) {
-                self.counts[usize::from(label - 1)][usize::from(class)] += 1;
+                // Classes: 0 is not known, 1 traversable, 2 not traversable.
+                self.confusion.add(usize::from(label - 1), class.checked_sub(1).map(usize::from));
             }
         }
     }
 
     fn obstacle_recall(&self) -> f64 {
-        self.counts[1][2] as f64 / self.counts[1].iter().sum::<u64>().max(1) as f64
+        self.confusion.recall(1).unwrap_or(0.0)
     }
 
     fn iou(&self, of: usize) -> f64 {
-        let [own, other] = [self.counts[of], self.counts[1 - of]];
-        own[of + 1] as f64 / (own.iter().sum::<u64>() + other[of + 1]).max(1) as f64
+        self.confusion.iou(of).unwrap_or(0.0)
     }
 
     fn unclassified(&self) -> f64 {
-        let all: u64 = self.counts.iter().flatten().sum();
-        (self.counts[0][0] + self.counts[1][0]) as f64 / all.max(1) as f64
+        self.confusion.unclassified_share().unwrap_or(0.0)
     }
 }
 

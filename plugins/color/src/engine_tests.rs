@@ -7,6 +7,7 @@ use crate::models::{Learned, Model, Models, Settings};
 use crate::picture::{HEIGHT, PIXELS, Picture, WIDTH};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
+use rcs_metrics::Confusion;
 use rcs_msg::Stamp;
 
 const SIZE: [usize; 2] = [320, 240];
@@ -65,14 +66,12 @@ fn see(engine: &mut Engine, data: &[u8], time_s: f64, permission: Permission, se
 
 /// Intersection over union of ground below the horizon.
 fn iou(costs: &[u8]) -> f64 {
-    let (mut both, mut either) = (0, 0);
+    let mut confusion = Confusion::<2>::default();
     for (i, &cost) in costs.iter().enumerate() {
         let (column, row) = ((i % WIDTH) * SIZE[0] / WIDTH + 1, (i / WIDTH) * SIZE[1] / HEIGHT + 1);
-        let (is, says) = (is_path(column, row), cost < 125);
-        both += u32::from(is && says);
-        either += u32::from(is || says);
+        confusion.add(usize::from(is_path(column, row)), Some(usize::from(cost < 125)));
     }
-    f64::from(both) / f64::from(either)
+    confusion.iou(1).unwrap()
 }
 
 #[test]

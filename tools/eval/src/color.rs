@@ -1,10 +1,7 @@
-//! `ocu eval color`: colour models on labelled images.
+//! Colour models of ground and background on labelled images.
 
-use crate::assets::ProgramAssets;
-use crate::cli::EvalColorArgs;
-use crate::eval::segments::{Confusion, Said};
-use crate::usage;
-use anyhow::Context as _;
+use crate::EvalError;
+use crate::report::{ClassReport, GROUND, OBSTACLE};
 use image::DynamicImage;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -14,12 +11,12 @@ use rcs_color::models::{Models, Settings};
 use rcs_color::picture::{HEIGHT, Picture, WIDTH};
 use rcs_color::region::spans;
 use rcs_geom::DVec2;
+use rcs_metrics::Confusion;
 use rcs_msg::Stamp;
-use rcs_runtime::Assets as _;
+use rcs_runtime::Assets;
 use rcs_sense::check_exposure;
 use rcs_world::{OBSTACLE_COST, UNKNOWN_COST};
-use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Times that an image is seen; all of them count in the median.
@@ -29,30 +26,50 @@ const PERIOD_NS: u64 = 200_000_000;
 /// How far below the horizon the first background samples lie.
 const BELOW_HORIZON_PX: u32 = 50;
 
-/// Prints the figures of all images together.
-pub(super) fn color(args: &EvalColorArgs, out: &mut dyn Write) -> anyhow::Result<()> {
-    if args.image.len() != args.labels.len() {
-        let (images, labels) = (args.image.len(), args.labels.len());
-        return Err(usage(format!("{images} images, but {labels} label images")));
+/// What is measured.
+#[derive(Clone, Copy)]
+pub struct Job<'a> {
+    /// Images, in the order in which they were taken.
+    pub images: &'a [PathBuf],
+    /// A label image for each image, of the same size.
+    pub labels: &'a [PathBuf],
+    /// Ids that are ground; any other is an obstacle.
+    pub ground_ids: &'a [u16],
+    /// Ids that are not counted.
+    pub ignored_ids: &'a [u16],
+    /// Names of the models to begin with.
+    pub apriori: &'a [String],
+    /// Where these models are found.
+    pub assets: &'a dyn Assets,
+    /// Height of the horizon, percent of the image from the top.
+    pub horizon_pct: f64,
+}
+
+/// Measures all images together.
+pub fn measure(job: &Job<'_>) -> Result<ClassReport, EvalError> {
+    if job.images.len() != job.labels.len() {
+        let (images, labels) = (job.images.len(), job.labels.len());
+        return Err(EvalError::refused(format!("{images} images, but {labels} label images")));
     }
-    if !(0.0..=100.0).contains(&args.horizon) {
-        return Err(usage(format!("horizon is {} %, expected 0 to 100", args.horizon)));
+    if !(0.0..=100.0).contains(&job.horizon_pct) {
+        return Err(EvalError::refused(format!("horizon is {} %, expected 0 to 100", job.horizon_pct)));
     }
     // Each image stands for itself: no fusion, and a new ground is a model at once.
     let settings =
         Settings { fusion_frames: 0, learning_period_ns: 0, min_sample_px: 1, ..Settings::default() };
-    let mut engine = Engine::new(apriori(&args.apriori, settings.samples)?);
+    let mut engine = Engine::new(apriori(job, settings.samples)?);
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let (mut confusion, mut times_ms) = (Confusion::default(), Vec::new());
     let rules = rcs_msg::params::default();
-    for (index, (path, labels)) in (0..).zip(args.image.iter().zip(&args.labels)) {
-        let image = image::open(path).with_context(|| format!("cannot read {}", path.display()))?.to_rgb8();
+    for (index, (path, labels)) in (0..).zip(job.images.iter().zip(job.labels)) {
+        let image = image::open(path).map_err(|error| EvalError::read(path, error))?.to_rgb8();
         let size = [image.width() as usize, image.height() as usize];
         let ids = ids(labels, size)?;
-        check_exposure(image.as_raw(), &rules).with_context(|| format!("cannot use {}", path.display()))?;
-        let picture = Picture::new(size, 3 * size[0], image.as_raw())?;
+        check_exposure(image.as_raw(), &rules).map_err(|error| EvalError::unusable(path, error))?;
+        let picture = Picture::new(size, 3 * size[0], image.as_raw())
+            .map_err(|error| EvalError::unusable(path, error))?;
         let ground = trapezoid(size);
-        let horizon_px = (args.horizon * 0.01 * size[1] as f64) as u32;
+        let horizon_px = (job.horizon_pct * 0.01 * size[1] as f64) as u32;
         let limits = [horizon_px.saturating_add(BELOW_HORIZON_PX).min(size[1] as u32); WIDTH];
         let samples = Samples { ground: &ground, first_background: &limits, permission: Permission::All };
         let time = Stamp(index * PERIOD_NS);
@@ -65,31 +82,34 @@ pub(super) fn color(args: &EvalColorArgs, out: &mut dyn Write) -> anyhow::Result
             times_ms.push(start.elapsed().as_secs_f64() * 1e3);
             costs = seen.costs;
         }
-        let costs = costs.with_context(|| format!("no ground sample in {}", path.display()))?;
-        count(&costs, &ids, size, args, &mut confusion);
+        let costs =
+            costs.ok_or_else(|| EvalError::nothing(format!("no ground sample in {}", path.display())))?;
+        count(&costs, &ids, size, job, &mut confusion);
     }
-    anyhow::ensure!(confusion.total() > 0, "all pixels of the label images have ignored ids");
-    confusion.report(times_ms).print(args.json, out)
+    if confusion.total() == 0 {
+        return Err(EvalError::nothing("all pixels of the label images have ignored ids"));
+    }
+    Ok(ClassReport::new(&confusion, times_ms))
 }
 
 fn count(
     costs: &[u8],
     ids: &[u16],
     [width, height]: [usize; 2],
-    args: &EvalColorArgs,
-    confusion: &mut Confusion,
+    job: &Job<'_>,
+    confusion: &mut Confusion<2>,
 ) {
     for (pixel, id) in ids.iter().enumerate() {
-        if args.ignore_ids.contains(id) {
+        if job.ignored_ids.contains(id) {
             continue;
         }
         let (column, row) = (pixel % width * WIDTH / width, pixel / width * HEIGHT / height);
-        let said = match costs[row * WIDTH + column] {
-            UNKNOWN_COST => Said::Unclassified,
-            OBSTACLE_COST.. => Said::Obstacle,
-            _ => Said::Ground,
+        let predicted = match costs[row * WIDTH + column] {
+            UNKNOWN_COST => None,
+            OBSTACLE_COST.. => Some(OBSTACLE),
+            _ => Some(GROUND),
         };
-        confusion.add(args.ground_ids.contains(id), said);
+        confusion.add(if job.ground_ids.contains(id) { GROUND } else { OBSTACLE }, predicted);
     }
 }
 
@@ -99,24 +119,24 @@ fn trapezoid(size: [usize; 2]) -> Vec<Span> {
     spans(&[corner(0.4, 0.68), corner(0.6, 0.68), corner(0.7, 0.96), corner(0.3, 0.96)], size)
 }
 
-/// Models of bundled files or files of one's own.
-fn apriori(names: &[String], samples: u32) -> anyhow::Result<Models> {
+/// The models to begin with.
+fn apriori(job: &Job<'_>, samples: u32) -> Result<Models, EvalError> {
     let mut models = Models::default();
-    for name in names {
-        let asset = ProgramAssets.read("models", name, "").map_err(usage)?;
-        let read =
-            rcs_color::file::parse(&asset.text).map_err(|error| usage(format!("{}: {error}", asset.file)))?;
+    for name in job.apriori {
+        let asset = job.assets.read("models", name, "").map_err(EvalError::Refused)?;
+        let read = rcs_color::file::parse(&asset.text)
+            .map_err(|error| EvalError::refused(format!("{}: {error}", asset.file)))?;
         models = models.with(&read, samples);
     }
     Ok(models)
 }
 
 /// Ids of a label image, by rows.
-fn ids(path: &Path, size: [usize; 2]) -> anyhow::Result<Vec<u16>> {
-    let image = image::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+fn ids(path: &Path, size: [usize; 2]) -> Result<Vec<u16>, EvalError> {
+    let image = image::open(path).map_err(|error| EvalError::read(path, error))?;
     let got = [image.width() as usize, image.height() as usize];
     if got != size {
-        return Err(usage(format!(
+        return Err(EvalError::refused(format!(
             "labels are {}x{} pixels, their image {}x{}: {}",
             got[0],
             got[1],
@@ -134,7 +154,7 @@ fn ids(path: &Path, size: [usize; 2]) -> anyhow::Result<Vec<u16>> {
             if rgb.pixels().all(|pixel| pixel.0[0] == pixel.0[1] && pixel.0[1] == pixel.0[2]) {
                 return Ok(rgb.pixels().map(|pixel| u16::from(pixel.0[0])).collect());
             }
-            Err(usage(format!(
+            Err(EvalError::refused(format!(
                 "labels are a picture in colours, expected a grey PNG of ids: {}",
                 path.display()
             )))

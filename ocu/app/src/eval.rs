@@ -1,0 +1,90 @@
+//! `ocu eval`: how good and how fast a method is, on the user's own data.
+
+use crate::assets::ProgramAssets;
+use crate::cli::{EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalStereoArgs, StereoMethod};
+use crate::{stacks, usage};
+use rcs_eval::{ClassReport, EvalError, classify, color, stereo};
+use rcs_log::Log;
+use rcs_runtime::RunOptions;
+use rcs_stereo::Method;
+use serde::Serialize;
+use std::fmt::Display;
+use std::io::Write;
+
+/// Prints the figures.
+pub fn eval(command: &EvalCommand, out: &mut dyn Write) -> anyhow::Result<()> {
+    match command {
+        EvalCommand::Classify(args) => print(&classes(args)?, args.json, out),
+        EvalCommand::Color(args) => print(&colors(args).map_err(told)?, args.json, out),
+        EvalCommand::Stereo(args) => print(&disparities(args).map_err(told)?, args.json, out),
+    }
+}
+
+fn print(report: &(impl Display + Serialize), json: bool, out: &mut dyn Write) -> anyhow::Result<()> {
+    if !json {
+        return Ok(write!(out, "{report}")?);
+    }
+    serde_json::to_writer_pretty(&mut *out, report)?;
+    Ok(writeln!(out)?)
+}
+
+/// What the exit code needs to know of an error: whether it was wrong usage.
+fn told(error: EvalError) -> anyhow::Error {
+    match error {
+        EvalError::Refused(text) => usage(text),
+        EvalError::Run(error) => error.into(),
+        error => error.into(),
+    }
+}
+
+fn disparities(args: &EvalStereoArgs) -> Result<stereo::Report, EvalError> {
+    stereo::measure(&stereo::Job {
+        left: &args.left,
+        right: &args.right,
+        calibration: args.calib.as_deref(),
+        truth: args.truth.as_deref(),
+        method: match args.method {
+            StereoMethod::Bm => Method::Block,
+            StereoMethod::Sgm => Method::SemiGlobal,
+        },
+        disparities: args.disparities,
+        threads: usize::from(args.threads),
+    })
+}
+
+fn colors(args: &EvalColorArgs) -> Result<ClassReport, EvalError> {
+    color::measure(&color::Job {
+        images: &args.image,
+        labels: &args.labels,
+        ground_ids: &args.ground_ids,
+        ignored_ids: &args.ignore_ids,
+        apriori: &args.apriori,
+        assets: &ProgramAssets,
+        horizon_pct: args.horizon,
+    })
+}
+
+fn classes(args: &EvalClassifyArgs) -> anyhow::Result<ClassReport> {
+    let log = args.log.as_ref().map(Log::open).transpose()?;
+    let job = classify::Job {
+        truth_topic: &args.truth_topic,
+        topic: args.topic.as_deref(),
+        tolerance_s: args.tolerance,
+    };
+    let Some(stack) = &args.stack else {
+        let log = log.ok_or_else(|| usage("expected a recording or a stack, got neither"))?;
+        return classify::recording(&job, &log).map_err(told);
+    };
+    let overrides: Vec<(String, String)> = args
+        .params
+        .iter()
+        .map(|param| (format!("{}.{}", param.process, param.field), param.value.clone()))
+        .collect();
+    let run = classify::StackRun {
+        plan: stacks::plan(stack, args.course.as_deref(), &overrides)?,
+        log: log.as_ref(),
+        options: RunOptions { seed: args.seed, ..stacks::options(log.as_ref()) },
+        until_s: args.until,
+    };
+    classify::stack(&job, run).map_err(told)
+}
