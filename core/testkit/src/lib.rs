@@ -1,5 +1,11 @@
-//! Fixtures for tests: where recordings of others are found, and logs made on the spot.
+//! What tests share.
+//!
+//! - [`bench`]: a stack that a test feeds and steps.
+//! - [`logs`]: logs made on the spot.
+//! - [`golden`]: traces of numbers beside committed ones.
+//! - [`data_dir`]: where recordings of others are found.
 
+pub mod bench;
 pub mod golden;
 pub mod logs;
 

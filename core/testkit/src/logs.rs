@@ -1,9 +1,39 @@
 //! Logs made on the spot.
 
 use rcs_log::{CursorOptions, Log, LogError, LogWriter, WriteHeader, WriterOptions};
-use rcs_msg::{AnyMessage, Stamp, foxglove, registry};
+use rcs_msg::{AnyMessage, Schema, Stamp, foxglove, registry};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
+
+/// A log in memory with these topics, and with the messages given: time, topic, message. Each is logged at the time at
+/// which it was acquired.
+///
+/// # Panics
+/// Where the log cannot be written, or a message is for no topic of the log.
+pub fn hand_made<'a>(
+    topics: &[(&str, &Arc<Schema>)],
+    messages: impl IntoIterator<Item = (Stamp, &'a str, &'a AnyMessage)>,
+) -> Log {
+    let folder = tempfile::tempdir().unwrap_or_else(|error| panic!("no folder for a log: {error}"));
+    let path = folder.path().join("hand_made.mcap");
+    let write = || -> Result<(), LogError> {
+        let mut writer = LogWriter::create(&path, WriterOptions::default())?;
+        let mut channels = BTreeMap::new();
+        for (topic, schema) in topics {
+            channels.insert(*topic, writer.add_channel(topic, schema, &BTreeMap::new())?);
+        }
+        for (sequence, (time, topic, message)) in (0..).zip(messages) {
+            let channel = channels.get(topic).unwrap_or_else(|| panic!("the log has no topic {topic}"));
+            let header = WriteHeader { sequence, log_time: time, publish_time: time };
+            writer.write(*channel, header, &message.bytes())?;
+        }
+        writer.finish()
+    };
+    write().unwrap_or_else(|error| panic!("{error}"));
+    let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{error}"));
+    Log::from_bytes(bytes.into()).unwrap_or_else(|error| panic!("{error}"))
+}
 
 /// Poses between two images of [`write_big`].
 pub const POSES_PER_IMAGE: u64 = 10;

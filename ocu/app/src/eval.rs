@@ -83,7 +83,7 @@ fn classes(args: &EvalClassifyArgs) -> anyhow::Result<ClassReport> {
     let run = classify::StackRun {
         plan: stacks::plan(stack, args.course.as_deref(), &overrides)?,
         log: log.as_ref(),
-        options: RunOptions { seed: args.seed, ..stacks::options(log.as_ref()) },
+        options: RunOptions { seed: args.seed, ..stacks::options() },
         until_s: args.until,
     };
     classify::stack(&job, run).map_err(told)

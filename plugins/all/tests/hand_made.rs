@@ -4,15 +4,13 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rcs_geom::DVec2;
-use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::foxglove::{CameraCalibration, Grid, PointCloud, PoseInFrame, RawImage};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs, schema_of};
 use rcs_plugins::all;
-use rcs_runtime::source::Task;
-use rcs_runtime::{ExternalEvent, Plan, RunOptions, Session, StackFile, Stepped};
+use rcs_runtime::{Session, Stepped};
+use rcs_testkit::bench::{Bench, Setup, faults, newest, sent};
+use rcs_testkit::logs::hand_made;
 use rcs_world::{Map, MapOptions, Source, VoteRule, Weights};
-use std::collections::BTreeMap;
-use std::sync::Arc;
 
 const STACK: &str = r#"
 format = 1
@@ -53,81 +51,60 @@ fn given<T: Payload>(buffer: &'static str, value: T) -> Given {
 }
 
 /// Runs the stack on a log of these messages, and stops after each of them.
-struct Bench {
-    run: Stepped,
-    _folder: tempfile::TempDir,
-}
+struct Replay(Stepped);
 
-impl Bench {
-    fn new(messages: &[&Given], params: &[(&str, &str)]) -> Bench {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("hand_made.mcap");
-        let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
-        let metadata = BTreeMap::new();
-        let mut channels = BTreeMap::new();
+impl Replay {
+    fn new(messages: &[&Given], params: &[(&str, &str)]) -> Replay {
         // A log must have every topic that the stack reads.
-        for (topic, schema) in [
+        let topics = [
             ("/depth", schema_of::<RawImage>()),
             ("/cloud", schema_of::<PointCloud>()),
             ("/calibration", schema_of::<CameraCalibration>()),
             ("/pose", schema_of::<PoseInFrame>()),
             ("/cost", schema_of::<Grid>()),
-        ] {
-            channels.insert(topic, writer.add_channel(topic, schema, &metadata).unwrap());
-        }
-        for (second, given) in (0..).zip(messages) {
-            let time = Stamp(second * 1_000_000_000 + 50_000_000);
-            let header = WriteHeader { sequence: second as u32, log_time: time, publish_time: time };
-            writer.write(channels[given.buffer], header, &given.message.bytes()).unwrap();
-        }
-        writer.finish().unwrap();
-        let params: Vec<(String, String)> =
-            params.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
-        let plan = Plan::new(StackFile::parse("hand_made", STACK).unwrap(), all(), &params).unwrap();
-        let log = Log::open(&path).unwrap();
-        let mut run = Stepped::new(Arc::new(plan), Some(&log), RunOptions::default()).unwrap();
-        run.begin().unwrap();
-        Bench { run, _folder: folder }
+        ];
+        let timed = (0..).zip(messages).map(|(second, given)| {
+            (Stamp(second * 1_000_000_000 + 50_000_000), given.buffer, &given.message)
+        });
+        Replay(Setup::new(STACK, all()).params(params).stepped(Some(&hand_made(&topics, timed))))
     }
 
     /// Runs until just before the message of this number is given.
     fn run_before(&mut self, second: u64) {
-        self.run.run_until(Stamp(second * 1_000_000_000 + 40_000_000)).unwrap();
+        self.0.run_until(Stamp(second * 1_000_000_000 + 40_000_000)).unwrap();
     }
 
-    fn latest<T: Payload>(&self, buffer: &str) -> Option<T> {
-        self.run.bus().get(buffer).unwrap().latest()?.message.to()
+    fn latest<T: Payload>(&self, buffer: &str) -> T {
+        newest(&self.0, buffer).unwrap()
     }
 
-    /// Faults of a process, and the last one.
     fn faults(&self, process: &str) -> (u64, String) {
-        let status: Option<rcs::Status> = self.latest(&format!("/{process}/status"));
-        status.map_or((0, String::new()), |status| (status.faults, status.last_fault))
+        faults(&self.0, process)
     }
 
     /// Messages that `obstacles` has sent.
     fn outputs(&self) -> u64 {
         let buffers = ["/obstacles/labels", "/obstacles/cost", "/obstacles/stats", "/obstacles/points"];
-        buffers.iter().map(|name| self.run.bus().get(name).unwrap().newest()).sum()
+        buffers.iter().map(|name| sent(&self.0, name)).sum()
     }
 }
 
 /// Gives messages to `obstacles`, each with what it says of it (`None`: nothing, it uses it) and how many messages go
 /// out for it.
-fn check(steps: &[(Given, Option<&str>, u64)]) -> Bench {
-    let mut bench = Bench::new(&steps.iter().map(|step| &step.0).collect::<Vec<_>>(), &[]);
+fn check(steps: &[(Given, Option<&str>, u64)]) -> Replay {
+    let mut replay = Replay::new(&steps.iter().map(|step| &step.0).collect::<Vec<_>>(), &[]);
     for (second, (_, why, sent)) in (0..).zip(steps) {
-        bench.run_before(second);
-        let (before, outputs) = (bench.faults("obstacles").0, bench.outputs());
-        bench.run_before(second + 1);
-        let (faults, last) = bench.faults("obstacles");
+        replay.run_before(second);
+        let (before, outputs) = (replay.faults("obstacles").0, replay.outputs());
+        replay.run_before(second + 1);
+        let (faults, last) = replay.faults("obstacles");
         assert_eq!(faults - before, u64::from(why.is_some()), "message {second}: {last}");
         if let Some(why) = why {
             assert!(last.contains(why), "message {second}: got {last:?}, expected {why:?}");
         }
-        assert_eq!(bench.outputs() - outputs, *sent, "messages that went out for message {second}");
+        assert_eq!(replay.outputs() - outputs, *sent, "messages that went out for message {second}");
     }
-    bench
+    replay
 }
 
 fn calibration() -> CameraCalibration {
@@ -160,7 +137,7 @@ fn good_depth() -> RawImage {
 #[test]
 fn depth_that_cannot_be_used_is_skipped_and_what_comes_after_it_is_used() {
     let nan = f32::NAN.to_le_bytes().repeat(64 * 48);
-    let bench = check(&[
+    let replay = check(&[
         (given("/depth", good_depth()), Some("without a calibration"), 0),
         (
             given("/calibration", CameraCalibration { k: vec![f64::NAN; 9], ..calibration() }),
@@ -175,7 +152,7 @@ fn depth_that_cannot_be_used_is_skipped_and_what_comes_after_it_is_used() {
         (given("/depth", depth("32FC1", [64, 48], nan)), Some("has a range"), 0),
         (given("/depth", good_depth()), None, 3),
     ]);
-    let stats: rcs_obstacles::proto::ObstacleStats = bench.latest("/obstacles/stats").unwrap();
+    let stats: rcs_obstacles::proto::ObstacleStats = replay.latest("/obstacles/stats");
     assert_eq!(stats.invalid + stats.ground + stats.obstacle + stats.short_obstacle + stats.cover, 64 * 48);
 }
 
@@ -192,14 +169,14 @@ fn clouds_and_poses_that_cannot_be_used_are_skipped() {
 fn a_cost_map_of_another_frame_or_without_costs_changes_nothing() {
     let elsewhere = given("/cost", Grid { frame_id: "elsewhere".to_owned(), ..Grid::default() });
     let empty = given("/cost", Grid { frame_id: "local".to_owned(), ..Grid::default() });
-    let mut bench = Bench::new(&[&elsewhere, &empty], &[]);
+    let mut replay = Replay::new(&[&elsewhere, &empty], &[]);
     for second in 1..=2 {
-        bench.run_before(second);
-        let (faults, last) = bench.faults("wm1");
+        replay.run_before(second);
+        let (faults, last) = replay.faults("wm1");
         assert_eq!(faults, second, "{last}");
         assert!(last.starts_with("stereo: "), "{last}");
     }
-    let stats: rcs_world_model::proto::WorldModelStats = bench.latest("/wm1/stats").unwrap();
+    let stats: rcs_world_model::proto::WorldModelStats = replay.latest("/wm1/stats");
     assert_eq!((stats.known, stats.votes), (0, 0));
 }
 
@@ -217,9 +194,9 @@ fn obstacle_at(x_m: f64) -> Given {
 fn the_map_gathers_frames_unless_it_is_told_to_forget_each() {
     for (clear, known) in [("false", 2), ("true", 1)] {
         let (first, second) = (obstacle_at(3.1), obstacle_at(5.1));
-        let mut bench = Bench::new(&[&first, &second], &[("wm1.clear_each_frame", clear)]);
-        bench.run_before(2);
-        let stats: rcs_world_model::proto::WorldModelStats = bench.latest("/wm1/stats").unwrap();
+        let mut replay = Replay::new(&[&first, &second], &[("wm1.clear_each_frame", clear)]);
+        replay.run_before(2);
+        let stats: rcs_world_model::proto::WorldModelStats = replay.latest("/wm1/stats");
         assert_eq!((stats.known, stats.obstacle), (known, known), "clear_each_frame = {clear}");
     }
 }
@@ -227,19 +204,15 @@ fn the_map_gathers_frames_unless_it_is_told_to_forget_each() {
 #[test]
 fn the_command_clear_forgets_the_map() {
     let (first, second) = (obstacle_at(3.1), obstacle_at(5.1));
-    let Bench { run, _folder: folder } = Bench::new(&[&first, &second], &[]);
-    let mut session = Session::new(run).unwrap();
-    let known_after = |session: &mut Session, ms: u64| {
-        session.forward_until(Stamp(ms * 1_000_000), &Task::default()).unwrap();
-        let stats = session.run().bus().get("/wm1/stats").unwrap().latest().unwrap();
-        stats.message.to::<rcs_world_model::proto::WorldModelStats>().unwrap().known
+    let Replay(run) = Replay::new(&[&first, &second], &[]);
+    let mut bench = Bench { session: Session::new(run).unwrap(), now_ms: 0 };
+    let known_after = |bench: &mut Bench, ms: u64| {
+        bench.advance(ms - bench.now_ms);
+        bench.latest::<rcs_world_model::proto::WorldModelStats>("/wm1/stats").known
     };
-    assert_eq!(known_after(&mut session, 540), 1);
-    let command = rcs::Command { serial: 7, name: "CLEAR".to_owned(), ..rcs::Command::default() };
-    session.write(ExternalEvent::operator("/wm1/command", AnyMessage::new(command))).unwrap();
-    assert_eq!(known_after(&mut session, 1_040), 0);
-    let status = session.run().bus().get("/wm1/status").unwrap().latest().unwrap();
-    assert_eq!(status.message.to::<rcs::Status>().unwrap().echo_serial, 7);
-    assert_eq!(known_after(&mut session, 2_040), 1);
-    drop(folder);
+    assert_eq!(known_after(&mut bench, 540), 1);
+    bench.write("/wm1/command", rcs::Command { serial: 7, name: "CLEAR".to_owned(), ..Default::default() });
+    assert_eq!(known_after(&mut bench, 1_040), 0);
+    assert_eq!(bench.latest::<rcs::Status>("/wm1/status").echo_serial, 7);
+    assert_eq!(known_after(&mut bench, 2_040), 1);
 }

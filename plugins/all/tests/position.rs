@@ -4,12 +4,11 @@
 
 use rcs_geom::{DVec3, Pose, wrap_angle};
 use rcs_msg::foxglove::{FrameTransforms, Odometry};
-use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
+use rcs_msg::{Stamp, rcs};
 use rcs_plugins::all;
-use rcs_runtime::source::Task;
-use rcs_runtime::{Asset, Assets, ExternalEvent, Plan, PlanOptions, RunOptions, Session, StackFile, Stepped};
+use rcs_runtime::{Asset, Assets, RunOptions};
+use rcs_testkit::bench::{Bench, Setup};
 use rcs_sense::pose_of;
-use std::sync::Arc;
 
 /// Nearly level dirt, 140 m by 100 m.
 const WORLD: &str = r#"
@@ -67,11 +66,6 @@ impl Assets for Files {
     }
 }
 
-struct Bench {
-    session: Session,
-    now_ms: u64,
-}
-
 /// Where the vehicle is believed to be, and where it is.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
@@ -81,60 +75,46 @@ struct Seen {
     truth: Pose,
 }
 
-impl Bench {
-    fn new(seed: u64, params: &[(&str, &str)]) -> Bench {
-        let overrides: Vec<(String, String)> =
-            params.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
-        let options = PlanOptions { overrides: &overrides, course: None, assets: &Files };
-        let plan = Plan::with(StackFile::parse("field.toml", STACK).unwrap(), all(), &options).unwrap();
-        let options = RunOptions { seed, ..RunOptions::default() };
-        let run = Stepped::new(Arc::new(plan), None, options).unwrap();
-        Bench { session: Session::new(run).unwrap(), now_ms: 0 }
-    }
+fn start(seed: u64, params: &[(&str, &str)]) -> Bench {
+    let options = RunOptions { seed, ..RunOptions::default() };
+    Setup::new(STACK, all()).params(params).assets(&Files).options(options).bench()
+}
 
-    fn latest<T: Payload>(&self, buffer: &str) -> Option<T> {
-        self.session.run().bus().get(buffer).unwrap().latest()?.message.to()
-    }
+/// Drives for some 100 ms; what is seen after each.
+fn drive(bench: &mut Bench, left_mps: f64, right_mps: f64, tenths: u64) -> Vec<Seen> {
+    (0..tenths)
+        .map(|_| {
+            let timestamp = Some(Stamp(bench.now_ms * 1_000_000).to_proto());
+            let command = rcs::WheelCommand { timestamp, left_mps, right_mps, curvature_per_m: 0.0 };
+            bench.write("/operator/wheels", command);
+            bench.advance(100);
+            seen(bench)
+        })
+        .collect()
+}
 
-    /// Drives for some 100 ms; what is seen after each.
-    fn drive(&mut self, left_mps: f64, right_mps: f64, tenths: u64) -> Vec<Seen> {
-        (0..tenths)
-            .map(|_| {
-                let timestamp = Some(Stamp(self.now_ms * 1_000_000).to_proto());
-                let command = rcs::WheelCommand { timestamp, left_mps, right_mps, curvature_per_m: 0.0 };
-                let message = AnyMessage::new(command);
-                self.session.write(ExternalEvent::operator("/operator/wheels", message)).unwrap();
-                self.now_ms += 100;
-                let until = Stamp(self.now_ms * 1_000_000 + 5_000_000);
-                self.session.forward_until(until, &Task::default()).unwrap();
-                self.seen()
-            })
-            .collect()
+fn seen(bench: &Bench) -> Seen {
+    let local: Odometry = bench.latest("/position/local");
+    let global: Option<Odometry> = bench.newest("/position/global");
+    let truth: Odometry = bench.latest("/vehicle/truth_pose");
+    let pose = |odometry: &Odometry| pose_of(odometry.pose.as_ref(), "vehicle").unwrap();
+    Seen {
+        local: pose(&local),
+        global: global.as_ref().map(pose),
+        global_variance: global.map_or(0.0, |global| global.pose_covariance[0]),
+        truth: pose(&truth),
     }
+}
 
-    fn seen(&self) -> Seen {
-        let local: Odometry = self.latest("/position/local").unwrap();
-        let global: Option<Odometry> = self.latest("/position/global");
-        let truth: Odometry = self.latest("/vehicle/truth_pose").unwrap();
-        let pose = |odometry: &Odometry| pose_of(odometry.pose.as_ref(), "vehicle").unwrap();
-        Seen {
-            local: pose(&local),
-            global: global.as_ref().map(pose),
-            global_variance: global.map_or(0.0, |global| global.pose_covariance[0]),
-            truth: pose(&truth),
-        }
-    }
-
-    fn status(&self) -> rcs::Status {
-        self.latest("/position/status").unwrap()
-    }
+fn status(bench: &Bench) -> rcs::Status {
+    bench.latest("/position/status")
 }
 
 /// A loop of about 90 m with turns to both sides.
 fn lap(bench: &mut Bench) -> Vec<Seen> {
-    let mut seen = bench.drive(0.0, 0.0, 20);
+    let mut seen = drive(bench, 0.0, 0.0, 20);
     for (left, right, tenths) in [(1.0, 1.0, 200), (0.8, 1.1, 150), (1.1, 0.9, 250), (1.2, 1.2, 200)] {
-        seen.extend(bench.drive(left, right, tenths));
+        seen.extend(drive(bench, left, right, tenths));
     }
     seen
 }
@@ -147,7 +127,7 @@ fn local_truth(truth: &Pose) -> DVec3 {
 #[test]
 fn the_local_estimate_is_smooth_and_drifts_by_a_few_per_cent_of_the_way() {
     for seed in 0..3 {
-        let mut bench = Bench::new(seed, &[]);
+        let mut bench = start(seed, &[]);
         let seen = lap(&mut bench);
         for pair in seen.windows(2) {
             let step = (pair[1].local.translation - pair[0].local.translation).length();
@@ -171,7 +151,7 @@ fn the_local_estimate_is_smooth_and_drifts_by_a_few_per_cent_of_the_way() {
 fn the_global_estimate_stays_within_what_its_covariance_says() {
     let mut surprises = Vec::new();
     for seed in 0..4 {
-        let mut bench = Bench::new(seed, &[]);
+        let mut bench = start(seed, &[]);
         let seen = lap(&mut bench);
         for now in seen.iter().skip(100).step_by(50) {
             let global = now.global.expect("there is a global estimate after 10 s");
@@ -190,9 +170,9 @@ fn the_global_estimate_stays_within_what_its_covariance_says() {
 #[test]
 fn outliers_are_refused_and_do_not_move_the_global_estimate() {
     let params = [("vehicle.gps_dropouts", "false")];
-    let mut bench = Bench::new(5, &params);
+    let mut bench = start(5, &params);
     let seen = lap(&mut bench);
-    let status = bench.status();
+    let status = status(&bench);
     assert!(status.faults > 0 && status.last_fault.contains("outlier"), "{status:?}");
     for pair in seen.windows(2).skip(50) {
         let (Some(a), Some(b)) = (pair[0].global, pair[1].global) else { continue };
@@ -203,16 +183,13 @@ fn outliers_are_refused_and_do_not_move_the_global_estimate() {
 
 #[test]
 fn without_fixes_the_global_estimate_goes_on_by_dead_reckoning_and_says_so() {
-    let mut bench = Bench::new(1, &[("vehicle.gps_dropouts", "false")]);
-    bench.drive(0.0, 0.0, 300);
-    let off = AnyMessage::new(rcs_sim::proto::SimVehicleParams {
-        gps_off: true,
-        ..bench.latest::<rcs_sim::proto::SimVehicleParams>("/vehicle/params").unwrap()
-    });
-    bench.session.write(ExternalEvent::operator("/vehicle/params", off)).unwrap();
-    let before = *bench.drive(0.0, 0.0, 1).last().unwrap();
-    let after = *bench.drive(1.0, 1.0, 200).last().unwrap();
-    assert!(bench.status().state_text.contains("dead reckoning"), "{:?}", bench.status().state_text);
+    let mut bench = start(1, &[("vehicle.gps_dropouts", "false")]);
+    drive(&mut bench, 0.0, 0.0, 300);
+    let params: rcs_sim::proto::SimVehicleParams = bench.latest("/vehicle/params");
+    bench.write("/vehicle/params", rcs_sim::proto::SimVehicleParams { gps_off: true, ..params });
+    let before = *drive(&mut bench, 0.0, 0.0, 1).last().unwrap();
+    let after = *drive(&mut bench, 1.0, 1.0, 200).last().unwrap();
+    assert!(status(&bench).state_text.contains("dead reckoning"), "{:?}", status(&bench).state_text);
     let error = |seen: &Seen| (seen.global.unwrap().translation - seen.truth.translation).truncate();
     let grown = (error(&after) - error(&before)).length();
     assert!(grown < 3.0, "the error grew by {grown} m in 20 m");
@@ -221,9 +198,9 @@ fn without_fixes_the_global_estimate_goes_on_by_dead_reckoning_and_says_so() {
 
 #[test]
 fn the_local_frame_in_the_global_one_is_what_both_estimates_say() {
-    let mut bench = Bench::new(2, &[]);
-    let seen = *bench.drive(0.6, 0.9, 150).last().unwrap();
-    let transforms: FrameTransforms = bench.latest("/position/transforms").unwrap();
+    let mut bench = start(2, &[]);
+    let seen = *drive(&mut bench, 0.6, 0.9, 150).last().unwrap();
+    let transforms: FrameTransforms = bench.latest("/position/transforms");
     let transform = &transforms.transforms[0];
     assert_eq!((transform.parent_frame_id.as_str(), transform.child_frame_id.as_str()), ("global", "local"));
     let (t, q) = (transform.translation.as_ref().unwrap(), transform.rotation.as_ref().unwrap());
@@ -237,10 +214,10 @@ fn the_local_frame_in_the_global_one_is_what_both_estimates_say() {
 
 #[test]
 fn slipping_wheels_take_the_local_estimate_too_far_and_not_the_global_one() {
-    let mut bench = Bench::new(3, &[("vehicle.traction_scale", "0.06"), ("vehicle.gps_outliers", "false")]);
-    bench.drive(0.0, 0.0, 100);
-    bench.drive(1.2, 1.2, 600);
-    let seen = bench.drive(1.2, 1.2, 600);
+    let mut bench = start(3, &[("vehicle.traction_scale", "0.06"), ("vehicle.gps_outliers", "false")]);
+    drive(&mut bench, 0.0, 0.0, 100);
+    drive(&mut bench, 1.2, 1.2, 600);
+    let seen = drive(&mut bench, 1.2, 1.2, 600);
     let last = seen.last().unwrap();
     let way = |pose: &Pose, start: DVec3| (pose.translation - start).truncate().length();
     let (believed, driven) = (way(&last.local, DVec3::ZERO), local_truth(&last.truth).truncate().length());

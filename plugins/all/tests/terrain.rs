@@ -4,20 +4,20 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
-use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::foxglove::{CameraCalibration, Grid, PoseInFrame, RawImage};
-use rcs_msg::rcs::{Bumper, Status};
+use rcs_msg::rcs::Bumper;
 use rcs_msg::{AnyMessage, Payload, Stamp, schema_of, to_json};
 use rcs_plugins::all;
-use rcs_runtime::{Plan, RunOptions, Snapshot, StackFile, Stepped};
+use rcs_runtime::{RunOptions, Snapshot, Stepped};
 use rcs_terrain::proto::{ClassifierStats, TerrainModels, TerrainStats};
-use std::collections::BTreeMap;
+use rcs_testkit::bench::{Setup, faults, newest, sent};
+use rcs_testkit::logs::hand_made;
 use std::sync::Arc;
 
 const MOUNT: &str = "mount = { fixed = true, height_m = 1.0, pitch_deg = 12.0 }";
 
 fn stack(learner: &str) -> String {
-    let input = |name: &str| format!("{{ buffer = \"/{name}\", topic = \"/{name}\" }},\n");
+    let input = |name: &str| format!("{{ buffer = \"/{name}\", topic = \"{name}\" }},\n");
     let inputs: String = TOPICS.iter().map(|(name, _)| input(name)).collect();
     let eye = |side: &str, topic: &str| {
         format!(
@@ -129,53 +129,34 @@ fn drive(speed_mps: f64, until_ms: u64) -> Vec<Given> {
     (0..until_ms / 100).map(|i| pose(i * 100 + 1, speed_mps * i as f64 * 0.1)).collect()
 }
 
-struct Bench {
-    run: Stepped,
-    _folder: tempfile::TempDir,
-}
+struct Replay(Stepped);
 
-impl Bench {
-    fn new(learner: &str, mut given: Vec<Given>, options: RunOptions) -> Bench {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("terrain.mcap");
-        let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
-        let channels: BTreeMap<_, _> = TOPICS
-            .iter()
-            .map(|(name, schema)| {
-                (*name, writer.add_channel(&format!("/{name}"), &schema(), &BTreeMap::new()).unwrap())
-            })
-            .collect();
+impl Replay {
+    fn new(learner: &str, mut given: Vec<Given>, options: RunOptions) -> Replay {
         given.push((0, "calibration", AnyMessage::new(calibration())));
         given.sort_by_key(|(ms, ..)| *ms);
-        for (sequence, (ms, topic, message)) in (0..).zip(&given) {
-            let time = Stamp(ms * 1_000_000 + 1_000_000);
-            let header = WriteHeader { sequence, log_time: time, publish_time: time };
-            writer.write(channels[topic], header, &message.bytes()).unwrap();
-        }
-        writer.finish().unwrap();
-        let file = StackFile::parse("terrain", &stack(learner)).unwrap();
-        let plan = Plan::new(file, all(), &[]).unwrap_or_else(|error| panic!("{error}"));
-        let log = Log::open(&path).unwrap();
-        let mut run = Stepped::new(Arc::new(plan), Some(&log), options).unwrap();
-        run.begin().unwrap();
-        Bench { run, _folder: folder }
+        let schemas = TOPICS.map(|(topic, schema)| (topic, schema()));
+        let topics = schemas.each_ref().map(|(topic, schema)| (*topic, schema));
+        let timed =
+            given.iter().map(|(ms, topic, message)| (Stamp(ms * 1_000_000 + 1_000_000), *topic, message));
+        let log = hand_made(&topics, timed);
+        Replay(Setup::new(&stack(learner), all()).options(options).stepped(Some(&log)))
     }
 
     fn until(&mut self, ms: u64) {
-        self.run.run_until(Stamp(ms * 1_000_000)).unwrap();
+        self.0.run_until(Stamp(ms * 1_000_000)).unwrap();
     }
 
-    fn latest<T: Payload>(&self, buffer: &str) -> Option<T> {
-        self.run.bus().get(buffer).unwrap().latest()?.message.to()
+    fn latest<T: Payload>(&self, buffer: &str) -> T {
+        newest(&self.0, buffer).unwrap()
     }
 
     fn faults(&self, process: &str) -> (u64, String) {
-        let status: Status = self.latest(&format!("/{process}/status")).unwrap();
-        (status.faults, status.last_fault)
+        faults(&self.0, process)
     }
 
     fn sent(&self, buffers: &[&str]) -> u64 {
-        buffers.iter().map(|name| self.run.bus().get(name).unwrap().newest()).sum()
+        buffers.iter().map(|name| sent(&self.0, name)).sum()
     }
 }
 
@@ -184,17 +165,17 @@ const LEARNS: &str = "learn_while_standing = true, pose = { source = \"POSE_FIXE
 #[test]
 fn what_is_learned_from_range_classifies_the_next_image() {
     let given = [frame(100, |_| {}), frame(500, |_| {}), drive(0.0, 1000)].concat();
-    let mut bench = Bench::new(LEARNS, given, RunOptions::default());
-    bench.until(900);
-    assert_eq!(bench.faults("terrain"), (0, String::new()));
-    assert_eq!(bench.faults("classifier"), (0, String::new()));
-    let stats: TerrainStats = bench.latest("/terrain/stats").unwrap();
+    let mut replay = Replay::new(LEARNS, given, RunOptions::default());
+    replay.until(900);
+    assert_eq!(replay.faults("terrain"), (0, String::new()));
+    assert_eq!(replay.faults("classifier"), (0, String::new()));
+    let stats: TerrainStats = replay.latest("/terrain/stats");
     assert!(stats.learned && stats.ground > 1000 && stats.obstacle > 1000 && stats.models >= 2, "{stats:?}");
-    let grid: Grid = bench.latest("/terrain/cost").unwrap();
+    let grid: Grid = replay.latest("/terrain/cost");
     assert_eq!((grid.frame_id.as_str(), grid.fields[0].name.as_str()), ("local", "cost.terrain"));
-    let stats: ClassifierStats = bench.latest("/classifier/stats").unwrap();
+    let stats: ClassifierStats = replay.latest("/classifier/stats");
     assert!(stats.traversable > 10 && stats.not_traversable > 10, "{stats:?}");
-    let classes: RawImage = bench.latest("/classifier/classes").unwrap();
+    let classes: RawImage = replay.latest("/classifier/classes");
     let [_, labels, _] = scene(500);
     let (mut right, mut wrong) = (0, 0);
     for (&label, &class) in labels.data.iter().zip(classes.data.iter()) {
@@ -204,7 +185,7 @@ fn what_is_learned_from_range_classifies_the_next_image() {
     // Windows of eight pixels straddle the wall's foot.
     assert!(wrong * 20 < right, "{wrong} wrong, {right} right");
     for (buffer, size) in [("/classifier/cost", 0.2), ("/classifier/cost_wide", 0.6)] {
-        let grid: Grid = bench.latest(buffer).unwrap();
+        let grid: Grid = replay.latest(buffer);
         assert_eq!(grid.cell_size.unwrap().x, size);
         let has = |range: std::ops::RangeInclusive<u8>| grid.data.iter().any(|cost| range.contains(cost));
         assert!(has(0..=20) && has(230..=250), "{buffer}");
@@ -226,18 +207,18 @@ fn frames_that_cannot_be_used_are_skipped_and_what_comes_after_them_is_used() {
     ];
     for (change, why) in cases {
         let given = [frame(100, |_| {}), frame(500, change), frame(900, |_| {})].concat();
-        let mut bench = Bench::new(LEARNS, given, RunOptions::default());
-        bench.until(450);
+        let mut replay = Replay::new(LEARNS, given, RunOptions::default());
+        replay.until(450);
         let outputs = ["/terrain/cost", "/terrain/models", "/terrain/learned_left", "/terrain/stats"];
-        let sent = bench.sent(&outputs);
+        let sent = replay.sent(&outputs);
         assert_eq!(sent, 4, "{why}");
-        bench.until(850);
-        let (faults, last) = bench.faults("terrain");
+        replay.until(850);
+        let (faults, last) = replay.faults("terrain");
         assert!(faults == 1 && last.contains(why), "got {faults} faults, {last:?}, expected {why:?}");
-        assert_eq!(bench.sent(&outputs), sent, "nothing goes out: {why}");
-        bench.until(1200);
-        assert_eq!(bench.faults("terrain").0, 1, "{why}");
-        assert!(bench.sent(&outputs) >= sent + 3, "{why}");
+        assert_eq!(replay.sent(&outputs), sent, "nothing goes out: {why}");
+        replay.until(1200);
+        assert_eq!(replay.faults("terrain").0, 1, "{why}");
+        assert!(replay.sent(&outputs) >= sent + 3, "{why}");
     }
 }
 
@@ -245,12 +226,12 @@ fn frames_that_cannot_be_used_are_skipped_and_what_comes_after_them_is_used() {
 fn labels_whose_image_is_missing_or_of_another_time_are_skipped() {
     let mut given = [frame(100, |_| {}), drive(0.0, 1000)].concat();
     given.extend(frame(500, |_| {}).into_iter().filter(|(_, topic, _)| *topic != "image"));
-    let mut bench = Bench::new(LEARNS, given, RunOptions::default());
-    bench.until(900);
-    let (faults, last) = bench.faults("terrain");
+    let mut replay = Replay::new(LEARNS, given, RunOptions::default());
+    replay.until(900);
+    let (faults, last) = replay.faults("terrain");
     assert!(faults == 1 && last.contains("no image of the time of the labels"), "{last}");
     // The classifier has nothing new to look at, and sends nothing old again.
-    assert_eq!(bench.sent(&["/classifier/classes"]), 1);
+    assert_eq!(replay.sent(&["/classifier/classes"]), 1);
 }
 
 #[test]
@@ -264,10 +245,10 @@ fn nothing_is_learned_while_the_vehicle_stands_or_turns() {
     let turn: Vec<Given> = (0..12).map(|i| turning(i * 100 + 1)).collect();
     for (poses, learned) in [(drive(0.0, 1200), false), (turn, false), (drive(1.0, 1200), true)] {
         let given = [frame(801, |_| {}), poses].concat();
-        let mut bench = Bench::new("pose = { max_age_s = 0.5 }", given, RunOptions::default());
-        bench.until(1100);
-        assert_eq!(bench.faults("terrain"), (0, String::new()));
-        let stats: TerrainStats = bench.latest("/terrain/stats").unwrap();
+        let mut replay = Replay::new("pose = { max_age_s = 0.5 }", given, RunOptions::default());
+        replay.until(1100);
+        assert_eq!(replay.faults("terrain"), (0, String::new()));
+        let stats: TerrainStats = replay.latest("/terrain/stats");
         assert_eq!((stats.learned, stats.ground > 0), (learned, learned), "{stats:?}");
     }
 }
@@ -283,17 +264,17 @@ fn a_hit_of_the_bumper_is_learned_once_until_it_is_released() {
     };
     let hits = vec![bumper(300, true), bumper(400, true), bumper(500, false), bumper(600, true)];
     let given = [frame(100, |_| {}), hits].concat();
-    let mut bench = Bench::new(LEARNS, given, RunOptions::default());
-    bench.until(250);
-    let before = bench.sent(&["/terrain/cost"]);
-    bench.until(450);
-    assert_eq!(bench.sent(&["/terrain/cost"]), before + 1, "one change for two messages");
-    let grid: Grid = bench.latest("/terrain/cost").unwrap();
+    let mut replay = Replay::new(LEARNS, given, RunOptions::default());
+    replay.until(250);
+    let before = replay.sent(&["/terrain/cost"]);
+    replay.until(450);
+    assert_eq!(replay.sent(&["/terrain/cost"]), before + 1, "one change for two messages");
+    let grid: Grid = replay.latest("/terrain/cost");
     // Half of the bumper is 0.3 m wide, what it hits lies up to 0.2 m ahead.
     let dear: usize = grid.data.iter().map(|&cost| usize::from(cost == 250)).sum();
     assert!((1..=4).contains(&dear), "{dear} cells");
-    bench.until(900);
-    assert_eq!(bench.faults("terrain"), (0, String::new()));
+    replay.until(900);
+    assert_eq!(replay.faults("terrain"), (0, String::new()));
 }
 
 #[test]
@@ -306,11 +287,11 @@ fn an_eye_that_falls_behind_is_reported_once() {
         .collect();
     let both = format!("{LEARNS}, eyes = \"TERRAIN_SEPARATE\"");
     // The mount of the parameters is the left camera's: the right one has none, which is a fault of its own.
-    let mut bench = Bench::new(&both, [lefts, right].concat(), RunOptions::default());
-    bench.until(900);
-    let before = bench.faults("terrain").0;
-    bench.until(2600);
-    let (faults, last) = bench.faults("terrain");
+    let mut replay = Replay::new(&both, [lefts, right].concat(), RunOptions::default());
+    replay.until(900);
+    let before = replay.faults("terrain").0;
+    replay.until(2600);
+    let (faults, last) = replay.faults("terrain");
     assert_eq!(faults, before + 1, "{last}");
     assert!(last.contains("right eye is") && last.contains("behind the left one"), "{last}");
 }
@@ -318,30 +299,30 @@ fn an_eye_that_falls_behind_is_reported_once() {
 #[test]
 fn threads_and_snapshots_do_not_change_a_bit() {
     let given = || [(0..5).flat_map(|i| frame(500 + i * 300, |_| {})).collect(), drive(1.0, 2400)].concat();
-    let bench = |threads: usize| {
+    let replay = |threads: usize| {
         let options = RunOptions { threads, hash: true, ..RunOptions::default() };
-        Bench::new("pose = { max_age_s = 0.5 }", given(), options)
+        Replay::new("pose = { max_age_s = 0.5 }", given(), options)
     };
-    let mut one = bench(1);
+    let mut one = replay(1);
     one.until(2300);
-    let expected = one.run.summary().hash.unwrap();
-    let stats: TerrainStats = one.latest("/terrain/stats").unwrap();
+    let expected = one.0.summary().hash.unwrap();
+    let stats: TerrainStats = one.latest("/terrain/stats");
     assert!(stats.models >= 2 && stats.driven > 0, "{stats:?}");
-    let mut two = bench(2);
+    let mut two = replay(2);
     two.until(1350);
-    let saved = two.run.snapshot().to_bytes().unwrap();
+    let saved = two.0.snapshot().to_bytes().unwrap();
     two.until(2300);
-    assert_eq!(two.run.summary().hash.unwrap(), expected, "two threads");
-    two.run.restore(&Snapshot::from_bytes(&saved).unwrap()).unwrap();
+    assert_eq!(two.0.summary().hash.unwrap(), expected, "two threads");
+    two.0.restore(&Snapshot::from_bytes(&saved).unwrap()).unwrap();
     two.until(2300);
-    assert_eq!(two.run.summary().hash.unwrap(), expected, "from a snapshot");
+    assert_eq!(two.0.summary().hash.unwrap(), expected, "from a snapshot");
 }
 
 #[test]
 fn models_of_a_file_are_checked_before_anything_runs_and_classify_without_a_learner() {
-    let mut bench = Bench::new(LEARNS, frame(100, |_| {}), RunOptions::default());
-    bench.until(400);
-    let models: TerrainModels = bench.latest("/terrain/models").unwrap();
+    let mut replay = Replay::new(LEARNS, frame(100, |_| {}), RunOptions::default());
+    replay.until(400);
+    let models: TerrainModels = replay.latest("/terrain/models");
     let text = to_json(&AnyMessage::new(models)).unwrap();
     let types = all();
     let kind = types.iter().find(|kind| kind.def().plugin == "classifier").unwrap();

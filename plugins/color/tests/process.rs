@@ -8,18 +8,16 @@ use rand_core::{RngCore, SeedableRng};
 use rcs_color::ColorModelling;
 use rcs_color::proto::{ColorLearning, ColorModels, ColorStats};
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
-use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::foxglove::{CameraCalibration, Grid, ImageAnnotations, PoseInFrame, RawImage};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs, schema_of, to_json};
 use rcs_runtime::source::Task;
 use rcs_runtime::{
-    Asset, Assets, ExternalEvent, NoAssets, Plan, PlanOptions, ProcessType, RunOptions, Session, Snapshot,
-    StackFile, Stepped,
+    Asset, Assets, ExternalEvent, NoAssets, ProcessType, RunOptions, Session, Snapshot, Stepped,
 };
 use rcs_sense::pose_message;
+use rcs_testkit::bench::{self, Setup, newest};
+use rcs_testkit::logs::hand_made;
 use rcs_world::{GridView, Map, MapOptions, NumericType, Source, VoteRule, Weights};
-use std::collections::BTreeMap;
-use std::sync::Arc;
 
 const STACK: &str = r#"
 format = 1
@@ -145,46 +143,23 @@ impl Assets for Shelf {
     }
 }
 
-fn begin(given: &[Given], threads: usize, params: &[(&str, &str)]) -> (Stepped, tempfile::TempDir) {
+fn begin(given: &[Given], threads: usize, params: &[(&str, &str)]) -> Stepped {
     begin_with(given, threads, params, &NoAssets)
 }
 
-/// The stack on a log of these messages, begun; the folder holds the log.
-fn begin_with(
-    given: &[Given],
-    threads: usize,
-    params: &[(&str, &str)],
-    assets: &dyn Assets,
-) -> (Stepped, tempfile::TempDir) {
-    let overrides: Vec<(String, String)> =
-        params.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
-    let options = PlanOptions { overrides: &overrides, course: None, assets };
-    let plan = Plan::with(StackFile::parse("hand_made", STACK).unwrap(), PROCESSES, &options).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("hand_made.mcap");
-    let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
-    let metadata = BTreeMap::new();
-    let schemas = [
+/// The stack on a log of these messages, begun.
+fn begin_with(given: &[Given], threads: usize, params: &[(&str, &str)], assets: &dyn Assets) -> Stepped {
+    let topics = [
         ("/image", schema_of::<RawImage>()),
         ("/calibration", schema_of::<CameraCalibration>()),
         ("/pose", schema_of::<PoseInFrame>()),
         ("/map", schema_of::<Grid>()),
     ];
-    let channels: BTreeMap<&str, _> = schemas
-        .into_iter()
-        .map(|(topic, schema)| (topic, writer.add_channel(topic, schema, &metadata).unwrap()))
-        .collect();
-    for (sequence, given) in (0..).zip(given) {
-        let time = Stamp((1_000 + given.at_ms) * 1_000_000);
-        let header = WriteHeader { sequence, log_time: time, publish_time: time };
-        writer.write(channels[given.topic], header, &given.message.bytes()).unwrap();
-    }
-    writer.finish().unwrap();
-    let log = Log::open(&path).unwrap();
+    let timed =
+        given.iter().map(|given| (Stamp((1_000 + given.at_ms) * 1_000_000), given.topic, &given.message));
     let options = RunOptions { threads, hash: true, ..RunOptions::default() };
-    let mut run = Stepped::new(Arc::new(plan), Some(&log), options).unwrap();
-    run.begin().unwrap();
-    (run, folder)
+    let setup = Setup::new(STACK, PROCESSES).params(params).assets(assets).options(options);
+    setup.stepped(Some(&hand_made(&topics, timed)))
 }
 
 fn until(run: &mut Stepped, at_ms: u64) {
@@ -192,16 +167,15 @@ fn until(run: &mut Stepped, at_ms: u64) {
 }
 
 fn latest<T: Payload>(run: &Stepped, buffer: &str) -> T {
-    run.bus().get(buffer).unwrap().latest().unwrap().message.to().unwrap()
+    newest(run, buffer).unwrap()
 }
 
 fn sent(run: &Stepped) -> u64 {
-    OUTPUTS.iter().map(|name| run.bus().get(&format!("/color/{name}")).unwrap().newest()).sum()
+    OUTPUTS.iter().map(|name| bench::sent(run, &format!("/color/{name}"))).sum()
 }
 
 fn faults(run: &Stepped) -> (u64, String) {
-    let status: rcs::Status = latest(run, "/color/status");
-    (status.faults, status.last_fault)
+    bench::faults(run, "color")
 }
 
 fn with_calibration(rest: impl IntoIterator<Item = Given>) -> Vec<Given> {
@@ -210,7 +184,7 @@ fn with_calibration(rest: impl IntoIterator<Item = Given>) -> Vec<Given> {
 
 #[test]
 fn on_a_path_the_path_is_cheap_and_the_grass_is_dear() {
-    let (mut run, _folder) = begin(&with_calibration(drive(10, 10, MULCH, 1.0, 0.0)), 1, &[]);
+    let mut run = begin(&with_calibration(drive(10, 10, MULCH, 1.0, 0.0)), 1, &[]);
     until(&mut run, 2_100);
     assert_eq!(faults(&run).0, 0, "{}", faults(&run).1);
     let stats: ColorStats = latest(&run, "/color/stats");
@@ -254,7 +228,7 @@ fn learning_on_lime(
     let mut given = with_calibration(drive(10, 5, MULCH, 1.0, 0.0));
     given.extend(extra);
     given.extend(drive(1_010, 8, LIME, speed_mps, turn_dps));
-    let (mut run, _folder) = begin(&given, 1, params);
+    let mut run = begin(&given, 1, params);
     until(&mut run, 2_600);
     let stats: ColorStats = latest(&run, "/color/stats");
     (stats.learning(), stats.ground_models)
@@ -290,7 +264,7 @@ fn nothing_is_learned_with_an_obstacle_of_the_map_in_the_sample() {
 fn the_operator_stops_learning_and_makes_it_forget() {
     let mut given = with_calibration(drive(10, 5, MULCH, 1.0, 0.0));
     given.extend(drive(1_010, 20, LIME, 1.0, 0.0));
-    let (run, _folder) = begin(&given, 1, &[]);
+    let run = begin(&given, 1, &[]);
     let mut session = Session::new(run).unwrap();
     let go = |session: &mut Session, at_ms: u64| {
         session.forward_until(Stamp((1_000 + at_ms) * 1_000_000), &Task::default()).unwrap();
@@ -352,7 +326,7 @@ fn images_that_cannot_be_used_are_skipped_with_nothing_sent_and_the_next_one_is_
         .zip(&steps)
         .map(|(i, (topic, message, _))| Given { at_ms: 100 * i, topic, message: message.clone() })
         .collect();
-    let (mut run, _folder) = begin(&given, 1, &[("color.pose.source", "POSE_FIXED")]);
+    let mut run = begin(&given, 1, &[("color.pose.source", "POSE_FIXED")]);
     for (i, (topic, _, why)) in (0..).zip(&steps) {
         let (before, outputs) = if i == 0 { (0, 0) } else { (faults(&run).0, sent(&run)) };
         until(&mut run, 100 * i + 80);
@@ -368,21 +342,21 @@ fn images_that_cannot_be_used_are_skipped_with_nothing_sent_and_the_next_one_is_
 
 #[test]
 fn an_image_without_a_pose_is_skipped() {
-    let (mut run, _folder) = begin(&with_calibration([give(10, "/image", scene(MULCH, 1))]), 1, &[]);
+    let mut run = begin(&with_calibration([give(10, "/image", scene(MULCH, 1))]), 1, &[]);
     until(&mut run, 200);
     assert_eq!((faults(&run).0, sent(&run)), (1, 0), "{}", faults(&run).1);
 }
 
 #[test]
 fn models_that_were_saved_classify_from_the_first_image_of_the_next_run() {
-    let (mut run, _folder) = begin(&with_calibration(drive(10, 10, MULCH, 1.0, 0.0)), 1, &[]);
+    let mut run = begin(&with_calibration(drive(10, 10, MULCH, 1.0, 0.0)), 1, &[]);
     until(&mut run, 2_100);
     let models: ColorModels = latest(&run, "/color/models");
     let text = to_json(&AnyMessage::new(models)).unwrap();
 
     // The vehicle stands on lime with a mulch path beside it in the file's colours: it learns nothing.
     let given = with_calibration(drive(10, 3, MULCH, 0.0, 0.0));
-    let (mut run, _folder) = begin_with(&given, 1, &[("color.models", "saved")], &Shelf(text));
+    let mut run = begin_with(&given, 1, &[("color.models", "saved")], &Shelf(text));
     until(&mut run, 100);
     let stats: ColorStats = latest(&run, "/color/stats");
     assert_eq!((stats.learning(), stats.ground_models), (ColorLearning::ColorOffStanding, 1));
@@ -392,12 +366,9 @@ fn models_that_were_saved_classify_from_the_first_image_of_the_next_run() {
 #[test]
 fn a_file_that_holds_no_models_is_refused_before_anything_runs() {
     let refused = |text: &str| {
-        let overrides = [("color.models_2".to_owned(), "broken".to_owned())];
         let shelf = Shelf(text.to_owned());
-        let options = PlanOptions { overrides: &overrides, course: None, assets: &shelf };
-        Plan::with(StackFile::parse("hand_made", STACK).unwrap(), PROCESSES, &options)
-            .unwrap_err()
-            .to_string()
+        let setup = Setup::new(STACK, PROCESSES).params(&[("color.models_2", "broken")]).assets(&shelf);
+        setup.plan().unwrap_err().to_string()
     };
     let error = refused("{\"models\": [{\"name\": \"mulch\", \"counts\": [1, 2]}]}");
     assert!(error.contains("models_2: model \"mulch\" has 2 counts"), "{error}");
@@ -410,14 +381,14 @@ fn a_run_gives_the_same_bytes_again_with_two_threads_and_from_a_snapshot() {
     let mut given = with_calibration(drive(10, 4, MULCH, 1.0, 0.0));
     given.extend(drive(810, 4, LIME, 1.0, 0.0));
     let hash = |threads: usize| {
-        let (mut run, _folder) = begin(&given, threads, &[]);
+        let mut run = begin(&given, threads, &[]);
         until(&mut run, 2_000);
         run.summary().hash
     };
     let expected = hash(1);
     assert!(expected.is_some());
     assert_eq!(hash(2), expected);
-    let (mut run, _folder) = begin(&given, 1, &[]);
+    let mut run = begin(&given, 1, &[]);
     until(&mut run, 900);
     let bytes = run.snapshot().to_bytes().unwrap();
     until(&mut run, 2_000);

@@ -5,11 +5,10 @@
 use rcs_comms::Comms;
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::foxglove::{Odometry, Quaternion, Vector3};
-use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
-use rcs_runtime::source::Task;
-use rcs_runtime::{ExternalEvent, Plan, ProcessType, RunOptions, Session, StackFile, Stepped};
+use rcs_msg::{Stamp, rcs};
+use rcs_runtime::ProcessType;
+use rcs_testkit::bench::{Bench, Setup};
 use rcs_sense::pose_message;
-use std::sync::Arc;
 
 const STACK: &str = r#"
 format = 1
@@ -32,36 +31,40 @@ motors = "/operator/motors"
 bumper = "/operator/bumper"
 "#;
 
-/// A run of `comms` alone; the time is that of the last cycle, ms.
-struct Bench {
-    session: Session,
-    now_ms: u64,
+/// A bench with `comms` alone, of cycles of 20 ms.
+trait CommsBench: Sized {
+    fn start() -> Self;
+    fn run(&mut self, cycles: u64);
+    fn drive(&mut self, port: &str, speed_mps: f64, yaw_rate_radps: Option<f64>);
+    fn stop(&mut self, active: bool);
+    fn local(&mut self, yaw_rad: f64);
+    fn drive_for(&mut self, speed_mps: f64, cycles: u64);
+    fn wheels(&self) -> [f64; 2];
+    fn vehicle(&self) -> rcs::VehicleStatus;
 }
 
-impl Bench {
-    fn new() -> Bench {
-        let plugins = &[ProcessType::of::<Comms>()];
-        let plan = Plan::new(StackFile::parse("comms.toml", STACK).unwrap(), plugins, &[]).unwrap();
-        let run = Stepped::new(Arc::new(plan), None, RunOptions::default()).unwrap();
-        let mut bench = Bench { session: Session::new(run).unwrap(), now_ms: 0 };
-        bench.cycles(1);
+impl CommsBench for Bench {
+    fn start() -> Bench {
+        let mut bench = Setup::new(STACK, &[ProcessType::of::<Comms>()]).bench();
+        bench.run(1);
         bench
     }
 
-    fn write<T: Payload>(&mut self, port: &str, message: T) {
-        let write = ExternalEvent::operator(format!("/operator/{port}"), AnyMessage::new(message));
-        self.session.write(write).unwrap();
+    fn run(&mut self, cycles: u64) {
+        self.cycles(20, cycles);
     }
 
     /// A command of this moment: just before the next cycle.
     fn drive(&mut self, port: &str, speed_mps: f64, yaw_rate_radps: Option<f64>) {
         let timestamp = Some(Stamp(self.now_ms * 1_000_000).to_proto());
-        self.write(port, rcs::DriveCommand { timestamp, heading_rad: 0.0, speed_mps, yaw_rate_radps });
+        let command = rcs::DriveCommand { timestamp, heading_rad: 0.0, speed_mps, yaw_rate_radps };
+        self.write(&format!("/operator/{port}"), command);
     }
 
     fn stop(&mut self, active: bool) {
         let timestamp = Some(Stamp(self.now_ms * 1_000_000).to_proto());
-        self.write("emergency_stop", rcs::EmergencyStop { timestamp, active, reason: "button".to_owned() });
+        let stop = rcs::EmergencyStop { timestamp, active, reason: "button".to_owned() };
+        self.write("/operator/emergency_stop", stop);
     }
 
     fn say(&mut self, serial: u64, name: &str) {
@@ -79,25 +82,16 @@ impl Bench {
 
     fn local(&mut self, yaw_rad: f64) {
         let pose = Some(pose_message(&Pose::from_yaw(yaw_rad)));
-        self.write("local", Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() });
-    }
-
-    fn cycles(&mut self, count: u64) {
-        self.now_ms += 20 * count;
-        let until = Stamp(self.now_ms * 1_000_000 - 10_000_000);
-        self.session.forward_until(until, &Task::default()).unwrap();
+        let odometry = Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() };
+        self.write("/operator/local", odometry);
     }
 
     /// Straight on at that speed, by commands that keep coming.
     fn drive_for(&mut self, speed_mps: f64, cycles: u64) {
         for _ in 0..cycles {
             self.drive("drive", speed_mps, Some(0.0));
-            self.cycles(1);
+            self.run(1);
         }
-    }
-
-    fn latest<T: Payload>(&self, buffer: &str) -> T {
-        self.session.run().bus().get(buffer).unwrap().latest().unwrap().message.to().unwrap()
     }
 
     fn wheels(&self) -> [f64; 2] {
@@ -108,31 +102,27 @@ impl Bench {
     fn vehicle(&self) -> rcs::VehicleStatus {
         self.latest("/comms/vehicle")
     }
-
-    fn faults(&self) -> u64 {
-        self.latest::<rcs::Status>("/comms/status").faults
-    }
 }
 
 #[test]
 fn it_drives_while_commands_come_and_stops_when_they_have_not_for_200_ms() {
-    let mut bench = Bench::new();
+    let mut bench = Bench::start();
     bench.drive_for(0.5, 60);
     assert_eq!(bench.wheels(), [0.5, 0.5]);
     assert!(!bench.vehicle().stopped);
-    bench.cycles(9);
+    bench.run(9);
     assert_eq!(bench.wheels(), [0.5, 0.5], "the last command is 180 ms old");
-    bench.cycles(2);
+    bench.run(2);
     assert!(bench.wheels()[0] < 0.5 && bench.vehicle().stop_reason == "no command");
-    bench.cycles(20);
+    bench.run(20);
     assert_eq!(bench.wheels(), [0.0, 0.0]);
-    assert_eq!(bench.faults(), 0, "silence is no bad input");
+    assert_eq!(bench.faults("comms").0, 0, "silence is no bad input");
 }
 
 #[test]
 fn emergency_stop_beats_drive_in_the_same_cycle() {
     for stop_first in [true, false] {
-        let mut bench = Bench::new();
+        let mut bench = Bench::start();
         bench.drive_for(1.0, 60);
         if stop_first {
             bench.stop(true);
@@ -142,7 +132,7 @@ fn emergency_stop_beats_drive_in_the_same_cycle() {
         if !stop_first {
             bench.stop(true);
         }
-        bench.cycles(1);
+        bench.run(1);
         assert_eq!(bench.wheels(), [0.0, 0.0]);
         assert!(bench.vehicle().emergency_stopped);
         assert_eq!(bench.vehicle().stop_reason, "emergency stop: button");
@@ -151,18 +141,18 @@ fn emergency_stop_beats_drive_in_the_same_cycle() {
 
 #[test]
 fn an_emergency_stop_holds_until_a_later_message_releases_it() {
-    let mut bench = Bench::new();
+    let mut bench = Bench::start();
     bench.drive_for(1.0, 10);
     bench.stop(true);
     bench.drive_for(1.0, 100);
     assert_eq!(bench.wheels(), [0.0, 0.0]);
     let past = Some(Stamp(40_000_000).to_proto());
-    bench.write("emergency_stop", rcs::EmergencyStop { timestamp: past, ..Default::default() });
+    bench.write("/operator/emergency_stop", rcs::EmergencyStop { timestamp: past, ..Default::default() });
     bench.drive_for(1.0, 10);
     assert_eq!(bench.wheels(), [0.0, 0.0], "a release from before the stop does not count");
     bench.drive("drive", 1.0, Some(0.0));
     bench.stop(false);
-    bench.cycles(1);
+    bench.run(1);
     assert_eq!(bench.wheels(), [0.0, 0.0], "what was asked for before the release is not taken up");
     bench.drive_for(1.0, 10);
     assert!(bench.wheels()[0] > 0.1 && !bench.vehicle().emergency_stopped);
@@ -170,12 +160,12 @@ fn an_emergency_stop_holds_until_a_later_message_releases_it() {
 
 #[test]
 fn the_operator_wins_while_fresh() {
-    let mut bench = Bench::new();
+    let mut bench = Bench::start();
     bench.drive_for(0.5, 60);
     for _ in 0..50 {
         bench.drive("drive", 0.5, Some(0.0));
         bench.drive("teleop", -0.3, Some(0.0));
-        bench.cycles(1);
+        bench.run(1);
     }
     assert_eq!(bench.wheels(), [-0.3, -0.3]);
     bench.drive_for(0.5, 80);
@@ -184,7 +174,7 @@ fn the_operator_wins_while_fresh() {
 
 #[test]
 fn an_error_above_stops_who_drives_but_not_the_operator() {
-    let mut bench = Bench::new();
+    let mut bench = Bench::start();
     bench.drive_for(0.5, 60);
     let state = rcs::ProcessState::Error.into();
     let above = rcs::Status {
@@ -193,16 +183,19 @@ fn an_error_above_stops_who_drives_but_not_the_operator() {
         state_text: "no way".to_owned(),
         ..Default::default()
     };
-    bench.write("above", above);
+    bench.write("/operator/above", above);
     bench.drive_for(0.5, 20);
     assert_eq!(bench.wheels(), [0.0, 0.0]);
     assert_eq!(bench.vehicle().stop_reason, "follower is in ERROR: no way");
     for _ in 0..20 {
         bench.drive("teleop", 0.2, Some(0.0));
-        bench.cycles(1);
+        bench.run(1);
     }
     assert_eq!(bench.wheels(), [0.2, 0.2]);
-    bench.write("above", rcs::Status { state: rcs::ProcessState::Exec.into(), ..Default::default() });
+    bench.write(
+        "/operator/above",
+        rcs::Status { state: rcs::ProcessState::Exec.into(), ..Default::default() },
+    );
     bench.drive_for(0.5, 60);
     assert_eq!(bench.wheels(), [0.5, 0.5]);
 }
@@ -216,11 +209,11 @@ fn bad_commands_are_refused_counted_and_the_vehicle_is_safe() {
         (0.5, Some(0.0), 500, "older than the one before"),
     ];
     for (speed_mps, rate, age_ms, why) in bad {
-        let mut bench = Bench::new();
+        let mut bench = Bench::start();
         bench.drive_for(0.5, 60);
         let given = Stamp((bench.now_ms - age_ms) * 1_000_000);
         bench.write(
-            "drive",
+            "/operator/drive",
             rcs::DriveCommand {
                 timestamp: Some(given.to_proto()),
                 heading_rad: f64::NAN,
@@ -228,13 +221,13 @@ fn bad_commands_are_refused_counted_and_the_vehicle_is_safe() {
                 yaw_rate_radps: rate,
             },
         );
-        bench.cycles(1);
+        bench.run(1);
         let [left, right] = bench.wheels();
         assert!(left < 0.5 && left == right, "{why}: {left} {right}");
         let status = bench.vehicle();
-        assert_eq!((status.refused, bench.faults()), (1, 1), "{why}");
+        assert_eq!((status.refused, bench.faults("comms").0), (1, 1), "{why}");
         assert!(status.last_refusal.contains(why), "{}", status.last_refusal);
-        bench.cycles(15);
+        bench.run(15);
         assert_eq!(bench.wheels(), [0.0, 0.0], "{why}");
         bench.drive_for(0.5, 60);
         assert_eq!(bench.wheels(), [0.5, 0.5], "good commands are obeyed again after: {why}");
@@ -243,23 +236,23 @@ fn bad_commands_are_refused_counted_and_the_vehicle_is_safe() {
 
 #[test]
 fn a_heading_is_steered_for_by_the_local_position_and_without_it_the_vehicle_stands() {
-    let mut bench = Bench::new();
+    let mut bench = Bench::start();
     for _ in 0..20 {
         bench.drive("drive", 0.5, None);
-        bench.cycles(1);
+        bench.run(1);
     }
     assert_eq!(bench.wheels(), [0.0, 0.0]);
     assert!(bench.vehicle().stop_reason.contains("not known"));
     for _ in 0..60 {
         bench.local(-0.3);
         bench.drive("drive", 0.5, None);
-        bench.cycles(1);
+        bench.run(1);
     }
     let [left, right] = bench.wheels();
     assert!((right - left - 0.6 * 0.6).abs() < 1e-9, "turns left at 2 · 0.3 rad/s: {left} {right}");
     for _ in 0..60 {
         bench.drive("drive", 0.5, None);
-        bench.cycles(1);
+        bench.run(1);
     }
     assert_eq!(bench.wheels(), [0.0, 0.0]);
     assert!(bench.vehicle().stop_reason.contains("too old"));
@@ -267,8 +260,8 @@ fn a_heading_is_steered_for_by_the_local_position_and_without_it_the_vehicle_sta
 
 #[test]
 fn a_pressed_bumper_holds_the_way_forward_and_not_the_way_back() {
-    let mut bench = Bench::new();
-    bench.write("bumper", rcs::Bumper { left: true, ..Default::default() });
+    let mut bench = Bench::start();
+    bench.write("/operator/bumper", rcs::Bumper { left: true, ..Default::default() });
     bench.drive_for(0.5, 20);
     assert_eq!(bench.wheels(), [0.0, 0.0]);
     assert_eq!(bench.vehicle().stop_reason, "bumper is pressed");
@@ -279,37 +272,40 @@ fn a_pressed_bumper_holds_the_way_forward_and_not_the_way_back() {
 
 #[test]
 fn the_vehicles_status_is_what_its_sensors_say() {
-    let mut bench = Bench::new();
-    bench.write("encoders", rcs::WheelEncoders { left_mps: 0.4, right_mps: 0.6, ..Default::default() });
-    bench.write("motors", rcs::MotorCurrents { left_a: 3.0, right_a: 4.0, ..Default::default() });
+    let mut bench = Bench::start();
+    bench.write(
+        "/operator/encoders",
+        rcs::WheelEncoders { left_mps: 0.4, right_mps: 0.6, ..Default::default() },
+    );
+    bench.write("/operator/motors", rcs::MotorCurrents { left_a: 3.0, right_a: 4.0, ..Default::default() });
     let angular_velocity = Some(Vector3 { z: 0.25, ..Vector3::default() });
-    bench.write("imu", rcs::Imu { angular_velocity, ..Default::default() });
-    bench.cycles(1);
+    bench.write("/operator/imu", rcs::Imu { angular_velocity, ..Default::default() });
+    bench.run(1);
     let status = bench.vehicle();
     assert_eq!((status.speed_mps, status.yaw_rate_radps), (0.5, 0.25));
     assert_eq!((status.left_a, status.right_a), (3.0, 4.0));
-    bench.write("encoders", rcs::WheelEncoders { left_mps: f64::NAN, ..Default::default() });
+    bench.write("/operator/encoders", rcs::WheelEncoders { left_mps: f64::NAN, ..Default::default() });
     let angular_velocity = Some(Vector3 { z: f64::INFINITY, ..Vector3::default() });
-    bench.write("imu", rcs::Imu { angular_velocity, ..Default::default() });
-    bench.cycles(1);
-    assert_eq!(bench.faults(), 2);
+    bench.write("/operator/imu", rcs::Imu { angular_velocity, ..Default::default() });
+    bench.run(1);
+    assert_eq!(bench.faults("comms").0, 2);
     assert_eq!(bench.vehicle().speed_mps, 0.5, "what was known stays");
 }
 
 #[test]
 fn roll_and_pitch_are_the_position_estimates_and_without_it_the_inertial_sensors() {
-    let mut bench = Bench::new();
+    let mut bench = Bench::start();
     let tilted = |roll_rad, pitch_rad| Pose::from_rpy(DVec3::ZERO, roll_rad, pitch_rad, 0.0);
     let q = tilted(0.1, -0.2).rotation;
     let orientation = Some(Quaternion { x: q.x, y: q.y, z: q.z, w: q.w });
-    bench.write("imu", rcs::Imu { orientation, ..Default::default() });
-    bench.cycles(1);
+    bench.write("/operator/imu", rcs::Imu { orientation, ..Default::default() });
+    bench.run(1);
     let status = bench.vehicle();
     assert!((status.roll_rad - 0.1).abs() < 1e-9 && (status.pitch_rad + 0.2).abs() < 1e-9, "{status:?}");
     let pose = Some(pose_message(&tilted(-0.05, 0.3)));
-    bench.write("local", Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() });
-    bench.write("imu", rcs::Imu { orientation, ..Default::default() });
-    bench.cycles(1);
+    bench.write("/operator/local", Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() });
+    bench.write("/operator/imu", rcs::Imu { orientation, ..Default::default() });
+    bench.run(1);
     let status = bench.vehicle();
     assert!((status.roll_rad + 0.05).abs() < 1e-9 && (status.pitch_rad - 0.3).abs() < 1e-9, "{status:?}");
 }

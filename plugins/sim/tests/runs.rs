@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::bench::{Bench, COURSE, Files, STACK, WORLD, plan};
+use common::bench::{Bench, COURSE, Files, STACK, VehicleBench, WORLD, plan};
 use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, Grid, LocationFix, PoseInFrame, RawImage};
 use rcs_msg::rcs::{self, CourseOutcome};
 use rcs_runtime::source::Task;
@@ -17,23 +17,23 @@ fn quiet() -> [(&'static str, &'static str); 1] {
 
 #[test]
 fn it_drives_by_commands_and_brakes_when_they_stop_coming() {
-    let mut bench = Bench::new(STACK, &Files::default(), &quiet());
+    let mut bench = Bench::start(STACK, &Files::default(), &quiet());
     bench.drive(0.8, 0.8, 2000);
     assert!((bench.state().speed_mps - 0.8).abs() < 0.05, "{}", bench.state().speed_mps);
-    bench.run(150);
+    bench.advance(150);
     assert!(bench.state().speed_mps > 0.7, "the last command is 200 ms old");
-    bench.run(600);
+    bench.advance(600);
     assert!(bench.state().speed_mps.abs() < 1e-3, "{}", bench.state().speed_mps);
-    assert_eq!(bench.faults().0, 0, "silence is no bad input");
+    assert_eq!(bench.faults("vehicle").0, 0, "silence is no bad input");
 }
 
 /// Drives, sends one bad command, and says what became of it.
 fn refused(send: impl FnOnce(&mut Bench)) -> (Bench, String) {
-    let mut bench = Bench::new(STACK, &Files::default(), &quiet());
+    let mut bench = Bench::start(STACK, &Files::default(), &quiet());
     bench.drive(0.8, 0.8, 1500);
     send(&mut bench);
-    bench.run(10);
-    let (faults, last) = bench.faults();
+    bench.advance(10);
+    let (faults, last) = bench.faults("vehicle");
     assert_eq!(faults, 1, "{last}");
     (bench, last)
 }
@@ -43,9 +43,9 @@ fn a_command_that_is_not_a_number_is_refused_and_counted_and_the_vehicle_brakes(
     for [left, right] in [[f64::NAN, 0.5], [0.5, f64::INFINITY]] {
         let (mut bench, why) = refused(|bench| bench.command(left, right));
         assert!(why.contains("expected finite"), "{why}");
-        bench.run(100);
+        bench.advance(100);
         assert!(bench.state().speed_mps < 0.6, "it brakes at once: {}", bench.state().speed_mps);
-        bench.run(1000);
+        bench.advance(1000);
         assert!(bench.state().speed_mps.abs() < 1e-3);
     }
 }
@@ -54,7 +54,7 @@ fn a_command_that_is_not_a_number_is_refused_and_counted_and_the_vehicle_brakes(
 fn ten_metres_a_second_are_refused_and_counted_and_the_vehicle_brakes() {
     let (mut bench, why) = refused(|bench| bench.command(10.0, 10.0));
     assert!(why.contains("wheel at 10 m/s, expected at most 1.8 m/s"), "{why}");
-    bench.run(1000);
+    bench.advance(1000);
     assert!(bench.state().speed_mps.abs() < 1e-3);
     bench.drive(0.5, 0.5, 1000);
     assert!((bench.state().speed_mps - 0.5).abs() < 0.05, "a sound command is obeyed again");
@@ -74,7 +74,7 @@ fn commands_from_the_past_are_refused_and_counted_and_change_nothing() {
 
 #[test]
 fn a_run_of_a_course_is_counted_until_the_goal_is_reached() {
-    let mut bench = Bench::new(STACK, &Files::default(), &quiet());
+    let mut bench = Bench::start(STACK, &Files::default(), &quiet());
     let goal: PoseInFrame = bench.latest("/vehicle/goal");
     let place = goal.pose.unwrap().position.unwrap();
     assert!((place.x - 15.0).abs() < 1e-9 && (place.y - 10.0).abs() < 1e-9 && goal.frame_id == "global");
@@ -91,9 +91,9 @@ fn a_run_of_a_course_is_counted_until_the_goal_is_reached() {
 
 #[test]
 fn every_sensor_is_sent_at_its_rate() {
-    let mut bench = Bench::new(STACK, &Files::default(), &[("vehicle.gps_dropouts", "false")]);
-    bench.run(2000);
-    let count = |buffer: &str| bench.session.run().bus().get(buffer).unwrap().newest();
+    let mut bench = Bench::start(STACK, &Files::default(), &[("vehicle.gps_dropouts", "false")]);
+    bench.advance(2000);
+    let count = |buffer: &str| bench.sent(buffer);
     for (buffer, expected) in [
         ("encoders", 101),
         ("imu", 201),
@@ -136,7 +136,7 @@ fn every_sensor_is_sent_at_its_rate() {
 
 #[test]
 fn the_true_map_is_the_world() {
-    let bench = Bench::new(STACK, &Files::default(), &quiet());
+    let bench = Bench::start(STACK, &Files::default(), &quiet());
     let grid: Grid = bench.latest("/vehicle/truth_map");
     let view = GridView::new(&grid).unwrap();
     assert_eq!((view.columns(), view.rows()), (200, 150));
@@ -161,33 +161,33 @@ fn positions_are_on_the_earth_where_the_world_lies() {
         ("vehicle.gps_outliers", "false"),
         ("vehicle.gps_dropouts", "false"),
     ];
-    let bench = Bench::new(STACK, &Files::default(), &exact);
+    let bench = Bench::start(STACK, &Files::default(), &exact);
     let fix: LocationFix = bench.latest("/vehicle/gps");
     let place = rcs_geom::Geodetic::new(fix.latitude, fix.longitude, fix.altitude).unwrap();
     let utm = rcs_geom::Utm::from_geodetic(&place).unwrap();
     // The antenna is above the start, which leans a little.
     assert!((utm.easting_m - 500_005.0).abs() < 0.2 && (utm.northing_m - 5_400_010.0).abs() < 0.2, "{utm:?}");
     assert_eq!(fix.position_covariance[0], 1.5 * 1.5);
-    let off = Bench::new(STACK, &Files::default(), &[("vehicle.gps_off", "true")]);
+    let off = Bench::start(STACK, &Files::default(), &[("vehicle.gps_off", "true")]);
     assert!(off.session.run().bus().get("/vehicle/gps").unwrap().latest().is_none());
 }
 
 #[test]
 fn pictures_have_the_size_of_the_vehicle_file_or_of_the_parameters() {
-    let mut bench = Bench::new(STACK, &Files::default(), &[]);
-    bench.run(50);
+    let mut bench = Bench::start(STACK, &Files::default(), &[]);
+    bench.advance(50);
     let image: RawImage = bench.latest("/eyes_left/left");
     assert_eq!((image.width, image.height, image.step, image.encoding.as_str()), (320, 240, 960, "rgb8"));
     assert_eq!(image.frame_id, "left_eyes_left");
     let calibration: CameraCalibration = bench.latest("/eyes_left/right_calibration");
     assert!((calibration.p[3] / calibration.p[0] + 0.12).abs() < 1e-12, "baseline 0.12 m");
 
-    let mut bench = Bench::new(
+    let mut bench = Bench::start(
         STACK,
         &Files::default(),
         &[("eyes_left.width_px", "640"), ("eyes_left.distortion", "false")],
     );
-    bench.run(50);
+    bench.advance(50);
     let image: RawImage = bench.latest("/eyes_left/left");
     let large: CameraCalibration = bench.latest("/eyes_left/left_calibration");
     assert_eq!((image.width, image.height), (640, 480));

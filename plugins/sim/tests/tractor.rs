@@ -5,7 +5,7 @@
 mod common;
 
 use common::TRACTOR;
-use common::bench::{Bench, Files, WORLD};
+use common::bench::{Bench, Files, VehicleBench, WORLD};
 use rcs_msg::foxglove::{PointCloud, RawImage};
 use rcs_msg::rcs;
 use rcs_scene::Class;
@@ -53,7 +53,7 @@ fn it_drives_an_arc_and_its_radar_and_steering_say_so() {
     let mut bench = bench(1);
     for _ in 0..40 {
         bench.command_with_curvature(1.5, 0.1);
-        bench.run(50);
+        bench.advance(50);
     }
     let state = bench.state();
     assert!((state.yaw_rate_radps / state.speed_mps - 0.1).abs() < 0.01, "{state:?}");
@@ -61,7 +61,7 @@ fn it_drives_an_arc_and_its_radar_and_steering_say_so() {
     assert!((speed.speed_mps - state.speed_mps).abs() < 0.2 && speed.variance > 0.0);
     let steering: rcs::Steering = bench.latest("/vehicle/steering");
     assert!((steering.curvature_per_m - 0.1).abs() < 0.005, "{steering:?}");
-    assert_eq!(bench.faults().0, 0);
+    assert_eq!(bench.faults("vehicle").0, 0);
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn two_threads_give_the_bits_of_one() {
     let hash = |threads| {
         let mut bench = bench(threads);
         bench.command_with_curvature(1.0, -0.1);
-        bench.run(300);
+        bench.advance(300);
         bench.session.run().summary().hash
     };
     assert!(hash(1).is_some());

@@ -3,13 +3,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::foxglove::{CameraCalibration, PointCloud, RawImage};
 use rcs_msg::{AnyMessage, Payload, Stamp, rcs, schema_of};
-use rcs_runtime::{Plan, ProcessType, RunOptions, Snapshot, StackFile, Stepped};
+use rcs_runtime::{ProcessType, RunOptions, Snapshot, Stepped};
 use rcs_stereo::Stereo;
-use std::collections::BTreeMap;
-use std::sync::Arc;
+use rcs_testkit::bench::{self, Setup, newest};
+use rcs_testkit::logs::hand_made;
 
 const STACK: &str = r#"
 format = 1
@@ -114,32 +113,15 @@ fn pair(at_ms: u64) -> [Given; 2] {
 }
 
 fn run(given: &[Given], threads: usize, params: &[(&str, &str)]) -> Stepped {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("hand_made.mcap");
-    let mut writer = LogWriter::create(&path, WriterOptions::default()).unwrap();
-    let metadata = BTreeMap::new();
-    let channels: BTreeMap<&str, _> = TOPICS
-        .into_iter()
-        .map(|topic| {
-            let is_image = ["/left", "/right"].contains(&topic);
-            let schema = if is_image { schema_of::<RawImage>() } else { schema_of::<CameraCalibration>() };
-            (topic, writer.add_channel(topic, schema, &metadata).unwrap())
-        })
-        .collect();
-    for (sequence, given) in (0..).zip(given) {
-        let time = Stamp((1_000 + given.at_ms) * 1_000_000);
-        let header = WriteHeader { sequence, log_time: time, publish_time: time };
-        writer.write(channels[given.topic], header, &given.message.bytes()).unwrap();
-    }
-    writer.finish().unwrap();
-    let params: Vec<(String, String)> =
-        params.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
-    let plan = Plan::new(StackFile::parse("hand_made", STACK).unwrap(), PROCESSES, &params).unwrap();
-    let log = Log::open(&path).unwrap();
+    let topics = TOPICS.map(|topic| {
+        let is_image = ["/left", "/right"].contains(&topic);
+        (topic, if is_image { schema_of::<RawImage>() } else { schema_of::<CameraCalibration>() })
+    });
+    let timed =
+        given.iter().map(|given| (Stamp((1_000 + given.at_ms) * 1_000_000), given.topic, &given.message));
     let options = RunOptions { threads, ..RunOptions::default() };
-    let mut run = Stepped::new(Arc::new(plan), Some(&log), options).unwrap();
-    run.begin().unwrap();
-    run
+    let setup = Setup::new(STACK, PROCESSES).params(params).options(options);
+    setup.stepped(Some(&hand_made(&topics, timed)))
 }
 
 fn run_until(run: &mut Stepped, ms: u64) {
@@ -147,17 +129,16 @@ fn run_until(run: &mut Stepped, ms: u64) {
 }
 
 fn latest<T: Payload>(run: &Stepped, port: &str) -> Option<T> {
-    run.bus().get(&format!("/stereo/{port}")).unwrap().latest()?.message.to()
+    newest(run, &format!("/stereo/{port}"))
 }
 
 fn faults(run: &Stepped) -> (u64, String) {
-    let status: Option<rcs::Status> = latest(run, "status");
-    status.map_or((0, String::new()), |status| (status.faults, status.last_fault))
+    bench::faults(run, "stereo")
 }
 
 /// How many messages went out on each output.
 fn sent(run: &Stepped) -> [u64; 6] {
-    OUTPUTS.map(|port| run.bus().get(&format!("/stereo/{port}")).unwrap().newest())
+    OUTPUTS.map(|port| bench::sent(run, &format!("/stereo/{port}")))
 }
 
 /// Runs bad input and, a second later, a good pair: one fault with this text, nothing sent on for it, and the good pair
@@ -330,10 +311,8 @@ fn parameters_that_no_matcher_has_are_refused_before_anything_runs() {
         ("stereo.block_px", "8", "odd number"),
         ("stereo.min_range_m", "99.5", "expected at most max_range_m"),
     ] {
-        let params =
-            [(name.to_owned(), value.to_owned()), ("stereo.max_range_m".to_owned(), "50".to_owned())];
-        let stack = StackFile::parse("hand_made", STACK).unwrap();
-        let error = Plan::new(stack, PROCESSES, &params).unwrap_err().to_string();
+        let params = [(name, value), ("stereo.max_range_m", "50")];
+        let error = Setup::new(STACK, PROCESSES).params(&params).plan().unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     }
 }

@@ -5,12 +5,11 @@
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{Grid, Odometry, PackedElementField, PoseInFrame, PosesInFrame, Vector2};
-use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
-use rcs_runtime::source::Task;
-use rcs_runtime::{ExternalEvent, Plan, ProcessType, RunOptions, Session, StackFile, Stepped};
-use rcs_sense::pose_message;
+use rcs_msg::rcs;
+use rcs_runtime::ProcessType;
+use rcs_testkit::bench::{Bench, Setup};
 use rcs_truth_driver::TruthDriver;
-use std::sync::Arc;
+use rcs_sense::pose_message;
 
 const STACK: &str = r#"
 format = 1
@@ -23,63 +22,48 @@ supervisor = "viewer"
 inputs = { truth_pose = "/operator/pose", truth_map = "/operator/map", goal = "/operator/goal" }
 "#;
 
-/// A run of the driver alone, of cycles of 50 ms.
-struct Bench {
-    session: Session,
-    now_ms: u64,
+/// A bench with the driver alone, of cycles of 50 ms.
+trait DriverBench: Sized {
+    fn start() -> Self;
+    fn on_a_meadow() -> Self;
+    fn at(&mut self, x_m: f64, y_m: f64, yaw_rad: f64);
+    fn cycle(&mut self);
+    fn command(&self) -> (f64, f64);
+    fn status(&self) -> rcs::Status;
 }
 
-impl Bench {
-    fn new() -> Bench {
-        let plugins = &[ProcessType::of::<TruthDriver>()];
-        let plan = Plan::new(StackFile::parse("driver.toml", STACK).unwrap(), plugins, &[]).unwrap();
-        let run = Stepped::new(Arc::new(plan), None, RunOptions::default()).unwrap();
-        let mut bench = Bench { session: Session::new(run).unwrap(), now_ms: 0 };
+impl DriverBench for Bench {
+    fn start() -> Bench {
+        let mut bench = Setup::new(STACK, &[ProcessType::of::<TruthDriver>()]).bench();
         bench.cycle();
         bench
     }
 
     /// On a flat meadow of 16 m by 8 m, with a goal at (14, 4) m.
     fn on_a_meadow() -> Bench {
-        let mut bench = Bench::new();
-        bench.write("map", map(|_| 1));
-        bench.write("goal", goal(14.0));
+        let mut bench = Bench::start();
+        bench.write("/operator/map", map(|_| 1));
+        bench.write("/operator/goal", goal(14.0));
         bench
-    }
-
-    fn write<T: Payload>(&mut self, port: &str, message: T) {
-        let write = ExternalEvent::operator(format!("/operator/{port}"), AnyMessage::new(message));
-        self.session.write(write).unwrap();
     }
 
     /// A cycle at a place, m, with a heading, rad.
     fn at(&mut self, x_m: f64, y_m: f64, yaw_rad: f64) {
-        self.write("pose", odometry("global", Pose::from_xy_yaw(x_m, y_m, yaw_rad)));
+        self.write("/operator/pose", odometry("global", Pose::from_xy_yaw(x_m, y_m, yaw_rad)));
         self.cycle();
     }
 
     fn cycle(&mut self) {
-        self.now_ms += 50;
-        let until = Stamp(self.now_ms * 1_000_000 - 25_000_000);
-        self.session.forward_until(until, &Task::default()).unwrap();
-    }
-
-    fn sent(&self, port: &str) -> u64 {
-        self.session.run().bus().get(&format!("/driver/{port}")).unwrap().newest()
-    }
-
-    fn latest<T: Payload>(&self, port: &str) -> T {
-        let buffer = format!("/driver/{port}");
-        self.session.run().bus().get(&buffer).unwrap().latest().unwrap().message.to().unwrap()
+        self.cycles(50, 1);
     }
 
     fn command(&self) -> (f64, f64) {
-        let command: rcs::DriveCommand = self.latest("drive");
+        let command: rcs::DriveCommand = self.latest("/driver/drive");
         (command.speed_mps, command.yaw_rate_radps.unwrap())
     }
 
     fn status(&self) -> rcs::Status {
-        self.latest("status")
+        self.latest("/driver/status")
     }
 }
 
@@ -120,17 +104,17 @@ fn map(class: impl Fn(usize) -> u8) -> Grid {
 
 #[test]
 fn without_the_truth_nothing_is_commanded() {
-    let mut bench = Bench::new();
+    let mut bench = Bench::start();
     bench.at(2.0, 4.0, 0.0);
-    assert_eq!(bench.sent("drive"), 0);
-    bench.write("map", map(|_| 1));
-    bench.write("goal", goal(14.0));
+    assert_eq!(bench.sent("/driver/drive"), 0);
+    bench.write("/operator/map", map(|_| 1));
+    bench.write("/operator/goal", goal(14.0));
     bench.at(2.0, 4.0, 0.0);
-    assert_eq!(bench.sent("drive"), 1);
+    assert_eq!(bench.sent("/driver/drive"), 1);
     for _ in 0..20 {
         bench.cycle();
     }
-    let sent = bench.sent("drive");
+    let sent = bench.sent("/driver/drive");
     assert!((10..13).contains(&sent), "a pose counts for half a second: {sent}");
 }
 
@@ -140,7 +124,7 @@ fn it_drives_along_its_path_and_stands_at_the_goal() {
     bench.at(2.0, 4.0, 0.0);
     let (speed, rate) = bench.command();
     assert!(speed > 0.8 && rate.abs() < 0.3, "{speed} {rate}");
-    let path: PosesInFrame = bench.latest("path");
+    let path: PosesInFrame = bench.latest("/driver/path");
     assert!(path.poses.len() > 55 && path.frame_id == "global");
     bench.at(13.5, 4.0, 0.0);
     assert_eq!(bench.command(), (0.0, 0.0));
@@ -158,21 +142,21 @@ fn it_turns_on_the_spot_to_a_path_behind_it() {
 fn a_new_path_is_searched_for_when_the_map_or_the_goal_changes_or_it_has_strayed() {
     let mut bench = Bench::on_a_meadow();
     let plans = |bench: &Bench| {
-        let stats: rcs_truth_driver::proto::TruthDriverStats = bench.latest("stats");
+        let stats: rcs::TruthDriverStats = bench.latest("/driver/stats");
         (stats.plans, stats.last_reason)
     };
     bench.at(2.0, 4.0, 0.0);
     assert_eq!(plans(&bench).0, 1);
-    bench.write("map", map(|_| 1));
-    bench.write("goal", goal(14.0));
+    bench.write("/operator/map", map(|_| 1));
+    bench.write("/operator/goal", goal(14.0));
     for _ in 0..12 {
         bench.at(2.2, 4.0, 0.0);
     }
     assert_eq!(plans(&bench).0, 1, "what comes again unchanged is no change");
-    bench.write("map", map(|column| if column < 20 { 2 } else { 1 }));
+    bench.write("/operator/map", map(|column| if column < 20 { 2 } else { 1 }));
     bench.at(2.2, 4.0, 0.0);
     assert_eq!(plans(&bench), (2, "the map has changed".to_owned()));
-    bench.write("goal", goal(13.0));
+    bench.write("/operator/goal", goal(13.0));
     bench.at(2.2, 4.0, 0.0);
     assert_eq!(plans(&bench), (3, "the goal has changed".to_owned()));
     bench.at(3.0, 5.5, 0.0);
@@ -183,27 +167,27 @@ fn a_new_path_is_searched_for_when_the_map_or_the_goal_changes_or_it_has_strayed
 #[test]
 fn a_goal_behind_a_wall_is_an_error_and_nothing_is_commanded_until_it_opens() {
     let mut bench = Bench::on_a_meadow();
-    bench.write("map", map(|column| if column == 40 { 24 } else { 1 }));
+    bench.write("/operator/map", map(|column| if column == 40 { 24 } else { 1 }));
     bench.at(2.0, 4.0, 0.0);
     assert_eq!(bench.status().state(), rcs::ProcessState::Error);
-    assert_eq!(bench.sent("drive"), 0);
-    bench.write("map", map(|_| 1));
+    assert_eq!(bench.sent("/driver/drive"), 0);
+    bench.write("/operator/map", map(|_| 1));
     bench.at(2.0, 4.0, 0.0);
-    assert_eq!((bench.status().state(), bench.sent("drive")), (rcs::ProcessState::Exec, 1));
+    assert_eq!((bench.status().state(), bench.sent("/driver/drive")), (rcs::ProcessState::Exec, 1));
 }
 
 #[test]
 fn what_is_no_pose_or_of_another_frame_is_a_fault_and_is_skipped() {
     let mut bench = Bench::on_a_meadow();
-    bench.write("pose", odometry("local", Pose::IDENTITY));
+    bench.write("/operator/pose", odometry("local", Pose::IDENTITY));
     bench.cycle();
     assert!(bench.status().last_fault.contains("\"local\""), "{}", bench.status().last_fault);
-    bench.write("pose", odometry("global", Pose::from_xy_yaw(f64::NAN, 0.0, 0.0)));
+    bench.write("/operator/pose", odometry("global", Pose::from_xy_yaw(f64::NAN, 0.0, 0.0)));
     bench.cycle();
     assert!(bench.status().last_fault.contains("not finite"), "{}", bench.status().last_fault);
-    bench.write("goal", PoseInFrame { frame_id: "global".to_owned(), ..PoseInFrame::default() });
+    bench.write("/operator/goal", PoseInFrame { frame_id: "global".to_owned(), ..PoseInFrame::default() });
     bench.cycle();
-    bench.write("map", Grid { frame_id: "local".to_owned(), ..Grid::default() });
+    bench.write("/operator/map", Grid { frame_id: "local".to_owned(), ..Grid::default() });
     bench.cycle();
-    assert_eq!((bench.status().faults, bench.sent("drive")), (4, 0));
+    assert_eq!((bench.status().faults, bench.sent("/driver/drive")), (4, 0));
 }

@@ -2,13 +2,13 @@
 
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used, reason = "each test takes what it needs")]
 
-use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
-use rcs_runtime::source::Task;
-use rcs_runtime::{
-    Asset, Assets, ExternalEvent, Plan, PlanOptions, ProcessType, RunOptions, Session, StackFile, Stepped,
-};
+use rcs_msg::{Stamp, rcs};
+use rcs_runtime::{Asset, Assets, Plan, ProcessType, RunOptions};
 use rcs_sim::{SimCameras, SimLadar, SimVehicle};
+use rcs_testkit::bench::Setup;
 use std::sync::Arc;
+
+pub use rcs_testkit::bench::Bench;
 
 /// A small world: dirt that rises a little, with a tree ahead of the start, a boulder, tall grass and a person.
 pub const WORLD: &str = r#"
@@ -113,84 +113,71 @@ impl Assets for Files {
     }
 }
 
+const PLUGINS: &[ProcessType] =
+    &[ProcessType::of::<SimCameras>(), ProcessType::of::<SimLadar>(), ProcessType::of::<SimVehicle>()];
+
 /// The stack with these files and parameters; what is wrong with them.
 pub fn plan(stack: &str, files: &Files, params: &[(&str, &str)]) -> Result<Arc<Plan>, String> {
-    let plugins =
-        &[ProcessType::of::<SimCameras>(), ProcessType::of::<SimLadar>(), ProcessType::of::<SimVehicle>()];
-    let overrides: Vec<(String, String)> =
-        params.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
-    let file = StackFile::parse("stack.toml", stack).map_err(|error| error.to_string())?;
-    let options = PlanOptions { overrides: &overrides, course: None, assets: files };
-    Plan::with(file, plugins, &options).map(Arc::new).map_err(|error| error.to_string())
+    Setup::new(stack, PLUGINS).params(params).assets(files).plan().map_err(|error| error.to_string())
 }
 
-/// A run of a stack that a test steps and drives.
-pub struct Bench {
-    pub session: Session,
-    pub now_ms: u64,
-}
-
-impl Bench {
-    pub fn new(stack: &str, files: &Files, params: &[(&str, &str)]) -> Bench {
-        Bench::with_threads(stack, files, params, 1)
+/// A bench with a vehicle that a test drives.
+pub trait VehicleBench: Sized {
+    fn start(stack: &str, files: &Files, params: &[(&str, &str)]) -> Self {
+        Self::with_threads(stack, files, params, 1)
     }
 
-    pub fn with_threads(stack: &str, files: &Files, params: &[(&str, &str)], threads: usize) -> Bench {
-        let options = RunOptions { threads, hash: true, ..RunOptions::default() };
-        let run = Stepped::new(plan(stack, files, params).unwrap(), None, options).unwrap();
-        let mut bench = Bench { session: Session::new(run).unwrap(), now_ms: 0 };
-        bench.session.forward_until(Stamp(5_000_000), &Task::default()).unwrap();
-        bench
-    }
-
-    /// Goes on by so many ms, a multiple of 10; stops half a step later, so that every cycle until then is done.
-    pub fn run(&mut self, ms: u64) {
-        self.now_ms += ms;
-        self.session.forward_until(Stamp(self.now_ms * 1_000_000 + 5_000_000), &Task::default()).unwrap();
-    }
+    fn with_threads(stack: &str, files: &Files, params: &[(&str, &str)], threads: usize) -> Self;
 
     /// A command of this moment.
-    pub fn command(&mut self, left_mps: f64, right_mps: f64) {
-        self.command_of(self.now_ms as f64, left_mps, right_mps);
-    }
+    fn command(&mut self, left_mps: f64, right_mps: f64);
 
     /// A command with this time.
-    pub fn command_of(&mut self, ms: f64, left_mps: f64, right_mps: f64) {
+    fn command_of(&mut self, ms: f64, left_mps: f64, right_mps: f64) {
         self.send(ms, [left_mps, right_mps], 0.0);
     }
 
     /// A command of this moment for a vehicle that steers.
-    pub fn command_with_curvature(&mut self, speed_mps: f64, curvature_per_m: f64) {
+    fn command_with_curvature(&mut self, speed_mps: f64, curvature_per_m: f64);
+
+    fn send(&mut self, ms: f64, wheels_mps: [f64; 2], curvature_per_m: f64);
+
+    /// Drives for a time by commands that keep coming.
+    fn drive(&mut self, left_mps: f64, right_mps: f64, ms: u64);
+
+    fn state(&self) -> rcs::TruthState;
+}
+
+impl VehicleBench for Bench {
+    fn with_threads(stack: &str, files: &Files, params: &[(&str, &str)], threads: usize) -> Bench {
+        let options = RunOptions { threads, hash: true, ..RunOptions::default() };
+        let mut bench = Setup::new(stack, PLUGINS).params(params).assets(files).options(options).bench();
+        bench.advance(0);
+        bench
+    }
+
+    fn command(&mut self, left_mps: f64, right_mps: f64) {
+        self.command_of(self.now_ms as f64, left_mps, right_mps);
+    }
+
+    fn command_with_curvature(&mut self, speed_mps: f64, curvature_per_m: f64) {
         self.send(self.now_ms as f64, [speed_mps; 2], curvature_per_m);
     }
 
     fn send(&mut self, ms: f64, [left_mps, right_mps]: [f64; 2], curvature_per_m: f64) {
         let timestamp = Some(Stamp((ms * 1e6) as u64).to_proto());
         let command = rcs::WheelCommand { timestamp, left_mps, right_mps, curvature_per_m };
-        let message = AnyMessage::new(command);
-        self.session.write(ExternalEvent::operator("/operator/wheels", message)).unwrap();
+        self.write("/operator/wheels", command);
     }
 
-    /// Drives for a time by commands that keep coming.
-    pub fn drive(&mut self, left_mps: f64, right_mps: f64, ms: u64) {
+    fn drive(&mut self, left_mps: f64, right_mps: f64, ms: u64) {
         for _ in 0..ms / 50 {
             self.command(left_mps, right_mps);
-            self.run(50);
+            self.advance(50);
         }
     }
 
-    pub fn latest<T: Payload>(&self, buffer: &str) -> T {
-        let sample = self.session.run().bus().get(buffer).unwrap().latest();
-        sample.unwrap_or_else(|| panic!("nothing in {buffer}")).message.to().unwrap()
-    }
-
-    pub fn state(&self) -> rcs::TruthState {
+    fn state(&self) -> rcs::TruthState {
         self.latest("/vehicle/truth_state")
-    }
-
-    /// Faults of the vehicle's process, and the last one.
-    pub fn faults(&self) -> (u64, String) {
-        let status: rcs::Status = self.latest("/vehicle/status");
-        (status.faults, status.last_fault)
     }
 }
