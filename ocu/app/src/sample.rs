@@ -1,0 +1,113 @@
+//! `ocu sample`: a small recording, so that there is something to open on the first day.
+//!
+//! A simulated robot is driven across a meadow. Written is what the robot itself would record: its stereo pair as JPEG,
+//! wheel encoders, inertial sensor, GPS, and its estimate of where it is. Ground truth is left out. The bytes are the same
+//! on every run.
+
+use crate::assets::ProgramAssets;
+use anyhow::Context as _;
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
+use rcs_bus::{Buffer, Sample};
+use rcs_log::{ChannelId, LogWriter, WriteHeader, WriterOptions};
+use rcs_msg::foxglove::{CompressedImage, RawImage};
+use rcs_msg::image::raw_to_rgb8;
+use rcs_msg::{AnyMessage, schema_of};
+use rcs_runtime::{Plan, PlanOptions, RunOptions, StackFile, Stepped};
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// The stack that drives.
+const DRIVE: &str = include_str!("sample_drive.toml");
+/// What is recorded of it.
+const RECORDED: [&str; 9] = [
+    "/vehicle/static_transforms",
+    "/camera/left_calibration",
+    "/camera/right_calibration",
+    "/camera/left",
+    "/camera/right",
+    "/vehicle/encoders",
+    "/vehicle/imu",
+    "/vehicle/gps",
+    "/position/local",
+];
+const JPEG_QUALITY: u8 = 92;
+
+/// Writes the recording to `path`: the first `duration_s` of the drive.
+pub fn write(path: &Path, duration_s: f64) -> anyhow::Result<()> {
+    let options = PlanOptions { overrides: &[], course: None, assets: &ProgramAssets };
+    let file = StackFile::parse("sample_drive.toml", DRIVE)?;
+    let plan = Arc::new(Plan::with(file, rcs_plugins::all(), &options)?);
+    let mut run = Stepped::new(plan, None, RunOptions::default()).context("the drive cannot run")?;
+    // Chunks are closed by size alone: a clock would make the bytes depend on the machine's speed.
+    let options = WriterOptions {
+        build: crate::BUILD.to_owned(),
+        clock: Arc::new(|| Duration::ZERO),
+        ..WriterOptions::default()
+    };
+    let mut writer = LogWriter::create(path, options)?;
+    let written: Arc<Mutex<Vec<(ChannelId, Sample)>>> = Arc::default();
+    for name in RECORDED {
+        let buffer = run.bus().get(name).with_context(|| format!("the drive has no buffer {name}"))?;
+        let channel = add_channel(&mut writer, &buffer)?;
+        let written = Arc::clone(&written);
+        buffer.tap(Box::new(move |sample: &Sample| {
+            written.lock().unwrap_or_else(PoisonError::into_inner).push((channel, sample.clone()));
+        }));
+    }
+    run.begin()?;
+    let end = run.start().after_ns((duration_s * 1e9).round() as u64);
+    while run.next_time()?.is_some_and(|time| time <= end) {
+        run.advance()?;
+        let written = std::mem::take(&mut *written.lock().unwrap_or_else(PoisonError::into_inner));
+        for (channel, sample) in written {
+            let header = WriteHeader {
+                sequence: sample.header.sequence as u32,
+                log_time: sample.header.log_time,
+                publish_time: sample.header.acq_time,
+            };
+            writer.write(channel, header, &compressed(sample.message)?.bytes())?;
+        }
+    }
+    writer.finish().context("cannot finish the recording")
+}
+
+fn add_channel(writer: &mut LogWriter, buffer: &Buffer) -> anyhow::Result<ChannelId> {
+    let spec = buffer.spec();
+    let is_image = spec.schema.name() == schema_of::<RawImage>().name();
+    let schema = if is_image { schema_of::<CompressedImage>() } else { &spec.schema };
+    Ok(writer.add_channel(&spec.name, schema, &spec.metadata)?)
+}
+
+/// An image as JPEG; any other message as it is.
+fn compressed(message: AnyMessage) -> anyhow::Result<AnyMessage> {
+    let Some(image) = message.get::<RawImage>() else { return Ok(message) };
+    let rgb = raw_to_rgb8(image)?;
+    let mut jpeg = Vec::new();
+    JpegEncoder::new_with_quality(&mut jpeg, JPEG_QUALITY)
+        .encode(&rgb.data, image.width, image.height, ExtendedColorType::Rgb8)
+        .context("cannot compress an image")?;
+    Ok(AnyMessage::new(CompressedImage {
+        timestamp: image.timestamp,
+        frame_id: image.frame_id.clone(),
+        data: jpeg.into(),
+        format: "jpeg".to_owned(),
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recording_is_small_and_the_same_on_every_run() {
+        let dir = tempfile::tempdir().unwrap();
+        let (a, b) = (dir.path().join("a.mcap"), dir.path().join("b.mcap"));
+        write(&a, 2.0).unwrap();
+        write(&b, 2.0).unwrap();
+        let bytes = std::fs::read(&a).unwrap();
+        assert!(bytes.len() < 1_000_000, "{} bytes for 2 s", bytes.len());
+        assert!(bytes == std::fs::read(&b).unwrap(), "the two recordings differ");
+    }
+}
