@@ -21,9 +21,9 @@ test *ARGS:
 bench NAME *ARGS:
     cargo bench --manifest-path benches/Cargo.toml --bench {{ NAME }} -- {{ ARGS }}
 
-# Write the snapshots of texts and windows anew; read the diff before it is committed.
-golden:
-    INSTA_UPDATE=always UPDATE_SNAPSHOTS=1 scripts/test
+# Write golden traces and the snapshots of texts and windows anew; read the diff before it is committed.
+golden *ARGS:
+    INSTA_UPDATE=always UPDATE_SNAPSHOTS=1 UPDATE_GOLDEN=1 scripts/test {{ ARGS }}
     git diff --stat
 
 # Fuzz one target for a minute: just fuzz log_reader. Needs a nightly toolchain and cargo-fuzz.

@@ -9,6 +9,8 @@ mod courses;
 #[cfg(test)]
 mod determinism;
 #[cfg(test)]
+mod golden;
+#[cfg(test)]
 mod random_input;
 #[cfg(test)]
 mod recorded_maps;

@@ -1,28 +1,46 @@
 //! Golden traces: what a change does to numbers is read as a difference of `tests/golden/*.csv`.
 //!
-//! `UPDATE_GOLDEN=1 cargo nextest run -p …` writes them anew.
+//! `just golden` writes them anew, by `UPDATE_GOLDEN=1`.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Rows of numbers under a header, as text: six digits after the point are far above the last bits of a double, so the
+/// Rows of numbers under a header, as text: few digits after the point are far above the last bits of a double, so the
 /// text is the same on every machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Trace {
     text: String,
+    digits: usize,
 }
 
 impl Trace {
-    /// No rows yet.
+    /// No rows yet; six digits after the point.
     pub fn new(columns: &[&str]) -> Trace {
-        Trace { text: format!("{}\n", columns.join(",")) }
+        Trace::with_digits(columns, 6)
     }
 
-    /// Adds a row.
+    /// No rows yet; so many digits after the point, and none for whole numbers where they are fewer than six.
+    pub fn with_digits(columns: &[&str], digits: usize) -> Trace {
+        Trace { text: format!("{}\n", columns.join(",")), digits }
+    }
+
+    /// Adds a row. What is not a number is left empty.
     pub fn row(&mut self, values: &[f64]) {
+        let values: Vec<String> = values.iter().map(|&value| self.number(value)).collect();
+        let _ = writeln!(self.text, "{}", values.join(","));
+    }
+
+    fn number(&self, value: f64) -> String {
+        if value.is_nan() {
+            return String::new();
+        }
+        if self.digits < 6 && value == value.trunc() {
+            return format!("{:.0}", value + 0.0);
+        }
+        let text = format!("{value:.*}", self.digits);
         // −0 and 0 are the same.
-        let values: Vec<String> = values.iter().map(|value| format!("{:.6}", value + 0.0)).collect();
-        let _ = writeln!(self.text, "{}", values.join(",").replace("-0.000000", "0.000000"));
+        let is_zero = text.bytes().all(|byte| b"-0.".contains(&byte));
+        if is_zero { text.trim_start_matches('-').to_owned() } else { text }
     }
 
     /// Compares with the committed trace `tests/golden/<name>` of a package, or writes it where `UPDATE_GOLDEN` is set.
@@ -31,17 +49,30 @@ impl Trace {
     /// # Panics
     /// Where a line differs, or the file cannot be read or written.
     pub fn check(&self, package: &str, name: &str) {
+        if let Some(difference) = self.differs(package, name) {
+            panic!("{difference}");
+        }
+    }
+
+    /// The first line that differs from the committed trace, or why there is none to compare with; `None` where both are
+    /// the same. Writes the trace instead where `UPDATE_GOLDEN` is set.
+    pub fn differs(&self, package: &str, name: &str) -> Option<String> {
         let path = Path::new(package).join("tests/golden").join(name);
+        let said = |error: std::io::Error| format!("{}: {error}", path.display());
         if std::env::var_os("UPDATE_GOLDEN").is_some() {
-            std::fs::write(&path, &self.text).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-            return;
+            return std::fs::write(&path, &self.text).err().map(said);
         }
-        let expected =
-            std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-        for (line, (got, expected)) in (1..).zip(self.text.lines().zip(expected.lines())) {
-            assert_eq!(got, expected, "{name}, line {line}");
+        let expected = match std::fs::read_to_string(&path) {
+            Ok(expected) => expected,
+            Err(error) => return Some(said(error)),
+        };
+        let lines = (1..).zip(self.text.lines().zip(expected.lines()));
+        if let Some((line, (got, expected))) = lines.into_iter().find(|(_, (got, expected))| got != expected)
+        {
+            return Some(format!("{name}, line {line}:\n  got      {got}\n  expected {expected}"));
         }
-        assert_eq!(self.text.lines().count(), expected.lines().count(), "{name}: number of lines");
+        let [got, expected] = [&self.text, &expected].map(|text| text.lines().count());
+        (got != expected).then(|| format!("{name}: {got} lines, expected {expected}"))
     }
 }
 
@@ -55,6 +86,13 @@ mod tests {
         trace.row(&[1.0, -0.0]);
         trace.row(&[-1.5, -1e-9]);
         assert_eq!(trace.text, "a,b\n1.000000,0.000000\n-1.500000,0.000000\n");
+    }
+
+    #[test]
+    fn with_fewer_digits_whole_numbers_have_none_and_what_is_no_number_is_empty() {
+        let mut trace = Trace::with_digits(&["a", "b", "c", "d"], 3);
+        trace.row(&[12.0, -0.0001, f64::NAN, 0.5]);
+        assert_eq!(trace.text, "a,b,c,d\n12,0.000,,0.500\n");
     }
 
     #[test]
