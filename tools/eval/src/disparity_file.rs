@@ -5,8 +5,10 @@
 //! a parser generator and big integers for a header of three entries.
 
 use crate::EvalError;
+use flate2::bufread::DeflateDecoder;
+use rawzip::{CompressionMethod, ZipArchive};
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Seek};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 /// Why a file is no truth for the images.
@@ -19,7 +21,7 @@ enum TruthError {
     #[error(transparent)]
     Image(#[from] image::ImageError),
     #[error("not a zip archive with an array, or one that is cut off: {0}")]
-    Zip(#[from] zip::result::ZipError),
+    Zip(#[from] rawzip::Error),
 }
 
 fn wrong(text: impl Into<String>) -> TruthError {
@@ -33,7 +35,7 @@ pub(crate) fn read(path: &Path, size: [usize; 2]) -> Result<Vec<f32>, EvalError>
     let truth = match ending.as_str() {
         "pfm" => file().and_then(|file| pfm(BufReader::new(file), size)),
         "png" => png(path, size),
-        "npz" => file().and_then(|file| npz(BufReader::new(file), size)),
+        "npz" => std::fs::read(path).map_err(TruthError::from).and_then(|bytes| npz(&bytes, size)),
         _ => {
             let path = path.display();
             return Err(EvalError::refused(format!("truth is a .pfm, .png or .npz file, got {path}")));
@@ -85,16 +87,26 @@ fn png(path: &Path, size: [usize; 2]) -> Result<Vec<f32>, TruthError> {
 }
 
 /// The first array of the archive.
-fn npz(file: impl Read + Seek, size: [usize; 2]) -> Result<Vec<f32>, TruthError> {
+fn npz(bytes: &[u8], size: [usize; 2]) -> Result<Vec<f32>, TruthError> {
     // Uncompressed, the array has at most 8 bytes a pixel and a header.
     let limit = size[0] * size[1] * 8 + (1 << 16);
-    let mut archive = zip::ZipArchive::new(file)?;
-    let mut bytes = Vec::new();
-    archive.by_index(0)?.take(limit as u64 + 1).read_to_end(&mut bytes)?;
-    if bytes.len() > limit {
+    let archive = ZipArchive::from_slice(bytes)?;
+    let mut entries = archive.entries();
+    let header = entries.next_entry()?.ok_or_else(|| wrong("the archive is empty"))?;
+    if header.uncompressed_size_hint() > limit as u64 {
         return Err(wrong(format!("array has more than {limit} bytes: it is not of the images' size")));
     }
-    npy(&bytes, size)
+    let entry = archive.get_entry(header.wayfinder())?;
+    let mut array = Vec::new();
+    // The verifying reader refuses what is longer than the header says, or has another checksum.
+    match header.compression_method() {
+        CompressionMethod::STORE => entry.verifying_reader(entry.data()).read_to_end(&mut array)?,
+        CompressionMethod::DEFLATE => {
+            entry.verifying_reader(DeflateDecoder::new(entry.data())).read_to_end(&mut array)?
+        }
+        other => return Err(wrong(format!("array is packed by {other:?}, expected it stored or deflated"))),
+    };
+    npy(&array, size)
 }
 
 /// An array file of `NumPy`: a magic number, a header that is a Python dictionary, and the numbers.
@@ -145,9 +157,10 @@ fn npy(bytes: &[u8], size: [usize; 2]) -> Result<Vec<f32>, TruthError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::{Cursor, Write};
-    use zip::CompressionMethod;
-    use zip::write::{SimpleFileOptions, ZipWriter};
+    use flate2::Compression;
+    use flate2::write::DeflateEncoder;
+    use rawzip::ZipArchiveWriter;
+    use std::io::Write;
 
     #[test]
     fn pfm_rows_are_stored_from_the_bottom_in_either_byte_order() {
@@ -199,19 +212,32 @@ mod tests {
     }
 
     fn archive(method: CompressionMethod, entry: &[u8]) -> Vec<u8> {
-        let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-        zip.start_file("arr_0.npy", SimpleFileOptions::default().compression_method(method)).unwrap();
-        zip.write_all(entry).unwrap();
-        zip.finish().unwrap().into_inner()
+        let mut zip = Vec::new();
+        let mut archive = ZipArchiveWriter::new(&mut zip);
+        let (mut file, config) = archive.new_file("arr_0.npy").compression_method(method).start().unwrap();
+        let descriptor = if method == CompressionMethod::STORE {
+            let mut writer = config.wrap(&mut file);
+            writer.write_all(entry).unwrap();
+            writer.finish().unwrap().1
+        } else {
+            let mut writer = config.wrap(DeflateEncoder::new(&mut file, Compression::default()));
+            writer.write_all(entry).unwrap();
+            let (encoder, descriptor) = writer.finish().unwrap();
+            encoder.finish().unwrap();
+            descriptor
+        };
+        file.finish(descriptor).unwrap();
+        archive.finish().unwrap();
+        zip
     }
 
     #[test]
     fn stored_and_deflated_archives_are_read_and_damaged_or_huge_ones_are_refused() {
         let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 2), }\n";
         let entry = array(header, &bytes_of(&[1.5, 2.0]));
-        for method in [CompressionMethod::Stored, CompressionMethod::Deflated] {
+        for method in [CompressionMethod::STORE, CompressionMethod::DEFLATE] {
             let bytes = archive(method, &entry);
-            let read = |bytes: &[u8]| npz(Cursor::new(bytes), [2, 1]);
+            let read = |bytes: &[u8]| npz(bytes, [2, 1]);
             assert_eq!(read(&bytes).unwrap(), [1.5, 2.0]);
             for end in 0..bytes.len() {
                 assert!(read(&bytes[..end]).is_err(), "cut off at {end}");
@@ -223,8 +249,8 @@ mod tests {
                 assert!(read(&damaged).map_or(2, |values| values.len()) == 2);
             }
         }
-        let huge = archive(CompressionMethod::Deflated, &vec![0; 1 << 20]);
-        let error = npz(Cursor::new(huge), [2, 1]).unwrap_err().to_string();
+        let huge = archive(CompressionMethod::DEFLATE, &vec![0; 1 << 20]);
+        let error = npz(&huge, [2, 1]).unwrap_err().to_string();
         assert!(error.contains("more than 65552 bytes"), "{error}");
     }
 }
