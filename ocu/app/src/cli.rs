@@ -39,7 +39,7 @@ pub enum Command {
     Info(InfoArgs),
     /// Draw a layout at a time into a PNG; needs no display
     Render(RenderArgs),
-    /// Write a small recording to look at
+    /// Record a small simulated drive to look at
     Sample(SampleArgs),
     /// Measure a method on your own data
     #[command(subcommand, after_help = EVAL_EXAMPLE)]
