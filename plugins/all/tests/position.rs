@@ -7,8 +7,8 @@ use rcs_msg::foxglove::{FrameTransforms, Odometry};
 use rcs_msg::{Stamp, rcs};
 use rcs_plugins::all;
 use rcs_runtime::{Asset, Assets, RunOptions};
-use rcs_testkit::bench::{Bench, Setup};
 use rcs_sense::pose_of;
+use rcs_testkit::bench::{Bench, Setup};
 
 /// Nearly level dirt, 140 m by 100 m.
 const WORLD: &str = r#"

@@ -7,8 +7,8 @@ use rcs_geom::{DVec3, Pose};
 use rcs_msg::foxglove::{Odometry, Quaternion, Vector3};
 use rcs_msg::{Stamp, rcs};
 use rcs_runtime::ProcessType;
-use rcs_testkit::bench::{Bench, Setup};
 use rcs_sense::pose_message;
+use rcs_testkit::bench::{Bench, Setup};
 
 const STACK: &str = r#"
 format = 1

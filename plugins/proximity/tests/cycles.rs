@@ -7,8 +7,8 @@ use rcs_msg::foxglove::{self, FrameTransform, FrameTransforms, Grid, Odometry, Q
 use rcs_msg::rcs;
 use rcs_proximity::Proximity;
 use rcs_runtime::ProcessType;
-use rcs_testkit::bench::{Bench, Setup};
 use rcs_sense::pose_message;
+use rcs_testkit::bench::{Bench, Setup};
 use rcs_world::GridView;
 
 const STACK: &str = r#"
@@ -190,8 +190,8 @@ fn spinning_wheels_are_reported_from_encoders_and_inertial_readings() {
         bench.odometry();
         bench.cycle();
     }
-    let report: rcs::SlipReport = bench.latest("/proximity/slip");
-    assert_eq!(report.state(), rcs::TractionState::TractionSpins);
+    let report: rcs_proximity::proto::SlipReport = bench.latest("/proximity/slip");
+    assert_eq!(report.state(), rcs_proximity::proto::TractionState::TractionSpins);
     assert!(report.slip > 0.5 && report.wheel_speed_mps == 1.0, "{report:?}");
     assert_eq!((report.spin_count, report.left_a, report.right_a), (1, 4.0, 5.0));
     let imu = rcs::Imu {

@@ -7,9 +7,9 @@ use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{Grid, Odometry, PackedElementField, PoseInFrame, PosesInFrame, Vector2};
 use rcs_msg::rcs;
 use rcs_runtime::ProcessType;
+use rcs_sense::pose_message;
 use rcs_testkit::bench::{Bench, Setup};
 use rcs_truth_driver::TruthDriver;
-use rcs_sense::pose_message;
 
 const STACK: &str = r#"
 format = 1
@@ -142,7 +142,7 @@ fn it_turns_on_the_spot_to_a_path_behind_it() {
 fn a_new_path_is_searched_for_when_the_map_or_the_goal_changes_or_it_has_strayed() {
     let mut bench = Bench::on_a_meadow();
     let plans = |bench: &Bench| {
-        let stats: rcs::TruthDriverStats = bench.latest("/driver/stats");
+        let stats: rcs_truth_driver::proto::TruthDriverStats = bench.latest("/driver/stats");
         (stats.plans, stats.last_reason)
     };
     bench.at(2.0, 4.0, 0.0);
