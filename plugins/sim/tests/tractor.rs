@@ -92,7 +92,7 @@ fn the_ladars_points_lie_where_the_world_is() {
 #[test]
 fn a_person_is_the_warmest_thing_in_the_thermal_picture() {
     let mut bench = bench(1);
-    bench.run(50);
+    bench.advance(50);
     let image: RawImage = bench.latest("/infrared/left");
     let classes: RawImage = bench.latest("/infrared/truth_class");
     assert_eq!((image.encoding.as_str(), image.width, image.height), ("mono8", 320, 240));

@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use rcs_msg::foxglove::{CameraCalibration, PointCloud, RawImage};
-use rcs_msg::{AnyMessage, Payload, Stamp, rcs, schema_of};
+use rcs_msg::{AnyMessage, Payload, Stamp, schema_of};
 use rcs_runtime::{ProcessType, RunOptions, Snapshot, Stepped};
 use rcs_stereo::Stereo;
 use rcs_testkit::bench::{self, Setup, newest};
