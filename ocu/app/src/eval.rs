@@ -4,7 +4,6 @@ use crate::assets::ProgramAssets;
 use crate::cli::{EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalStereoArgs, StereoMethod};
 use crate::{stacks, usage};
 use rcs_eval::{ClassReport, EvalError, classify, color, stereo};
-use rcs_log::Log;
 use rcs_runtime::RunOptions;
 use rcs_stereo::Method;
 use serde::Serialize;
@@ -65,7 +64,7 @@ fn colors(args: &EvalColorArgs) -> Result<ClassReport, EvalError> {
 }
 
 fn classes(args: &EvalClassifyArgs) -> anyhow::Result<ClassReport> {
-    let log = args.log.as_ref().map(Log::open).transpose()?;
+    let log = args.log.as_ref().map(stacks::open_log).transpose()?;
     let job = classify::Job {
         truth_topic: &args.truth_topic,
         topic: args.topic.as_deref(),

@@ -5,7 +5,7 @@
 use rcs_comms::Comms;
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::foxglove::{Odometry, Quaternion, Vector3};
-use rcs_msg::{Stamp, rcs};
+use rcs_msg::{AnyMessage, Stamp, rcs};
 use rcs_runtime::ProcessType;
 use rcs_sense::pose_message;
 use rcs_testkit::bench::{Bench, Setup};
@@ -41,6 +41,9 @@ trait CommsBench: Sized {
     fn drive_for(&mut self, speed_mps: f64, cycles: u64);
     fn wheels(&self) -> [f64; 2];
     fn vehicle(&self) -> rcs::VehicleStatus;
+    fn say(&mut self, serial: u64, name: &str);
+    fn write_command(&mut self, command: rcs::Command);
+    fn status(&self) -> rcs::Status;
 }
 
 impl CommsBench for Bench {
@@ -72,8 +75,7 @@ impl CommsBench for Bench {
     }
 
     fn write_command(&mut self, command: rcs::Command) {
-        let event = ExternalEvent::operator("/comms/command", AnyMessage::new(command));
-        self.session.write(event).unwrap();
+        self.write("/comms/command", command);
     }
 
     fn status(&self) -> rcs::Status {
@@ -312,7 +314,7 @@ fn roll_and_pitch_are_the_position_estimates_and_without_it_the_inertial_sensors
 
 #[test]
 fn halt_brakes_and_is_done_when_the_vehicle_stands_and_old_wishes_are_not_taken_up_again() {
-    let mut bench = Bench::new();
+    let mut bench = Bench::start();
     bench.drive_for(1.0, 60);
     bench.say(2, "HALT");
     bench.drive_for(1.0, 2);
@@ -322,7 +324,7 @@ fn halt_brakes_and_is_done_when_the_vehicle_stands_and_old_wishes_are_not_taken_
     bench.drive_for(1.0, 60);
     assert_eq!((bench.status().state(), bench.wheels()), (rcs::ProcessState::Done, [0.0, 0.0]));
     bench.say(3, "RUN");
-    bench.cycles(1);
+    bench.run(1);
     assert_eq!(bench.vehicle().stop_reason, "no command");
     bench.drive_for(1.0, 60);
     assert_eq!(bench.wheels(), [1.0, 1.0]);
@@ -330,12 +332,12 @@ fn halt_brakes_and_is_done_when_the_vehicle_stands_and_old_wishes_are_not_taken_
 
 #[test]
 fn an_emergency_stop_outlives_init() {
-    let mut bench = Bench::new();
+    let mut bench = Bench::start();
     bench.drive_for(1.0, 10);
     bench.stop(true);
-    bench.cycles(1);
+    bench.run(1);
     bench.say(2, "INIT");
-    bench.cycles(2);
+    bench.run(2);
     assert!(bench.vehicle().emergency_stopped);
     bench.say(3, "RUN");
     bench.drive_for(1.0, 10);
@@ -347,7 +349,7 @@ fn an_emergency_stop_outlives_init() {
 
 #[test]
 fn a_speed_limit_holds_for_whoever_drives_until_run() {
-    let mut bench = Bench::new();
+    let mut bench = Bench::start();
     let limit = |serial, max_speed_mps| rcs::Command {
         serial,
         name: "LIMIT_SPEED".to_owned(),
