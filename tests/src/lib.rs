@@ -11,6 +11,8 @@ mod determinism;
 #[cfg(test)]
 mod golden;
 #[cfg(test)]
+mod open_sources;
+#[cfg(test)]
 mod random_input;
 #[cfg(test)]
 mod recorded_maps;

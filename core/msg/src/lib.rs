@@ -7,10 +7,12 @@
 //! - [`Value`], [`FieldPath`]: any message as a tree, and where something is in it.
 //! - [`FieldScanner`]: one number out of many messages, without decoding the rest.
 //! - [`canonical`]: the one registry of conversions, from foreign messages to ours.
+//! - [`classes`]: names and colours of the values of a label image.
 //! - [`DeltaCodec`]: messages of a type stored as key frames and what changed between them.
 //! - [`params`]: parameters as messages: their units, ranges, defaults. [`image`], [`points()`]: pixels and points.
 
 mod any;
+pub mod classes;
 mod convert;
 mod delta;
 mod edit;

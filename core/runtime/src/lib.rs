@@ -26,6 +26,7 @@ mod process;
 mod record;
 mod register;
 mod replay;
+mod role;
 mod script;
 mod snapshot;
 pub mod source;
@@ -50,6 +51,7 @@ pub use pool::Pool;
 pub use process::{In, Out, OutBuilder, PortBuilder, PortDef, Process, ProcessDef, ProcessType, codecs};
 pub use record::{RecordOptions, RecordWhat, Recording};
 pub use replay::{RecordedRun, Replay};
+pub use role::{InputRole, Role, UnknownRole};
 pub use snapshot::Snapshot;
 pub use stack::{
     Asset, Assets, BufferEntry, BufferPlan, ChildPlan, Class, InputEntry, InputPlan, NoAssets, Origin,

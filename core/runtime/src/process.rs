@@ -7,6 +7,8 @@ use crate::children::{Child, ChildDef, Children};
 use crate::command::{CommandDef, CommandSet, Typed};
 use crate::cycle::Cycle;
 use crate::register::Phase;
+use crate::role::{InputRole, ROLE, Role};
+use rcs_msg::classes::{CLASSES, LabelClass, classes_to_json};
 use rcs_msg::{AnyMessage, DeltaCodec, Payload, Schema, rcs, schema_of};
 use serde::{Serialize, de::DeserializeOwned};
 use std::any::Any;
@@ -84,6 +86,8 @@ pub struct PortDef {
     /// Channel metadata of the buffer that it writes (outputs only). `rcs.overlay_of` names a port; the
     /// runtime puts that port's buffer in its place.
     pub metadata: BTreeMap<String, String>,
+    /// What a window that writes it goes by (inputs only).
+    pub role: Option<InputRole>,
     /// How its messages are recorded as key frames and deltas (outputs only).
     pub codec: Option<&'static dyn DeltaCodec>,
 }
@@ -128,9 +132,29 @@ impl PortBuilder {
         self.add_input(name, help, false)
     }
 
+    /// An optional input that an operator's window may write: it finds it by its role.
+    pub fn operator_input<T: Payload>(
+        &mut self,
+        role: InputRole,
+        name: &'static str,
+        help: &'static str,
+    ) -> In<T> {
+        let input = self.add_input(name, help, false);
+        self.inputs[input.index].role = Some(role);
+        input
+    }
+
     fn add_input<T: Payload>(&mut self, name: &'static str, help: &'static str, required: bool) -> In<T> {
         let schema = Arc::clone(schema_of::<T>());
-        self.inputs.push(PortDef { name, help, schema, required, metadata: BTreeMap::new(), codec: None });
+        self.inputs.push(PortDef {
+            name,
+            help,
+            schema,
+            required,
+            metadata: BTreeMap::new(),
+            role: None,
+            codec: None,
+        });
         In { index: self.inputs.len() - 1, payload: PhantomData }
     }
 
@@ -172,6 +196,7 @@ impl PortBuilder {
             schema,
             required: false,
             metadata: BTreeMap::new(),
+            role: None,
             codec: None,
         });
         OutBuilder { index, def: &mut self.outputs[index], payload: PhantomData }
@@ -179,10 +204,16 @@ impl PortBuilder {
 }
 
 impl<T> OutBuilder<'_, T> {
-    /// What the messages are for: `labels`, `cost`, `map`, `path`, ….
+    /// What the messages are for; the plan refuses a role that messages of this type cannot play.
     #[must_use]
-    pub fn role(self, role: &str) -> Self {
-        self.with("rcs.role", role)
+    pub fn role(self, role: Role) -> Self {
+        self.with(ROLE, role.name())
+    }
+
+    /// What the values of a label image mean.
+    #[must_use]
+    pub fn classes(self, classes: &[LabelClass]) -> Self {
+        self.with(CLASSES, &classes_to_json(classes))
     }
 
     /// Palette that a view paints it with.

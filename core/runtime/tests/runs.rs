@@ -10,7 +10,7 @@ use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use rcs_runtime::source::{Source, StackSource, Step, Task};
 use rcs_runtime::{
     Cycle, ExternalEvent, In, Live, LiveOptions, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType,
-    RecordOptions, RecordedRun, Recording, RunOptions, Session, Snapshot, Stepped,
+    RecordOptions, RecordedRun, Recording, Role, RunOptions, Session, Snapshot, Stepped,
 };
 use std::time::{Duration, Instant};
 
@@ -255,7 +255,7 @@ fn a_recorded_run_opens_with_its_stack_its_processes_and_every_message() {
     let source = &mut rcs_runtime::source::LogSource::new(&log).unwrap();
     let names: Vec<_> = source.frame().processes.iter().map(|info| info.name.clone()).collect();
     assert_eq!(names, ["counter", "adder"]);
-    assert_eq!(source.frame().topic("/counter/count").unwrap().role(), "pose");
+    assert_eq!(source.frame().topic("/counter/count").unwrap().role(), Some(Role::Pose));
     assert_eq!(&*source.frame().topic("/counter/count").unwrap().writer, "counter");
 }
 

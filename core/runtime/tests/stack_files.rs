@@ -6,7 +6,10 @@ mod common;
 
 use common::{PAIR, PLUGINS, plan};
 use proptest::prelude::*;
-use rcs_runtime::{Class, Plan, StackFile};
+use rcs_msg::{foxglove, rcs};
+use rcs_runtime::{
+    Class, Cycle, NoCommands, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType, Role, StackFile,
+};
 
 /// Changes `PAIR` and expects this error.
 fn check(from: &str, to: &str, expected: &str) {
@@ -221,4 +224,42 @@ proptest! {
         let text = format!("{}{new}{}", &PAIR[..start], &PAIR[end..]);
         let _ = plan(&text);
     }
+}
+
+/// Calls a vector a map.
+#[derive(Clone, serde::Serialize, serde::Deserialize)]
+struct Mislabelled;
+
+impl Process for Mislabelled {
+    type Params = rcs::NoParams;
+    type Ports = Out<foxglove::Vector3>;
+    type Command = NoCommands;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "mislabelled",
+        summary: "Mislabels.",
+        period_ms: 10.0,
+        latency_ms: 0.0,
+        reads_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Self::Ports {
+        b.output("map", "A vector.").role(Role::Map).build()
+    }
+
+    fn new(_params: &Self::Params) -> Self {
+        Self
+    }
+
+    fn cycle(&mut self, _: &Self::Ports, _: &Self::Params, _: &mut Cycle<'_>) {}
+}
+
+#[test]
+fn a_role_that_a_type_cannot_play_is_refused() {
+    const ONE: &str = "format = 1\nname = \"one\"\n[[process]]\nname = \"wm\"\nplugin = \"mislabelled\"\n\
+         supervisor = \"viewer\"\n";
+    let file = StackFile::parse("test.toml", ONE).unwrap();
+    let plugins = [ProcessType::of::<Mislabelled>()];
+    let error = Plan::new(file, &plugins, &[]).unwrap_err().to_string();
+    let expected = "output wm.map has the role map and the type foxglove.Vector3; expected foxglove.Grid";
+    assert!(error.contains(expected), "{error}");
 }

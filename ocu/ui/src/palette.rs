@@ -4,98 +4,62 @@
 //! high cost to low, and black for unknown; the even ones are told apart by colour-blind people.
 
 use egui::Color32;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 const fn rgb(hex: u32) -> Color32 {
     Color32::from_rgb((hex >> 16) as u8, (hex >> 8) as u8, hex as u8)
 }
 
 /// A class of a label image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Label {
     /// Value of its pixels.
     pub value: u8,
     /// Name for a person.
-    pub name: &'static str,
-    /// Its colour; transparent for what is not known.
+    pub name: String,
+    /// Its colour.
     pub color: Color32,
 }
 
-/// The classes of `rcs.palette = obstacle_labels` (green ground, red obstacle, blue too far, as in the papers).
-pub const OBSTACLE_LABELS: [Label; 6] = [
-    Label { value: 0, name: "invalid", color: Color32::TRANSPARENT },
-    Label { value: 1, name: "ground", color: rgb(0x2f_b344) },
-    Label { value: 2, name: "obstacle", color: rgb(0xe5_3935) },
-    Label { value: 3, name: "short obstacle", color: rgb(0xe8_c51c) },
-    Label { value: 4, name: "cover", color: rgb(0x9c_5fd6) },
-    Label { value: 5, name: "too far", color: rgb(0x2f_7de0) },
-];
+/// Which classes the pixels of a label image name, as its channel says; without any, numbers from 1 on are told apart by
+/// colour alone.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Classes(Arc<[Label]>);
 
-/// The classes of `rcs.palette = classes` (yellow traversable, magenta not, as in the papers).
-pub const TRAVERSABLE: [Label; 3] = [
-    Label { value: 0, name: "not known", color: Color32::TRANSPARENT },
-    Label { value: 1, name: "traversable", color: rgb(0xf0_d81e) },
-    Label { value: 2, name: "not traversable", color: rgb(0xd6_3ad6) },
-];
-
-/// The class of a pixel of an obstacle-label image.
-pub fn obstacle_label(value: u8) -> Option<&'static Label> {
-    OBSTACLE_LABELS.get(usize::from(value))
-}
-
-/// Which classes the pixels of a label image name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Classes {
-    /// Those of [`OBSTACLE_LABELS`].
-    #[default]
-    Obstacles,
-    /// Those of [`TRAVERSABLE`].
-    Traversable,
-    /// Numbers without names here, 0 for none: told apart by colour alone.
-    Numbered,
-}
-
-/// The classes that `rcs.palette` names; those of obstacles where it names none.
-pub fn classes(palette: &str) -> Classes {
-    match palette {
-        "" | "obstacle_labels" => Classes::Obstacles,
-        "classes" => Classes::Traversable,
-        _ => Classes::Numbered,
+impl FromIterator<Label> for Classes {
+    fn from_iter<I: IntoIterator<Item = Label>>(labels: I) -> Classes {
+        Classes(labels.into_iter().collect())
     }
 }
 
 impl Classes {
     /// Colour of a class; transparent for what is not known.
-    pub fn color(self, value: u8) -> Color32 {
-        match self {
-            Self::Obstacles | Self::Traversable => {
-                self.label(value).map_or(Color32::TRANSPARENT, |label| label.color)
-            }
-            Self::Numbered if value == 0 => Color32::TRANSPARENT,
-            Self::Numbered => NUMBERED[usize::from(value - 1) % NUMBERED.len()],
+    pub fn color(&self, value: u8) -> Color32 {
+        if !self.0.is_empty() {
+            return self.label(value).map_or(Color32::TRANSPARENT, |label| label.color);
+        }
+        match value {
+            0 => Color32::TRANSPARENT,
+            value => NUMBERED[usize::from(value - 1) % NUMBERED.len()],
         }
     }
 
     /// Name of a class.
-    pub fn name(self, value: u8) -> String {
-        self.label(value).map_or_else(|| format!("class {value}"), |label| label.name.to_owned())
+    pub fn name(&self, value: u8) -> String {
+        match self.label(value) {
+            Some(label) => label.name.clone(),
+            None if !self.0.is_empty() => "not known".to_owned(),
+            None => format!("class {value}"),
+        }
     }
 
-    fn label(self, value: u8) -> Option<&'static Label> {
-        match self {
-            Self::Obstacles => obstacle_label(value),
-            Self::Traversable => TRAVERSABLE.get(usize::from(value)),
-            Self::Numbered => None,
-        }
+    fn label(&self, value: u8) -> Option<&Label> {
+        self.0.iter().find(|label| label.value == value)
     }
 
     /// The classes of a legend; none where they have no names.
-    pub fn legend(self) -> &'static [Label] {
-        match self {
-            Self::Obstacles => &OBSTACLE_LABELS[1..],
-            Self::Traversable => &TRAVERSABLE[1..],
-            Self::Numbered => &[],
-        }
+    pub fn legend(&self) -> &[Label] {
+        &self.0
     }
 }
 
@@ -229,17 +193,17 @@ mod tests {
 
     #[test]
     fn classes_without_names_are_numbered_and_nothing_is_transparent() {
-        let classes = classes("surfaces_of_some_robot");
+        let classes = Classes::default();
         assert_eq!((classes.color(0), classes.name(7)), (Color32::TRANSPARENT, "class 7".to_owned()));
         assert!((1..=255).all(|value| classes.color(value).a() == 255));
-        assert_eq!(super::classes("").name(2), "obstacle");
     }
 
     #[test]
-    fn every_label_is_at_the_index_of_its_value() {
-        for labels in [&OBSTACLE_LABELS[..], &TRAVERSABLE] {
-            assert!(labels.iter().enumerate().all(|(i, label)| usize::from(label.value) == i));
-        }
-        assert_eq!(obstacle_label(6), None);
+    fn what_has_no_class_among_those_of_its_channel_is_transparent() {
+        let label = Label { value: 2, name: "water".to_owned(), color: Color32::BLUE };
+        let classes: Classes = [label.clone()].into_iter().collect();
+        assert_eq!((classes.color(2), classes.name(2)), (Color32::BLUE, "water".to_owned()));
+        assert_eq!((classes.color(1), classes.name(1)), (Color32::TRANSPARENT, "not known".to_owned()));
+        assert_eq!(classes.legend(), [label]);
     }
 }

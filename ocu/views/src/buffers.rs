@@ -257,7 +257,7 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, columns: &Columns) 
     for (column, cell) in cells {
         let text = match column {
             Column::Type => topic.schema.name().replace("/msg/", "/"),
-            Column::Role => topic.role().to_owned(),
+            Column::Role => topic.role_name().to_owned(),
             Column::Messages => format::count(topic.messages),
             Column::Size => topic.latest.as_ref().map_or_else(|| "–".to_owned(), |_| size(topic)),
             // One that has fallen silent had a rate, and has none now.

@@ -1,9 +1,9 @@
 //! What a person can do to a robot that runs: which buffers wait for an operator, and what is written there.
 //!
-//! Found from the processes themselves: an input named `teleop` of `rcs.DriveCommand`, and one of `rcs.EmergencyStop`,
-//! that no process writes.
+//! Found from the processes themselves: inputs for teleoperation and for the emergency stop that no process writes.
 
 use rcs_msg::{AnyMessage, Stamp, rcs};
+use rcs_runtime::InputRole;
 use rcs_runtime::source::{Frame, Held, SourceKind, Topic};
 use std::sync::Arc;
 
@@ -33,18 +33,15 @@ impl Inputs {
             let mut outputs = frame.processes.iter().flat_map(|process| &process.outputs);
             outputs.any(|output| output.buffer == buffer)
         };
-        let find = |schema: &str, name: Option<&str>| {
+        let find = |role: InputRole| {
             let inputs = frame.processes.iter().flat_map(|process| &process.inputs);
             inputs
-                .filter(|input| input.schema == schema && name.is_none_or(|name| input.name == name))
+                .filter(|input| input.role == role.name())
                 .map(|input| input.buffer.as_str())
                 .find(|buffer| !buffer.is_empty() && !is_written(buffer))
                 .map(Arc::from)
         };
-        Self {
-            teleop: find("rcs.DriveCommand", Some("teleop")),
-            emergency_stop: find("rcs.EmergencyStop", None),
-        }
+        Self { teleop: find(InputRole::Teleoperation), emergency_stop: find(InputRole::EmergencyStop) }
     }
 }
 
@@ -133,7 +130,7 @@ mod tests {
     use crate::samples;
 
     #[test]
-    fn inputs_are_found_by_type_and_name_where_a_stack_runs_and_nobody_else_writes_them() {
+    fn inputs_are_found_by_role_where_a_stack_runs_and_nobody_else_writes_them() {
         let frame = samples::driving();
         let inputs = Inputs::of(&frame);
         assert_eq!(inputs.teleop.as_deref(), Some("/operator/teleop"));
@@ -142,7 +139,8 @@ mod tests {
 
         let mut written = frame.clone();
         let mut processes = written.processes.to_vec();
-        let teleop = processes[0].inputs.iter().find(|input| input.name == "teleop").cloned();
+        let role = InputRole::Teleoperation.name();
+        let teleop = processes[0].inputs.iter().find(|input| input.role == role).cloned();
         processes[1].outputs.extend(teleop);
         written.processes = processes.into();
         assert_eq!(Inputs::of(&written).teleop, None);

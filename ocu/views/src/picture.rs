@@ -31,7 +31,7 @@ pub(crate) struct Picture {
 }
 
 /// How one byte or one value becomes a colour.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Tint {
     /// Brightness as it is; values over their range in the even palette.
     Plain,
@@ -81,7 +81,7 @@ impl Picture {
     }
 
     /// As a texture no larger than `most` pixels a side; `range` spreads values over colours.
-    pub(crate) fn paint(&self, tint: Tint, range: [f32; 2], most: usize) -> ColorImage {
+    pub(crate) fn paint(&self, tint: &Tint, range: [f32; 2], most: usize) -> ColorImage {
         let every = self.width.max(self.height).div_ceil(most.max(1)).max(1);
         let (width, height) = (self.width.div_ceil(every), self.height.div_ceil(every));
         let bytes: [Color32; 256] = std::array::from_fn(|i| byte_color(i as u8, tint));
@@ -107,7 +107,7 @@ impl Picture {
     }
 }
 
-fn byte_color(value: u8, tint: Tint) -> Color32 {
+fn byte_color(value: u8, tint: &Tint) -> Color32 {
     match tint {
         Tint::Plain => Color32::from_gray(value),
         Tint::Labels(classes) => classes.color(value),
@@ -160,14 +160,15 @@ mod tests {
     #[test]
     fn an_image_larger_than_a_texture_is_thinned() {
         let picture = decoded("mono8", 5, 4, &[0; 20]).unwrap();
-        assert_eq!(picture.paint(Tint::Plain, [0.0, 1.0], 2).size, [2, 2]);
+        assert_eq!(picture.paint(&Tint::Plain, [0.0, 1.0], 2).size, [2, 2]);
     }
 
     #[test]
     fn unknown_pixels_are_transparent_and_known_ones_have_the_colour_of_their_label() {
         let picture = decoded("mono8", 3, 1, &[0, 2, 77]).unwrap();
-        let image = picture.paint(Tint::Labels(Classes::Obstacles), [0.0, 1.0], 64);
-        let red = palette::OBSTACLE_LABELS[2].color;
+        let red = Color32::from_rgb(229, 57, 53);
+        let label = palette::Label { value: 2, name: "obstacle".to_owned(), color: red };
+        let image = picture.paint(&Tint::Labels([label].into_iter().collect()), [0.0, 1.0], 64);
         assert_eq!(image.pixels, [Color32::TRANSPARENT, red, Color32::TRANSPARENT]);
     }
 }

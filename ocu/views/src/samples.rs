@@ -6,6 +6,7 @@ mod driving;
 pub(crate) use driving::driving;
 use rcs_bus::{Header, Sample, WriterId};
 use rcs_geom::{DVec2, DVec3, Pose, TransformTree};
+use rcs_msg::classes::{CLASSES, OBSTACLE_CLASSES, classes_to_json};
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{
     self, CompressedImage, Grid, PackedElementField, PointCloud, PosesInFrame, RawImage,
@@ -63,8 +64,8 @@ fn with_metadata(mut topic: Topic, writer: &str, metadata: &[(&str, &str)]) -> T
 
 /// A frame with a message of each kind that a view knows, and processes in each state.
 pub(crate) fn full() -> Frame {
-    let labels =
-        [("rcs.role", "labels"), ("rcs.overlay_of", "/camera/image"), ("rcs.palette", "obstacle_labels")];
+    let classes = classes_to_json(&OBSTACLE_CLASSES);
+    let labels = [("rcs.role", "labels"), ("rcs.overlay_of", "/camera/image"), (CLASSES, &*classes)];
     let mut ros1 = Topic::new(
         "/ros1/chatter",
         RunTag::Recorded,

@@ -1,6 +1,7 @@
 //! A small frame of a simulation that is being driven, for the tests of the views.
 
 use super::{NOW, cloud, empty, grid, image, label_image, topic, track, with_metadata};
+use rcs_msg::classes::{CLASSES, OBSTACLE_CLASSES, classes_to_json};
 use rcs_msg::foxglove::points_annotation::Type;
 use rcs_msg::foxglove::{
     CircleAnnotation, Color, ImageAnnotations, Point2, PointsAnnotation, PoseInFrame, TextAnnotation, Vector3,
@@ -13,9 +14,9 @@ use std::sync::Arc;
 
 /// A frame of a stack that runs: a vehicle under way, its course, shapes on an image, and the truth beside it.
 pub(crate) fn driving() -> Frame {
-    let labels =
-        [("rcs.role", "labels"), ("rcs.overlay_of", "/eye/image"), ("rcs.palette", "obstacle_labels")];
-    let truth = [labels[0], labels[1], ("rcs.palette", "surfaces"), ("rcs.truth", "true")];
+    let classes = classes_to_json(&OBSTACLE_CLASSES);
+    let labels = [("rcs.role", "labels"), ("rcs.overlay_of", "/eye/image"), (CLASSES, &*classes)];
+    let truth = [labels[0], labels[1], ("rcs.truth", "true")];
     let on_image = [("rcs.overlay_of", "/eye/image")];
     let mut topics = vec![
         with_metadata(topic("/eye/image", 5.0, 0.1, image(96, 64)), "eye", &[("rcs.role", "image")]),
@@ -36,26 +37,27 @@ pub(crate) fn driving() -> Frame {
         Topic::new("/operator/emergency_stop", RunTag::FIRST, Arc::clone(schema_of::<EmergencyStop>())),
     ];
     topics.sort_by(|a, b| a.name.cmp(&b.name));
-    let port = |name: &str, buffer: &str, schema: &Schema| PortInfo {
+    let port = |name: &str, buffer: &str, schema: &Schema, role: &str| PortInfo {
         name: name.into(),
         buffer: buffer.into(),
         schema: schema.name().into(),
+        role: role.into(),
         ..PortInfo::default()
     };
     let comms = ProcessInfo {
         name: "comms".into(),
         supervisor: "viewer".into(),
         inputs: vec![
-            port("drive", "/driver/drive", schema_of::<DriveCommand>()),
-            port("teleop", "/operator/teleop", schema_of::<DriveCommand>()),
-            port("emergency_stop", "/operator/emergency_stop", schema_of::<EmergencyStop>()),
+            port("drive", "/driver/drive", schema_of::<DriveCommand>(), ""),
+            port("teleop", "/operator/teleop", schema_of::<DriveCommand>(), "teleoperation"),
+            port("stop", "/operator/emergency_stop", schema_of::<EmergencyStop>(), "emergency_stop"),
         ],
         ..ProcessInfo::default()
     };
     let driver = ProcessInfo {
         name: "driver".into(),
         supervisor: "viewer".into(),
-        outputs: vec![port("drive", "/driver/drive", schema_of::<DriveCommand>())],
+        outputs: vec![port("drive", "/driver/drive", schema_of::<DriveCommand>(), "")],
         ..ProcessInfo::default()
     };
     let tracks = [track("/position/local", "local", 0.1), track("/vehicle/goal", "local", 0.0)];

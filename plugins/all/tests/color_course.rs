@@ -11,7 +11,7 @@ use rcs_msg::{Payload, Stamp, image::depth_m};
 use rcs_plugins::all;
 use rcs_runtime::{
     Asset, Assets, Cycle, In, NoCommands, Out, Plan, PlanOptions, PortBuilder, Process, ProcessDef,
-    ProcessType, RunOptions, StackFile, Stepped,
+    ProcessType, Role, RunOptions, StackFile, Stepped,
 };
 use rcs_sense::{FrameNames, Localizer, pose_of};
 use rcs_world::{OBSTACLE_COST, UNKNOWN_COST};
@@ -133,7 +133,7 @@ impl Process for PathFollower {
     fn ports(b: &mut PortBuilder) -> Ports {
         Ports {
             truth_pose: b.input("truth_pose", "true pose"),
-            drive: b.output("drive", "command").role("drive").build(),
+            drive: b.output("drive", "command").role(Role::Command).build(),
         }
     }
 

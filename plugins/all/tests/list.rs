@@ -2,6 +2,7 @@
 //! architecture, in the package of the cross-crate tests.)
 
 use rcs_plugins::all;
+use rcs_runtime::Role;
 use std::collections::BTreeSet;
 
 #[test]
@@ -49,8 +50,9 @@ fn every_port_has_help_and_a_name_of_its_own() {
             assert!(!port.help.is_empty(), "{}.{} has no help", kind.def().plugin, port.name);
         }
         for output in &outputs {
-            let role = output.metadata.get("rcs.role");
-            assert!(role.is_some(), "{}.{} has no role", kind.def().plugin, output.name);
+            let role: Option<Role> = output.metadata.get("rcs.role").and_then(|role| role.parse().ok());
+            let fits = role.is_some_and(|role| role.fits(output.schema.name()));
+            assert!(fits, "{}.{}: {role:?} of {}", kind.def().plugin, output.name, output.schema.name());
             if let Some(of) = output.metadata.get("rcs.overlay_of") {
                 assert!(
                     inputs.iter().chain(&outputs).any(|port| port.name == of),

@@ -13,7 +13,7 @@ use glam::DVec3;
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{CameraCalibration, Grid, ImageAnnotations, RawImage};
-use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
     Axes, ImageCheck, ImageFault, Localizer, LocalizerError, OnItsSide, PosePorts, camera_of, upright,
 };
@@ -104,30 +104,30 @@ impl Process for ColorModelling {
             map: b.optional_input("map", "world model, local frame: its obstacles stop learning"),
             probability: b
                 .output("probability", "cost 250(1 - P) of the 128x96 image, 255 unclassified")
-                .role("cost")
+                .role(Role::Cost)
                 .palette("cost")
                 .overlay_of("image")
                 .build(),
             sample: b
                 .output("sample", "outline of the ground sample, pixels of the image")
-                .role("annotations")
+                .role(Role::Annotations)
                 .overlay_of("image")
                 .build(),
             cost: b
                 .output("cost", "cost of 201x201 cells of 0.2 m around the vehicle, local frame")
-                .role("cost")
+                .role(Role::Cost)
                 .palette("cost")
                 .build(),
             cost_wide: b
                 .output("cost_wide", "cost of 201x201 cells of 0.6 m around the vehicle, local frame")
-                .role("cost")
+                .role(Role::Cost)
                 .palette("cost")
                 .build(),
             models: b
                 .output("models", "the models, once a second and when there is a new one")
-                .role("models")
+                .role(Role::Models)
                 .build(),
-            stats: b.output("stats", "pixels by class, models, learning").role("stats").build(),
+            stats: b.output("stats", "pixels by class, models, learning").role(Role::Stats).build(),
         }
     }
 

@@ -10,7 +10,7 @@ use rcs_msg::rcs::{
     Bumper, DriveCommand, EmergencyStop, Imu, MotorCurrents, ProcessState, SpeedLimit, Status, VehicleStatus,
     WheelCommand, WheelEncoders,
 };
-use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, InputRole, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::pose_of;
 use serde::{Deserialize, Serialize};
 
@@ -106,8 +106,16 @@ impl Process for Comms {
     fn ports(b: &mut PortBuilder) -> Ports {
         Ports {
             drive: b.optional_input("drive", "heading (local frame) and speed from who drives"),
-            teleop: b.optional_input("teleop", "the same from the operator; it wins while it is fresh"),
-            emergency_stop: b.optional_input("emergency_stop", "holds the vehicle until one says otherwise"),
+            teleop: b.operator_input(
+                InputRole::Teleoperation,
+                "teleop",
+                "the same from the operator; it wins while it is fresh",
+            ),
+            emergency_stop: b.operator_input(
+                InputRole::EmergencyStop,
+                "emergency_stop",
+                "holds the vehicle until one says otherwise",
+            ),
             above: b.optional_input("above", "status of who drives; on ERROR it is not obeyed"),
             local: b.optional_input("local", "pose of the vehicle in the local frame; headings need it"),
             imu: b.optional_input(
@@ -119,9 +127,9 @@ impl Process for Comms {
             bumper: b.optional_input("bumper", "switches of the bumper"),
             wheels: b
                 .output("wheels", "speeds of the wheels, m/s, and curvature, 1/m")
-                .role("command")
+                .role(Role::Command)
                 .build(),
-            vehicle: b.output("vehicle", "what the vehicle says of itself").role("stats").build(),
+            vehicle: b.output("vehicle", "what the vehicle says of itself").role(Role::Stats).build(),
         }
     }
 

@@ -13,7 +13,7 @@ use rcs_msg::foxglove::{
     FrameTransform, FrameTransforms, LocationFix, Odometry, Quaternion, Vector3, location_fix,
 };
 use rcs_msg::rcs::{GroundSpeed, Imu, WheelEncoders};
-use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
@@ -81,18 +81,18 @@ impl Process for Position {
             ),
             local: b
                 .output("local", "pose of the vehicle in the local frame with covariance: smooth, drifts")
-                .role("pose")
+                .role(Role::Pose)
                 .build(),
             global: b
                 .output(
                     "global",
                     "pose of the vehicle in the global frame with covariance: noisy, does not drift",
                 )
-                .role("pose")
+                .role(Role::Pose)
                 .build(),
             transforms: b
                 .output("transforms", "the local frame in the global frame")
-                .role("transforms")
+                .role(Role::Transforms)
                 .build(),
         }
     }

@@ -14,9 +14,10 @@ use crate::proto::LabelOverlayParams;
 use glam::DVec3;
 use rcs_geom::{CameraError, PinholeCamera};
 use rcs_msg::PointsError;
+use rcs_msg::classes::OBSTACLE_CLASSES;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, PointCloud, RawImage};
-use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Localizer, LocalizerError, camera_of, pose_of};
 use serde::{Deserialize, Serialize};
 
@@ -74,8 +75,9 @@ impl Process for LabelOverlay {
             static_transforms: b.optional_input("static_transforms", "transforms that hold at all times"),
             labels: b
                 .output("labels", "label of each pixel that a point falls on")
-                .role("labels")
+                .role(Role::Labels)
                 .palette("obstacle_labels")
+                .classes(&OBSTACLE_CLASSES)
                 .overlay_of("image")
                 .build(),
         }

@@ -12,10 +12,11 @@ use crate::scan::Label;
 use crate::stand::{Stand, StandError};
 use glam::DVec3;
 use rcs_geom::{CameraError, CellIndex, PinholeCamera, Pose};
+use rcs_msg::classes::OBSTACLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, Grid, PointCloud, RawImage};
 use rcs_msg::image::raw_to_rgb8;
 use rcs_msg::{PointsError, Stamp};
-use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Axes, Localizer, LocalizerError, PosePorts, camera_of, pose_of};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -89,21 +90,23 @@ impl Process for Obstacles {
             poses: PosePorts::declare(b),
             labels: b
                 .output("labels", "label of each pixel of the depth image")
-                .role("labels")
+                .role(Role::Labels)
                 .palette("obstacle_labels")
+                .classes(&OBSTACLE_CLASSES)
                 .overlay_of("image")
                 .build(),
             points: b
                 .output("points", "points of the cloud with a label each, in the cloud's frame, m")
-                .role("cloud")
+                .role(Role::Cloud)
                 .palette("obstacle_labels")
+                .classes(&OBSTACLE_CLASSES)
                 .build(),
             cost: b
                 .output("cost", "cost of 201x201 cells of 0.2 m around the vehicle, local frame")
-                .role("cost")
+                .role(Role::Cost)
                 .palette("cost")
                 .build(),
-            stats: b.output("stats", "pixels by label, cells, ranges in m").role("stats").build(),
+            stats: b.output("stats", "pixels by label, cells, ranges in m").role(Role::Stats).build(),
         }
     }
 

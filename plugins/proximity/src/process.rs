@@ -7,7 +7,7 @@ use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::Grid;
 use rcs_msg::rcs::{Bumper, Imu, MotorCurrents, RangeReading, RangeReadings, WheelEncoders};
-use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Axes, Localizer, PosePorts, Site};
 use rcs_world::Source;
 use serde::{Deserialize, Serialize};
@@ -67,17 +67,17 @@ impl Process for Proximity {
                     "bumper_cost",
                     "field cost.bumper: 250 where the bumper hit, 0 under the vehicle, local frame",
                 )
-                .role("cost")
+                .role(Role::Cost)
                 .palette("cost")
                 .build(),
             infrared_cost: b
                 .output("infrared_cost", "field cost.infrared: cones of the infrared sensors, local frame")
-                .role("cost")
+                .role(Role::Cost)
                 .palette("cost")
                 .build(),
             slip: b
                 .output("slip", "slip of the wheels, 0 to 1, and load of the motors")
-                .role("stats")
+                .role(Role::Stats)
                 .build(),
         }
     }

@@ -26,9 +26,10 @@ use crate::spec::{CameraKind, CameraSpec};
 use rand_core::RngCore;
 use rcs_geom::{Distortion, PinholeCamera, Pose};
 use rcs_msg::Stamp;
+use rcs_msg::classes::OBSTACLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, RawImage};
 use rcs_msg::rcs::TruthState;
-use rcs_runtime::{Cycle, In, NoCommands, Out, Pool, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, NoCommands, Out, Pool, PortBuilder, Process, ProcessDef, Role};
 use rcs_scene::{CameraRays, ViewRows, World, render_rows};
 use rcs_sense::pose_of;
 use serde::{Deserialize, Serialize};
@@ -102,8 +103,9 @@ impl Process for SimCameras {
         // Never read: it names the picture that the truth lies on.
         let _ = b
             .optional_input::<RawImage>("image", "the pictures of its own left eye, on which the truth lies");
-        let image = |b: &mut PortBuilder, name, help| b.output(name, help).role("image").build();
-        let calibration = |b: &mut PortBuilder, name, help| b.output(name, help).role("calibration").build();
+        let image = |b: &mut PortBuilder, name, help| b.output(name, help).role(Role::Image).build();
+        let calibration =
+            |b: &mut PortBuilder, name, help| b.output(name, help).role(Role::Calibration).build();
         Ports {
             truth_state,
             images: [
@@ -116,19 +118,20 @@ impl Process for SimCameras {
             ],
             truth_depth: b
                 .output("truth_depth", "depth of the left eye's pixels along the optical axis, m, 32FC1")
-                .role("depth")
+                .role(Role::Depth)
                 .truth()
                 .build(),
             truth_labels: b
                 .output("truth_labels", "obstacle label of the left eye's pixels, mono8")
-                .role("labels")
+                .role(Role::Labels)
                 .palette("obstacle_labels")
+                .classes(&OBSTACLE_CLASSES)
                 .overlay_of("left")
                 .truth()
                 .build(),
             truth_class: b
                 .output("truth_class", "class of the left eye's pixels, mono8")
-                .role("labels")
+                .role(Role::Labels)
                 .palette("surfaces")
                 .overlay_of("left")
                 .truth()

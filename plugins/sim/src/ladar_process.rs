@@ -19,7 +19,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{PackedElementField, PointCloud};
 use rcs_msg::rcs::TruthState;
-use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_scene::{Class, World};
 use rcs_sense::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
@@ -68,10 +68,13 @@ impl Process for SimLadar {
     fn ports(b: &mut PortBuilder) -> Ports {
         Ports {
             truth_state: b.input("truth_state", "true pose of the vehicle in the frame global"),
-            cloud: b.output("cloud", "points with remission in the ladar's frame, m").role("cloud").build(),
+            cloud: b
+                .output("cloud", "points with remission in the ladar's frame, m")
+                .role(Role::Cloud)
+                .build(),
             truth_class: b
                 .output("truth_class", "the same points with the class of what they hit")
-                .role("cloud")
+                .role(Role::Cloud)
                 .palette("surfaces")
                 .truth()
                 .build(),

@@ -22,7 +22,7 @@ use rcs_msg::rcs::{
     Bumper, CourseOutcome, CourseRun, GroundSpeed, Imu, MotorCurrents, RangeReading, RangeReadings, Steering,
     TruthState, TruthThings, WheelCommand, WheelEncoders,
 };
-use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::pose_message;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -101,41 +101,44 @@ impl Process for SimVehicle {
             wheels: b.optional_input("wheels", "speeds of the driven wheels, m/s, and curvature, 1/m"),
             encoders: b
                 .output("encoders", "distances and speeds of the driven wheels, m and m/s")
-                .role("sensor")
+                .role(Role::Sensor)
                 .build(),
             imu: b
                 .output("imu", "turn rates, accelerations and heading, vehicle axes")
-                .role("sensor")
+                .role(Role::Sensor)
                 .build(),
-            motors: b.output("motors", "currents of the drive motors, A").role("sensor").build(),
-            bumper: b.output("bumper", "switches of the bumper in front").role("sensor").build(),
-            infrared: b.output("infrared", "ranges of the infrared sensors, m").role("sensor").build(),
-            gps: b.output("gps", "position fixes of the antenna with their variances").role("sensor").build(),
+            motors: b.output("motors", "currents of the drive motors, A").role(Role::Sensor).build(),
+            bumper: b.output("bumper", "switches of the bumper in front").role(Role::Sensor).build(),
+            infrared: b.output("infrared", "ranges of the infrared sensors, m").role(Role::Sensor).build(),
+            gps: b
+                .output("gps", "position fixes of the antenna with their variances")
+                .role(Role::Sensor)
+                .build(),
             ground_speed: b
                 .output("ground_speed", "speed over ground by Doppler radar, m/s")
-                .role("sensor")
+                .role(Role::Sensor)
                 .build(),
             steering: b
                 .output("steering", "curvature that the steered wheels stand for, 1/m")
-                .role("sensor")
+                .role(Role::Sensor)
                 .build(),
             static_transforms: b
                 .output("static_transforms", "places of the sensors on the vehicle, once a second")
-                .role("transforms")
+                .role(Role::StaticTransforms)
                 .build(),
             goal: b
                 .output("goal", "the goal of the course, frame global, once a second")
-                .role("goal")
+                .role(Role::Goal)
                 .build(),
-            run: b.output("run", "how the run of the course stands").role("stats").build(),
+            run: b.output("run", "how the run of the course stands").role(Role::Stats).build(),
             truth_state: b
                 .output("truth_state", "true pose in the frame global, speed, slip, contacts")
-                .role("stats")
+                .role(Role::Stats)
                 .truth()
                 .build(),
             truth_pose: b
                 .output("truth_pose", "true pose of the vehicle in the frame global")
-                .role("pose")
+                .role(Role::Pose)
                 .truth()
                 .build(),
             truth_map: b
@@ -143,12 +146,12 @@ impl Process for SimVehicle {
                     "truth_map",
                     "ground height, height of its cover (m), class and blocked of the whole world",
                 )
-                .role("map")
+                .role(Role::Map)
                 .truth()
                 .build(),
             truth_things: b
                 .output("truth_things", "all things of the world, frame global")
-                .role("stats")
+                .role(Role::Stats)
                 .truth()
                 .build(),
         }

@@ -7,7 +7,7 @@ use crate::publish::{Heading, depth_of, depths, pixels};
 use crate::rig::{Bench, EyeCalibration, Rectified, Rig, Unusable};
 use crate::{CalibrationError, Method, NO_DISPARITY, STEPS_PER_PIXEL, Settings};
 use rcs_msg::foxglove::{CameraCalibration, PointCloud, RawImage};
-use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::ImageCheck;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -65,24 +65,24 @@ impl Process for Stereo {
         Ports {
             images,
             calibrations,
-            rectified: b.output("rectified", "left image, rectified, rgb8").role("image").build(),
+            rectified: b.output("rectified", "left image, rectified, rgb8").role(Role::Image).build(),
             calibration: b
                 .output("calibration", "camera of the rectified left image")
-                .role("calibration")
+                .role(Role::Calibration)
                 .build(),
             disparity: b
                 .output("disparity", "disparity of each rectified pixel, 32FC1, px; NaN where none")
-                .role("disparity")
+                .role(Role::Disparity)
                 .build(),
             depth: b
                 .output("depth", "range along the optical axis, 32FC1, m; NaN where none")
-                .role("depth")
+                .role(Role::Depth)
                 .build(),
             points: b
                 .output("points", "points with colour and pixel, left rectified optical frame, m")
-                .role("cloud")
+                .role(Role::Cloud)
                 .build(),
-            stats: b.output("stats", "pixels with a range, ranges in m, pairs").role("stats").build(),
+            stats: b.output("stats", "pixels with a range, ranges in m, pairs").role(Role::Stats).build(),
         }
     }
 

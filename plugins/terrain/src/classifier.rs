@@ -35,8 +35,9 @@ use crate::texture::PaddedGrey;
 use crate::unusable::{Unusable, depths};
 use rcs_geom::PinholeCamera;
 use rcs_msg::Stamp;
+use rcs_msg::classes::TRAVERSABLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
-use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
     Axes, CELL_SIZE_M, CostGrid, GridFrame, ImageCheck, Localizer, PosePorts, Site, WIDE_CELL_SIZE_M,
     camera_of,
@@ -122,21 +123,22 @@ impl Process for Classifier {
             poses: PosePorts::declare(b),
             classes: b
                 .output("classes", "class of each pixel: 0 not known, 1 traversable, 2 not")
-                .role("labels")
+                .role(Role::Labels)
                 .palette("classes")
+                .classes(&TRAVERSABLE_CLASSES)
                 .overlay_of("image")
                 .build(),
             cost: b
                 .output("cost", "201x201 cells of 0.2 m: field cost.classifier, local frame")
-                .role("cost")
+                .role(Role::Cost)
                 .palette("cost")
                 .build(),
             cost_wide: b
                 .output("cost_wide", "201x201 cells of 0.6 m: field cost.classifier, local frame")
-                .role("cost")
+                .role(Role::Cost)
                 .palette("cost")
                 .build(),
-            stats: b.output("stats", "windows by class, cells with a cost").role("stats").build(),
+            stats: b.output("stats", "windows by class, cells with a cost").role(Role::Stats).build(),
         }
     }
 

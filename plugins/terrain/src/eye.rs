@@ -8,8 +8,9 @@ use crate::texture::PaddedGrey;
 use crate::unusable::{Unusable, depths, labels};
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
+use rcs_msg::classes::OBSTACLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, RawImage};
-use rcs_runtime::{Cycle, In, Out, PortBuilder};
+use rcs_runtime::{Cycle, In, Out, PortBuilder, Role};
 use rcs_sense::{ImageCheck, camera_of};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -48,8 +49,9 @@ impl EyePorts {
 /// The overlay port of an eye.
 pub(crate) fn learned_port(b: &mut PortBuilder, name: &'static str, image: &str) -> Out<RawImage> {
     b.output(name, "points that were learned from, by their label")
-        .role("labels")
+        .role(Role::Labels)
         .palette("obstacle_labels")
+        .classes(&OBSTACLE_CLASSES)
         .overlay_of(image)
         .build()
 }

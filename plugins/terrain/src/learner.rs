@@ -10,7 +10,7 @@ use crate::unusable::Unusable;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, RawImage};
 use rcs_msg::rcs::Bumper;
-use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Axes, CELL_SIZE_M, CostGrid, GridFrame, Localizer, PosePorts, Site};
 use rcs_world::{SIDE, Source};
 use serde::{Deserialize, Serialize};
@@ -74,20 +74,20 @@ impl Process for TerrainLearner {
             poses: PosePorts::declare(b),
             cost: b
                 .output("cost", "changed cells of 201x201 of 0.2 m: field cost.terrain, local frame")
-                .role("cost")
+                .role(Role::Cost)
                 .palette("cost")
                 .build(),
             models: [
-                b.output("models", "models of the left eye, or of both").role("models").build(),
+                b.output("models", "models of the left eye, or of both").role(Role::Models).build(),
                 b.output("models_right", "models of the right eye, where it has its own")
-                    .role("models")
+                    .role(Role::Models)
                     .build(),
             ],
             learned: [
                 learned_port(b, "learned_left", "left_image"),
                 learned_port(b, "learned_right", "right_image"),
             ],
-            stats: b.output("stats", "points, cells and models after each frame").role("stats").build(),
+            stats: b.output("stats", "points, cells and models after each frame").role(Role::Stats).build(),
         }
     }
 

@@ -7,7 +7,7 @@ use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, Odometry, PoseInFrame, PosesInFrame};
 use rcs_msg::rcs::DriveCommand;
-use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
@@ -77,12 +77,12 @@ impl Process for TruthDriver {
                 "fields height and vegetation (m) and class of the whole world, frame global",
             ),
             goal: b.input("goal", "where to go, frame global"),
-            drive: b.output("drive", "speed, m/s, and turn rate, rad/s").role("command").build(),
+            drive: b.output("drive", "speed, m/s, and turn rate, rad/s").role(Role::Command).build(),
             path: b
                 .output("path", "cells of the path from where it was planned to the goal, frame global")
-                .role("path")
+                .role(Role::Path)
                 .build(),
-            stats: b.output("stats", "plans, and how the path is followed").role("stats").build(),
+            stats: b.output("stats", "plans, and how the path is followed").role(Role::Stats).build(),
         }
     }
 

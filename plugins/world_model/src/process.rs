@@ -5,7 +5,7 @@ use crate::proto::{WorldModelParams, WorldModelSource, WorldModelSourceKind, Wor
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame};
-use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef};
+use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Localizer, PosePorts, Site, pose_message};
 use rcs_world::{
     Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, SourceKind, Sources, VoteRule, Weighted, Weights,
@@ -83,15 +83,15 @@ impl Process for WorldModel {
             poses: PosePorts::declare(b),
             map: b
                 .output("map", "201x201 cells of 0.2 m around the vehicle, local frame")
-                .role("map")
+                .role(Role::Map)
                 .palette("cost")
                 .recorded_by(&MAP_CODEC)
                 .build(),
             vehicle: b
                 .output("vehicle", "pose of the vehicle in the local frame, with each map")
-                .role("pose")
+                .role(Role::Pose)
                 .build(),
-            stats: b.output("stats", "known and obstacle cells of the map").role("stats").build(),
+            stats: b.output("stats", "known and obstacle cells of the map").role(Role::Stats).build(),
         }
     }
 

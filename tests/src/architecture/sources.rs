@@ -170,6 +170,54 @@ fn views_name_no_plugin_and_reach_no_file() {
     assert_kept("a view reads a source and nothing else", &named(&of(&["ocu/views"]), &names));
 }
 
+/// What a view may know by its name neither of topics nor of ports and processes: roles and types say what they are for.
+const NAMED_THINGS: [&str; 7] = ["topic", "input", "output", "port", "process", "info", "buffer"];
+
+/// Comparisons of the name of a topic, port, process or plugin with a text, and roles and palettes looked up as texts.
+fn matched_names(sources: &[Source]) -> Vec<String> {
+    let mut patterns: Vec<String> =
+        ["\"rcs.role\"", "\"rcs.palette\"", ".plugin == \"", "role() == \"", "role_name() == \""]
+            .map(str::to_owned)
+            .into();
+    for thing in NAMED_THINGS {
+        for operation in [" == \"", " != \"", ".contains(\"", ".starts_with(\"", ".ends_with(\""] {
+            patterns.push(format!("{thing}.name{operation}"));
+            patterns.push(format!("*{thing}.name{operation}"));
+            patterns.push(format!("{thing}.name.as_str(){operation}"));
+        }
+    }
+    let mut breaches = Vec::new();
+    for source in sources.iter().map(without_tests) {
+        for (at, line) in source.text.lines().enumerate() {
+            let is_comment = line.trim_start().starts_with("//");
+            if let Some(pattern) = patterns.iter().find(|pattern| !is_comment && line.contains(*pattern)) {
+                breaches.push(format!("{}:{}: {pattern}", source.path, at + 1));
+            }
+        }
+    }
+    breaches
+}
+
+#[test]
+fn no_view_matches_on_a_name() {
+    let mut views = of(&["ocu/views/src", "ocu/ui/src"]);
+    // Samples are frames that tests look at.
+    views.retain(|source| !source.path.contains("/samples") && !source.path.contains("/tests/"));
+    assert!(views.len() > 20, "the views were found");
+    assert_kept("a view goes by type and role", &matched_names(&views));
+}
+
+#[test]
+fn a_name_that_a_view_matches_on_is_found() {
+    let source = example(
+        "// topic.name.contains(\"depth\")\nif topic.name.contains(\"depth\") {}\ninput.name == \"teleop\"\n\
+         topic.metadata.get(\"rcs.palette\")\nif name == \"cost\" {}\ntopic.name == other.name\n",
+    );
+    let found = matched_names(&source);
+    let expected = ["x.rs:2: topic.name.contains(\"", "x.rs:3: input.name == \"", "x.rs:4: \"rcs.palette\""];
+    assert_eq!(found, expected);
+}
+
 #[test]
 fn what_plugins_compute_with_calls_libm() {
     // The fusion rule and the geometry run inside plugins' cycles, so their bits count as the plugins' do.

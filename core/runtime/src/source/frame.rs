@@ -1,8 +1,10 @@
 //! One moment of a source, as the views see it.
 
 use crate::history::{Moment, RunId, RunSummary};
+use crate::role::{ROLE, Role};
 use rcs_bus::Sample;
 use rcs_geom::TransformTree;
+use rcs_msg::classes::{CLASSES, LabelClass, classes_from_json};
 use rcs_msg::{AnyMessage, Payload, Schema, Stamp, rcs};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
@@ -117,9 +119,19 @@ impl Topic {
         self.canonical()?.get()
     }
 
-    /// `rcs.role`, or "".
-    pub fn role(&self) -> &str {
-        self.metadata.get("rcs.role").map_or("", String::as_str)
+    /// What its messages are for; `None` where that is not said, or by a name that is not known here.
+    pub fn role(&self) -> Option<Role> {
+        self.role_name().parse().ok()
+    }
+
+    /// `rcs.role` as it is written, or "".
+    pub fn role_name(&self) -> &str {
+        self.metadata.get(ROLE).map_or("", String::as_str)
+    }
+
+    /// What the values of its label images mean; none where that is not said.
+    pub fn classes(&self) -> Vec<LabelClass> {
+        self.metadata.get(CLASSES).map(|text| classes_from_json(text)).unwrap_or_default()
     }
 
     /// Whether it holds the truth of a simulation: nothing that a robot could know.

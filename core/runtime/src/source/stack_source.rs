@@ -13,6 +13,7 @@ use crate::journal::ExternalEvent;
 use crate::options::RunOptions;
 use crate::record::writer_of;
 use crate::replay::RecordedRun;
+use crate::role::{ROLE, Role};
 use crate::stack::Plan;
 use crate::stepped::{Happened, Stepped};
 use rcs_bus::Sample;
@@ -251,8 +252,9 @@ fn placing(plan: &Plan) -> Vec<(usize, bool)> {
         for (def, &index) in process.kind.outputs().iter().zip(&process.outputs) {
             let known = placing.iter().any(|&(other, _)| other == index);
             if !known && RunTransforms::takes(plan.buffers[index].spec.schema.name()) {
-                // The port's name says it, as it does for the inputs that every process reads poses from.
-                placing.push((index, def.name == "static_transforms"));
+                let is_static =
+                    def.metadata.get(ROLE).is_some_and(|role| role == Role::StaticTransforms.name());
+                placing.push((index, is_static));
             }
         }
     }

@@ -6,6 +6,7 @@ use super::file::{BufferEntry, Class, OverflowEntry, ProcessEntry, StackFile, VI
 use super::params::ParamReader;
 use super::plan::{BufferPlan, InputPlan, ProcessPlan, names};
 use crate::process::{PortDef, ProcessType};
+use crate::role::{ROLE, Role};
 use rcs_bus::{BufferSpec, Mode, Overflow};
 use rcs_msg::{Payload, Schema, foxglove, rcs, schema_of};
 use std::collections::BTreeMap;
@@ -156,6 +157,7 @@ impl<'a> Builder<'a> {
             let default = Spanned::new(spanned.span(), format!("/{name}/{}", def.name));
             let buffer = wired(&entry.outputs, def.name).unwrap_or(&default);
             let index = self.buffer(buffer.get_ref(), &buffer.span(), &def.schema)?;
+            self.check_role(file, name, def, index, &buffer.span())?;
             let mut metadata = def.metadata.clone();
             if let Some(port) = metadata.get("rcs.overlay_of") {
                 // The port names what the overlay lies on; a view needs the buffer.
@@ -201,6 +203,41 @@ impl<'a> Builder<'a> {
                 Err(self.file.error(&host.span(), message))
             }
             _ => Ok(LOCAL.to_owned()),
+        }
+    }
+
+    /// Refuses a role that messages of this type cannot play, and two roles for one buffer.
+    fn check_role(
+        &self,
+        file: &StackFile,
+        process: &str,
+        def: &PortDef,
+        index: usize,
+        span: &std::ops::Range<usize>,
+    ) -> Result<(), StackError> {
+        let Some(named) = def.metadata.get(ROLE) else { return Ok(()) };
+        let role: Role = named
+            .parse()
+            .map_err(|error| file.error(span, format!("output {process}.{}: {error}", def.name)))?;
+        if !role.fits(def.schema.name()) {
+            let message = format!(
+                "output {process}.{} has the role {role} and the type {}; expected {}",
+                def.name,
+                def.schema.name(),
+                role.types().join(" or ")
+            );
+            return Err(file.error(span, message));
+        }
+        match self.buffers[index].spec.metadata.get(ROLE) {
+            Some(other) if other != named => {
+                let buffer = &self.buffers[index].spec.name;
+                let message = format!(
+                    "output {process}.{} gives {buffer} the role {role}, another output {other}",
+                    def.name
+                );
+                Err(file.error(span, message))
+            }
+            _ => Ok(()),
         }
     }
 

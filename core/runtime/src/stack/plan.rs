@@ -175,6 +175,7 @@ impl Plan {
             schema: def.schema.name().to_owned(),
             help: def.help.to_owned(),
             required: def.required,
+            role: def.role.map_or_else(String::new, |role| role.name().to_owned()),
         };
         let command = |def: &CommandDef| rcs::CommandInfo {
             name: def.name.to_owned(),

@@ -5,8 +5,8 @@ use rand_core::RngCore;
 use rcs_log::{LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::{AnyMessage, Payload, Stamp, foxglove, rcs, schema_of};
 use rcs_runtime::{
-    Cycle, In, NoCommands, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType, RunOptions, StackError,
-    StackFile, Stepped,
+    Cycle, In, NoCommands, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType, Role, RunOptions,
+    StackError, StackFile, Stepped,
 };
 use rcs_testkit::proto::CounterParams;
 use serde::{Deserialize, Serialize};
@@ -41,7 +41,7 @@ impl Process for Counter {
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {
-        b.output("count", "Count, random number, parameter.").role("pose").build()
+        b.output("count", "Count, random number, parameter.").role(Role::Pose).build()
     }
 
     fn new(_params: &Self::Params) -> Self {

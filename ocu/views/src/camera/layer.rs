@@ -2,15 +2,18 @@
 
 use crate::picture::{Picture, Pixels, Tint, decode};
 use crate::texture::{CachedTexture, SameMessage};
-use egui::{Context, TextureId, TextureOptions};
+use egui::{Color32, Context, TextureId, TextureOptions};
 use ocu_ui::legend::round_step;
-use ocu_ui::palette::{self, Classes, MapPalette};
+use ocu_ui::palette::{Classes, Label, MapPalette};
+use rcs_msg::classes::LabelClass;
+use rcs_msg::foxglove::RawImage;
+use rcs_runtime::Role;
 use rcs_runtime::source::{Frame, Topic};
 
-/// What an image means.
+/// How an image is painted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Role {
-    /// A picture, or a depth image.
+pub(super) enum Look {
+    /// A picture, or ranges.
     Image,
     /// One label a pixel.
     Labels,
@@ -19,25 +22,37 @@ pub(super) enum Role {
 }
 
 /// What the topic's metadata say of it.
-pub(super) fn role(topic: &Topic) -> Role {
+pub(super) fn look(topic: &Topic) -> Look {
     match topic.role() {
-        "labels" => Role::Labels,
-        "cost" => Role::Cost,
-        _ => Role::Image,
+        Some(Role::Labels) => Look::Labels,
+        Some(Role::Cost) => Look::Cost,
+        _ => Look::Image,
+    }
+}
+
+/// Whether the image holds ranges: by its role, or by its encoding where a log of others tells no role.
+fn is_range(topic: &Topic) -> bool {
+    match topic.role() {
+        Some(role) => matches!(role, Role::Depth | Role::Disparity),
+        None => topic.get::<RawImage>().is_some_and(|raw| matches!(&*raw.encoding, "16UC1" | "32FC1")),
     }
 }
 
 /// The classes that the topic's labels name.
 pub(super) fn classes(topic: &Topic) -> Classes {
-    palette::classes(topic.metadata.get("rcs.palette").map_or("", String::as_str))
+    let label = |class: LabelClass| {
+        let [r, g, b] = class.color;
+        Label { value: class.value, name: class.name.into_owned(), color: Color32::from_rgb(r, g, b) }
+    };
+    topic.classes().into_iter().map(label).collect()
 }
 
 /// How the topic's bytes become colours.
 pub(super) fn tint(topic: &Topic, palette: MapPalette) -> Tint {
-    match role(topic) {
-        Role::Image => Tint::Plain,
-        Role::Labels => Tint::Labels(classes(topic)),
-        Role::Cost => Tint::Cost(palette),
+    match look(topic) {
+        Look::Image => Tint::Plain,
+        Look::Labels => Tint::Labels(classes(topic)),
+        Look::Cost => Tint::Cost(palette),
     }
 }
 
@@ -60,11 +75,11 @@ pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
             |topic: &&Topic| topic.metadata.get("rcs.overlay_of").is_some_and(|name| **name == *image.name);
         frame.topics.iter().filter(lies_on).any(|topic| !topic.is_truth())
     };
-    images.sort_by_key(|topic| match role(topic) {
+    images.sort_by_key(|topic| match look(topic) {
         _ if topic.is_truth() => 4,
         _ if has_overlay(topic) => 0,
-        Role::Image if topic.name.contains("depth") || topic.role() == "disparity" => 2,
-        Role::Image => 1,
+        Look::Image if is_range(topic) => 2,
+        Look::Image => 1,
         _ => 3,
     });
     images
@@ -75,15 +90,15 @@ pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
     let lies_on = |topic: &Topic| match topic.metadata.get("rcs.overlay_of") {
         Some(name) => **name == *base.name,
         // Labels of a scan are no image: they may never come.
-        None => (role(topic) != Role::Image || is_annotation(topic)) && topic.latest.is_some(),
+        None => (look(topic) != Look::Image || is_annotation(topic)) && topic.latest.is_some(),
     };
     let other = |topic: &&Topic| topic.name != base.name || topic.run != base.run;
     let can = |topic: &&Topic| (is_image(topic) || is_annotation(topic)) && lies_on(topic);
     let mut overlays: Vec<_> = frame.topics.iter().filter(can).filter(other).collect();
-    overlays.sort_by_key(|topic| match role(topic) {
+    overlays.sort_by_key(|topic| match look(topic) {
         _ if topic.is_truth() => 3,
         _ if is_annotation(topic) => 2,
-        Role::Labels => 0,
+        Look::Labels => 0,
         _ => 1,
     });
     overlays
@@ -159,21 +174,21 @@ impl Layer {
             .map_or([0.0, 1.0], |range| range.map(|metres| (metres / unit_m) as f32));
         let (message, picture) = (self.message.clone()?, self.decoded.as_ref()?.as_ref().ok()?);
         let most = ctx.input(|input| input.max_texture_side);
-        let make = || Some(picture.paint(tint, range, most));
-        let key = (message, tint, options, unit_m.to_bits());
+        let key = (message, tint.clone(), options, unit_m.to_bits());
+        let make = || Some(picture.paint(&tint, range, most));
         self.texture.get(ctx, key, options, make).map(egui::TextureHandle::id)
     }
 
     /// What the layer says of a place, given in parts of its width and height.
     pub(super) fn describe(&self, at: [f64; 2], topic: &Topic, depth_step_m: f64) -> Option<String> {
-        let role = role(topic);
+        let look = look(topic);
         let picture = self.picture()?;
         let index = picture.index(at[0] * picture.width as f64, at[1] * picture.height as f64)?;
-        Some(match (&picture.pixels, role) {
-            (Pixels::Bytes(bytes), Role::Labels) => classes(topic).name(bytes[index]),
-            (Pixels::Bytes(bytes), Role::Cost) if bytes[index] > 250 => "cost unknown".to_owned(),
-            (Pixels::Bytes(bytes), Role::Cost) => format!("cost {:3}", bytes[index]),
-            (Pixels::Bytes(bytes), Role::Image) => format!("grey {:3}", bytes[index]),
+        Some(match (&picture.pixels, look) {
+            (Pixels::Bytes(bytes), Look::Labels) => classes(topic).name(bytes[index]),
+            (Pixels::Bytes(bytes), Look::Cost) if bytes[index] > 250 => "cost unknown".to_owned(),
+            (Pixels::Bytes(bytes), Look::Cost) => format!("cost {:3}", bytes[index]),
+            (Pixels::Bytes(bytes), Look::Image) => format!("grey {:3}", bytes[index]),
             (Pixels::Values { values, .. }, _) if values[index].is_nan() => "no range".to_owned(),
             (Pixels::Values { values, whole }, _) => {
                 let metres = f64::from(values[index]) * if *whole { depth_step_m } else { 1.0 };

@@ -12,7 +12,7 @@ mod overlays;
 use crate::canvas::Viewport;
 use crate::view::{SavedState, TopicKey, View, ViewContext, rate_hz};
 use egui::{Align2, Rect, Response, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
-use layer::{Layer, Role as LayerRole};
+use layer::{Layer, Look};
 use ocu_ui::palette::{self, MapPalette};
 use ocu_ui::widgets::{self, mono};
 use ocu_ui::{format, icons, legend, stale, tokens};
@@ -202,9 +202,9 @@ impl Camera {
     }
 
     fn legends(&self, ui: &mut Ui, canvas: Rect, topic: &Topic, shown: &[&Topic]) {
-        let roles: Vec<_> = std::iter::once(&topic).chain(shown).map(|topic| layer::role(topic)).collect();
+        let roles: Vec<_> = std::iter::once(&topic).chain(shown).map(|topic| layer::look(topic)).collect();
         let range = self.layers.get(&*topic.name).and_then(|layer| layer.range_m(self.saved.depth_step_m));
-        if !roles.iter().any(|role| *role != LayerRole::Image) && range.is_none() {
+        if !roles.iter().any(|role| *role != Look::Image) && range.is_none() {
             return;
         }
         legend::plate(ui, canvas, Align2::LEFT_BOTTOM, |ui| {
@@ -213,13 +213,14 @@ impl Camera {
                 legend::band(ui, 120.0, &ends.0, &ends.1, palette::range);
             }
             let labels =
-                std::iter::once(&topic).chain(shown).find(|topic| layer::role(topic) == LayerRole::Labels);
+                std::iter::once(&topic).chain(shown).find(|topic| layer::look(topic) == Look::Labels);
+            let classes = labels.map(|topic| layer::classes(topic)).unwrap_or_default();
             ui.horizontal(|ui| {
-                for label in labels.map_or(&[][..], |topic| layer::classes(topic).legend()) {
-                    legend::swatch(ui, label.color, label.name);
+                for label in classes.legend() {
+                    legend::swatch(ui, label.color, &label.name);
                 }
             });
-            if roles.contains(&LayerRole::Cost) {
+            if roles.contains(&Look::Cost) {
                 crate::toolbar::cost_legend(ui, self.saved.palette);
             }
         });

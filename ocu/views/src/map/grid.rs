@@ -171,6 +171,30 @@ mod tests {
     }
 
     #[test]
+    fn a_source_that_no_view_knows_is_shown_weighed_and_read_like_any_other() {
+        let radar = rcs_world::Source::new("radar").unwrap();
+        let mut map = rcs_world::Map::new(0.2).unwrap();
+        let cell = map.grid().centre();
+        for (source, cost) in [(rcs_world::Source::STEREO, 100), (radar, 200)] {
+            map.vote(cell, source, cost, 1, rcs_msg::Stamp(1), rcs_world::VoteRule::default());
+        }
+        let weights = Weights::default();
+        let options = rcs_world::MapOptions { sources: map.sources(), heights: false, weights };
+        let map = MapMessage { map, frame_id: "local".into(), time: rcs_msg::Stamp(1), options };
+        // As a process published it, and as a log holds it.
+        let grid = AnyMessage::new(Grid::from(map.clone()));
+        for message in [map.into_message(), grid] {
+            let cells = Cells::new(&message).unwrap();
+            let choices = cells.choices();
+            assert!(choices.contains(&Shade::Field("cost.radar".into())), "{choices:?}");
+            assert_eq!(cells.read("cost.radar", [100, 100]), Some(200.0));
+            let pixel = |shade: &Shade| cells.paint(shade, MapPalette::Papers, None).pixels[100 * 201 + 100];
+            assert_eq!(pixel(&Shade::Field("cost.radar".into())), MapPalette::Papers.cost(200));
+            assert_eq!(pixel(&Shade::Fused), MapPalette::Papers.cost(150));
+        }
+    }
+
+    #[test]
     fn a_layout_that_names_another_grids_field_falls_back_to_the_first_choice() {
         let grid = AnyMessage::new(samples::grid(4, 3));
         let cells = Cells::new(&grid).unwrap();

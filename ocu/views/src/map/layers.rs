@@ -8,6 +8,7 @@ use ocu_ui::stale::is_stale;
 use rcs_geom::{Enu, Pose, TransformError};
 use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
 use rcs_msg::{AnyMessage, Stamp};
+use rcs_runtime::Role;
 use rcs_runtime::source::{Frame, Topic, Track};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -50,12 +51,12 @@ impl Layer<'_> {
 
     /// Whether it is a map that others are fused into.
     pub(super) fn is_map(&self) -> bool {
-        !self.is_truth() && self.topic.is_some_and(|topic| topic.role() == "map")
+        !self.is_truth() && self.topic.is_some_and(|topic| topic.role() == Some(Role::Map))
     }
 
     /// Whether a map shows it already: costs of one source, and the cloud that they come from.
     pub(super) fn is_part_of_a_map(&self) -> bool {
-        self.topic.is_some_and(|topic| matches!(topic.role(), "cost" | "cloud"))
+        self.topic.is_some_and(|topic| matches!(topic.role(), Some(Role::Cost | Role::Cloud)))
     }
 
     /// Whether it is older than its rate allows.
@@ -71,7 +72,7 @@ impl Layer<'_> {
 
 /// Whether the topic says where something is to go; its positions are no track.
 fn is_goal(topic: &Topic) -> bool {
-    topic.role() == "goal" && topic.type_name() == "foxglove.PoseInFrame"
+    topic.role() == Some(Role::Goal) && topic.type_name() == "foxglove.PoseInFrame"
 }
 
 /// All layers of a frame, the lowest first: the truth lies over everything else of its kind.

@@ -1,0 +1,157 @@
+//! What an output, or an input that an operator writes, is for: what a view goes by, and what the plan checks.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// What the messages of a buffer are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Role {
+    /// Shapes drawn on an image.
+    Annotations,
+    /// What a camera is.
+    Calibration,
+    /// Points in space.
+    Cloud,
+    /// An order to another process.
+    Command,
+    /// Costs of one source, on the ground or by pixel.
+    Cost,
+    /// Ranges by pixel.
+    Depth,
+    /// Disparities by pixel.
+    Disparity,
+    /// Where something is to go.
+    Goal,
+    /// A picture.
+    Image,
+    /// A class by pixel; the channel's `rcs.classes` names them.
+    Labels,
+    /// A map that others are fused into.
+    Map,
+    /// What has been learned.
+    Models,
+    /// A planned path.
+    Path,
+    /// Where something is.
+    Pose,
+    /// What a sensor measured.
+    Sensor,
+    /// Transforms that hold at all times.
+    StaticTransforms,
+    /// Numbers on how a process fares.
+    Stats,
+    /// Transforms at their times.
+    Transforms,
+}
+
+/// Channel metadata of the role of a buffer.
+pub(crate) const ROLE: &str = "rcs.role";
+
+const NAMES: [(Role, &str); 18] = [
+    (Role::Annotations, "annotations"),
+    (Role::Calibration, "calibration"),
+    (Role::Cloud, "cloud"),
+    (Role::Command, "command"),
+    (Role::Cost, "cost"),
+    (Role::Depth, "depth"),
+    (Role::Disparity, "disparity"),
+    (Role::Goal, "goal"),
+    (Role::Image, "image"),
+    (Role::Labels, "labels"),
+    (Role::Map, "map"),
+    (Role::Models, "models"),
+    (Role::Path, "path"),
+    (Role::Pose, "pose"),
+    (Role::Sensor, "sensor"),
+    (Role::StaticTransforms, "static_transforms"),
+    (Role::Stats, "stats"),
+    (Role::Transforms, "transforms"),
+];
+
+impl Role {
+    /// All, by name.
+    pub fn all() -> impl Iterator<Item = Role> {
+        NAMES.into_iter().map(|(role, _)| role)
+    }
+
+    /// As in the channel metadata `rcs.role`.
+    pub fn name(self) -> &'static str {
+        NAMES.into_iter().find(|(role, _)| *role == self).map_or("", |(_, name)| name)
+    }
+
+    /// Types of the messages that can play this role; none where any can.
+    pub fn types(self) -> &'static [&'static str] {
+        match self {
+            Role::Annotations => &["foxglove.ImageAnnotations"],
+            Role::Calibration => &["foxglove.CameraCalibration"],
+            Role::Cloud => &["foxglove.PointCloud"],
+            Role::Cost => &["foxglove.Grid", "foxglove.RawImage"],
+            Role::Depth | Role::Disparity => &["foxglove.RawImage", "foxglove.CompressedImage"],
+            Role::Image | Role::Labels => &["foxglove.RawImage", "foxglove.CompressedImage"],
+            Role::Goal => &["foxglove.PoseInFrame"],
+            Role::Map => &["foxglove.Grid"],
+            Role::Path => &["foxglove.PosesInFrame"],
+            Role::StaticTransforms | Role::Transforms => &["foxglove.FrameTransforms"],
+            Role::Command | Role::Models | Role::Pose | Role::Sensor | Role::Stats => &[],
+        }
+    }
+
+    /// Whether messages of that type can play this role.
+    pub fn fits(self, type_name: &str) -> bool {
+        self.types().is_empty() || self.types().contains(&type_name)
+    }
+}
+
+impl fmt::Display for Role {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Not the name of a role.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no role {0:?}")]
+pub struct UnknownRole(String);
+
+impl FromStr for Role {
+    type Err = UnknownRole;
+
+    fn from_str(name: &str) -> Result<Role, UnknownRole> {
+        let found = NAMES.into_iter().find(|(_, known)| *known == name);
+        found.map(|(role, _)| role).ok_or_else(|| UnknownRole(name.to_owned()))
+    }
+}
+
+/// What an input that an operator may write is for: what a window goes by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum InputRole {
+    /// Speed and turn rate from the operator's hand.
+    Teleoperation,
+    /// Stops the vehicle at once.
+    EmergencyStop,
+}
+
+impl InputRole {
+    /// As in [`rcs_msg::rcs::PortInfo`].
+    pub const fn name(self) -> &'static str {
+        match self {
+            InputRole::Teleoperation => "teleoperation",
+            InputRole::EmergencyStop => "emergency_stop",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_lead_back_to_their_roles() {
+        for role in Role::all() {
+            assert_eq!(role.name().parse(), Ok(role));
+        }
+        assert_eq!("drive".parse::<Role>().unwrap_err().to_string(), "there is no role \"drive\"");
+        assert!(Role::Map.fits("foxglove.Grid") && !Role::Map.fits("foxglove.RawImage"));
+        assert!(Role::Stats.fits("rcs.StereoStats"));
+    }
+}
