@@ -62,7 +62,7 @@ impl FromIterator<Weighted> for Weights {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("weight of {source_name} is {value}, expected a finite number from 0 up")]
 pub struct WeightsError {
-    source_name: &'static str,
+    source_name: Source,
     value: f32,
 }
 
@@ -91,7 +91,7 @@ impl Weights {
     /// Refuses NaN, infinity and negative weights. [`fuse`] takes those as 0.
     pub fn check(&self) -> Result<(), WeightsError> {
         match self.0.iter().find(|entry| !(entry.weight.is_finite() && entry.weight >= 0.0)) {
-            Some(entry) => Err(WeightsError { source_name: entry.source.name(), value: entry.weight }),
+            Some(entry) => Err(WeightsError { source_name: entry.source, value: entry.weight }),
             None => Ok(()),
         }
     }

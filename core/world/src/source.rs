@@ -1,37 +1,32 @@
 //! Who contributes to the map: names, and how each counts. The set is open: a stack lists its sources.
 
-use std::collections::BTreeSet;
 use std::fmt;
 use std::str::FromStr;
-use std::sync::{Mutex, PoisonError};
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Longest name of a source, bytes.
-const MAX_NAME: usize = 64;
-/// How many names there may be in one program: names come from logs, too, and are kept for good.
-const MAX_NAMES: usize = 4096;
+const MAX_NAME: usize = 32;
 
 /// A contributor to the world model, by name, as in the fields of a map: `cost.stereo`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Source(&'static str);
-
-/// Names that are no constants, each once. They are compared by content, so that their order here shows nowhere.
-static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+///
+/// It holds its name, so that it is copied like a number and any name that a log or a stack brings is one.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Source([u8; MAX_NAME]);
 
 impl Source {
     /// Obstacles from range images (A 3.1.1).
-    pub const STEREO: Source = Source("stereo");
+    pub const STEREO: Source = Source::padded(b"stereo");
     /// Colour models (A 3.1.2); the papers' "classification".
-    pub const COLOR: Source = Source("color");
+    pub const COLOR: Source = Source::padded(b"color");
     /// Terrain learned from range (A 3.2); the papers' "learning".
-    pub const TERRAIN: Source = Source("terrain");
+    pub const TERRAIN: Source = Source::padded(b"terrain");
     /// Classifier over image windows (A 3.3).
-    pub const CLASSIFIER: Source = Source("classifier");
+    pub const CLASSIFIER: Source = Source::padded(b"classifier");
     /// The bumper's switches.
-    pub const BUMPER: Source = Source("bumper");
+    pub const BUMPER: Source = Source::padded(b"bumper");
     /// The infrared range sensors.
-    pub const INFRARED: Source = Source("infrared");
+    pub const INFRARED: Source = Source::padded(b"infrared");
     /// The sources that come with the program, in the order that settles ties between them.
     pub const BUNDLED: [Source; 6] = [
         Source::STEREO,
@@ -48,36 +43,42 @@ impl Source {
         if name.is_empty() || name.len() > MAX_NAME || !name.bytes().all(valid) {
             return Err(SourceNameError { got: name.chars().take(MAX_NAME).collect() });
         }
-        if let Some(known) = Source::BUNDLED.into_iter().find(|source| source.0 == name) {
-            return Ok(known);
+        Ok(Source::padded(name.as_bytes()))
+    }
+
+    /// The name with zeros behind it, which no name contains: its order is that of the text.
+    const fn padded(name: &[u8]) -> Source {
+        let mut bytes = [0; MAX_NAME];
+        let mut at = 0;
+        while at < name.len() {
+            bytes[at] = name[at];
+            at += 1;
         }
-        let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = names.get(name) {
-            return Ok(Source(known));
-        }
-        if names.len() >= MAX_NAMES {
-            return Err(SourceNameError { got: name.to_owned() });
-        }
-        let name: &'static str = Box::leak(name.into());
-        names.insert(name);
-        Ok(Source(name))
+        Source(bytes)
     }
 
     /// As in the names of grid fields: `cost.stereo`.
-    pub const fn name(self) -> &'static str {
-        self.0
+    pub fn name(&self) -> &str {
+        let length = self.0.iter().position(|&byte| byte == 0).unwrap_or(MAX_NAME);
+        str::from_utf8(&self.0[..length]).unwrap_or_default()
+    }
+}
+
+impl fmt::Debug for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Source({})", self.name())
     }
 }
 
 impl fmt::Display for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.0)
+        f.write_str(self.name())
     }
 }
 
 /// Not the name of a source.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("\"{got}\" cannot name a source, expected 1 to 64 small letters, digits and underscores")]
+#[error("\"{got}\" cannot name a source, expected 1 to 32 small letters, digits and underscores")]
 pub struct SourceNameError {
     got: String,
 }
@@ -92,7 +93,7 @@ impl FromStr for Source {
 
 impl Serialize for Source {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.0)
+        serializer.serialize_str(self.name())
     }
 }
 
@@ -169,9 +170,10 @@ mod tests {
         assert_eq!((radar.name(), "radar_2".parse()), ("radar_2", Ok(radar)));
         for bad in ["", "Radar", "a b", "a.b", "ä"] {
             let error = bad.parse::<Source>().unwrap_err().to_string();
-            assert!(error.contains("expected 1 to 64 small letters"), "{error}");
+            assert!(error.contains("expected 1 to 32 small letters"), "{error}");
         }
-        assert!("x".repeat(65).parse::<Source>().is_err());
+        assert_eq!("x".repeat(32).parse::<Source>().unwrap().name(), "x".repeat(32));
+        assert!("x".repeat(33).parse::<Source>().is_err());
     }
 
     #[test]

@@ -30,7 +30,7 @@ pub struct WorldModel {
 }
 
 /// The input of each source that comes with the program.
-const NAMED_PORTS: [(Source, &str); 6] = [
+static NAMED_PORTS: [(Source, &str); 6] = [
     (Source::STEREO, "costs from range images: field cost.stereo, local frame"),
     (Source::COLOR, "costs of the colour models: field cost.color, local frame"),
     (Source::TERRAIN, "costs of terrain learned from range: field cost.terrain, local frame"),
@@ -72,7 +72,8 @@ impl Process for WorldModel {
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
-        let named = NAMED_PORTS.map(|(source, help)| (source, b.optional_input(source.name(), help)));
+        let named =
+            NAMED_PORTS.each_ref().map(|(source, help)| (*source, b.optional_input(source.name(), help)));
         let costs = b.optional_input(
             "costs",
             "costs of any sources: a field cost.<source> for each that the parameters list, local frame",
@@ -171,7 +172,7 @@ impl WorldModel {
         let sources: Vec<Source> =
             listed.weights.iter().map(|entry| entry.source).filter(|&source| fields(source)).collect();
         if sources.is_empty() {
-            let known: Vec<_> = listed.weights.iter().map(|entry| entry.source.name()).collect();
+            let known: Vec<_> = listed.weights.iter().map(|entry| entry.source.to_string()).collect();
             return Err(format!("costs: expected a field cost.<source> of {}", known.join(", ")));
         }
         sources.into_iter().try_for_each(|source| {
