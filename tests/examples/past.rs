@@ -20,6 +20,7 @@ use rcs_runtime::{
 use rcs_testkit::proto::CounterParams;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+use std::fmt::Write as _;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -211,9 +212,10 @@ impl Process for Follower {
 fn forty() -> Arc<Plan> {
     let mut text = "format = 1\nname = \"forty\"\n".to_owned();
     for i in 0..40 {
-        text += &format!("[[process]]\nname = \"p{i}\"\nplugin = \"follower\"\nsupervisor = \"viewer\"\n");
+        let _ =
+            writeln!(text, "[[process]]\nname = \"p{i}\"\nplugin = \"follower\"\nsupervisor = \"viewer\"");
         if i > 0 {
-            text += &format!("inputs = {{ input = \"/p{}/output\" }}\n", i - 1);
+            let _ = writeln!(text, "inputs = {{ input = \"/p{}/output\" }}", i - 1);
         }
     }
     let file = StackFile::parse("forty.toml", &text).unwrap();

@@ -14,6 +14,8 @@
 //! Written to `OUT_DIR`: the Rust types, their descriptors with our field options, and `messages.rs`, which includes the
 //! types and makes a `Payload` of each. A change of a plugin's `.proto` file rebuilds that plugin and what depends on it.
 
+#![expect(clippy::print_stdout, reason = "a build script tells cargo by its output")]
+
 use heck::ToUpperCamelCase;
 use prost_build::Config;
 use prost_types::{FileDescriptorProto, FileDescriptorSet};

@@ -86,8 +86,9 @@ impl Role {
             Role::Calibration => &["foxglove.CameraCalibration"],
             Role::Cloud => &["foxglove.PointCloud"],
             Role::Cost => &["foxglove.Grid", "foxglove.RawImage"],
-            Role::Depth | Role::Disparity => &["foxglove.RawImage", "foxglove.CompressedImage"],
-            Role::Image | Role::Labels => &["foxglove.RawImage", "foxglove.CompressedImage"],
+            Role::Depth | Role::Disparity | Role::Image | Role::Labels => {
+                &["foxglove.RawImage", "foxglove.CompressedImage"]
+            }
             Role::Goal => &["foxglove.PoseInFrame"],
             Role::Map => &["foxglove.Grid"],
             Role::Path => &["foxglove.PosesInFrame"],

@@ -131,7 +131,7 @@ impl Process for Quiet {
         Self { said: false }
     }
 
-    fn cycle(&mut self, _: &Self::Ports, _params: &Self::Params, cx: &mut Cycle<'_>) {
+    fn cycle(&mut self, (): &Self::Ports, _params: &Self::Params, cx: &mut Cycle<'_>) {
         if !self.said {
             self.said = true;
             cx.done("said all");

@@ -68,7 +68,7 @@ impl Column {
     pub(crate) fn at(self, map: &Map, options: &MapOptions, index: CellIndex) -> Option<f64> {
         let cell = map.grid().get(index)?;
         Some(match self.source() {
-            Some(source) => self.of_evidence(&map.evidence(source, index)),
+            Some(source) => self.of_evidence(map.evidence(source, index)),
             None if self.is_fused() => self.of_fused(&map.fused(index, &options.weights), options),
             None => self.of_cell(cell),
         })
@@ -81,9 +81,9 @@ impl Column {
         match self.source() {
             Some(source) => match map.layer(source) {
                 Some(layer) => layer.for_each_run(|_, _, cells| {
-                    numbers.extend(cells.iter().map(|evidence| self.of_evidence(evidence)));
+                    numbers.extend(cells.iter().map(|evidence| self.of_evidence(*evidence)));
                 }),
-                None => numbers.resize(side * side, self.of_evidence(&Evidence::NONE)),
+                None => numbers.resize(side * side, self.of_evidence(Evidence::NONE)),
             },
             None if self.is_fused() => {
                 let visit = |_, fused: Fused| numbers.push(self.of_fused(&fused, options));
@@ -107,7 +107,7 @@ impl Column {
         matches!(self, Column::FusedCost | Column::FusedConfidence | Column::Label | Column::SurestSource)
     }
 
-    fn of_evidence(self, evidence: &Evidence) -> f64 {
+    fn of_evidence(self, evidence: Evidence) -> f64 {
         match self {
             Column::Sequence(_) => f64::from(evidence.sequence),
             Column::Cost(_) => f64::from(evidence.cost),

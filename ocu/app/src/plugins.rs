@@ -160,7 +160,7 @@ fn default_text(value: &Value) -> String {
         Value::Float(number) => number.to_string(),
         Value::Int(number) => number.to_string(),
         Value::Bool(on) => on.to_string(),
-        Value::Enum { name, .. } => name.to_string(),
+        Value::Enum { name, .. } => name.clone(),
         _ => String::new(),
     }
 }

@@ -50,7 +50,7 @@ pub fn write(path: &Path, duration_s: f64) -> anyhow::Result<()> {
     let written: Arc<Mutex<Vec<(ChannelId, Sample)>>> = Arc::default();
     for name in RECORDED {
         let buffer = run.bus().get(name).with_context(|| format!("the drive has no buffer {name}"))?;
-        let channel = add_channel(&mut writer, &buffer)?;
+        let channel = add_channel(&mut writer, buffer)?;
         let written = Arc::clone(&written);
         buffer.tap(Box::new(move |sample: &Sample| {
             written.lock().unwrap_or_else(PoisonError::into_inner).push((channel, sample.clone()));

@@ -36,12 +36,12 @@ impl Process for Wheels {
         Self { braking: 0 }
     }
 
-    fn cycle(&mut self, _: &(), _params: &Self::Params, cx: &mut Cycle<'_>) {
+    fn cycle(&mut self, (): &(), _params: &Self::Params, cx: &mut Cycle<'_>) {
         self.braking = 0;
         cx.exec("drives");
     }
 
-    fn halt(&mut self, _: &(), _params: &Self::Params, cx: &mut Cycle<'_>) {
+    fn halt(&mut self, (): &(), _params: &Self::Params, cx: &mut Cycle<'_>) {
         self.braking += 1;
         if self.braking > 25 { cx.done("stands") } else { cx.exec("brakes") }
     }

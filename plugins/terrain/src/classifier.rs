@@ -316,7 +316,9 @@ impl Classifier {
             let local = site.frames.local;
             let grid = CostGrid::of(frame, placed.costs);
             let message = grid.map(|grid| grid.into_message(Source::CLASSIFIER, local, time));
-            message.into_iter().for_each(|message| cx.write(port, time, message));
+            if let Some(message) = message {
+                cx.write(port, time, message);
+            }
         }
         Ok(())
     }

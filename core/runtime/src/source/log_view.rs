@@ -134,7 +134,7 @@ impl LogView {
                 self.ahead = Some(message);
                 return Ok(());
             }
-            self.show(message);
+            self.show(&message);
         }
     }
 
@@ -149,7 +149,7 @@ impl LogView {
         if time > Stamp(0) {
             for message in self.log.latest_at(time.before_ns(1), None)?.into_iter().flatten() {
                 if !self.reassembly.takes(message.topic) {
-                    self.show(message);
+                    self.show(&message);
                 }
             }
         }
@@ -161,16 +161,16 @@ impl LogView {
         Ok(())
     }
 
-    fn show(&mut self, message: LogMessage) {
+    fn show(&mut self, message: &LogMessage) {
         if self.reassembly.takes(message.topic) {
-            if let Some(whole) = self.reassembly.take(&message) {
+            if let Some(whole) = self.reassembly.take(message) {
                 self.show_whole(whole);
             }
             return;
         }
         let Some(&index) = self.by_id.get(&message.topic) else { return };
         let encoded = AnyMessage::encoded(Arc::clone(&self.topics[index].schema), message.data.clone());
-        self.set_latest(index, &message, encoded);
+        self.set_latest(index, message, encoded);
     }
 
     fn show_whole(&mut self, whole: Reassembled) {

@@ -21,7 +21,7 @@ pub(super) fn run(
     args: &RunArgs,
     plan: Arc<Plan>,
     referee: Option<usize>,
-    acts: Vec<Act>,
+    acts: &[Act],
     out: &mut dyn Write,
 ) -> anyhow::Result<bool> {
     let base = stacks::options();
@@ -38,7 +38,7 @@ pub(super) fn run(
     let buffer = |name: &str| live.bus().get(name).cloned();
     let saves: Vec<_> = args.save.iter().map(|save| (save, buffer(&save.buffer))).collect();
     let referee = referee.and_then(|index| buffer(&live.plan().buffers[index].spec.name));
-    let mut failure = drive(&live, args.until, referee.as_ref(), &acts).err();
+    let mut failure = drive(&live, args.until, referee.as_ref(), acts).err();
     let stopped = live.stop()?;
     for (save, buffer) in saves {
         if let Err(error) = save_one(buffer.and_then(|buffer| buffer.latest()), &save.buffer, &save.path) {

@@ -48,7 +48,7 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
     }
     let acts = args.acts.as_deref().map(|path| acts::read(path, &plan)).transpose()?.unwrap_or_default();
     if args.live {
-        return live::run(args, plan, referee, acts, out);
+        return live::run(args, plan, referee, &acts, out);
     }
     let stack = Ready { args, plan, log, referee, acts };
     let seed = args.seed.unwrap_or(0);

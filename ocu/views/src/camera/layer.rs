@@ -164,7 +164,7 @@ impl Layer {
     pub(super) fn texture(
         &mut self,
         ctx: &Context,
-        tint: Tint,
+        tint: &Tint,
         options: TextureOptions,
         depth_step_m: f64,
     ) -> Option<TextureId> {
@@ -175,7 +175,7 @@ impl Layer {
         let (message, picture) = (self.message.clone()?, self.decoded.as_ref()?.as_ref().ok()?);
         let most = ctx.input(|input| input.max_texture_side);
         let key = (message, tint.clone(), options, unit_m.to_bits());
-        let make = || Some(picture.paint(&tint, range, most));
+        let make = || Some(picture.paint(tint, range, most));
         self.texture.get(ctx, key, options, make).map(egui::TextureHandle::id)
     }
 

@@ -168,7 +168,7 @@ impl Camera {
         let painter = ui.painter_at(canvas);
         let uv = Rect::from_min_max(egui::Pos2::ZERO, egui::Pos2::new(1.0, 1.0));
         let tint = layer::tint(topic, self.saved.palette);
-        if let Some(texture) = layer.texture(ui.ctx(), tint, options, self.saved.depth_step_m) {
+        if let Some(texture) = layer.texture(ui.ctx(), &tint, options, self.saved.depth_step_m) {
             painter.image(texture, rect, uv, egui::Color32::WHITE);
         }
         let mut shown = Vec::new();
@@ -187,7 +187,7 @@ impl Camera {
             layer.update(overlay);
             let tint = layer::tint(overlay, self.saved.palette);
             if let Some(texture) =
-                layer.texture(ui.ctx(), tint, TextureOptions::NEAREST, self.saved.depth_step_m)
+                layer.texture(ui.ctx(), &tint, TextureOptions::NEAREST, self.saved.depth_step_m)
             {
                 painter.image(texture, rect, uv, egui::Color32::WHITE.gamma_multiply(state.opacity));
                 shown.push(*overlay);

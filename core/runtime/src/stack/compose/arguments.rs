@@ -95,22 +95,19 @@ impl Arguments {
                     one_of(self.0.keys().map(String::as_str))
                 ));
             };
-            match (rest[..start].strip_suffix('"'), after.strip_prefix('"')) {
-                // The whole text is the argument: it takes the argument's type.
-                (Some(before), Some(after)) => {
-                    filled.push_str(before);
-                    filled.push_str(&value.to_string());
-                    rest = after;
-                }
-                _ => {
-                    filled.push_str(&rest[..start]);
-                    match value {
-                        toml::Value::String(text) => filled.push_str(text),
-                        other => filled.push_str(&other.to_string()),
-                    }
-                    rest = after;
-                }
+            // Where the whole text is the argument, it takes the argument's type.
+            if let (Some(before), Some(after)) = (rest[..start].strip_suffix('"'), after.strip_prefix('"')) {
+                filled.push_str(before);
+                filled.push_str(&value.to_string());
+                rest = after;
+                continue;
             }
+            filled.push_str(&rest[..start]);
+            match value {
+                toml::Value::String(text) => filled.push_str(text),
+                other => filled.push_str(&other.to_string()),
+            }
+            rest = after;
         }
         filled.push_str(rest);
         Ok(filled)

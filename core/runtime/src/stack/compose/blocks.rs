@@ -38,7 +38,7 @@ impl Block {
     }
 
     pub(super) fn text(&self) -> String {
-        self.lines.iter().map(|line| format!("{}\n", line.text)).collect()
+        self.lines.iter().flat_map(|line| [line.text.as_str(), "\n"]).collect()
     }
 
     /// The block as a value, which stands at `key`, in an array or not.
