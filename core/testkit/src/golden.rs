@@ -60,7 +60,8 @@ impl Trace {
         let path = Path::new(package).join("tests/golden").join(name);
         let said = |error: std::io::Error| format!("{}: {error}", path.display());
         if std::env::var_os("UPDATE_GOLDEN").is_some() {
-            return std::fs::write(&path, &self.text).err().map(said);
+            let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+            return folder.and_then(|()| std::fs::write(&path, &self.text)).err().map(said);
         }
         let expected = match std::fs::read_to_string(&path) {
             Ok(expected) => expected,
