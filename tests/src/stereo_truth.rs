@@ -42,7 +42,8 @@ goal = { zone = 18, easting = 308218.7, northing = 4333630.0 }
 
 impl Assets for Files {
     fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
-        let file = format!("assets/{kind}s/{name}.toml");
+        let folder = if kind == "part" { "stacks/part" } else { kind };
+        let file = format!("assets/{folder}s/{name}.toml");
         let text = match (kind, name) {
             ("world", "ditch") => DITCH_WORLD.to_owned(),
             ("course", "ditch") => DITCH_COURSE.to_owned(),
@@ -55,20 +56,16 @@ impl Assets for Files {
 
 /// The driver that knows the truth, with the eyes, stereo and obstacles of the stack `simulation`.
 fn begin(course: &str) -> Stepped {
-    let text = |name: &str| Files.read("stack", name, "").unwrap().text;
-    let sensing = text("simulation");
-    let parts = sensing.split("[[process]]").skip(1).filter(|part| {
-        ["eyes_", "stereo_", "obstacles_"]
-            .iter()
-            .any(|name| part.trim_start().starts_with(&format!("name = \"{name}")))
-    });
-    let mut stack = text("truth_driver");
-    for part in parts {
-        stack.push_str("\n[[process]]");
-        // Each eye's costs apart.
-        stack.push_str(&part.replace("outputs = { cost = \"/obstacles/cost\" }", ""));
+    let mut stack = Files.read("stack", "truth_driver", "").unwrap().text;
+    stack.push_str("\n[[process]]\nname = \"perception\"\nplugin = \"supervisor\"\nsupervisor = \"robot\"\n");
+    stack.push_str("as = \"auxiliary\"\n");
+    for side in ["left", "right"] {
+        // The costs of each pair apart.
+        let with = format!("side = \"{side}\", cost = \"/obstacles_{side}/cost\"");
+        let include = format!("\n[[include]]\npart = \"stereo_pair\"\nwith = {{ {with} }}\n");
+        stack.push_str(&include);
     }
-    let file = StackFile::parse("stereo_truth", &stack).unwrap_or_else(|error| panic!("{error}"));
+    let file = StackFile::compose("stereo_truth", &stack, &Files).unwrap_or_else(|error| panic!("{error}"));
     let options = PlanOptions { overrides: &[], course: Some(course), assets: &Files };
     let plan = Plan::with(file, rcs_plugins::all(), &options).unwrap_or_else(|error| panic!("{error}"));
     let mut run = Stepped::new(Arc::new(plan), None, RunOptions::default()).unwrap();

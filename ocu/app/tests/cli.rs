@@ -354,7 +354,7 @@ fn eval_color_refuses_what_does_not_fit() {
     check(
         &[&image, "--labels", &labels, "--apriori", "moss"],
         2,
-        "expected mulch, white_lime, orange_fence or a file",
+        "expected mulch, orange_fence, white_lime or a file",
     );
     check(&[&image, "--labels", &labels, "--apriori", &labels], 2, "cannot read the models");
     check(&[&image, "--labels", &labels, "--ignore-ids", "1,2,7,255"], 1, "have ignored ids");

@@ -277,11 +277,12 @@ fn the_operator_stops_learning_and_makes_it_forget() {
         session.write(ExternalEvent::operator("/color/command", message)).unwrap();
     };
     assert_eq!(go(&mut session, 900), (ColorLearning::ColorUpdated, 1));
-    command(&mut session, 1, "LEARN_OFF");
+    // The run began with the operator's RUN, whose serial was 1.
+    command(&mut session, 2, "LEARN_OFF");
     assert_eq!(go(&mut session, 2_400), (ColorLearning::ColorOffCommand, 1));
-    command(&mut session, 2, "LEARN_ON");
+    command(&mut session, 3, "LEARN_ON");
     assert_eq!(go(&mut session, 3_600), (ColorLearning::ColorUpdated, 2));
-    command(&mut session, 3, "CLEAR");
+    command(&mut session, 4, "CLEAR");
     // What is ahead now is the first ground again, and the only one.
     assert_eq!(go(&mut session, 3_900).1, 1);
 }

@@ -21,6 +21,13 @@ pub(super) struct Block {
 }
 
 impl Block {
+    /// Reads the header again, after the texts of the block have been changed.
+    pub(super) fn read_header(&mut self) {
+        if let Some(header) = self.lines.iter().find_map(|line| header_of(&line.text)) {
+            self.header = header;
+        }
+    }
+
     /// Whether it is a table, or an element of an array, at this key.
     pub(super) fn is(&self, key: &str) -> bool {
         first_key(&self.header) == key

@@ -98,6 +98,9 @@ fn expand(
             continue;
         }
         arguments.fill(&mut block)?;
+        if !block.is_head() {
+            block.read_header();
+        }
         if block.is("include") {
             blocks.extend(included(&block, assets, above)?);
         } else {
