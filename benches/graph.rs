@@ -4,7 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use rcs_msg::{foxglove, rcs};
-use rcs_runtime::{Cycle, In, NoCommands, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType, RecordOptions, Recording, RunOptions, StackFile, Stepped};
+use rcs_runtime::{
+    Cycle, In, NoCommands, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType, RecordOptions,
+    Recording, RunOptions, StackFile, Stepped,
+};
 use serde::{Deserialize, Serialize};
 
 /// Reads a pose, writes a pose (seven numbers, 67 bytes encoded), posts its status.
@@ -21,7 +24,13 @@ impl Process for Relay {
     type Params = rcs_msg::rcs::NoParams;
     type Ports = RelayPorts;
     type Command = NoCommands;
-    const DEF: ProcessDef = ProcessDef { plugin: "relay", summary: "Relays.", period_ms: 1.0, latency_ms: 0.0, reads_truth: false };
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "relay",
+        summary: "Relays.",
+        period_ms: 1.0,
+        latency_ms: 0.0,
+        reads_truth: false,
+    };
 
     fn ports(builder: &mut PortBuilder) -> RelayPorts {
         RelayPorts {
@@ -51,7 +60,8 @@ impl Process for Sink {
     type Params = rcs_msg::rcs::NoParams;
     type Ports = In<foxglove::Pose>;
     type Command = NoCommands;
-    const DEF: ProcessDef = ProcessDef { plugin: "sink", summary: "Reads.", period_ms: 1.0, latency_ms: 0.0, reads_truth: false };
+    const DEF: ProcessDef =
+        ProcessDef { plugin: "sink", summary: "Reads.", period_ms: 1.0, latency_ms: 0.0, reads_truth: false };
 
     fn ports(builder: &mut PortBuilder) -> In<foxglove::Pose> {
         builder.input("input", "Pose.")

@@ -277,7 +277,9 @@ impl TerrainLearner {
                 let grid = CostGrid::of(frame, costs);
                 let local = site(params).frames.local;
                 let message = grid.map(|grid| grid.into_message(Source::TERRAIN, local, time));
-                message.into_iter().for_each(|message| cx.write(&ports.cost, time, message));
+                if let Some(message) = message {
+                    cx.write(&ports.cost, time, message);
+                }
             }
         }
     }
