@@ -1,6 +1,6 @@
 //! What tests share.
 //!
-//! - [`bench`]: a stack that a test feeds and steps.
+//! - [`mod@bench`]: a stack that a test feeds and steps.
 //! - [`logs`]: logs made on the spot.
 //! - [`golden`]: traces of numbers beside committed ones.
 //! - [`data_dir`]: where recordings of others are found.
