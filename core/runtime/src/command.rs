@@ -116,10 +116,10 @@ impl<C: CommandSet> Order<C> {
 ///
 /// ```
 /// rcs_runtime::commands! {
-///     /// What the world model obeys.
-///     pub enum WorldModelCommand {
-///         Clear = "CLEAR": "Forget the whole map.",
-///         Weigh(rcs_msg::rcs::WorldModelParams) = "WEIGH": "Fuse with these weights.",
+///     /// The commands of a path planner.
+///     pub enum PlannerCommand {
+///         Stop = "STOP": "Plan no path.",
+///         Limit(rcs_msg::rcs::SpeedLimit) = "LIMIT": "Plan no faster than this.",
 ///     }
 /// }
 /// ```
