@@ -8,13 +8,33 @@ use std::path::PathBuf;
 /// Why a log cannot be opened, read or written: what, where, and what was expected.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
-    /// The file cannot be opened or created.
+    /// The file cannot be opened.
     #[error("cannot open the log: {source}: {path}")]
     Open {
         /// The file.
         path: PathBuf,
         /// What the system said.
         source: io::Error,
+    },
+    /// The file that was to be written cannot be created.
+    #[error("cannot write the recording: {source}: {path}")]
+    Create {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The file that was to be written is there already.
+    #[error("the file exists already; expected a new one, or leave to replace it: {path}")]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file that was to be written is being written by another recorder.
+    #[error("the file is being recorded to by another program or run: {path}")]
+    Busy {
+        /// The file.
+        path: PathBuf,
     },
     /// The file does not begin as an MCAP log does.
     #[error("not an mcap log: expected it to begin with 89 4d 43 41 50 30 0d 0a, got {got}: {path}")]

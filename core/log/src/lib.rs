@@ -40,6 +40,7 @@ mod find;
 mod identity;
 mod info;
 mod log;
+mod output;
 mod parse;
 mod reassembly;
 mod record;

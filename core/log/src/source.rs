@@ -2,7 +2,7 @@
 
 use crate::error::LogError;
 use bytes::Bytes;
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
@@ -23,11 +23,14 @@ enum Medium {
 impl Source {
     pub(crate) fn open(path: &Path) -> Result<Self, LogError> {
         let failed = |source| LogError::Open { path: path.to_owned(), source };
+        let regular = |metadata: &Metadata| {
+            metadata.is_file().then_some(()).ok_or_else(|| std::io::Error::other("expected a regular file"))
+        };
+        // Asked before it is opened, too: opening a pipe waits for whoever writes to it.
+        path.metadata().and_then(|metadata| regular(&metadata)).map_err(failed)?;
         let file = File::open(path).map_err(failed)?;
         let metadata = file.metadata().map_err(failed)?;
-        if !metadata.is_file() {
-            return Err(failed(std::io::Error::other("expected a regular file")));
-        }
+        regular(&metadata).map_err(failed)?;
         Ok(Self { bytes: Medium::File(file), length: metadata.len(), path: path.to_owned() })
     }
 

@@ -1,6 +1,7 @@
 //! Writing a log: zstd chunks that are closed by size and by time.
 
 use crate::error::LogError;
+use crate::output::Output;
 use mcap::McapError;
 use mcap::records::MessageHeader;
 use rcs_msg::{Schema, Stamp};
@@ -50,6 +51,8 @@ pub struct WriterOptions {
     pub chunk_age: Duration,
     /// The clock for `chunk_age`; the system's monotonic clock by default.
     pub clock: Clock,
+    /// Whether a file that is there already may be replaced; otherwise it is an error.
+    pub replace: bool,
 }
 
 impl Default for WriterOptions {
@@ -64,6 +67,7 @@ impl Default for WriterOptions {
             // A little under a second: closing and writing a chunk takes time of its own.
             chunk_age: Duration::from_millis(900),
             clock: Arc::new(move || start.elapsed()),
+            replace: false,
         }
     }
 }
@@ -146,16 +150,31 @@ pub struct LogWriter {
 }
 
 impl LogWriter {
-    /// Creates or replaces the file at `path`.
+    /// Creates the file at `path`. One that is there is replaced only where the options say so, and goes when the new
+    /// one has begun; one that another recorder writes is refused.
     pub fn create(path: impl AsRef<Path>, options: WriterOptions) -> Result<Self, LogError> {
         let path = path.as_ref().to_owned();
-        let file = File::create(&path).map_err(|source| LogError::Open { path: path.clone(), source })?;
-        Self::with_sink(Box::new(BufWriter::with_capacity(1 << 16, file)), path, options)
+        let mut output = Output::create(&path, options.replace)?;
+        let failed = |source| LogError::Create { path: path.clone(), source };
+        let file = output.take_file().ok_or_else(|| failed(io::Error::other("no file was made")))?;
+        let sink = Box::new(BufWriter::with_capacity(1 << 16, file));
+        let log = Self::with_sink(sink, path.clone(), options)?;
+        output.begun().map_err(failed)?;
+        Ok(log)
     }
 
     /// Writes into `sink`; errors name `path`.
     pub fn with_sink(sink: Box<dyn Sink>, path: PathBuf, options: WriterOptions) -> Result<Self, LogError> {
-        let WriterOptions { profile, build, mut metadata, compress, chunk_bytes, chunk_age, clock } = options;
+        let WriterOptions {
+            profile,
+            build,
+            mut metadata,
+            compress,
+            chunk_bytes,
+            chunk_age,
+            clock,
+            replace: _,
+        } = options;
         let written = Arc::new(AtomicU64::new(0));
         let counted = Counted { sink, written: Arc::clone(&written) };
         let writer = mcap::WriteOptions::new()

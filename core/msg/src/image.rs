@@ -2,6 +2,7 @@
 
 use crate::any::AnyMessage;
 use crate::foxglove::{CompressedImage, RawImage};
+use crate::guard::guarded;
 use ::image::{ColorType, DynamicImage, ImageReader, Limits};
 use bytes::Bytes;
 use std::io::Cursor;
@@ -119,7 +120,7 @@ fn decode(data: &Bytes) -> Result<DynamicImage, ImageError> {
         .with_guessed_format()
         .map_err(|error| failed(error.to_string()))?;
     reader.limits(limits);
-    reader.decode().map_err(|error| failed(error.to_string()))
+    guarded(|| reader.decode().map_err(|error| error.to_string())).and_then(|image| image).map_err(failed)
 }
 
 fn raw(source: &CompressedImage, image: DynamicImage) -> Result<RawImage, ImageError> {

@@ -9,6 +9,7 @@
 //! - [`canonical`]: the one registry of conversions, from foreign messages to ours.
 //! - [`classes`]: names and colours of the values of a label image.
 //! - [`DeltaCodec`]: messages of a type stored as key frames and what changed between them.
+//! - [`guard`]: what keeps a reader of foreign bytes from ending the program.
 //! - [`params`]: parameters as messages: their units, ranges, defaults. [`image`], [`points()`]: pixels and points.
 
 mod any;
@@ -16,6 +17,7 @@ pub mod classes;
 mod convert;
 mod delta;
 mod edit;
+pub mod guard;
 mod header;
 pub mod image;
 mod json;

@@ -53,6 +53,8 @@ pub struct LiveOptions {
     pub record: Option<PathBuf>,
     /// What is recorded.
     pub what: RecordWhat,
+    /// Whether a file that is there already may be replaced.
+    pub replace: bool,
     /// A process hangs when a cycle lasts longer than this, and than ten of its periods.
     pub hang_limit: Duration,
     /// How long stopping waits for cycles that go on.
@@ -65,6 +67,7 @@ impl Default for LiveOptions {
             run: RunOptions::default(),
             record: None,
             what: RecordWhat::default(),
+            replace: false,
             hang_limit: Duration::from_secs(2),
             stop_limit: Duration::from_secs(5),
         }
@@ -111,8 +114,12 @@ impl Live {
         let runtime_writer = |name: &str| machine.buffer(name).map(|buffer| buffer.writer(WriterId::RUNTIME));
         let unix_ns = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
         let (schedule, timing) = (runtime_writer(names::SCHEDULE)?, runtime_writer(names::TIMING)?);
-        let record =
-            RecordOptions { lossless: false, build: options.run.build.clone(), what: options.what.clone() };
+        let record = RecordOptions {
+            lossless: false,
+            build: options.run.build.clone(),
+            what: options.what.clone(),
+            replace: options.replace,
+        };
         let recording = match &options.record {
             Some(path) => Some(Recording::start(path, &machine.plan, &machine.buffers, &record)?),
             None => None,

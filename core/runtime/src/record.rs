@@ -21,6 +21,8 @@ pub struct RecordOptions {
     pub build: String,
     /// What of the run is recorded.
     pub what: RecordWhat,
+    /// Whether a file that is there already may be replaced.
+    pub replace: bool,
 }
 
 /// What of a run is recorded. The run's identity, its journal and its schedule always are: they repeat it.
@@ -89,6 +91,7 @@ impl Recording {
         let writer_options = WriterOptions {
             build: options.build.clone(),
             metadata: about.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),
+            replace: options.replace,
             ..WriterOptions::default()
         };
         let mode = if options.lossless { RecorderMode::Lossless } else { RecorderMode::Live };

@@ -3,7 +3,41 @@
 use crate::bundled;
 use crate::layout::looks_like_path;
 use rcs_runtime::{Asset, Assets};
-use std::path::Path;
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// Larger files are refused: no person writes one, and some files never end.
+const TEXT_LIMIT: u64 = 64 << 20;
+
+static FILES_READ: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// Every text file that this program has read by now: none of them is to be written to.
+pub(crate) fn files_read() -> Vec<PathBuf> {
+    FILES_READ.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
+}
+
+/// The text of a file that a person wrote. Pipes, devices and very large files are refused: they may never end.
+pub(crate) fn read_text(path: &Path) -> Result<String, String> {
+    let metadata = path.metadata().map_err(|error| error.to_string())?;
+    if !metadata.is_file() {
+        return Err("expected a regular file".to_owned());
+    }
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(|error| error.to_string())?;
+    file.take(TEXT_LIMIT + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    if bytes.len() as u64 > TEXT_LIMIT {
+        return Err(format!("expected a text of at most {} MiB", TEXT_LIMIT >> 20));
+    }
+    FILES_READ.lock().unwrap_or_else(PoisonError::into_inner).insert(path.to_owned());
+    String::from_utf8(bytes).map_err(|error| {
+        let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = good.iter().filter(|byte| **byte == b'\n').count() + 1;
+        format!("line {line} is no text in UTF-8")
+    })
+}
 
 /// Bundled files by name, and any other by its path.
 #[derive(Clone, Copy, Debug)]
@@ -19,8 +53,8 @@ impl Assets for ProgramAssets {
         if looks_like_path(name) {
             let path = Path::new(beside).parent().unwrap_or(Path::new("")).join(name);
             let file = path.display().to_string();
-            let text = std::fs::read_to_string(&path)
-                .map_err(|error| format!("cannot read the {kind}: {error}: {file}"))?;
+            let text =
+                read_text(&path).map_err(|error| format!("cannot read the {kind}: {error}: {file}"))?;
             return Ok(Asset { file, text });
         }
         let names = bundled::names(kind).join(", ");

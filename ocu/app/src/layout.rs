@@ -12,6 +12,7 @@
 //! )
 //! ```
 
+use crate::assets::read_text;
 use crate::bundled;
 use ocu_views::{SavedState, view_type};
 use rcs_runtime::source::{Frame, SourceKind};
@@ -106,7 +107,7 @@ impl Layout {
 
     /// Reads a layout file.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
-        let text = std::fs::read_to_string(path)
+        let text = read_text(path)
             .map_err(|error| crate::usage(format!("cannot read the layout: {error}: {}", path.display())))?;
         Ok(Self::parse(&path.display().to_string(), &text)?)
     }

@@ -14,6 +14,7 @@ pub mod info;
 pub mod layout;
 pub mod offscreen;
 pub mod open;
+mod output;
 pub mod past_args;
 pub mod plugins;
 pub mod render;
@@ -69,7 +70,7 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
         Some(Command::Diff(args)) => diff::diff(args, out),
         Some(Command::Info(args)) => info::info(args, out).map(|()| true),
         Some(Command::Render(args)) => render::render(args).map(|()| true),
-        Some(Command::Sample(args)) => sample::write(&args.path, args.duration).map(|()| true),
+        Some(Command::Sample(args)) => sample::sample(args).map(|()| true),
         Some(Command::Eval(command)) => eval::eval(command, out).map(|()| true),
         Some(Command::Plugins(args)) => plugins::plugins(args, out).map(|()| true),
         Some(Command::Stack(command)) => stack_tool::stack(command, out),

@@ -4,11 +4,13 @@ use crate::cli::{RenderArgs, Size};
 use crate::layout::Layout;
 use crate::offscreen::Painter;
 use crate::open::Request;
+use crate::output::{self, Files};
 use crate::usage;
 use crate::window::Window;
 use anyhow::Context as _;
 use image::RgbaImage;
 use rcs_runtime::source::{Frame, Task};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -19,6 +21,12 @@ const LEAST_PASSES: usize = 3;
 
 /// Draws the picture and writes it.
 pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
+    let mut files = Files::new(args.force);
+    let texts = [&args.stack, &args.course].into_iter().flatten().map(std::path::Path::new);
+    for path in args.log.iter().map(PathBuf::as_path).chain(texts).chain([args.layout.as_ref()]) {
+        files.reads("a file that is read", path);
+    }
+    files.writes("--output", &args.output)?;
     let layout = Layout::named(&args.layout)?;
     let request = Request {
         log: args.log.clone(),
@@ -30,9 +38,9 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     let frame = Arc::new(frame_at(&request, args.at)?);
     let theme = if args.light { egui::Theme::Light } else { egui::Theme::Dark };
     let picture = picture(&request, &frame, &layout, args.size, theme)?;
-    picture
-        .save_with_format(&args.output, image::ImageFormat::Png)
-        .with_context(|| format!("cannot write the picture: {}", args.output.display()))
+    let mut png = std::io::Cursor::new(Vec::new());
+    picture.write_to(&mut png, image::ImageFormat::Png).context("cannot compress the picture")?;
+    output::write(&args.output, png.get_ref(), args.force)
 }
 
 /// Everything that can be known of a source `at_s` seconds after its start, tracks of all of it among them.

@@ -5,6 +5,8 @@
 //! on every run.
 
 use crate::assets::ProgramAssets;
+use crate::cli::SampleArgs;
+use crate::output::Files;
 use anyhow::Context as _;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
@@ -34,8 +36,14 @@ const RECORDED: [&str; 9] = [
 ];
 const JPEG_QUALITY: u8 = 92;
 
-/// Writes the recording to `path`: the first `duration_s` of the drive.
-pub fn write(path: &Path, duration_s: f64) -> anyhow::Result<()> {
+/// Writes the recording.
+pub fn sample(args: &SampleArgs) -> anyhow::Result<()> {
+    Files::new(args.force).writes("the recording", &args.path)?;
+    write(&args.path, args.duration, args.force)
+}
+
+/// Writes the recording to `path`: the first `duration_s` of the drive. A file that is there is replaced only by `force`.
+pub fn write(path: &Path, duration_s: f64, force: bool) -> anyhow::Result<()> {
     let options = PlanOptions { overrides: &[], course: None, assets: &ProgramAssets };
     let file = StackFile::parse("sample_drive.toml", DRIVE)?;
     let plan = Arc::new(Plan::with(file, rcs_plugins::all(), &options)?);
@@ -44,6 +52,7 @@ pub fn write(path: &Path, duration_s: f64) -> anyhow::Result<()> {
     let options = WriterOptions {
         build: crate::BUILD.to_owned(),
         clock: Arc::new(|| Duration::ZERO),
+        replace: force,
         ..WriterOptions::default()
     };
     let mut writer = LogWriter::create(path, options)?;
@@ -104,8 +113,8 @@ mod tests {
     fn recording_is_small_and_the_same_on_every_run() {
         let dir = tempfile::tempdir().unwrap();
         let (a, b) = (dir.path().join("a.mcap"), dir.path().join("b.mcap"));
-        write(&a, 2.0).unwrap();
-        write(&b, 2.0).unwrap();
+        write(&a, 2.0, false).unwrap();
+        write(&b, 2.0, false).unwrap();
         let bytes = std::fs::read(&a).unwrap();
         assert!(bytes.len() < 1_000_000, "{} bytes for 2 s", bytes.len());
         assert!(bytes == std::fs::read(&b).unwrap(), "the two recordings differ");

@@ -1,6 +1,6 @@
 //! The stacks that come with the program, and sources made from them.
 
-use crate::assets::ProgramAssets;
+use crate::assets::{ProgramAssets, read_text};
 use crate::bundled;
 use crate::layout::looks_like_path;
 use crate::open::Request;
@@ -42,7 +42,7 @@ pub fn named(spec: &str) -> anyhow::Result<StackFile> {
             bundled::names("stack").join(", ")
         )));
     }
-    let text = std::fs::read_to_string(spec)
+    let text = read_text(Path::new(spec))
         .map_err(|error| usage(format!("cannot read the stack: {error}: {spec}")))?;
     Ok(read(spec, &text)?)
 }

@@ -17,7 +17,7 @@ fn ocu(args: &[&str]) -> (i32, String, String) {
 fn recording() -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("drive.mcap");
-    ocu_app::sample::write(&path, 2.0).unwrap();
+    ocu_app::sample::write(&path, 2.0, false).unwrap();
     (dir, path)
 }
 

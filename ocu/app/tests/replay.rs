@@ -101,8 +101,8 @@ fn a_run_on_a_log_replays_on_a_copy_of_it_and_refuses_another() {
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let (drive, copy, other, out) =
         (path("drive.mcap"), path("copy.mcap"), path("other.mcap"), path("run.mcap"));
-    ocu_app::sample::write(drive.as_ref(), 2.0).unwrap();
-    ocu_app::sample::write(other.as_ref(), 1.0).unwrap();
+    ocu_app::sample::write(drive.as_ref(), 2.0, false).unwrap();
+    ocu_app::sample::write(other.as_ref(), 1.0, false).unwrap();
     std::fs::copy(&drive, &copy).unwrap();
     let args = ["run", "--stack", "sample", "--log", &drive, "--record", &out, "--json", "--seed", "3"];
     let recorded = run(&[&args[..], &["--record-what", "journal"]].concat(), 0);

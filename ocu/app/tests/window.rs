@@ -18,7 +18,7 @@ const PATIENCE: Duration = Duration::from_mins(1);
 /// A recording of about three seconds in a folder of its own.
 fn recording(dir: &Path) -> Request {
     let path = dir.join("drive.mcap");
-    ocu_app::sample::write(&path, 3.0).unwrap();
+    ocu_app::sample::write(&path, 3.0, false).unwrap();
     Request { log: Some(path), ..Request::default() }
 }
 

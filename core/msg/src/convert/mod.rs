@@ -25,6 +25,7 @@ mod navigation;
 mod pose;
 
 use crate::any::AnyMessage;
+use crate::guard::guarded;
 use crate::reader::Reader;
 use crate::reader::cdr::{CdrError, Cursor};
 use crate::schema::{Known, MessageEncoding, Schema, registry};
@@ -83,11 +84,15 @@ pub fn canonical(topic_schema: &Schema, bytes: &Bytes) -> Option<Result<AnyMessa
     let malformed =
         |reason: String| ConvertError::Malformed { schema: topic_schema.name().to_owned(), reason };
     if let Some(known) = ours(topic_schema) {
-        return Some((known.decode)(bytes.clone()).map_err(|error| malformed(error.to_string())));
+        let message = guarded(|| (known.decode)(bytes.clone()).map_err(|error| error.to_string()));
+        return Some(message.and_then(|message| message).map_err(malformed));
     }
     Some(conversion(topic_schema)?.and_then(|conversion| {
-        let message = Source::new(bytes).and_then(|mut source| (conversion.convert)(&mut source));
-        message.map_err(|error| malformed(error.to_string()))
+        let message = guarded(|| {
+            let message = Source::new(bytes).and_then(|mut source| (conversion.convert)(&mut source));
+            message.map_err(|error| error.to_string())
+        });
+        message.and_then(|message| message).map_err(malformed)
     }))
 }
 

@@ -1,11 +1,13 @@
 //! Readers: from the bytes of a message to a [`Value`], by the schema that came with it.
 
 pub(crate) mod cdr;
+mod editions;
 mod json;
 pub(crate) mod protobuf;
 pub(crate) mod rosmsg;
 
 use crate::any::AnyMessage;
+use crate::guard::guarded;
 use crate::schema::{MessageEncoding, Schema, registry};
 use crate::value::Value;
 use bytes::Bytes;
@@ -70,12 +72,18 @@ pub(crate) enum Reader {
 }
 
 impl Reader {
+    /// Whatever the schema holds, and whatever the library behind the reader makes of it, the answer is a reader or a
+    /// reason.
     pub(crate) fn new(schema: &Schema) -> Result<Self, DecodeError> {
         let fail = |reason: String| DecodeError::NoReader {
             schema: schema.name().to_owned(),
             encoding: schema.message_encoding().name().to_owned(),
             reason,
         };
+        guarded(|| Self::of(schema, fail)).unwrap_or_else(|reason| Err(fail(reason)))
+    }
+
+    fn of(schema: &Schema, fail: impl Fn(String) -> DecodeError) -> Result<Self, DecodeError> {
         match schema.message_encoding() {
             MessageEncoding::Protobuf => descriptor(schema).map(Self::Protobuf).map_err(fail),
             MessageEncoding::Cdr if schema.schema_encoding() == "ros2msg" => {
@@ -103,7 +111,9 @@ fn descriptor(schema: &Schema) -> Result<MessageDescriptor, String> {
     if let Some(descriptor) = registry().descriptor(schema.name()).filter(|_| ours) {
         return Ok(descriptor);
     }
-    let pool = DescriptorPool::decode(schema.data().clone())
+    let rewritten = editions::without_editions(schema.data())?;
+    let data = rewritten.map_or_else(|| schema.data().clone(), Bytes::from);
+    let pool = DescriptorPool::decode(data)
         .map_err(|error| format!("its descriptor set does not decode: {error}"))?;
     pool.get_message_by_name(schema.name()).ok_or_else(|| "its descriptor set does not define it".to_owned())
 }
@@ -116,12 +126,13 @@ impl Schema {
 
     /// The message as a tree. Large arrays share the bytes given.
     pub fn value(&self, bytes: &Bytes) -> Result<Value, DecodeError> {
-        let value = match self.reader()? {
+        let reader = self.reader()?;
+        let value = guarded(|| match reader {
             Reader::Protobuf(descriptor) => protobuf::decode(descriptor, bytes),
             Reader::Cdr(layout) => cdr::decode(layout, bytes).map_err(|error| error.to_string()),
             Reader::Json => json::decode(bytes),
-        };
-        value.map_err(|reason| self.malformed(reason))
+        });
+        value.and_then(|value| value).map_err(|reason| self.malformed(reason))
     }
 
     /// The bytes of a tree. Fields that are absent or not named keep their defaults. Protobuf only.

@@ -3,6 +3,7 @@
 //! A JSON list: `[{"at_s": 1.5, "buffer": "/operator/teleop", "message": {"speed_mps": 0.5}, "every_s": 0.05,
 //! "until_s": 3}]`. A message is protobuf's JSON. Of a parameter message only those fields are given that change.
 
+use crate::assets::read_text;
 use crate::usage;
 use rcs_msg::{AnyMessage, params};
 use rcs_runtime::{ExternalEvent, Plan, ProcessPlan};
@@ -43,8 +44,7 @@ struct Entry {
 /// Reads a file of acts and checks them against the stack; in the order of their times.
 pub(super) fn read(path: &Path, plan: &Plan) -> anyhow::Result<Vec<Act>> {
     let refused = |text: String| usage(format!("{text}: {}", path.display()));
-    let text =
-        std::fs::read_to_string(path).map_err(|error| refused(format!("cannot read the acts: {error}")))?;
+    let text = read_text(path).map_err(|error| refused(format!("cannot read the acts: {error}")))?;
     let entries: Vec<Entry> =
         serde_json::from_str(&text).map_err(|error| refused(format!("the acts cannot be read: {error}")))?;
     let mut acts = Vec::new();

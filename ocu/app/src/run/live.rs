@@ -31,6 +31,7 @@ pub(super) fn run(
         run: RunOptions { seed, threads, hash: true, ..base },
         record: args.record.clone(),
         what: what(args),
+        replace: args.force,
         ..LiveOptions::default()
     };
     let live = Live::start(plan, &options).context("the stack cannot run")?;
@@ -41,7 +42,8 @@ pub(super) fn run(
     let mut failure = drive(&live, args.until, referee.as_ref(), acts).err();
     let stopped = live.stop()?;
     for (save, buffer) in saves {
-        if let Err(error) = save_one(buffer.and_then(|buffer| buffer.latest()), &save.buffer, &save.path) {
+        let newest = buffer.and_then(|buffer| buffer.latest());
+        if let Err(error) = save_one(newest, &save.buffer, &save.path, args.force) {
             failure.get_or_insert(error);
         }
     }

@@ -6,6 +6,8 @@ mod replay;
 mod report;
 
 use crate::cli::{RunArgs, Save};
+use crate::layout::looks_like_path;
+use crate::output::{self, Files};
 use crate::runs::{self, RunReport};
 use crate::{BUILD, stacks, usage};
 use acts::Act;
@@ -22,10 +24,12 @@ use std::time::Instant;
 
 /// Runs the stack, as often as it was asked for, and prints what came of it; `false` if a run failed.
 pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
+    let files = check_files(args)?;
     if let Some(recording) = &args.replay {
-        return replay::run(args, recording, out);
+        return replay::run(args, recording, files, out);
     }
     let plan = plan(args)?;
+    check_assets(args, files)?;
     let log = args.log.as_ref().map(stacks::open_log).transpose()?;
     let referee = runs::referee(&plan);
     if log.is_none() && args.until.is_none() && referee.is_none() {
@@ -66,6 +70,36 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
     done.print(args.json, out)
 }
 
+/// The files that the arguments name; refuses outputs onto any of them, before anything is opened.
+fn check_files(args: &RunArgs) -> anyhow::Result<Files> {
+    let mut files = Files::new(args.force);
+    let named =
+        [("the log", &args.log), ("the recording that is repeated", &args.replay), ("--acts", &args.acts)];
+    for (what, path) in named {
+        path.iter().for_each(|path| files.reads(what, path));
+    }
+    for (what, name) in [("the stack", &args.stack), ("the course", &args.course)] {
+        name.iter().filter(|name| looks_like_path(name)).for_each(|name| files.reads(what, Path::new(name)));
+    }
+    check_outputs(args, files.clone())?;
+    Ok(files)
+}
+
+fn check_outputs(args: &RunArgs, mut files: Files) -> anyhow::Result<()> {
+    if let Some(path) = &args.record {
+        files.writes("--record", path)?;
+    }
+    args.save.iter().try_for_each(|save| files.writes(&format!("--save {}", save.buffer), &save.path))
+}
+
+/// Refuses outputs onto files that the stack or the course named.
+fn check_assets(args: &RunArgs, mut files: Files) -> anyhow::Result<()> {
+    for path in crate::assets::files_read() {
+        files.reads("a file that the stack names", &path);
+    }
+    check_outputs(args, files)
+}
+
 /// The stack that the arguments name, with their course and parameters.
 fn plan(args: &RunArgs) -> anyhow::Result<Arc<Plan>> {
     let stack =
@@ -87,7 +121,8 @@ fn has_buffer(plan: &Plan, name: &str) -> bool {
 /// Begins to record a stepped run, where that is asked for.
 fn record(args: &RunArgs, run: &Stepped) -> anyhow::Result<Option<Recording>> {
     let Some(path) = &args.record else { return Ok(None) };
-    let options = RecordOptions { lossless: true, build: BUILD.to_owned(), what: what(args) };
+    let options =
+        RecordOptions { lossless: true, build: BUILD.to_owned(), what: what(args), replace: args.force };
     Ok(Some(Recording::start(path, run.plan(), run.buffers(), &options)?))
 }
 
@@ -127,7 +162,7 @@ impl Done {
         {
             failure.get_or_insert(error.into());
         }
-        if let Err(error) = save(run, &args.save) {
+        if let Err(error) = save(run, args) {
             failure.get_or_insert(error);
         }
         let outcome = if failure.is_some() { Outcome::Error } else { outcome };
@@ -188,18 +223,17 @@ impl Ready<'_> {
 }
 
 /// Writes the newest messages of the buffers that `--save` names.
-fn save(run: &Stepped, saves: &[Save]) -> anyhow::Result<()> {
-    for Save { buffer, path } in saves {
+fn save(run: &Stepped, args: &RunArgs) -> anyhow::Result<()> {
+    for Save { buffer, path } in &args.save {
         let newest = run.buffers().iter().find(|candidate| candidate.name() == buffer);
-        save_one(newest.and_then(|buffer| buffer.latest()), buffer, path)?;
+        save_one(newest.and_then(|buffer| buffer.latest()), buffer, path, args.force)?;
     }
     Ok(())
 }
 
 /// Writes one message to a file, as JSON.
-fn save_one(newest: Option<rcs_bus::Sample>, buffer: &str, path: &Path) -> anyhow::Result<()> {
+fn save_one(newest: Option<rcs_bus::Sample>, buffer: &str, path: &Path, force: bool) -> anyhow::Result<()> {
     let sample =
         newest.with_context(|| format!("nothing was ever written to {buffer}: it cannot be saved"))?;
-    let text = rcs_msg::to_json(&sample.message)?;
-    std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
+    output::write(path, rcs_msg::to_json(&sample.message)?.as_bytes(), force)
 }

@@ -1,9 +1,10 @@
 //! `ocu run --replay`: a recorded run again, compared with what was recorded.
 
 use super::report::{Comparison, Outcome};
-use super::{Done, overrides, plan, record};
+use super::{Done, check_assets, overrides, plan, record};
 use crate::assets::ProgramAssets;
 use crate::cli::RunArgs;
+use crate::output::Files;
 use crate::stacks;
 use anyhow::Context as _;
 use rcs_log::Log;
@@ -14,7 +15,12 @@ use std::path::Path;
 use std::time::Instant;
 
 /// Repeats a recorded run and prints what `ocu run` prints, and whether it was as recorded; `false` if it was not.
-pub(super) fn run(args: &RunArgs, recording: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
+pub(super) fn run(
+    args: &RunArgs,
+    recording: &Path,
+    files: Files,
+    out: &mut dyn Write,
+) -> anyhow::Result<bool> {
     let recording = Log::open(recording)?;
     let recorded = RecordedRun::read(&recording, rcs_plugins::all())?;
     for problem in recorded.problems() {
@@ -24,6 +30,7 @@ pub(super) fn run(args: &RunArgs, recording: &Path, out: &mut dyn Write) -> anyh
         Some(_) => plan(args)?,
         None => recorded.plan_with(rcs_plugins::all(), &overrides(args), &ProgramAssets)?,
     };
+    check_assets(args, files)?;
     recorded.check(&asked, args.seed)?;
     let log = args.log.as_ref().map(stacks::open_log).transpose()?;
     let base = stacks::options();

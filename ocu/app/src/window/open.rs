@@ -4,6 +4,7 @@ use crate::layout::write_whole;
 use crate::open::Request;
 use crate::say;
 use ocu_ui::{icons, tokens, widgets};
+use rcs_msg::guard::guarded;
 use rcs_runtime::source::Source;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
@@ -51,8 +52,10 @@ impl Opener {
         let (sender, receiver) = channel();
         let (ctx, what) = (self.ctx.clone(), request.clone());
         let spawned = thread::Builder::new().name("open".to_owned()).spawn(move || {
+            let opened = guarded(|| what.open());
+            let opened = opened.unwrap_or_else(|said| Err(anyhow::anyhow!("it cannot be opened: {said}")));
             // Nobody listens any more if another request came first.
-            let _ = sender.send(what.open());
+            let _ = sender.send(opened);
             ctx.request_repaint();
         });
         if let Err(error) = spawned {

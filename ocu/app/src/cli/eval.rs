@@ -1,0 +1,159 @@
+//! `ocu eval`.
+
+use super::values::{Param, parse_param, parse_seconds};
+use clap::{Args, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+pub(super) const EVAL_EXAMPLE: &str = "Examples:\n  \
+    ocu eval stereo --left left.png --right right.png --truth disparity.pfm\n  \
+    ocu eval color --image path_*.png --labels labels_*.png --ground-ids 1,4";
+
+/// The methods that can be measured.
+#[derive(Debug, Subcommand)]
+pub enum EvalCommand {
+    /// Disparities of a pair of images: quality against a truth, density and time
+    Stereo(EvalStereoArgs),
+    /// Colour models of ground and background: quality against labelled images, and time
+    Color(EvalColorArgs),
+    /// Label images of a recording, or of a stack that runs on it, against true ones
+    Classify(EvalClassifyArgs),
+}
+
+/// `ocu eval stereo`
+#[derive(Debug, Clone, Args)]
+#[command(
+    after_help = "Example:\n  ocu eval stereo --left left.png --right right.png --truth disparity.pfm \\\n    \
+                        --disparities 64 --method sgm --json\n\n\
+                        With a truth, all figures are over pixels seen by both eyes: those that have truth, lie at \
+                        x >= the number of disparities, and of which no other pixel of the row with a disparity \
+                        larger by more than 1 claims the same column of the right image. bad2_valid_pct is of \
+                        pixels with a disparity; in bad2_dense_pct a pixel without one counts as bad.\n\n\
+                        A calibration is a TOML file with tables [left] and [right], each with width, height, k (9 \
+                        numbers), model, d, r (9) and p (12), as in calibration messages; the images are then \
+                        rectified first."
+)]
+pub struct EvalStereoArgs {
+    /// Left image
+    #[arg(long, value_name = "L")]
+    pub left: PathBuf,
+    /// Right image, of the same size
+    #[arg(long, value_name = "R")]
+    pub right: PathBuf,
+    /// Calibration of both cameras, a TOML file; without it, the images are taken as rectified
+    #[arg(long, value_name = "C")]
+    pub calib: Option<PathBuf>,
+    /// True disparities of the (rectified) left image: PFM, 16-bit PNG in 1/256 pixel, or NPZ
+    #[arg(long, value_name = "T")]
+    pub truth: Option<PathBuf>,
+    /// Disparities that are tried, pixels: a multiple of 16, from 16 to 256
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    pub disparities: usize,
+    /// Method
+    #[arg(long, value_enum, default_value_t = StereoMethod::Bm)]
+    pub method: StereoMethod,
+    /// Threads to match on; semi-global matching uses one
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: u16,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ocu eval color`
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  ocu eval color --image 1.png 2.png --labels 1_labels.png 2_labels.png \\\n    \
+                        --ground-ids 1,4 --apriori orange_fence --json\n\n\
+                        The images are taken in order. From each, the models learn before it is classified: ground \
+                        from a trapezoid at the bottom centre (from 68 % to 96 % of the height; 20 % of the width \
+                        at its top, 40 % at its bottom), background from random pixels above the horizon and up to \
+                        50 pixels below it in the first image, and from what the models call background later. A \
+                        trapezoid whose colours differ from all models becomes a model at once, up to 5. There is \
+                        no fusion over time: images of one's own need not be a sequence.\n\n\
+                        Counted is every pixel of the label images but those with an ignored id. Ground is what has \
+                        one of the ground ids, everything else is obstacle. A pixel is called what its pixel of the \
+                        128x96 image is called. One that no model knows is unclassified: it is missed by both \
+                        classes, and counts in unclassified_pct. IoU is intersection over union, f1 is that of \
+                        ground; null where nothing is of the class or called so. ms_median is the time to learn from and to \
+                        classify an image, on one thread, without reading the file."
+)]
+pub struct EvalColorArgs {
+    /// Images: PNG or JPEG
+    #[arg(long, value_name = "I", num_args = 1.., required = true)]
+    pub image: Vec<PathBuf>,
+    /// A label image for each image, of the same size: grey PNG whose values are ids
+    #[arg(long, value_name = "L", num_args = 1.., required = true)]
+    pub labels: Vec<PathBuf>,
+    /// Ids that are ground
+    #[arg(long, value_name = "IDS", num_args = 1.., value_delimiter = ',', required = true)]
+    pub ground_ids: Vec<u16>,
+    /// Ids that are not counted
+    #[arg(long, value_name = "IDS", num_args = 1.., value_delimiter = ',')]
+    pub ignore_ids: Vec<u16>,
+    /// Models to begin with: the name of bundled ones, or a .json file
+    #[arg(long, value_name = "F")]
+    pub apriori: Vec<String>,
+    /// Height of the horizon, percent of the image from the top
+    #[arg(long, value_name = "PERCENT", default_value_t = 40.0)]
+    pub horizon: f64,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ocu eval classify`
+#[derive(Debug, Clone, Args)]
+#[command(
+    after_help = "Examples:\n  ocu eval classify --log run.mcap --truth-topic /eyes_left/truth_labels --topic /classifier/classes\n  \
+                        ocu eval classify --log drive.mcap --stack my_stack.toml --truth-topic /labels --json\n  \
+                        ocu eval classify --stack learning --course meadow --until 40 \\\n    \
+                        --truth-topic /eyes_left/truth_labels --topic /classifier_left/classes\n\n\
+                        Label images are mono8. 1 is ground or traversable, 2 obstacle or not traversable, 3 a short \
+                        obstacle, which counts as ground. Other values are of no class: pixels whose true label is \
+                        one of them are not counted, pixels that are judged so are unclassified: missed by both \
+                        classes, and counted in unclassified_pct. Images are matched by the time at which they were \
+                        taken, and must be of one size. IoU is intersection over union, f1 is that of ground; null \
+                        where there is nothing of the class. ms_median is the time of a cycle of the stack's process \
+                        that writes the label images, on one thread; null without a stack."
+)]
+pub struct EvalClassifyArgs {
+    /// Recording with the label images, or what the stack needs to make them
+    #[arg(long, required_unless_present = "stack")]
+    pub log: Option<PathBuf>,
+    /// Topic of the true label images, of the recording or of the stack
+    #[arg(long, value_name = "T")]
+    pub truth_topic: String,
+    /// Topic of the label images that are judged; by default the one whose palette is `classes`
+    #[arg(long, value_name = "TOPIC")]
+    pub topic: Option<String>,
+    /// Stack that makes the label images: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "STACK")]
+    pub stack: Option<String>,
+    /// Course that a simulation runs: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "COURSE", requires = "stack")]
+    pub course: Option<String>,
+    /// Seed of the run's random numbers
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Parameter of a process, as process.field=value; may be given several times
+    #[arg(long = "param", value_name = "P.F=V", value_parser = parse_param, requires = "stack")]
+    pub params: Vec<Param>,
+    /// Stop the stack at this time, in seconds from its start
+    #[arg(long, value_name = "T", value_parser = parse_seconds, requires = "stack")]
+    pub until: Option<f64>,
+    /// Label images that were taken no farther apart than this belong together, seconds
+    #[arg(long, value_name = "S", default_value = "0.005", value_parser = parse_seconds)]
+    pub tolerance: f64,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How disparities are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum StereoMethod {
+    /// Block matching
+    Bm,
+    /// Semi-global matching
+    Sgm,
+}

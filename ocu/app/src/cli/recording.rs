@@ -1,0 +1,84 @@
+//! Commands on recordings: `ocu info`, `ocu diff`, `ocu render`, `ocu sample`.
+
+use super::values::{Size, parse_seconds, parse_size};
+use clap::Args;
+use std::path::PathBuf;
+
+/// `ocu diff`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Example:\n  ocu diff one.mcap other.mcap --json\n\n\
+                        Messages are compared by buffer and number; measured time is left out. Exit codes: 0 the \
+                        recordings agree, 1 they differ.")]
+pub struct DiffArgs {
+    /// Recording
+    pub first: PathBuf,
+    /// Recording that is compared with it
+    pub second: PathBuf,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ocu info`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Example:\n  ocu info drive.mcap --json")]
+pub struct InfoArgs {
+    /// Recording to describe
+    pub log: PathBuf,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ocu render`
+#[derive(Debug, Clone, Args)]
+#[command(
+    after_help = "Example:\n  ocu render drive.mcap --stack range_camera --layout default --at 12.5 \\\n    \
+                        --size 1600x900 -o picture.png"
+)]
+pub struct RenderArgs {
+    /// Recording to draw
+    #[arg(required_unless_present = "stack")]
+    pub log: Option<PathBuf>,
+    /// Stack to run on it: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "STACK")]
+    pub stack: Option<String>,
+    /// Course that a simulation runs: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "COURSE")]
+    pub course: Option<String>,
+    /// Seed of the random numbers
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Layout to draw: the name of a bundled one, or a .ron file
+    #[arg(long, short, value_name = "LAYOUT")]
+    pub layout: String,
+    /// Moment to draw, in seconds from the log's start
+    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    pub at: f64,
+    /// Size of the picture in pixels: 1600x900
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Size,
+    /// File to write
+    #[arg(short, long, value_name = "PNG")]
+    pub output: PathBuf,
+    /// Replace a file that is there already
+    #[arg(long)]
+    pub force: bool,
+    /// Light instead of dark colours
+    #[arg(long)]
+    pub light: bool,
+}
+
+/// `ocu sample`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Example:\n  ocu sample drive.mcap && ocu drive.mcap --stack sample")]
+pub struct SampleArgs {
+    /// File to write
+    pub path: PathBuf,
+    /// Length of the recording in seconds
+    #[arg(long, value_name = "T", default_value = "20", value_parser = parse_seconds)]
+    pub duration: f64,
+    /// Replace a file that is there already
+    #[arg(long)]
+    pub force: bool,
+}

@@ -1,0 +1,74 @@
+//! `ocu run`.
+
+use super::values::{Param, Save, parse_param, parse_save, parse_seconds, parse_what};
+use clap::Args;
+use rcs_runtime::RecordWhat;
+use std::path::PathBuf;
+
+/// `ocu run`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Examples:\n  ocu run --stack range_camera --log drive.mcap --json\n  \
+                        ocu run --stack my_stack.toml --log drive.mcap --record out.mcap --until 10 \\\n          \
+                        --param wm1.sources[0].weight=0.4\n  \
+                        ocu run --stack truth_driver --course meadow --runs 3 --json\n  \
+                        ocu run --live --stack simulation --until 10 --record live.mcap\n  \
+                        ocu run --replay live.mcap --json\n\n\
+                        The result depends on the log, the stack, the parameters and the seed alone: \
+                        the hash is the same on every run and for any number of threads. A live run depends on the \
+                        computer, too; its recording repeats it with the same hash.\n\n\
+                        --acts gives what an operator does, as a JSON list: [{\"at_s\": 1, \"buffer\": \
+                        \"/operator/teleop\", \"message\": {\"speedMps\": 0.5}, \"every_s\": 0.05, \"until_s\": 3}].")]
+pub struct RunArgs {
+    /// Stack to run: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "STACK", required_unless_present = "replay")]
+    pub stack: Option<String>,
+    /// Recording that it reads
+    #[arg(long)]
+    pub log: Option<PathBuf>,
+    /// Course that a simulation runs: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "COURSE")]
+    pub course: Option<String>,
+    /// Runs of the course, with the seeds SEED, SEED + 1, …
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub runs: u32,
+    /// File to record the run to
+    #[arg(long, value_name = "OUT", conflicts_with = "runs")]
+    pub record: Option<PathBuf>,
+    /// What is recorded: all, journal (what came from outside; the rest is computed again when it is opened), or
+    /// buffers, separated by commas
+    #[arg(long, value_name = "WHAT", requires = "record", value_parser = parse_what)]
+    pub record_what: Option<RecordWhat>,
+    /// Replace files that are there already: with --record and --save
+    #[arg(long)]
+    pub force: bool,
+    /// Go on where the recording fails: when the disk is full, say
+    #[arg(long, requires = "record")]
+    pub keep_going: bool,
+    /// Repeat a recorded run, and compare it with what was recorded
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["runs", "live", "acts"])]
+    pub replay: Option<PathBuf>,
+    /// Run on the wall clock, a thread a process
+    #[arg(long, conflicts_with_all = ["runs", "log"])]
+    pub live: bool,
+    /// What an operator does meanwhile, a JSON file
+    #[arg(long, value_name = "FILE")]
+    pub acts: Option<PathBuf>,
+    /// At the end, write the newest message of a buffer to a file, as JSON; may be given several times
+    #[arg(long = "save", value_name = "BUFFER=FILE", value_parser = parse_save)]
+    pub save: Vec<Save>,
+    /// Seed of the run's random numbers, 0 where it is not given
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Parameter of a process, as process.field=value; may be given several times
+    #[arg(long = "param", value_name = "P.F=V", value_parser = parse_param)]
+    pub params: Vec<Param>,
+    /// Stop at this time, in seconds from the log's start
+    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    pub until: Option<f64>,
+    /// Threads that processes may share, all of the machine's by default; the result does not depend on it
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}

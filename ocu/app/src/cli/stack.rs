@@ -1,0 +1,60 @@
+//! `ocu stack` and `ocu plugins`.
+
+use super::values::{Param, parse_param};
+use clap::{Args, Subcommand};
+use std::path::PathBuf;
+
+pub(super) const STACK_EXAMPLE: &str = "Examples:\n  \
+    ocu stack show simulation\n  \
+    ocu stack check my_stack.toml --log drive.mcap";
+
+/// What can be done with a stack file.
+#[derive(Debug, Subcommand)]
+pub enum StackCommand {
+    /// Print the stack with every part in its place, and where each line came from
+    #[command(after_help = "Example:\n  ocu stack show simulation")]
+    Show(StackShowArgs),
+    /// Find everything that a run would refuse, and warn of what is probably not meant
+    #[command(after_help = "Example:\n  ocu stack check my_stack.toml --log drive.mcap")]
+    Check(StackCheckArgs),
+}
+
+/// `ocu stack show`
+#[derive(Debug, Clone, Args)]
+pub struct StackShowArgs {
+    /// Stack to show: the name of a bundled one, or a .toml file
+    pub stack: String,
+    /// Without where each line came from: a stack file that runs by itself
+    #[arg(long)]
+    pub plain: bool,
+}
+
+/// `ocu stack check`
+#[derive(Debug, Clone, Args)]
+pub struct StackCheckArgs {
+    /// Stack to check: the name of a bundled one, or a .toml file
+    pub stack: String,
+    /// Recording that it is to read
+    #[arg(long)]
+    pub log: Option<PathBuf>,
+    /// Course that a simulation runs: the name of a bundled one, or a .toml file
+    #[arg(long, short, value_name = "COURSE")]
+    pub course: Option<String>,
+    /// Parameter of a process, as process.field=value; may be given several times
+    #[arg(long = "param", value_name = "P.F=V", value_parser = parse_param)]
+    pub params: Vec<Param>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ocu plugins`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Examples:\n  ocu plugins\n  ocu plugins stereo\n  ocu plugins --json")]
+pub struct PluginsArgs {
+    /// Plugin to tell everything about
+    pub name: Option<String>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,100 @@
+//! Values of flags: parameters, sizes, times.
+
+use rcs_runtime::RecordWhat;
+use std::path::PathBuf;
+
+/// One parameter given on the command line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Param {
+    /// Name of the process in the stack.
+    pub process: String,
+    /// Name of the field.
+    pub field: String,
+    /// Its value, as text.
+    pub value: String,
+}
+
+/// A buffer whose newest message is written to a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Save {
+    /// Name of the buffer.
+    pub buffer: String,
+    /// File to write.
+    pub path: PathBuf,
+}
+
+/// Size of a picture in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Size {
+    /// Pixels from left to right.
+    pub width: u32,
+    /// Pixels from top to bottom.
+    pub height: u32,
+}
+
+pub(super) fn parse_save(text: &str) -> Result<Save, String> {
+    match text.split_once('=') {
+        Some((buffer, path)) if buffer.starts_with('/') && !path.is_empty() => {
+            Ok(Save { buffer: buffer.to_owned(), path: path.into() })
+        }
+        _ => Err(format!("expected /buffer=file, got {text:?}")),
+    }
+}
+
+pub(super) fn parse_what(text: &str) -> Result<RecordWhat, String> {
+    match text {
+        "all" => Ok(RecordWhat::All),
+        "journal" => Ok(RecordWhat::Journal),
+        list if list.split(',').all(|name| name.starts_with('/') && name.len() > 1) => {
+            Ok(RecordWhat::Buffers(list.split(',').map(str::to_owned).collect()))
+        }
+        _ => Err(format!("expected all, journal, or buffers like /wm1/map,/wm1/status, got {text:?}")),
+    }
+}
+
+pub(super) fn parse_param(text: &str) -> Result<Param, String> {
+    let expected = || format!("expected process.field=value, got {text:?}");
+    let (path, value) = text.split_once('=').ok_or_else(expected)?;
+    let (process, field) = path.split_once('.').ok_or_else(expected)?;
+    if process.is_empty() || field.is_empty() || value.is_empty() {
+        return Err(expected());
+    }
+    Ok(Param { process: process.to_owned(), field: field.to_owned(), value: value.to_owned() })
+}
+
+pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds.is_finite() && (0.0..=1e9).contains(&seconds) => Ok(seconds),
+        _ => Err(format!("expected seconds from 0 to 1e9, got {text:?}")),
+    }
+}
+
+pub(super) fn parse_size(text: &str) -> Result<Size, String> {
+    const RANGE: std::ops::RangeInclusive<u32> = 16..=8192;
+    let side = |part: &str| part.parse::<u32>().ok().filter(|side| RANGE.contains(side));
+    text.split_once('x')
+        .and_then(|(width, height)| Some(Size { width: side(width)?, height: side(height)? }))
+        .ok_or_else(|| format!("expected WIDTHxHEIGHT with sides from 16 to 8192 pixels, got {text:?}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_times_and_parameters_out_of_range_are_refused() {
+        assert_eq!(parse_size("1600x900"), Ok(Size { width: 1600, height: 900 }));
+        for text in ["", "x", "1600", "15x900", "1600x99999", "1600X900", "-1x5"] {
+            assert!(parse_size(text).is_err(), "{text}");
+        }
+        assert_eq!(parse_seconds("12.5"), Ok(12.5));
+        for text in ["", "-1", "NaN", "inf", "1e300", "3 s"] {
+            assert!(parse_seconds(text).is_err(), "{text}");
+        }
+        let param = Param { process: "wm1".into(), field: "weight_stereo".into(), value: "0.4".into() };
+        assert_eq!(parse_param("wm1.weight_stereo=0.4"), Ok(param));
+        for text in ["", "wm1", "wm1=1", "wm1.x", "wm1.=1", ".x=1", "wm1.x="] {
+            assert!(parse_param(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! Files that a command writes: never onto one that is in use, over another only where it is told to.
+//!
+//! Whether two paths mean one file is asked of the system (device and number of the file), so that no spelling, link or
+//! handle is mistaken for another file. All of this is asked before anything is opened.
+
+use crate::usage;
+use anyhow::Context as _;
+use std::fs::OpenOptions;
+use std::io::Write as _;
+use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
+use std::path::{Path, PathBuf};
+
+/// The files that a command reads and writes.
+#[derive(Clone, Debug)]
+pub(crate) struct Files {
+    /// Whether a file that is there already may be replaced.
+    force: bool,
+    used: Vec<(Identity, String)>,
+}
+
+/// What tells one file from another.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Identity {
+    /// Device and number of a file that is there.
+    There(u64, u64),
+    /// Folder and name of one that is not.
+    Absent(PathBuf),
+}
+
+impl Identity {
+    fn of(path: &Path) -> Option<Self> {
+        if let Ok(metadata) = path.metadata() {
+            return Some(Self::There(metadata.dev(), metadata.ino()));
+        }
+        let folder = folder_of(path).canonicalize().ok()?;
+        Some(Self::Absent(folder.join(path.file_name()?)))
+    }
+}
+
+/// The folder that a file is in.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+impl Files {
+    /// No files yet. With `force`, a file that is there already may be replaced.
+    pub(crate) fn new(force: bool) -> Self {
+        Self { force, used: Vec::new() }
+    }
+
+    /// A file that is read: `what` it is, for a person.
+    pub(crate) fn reads(&mut self, what: &str, path: &Path) {
+        if let Some(identity) = Identity::of(path) {
+            self.used.push((identity, what.to_owned()));
+        }
+    }
+
+    /// A file that is to be written, by the flag `flag`. Refuses one that is in use, one that is no file, and one that is
+    /// there already unless it may be replaced.
+    pub(crate) fn writes(&mut self, flag: &str, path: &Path) -> anyhow::Result<()> {
+        let refused = |text: &str| Err(usage(format!("{flag}: {text}: {}", path.display())));
+        let Some(identity) = Identity::of(path) else {
+            return refused("expected a file in a folder that is there");
+        };
+        if let Some((_, what)) = self.used.iter().find(|(used, _)| *used == identity) {
+            return refused(&format!("the file is {what}; expected another one to write to"));
+        }
+        if let Ok(metadata) = path.metadata() {
+            if !metadata.is_file() {
+                return refused(&format!("expected a regular file, got {}", kind(metadata.file_type())));
+            }
+            if !self.force {
+                return refused("the file exists already; expected a new one, or --force to replace it");
+            }
+        }
+        self.used.push((identity, format!("what {flag} writes")));
+        Ok(())
+    }
+}
+
+fn kind(kind: std::fs::FileType) -> &'static str {
+    if kind.is_dir() {
+        "a folder"
+    } else if kind.is_fifo() {
+        "a pipe"
+    } else if kind.is_socket() {
+        "a socket"
+    } else {
+        "a device"
+    }
+}
+
+/// Writes a whole file: a new one, or with `force` one in the place of another, which is there until the new one is
+/// complete.
+pub(crate) fn write(path: &Path, bytes: &[u8], force: bool) -> anyhow::Result<()> {
+    let attempt = || {
+        let mut new = OpenOptions::new();
+        new.write(true).create_new(true);
+        if !(force && path.exists()) {
+            return new.open(path)?.write_all(bytes);
+        }
+        let target = path.canonicalize()?;
+        let name = target.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let beside = target.with_file_name(format!(".{name}.{}.new", std::process::id()));
+        let written = new.open(&beside).and_then(|mut file| file.write_all(bytes));
+        let done = written.and_then(|()| std::fs::rename(&beside, &target));
+        if done.is_err() {
+            let _ = std::fs::remove_file(&beside);
+        }
+        done
+    };
+    attempt().with_context(|| format!("cannot write {}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder with a file `log`, and what `--record` says of a path while it is read.
+    fn refused(force: bool, make: impl FnOnce(&Path) -> PathBuf) -> Option<String> {
+        let dir = tempfile::tempdir().unwrap();
+        let log = dir.path().join("log");
+        std::fs::write(&log, "a recording").unwrap();
+        let path = make(dir.path());
+        let mut files = Files::new(force);
+        files.reads("the log", &log);
+        let result = files.writes("--record", &path);
+        assert_eq!(std::fs::read(&log).unwrap(), b"a recording");
+        result.err().map(|error| error.to_string())
+    }
+
+    #[test]
+    fn what_is_read_is_not_written_to_by_any_spelling_link_or_handle() {
+        let is = |force, make: fn(&Path) -> PathBuf| {
+            let text = refused(force, make).expect("it is refused");
+            assert!(text.contains("the file is the log"), "{text}");
+        };
+        for force in [false, true] {
+            is(force, |dir| dir.join("log"));
+            is(force, |dir| {
+                std::fs::create_dir(dir.join("x")).unwrap();
+                dir.join("x/../log")
+            });
+            is(force, |dir| {
+                std::os::unix::fs::symlink("log", dir.join("soft")).unwrap();
+                dir.join("soft")
+            });
+            is(force, |dir| {
+                std::fs::hard_link(dir.join("log"), dir.join("hard")).unwrap();
+                dir.join("hard")
+            });
+            is(force, |dir| {
+                use std::os::fd::IntoRawFd as _;
+                let handle = std::fs::File::open(dir.join("log")).unwrap().into_raw_fd();
+                format!("/proc/self/fd/{handle}").into()
+            });
+        }
+    }
+
+    #[test]
+    fn an_existing_file_is_replaced_only_by_force_and_what_is_no_file_never() {
+        let other = |dir: &Path| {
+            std::fs::write(dir.join("other"), "").unwrap();
+            dir.join("other")
+        };
+        assert!(refused(false, other).unwrap().contains("exists already"));
+        assert_eq!(refused(true, other), None);
+        assert_eq!(refused(false, |dir| dir.join("new")), None);
+        assert!(refused(true, |dir| dir.to_owned()).unwrap().contains("a folder"));
+        assert!(refused(true, |_| "/dev/null".into()).unwrap().contains("a device"));
+        assert!(refused(true, |dir| dir.join("no/new")).unwrap().contains("a folder that is there"));
+    }
+
+    #[test]
+    fn two_outputs_are_not_one_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut files = Files::new(false);
+        files.writes("--record", &dir.path().join("a")).unwrap();
+        let error = files.writes("--save", &dir.path().join("./a")).unwrap_err().to_string();
+        assert!(error.contains("what --record writes"), "{error}");
+    }
+
+    #[test]
+    fn a_file_that_is_replaced_is_whole_before_and_after() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.json");
+        write(&path, b"one", false).unwrap();
+        assert!(write(&path, b"two", false).is_err());
+        assert_eq!(std::fs::read(&path).unwrap(), b"one");
+        write(&path, b"two", true).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"two");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "nothing stays beside it");
+    }
+}
