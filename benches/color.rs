@@ -1,20 +1,20 @@
-//! The whole colour model on one picture, as its process runs it: learning, classification, both cost maps.
+//! The whole colour model on one image, as its process runs it: learning, classification, both cost maps.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
-use rcs_color::cost_map::{CostMap, Ground, Place};
+use rcs_color::cost_map::{CostMap, Ground, CameraPlacement};
 use rcs_color::engine::{Engine, Permission, Samples};
 use rcs_color::models::Settings;
-use rcs_color::picture::Picture;
+use rcs_color::image::Image;
 use rcs_color::region::{Rectangle, first_background, rays, spans};
 use rcs_geom::{Distortion, PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_sense::fingerprint;
 
 const SIZE: [usize; 2] = [640, 480];
-/// Pictures come five times a second.
+/// Images come five times a second.
 const PERIOD_NS: u64 = 200_000_000;
 
 /// A path in grass under a sky, with noise in every pixel.
@@ -42,7 +42,7 @@ fn color_models(criterion: &mut Criterion) {
         Pose::from_rpy(DVec3::new(0.0, 0.0, 1.0), 0.0, 20_f64.to_radians(), 0.0) * Pose::body_from_optical();
     let rectangle = Rectangle { ahead_m: 0.6, length_m: 2.0, width_m: 1.0, below_m: 0.0 };
     let rays = rays(&camera);
-    let pictures: Vec<Vec<u8>> = (0..8).map(scene).collect();
+    let images: Vec<Vec<u8>> = (0..8).map(scene).collect();
     let (mut engine, settings) = (Engine::default(), Settings::default());
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut at = 0_u64;
@@ -52,24 +52,24 @@ fn color_models(criterion: &mut Criterion) {
     group.bench_function("640x480", |bench| {
         bench.iter(|| {
             at += 1;
-            let data = &pictures[at as usize % pictures.len()];
+            let data = &images[at as usize % images.len()];
             let print = fingerprint(data);
-            // The process copies the picture out of its message.
+            // The process copies the image out of its message.
             let rgb = data.clone();
             let spans = spans(&rectangle.outline(&camera, &mount), SIZE);
             let limits = first_background(&rays, &mount, SIZE[1], 50);
             let samples = Samples { ground: &spans, first_background: &limits, permission: Permission::All };
-            let picture = Picture::new(SIZE, 3 * SIZE[0], &rgb).expect("a sound picture");
+            let image = Image::new(SIZE, 3 * SIZE[0], &rgb).expect("a sound image");
             let time = Stamp(at * PERIOD_NS);
-            let seen = engine.see(&picture, &samples, time, &settings, &mut rng);
-            let place = Place {
+            let seen = engine.see(&image, &samples, time, &settings, &mut rng);
+            let place = CameraPlacement {
                 camera: &camera,
                 rays: &rays,
                 vehicle_from_camera: &mount,
                 local_from_vehicle: &Pose::from_xy_yaw(0.2 * at as f64, 0.0, 0.0),
                 below_m: 0.0,
             };
-            let costs = seen.costs.expect("there is ground in the picture");
+            let costs = seen.costs.expect("there is ground in the image");
             let ground = Ground::new(&costs, place);
             let map = |cell_m, range_m| CostMap::new(&ground, cell_m, range_m).into_grid("local", time);
             (print, map(0.2, 12.0), map(0.6, 20.0))

@@ -29,7 +29,7 @@ impl Process for Relay {
         summary: "Relays.",
         period_ms: 1.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(builder: &mut PortBuilder) -> RelayPorts {
@@ -61,7 +61,7 @@ impl Process for Sink {
     type Ports = In<foxglove::Pose>;
     type Command = NoCommands;
     const DEF: ProcessDef =
-        ProcessDef { plugin: "sink", summary: "Reads.", period_ms: 1.0, latency_ms: 0.0, reads_truth: false };
+        ProcessDef { plugin: "sink", summary: "Reads.", period_ms: 1.0, latency_ms: 0.0, reads_ground_truth: false };
 
     fn ports(builder: &mut PortBuilder) -> In<foxglove::Pose> {
         builder.input("input", "Pose.")

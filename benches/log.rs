@@ -13,7 +13,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rcs_log::{CursorOptions, Log, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::{MessageEncoding, Schema, Stamp};
 
-/// Size of one message's data: half a compressed picture.
+/// Size of one message's data: half a compressed image.
 const MESSAGE_BYTES: usize = 100_000;
 /// Messages a second of the log's time.
 const HZ: u64 = 100;
@@ -22,7 +22,7 @@ fn megabytes() -> u64 {
     std::env::var("OCU_BENCH_LOG_MB").ok().and_then(|text| text.parse().ok()).unwrap_or(2000)
 }
 
-/// A log of pictures that do not compress and of small messages between them, with its index.
+/// A log of images that do not compress and of small messages between them, with its index.
 fn indexed() -> PathBuf {
     let path = std::env::temp_dir().join(format!("ocu-bench-{}mb.mcap", megabytes()));
     if !path.exists() {
@@ -37,7 +37,7 @@ fn write_log(path: &Path) -> Result<(), rcs_log::LogError> {
     let mut writer = LogWriter::create(path, WriterOptions::default())?;
     let schema =
         |name: &str| Schema::new(name, MessageEncoding::Json, "jsonschema", Bytes::from_static(b"{}"));
-    let pictures = writer.add_channel("/camera", &schema("picture"), &BTreeMap::new())?;
+    let images = writer.add_channel("/camera", &schema("image"), &BTreeMap::new())?;
     let poses = writer.add_channel("/pose", &schema("pose"), &BTreeMap::new())?;
     let count = megabytes() * 1_000_000 / MESSAGE_BYTES as u64;
     let mut noise = 0x9e37_79b9_7f4a_7c15_u64;
@@ -52,7 +52,7 @@ fn write_log(path: &Path) -> Result<(), rcs_log::LogError> {
         }
         let time = Stamp(sequence * 1_000_000_000 / HZ);
         let header = WriteHeader { sequence: sequence as u32, log_time: time, publish_time: time };
-        writer.write(pictures, header, &data)?;
+        writer.write(images, header, &data)?;
         writer.write(poses, header, br#"{"x": 1.0, "y": 2.0}"#)?;
     }
     writer.finish()

@@ -3,7 +3,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DMat3, DVec3};
 use rcs_geom::{Distortion, PinholeCamera};
-use rcs_obstacles::columns::{Footing, Placement, Survey};
+use rcs_obstacles::columns::{GroundPlane, Placement, Survey};
 use rcs_obstacles::depth_image::{DepthImage, Rays, label_image, scan_strip};
 use rcs_obstacles::scan::ScanParams;
 
@@ -37,9 +37,9 @@ fn column_scan(criterion: &mut Criterion) {
         let image = image.expect("a sound image");
         // Optical axes (right, down, ahead) in the local frame (ahead, left, up).
         let local_from_optical = DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X);
-        let footing = Footing { below_origin: DVec3::new(0.0, 0.0, -HEIGHT_M), up: DVec3::Z, wheels_m: 0.4 };
+        let ground_plane = GroundPlane { below_origin: DVec3::new(0.0, 0.0, -HEIGHT_M), up: DVec3::Z, wheels_m: 0.4 };
         let placement = Placement { sensor: DVec3::new(0.0, 0.0, HEIGHT_M), cell_size_m: 0.2 };
-        let survey = Survey { footing, placement, scan: ScanParams::default(), negative: None, known: None };
+        let survey = Survey { ground_plane, placement, scan: ScanParams::default(), negative: None, known: None };
 
         group.throughput(Throughput::Elements((width * height) as u64));
         group.bench_function(format!("{width}x{height}"), |bench| {

@@ -1,7 +1,8 @@
-//! The simulation: a step of the vehicle, a second of its process in a stack, a second of four eyes, a sweep of a ladar.
+//! The simulation: a step of the vehicle, a second of its process in a stack, a second of four cameras, a sweep of a
+//! ladar.
 //!
-//! A second of four eyes in 0.4 s is the bar of 0.4 of a core; a second of the vehicle in 20 ms that of 50 times real
-//! time. Rays: 4 eyes, 5 pictures, 320×240.
+//! A second of four cameras in 0.4 s is the bar of 0.4 of a core; a second of the vehicle in 20 ms that of 50 times
+//! real time. Rays: 4 cameras, 5 images, 320×240.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec2, DVec3};
@@ -10,7 +11,7 @@ use rcs_runtime::{Asset, Assets, Plan, PlanOptions, ProcessType, RunOptions, Sta
 use rcs_sim::drive::Drive;
 use rcs_sim::scene::Scenery;
 use rcs_sim::spec::VehicleSpec;
-use rcs_sim::vehicle::{Vehicle, Wish};
+use rcs_sim::vehicle::{Vehicle, DriveCommand};
 use rcs_sim::{SimCameras, SimVehicle};
 use std::sync::Arc;
 
@@ -50,10 +51,10 @@ supervisor = "viewer"
 params = { world = "w", vehicle = "v", start_east_m = 10.0, start_north_m = 45.0, map_period_s = 0.0 }
 "#;
 
-fn eyes(pair: &str) -> String {
+fn cameras(pair: &str) -> String {
     format!(
-        "[[process]]\nname = \"eyes_{pair}\"\nplugin = \"sim_cameras\"\nsupervisor = \"viewer\"\n\
-         inputs = {{ truth_state = \"/vehicle/truth_state\" }}\n\
+        "[[process]]\nname = \"front_{pair}\"\nplugin = \"sim_cameras\"\nsupervisor = \"viewer\"\n\
+         inputs = {{ ground_truth_state = \"/vehicle/ground_truth_state\" }}\n\
          params = {{ world = \"w\", vehicle = \"v\", pair = \"{pair}\" }}\n"
     )
 }
@@ -75,14 +76,14 @@ fn simulation(criterion: &mut Criterion) {
     let scenery = Scenery::from_toml(WORLD).expect("a sound world");
     let spec = VehicleSpec::from_toml(LAGR).expect("a sound vehicle");
     let mut vehicle = Vehicle::new(&spec, &scenery, START, 0.0);
-    let wish = Wish { drive: Drive::Speeds([0.9, 1.0]), curvature_per_m: 0.0 };
+    let command = DriveCommand { drive: Drive::Speeds([0.9, 1.0]), curvature_per_m: 0.0 };
     criterion.bench_function("sim/vehicle_step/10ms", |bench| {
-        bench.iter(|| vehicle.step(&spec, &scenery, wish, 1.0));
+        bench.iter(|| vehicle.step(&spec, &scenery, command, 1.0));
     });
 
     seconds(criterion, "vehicle", 100, VEHICLE);
     let rays = 4 * 5 * 320 * 240;
-    seconds(criterion, "four_eyes_320x240_5hz", rays, &format!("{VEHICLE}{}{}", eyes("left"), eyes("right")));
+    seconds(criterion, "four_cameras_320x240_5hz", rays, &format!("{VEHICLE}{}{}", cameras("left"), cameras("right")));
 
     let tractor = VehicleSpec::from_toml(TRACTOR).expect("a sound vehicle");
     let ladar = tractor.ladar("ladar_roof").expect("a ladar");

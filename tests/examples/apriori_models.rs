@@ -1,4 +1,5 @@
-//! Writes the a priori models of A 3.1.2 into a folder: a path of mulch, a path of white lime, an orange fence.
+//! Writes the a priori models of Albus 2006a, 3.1.2 into a folder: a path of mulch, a path of white lime, an orange
+//! fence.
 //!
 //! `cargo run -p ocu-tests --example apriori_models -- assets/models`
 //!

@@ -182,7 +182,7 @@ impl Process for Follower {
         summary: "Follows its input.",
         period_ms: 20.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {

@@ -1,5 +1,5 @@
-//! What each part of sensory processing gets right, against the truth, on every course: intersection over union of
-//! obstacle and open cells within 8 m, over the first minute of a drive.
+//! What each part of sensory processing gets right, against the ground truth, on every course: intersection over union
+//! of obstacle and open cells within 8 m, over the first minute of a drive.
 //!
 //! `cargo run -p ocu-tests --example perception [-- COURSE ...]`
 
@@ -82,13 +82,13 @@ impl Drive {
 
     /// True pose of the vehicle in the frame `global`.
     fn global_from_vehicle(&self) -> Option<Pose> {
-        let odometry: Odometry = self.latest("/vehicle/truth_pose")?;
+        let odometry: Odometry = self.latest("/vehicle/ground_truth_pose")?;
         pose_of(odometry.pose.as_ref(), "global").ok()
     }
 
     /// Where the frame of the local estimate really lies, by the vehicle's true and estimated poses.
     fn global_from_local(&self) -> Option<Pose> {
-        let local: Odometry = self.latest("/position/local")?;
+        let local: Odometry = self.latest("/localization/local")?;
         let local_from_vehicle = pose_of(local.pose.as_ref(), "local").ok()?;
         Some(self.global_from_vehicle()? * local_from_vehicle.inverse())
     }
@@ -127,8 +127,9 @@ const OBSTACLE: usize = 1;
 /// From a cell's middle to the next one's, diagonally, m.
 const BORDER_M: f64 = 0.29;
 
-/// Counts a cell with a cost beside the truth. A border of one cell (0.2 m and the diagonal) is nobody's mistake: an
-/// obstacle is right where something blocks within it, and an open cell is right where nothing blocks its own middle.
+/// Counts a cell with a cost beside the ground truth. A border of one cell (0.2 m and the diagonal) is nobody's
+/// mistake: an obstacle is right where something blocks within it, and an open cell is right where nothing blocks its
+/// own middle.
 fn count(score: &mut Confusion<2>, sensed: bool, world: &World, at: DVec2) {
     let blocked = world.blocked(at, if sensed { BORDER_M } else { 0.0 });
     score.add(usize::from(blocked), Some(usize::from(sensed)));

@@ -1,8 +1,8 @@
-//! Every course of the simulation, driven by the driver that knows the truth: it can be driven, in time and without a
-//! collision, and every run of a seed is the same to the last byte.
+//! Every course of the simulation, driven by the driver that knows the ground truth: it can be driven, in time and
+//! without a collision, and every run of a seed is the same to the last byte.
 
 use crate::bundled;
-use rcs_msg::rcs::{CourseOutcome, CourseRun, DriveCommand, TruthState, VehicleStatus};
+use rcs_msg::rcs::{CourseOutcome, CourseRun, DriveCommand, GroundTruthState, VehicleStatus};
 use rcs_msg::{AnyMessage, Payload, Stamp};
 use rcs_runtime::source::Task;
 use rcs_runtime::{ExternalEvent, Plan, RunOptions, Session, Stepped};
@@ -115,7 +115,7 @@ fn the_straight_way_of_the_dead_end_ends_at_the_fence_which_the_bumper_feels() {
     assert!((52.0..53.0).contains(&run.remaining_m), "the fence is 58 m east of the origin: {run:?}");
     assert_eq!((run.bumper_hits, run.outcome()), (1, CourseOutcome::CourseRunning), "{run:?}");
     assert!(run.collisions >= 1, "1 m/s is no gentle touch: {run:?}");
-    let vehicle: VehicleStatus = latest(session.run(), "/comms/vehicle");
+    let vehicle: VehicleStatus = latest(session.run(), "/vehicle_interface/vehicle");
     assert_eq!(vehicle.stop_reason, "bumper is pressed");
     assert!(vehicle.bumper_left && vehicle.bumper_right);
 }
@@ -127,10 +127,10 @@ fn a_simulation_that_is_taken_back_goes_on_as_before() {
     let mut session = Session::new(run).unwrap();
     let at = |seconds: u64| Stamp(seconds * 1_000_000_000);
     session.forward_until(at(20), &Task::default()).unwrap();
-    let there: TruthState = latest(session.run(), "/vehicle/truth_state");
+    let there: GroundTruthState = latest(session.run(), "/vehicle/ground_truth_state");
     session.go_to_time(at(7), &Task::default()).unwrap();
-    let back: TruthState = latest(session.run(), "/vehicle/truth_state");
+    let back: GroundTruthState = latest(session.run(), "/vehicle/ground_truth_state");
     assert!(back.distance_m < there.distance_m, "{back:?}");
     session.forward_until(at(20), &Task::default()).unwrap();
-    assert_eq!(latest::<TruthState>(session.run(), "/vehicle/truth_state"), there);
+    assert_eq!(latest::<GroundTruthState>(session.run(), "/vehicle/ground_truth_state"), there);
 }

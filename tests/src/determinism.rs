@@ -184,26 +184,26 @@ params = { world = "meadow", vehicle = "tractor", start_east_m = 10.0, start_nor
 name = "ladar"
 plugin = "sim_ladar"
 supervisor = "viewer"
-inputs = { truth_state = "/vehicle/truth_state" }
+inputs = { ground_truth_state = "/vehicle/ground_truth_state" }
 params = { world = "meadow", vehicle = "tractor", ladar = "ladar_roof" }
 
 [[process]]
 name = "obstacles"
 plugin = "obstacles"
 supervisor = "viewer"
-inputs = { cloud = "/ladar/cloud", odometry = "/position/local", static_transforms = "/vehicle/static_transforms" }
+inputs = { cloud = "/ladar/cloud", odometry = "/localization/local", static_transforms = "/vehicle/static_transforms" }
 
 [[process]]
-name = "position"
-plugin = "position"
+name = "localization"
+plugin = "localization"
 supervisor = "viewer"
 inputs = { encoders = "/vehicle/encoders", imu = "/vehicle/imu", gps = "/vehicle/gps" }
 
 [[process]]
-name = "eyes"
+name = "cameras"
 plugin = "sim_cameras"
 supervisor = "viewer"
-inputs = { truth_state = "/vehicle/truth_state" }
+inputs = { ground_truth_state = "/vehicle/ground_truth_state" }
 params = { world = "meadow", vehicle = "tractor", pair = "infrared" }
 
 [[process]]
@@ -213,8 +213,8 @@ supervisor = "viewer"
 
 [process.inputs]
 points = "/obstacles/points"
-image = "/eyes/left"
-calibration = "/eyes/left_calibration"
+image = "/cameras/left"
+calibration = "/cameras/left_calibration"
 static_transforms = "/vehicle/static_transforms"
 "#;
 

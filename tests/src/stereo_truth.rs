@@ -1,10 +1,10 @@
-//! What stereo and the obstacle detection on it find, beside the truth of the simulation: things in the meadow, labels of
-//! pixels, and a ditch that the vehicle drives at. The parameters are those of the stack `simulation`.
+//! What stereo and the obstacle detection on it find, beside the ground truth of the simulation: things in the meadow,
+//! labels of pixels, and a ditch that the vehicle drives at. The parameters are those of the stack `simulation`.
 
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
 use rcs_metrics::Confusion;
 use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, Grid, Odometry, RawImage};
-use rcs_msg::rcs::{TruthThing, TruthThings};
+use rcs_msg::rcs::{GroundTruthObject, GroundTruthObjects};
 use rcs_msg::{Payload, Stamp};
 use rcs_runtime::{Asset, Assets, Plan, PlanOptions, RunOptions, StackFile, Stepped};
 use rcs_sense::{Localizer, pose_of};
@@ -54,7 +54,7 @@ impl Assets for Files {
     }
 }
 
-/// The driver that knows the truth, with the eyes, stereo and obstacles of the stack `simulation`.
+/// The driver that knows the ground truth, with the cameras, stereo and obstacles of the stack `simulation`.
 fn begin(course: &str) -> Stepped {
     let mut stack = Files.read("stack", "truth_driver", "").unwrap().text;
     stack.push_str("\n[[process]]\nname = \"perception\"\nplugin = \"supervisor\"\nsupervisor = \"robot\"\n");
@@ -77,7 +77,7 @@ fn latest<T: Payload>(run: &Stepped, buffer: &str) -> Option<T> {
     run.bus().get(buffer).unwrap_or_else(|| panic!("no buffer {buffer}")).latest()?.message.to()
 }
 
-/// One frame of one eye: what was found, and where everything really was.
+/// One frame of one camera: what was found, and where everything really was.
 struct Frame {
     labels: RawImage,
     true_labels: RawImage,
@@ -93,33 +93,35 @@ struct Frame {
 
 const CYCLE_MS: u64 = 50;
 
-/// Runs a course for some seconds and shows each frame of both eyes.
-fn watch(course: &str, seconds: u64, mut see: impl FnMut(&Frame, &[TruthThing])) {
+/// Runs a course for some seconds and shows each frame of both cameras.
+fn watch(course: &str, seconds: u64, mut see: impl FnMut(&Frame, &[GroundTruthObject])) {
     let mut run = begin(course);
     let mut mounts = Localizer::default();
     let mut poses: BTreeMap<Stamp, Pose> = BTreeMap::new();
     let mut newest = [0; 2];
     for step in 1..=seconds * 1000 / CYCLE_MS {
         run.run_until(Stamp(step * CYCLE_MS * 1_000_000)).unwrap();
-        let Some(odometry) = latest::<Odometry>(&run, "/vehicle/truth_pose") else { continue };
+        let Some(odometry) = latest::<Odometry>(&run, "/vehicle/ground_truth_pose") else { continue };
         let global_from_vehicle = pose_of(odometry.pose.as_ref(), "global").unwrap();
         poses.insert(Stamp(step * CYCLE_MS * 1_000_000), global_from_vehicle);
-        let Some(local) = latest::<Odometry>(&run, "/position/local") else { continue };
+        let Some(local) = latest::<Odometry>(&run, "/localization/local") else { continue };
         let local_from_vehicle = pose_of(local.pose.as_ref(), "local").unwrap();
         let global_from_local = global_from_vehicle * local_from_vehicle.inverse();
         if let Some(transforms) = latest::<FrameTransforms>(&run, "/vehicle/static_transforms") {
             mounts.add_transforms(&transforms, true).unwrap();
         }
-        let Some(things) = latest::<TruthThings>(&run, "/vehicle/truth_things") else { continue };
-        for (eye, newest) in ["left", "right"].into_iter().zip(&mut newest) {
-            let cost = run.bus().get(&format!("/obstacles_{eye}/cost")).unwrap();
+        let Some(things) = latest::<GroundTruthObjects>(&run, "/vehicle/ground_truth_objects") else {
+            continue;
+        };
+        for (camera, newest) in ["left", "right"].into_iter().zip(&mut newest) {
+            let cost = run.bus().get(&format!("/obstacles_{camera}/cost")).unwrap();
             if cost.newest() == *newest {
                 continue;
             }
             *newest = cost.newest();
             let taken = cost.latest().unwrap().header.acq_time;
             let Some(&then) = poses.range(..=taken).next_back().map(|(_, pose)| pose) else { continue };
-            if let Some(frame) = frame(&run, eye, &mounts, taken, &then, &global_from_local) {
+            if let Some(frame) = frame(&run, camera, &mounts, taken, &then, &global_from_local) {
                 see(&frame, &things.things);
             }
         }
@@ -128,20 +130,20 @@ fn watch(course: &str, seconds: u64, mut see: impl FnMut(&Frame, &[TruthThing]))
 
 fn frame(
     run: &Stepped,
-    eye: &str,
+    side: &str,
     mounts: &Localizer,
     taken: Stamp,
     global_from_vehicle: &Pose,
     global_from_local: &Pose,
 ) -> Option<Frame> {
-    let calibration: CameraCalibration = latest(run, &format!("/stereo_{eye}/calibration"))?;
-    let raw: CameraCalibration = latest(run, &format!("/eyes_{eye}/left_calibration"))?;
+    let calibration: CameraCalibration = latest(run, &format!("/stereo_{side}/calibration"))?;
+    let raw: CameraCalibration = latest(run, &format!("/front_{side}/left_calibration"))?;
     let camera = |c: &CameraCalibration| {
         PinholeCamera::from_calibration([c.width, c.height], &c.k, &c.distortion_model, &c.d).unwrap()
     };
     let vehicle_from_optical = mounts.lookup("vehicle", &calibration.frame_id, taken, f64::INFINITY).unwrap();
-    let true_depth: RawImage = latest(run, &format!("/eyes_{eye}/truth_depth"))?;
-    let cost: Grid = latest(run, &format!("/obstacles_{eye}/cost"))?;
+    let true_depth: RawImage = latest(run, &format!("/front_{side}/ground_truth_depth"))?;
+    let cost: Grid = latest(run, &format!("/obstacles_{side}/cost"))?;
     let view = GridView::new(&cost).unwrap();
     let costs = view.field("cost.stereo").unwrap();
     let places = (0..view.rows()).flat_map(|row| (0..view.columns()).map(move |column| (column, row)));
@@ -154,8 +156,8 @@ fn frame(
         (*global_from_local * (view.frame_from_grid() * at.extend(0.0))).truncate()
     };
     let frame = Frame {
-        labels: latest(run, &format!("/obstacles_{eye}/labels"))?,
-        true_labels: latest(run, &format!("/eyes_{eye}/truth_labels"))?,
+        labels: latest(run, &format!("/obstacles_{side}/labels"))?,
+        true_labels: latest(run, &format!("/front_{side}/ground_truth_labels"))?,
         true_depth: rcs_msg::image::depth_m(&true_depth, 1.0).unwrap(),
         camera: camera(&calibration),
         raw: camera(&raw),
@@ -163,22 +165,22 @@ fn frame(
         vehicle: global_from_vehicle.translation.truncate(),
         cells: obstacles.map(|(column, row)| ((column, row), middle(column, row))).collect(),
     };
-    // Truth of another frame would be compared with the wrong one.
+    // ground truth of another frame would be compared with the wrong one.
     (frame.labels.timestamp == frame.true_labels.timestamp).then_some(frame)
 }
 
-fn place(thing: &TruthThing) -> DVec3 {
+fn place(thing: &GroundTruthObject) -> DVec3 {
     let p = thing.position.unwrap();
     DVec3::new(p.x, p.y, p.z)
 }
 
-/// Columns at the left that the right eye does not see; 4 more, and as many rows and columns at the other edges.
+/// Columns at the left that the right camera does not see; 4 more, and as many rows and columns at the other edges.
 const BLIND_PX: f64 = 48.0;
 const EDGE_PX: f64 = 4.0;
 
 impl Frame {
-    /// Whether both eyes see a thing, unhidden, at its foot, its middle and near its top (or the clearance).
-    fn shows(&self, thing: &TruthThing) -> bool {
+    /// Whether both cameras see a thing, unhidden, at its foot, its middle and near its top (or the clearance).
+    fn shows(&self, thing: &GroundTruthObject) -> bool {
         let height_m = thing.height_m.min(1.2);
         [0.1, 0.5, 0.8].into_iter().all(|share| {
             let p = self.optical_from_global * (place(thing) + DVec3::Z * height_m * share);
@@ -264,7 +266,7 @@ fn things_in_the_meadow_are_found_and_little_else_is() {
             }
         }
         for patch in frame.patches() {
-            let belongs = |thing: &TruthThing| {
+            let belongs = |thing: &GroundTruthObject| {
                 patch.iter().any(|cell| cell.distance(place(thing).truncate()) < thing.radius_m + 0.4)
             };
             patches += 1;

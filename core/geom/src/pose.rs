@@ -46,12 +46,12 @@ impl Pose {
         Pose { rotation, translation }
     }
 
-    /// A shift, metres.
+    /// A translation, metres.
     pub const fn from_translation(translation: DVec3) -> Pose {
         Pose { rotation: DQuat::IDENTITY, translation }
     }
 
-    /// A turn about z, counter-clockwise from x, radians.
+    /// A rotation about z, counter-clockwise from x, radians.
     pub fn from_yaw(yaw_rad: f64) -> Pose {
         Pose { rotation: DQuat::from_rotation_z(yaw_rad), translation: DVec3::ZERO }
     }
@@ -94,12 +94,12 @@ impl Pose {
         Pose { rotation, translation: -(rotation * self.translation) }
     }
 
-    /// Turns a direction of B into A, without the shift.
+    /// Rotates a direction of B into A, without the translation.
     pub fn rotate(&self, vector: DVec3) -> DVec3 {
         self.rotation * vector
     }
 
-    /// The turn as a matrix whose columns are B's axes in A.
+    /// The rotation as a matrix whose columns are B's axes in A.
     pub fn rotation_matrix(&self) -> DMat3 {
         DMat3::from_quat(self.rotation)
     }
@@ -116,7 +116,7 @@ impl Pose {
         [roll, pitch, yaw]
     }
 
-    /// The pose at `fraction` of the way to `end`: straight line and shortest turn at constant rate.
+    /// The pose at `fraction` of the way to `end`: straight line and shortest rotation at constant rate.
     /// 0 is `self`, 1 is `end`; outside of that it goes on.
     #[must_use]
     pub fn interpolate(&self, end: &Pose, fraction: f64) -> Pose {

@@ -1,4 +1,4 @@
-//! The scrolling grid: a square map around the vehicle whose cells stay where they are in memory (A 4).
+//! The scrolling grid: a square map around the vehicle whose cells stay where they are in memory (Albus 2006a, 4).
 
 use std::sync::Arc;
 

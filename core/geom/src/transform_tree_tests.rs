@@ -3,7 +3,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-fn shift(x: f64) -> Pose {
+fn translated(x: f64) -> Pose {
     Pose::from_translation(DVec3::new(x, 0.0, 0.0))
 }
 
@@ -15,8 +15,8 @@ fn tree() -> TransformTree {
     tree.set_static("vehicle", "right", Pose::from_rpy(DVec3::new(0.3, -0.1, 1.0), 0.0, 0.2, -0.4)).unwrap();
     tree.insert("local", "vehicle", 1000, Pose::from_xy_yaw(0.0, 0.0, 0.0)).unwrap();
     tree.insert("local", "vehicle", 2000, Pose::from_xy_yaw(2.0, 0.0, 1.0)).unwrap();
-    tree.insert("global", "local", 1500, shift(100.0)).unwrap();
-    tree.set_static("island", "hut", shift(1.0)).unwrap();
+    tree.insert("global", "local", 1500, translated(100.0)).unwrap();
+    tree.set_static("island", "hut", translated(1.0)).unwrap();
     tree
 }
 
@@ -29,7 +29,7 @@ fn near(a: &Pose, b: &Pose) -> bool {
 fn lookup_composes_the_edges_and_interpolates_between_neighbours() {
     let tree = tree();
     let expected =
-        shift(100.0) * Pose::from_xy_yaw(1.0, 0.0, 0.5) * tree.lookup("vehicle", "left", 0).unwrap();
+        translated(100.0) * Pose::from_xy_yaw(1.0, 0.0, 0.5) * tree.lookup("vehicle", "left", 0).unwrap();
     assert!(near(&tree.lookup("global", "left", 1500).unwrap(), &expected));
     assert!(near(&tree.lookup("left", "global", 1500).unwrap(), &expected.inverse()));
 }
@@ -68,13 +68,13 @@ fn errors_say_what_is_missing() {
 fn a_second_parent_a_cycle_and_nan_are_refused_and_change_nothing() {
     let mut tree = tree();
     assert!(matches!(
-        tree.insert("global", "vehicle", 0, shift(0.0)),
+        tree.insert("global", "vehicle", 0, translated(0.0)),
         Err(TransformError::TwoParents { .. })
     ));
-    assert!(matches!(tree.set_static("left", "global", shift(0.0)), Err(TransformError::Cycle { .. })));
-    assert!(matches!(tree.set_static("a", "a", shift(0.0)), Err(TransformError::Cycle { .. })));
+    assert!(matches!(tree.set_static("left", "global", translated(0.0)), Err(TransformError::Cycle { .. })));
+    assert!(matches!(tree.set_static("a", "a", translated(0.0)), Err(TransformError::Cycle { .. })));
     assert!(matches!(
-        tree.insert("local", "vehicle", 0, shift(f64::NAN)),
+        tree.insert("local", "vehicle", 0, translated(f64::NAN)),
         Err(TransformError::NotFinite { .. })
     ));
     assert_eq!(tree.frames(), ["global", "hut", "island", "left", "local", "right", "vehicle"]);
@@ -84,10 +84,10 @@ fn a_second_parent_a_cycle_and_nan_are_refused_and_change_nothing() {
 fn history_forgets_what_is_too_old_to_interpolate_from() {
     let mut tree = TransformTree::with_history_ns(100);
     for time in (0..=1000).step_by(30) {
-        tree.insert("local", "vehicle", time, shift(time as f64)).unwrap();
+        tree.insert("local", "vehicle", time, translated(time as f64)).unwrap();
     }
     // Newest 990: everything from 890 on must still be answered.
-    assert!(near(&tree.lookup("local", "vehicle", 890).unwrap(), &shift(890.0)));
+    assert!(near(&tree.lookup("local", "vehicle", 890).unwrap(), &translated(890.0)));
     assert!(tree.lookup("local", "vehicle", 869).is_err());
 }
 
@@ -95,7 +95,7 @@ fn history_forgets_what_is_too_old_to_interpolate_from() {
 fn a_snapshot_is_not_changed_by_later_samples() {
     let mut tree = tree();
     let snapshot = tree.clone();
-    tree.insert("local", "vehicle", 3000, shift(9.0)).unwrap();
+    tree.insert("local", "vehicle", 3000, translated(9.0)).unwrap();
     assert_eq!(snapshot.newest("local", "vehicle"), Ok(Some(2000)));
     assert_eq!(tree.newest("local", "vehicle"), Ok(Some(3000)));
 }
@@ -106,8 +106,8 @@ proptest! {
         let mut sorted = times.clone();
         sorted.sort_unstable();
         let (mut a, mut b) = (TransformTree::new(), TransformTree::new());
-        for t in times { a.insert("local", "vehicle", t, shift(t as f64)).unwrap(); }
-        for t in sorted { b.insert("local", "vehicle", t, shift(t as f64)).unwrap(); }
+        for t in times { a.insert("local", "vehicle", t, translated(t as f64)).unwrap(); }
+        for t in sorted { b.insert("local", "vehicle", t, translated(t as f64)).unwrap(); }
         prop_assert_eq!(a.lookup("local", "vehicle", query), b.lookup("local", "vehicle", query));
         if let Ok(pose) = a.lookup("local", "vehicle", query) {
             prop_assert!((pose.translation.x - query as f64).abs() < 1e-9);

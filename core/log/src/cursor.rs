@@ -2,7 +2,7 @@
 
 use crate::cache::Loaded;
 use crate::error::LogError;
-use crate::info::{LogMessage, Place, TopicId};
+use crate::info::{LogMessage, MessagePosition, TopicId};
 use crate::log::{Log, message_at, place_of};
 use crate::segment::MessageRef;
 use rcs_msg::Stamp;
@@ -34,12 +34,12 @@ impl Default for CursorOptions {
 pub struct Position {
     options: CursorOptions,
     /// The last message given, or what lies before the first.
-    after: Place,
+    after: MessagePosition,
 }
 
 impl Position {
     /// The last message given, or a place before all.
-    pub fn place(&self) -> Place {
+    pub fn place(&self) -> MessagePosition {
         self.after
     }
 
@@ -74,7 +74,7 @@ struct Front {
 }
 
 impl Front {
-    fn place(&self) -> Place {
+    fn place(&self) -> MessagePosition {
         place_of(self.segment, self.messages[self.index])
     }
 }
@@ -102,11 +102,11 @@ impl Ord for Front {
 impl Log {
     /// Messages in order: log time, ties in file order.
     pub fn cursor(&self, options: CursorOptions) -> Cursor {
-        let after = Place::before(options.start);
+        let after = MessagePosition::before(options.start);
         self.cursor_after(options, after)
     }
 
-    pub(crate) fn cursor_after(&self, options: CursorOptions, after: Place) -> Cursor {
+    pub(crate) fn cursor_after(&self, options: CursorOptions, after: MessagePosition) -> Cursor {
         self.cursor_at(Position { options, after })
     }
 

@@ -2,7 +2,7 @@
 
 use crate::cursor::CursorOptions;
 use crate::error::LogError;
-use crate::info::{LogMessage, Place, TopicId};
+use crate::info::{LogMessage, MessagePosition, TopicId};
 use crate::log::{Log, message_at, place_of};
 use rcs_msg::Stamp;
 use std::collections::BTreeMap;
@@ -28,14 +28,14 @@ impl Log {
             let group = groups.len();
             groups.entry(topic.0).or_insert(group);
         }
-        let found = self.latest_before(Place::after(time), &groups)?;
+        let found = self.latest_before(MessagePosition::after(time), &groups)?;
         Ok(topics.iter().map(|topic| found[groups[&topic.0]].clone()).collect())
     }
 
     /// The message before `place`, of any of `topics` or of all: stepping back from a message's own place.
     pub fn previous_message(
         &self,
-        place: Place,
+        place: MessagePosition,
         topics: Option<&[TopicId]>,
     ) -> Result<Option<LogMessage>, LogError> {
         let groups = match topics {
@@ -48,7 +48,7 @@ impl Log {
     /// The message after `place`, of any of `topics` or of all.
     pub fn next_message(
         &self,
-        place: Place,
+        place: MessagePosition,
         topics: Option<&[TopicId]>,
     ) -> Result<Option<LogMessage>, LogError> {
         let options = CursorOptions { topics: topics.map(<[_]>::to_vec), start: place.time, end: Stamp::MAX };
@@ -59,7 +59,7 @@ impl Log {
     /// those that may hold a message later than what is found.
     fn latest_before(
         &self,
-        before: Place,
+        before: MessagePosition,
         groups: &BTreeMap<u16, usize>,
     ) -> Result<Vec<Option<LogMessage>>, LogError> {
         let count = groups.values().max().map_or(0, |&group| group + 1);

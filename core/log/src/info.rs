@@ -98,7 +98,7 @@ impl LogInfo {
 
 /// A place in the total order of a log's messages: log time, then position in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-pub struct Place {
+pub struct MessagePosition {
     /// The message's log time (within its chunk's stated times).
     pub time: Stamp,
     /// Number of the segment, in file order.
@@ -107,7 +107,7 @@ pub struct Place {
     pub(crate) offset: u32,
 }
 
-impl Place {
+impl MessagePosition {
     /// Before every message of that time.
     pub const fn before(time: Stamp) -> Self {
         Self { time, segment: 0, offset: 0 }
@@ -133,7 +133,7 @@ pub struct LogMessage {
     /// The message, in its schema's encoding.
     pub data: Bytes,
     /// Where it stands in the log: for stepping on and back.
-    pub place: Place,
+    pub place: MessagePosition,
 }
 
 /// An attachment as the log lists it.

@@ -53,7 +53,9 @@ mod writer;
 
 pub use cursor::{Cursor, CursorOptions, Position};
 pub use error::LogError;
-pub use info::{Attachment, AttachmentInfo, LogInfo, LogMessage, LogTopic, Lost, Metadata, Place, TopicId};
+pub use info::{
+    Attachment, AttachmentInfo, LogInfo, LogMessage, LogTopic, Lost, MessagePosition, Metadata, TopicId,
+};
 pub use log::Log;
 pub use reassembly::{Reassembled, Reassembly};
 pub use recorder::{Recorder, RecorderHandle, RecorderMode, RecorderOptions, RecorderStatus};

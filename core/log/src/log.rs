@@ -3,7 +3,9 @@
 use crate::cache::{Cache, Loaded};
 use crate::catalog::{Catalog, Problems};
 use crate::error::LogError;
-use crate::info::{Attachment, AttachmentInfo, LogInfo, LogMessage, Lost, Metadata, Place, TopicId};
+use crate::info::{
+    Attachment, AttachmentInfo, LogInfo, LogMessage, Lost, MessagePosition, Metadata, TopicId,
+};
 use crate::record::{ChunkHead, Fields, HEAD, Head, MAGIC, MessageHead, PROBE, indexed_messages, op};
 use crate::scan::{Scanned, scan};
 use crate::segment::{Damage, MessageRef, Segment, Tally, decode, message_data};
@@ -53,7 +55,7 @@ struct Found {
     problems: Problems,
     reported: BTreeSet<u32>,
     /// Messages that problems have been told of.
-    reported_at: BTreeSet<Place>,
+    reported_at: BTreeSet<MessagePosition>,
 }
 
 /// What opening found.
@@ -155,7 +157,7 @@ impl Log {
     }
 
     /// Tells of a problem with the message at `place`, once.
-    pub(crate) fn report_at(&self, place: Place, problem: String) {
+    pub(crate) fn report_at(&self, place: MessagePosition, problem: String) {
         let mut found = self.0.found.lock().unwrap_or_else(PoisonError::into_inner);
         if found.reported_at.len() < REPORTED_AT_LIMIT && found.reported_at.insert(place) {
             tracing::warn!("{problem}");
@@ -297,8 +299,8 @@ pub(crate) fn message_at(index: u32, loaded: &Loaded, message: MessageRef) -> Op
 }
 
 /// Where a message of a segment stands.
-pub(crate) fn place_of(segment: u32, message: MessageRef) -> Place {
-    Place { time: Stamp(message.time), segment, offset: message.offset + 1 }
+pub(crate) fn place_of(segment: u32, message: MessageRef) -> MessagePosition {
+    MessagePosition { time: Stamp(message.time), segment, offset: message.offset + 1 }
 }
 
 fn open_with(source: &Source, summary: &Summary) -> Result<Opened, LogError> {

@@ -6,7 +6,7 @@
 
 use crate::cursor::CursorOptions;
 use crate::error::LogError;
-use crate::info::{LogMessage, Place, TopicId};
+use crate::info::{LogMessage, MessagePosition, TopicId};
 use crate::log::Log;
 use rcs_msg::{AnyMessage, DELTA_OF, DeltaCodec, DeltaDecoder};
 use std::collections::BTreeMap;
@@ -102,8 +102,8 @@ impl Reassembly {
 
     /// Stands behind `place`: as if everything up to and with it had been taken. Gives the newest whole message of each
     /// channel there.
-    pub fn seek(&mut self, place: Place) -> Result<Vec<Reassembled>, LogError> {
-        let behind = Place { offset: place.offset.saturating_add(1), ..place };
+    pub fn seek(&mut self, place: MessagePosition) -> Result<Vec<Reassembled>, LogError> {
+        let behind = MessagePosition { offset: place.offset.saturating_add(1), ..place };
         let mut newest = Vec::new();
         for index in 0..self.channels.len() {
             let channel = &mut self.channels[index];

@@ -1,4 +1,4 @@
-//! Pictures and depth out of image messages, for views and plugins.
+//! Images and depth out of image messages, for views and plugins.
 
 use crate::any::AnyMessage;
 use crate::foxglove::{CompressedImage, RawImage};
@@ -12,7 +12,7 @@ const MAX_PIXELS: u64 = 1 << 27;
 /// Largest width and height of a compressed image.
 const MAX_SIDE: u32 = 32_768;
 
-/// A picture: rows from the top, three bytes per pixel, no padding.
+/// An image: rows from the top, three bytes per pixel, no padding.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RgbImage {
     /// Pixels per row.
@@ -52,7 +52,7 @@ pub enum ImageError {
 const ENCODINGS: &str = "rgb8, bgr8, rgba8, bgra8, mono8, 8UC1, 8UC3, mono16, 16UC1, 32FC1, bayer_rggb8, \
     bayer_bggr8, bayer_gbrg8, bayer_grbg8, uyvy, yuv422, yuyv, yuv422_yuy2";
 
-/// The picture of a raw or compressed image message; `None` for a message of another type.
+/// The image of a raw or compressed image message; `None` for a message of another type.
 pub fn to_rgb8(message: &AnyMessage) -> Option<Result<RgbImage, ImageError>> {
     if let Some(raw) = message.get::<RawImage>() {
         return Some(raw_to_rgb8(raw));
@@ -60,7 +60,7 @@ pub fn to_rgb8(message: &AnyMessage) -> Option<Result<RgbImage, ImageError>> {
     message.get::<CompressedImage>().map(compressed_to_rgb8)
 }
 
-/// The picture of a raw image. Depth (16UC1, 32FC1) is stretched from black (nearest) to white (farthest), with
+/// The image of a raw image. Depth (16UC1, 32FC1) is stretched from black (nearest) to white (farthest), with
 /// pixels without a range black.
 pub fn raw_to_rgb8(image: &RawImage) -> Result<RgbImage, ImageError> {
     let format = Format::of(&image.encoding)
@@ -83,7 +83,7 @@ pub fn raw_to_rgb8(image: &RawImage) -> Result<RgbImage, ImageError> {
     Ok(RgbImage { width: image.width, height: image.height, data })
 }
 
-/// The picture of a JPEG or PNG.
+/// The image of a JPEG or PNG.
 pub fn compressed_to_rgb8(image: &CompressedImage) -> Result<RgbImage, ImageError> {
     let decoded = decode(&image.data)?;
     if decoded.color() == ColorType::L16 {
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn a_png_of_16_bits_is_depth_and_of_8_a_picture() {
+    fn a_png_of_16_bits_is_depth_and_of_8_a_image() {
         let grey = ::image::ImageBuffer::<::image::Luma<u16>, _>::from_raw(2, 1, vec![256u16, 512])
             .expect("it fits");
         let mut png = Cursor::new(Vec::new());

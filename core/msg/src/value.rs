@@ -11,7 +11,7 @@ use std::borrow::Cow;
 pub enum Value {
     /// Nothing: an absent submessage, an optional field that is not set, JSON's null.
     Null,
-    /// A truth value.
+    /// A boolean.
     Bool(bool),
     /// A signed integer of any width.
     Int(i64),
@@ -158,7 +158,7 @@ impl Value {
         }
     }
 
-    /// The value as a number: truth values are 0 or 1, choices their number.
+    /// The value as a number: booleans are 0 or 1, choices their number.
     pub fn as_f64(&self) -> Option<f64> {
         match self {
             Value::Bool(v) => Some(f64::from(u8::from(*v))),

@@ -127,7 +127,7 @@ fn what_is_accepted_is_set() {
         ("weight", "0.1", Value::Float(f64::from(0.1f32))),
         ("count", "9", Value::Uint(9)),
         ("on", "false", Value::Bool(false)),
-        ("name", "left eye", Value::Text("left eye".into())),
+        ("name", "left camera", Value::Text("left camera".into())),
         ("mode", "OFF", Value::Enum { number: 0, name: "OFF".into() }),
     ] {
         set_param_text(&mut message, name, text).expect(name);

@@ -205,8 +205,8 @@ fn converted(log: &str) -> Vec<AnyMessage> {
 #[test]
 fn the_road_log_gives_pictures_and_dense_depth() {
     for message in converted("real-logs/orfd_y0613_1242_ros2.mcap") {
-        if let Some(picture) = message.get::<foxglove::CompressedImage>() {
-            let rgb = image::compressed_to_rgb8(picture).expect("it decodes");
+        if let Some(image) = message.get::<foxglove::CompressedImage>() {
+            let rgb = image::compressed_to_rgb8(image).expect("it decodes");
             assert_eq!((rgb.width, rgb.height, rgb.data.len()), (1280, 720, 1280 * 720 * 3));
         }
         if let Some(depth) = message.get::<foxglove::RawImage>() {

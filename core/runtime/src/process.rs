@@ -67,9 +67,9 @@ pub struct ProcessDef {
     /// milliseconds: near what the cycle takes on a computer with two cores. 0 for what takes less than half a
     /// millisecond, and for what stands for the world itself.
     pub latency_ms: f64,
-    /// Whether it may read the truth of a simulation: its own processes, and those that stand in for what is not
+    /// Whether it may read the ground truth of a simulation: its own processes, and those that stand in for what is not
     /// under test.
-    pub reads_truth: bool,
+    pub reads_ground_truth: bool,
 }
 
 /// One port: what it carries and what it is for.
@@ -228,10 +228,11 @@ impl<T> OutBuilder<'_, T> {
         self.with("rcs.overlay_of", port)
     }
 
-    /// It holds the truth of a simulation: only processes with [`ProcessDef::reads_truth`] may be wired to it.
+    /// It holds the ground truth of a simulation: only processes with [`ProcessDef::reads_ground_truth`] may be wired
+    /// to it.
     #[must_use]
     pub fn truth(self) -> Self {
-        self.with("rcs.truth", "true")
+        self.with("rcs.ground_truth", "true")
     }
 
     /// Its messages are recorded as key frames and deltas.

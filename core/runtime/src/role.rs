@@ -22,7 +22,7 @@ pub enum Role {
     Disparity,
     /// Where something is to go.
     Goal,
-    /// A picture.
+    /// An image.
     Image,
     /// A class by pixel; the channel's `rcs.classes` names them.
     Labels,

@@ -1,4 +1,4 @@
-//! Files that a stack names, the course that brings them, and the truth that no one may read.
+//! Files that a stack names, the course that brings them, and the ground truth that no one may read.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -10,7 +10,7 @@ use rcs_runtime::{
 use rcs_testkit::proto::FileParams;
 use serde::{Deserialize, Serialize};
 
-/// A process whose parameters are files, and which writes a truth.
+/// A process whose parameters are files, and which writes ground truth.
 #[derive(Clone, Serialize, Deserialize)]
 struct World;
 
@@ -23,7 +23,7 @@ impl Process for World {
         summary: "Knows.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        reads_truth: true,
+        reads_ground_truth: true,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {
@@ -55,7 +55,7 @@ impl Process for Robot {
         summary: "Guesses.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {

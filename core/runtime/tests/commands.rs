@@ -40,7 +40,7 @@ impl Process for Boss {
         summary: "Commands.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {
@@ -91,7 +91,7 @@ impl Process for Meddler {
         summary: "Meddles.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {
@@ -122,7 +122,7 @@ impl Process for Quiet {
         summary: "Says little.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(_: &mut PortBuilder) -> Self::Ports {}

@@ -44,7 +44,7 @@ macro_rules! meets {
                 summary: "Goes on where another computes at the same time.",
                 period_ms: 10.0,
                 latency_ms: 5.0,
-                reads_truth: false,
+                reads_ground_truth: false,
             };
 
             fn ports(b: &mut PortBuilder) -> Self::Ports {

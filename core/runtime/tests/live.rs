@@ -53,7 +53,7 @@ impl Process for Hanging {
         summary: "Hangs.",
         period_ms: 1.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {
@@ -91,7 +91,7 @@ impl Process for Picky {
         summary: "Checks.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {

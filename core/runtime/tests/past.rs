@@ -35,7 +35,7 @@ impl Process for Walker {
         summary: "Walks.",
         period_ms: 50.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {

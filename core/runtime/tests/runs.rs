@@ -380,7 +380,7 @@ impl Process for Stops {
         summary: "Counts emergency stops.",
         period_ms: 1000.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {

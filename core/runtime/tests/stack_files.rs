@@ -239,7 +239,7 @@ impl Process for Mislabelled {
         summary: "Mislabels.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {

@@ -1,10 +1,10 @@
-//! Draws a world: what an eye sees, and the world from above.
+//! Draws a world: what a camera sees, and the world from above.
 //!
 //! ```text
 //! draw WORLD.toml OUT_PREFIX [x y yaw_deg [height_m pitch_deg [horizontal_fov_deg]]]
 //! ```
 //!
-//! Writes `OUT_PREFIX_eye.png`, `_depth.png`, `_class.png` and `_above.png`.
+//! Writes `OUT_PREFIX_camera.png`, `_depth.png`, `_class.png` and `_above.png`.
 
 use std::error::Error;
 
@@ -51,11 +51,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let world = World::from_toml(&std::fs::read_to_string(world)?)?;
 
     let at = DVec2::new(number(0, 10.0), number(1, 45.0));
-    let eye = at.extend(world.height_m(at) + number(3, 0.9));
-    let body = Pose::from_rpy(eye, 0.0, number(4, 10.0).to_radians(), number(2, 0.0).to_radians());
+    let camera = at.extend(world.height_m(at) + number(3, 0.9));
+    let body = Pose::from_rpy(camera, 0.0, number(4, 10.0).to_radians(), number(2, 0.0).to_radians());
     let camera = PinholeCamera::from_horizontal_fov([640, 480], number(5, 70.0).to_radians())?;
     let view = draw(&world, &camera, &(body * Pose::body_from_optical()));
-    save(&format!("{prefix}_eye.png"), view.width, view.height, &view.rgb)?;
+    save(&format!("{prefix}_camera.png"), view.width, view.height, &view.rgb)?;
     let grey =
         |depth: &f32| [if depth.is_finite() { (255.0 - depth * 6.0).clamp(0.0, 255.0) as u8 } else { 0 }; 3];
     let depth: Vec<u8> = view.depth_m.iter().flat_map(grey).collect();

@@ -41,8 +41,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut per_ray = Vec::new();
         for at in [[10.0, 45.0], [40.0, 47.0], [65.0, 45.0], [90.0, 40.0]].map(DVec2::from_array) {
             for yaw in [-20_f64, 20.0] {
-                let eye = at.extend(world.height_m(at) + 0.9);
-                let body = Pose::from_rpy(eye, 0.0, 10_f64.to_radians(), yaw.to_radians());
+                let camera = at.extend(world.height_m(at) + 0.9);
+                let body = Pose::from_rpy(camera, 0.0, 10_f64.to_radians(), yaw.to_radians());
                 let pose = body * Pose::body_from_optical();
                 // Strip by strip, so that other work disturbs few of them in every run.
                 let time: f64 = (0..height as usize / STRIP)
@@ -60,11 +60,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         let mean = per_ray.iter().sum::<f64>() / per_ray.len() as f64;
         let worst = per_ray.iter().copied().fold(0.0, f64::max);
-        let eye = DVec3::new(20.0, 45.0, world.height_m(DVec2::new(20.0, 45.0)) + 1.2);
+        let camera = DVec3::new(20.0, 45.0, world.height_m(DVec2::new(20.0, 45.0)) + 1.2);
         let scan = |down: f64| {
             for beam in 0..360 {
                 let angle = f64::from(beam).to_radians();
-                black_box(world.cast(eye, DVec3::new(libm::cos(angle), libm::sin(angle), down), 60.0));
+                black_box(world.cast(camera, DVec3::new(libm::cos(angle), libm::sin(angle), down), 60.0));
             }
         };
         let ladar = (0..20).map(|scans| least(10, || scan(-0.01 * f64::from(scans)))).sum::<f64>() / 7200.0;

@@ -5,7 +5,7 @@ use rcs_geom::DVec2;
 use crate::class::{Class, ThingKind};
 use crate::noise::{Dice, hash2};
 use crate::shape::{Coat, Form, Shape, Vec3};
-use crate::spec::{Place, Placed, WorldSpec};
+use crate::spec::{Placed, Placement, WorldSpec};
 use crate::terrain::{CELL_M, Lattice};
 use crate::thing::Thing;
 
@@ -20,12 +20,12 @@ pub(crate) fn things(spec: &WorldSpec, lattice: &Lattice) -> Vec<Thing> {
     for (number, placed) in spec.placed.iter().enumerate() {
         let mut dice = Dice::new(hash2(number as i32, 0x7819, spec.seed));
         match &placed.place {
-            Place::At { at, yaw_rad } => {
+            Placement::At { at, yaw_rad } => {
                 let size = placed.size.draw(|| f64::from(dice.unit()));
                 things.push(Thing::new(things.len() as u32, placed.kind, *at, *yaw_rad, size));
             }
-            Place::Along(path) => along(placed, path, &mut dice, &mut things),
-            Place::Scattered { region, count, spacing_m } => {
+            Placement::Along(path) => along(placed, path, &mut dice, &mut things),
+            Placement::Scattered { region, count, spacing_m } => {
                 let [low, high] = region.extent();
                 let (low, high) = (low.max(spec.bounds_m[0]), high.min(spec.bounds_m[1]));
                 for _ in 0..*count {

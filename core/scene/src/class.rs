@@ -1,4 +1,4 @@
-//! What a ray can hit, as codes, and which obstacle label the truth gives it.
+//! What a ray can hit, as codes, and which obstacle label the ground truth gives it.
 
 use serde::{Deserialize, Serialize};
 
@@ -126,7 +126,7 @@ impl ThingKind {
         ThingKind::Person,
     ];
 
-    /// As world files and truth messages write it.
+    /// As world files and ground truth messages write it.
     pub const fn name(self) -> &'static str {
         match self {
             ThingKind::Tree => "tree",
@@ -163,7 +163,7 @@ impl ThingKind {
     }
 }
 
-/// What a ray has hit. The codes are those of class images and of the class field of truth maps.
+/// What a ray has hit. The codes are those of class images and of the class field of ground truth maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum Class {
@@ -273,7 +273,7 @@ impl Class {
     }
 }
 
-/// Obstacle labels with the codes of the palette `obstacle_labels` (A 3.1.1).
+/// Obstacle labels with the codes of the palette `obstacle_labels` (Albus 2006a, 3.1.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum Label {
@@ -296,9 +296,9 @@ impl Label {
     }
 }
 
-/// Things lower than this are [`Label::Short`], m (A 3.1.1).
+/// Things lower than this are [`Label::Short`], m (Albus 2006a, 3.1.1).
 pub const SHORT_M: f64 = 0.05;
-/// From this height above the ground on, a hit is [`Label::Cover`], m (A 3.1.1).
+/// From this height above the ground on, a hit is [`Label::Cover`], m (Albus 2006a, 3.1.1).
 pub const COVER_M: f64 = 1.5;
 
 #[cfg(test)]

@@ -32,11 +32,11 @@ pub struct Course {
     /// File of the vehicle, by name or path, where the course asks for one.
     pub vehicle: Option<String>,
     /// Where the vehicle stands at the start.
-    pub start: Place,
+    pub start: UtmPosition,
     /// Which way it looks then, radians counter-clockwise from east.
     pub start_heading_rad: f64,
     /// Where it shall go.
-    pub goal: Place,
+    pub goal: UtmPosition,
     /// Nearer to the goal than this, it has been reached, m.
     pub goal_radius_m: f64,
     /// Time after which the run has failed, s.
@@ -45,7 +45,7 @@ pub struct Course {
 
 /// A place of a course in UTM.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct UtmPosition {
     /// Zone that the file names; the world's where it names none.
     pub zone: Option<u8>,
     /// m.
@@ -64,7 +64,7 @@ pub struct WrongZone {
     pub expected: u8,
 }
 
-impl Place {
+impl UtmPosition {
     /// East and north of the world's origin, m.
     pub fn in_world(&self, origin: &Utm) -> Result<DVec2, WrongZone> {
         match self.zone {
@@ -122,7 +122,11 @@ fn named(table: &mut Table<'_>, key: &'static str) -> Result<Option<String>, Sce
 }
 
 /// A place, and the heading there in degrees (0 where the place has none).
-fn place(table: &mut Table<'_>, key: &'static str, has_heading: bool) -> Result<(Place, f64), SceneError> {
+fn place(
+    table: &mut Table<'_>,
+    key: &'static str,
+    has_heading: bool,
+) -> Result<(UtmPosition, f64), SceneError> {
     let Some(mut entry) = table.table(key)? else {
         let heading = if has_heading { ", heading_deg" } else { "" };
         return Err(table.error(key, format!("is missing, expected {{ easting, northing{heading} }}")));
@@ -132,7 +136,7 @@ fn place(table: &mut Table<'_>, key: &'static str, has_heading: bool) -> Result<
     let northing_m = entry.need_number("northing", NORTHING_M)?;
     let heading_deg = if has_heading { entry.need_number("heading_deg", -360.0..=360.0)? } else { 0.0 };
     entry.finish()?;
-    Ok((Place { zone, easting_m, northing_m }, heading_deg))
+    Ok((UtmPosition { zone, easting_m, northing_m }, heading_deg))
 }
 
 #[cfg(test)]

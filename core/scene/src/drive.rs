@@ -1,4 +1,4 @@
-//! Where a vehicle can drive: the truth in cells of 0.2 m.
+//! Where a vehicle can drive: the ground truth in cells of 0.2 m.
 
 use rcs_geom::DVec2;
 
@@ -8,11 +8,11 @@ use crate::terrain::{CELL_M, Lattice};
 use crate::thing::Thing;
 use crate::world::World;
 
-/// Side of a cell of the truth, m.
+/// Side of a cell of the ground truth, m.
 pub const TRUTH_CELL_M: f64 = 0.2;
-/// Samples of the lattice per truth cell and side.
+/// Samples of the lattice per ground truth cell and side.
 const SAMPLES: usize = 2;
-/// Steeper ground than this stops a vehicle: its tangent over a cell of the truth, 35°.
+/// Steeper ground than this stops a vehicle: its tangent over a cell of the ground truth, 35°.
 const STEEP: f64 = 0.7;
 
 /// What is true of one cell.
@@ -145,7 +145,7 @@ impl Envelope {
 }
 
 impl World {
-    /// Columns and rows of the truth's cells, the first at the lower left corner of the bounds.
+    /// Columns and rows of the ground truth's cells, the first at the lower left corner of the bounds.
     pub fn truth_size(&self) -> [usize; 2] {
         self.inner.drive.size
     }

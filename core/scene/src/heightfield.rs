@@ -432,7 +432,8 @@ struct Grown<'l> {
 }
 
 impl Grown<'_> {
-    /// Calls with the column, row and top of each sample of a square of cells; a cell's stem stands on its first sample.
+    /// Calls with the column, row and top of each sample of a square of cells; a cell's stem stands on its first
+    /// sample.
     fn each(&self, corner: [usize; 2], side: usize, mut call: impl FnMut(usize, usize, f32, bool)) {
         for row in 0..=side {
             let start = (corner[1] + row) * self.lattice.width + corner[0];

@@ -2,7 +2,7 @@
 //!
 //! A [`World`] is read from a TOML file and never changes. It answers what the ground is like ([`World::ground`]), what
 //! a vehicle touches ([`World::touching`]), what a ray hits ([`World::cast`]), and what a camera sees
-//! ([`render_rows`]); and it knows the truth: [`Class`] and [`Label`] per pixel, [`World::truth_cell`] and
+//! ([`render_rows`]); and it knows the ground truth: [`Class`] and [`Label`] per pixel, [`World::truth_cell`] and
 //! [`World::blocked`] per place.
 //!
 //! # World files
@@ -60,7 +60,7 @@ mod world;
 
 pub use camera::CameraRays;
 pub use class::{COVER_M, Class, Label, SHORT_M, Surface, ThingKind};
-pub use course::{Course, Place, WrongZone};
+pub use course::{Course, UtmPosition, WrongZone};
 pub use drive::{TRUTH_CELL_M, TruthCell};
 pub use read::SceneError;
 pub use render::{CAMERA_RANGE_M, ViewRows, render_rows};

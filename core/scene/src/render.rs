@@ -1,8 +1,9 @@
 //! What a camera sees.
 //!
 //! Pixels are taken in bundles of 8×8. For a bundle it is found once which shapes its cone can meet, and how far it is
-//! clear of the ground; each ray of it then tries those shapes and walks the ground from there. Both only leave out what
-//! no ray of the bundle can meet, and bundles lie at fixed places of the image: how it is cut into strips changes no bit.
+//! clear of the ground; each ray of it then tries those shapes and walks the ground from there. Both only leave out
+//! what no ray of the bundle can meet, and bundles lie at fixed places of the image: how it is cut into strips changes
+//! no bit.
 
 use std::ops::Range;
 

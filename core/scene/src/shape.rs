@@ -1,8 +1,8 @@
 //! Convex shapes of which things are made, and rays against them.
 //!
 //! Every shape is met as an interval along the ray, in the shape's own axes (turned about z alone). Foliage is a volume
-//! in which leaves sit in small cubes, there or not by a hash of the cube's place, so that both eyes see the same ones;
-//! the fence is a panel with holes.
+//! in which leaves sit in small cubes, there or not by a hash of the cube's place, so that both cameras see the same
+//! ones; the fence is a panel with holes.
 
 use crate::class::Class;
 use crate::heightfield::{larger, smaller};

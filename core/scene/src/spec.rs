@@ -58,10 +58,10 @@ pub(crate) struct Paint {
 pub(crate) struct Placed {
     pub(crate) kind: ThingKind,
     pub(crate) size: SizeRange,
-    pub(crate) place: Place,
+    pub(crate) place: Placement,
 }
 
-pub(crate) enum Place {
+pub(crate) enum Placement {
     At { at: DVec2, yaw_rad: f64 },
     Along(Vec<DVec2>),
     Scattered { region: Region, count: u32, spacing_m: f64 },
@@ -198,7 +198,7 @@ impl WorldSpec {
             let yaw_rad = table.number_or("yaw_deg", 0.0, -360.0..=360.0)?.to_radians();
             let size = SizeRange::read(kind, &mut table)?;
             table.finish()?;
-            self.placed.push(Placed { kind, size, place: Place::At { at, yaw_rad } });
+            self.placed.push(Placed { kind, size, place: Placement::At { at, yaw_rad } });
         }
         for mut table in file.tables("line")? {
             let only = |name: &str| {
@@ -211,7 +211,7 @@ impl WorldSpec {
             }
             let size = SizeRange::read(kind, &mut table)?;
             table.finish()?;
-            self.placed.push(Placed { kind, size, place: Place::Along(path) });
+            self.placed.push(Placed { kind, size, place: Placement::Along(path) });
         }
         for mut table in file.tables("clear")? {
             self.clear.push(Region::read(&mut table)?);
@@ -229,7 +229,7 @@ impl WorldSpec {
             let region = Region::read(&mut table)?;
             let size = SizeRange::read(kind, &mut table)?;
             table.finish()?;
-            self.placed.push(Placed { kind, size, place: Place::Scattered { region, count, spacing_m } });
+            self.placed.push(Placed { kind, size, place: Placement::Scattered { region, count, spacing_m } });
         }
         Ok(())
     }

@@ -111,8 +111,8 @@ impl Rectangle {
 
 impl World {
     /// The solid things that a vehicle's outline reaches into, in the order of their numbers. `heights_m` are those of
-    /// the vehicle's lowest and highest part: what is wholly above or below is not touched. Crowns and the outer foliage
-    /// of bushes are not solid.
+    /// the vehicle's lowest and highest part: what is wholly above or below is not touched. Crowns and the outer
+    /// foliage of bushes are not solid.
     pub fn touching(&self, footprint: &Footprint, heights_m: RangeInclusive<f64>) -> Vec<Touch> {
         let finite = footprint.centre.is_finite() && footprint.yaw_rad.is_finite();
         if !finite {

@@ -167,7 +167,7 @@ impl Inner {
         )
     }
 
-    /// The obstacle label that the truth gives a hit.
+    /// The obstacle label that the ground truth gives a hit.
     #[inline]
     pub(crate) fn label(&self, met: Met, at: Vec3, passable: &[bool; 16]) -> Label {
         match met {
@@ -205,8 +205,8 @@ impl Inner {
 
 impl World {
     /// The first thing, stem or ground that a ray meets: what a ladar or an infrared sensor measures. `direction` need
-    /// not have length 1. The same ray always gives the same answer: which stems and leaves stand where is a hash of the
-    /// place. `None` where nothing is within `max_range_m`, and for numbers that are not finite.
+    /// not have length 1. The same ray always gives the same answer: which stems and leaves stand where is a hash of
+    /// the place. `None` where nothing is within `max_range_m`, and for numbers that are not finite.
     pub fn cast(&self, origin: DVec3, direction: DVec3, max_range_m: f64) -> Option<Hit> {
         let length = direction.length();
         if !(origin.is_finite() && length.is_finite() && length > 1e-9 && max_range_m > 0.0) {

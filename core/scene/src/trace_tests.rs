@@ -200,13 +200,13 @@ fn draw(world: &World, rays: &CameraRays, pose: &Pose, cuts: &[usize]) -> Image 
     image
 }
 
-fn eye(world: &World, x: f64, y: f64, yaw_deg: f64) -> Pose {
+fn camera_pose(world: &World, x: f64, y: f64, yaw_deg: f64) -> Pose {
     let at = DVec2::new(x, y);
-    let eye = at.extend(world.height_m(at) + 0.9);
-    Pose::from_rpy(eye, 0.05, 0.2, yaw_deg.to_radians()) * Pose::body_from_optical()
+    let camera = at.extend(world.height_m(at) + 0.9);
+    Pose::from_rpy(camera, 0.05, 0.2, yaw_deg.to_radians()) * Pose::body_from_optical()
 }
 
-fn camera() -> CameraRays {
+fn camera_rays() -> CameraRays {
     let lens = Distortion::from_model("plumb_bob", &[-0.25, 0.07, 0.001, -0.001, 0.0]).unwrap();
     CameraRays::new(&PinholeCamera::new([100, 75], [70.0, 70.0], [49.0, 38.0], lens).unwrap())
 }
@@ -214,7 +214,7 @@ fn camera() -> CameraRays {
 #[test]
 fn every_pixel_is_what_its_ray_meets() {
     let world = small();
-    let rays = camera();
+    let rays = camera_rays();
     let (mut pixels, mut differ) = (0, 0);
     for (x, y, yaw) in [
         (102.0, -8.0, 0.0),
@@ -223,7 +223,7 @@ fn every_pixel_is_what_its_ray_meets() {
         (116.0, 4.0, 260.0),
         (122.0, -10.0, 45.0),
     ] {
-        let pose = eye(&world, x, y, yaw);
+        let pose = camera_pose(&world, x, y, yaw);
         let image = draw(&world, &rays, &pose, &[0, rays.height()]);
         for at in 0..rays.width() * rays.height() {
             let ray = rays.ray(at % rays.width(), at / rays.width()).unwrap();
@@ -247,8 +247,8 @@ fn every_pixel_is_what_its_ray_meets() {
 #[test]
 fn however_an_image_is_cut_into_strips_its_bits_are_the_same() {
     let world = small();
-    let rays = camera();
-    let pose = eye(&world, 102.0, -8.0, 0.0);
+    let rays = camera_rays();
+    let pose = camera_pose(&world, 102.0, -8.0, 0.0);
     let whole = draw(&world, &rays, &pose, &[0, 75]);
     for cuts in [&[0, 1, 2, 7, 8, 40, 75][..], &[0, 37, 75], &[0, 8, 16, 24, 32, 64, 75]] {
         let cut = draw(&world, &rays, &pose, cuts);
@@ -259,11 +259,11 @@ fn however_an_image_is_cut_into_strips_its_bits_are_the_same() {
 
 #[test]
 fn the_same_text_gives_the_same_world_and_another_seed_another() {
-    let rays = camera();
+    let rays = camera_rays();
     let text = format!("{SMALL}scatter = [{{ kind = \"bush\", count = 9, circle = [115, -8, 9] }}]\n");
     let (a, b) = (World::from_toml(&text).unwrap(), World::from_toml(&text).unwrap());
     let other = World::from_toml(&text.replace("seed = 5", "seed = 6")).unwrap();
-    let pose = eye(&a, 102.0, -8.0, 0.0);
+    let pose = camera_pose(&a, 102.0, -8.0, 0.0);
     assert_eq!(a.things(), b.things());
     assert_ne!(a.things(), other.things());
     let [a, b, other] = [a, b, other].map(|world| draw(&world, &rays, &pose, &[0, 75]));

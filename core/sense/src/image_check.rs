@@ -2,8 +2,8 @@
 //! the one before again.
 //!
 //! A pixel is black or saturated by its grey level (BT.601 luma). An image is refused where fewer pixels than asked for
-//! are neither: half of it may be a blown-out sky or deep shade. The camera hangs where an image has the bytes of the one
-//! before: no sensor is without noise.
+//! are neither: half of it may be a blown-out sky or deep shade. The camera hangs where an image has the bytes of the
+//! one before: no sensor is without noise.
 
 use rcs_msg::foxglove::RawImage;
 use rcs_msg::image::{ImageError, raw_to_rgb8};

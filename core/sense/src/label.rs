@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What a pixel shows (A 3.1.1). The numbers are those of label images with the palette `obstacle_labels`.
+/// What a pixel shows (Albus 2006a, 3.1.1). The numbers are those of label images with the palette `obstacle_labels`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum ObstacleLabel {

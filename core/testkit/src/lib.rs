@@ -3,7 +3,7 @@
 //! - [`mod@bench`]: a stack that a test feeds and steps.
 //! - [`logs`]: logs made on the spot.
 //! - [`golden`]: traces of numbers beside committed ones.
-//! - [`data_dir`]: where recordings of others are found.
+//! - [`data_dir`]: where public datasets are found.
 
 pub mod bench;
 pub mod golden;
@@ -16,7 +16,7 @@ rcs_msg::messages!(
     pub mod proto
 );
 
-/// The folder with recordings of others: `$OCU_DATA`, else `../shared/data` beside the checkout.
+/// The folder with public datasets: `$OCU_DATA`, else `../shared/data` beside the checkout.
 ///
 /// `None` where it is absent, with a line that says so; with `OCU_REQUIRE_DATA=1` its absence is a failure.
 ///

@@ -1,4 +1,5 @@
-//! What is remembered of one piece of ground, and how a measurement changes it (A 4, B 3.4; Oskard 1988).
+//! What is remembered of one piece of ground, and how a measurement changes it (Albus 2006a, 4, Albus 2006b, 3.4;
+//! Oskard 1988).
 
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};

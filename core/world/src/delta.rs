@@ -1,9 +1,9 @@
 //! Maps as they are recorded: key frames, and what changed between them.
 //!
-//! A key frame is the whole map as a `foxglove.Grid`, as any other tool reads it. A delta (`rcs.MapDelta`) holds the cells
-//! that differ from the map before. Where to look follows from the map itself: tiles that nobody wrote since the last
-//! message are still shared with it, so that comparing their addresses finds the few that may differ, and only their
-//! cells are compared. A map that scrolled differs in the same way, as its cells stay where they are in memory.
+//! A key frame is the whole map as a `foxglove.Grid`, as any other tool reads it. A delta (`rcs.MapDelta`) holds the
+//! cells that differ from the map before. Where to look follows from the map itself: tiles that nobody wrote since the
+//! last message are still shared with it, so that comparing their addresses finds the few that may differ, and only
+//! their cells are compared. A map that scrolled differs in the same way, as its cells stay where they are in memory.
 //!
 //! A delta names the message that it follows. A decoder applies it to that one and to no other: where a message is
 //! missing, deltas are refused until the next key frame.
@@ -18,8 +18,8 @@ use rcs_msg::{AnyMessage, DeltaCodec, DeltaDecoder, DeltaEncoder, Schema, Stamp,
 use crate::columns::HEIGHT_PARTS;
 use crate::{Cell, Evidence, HeightStats, Map, MapMessage, MapOptions, Source, SourceKind, Weighted};
 
-/// A key frame is stored when the last is this old. Reading from any moment on starts at a key frame and takes the deltas
-/// behind it.
+/// A key frame is stored when the last is this old. Reading from any moment on starts at a key frame and takes the
+/// deltas behind it.
 pub const KEY_FRAME_NS: u64 = 10_000_000_000;
 
 /// [`MapCodec`] for those who list codecs.

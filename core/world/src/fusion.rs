@@ -1,4 +1,5 @@
-//! The fusion rule: one cost of what the sources say (A 4 and B 3.4, the equation of `Cost_cell`).
+//! The fusion rule: one cost of what the sources say (Albus 2006a, 4 and Albus 2006b, 3.4, the equation of
+//! `Cost_cell`).
 
 use serde::{Deserialize, Serialize};
 
@@ -11,8 +12,8 @@ pub enum SourceKind {
     /// Its cost is averaged with that of the others by its weight.
     #[default]
     Range,
-    /// A hit of it (a cost from [`OBSTACLE_COST`] on) stands for itself, whatever the others see: the bumper. What it says
-    /// otherwise does not count.
+    /// A hit of it (a cost from [`OBSTACLE_COST`] on) stands for itself, whatever the others see: the bumper. What it
+    /// says otherwise does not count.
     Override,
 }
 
@@ -173,8 +174,9 @@ impl Fused {
 /// - A source is present where its confidence is above 0, its cost at most 250 and its weight above 0.
 /// - Cost = Σ Wᵢ·Costᵢ / Σ Wᵢ over the sources present, rounded to nearest (half up): weights of absent sources
 ///   renormalise. None present is unknown, not zero.
-/// - A hit of a source that overrides (confidence above 0, cost at least [`OBSTACLE_COST`]) stands for itself: its cost,
-///   its confidence; of several, the highest cost. One that was not hit says nothing of what the other sources see.
+/// - A hit of a source that overrides (confidence above 0, cost at least [`OBSTACLE_COST`]) stands for itself: its
+///   cost, its confidence; of several, the highest cost. One that was not hit says nothing of what the other sources
+///   see.
 /// - The label is that of the highest confidence; the first source in the order of the weights wins a tie.
 ///
 /// Confidence does not weigh the cost: the papers' equation has the weights alone.

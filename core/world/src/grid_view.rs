@@ -1,5 +1,5 @@
-//! Reading a `foxglove.Grid`, whoever made it, or one of our maps, in place and by field; and fusing one anew with other
-//! weights.
+//! Reading a `foxglove.Grid`, whoever made it, or one of our maps, in place and by field; and fusing one anew with
+//! other weights.
 
 use std::borrow::Cow;
 
@@ -116,7 +116,7 @@ pub struct GridView<'a> {
     cell_size_m: DVec2,
     frame_id: &'a str,
     frame_from_grid: Pose,
-    fields: Vec<(Cow<'a, str>, Place, NumericType)>,
+    fields: Vec<(Cow<'a, str>, FieldLocation, NumericType)>,
     cells: Cells<'a>,
 }
 
@@ -129,7 +129,7 @@ enum Cells<'a> {
 
 /// Where a field is in a cell.
 #[derive(Clone, Copy, Debug)]
-enum Place {
+enum FieldLocation {
     Offset(usize),
     Column(Column),
 }
@@ -156,7 +156,8 @@ impl<'a> GridView<'a> {
         if !usable(size.x) || !usable(size.y) {
             return Err(GridViewError::CellSize { x: size.x, y: size.y });
         }
-        let mut fields: Vec<(Cow<'_, str>, Place, NumericType)> = Vec::with_capacity(grid.fields.len());
+        let mut fields: Vec<(Cow<'_, str>, FieldLocation, NumericType)> =
+            Vec::with_capacity(grid.fields.len());
         for field in &grid.fields {
             let (name, offset) = (field.name.as_str(), field.offset as usize);
             let kind = NumericType::try_from(field.r#type).unwrap_or(NumericType::Unknown);
@@ -167,7 +168,7 @@ impl<'a> GridView<'a> {
             if fields.iter().any(|(other, ..)| other == name) {
                 return Err(GridViewError::Twice { name: name.to_owned() });
             }
-            fields.push((name.into(), Place::Offset(offset), kind));
+            fields.push((name.into(), FieldLocation::Offset(offset), kind));
         }
         let frame_from_grid = corner(grid)?;
         let cell_size_m = DVec2::new(size.x, size.y);
@@ -187,7 +188,9 @@ impl<'a> GridView<'a> {
             cell_size_m: DVec2::splat(map.grid().cell_size_m()),
             frame_id,
             frame_from_grid: Pose { translation: DVec3::new(corner.x, corner.y, 0.0), ..Pose::IDENTITY },
-            fields: fields.map(|(name, kind, column)| (name.into(), Place::Column(column), kind)).collect(),
+            fields: fields
+                .map(|(name, kind, column)| (name.into(), FieldLocation::Column(column), kind))
+                .collect(),
             cells: Cells::Map(message),
         }
     }
@@ -271,7 +274,7 @@ impl<'a> GridView<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct Field<'a> {
     grid: &'a GridView<'a>,
-    place: Place,
+    place: FieldLocation,
     kind: NumericType,
 }
 
@@ -287,10 +290,10 @@ impl Field<'_> {
             return None;
         }
         match (&self.grid.cells, self.place) {
-            (&Cells::Bytes { row_stride, cell_stride, data }, Place::Offset(offset)) => {
+            (&Cells::Bytes { row_stride, cell_stride, data }, FieldLocation::Offset(offset)) => {
                 self.read(data.get(row * row_stride + column * cell_stride + offset..)?)
             }
-            (Cells::Map(MapMessage { map, options, .. }), Place::Column(number)) => {
+            (Cells::Map(MapMessage { map, options, .. }), FieldLocation::Column(number)) => {
                 let cell = map.grid().bounds().south_west.offset(column as i64, row as i64);
                 number.at(map, options, cell)
             }
@@ -302,11 +305,13 @@ impl Field<'_> {
     pub fn values(&self) -> impl Iterator<Item = f64> {
         let numbers: Vec<f64> = match (&self.grid.cells, self.place) {
             // Never NaN for want of bytes: the view has checked them.
-            (Cells::Bytes { .. }, Place::Offset(offset)) => {
+            (Cells::Bytes { .. }, FieldLocation::Offset(offset)) => {
                 let number = |cell: &[u8]| cell.get(offset..).and_then(|b| self.read(b)).unwrap_or(f64::NAN);
                 self.grid.bytes().map(number).collect()
             }
-            (Cells::Map(MapMessage { map, options, .. }), Place::Column(number)) => number.all(map, options),
+            (Cells::Map(MapMessage { map, options, .. }), FieldLocation::Column(number)) => {
+                number.all(map, options)
+            }
             _ => Vec::new(),
         };
         numbers.into_iter()
@@ -335,8 +340,9 @@ impl Field<'_> {
     }
 }
 
-/// Fuses the cells of a received grid with these weights, by rows, into a buffer that is used again: one cost a byte, 255
-/// unknown. Sources are those with a field `cost.<source>` and `conf.<source>`, both `UINT8`. The rule is [`crate::fuse`].
+/// Fuses the cells of a received grid with these weights, by rows, into a buffer that is used again: one cost a byte,
+/// 255 unknown. Sources are those with a field `cost.<source>` and `conf.<source>`, both `UINT8`. The rule is
+/// [`crate::fuse`].
 pub fn fuse_grid(view: &GridView<'_>, weights: &Weights, costs: &mut Vec<u8>) -> Result<(), GridViewError> {
     costs.clear();
     costs.reserve(view.columns * view.rows);
@@ -347,7 +353,8 @@ pub fn fuse_grid(view: &GridView<'_>, weights: &Weights, costs: &mut Vec<u8>) ->
     let mut places = Vec::new();
     let sources = view.sources();
     for source in sources.iter() {
-        let offset = |field: Field<'_>| if let Place::Offset(offset) = field.place { offset } else { 0 };
+        let offset =
+            |field: Field<'_>| if let FieldLocation::Offset(offset) = field.place { offset } else { 0 };
         let cost_at = view.field_of(&format!("cost.{source}"), NumericType::Uint8).map(offset)?;
         let confidence_at = view.field_of(&format!("conf.{source}"), NumericType::Uint8).map(offset)?;
         places.push((cost_at, confidence_at));

@@ -1,7 +1,7 @@
 //! The map as a `foxglove.Grid`.
 //!
-//! The grid is in the frame that the caller names; its pose is the map's south-west corner, turned by nothing; columns go
-//! east, rows go north (row 0 is the southernmost), as the message prescribes. Cells are little-endian, with these
+//! The grid is in the frame that the caller names; its pose is the map's south-west corner, turned by nothing; columns
+//! go east, rows go north (row 0 is the southernmost), as the message prescribes. Cells are little-endian, with these
 //! fields in this order:
 //!
 //! | field | type | meaning |
@@ -123,8 +123,8 @@ impl Map {
         }
     }
 
-    /// The map that a message holds. Fields that it lacks stay unknown; its fused fields are not read, as they follow from
-    /// the others.
+    /// The map that a message holds. Fields that it lacks stay unknown; its fused fields are not read, as they follow
+    /// from the others.
     pub fn from_grid(grid: &Grid) -> Result<Map, MapGridError> {
         let view = GridView::new(grid)?;
         if view.columns() != SIDE || view.rows() != SIDE {

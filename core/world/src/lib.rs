@@ -1,4 +1,4 @@
-//! The world-model cell, its message layout and the fusion rule (A 4, B 3.4).
+//! The world-model cell, its message layout and the fusion rule (Albus 2006a, 4, Albus 2006b, 3.4).
 //!
 //! - [`Source`]: who contributes to a cell, by name; [`Sources`]: those that a map holds. The set is open.
 //! - [`Cell`], [`Evidence`], [`VoteRule`]: what is remembered of a piece of ground, and how a measurement changes it.
@@ -6,8 +6,8 @@
 //!   view both call it, so what an operator sees before sending new weights is what the robot will compute.
 //! - [`Map`]: 201×201 cells around the vehicle, and the same as a `foxglove.Grid`.
 //! - [`MapMessage`], [`MapCodec`]: a map as it is passed on, and as it is recorded: key frames and changed tiles.
-//! - [`GridView`], [`fuse_grid`]: reading any `foxglove.Grid` or [`MapMessage`] by field without copying it, and fusing it
-//!   anew with other weights.
+//! - [`GridView`], [`fuse_grid`]: reading any `foxglove.Grid` or [`MapMessage`] by field without copying it, and fusing
+//!   it anew with other weights.
 //!
 //! Cost is 0 (free) to 250 (do not touch), 255 is unknown; confidence is 0 to 255. Lengths are metres.
 

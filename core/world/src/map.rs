@@ -14,11 +14,11 @@ pub const CELL_SIZE_M: f64 = 0.2;
 /// Side of a cell of WM2, m.
 pub const WIDE_CELL_SIZE_M: f64 = 0.6;
 
-/// A world-model map: 201×201 cells, north-up, the vehicle in the middle one. WM1 has cells of 0.2 m (about 40 m across),
-/// WM2 of 0.6 m (about 120 m).
+/// A world-model map: 201×201 cells, north-up, the vehicle in the middle one. WM1 has cells of 0.2 m (about 40 m
+/// across), WM2 of 0.6 m (about 120 m).
 ///
-/// What the ground is lies in one grid, what each source says of it in one of its own, which begins with its first vote.
-/// Clones share what neither has written since.
+/// What the ground is lies in one grid, what each source says of it in one of its own, which begins with its first
+/// vote. Clones share what neither has written since.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Map {
     grid: ScrollGrid<Cell>,
@@ -87,7 +87,8 @@ impl Map {
         &mut self.grid
     }
 
-    /// Scrolls so that the vehicle (metres in the map's frame) is in the middle cell; cells that come into view are unknown.
+    /// Scrolls so that the vehicle (metres in the map's frame) is in the middle cell; cells that come into view are
+    /// unknown.
     /// `None`, and nothing moves, for a position that is not finite.
     pub fn recentre(&mut self, p_vehicle: DVec2) -> Option<Exposed> {
         let centre = self.grid.cell_at(p_vehicle)?;
@@ -108,8 +109,8 @@ impl Map {
         self.layers.iter_mut().for_each(|(_, layer)| layer.set_centre(centre));
     }
 
-    /// Takes a vote of a source for a cell, see [`Evidence::voted`]; false when the cell lies outside of the map. A cost
-    /// above 250 is no vote and changes nothing.
+    /// Takes a vote of a source for a cell, see [`Evidence::voted`]; false when the cell lies outside of the map. A
+    /// cost above 250 is no vote and changes nothing.
     pub fn vote(
         &mut self,
         index: CellIndex,

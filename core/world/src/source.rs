@@ -15,13 +15,13 @@ const MAX_NAME: usize = 32;
 pub struct Source([u8; MAX_NAME]);
 
 impl Source {
-    /// Obstacles from range images (A 3.1.1).
+    /// Obstacles from range images (Albus 2006a, 3.1.1).
     pub const STEREO: Source = Source::padded(b"stereo");
-    /// Colour models (A 3.1.2); the papers' "classification".
+    /// Colour models (Albus 2006a, 3.1.2); the papers' "classification".
     pub const COLOR: Source = Source::padded(b"color");
-    /// Terrain learned from range (A 3.2); the papers' "learning".
+    /// Terrain learned from range (Albus 2006a, 3.2); the papers' "learning".
     pub const TERRAIN: Source = Source::padded(b"terrain");
-    /// Classifier over image windows (A 3.3).
+    /// Classifier over image windows (Albus 2006a, 3.3).
     pub const CLASSIFIER: Source = Source::padded(b"classifier");
     /// The bumper's switches.
     pub const BUMPER: Source = Source::padded(b"bumper");

@@ -32,7 +32,7 @@ const RECORDED: [&str; 9] = [
     "/vehicle/encoders",
     "/vehicle/imu",
     "/vehicle/gps",
-    "/position/local",
+    "/localization/local",
 ];
 const JPEG_QUALITY: u8 = 92;
 

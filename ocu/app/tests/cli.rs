@@ -196,7 +196,7 @@ fn every_command_has_help_with_an_example() {
     }
 }
 
-/// A pair that is shifted by 6 pixels, and its truth in 1/256 pixel.
+/// A pair that is shifted by 6 pixels, and its ground truth in 1/256 pixel.
 fn stereo_pair() -> (tempfile::TempDir, [String; 3]) {
     let dir = tempfile::tempdir().unwrap();
     let level = |x: u32, y: u32| {
@@ -265,7 +265,7 @@ fn eval_stereo_refuses_what_does_not_fit() {
     let args = ["eval", "stereo", "--left", &left, "--right", &right, "--calib", &calib, "--truth", &truth];
     let (code, out, errors) = ocu(&[&args[..], &["--disparities", "16"]].concat());
     assert_eq!(code, 0, "{errors}");
-    assert!(out.contains("over pixels seen by both eyes"), "{out}");
+    assert!(out.contains("over pixels seen by both cameras"), "{out}");
 }
 
 #[test]

@@ -19,11 +19,11 @@ const PATIENCE: Duration = Duration::from_mins(1);
 const STACK: &str = r#"
 format = 1
 name = "hand"
-description = "A comms interface that waits for an operator."
+description = "A vehicle interface that waits for an operator."
 
 [[process]]
-name = "comms"
-plugin = "comms"
+name = "vehicle_interface"
+plugin = "vehicle_interface"
 supervisor = "viewer"
 inputs = { teleop = "/operator/teleop", emergency_stop = "/operator/emergency_stop" }
 "#;
@@ -77,7 +77,7 @@ fn command(frame: &Frame) -> Option<[f64; 2]> {
 }
 
 fn vehicle(frame: &Frame) -> Option<&rcs::VehicleStatus> {
-    frame.topic("/comms/vehicle")?.get()
+    frame.topic("/vehicle_interface/vehicle")?.get()
 }
 
 #[test]
@@ -115,7 +115,7 @@ fn keys_drive_nothing_while_a_text_is_typed_or_time_stands() {
     assert_eq!(command(&frame(&harness).unwrap()), None);
     harness.key_up(Key::W);
 
-    harness.get_by_label("Search buffers").type_text("comms");
+    harness.get_by_label("Search buffers").type_text("vehicle_interface");
     harness.key_press(Key::Tab);
     harness.get_by_label("Pause").click();
     wait_until(&mut harness, "the pause", |frame| !frame.playback.playing);

@@ -41,7 +41,7 @@ const ACTS: &str = r#"[
    "every_s": 0.05, "until_s": 1.2},
   {"at_s": 0.5, "buffer": "/wm1/params", "message": {"publish_hz": 8}},
   {"at_s": 0.7, "buffer": "/runtime/override",
-   "message": {"buffer": "/comms/wheels", "mode": "HOLD", "path": ".left_mps", "value_json": "0.1",
+   "message": {"buffer": "/vehicle_interface/wheels", "mode": "HOLD", "path": ".left_mps", "value_json": "0.1",
                "owner": "test", "expires_s": 0.3}},
   {"at_s": 1.3, "buffer": "/operator/emergency_stop", "message": {"active": true, "reason": "a test"}}
 ]"#;
@@ -82,12 +82,12 @@ fn a_live_run_of_the_simulation_with_an_operator_replays_to_the_same_hash() {
     let agreed = run(&["diff", &live, &again, "--json"], 0);
     assert_eq!(agreed, serde_json::json!({"equal": true, "first": null}));
 
-    let sequence = change_a_byte(live.as_ref(), changed.as_ref(), "/position/local");
+    let sequence = change_a_byte(live.as_ref(), changed.as_ref(), "/localization/local");
     for args in [&["diff", &live, &changed, "--json"][..], &["run", "--replay", &changed, "--json"]] {
         let found = run(args, 1);
         let found = if args[0] == "run" { &found["replay"] } else { &found };
         assert_eq!(found["equal"], false);
-        assert_eq!(found["first"]["buffer"], "/position/local", "{found}");
+        assert_eq!(found["first"]["buffer"], "/localization/local", "{found}");
         assert_eq!(found["first"]["sequence"], sequence, "{found}");
         let keys: Vec<_> = found["first"].as_object().unwrap().keys().map(String::as_str).collect();
         assert_eq!(keys, ["buffer", "field", "sequence", "time_s"]);

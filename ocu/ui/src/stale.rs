@@ -13,7 +13,7 @@ pub fn is_stale(age_s: f64, hz: f64) -> bool {
     limit_s(hz).is_some_and(|limit| age_s > limit)
 }
 
-/// Covers a picture that is old: grey, hatched, with its age in the corner.
+/// Covers an image that is old: grey, hatched, with its age in the corner.
 pub fn cover(ui: &Ui, rect: Rect, age_s: f64) {
     let tokens = tokens(ui);
     let painter = ui.painter_at(rect);
@@ -37,7 +37,7 @@ pub fn hatch(painter: &egui::Painter, rect: Rect, color: Color32) {
     painter.with_clip_rect(painter.clip_rect().intersect(rect)).extend(lines);
 }
 
-/// The word that says how old a picture is, with its left top corner at `at`.
+/// The word that says how old an image is, with its left top corner at `at`.
 pub fn tag(ui: &Ui, at: Pos2, age_s: f64) {
     let tokens = tokens(ui);
     let painter = ui.painter();

@@ -12,9 +12,9 @@ mod canvas;
 mod drive;
 mod fields;
 mod hierarchy;
+mod image;
 mod map;
 pub mod operator;
-mod picture;
 mod pose;
 #[cfg(test)]
 mod samples;

@@ -12,27 +12,27 @@ use rcs_runtime::source::{Frame, RunTag, Runs, SourceInfo, SourceKind, Topic};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A frame of a stack that runs: a vehicle under way, its course, shapes on an image, and the truth beside it.
+/// A frame of a stack that runs: a vehicle under way, its course, shapes on an image, and the ground truth beside it.
 pub(crate) fn driving() -> Frame {
     let classes = classes_to_json(&OBSTACLE_CLASSES);
-    let labels = [("rcs.role", "labels"), ("rcs.overlay_of", "/eye/image"), (CLASSES, &*classes)];
-    let truth = [labels[0], labels[1], ("rcs.truth", "true")];
-    let on_image = [("rcs.overlay_of", "/eye/image")];
+    let labels = [("rcs.role", "labels"), ("rcs.overlay_of", "/camera/image"), (CLASSES, &*classes)];
+    let truth = [labels[0], labels[1], ("rcs.ground_truth", "true")];
+    let on_image = [("rcs.overlay_of", "/camera/image")];
     let mut topics = vec![
-        with_metadata(topic("/eye/image", 5.0, 0.1, image(96, 64)), "eye", &[("rcs.role", "image")]),
+        with_metadata(topic("/camera/image", 5.0, 0.1, image(96, 64)), "camera", &[("rcs.role", "image")]),
         with_metadata(topic("/obstacles/labels", 5.0, 0.3, label_image(48, 32)), "obstacles", &labels),
         with_metadata(topic("/color/shapes", 5.0, 0.1, shapes()), "color", &on_image),
-        with_metadata(topic("/eye/truth_labels", 5.0, 0.1, label_image(48, 32)), "eye", &truth),
+        with_metadata(topic("/camera/ground_truth_labels", 5.0, 0.1, label_image(48, 32)), "camera", &truth),
         with_metadata(topic("/wm1/map", 5.0, 0.2, grid(40, 40)), "wm1", &[("rcs.role", "map")]),
         with_metadata(
-            topic("/vehicle/truth_map", 0.1, 3.0, grid(80, 80)),
+            topic("/vehicle/ground_truth_map", 0.1, 3.0, grid(80, 80)),
             "vehicle",
-            &[("rcs.truth", "true")],
+            &[("rcs.ground_truth", "true")],
         ),
         with_metadata(topic("/vehicle/goal", 1.0, 0.3, goal()), "vehicle", &[("rcs.role", "goal")]),
-        topic("/eye/points", 5.0, 0.1, cloud(&[[1.0, 2.0, 0.1]])),
+        topic("/camera/points", 5.0, 0.1, cloud(&[[1.0, 2.0, 0.1]])),
         topic("/vehicle/run", 5.0, 0.1, run()),
-        topic("/comms/vehicle", 50.0, 0.02, status()),
+        topic("/vehicle_interface/vehicle", 50.0, 0.02, status()),
         topic("/operator/teleop", 20.0, 0.04, command()),
         Topic::new("/operator/emergency_stop", RunTag::FIRST, Arc::clone(schema_of::<EmergencyStop>())),
     ];
@@ -44,8 +44,8 @@ pub(crate) fn driving() -> Frame {
         role: role.into(),
         ..PortInfo::default()
     };
-    let comms = ProcessInfo {
-        name: "comms".into(),
+    let vehicle_interface = ProcessInfo {
+        name: "vehicle_interface".into(),
         supervisor: "viewer".into(),
         inputs: vec![
             port("drive", "/driver/drive", schema_of::<DriveCommand>(), ""),
@@ -60,7 +60,7 @@ pub(crate) fn driving() -> Frame {
         outputs: vec![port("drive", "/driver/drive", schema_of::<DriveCommand>(), "")],
         ..ProcessInfo::default()
     };
-    let tracks = [track("/position/local", "local", 0.1), track("/vehicle/goal", "local", 0.0)];
+    let tracks = [track("/localization/local", "local", 0.1), track("/vehicle/goal", "local", 0.0)];
     let nothing = empty();
     let info = SourceInfo { kind: SourceKind::Stack, end: None, ..(*nothing.info).clone() };
     let mut playback = nothing.playback.clone();
@@ -69,7 +69,7 @@ pub(crate) fn driving() -> Frame {
         info: Arc::new(info),
         now: NOW,
         topics: topics.into(),
-        processes: [comms, driver].into(),
+        processes: [vehicle_interface, driver].into(),
         tracks: Arc::new(
             tracks
                 .into_iter()

@@ -47,7 +47,7 @@ pub(crate) fn topic_choice(
     let combo = ComboBox::from_id_salt(name).selected_text(text).width(160.0).show_ui(ui, |ui| {
         let mut truth = false;
         for topic in topics {
-            if topic.is_truth() && !std::mem::replace(&mut truth, true) {
+            if topic.is_ground_truth() && !std::mem::replace(&mut truth, true) {
                 ui.separator();
                 ui.label(egui::RichText::new("Truth of the simulation").small().color(tokens(ui).weak));
             }

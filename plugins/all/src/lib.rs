@@ -14,11 +14,10 @@ pub fn register() {
 pub fn all() -> &'static [ProcessType] {
     static ALL: &[ProcessType] = &[
         ProcessType::of::<rcs_terrain::Classifier>(),
-        ProcessType::of::<rcs_color::ColorModelling>(),
-        ProcessType::of::<rcs_comms::Comms>(),
+        ProcessType::of::<rcs_color::ColorModelLearner>(),
         ProcessType::of::<rcs_obstacles::LabelOverlay>(),
+        ProcessType::of::<rcs_localization::Localization>(),
         ProcessType::of::<rcs_obstacles::Obstacles>(),
-        ProcessType::of::<rcs_navigation::Position>(),
         ProcessType::of::<rcs_proximity::Proximity>(),
         ProcessType::of::<rcs_sim::SimCameras>(),
         ProcessType::of::<rcs_sim::SimLadar>(),
@@ -27,6 +26,7 @@ pub fn all() -> &'static [ProcessType] {
         ProcessType::of::<rcs_supervisor::Supervisor>(),
         ProcessType::of::<rcs_terrain::TerrainLearner>(),
         ProcessType::of::<rcs_truth_driver::TruthDriver>(),
+        ProcessType::of::<rcs_vehicle_interface::VehicleInterface>(),
         ProcessType::of::<rcs_world_model::WorldModel>(),
     ];
     ALL

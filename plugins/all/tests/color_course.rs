@@ -27,42 +27,42 @@ name = "color_course"
 name = "vehicle"
 plugin = "sim_vehicle"
 supervisor = "viewer"
-inputs = { wheels = "/comms/wheels" }
+inputs = { wheels = "/vehicle_interface/wheels" }
 params = { world = "mulch_path", vehicle = "lagr", start_east_m = 10.0, start_north_m = 45.0 }
 
 [[process]]
 name = "driver"
 plugin = "path_follower"
 supervisor = "viewer"
-inputs = { truth_pose = "/vehicle/truth_pose" }
+inputs = { ground_truth_pose = "/vehicle/ground_truth_pose" }
 
 [[process]]
-name = "comms"
-plugin = "comms"
+name = "vehicle_interface"
+plugin = "vehicle_interface"
 supervisor = "viewer"
-inputs = { drive = "/driver/drive", local = "/position/local", imu = "/vehicle/imu", encoders = "/vehicle/encoders" }
+inputs = { drive = "/driver/drive", local = "/localization/local", imu = "/vehicle/imu", encoders = "/vehicle/encoders" }
 params = { track_m = 0.58 }
 
 [[process]]
-name = "position"
-plugin = "position"
+name = "localization"
+plugin = "localization"
 supervisor = "viewer"
 inputs = { encoders = "/vehicle/encoders", imu = "/vehicle/imu", gps = "/vehicle/gps" }
 params = { track_m = 0.58 }
 
 [[process]]
-name = "eyes_left"
+name = "front_left"
 plugin = "sim_cameras"
 supervisor = "viewer"
-inputs = { truth_state = "/vehicle/truth_state" }
-params = { world = "mulch_path", vehicle = "lagr", pair = "left" }
+inputs = { ground_truth_state = "/vehicle/ground_truth_state" }
+params = { world = "mulch_path", vehicle = "lagr", pair = "front_left" }
 
 [[process]]
-name = "eyes_right"
+name = "front_right"
 plugin = "sim_cameras"
 supervisor = "viewer"
-inputs = { truth_state = "/vehicle/truth_state" }
-params = { world = "mulch_path", vehicle = "lagr", pair = "right" }
+inputs = { ground_truth_state = "/vehicle/ground_truth_state" }
+params = { world = "mulch_path", vehicle = "lagr", pair = "front_right" }
 
 [[process]]
 name = "color_left"
@@ -71,9 +71,9 @@ supervisor = "viewer"
 period_ms = 50.0
 
 [process.inputs]
-image = "/eyes_left/left"
-calibration = "/eyes_left/left_calibration"
-odometry = "/position/local"
+image = "/front_left/left"
+calibration = "/front_left/left_calibration"
+odometry = "/localization/local"
 static_transforms = "/vehicle/static_transforms"
 
 [[process]]
@@ -83,9 +83,9 @@ supervisor = "viewer"
 period_ms = 50.0
 
 [process.inputs]
-image = "/eyes_right/left"
-calibration = "/eyes_right/left_calibration"
-odometry = "/position/local"
+image = "/front_right/left"
+calibration = "/front_right/left_calibration"
+odometry = "/localization/local"
 static_transforms = "/vehicle/static_transforms"
 
 [buffers."/vehicle/imu"]
@@ -114,7 +114,7 @@ const PATH: [[f64; 2]; 10] = [
 struct PathFollower;
 
 struct Ports {
-    truth_pose: In<Odometry>,
+    ground_truth_pose: In<Odometry>,
     drive: Out<DriveCommand>,
 }
 
@@ -127,12 +127,12 @@ impl Process for PathFollower {
         summary: "Drives along the mulch path",
         period_ms: 50.0,
         latency_ms: 0.0,
-        reads_truth: true,
+        reads_ground_truth: true,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
         Ports {
-            truth_pose: b.input("truth_pose", "true pose"),
+            ground_truth_pose: b.input("ground_truth_pose", "true pose"),
             drive: b.output("drive", "command").role(Role::Command).build(),
         }
     }
@@ -142,7 +142,7 @@ impl Process for PathFollower {
     }
 
     fn cycle(&mut self, ports: &Ports, _params: &WorldModelParams, cx: &mut Cycle<'_>) {
-        let Some(odometry) = cx.latest(&ports.truth_pose) else { return };
+        let Some(odometry) = cx.latest(&ports.ground_truth_pose) else { return };
         let at = pose_of(odometry.pose.as_ref(), "").unwrap().translation.truncate();
         let to = ahead(at, 2.0) - at;
         let heading_rad = libm::atan2(to.y, to.x);
@@ -195,16 +195,16 @@ const TALL_WEEDS: u8 = 3;
 const MULCH: u8 = 4;
 const FAR_M: f64 = 8.0;
 
-/// Counts the pixels of an eye's newest picture that see mulch or grass within 8 m of the vehicle.
-fn count(run: &Stepped, eye: &str, counts: &mut Confusion<2>) {
-    let eyes = format!("/eyes_{eye}");
-    let said: RawImage = latest(run, &format!("/color_{eye}/probability")).unwrap();
-    let class: RawImage = latest(run, &format!("{eyes}/truth_class")).unwrap();
-    let depth: RawImage = latest(run, &format!("{eyes}/truth_depth")).unwrap();
-    if said.timestamp != class.timestamp || said.timestamp != depth.timestamp {
+/// Counts the pixels of a camera's newest image that see mulch or grass within 8 m of the vehicle.
+fn count(run: &Stepped, side: &str, counts: &mut Confusion<2>) {
+    let pair = format!("/front_{side}");
+    let predicted_costs: RawImage = latest(run, &format!("/color_{side}/probability")).unwrap();
+    let class: RawImage = latest(run, &format!("{pair}/ground_truth_class")).unwrap();
+    let depth: RawImage = latest(run, &format!("{pair}/ground_truth_depth")).unwrap();
+    if predicted_costs.timestamp != class.timestamp || predicted_costs.timestamp != depth.timestamp {
         return;
     }
-    let (camera, vehicle_from_camera) = (camera(run, &eyes), mount(run, &class.frame_id));
+    let (camera, vehicle_from_camera) = (camera(run, &pair), mount(run, &class.frame_id));
     let depth = depth_m(&depth, 1.0).unwrap();
     for row in 0..class.height {
         for column in 0..class.width {
@@ -218,8 +218,9 @@ fn count(run: &Stepped, eye: &str, counts: &mut Confusion<2>) {
             if range.is_nan() || place.truncate().length() > FAR_M {
                 continue;
             }
-            let at = (row * said.height / class.height) * said.step + column * said.width / class.width;
-            let predicted = match said.data[at as usize] {
+            let at = (row * predicted_costs.height / class.height) * predicted_costs.step
+                + column * predicted_costs.width / class.width;
+            let predicted = match predicted_costs.data[at as usize] {
                 UNKNOWN_COST => None,
                 OBSTACLE_COST.. => Some(GRASS),
                 _ => Some(PATH_CLASS),
@@ -229,8 +230,8 @@ fn count(run: &Stepped, eye: &str, counts: &mut Confusion<2>) {
     }
 }
 
-fn camera(run: &Stepped, eyes: &str) -> PinholeCamera {
-    let calibration: CameraCalibration = latest(run, &format!("{eyes}/left_calibration")).unwrap();
+fn camera(run: &Stepped, pair: &str) -> PinholeCamera {
+    let calibration: CameraCalibration = latest(run, &format!("{pair}/left_calibration")).unwrap();
     let (model, d) = (&calibration.distortion_model, &calibration.d);
     PinholeCamera::from_calibration([calibration.width, calibration.height], &calibration.k, model, d)
         .unwrap()
@@ -255,18 +256,18 @@ fn the_mulch_path_is_told_from_grass_within_8_m_after_10_s_of_driving() {
     let (start, mut counts, mut last) = (run.start(), Confusion::default(), [None, None]);
     for step in 0..320_u64 {
         run.run_until(start.after_ns((step + 1) * 50_000_000)).unwrap();
-        for (eye, last) in ["left", "right"].into_iter().zip(&mut last) {
-            let Some(stats) = latest::<ColorStats>(&run, &format!("/color_{eye}/stats")) else { continue };
+        for (side, last) in ["left", "right"].into_iter().zip(&mut last) {
+            let Some(stats) = latest::<ColorStats>(&run, &format!("/color_{side}/stats")) else { continue };
             if *last != stats.timestamp && step >= 200 {
-                count(&run, eye, &mut counts);
+                count(&run, side, &mut counts);
             }
             *last = stats.timestamp;
         }
     }
-    for eye in ["left", "right"] {
-        let status: Status = latest(&run, &format!("/color_{eye}/status")).unwrap();
-        println!("{eye}: {} faults, {}", status.faults, status.last_fault);
-        let stats: ColorStats = latest(&run, &format!("/color_{eye}/stats")).unwrap();
+    for side in ["left", "right"] {
+        let status: Status = latest(&run, &format!("/color_{side}/status")).unwrap();
+        println!("{side}: {} faults, {}", status.faults, status.last_fault);
+        let stats: ColorStats = latest(&run, &format!("/color_{side}/stats")).unwrap();
         println!("{stats:?}");
     }
     let iou = counts.iou(PATH_CLASS).unwrap();

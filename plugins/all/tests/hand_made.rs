@@ -1,5 +1,5 @@
-//! Messages made by hand: what cannot be used is reported, counted and skipped, and nothing goes out for it; what can be
-//! used does what it should.
+//! Messages made by hand: what cannot be used is reported, counted and skipped, and nothing goes out for it; what can
+//! be used does what it should.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 

@@ -1,4 +1,4 @@
-//! The stacks in `assets/stacks` on the recordings of others: they run, they say what is there, and they say it again.
+//! The stacks in `assets/stacks` on the public datasets: they run, they say what is there, and they say it again.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -97,7 +97,7 @@ fn on_a_road_the_road_is_ground_and_trees_and_crops_are_obstacles() {
     let labels: RawImage = latest(&run, "/obstacles/labels");
     assert_eq!((labels.width, labels.height), (1280, 720));
     let (ground, obstacle, cover) = (1, 2, 4);
-    // The road, from the bottom of the picture to where ranges end; crops to the left; the wood to the right, trunks
+    // The road, from the bottom of the image to where ranges end; crops to the left; the wood to the right, trunks
     // and crowns.
     assert!(shares(&labels, 300..560, 330..700)[ground] > 0.995);
     assert!(shares(&labels, 20..160, 250..330)[obstacle] > 0.9);

@@ -1,5 +1,5 @@
-//! The processes `terrain_learner` and `classifier` on messages made by hand: what cannot be used is reported, counted and
-//! skipped, and nothing goes out for it; what can be used is learned, and classifies the next image.
+//! The processes `terrain_learner` and `classifier` on messages made by hand: what cannot be used is reported, counted
+//! and skipped, and nothing goes out for it; what can be used is learned, and classifies the next image.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -19,12 +19,12 @@ const MOUNT: &str = "mount = { fixed = true, height_m = 1.0, pitch_deg = 12.0 }"
 fn stack(learner: &str) -> String {
     let input = |name: &str| format!("{{ buffer = \"/{name}\", topic = \"{name}\" }},\n");
     let inputs: String = TOPICS.iter().map(|(name, _)| input(name)).collect();
-    let eye = |side: &str, topic: &str| {
+    let camera = |side: &str, topic: &str| {
         format!(
             "{side}_image = \"/{topic}image\", {side}_labels = \"/{topic}labels\", {side}_depth = \"/{topic}depth\", {side}_calibration = \"/calibration\", "
         )
     };
-    let (left, right) = (eye("left", ""), eye("right", "right_"));
+    let (left, right) = (camera("left", ""), camera("right", "right_"));
     format!(
         "format = 1\nname = \"terrain\"\ninput = [\n{inputs}]\n\n\
          [[process]]\nname = \"terrain\"\nplugin = \"terrain_learner\"\nsupervisor = \"viewer\"\nperiod_ms = 100.0\n\
@@ -116,7 +116,7 @@ fn pose(ms: u64, x_m: f64) -> Given {
     (ms, "pose", AnyMessage::new(PoseInFrame { timestamp, frame_id: "local".to_owned(), pose }))
 }
 
-/// A frame of the left eye, changed by the caller.
+/// A frame of the left camera, changed by the caller.
 fn frame(ms: u64, change: impl Fn(&mut [RawImage; 3])) -> Vec<Given> {
     let mut images = scene(ms);
     change(&mut images);
@@ -278,14 +278,14 @@ fn a_hit_of_the_bumper_is_learned_once_until_it_is_released() {
 }
 
 #[test]
-fn an_eye_that_falls_behind_is_reported_once() {
+fn an_camera_that_falls_behind_is_reported_once() {
     let lefts: Vec<Given> = (0..6).flat_map(|i| frame(100 + i * 400, |_| {})).collect();
     let right: Vec<Given> = ["right_image", "right_labels", "right_depth"]
         .into_iter()
         .zip(scene(100))
         .map(|(topic, image)| (100, topic, AnyMessage::new(image)))
         .collect();
-    let both = format!("{LEARNS}, eyes = \"TERRAIN_SEPARATE\"");
+    let both = format!("{LEARNS}, cameras = \"TERRAIN_SEPARATE\"");
     // The mount of the parameters is the left camera's: the right one has none, which is a fault of its own.
     let mut replay = Replay::new(&both, [lefts, right].concat(), RunOptions::default());
     replay.until(900);
@@ -293,7 +293,7 @@ fn an_eye_that_falls_behind_is_reported_once() {
     replay.until(2600);
     let (faults, last) = replay.faults("terrain");
     assert_eq!(faults, before + 1, "{last}");
-    assert!(last.contains("right eye is") && last.contains("behind the left one"), "{last}");
+    assert!(last.contains("right camera is") && last.contains("behind the left one"), "{last}");
 }
 
 #[test]

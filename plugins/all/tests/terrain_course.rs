@@ -27,34 +27,34 @@ course = "meadow"
 name = "vehicle"
 plugin = "sim_vehicle"
 supervisor = "viewer"
-inputs = { wheels = "/comms/wheels" }
+inputs = { wheels = "/vehicle_interface/wheels" }
 
 [[process]]
 name = "driver"
 plugin = "truth_driver"
 supervisor = "viewer"
-inputs = { truth_pose = "/vehicle/truth_pose", truth_map = "/vehicle/truth_map", goal = "/vehicle/goal" }
+inputs = { ground_truth_pose = "/vehicle/ground_truth_pose", ground_truth_map = "/vehicle/ground_truth_map", goal = "/vehicle/goal" }
 
 [[process]]
-name = "comms"
-plugin = "comms"
+name = "vehicle_interface"
+plugin = "vehicle_interface"
 supervisor = "viewer"
-inputs = { drive = "/driver/drive", local = "/position/local", imu = "/vehicle/imu", encoders = "/vehicle/encoders" }
+inputs = { drive = "/driver/drive", local = "/localization/local", imu = "/vehicle/imu", encoders = "/vehicle/encoders" }
 params = { track_m = 0.58 }
 
 [[process]]
-name = "position"
-plugin = "position"
+name = "localization"
+plugin = "localization"
 supervisor = "viewer"
 inputs = { encoders = "/vehicle/encoders", imu = "/vehicle/imu", gps = "/vehicle/gps" }
 params = { track_m = 0.58 }
 
 [[process]]
-name = "eyes_left"
+name = "front_left"
 plugin = "sim_cameras"
 supervisor = "viewer"
-inputs = { truth_state = "/vehicle/truth_state" }
-params = { pair = "left" }
+inputs = { ground_truth_state = "/vehicle/ground_truth_state" }
+params = { pair = "front_left" }
 
 [buffers."/vehicle/imu"]
 queue = 16
@@ -71,10 +71,10 @@ plugin = "stereo"
 supervisor = "viewer"
 
 [process.inputs]
-left = "/eyes_left/left"
-right = "/eyes_left/right"
-left_calibration = "/eyes_left/left_calibration"
-right_calibration = "/eyes_left/right_calibration"
+left = "/front_left/left"
+right = "/front_left/right"
+left_calibration = "/front_left/left_calibration"
+right_calibration = "/front_left/right_calibration"
 
 [process.params]
 disparities = 48
@@ -90,7 +90,7 @@ period_ms = 50.0
 image = "/stereo_left/rectified"
 depth = "/stereo_left/depth"
 calibration = "/stereo_left/calibration"
-odometry = "/position/local"
+odometry = "/localization/local"
 static_transforms = "/vehicle/static_transforms"
 
 [process.params]
@@ -108,7 +108,7 @@ left_labels = "/obstacles_left/labels"
 left_depth = "/stereo_left/depth"
 left_calibration = "/stereo_left/calibration"
 bumper = "/vehicle/bumper"
-odometry = "/position/local"
+odometry = "/localization/local"
 static_transforms = "/vehicle/static_transforms"
 
 [process.params]
@@ -128,10 +128,10 @@ supervisor = "viewer"
 period_ms = 50.0
 
 [process.inputs]
-image = "/eyes_left/left"
-calibration = "/eyes_left/left_calibration"
+image = "/front_left/left"
+calibration = "/front_left/left_calibration"
 models = "/terrain/models"
-odometry = "/position/local"
+odometry = "/localization/local"
 static_transforms = "/vehicle/static_transforms"
 
 [process.params]
@@ -171,7 +171,7 @@ fn latest<T: Payload>(run: &Stepped, buffer: &str) -> Option<T> {
     run.bus().get(buffer).unwrap().latest()?.message.to()
 }
 
-/// Pixels within a range by truth and class.
+/// Pixels within a range by ground truth and class.
 #[derive(Clone, Copy, Debug, Default)]
 struct Score {
     /// Ground and obstacles.
@@ -181,8 +181,10 @@ struct Score {
 impl Score {
     /// Counts the newest classes of a run, where they are of the newest true labels' time.
     fn count(&mut self, run: &Stepped, reach_m: f32) {
-        let truth = |name: &str| latest::<RawImage>(run, &format!("/eyes_left/{name}"));
-        let (Some(labels), Some(depth)) = (truth("truth_labels"), truth("truth_depth")) else { return };
+        let truth = |name: &str| latest::<RawImage>(run, &format!("/front_left/{name}"));
+        let (Some(labels), Some(depth)) = (truth("ground_truth_labels"), truth("ground_truth_depth")) else {
+            return;
+        };
         let Some(classes) = latest::<RawImage>(run, "/classifier/classes") else { return };
         if classes.timestamp != labels.timestamp || depth.timestamp != labels.timestamp {
             return;

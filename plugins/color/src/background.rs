@@ -1,8 +1,8 @@
-//! The background sample (A 3.1.2): first random pixels above the horizon and up to 50 px below it, later random pixels
-//! that the last image called background.
+//! The background sample (Albus 2006a, 3.1.2): first random pixels above the horizon and up to 50 px below it, later
+//! random pixels that the last image called background.
 
 use crate::histogram::Histogram;
-use crate::picture::{HEIGHT, PIXELS, Picture, WIDTH, edges};
+use crate::image::{HEIGHT, Image, PIXELS, WIDTH, edges};
 use rand_core::RngCore;
 
 /// With fewer background pixels of the reduced image than this, the sample is taken above the horizon again: a handful
@@ -20,21 +20,21 @@ fn below(rng: &mut impl RngCore, limit: usize) -> usize {
 /// rows from the top that may be sampled where they are too few, by columns of the reduced image. Empty where there is
 /// nothing to sample.
 pub fn sample(
-    picture: &Picture<'_>,
+    image: &Image<'_>,
     called: &[u32],
     limits: &[u32],
     samples: u32,
     rng: &mut impl RngCore,
 ) -> Histogram {
     if called.len() >= FEWEST {
-        sample_called(picture, called, samples, rng)
+        sample_called(image, called, samples, rng)
     } else {
-        sample_above(picture, limits, samples, rng)
+        sample_above(image, limits, samples, rng)
     }
 }
 
-fn sample_called(picture: &Picture<'_>, called: &[u32], samples: u32, rng: &mut impl RngCore) -> Histogram {
-    let [width, height] = picture.size();
+fn sample_called(image: &Image<'_>, called: &[u32], samples: u32, rng: &mut impl RngCore) -> Histogram {
+    let [width, height] = image.size();
     let (columns, rows) = (edges(width, WIDTH), edges(height, HEIGHT));
     let mut histogram = Histogram::default();
     for _ in 0..samples {
@@ -42,14 +42,14 @@ fn sample_called(picture: &Picture<'_>, called: &[u32], samples: u32, rng: &mut 
         let ([left, right], [top, bottom]) = (columns[pixel % WIDTH], rows[pixel / WIDTH]);
         let column = left + below(rng, right - left);
         let row = top + below(rng, bottom - top);
-        let [red, green, _] = picture.pixel(column, row);
+        let [red, green, _] = image.pixel(column, row);
         histogram.add(red, green);
     }
     histogram
 }
 
-fn sample_above(picture: &Picture<'_>, limits: &[u32], samples: u32, rng: &mut impl RngCore) -> Histogram {
-    let [width, height] = picture.size();
+fn sample_above(image: &Image<'_>, limits: &[u32], samples: u32, rng: &mut impl RngCore) -> Histogram {
+    let [width, height] = image.size();
     let lowest = limits.iter().max().map_or(0, |&limit| height.min(limit as usize));
     let mut histogram = Histogram::default();
     if lowest == 0 {
@@ -59,7 +59,7 @@ fn sample_above(picture: &Picture<'_>, limits: &[u32], samples: u32, rng: &mut i
     for _ in 0..samples.saturating_mul(DRAWS) {
         let (column, row) = (below(rng, width), below(rng, lowest));
         if row < limits[column * WIDTH / width] as usize {
-            let [red, green, _] = picture.pixel(column, row);
+            let [red, green, _] = image.pixel(column, row);
             histogram.add(red, green);
             left -= 1;
         }
@@ -75,8 +75,8 @@ mod tests {
     use super::*;
     use rand_core::SeedableRng;
 
-    /// A picture whose red says the row and whose green says the column, in 16ths.
-    fn picture_data() -> Vec<u8> {
+    /// An image whose red says the row and whose green says the column, in 16ths.
+    fn image_data() -> Vec<u8> {
         (0..240_usize)
             .flat_map(|row| {
                 (0..320_usize)
@@ -86,10 +86,10 @@ mod tests {
     }
 
     fn drawn(called: &[u32], limits: &[u32]) -> Vec<(usize, usize)> {
-        let data = picture_data();
-        let picture = Picture::new([320, 240], 960, &data).unwrap();
+        let data = image_data();
+        let image = Image::new([320, 240], 960, &data).unwrap();
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
-        let histogram = sample(&picture, called, limits, 4000, &mut rng);
+        let histogram = sample(&image, called, limits, 4000, &mut rng);
         let bins = histogram.counts().iter().enumerate().filter(|(_, count)| **count > 0.0);
         bins.map(|(index, _)| (index / 30, index % 30)).collect()
     }

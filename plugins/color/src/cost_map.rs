@@ -1,11 +1,11 @@
-//! Costs on the ground (A 3.1.2): pixels of the reduced image on the flat plane of the vehicle's pose.
+//! Costs on the ground (Albus 2006a, 3.1.2): pixels of the reduced image on the flat plane of the vehicle's pose.
 //!
-//! A cell's cost is the mean over the pixels whose rays meet the plane in it. Far ahead a pixel covers several cells and
-//! meets the plane in one of them: a cell without a pixel of its own takes the cost of the pixel in which its middle
-//! lies. Nothing farther than the range is told of, since the plane does not hold there.
+//! A cell's cost is the mean over the pixels whose rays meet the plane in it. Far ahead a pixel covers several cells
+//! and meets the plane in one of them: a cell without a pixel of its own takes the cost of the pixel in which its
+//! middle lies. Nothing farther than the range is told of, since the plane does not hold there.
 
 use crate::gate::plane_height;
-use crate::picture::{HEIGHT, WIDTH};
+use crate::image::{HEIGHT, WIDTH};
 use glam::{DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
@@ -15,7 +15,7 @@ use rcs_world::{OBSTACLE_COST, SIDE, Source, UNKNOWN_COST};
 
 /// Where the camera was.
 #[derive(Clone, Copy, Debug)]
-pub struct Place<'a> {
+pub struct CameraPlacement<'a> {
     /// The camera.
     pub camera: &'a PinholeCamera,
     /// Rays of the reduced image: [`crate::region::rays`].
@@ -36,14 +36,14 @@ pub struct CostMap(CostGrid);
 #[derive(Clone, Debug)]
 pub struct Ground<'a> {
     costs: &'a [u8],
-    place: Place<'a>,
+    place: CameraPlacement<'a>,
     /// Where rays of pixels with a cost meet the plane, m in the local frame, with that cost.
     points: Vec<(DVec2, u8)>,
 }
 
 impl<'a> Ground<'a> {
     /// Projects the costs of the reduced image.
-    pub fn new(costs: &'a [u8], place: Place<'a>) -> Ground<'a> {
+    pub fn new(costs: &'a [u8], place: CameraPlacement<'a>) -> Ground<'a> {
         let local_from_camera = *place.local_from_vehicle * *place.vehicle_from_camera;
         let up = place.local_from_vehicle.rotate(DVec3::Z);
         let camera = local_from_camera.translation;
@@ -92,7 +92,7 @@ impl CostMap {
     }
 
     /// Gives cells without a pixel of their own that of their middle.
-    fn fill(&mut self, costs: &[u8], place: &Place<'_>, max_range_m: f64) {
+    fn fill(&mut self, costs: &[u8], place: &CameraPlacement<'_>, max_range_m: f64) {
         let local_from_camera = *place.local_from_vehicle * *place.vehicle_from_camera;
         let camera_from_local = local_from_camera.inverse();
         let (turn, shift) = (camera_from_local.rotation_matrix(), camera_from_local.translation);
@@ -142,7 +142,7 @@ impl CostMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::PIXELS;
+    use crate::image::PIXELS;
     use crate::region::rays;
     use rcs_geom::Distortion;
     use rcs_msg::foxglove::packed_element_field::NumericType;
@@ -166,7 +166,7 @@ mod tests {
             })
             .collect();
         assert_eq!(costs.len(), PIXELS);
-        let place = Place {
+        let place = CameraPlacement {
             camera: &camera,
             rays: &rays,
             vehicle_from_camera: &mount,
@@ -209,7 +209,8 @@ mod tests {
 
     #[test]
     fn the_plane_tilts_with_the_vehicle() {
-        // On a slope of 10 degrees the plane goes up ahead of the vehicle: the same pixels land on it, nearer in the map.
+        // On a slope of 10 degrees the plane goes up ahead of the vehicle: the same pixels land on it, nearer in the
+        // map.
         let up = Pose::from_rpy(DVec3::ZERO, 0.0, -10_f64.to_radians(), 0.0);
         let map = check(up, |p| if p.x < 5.0 { 0 } else { 250 });
         let edge = 5.0 * libm::cos(10_f64.to_radians());

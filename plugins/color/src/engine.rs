@@ -1,12 +1,12 @@
-//! The whole colour-model algorithm on one image (A 3.1.2): learn from its samples, classify it, fuse it.
+//! The whole colour-model algorithm on one image (Albus 2006a, 3.1.2): learn from its samples, classify it, fuse it.
 //!
 //! Cost on one image: see `benches/color.rs`.
 
 use crate::background;
 use crate::fusion::{Counts, Fused, count};
 use crate::histogram::{Histogram, Span};
+use crate::image::{Image, reduce};
 use crate::models::{Learned, Models, Settings};
-use crate::picture::{Picture, reduce};
 use rand_core::RngCore;
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
@@ -72,13 +72,13 @@ impl Engine {
     /// One image, which has been checked: it is neither black nor saturated.
     pub fn see(
         &mut self,
-        picture: &Picture<'_>,
+        image: &Image<'_>,
         samples: &Samples<'_>,
         time: Stamp,
         settings: &Settings,
         rng: &mut impl RngCore,
     ) -> Seen {
-        let reduced = reduce(picture);
+        let reduced = reduce(image);
         if self.last_image.is_none_or(|last| time.0.abs_diff(last.0) > FUSION_GAP_NS) {
             self.fused = Fused::default();
         }
@@ -88,7 +88,7 @@ impl Engine {
         let mut seen =
             Seen { costs: None, counts: Counts::default(), sample_pixels, learned: None, difference: 1.0 };
         if sample_pixels >= settings.min_sample_px {
-            let histogram = Histogram::of_spans(picture, samples.ground).scaled(settings.samples as f32);
+            let histogram = Histogram::of_spans(image, samples.ground).scaled(settings.samples as f32);
             seen.difference = self.models.best_match(&histogram).0;
             let allowed = match samples.permission {
                 Permission::All => true,
@@ -107,7 +107,7 @@ impl Engine {
 
         if samples.permission != Permission::Nothing {
             let called = self.fused.background();
-            let drawn = background::sample(picture, &called, samples.first_background, settings.samples, rng);
+            let drawn = background::sample(image, &called, samples.first_background, settings.samples, rng);
             if drawn.sum() > 0.0 {
                 self.models.learn_background(&drawn.scaled(settings.samples as f32), time, settings);
             }

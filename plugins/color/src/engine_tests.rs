@@ -3,8 +3,8 @@
 use crate::engine::{Engine, Permission, Samples, Seen};
 use crate::fusion::count;
 use crate::histogram::{Histogram, Span};
+use crate::image::{HEIGHT, Image, PIXELS, WIDTH};
 use crate::models::{Learned, Model, Models, Settings};
-use crate::picture::{HEIGHT, PIXELS, Picture, WIDTH};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 use rcs_metrics::Confusion;
@@ -57,11 +57,11 @@ fn ground() -> Vec<Span> {
 }
 
 fn see(engine: &mut Engine, data: &[u8], time_s: f64, permission: Permission, seed: u64) -> Seen {
-    let picture = Picture::new(SIZE, 3 * SIZE[0], data).unwrap();
+    let image = Image::new(SIZE, 3 * SIZE[0], data).unwrap();
     let limits = [HORIZON as u32 + 50; WIDTH];
     let samples = Samples { ground: &ground(), first_background: &limits, permission };
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    engine.see(&picture, &samples, Stamp((time_s * 1e9) as u64), &Settings::default(), &mut rng)
+    engine.see(&image, &samples, Stamp((time_s * 1e9) as u64), &Settings::default(), &mut rng)
 }
 
 /// Intersection over union of ground below the horizon.

@@ -1,10 +1,10 @@
-//! From colours to costs of the 128×96 image: classification, temporal fusion, cost (A 3.1.2).
+//! From colours to costs of the 128×96 image: classification, temporal fusion, cost (Albus 2006a, 3.1.2).
 //!
-//! `P_t = (w·P_{t−1} + c·P) / (w + c)`, then `w += c` while `w < w_max`; w₀ = 0, c = 1, for each pixel. A pixel whose colour no
-//! model has seen (0/0) gives no vote: its `P_t` and w stay, and its cost in this image is unknown.
+//! `P_t = (w·P_{t−1} + c·P) / (w + c)`, then `w += c` while `w < w_max`; w₀ = 0, c = 1, for each pixel. A pixel whose
+//! colour no model has seen (0/0) gives no vote: its `P_t` and w stay, and its cost in this image is unknown.
 
 use crate::histogram::bin;
-use crate::picture::PIXELS;
+use crate::image::PIXELS;
 use rcs_world::{MAX_COST, OBSTACLE_COST, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
 

@@ -1,5 +1,5 @@
-//! When nothing may be learned of the ground (A 3.1.2): while the vehicle stands or turns fast, and while an obstacle of
-//! the world model projects into the ground sample.
+//! When nothing may be learned of the ground (Albus 2006a, 3.1.2): while the vehicle stands or turns fast, and while an
+//! obstacle of the world model projects into the ground sample.
 //!
 //! Where we differ: obstacles are those that were seen by their shape or felt (stereo, infrared, bumper). Were those of
 //! the colour models counted, too, ground of a new colour would be an obstacle in the sample for ever, and the vehicle

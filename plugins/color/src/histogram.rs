@@ -1,9 +1,9 @@
-//! Histograms over red and green (A 3.1.2): what a colour model is made of.
+//! Histograms over red and green (Albus 2006a, 3.1.2): what a colour model is made of.
 //!
 //! 30×30 bins, bin = ⌊30·v/256⌋ of each channel. Every histogram that is compared, merged or divided by another one is
 //! first scaled to one sum, the sample budget, since raw counts of samples of different sizes mean nothing together.
 
-use crate::picture::Picture;
+use crate::image::Image;
 use serde::{Deserialize, Serialize};
 
 /// Bins of a channel.
@@ -36,12 +36,12 @@ impl Histogram {
         (usable && sum > 0.0 && sum.is_finite()).then_some(histogram)
     }
 
-    /// Of the pixels of spans of a picture; spans lie within it.
-    pub fn of_spans(picture: &Picture<'_>, spans: &[Span]) -> Histogram {
+    /// Of the pixels of spans of an image; spans lie within it.
+    pub fn of_spans(image: &Image<'_>, spans: &[Span]) -> Histogram {
         // Two tables, as neighbours often fall into one bin and would wait for each other's count.
         let mut tables = [[0_u32; CELLS]; 2];
         for span in spans {
-            let row = picture.row(span.row as usize);
+            let row = image.row(span.row as usize);
             let pixels = row[span.start as usize * 3..span.end as usize * 3].as_chunks::<3>().0;
             for (i, &[red, green, _]) in pixels.iter().enumerate() {
                 tables[i % 2][bin(red, green)] += 1;
@@ -85,8 +85,8 @@ impl Histogram {
         (1.0 - common / sum).clamp(0.0, 1.0)
     }
 
-    /// Running average with a new histogram of the same sum, which counts as one of `uses + 1` (A 3.1.2's temporal
-    /// fusion with c = 1 and w = `uses`).
+    /// Running average with a new histogram of the same sum, which counts as one of `uses + 1` (Albus 2006a, 3.1.2's
+    /// temporal fusion with c = 1 and w = `uses`).
     pub fn merge(&mut self, new: &Histogram, uses: u32) {
         let weight = uses as f32;
         for (own, new) in std::iter::zip(&mut self.0, &new.0) {
@@ -98,7 +98,7 @@ impl Histogram {
 /// Pixels of one row: columns from `start` to before `end`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
-    /// Row of the picture.
+    /// Row of the image.
     pub row: u32,
     /// First column.
     pub start: u32,
@@ -119,11 +119,11 @@ mod tests {
     use proptest::prelude::*;
 
     /// The rule as the design writes it, pixel by pixel.
-    fn reference_histogram(picture: &Picture<'_>, spans: &[Span]) -> Vec<f32> {
+    fn reference_histogram(image: &Image<'_>, spans: &[Span]) -> Vec<f32> {
         let mut counts = vec![0.0; 900];
         for span in spans {
             for column in span.start..span.end {
-                let [r, g, _] = picture.pixel(column as usize, span.row as usize);
+                let [r, g, _] = image.pixel(column as usize, span.row as usize);
                 let of = |v: u8| (30.0 * f64::from(v) / 256.0).floor() as usize;
                 counts[of(r) * 30 + of(g)] += 1.0;
             }
@@ -137,12 +137,12 @@ mod tests {
             data in prop::collection::vec(any::<u8>(), 13 * 7 * 3),
             edges in prop::collection::vec((0..=13_u32, 0..=13_u32), 7),
         ) {
-            let picture = Picture::new([13, 7], 39, &data).unwrap();
+            let image = Image::new([13, 7], 39, &data).unwrap();
             let spans: Vec<Span> = (0..).zip(&edges)
                 .map(|(row, &(a, b))| Span { row, start: a.min(b), end: a.max(b) })
                 .collect();
-            let histogram = Histogram::of_spans(&picture, &spans);
-            prop_assert_eq!(histogram.counts(), reference_histogram(&picture, &spans));
+            let histogram = Histogram::of_spans(&image, &spans);
+            prop_assert_eq!(histogram.counts(), reference_histogram(&image, &spans));
             prop_assert_eq!(histogram.sum(), spans.iter().map(Span::pixels).sum::<u32>() as f32);
         }
 

@@ -1,4 +1,5 @@
-//! Colour models of ground and background, learned from what the vehicle drives on (A 3.1.2, B 3.3).
+//! Colour models of ground and background, learned from what the vehicle drives on (Albus 2006a, 3.1.2, Albus 2006b,
+//! 3.3).
 //!
 //! # `color_models`
 //!
@@ -23,7 +24,7 @@
 //!
 //! - [`histogram`]: 30×30 bins of red and green. [`models`]: several of ground, one of background, known obstacles, and
 //!   learning mode. [`background`](mod@background): which pixels the background is learned from.
-//! - [`picture`]: reduction to 128×96, pictures that tell nothing. [`fusion`]: `P_ground`, temporal fusion, cost.
+//! - [`image`]: reduction to 128×96, images that tell nothing. [`fusion`]: `P_ground`, temporal fusion, cost.
 //! - [`region`]: the trapezoid and the horizon in the image. [`cost_map`]: costs on the ground plane.
 //! - [`gate`]: when nothing is learned. [`engine`]: all of it on one image. [`file`](mod@file): models in a message.
 //!
@@ -45,14 +46,14 @@ pub mod file;
 pub mod fusion;
 pub mod gate;
 pub mod histogram;
+pub mod image;
 pub mod models;
 mod output;
-pub mod picture;
 mod process;
 pub mod region;
 mod settings;
 
-pub use process::{ColorCommand, ColorModelling};
+pub use process::{ColorModelLearner, ColorModelsCommand};
 
 #[cfg(test)]
 mod engine_tests;

@@ -1,4 +1,5 @@
-//! The colour models and how they are learned (A 3.1.2): several of ground, one of background, known obstacles.
+//! The colour models and how they are learned (Albus 2006a, 3.1.2): several of ground, one of background, known
+//! obstacles.
 //!
 //! - A new ground histogram that is close to a model updates the best match. Otherwise, below the greatest number of
 //!   models, learning mode begins: a period in which the histogram that differs most from all models is looked for. It
@@ -6,10 +7,10 @@
 //! - The very first ground histogram becomes a model at once: "the initial ground model".
 //! - Background histograms are averaged into the one background model.
 //!
-//! Where we decide what the paper leaves open: the difference of two histograms is [`Histogram::difference`]; models are
-//! running averages over the last `memory` histograms; the period runs in the time between images of which something may
-//! be learned, so that a turn suspends it. A priori ground models are updated like any other, as the light changes
-//! them, too; known obstacles are not, and count with the background.
+//! Where we decide what the paper leaves open: the difference of two histograms is [`Histogram::difference`]; models
+//! are running averages over the last `memory` histograms; the period runs in the time between images of which
+//! something may be learned, so that a turn suspends it. A priori ground models are updated like any other, as the
+//! light changes them, too; known obstacles are not, and count with the background.
 
 use crate::histogram::{CELLS, Histogram};
 use rcs_msg::Stamp;

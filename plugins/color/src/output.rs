@@ -1,12 +1,12 @@
 //! What the process sends and says.
 
-use crate::cost_map::{CostMap, Ground, Place};
+use crate::cost_map::{CameraPlacement, CostMap, Ground};
 use crate::engine::{Permission, Seen};
+use crate::image::{HEIGHT, WIDTH};
 use crate::models::Learned;
-use crate::picture::{HEIGHT, WIDTH};
 use crate::process::Ports;
 use crate::proto::{ColorLearning, ColorModelsParams};
-use crate::settings::site;
+use crate::settings::extrinsics;
 use glam::DVec2;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::points_annotation::Type;
@@ -17,7 +17,7 @@ use rcs_sense::{CELL_SIZE_M, WIDE_CELL_SIZE_M};
 /// Overlay and both maps; cells of the first with a cost, and those of them that are obstacles.
 pub(crate) fn send_costs(
     seen: &Seen,
-    place: &Place<'_>,
+    place: &CameraPlacement<'_>,
     image: &Msg<RawImage>,
     ports: &Ports,
     params: &ColorModelsParams,
@@ -28,9 +28,9 @@ pub(crate) fn send_costs(
     let ground = Ground::new(costs, *place);
     let map = CostMap::new(&ground, CELL_SIZE_M, params.max_range_m);
     let known = map.known();
-    cx.write(&ports.cost, time, map.into_grid(site(params).frames.local, time));
+    cx.write(&ports.cost, time, map.into_grid(extrinsics(params).frames.local, time));
     let wide = CostMap::new(&ground, WIDE_CELL_SIZE_M, params.max_range_wide_m);
-    cx.write(&ports.cost_wide, time, wide.into_grid(site(params).frames.local, time));
+    cx.write(&ports.cost_wide, time, wide.into_grid(extrinsics(params).frames.local, time));
     let overlay = RawImage {
         timestamp: Some(time.to_proto()),
         frame_id: image.frame_id.clone(),

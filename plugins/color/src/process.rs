@@ -1,14 +1,14 @@
 //! The process `color_models`.
 
-use crate::cost_map::Place;
+use crate::cost_map::CameraPlacement;
 use crate::engine::{Engine, Samples};
 use crate::file::to_message;
 use crate::gate::{Odometer, SampleView, obstacle_in_sample};
+use crate::image::{Image, ImageSizeError};
 use crate::output::{annotation, learning, permission, send_costs, text_of};
-use crate::picture::{Picture, PictureError};
 use crate::proto::{ColorLearning, ColorModels, ColorModelsParams, ColorStats};
 use crate::region::{first_background, rays, spans};
-use crate::settings::{files, initial_engine, initial_models, rectangle, settings, site};
+use crate::settings::{extrinsics, files, initial_engine, initial_models, rectangle, settings};
 use glam::DVec3;
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
@@ -25,8 +25,8 @@ use std::sync::Arc;
 const MODELS_PERIOD_S: f64 = 1.0;
 
 rcs_runtime::commands! {
-    /// What [`ColorModelling`] obeys.
-    pub enum ColorCommand {
+    /// What [`ColorModelLearner`] obeys.
+    pub enum ColorModelsCommand {
         Clear = "CLEAR": "Forget what was learned; begin with the model files again.",
         LearnOn = "LEARN_ON": "Learn, where nothing else forbids it.",
         LearnOff = "LEARN_OFF": "Keep all models as they are.",
@@ -35,7 +35,7 @@ rcs_runtime::commands! {
 
 /// State: models and fused probabilities, the last seconds of poses, the camera.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct ColorModelling {
+pub struct ColorModelLearner {
     engine: Engine,
     localizer: Localizer,
     odometer: Odometer,
@@ -52,7 +52,7 @@ pub struct ColorModelling {
     models_sent: Option<Stamp>,
 }
 
-/// Ports of [`ColorModelling`].
+/// Ports of [`ColorModelLearner`].
 #[derive(Debug)]
 pub struct Ports {
     image: In<RawImage>,
@@ -77,23 +77,23 @@ enum Unusable {
     #[error(transparent)]
     Image(#[from] ImageFault),
     #[error(transparent)]
-    Picture(#[from] PictureError),
+    Size(#[from] ImageSizeError),
     #[error(transparent)]
     Pose(#[from] LocalizerError),
     #[error(transparent)]
     OnItsSide(#[from] OnItsSide),
 }
 
-impl Process for ColorModelling {
+impl Process for ColorModelLearner {
     type Params = ColorModelsParams;
     type Ports = Ports;
-    type Command = ColorCommand;
+    type Command = ColorModelsCommand;
     const DEF: ProcessDef = ProcessDef {
         plugin: "color_models",
         summary: "Learns the colours of ground and background and maps the cost of what the camera sees",
         period_ms: 200.0,
         latency_ms: 2.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
@@ -153,16 +153,16 @@ impl Process for ColorModelling {
     fn cycle(&mut self, ports: &Ports, params: &ColorModelsParams, cx: &mut Cycle<'_>) {
         while let Some(command) = cx.next_command::<Self>() {
             match command {
-                ColorCommand::Clear => self.engine = initial_engine(params),
-                ColorCommand::LearnOn => self.learns = true,
-                ColorCommand::LearnOff => self.learns = false,
+                ColorModelsCommand::Clear => self.engine = initial_engine(params),
+                ColorModelsCommand::LearnOn => self.learns = true,
+                ColorModelsCommand::LearnOff => self.learns = false,
             }
         }
         if self.loaded != files(params) {
             self.engine = initial_engine(params);
             self.loaded = files(params);
         }
-        ports.poses.read(&mut self.localizer, site(params).frames, cx);
+        ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
         if let Some(calibration) = cx.read_newest(&ports.calibration) {
             self.read_calibration(&calibration, cx);
         }
@@ -182,7 +182,7 @@ impl Process for ColorModelling {
     }
 }
 
-impl ColorModelling {
+impl ColorModelLearner {
     fn read_calibration(&mut self, calibration: &CameraCalibration, cx: &mut Cycle<'_>) {
         let camera = camera_of(calibration);
         let camera = camera.map_err(|error| cx.fault(format!("calibration: {error}"))).ok();
@@ -205,10 +205,10 @@ impl ColorModelling {
         let size = [camera.width, camera.height];
         let rgb = self.check.check(image, Some(size), params.image_check.as_ref())?;
         let size = size.map(|side| side as usize);
-        let picture = Picture::new(size, 3 * size[0], &rgb)?;
+        let pixels = Image::new(size, 3 * size[0], &rgb)?;
         let local_from_vehicle = self.vehicle(time, params)?;
         let vehicle_from_camera =
-            site(params).vehicle_from_sensor(&self.localizer, &image.frame_id, Axes::Optical, time)?;
+            extrinsics(params).vehicle_from_sensor(&self.localizer, &image.frame_id, Axes::Optical, time)?;
         let rays = self.rays.get_or_insert_with(|| Arc::new(rays(&camera))).clone();
 
         let rectangle = rectangle(params);
@@ -232,9 +232,9 @@ impl ColorModelling {
             ),
             permission: permission(off),
         };
-        let seen = self.engine.see(&picture, &samples, time, &settings(params), cx.rng());
+        let seen = self.engine.see(&pixels, &samples, time, &settings(params), cx.rng());
         let learning = learning(&seen, off, params);
-        let place = Place {
+        let place = CameraPlacement {
             camera: &camera,
             rays: &rays,
             vehicle_from_camera: &vehicle_from_camera,
@@ -277,7 +277,7 @@ impl ColorModelling {
     }
 
     fn vehicle(&self, time: Stamp, params: &ColorModelsParams) -> Result<Pose, Unusable> {
-        let pose = site(params).local_from_vehicle(&self.localizer, time)?;
+        let pose = extrinsics(params).local_from_vehicle(&self.localizer, time)?;
         upright(&pose)?;
         Ok(pose)
     }
@@ -303,7 +303,7 @@ impl ColorModelling {
                 return Some(ColorLearning::ColorOffObstacle);
             }
         }
-        if site(params).fixed_pose {
+        if extrinsics(params).fixed_pose {
             return None;
         }
         // Poses that tell no motion are those of a vehicle that has not begun to move.
@@ -331,7 +331,7 @@ fn obstacle_ahead(
         return Ok(false);
     }
     let grid = GridView::of(map.message()).map_err(|error| format!("map: {error}"))?;
-    let local = site(params).frames.local;
+    let local = extrinsics(params).frames.local;
     if grid.frame_id() != local {
         return Err(format!("map's frame is {:?}, expected {local:?}", grid.frame_id()));
     }

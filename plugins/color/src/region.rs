@@ -1,8 +1,8 @@
-//! Where in the image ground and background are sampled (A 3.1.2): the trapezoid of the rectangle ahead of the vehicle,
-//! and what lies above the horizon or little below it, both on the plane of the vehicle's pose.
+//! Where in the image ground and background are sampled (Albus 2006a, 3.1.2): the trapezoid of the rectangle ahead of
+//! the vehicle, and what lies above the horizon or little below it, both on the plane of the vehicle's pose.
 
 use crate::histogram::Span;
-use crate::picture::{HEIGHT, WIDTH};
+use crate::image::{HEIGHT, WIDTH};
 use glam::{DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
 

@@ -5,7 +5,7 @@ use crate::file::parse;
 use crate::models::{Models, Settings};
 use crate::proto::ColorModelsParams;
 use crate::region::Rectangle;
-use rcs_sense::{Site, fingerprint};
+use rcs_sense::{Extrinsics, fingerprint};
 
 pub(crate) fn initial_models(params: &ColorModelsParams) -> Result<Models, String> {
     let mut models = Models::default();
@@ -49,6 +49,6 @@ pub(crate) fn settings(params: &ColorModelsParams) -> Settings {
     }
 }
 
-pub(crate) fn site(params: &ColorModelsParams) -> Site<'_> {
-    Site::new(params.pose.as_ref(), params.mount.as_ref())
+pub(crate) fn extrinsics(params: &ColorModelsParams) -> Extrinsics<'_> {
+    Extrinsics::new(params.pose.as_ref(), params.mount.as_ref())
 }

@@ -5,7 +5,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
-use rcs_color::ColorModelling;
+use rcs_color::ColorModelLearner;
 use rcs_color::proto::{ColorLearning, ColorModels, ColorStats};
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
 use rcs_msg::foxglove::{CameraCalibration, Grid, ImageAnnotations, PoseInFrame, RawImage};
@@ -38,7 +38,7 @@ inputs = { image = "/image", calibration = "/calibration", pose = "/pose", map =
 params = { mount = { fixed = true, height_m = 1.0, pitch_deg = 25.0 }, learning_period_s = 0.5 }
 "#;
 
-const PROCESSES: &[ProcessType] = &[ProcessType::of::<ColorModelling>()];
+const PROCESSES: &[ProcessType] = &[ProcessType::of::<ColorModelLearner>()];
 const OUTPUTS: [&str; 6] = ["probability", "sample", "cost", "cost_wide", "models", "stats"];
 const SIZE: [u32; 2] = [320, 240];
 const MULCH: [u8; 3] = [120, 84, 58];

@@ -1,8 +1,8 @@
 //! A point cloud as columns of points.
 //!
 //! A cloud needs no order: its points are sorted into vertical half-planes around the sensor, and in each by elevation.
-//! So a scanner that stands tilted, as on a robot on a slope, is scanned along gravity like a camera; the columns of the
-//! sensor itself would mix the trunk with the ground beside it.
+//! So a scanner that stands tilted, as on a robot on a slope, is scanned along gravity like a camera; the columns of
+//! the sensor itself would mix the trunk with the ground beside it.
 
 use crate::columns::{Strip, Survey};
 use crate::scan::{Label, ScanPoint};

@@ -1,7 +1,7 @@
 //! Labelled columns, and what they say of the cells of a map.
 //!
-//! Columns do not depend on each other, so they are worked on in strips, in any order and on any number of threads; what
-//! a strip found is added up in the order of the strips.
+//! Columns do not depend on each other, so they are worked on in strips, in any order and on any number of threads;
+//! what a strip found is added up in the order of the strips.
 
 use crate::ground_map::{GROUND_CELL_M, GroundMap};
 use crate::negative::{Hole, HoleScan, NegativeParams};
@@ -11,7 +11,7 @@ use rcs_geom::CellIndex;
 
 /// The plane on which the wheels stand, relative to the sensor, axes of the local frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Footing {
+pub struct GroundPlane {
     /// A point of the plane below the vehicle's origin, m.
     pub below_origin: DVec3,
     /// Upward normal of the plane.
@@ -20,7 +20,7 @@ pub struct Footing {
     pub wheels_m: f64,
 }
 
-impl Footing {
+impl GroundPlane {
     /// Known ground from which a column starts that goes out along the horizontal unit vector `(ux, uy)`.
     pub fn start(&self, ux: f64, uy: f64) -> Start {
         let slope = -(self.up.x * ux + self.up.y * uy) / self.up.z;
@@ -118,7 +118,7 @@ pub struct KnownGround<'a> {
 #[derive(Clone, Debug)]
 pub struct Survey<'a> {
     /// The ground under the wheels.
-    pub footing: Footing,
+    pub ground_plane: GroundPlane,
     /// The sensor in the map.
     pub placement: Placement,
     /// The scan for positive obstacles.
@@ -130,8 +130,8 @@ pub struct Survey<'a> {
 }
 
 impl Survey<'_> {
-    /// Known ground along the horizontal unit vector `(ux, uy)`, before a distance: distances and heights relative to the
-    /// sensor, m.
+    /// Known ground along the horizontal unit vector `(ux, uy)`, before a distance: distances and heights relative to
+    /// the sensor, m.
     fn known_before(&self, rho: f32, from: f32, [ux, uy]: [f32; 2]) -> impl Iterator<Item = (f32, f32)> {
         let sensor = self.placement.sensor;
         let steps = if self.known.is_some() { KNOWN_STEPS } else { 0 };
@@ -214,8 +214,8 @@ impl Strip {
         }
     }
 
-    /// Labels one more column, given from the lowest ray to the highest, and lets its points vote. `colours` has one for
-    /// each point, or none at all.
+    /// Labels one more column, given from the lowest ray to the highest, and lets its points vote. `colours` has one
+    /// for each point, or none at all.
     pub fn add_column(&mut self, points: &[ScanPoint], colours: &[[u8; 3]], survey: &Survey<'_>) {
         let first = self.labels.len();
         self.labels.resize(first + points.len(), Label::Invalid);
@@ -228,7 +228,7 @@ impl Strip {
             return;
         };
         let rho = f64::from(ahead.rho);
-        let start = survey.footing.start(f64::from(ahead.x) / rho, f64::from(ahead.y) / rho);
+        let start = survey.ground_plane.start(f64::from(ahead.x) / rho, f64::from(ahead.y) / rho);
         self.scanner.scan(points, start, &survey.scan, labels);
         if let Some(negative) = &survey.negative {
             self.find_holes(

@@ -1,4 +1,4 @@
-//! The obstacle cost map: what the pixels of one range image say of the cells around the vehicle (A 3.1.1).
+//! The obstacle cost map: what the pixels of one range image say of the cells around the vehicle (Albus 2006a, 3.1.1).
 //!
 //! The cost of a cell is the percentage of `OBSTACLE` pixels among those that tell of it, 0 to 100 % as 0 to 250, and
 //! 255 where fewer pixels than asked for do. `GROUND` and `SHORT_OBSTACLE` count as free. `COVER` does not count: what

@@ -1,9 +1,9 @@
 //! The ground map of the negative obstacles: cells of 0.1 m that scroll with the vehicle, with all projected ground
-//! pixels and with the borders that columns have seen (A 3.1.1).
+//! pixels and with the borders that columns have seen (Albus 2006a, 3.1.1).
 //!
 //! One column's hole may be noise. A border counts when enough columns, of this frame and of those before, have put one
-//! into the same cell, and when such cells lie side by side over the length that makes a hole large. Ground that is seen
-//! in a cell without a border takes its borders away again, one vote a frame.
+//! into the same cell, and when such cells lie side by side over the length that makes a hole large. Ground that is
+//! seen in a cell without a border takes its borders away again, one vote a frame.
 
 use crate::columns::GroundVote;
 use rcs_geom::{CellIndex, GridError, ScrollGrid};

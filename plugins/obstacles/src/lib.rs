@@ -1,5 +1,5 @@
-//! Obstacles above and below the ground from range images and point clouds by column scan (A 3.1.1), and their labels on
-//! pictures.
+//! Obstacles above and below the ground from range images and point clouds by column scan (Albus 2006a, 3.1.1), and
+//! their labels on images.
 //!
 //! # `obstacles`
 //!
@@ -30,9 +30,9 @@
 //!
 //! Cost: linear in pixels. Strips are fixed, so any number of threads gives the same bits.
 //!
-//! Data that cannot be used (no calibration or one of another size, an encoding that is no depth, no pixel with a range,
-//! no pose for that time) are reported as a fault and skipped: nothing is sent on for them. A colour image of another
-//! size is a fault, too, and costs the map its colours alone.
+//! Data that cannot be used (no calibration or one of another size, an encoding that is no depth, no pixel with a
+//! range, no pose for that time) are reported as a fault and skipped: nothing is sent on for them. A colour image of
+//! another size is a fault, too, and costs the map its colours alone.
 //!
 //! # `label_overlay`
 //!
@@ -56,7 +56,7 @@ mod params;
 mod process;
 mod results;
 pub mod scan;
-mod stand;
+mod sensor_pose;
 
 pub use overlay_process::LabelOverlay;
 pub use process::Obstacles;

@@ -1,5 +1,5 @@
 //! Negative obstacles in one column of a range image: ditches, holes and drops, of which only the borders are given
-//! (A 3.1.1, B 3.1).
+//! (Albus 2006a, 3.1.1, Albus 2006b, 3.1).
 //!
 //! A ray that meets something below the ground level has crossed that level earlier: there is no ground where it
 //! crossed, nor from there to where it ended. So a point that lies `δ` below the level at the horizontal distance `ρ`,
@@ -9,8 +9,8 @@
 //! to them or up from them again, the last ground before them and the first behind them are the borders.
 //!
 //! Where the paper is silent: "below the ground level and large enough" is the depth and the width above. A dip that is
-//! gentle on both sides is ground, and so is a downward slope that is seen as one; behind something that rises above the
-//! ground, ground must be found anew before anything can be below it.
+//! gentle on both sides is ground, and so is a downward slope that is seen as one; behind something that rises above
+//! the ground, ground must be found anew before anything can be below it.
 
 use crate::level::{LEVEL_BASE_M, Level};
 use crate::scan::{Label, ScanPoint};

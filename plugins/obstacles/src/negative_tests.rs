@@ -1,4 +1,5 @@
-//! What the scan for negative obstacles must say of scenes with known truth, and that it says what the plain rule says.
+//! What the scan for negative obstacles must say of scenes with known ground truth, and that it says what the plain
+//! rule says.
 
 use crate::columns::{KnownGround, Strip, Survey};
 use crate::cost_map::CostMap;

@@ -1,12 +1,12 @@
-//! Labels of points as a picture: a cloud seen by a camera.
+//! Labels of points as an image: a cloud seen by a camera.
 
 use crate::scan::Label;
 use glam::DVec3;
 use rcs_geom::PinholeCamera;
 
-/// Paints each point (m, optical frame) as a square of `2·radius_px + 1` pixels into a label image of the camera's size,
-/// one byte a pixel by rows; the nearest point wins, and of two equally near ones the first. Pixels without a point are
-/// [`Label::Invalid`].
+/// Paints each point (m, optical frame) as a square of `2·radius_px + 1` pixels into a label image of the camera's
+/// size, one byte a pixel by rows; the nearest point wins, and of two equally near ones the first. Pixels without a
+/// point are [`Label::Invalid`].
 pub fn paint(
     camera: &PinholeCamera,
     points: impl IntoIterator<Item = (DVec3, u8)>,

@@ -1,4 +1,4 @@
-//! The process `label_overlay`: the labels of a cloud on the picture of a camera.
+//! The process `label_overlay`: the labels of a cloud on the image of a camera.
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
@@ -59,14 +59,14 @@ impl Process for LabelOverlay {
     type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "label_overlay",
-        summary: "Shows the labels of a point cloud on the picture of a camera",
+        summary: "Shows the labels of a point cloud on the image of a camera",
         period_ms: 200.0,
         latency_ms: 12.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
-        // Never read: it names the picture that the labels lie on.
+        // Never read: it names the image that the labels lie on.
         let _ = b.optional_input::<RawImage>("image", "colour image of the camera");
         Ports {
             points: b.input("points", "points with the field `label`, m"),

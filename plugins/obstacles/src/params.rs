@@ -5,10 +5,10 @@ use crate::negative::NegativeParams;
 use crate::proto::ObstaclesParams;
 use crate::scan::ScanParams;
 use rcs_geom::PinholeCamera;
-use rcs_sense::Site;
+use rcs_sense::Extrinsics;
 
-pub(crate) fn site(params: &ObstaclesParams) -> Site<'_> {
-    Site::new(params.pose.as_ref(), params.mount.as_ref())
+pub(crate) fn extrinsics(params: &ObstaclesParams) -> Extrinsics<'_> {
+    Extrinsics::new(params.pose.as_ref(), params.mount.as_ref())
 }
 
 fn tangent(degrees: f64) -> f32 {
@@ -34,9 +34,9 @@ pub(crate) fn scan_params(params: &ObstaclesParams, camera: Option<&PinholeCamer
 
 /// The farthest range that is believed.
 ///
-/// A range from stereo is z = f·b/d, so that noise `s` of the disparity makes it uncertain by z²·s/(f·b). It is believed
-/// until that is the greatest noise allowed. The range along the ray stands for z, which is a little strict in the corners
-/// of the image.
+/// A range from stereo is z = f·b/d, so that noise `s` of the disparity makes it uncertain by z²·s/(f·b). It is
+/// believed until that is the greatest noise allowed. The range along the ray stands for z, which is a little strict in
+/// the corners of the image.
 fn max_range_m(params: &ObstaclesParams, camera: Option<&PinholeCamera>) -> f64 {
     match camera {
         Some(camera) if params.baseline_m > 0.0 && params.disparity_noise_px > 0.0 => {

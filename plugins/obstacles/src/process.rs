@@ -5,11 +5,11 @@ use crate::columns::{KnownGround, Strip, Survey};
 use crate::cost_map::CostMap;
 use crate::depth_image::{DepthError, DepthImage, Rays, label_image, scan_strip};
 use crate::ground_map::GroundMap;
-use crate::params::{border_rule, negative_params, scan_params, site};
+use crate::params::{border_rule, extrinsics, negative_params, scan_params};
 use crate::proto::{ObstacleStats, ObstaclesParams};
 use crate::results::{count, labelled_cloud, stats};
 use crate::scan::Label;
-use crate::stand::{Stand, StandError};
+use crate::sensor_pose::{SensorPose, SensorPoseError};
 use glam::DVec3;
 use rcs_geom::{CameraError, CellIndex, PinholeCamera, Pose};
 use rcs_msg::classes::OBSTACLE_CLASSES;
@@ -61,7 +61,7 @@ enum Unusable {
     #[error(transparent)]
     Pose(#[from] LocalizerError),
     #[error(transparent)]
-    Stand(#[from] StandError),
+    SensorPose(#[from] SensorPoseError),
     #[error("none of {points} points has a range")]
     Empty { points: u64 },
 }
@@ -78,7 +78,7 @@ impl Process for Obstacles {
         summary: "Labels range images and scans column by column and maps the cost of obstacles",
         period_ms: 200.0,
         latency_ms: 10.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
@@ -121,7 +121,7 @@ impl Process for Obstacles {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &ObstaclesParams, cx: &mut Cycle<'_>) {
-        ports.poses.read(&mut self.localizer, site(params).frames, cx);
+        ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
         if let Some(calibration) = cx.read_newest(&ports.calibration) {
             self.read_calibration(&calibration, cx);
         }
@@ -169,14 +169,20 @@ impl Obstacles {
         }
         let rays = self.rays.get_or_insert_with(|| Arc::new(Rays::new(camera))).clone();
         let time = message.acq_time();
-        let stand =
-            Stand::find(&self.localizer, &message.frame_id, Axes::Optical, &Pose::IDENTITY, time, params)?;
+        let sensor_pose = SensorPose::find(
+            &self.localizer,
+            &message.frame_id,
+            Axes::Optical,
+            &Pose::IDENTITY,
+            time,
+            params,
+        )?;
         let rgb = colours(message, ports, cx);
-        let turn = stand.local_from_sensor.rotation_matrix();
-        let survey = self.survey(&stand, time, params, true);
+        let turn = sensor_pose.local_from_sensor.rotation_matrix();
+        let survey = self.survey(&sensor_pose, time, params, true);
         let mut strips =
             cx.pool().map(rays.strips(), |strip| scan_strip(&image, &rgb, &rays, strip, turn, &survey));
-        self.write_results(&mut strips, 0, &stand, time, ports, params, cx)?;
+        self.write_results(&mut strips, 0, &sensor_pose, time, ports, params, cx)?;
         let labels = RawImage {
             timestamp: Some(time.to_proto()),
             frame_id: message.frame_id.clone(),
@@ -203,8 +209,9 @@ impl Obstacles {
             None => Pose::IDENTITY,
         };
         let time = message.acq_time();
-        let stand = Stand::find(&self.localizer, &message.frame_id, Axes::Body, &origin, time, params)?;
-        let turn = stand.local_from_sensor.rotation_matrix();
+        let sensor_pose =
+            SensorPose::find(&self.localizer, &message.frame_id, Axes::Body, &origin, time, params)?;
+        let turn = sensor_pose.local_from_sensor.rotation_matrix();
         let points: Vec<Option<[f32; 3]>> = cloud
             .iter()
             .map(|point| {
@@ -215,20 +222,26 @@ impl Obstacles {
             })
             .collect();
         let columns = CloudColumns::new(&points, (params.azimuth_step_deg as f32).to_radians());
-        let survey = self.survey(&stand, time, params, false);
+        let survey = self.survey(&sensor_pose, time, params, false);
         let mut strips = cx.pool().map(columns.strips(), |strip| columns.scan_strip(strip, &survey));
         let without_range = points.iter().filter(|point| point.is_none()).count() as u64;
-        self.write_results(&mut strips, without_range, &stand, time, ports, params, cx)?;
+        self.write_results(&mut strips, without_range, &sensor_pose, time, ports, params, cx)?;
         let labels = columns.labels(&strips, points.len());
         cx.write(&ports.points, time, labelled_cloud(message, &cloud, &origin, &labels));
         Ok(())
     }
 
-    fn survey(&self, stand: &Stand, time: Stamp, params: &ObstaclesParams, is_image: bool) -> Survey<'_> {
+    fn survey(
+        &self,
+        sensor_pose: &SensorPose,
+        time: Stamp,
+        params: &ObstaclesParams,
+        is_image: bool,
+    ) -> Survey<'_> {
         let since_ns = time.0.saturating_sub(border_rule(params).memory_ns);
         Survey {
-            footing: stand.footing,
-            placement: stand.placement,
+            ground_plane: sensor_pose.ground_plane,
+            placement: sensor_pose.placement,
             scan: scan_params(params, self.camera.as_ref().filter(|_| is_image)),
             negative: negative_params(params),
             known: Some(KnownGround { map: &self.ground, since_ns }),
@@ -240,16 +253,16 @@ impl Obstacles {
     fn mark_negative(
         &mut self,
         strips: &mut [Strip],
-        stand: &Stand,
+        sensor_pose: &SensorPose,
         time: Stamp,
         params: &ObstaclesParams,
     ) -> (u64, BTreeSet<CellIndex>) {
         if !params.negative_obstacles {
             return (0, BTreeSet::new());
         }
-        self.ground.recentre(stand.ground_centre);
+        self.ground.recentre(sensor_pose.ground_centre);
         let votes = strips.iter().flat_map(|strip| &strip.ground);
-        let borders = self.ground.add(votes, stand.placement.sensor.z, time.0, &border_rule(params));
+        let borders = self.ground.add(votes, sensor_pose.placement.sensor.z, time.0, &border_rule(params));
         let is_border = |[x, y]: [i32; 2]| borders.contains(&CellIndex::new(x.into(), y.into()));
         let pixels = strips.iter_mut().map(|strip| strip.mark_borders(is_border)).sum();
         // Two cells of the ground map are as wide as one of the cost map.
@@ -263,7 +276,7 @@ impl Obstacles {
         &mut self,
         strips: &mut [Strip],
         without_range: u64,
-        stand: &Stand,
+        sensor_pose: &SensorPose,
         time: Stamp,
         ports: &Ports,
         params: &ObstaclesParams,
@@ -273,15 +286,15 @@ impl Obstacles {
         if count(strips, Label::Invalid) + without_range == points {
             return Err(Unusable::Empty { points });
         }
-        let (negative, negative_cells) = self.mark_negative(strips, stand, time, params);
-        let sensor_z = stand.placement.sensor.z;
-        let map = CostMap::new(strips, &negative_cells, stand.centre, sensor_z, params.min_pixels);
+        let (negative, negative_cells) = self.mark_negative(strips, sensor_pose, time, params);
+        let sensor_z = sensor_pose.placement.sensor.z;
+        let map = CostMap::new(strips, &negative_cells, sensor_pose.centre, sensor_z, params.min_pixels);
         let stats = ObstacleStats {
             negative,
             negative_cells: negative_cells.len() as u64,
             ..stats(strips, without_range, &map, time)
         };
-        cx.write(&ports.cost, time, map.to_grid(site(params).frames.local, time));
+        cx.write(&ports.cost, time, map.to_grid(extrinsics(params).frames.local, time));
         cx.write(&ports.stats, time, stats);
         Ok(())
     }

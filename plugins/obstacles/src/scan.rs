@@ -1,8 +1,8 @@
-//! The scan of one column of a range image, from known ground under the wheels upward (A 3.1.1, figure 6).
+//! The scan of one column of a range image, from known ground under the wheels upward (Albus 2006a, 3.1.1, figure 6).
 //!
 //! A column is what one vertical half-plane through the sensor meets: points `(rho, z)` from the lowest ray to the
-//! highest, `rho` the horizontal distance from the sensor and `z` the height above it, in metres, gravity down. The scan
-//! keeps the last point that it knows to be ground and asks of each further point whether it can be ground, too:
+//! highest, `rho` the horizontal distance from the sensor and `z` the height above it, in metres, gravity down. The
+//! scan keeps the last point that it knows to be ground and asks of each further point whether it can be ground, too:
 //!
 //! - **On contact** (the last ground point is near): it can, if it rises no faster than the slope limit, plus the least
 //!   rise that counts (`d` in the paper).
@@ -12,13 +12,13 @@
 //!
 //! The height of the ground never climbs faster than the slope limit, so a wall with a gentle foot does not carry it
 //! up. What is not ground gets its label from its height above the local ground: the ground below it where the column
-//! has seen that (a branch that hangs into the picture), else the last ground before it, carried on by the surface
+//! has seen that (a branch that hangs into the image), else the last ground before it, carried on by the surface
 //! itself where that goes on without a jump (a steep bank).
 //!
 //! Where the paper is silent: noise widens `d` in proportion to range; a run of neighbouring obstacle points is short
-//! as a whole or not at all, and so is one that noise alone could have raised; a point below the expected ground is ground, since negative obstacles are another module's,
-//! unless a steep face begins there beyond a gap: then the foot of that face is hidden, and the heights of its points
-//! count from the lowest one that is seen.
+//! as a whole or not at all, and so is one that noise alone could have raised; a point below the expected ground is
+//! ground, since negative obstacles are another module's, unless a steep face begins there beyond a gap: then the foot
+//! of that face is hidden, and the heights of its points count from the lowest one that is seen.
 
 use crate::level::Level;
 pub use rcs_sense::ObstacleLabel as Label;
@@ -46,7 +46,7 @@ pub struct ScanParams {
     pub gap_m: f32,
     /// Length across the ray over which the slope of a surface is taken.
     pub surface_span_m: f32,
-    /// How far the ground may be from where the wheels are believed to stand.
+    /// How far the ground may be from where the wheels are believed to sensor_pose.
     pub wheels_tolerance_m: f32,
 }
 
@@ -94,7 +94,7 @@ impl ScanPoint {
     }
 }
 
-/// Known ground from which a column starts: where the front wheels stand.
+/// Known ground from which a column starts: where the front wheels sensor_pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     /// Horizontal distance from the sensor, m.
@@ -263,7 +263,7 @@ fn end_run(run: &mut Option<Run>, end: usize, params: &ScanParams, labels: &mut 
     }
 }
 
-/// The surface at point `i`: how it leads on to the next point that is far enough above on the picture.
+/// The surface at point `i`: how it leads on to the next point that is far enough above on the image.
 fn surface(points: &[ScanPoint], i: usize, params: &ScanParams) -> Surface {
     let point = points[i];
     let elevation = point.z / point.rho;

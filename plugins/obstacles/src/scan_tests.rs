@@ -1,4 +1,4 @@
-//! What the scan must say of scenes with known truth, and that it says what the plain rule says.
+//! What the scan must say of scenes with known ground truth, and that it says what the plain rule says.
 
 use crate::columns::Strip;
 use crate::cost_map::CostMap;
@@ -331,7 +331,7 @@ fn reference_image(view: &View, params: &ScanParams) -> (Vec<Label>, BTreeMap<[i
             continue;
         };
         let (rho, x, y) = (f64::from(near.rho), f64::from(near.x), f64::from(near.y));
-        let start = view.footing.start(x / rho, y / rho);
+        let start = view.ground_plane.start(x / rho, y / rho);
         for (up, (point, label)) in points.iter().zip(reference_scan(&points, start, params)).enumerate() {
             labels[(HEIGHT - 1 - up) * WIDTH + column] = label;
             let place = view.placement.sensor + DVec3::new(f64::from(point.x), f64::from(point.y), 0.0);

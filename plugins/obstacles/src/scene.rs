@@ -1,6 +1,6 @@
-//! Scenes with known truth for the tests: a sloping plane and boxes, seen by a depth camera on a vehicle.
+//! Scenes with known ground truth for the tests: a sloping plane and boxes, seen by a depth camera on a vehicle.
 
-use crate::columns::{Footing, Placement, Strip, Survey};
+use crate::columns::{GroundPlane, Placement, Strip, Survey};
 use crate::depth_image::{DepthImage, Rays, label_image, scan_strip};
 use crate::scan::{Label, ScanParams};
 use glam::{DMat3, DVec2, DVec3};
@@ -40,7 +40,7 @@ pub(crate) struct View {
     pub(crate) depth: Vec<u8>,
     pub(crate) truth: Vec<Truth>,
     pub(crate) turn: DMat3,
-    pub(crate) footing: Footing,
+    pub(crate) ground_plane: GroundPlane,
     pub(crate) placement: Placement,
 }
 
@@ -92,7 +92,7 @@ impl Scene {
             depth,
             truth,
             turn,
-            footing: Footing { below_origin: -sensor, up, wheels_m: 0.5 },
+            ground_plane: GroundPlane { below_origin: -sensor, up, wheels_m: 0.5 },
             placement: Placement { sensor, cell_size_m: CELL_SIZE_M },
         }
     }
@@ -139,8 +139,8 @@ impl View {
     }
 
     pub(crate) fn survey(&self, scan: ScanParams) -> Survey<'static> {
-        let (footing, placement) = (self.footing, self.placement);
-        Survey { footing, placement, scan, negative: None, known: None }
+        let (ground_plane, placement) = (self.ground_plane, self.placement);
+        Survey { ground_plane, placement, scan, negative: None, known: None }
     }
 
     pub(crate) fn strips_of(&self, survey: &Survey<'_>, rgb: &[u8]) -> Vec<Strip> {
@@ -149,7 +149,7 @@ impl View {
         (0..self.rays.strips()).map(strip).collect()
     }
 
-    /// Pairs of truth and label of all pixels.
+    /// Pairs of ground truth and label of all pixels.
     pub(crate) fn labels(&self, params: &ScanParams) -> Vec<(Truth, Label)> {
         let labels = label_image(&self.strips(params), self.rays.width, self.rays.height);
         let label = |&number: &u8| Label::ALL[number as usize];

@@ -8,7 +8,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::Grid;
 use rcs_msg::rcs::{Bumper, Imu, MotorCurrents, RangeReading, RangeReadings, WheelEncoders};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, Localizer, PosePorts, Site};
+use rcs_sense::{Axes, Extrinsics, Localizer, PosePorts};
 use rcs_world::Source;
 use serde::{Deserialize, Serialize};
 
@@ -50,7 +50,7 @@ impl Process for Proximity {
         summary: "Bumper and infrared sensors as costs; slip of the wheels and stalled motors",
         period_ms: 50.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
@@ -87,7 +87,7 @@ impl Process for Proximity {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &ProximityParams, cx: &mut Cycle<'_>) {
-        ports.poses.read(&mut self.localizer, site(params).frames, cx);
+        ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
         while let Some(bumper) = cx.read(&ports.bumper) {
             self.take_bumper(&bumper, ports, params, cx);
         }
@@ -115,7 +115,7 @@ impl Process for Proximity {
 impl Proximity {
     /// Where the vehicle was. A pose that is not known yet is no fault: before the first message there is none.
     fn vehicle_at(&self, time: Stamp, params: &ProximityParams) -> Option<Pose> {
-        site(params).local_from_vehicle(&self.localizer, time).ok()
+        extrinsics(params).local_from_vehicle(&self.localizer, time).ok()
     }
 
     fn take_bumper(
@@ -148,7 +148,7 @@ impl Proximity {
             width_m: params.vehicle_width_m,
         };
         let costs = bumper_costs(&pose, &body, bumper.left, bumper.right);
-        let grid = costs.into_message(Source::BUMPER, site(params).frames.local, time);
+        let grid = costs.into_message(Source::BUMPER, extrinsics(params).frames.local, time);
         cx.write(&ports.bumper_cost, time, grid);
     }
 
@@ -177,7 +177,7 @@ impl Proximity {
             noise_m: params.range_noise_m,
         };
         let costs = infrared_costs(pose.translation.truncate(), &rays, &rules);
-        let grid = costs.into_message(Source::INFRARED, site(params).frames.local, time);
+        let grid = costs.into_message(Source::INFRARED, extrinsics(params).frames.local, time);
         cx.write(&ports.infrared_cost, time, grid);
     }
 
@@ -188,7 +188,7 @@ impl Proximity {
         time: Stamp,
         params: &ProximityParams,
     ) -> Result<Ray, String> {
-        let vehicle_from_sensor = site(params)
+        let vehicle_from_sensor = extrinsics(params)
             .vehicle_from_sensor(&self.localizer, &reading.frame_id, Axes::Body, time)
             .map_err(|error| error.to_string())?;
         let (max_range_m, cone_rad) = (reading.max_range_m, reading.cone_rad);
@@ -299,6 +299,6 @@ fn rules(params: &ProximityParams) -> Rules {
     }
 }
 
-fn site(params: &ProximityParams) -> Site<'_> {
-    Site::new(params.pose.as_ref(), None)
+fn extrinsics(params: &ProximityParams) -> Extrinsics<'_> {
+    Extrinsics::new(params.pose.as_ref(), None)
 }

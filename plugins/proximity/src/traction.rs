@@ -2,10 +2,10 @@
 //!
 //! The wheels say how fast they turn, the inertial sensors how fast the vehicle changes its speed. The inertial speed
 //! integrates the acceleration along the vehicle (gravity taken out by the pitch) and is drawn toward the wheels' speed
-//! within a memory of seconds, much more slowly while the wheels spin. The accelerometer's offset (a wrong pitch acts like
-//! one) is learned while the vehicle stands, and while the wheels grip, from what is left between both speeds. The gyro
-//! splits the inertial speed into the ground speeds of the two wheels; slip is the part of a wheel's motion that the
-//! ground does not make, the greater of the two.
+//! within a memory of seconds, much more slowly while the wheels spin. The accelerometer's offset (a wrong pitch acts
+//! like one) is learned while the vehicle stands, and while the wheels grip, from what is left between both speeds. The
+//! gyro splits the inertial speed into the ground speeds of the two wheels; slip is the part of a wheel's motion that
+//! the ground does not make, the greater of the two.
 //!
 //! What this cannot see: a slip that builds up as slowly as the memory forgets, and one that lasts. A position estimate
 //! that is told of no loss of speed by the wheels takes it for a tilt for a moment, and so after two seconds or more

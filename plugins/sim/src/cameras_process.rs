@@ -2,23 +2,23 @@
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
-//! | `truth_state` | in | `rcs.TruthState` | true pose of the vehicle in the frame global |
-//! | `image` | in, optional | `foxglove.RawImage` | the pictures of its own left eye, on which the truth lies |
-//! | `left` | out | `foxglove.RawImage` | picture of the left or only eye: rgb8, or mono8 of a thermal camera |
-//! | `right` | out | `foxglove.RawImage` | picture of the right eye, rgb8 |
-//! | `left_calibration` | out | `foxglove.CameraCalibration` | raw lens of the left eye, and its rectified one |
-//! | `right_calibration` | out | `foxglove.CameraCalibration` | the same of the right eye; P says the baseline |
-//! | `truth_depth` | out | `foxglove.RawImage` | depth of the left eye's pixels along the optical axis, m, 32FC1 |
-//! | `truth_labels` | out | `foxglove.RawImage` | obstacle label of the left eye's pixels, mono8 |
-//! | `truth_class` | out | `foxglove.RawImage` | class of the left eye's pixels, mono8 |
+//! | `ground_truth_state` | in | `rcs.GroundTruthState` | true pose of the vehicle in the frame global |
+//! | `image` | in, optional | `foxglove.RawImage` | the images of its own left camera, on which the ground truth lies |
+//! | `left` | out | `foxglove.RawImage` | image of the left or only camera: rgb8, or mono8 of a thermal camera |
+//! | `right` | out | `foxglove.RawImage` | image of the right camera, rgb8 |
+//! | `left_calibration` | out | `foxglove.CameraCalibration` | raw lens of the left camera, and its rectified one |
+//! | `right_calibration` | out | `foxglove.CameraCalibration` | the same of the right camera; P says the baseline |
+//! | `ground_truth_depth` | out | `foxglove.RawImage` | depth of the left camera's pixels along the optical axis, m, 32FC1 |
+//! | `ground_truth_labels` | out | `foxglove.RawImage` | obstacle label of the left camera's pixels, mono8 |
+//! | `ground_truth_class` | out | `foxglove.RawImage` | class of the left camera's pixels, mono8 |
 //!
-//! Period 50 ms; pictures at the rate of the vehicle file, stamped with the time of the pose that they were taken from.
-//! The eyes of a pair look the same way, so R is the identity. State: the time of the last pose; the world and the rays
-//! of the pixels are made again from the parameters where a snapshot has brought them none.
+//! Period 50 ms; images at the rate of the vehicle file, stamped with the time of the pose that they were taken from.
+//! The cameras of a pair look the same way, so R is the identity. State: the time of the last pose; the world and the
+//! rays of the pixels are made again from the parameters where a snapshot has brought them none.
 //!
 //! Cost: rays. Strips of rows are fixed and noise is a hash of the pixel: any number of threads gives the same bits.
 
-use crate::picture::{Exposure, Sensor, encoding_of, thermal};
+use crate::exposure::{Exposure, Sensor, encoding_of, thermal};
 use crate::proto::SimCamerasParams;
 use crate::scene::{Texts, check_world, read_vehicle, read_world};
 use crate::sensors::{is_due, normal};
@@ -28,7 +28,7 @@ use rcs_geom::{Distortion, PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::classes::OBSTACLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, RawImage};
-use rcs_msg::rcs::TruthState;
+use rcs_msg::rcs::GroundTruthState;
 use rcs_runtime::{Cycle, In, NoCommands, Out, Pool, PortBuilder, Process, ProcessDef, Role};
 use rcs_scene::{CameraRays, ViewRows, World, render_rows};
 use rcs_sense::pose_of;
@@ -43,23 +43,23 @@ const STRIP_ROWS: usize = 48;
 pub struct SimCameras {
     last: Option<Stamp>,
     #[serde(skip)]
-    eyes: Option<Arc<Eyes>>,
+    cameras: Option<Arc<CameraSet>>,
 }
 
 /// Ports of [`SimCameras`].
 #[derive(Debug)]
 pub struct Ports {
-    truth_state: In<TruthState>,
+    ground_truth_state: In<GroundTruthState>,
     images: [Out<RawImage>; 2],
     calibrations: [Out<CameraCalibration>; 2],
-    truth_depth: Out<RawImage>,
-    truth_labels: Out<RawImage>,
-    truth_class: Out<RawImage>,
+    ground_truth_depth: Out<RawImage>,
+    ground_truth_labels: Out<RawImage>,
+    ground_truth_class: Out<RawImage>,
 }
 
 /// What the parameters say, and what follows from them alone.
 #[derive(Debug)]
-struct Eyes {
+struct CameraSet {
     texts: Texts,
     params: SimCamerasParams,
     spec: CameraSpec,
@@ -73,7 +73,7 @@ struct Eyes {
 /// A view being drawn: row by row.
 #[derive(Debug, Default)]
 struct View {
-    picture: Vec<u8>,
+    pixels: Vec<u8>,
     depth_m: Vec<f32>,
     class: Vec<u8>,
     label: Vec<u8>,
@@ -81,7 +81,7 @@ struct View {
 
 /// Some rows of a view.
 struct Strip<'a> {
-    eye: usize,
+    side: usize,
     first_row: usize,
     out: ViewRows<'a>,
 }
@@ -92,45 +92,51 @@ impl Process for SimCameras {
     type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "sim_cameras",
-        summary: "Simulates a stereo pair or a camera of the vehicle, and the truth of each pixel",
+        summary: "Simulates a stereo pair or a camera of the vehicle, and the ground truth of each pixel",
         period_ms: 50.0,
         latency_ms: 40.0,
-        reads_truth: true,
+        reads_ground_truth: true,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
-        let truth_state = b.input("truth_state", "true pose of the vehicle in the frame global");
-        // Never read: it names the picture that the truth lies on.
-        let _ = b
-            .optional_input::<RawImage>("image", "the pictures of its own left eye, on which the truth lies");
+        let ground_truth_state =
+            b.input("ground_truth_state", "true pose of the vehicle in the frame global");
+        // Never read: it names the image that the ground truth lies on.
+        let _ = b.optional_input::<RawImage>(
+            "image",
+            "the images of its own left camera, on which the truth lies",
+        );
         let image = |b: &mut PortBuilder, name, help| b.output(name, help).role(Role::Image).build();
         let calibration =
             |b: &mut PortBuilder, name, help| b.output(name, help).role(Role::Calibration).build();
         Ports {
-            truth_state,
+            ground_truth_state,
             images: [
-                image(b, "left", "picture of the left or only eye: rgb8, or mono8 of a thermal camera"),
-                image(b, "right", "picture of the right eye, rgb8"),
+                image(b, "left", "image of the left or only camera: rgb8, or mono8 of a thermal camera"),
+                image(b, "right", "image of the right camera, rgb8"),
             ],
             calibrations: [
-                calibration(b, "left_calibration", "raw lens of the left eye, and its rectified one"),
-                calibration(b, "right_calibration", "the same of the right eye; P says the baseline"),
+                calibration(b, "left_calibration", "raw lens of the left camera, and its rectified one"),
+                calibration(b, "right_calibration", "the same of the right camera; P says the baseline"),
             ],
-            truth_depth: b
-                .output("truth_depth", "depth of the left eye's pixels along the optical axis, m, 32FC1")
+            ground_truth_depth: b
+                .output(
+                    "ground_truth_depth",
+                    "depth of the left camera's pixels along the optical axis, m, 32FC1",
+                )
                 .role(Role::Depth)
                 .truth()
                 .build(),
-            truth_labels: b
-                .output("truth_labels", "obstacle label of the left eye's pixels, mono8")
+            ground_truth_labels: b
+                .output("ground_truth_labels", "obstacle label of the left camera's pixels, mono8")
                 .role(Role::Labels)
                 .palette("obstacle_labels")
                 .classes(&OBSTACLE_CLASSES)
                 .overlay_of("left")
                 .truth()
                 .build(),
-            truth_class: b
-                .output("truth_class", "class of the left eye's pixels, mono8")
+            ground_truth_class: b
+                .output("ground_truth_class", "class of the left camera's pixels, mono8")
                 .role(Role::Labels)
                 .palette("surfaces")
                 .overlay_of("left")
@@ -140,7 +146,7 @@ impl Process for SimCameras {
     }
 
     fn check(params: &SimCamerasParams) -> Result<(), String> {
-        Eyes::camera(params)?;
+        CameraSet::camera(params)?;
         check_world(&params.world).map(|_| ())
     }
 
@@ -149,43 +155,43 @@ impl Process for SimCameras {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &SimCamerasParams, cx: &mut Cycle<'_>) {
-        let eyes = match self.eyes(params) {
-            Ok(eyes) => eyes,
+        let cameras = match self.cameras(params) {
+            Ok(cameras) => cameras,
             Err(error) => {
                 cx.error(error);
                 return;
             }
         };
-        let Some(state) = cx.read_newest(&ports.truth_state) else {
+        let Some(state) = cx.read_newest(&ports.ground_truth_state) else {
             cx.exec("waits for the vehicle's pose");
             return;
         };
         let time = state.acq_time();
-        let due = self.last.is_none_or(|last| is_due(last.0, time.0, eyes.rate_hz));
+        let due = self.last.is_none_or(|last| is_due(last.0, time.0, cameras.rate_hz));
         self.last = Some(time);
-        cx.exec("takes pictures");
+        cx.exec("takes images");
         if !due {
             return;
         }
         match pose_of(state.pose.as_ref(), "vehicle") {
-            Ok(global_from_vehicle) => eyes.take(&global_from_vehicle, time, ports, params, cx),
-            Err(error) => cx.fault(format!("{error}; picture skipped")),
+            Ok(global_from_vehicle) => cameras.take(&global_from_vehicle, time, ports, params, cx),
+            Err(error) => cx.fault(format!("{error}; image skipped")),
         }
     }
 }
 
 impl SimCameras {
-    fn eyes(&mut self, params: &SimCamerasParams) -> Result<Arc<Eyes>, String> {
-        if let Some(eyes) = self.eyes.as_ref().filter(|eyes| eyes.is_of(params)) {
-            return Ok(Arc::clone(eyes));
+    fn cameras(&mut self, params: &SimCamerasParams) -> Result<Arc<CameraSet>, String> {
+        if let Some(cameras) = self.cameras.as_ref().filter(|cameras| cameras.is_of(params)) {
+            return Ok(Arc::clone(cameras));
         }
-        let eyes = Arc::new(Eyes::new(params)?);
-        self.eyes = Some(Arc::clone(&eyes));
-        Ok(eyes)
+        let cameras = Arc::new(CameraSet::new(params)?);
+        self.cameras = Some(Arc::clone(&cameras));
+        Ok(cameras)
     }
 }
 
-impl Eyes {
+impl CameraSet {
     /// The camera that the parameters ask for, and its lens.
     fn camera(params: &SimCamerasParams) -> Result<(CameraSpec, PinholeCamera), String> {
         let vehicle = read_vehicle(&params.vehicle)?;
@@ -200,11 +206,11 @@ impl Eyes {
         Ok((spec.clone(), lens_of(spec, params)?))
     }
 
-    fn new(params: &SimCamerasParams) -> Result<Eyes, String> {
-        let (spec, lens) = Eyes::camera(params)?;
+    fn new(params: &SimCamerasParams) -> Result<CameraSet, String> {
+        let (spec, lens) = CameraSet::camera(params)?;
         let world = read_world(&params.world)?;
         let size = [lens.width as usize, lens.height as usize];
-        Ok(Eyes {
+        Ok(CameraSet {
             texts: Texts::of(&[&params.world, &params.vehicle]),
             params: SimCamerasParams { world: String::new(), vehicle: String::new(), ..params.clone() },
             rate_hz: if params.rate_hz > 0.0 { params.rate_hz } else { spec.rate_hz },
@@ -225,7 +231,7 @@ impl Eyes {
         same && self.texts.are(&[&params.world, &params.vehicle])
     }
 
-    /// Takes the pictures of all eyes and sends them.
+    /// Takes the images of all cameras and sends them.
     fn take(
         &self,
         global_from_vehicle: &Pose,
@@ -238,42 +244,42 @@ impl Eyes {
         let views = self.draw(global_from_vehicle, params.noise.then_some(&exposures), cx.pool());
         let (channels, encoding) = encoding_of(self.spec.kind);
         let [width, height] = [self.lens.width, self.lens.height];
-        let image = |eye: usize, encoding: &str, bytes: u32, data: Vec<u8>| RawImage {
+        let image = |side: usize, encoding: &str, bytes: u32, data: Vec<u8>| RawImage {
             timestamp: Some(time.to_proto()),
-            frame_id: self.spec.frame(eye),
+            frame_id: self.spec.frame(side),
             width,
             height,
             encoding: encoding.to_owned(),
             step: width * bytes,
             data: data.into(),
         };
-        for (eye, view) in views.into_iter().enumerate() {
-            cx.write(&ports.calibrations[eye], time, self.calibration(eye, time));
-            cx.write(&ports.images[eye], time, image(eye, encoding, channels as u32, view.picture));
-            if eye == 0 && params.truth {
+        for (side, view) in views.into_iter().enumerate() {
+            cx.write(&ports.calibrations[side], time, self.calibration(side, time));
+            cx.write(&ports.images[side], time, image(side, encoding, channels as u32, view.pixels));
+            if side == 0 && params.ground_truth {
                 let depth = view.depth_m.iter().flat_map(|depth| depth.to_le_bytes()).collect();
-                cx.write(&ports.truth_depth, time, image(eye, "32FC1", 4, depth));
-                cx.write(&ports.truth_labels, time, image(eye, "mono8", 1, view.label));
-                cx.write(&ports.truth_class, time, image(eye, "mono8", 1, view.class));
+                cx.write(&ports.ground_truth_depth, time, image(side, "32FC1", 4, depth));
+                cx.write(&ports.ground_truth_labels, time, image(side, "mono8", 1, view.label));
+                cx.write(&ports.ground_truth_class, time, image(side, "mono8", 1, view.class));
             }
         }
     }
 
-    /// Exposures of the eyes in this frame: the same for both but for what their sensors differ by.
+    /// Exposures of the cameras in this frame: the same for both but for what their sensors differ by.
     fn exposures(&self, cx: &mut Cycle<'_>) -> [Exposure; 2] {
         let frame = 1.0 + self.spec.exposure_noise * normal(cx.rng());
-        let differ = 0.5 * self.spec.eye_difference * normal(cx.rng());
+        let differ = 0.5 * self.spec.camera_difference * normal(cx.rng());
         [1.0, -1.0].map(|sign| Exposure { gain: frame * (1.0 + sign * differ), key: cx.rng().next_u64() })
     }
 
-    /// Draws what all eyes see, strip by strip.
+    /// Draws what all cameras see, strip by strip.
     fn draw(&self, global_from_vehicle: &Pose, exposures: Option<&[Exposure; 2]>, pool: &Pool) -> Vec<View> {
         let (width, height) = (self.rays.width(), self.rays.height());
         let pixels = width * height;
-        let poses = [0, 1].map(|eye| *global_from_vehicle * self.spec.vehicle_from_eye(eye));
-        let mut views: Vec<View> = (0..self.spec.eyes())
+        let poses = [0, 1].map(|side| *global_from_vehicle * self.spec.vehicle_from_camera(side));
+        let mut views: Vec<View> = (0..self.spec.cameras())
             .map(|_| View {
-                picture: vec![0; 3 * pixels],
+                pixels: vec![0; 3 * pixels],
                 depth_m: vec![f32::NAN; pixels],
                 class: vec![0; pixels],
                 label: vec![0; pixels],
@@ -281,15 +287,15 @@ impl Eyes {
             .collect();
         let strip = STRIP_ROWS * width;
         let mut strips: Vec<Strip<'_>> = Vec::new();
-        for (eye, view) in views.iter_mut().enumerate() {
+        for (side, view) in views.iter_mut().enumerate() {
             let parts = view
-                .picture
+                .pixels
                 .chunks_mut(3 * strip)
                 .zip(view.depth_m.chunks_mut(strip))
                 .zip(view.class.chunks_mut(strip))
                 .zip(view.label.chunks_mut(strip));
             strips.extend(parts.enumerate().map(|(index, (((rgb, depth_m), class), label))| Strip {
-                eye,
+                side,
                 first_row: index * STRIP_ROWS,
                 out: ViewRows { rgb, depth_m, class, label },
             }));
@@ -297,40 +303,40 @@ impl Eyes {
         pool.for_each_chunk_mut(&mut strips, 1, |_, strips| {
             for strip in strips {
                 let rows = strip.first_row..(strip.first_row + STRIP_ROWS).min(height);
-                render_rows(&self.world, &self.rays, &poses[strip.eye], rows, &mut strip.out);
+                render_rows(&self.world, &self.rays, &poses[strip.side], rows, &mut strip.out);
                 if self.spec.kind != CameraKind::Infrared
                     && let Some(exposures) = exposures
                 {
-                    self.sensor.expose::<3>(&exposures[strip.eye], strip.first_row, strip.out.rgb);
+                    self.sensor.expose::<3>(&exposures[strip.side], strip.first_row, strip.out.rgb);
                 }
             }
         });
         drop(strips);
         if self.spec.kind == CameraKind::Infrared {
             for view in &mut views {
-                let colours = view.picture.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]);
+                let colours = view.pixels.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]);
                 let mut grey: Vec<u8> =
                     colours.zip(&view.class).map(|(rgb, &class)| thermal(class, rgb)).collect();
                 if let Some([only, _]) = exposures {
                     self.sensor.expose::<1>(only, 0, &mut grey);
                 }
-                view.picture = grey;
+                view.pixels = grey;
             }
         }
         views
     }
 
     /// The calibration as a calibration of real cameras would give it: the raw lens, and rectified ones side by side.
-    fn calibration(&self, eye: usize, time: Stamp) -> CameraCalibration {
+    fn calibration(&self, side: usize, time: Stamp) -> CameraCalibration {
         let PinholeCamera { fx, fy, cx, cy, .. } = self.lens;
-        let shift = if eye == 0 { 0.0 } else { -fx * self.spec.baseline_m };
+        let shift = if side == 0 { 0.0 } else { -fx * self.spec.baseline_m };
         let d = match self.lens.distortion {
             Distortion::PlumbBob(d) => d.to_vec(),
             _ => vec![0.0; 5],
         };
         CameraCalibration {
             timestamp: Some(time.to_proto()),
-            frame_id: self.spec.frame(eye),
+            frame_id: self.spec.frame(side),
             width: self.lens.width,
             height: self.lens.height,
             distortion_model: "plumb_bob".to_owned(),

@@ -2,7 +2,7 @@
 
 use crate::drive::Drive;
 use crate::spec::VehicleSpec;
-use crate::vehicle::Wish;
+use crate::vehicle::DriveCommand;
 use rcs_msg::Stamp;
 use rcs_msg::rcs::WheelCommand;
 use serde::{Deserialize, Serialize};
@@ -101,16 +101,16 @@ impl Commands {
     }
 
     /// What the vehicle does at a time.
-    pub fn wish(&self, spec: &VehicleSpec, now: Stamp, timeout_s: f64) -> Wish {
+    pub fn command(&self, spec: &VehicleSpec, now: Stamp, timeout_s: f64) -> DriveCommand {
         let curvature_per_m = self.obeyed.map_or(0.0, |(_, _, curvature)| curvature);
         match self.obeyed {
             Some((time, speeds, _)) if now.seconds_since(time) <= timeout_s => {
                 // The vehicle's own limit: both wheels slow down alike, so that the turn stays.
                 let speed = 0.5 * (speeds[0] + speeds[1]).abs();
                 let part = (spec.wheels.max_speed_mps / speed.max(1e-9)).min(1.0);
-                Wish { drive: Drive::Speeds(speeds.map(|speed| speed * part)), curvature_per_m }
+                DriveCommand { drive: Drive::Speeds(speeds.map(|speed| speed * part)), curvature_per_m }
             }
-            _ => Wish { drive: Drive::Brake, curvature_per_m },
+            _ => DriveCommand { drive: Drive::Brake, curvature_per_m },
         }
     }
 }

@@ -5,8 +5,8 @@
 //! suffices, and slides or spins its wheels when it does not. This is the projected Gauss–Seidel method of rigid-body
 //! solvers, with motor and traction of a wheel solved exactly as one block.
 //!
-//! Traction: slip grows in proportion to the force up to `slip_at_limit`, where the force reaches `traction · load`; more
-//! it cannot be. So slip follows from surface, slope, plants and what the motors want.
+//! Traction: slip grows in proportion to the force up to `slip_at_limit`, where the force reaches `traction · load`;
+//! more it cannot be. So slip follows from surface, slope, plants and what the motors want.
 
 use crate::spec::VehicleSpec;
 use serde::{Deserialize, Serialize};

@@ -2,9 +2,9 @@
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
-//! | `truth_state` | in | `rcs.TruthState` | true pose of the vehicle in the frame global |
+//! | `ground_truth_state` | in | `rcs.GroundTruthState` | true pose of the vehicle in the frame global |
 //! | `cloud` | out | `foxglove.PointCloud` | points with remission in the ladar's frame, m |
-//! | `truth_class` | out | `foxglove.PointCloud` | the same points with the class of what they hit |
+//! | `ground_truth_class` | out | `foxglove.PointCloud` | the same points with the class of what they hit |
 //!
 //! Period 50 ms; sweeps at the rate of the vehicle file. A sweep is taken from one pose. Rays that hit nothing within
 //! range give no point. A ray may pass between stems: see the scene. Lines are cast on the pool; noise is drawn before.
@@ -18,7 +18,7 @@ use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{PackedElementField, PointCloud};
-use rcs_msg::rcs::TruthState;
+use rcs_msg::rcs::GroundTruthState;
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_scene::{Class, World};
 use rcs_sense::{pose_message, pose_of};
@@ -36,9 +36,9 @@ pub struct SimLadar {
 /// Ports of [`SimLadar`].
 #[derive(Debug)]
 pub struct Ports {
-    truth_state: In<TruthState>,
+    ground_truth_state: In<GroundTruthState>,
     cloud: Out<PointCloud>,
-    truth_class: Out<PointCloud>,
+    ground_truth_class: Out<PointCloud>,
 }
 
 /// What the parameters say.
@@ -62,18 +62,18 @@ impl Process for SimLadar {
         summary: "Simulates a scanning ladar of the vehicle",
         period_ms: 50.0,
         latency_ms: 4.0,
-        reads_truth: true,
+        reads_ground_truth: true,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
         Ports {
-            truth_state: b.input("truth_state", "true pose of the vehicle in the frame global"),
+            ground_truth_state: b.input("ground_truth_state", "true pose of the vehicle in the frame global"),
             cloud: b
                 .output("cloud", "points with remission in the ladar's frame, m")
                 .role(Role::Cloud)
                 .build(),
-            truth_class: b
-                .output("truth_class", "the same points with the class of what they hit")
+            ground_truth_class: b
+                .output("ground_truth_class", "the same points with the class of what they hit")
                 .role(Role::Cloud)
                 .palette("surfaces")
                 .truth()
@@ -98,7 +98,7 @@ impl Process for SimLadar {
                 return;
             }
         };
-        let Some(state) = cx.read_newest(&ports.truth_state) else {
+        let Some(state) = cx.read_newest(&ports.ground_truth_state) else {
             cx.exec("waits for the vehicle's pose");
             return;
         };
@@ -114,7 +114,7 @@ impl Process for SimLadar {
             Ok(pose) => {
                 let points = scanner.scan(&pose, params.noise, cx);
                 cx.write(&ports.cloud, time, scanner.message(&points, time, false));
-                cx.write(&ports.truth_class, time, scanner.message(&points, time, true));
+                cx.write(&ports.ground_truth_class, time, scanner.message(&points, time, true));
             }
             Err(error) => cx.fault(format!("{error}; sweep skipped")),
         }
@@ -241,7 +241,7 @@ impl RngCore for LineNoise {
 
     fn next_u64(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        crate::picture::scrambled(self.0)
+        crate::exposure::scrambled(self.0)
     }
 
     fn fill_bytes(&mut self, bytes: &mut [u8]) {

@@ -1,4 +1,4 @@
-//! The simulated vehicle: its motion, its sensors, the truth, and the referee of a course.
+//! The simulated vehicle: its motion, its sensors, the ground truth, and the referee of a course.
 //!
 //! # `sim_vehicle`
 //!
@@ -16,13 +16,14 @@
 //! | `static_transforms` | out | `foxglove.FrameTransforms` | places of the sensors on the vehicle, once a second |
 //! | `goal` | out | `foxglove.PoseInFrame` | the goal of the course, frame global, once a second |
 //! | `run` | out | `rcs.CourseRun` | how the run of the course stands |
-//! | `truth_state` | out | `rcs.TruthState` | true pose in the frame global, speed, slip, contacts |
-//! | `truth_pose` | out | `foxglove.Odometry` | true pose of the vehicle in the frame global |
-//! | `truth_map` | out | `foxglove.Grid` | ground height, height of its cover (m), class and blocked of the whole world |
-//! | `truth_things` | out | `rcs.TruthThings` | all things of the world, frame global |
+//! | `ground_truth_state` | out | `rcs.GroundTruthState` | true pose in the frame global, speed, slip, contacts |
+//! | `ground_truth_pose` | out | `foxglove.Odometry` | true pose of the vehicle in the frame global |
+//! | `ground_truth_map` | out | `foxglove.Grid` | ground height, height of its cover (m), class and blocked of the whole world |
+//! | `ground_truth_objects` | out | `rcs.GroundTruthObjects` | all things of the world, frame global |
 //!
 //! Period 10 ms, which is also the length of a step; the state that is sent is that of the cycle's time. Sensors are
-//! sent at the rates of the vehicle file. A command holds from the cycle that reads it. No commands beside the runtime's.
+//! sent at the rates of the vehicle file. A command holds from the cycle that reads it. No commands beside the
+//! runtime's.
 //!
 //! # `sim_cameras`, `sim_ladar`
 //!
@@ -33,7 +34,7 @@
 //!
 //! - [`spec`]: the vehicle file. Everything that distinguishes one vehicle from another is in it.
 //! - [`vehicle`], [`drive`], [`contact`]: the motion. [`terrain`] is what they ask of a world, [`scene`] answers it.
-//! - [`sensors`], [`picture`]: what is measured, with its errors.
+//! - [`sensors`], [`exposure`]: what is measured, with its errors.
 //! - [`commands`]: which commands are obeyed. [`referee`]: how the run stands.
 //!
 //! Where the vehicle differs from a real one, because nothing that drives it would notice: the frame does not bounce
@@ -54,8 +55,8 @@ pub mod cameras_process;
 pub mod commands;
 pub mod contact;
 pub mod drive;
+pub mod exposure;
 pub mod ladar_process;
-pub mod picture;
 pub mod referee;
 pub mod scene;
 pub mod sensors;

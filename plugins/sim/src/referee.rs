@@ -1,4 +1,4 @@
-//! How a run of a course stands: the referee sees the truth, and what it says is no secret.
+//! How a run of a course stands: the referee sees the ground truth, and what it says is no secret.
 
 use crate::vehicle::{STEP_S, Vehicle};
 use glam::DVec2;

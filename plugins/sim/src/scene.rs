@@ -151,7 +151,8 @@ impl Route {
         };
         if !params.course.is_empty() {
             let course = Course::from_toml(&params.course).map_err(|error| format!("course: {error}"))?;
-            let place = |place: &rcs_scene::Place| place.in_world(origin).map_err(|error| error.to_string());
+            let place =
+                |place: &rcs_scene::UtmPosition| place.in_world(origin).map_err(|error| error.to_string());
             route.start = place(&course.start)?;
             route.start_yaw_rad = course.start_heading_rad;
             route.goal = Some(Goal {

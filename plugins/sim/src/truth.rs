@@ -1,4 +1,4 @@
-//! The truth as messages: the whole world in cells, its things, the vehicle's state.
+//! The ground truth as messages: the whole world in cells, its things, the vehicle's state.
 
 use crate::contact::Contact;
 use crate::scene::Scenery;
@@ -8,7 +8,7 @@ use bytes::Bytes;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{Grid, PackedElementField, Point3, Pose, Quaternion, Vector2, Vector3};
-use rcs_msg::rcs::{TruthContact, TruthState, TruthThing, TruthThings};
+use rcs_msg::rcs::{GroundTruthContact, GroundTruthObject, GroundTruthObjects, GroundTruthState};
 use rcs_runtime::Pool;
 use rcs_scene::TRUTH_CELL_M;
 use rcs_sense::pose_message;
@@ -64,15 +64,15 @@ pub(crate) fn map_message(scenery: &Scenery, cells: &Bytes, time: Stamp) -> Grid
 }
 
 /// All things of the world.
-pub(crate) fn things_message(scenery: &Scenery, time: Stamp) -> TruthThings {
-    let thing = |thing: &rcs_scene::Thing| TruthThing {
+pub(crate) fn things_message(scenery: &Scenery, time: Stamp) -> GroundTruthObjects {
+    let thing = |thing: &rcs_scene::Thing| GroundTruthObject {
         number: thing.number,
         kind: thing.kind.name().to_owned(),
         position: Some(Point3 { x: thing.position.x, y: thing.position.y, z: thing.position.z }),
         radius_m: thing.radius_m,
         height_m: thing.height_m,
     };
-    TruthThings {
+    GroundTruthObjects {
         timestamp: Some(time.to_proto()),
         things: scenery.world.things().iter().map(thing).collect(),
     }
@@ -84,8 +84,8 @@ pub(crate) fn state_message(
     terrain: &impl Terrain,
     remaining_m: f64,
     time: Stamp,
-) -> TruthState {
-    let contact = |contact: &Contact| TruthContact {
+) -> GroundTruthState {
+    let contact = |contact: &Contact| GroundTruthContact {
         thing: contact.thing,
         kind: terrain.kind(contact.thing).to_owned(),
         point: Some(Point3 { x: contact.point.x, y: contact.point.y, z: contact.point.z }),
@@ -93,7 +93,7 @@ pub(crate) fn state_message(
         on_bumper: contact.on_bumper,
         collision: contact.collision,
     };
-    TruthState {
+    GroundTruthState {
         timestamp: Some(time.to_proto()),
         pose: Some(pose_message(&vehicle.pose)),
         speed_mps: vehicle.motion.speed_mps,

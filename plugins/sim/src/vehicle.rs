@@ -1,8 +1,8 @@
 //! The vehicle on the ground: one step of its motion, its attitude and what it touches.
 //!
-//! Wheels follow the ground as circles (an edge is rolled over, a step that is too high stops the wheel); heights of the
-//! wheels give height, roll and pitch. Along the ground: [`crate::drive`]. Across it: up to the limit of traction the
-//! vehicle drifts sideways in proportion to its speed and the side force; past it, it slides.
+//! Wheels follow the ground as circles (an edge is rolled over, a step that is too high stops the wheel); heights of
+//! the wheels give height, roll and pitch. Along the ground: [`crate::drive`]. Across it: up to the limit of traction
+//! the vehicle drifts sideways in proportion to its speed and the side force; past it, it slides.
 
 use crate::contact::{Contact, Contacts};
 use crate::drive::{Drive, Load, Motion, slip_of, step_differential, step_steered};
@@ -60,7 +60,7 @@ pub struct Vehicle {
 
 /// What the driver wants during a step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Wish {
+pub struct DriveCommand {
     /// Wheels.
     pub drive: Drive,
     /// Of vehicles that steer, 1/m, positive to the left.
@@ -68,7 +68,7 @@ pub struct Wish {
 }
 
 /// Heights and grounds under the wheels.
-struct Footing {
+struct GroundContact {
     heights_m: [f64; 3],
     traction: [f64; 2],
     rolling: f64,
@@ -98,24 +98,31 @@ impl Vehicle {
             contacts: Contacts::default(),
             turned_over: false,
         };
-        vehicle.heights_m = vehicle.footing(spec, terrain).heights_m;
+        vehicle.heights_m = vehicle.ground_contact(spec, terrain).heights_m;
         vehicle.pose = vehicle.pose_on(spec);
         vehicle.force_mps2 = vehicle.pose.rotation.conjugate() * (DVec3::Z * GRAVITY_MPS2);
         vehicle
     }
 
     /// One step of [`STEP_S`]. `traction_scale` multiplies the traction of every surface.
-    pub fn step(&mut self, spec: &VehicleSpec, terrain: &impl Terrain, wish: Wish, traction_scale: f64) {
+    pub fn step(
+        &mut self,
+        spec: &VehicleSpec,
+        terrain: &impl Terrain,
+        command: DriveCommand,
+        traction_scale: f64,
+    ) {
         let (before, velocity_before) = (self.pose, self.velocity);
-        let footing = self.footing(spec, terrain);
-        self.settle(spec, &footing);
+        let ground_contact = self.ground_contact(spec, terrain);
+        self.settle(spec, &ground_contact);
         let [roll, pitch, _] = self.pose.rpy();
         self.turned_over |= roll.abs().max(pitch.abs()) > spec.body.tip_over_rad;
-        let wish = if self.turned_over { Wish { drive: Drive::Coast, ..wish } } else { wish };
-        self.steer(spec, wish.curvature_per_m);
-        let grip = self.slide(spec, &footing, roll, pitch, traction_scale);
-        self.roll_on(spec, &footing, wish.drive, roll, pitch, grip);
-        if footing.blocked {
+        let command =
+            if self.turned_over { DriveCommand { drive: Drive::Coast, ..command } } else { command };
+        self.steer(spec, command.curvature_per_m);
+        let grip = self.slide(spec, &ground_contact, roll, pitch, traction_scale);
+        self.roll_on(spec, &ground_contact, command.drive, roll, pitch, grip);
+        if ground_contact.blocked {
             self.contacts.meet_step(self.motion.speed_mps);
             self.motion.speed_mps = 0.0;
         }
@@ -148,7 +155,7 @@ impl Vehicle {
         [DVec2::new(cos, sin), DVec2::new(-sin, cos)]
     }
 
-    fn footing(&self, spec: &VehicleSpec, terrain: &impl Terrain) -> Footing {
+    fn ground_contact(&self, spec: &VehicleSpec, terrain: &impl Terrain) -> GroundContact {
         let wheels = &spec.wheels;
         let [ahead, left] = self.axes();
         let reach = 0.7 * wheels.radius_m;
@@ -169,7 +176,7 @@ impl Vehicle {
         let others = [0.5 * wheels.other_track_m, -0.5 * wheels.other_track_m]
             .map(|y| axle + left * y)
             .map(|at| height(at, terrain.height_m(at)));
-        Footing {
+        GroundContact {
             heights_m: [driven[0], driven[1], 0.5 * (others[0] + others[1])],
             traction: [patches[0].traction, patches[1].traction],
             rolling: 0.5 * (patches[0].rolling_resistance + patches[1].rolling_resistance),
@@ -179,9 +186,9 @@ impl Vehicle {
     }
 
     /// Wheels follow the ground with the give of tyres and frame.
-    fn settle(&mut self, spec: &VehicleSpec, footing: &Footing) {
+    fn settle(&mut self, spec: &VehicleSpec, ground_contact: &GroundContact) {
         let part = STEP_S / (spec.body.settle_s + STEP_S);
-        for (height, ground) in self.heights_m.iter_mut().zip(footing.heights_m) {
+        for (height, ground) in self.heights_m.iter_mut().zip(ground_contact.heights_m) {
             *height += part * (ground - *height);
         }
         self.pose = self.pose_on(spec);
@@ -197,7 +204,7 @@ impl Vehicle {
         Pose::from_rpy(self.at.extend(middle), roll, pitch, self.yaw_rad)
     }
 
-    /// Steering follows its command after a delay, as a first-order system (thesis, A.4).
+    /// Steering follows its command after a delay, as a first-order system (Wellington 2005, A.4).
     fn steer(&mut self, spec: &VehicleSpec, curvature_per_m: f64) {
         let Some(steering) = &spec.steering else { return };
         let limit = steering.max_curvature_per_m;
@@ -215,12 +222,12 @@ impl Vehicle {
     fn slide(
         &mut self,
         spec: &VehicleSpec,
-        footing: &Footing,
+        ground_contact: &GroundContact,
         roll: f64,
         pitch: f64,
         scale: f64,
     ) -> [f64; 2] {
-        let traction = footing.traction.map(|traction| traction * scale);
+        let traction = ground_contact.traction.map(|traction| traction * scale);
         let upright = libm::cos(roll) * libm::cos(pitch);
         let limit = 0.5 * (traction[0] + traction[1]) * GRAVITY_MPS2 * upright;
         let downhill = -GRAVITY_MPS2 * libm::sin(roll) * libm::cos(pitch);
@@ -244,16 +251,18 @@ impl Vehicle {
     fn roll_on(
         &mut self,
         spec: &VehicleSpec,
-        footing: &Footing,
+        ground_contact: &GroundContact,
         drive: Drive,
         roll: f64,
         pitch: f64,
         grip_n: [f64; 2],
     ) {
         let weight = spec.body.mass_kg * GRAVITY_MPS2;
-        let rolling =
-            (footing.rolling + spec.wheels.rolling_resistance) * weight * libm::cos(pitch) * libm::cos(roll);
-        let plants = footing.plant_drag * weight;
+        let rolling = (ground_contact.rolling + spec.wheels.rolling_resistance)
+            * weight
+            * libm::cos(pitch)
+            * libm::cos(roll);
+        let plants = ground_contact.plant_drag * weight;
         let load = Load {
             grip_n,
             push_n: weight * libm::sin(pitch) - self.contacts.spring_n(),
@@ -270,7 +279,7 @@ impl Vehicle {
         let dt = STEP_S / DRIVE_STEPS as f64;
         for _ in 0..DRIVE_STEPS {
             if spec.steering.is_some() {
-                let curvature = self.driven_curvature(footing, grip_n);
+                let curvature = self.driven_curvature(ground_contact, grip_n);
                 step_steered(spec, &mut self.motion, &load, drive, curvature, dt);
             } else {
                 step_differential(spec, &mut self.motion, &load, drive, dt);
@@ -287,8 +296,8 @@ impl Vehicle {
     }
 
     /// The front wheels hold the turn up to the limit of traction; faster, the vehicle turns less.
-    fn driven_curvature(&self, footing: &Footing, grip_n: [f64; 2]) -> f64 {
-        let limit = 0.5 * (footing.traction[0] + footing.traction[1]) * GRAVITY_MPS2;
+    fn driven_curvature(&self, ground_contact: &GroundContact, grip_n: [f64; 2]) -> f64 {
+        let limit = 0.5 * (ground_contact.traction[0] + ground_contact.traction[1]) * GRAVITY_MPS2;
         let held = limit / (self.motion.speed_mps * self.motion.speed_mps).max(1e-3);
         if grip_n == [0.0; 2] { 0.0 } else { self.curvature_per_m.clamp(-held, held) }
     }

@@ -19,8 +19,8 @@ use rcs_msg::foxglove::{
     location_fix,
 };
 use rcs_msg::rcs::{
-    Bumper, CourseOutcome, CourseRun, GroundSpeed, Imu, MotorCurrents, RangeReading, RangeReadings, Steering,
-    TruthState, TruthThings, WheelCommand, WheelEncoders,
+    Bumper, CourseOutcome, CourseRun, GroundSpeed, GroundTruthObjects, GroundTruthState, Imu, MotorCurrents,
+    RangeReading, RangeReadings, Steering, WheelCommand, WheelEncoders,
 };
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::pose_message;
@@ -78,10 +78,10 @@ pub struct Ports {
     static_transforms: Out<FrameTransforms>,
     goal: Out<PoseInFrame>,
     run: Out<CourseRun>,
-    truth_state: Out<TruthState>,
-    truth_pose: Out<Odometry>,
-    truth_map: Out<Grid>,
-    truth_things: Out<TruthThings>,
+    ground_truth_state: Out<GroundTruthState>,
+    ground_truth_pose: Out<Odometry>,
+    ground_truth_map: Out<Grid>,
+    ground_truth_objects: Out<GroundTruthObjects>,
 }
 
 impl Process for SimVehicle {
@@ -93,7 +93,7 @@ impl Process for SimVehicle {
         summary: "Simulates a vehicle in a world: its motion, its simple sensors, the truth, and the run of a course",
         period_ms: 10.0,
         latency_ms: 0.0,
-        reads_truth: true,
+        reads_ground_truth: true,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
@@ -131,26 +131,26 @@ impl Process for SimVehicle {
                 .role(Role::Goal)
                 .build(),
             run: b.output("run", "how the run of the course stands").role(Role::Stats).build(),
-            truth_state: b
-                .output("truth_state", "true pose in the frame global, speed, slip, contacts")
+            ground_truth_state: b
+                .output("ground_truth_state", "true pose in the frame global, speed, slip, contacts")
                 .role(Role::Stats)
                 .truth()
                 .build(),
-            truth_pose: b
-                .output("truth_pose", "true pose of the vehicle in the frame global")
+            ground_truth_pose: b
+                .output("ground_truth_pose", "true pose of the vehicle in the frame global")
                 .role(Role::Pose)
                 .truth()
                 .build(),
-            truth_map: b
+            ground_truth_map: b
                 .output(
-                    "truth_map",
+                    "ground_truth_map",
                     "ground height, height of its cover (m), class and blocked of the whole world",
                 )
                 .role(Role::Map)
                 .truth()
                 .build(),
-            truth_things: b
-                .output("truth_things", "all things of the world, frame global")
+            ground_truth_objects: b
+                .output("ground_truth_objects", "all things of the world, frame global")
                 .role(Role::Stats)
                 .truth()
                 .build(),
@@ -185,8 +185,8 @@ impl Process for SimVehicle {
         if times.due_every(params.map_period_s) {
             let cells = self.map.get_or_insert_with(|| truth::map_cells(&stage.scenery, cx.pool()));
             let time = run.time();
-            cx.write(&ports.truth_map, time, truth::map_message(&stage.scenery, cells, time));
-            cx.write(&ports.truth_things, time, truth::things_message(&stage.scenery, time));
+            cx.write(&ports.ground_truth_map, time, truth::map_message(&stage.scenery, cells, time));
+            cx.write(&ports.ground_truth_objects, time, truth::things_message(&stage.scenery, time));
         }
         cx.exec(match run.referee.outcome() {
             CourseOutcome::CourseReached => "the goal has been reached",
@@ -264,8 +264,8 @@ impl Run {
             missing = MOST_STEPS;
         }
         for _ in 0..missing {
-            let wish = self.commands.wish(&stage.spec, self.time(), params.command_timeout_s);
-            self.vehicle.step(&stage.spec, &stage.scenery, wish, params.traction_scale);
+            let command = self.commands.command(&stage.spec, self.time(), params.command_timeout_s);
+            self.vehicle.step(&stage.spec, &stage.scenery, command, params.traction_scale);
             let in_world = stage.scenery.contains(self.vehicle.at());
             self.referee.watch(&self.vehicle, stage.route.goal.as_ref(), in_world);
             self.steps += 1;
@@ -317,7 +317,7 @@ impl Run {
             cx.write(&ports.imu, time, message);
         }
         if times.due(spec.rates.motors_hz) {
-            let brakes = self.commands.wish(spec, time, params.command_timeout_s).drive == Drive::Brake;
+            let brakes = self.commands.command(spec, time, params.command_timeout_s).drive == Drive::Brake;
             let [left_a, right_a] = self.currents(spec, brakes, noise, cx);
             cx.write(&ports.motors, time, MotorCurrents { timestamp, left_a, right_a });
             if let Some(steering) = &spec.steering {
@@ -434,7 +434,7 @@ impl Run {
         cx.write(&ports.gps, time, message);
     }
 
-    /// What the simulation itself says: places of sensors, goal, referee, truth.
+    /// What the simulation itself says: places of sensors, goal, referee, ground truth.
     fn tell(&self, stage: &Stage, times: &Times, ports: &Ports, cx: &mut Cycle<'_>) {
         let time = self.time();
         if times.due(STATIC_HZ) {
@@ -454,7 +454,7 @@ impl Run {
                 self.referee.message(&stage.route.course, stage.route.goal.as_ref(), time),
             );
         }
-        if times.due(stage.spec.rates.truth_hz) {
+        if times.due(stage.spec.rates.ground_truth_hz) {
             let remaining_m = self.referee.remaining_m;
             let state = truth::state_message(&self.vehicle, &stage.scenery, remaining_m, time);
             let vehicle = &self.vehicle;
@@ -468,8 +468,8 @@ impl Run {
                 angular_velocity: Some(Vector3 { x: turn.x, y: turn.y, z: turn.z }),
                 ..Odometry::default()
             };
-            cx.write(&ports.truth_state, time, state);
-            cx.write(&ports.truth_pose, time, pose);
+            cx.write(&ports.ground_truth_state, time, state);
+            cx.write(&ports.ground_truth_pose, time, pose);
         }
     }
 }
@@ -492,8 +492,8 @@ fn sensor_transforms(spec: &VehicleSpec, time: Stamp) -> FrameTransforms {
         spec.infrared.iter().map(|sensor| transform(sensor.name.clone(), sensor.mount.vehicle_from_sensor()));
     let ladars =
         spec.ladars.iter().map(|sensor| transform(sensor.name.clone(), sensor.mount.vehicle_from_sensor()));
-    let eyes = spec.cameras.iter().flat_map(|camera| {
-        (0..camera.eyes()).map(move |eye| transform(camera.frame(eye), camera.vehicle_from_eye(eye)))
+    let cameras = spec.cameras.iter().flat_map(|camera| {
+        (0..camera.cameras()).map(move |side| transform(camera.frame(side), camera.vehicle_from_camera(side)))
     });
-    FrameTransforms { transforms: fixed.into_iter().chain(infrared).chain(ladars).chain(eyes).collect() }
+    FrameTransforms { transforms: fixed.into_iter().chain(infrared).chain(ladars).chain(cameras).collect() }
 }

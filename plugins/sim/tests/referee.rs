@@ -10,7 +10,7 @@ use rcs_msg::rcs::CourseOutcome;
 use rcs_sim::drive::Drive;
 use rcs_sim::referee::{Goal, Referee};
 use rcs_sim::terrain::Terrain;
-use rcs_sim::vehicle::{STEP_S, Vehicle, Wish};
+use rcs_sim::vehicle::{DriveCommand, STEP_S, Vehicle};
 
 const GOAL: Goal = Goal { at: DVec2::new(5.0, 0.0), radius_m: 1.0, time_limit_s: 20.0 };
 
@@ -20,7 +20,12 @@ fn run(plane: &Plane, speeds: &[([f64; 2], f64)]) -> Referee {
     let mut referee = Referee::new(DVec2::ZERO, Some(&GOAL));
     for &(speeds, seconds) in speeds {
         for _ in 0..(seconds / STEP_S).round() as usize {
-            vehicle.step(&spec, plane, Wish { drive: Drive::Speeds(speeds), curvature_per_m: 0.0 }, 1.0);
+            vehicle.step(
+                &spec,
+                plane,
+                DriveCommand { drive: Drive::Speeds(speeds), curvature_per_m: 0.0 },
+                1.0,
+            );
             referee.watch(&vehicle, Some(&GOAL), plane.contains(vehicle.at()));
         }
     }

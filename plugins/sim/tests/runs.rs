@@ -12,7 +12,7 @@ use rcs_runtime::{RunOptions, Snapshot, Stepped};
 use rcs_world::GridView;
 
 fn quiet() -> [(&'static str, &'static str); 1] {
-    [("eyes_left.truth", "false")]
+    [("front_left.ground_truth", "false")]
 }
 
 #[test]
@@ -104,18 +104,25 @@ fn every_sensor_is_sent_at_its_rate() {
         ("static_transforms", 3),
         ("goal", 3),
         ("run", 11),
-        ("truth_state", 201),
-        ("truth_pose", 201),
-        ("truth_map", 1),
-        ("truth_things", 1),
+        ("ground_truth_state", 201),
+        ("ground_truth_pose", 201),
+        ("ground_truth_map", 1),
+        ("ground_truth_objects", 1),
         ("ground_speed", 0),
         ("steering", 0),
     ] {
         assert_eq!(count(&format!("/vehicle/{buffer}")), expected, "{buffer}");
     }
-    // The eleventh is being drawn: an eye shows it 40 ms later.
-    for buffer in ["left", "right", "left_calibration", "right_calibration", "truth_depth", "truth_labels"] {
-        assert_eq!(count(&format!("/eyes_left/{buffer}")), 10, "{buffer}");
+    // The eleventh is being drawn: a camera shows it 40 ms later.
+    for buffer in [
+        "left",
+        "right",
+        "left_calibration",
+        "right_calibration",
+        "ground_truth_depth",
+        "ground_truth_labels",
+    ] {
+        assert_eq!(count(&format!("/front_left/{buffer}")), 10, "{buffer}");
     }
     let transforms: FrameTransforms = bench.latest("/vehicle/static_transforms");
     let names: Vec<&str> = transforms.transforms.iter().map(|t| t.child_frame_id.as_str()).collect();
@@ -126,10 +133,10 @@ fn every_sensor_is_sent_at_its_rate() {
             "gps",
             "infrared_left",
             "infrared_right",
-            "left_eyes_left",
-            "left_eyes_right",
-            "right_eyes_left",
-            "right_eyes_right"
+            "front_left_left_camera",
+            "front_left_right_camera",
+            "front_right_left_camera",
+            "front_right_right_camera"
         ]
     );
 }
@@ -137,7 +144,7 @@ fn every_sensor_is_sent_at_its_rate() {
 #[test]
 fn the_true_map_is_the_world() {
     let bench = Bench::start(STACK, &Files::default(), &quiet());
-    let grid: Grid = bench.latest("/vehicle/truth_map");
+    let grid: Grid = bench.latest("/vehicle/ground_truth_map");
     let view = GridView::new(&grid).unwrap();
     assert_eq!((view.columns(), view.rows()), (200, 150));
     let world = rcs_scene::World::from_toml(WORLD).unwrap();
@@ -149,7 +156,7 @@ fn the_true_map_is_the_world() {
         assert!((cover.get(column, row).unwrap() - truth.cover_height_m).abs() < 1e-6);
         assert_eq!(class.get(column, row), Some(f64::from(truth.class.code())));
     }
-    let things: rcs::TruthThings = bench.latest("/vehicle/truth_things");
+    let things: rcs::GroundTruthObjects = bench.latest("/vehicle/ground_truth_objects");
     let kinds: Vec<&str> = things.things.iter().map(|thing| thing.kind.as_str()).collect();
     assert_eq!(kinds, ["tree", "boulder", "person"]);
 }
@@ -176,20 +183,20 @@ fn positions_are_on_the_earth_where_the_world_lies() {
 fn pictures_have_the_size_of_the_vehicle_file_or_of_the_parameters() {
     let mut bench = Bench::start(STACK, &Files::default(), &[]);
     bench.advance(50);
-    let image: RawImage = bench.latest("/eyes_left/left");
+    let image: RawImage = bench.latest("/front_left/left");
     assert_eq!((image.width, image.height, image.step, image.encoding.as_str()), (320, 240, 960, "rgb8"));
-    assert_eq!(image.frame_id, "left_eyes_left");
-    let calibration: CameraCalibration = bench.latest("/eyes_left/right_calibration");
+    assert_eq!(image.frame_id, "front_left_left_camera");
+    let calibration: CameraCalibration = bench.latest("/front_left/right_calibration");
     assert!((calibration.p[3] / calibration.p[0] + 0.12).abs() < 1e-12, "baseline 0.12 m");
 
     let mut bench = Bench::start(
         STACK,
         &Files::default(),
-        &[("eyes_left.width_px", "640"), ("eyes_left.distortion", "false")],
+        &[("front_left.width_px", "640"), ("front_left.distortion", "false")],
     );
     bench.advance(50);
-    let image: RawImage = bench.latest("/eyes_left/left");
-    let large: CameraCalibration = bench.latest("/eyes_left/left_calibration");
+    let image: RawImage = bench.latest("/front_left/left");
+    let large: CameraCalibration = bench.latest("/front_left/left_calibration");
     assert_eq!((image.width, image.height), (640, 480));
     assert!((large.k[0] / calibration.k[0] - 2.0).abs() < 1e-12);
     assert_eq!(large.d, [0.0; 5]);
@@ -284,6 +291,6 @@ fn bad_files_are_refused_with_their_line_and_reason() {
         |files| files.course = COURSE.replace("easting = 500015.0", "easting = 500500.0"),
         "goal is at [500, 10] m, expected a place in the world",
     );
-    let error = plan(STACK, &Files::default(), &[("eyes_left.pair", "middle")]).unwrap_err();
+    let error = plan(STACK, &Files::default(), &[("front_left.pair", "middle")]).unwrap_err();
     assert!(error.contains("expected a camera of the vehicle: left, right"), "{error}");
 }

@@ -1,4 +1,4 @@
-//! The geometry of a stereo pair: what the calibration says is what the eyes see.
+//! The geometry of a stereo pair: what the calibration says is what the cameras see.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -17,7 +17,7 @@ struct View {
     rgb: Vec<u8>,
 }
 
-fn draw(world: &World, lens: &PinholeCamera, global_from_eye: &Pose) -> View {
+fn draw(world: &World, lens: &PinholeCamera, global_from_camera: &Pose) -> View {
     let pixels = (lens.width * lens.height) as usize;
     let mut view = View { depth_m: vec![f32::NAN; pixels], class: vec![0; pixels], rgb: vec![0; 3 * pixels] };
     let mut label = vec![0; pixels];
@@ -27,7 +27,7 @@ fn draw(world: &World, lens: &PinholeCamera, global_from_eye: &Pose) -> View {
         class: &mut view.class,
         label: &mut label,
     };
-    render_rows(world, &CameraRays::new(lens), global_from_eye, 0..lens.height as usize, &mut out);
+    render_rows(world, &CameraRays::new(lens), global_from_camera, 0..lens.height as usize, &mut out);
     view
 }
 
@@ -36,11 +36,11 @@ fn pair() -> (World, CameraSpec, [Pose; 2]) {
     let spec = lagr().camera("left").unwrap().clone();
     let at = DVec2::new(5.0, 13.0);
     let global_from_vehicle = Pose::from_rpy(at.extend(world.height_m(at)), 0.02, -0.03, -0.2);
-    let poses = [0, 1].map(|eye| global_from_vehicle * spec.vehicle_from_eye(eye));
+    let poses = [0, 1].map(|side| global_from_vehicle * spec.vehicle_from_camera(side));
     (world, spec, poses)
 }
 
-/// Pixels of the left view with what they see: column, row, point in the left eye's frame.
+/// Pixels of the left view with what they see: column, row, point in the left camera's frame.
 fn points<'a>(lens: &'a PinholeCamera, view: &'a View) -> impl Iterator<Item = (DVec2, DVec3)> + 'a {
     view.depth_m.iter().enumerate().filter(|(_, depth)| depth.is_finite()).map(|(at, &depth)| {
         let pixel = DVec2::new((at % lens.width as usize) as f64, (at / lens.width as usize) as f64);
@@ -67,7 +67,7 @@ fn depth_from_true_disparity_is_true_depth_within_rounding() {
 }
 
 #[test]
-fn a_point_that_both_eyes_see_has_the_same_place_and_class_in_both() {
+fn a_point_that_both_cameras_see_has_the_same_place_and_class_in_both() {
     let (world, spec, poses) = pair();
     let lens = &spec.lens;
     let [left, right] = poses.map(|pose| draw(&world, lens, &pose));
@@ -93,16 +93,16 @@ fn a_point_that_both_eyes_see_has_the_same_place_and_class_in_both() {
         }
     }
     assert!(seen > 20_000, "{seen}");
-    assert!(hidden < seen / 20, "{hidden} of {seen} are hidden from the other eye");
+    assert!(hidden < seen / 20, "{hidden} of {seen} are hidden from the other camera");
     assert!(agree + hidden > seen * 97 / 100, "{agree} of {seen} agree, {hidden} are hidden");
 }
 
 #[test]
-fn eyes_look_where_the_vehicle_file_says() {
+fn cameras_look_where_the_vehicle_file_says() {
     let spec = lagr();
     for (name, side) in [("left", 1.0), ("right", -1.0)] {
         let camera = spec.camera(name).unwrap();
-        let [left, right] = [0, 1].map(|eye| camera.vehicle_from_eye(eye));
+        let [left, right] = [0, 1].map(|side| camera.vehicle_from_camera(side));
         let view = left.rotate(DVec3::Z);
         let yaw_deg = libm::atan2(view.y, view.x).to_degrees();
         assert!((20.0..=25.0).contains(&(side * yaw_deg)), "{name} looks {yaw_deg}° to the left");

@@ -25,14 +25,14 @@ params = { world = "yard", vehicle = "tractor", start_east_m = 8.0, start_north_
 name = "ladar_roof"
 plugin = "sim_ladar"
 supervisor = "viewer"
-inputs = { truth_state = "/vehicle/truth_state" }
+inputs = { ground_truth_state = "/vehicle/ground_truth_state" }
 params = { world = "yard", vehicle = "tractor", ladar = "ladar_roof", noise = false }
 
 [[process]]
 name = "infrared"
 plugin = "sim_cameras"
 supervisor = "viewer"
-inputs = { truth_state = "/vehicle/truth_state" }
+inputs = { ground_truth_state = "/vehicle/ground_truth_state" }
 params = { world = "yard", vehicle = "tractor", pair = "infrared" }
 
 [buffers."/operator/wheels"]
@@ -68,7 +68,7 @@ fn it_drives_an_arc_and_its_radar_and_steering_say_so() {
 fn the_ladars_points_lie_where_the_world_is() {
     let bench = bench(1);
     let cloud: PointCloud = bench.latest("/ladar_roof/cloud");
-    let classes: PointCloud = bench.latest("/ladar_roof/truth_class");
+    let classes: PointCloud = bench.latest("/ladar_roof/ground_truth_class");
     let points = rcs_msg::points(&cloud).unwrap();
     let world = rcs_scene::World::from_toml(&WORLD.replace("at = [20, 8]", "at = [25, 9]")).unwrap();
     let [low, high] = world.bounds_m();
@@ -90,11 +90,11 @@ fn the_ladars_points_lie_where_the_world_is() {
 }
 
 #[test]
-fn a_person_is_the_warmest_thing_in_the_thermal_picture() {
+fn a_person_is_the_warmest_thing_in_the_thermal_image() {
     let mut bench = bench(1);
     bench.advance(50);
     let image: RawImage = bench.latest("/infrared/left");
-    let classes: RawImage = bench.latest("/infrared/truth_class");
+    let classes: RawImage = bench.latest("/infrared/ground_truth_class");
     assert_eq!((image.encoding.as_str(), image.width, image.height), ("mono8", 320, 240));
     let of = |class: Class| {
         let grey = image.data.iter().zip(classes.data.iter()).filter(|(_, code)| **code == class.code());

@@ -8,7 +8,7 @@ use common::{Plane, lagr, tractor};
 use glam::DVec2;
 use rcs_sim::drive::Drive;
 use rcs_sim::spec::VehicleSpec;
-use rcs_sim::vehicle::{GRAVITY_MPS2, STEP_S, Vehicle, Wish};
+use rcs_sim::vehicle::{DriveCommand, GRAVITY_MPS2, STEP_S, Vehicle};
 use rcs_testkit::golden::Trace;
 
 /// A vehicle on a plane.
@@ -30,7 +30,7 @@ impl Drives {
 
     fn run_watched(&mut self, drive: Drive, seconds: f64, mut watch: impl FnMut(f64, &Vehicle)) {
         for step in 1..=(seconds / STEP_S).round() as usize {
-            self.vehicle.step(&self.spec, &self.plane, Wish { drive, curvature_per_m: 0.0 }, 1.0);
+            self.vehicle.step(&self.spec, &self.plane, DriveCommand { drive, curvature_per_m: 0.0 }, 1.0);
             watch(step as f64 * STEP_S, &self.vehicle);
         }
     }
@@ -276,10 +276,10 @@ fn the_tractor_steers_after_its_delay_and_no_sharper_than_it_can() {
     let mut drives = Drives::new(tractor(), Plane::default(), 0.0);
     drives.run(Drive::Speeds([3.0; 2]), 10.0);
     let mut trace = Trace::new(&["t_s", "curvature_per_m", "speed_mps", "yaw_rate_radps"]);
-    let wish = Wish { drive: Drive::Speeds([3.0; 2]), curvature_per_m: 0.5 };
+    let command = DriveCommand { drive: Drive::Speeds([3.0; 2]), curvature_per_m: 0.5 };
     let steering = drives.spec.steering.unwrap();
     for step in 1..=300 {
-        drives.vehicle.step(&drives.spec, &drives.plane, wish, 1.0);
+        drives.vehicle.step(&drives.spec, &drives.plane, command, 1.0);
         let t = f64::from(step) * STEP_S;
         let curvature = drives.vehicle.curvature_per_m;
         if t < steering.delay_s - 0.5 * STEP_S {

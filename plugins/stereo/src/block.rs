@@ -1,5 +1,5 @@
-//! Block correlation: for each pixel of the left image the shift to the right image at which a square of pixels around
-//! it differs least (A 3.1.1).
+//! Block matching: for each pixel of the left image the shift to the right image at which a square of pixels around
+//! it differs least (Albus 2006a, 3.1.1).
 //!
 //! Sums of absolute differences of filtered pixels, kept as running sums: going down a row adds one row of differences,
 //! already summed along the row, and takes away the one that leaves the square. All columns of a row are worked on at

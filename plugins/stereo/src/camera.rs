@@ -5,7 +5,7 @@ use rcs_geom::{CameraError, PinholeCamera, Rectification};
 
 /// Calibration of one camera of a pair, as in a calibration message.
 #[derive(Clone, Copy, Debug)]
-pub struct Eye<'a> {
+pub struct CameraInfo<'a> {
     /// The raw camera.
     pub raw: &'a PinholeCamera,
     /// Rectification matrix R, 3×3 by rows.
@@ -18,20 +18,20 @@ pub struct Eye<'a> {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
     /// One of them is none.
-    #[error("calibration of the {eye} camera: {error}")]
+    #[error("calibration of the {camera} camera: {error}")]
     Camera {
         /// Left or right.
-        eye: &'static str,
+        camera: &'static str,
         /// What is wrong.
         error: CameraError,
     },
     /// R is not a rotation.
     #[error(
-        "rectification matrix of the {eye} camera is not a rotation: off by {off}, expected at most {max}"
+        "rectification matrix of the {camera} camera is not a rotation: off by {off}, expected at most {max}"
     )]
     Rotation {
         /// Left or right.
-        eye: &'static str,
+        camera: &'static str,
         /// Largest difference of R·Rᵀ to the identity; infinite for a reflection.
         off: f64,
         /// Largest that is taken for rounding.
@@ -70,7 +70,7 @@ pub struct StereoCamera {
 
 impl StereoCamera {
     /// From both calibrations, of which P says where the cameras stand.
-    pub fn new(left: Eye<'_>, right: Eye<'_>) -> Result<StereoCamera, CalibrationError> {
+    pub fn new(left: CameraInfo<'_>, right: CameraInfo<'_>) -> Result<StereoCamera, CalibrationError> {
         let (left, right) = (rectification("left", left)?, rectification("right", right)?);
         let (a, b) = (left.camera(), right.camera());
         let same = [
@@ -116,9 +116,12 @@ impl StereoCamera {
     }
 }
 
-fn rectification(eye: &'static str, Eye { raw, r, p }: Eye<'_>) -> Result<Rectification, CalibrationError> {
+fn rectification(
+    camera: &'static str,
+    CameraInfo { raw, r, p }: CameraInfo<'_>,
+) -> Result<Rectification, CalibrationError> {
     let rectification =
-        Rectification::new(raw, r, p).map_err(|error| CalibrationError::Camera { eye, error })?;
+        Rectification::new(raw, r, p).map_err(|error| CalibrationError::Camera { camera, error })?;
     let rows = [0, 3, 6].map(|k| glam::DVec3::from_slice(&r[k..k + 3]));
     let mut off = 0.0_f64;
     for (i, a) in rows.iter().enumerate() {
@@ -130,7 +133,7 @@ fn rectification(eye: &'static str, Eye { raw, r, p }: Eye<'_>) -> Result<Rectif
         off = f64::INFINITY;
     }
     if off > ROTATION_TOLERANCE {
-        return Err(CalibrationError::Rotation { eye, off, max: ROTATION_TOLERANCE });
+        return Err(CalibrationError::Rotation { camera, off, max: ROTATION_TOLERANCE });
     }
     Ok(rectification)
 }
@@ -153,8 +156,8 @@ mod tests {
     fn pair(left: (&[f64], [f64; 12]), right: (&[f64], [f64; 12])) -> Result<StereoCamera, CalibrationError> {
         let raw = raw(64);
         StereoCamera::new(
-            Eye { raw: &raw, r: left.0, p: &left.1 },
-            Eye { raw: &raw, r: right.0, p: &right.1 },
+            CameraInfo { raw: &raw, r: left.0, p: &left.1 },
+            CameraInfo { raw: &raw, r: right.0, p: &right.1 },
         )
     }
 
@@ -185,7 +188,10 @@ mod tests {
         other[0] = 90.0;
         check((&R, l), (&R, other), "focal length of the rectified cameras differ: 100 and 90");
         let (narrow, wide) = (raw(64), raw(65));
-        let error = StereoCamera::new(Eye { raw: &narrow, r: &R, p: &l }, Eye { raw: &wide, r: &R, p: &r });
+        let error = StereoCamera::new(
+            CameraInfo { raw: &narrow, r: &R, p: &l },
+            CameraInfo { raw: &wide, r: &R, p: &r },
+        );
         assert!(matches!(error, Err(CalibrationError::Differ { what: "width", .. })));
     }
 }

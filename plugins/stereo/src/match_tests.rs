@@ -190,7 +190,7 @@ fn settings_and_images_that_do_not_fit_are_refused() {
     let (full, half) = (vec![0; 640 * 480], vec![0; 640 * 240]);
     let mut disparity = vec![7];
     let error = matcher.compute(&full, &half, &mut disparity).unwrap_err();
-    assert!(matches!(error, StereoError::ImageSize { eye: "right", got: 153_600, expected: 307_200, .. }));
+    assert!(matches!(error, StereoError::ImageSize { camera: "right", got: 153_600, expected: 307_200, .. }));
     assert_eq!(disparity, [7], "nothing is sent on for a pair that is refused");
 }
 

@@ -11,7 +11,7 @@ use crate::{Method, Settings, StereoError, Width, block, sgm};
 /// let mut matcher = Matcher::new([64, 48], Settings::new(Method::Block, 16))?;
 /// let texture = |x: usize, y: usize| (x * x * 31 + y * y * 17 + x * y * 7) as u8;
 /// let left: Vec<u8> = (0..64 * 48).map(|i| texture(i % 64, i / 64)).collect();
-/// // The right eye sees everything 5 pixels further to the left.
+/// // The right camera sees everything 5 pixels further to the left.
 /// let right: Vec<u8> = (0..64 * 48).map(|i| texture(i % 64 + 5, i / 64)).collect();
 /// let mut disparity = Vec::new();
 /// matcher.compute(&left, &right, &mut disparity)?;
@@ -138,9 +138,9 @@ impl Matcher {
     fn filter(&mut self, left: &[u8], right: &[u8]) -> Result<(), StereoError> {
         let (width, height) = (self.width, self.height);
         let expected = width * height;
-        for (eye, image) in [("left", left), ("right", right)] {
+        for (camera, image) in [("left", left), ("right", right)] {
             if image.len() != expected {
-                return Err(StereoError::ImageSize { eye, got: image.len(), expected, width, height });
+                return Err(StereoError::ImageSize { camera, got: image.len(), expected, width, height });
             }
         }
         let (pad, spare, cap, brightness) = match self.settings.method {

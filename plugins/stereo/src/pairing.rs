@@ -1,7 +1,7 @@
-//! Brings together the images of two eyes that were taken at the same time.
+//! Brings together the images of two cameras that were taken at the same time.
 //!
-//! Images of one eye come in the order in which they were taken. So the two oldest that wait either are a pair, or the
-//! older of them has lost its other eye: that one will not come any more.
+//! Images of one camera come in the order in which they were taken. So the two oldest that wait either are a pair, or
+//! the older of them has lost its other camera: that one will not come any more.
 
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
@@ -39,11 +39,11 @@ pub(crate) struct Patience {
     pub(crate) max_wait_ns: u64,
 }
 
-/// Images that wait for their other eye.
+/// Images that wait for their other camera.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Pairing<T> {
-    eyes: [VecDeque<Waiting<T>>; 2],
-    /// When the newest image of each eye was taken.
+    cameras: [VecDeque<Waiting<T>>; 2],
+    /// When the newest image of each camera was taken.
     newest: [Option<Stamp>; 2],
 }
 
@@ -56,7 +56,7 @@ struct Waiting<T> {
 
 impl<T> Default for Pairing<T> {
     fn default() -> Self {
-        Self { eyes: [VecDeque::new(), VecDeque::new()], newest: [None; 2] }
+        Self { cameras: [VecDeque::new(), VecDeque::new()], newest: [None; 2] }
     }
 }
 
@@ -73,14 +73,14 @@ pub(crate) struct Pair<T> {
 pub(crate) enum PairingError {
     #[error("{} image is of {taken}, not newer than the one before of {before}", side.name())]
     Past { side: Side, taken: Stamp, before: Stamp },
-    #[error("{} image of {taken} is missing: the {} eye's next is of {next}", side.other().name(), side.other().name())]
+    #[error("{} image of {taken} is missing: the {} camera's next is of {next}", side.other().name(), side.other().name())]
     Missing { side: Side, taken: Stamp, next: Stamp },
     #[error("{} image of {taken} is late by more than {max_wait_ms} ms", side.other().name())]
     Late { side: Side, taken: Stamp, max_wait_ms: u64 },
 }
 
 impl<T> Pairing<T> {
-    /// Takes an image of one eye that was taken at a time and has come now.
+    /// Takes an image of one camera that was taken at a time and has come now.
     pub(crate) fn push(
         &mut self,
         side: Side,
@@ -93,7 +93,7 @@ impl<T> Pairing<T> {
             return Err(PairingError::Past { side, taken, before });
         }
         *newest = Some(taken);
-        self.eyes[side as usize].push_back(Waiting { taken, arrived: now, image });
+        self.cameras[side as usize].push_back(Waiting { taken, arrived: now, image });
         Ok(())
     }
 
@@ -101,7 +101,7 @@ impl<T> Pairing<T> {
     pub(crate) fn pairs(&mut self, now: Stamp, patience: Patience) -> (Vec<Pair<T>>, Vec<(PairingError, T)>) {
         let (mut pairs, mut given_up) = (Vec::new(), Vec::new());
         loop {
-            let [left, right] = &mut self.eyes;
+            let [left, right] = &mut self.cameras;
             let (Some(a), Some(b)) = (left.front(), right.front()) else { break };
             let (side, taken, next) = if a.taken.0.abs_diff(b.taken.0) <= patience.max_difference_ns {
                 if let (Some(a), Some(b)) = (left.pop_front(), right.pop_front()) {
@@ -113,11 +113,11 @@ impl<T> Pairing<T> {
             } else {
                 (Side::Right, b.taken, a.taken)
             };
-            let lost = self.eyes[side as usize].pop_front();
+            let lost = self.cameras[side as usize].pop_front();
             given_up.extend(lost.map(|lost| (PairingError::Missing { side, taken, next }, lost.image)));
         }
         for side in Side::BOTH {
-            let waiting = &mut self.eyes[side as usize];
+            let waiting = &mut self.cameras[side as usize];
             let too_long =
                 |image: &mut Waiting<T>| now.0.saturating_sub(image.arrived.0) > patience.max_wait_ns;
             while let Some(late) = waiting.pop_front_if(too_long) {
@@ -171,14 +171,14 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_eye_costs_one_pair_and_is_named() {
+    fn a_missing_camera_costs_one_pair_and_is_named() {
         let images = [(Left, 10, 20), (Left, 50, 60), (Right, 50, 61), (Left, 90, 91), (Right, 90, 92)];
         check(&images, 100, &[[50, 50], [90, 90]], &["right image of"]);
         check(&[(Right, 10, 20), (Left, 50, 60), (Right, 50, 61)], 100, &[[50, 50]], &["left image of"]);
     }
 
     #[test]
-    fn an_eye_that_stays_away_is_late_after_the_wait_and_not_before() {
+    fn an_camera_that_stays_away_is_late_after_the_wait_and_not_before() {
         check(&[(Left, 10, 1000), (Left, 50, 1050)], 1100, &[], &[]);
         check(&[(Left, 10, 1000), (Left, 50, 1050)], 1101, &[], &["right image of"]);
         check(&[(Left, 10, 1000), (Left, 50, 1050)], 1151, &[], &["is late", "is late"]);

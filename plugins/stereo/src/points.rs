@@ -15,8 +15,8 @@ pub struct Point {
 }
 
 impl StereoCamera {
-    /// The points of a disparity image in the order of its pixels. `rgb` is the rectified left image, three bytes a pixel.
-    /// Pixels without range and pixels beyond the end of either are left out.
+    /// The points of a disparity image in the order of its pixels. `rgb` is the rectified left image, three bytes a
+    /// pixel. Pixels without range and pixels beyond the end of either are left out.
     pub fn points<'a>(&'a self, disparity: &'a [u16], rgb: &'a [u8]) -> impl Iterator<Item = Point> + 'a {
         let camera = self.left().camera();
         let width = camera.width as usize;
@@ -34,17 +34,17 @@ impl StereoCamera {
 
 #[cfg(test)]
 mod tests {
-    use crate::{Eye, NO_DISPARITY, STEPS_PER_PIXEL, StereoCamera};
+    use crate::{CameraInfo, NO_DISPARITY, STEPS_PER_PIXEL, StereoCamera};
     use glam::DVec3;
     use rcs_geom::{Distortion, PinholeCamera};
 
     #[test]
-    fn a_point_projects_onto_its_pixel_in_both_eyes() {
+    fn a_point_projects_onto_its_pixel_in_both_cameras() {
         let raw = PinholeCamera::new([64, 48], [100.0, 90.0], [30.0, 20.0], Distortion::None).unwrap();
         let r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
         let p = |tx| [100.0, 0.0, 30.0, tx, 0.0, 90.0, 20.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-        let left = Eye { raw: &raw, r: &r, p: &p(0.0) };
-        let camera = StereoCamera::new(left, Eye { raw: &raw, r: &r, p: &p(-12.0) }).unwrap();
+        let left = CameraInfo { raw: &raw, r: &r, p: &p(0.0) };
+        let camera = StereoCamera::new(left, CameraInfo { raw: &raw, r: &r, p: &p(-12.0) }).unwrap();
         let mut disparity = vec![NO_DISPARITY; 64 * 48];
         disparity[7 * 64 + 50] = 9 * STEPS_PER_PIXEL + 4;
         let rgb: Vec<u8> = (0..64 * 48 * 3).map(|i| i as u8).collect();

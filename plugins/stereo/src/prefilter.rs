@@ -1,16 +1,16 @@
-//! Laplacian of Gaussian (A 3.1.1): takes brightness and its slope out of an image, keeps texture.
+//! Laplacian of Gaussian (Albus 2006a, 3.1.1): takes brightness and its slope out of an image, keeps texture.
 //!
-//! The Gaussian is the binomial row 1 4 6 4 1 in both directions, whose variance is 1 pixel², the Laplacian that of four
-//! neighbours; all in integers. What comes out is scaled, clipped to ±cap and stored as cap + value, one byte a pixel.
-//! Clipping keeps one strong edge from outvoting the rest of a window.
+//! The Gaussian is the binomial row 1 4 6 4 1 in both directions, whose variance is 1 pixel², the Laplacian that of
+//! four neighbours; all in integers. What comes out is scaled, clipped to ±cap and stored as cap + value, one byte a
+//! pixel. Clipping keeps one strong edge from outvoting the rest of a window.
 
 #![allow(clippy::inline_always, reason = "kernels are compiled anew for each width of vectors")]
 #![allow(clippy::needless_range_loop, reason = "loops over lanes index several slices alike")]
 
 use crate::width::Kernel;
 
-/// An image after the filter, each row with `pad` columns more at its left end and `pad + spare` at its right one, copies
-/// of the row's outermost pixels.
+/// An image after the filter, each row with `pad` columns more at its left end and `pad + spare` at its right one,
+/// copies of the row's outermost pixels.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Filtered {
     pub(crate) height: usize,

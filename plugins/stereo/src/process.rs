@@ -1,10 +1,10 @@
 //! The process `stereo`.
 
+use crate::image::ColourImage;
 use crate::pairing::{Pair, Pairing, Patience, Side};
-use crate::picture::Picture;
 use crate::proto::{StereoMethod, StereoParams, StereoStats};
 use crate::publish::{Heading, depth_of, depths, pixels};
-use crate::rig::{Bench, EyeCalibration, Rectified, Rig, Unusable};
+use crate::rig::{Bench, ImageCalibration, Rectified, Rig, Unusable};
 use crate::{CalibrationError, Method, NO_DISPARITY, STEPS_PER_PIXEL, Settings};
 use rcs_msg::foxglove::{CameraCalibration, PointCloud, RawImage};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
@@ -12,12 +12,12 @@ use rcs_sense::ImageCheck;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// State: both calibrations, images that wait for their other eye, and what the newest of each eye looked like.
+/// State: both calibrations, images that wait for their other camera, and what the newest of each camera looked like.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Stereo {
-    calibrations: [Option<EyeCalibration>; 2],
-    /// `None` is an image that was refused when it came: its other eye goes without another word.
-    waiting: Pairing<Option<Arc<Picture>>>,
+    calibrations: [Option<ImageCalibration>; 2],
+    /// `None` is an image that was refused when it came: its other camera goes without another word.
+    waiting: Pairing<Option<Arc<ColourImage>>>,
     checks: [ImageCheck; 2],
     pairs: u64,
     unpaired: u64,
@@ -50,17 +50,17 @@ impl Process for Stereo {
         summary: "Rectifies a pair of images and finds the range of each pixel",
         period_ms: 50.0,
         latency_ms: 10.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
         let images = [
-            b.input("left", "image of the left eye as its camera took it"),
-            b.input("right", "image of the right eye as its camera took it"),
+            b.input("left", "image of the left camera as its camera took it"),
+            b.input("right", "image of the right camera as its camera took it"),
         ];
         let calibrations = [
-            b.input("left_calibration", "calibration of the left eye: K, D, R and P"),
-            b.input("right_calibration", "calibration of the right eye; its P has the baseline"),
+            b.input("left_calibration", "calibration of the left camera: K, D, R and P"),
+            b.input("right_calibration", "calibration of the right camera; its P has the baseline"),
         ];
         Ports {
             images,
@@ -127,8 +127,8 @@ impl Process for Stereo {
 
 impl Stereo {
     fn read_calibration(&mut self, side: Side, message: &CameraCalibration, cx: &mut Cycle<'_>) {
-        let calibration = EyeCalibration::new(message)
-            .map_err(|error| cx.fault(format!("calibration of the {} eye: {error}", side.name())))
+        let calibration = ImageCalibration::new(message)
+            .map_err(|error| cx.fault(format!("calibration of the {} camera: {error}", side.name())))
             .ok();
         let known = &mut self.calibrations[side as usize];
         if *known != calibration {
@@ -140,11 +140,11 @@ impl Stereo {
     fn read_image(&mut self, side: Side, message: &Msg<RawImage>, params: &StereoParams, cx: &mut Cycle<'_>) {
         let taken = message.acq_time();
         let rgb = self.checks[side as usize].check(message, None, params.image_check.as_ref());
-        let picture = rgb.map(|rgb| Arc::new(Picture::new(message, rgb)));
-        let picture = picture
+        let image = rgb.map(|rgb| Arc::new(ColourImage::new(message, rgb)));
+        let image = image
             .map_err(|error| cx.fault(format!("{} image of {taken}: {error}; image skipped", side.name())))
             .ok();
-        if let Err(error) = self.waiting.push(side, taken, cx.now(), picture) {
+        if let Err(error) = self.waiting.push(side, taken, cx.now(), image) {
             self.unpaired += 1;
             cx.fault(format!("{error}; image skipped"));
         }
@@ -152,15 +152,15 @@ impl Stereo {
 
     fn rig(&mut self) -> Result<Arc<Rig>, Unusable> {
         let [left, right] = &self.calibrations;
-        let Some(left) = left else { return Err(Unusable::NoCalibration { eye: "left" }) };
-        let Some(right) = right else { return Err(Unusable::NoCalibration { eye: "right" }) };
+        let Some(left) = left else { return Err(Unusable::NoCalibration { camera: "left" }) };
+        let Some(right) = right else { return Err(Unusable::NoCalibration { camera: "right" }) };
         let rig = self.rig.get_or_insert_with(|| Rig::new(left, right).map(Arc::new));
         Ok(rig.clone()?)
     }
 
     fn match_pair(
         &mut self,
-        pair: &Pair<&Picture>,
+        pair: &Pair<&ColourImage>,
         ports: &Ports,
         params: &StereoParams,
         cx: &mut Cycle<'_>,

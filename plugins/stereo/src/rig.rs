@@ -1,26 +1,26 @@
 //! A calibrated pair at work: from two images to rectified ones and their disparities.
 
+use crate::image::ColourImage;
 use crate::pairing::Side;
-use crate::picture::Picture;
-use crate::{CalibrationError, Eye, Matcher, NO_DISPARITY, Settings, StereoCamera, StereoError};
+use crate::{CalibrationError, CameraInfo, Matcher, NO_DISPARITY, Settings, StereoCamera, StereoError};
 use rcs_geom::{CameraError, PinholeCamera, Rectification};
 use rcs_msg::foxglove::CameraCalibration;
 use rcs_runtime::Pool;
 use serde::{Deserialize, Serialize};
 
-/// What a calibration message says of one eye, checked as far as one eye goes.
+/// What a calibration message says of one camera, checked as far as one camera goes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct EyeCalibration {
+pub(crate) struct ImageCalibration {
     pub(crate) frame_id: String,
     raw: PinholeCamera,
     r: Vec<f64>,
     p: Vec<f64>,
 }
 
-impl EyeCalibration {
-    pub(crate) fn new(message: &CameraCalibration) -> Result<EyeCalibration, CameraError> {
+impl ImageCalibration {
+    pub(crate) fn new(message: &CameraCalibration) -> Result<ImageCalibration, CameraError> {
         let size = [message.width, message.height];
-        Ok(EyeCalibration {
+        Ok(ImageCalibration {
             frame_id: message.frame_id.clone(),
             raw: PinholeCamera::from_calibration(size, &message.k, &message.distortion_model, &message.d)?,
             r: message.r.clone(),
@@ -28,12 +28,12 @@ impl EyeCalibration {
         })
     }
 
-    fn eye(&self) -> Eye<'_> {
-        Eye { raw: &self.raw, r: &self.r, p: &self.p }
+    fn camera(&self) -> CameraInfo<'_> {
+        CameraInfo { raw: &self.raw, r: &self.r, p: &self.p }
     }
 }
 
-/// Both eyes together.
+/// Both cameras together.
 #[derive(Clone, Debug)]
 pub(crate) struct Rig {
     pub(crate) camera: StereoCamera,
@@ -44,12 +44,12 @@ pub(crate) struct Rig {
 /// Why a pair has no ranges.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Unusable {
-    #[error("no usable calibration of the {eye} eye")]
-    NoCalibration { eye: &'static str },
+    #[error("no usable calibration of the {camera} camera")]
+    NoCalibration { camera: &'static str },
     #[error("{0}")]
     Calibration(#[from] CalibrationError),
-    #[error("{eye} image has {got:?} pixels, its calibration is for {expected:?}")]
-    Size { eye: &'static str, got: [usize; 2], expected: [usize; 2] },
+    #[error("{camera} image has {got:?} pixels, its calibration is for {expected:?}")]
+    Size { camera: &'static str, got: [usize; 2], expected: [usize; 2] },
     #[error("{0}")]
     Camera(#[from] CameraError),
     #[error("{0}")]
@@ -67,8 +67,8 @@ pub(crate) struct Rectified {
 }
 
 impl Rig {
-    pub(crate) fn new(left: &EyeCalibration, right: &EyeCalibration) -> Result<Rig, CalibrationError> {
-        let camera = StereoCamera::new(left.eye(), right.eye())?;
+    pub(crate) fn new(left: &ImageCalibration, right: &ImageCalibration) -> Result<Rig, CalibrationError> {
+        let camera = StereoCamera::new(left.camera(), right.camera())?;
         let shown = [camera.left(), camera.right()].map(Shown::new);
         Ok(Rig { camera, shown })
     }
@@ -79,16 +79,16 @@ impl Rig {
         [camera.width as usize, camera.height as usize]
     }
 
-    /// Rectifies both eyes, each on a thread of its own.
-    pub(crate) fn rectify(&self, pair: [&Picture; 2], pool: &Pool) -> Result<Rectified, Unusable> {
-        for (side, picture) in Side::BOTH.into_iter().zip(pair) {
-            let (got, expected) = ([picture.width, picture.height], self.size());
+    /// Rectifies both cameras, each on a thread of its own.
+    pub(crate) fn rectify(&self, pair: [&ColourImage; 2], pool: &Pool) -> Result<Rectified, Unusable> {
+        for (side, image) in Side::BOTH.into_iter().zip(pair) {
+            let (got, expected) = ([image.width, image.height], self.size());
             if got != expected {
-                return Err(Unusable::Size { eye: side.name(), got, expected });
+                return Err(Unusable::Size { camera: side.name(), got, expected });
             }
         }
         let both = [self.camera.left(), self.camera.right()];
-        // The left eye's colours are a third piece of work.
+        // The left camera's colours are a third piece of work.
         let work = |i: usize| match i {
             0 | 1 => both[i].remap(&pair[i].grey(), 1),
             _ => both[0].remap(&pair[0].rgb, 3),

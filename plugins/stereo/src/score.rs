@@ -1,14 +1,15 @@
-//! How good a disparity image is, against the truth.
+//! How good a disparity image is, against the ground truth.
 //!
-//! Figures are over **pixels seen by both eyes**: pixels that have truth, lie at x ≥ the number of disparities, and of
-//! which no other pixel of the row with a larger disparity, by more than 1, claims the same column of the right image.
+//! Figures are over **pixels seen by both cameras**: pixels that have ground truth, lie at x ≥ the number of
+//! disparities, and of which no other pixel of the row with a larger disparity, by more than 1, claims the same column
+//! of the right image.
 
 use crate::{NO_DISPARITY, STEPS_PER_PIXEL, StereoError};
 
 /// Figures of one disparity image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Score {
-    /// Pixels seen by both eyes.
+    /// Pixels seen by both cameras.
     pub pixels: usize,
     /// Of the pixels with a disparity, those that are more than 2 pixels off, percent.
     pub bad2_valid_pct: f64,
@@ -20,7 +21,8 @@ pub struct Score {
     pub rms_px: f64,
 }
 
-/// Which pixels both eyes see. `truth` is the left image's disparity in pixels; not finite or not positive is unknown.
+/// Which pixels both cameras see. `truth` is the left image's disparity in pixels; not finite or not positive is
+/// unknown.
 pub fn seen_by_both(truth: &[f32], width: usize, disparities: usize) -> Vec<bool> {
     let mut seen = vec![false; truth.len()];
     if width == 0 {
@@ -46,7 +48,7 @@ pub fn seen_by_both(truth: &[f32], width: usize, disparities: usize) -> Vec<bool
     seen
 }
 
-/// Compares disparities, 1/16 pixel, with the truth, pixels.
+/// Compares disparities, 1/16 pixel, with the ground truth, pixels.
 pub fn score(
     disparity: &[u16],
     truth: &[f32],
@@ -86,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pixels_behind_a_nearer_one_are_not_seen_by_both_eyes() {
+    fn pixels_behind_a_nearer_one_are_not_seen_by_both_cameras() {
         let unknown = f32::INFINITY;
         // Column 8 at disparity 6 and column 5 at 3 both claim column 2; 7 and 8 differ by less than 1.
         let truth = [1.0, 1.0, 1.0, 1.0, 1.0, 3.0, unknown, 5.2, 6.0, 0.0, f32::NAN, 12.0];

@@ -5,7 +5,7 @@ use crate::STEPS_PER_PIXEL;
 /// How disparities are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Block correlation: fast; leaves out what it cannot tell.
+    /// Block matching: fast; leaves out what it cannot tell.
     Block,
     /// Semi-global matching: denser; about four times the time.
     SemiGlobal,
@@ -18,7 +18,7 @@ pub struct Settings {
     pub method: Method,
     /// Disparities that are tried, 0 to one less than this, pixels: a multiple of 16, from 16 to 256.
     pub disparities: usize,
-    /// Side of the square that block correlation compares, pixels: odd, from 5 to 15. Semi-global matching has its own.
+    /// Side of the square that block matching compares, pixels: odd, from 5 to 15. Semi-global matching has its own.
     pub block: usize,
     /// How many percent more any match that is not beside the best one must cost, 0 to 100.
     pub uniqueness_pct: u16,
@@ -90,10 +90,10 @@ pub enum StereoError {
         height: usize,
     },
     /// An image does not have the matcher's size.
-    #[error("{eye} image has {got} pixels, expected {expected} ({width}x{height})")]
+    #[error("{camera} image has {got} pixels, expected {expected} ({width}x{height})")]
     ImageSize {
         /// Left or right.
-        eye: &'static str,
+        camera: &'static str,
         /// Pixels there are.
         got: usize,
         /// Pixels there should be.
@@ -135,8 +135,8 @@ pub enum StereoError {
         /// 1/16 pixel.
         got: u16,
     },
-    /// The truth has another size than the disparity image.
-    #[error("truth has {got} pixels, expected {expected}")]
+    /// The ground truth has another size than the disparity image.
+    #[error("ground truth has {got} pixels, expected {expected}")]
     TruthSize {
         /// Pixels there are.
         got: usize,

@@ -9,8 +9,8 @@
 //! Bytes throughout: a cost is at most 127 and a path adds at most `P2`. Vectors run along the disparities
 //! of one pixel, of which there is a multiple of 16.
 //!
-//! Cost: about 40 operations per pixel and disparity divided by the lanes of a vector. Rows depend on each other, so one
-//! thread does an image.
+//! Cost: about 40 operations per pixel and disparity divided by the lanes of a vector. Rows depend on each other, so
+//! one thread does an image.
 
 #![allow(clippy::inline_always, reason = "kernels are compiled anew for each width of vectors")]
 #![allow(clippy::needless_range_loop, reason = "loops over lanes index several slices alike")]
@@ -236,7 +236,7 @@ fn differences<const LANES: usize>(left: &[u8], reversed: &[u8], disparities: us
     }
 }
 
-/// The same for the brightness, clipped: it holds surfaces without texture together, and two eyes that are exposed
+/// The same for the brightness, clipped: it holds surfaces without texture together, and two cameras that are exposed
 /// differently lose no more than it gives.
 #[inline(always)]
 fn add_differences<const LANES: usize>(left: &[u8], reversed: &[u8], disparities: usize, out: &mut [u8]) {

@@ -65,7 +65,7 @@ fn texture(x: usize, y: usize, seed: u32) -> u8 {
 
 fn raw_image([width, height]: [usize; 2], data: Vec<u8>) -> RawImage {
     RawImage {
-        frame_id: "eye".to_owned(),
+        frame_id: "camera".to_owned(),
         width: width as u32,
         height: height as u32,
         encoding: "mono8".to_owned(),
@@ -75,8 +75,8 @@ fn raw_image([width, height]: [usize; 2], data: Vec<u8>) -> RawImage {
     }
 }
 
-/// One eye's image of a wall; each seed is a wall of its own.
-fn eye(topic: &str, seed: u32) -> RawImage {
+/// One camera's image of a wall; each seed is a wall of its own.
+fn camera(topic: &str, seed: u32) -> RawImage {
     let shift = if topic == "/right" { SHIFT_PX } else { 0 };
     let data = (0..SIZE[0] * SIZE[1]).map(|i| texture(i % SIZE[0] + shift, i / SIZE[0], seed)).collect();
     raw_image(SIZE, data)
@@ -86,7 +86,7 @@ fn calibration(topic: &str) -> CameraCalibration {
     let tx = if topic == "/right_calibration" { -F_PX * BASELINE_M } else { 0.0 };
     let (cx, cy) = ((SIZE[0] - 1) as f64 / 2.0, (SIZE[1] - 1) as f64 / 2.0);
     CameraCalibration {
-        frame_id: "eye".to_owned(),
+        frame_id: "camera".to_owned(),
         width: SIZE[0] as u32,
         height: SIZE[1] as u32,
         distortion_model: "plumb_bob".to_owned(),
@@ -106,10 +106,10 @@ fn calibrated() -> Vec<Given> {
     ["/left_calibration", "/right_calibration"].map(|topic| give(0, topic, calibration(topic))).into()
 }
 
-/// Both eyes' good images.
+/// Both cameras' good images.
 fn pair(at_ms: u64) -> [Given; 2] {
     let seed = at_ms as u32;
-    [give(at_ms, "/left", eye("/left", seed)), give(at_ms, "/right", eye("/right", seed))]
+    [give(at_ms, "/left", camera("/left", seed)), give(at_ms, "/right", camera("/right", seed))]
 }
 
 fn run(given: &[Given], threads: usize, params: &[(&str, &str)]) -> Stepped {
@@ -179,7 +179,7 @@ fn a_wall_is_seen_at_its_range_with_colour_and_pixel() {
     run_until(&mut run, 200);
     assert_eq!(faults(&run), (0, String::new()));
     let depth: RawImage = latest(&run, "depth").unwrap();
-    assert_eq!((depth.frame_id.as_str(), depth.encoding.as_str(), depth.step), ("eye", "32FC1", 384));
+    assert_eq!((depth.frame_id.as_str(), depth.encoding.as_str(), depth.step), ("camera", "32FC1", 384));
     let depth = rcs_msg::image::depth_m(&depth, 1.0).unwrap();
     let known: Vec<f32> = depth.iter().copied().filter(|d| !d.is_nan()).collect();
     let right = known.iter().filter(|&&d| (d - DEPTH_M).abs() < 0.02).count();
@@ -210,47 +210,48 @@ fn a_wall_is_seen_at_its_range_with_colour_and_pixel() {
 #[test]
 fn an_image_of_another_size_than_its_calibration_is_skipped() {
     let small = raw_image([48, 64], (0..48 * 64).map(|i| texture(i, 1, 1)).collect());
-    let bad = vec![give(300, "/left", small), give(300, "/right", eye("/right", 3))];
+    let bad = vec![give(300, "/left", small), give(300, "/right", camera("/right", 3))];
     check(bad, &[], "left image has [48, 64] pixels, its calibration is for [96, 64]");
 }
 
 #[test]
-fn black_and_saturated_images_are_skipped_and_their_other_eye_without_another_word() {
+fn black_and_saturated_images_are_skipped_and_their_other_camera_without_another_word() {
     for (level, expected) in [(0, "image is 100 % black"), (255, "100 % saturated")] {
         let blind = raw_image(SIZE, vec![level; SIZE[0] * SIZE[1]]);
-        let bad = vec![give(300, "/left", eye("/left", 3)), give(300, "/right", blind)];
+        let bad = vec![give(300, "/left", camera("/left", 3)), give(300, "/right", blind)];
         check(bad, &[], expected);
     }
 }
 
 #[test]
 fn an_image_that_does_not_decode_is_skipped() {
-    let cut = RawImage { data: vec![1; 100].into(), ..eye("/left", 1) };
-    check(vec![give(300, "/left", cut), give(300, "/right", eye("/right", 3))], &[], "left image of");
-    let strange = RawImage { encoding: "h264".to_owned(), ..eye("/left", 1) };
-    check(vec![give(300, "/left", strange), give(300, "/right", eye("/right", 3))], &[], "h264");
+    let cut = RawImage { data: vec![1; 100].into(), ..camera("/left", 1) };
+    check(vec![give(300, "/left", cut), give(300, "/right", camera("/right", 3))], &[], "left image of");
+    let strange = RawImage { encoding: "h264".to_owned(), ..camera("/left", 1) };
+    check(vec![give(300, "/left", strange), give(300, "/right", camera("/right", 3))], &[], "h264");
 }
 
 #[test]
 fn a_frozen_camera_is_reported_for_every_image_and_nothing_stale_goes_out() {
-    // The left eye sends the image of 100 ms again and again, under new stamps.
-    let frozen =
-        |at_ms| [give(at_ms, "/left", eye("/left", 100)), give(at_ms, "/right", eye("/right", at_ms as u32))];
+    // The left camera sends the image of 100 ms again and again, under new stamps.
+    let frozen = |at_ms| {
+        [give(at_ms, "/left", camera("/left", 100)), give(at_ms, "/right", camera("/right", at_ms as u32))]
+    };
     let bad = [300, 400, 500].into_iter().flat_map(frozen).collect();
     check_count(bad, &[], "the camera is frozen", 3);
 }
 
 #[test]
-fn a_missing_eye_is_named() {
-    check(vec![give(300, "/left", eye("/left", 3))], &[], "right image of");
-    let bad = vec![give(300, "/right", eye("/right", 3))];
+fn a_missing_camera_is_named() {
+    check(vec![give(300, "/left", camera("/left", 3))], &[], "right image of");
+    let bad = vec![give(300, "/right", camera("/right", 3))];
     check(bad, &[], "left image of");
 }
 
 #[test]
-fn a_late_eye_is_given_up_and_what_comes_of_it_then_is_no_pair() {
-    // Taken 20 ms after the left eye's: too far apart to be the same moment.
-    let bad = vec![give(300, "/left", eye("/left", 3)), give(320, "/right", eye("/right", 3))];
+fn a_late_camera_is_given_up_and_what_comes_of_it_then_is_no_pair() {
+    // Taken 20 ms after the left camera's: too far apart to be the same moment.
+    let bad = vec![give(300, "/left", camera("/left", 3)), give(320, "/right", camera("/right", 3))];
     check_count(bad, &[], "is late by more than 150 ms", 2);
 }
 
@@ -283,7 +284,7 @@ fn calibrations_that_are_not_a_pairs_are_reported_with_each_pair() {
     let mut given =
         vec![give(200, "/right_calibration", CameraCalibration { k: vec![f64::NAN; 9], ..right })];
     given.extend(pair(300));
-    check_count(given, &[], "no usable calibration of the right eye", 2);
+    check_count(given, &[], "no usable calibration of the right camera", 2);
 }
 
 #[test]
@@ -291,7 +292,7 @@ fn without_calibrations_pairs_are_skipped() {
     let mut run = run(&pair(100), 1, &[]);
     run_until(&mut run, 150);
     assert_eq!(sent(&run), [0; 6]);
-    assert!(faults(&run).1.contains("no usable calibration of the left eye"));
+    assert!(faults(&run).1.contains("no usable calibration of the left camera"));
 }
 
 #[test]
@@ -333,7 +334,7 @@ fn any_number_of_threads_and_a_run_from_a_snapshot_give_the_same_bytes() {
         given.extend([100, 200, 300].into_iter().flat_map(pair));
         let params = [("stereo.method", method)];
         let mut alone = run(&given, 1, &params);
-        // Between the two eyes of a pair nothing happens; between two pairs the state is calibrations and counts.
+        // Between the two cameras of a pair nothing happens; between two pairs the state is calibrations and counts.
         run_until(&mut alone, 250);
         let saved = Snapshot::from_bytes(&alone.snapshot().to_bytes().unwrap()).unwrap();
         run_until(&mut alone, 400);
@@ -353,7 +354,7 @@ fn any_number_of_threads_and_a_run_from_a_snapshot_give_the_same_bytes() {
 fn an_image_that_waits_is_part_of_the_state() {
     let mut given = calibrated();
     // The right image was taken with the left one and comes two cycles later: the difference allowed is as large.
-    given.extend([give(100, "/left", eye("/left", 1)), give(145, "/right", eye("/right", 1))]);
+    given.extend([give(100, "/left", camera("/left", 1)), give(145, "/right", camera("/right", 1))]);
     given.push(give(400, "/left_calibration", calibration("/left_calibration")));
     let params = [("stereo.max_time_difference_ms", "50")];
     let mut alone = run(&given, 1, &params);

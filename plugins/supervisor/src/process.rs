@@ -35,7 +35,7 @@ impl Process for Supervisor {
         summary: "Starts and halts a group of processes and stops the vehicle where an essential one fails",
         period_ms: 50.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {

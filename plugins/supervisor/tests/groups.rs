@@ -27,7 +27,7 @@ impl Process for Wheels {
         summary: "Drives.",
         period_ms: 20.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(_: &mut PortBuilder) {}
@@ -60,7 +60,7 @@ impl Process for Part {
         summary: "Works.",
         period_ms: 20.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {
@@ -102,10 +102,10 @@ supervisor = "robot"
 as = "vehicle_interface"
 
 [[process]]
-name = "eye"
+name = "camera"
 plugin = "part"
 supervisor = "perception"
-inputs = { fate = "/operator/eye" }
+inputs = { fate = "/operator/camera" }
 
 [[process]]
 name = "lamp"
@@ -174,12 +174,12 @@ fn run_goes_down_every_level_in_the_instant_in_which_it_comes() {
     for process in ["robot", "perception"] {
         bench.expect(process, Exec, "all children run");
     }
-    for process in ["eye", "lamp"] {
+    for process in ["camera", "lamp"] {
         bench.expect(process, Exec, "works");
         assert_eq!(bench.status(process).cycle, 11, "from the first cycle on");
     }
     bench.expect("wheels", Exec, "drives");
-    assert_eq!(bench.status("eye").commander, "perception");
+    assert_eq!(bench.status("camera").commander, "perception");
     assert_eq!(bench.status("perception").commander, "robot");
 }
 
@@ -190,10 +190,10 @@ fn halt_stands_the_vehicle_before_anything_else_is_halted() {
     bench.forward(200);
     bench.expect("wheels", Exec, "brakes");
     bench.expect("robot", Exec, "waits for the vehicle to stand");
-    bench.expect("eye", Exec, "works");
+    bench.expect("camera", Exec, "works");
     bench.forward(800);
     bench.expect("wheels", Done, "stands");
-    bench.expect("eye", Done, "halted");
+    bench.expect("camera", Done, "halted");
     bench.expect("lamp", Done, "halted");
     bench.expect("perception", Done, "all children are halted");
     bench.expect("robot", Done, "all children are halted");
@@ -201,7 +201,7 @@ fn halt_stands_the_vehicle_before_anything_else_is_halted() {
     bench.forward(200);
     bench.expect("robot", Exec, "all children run");
     bench.expect("wheels", Exec, "drives");
-    bench.expect("eye", Exec, "works");
+    bench.expect("camera", Exec, "works");
 }
 
 #[test]
@@ -210,7 +210,7 @@ fn init_goes_down_and_is_done_when_all_are() {
     bench.say("robot", "INIT");
     bench.forward(400);
     bench.expect("robot", Done, "all children are initialized");
-    bench.expect("eye", Done, "initialized");
+    bench.expect("camera", Done, "initialized");
     bench.say("robot", "RUN");
     bench.forward(200);
     bench.expect("robot", Exec, "all children run");
@@ -219,13 +219,13 @@ fn init_goes_down_and_is_done_when_all_are() {
 #[test]
 fn an_essential_child_that_fails_two_levels_down_stops_the_vehicle_until_run() {
     let mut bench = Bench::new();
-    bench.fate("eye", "blind");
+    bench.fate("camera", "blind");
     bench.forward(200);
-    bench.expect("perception", Error, "eye is in ERROR: blind");
-    let why = "has stopped the vehicle: perception is in ERROR: eye is in ERROR: blind";
+    bench.expect("perception", Error, "camera is in ERROR: blind");
+    let why = "has stopped the vehicle: perception is in ERROR: camera is in ERROR: blind";
     bench.expect("robot", Error, why);
     bench.expect("wheels", Exec, "brakes");
-    bench.fate("eye", "");
+    bench.fate("camera", "");
     bench.forward(800);
     bench.expect("perception", Exec, "all children run");
     bench.expect("robot", Error, why);
@@ -248,21 +248,21 @@ fn an_auxiliary_child_that_fails_is_reported_and_the_vehicle_drives_on() {
 #[test]
 fn a_child_that_panicked_stops_the_vehicle_and_comes_back_with_init_of_its_group() {
     let mut bench = Bench::new();
-    bench.fate("eye", "panic");
+    bench.fate("camera", "panic");
     bench.forward(800);
-    bench.expect("perception", Error, "eye is in ERROR: panicked: worn out");
+    bench.expect("perception", Error, "camera is in ERROR: panicked: worn out");
     bench.expect("wheels", Done, "stands");
-    bench.fate("eye", "");
+    bench.fate("camera", "");
     bench.say("robot", "RUN");
     bench.forward(200);
     let why = "RUN needs a process that works; this one panicked: worn out; expected INIT";
-    bench.expect("perception", Error, &format!("eye is in ERROR: refused RUN: {why}"));
+    bench.expect("perception", Error, &format!("camera is in ERROR: refused RUN: {why}"));
     bench.say("robot", "INIT");
     bench.forward(400);
     bench.expect("robot", Done, "all children are initialized");
     bench.say("robot", "RUN");
     bench.forward(200);
-    bench.expect("eye", Exec, "works");
+    bench.expect("camera", Exec, "works");
     bench.expect("robot", Exec, "all children run");
 }
 

@@ -1,4 +1,5 @@
-//! What a piece of terrain looks like: histograms of colour ratios, intensity and texture, and a contrast (A 3.2).
+//! What a piece of terrain looks like: histograms of colour ratios, intensity and texture, and a contrast (Albus 2006a,
+//! 3.2).
 //!
 //! Ratios are binned by their logarithm, so that R/G and G/R are treated alike: bin = ⌊4 (1 + log₂(a/b)/span)⌋, kept in
 //! 0..7, with both colours at least 1. Eight bins, as the paper has; the span (octaves) is a parameter, since the paper
@@ -52,7 +53,8 @@ pub struct PixelCodes {
 }
 
 impl PixelCodes {
-    /// Codes of the pixels of some rows. `rgb` is the whole image, three bytes a pixel by rows, and `grey` is made of it.
+    /// Codes of the pixels of some rows. `rgb` is the whole image, three bytes a pixel by rows, and `grey` is made of
+    /// it.
     ///
     /// # Panics
     /// Where the image does not have these rows.
@@ -167,7 +169,7 @@ pub struct Signature {
 }
 
 impl Signature {
-    /// Weighted sum of the squared differences of two appearances (A 3.2, step 4): 0 for equals, 2 at most.
+    /// Weighted sum of the squared differences of two appearances (Albus 2006a, 3.2, step 4): 0 for equals, 2 at most.
     #[inline]
     pub fn distance(&self, other: &Signature) -> f32 {
         // Bins side by side: one vector for each histogram.

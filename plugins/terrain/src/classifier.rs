@@ -15,13 +15,13 @@
 //! | `cost_wide` | out | `foxglove.Grid` | 201x201 cells of 0.6 m: field cost.classifier, local frame |
 //! | `stats` | out | `rcs.ClassifierStats` | windows by class, cells with a cost |
 //!
-//! Period 200 ms (5 Hz, B 3.4). No commands beside the runtime's. State: the last seconds of poses, images that wait for
-//! their depth, the models.
+//! Period 200 ms (5 Hz, Albus 2006b, 3.4). No commands beside the runtime's. State: the last seconds of poses, images
+//! that wait for their depth, the models.
 //!
 //! [`crate::classify`] compares windows with models, [`crate::place`] puts them on the map. With `region =
-//! CLASSIFIER_BEYOND_STEREO` an image waits for the depth of its time and is classified from the end of good stereo on; when
-//! no depth has come for a while, whole images are. Windows higher above the horizon than `above_horizon_deg` are never
-//! classified. What cannot be used is a fault and is skipped, as in the learner; without models nothing is sent.
+//! CLASSIFIER_BEYOND_STEREO` an image waits for the depth of its time and is classified from the end of good stereo on;
+//! when no depth has come for a while, whole images are. Windows higher above the horizon than `above_horizon_deg` are
+//! never classified. What cannot be used is a fault and is skipped, as in the learner; without models nothing is sent.
 //!
 //! Both cost maps are in the local frame: the world model of 0.6 m cells turns them into its own.
 
@@ -39,7 +39,7 @@ use rcs_msg::classes::TRAVERSABLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, CELL_SIZE_M, CostGrid, GridFrame, ImageCheck, Localizer, PosePorts, Site, WIDE_CELL_SIZE_M,
+    Axes, CELL_SIZE_M, CostGrid, Extrinsics, GridFrame, ImageCheck, Localizer, PosePorts, WIDE_CELL_SIZE_M,
     camera_of,
 };
 use rcs_world::{SIDE, Source};
@@ -108,7 +108,7 @@ impl Process for Classifier {
         summary: "Classifies windows of an image by terrain models and maps their cost on the flat ground",
         period_ms: 200.0,
         latency_ms: 4.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
@@ -163,7 +163,7 @@ impl Process for Classifier {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &ClassifierParams, cx: &mut Cycle<'_>) {
-        ports.poses.read(&mut self.localizer, site(params).frames, cx);
+        ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
         self.read_camera_and_models(ports, cx);
         let is_new_depth = self.read_images(ports, cx);
         match self.task(is_new_depth, params, cx) {
@@ -269,11 +269,11 @@ impl Classifier {
             }
             _ => None,
         };
-        let site = site(params);
+        let extrinsics = extrinsics(params);
         let view = View {
             camera,
-            local_from_vehicle: site.local_from_vehicle(&self.localizer, time)?,
-            vehicle_from_camera: site.vehicle_from_sensor(
+            local_from_vehicle: extrinsics.local_from_vehicle(&self.localizer, time)?,
+            vehicle_from_camera: extrinsics.vehicle_from_sensor(
                 &self.localizer,
                 &image.frame_id,
                 Axes::Optical,
@@ -313,7 +313,7 @@ impl Classifier {
             [(&ports.cost, near, CELL_SIZE_M), (&ports.cost_wide, wide, WIDE_CELL_SIZE_M)]
         {
             let frame = GridFrame { south_west: placed.south_west, side: SIDE, cell_size_m: size_m };
-            let local = site.frames.local;
+            let local = extrinsics.frames.local;
             let grid = CostGrid::of(frame, placed.costs);
             let message = grid.map(|grid| grid.into_message(Source::CLASSIFIER, local, time));
             if let Some(message) = message {
@@ -325,8 +325,8 @@ impl Classifier {
 }
 
 /// How vehicle and camera are found.
-fn site(params: &ClassifierParams) -> Site<'_> {
-    Site::new(params.pose.as_ref(), params.mount.as_ref())
+fn extrinsics(params: &ClassifierParams) -> Extrinsics<'_> {
+    Extrinsics::new(params.pose.as_ref(), params.mount.as_ref())
 }
 
 fn matcher(models: &Models, params: &ClassifierParams) -> Matcher {

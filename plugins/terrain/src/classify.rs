@@ -1,8 +1,8 @@
-//! Windows of an image by the best of the terrain models (A 3.3).
+//! Windows of an image by the best of the terrain models (Albus 2006a, 3.3).
 //!
 //! The windows lie side by side; those at the right and lower edges may be smaller. A window's histograms and contrast
-//! are compared with each model as a cell's are; if the best is near enough, the window takes its obstacle fraction, else
-//! it is not classified.
+//! are compared with each model as a cell's are; if the best is near enough, the window takes its obstacle fraction,
+//! else it is not classified.
 
 use crate::appearance::{Histograms, MatchWeights, PixelCodes, RatioBins, Signature};
 use crate::models::ModelSet;
@@ -84,8 +84,8 @@ pub struct Matcher {
 }
 
 impl Matcher {
-    /// Compares with the models that have at least so many points. `obstacle_fraction` (0 to 1) is the least that is not
-    /// traversable; `weights` are normalised.
+    /// Compares with the models that have at least so many points. `obstacle_fraction` (0 to 1) is the least that is
+    /// not traversable; `weights` are normalised.
     pub fn new(
         set: &ModelSet,
         weights: MatchWeights,

@@ -1,4 +1,4 @@
-//! One labelled frame: which points go into which cells (A 3.2, steps 2 and 3).
+//! One labelled frame: which points go into which cells (Albus 2006a, 3.2, steps 2 and 3).
 //!
 //! A pixel counts where it is labelled `GROUND` or `OBSTACLE`, has a depth within the range that is learned from, and
 //! lies within the map; its height does not matter.
@@ -44,7 +44,7 @@ impl Rays {
     }
 }
 
-/// A frame of one eye; all images have the rays' size.
+/// A frame of one camera; all images have the rays' size.
 #[derive(Clone, Copy, Debug)]
 pub struct LabelledFrame<'a> {
     /// Colours, three bytes a pixel by rows.
@@ -167,8 +167,8 @@ impl CellGrid {
         CellGrid { x: row(DVec3::X), y: row(DVec3::Y), camera: camera.to_array(), side: window.side }
     }
 
-    /// The cells of neighbouring pixels; [`NOWHERE`] outside of the window. Without branches, so that the compiler makes
-    /// vector code of it.
+    /// The cells of neighbouring pixels; [`NOWHERE`] outside of the window. Without branches, so that the compiler
+    /// makes vector code of it.
     fn places(&self, rays: &[[f64; 2]], depths_m: &[f32], places: &mut [u32]) {
         let limit = self.side as f64;
         for ((place, &[x, y]), &depth_m) in places.iter_mut().zip(rays).zip(depths_m) {

@@ -1,17 +1,17 @@
 //! The process `terrain_learner`.
 
 use crate::appearance::{MatchWeights, RatioBins};
-use crate::eye::{Eye, EyePorts, Frame, learned_port};
+use crate::camera::{CameraPorts, Frame, LearnerCamera, learned_port};
 use crate::frame::join;
 use crate::map::{Learned, Patch, TerrainMap};
 use crate::models::{ModelRules, ModelSet, models_of_text};
-use crate::proto::{TerrainEye, TerrainEyes, TerrainLearnerParams, TerrainModels, TerrainStats};
+use crate::proto::{TerrainCamera, TerrainCameras, TerrainLearnerParams, TerrainModels, TerrainStats};
 use crate::unusable::Unusable;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, RawImage};
 use rcs_msg::rcs::Bumper;
 use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, CELL_SIZE_M, CostGrid, GridFrame, Localizer, PosePorts, Site};
+use rcs_sense::{Axes, CELL_SIZE_M, CostGrid, Extrinsics, GridFrame, Localizer, PosePorts};
 use rcs_world::{SIDE, Source};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -23,14 +23,14 @@ rcs_runtime::commands! {
     }
 }
 
-/// State: poses, the eyes' last images, and one map with its models for each set that is learned.
+/// State: poses, the cameras' last images, and one map with its models for each set that is learned.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TerrainLearner {
     localizer: Localizer,
-    eyes: [Eye; 2],
-    /// One where one eye learns or both share it, else one for each eye.
+    cameras: [LearnerCamera; 2],
+    /// One where one camera learns or both share it, else one for each camera.
     maps: Vec<TerrainMap>,
-    /// When the first labels of any eye came.
+    /// When the first labels of any camera came.
     begun: Option<Stamp>,
     /// Switches of the bumper that are pressed.
     pressed: [bool; 2],
@@ -41,8 +41,8 @@ pub struct TerrainLearner {
 /// Ports of [`TerrainLearner`].
 #[derive(Debug)]
 pub struct Ports {
-    left: EyePorts,
-    right: EyePorts,
+    left: CameraPorts,
+    right: CameraPorts,
     bumper: In<Bumper>,
     poses: PosePorts,
     cost: Out<Grid>,
@@ -51,8 +51,8 @@ pub struct Ports {
     stats: Out<TerrainStats>,
 }
 
-/// Names of the eyes.
-const EYES: [&str; 2] = ["left", "right"];
+/// Names of the cameras.
+const SIDES: [&str; 2] = ["left", "right"];
 
 impl Process for TerrainLearner {
     type Params = TerrainLearnerParams;
@@ -63,13 +63,13 @@ impl Process for TerrainLearner {
         summary: "Learns what terrain looks like from labelled range images and from driving over it",
         period_ms: 333.0,
         latency_ms: 8.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
         Ports {
-            left: EyePorts::left(b),
-            right: EyePorts::right(b),
+            left: CameraPorts::left(b),
+            right: CameraPorts::right(b),
             bumper: b.optional_input("bumper", "switches of the bumper"),
             poses: PosePorts::declare(b),
             cost: b
@@ -78,8 +78,8 @@ impl Process for TerrainLearner {
                 .palette("cost")
                 .build(),
             models: [
-                b.output("models", "models of the left eye, or of both").role(Role::Models).build(),
-                b.output("models_right", "models of the right eye, where it has its own")
+                b.output("models", "models of the left camera, or of both").role(Role::Models).build(),
+                b.output("models_right", "models of the right camera, where it has its own")
                     .role(Role::Models)
                     .build(),
             ],
@@ -109,7 +109,7 @@ impl Process for TerrainLearner {
     fn new(params: &TerrainLearnerParams) -> Self {
         Self {
             localizer: Localizer::default(),
-            eyes: Default::default(),
+            cameras: Default::default(),
             maps: maps(params),
             begun: None,
             pressed: [false; 2],
@@ -118,34 +118,37 @@ impl Process for TerrainLearner {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &TerrainLearnerParams, cx: &mut Cycle<'_>) {
-        let site = site(params);
-        ports.poses.read(&mut self.localizer, site.frames, cx);
+        let extrinsics = extrinsics(params);
+        ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
         while let Some(command) = cx.next_command::<Self>() {
             match command {
                 TerrainLearnerCommand::Clear => self.maps = vec![empty_map()],
             }
         }
         // The parameter may change during a run.
-        self.maps.resize_with(if params.eyes() == TerrainEyes::TerrainSeparate { 2 } else { 1 }, empty_map);
+        self.maps
+            .resize_with(if params.cameras() == TerrainCameras::TerrainSeparate { 2 } else { 1 }, empty_map);
         let rules = rules(params);
         let mut newest = None;
         let mut said = "waits for labels";
-        for eye in 0..if params.eyes() == TerrainEyes::TerrainLeft { 1 } else { 2 } {
-            let eye_ports = [&ports.left, &ports.right][eye];
-            let Some((time, labels)) = self.eyes[eye].read(eye_ports, EYES[eye], cx) else { continue };
+        for side in 0..if params.cameras() == TerrainCameras::TerrainLeft { 1 } else { 2 } {
+            let camera_ports = [&ports.left, &ports.right][side];
+            let Some((time, labels)) = self.cameras[side].read(camera_ports, SIDES[side], cx) else {
+                continue;
+            };
             self.begun = self.begun.or(Some(time));
-            match self.eyes[eye].frame(time, &labels, params) {
-                Ok(frame) => match self.learn(eye, &frame, params, &rules, ports, cx) {
+            match self.cameras[side].frame(time, &labels, params) {
+                Ok(frame) => match self.learn(side, &frame, params, &rules, ports, cx) {
                     Ok(text) => {
                         said = text;
                         newest = newest.max(Some(time));
                     }
-                    Err(error) => cx.fault(format!("{} eye: {error}; frame skipped", EYES[eye])),
+                    Err(error) => cx.fault(format!("{} camera: {error}; frame skipped", SIDES[side])),
                 },
-                Err(error) => cx.fault(format!("{} eye: {error}; frame skipped", EYES[eye])),
+                Err(error) => cx.fault(format!("{} camera: {error}; frame skipped", SIDES[side])),
             }
         }
-        self.report_late_eye(params, cx);
+        self.report_late_camera(params, cx);
         let felt = self.experience(ports, params, &rules, cx);
         if newest.is_some() || felt {
             self.send(newest.unwrap_or(cx.now()), params, &rules, ports, cx);
@@ -158,36 +161,37 @@ impl TerrainLearner {
     /// Learns from a frame and says what it did, or why it did not.
     fn learn(
         &mut self,
-        eye: usize,
+        side: usize,
         frame: &Frame,
         params: &TerrainLearnerParams,
         rules: &ModelRules,
         ports: &Ports,
         cx: &mut Cycle<'_>,
     ) -> Result<&'static str, Unusable> {
-        let (site, time) = (site(params), frame.time);
-        let local_from_vehicle = site.local_from_vehicle(&self.localizer, time)?;
+        let (extrinsics, time) = (extrinsics(params), frame.time);
+        let local_from_vehicle = extrinsics.local_from_vehicle(&self.localizer, time)?;
         // The mount parameters are the left camera's.
-        let camera = if eye == 0 { site } else { site.without_mount() };
+        let camera = if side == 0 { extrinsics } else { extrinsics.without_mount() };
         let vehicle_from_camera =
             camera.vehicle_from_sensor(&self.localizer, &frame.image.frame_id, Axes::Optical, time)?;
         let ratios = self.ratios(params);
-        let set = eye.min(self.maps.len() - 1);
+        let set = side.min(self.maps.len() - 1);
         let refusal = self.refusal(time, params);
         let map = &mut self.maps[set];
         map.recentre(local_from_vehicle.translation.truncate());
         let mut learned = Learned::default();
         if refusal.is_none() {
-            let camera = local_from_vehicle * vehicle_from_camera;
-            let strips = frame.gather(camera, &map.window(), params.max_range_m as f32, &ratios, cx);
+            let local_from_camera = local_from_vehicle * vehicle_from_camera;
+            let strips =
+                frame.gather(local_from_camera, &map.window(), params.max_range_m as f32, &ratios, cx);
             learned = map.learn(&join(&strips, SIDE), rules);
-            cx.write(&ports.learned[eye], time, frame.used(&strips));
+            cx.write(&ports.learned[side], time, frame.used(&strips));
         }
         let [cells, cells_with_model] = map.counts();
         let [driven, bumped] = map.experienced();
         let stats = TerrainStats {
             timestamp: Some(time.to_proto()),
-            eye: [TerrainEye::Left, TerrainEye::Right][eye].into(),
+            camera: [TerrainCamera::Left, TerrainCamera::Right][side].into(),
             learned: refusal.is_none(),
             ground: learned.ground,
             obstacle: learned.obstacle,
@@ -203,12 +207,12 @@ impl TerrainLearner {
         Ok(refusal.unwrap_or("learns from labelled range"))
     }
 
-    /// Why nothing is learned now (A 3.2, step 1).
+    /// Why nothing is learned now (Albus 2006a, 3.2, step 1).
     fn refusal(&self, time: Stamp, params: &TerrainLearnerParams) -> Option<&'static str> {
         if params.learn_while_standing {
             return None;
         }
-        match site(params).motion(&self.localizer, time, params.motion_window_s) {
+        match extrinsics(params).motion(&self.localizer, time, params.motion_window_s) {
             Some([_, turn]) if turn > params.max_turn_rate_dps.to_radians() => {
                 Some("does not learn: the vehicle turns")
             }
@@ -225,7 +229,7 @@ impl TerrainLearner {
         rules: &ModelRules,
         cx: &mut Cycle<'_>,
     ) -> bool {
-        let site = site(params);
+        let extrinsics = extrinsics(params);
         let before: Vec<_> = self.maps.iter().map(TerrainMap::experienced).collect();
         let half = params.width_m / 2.0;
         while let Some(bumper) = cx.read(&ports.bumper) {
@@ -235,7 +239,7 @@ impl TerrainLearner {
             if hit == [false; 2] {
                 continue;
             }
-            match site.local_from_vehicle(&self.localizer, bumper.acq_time()) {
+            match extrinsics.local_from_vehicle(&self.localizer, bumper.acq_time()) {
                 Ok(pose) => {
                     let y = [if hit[1] { -half } else { 0.0 }, if hit[0] { half } else { 0.0 }];
                     let patch = Patch { x: [params.front_m, params.front_m + params.bumper_reach_m], y };
@@ -245,8 +249,8 @@ impl TerrainLearner {
             }
         }
         // Without a pose the vehicle is nowhere; frames report it.
-        if !site.fixed_pose
-            && let Ok(pose) = site.local_from_vehicle(&self.localizer, cx.now())
+        if !extrinsics.fixed_pose
+            && let Ok(pose) = extrinsics.local_from_vehicle(&self.localizer, cx.now())
         {
             let outline = Patch { x: [-params.rear_m, params.front_m], y: [-half, half] };
             self.maps.iter_mut().for_each(|map| map.drive(&pose, &outline, params.driven_gain, rules));
@@ -263,19 +267,19 @@ impl TerrainLearner {
         ports: &Ports,
         cx: &mut Cycle<'_>,
     ) {
-        let eyes = match params.eyes() {
-            TerrainEyes::TerrainLeft => [TerrainEye::Left; 2],
-            TerrainEyes::TerrainCombined => [TerrainEye::Both; 2],
-            TerrainEyes::TerrainSeparate => [TerrainEye::Left, TerrainEye::Right],
+        let cameras = match params.cameras() {
+            TerrainCameras::TerrainLeft => [TerrainCamera::Left; 2],
+            TerrainCameras::TerrainCombined => [TerrainCamera::Both; 2],
+            TerrainCameras::TerrainSeparate => [TerrainCamera::Left, TerrainCamera::Right],
         };
         for (set, map) in self.maps.iter_mut().enumerate() {
-            let mut models = map.models.to_message(eyes[set], params.ratio_span_octaves, &rules.weights);
+            let mut models = map.models.to_message(cameras[set], params.ratio_span_octaves, &rules.weights);
             models.timestamp = Some(time.to_proto());
             cx.write(&ports.models[set], time, models);
             if let Some((south_west, costs)) = map.changed() {
                 let frame = GridFrame { south_west, side: SIDE, cell_size_m: CELL_SIZE_M };
                 let grid = CostGrid::of(frame, costs);
-                let local = site(params).frames.local;
+                let local = extrinsics(params).frames.local;
                 let message = grid.map(|grid| grid.into_message(Source::TERRAIN, local, time));
                 if let Some(message) = message {
                     cx.write(&ports.cost, time, message);
@@ -284,21 +288,23 @@ impl TerrainLearner {
         }
     }
 
-    /// An eye that is behind the other one is a fault, once until it has caught up.
-    fn report_late_eye(&mut self, params: &TerrainLearnerParams, cx: &mut Cycle<'_>) {
-        let Some(begun) = self.begun.filter(|_| params.eyes() != TerrainEyes::TerrainLeft) else { return };
-        let times = [0, 1].map(|eye| self.eyes[eye].newest.unwrap_or(begun));
-        for eye in 0..2 {
-            let behind_s = times[1 - eye].seconds_since(times[eye]);
-            let is_late = behind_s > params.eye_timeout_s;
-            if is_late && !self.eyes[eye].is_late {
-                let (name, other) = (EYES[eye], EYES[1 - eye]);
+    /// A camera that is behind the other one is a fault, once until it has caught up.
+    fn report_late_camera(&mut self, params: &TerrainLearnerParams, cx: &mut Cycle<'_>) {
+        let Some(begun) = self.begun.filter(|_| params.cameras() != TerrainCameras::TerrainLeft) else {
+            return;
+        };
+        let times = [0, 1].map(|side| self.cameras[side].newest.unwrap_or(begun));
+        for side in 0..2 {
+            let behind_s = times[1 - side].seconds_since(times[side]);
+            let is_late = behind_s > params.camera_timeout_s;
+            if is_late && !self.cameras[side].is_late {
+                let (name, other) = (SIDES[side], SIDES[1 - side]);
                 cx.fault(format!(
-                    "{name} eye is {behind_s:.1} s behind the {other} one, expected at most {} s",
-                    params.eye_timeout_s
+                    "{name} camera is {behind_s:.1} s behind the {other} one, expected at most {} s",
+                    params.camera_timeout_s
                 ));
             }
-            self.eyes[eye].is_late = is_late;
+            self.cameras[side].is_late = is_late;
         }
     }
 
@@ -312,8 +318,8 @@ impl TerrainLearner {
 }
 
 /// How vehicle and cameras are found.
-fn site(params: &TerrainLearnerParams) -> Site<'_> {
-    Site::new(params.pose.as_ref(), params.mount.as_ref())
+fn extrinsics(params: &TerrainLearnerParams) -> Extrinsics<'_> {
+    Extrinsics::new(params.pose.as_ref(), params.mount.as_ref())
 }
 
 /// Rules of the parameters.
@@ -345,10 +351,10 @@ fn maps(params: &TerrainLearnerParams) -> Vec<TerrainMap> {
         message.and_then(|message| ModelSet::from_message(&message).ok()).unwrap_or_default()
     };
     let (left, right) = (set(&params.models), set(&params.models_right));
-    let sets = match params.eyes() {
-        TerrainEyes::TerrainLeft => vec![left],
-        TerrainEyes::TerrainSeparate => vec![left, right],
-        TerrainEyes::TerrainCombined => {
+    let sets = match params.cameras() {
+        TerrainCameras::TerrainLeft => vec![left],
+        TerrainCameras::TerrainSeparate => vec![left, right],
+        TerrainCameras::TerrainCombined => {
             let mut both = left;
             both.take_all(&right, &rules(params));
             vec![both]

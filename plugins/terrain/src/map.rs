@@ -1,13 +1,14 @@
-//! The learning map: 201×201 cells of 0.2 m that scroll with the vehicle, north-up, and the models of its cells (A 3.2).
+//! The learning map: 201×201 cells of 0.2 m that scroll with the vehicle, north-up, and the models of its cells (Albus
+//! 2006a, 3.2).
 //!
-//! A cell that is ready gives all its points to a model; from then on each new point of the cell goes to the model, too,
-//! until the cell is no longer pure: then the model keeps what it has and the cell speaks for itself. Cells that scroll
-//! off are forgotten.
+//! A cell that is ready gives all its points to a model; from then on each new point of the cell goes to the model,
+//! too, until the cell is no longer pure: then the model keeps what it has and the cell speaks for itself. Cells that
+//! scroll off are forgotten.
 //!
-//! The paper does not say how much weight experience has. Here a cell that is driven over gains `driven_gain` ground points
-//! for each point that it holds (at least as many as a model needs), and so does its model: what the wheels say of a cell
-//! counts that many times what range said of it, whatever the camera's resolution. A cell gains when it comes under the
-//! vehicle, not for as long as it stays there. Hits of the bumper are the same with obstacle points.
+//! The paper does not say how much weight experience has. Here a cell that is driven over gains `driven_gain` ground
+//! points for each point that it holds (at least as many as a model needs), and so does its model: what the wheels say
+//! of a cell counts that many times what range said of it, whatever the camera's resolution. A cell gains when it comes
+//! under the vehicle, not for as long as it stays there. Hits of the bumper are the same with obstacle points.
 
 use crate::frame::Window;
 use crate::models::{ModelRules, ModelSet, Terrain};
@@ -18,8 +19,8 @@ use rcs_world::{MAX_COST, SIDE, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Cells of one frame for which room is made among the models, so that a frame of many new kinds of terrain does not take
-/// long: the nearest two of 64 models are found in some 20 µs.
+/// Cells of one frame for which room is made among the models, so that a frame of many new kinds of terrain does not
+/// take long: the nearest two of 64 models are found in some 20 µs.
 pub const SQUEEZED: usize = 64;
 
 /// A cell of the learning map.
@@ -114,8 +115,9 @@ impl TerrainMap {
         self.experienced
     }
 
-    /// Adds the points of a frame, sorted into cells by place, and lets ready cells become models (step 4). Where there are
-    /// as many models as there may be, room is made for up to [`SQUEEZED`] cells a frame; the others wait for a later one.
+    /// Adds the points of a frame, sorted into cells by place, and lets ready cells become models (step 4). Where there
+    /// are as many models as there may be, room is made for up to [`SQUEEZED`] cells a frame; the others wait for a
+    /// later one.
     pub fn learn(&mut self, points: &[(u32, Terrain)], rules: &ModelRules) -> Learned {
         let mut learned = Learned::default();
         let mut signatures = self.models.signatures(&rules.weights);

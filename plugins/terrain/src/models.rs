@@ -1,7 +1,7 @@
-//! Terrain models: cells that look alike, and what is known of driving over them (A 3.2, steps 4 and 5).
+//! Terrain models: cells that look alike, and what is known of driving over them (Albus 2006a, 3.2, steps 4 and 5).
 
 use crate::appearance::{BINS, HISTOGRAMS, Histograms, MatchWeights, Signature};
-use crate::proto::{TerrainEye, TerrainModel, TerrainModels, TerrainWeights};
+use crate::proto::{TerrainCamera, TerrainModel, TerrainModels, TerrainWeights};
 use serde::{Deserialize, Serialize};
 
 /// What a cell or a model holds: a model has the structure of a cell.
@@ -30,8 +30,8 @@ impl Terrain {
         self.ground.max(self.obstacle) as f64 / self.points().max(1) as f64
     }
 
-    /// `N_obstacle / (N_ground + N_obstacle)`, experience counted (the paper calls it traversability). `None` where nothing is
-    /// known.
+    /// `N_obstacle / (N_ground + N_obstacle)`, experience counted (the paper calls it traversability). `None` where
+    /// nothing is known.
     pub fn obstacle_fraction(&self) -> Option<f64> {
         let obstacle = self.obstacle.saturating_add(self.bumped);
         let all = obstacle.saturating_add(self.ground).saturating_add(self.driven);
@@ -146,7 +146,8 @@ impl ModelSet {
     }
 
     /// Merges a cell with its best match, or makes it a model where none is near enough. `signatures` are those of
-    /// [`ModelSet::signatures`] under the rules' weights, and are kept up to date. `None` where there is no match and no room.
+    /// [`ModelSet::signatures`] under the rules' weights, and are kept up to date. `None` where there is no match and
+    /// no room.
     pub fn take(
         &mut self,
         cell: &Terrain,
@@ -173,11 +174,12 @@ impl ModelSet {
     }
 
     /// Makes room for one more model: merges the two models that are most alike and gives their places, the one that is
-    /// left first; `None` where there are no two of one kind. Only two models of which range and experience say the same,
-    /// ground or obstacle, are merged: a set that is full must not lose its obstacles in the many kinds of ground.
+    /// left first; `None` where there are no two of one kind. Only two models of which range and experience say the
+    /// same, ground or obstacle, are merged: a set that is full must not lose its obstacles in the many kinds of
+    /// ground.
     ///
-    /// The paper does not say what happens when there are many kinds of terrain; without this, the first cells of a frame
-    /// would take all places.
+    /// The paper does not say what happens when there are many kinds of terrain; without this, the first cells of a
+    /// frame would take all places.
     fn make_room(&mut self, signatures: &mut [Signature], rules: &ModelRules) -> Option<[usize; 2]> {
         let is_obstacle = |model: &Model| model.terrain.obstacle_fraction().is_some_and(|f| f >= 0.5);
         let kinds: Vec<bool> = self.models.iter().map(is_obstacle).collect();
@@ -222,12 +224,17 @@ impl ModelSet {
     }
 
     /// The set as a message, without a time.
-    pub fn to_message(&self, eye: TerrainEye, span_octaves: f64, weights: &MatchWeights) -> TerrainModels {
+    pub fn to_message(
+        &self,
+        camera: TerrainCamera,
+        span_octaves: f64,
+        weights: &MatchWeights,
+    ) -> TerrainModels {
         let [red_green, red_blue, green_blue, intensity, texture] = weights.histograms.map(f64::from);
         let contrast = f64::from(weights.contrast);
         TerrainModels {
             timestamp: None,
-            eye: eye.into(),
+            camera: camera.into(),
             ratio_span_octaves: span_octaves,
             weights: Some(TerrainWeights { red_green, red_blue, green_blue, intensity, texture, contrast }),
             models: self.models.iter().map(model_message).collect(),
@@ -241,7 +248,8 @@ impl ModelSet {
     }
 }
 
-/// How the windows of an image are compared with the models of a message: the span of the bins (octaves) and the weights.
+/// How the windows of an image are compared with the models of a message: the span of the bins (octaves) and the
+/// weights.
 pub fn matching_of(message: &TerrainModels) -> Result<(f64, MatchWeights), ModelsError> {
     let span = message.ratio_span_octaves;
     if !(span.is_finite() && span > 0.0) {

@@ -68,7 +68,7 @@ fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts() {
 }
 
 #[test]
-fn sets_of_two_eyes_are_combined_by_their_matches() {
+fn sets_of_two_cameras_are_combined_by_their_matches() {
     let one = |code: u16| ModelSet { models: vec![Model { terrain: cell(code, 60, 0), cells: 2 }] };
     let mut left = one(0);
     left.take_all(&one(0), &RULES);
@@ -88,7 +88,7 @@ proptest! {
         }
         let set = ModelSet { models: vec![Model { terrain, cells: 3 }; 2] };
         let weights = RULES.weights.normalised();
-        let message = set.to_message(TerrainEye::Both, 1.5, &weights);
+        let message = set.to_message(TerrainCamera::Both, 1.5, &weights);
         let text = to_json(&AnyMessage::new(message.clone())).unwrap();
         let read = models_of_text(&text).unwrap().unwrap();
         prop_assert_eq!(ModelSet::from_message(&read).unwrap(), set);
@@ -100,7 +100,7 @@ proptest! {
 #[test]
 fn files_that_are_not_models_are_refused_with_the_reason() {
     let set = ModelSet { models: vec![Model { terrain: cell(0, 10, 0), cells: 1 }] };
-    let good = set.to_message(TerrainEye::Left, 1.0, &RULES.weights);
+    let good = set.to_message(TerrainCamera::Left, 1.0, &RULES.weights);
     let refusal = |change: &dyn Fn(&mut TerrainModels)| {
         let mut message = good.clone();
         change(&mut message);

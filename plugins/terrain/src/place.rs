@@ -1,10 +1,11 @@
-//! Where classified windows are: ground on the flat plane of the vehicle's pose, obstacles upright on it (A 3.3).
+//! Where classified windows are: ground on the flat plane of the vehicle's pose, obstacles upright on it (Albus 2006a,
+//! 3.3).
 //!
 //! - The plane is z = 0 of the vehicle frame. A cell of the map whose middle is seen in a traversable window gets that
 //!   window's cost; what lies behind an upright obstacle is not seen and gets none.
-//! - An obstacle window stands where the closest ground below it in its column of windows ends: at the upper edge of the
-//!   next traversable window down, or of what stereo covers, or at the lower edge of the image. Its cost goes to the cells
-//!   along the window's width there; above a traversable window's.
+//! - An obstacle window stands where the closest ground below it in its column of windows ends: at the upper edge of
+//!   the next traversable window down, or of what stereo covers, or at the lower edge of the image. Its cost goes to
+//!   the cells along the window's width there; above a traversable window's.
 
 use crate::classify::{Class, WindowGrid};
 use glam::{DVec2, DVec3};

@@ -50,8 +50,8 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// Ground of grass, and planks 2 m high `wall_m` ahead of the vehicle, as far to each side as `wall_half_m`; sky is pale
-    /// and has no range.
+    /// Ground of grass, and planks 2 m high `wall_m` ahead of the vehicle, as far to each side as `wall_half_m`; sky is
+    /// pale and has no range.
     pub(crate) fn new(
         size: [u32; 2],
         local_from_vehicle: Pose,

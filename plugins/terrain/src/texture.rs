@@ -1,12 +1,12 @@
-//! Local binary patterns and their contrast (A 3.2; Ojala, Pietikäinen and Harwood 1996, weights of the 2002 paper).
+//! Local binary patterns and their contrast (Albus 2006a, 3.2; Ojala 1996, weights of Ojala 2002).
 //!
 //! The eight neighbours of a pixel are compared with it; one that is not darker sets its bit. Bits count clockwise from
-//! the top left neighbour, so that the patch 6 5 2 / 7 6 1 / 9 8 7 has the code 1 + 16 + 32 + 64 + 128 = 241. The contrast
-//! is the mean of the neighbours with a bit less the mean of the others: 7.4 − 8/3 = 4.7333 there, and 0 where all are on
-//! one side. Outside of the image the nearest pixel counts.
+//! the top left neighbour, so that the patch 6 5 2 / 7 6 1 / 9 8 7 has the code 1 + 16 + 32 + 64 + 128 = 241. The
+//! contrast is the mean of the neighbours with a bit less the mean of the others: 7.4 − 8/3 = 4.7333 there, and 0 where
+//! all are on one side. Outside of the image the nearest pixel counts.
 //!
-//! Contrasts are kept as whole numbers of 1/840 grey level: 840 is a multiple of 1 to 8, so nothing is rounded, and sums
-//! do not depend on their order.
+//! Contrasts are kept as whole numbers of 1/840 grey level: 840 is a multiple of 1 to 8, so nothing is rounded, and
+//! sums do not depend on their order.
 
 /// Contrast of one grey level.
 pub const CONTRAST_UNIT: u32 = 840;
@@ -110,8 +110,8 @@ impl Patterns {
         self.contrasts.resize(width, 0);
     }
 
-    /// Takes one neighbour of every pixel. Two plain loops without branches or checks, each over numbers of one width: the
-    /// compiler makes vector code of them. Eight neighbours fit eight and eleven bits, so that nothing wraps.
+    /// Takes one neighbour of every pixel. Two plain loops without branches or checks, each over numbers of one width:
+    /// the compiler makes vector code of them. Eight neighbours fit eight and eleven bits, so that nothing wraps.
     fn compare(&mut self, bit: usize, neighbours: &[u8], centres: &[u8]) {
         let pairs = || neighbours.iter().zip(centres);
         for ((code, count), (&neighbour, &centre)) in self.codes.iter_mut().zip(&mut self.counts).zip(pairs())

@@ -3,8 +3,8 @@
 //! The exact Euclidean transform of Felzenszwalb and Huttenlocher ("Distance Transforms of Sampled Functions", 2012):
 //! one pass along the columns, one along the rows, each the lower envelope of parabolas, linear in the cells.
 
-/// Distances between cell middles to the nearest blocked cell, in cells, by rows. What lies outside counts as blocked, so
-/// that no way leads along the edge of what is known.
+/// Distances between cell middles to the nearest blocked cell, in cells, by rows. What lies outside counts as blocked,
+/// so that no way leads along the edge of what is known.
 pub fn to_blocked(columns: usize, is_blocked: &[bool]) -> Vec<f32> {
     let rows = is_blocked.len() / columns.max(1);
     // Larger than any squared distance there can be, and far from losing whole numbers.

@@ -11,7 +11,7 @@ use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, 
 use rcs_sense::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
-/// Frame of the truth.
+/// Frame of the ground truth.
 const GLOBAL: &str = "global";
 /// Path and statistics are sent again this often, ns.
 const REPORT_NS: u64 = 500_000_000;
@@ -66,14 +66,14 @@ impl Process for TruthDriver {
         summary: "Drives the simulated vehicle to its goal by the truth's cheapest path: a yardstick for other drivers",
         period_ms: 50.0,
         latency_ms: 0.0,
-        reads_truth: true,
+        reads_ground_truth: true,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
         Ports {
-            pose: b.input("truth_pose", "true pose of the vehicle, frame global"),
+            pose: b.input("ground_truth_pose", "true pose of the vehicle, frame global"),
             map: b.input(
-                "truth_map",
+                "ground_truth_map",
                 "fields height and vegetation (m) and class of the whole world, frame global",
             ),
             goal: b.input("goal", "where to go, frame global"),
@@ -128,8 +128,8 @@ impl TruthDriver {
         let Some(odometry) = cx.read_newest(&ports.pose) else { return };
         match pose_of(odometry.pose.as_ref(), &odometry.frame_id) {
             Ok(pose) if odometry.frame_id == GLOBAL => self.pose = Some((pose, odometry.acq_time())),
-            Ok(_) => cx.fault(elsewhere("truth_pose", &odometry.frame_id)),
-            Err(error) => cx.fault(format!("truth_pose: {error}; skipped")),
+            Ok(_) => cx.fault(elsewhere("ground_truth_pose", &odometry.frame_id)),
+            Err(error) => cx.fault(format!("ground_truth_pose: {error}; skipped")),
         }
     }
 
@@ -150,7 +150,7 @@ impl TruthDriver {
     fn take_map(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
         let Some(grid) = cx.read_newest(&ports.map) else { return };
         if grid.frame_id != GLOBAL {
-            cx.fault(elsewhere("truth_map", &grid.frame_id));
+            cx.fault(elsewhere("ground_truth_map", &grid.frame_id));
             return;
         }
         let digest = digest(&grid.data);
@@ -186,7 +186,7 @@ impl TruthDriver {
         let terrain = match Terrain::new(&grid, &rules) {
             Ok(terrain) => terrain,
             Err(error) => {
-                cx.fault(format!("truth_map: {error}"));
+                cx.fault(format!("ground_truth_map: {error}"));
                 self.plan = Plan::Impossible(format!("the map cannot be used: {error}"));
                 return;
             }
@@ -237,7 +237,7 @@ impl TruthDriver {
 
 fn send_drive(ports: &Ports, steering: Steering, cx: &mut Cycle<'_>) {
     let now = cx.now();
-    // A turn rate, as the heading of a command is in the local frame, of which the truth knows nothing.
+    // A turn rate, as the heading of a command is in the local frame, of which the ground truth knows nothing.
     let command = DriveCommand {
         timestamp: Some(now.to_proto()),
         heading_rad: 0.0,

@@ -1,4 +1,4 @@
-//! Whole cycles: what is known of the truth, and what is commanded.
+//! Whole cycles: what is known of the ground truth, and what is commanded.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -19,7 +19,7 @@ name = "driver"
 name = "driver"
 plugin = "truth_driver"
 supervisor = "viewer"
-inputs = { truth_pose = "/operator/pose", truth_map = "/operator/map", goal = "/operator/goal" }
+inputs = { ground_truth_pose = "/operator/pose", ground_truth_map = "/operator/map", goal = "/operator/goal" }
 "#;
 
 /// A bench with the driver alone, of cycles of 50 ms.

@@ -1,4 +1,4 @@
-//! How a cost map becomes votes (A 4, B 3.4).
+//! How a cost map becomes votes (Albus 2006a, 4, Albus 2006b, 3.4).
 
 use rcs_geom::{DVec2, DVec3};
 use rcs_msg::{Stamp, foxglove::Grid};
@@ -6,7 +6,7 @@ use rcs_world::{Field, GridView, GridViewError, HeightStats, MAX_COST, Map, Nume
 
 /// What every vote of a message has in common.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ballot {
+pub struct VoteOrigin {
     /// Who votes.
     pub source: Source,
     /// Acquisition sequence of the message: provenance.
@@ -24,16 +24,16 @@ pub struct Ballot {
 pub struct Taken {
     /// Cells that took a vote.
     pub votes: u64,
-    /// Votes for cells outside of the map.
+    /// VoteOrigin for cells outside of the map.
     pub outside: u64,
 }
 
 /// Lets every cell of a cost map with a cost vote for the map's cell in which its middle lies. The grid's frame is the
 /// map's. Its field `cost.<source>` (u8, 0–250, 255 unknown) is asked for; heights are taken where it has them
 /// (`ground.mean` and the others of [`Map::to_grid`]).
-pub fn take(map: &mut Map, grid: &Grid, ballot: &Ballot) -> Result<Taken, GridViewError> {
+pub fn take(map: &mut Map, grid: &Grid, origin: &VoteOrigin) -> Result<Taken, GridViewError> {
     let view = GridView::new(grid)?;
-    let costs = view.field_of(&format!("cost.{}", ballot.source), NumericType::Uint8)?;
+    let costs = view.field_of(&format!("cost.{}", origin.source), NumericType::Uint8)?;
     let ground = Heights::find(&view, "ground");
     let obstacle = Heights::find(&view, "obstacle");
     let map_from_grid = view.frame_from_grid();
@@ -51,13 +51,13 @@ pub fn take(map: &mut Map, grid: &Grid, ballot: &Ballot) -> Result<Taken, GridVi
                 taken.outside += 1;
                 continue;
             };
-            map.vote(index, ballot.source, cost, ballot.sequence, ballot.time, ballot.rule);
+            map.vote(index, origin.source, cost, origin.sequence, origin.time, origin.rule);
             let heights =
                 |of: &Option<Heights<'_>>| of.as_ref().map(|h| h.get(column, row)).unwrap_or_default();
-            let tolerance = ballot.height_tolerance_m;
+            let tolerance = origin.height_tolerance_m;
             if let Some(cell) = map.cell_mut(index) {
                 let (ground, obstacle) = (heights(&ground), heights(&obstacle));
-                cell.observe_heights(&ground, &obstacle, tolerance, ballot.time, ballot.rule);
+                cell.observe_heights(&ground, &obstacle, tolerance, origin.time, origin.rule);
             }
             taken.votes += 1;
         }
@@ -113,8 +113,8 @@ mod tests {
 
     const RULE: VoteRule = VoteRule { rise: 30, fall: 20, max: 255 };
 
-    fn ballot(source: Source, sequence: u32) -> Ballot {
-        Ballot { source, sequence, time: Stamp(u64::from(sequence)), rule: RULE, height_tolerance_m: 0.2 }
+    fn origin(source: Source, sequence: u32) -> VoteOrigin {
+        VoteOrigin { source, sequence, time: Stamp(u64::from(sequence)), rule: RULE, height_tolerance_m: 0.2 }
     }
 
     /// A cost map around (x, y) with one cost for every place of a list; the rest unknown.
@@ -136,7 +136,7 @@ mod tests {
         map.recentre(DVec2::new(5.0, 5.0)).unwrap();
         for (i, centre) in [DVec2::ZERO, DVec2::new(7.7, -9.1)].into_iter().enumerate() {
             let message = grid(centre, Source::STEREO, &[(place, 250)]);
-            let taken = take(&mut map, &message, &ballot(Source::STEREO, i as u32 + 1)).unwrap();
+            let taken = take(&mut map, &message, &origin(Source::STEREO, i as u32 + 1)).unwrap();
             assert_eq!(taken, Taken { votes: 1, outside: 0 });
         }
         let evidence = map.evidence(Source::STEREO, map.grid().cell_at(place).unwrap());
@@ -151,7 +151,7 @@ mod tests {
         map.recentre(DVec2::new(30.0, 0.0)).unwrap();
         let message =
             grid(DVec2::ZERO, Source::STEREO, &[(DVec2::new(0.1, 0.1), 0), (DVec2::new(15.0, 0.1), 200)]);
-        let taken = take(&mut map, &message, &ballot(Source::STEREO, 1)).unwrap();
+        let taken = take(&mut map, &message, &origin(Source::STEREO, 1)).unwrap();
         assert_eq!(taken, Taken { votes: 1, outside: 1 });
     }
 
@@ -160,7 +160,7 @@ mod tests {
         let mut map = Map::new(0.2).unwrap();
         let before = map.clone();
         let message = grid(DVec2::ZERO, Source::COLOR, &[(DVec2::ZERO, 250)]);
-        assert!(take(&mut map, &message, &ballot(Source::STEREO, 1)).is_err());
+        assert!(take(&mut map, &message, &origin(Source::STEREO, 1)).is_err());
         assert_eq!(map, before);
     }
 }

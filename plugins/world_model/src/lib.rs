@@ -1,4 +1,4 @@
-//! The world model WM1: fuses sensed costs into a scrolling map (A 4, B 3.4).
+//! The world model WM1: fuses sensed costs into a scrolling map (Albus 2006a, 4, Albus 2006b, 3.4).
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
@@ -25,8 +25,8 @@
 //! sources stay apart, and what goes out is fused by [`rcs_world::fuse`] with the weights of the parameters. The map
 //! scrolls so that the vehicle is in cell (100, 100). Rules and fields of the message: [`rcs_world`].
 //!
-//! The map goes out as [`rcs_world::MapMessage`], which shares its tiles with the process; it becomes a `foxglove.Grid` for
-//! those who do not know it, and is recorded as key frames and changed tiles.
+//! The map goes out as [`rcs_world::MapMessage`], which shares its tiles with the process; it becomes a `foxglove.Grid`
+//! for those who do not know it, and is recorded as key frames and changed tiles.
 //!
 //! A cost map that cannot be used (another frame, no `cost.<source>`, sizes that do not fit) is a fault and changes
 //! nothing.

@@ -1,12 +1,12 @@
 //! The process `world_model`.
 
-use crate::algo::{Ballot, take};
+use crate::algo::{VoteOrigin, take};
 use crate::proto::{WorldModelParams, WorldModelSource, WorldModelSourceKind, WorldModelStats};
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Localizer, PosePorts, Site, pose_message};
+use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message};
 use rcs_world::{
     Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, SourceKind, Sources, VoteRule, Weighted, Weights,
 };
@@ -68,7 +68,7 @@ impl Process for WorldModel {
         summary: "WM1: fuses the costs that the sources see into one scrolling map",
         period_ms: 50.0,
         latency_ms: 4.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
@@ -114,7 +114,7 @@ impl Process for WorldModel {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &WorldModelParams, cx: &mut Cycle<'_>) {
-        ports.poses.read(&mut self.localizer, site(params).frames, cx);
+        ports.poses.read(&mut self.localizer, extrinsics(params).frames, cx);
         while let Some(command) = cx.next_command::<Self>() {
             match command {
                 WorldModelCommand::Clear => {
@@ -152,7 +152,7 @@ impl WorldModel {
     /// Brings the map around the vehicle; it stays where it is while the pose is not known.
     fn scroll(&mut self, params: &WorldModelParams, now: Stamp) -> Option<Pose> {
         // A pose that is not known yet is no fault: before the first message there is none.
-        let pose = site(params).local_from_vehicle(&self.localizer, now).ok()?;
+        let pose = extrinsics(params).local_from_vehicle(&self.localizer, now).ok()?;
         let exposed = self.map.recentre(pose.translation.truncate())?;
         self.scrolled += exposed.len() as u64;
         Some(pose)
@@ -190,11 +190,11 @@ impl WorldModel {
         let Some(rule) = listed.rule(source) else {
             return Err("it is none of the sources that the parameters list".to_owned());
         };
-        let local = site(params).frames.local;
+        let local = extrinsics(params).frames.local;
         if grid.frame_id != local {
             return Err(format!("frame is {:?}, expected {local:?}", grid.frame_id));
         }
-        let ballot = Ballot {
+        let origin = VoteOrigin {
             source,
             sequence: grid.header().sequence as u32,
             time: grid.acq_time(),
@@ -205,10 +205,10 @@ impl WorldModel {
         if params.clear_each_frame {
             map.clear();
         }
-        let taken = take(&mut map, grid, &ballot).map_err(|error| error.to_string())?;
+        let taken = take(&mut map, grid, &origin).map_err(|error| error.to_string())?;
         self.map = map;
         self.seen.insert(source);
-        self.changed = self.changed.max(ballot.time);
+        self.changed = self.changed.max(origin.time);
         self.votes += taken.votes;
         Ok(())
     }
@@ -232,8 +232,8 @@ impl WorldModel {
         let now = cx.now();
         self.published = Some(now);
         let weights = listed.weights;
-        // Those that have voted, in the order of the list. The first is in the map from the start, so that the fields of a
-        // stack's only source do not come later.
+        // Those that have voted, in the order of the list. The first is in the map from the start, so that the fields
+        // of a stack's only source do not come later.
         let order = weights.iter().map(|entry| entry.source);
         let first = order.clone().next();
         let sources = order.filter(|&source| Some(source) == first || self.seen.contains(source));
@@ -249,13 +249,13 @@ impl WorldModel {
             }
         });
         let acq_time = if self.changed == Stamp(0) { now } else { self.changed };
-        let frame_id = site(params).frames.local.into();
+        let frame_id = extrinsics(params).frames.local.into();
         let map = MapMessage { map: self.map.clone(), frame_id, time: now, options };
         cx.write_deferred(&ports.map, acq_time, map);
         if let Some(pose) = vehicle {
             let vehicle = PoseInFrame {
                 timestamp: Some(now.to_proto()),
-                frame_id: site(params).frames.local.to_owned(),
+                frame_id: extrinsics(params).frames.local.to_owned(),
                 pose: Some(pose_message(&pose)),
             };
             cx.write(&ports.vehicle, now, vehicle);
@@ -320,6 +320,6 @@ fn check_sources(params: &WorldModelParams) -> Result<(), String> {
     Ok(())
 }
 
-fn site(params: &WorldModelParams) -> Site<'_> {
-    Site::new(params.pose.as_ref(), None)
+fn extrinsics(params: &WorldModelParams) -> Extrinsics<'_> {
+    Extrinsics::new(params.pose.as_ref(), None)
 }

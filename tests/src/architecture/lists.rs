@@ -117,13 +117,14 @@ fn readme_lists_the_plugins() {
     assert_kept("plugins have names of their own", &repeated(&names));
 }
 
-/// Who may read the truth of a simulation: its own processes, and the one that stands in for planning.
-const READ_THE_TRUTH: [&str; 4] = ["sim_cameras", "sim_ladar", "sim_vehicle", "truth_driver"];
+/// Who may read the ground truth of a simulation: its own processes, and the one that stands in for planning.
+const READ_GROUND_TRUTH: [&str; 4] = ["sim_cameras", "sim_ladar", "sim_vehicle", "truth_driver"];
 
 #[test]
 fn nobody_else_reads_the_truth() {
-    let readers = rcs_plugins::all().iter().map(rcs_runtime::ProcessType::def).filter(|def| def.reads_truth);
-    let others = readers.filter(|def| !READ_THE_TRUTH.contains(&def.plugin));
+    let readers =
+        rcs_plugins::all().iter().map(rcs_runtime::ProcessType::def).filter(|def| def.reads_ground_truth);
+    let others = readers.filter(|def| !READ_GROUND_TRUTH.contains(&def.plugin));
     let breaches: Vec<_> = others.map(|def| format!("{} reads the truth", def.plugin)).collect();
     assert_kept("a process finds the truth out", &breaches);
 }
@@ -156,14 +157,14 @@ fn the_stack_of_the_readme_runs() {
 #[test]
 fn a_row_that_is_missing_changed_or_out_of_order_is_found() {
     let page = "# X\n\n## Other\n\n| a | b |\n| --- | --- |\n| x | y |\n\n## Views\n\nWords.\n\n\
-                | view | shows |\n| --- | --- |\n| `camera` | Pictures. |\n| `map` | Cells. |\n\nMore.\n";
+                | view | shows |\n| --- | --- |\n| `camera` | Images. |\n| `map` | Cells. |\n\nMore.\n";
     let list = |rows: &[(&str, &str)]| -> Vec<(String, String)> {
         rows.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned())).collect()
     };
     let check = |rows: &[(&str, &str)]| differences(page, "## Views", &list(rows)).len();
-    assert_eq!(check(&[("camera", "Pictures."), ("map", "Cells.")]), 0);
-    assert_eq!(check(&[("map", "Cells."), ("camera", "Pictures.")]), 1);
-    assert_eq!(check(&[("camera", "Pictures.")]), 1);
+    assert_eq!(check(&[("camera", "Images."), ("map", "Cells.")]), 0);
+    assert_eq!(check(&[("map", "Cells."), ("camera", "Images.")]), 1);
+    assert_eq!(check(&[("camera", "Images.")]), 1);
     assert_eq!(check(&[("camera", "Images."), ("map", "Cells.")]), 2);
     assert_eq!(repeated(&["a", "b", "a"]).len(), 1);
 }

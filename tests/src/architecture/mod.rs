@@ -7,6 +7,7 @@ mod code;
 mod dependencies;
 mod lists;
 mod port_tables;
+mod references;
 mod sources;
 mod tree;
 

@@ -7,8 +7,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rcs_color::engine::{Engine, Permission, Samples};
 use rcs_color::histogram::Span;
+use rcs_color::image::{HEIGHT, Image, WIDTH};
 use rcs_color::models::{Models, Settings};
-use rcs_color::picture::{HEIGHT, Picture, WIDTH};
 use rcs_color::region::spans;
 use rcs_geom::DVec2;
 use rcs_metrics::Confusion;
@@ -66,7 +66,7 @@ pub fn measure(job: &Job<'_>) -> Result<ClassReport, EvalError> {
         let size = [image.width() as usize, image.height() as usize];
         let ids = ids(labels, size)?;
         check_exposure(image.as_raw(), &rules).map_err(|error| EvalError::unusable(path, error))?;
-        let picture = Picture::new(size, 3 * size[0], image.as_raw())
+        let image = Image::new(size, 3 * size[0], image.as_raw())
             .map_err(|error| EvalError::unusable(path, error))?;
         let ground = trapezoid(size);
         let horizon_px = (job.horizon_pct * 0.01 * size[1] as f64) as u32;
@@ -78,7 +78,7 @@ pub fn measure(job: &Job<'_>) -> Result<ClassReport, EvalError> {
         for _ in 0..RUNS {
             (engine, rng) = before.clone();
             let start = Instant::now();
-            let seen = engine.see(&picture, &samples, time, &settings, &mut rng);
+            let seen = engine.see(&image, &samples, time, &settings, &mut rng);
             times_ms.push(start.elapsed().as_secs_f64() * 1e3);
             costs = seen.costs;
         }
@@ -155,7 +155,7 @@ fn ids(path: &Path, size: [usize; 2]) -> Result<Vec<u16>, EvalError> {
                 return Ok(rgb.pixels().map(|pixel| u16::from(pixel.0[0])).collect());
             }
             Err(EvalError::refused(format!(
-                "labels are a picture in colours, expected a grey PNG of ids: {}",
+                "labels are an image in colours, expected a grey PNG of ids: {}",
                 path.display()
             )))
         }

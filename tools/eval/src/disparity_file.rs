@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-/// Why a file is no truth for the images.
+/// Why a file is no ground truth for the images.
 #[derive(Debug, thiserror::Error)]
 enum TruthError {
     #[error("{0}")]
@@ -28,7 +28,7 @@ fn wrong(text: impl Into<String>) -> TruthError {
     TruthError::Wrong(text.into())
 }
 
-/// Reads the truth for an image of a size; the file's ending says what it is.
+/// Reads the ground truth for an image of a size; the file's ending says what it is.
 pub(crate) fn read(path: &Path, size: [usize; 2]) -> Result<Vec<f32>, EvalError> {
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let file = || File::open(path).map_err(TruthError::from);

@@ -1,8 +1,8 @@
-//! Disparities of one pair of images against the truth, and the time that they take.
+//! Disparities of one pair of images against the ground truth, and the time that they take.
 
 use crate::{EvalError, disparity_file};
 use rcs_geom::PinholeCamera;
-use rcs_stereo::{Eye, Matcher, Method, NO_DISPARITY, Settings, StereoCamera, Strip, score};
+use rcs_stereo::{CameraInfo, Matcher, Method, NO_DISPARITY, Settings, StereoCamera, Strip, score};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::Path;
@@ -27,7 +27,7 @@ pub struct Job<'a> {
     pub threads: usize,
 }
 
-/// The figures. Those that need a truth are `None` (in JSON null) without one.
+/// The figures. Those that need ground truth are `None` (in JSON null) without one.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Report {
     /// Of the pixels with a disparity, those that are more than 2 pixels off, percent.
@@ -99,7 +99,7 @@ impl fmt::Display for Report {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let (Some(valid), Some(dense), Some(rms)) = (self.bad2_valid_pct, self.bad2_dense_pct, self.rms_px)
         {
-            writeln!(out, "over pixels seen by both eyes:")?;
+            writeln!(out, "over pixels seen by both cameras:")?;
             writeln!(out, "  {valid:6.2} % of those with a disparity are more than 2 px off")?;
             writeln!(out, "  {dense:6.2} % of all are more than 2 px off or have none")?;
             writeln!(out, "  {:6.2} % have a disparity", self.density_pct)?;
@@ -177,7 +177,7 @@ fn calibration(path: &Path, [width, height]: [usize; 2]) -> Result<StereoCamera,
             .map_err(|error| refused(error.to_string()))
     };
     let (left_raw, right_raw) = (raw(&left)?, raw(&right)?);
-    let left = Eye { raw: &left_raw, r: &left.r, p: &left.p };
-    let right = Eye { raw: &right_raw, r: &right.r, p: &right.p };
+    let left = CameraInfo { raw: &left_raw, r: &left.r, p: &left.p };
+    let right = CameraInfo { raw: &right_raw, r: &right.r, p: &right.p };
     StereoCamera::new(left, right).map_err(|error| refused(error.to_string()))
 }

@@ -1,4 +1,4 @@
-//! Against GeographicLib's figures (`geo-vectors` among the recordings of others).
+//! Against GeographicLib's figures (`geo-vectors` among the public datasets).
 
 use glam::DVec3;
 

@@ -2,7 +2,7 @@
 
 use crate::common::{log_of, read_all};
 use proptest::prelude::*;
-use rcs_log::{CursorOptions, Log, Place, Position, TopicId, WriterOptions};
+use rcs_log::{CursorOptions, Log, MessagePosition, Position, TopicId, WriterOptions};
 use rcs_msg::Stamp;
 
 /// Messages of up to four topics, with ties, out of order, over small chunks that overlap in time.
@@ -66,7 +66,7 @@ proptest! {
         let topics = one_topic.then(|| topic_ids(&log, &[1]));
         let topics = topics.as_deref();
         let mut forward = Vec::new();
-        let mut place = Place::before(Stamp(0));
+        let mut place = MessagePosition::before(Stamp(0));
         while let Some(message) = log.next_message(place, topics).unwrap() {
             place = message.place;
             forward.push(message);
@@ -75,7 +75,7 @@ proptest! {
         let read: Vec<_> = log.cursor(options).map(Result::unwrap).collect();
         prop_assert_eq!(&forward, &read);
         let mut backward = Vec::new();
-        let mut place = Place::after(Stamp::MAX);
+        let mut place = MessagePosition::after(Stamp::MAX);
         while let Some(message) = log.previous_message(place, topics).unwrap() {
             place = message.place;
             backward.push(message);

@@ -242,7 +242,7 @@ pub(crate) fn reflect(kind: &Kind, value: &Value, path: &FieldPath) -> Result<Re
     reflected.ok_or_else(|| mismatch(value, expected, path))
 }
 
-/// A number proper: neither a truth value nor a choice.
+/// A number proper: neither a boolean nor a choice.
 fn number(value: &Value) -> Option<f64> {
     matches!(value, Value::Int(_) | Value::Uint(_) | Value::Float(_)).then(|| value.as_f64()).flatten()
 }

@@ -2,7 +2,7 @@
 
 use super::disk::Piece;
 use rcs_bus::{Buffer, Header, Sample};
-use rcs_log::{CursorOptions, Log, Place as LogPlace, TopicId};
+use rcs_log::{CursorOptions, Log, MessagePosition, TopicId};
 use rcs_msg::{AnyMessage, Schema};
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -32,7 +32,7 @@ impl Point {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct LogRef {
     pub(crate) topic: TopicId,
-    pub(crate) place: LogPlace,
+    pub(crate) place: MessagePosition,
 }
 
 /// A message, or where it is.

@@ -134,8 +134,8 @@ impl Topic {
         self.metadata.get(CLASSES).map(|text| classes_from_json(text)).unwrap_or_default()
     }
 
-    /// Whether it holds the truth of a simulation: nothing that a robot could know.
-    pub fn is_truth(&self) -> bool {
+    /// Whether it holds the ground truth of a simulation: nothing that a robot could know.
+    pub fn is_ground_truth(&self) -> bool {
         self.metadata.contains_key(crate::stack::TRUTH)
     }
 

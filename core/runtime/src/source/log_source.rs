@@ -3,7 +3,7 @@
 use super::frame::{Frame, Playback, Runs, SourceInfo, SourceKind};
 use super::log_view::{LogView, opening_time};
 use super::{Source, SourceError, Step, Task};
-use rcs_log::{Log, LogMessage, Place};
+use rcs_log::{Log, LogMessage, MessagePosition};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,7 +15,7 @@ pub struct LogSource {
     info: Arc<SourceInfo>,
     processes: Arc<[rcs::ProcessInfo]>,
     /// Everything up to and with this is shown.
-    place: Place,
+    place: MessagePosition,
     /// Problems of the log that `info` holds.
     told_problems: usize,
     generation: u64,
@@ -27,12 +27,12 @@ impl LogSource {
         Self::new(&Log::open(path)?)
     }
 
-    /// Stands at the start of a log, or at its first picture where that comes shortly after.
+    /// Stands at the start of a log, or at its first image where that comes shortly after.
     pub fn new(log: &Log) -> Result<Self, SourceError> {
         let mut view = LogView::new(log, &BTreeMap::new());
         let info = Arc::new(info_of(log, SourceKind::Log));
         let processes = view.processes()?;
-        let place = Place::after(opening_time(log)?);
+        let place = MessagePosition::after(opening_time(log)?);
         view.go_to(place)?;
         let told_problems = log.info().problems.len();
         Ok(Self { view, place, info, processes, told_problems, generation: 0 })
@@ -86,7 +86,7 @@ impl Source for LogSource {
 
     fn seek(&mut self, to: Stamp, _task: &Task) -> Result<(), SourceError> {
         let to = to.clamp(self.info.start, self.info.end.unwrap_or(Stamp::MAX));
-        self.go_to(Place::after(to))
+        self.go_to(MessagePosition::after(to))
     }
 
     fn step(&mut self, step: &Step, task: &Task) -> Result<bool, SourceError> {
@@ -140,7 +140,7 @@ impl LogSource {
         }
     }
 
-    fn go_to(&mut self, place: Place) -> Result<(), SourceError> {
+    fn go_to(&mut self, place: MessagePosition) -> Result<(), SourceError> {
         self.view.go_to(place)?;
         self.place = place;
         Ok(())
@@ -151,7 +151,7 @@ impl LogSource {
 pub(crate) fn neighbour(
     log: &Log,
     topics: Option<&[rcs_log::TopicId]>,
-    place: Place,
+    place: MessagePosition,
     back: bool,
 ) -> Result<Option<LogMessage>, SourceError> {
     Ok(if back { log.previous_message(place, topics)? } else { log.next_message(place, topics)? })

@@ -6,17 +6,17 @@ use super::tracks::{Tracks, is_pose_type, is_transform_type};
 use super::{Source, SourceError, canonical};
 use rcs_bus::{Header, Sample, WriterId};
 use rcs_geom::TransformTree;
-use rcs_log::{Cursor, CursorOptions, Log, LogMessage, Place, Reassembled, Reassembly, TopicId};
+use rcs_log::{Cursor, CursorOptions, Log, LogMessage, MessagePosition, Reassembled, Reassembly, TopicId};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// Types whose messages are something to look at.
-const PICTURE_TYPES: [&str; 4] =
+const IMAGE_TYPES: [&str; 4] =
     ["foxglove.RawImage", "foxglove.CompressedImage", "foxglove.PointCloud", "foxglove.Grid"];
-/// A log that shows nothing at its very start is opened at its first picture, if that comes this soon.
-const FIRST_PICTURE_NS: u64 = 1_000_000_000;
+/// A log that shows nothing at its very start is opened at its first image, if that comes this soon.
+const FIRST_IMAGE_NS: u64 = 1_000_000_000;
 /// A jump by more than this looks everything up afresh instead of reading all that lies between.
 const JUMP_NS: u64 = 2_000_000_000;
 /// How long one piece of background work may take.
@@ -31,7 +31,7 @@ pub(crate) struct LogView {
     /// When the last messages of each topic came, as far as they were read one after another.
     times: Vec<LastTimes>,
     by_id: BTreeMap<TopicId, usize>,
-    shown: Option<Place>,
+    shown: Option<MessagePosition>,
     /// Puts together what was stored as key frames and deltas: one topic, as it was while it ran.
     reassembly: Reassembly,
     cursor: Cursor,
@@ -115,7 +115,7 @@ impl LogView {
     }
 
     /// Shows everything up to and with `to`.
-    pub(crate) fn go_to(&mut self, to: Place) -> Result<(), SourceError> {
+    pub(crate) fn go_to(&mut self, to: MessagePosition) -> Result<(), SourceError> {
         match self.shown {
             Some(shown) if to >= shown && to.time.0 - shown.time.0 <= JUMP_NS => {}
             _ => self.look_up_before(to.time)?,
@@ -125,7 +125,7 @@ impl LogView {
         Ok(())
     }
 
-    fn read_on(&mut self, to: Place) -> Result<(), SourceError> {
+    fn read_on(&mut self, to: MessagePosition) -> Result<(), SourceError> {
         loop {
             let Some(message) = self.ahead.take().map(Ok).or_else(|| self.cursor.next()).transpose()? else {
                 return Ok(());
@@ -153,7 +153,7 @@ impl LogView {
                 }
             }
         }
-        for whole in self.reassembly.seek(Place::before(time))? {
+        for whole in self.reassembly.seek(MessagePosition::before(time))? {
             self.show_whole(whole);
         }
         self.ahead = None;
@@ -246,17 +246,16 @@ impl LogView {
     }
 }
 
-/// Where a person begins to look: at the start of the log, or at its first picture shortly after.
+/// Where a person begins to look: at the start of the log, or at its first image shortly after.
 pub(crate) fn opening_time(log: &Log) -> Result<Stamp, SourceError> {
     let info = log.info();
-    let is_picture =
-        |schema| rcs_msg::canonical_name(schema).is_some_and(|name| PICTURE_TYPES.contains(&name));
+    let is_image = |schema| rcs_msg::canonical_name(schema).is_some_and(|name| IMAGE_TYPES.contains(&name));
     let topics: Vec<TopicId> =
-        info.topics.iter().filter(|topic| is_picture(&topic.schema)).map(|topic| topic.id).collect();
+        info.topics.iter().filter(|topic| is_image(&topic.schema)).map(|topic| topic.id).collect();
     if topics.is_empty() {
         return Ok(info.start);
     }
-    let end = info.start.after_ns(FIRST_PICTURE_NS);
+    let end = info.start.after_ns(FIRST_IMAGE_NS);
     let first =
         log.cursor(CursorOptions { topics: Some(topics), start: info.start, end }).next().transpose()?;
     Ok(first.map_or(info.start, |message| message.log_time))

@@ -17,7 +17,7 @@ use crate::role::{ROLE, Role};
 use crate::stack::Plan;
 use crate::stepped::{Happened, Stepped};
 use rcs_bus::Sample;
-use rcs_log::{Log, Place};
+use rcs_log::{Log, MessagePosition};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
@@ -131,7 +131,7 @@ impl StackSource {
             generation: 0,
         };
         source.follow_runs();
-        // What the log holds at its first moment (or at its first picture, shortly after) is there at once.
+        // What the log holds at its first moment (or at its first image, shortly after) is there at once.
         let opening = match log {
             // A log of one instant: what the processes make of it is what there is to see.
             Some(log) if log.info().start == log.info().end => source.last(),
@@ -157,7 +157,7 @@ impl StackSource {
         self.follow_runs();
         self.place();
         match &mut self.recorded {
-            Some(view) => view.go_to(Place::after(now.min(view.log().info().end))),
+            Some(view) => view.go_to(MessagePosition::after(now.min(view.log().info().end))),
             None => Ok(()),
         }
     }

@@ -5,7 +5,7 @@ use super::stack_source::StackSource;
 use super::{SourceError, Task};
 use crate::history::Point;
 use crate::stepped::Happened;
-use rcs_log::Place;
+use rcs_log::MessagePosition;
 
 impl StackSource {
     /// Looks at a point that was found; `false` where none was.
@@ -63,7 +63,7 @@ impl StackSource {
             return Err(SourceError::Unsupported(format!("there is no topic {topic}")));
         };
         let ids = view.topic_ids(topic);
-        let place = if back { Place::before(self.now) } else { Place::after(self.now) };
+        let place = if back { MessagePosition::before(self.now) } else { MessagePosition::after(self.now) };
         match neighbour(view.log(), Some(&ids), place, back)? {
             Some(message) => {
                 let to = message.log_time;

@@ -13,8 +13,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use toml::Spanned;
 
-/// Channel metadata of buffers that hold the truth of a simulation.
-pub(crate) const TRUTH: &str = "rcs.truth";
+/// Channel metadata of buffers that hold the ground truth of a simulation.
+pub(crate) const TRUTH: &str = "rcs.ground_truth";
 /// How many commands wait for a process.
 const COMMANDS: usize = 32;
 /// This computer: the only host so far.
@@ -319,13 +319,14 @@ impl<'a> Builder<'a> {
         Ok(inputs)
     }
 
-    /// Every buffer that a process reads is written by someone, and the truth is read by no one who must find it out.
+    /// Every buffer that a process reads is written by someone, and the ground truth is read by no one who must find it
+    /// out.
     fn check_wiring(&self, inputs: &[InputPlan], processes: &[ProcessPlan]) -> Result<(), StackError> {
         for (process, entry) in processes.iter().zip(&self.file.content.processes) {
             for (def, buffer) in process.kind.inputs().iter().zip(&process.inputs) {
                 let Some(buffer) = *buffer else { continue };
                 let spec = &self.buffers[buffer].spec;
-                if spec.metadata.contains_key(TRUTH) && !process.kind.def().reads_truth {
+                if spec.metadata.contains_key(TRUTH) && !process.kind.def().reads_ground_truth {
                     let message = format!(
                         "{} holds the truth of the simulation, which {} must not read; expected a buffer that a \
                          sensor or a process of the robot writes",

@@ -37,7 +37,7 @@ impl Process for Counter {
         summary: "Counts.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {
@@ -82,7 +82,7 @@ impl Process for Adder {
         summary: "Adds.",
         period_ms: 20.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {
@@ -130,7 +130,7 @@ impl Process for Fragile {
         summary: "Panics.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {

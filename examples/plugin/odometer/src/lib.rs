@@ -40,7 +40,7 @@ impl Process for Odometer {
         summary: "Adds up how far the vehicle has driven",
         period_ms: 50.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {

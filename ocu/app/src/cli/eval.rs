@@ -11,7 +11,7 @@ pub(super) const EVAL_EXAMPLE: &str = "Examples:\n  \
 /// The methods that can be measured.
 #[derive(Debug, Subcommand)]
 pub enum EvalCommand {
-    /// Disparities of a pair of images: quality against a truth, density and time
+    /// Disparities of a pair of images: quality against ground truth, density and time
     Stereo(EvalStereoArgs),
     /// Colour models of ground and background: quality against labelled images, and time
     Color(EvalColorArgs),
@@ -24,7 +24,7 @@ pub enum EvalCommand {
 #[command(
     after_help = "Example:\n  ocu eval stereo --left left.png --right right.png --truth disparity.pfm \\\n    \
                         --disparities 64 --method sgm --json\n\n\
-                        With a truth, all figures are over pixels seen by both eyes: those that have truth, lie at \
+                        With ground truth, all figures are over pixels seen by both cameras: those that have truth, lie at \
                         x >= the number of disparities, and of which no other pixel of the row with a disparity \
                         larger by more than 1 claims the same column of the right image. bad2_valid_pct is of \
                         pixels with a disparity; in bad2_dense_pct a pixel without one counts as bad.\n\n\
@@ -104,10 +104,10 @@ pub struct EvalColorArgs {
 /// `ocu eval classify`
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Examples:\n  ocu eval classify --log run.mcap --truth-topic /eyes_left/truth_labels --topic /classifier/classes\n  \
+    after_help = "Examples:\n  ocu eval classify --log run.mcap --truth-topic /front_left/ground_truth_labels --topic /classifier/classes\n  \
                         ocu eval classify --log drive.mcap --stack my_stack.toml --truth-topic /labels --json\n  \
                         ocu eval classify --stack learning --course meadow --until 40 \\\n    \
-                        --truth-topic /eyes_left/truth_labels --topic /classifier_left/classes\n\n\
+                        --truth-topic /front_left/ground_truth_labels --topic /classifier_left/classes\n\n\
                         Label images are mono8. 1 is ground or traversable, 2 obstacle or not traversable, 3 a short \
                         obstacle, which counts as ground. Other values are of no class: pixels whose true label is \
                         one of them are not counted, pixels that are judged so are unclassified: missed by both \

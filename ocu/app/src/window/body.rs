@@ -1,12 +1,12 @@
 //! Everything inside the window's frame.
 
-use super::keeper::Keeper;
 use super::keys::{self, Action};
+use super::layout_store::LayoutStore;
 use super::notices::Notices;
 use super::open::{self, Invited, Opener, Outcome};
 use super::operate::Operating;
 use super::timeline::Timeline;
-use super::top_bar::{self, Wish};
+use super::top_bar::{self, TopBarAction};
 use super::tree::{Workspace, view_menu};
 use crate::layout::Layout;
 use crate::open::Request;
@@ -66,7 +66,7 @@ pub struct Window {
     opener: Opener,
     notices: Notices,
     help_open: bool,
-    keeper: Keeper,
+    layout_store: LayoutStore,
     /// Whether a person chose the layout; otherwise it goes with what is opened.
     is_layout_chosen: bool,
 }
@@ -88,7 +88,7 @@ impl Window {
             opener: Opener::new(ctx, data_dir.as_deref()),
             notices: Notices::default(),
             help_open: false,
-            keeper: Keeper::new(data_dir.as_ref().map(|dir| dir.join("layouts"))),
+            layout_store: LayoutStore::new(data_dir.as_ref().map(|dir| dir.join("layouts"))),
             is_layout_chosen: false,
         };
         if let Some(layout) = layout {
@@ -140,7 +140,7 @@ impl Window {
     /// Writes the arrangement for the next start.
     pub fn keep_layout(&mut self) {
         if let Some(workspace) = &self.workspace {
-            self.keeper.keep(&workspace.layout(self.buffers_open), &mut self.notices);
+            self.layout_store.keep(&workspace.layout(self.buffers_open), &mut self.notices);
         }
     }
 
@@ -159,9 +159,9 @@ impl Window {
         let fill = tokens(ui).panel();
         let bar = egui::Frame::new().fill(fill).inner_margin(egui::Margin::symmetric(8, 4));
         let top = egui::Panel::top("top").frame(bar).resizable(false);
-        let wishes = top.show(ui, |ui| self.top(ui, frame.as_deref())).inner;
-        for wish in wishes {
-            self.fulfil(wish, frame.as_deref(), &mut controls);
+        let actions = top.show(ui, |ui| self.top(ui, frame.as_deref())).inner;
+        for action in actions {
+            self.perform(action, frame.as_deref(), &mut controls);
         }
         let source_error = frame.as_ref().and_then(|frame| frame.playback.error.clone());
         if !self.notices.is_empty(source_error.as_deref()) {
@@ -187,12 +187,12 @@ impl Window {
                 driver.send(control);
             }
         }
-        if self.keeper.is_due() {
+        if self.layout_store.is_due() {
             self.keep_layout();
         }
     }
 
-    fn top(&self, ui: &mut egui::Ui, frame: Option<&Frame>) -> Vec<Wish> {
+    fn top(&self, ui: &mut egui::Ui, frame: Option<&Frame>) -> Vec<TopBarAction> {
         let layout_name = self.workspace.as_ref().map_or("", Workspace::name);
         let state = top_bar::State {
             frame,
@@ -309,41 +309,41 @@ impl Window {
         }
     }
 
-    fn fulfil(&mut self, wish: Wish, frame: Option<&Frame>, controls: &mut Vec<Control>) {
-        match wish {
-            Wish::Ask => self.opener.ask(),
-            Wish::Open(request) => {
+    fn perform(&mut self, action: TopBarAction, frame: Option<&Frame>, controls: &mut Vec<Control>) {
+        match action {
+            TopBarAction::Ask => self.opener.ask(),
+            TopBarAction::Open(request) => {
                 controls.extend(self.make_room());
                 self.opener.open(request);
             }
-            Wish::Restart => {
+            TopBarAction::Restart => {
                 controls.extend(self.make_room());
                 self.opener.open(self.current.clone());
             }
-            Wish::EmergencyStop(active) => {
+            TopBarAction::EmergencyStop(active) => {
                 if let Some(frame) = frame {
                     self.operating.emergency_stop(frame, active, controls);
                 }
             }
-            Wish::Cancel => controls.push(Control::Cancel),
-            Wish::SwitchRun(run) => controls.push(Control::SwitchRun(run)),
-            Wish::Undo => controls.push(Control::Undo),
-            Wish::ToggleBuffers => self.buffers_open = !self.buffers_open,
-            Wish::ToggleTheme => {
+            TopBarAction::Cancel => controls.push(Control::Cancel),
+            TopBarAction::SwitchRun(run) => controls.push(Control::SwitchRun(run)),
+            TopBarAction::Undo => controls.push(Control::Undo),
+            TopBarAction::ToggleBuffers => self.buffers_open = !self.buffers_open,
+            TopBarAction::ToggleTheme => {
                 let dark = self.ctx.theme() == egui::Theme::Dark;
                 self.ctx.set_theme(if dark { egui::Theme::Light } else { egui::Theme::Dark });
                 // What has been laid out in this pass still has the old colours.
                 self.ctx.request_repaint();
             }
-            Wish::Help => self.help_open = !self.help_open,
-            Wish::AddView(view_type) => {
+            TopBarAction::Help => self.help_open = !self.help_open,
+            TopBarAction::AddView(view_type) => {
                 self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty())).add(view_type);
             }
-            Wish::Layout(name) => match Layout::named(&name) {
+            TopBarAction::Layout(name) => match Layout::named(&name) {
                 Ok(layout) => self.choose(&layout),
                 Err(error) => self.notices.error(say(&error)),
             },
-            Wish::FittingLayout => {
+            TopBarAction::FittingLayout => {
                 self.is_layout_chosen = false;
                 if let Some(frame) = frame {
                     self.arrange_for(frame);
@@ -372,7 +372,7 @@ impl Window {
             self.workspace.as_ref().is_some_and(|now| self.is_layout_chosen || now.name() == fitting.name);
         if !stays {
             self.keep_layout();
-            let kept = self.keeper.load(&fitting.name, &mut self.notices);
+            let kept = self.layout_store.load(&fitting.name, &mut self.notices);
             self.arrange(&kept.unwrap_or(fitting));
         }
     }

@@ -5,8 +5,8 @@
 mod app;
 mod body;
 mod joystick;
-mod keeper;
 mod keys;
+mod layout_store;
 mod notices;
 mod open;
 mod operate;

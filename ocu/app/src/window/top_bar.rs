@@ -27,7 +27,7 @@ pub(super) struct State<'a> {
 }
 
 /// What a person wants done.
-pub(super) enum Wish {
+pub(super) enum TopBarAction {
     Ask,
     Open(Request),
     /// What is open, from its beginning.
@@ -48,61 +48,61 @@ pub(super) enum Wish {
 }
 
 /// Shows the bar.
-pub(super) fn ui(ui: &mut egui::Ui, state: &State<'_>) -> Vec<Wish> {
-    let mut wishes = Vec::new();
+pub(super) fn ui(ui: &mut egui::Ui, state: &State<'_>) -> Vec<TopBarAction> {
+    let mut actions = Vec::new();
     ui.horizontal(|ui| {
         // The right side first: it keeps its place, and a long title is cut.
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            right(ui, state, &mut wishes);
+            right(ui, state, &mut actions);
             ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
-                left(ui, state, &mut wishes);
+                left(ui, state, &mut actions);
             });
         });
     });
-    wishes
+    actions
 }
 
-fn right(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
-    stop(ui, state.stop, wishes);
+fn right(ui: &mut egui::Ui, state: &State<'_>, actions: &mut Vec<TopBarAction>) {
+    stop(ui, state.stop, actions);
     let (icon, name) = if ui.visuals().dark_mode {
         (icons::ICON_LIGHT_MODE, "Light colours")
     } else {
         (icons::ICON_DARK_MODE, "Dark colours")
     };
     if widgets::icon_button(ui, icon, name).clicked() {
-        wishes.push(Wish::ToggleTheme);
+        actions.push(TopBarAction::ToggleTheme);
     }
     if widgets::icon_button(ui, icons::ICON_KEYBOARD, "List the keys").clicked() {
-        wishes.push(Wish::Help);
+        actions.push(TopBarAction::Help);
     }
     let toggle = widgets::icon_button_of(ui, icons::ICON_VIEW_SIDEBAR, "Buffers", state.buffers_open, true);
     if toggle.clicked() {
-        wishes.push(Wish::ToggleBuffers);
+        actions.push(TopBarAction::ToggleBuffers);
     }
     ui.menu_button(format!("{}  Layout", icons::ICON_DASHBOARD.codepoint), |ui| {
         for name in bundled::names("layout") {
             if ui.selectable_label(name == state.layout_name, name).clicked() {
-                wishes.push(Wish::Layout(name.to_owned()));
+                actions.push(TopBarAction::Layout(name.to_owned()));
                 ui.close();
             }
         }
         ui.separator();
         if ui.add_enabled(state.frame.is_some(), egui::Button::new("What fits the source")).clicked() {
-            wishes.push(Wish::FittingLayout);
+            actions.push(TopBarAction::FittingLayout);
             ui.close();
         }
     });
     ui.menu_button(format!("{}  View", icons::ICON_ADD.codepoint), |ui| {
         if let Some(view_type) = view_menu(ui) {
-            wishes.push(Wish::AddView(view_type));
+            actions.push(TopBarAction::AddView(view_type));
         }
     });
 }
 
 /// The emergency stop: one action stops, another one lets the vehicle go again, and the vehicle confirms both.
-fn stop(ui: &mut egui::Ui, state: StopState, wishes: &mut Vec<Wish>) {
+fn stop(ui: &mut egui::Ui, state: StopState, actions: &mut Vec<TopBarAction>) {
     let tokens = tokens(ui);
-    let (text, wish) = match state {
+    let (text, action) = match state {
         StopState::None => return,
         StopState::Clear => ("STOP", true),
         StopState::Asked { active: true, late: false } => ("STOPPING…", true),
@@ -123,21 +123,21 @@ fn stop(ui: &mut egui::Ui, state: StopState, wishes: &mut Vec<Wish>) {
         StopState::Asked { .. } => "Sent; the vehicle has not said yet that it obeys. Press to stop.",
         _ => "Emergency stop (Esc)",
     };
-    if response.on_hover_text(hover).clicked() && wish {
-        wishes.push(Wish::EmergencyStop(true));
+    if response.on_hover_text(hover).clicked() && action {
+        actions.push(TopBarAction::EmergencyStop(true));
     }
     if state == StopState::Stopped {
         let release = egui::Button::new(format!("{}  Release", icons::ICON_LOCK_OPEN.codepoint));
         let release = ui.add(release).on_hover_text("Let the vehicle move again");
         if release.clicked() {
-            wishes.push(Wish::EmergencyStop(false));
+            actions.push(TopBarAction::EmergencyStop(false));
         }
     }
     ui.separator();
 }
 
 /// Which course a simulation runs and with which seed, and starting it anew.
-fn course_menu(ui: &mut egui::Ui, frame: &Frame, current: &Request, wishes: &mut Vec<Wish>) {
+fn course_menu(ui: &mut egui::Ui, frame: &Frame, current: &Request, actions: &mut Vec<TopBarAction>) {
     if frame.info.kind != SourceKind::Stack {
         return;
     }
@@ -152,7 +152,8 @@ fn course_menu(ui: &mut egui::Ui, frame: &Frame, current: &Request, wishes: &mut
         ui.set_min_width(200.0);
         for course in bundled::names("course") {
             if ui.selectable_label(course == running, course).clicked() {
-                wishes.push(Wish::Open(Request { course: Some(course.to_owned()), ..current.clone() }));
+                actions
+                    .push(TopBarAction::Open(Request { course: Some(course.to_owned()), ..current.clone() }));
                 ui.close();
             }
         }
@@ -163,7 +164,7 @@ fn course_menu(ui: &mut egui::Ui, frame: &Frame, current: &Request, wishes: &mut
             let label = ui.label("Seed");
             ui.add(egui::DragValue::new(&mut seed).speed(0.1)).labelled_by(label.id);
             if ui.button("Start with it").clicked() {
-                wishes.push(Wish::Open(Request { seed, ..current.clone() }));
+                actions.push(TopBarAction::Open(Request { seed, ..current.clone() }));
                 ui.close();
             }
         });
@@ -172,38 +173,42 @@ fn course_menu(ui: &mut egui::Ui, frame: &Frame, current: &Request, wishes: &mut
     response
         .on_hover_text("The course, and the seed of all that is random: the same seed gives the same run");
     if widgets::icon_button(ui, icons::ICON_RESTART_ALT, "Start again from the beginning").clicked() {
-        wishes.push(Wish::Restart);
+        actions.push(TopBarAction::Restart);
     }
 }
 
-fn left(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
+fn left(ui: &mut egui::Ui, state: &State<'_>, actions: &mut Vec<TopBarAction>) {
     ui.menu_button(format!("{}  Open", icons::ICON_FOLDER_OPEN.codepoint), |ui| {
         ui.set_min_width(280.0);
         if ui.button("Recording or stack…").clicked() {
-            wishes.push(Wish::Ask);
+            actions.push(TopBarAction::Ask);
             ui.close();
         }
         if ui.button("Simulation").on_hover_text("A vehicle in a simulated world, to drive by hand").clicked()
         {
             let past = state.current.past.clone();
-            wishes.push(Wish::Open(Request { past, ..Request::simulation() }));
+            actions.push(TopBarAction::Open(Request { past, ..Request::simulation() }));
             ui.close();
         }
         for path in state.recent {
             if recent_button(ui, path).clicked() {
                 let past = state.current.past.clone();
-                wishes.push(Wish::Open(Request { log: Some(path.clone()), past, ..Request::default() }));
+                actions.push(TopBarAction::Open(Request {
+                    log: Some(path.clone()),
+                    past,
+                    ..Request::default()
+                }));
                 ui.close();
             }
         }
     });
     if state.current.log.is_some() || state.current.stack.is_some() {
-        stack_menu(ui, state.frame, state.current, wishes);
+        stack_menu(ui, state.frame, state.current, actions);
     }
     if let Some(frame) = state.frame {
-        course_menu(ui, frame, state.current, wishes);
-        runs_menu(ui, frame, wishes);
-        source(ui, frame, state.busy, wishes);
+        course_menu(ui, frame, state.current, actions);
+        runs_menu(ui, frame, actions);
+        source(ui, frame, state.busy, actions);
     }
     if let Some(title) = &state.opening {
         ui.label(icons::ICON_HOURGLASS_TOP.rich_text().size(14.0).color(tokens(ui).weak));
@@ -215,7 +220,7 @@ fn left(ui: &mut egui::Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
 }
 
 /// The runs of what runs, once there are several, and taking back what was written last.
-fn runs_menu(ui: &mut egui::Ui, frame: &Frame, wishes: &mut Vec<Wish>) {
+fn runs_menu(ui: &mut egui::Ui, frame: &Frame, actions: &mut Vec<TopBarAction>) {
     let (runs, current) = (&frame.runs.all, frame.runs.current());
     if runs.iter().all(|run| run.writes == 0) {
         return;
@@ -230,13 +235,13 @@ fn runs_menu(ui: &mut egui::Ui, frame: &Frame, wishes: &mut Vec<Wish>) {
                 None => format!("{}, up to {}", run.id, seconds(run.end)),
             };
             if ui.selectable_label(run.id == current, text).clicked() {
-                wishes.push(Wish::SwitchRun(run.id));
+                actions.push(TopBarAction::SwitchRun(run.id));
                 ui.close();
             }
         }
         ui.separator();
         if ui.button("Take the last write back").clicked() {
-            wishes.push(Wish::Undo);
+            actions.push(TopBarAction::Undo);
             ui.close();
         }
     });
@@ -246,7 +251,7 @@ fn runs_menu(ui: &mut egui::Ui, frame: &Frame, wishes: &mut Vec<Wish>) {
 }
 
 /// Which stack runs on the recording; without one, which of those that need none.
-fn stack_menu(ui: &mut egui::Ui, frame: Option<&Frame>, current: &Request, wishes: &mut Vec<Wish>) {
+fn stack_menu(ui: &mut egui::Ui, frame: Option<&Frame>, current: &Request, actions: &mut Vec<TopBarAction>) {
     let name = current.stack.as_deref().unwrap_or("no stack");
     let name = std::path::Path::new(name).file_name().map_or(name.into(), |name| name.to_string_lossy());
     let button = ui.menu_button(format!("{}  {name}", icons::ICON_ACCOUNT_TREE.codepoint), |ui| {
@@ -262,7 +267,10 @@ fn stack_menu(ui: &mut egui::Ui, frame: Option<&Frame>, current: &Request, wishe
                     None => response,
                 };
                 if response.clicked() {
-                    wishes.push(Wish::Open(Request { stack: stack.map(str::to_owned), ..current.clone() }));
+                    actions.push(TopBarAction::Open(Request {
+                        stack: stack.map(str::to_owned),
+                        ..current.clone()
+                    }));
                     ui.close();
                 }
             };
@@ -282,13 +290,15 @@ fn stack_menu(ui: &mut egui::Ui, frame: Option<&Frame>, current: &Request, wishe
     button.response.on_hover_text("The stack that runs");
 }
 
-fn source(ui: &mut egui::Ui, frame: &Frame, busy: Option<f64>, wishes: &mut Vec<Wish>) {
+fn source(ui: &mut egui::Ui, frame: &Frame, busy: Option<f64>, actions: &mut Vec<TopBarAction>) {
     let tokens = tokens(ui);
     let info = &frame.info;
     let kind = match info.kind {
         SourceKind::Log => "LOG",
         SourceKind::Replay => "REPLAY",
-        SourceKind::Stack if frame.topics.iter().any(rcs_runtime::source::Topic::is_truth) => "SIMULATION",
+        SourceKind::Stack if frame.topics.iter().any(rcs_runtime::source::Topic::is_ground_truth) => {
+            "SIMULATION"
+        }
         SourceKind::Stack => "STACK",
     };
     widgets::tag(ui, kind, tokens.accent);
@@ -312,7 +322,7 @@ fn source(ui: &mut egui::Ui, frame: &Frame, busy: Option<f64>, wishes: &mut Vec<
         let bar = egui::ProgressBar::new(fraction as f32).desired_width(120.0).desired_height(14.0);
         ui.add(bar.text(egui::RichText::new(format!("{:.0} %", fraction * 100.0)).small()));
         if widgets::icon_button(ui, icons::ICON_CANCEL, "Stop this work").clicked() {
-            wishes.push(Wish::Cancel);
+            actions.push(TopBarAction::Cancel);
         }
     }
     let title = egui::Label::new(egui::RichText::new(&info.title).color(tokens.strong)).truncate();

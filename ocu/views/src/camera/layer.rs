@@ -1,6 +1,6 @@
 //! One image of a camera view: decoded when its message changes, painted when its look changes.
 
-use crate::picture::{Picture, Pixels, Tint, decode};
+use crate::image::{DecodedImage, Pixels, Tint, decode};
 use crate::texture::{CachedTexture, SameMessage};
 use egui::{Color32, Context, TextureId, TextureOptions};
 use ocu_ui::legend::round_step;
@@ -13,7 +13,7 @@ use rcs_runtime::source::{Frame, Topic};
 /// How an image is painted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Look {
-    /// A picture, or ranges.
+    /// An image, or ranges.
     Image,
     /// One label a pixel.
     Labels,
@@ -67,16 +67,16 @@ pub(super) fn is_annotation(topic: &Topic) -> bool {
 }
 
 /// All images: first those that something lies on, then other pictures, then depths, then what was made of them, and at
-/// the end the truth, which no robot has.
+/// the end the ground truth, which no robot has.
 pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
     let mut images: Vec<_> = frame.topics.iter().filter(|topic| is_image(topic)).collect();
     let has_overlay = |image: &Topic| {
         let lies_on =
             |topic: &&Topic| topic.metadata.get("rcs.overlay_of").is_some_and(|name| **name == *image.name);
-        frame.topics.iter().filter(lies_on).any(|topic| !topic.is_truth())
+        frame.topics.iter().filter(lies_on).any(|topic| !topic.is_ground_truth())
     };
     images.sort_by_key(|topic| match look(topic) {
-        _ if topic.is_truth() => 4,
+        _ if topic.is_ground_truth() => 4,
         _ if has_overlay(topic) => 0,
         Look::Image if is_range(topic) => 2,
         Look::Image => 1,
@@ -85,7 +85,7 @@ pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
     images
 }
 
-/// What can be laid over an image: labels, then what else was made of it, then shapes, then the truth.
+/// What can be laid over an image: labels, then what else was made of it, then shapes, then the ground truth.
 pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
     let lies_on = |topic: &Topic| match topic.metadata.get("rcs.overlay_of") {
         Some(name) => **name == *base.name,
@@ -96,7 +96,7 @@ pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
     let can = |topic: &&Topic| (is_image(topic) || is_annotation(topic)) && lies_on(topic);
     let mut overlays: Vec<_> = frame.topics.iter().filter(can).filter(other).collect();
     overlays.sort_by_key(|topic| match look(topic) {
-        _ if topic.is_truth() => 3,
+        _ if topic.is_ground_truth() => 3,
         _ if is_annotation(topic) => 2,
         Look::Labels => 0,
         _ => 1,
@@ -109,7 +109,7 @@ pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
 pub(super) struct Layer {
     message: Option<SameMessage>,
     /// `None` while no message has come.
-    decoded: Option<Result<Picture, String>>,
+    decoded: Option<Result<DecodedImage, String>>,
     /// The 2 % and 98 % values, in the image's own unit.
     range: Option<[f32; 2]>,
     texture: CachedTexture<(SameMessage, Tint, TextureOptions, u64)>,
@@ -128,25 +128,25 @@ impl Layer {
         };
         if self.message.as_ref() != Some(&message) {
             let decoded = decode(&message.0);
-            self.range = decoded.as_ref().ok().and_then(Picture::value_range);
+            self.range = decoded.as_ref().ok().and_then(DecodedImage::value_range);
             self.decoded = Some(decoded);
             self.message = Some(message);
         }
     }
 
     /// The decoded image; `None` while none has come, an error where it cannot be shown.
-    pub(super) fn state(&self) -> Result<Option<&Picture>, &String> {
+    pub(super) fn state(&self) -> Result<Option<&DecodedImage>, &String> {
         self.decoded.as_ref().map(Result::as_ref).transpose()
     }
 
     /// The decoded image, where there is one.
-    pub(super) fn picture(&self) -> Option<&Picture> {
+    pub(super) fn image(&self) -> Option<&DecodedImage> {
         self.state().ok().flatten()
     }
 
     /// What one step of the image's values is, in metres, where a whole number's is assumed to be `depth_step_m`.
     fn unit_m(&self, depth_step_m: f64) -> f64 {
-        match self.picture().map(|picture| &picture.pixels) {
+        match self.image().map(|image| &image.pixels) {
             Some(Pixels::Values { whole: true, .. }) => depth_step_m,
             _ => 1.0,
         }
@@ -172,19 +172,19 @@ impl Layer {
         let range = self
             .range_m(depth_step_m)
             .map_or([0.0, 1.0], |range| range.map(|metres| (metres / unit_m) as f32));
-        let (message, picture) = (self.message.clone()?, self.decoded.as_ref()?.as_ref().ok()?);
+        let (message, image) = (self.message.clone()?, self.decoded.as_ref()?.as_ref().ok()?);
         let most = ctx.input(|input| input.max_texture_side);
         let key = (message, tint.clone(), options, unit_m.to_bits());
-        let make = || Some(picture.paint(tint, range, most));
+        let make = || Some(image.paint(tint, range, most));
         self.texture.get(ctx, key, options, make).map(egui::TextureHandle::id)
     }
 
     /// What the layer says of a place, given in parts of its width and height.
     pub(super) fn describe(&self, at: [f64; 2], topic: &Topic, depth_step_m: f64) -> Option<String> {
         let look = look(topic);
-        let picture = self.picture()?;
-        let index = picture.index(at[0] * picture.width as f64, at[1] * picture.height as f64)?;
-        Some(match (&picture.pixels, look) {
+        let image = self.image()?;
+        let index = image.index(at[0] * image.width as f64, at[1] * image.height as f64)?;
+        Some(match (&image.pixels, look) {
             (Pixels::Bytes(bytes), Look::Labels) => classes(topic).name(bytes[index]),
             (Pixels::Bytes(bytes), Look::Cost) if bytes[index] > 250 => "cost unknown".to_owned(),
             (Pixels::Bytes(bytes), Look::Cost) => format!("cost {:3}", bytes[index]),

@@ -1,9 +1,9 @@
 //! Camera: an image with what the processes saw in it.
 //!
-//! Overlays are the topics whose `rcs.overlay_of` names the image's topic; where a topic of labels, costs or shapes does
-//! not say which image it lies on, it is offered on all. One that is smaller than its image is stretched over it. The
-//! truth of a simulation is off until it is switched on. The read-out under the pointer gives the pixel and the value or
-//! the name in every layer.
+//! Overlays are the topics whose `rcs.overlay_of` names the image's topic; where a topic of labels, costs or shapes
+//! does not say which image it lies on, it is offered on all. One that is smaller than its image is stretched over it.
+//! The ground truth of a simulation is off until it is switched on. The read-out under the pointer gives the pixel and
+//! the value or the name in every layer.
 
 mod annotations;
 mod layer;
@@ -139,18 +139,18 @@ impl Camera {
 
     fn canvas(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, overlays: &[&Topic]) {
         let (canvas, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
-        let name = format!("Picture of {}", topic.name);
+        let name = format!("Image of {}", topic.name);
         response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &name));
         let tokens = tokens(ui);
         ui.painter().rect_filled(canvas, 0.0, tokens.canvas());
 
         let layer = self.layers.entry(topic.name.to_string()).or_default();
         layer.update(topic);
-        let picture = match layer.state() {
-            Ok(Some(picture)) => picture,
+        let image = match layer.state() {
+            Ok(Some(image)) => image,
             state => return waiting(ui, canvas, cx, topic, state.err()),
         };
-        let (width, height) = (picture.width as f64, picture.height as f64);
+        let (width, height) = (image.width as f64, image.height as f64);
         let fitted = Viewport::fit([0.0, 0.0], [width, height], canvas, 0.0, false);
         let mut viewport = self.viewport.unwrap_or(fitted);
         if viewport.interact(ui, &response, [fitted.scale * 0.2, fitted.scale.max(1.0) * 64.0], true) {
@@ -236,19 +236,19 @@ impl Camera {
         topic: &Topic,
         shown: &[&Topic],
     ) {
-        let Some(picture) = self.layers.get(&*topic.name).and_then(Layer::picture) else { return };
+        let Some(image) = self.layers.get(&*topic.name).and_then(Layer::image) else { return };
         let pixel = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
-        let inside = pixel.filter(|[x, y]| picture.index(*x, *y).is_some());
+        let inside = pixel.filter(|[x, y]| image.index(*x, *y).is_some());
         legend::plate(ui, canvas, Align2::RIGHT_TOP, |ui| {
             ui.style_mut().interaction.selectable_labels = false;
             let Some([x, y]) = inside else {
-                let text = format!("{} × {}  {}", picture.width, picture.height, picture.encoding);
+                let text = format!("{} × {}  {}", image.width, image.height, image.encoding);
                 return drop(ui.label(mono(text).small().color(tokens(ui).weak)));
             };
             ui.label(mono(format!("{:4} {:4} px", x as usize, y as usize)));
             for topic in std::iter::once(&topic).chain(shown) {
                 let Some(layer) = self.layers.get(&*topic.name) else { continue };
-                let at = [x / picture.width as f64, y / picture.height as f64];
+                let at = [x / image.width as f64, y / image.height as f64];
                 let Some(text) = layer.describe(at, topic, self.saved.depth_step_m) else {
                     continue;
                 };
@@ -258,7 +258,7 @@ impl Camera {
     }
 }
 
-/// A canvas without a picture: nothing came yet, or it cannot be decoded.
+/// A canvas without an image: nothing came yet, or it cannot be decoded.
 fn waiting(ui: &mut Ui, canvas: Rect, cx: &ViewContext<'_>, topic: &Topic, error: Option<&String>) {
     let (title, hint) = if let Some(error) = error {
         ("This image cannot be shown".to_owned(), error.clone())

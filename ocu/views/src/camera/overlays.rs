@@ -2,7 +2,7 @@
 
 use super::layer::{self, Layer};
 use super::{Camera, OverlayState};
-use crate::picture::Pixels;
+use crate::image::Pixels;
 use crate::view::rate_hz;
 use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{PopupCloseBehavior, Role, Ui, WidgetInfo};
@@ -13,19 +13,19 @@ use rcs_runtime::source::Topic;
 const SWITCH: f32 = 196.0;
 
 impl Camera {
-    /// How an overlay is drawn where a person has not said: the first one only, and never the truth.
+    /// How an overlay is drawn where a person has not said: the first one only, and never the ground truth.
     pub(super) fn overlay_state(&self, overlay: &Topic, overlays: &[&Topic]) -> OverlayState {
         let first = overlays.first().is_some_and(|first| first.name == overlay.name);
         let fallback = OverlayState {
-            shown: (first || layer::is_annotation(overlay)) && !overlay.is_truth(),
+            shown: (first || layer::is_annotation(overlay)) && !overlay.is_ground_truth(),
             ..OverlayState::default()
         };
         self.saved.overlays.get(&*overlay.name).copied().unwrap_or(fallback)
     }
 
     pub(super) fn overlay_bar(&mut self, ui: &mut Ui, topic: &Topic, overlays: &[&Topic]) {
-        let depth = self.layers.get(&*topic.name).and_then(Layer::picture);
-        let whole = depth.is_some_and(|picture| matches!(picture.pixels, Pixels::Values { whole: true, .. }));
+        let depth = self.layers.get(&*topic.name).and_then(Layer::image);
+        let whole = depth.is_some_and(|image| matches!(image.pixels, Pixels::Values { whole: true, .. }));
         if overlays.is_empty() && !whole {
             return;
         }
@@ -36,8 +36,8 @@ impl Camera {
                     ui.painter().layout_no_wrap(overlay.name.to_string(), font.clone(), tokens(ui).text);
                 galley.size().x + SWITCH
             };
-            // What has no room in a row, and the truth, whose heading has none, are listed in a menu.
-            let truth = overlays.iter().any(|overlay| overlay.is_truth());
+            // What has no room in a row, and the ground truth, whose heading has none, are listed in a menu.
+            let truth = overlays.iter().any(|overlay| overlay.is_ground_truth());
             if !truth && overlays.iter().map(width).sum::<f32>() <= ui.available_width() {
                 for overlay in overlays {
                     self.overlay_switch(ui, overlay, overlays);
@@ -54,7 +54,7 @@ impl Camera {
         });
     }
 
-    /// All overlays in a menu, the truth at its end; the button names those that are on.
+    /// All overlays in a menu, the ground truth at its end; the button names those that are on.
     fn overlay_menu(&mut self, ui: &mut Ui, overlays: &[&Topic]) {
         let on: Vec<&str> = overlays
             .iter()
@@ -68,7 +68,7 @@ impl Camera {
             let mut truth = false;
             egui::Grid::new("overlays").num_columns(2).show(ui, |ui| {
                 for overlay in overlays {
-                    if overlay.is_truth() && !std::mem::replace(&mut truth, true) {
+                    if overlay.is_ground_truth() && !std::mem::replace(&mut truth, true) {
                         ui.label(
                             egui::RichText::new("Truth of the simulation").small().color(tokens(ui).weak),
                         );

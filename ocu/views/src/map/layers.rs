@@ -44,14 +44,14 @@ pub(super) struct Layer<'a> {
 }
 
 impl Layer<'_> {
-    /// Whether it is the truth of a simulation.
-    pub(super) fn is_truth(&self) -> bool {
-        self.topic.is_some_and(Topic::is_truth)
+    /// Whether it is the ground truth of a simulation.
+    pub(super) fn is_ground_truth(&self) -> bool {
+        self.topic.is_some_and(Topic::is_ground_truth)
     }
 
     /// Whether it is a map that others are fused into.
     pub(super) fn is_map(&self) -> bool {
-        !self.is_truth() && self.topic.is_some_and(|topic| topic.role() == Some(Role::Map))
+        !self.is_ground_truth() && self.topic.is_some_and(|topic| topic.role() == Some(Role::Map))
     }
 
     /// Whether a map shows it already: costs of one source, and the cloud that they come from.
@@ -75,7 +75,7 @@ fn is_goal(topic: &Topic) -> bool {
     topic.role() == Some(Role::Goal) && topic.type_name() == "foxglove.PoseInFrame"
 }
 
-/// All layers of a frame, the lowest first: the truth lies over everything else of its kind.
+/// All layers of a frame, the lowest first: the ground truth lies over everything else of its kind.
 pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
     let (mut grids, mut clouds, mut paths) = (Vec::new(), Vec::new(), Vec::new());
     for topic in frame.topics.iter() {
@@ -114,7 +114,7 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
     });
     let tracks = tracks.filter(|layer| !layer.topic.is_some_and(is_goal));
     let mut layers: Vec<_> = grids.into_iter().chain(clouds).chain(paths).chain(tracks).collect();
-    layers.sort_by_key(Layer::is_truth);
+    layers.sort_by_key(Layer::is_ground_truth);
     layers
 }
 
@@ -133,7 +133,8 @@ pub(super) fn frames<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Vec<&'a str>
 /// The frame that a person wants who has not chosen one: a grid's, else north-up where there are degrees, else a
 /// track's, else the root above the first cloud.
 pub(super) fn default_frame<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Option<&'a str> {
-    let find = |is: &dyn Fn(&Layer<'_>) -> bool| layers.iter().find(|layer| !layer.is_truth() && is(layer));
+    let find =
+        |is: &dyn Fn(&Layer<'_>) -> bool| layers.iter().find(|layer| !layer.is_ground_truth() && is(layer));
     let grid = find(&|layer| matches!(layer.kind, Kind::Grid(_)));
     let degrees = find(&|layer| layer.frame_id == WGS84);
     let track = find(&|layer| matches!(layer.kind, Kind::Track(_)));

@@ -1,7 +1,7 @@
 //! Map: grids, clouds, paths and tracks from above, north up.
 //!
 //! Everything is drawn in one frame, through the transforms of the log or the run. What no transform connects is
-//! listed with that reason; a track may be laid on another one by its first metres, and says so. The truth of a
+//! listed with that reason; a track may be laid on another one by its first metres, and says so. The ground truth of a
 //! simulation lies over everything else, half transparent, and is off until it is switched on.
 
 mod cloud;
@@ -202,10 +202,11 @@ impl Map {
         });
     }
 
-    /// How a layer is drawn; where a person has not said, the truth is not, and neither is what a map is made of.
+    /// How a layer is drawn; where a person has not said, the ground truth is not, and neither is what a map is made
+    /// of.
     fn state(&self, layer: &Layer<'_>) -> LayerState {
-        let shown = !(layer.is_truth() || (self.fused && layer.is_part_of_a_map()));
-        let opacity = if layer.is_truth() && matches!(layer.kind, Kind::Grid(_)) { 0.5 } else { 1.0 };
+        let shown = !(layer.is_ground_truth() || (self.fused && layer.is_part_of_a_map()));
+        let opacity = if layer.is_ground_truth() && matches!(layer.kind, Kind::Grid(_)) { 0.5 } else { 1.0 };
         let usual = LayerState { shown, opacity, ..LayerState::default() };
         self.saved.layers.get(&layer.name).cloned().unwrap_or(usual)
     }
@@ -272,7 +273,8 @@ impl Map {
 
     /// Where the first track that is drawn is now.
     fn here(&self, frame: &Frame, shown: &[&Layer<'_>]) -> Option<[f64; 3]> {
-        let tracks = shown.iter().filter(|layer| matches!(layer.kind, Kind::Track(_)) && !layer.is_truth());
+        let tracks =
+            shown.iter().filter(|layer| matches!(layer.kind, Kind::Track(_)) && !layer.is_ground_truth());
         tracks
             .filter_map(|layer| self.tracks.placed.get(&layer.name))
             .find_map(|track| track.placed.at(frame.now))
@@ -289,7 +291,7 @@ impl Map {
             }
         };
         // While something drives, what it knows around it is looked at; of a recording, all of it is.
-        let own = |layer: &&&Layer<'_>| matches!(layer.kind, Kind::Grid(_)) && !layer.is_truth();
+        let own = |layer: &&&Layer<'_>| matches!(layer.kind, Kind::Grid(_)) && !layer.is_ground_truth();
         let follow = frame.info.kind == SourceKind::Stack && shown.iter().any(|layer| own(&layer));
         for layer in shown.iter().filter(|layer| !follow || own(layer)) {
             let pose = layers::map_from_layer(frame, map, layer);

@@ -20,8 +20,8 @@ impl Map {
         let mut child = ui.new_child(egui::UiBuilder::new().max_rect(rect.shrink2(Vec2::new(8.0, 4.0))));
         child.set_clip_rect(rect.intersect(ui.clip_rect()));
         ScrollArea::vertical().auto_shrink(false).show(&mut child, |ui| {
-            // The truth is last, under a heading of its own.
-            let truth = layers.iter().position(Layer::is_truth);
+            // The ground truth is last, under a heading of its own.
+            let truth = layers.iter().position(Layer::is_ground_truth);
             for (index, layer) in layers.iter().enumerate() {
                 if truth == Some(index) {
                     ui.separator();
@@ -43,7 +43,7 @@ impl Map {
                 ui.separator();
                 ui.checkbox(&mut self.saved.align, "Align loose tracks at their start").on_hover_text(format!(
                     "A track that no transform connects to the map is turned and shifted onto another one, \
-                     by least squares over the first {} m. An aid to the eye, not a measurement.",
+                     by least squares over the first {} m. An visual aid, not a measurement.",
                     super::track::ALIGN_LENGTH_M
                 ));
             }

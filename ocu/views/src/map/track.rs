@@ -18,13 +18,13 @@ pub(super) struct Placed {
     pub(super) points: Vec<[f64; 3]>,
 }
 
-/// A turn and a shift in the plane that lays one track on another.
+/// A rotation and a translation in the plane that lays one track on another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Alignment {
-    /// Turn, radians.
+    /// Rotation, radians.
     pub(super) yaw_rad: f64,
-    /// Shift after the turn, metres.
-    pub(super) shift_m: [f64; 2],
+    /// Translation after the rotation, metres.
+    pub(super) translation_m: [f64; 2],
     /// What is left between the two over the fitted part, root mean square, metres.
     pub(super) rms_m: f64,
 }
@@ -32,7 +32,7 @@ pub(super) struct Alignment {
 impl Alignment {
     fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let (sin, cos) = self.yaw_rad.sin_cos();
-        [cos * x - sin * y + self.shift_m[0], sin * x + cos * y + self.shift_m[1]]
+        [cos * x - sin * y + self.translation_m[0], sin * x + cos * y + self.translation_m[1]]
     }
 }
 
@@ -90,7 +90,7 @@ impl Placed {
         }
     }
 
-    /// The turn and shift that lay the first part of this track best on `reference`, in the sense of least squares.
+    /// The rotation and translation that lay the first part of this track best on `reference`, in the sense of least squares.
     /// `None` where they share no time, or hardly move.
     pub(super) fn align(&self, reference: &Placed) -> Option<Alignment> {
         let first = *self.stamps.first()?.max(reference.stamps.first()?);
@@ -128,9 +128,9 @@ impl Placed {
             dot += b[0] * a[0] + b[1] * a[1];
         }
         let yaw_rad = cross.atan2(dot);
-        let turned = Alignment { yaw_rad, shift_m: [0.0; 2], rms_m: 0.0 }.apply(from);
+        let turned = Alignment { yaw_rad, translation_m: [0.0; 2], rms_m: 0.0 }.apply(from);
         let mut alignment =
-            Alignment { yaw_rad, shift_m: [to[0] - turned[0], to[1] - turned[1]], rms_m: 0.0 };
+            Alignment { yaw_rad, translation_m: [to[0] - turned[0], to[1] - turned[1]], rms_m: 0.0 };
         let squares = pairs.iter().map(|(a, b)| {
             let b = alignment.apply(*b);
             (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)
@@ -169,12 +169,12 @@ pub(super) fn thinned(points: impl Iterator<Item = egui::Pos2>) -> Vec<egui::Pos
 mod tests {
     use super::*;
 
-    fn curve(count: usize, turn_rad: f64, shift: [f64; 2]) -> Track {
-        let (sin, cos) = turn_rad.sin_cos();
+    fn curve(count: usize, rotation_rad: f64, translation: [f64; 2]) -> Track {
+        let (sin, cos) = rotation_rad.sin_cos();
         let point = |i: usize| {
             let t = i as f64 * 0.1;
             let (x, y) = (t, 5.0 * (t / 7.0).sin());
-            [cos * x - sin * y + shift[0], sin * x + cos * y + shift[1], 0.0, f64::NAN]
+            [cos * x - sin * y + translation[0], sin * x + cos * y + translation[1], 0.0, f64::NAN]
         };
         Track {
             stamps: (0..count).map(|i| Stamp(i as u64 * 100_000_000)).collect(),

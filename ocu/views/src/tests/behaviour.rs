@@ -188,7 +188,7 @@ fn a_measured_line_is_kept_until_measuring_ends() {
 #[test]
 fn a_camera_names_the_pixel_under_the_pointer_in_every_layer() {
     let mut harness = shown("camera");
-    let canvas = harness.get_by_label("Picture of /camera/image").rect();
+    let canvas = harness.get_by_label("Image of /camera/image").rect();
     harness.hover_at(canvas.center() + Vec2::new(10.0, 120.0));
     harness.run();
     assert!(harness.query_by_label_contains("px").is_some());
@@ -228,26 +228,29 @@ fn the_truth_is_off_until_a_person_switches_it_on() {
     let toggled =
         |harness: &Harness<'_, Shown>, name: &str| harness.get_by_label(name).accesskit_node().toggled();
     assert_eq!(toggled(&map, "Show /wm1/map"), Some(Toggled::True));
-    assert_eq!(toggled(&map, "Show /vehicle/truth_map"), Some(Toggled::False));
+    assert_eq!(toggled(&map, "Show /vehicle/ground_truth_map"), Some(Toggled::False));
     assert!(map.query_by_label("Truth of the simulation").is_some());
-    map.get_by_label("Show /vehicle/truth_map").click();
+    map.get_by_label("Show /vehicle/ground_truth_map").click();
     map.run();
-    assert_eq!(toggled(&map, "Show /vehicle/truth_map"), Some(Toggled::True));
-    assert_eq!(map.state().view.save()["layers"]["/vehicle/truth_map"]["shown"], true);
+    assert_eq!(toggled(&map, "Show /vehicle/ground_truth_map"), Some(Toggled::True));
+    assert_eq!(map.state().view.save()["layers"]["/vehicle/ground_truth_map"]["shown"], true);
 
     let mut camera = driving("camera");
     let truth = |harness: &Harness<'_, Shown>| {
-        harness.get_by_role_and_label(Role::CheckBox, "/eye/truth_labels").accesskit_node().toggled()
+        harness
+            .get_by_role_and_label(Role::CheckBox, "/camera/ground_truth_labels")
+            .accesskit_node()
+            .toggled()
     };
     assert!(camera.query_by_label("class 2").is_none());
     camera.get_by_label_contains("Overlays: /obstacles/labels, /color/shapes").click();
     camera.run();
     assert_eq!(truth(&camera), Some(Toggled::False));
     assert!(camera.query_by_label("Truth of the simulation").is_some());
-    camera.get_by_role_and_label(Role::CheckBox, "/eye/truth_labels").click();
+    camera.get_by_role_and_label(Role::CheckBox, "/camera/ground_truth_labels").click();
     camera.run();
     assert_eq!(truth(&camera), Some(Toggled::True), "the menu stays open");
-    assert_eq!(camera.state().view.save()["overlays"]["/eye/truth_labels"]["shown"], true);
+    assert_eq!(camera.state().view.save()["overlays"]["/camera/ground_truth_labels"]["shown"], true);
 }
 
 #[test]

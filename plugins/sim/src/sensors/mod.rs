@@ -1,6 +1,7 @@
 //! The vehicle's simple sensors: what they measure of the true motion, with their noise.
 //!
-//! Each keeps its own errors (biases, slow drifts) as state; white noise comes from the generator that the caller gives.
+//! Each keeps its own errors (biases, slow drifts) as state; white noise comes from the generator that the caller
+//! gives.
 
 mod gps;
 mod inertial;

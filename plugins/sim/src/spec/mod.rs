@@ -1,7 +1,8 @@
 //! The vehicle file: what the simulated vehicle is made of.
 //!
-//! A file is refused with line, key, what was found and what was expected; unknown keys are refused. Lengths are metres,
-//! places are in the vehicle frame: origin on the ground in the middle between the driven wheels, x forward, y left, z up.
+//! A file is refused with line, key, what was found and what was expected; unknown keys are refused. Lengths are
+//! metres, places are in the vehicle frame: origin on the ground in the middle between the driven wheels, x forward, y
+//! left, z up.
 
 mod parse;
 mod reader;
@@ -118,7 +119,7 @@ pub struct MotorSpec {
     pub noise_a: f64,
 }
 
-/// How the vehicle steers (thesis, A.4).
+/// How the vehicle steers (Wellington 2005, A.4).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SteeringSpec {
     /// Sharpest turn, 1/m.
@@ -160,7 +161,7 @@ pub struct Rates {
     /// Motor currents and steering.
     pub motors_hz: f64,
     /// True state.
-    pub truth_hz: f64,
+    pub ground_truth_hz: f64,
 }
 
 impl VehicleSpec {

@@ -119,6 +119,6 @@ fn rates(t: &Section<'_>) -> Result<Rates, FileError> {
         infrared_hz: t.number("infrared_hz", 0.1..=100.0)?,
         bumper_hz: t.number("bumper_hz", 0.1..=100.0)?,
         motors_hz: t.number("motors_hz", 0.1..=100.0)?,
-        truth_hz: t.number("truth_hz", 1.0..=100.0)?,
+        ground_truth_hz: t.number("ground_truth_hz", 1.0..=100.0)?,
     })
 }

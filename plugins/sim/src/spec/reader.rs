@@ -15,7 +15,8 @@ pub struct FileError {
     pub reason: String,
 }
 
-/// A table of the file that is being read. A key that nobody has asked for when [`Section::finish`] is called is unknown.
+/// A table of the file that is being read. A key that nobody has asked for when [`Section::finish`] is called is
+/// unknown.
 pub(crate) struct Section<'a> {
     text: &'a str,
     /// Where it stands in the file: `body.`, `camera.`; empty for the whole file.

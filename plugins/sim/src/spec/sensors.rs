@@ -4,7 +4,8 @@ use super::reader::{FileError, Section};
 use glam::DVec3;
 use rcs_geom::{CameraError, Distortion, PinholeCamera, Pose};
 
-/// Where a sensor sits on the vehicle: metres, and radians with positive pitch looking down and positive yaw to the left.
+/// Where a sensor sits on the vehicle: metres, and radians with positive pitch looking down and positive yaw to the
+/// left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mount {
     /// In the vehicle frame.
@@ -115,25 +116,25 @@ pub enum CameraKind {
     Infrared,
 }
 
-/// A camera or a stereo pair. A pair's mount is the middle between its eyes.
+/// A camera or a stereo pair. A pair's mount is the middle between its cameras.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraSpec {
     /// Its name.
     pub name: String,
-    /// One eye or two.
+    /// One camera or two.
     pub kind: CameraKind,
     /// Place.
     pub mount: Mount,
     /// Raw lens and sensor.
     pub lens: PinholeCamera,
-    /// Between the eyes; 0 for one.
+    /// Between the cameras; 0 for one.
     pub baseline_m: f64,
     /// 1/s.
     pub rate_hz: f64,
     /// Standard deviation of a frame's brightness, as a part of it.
     pub exposure_noise: f64,
-    /// What the eyes of a pair differ by in brightness, as a part of it.
-    pub eye_difference: f64,
+    /// What the cameras of a pair differ by in brightness, as a part of it.
+    pub camera_difference: f64,
     /// Noise of a dark pixel, grey levels of 255.
     pub dark_noise: f64,
     /// Noise of a white pixel, grey levels of 255; in between it grows with the root of the brightness.
@@ -173,25 +174,25 @@ impl Mount {
 }
 
 impl CameraSpec {
-    /// The optical frame of an eye in the vehicle frame: 0 is the left eye or the only one, 1 the right one.
-    pub fn vehicle_from_eye(&self, eye: usize) -> Pose {
-        let across = if eye == 0 { 0.5 * self.baseline_m } else { -0.5 * self.baseline_m };
+    /// The optical frame of a camera in the vehicle frame: 0 is the left camera or the only one, 1 the right one.
+    pub fn vehicle_from_camera(&self, side: usize) -> Pose {
+        let across = if side == 0 { 0.5 * self.baseline_m } else { -0.5 * self.baseline_m };
         self.mount.vehicle_from_sensor()
             * Pose::from_translation(DVec3::new(0.0, across, 0.0))
             * Pose::body_from_optical()
     }
 
-    /// Name of an eye's frame.
-    pub fn frame(&self, eye: usize) -> String {
-        match (self.kind, eye) {
-            (CameraKind::Stereo, 0) => format!("{}_eyes_left", self.name),
-            (CameraKind::Stereo, _) => format!("{}_eyes_right", self.name),
-            _ => format!("{}_eye", self.name),
+    /// Name of a camera's frame.
+    pub fn frame(&self, side: usize) -> String {
+        match (self.kind, side) {
+            (CameraKind::Stereo, 0) => format!("{}_left_camera", self.name),
+            (CameraKind::Stereo, _) => format!("{}_right_camera", self.name),
+            _ => format!("{}_camera", self.name),
         }
     }
 
-    /// How many eyes it has.
-    pub fn eyes(&self) -> usize {
+    /// How many cameras it has.
+    pub fn cameras(&self) -> usize {
         if self.kind == CameraKind::Stereo { 2 } else { 1 }
     }
 }
@@ -307,7 +308,7 @@ pub(super) fn camera(t: &Section<'_>) -> Result<CameraSpec, FileError> {
         baseline_m,
         rate_hz: rate(t)?,
         exposure_noise: t.number("exposure_noise", 0.0..=1.0)?,
-        eye_difference: t.number_or("eye_difference", 0.0..=1.0, 0.0)?,
+        camera_difference: t.number_or("camera_difference", 0.0..=1.0, 0.0)?,
         dark_noise: t.number("dark_noise", 0.0..=50.0)?,
         shot_noise: t.number("shot_noise", 0.0..=50.0)?,
         vignette: t.number_or("vignette", 0.0..=1.0, 0.0)?,
@@ -323,7 +324,7 @@ fn lens(t: &Section<'_>) -> Result<PinholeCamera, FileError> {
     let distortion = Distortion::from_model("plumb_bob", &distortion).map_err(refuse)?;
     let lens = PinholeCamera::new(size, [straight.fx, straight.fy], [straight.cx, straight.cy], distortion)
         .map_err(refuse)?;
-    // A lens that folds back on itself inside the picture has no ray for its corners.
+    // A lens that folds back on itself inside the image has no ray for its corners.
     let [w, h] = size.map(f64::from);
     for corner in [[0.0, 0.0], [w - 1.0, 0.0], [0.0, h - 1.0], [w - 1.0, h - 1.0]] {
         if lens.unproject(glam::DVec2::from_array(corner)).is_none() {

@@ -74,11 +74,11 @@ supervisor = "viewer"
 inputs = { wheels = "/operator/wheels" }
 
 [[process]]
-name = "eyes_left"
+name = "front_left"
 plugin = "sim_cameras"
 supervisor = "viewer"
-inputs = { truth_state = "/vehicle/truth_state", image = "/eyes_left/left" }
-params = { pair = "left" }
+inputs = { ground_truth_state = "/vehicle/ground_truth_state", image = "/front_left/left" }
+params = { pair = "front_left" }
 
 [buffers."/operator/wheels"]
 queue = 16
@@ -145,7 +145,7 @@ pub trait VehicleBench: Sized {
     /// Drives for a time by commands that keep coming.
     fn drive(&mut self, left_mps: f64, right_mps: f64, ms: u64);
 
-    fn state(&self) -> rcs::TruthState;
+    fn state(&self) -> rcs::GroundTruthState;
 }
 
 impl VehicleBench for Bench {
@@ -177,7 +177,7 @@ impl VehicleBench for Bench {
         }
     }
 
-    fn state(&self) -> rcs::TruthState {
-        self.latest("/vehicle/truth_state")
+    fn state(&self) -> rcs::GroundTruthState {
+        self.latest("/vehicle/ground_truth_state")
     }
 }

@@ -1,4 +1,4 @@
-//! The position estimates on the simulated vehicle, against its truth.
+//! The position estimates on the simulated vehicle, against its ground truth.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -38,8 +38,8 @@ inputs = { wheels = "/operator/wheels" }
 params = { world = "w", vehicle = "lagr", start_east_m = 30.0, start_north_m = 50.0, start_heading_deg = 20.0 }
 
 [[process]]
-name = "position"
-plugin = "position"
+name = "localization"
+plugin = "localization"
 supervisor = "viewer"
 inputs = { encoders = "/vehicle/encoders", imu = "/vehicle/imu", gps = "/vehicle/gps" }
 params = { world = "w", track_m = 0.58 }
@@ -94,9 +94,9 @@ fn drive(bench: &mut Bench, left_mps: f64, right_mps: f64, tenths: u64) -> Vec<S
 }
 
 fn seen(bench: &Bench) -> Seen {
-    let local: Odometry = bench.latest("/position/local");
-    let global: Option<Odometry> = bench.newest("/position/global");
-    let truth: Odometry = bench.latest("/vehicle/truth_pose");
+    let local: Odometry = bench.latest("/localization/local");
+    let global: Option<Odometry> = bench.newest("/localization/global");
+    let truth: Odometry = bench.latest("/vehicle/ground_truth_pose");
     let pose = |odometry: &Odometry| pose_of(odometry.pose.as_ref(), "vehicle").unwrap();
     Seen {
         local: pose(&local),
@@ -107,7 +107,7 @@ fn seen(bench: &Bench) -> Seen {
 }
 
 fn status(bench: &Bench) -> rcs::Status {
-    bench.latest("/position/status")
+    bench.latest("/localization/status")
 }
 
 /// A loop of about 90 m with turns to both sides.
@@ -200,7 +200,7 @@ fn without_fixes_the_global_estimate_goes_on_by_dead_reckoning_and_says_so() {
 fn the_local_frame_in_the_global_one_is_what_both_estimates_say() {
     let mut bench = start(2, &[]);
     let seen = *drive(&mut bench, 0.6, 0.9, 150).last().unwrap();
-    let transforms: FrameTransforms = bench.latest("/position/transforms");
+    let transforms: FrameTransforms = bench.latest("/localization/transforms");
     let transform = &transforms.transforms[0];
     assert_eq!((transform.parent_frame_id.as_str(), transform.child_frame_id.as_str()), ("global", "local"));
     let (t, q) = (transform.translation.as_ref().unwrap(), transform.rotation.as_ref().unwrap());

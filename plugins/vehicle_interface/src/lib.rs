@@ -1,4 +1,4 @@
-//! The comms interface between controller and vehicle (A 5, the lowest module of behavior generation).
+//! The vehicle interface between controller and vehicle (Albus 2006a, 5, the lowest module of behavior generation).
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
@@ -14,12 +14,12 @@
 //! | `wheels` | out | `rcs.WheelCommand` | speeds of the wheels, m/s, and curvature, 1/m |
 //! | `vehicle` | out | `rcs.VehicleStatus` | what the vehicle says of itself |
 //!
-//! Period 20 ms; both outputs every cycle. Cost: microseconds. State: what each input said last, the emergency stop, the
-//! ramps, and what the sensors said last.
+//! Period 20 ms; both outputs every cycle. Cost: microseconds. State: what each input said last, the emergency stop,
+//! the ramps, and what the sensors said last.
 //!
-//! Method (A 5): "takes a desired heading and direction from the waypoint follower and slows the velocity to limit
-//! acceleration, converts it to wheel speeds, and posts vehicle status": [`control`]. The papers name neither gains nor
-//! limits; ours are parameters.
+//! Method (Albus 2006a, 5): "takes a desired heading and direction from the waypoint follower and slows the velocity to
+//! limit acceleration, converts it to wheel speeds, and posts vehicle status": [`control`]. The papers name neither
+//! gains nor limits; ours are parameters.
 //!
 //! Who is obeyed, in this order: the emergency stop, which stands the vehicle at once and holds until a message with
 //! `active = false` that is not older; the operator, while the last command is younger than 200 ms; who drives, unless
@@ -41,4 +41,4 @@ pub mod control;
 pub mod gate;
 mod process;
 
-pub use process::{Comms, CommsCommand};
+pub use process::{VehicleInterface, VehicleInterfaceCommand};

@@ -1,4 +1,4 @@
-//! One eye's image as it came, decoded.
+//! One camera's image as it came, decoded.
 
 use rcs_msg::foxglove::RawImage;
 use rcs_sense::luma;
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// An image that can be matched.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Picture {
+pub(crate) struct ColourImage {
     pub(crate) frame_id: String,
     pub(crate) width: usize,
     pub(crate) height: usize,
@@ -14,10 +14,10 @@ pub(crate) struct Picture {
     pub(crate) rgb: Vec<u8>,
 }
 
-impl Picture {
+impl ColourImage {
     /// The colours of a message that has been checked.
-    pub(crate) fn new(message: &RawImage, rgb: Vec<u8>) -> Picture {
-        Picture {
+    pub(crate) fn new(message: &RawImage, rgb: Vec<u8>) -> ColourImage {
+        ColourImage {
             frame_id: message.frame_id.clone(),
             width: message.width as usize,
             height: message.height as usize,

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// What a driver wants, checked: all numbers are finite and within the limits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Wish {
+pub struct DriveRequest {
     /// Along the vehicle's x axis, m/s.
     pub speed_mps: f64,
     /// Where to turn.
@@ -85,17 +85,17 @@ pub enum Refusal {
 enum Last {
     #[default]
     Silent,
-    Good(Stamp, Wish),
+    Good(Stamp, DriveRequest),
     Refused(Stamp),
 }
 
 /// What an input says now.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Said {
+pub enum LastRequest {
     /// Nothing, or nothing that is not too old.
     Nothing,
     /// To drive like this.
-    Drive(Wish),
+    Drive(DriveRequest),
     /// Something that was refused.
     Refused,
 }
@@ -109,11 +109,17 @@ pub struct Gate {
 
 impl Gate {
     /// Takes a command that was given at `given`, or says why not; then the input counts as refused.
-    pub fn take(&mut self, wish: Wish, given: Stamp, now: Stamp, limits: &Limits) -> Result<(), Refusal> {
-        match self.judge(&wish, given, now, limits) {
+    pub fn take(
+        &mut self,
+        request: DriveRequest,
+        given: Stamp,
+        now: Stamp,
+        limits: &Limits,
+    ) -> Result<(), Refusal> {
+        match self.judge(&request, given, now, limits) {
             Ok(()) => {
                 self.newest = Some(given);
-                self.last = Last::Good(given, wish);
+                self.last = Last::Good(given, request);
                 Ok(())
             }
             Err(refusal) => {
@@ -123,9 +129,15 @@ impl Gate {
         }
     }
 
-    fn judge(&self, wish: &Wish, given: Stamp, now: Stamp, limits: &Limits) -> Result<(), Refusal> {
-        within("speed", wish.speed_mps, "m/s", limits.speed_mps)?;
-        match wish.turn {
+    fn judge(
+        &self,
+        request: &DriveRequest,
+        given: Stamp,
+        now: Stamp,
+        limits: &Limits,
+    ) -> Result<(), Refusal> {
+        within("speed", request.speed_mps, "m/s", limits.speed_mps)?;
+        match request.turn {
             Turn::Heading(got) if !got.is_finite() => {
                 return Err(Refusal::NotFinite { what: "heading", got });
             }
@@ -146,12 +158,12 @@ impl Gate {
     }
 
     /// What the input says at `now`: commands and refusals end when they are `timeout_s` old.
-    pub fn said(&self, now: Stamp, timeout_s: f64) -> Said {
+    pub fn last_request(&self, now: Stamp, timeout_s: f64) -> LastRequest {
         let is_fresh = |at: Stamp| now.seconds_since(at) < timeout_s;
         match self.last {
-            Last::Good(given, wish) if is_fresh(given) => Said::Drive(wish),
-            Last::Refused(at) if is_fresh(at) => Said::Refused,
-            _ => Said::Nothing,
+            Last::Good(given, request) if is_fresh(given) => LastRequest::Drive(request),
+            Last::Refused(at) if is_fresh(at) => LastRequest::Refused,
+            _ => LastRequest::Nothing,
         }
     }
 
@@ -181,20 +193,24 @@ mod tests {
         Stamp(ms * 1_000_000)
     }
 
-    fn go(speed_mps: f64) -> Wish {
-        Wish { speed_mps, turn: Turn::Heading(0.0) }
+    fn go(speed_mps: f64) -> DriveRequest {
+        DriveRequest { speed_mps, turn: Turn::Heading(0.0) }
     }
 
     /// Takes a command in a gate that has obeyed one of 1 s, and says how it was refused.
-    fn check(wish: Wish, given_ms: u64, now_ms: u64, refusal: &str) {
+    fn check(request: DriveRequest, given_ms: u64, now_ms: u64, refusal: &str) {
         let mut gate = Gate::default();
         gate.take(go(0.5), at_ms(1_000), at_ms(1_000), &LIMITS).unwrap();
-        let result = gate.take(wish, at_ms(given_ms), at_ms(now_ms), &LIMITS);
+        let result = gate.take(request, at_ms(given_ms), at_ms(now_ms), &LIMITS);
         match result {
             Ok(()) => assert_eq!(refusal, ""),
             Err(error) => {
                 assert!(!refusal.is_empty() && error.to_string().contains(refusal), "{error}");
-                assert_eq!(gate.said(at_ms(now_ms), 0.2), Said::Refused, "nothing is obeyed after {error}");
+                assert_eq!(
+                    gate.last_request(at_ms(now_ms), 0.2),
+                    LastRequest::Refused,
+                    "nothing is obeyed after {error}"
+                );
             }
         }
     }
@@ -206,9 +222,9 @@ mod tests {
         check(go(f64::NAN), 1_020, 1_020, "speed is NaN");
         check(go(10.0), 1_020, 1_020, "speed is 10 m/s");
         check(go(f64::NEG_INFINITY), 1_020, 1_020, "finite");
-        check(Wish { speed_mps: 0.0, turn: Turn::Heading(f64::NAN) }, 1_020, 1_020, "heading is NaN");
-        check(Wish { speed_mps: 0.0, turn: Turn::Rate(f64::NAN) }, 1_020, 1_020, "turn rate is NaN");
-        check(Wish { speed_mps: 0.0, turn: Turn::Rate(-1.3) }, 1_020, 1_020, "turn rate is -1.3");
+        check(DriveRequest { speed_mps: 0.0, turn: Turn::Heading(f64::NAN) }, 1_020, 1_020, "heading is NaN");
+        check(DriveRequest { speed_mps: 0.0, turn: Turn::Rate(f64::NAN) }, 1_020, 1_020, "turn rate is NaN");
+        check(DriveRequest { speed_mps: 0.0, turn: Turn::Rate(-1.3) }, 1_020, 1_020, "turn rate is -1.3");
     }
 
     #[test]
@@ -222,15 +238,15 @@ mod tests {
     #[test]
     fn a_command_holds_until_it_is_too_old_and_a_refusal_ends_it_at_once() {
         let mut gate = Gate::default();
-        assert_eq!(gate.said(at_ms(0), 0.2), Said::Nothing);
+        assert_eq!(gate.last_request(at_ms(0), 0.2), LastRequest::Nothing);
         gate.take(go(1.0), at_ms(0), at_ms(20), &LIMITS).unwrap();
-        assert_eq!(gate.said(at_ms(199), 0.2), Said::Drive(go(1.0)));
-        assert_eq!(gate.said(at_ms(200), 0.2), Said::Nothing);
+        assert_eq!(gate.last_request(at_ms(199), 0.2), LastRequest::Drive(go(1.0)));
+        assert_eq!(gate.last_request(at_ms(200), 0.2), LastRequest::Nothing);
         gate.take(go(f64::NAN), at_ms(100), at_ms(100), &LIMITS).unwrap_err();
-        assert_eq!(gate.said(at_ms(120), 0.2), Said::Refused);
+        assert_eq!(gate.last_request(at_ms(120), 0.2), LastRequest::Refused);
         gate.take(go(0.7), at_ms(120), at_ms(120), &LIMITS).unwrap();
-        assert_eq!(gate.said(at_ms(120), 0.2), Said::Drive(go(0.7)));
+        assert_eq!(gate.last_request(at_ms(120), 0.2), LastRequest::Drive(go(0.7)));
         gate.forget();
-        assert_eq!(gate.said(at_ms(120), 0.2), Said::Nothing);
+        assert_eq!(gate.last_request(at_ms(120), 0.2), LastRequest::Nothing);
     }
 }

@@ -1,16 +1,16 @@
-//! From what an eye sees to the picture that its sensor gives: exposure, corners, noise.
+//! From what a camera sees to the image that its sensor gives: exposure, corners, noise.
 //!
-//! Noise is a hash of the frame's key and the pixel, so that a strip of a picture is the same whoever computes it.
+//! Noise is a hash of the frame's key and the pixel, so that a strip of an image is the same whoever computes it.
 
 use crate::spec::{CameraKind, CameraSpec};
 use rcs_scene::Class;
 
-/// Exposure of one eye in one frame.
+/// Exposure of one camera in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exposure {
     /// Brightness by what it should be.
     pub gain: f64,
-    /// Of the noise; another one for each eye and frame.
+    /// Of the noise; another one for each camera and frame.
     pub key: u64,
 }
 
@@ -50,7 +50,7 @@ fn channels(key: u64, pixel: u64) -> [f32; 3] {
 }
 
 impl Sensor {
-    /// The sensor of a camera for pictures of a size, pixels.
+    /// The sensor of a camera for images of a size, pixels.
     pub fn new(spec: &CameraSpec, size: [usize; 2]) -> Sensor {
         let (dark, white) = (spec.dark_noise as f32, spec.shot_noise as f32);
         let deviation = |level: usize| dark + (white - dark) * (level as f32 / 255.0).sqrt();
@@ -99,7 +99,7 @@ pub fn thermal(class: u8, rgb: [u8; 3]) -> u8 {
     (warmth + (light - 110) / 8).clamp(0, 255) as u8
 }
 
-/// Bytes of a pixel of a camera's pictures, and their encoding.
+/// Bytes of a pixel of a camera's images, and their encoding.
 pub fn encoding_of(kind: CameraKind) -> (usize, &'static str) {
     match kind {
         CameraKind::Stereo | CameraKind::Color => (3, "rgb8"),

@@ -1,4 +1,5 @@
-//! Where the vehicle is: a local estimate that is smooth and drifts, and a global one that is noisy and does not (A 4).
+//! Where the vehicle is: a local estimate that is smooth and drifts, and a global one that is noisy and does not (Albus
+//! 2006a, 4).
 //!
 //! # `position`
 //!
@@ -26,10 +27,11 @@
 //! by the fixes. Neither knows of sideways slip.
 //!
 //! Noise that the covariances state, with the parameters' defaults: 5 % of each 20 m, as slip lasts, 0.5° of
-//! heading in the square root of a second; a fix as its receiver states it, and fixes that err alike over 15 s, so that 30 s of them are one measurement.
+//! heading in the square root of a second; a fix as its receiver states it, and fixes that err alike over 15 s, so that
+//! 30 s of them are one measurement.
 //!
-//! Where this differs from the seed: A 4 says what the two estimates are and not how they are made; the gate is that of
-//! the thesis (A.2): a likelihood ratio by the normalised error.
+//! Where this differs from the seed: Albus 2006a, 4 says what the two estimates are and not how they are made; the gate
+//! is that of Wellington 2005, A.2: a likelihood ratio by the normalised error.
 //!
 //! Readings that cannot be used (not finite, older than the one before, wheels that jump, a place outside of UTM, an
 //! outlier) are faults and are skipped.
@@ -46,4 +48,4 @@ pub mod planar;
 mod process;
 pub mod wheels;
 
-pub use process::Position;
+pub use process::Localization;

@@ -1,4 +1,4 @@
-//! Place and heading with their covariance: dead reckoning, and a Kalman filter with position fixes (A 4).
+//! Place and heading with their covariance: dead reckoning, and a Kalman filter with position fixes (Albus 2006a, 4).
 //!
 //! State: east, north (m), heading (rad). A step of length `ds` along the heading and a turn `dθ` by the gyro move it,
 //! and its covariance grows by `F·P·Fᵀ + Q` with `F` the derivative of the step; a fix of the antenna corrects it.

@@ -1,8 +1,8 @@
 //! Roll, pitch and yaw from gyros and accelerometers: a complementary filter.
 //!
 //! Gyros are integrated; where the accelerometers feel about as much as gravity, their direction of up pulls roll and
-//! pitch slowly to itself; what the vehicle's own motion by its wheels adds to them is taken out before. Yaw has nothing
-//! to be pulled to, so it drifts with the bias of its gyro, which is learned while the vehicle stands.
+//! pitch slowly to itself; what the vehicle's own motion by its wheels adds to them is taken out before. Yaw has
+//! nothing to be pulled to, so it drifts with the bias of its gyro, which is learned while the vehicle stands.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 const GRAVITY_MPS2: f64 = 9.81;
 /// A vehicle that turns faster does not stand, whatever its encoders say, rad/s.
 const STANDING_RADPS: f64 = 0.03;
-/// A shorter rest teaches nothing: the vehicle may be about to turn, and its first readings would be taken for a bias, s.
+/// A shorter rest teaches nothing: the vehicle may be about to turn, and its first readings would be taken for a bias,
+/// s.
 const LEAST_REST_S: f64 = 0.5;
 /// A gap between readings that is longer is not integrated over, s.
 const MAX_STEP_S: f64 = 0.5;
@@ -58,8 +59,8 @@ impl Attitude {
         }
     }
 
-    /// Takes a reading `elapsed_s` after the last one: rad/s and m/s², gravity included and the vehicle's own motion, as
-    /// far as it is known, taken out, vehicle axes.
+    /// Takes a reading `elapsed_s` after the last one: rad/s and m/s², gravity included and the vehicle's own motion,
+    /// as far as it is known, taken out, vehicle axes.
     pub fn update(
         &mut self,
         settings: &AttitudeSettings,
@@ -88,8 +89,8 @@ impl Attitude {
         self.level_from_vehicle = attitude.normalize();
     }
 
-    /// Learns the biases from a reading at rest: at first by the plain mean, so that a second at rest is worth a second,
-    /// later by one that forgets.
+    /// Learns the biases from a reading at rest: at first by the plain mean, so that a second at rest is worth a
+    /// second, later by one that forgets.
     fn rest(&mut self, settings: &AttitudeSettings, gyro_radps: DVec3, elapsed_s: f64) {
         if elapsed_s <= 0.0 {
             return;

@@ -4,7 +4,7 @@ use crate::attitude::{Attitude, AttitudeSettings};
 use crate::fixes::{GateSettings, GlobalEstimate, Position as Fixed, Verdict};
 use crate::origin::Origin;
 use crate::planar::{MotionNoise, Planar};
-use crate::proto::PositionParams;
+use crate::proto::LocalizationParams;
 use crate::wheels::{FASTEST_MPS, Rolled, Wheels};
 use glam::{DQuat, DVec2, DVec3};
 use rcs_geom::{Geodetic, Pose, wrap_angle};
@@ -28,7 +28,7 @@ const GLOBAL_BODY: &str = "vehicle_global";
 
 /// State: attitude, both estimates, and what the sensors said last.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Position {
+pub struct Localization {
     attitude: Option<Attitude>,
     /// Of the local estimate: place, heading, height.
     local: Option<Planar>,
@@ -46,7 +46,7 @@ pub struct Position {
     sent_global: Option<Stamp>,
 }
 
-/// Ports of [`Position`].
+/// Ports of [`Localization`].
 #[derive(Debug)]
 pub struct Ports {
     encoders: In<WheelEncoders>,
@@ -58,16 +58,16 @@ pub struct Ports {
     transforms: Out<FrameTransforms>,
 }
 
-impl Process for Position {
-    type Params = PositionParams;
+impl Process for Localization {
+    type Params = LocalizationParams;
     type Ports = Ports;
     type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
-        plugin: "position",
+        plugin: "localization",
         summary: "Estimates the local and the global position of the vehicle",
         period_ms: 20.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
@@ -97,16 +97,16 @@ impl Process for Position {
         }
     }
 
-    fn check(params: &PositionParams) -> Result<(), String> {
+    fn check(params: &LocalizationParams) -> Result<(), String> {
         if params.world.is_empty() { Ok(()) } else { Origin::from_toml(&params.world).map(|_| ()) }
     }
 
-    fn new(params: &PositionParams) -> Self {
+    fn new(params: &LocalizationParams) -> Self {
         // The runtime has called `check`; a text that is refused leaves the origin to the first fix.
         Self { origin: Origin::from_toml(&params.world).ok(), ..Self::default() }
     }
 
-    fn cycle(&mut self, ports: &Ports, params: &PositionParams, cx: &mut Cycle<'_>) {
+    fn cycle(&mut self, ports: &Ports, params: &LocalizationParams, cx: &mut Cycle<'_>) {
         let mut newest = None;
         while let Some(imu) = cx.read(&ports.imu) {
             match self.feel(&imu, params) {
@@ -152,8 +152,8 @@ fn vector(v: Option<&Vector3>) -> Option<DVec3> {
     v.map(|v| DVec3::new(v.x, v.y, v.z))
 }
 
-impl Position {
-    fn feel(&mut self, imu: &Msg<Imu>, params: &PositionParams) -> Result<(), String> {
+impl Localization {
+    fn feel(&mut self, imu: &Msg<Imu>, params: &LocalizationParams) -> Result<(), String> {
         let gyro = vector(imu.angular_velocity.as_ref()).ok_or("no turn rates")?;
         let force = vector(imu.linear_acceleration.as_ref()).ok_or("no accelerations")?;
         if !gyro.is_finite() || !force.is_finite() {
@@ -193,7 +193,7 @@ impl Position {
         self.global = GlobalEstimate::new(yaw_rad, yaw_variance);
     }
 
-    fn roll(&mut self, encoders: &Msg<WheelEncoders>, params: &PositionParams) -> Result<(), String> {
+    fn roll(&mut self, encoders: &Msg<WheelEncoders>, params: &LocalizationParams) -> Result<(), String> {
         let distance_m = [encoders.left_m, encoders.right_m];
         let time = encoders.acq_time();
         let Some(wheels) = &mut self.wheels else {
@@ -238,7 +238,7 @@ impl Position {
         Ok(())
     }
 
-    fn fix(&mut self, fix: &Msg<LocationFix>, params: &PositionParams) -> Result<(), String> {
+    fn fix(&mut self, fix: &Msg<LocationFix>, params: &LocalizationParams) -> Result<(), String> {
         let Some(attitude) = &self.attitude else { return Ok(()) };
         let place =
             Geodetic::new(fix.latitude, fix.longitude, fix.altitude).map_err(|error| error.to_string())?;
@@ -277,7 +277,7 @@ impl Position {
         }
     }
 
-    fn publish(&mut self, time: Stamp, ports: &Ports, params: &PositionParams, cx: &mut Cycle<'_>) {
+    fn publish(&mut self, time: Stamp, ports: &Ports, params: &LocalizationParams, cx: &mut Cycle<'_>) {
         let (Some(attitude), Some(local)) = (&self.attitude, &self.local) else { return };
         let velocity = Some(Vector3 { x: self.speed_mps, y: 0.0, z: 0.0 });
         let w = attitude.turn_radps;
@@ -331,7 +331,7 @@ impl Position {
 }
 
 /// Heading at the start and its variance, rad and rad²: the sensor's own, or the parameters'.
-fn start_heading(imu: &Imu, params: &PositionParams) -> Result<(f64, f64), String> {
+fn start_heading(imu: &Imu, params: &LocalizationParams) -> Result<(f64, f64), String> {
     let deviation = params.start_heading_noise_deg.to_radians();
     if imu.orientation.is_none() {
         return Ok((params.start_heading_deg.to_radians(), deviation * deviation));

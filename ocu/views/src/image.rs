@@ -19,7 +19,7 @@ pub(crate) enum Pixels {
 
 /// A decoded image.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Picture {
+pub(crate) struct DecodedImage {
     /// Columns.
     pub(crate) width: usize,
     /// Rows.
@@ -42,18 +42,18 @@ pub(crate) enum Tint {
 }
 
 /// Decodes a `foxglove.RawImage` or `foxglove.CompressedImage`; otherwise a sentence that says why not.
-pub(crate) fn decode(message: &AnyMessage) -> Result<Picture, String> {
+pub(crate) fn decode(message: &AnyMessage) -> Result<DecodedImage, String> {
     if let Some(raw) = message.get::<RawImage>() {
-        return picture(raw, raw.encoding.clone()).map_err(|error| error.to_string());
+        return image(raw, raw.encoding.clone()).map_err(|error| error.to_string());
     }
     let Some(compressed) = message.get::<CompressedImage>() else {
         return Err(format!("{} is no image", message.schema().name()));
     };
     let raw = image::decompress(compressed).map_err(|error| error.to_string())?;
-    picture(&raw, compressed.format.clone()).map_err(|error| error.to_string())
+    image(&raw, compressed.format.clone()).map_err(|error| error.to_string())
 }
 
-fn picture(raw: &RawImage, encoding: String) -> Result<Picture, ImageError> {
+fn image(raw: &RawImage, encoding: String) -> Result<DecodedImage, ImageError> {
     let pixels = match raw.encoding.as_str() {
         "16UC1" | "32FC1" => {
             Pixels::Values { values: image::depth_m(raw, 1.0)?, whole: raw.encoding == "16UC1" }
@@ -64,10 +64,10 @@ fn picture(raw: &RawImage, encoding: String) -> Result<Picture, ImageError> {
             Pixels::Color(rgb.as_chunks().0.iter().map(|&[r, g, b]| Color32::from_rgb(r, g, b)).collect())
         }
     };
-    Ok(Picture { width: raw.width as usize, height: raw.height as usize, pixels, encoding })
+    Ok(DecodedImage { width: raw.width as usize, height: raw.height as usize, pixels, encoding })
 }
 
-impl Picture {
+impl DecodedImage {
     /// The 2 % and 98 % values: the range that colours are spread over. `None` where there are no values.
     pub(crate) fn value_range(&self) -> Option<[f32; 2]> {
         let Pixels::Values { values, .. } = &self.pixels else { return None };
@@ -131,7 +131,7 @@ mod tests {
         }
     }
 
-    fn decoded(encoding: &str, width: u32, height: u32, data: &[u8]) -> Result<Picture, String> {
+    fn decoded(encoding: &str, width: u32, height: u32, data: &[u8]) -> Result<DecodedImage, String> {
         decode(&AnyMessage::new(raw(encoding, width, height, data.len() as u32 / height.max(1), data)))
     }
 
@@ -159,16 +159,16 @@ mod tests {
 
     #[test]
     fn an_image_larger_than_a_texture_is_thinned() {
-        let picture = decoded("mono8", 5, 4, &[0; 20]).unwrap();
-        assert_eq!(picture.paint(&Tint::Plain, [0.0, 1.0], 2).size, [2, 2]);
+        let image = decoded("mono8", 5, 4, &[0; 20]).unwrap();
+        assert_eq!(image.paint(&Tint::Plain, [0.0, 1.0], 2).size, [2, 2]);
     }
 
     #[test]
     fn unknown_pixels_are_transparent_and_known_ones_have_the_colour_of_their_label() {
-        let picture = decoded("mono8", 3, 1, &[0, 2, 77]).unwrap();
+        let image = decoded("mono8", 3, 1, &[0, 2, 77]).unwrap();
         let red = Color32::from_rgb(229, 57, 53);
         let label = palette::Label { value: 2, name: "obstacle".to_owned(), color: red };
-        let image = picture.paint(&Tint::Labels([label].into_iter().collect()), [0.0, 1.0], 64);
+        let image = image.paint(&Tint::Labels([label].into_iter().collect()), [0.0, 1.0], 64);
         assert_eq!(image.pixels, [Color32::TRANSPARENT, red, Color32::TRANSPARENT]);
     }
 }

@@ -1,10 +1,10 @@
 //! The global estimate: when a position fix is believed, and what happens while there is none.
 //!
-//! A fix is compared with the estimate by the variance that the receiver states; one that surprises is an outlier and is
-//! left out. Fixes err alike over tens of seconds, so a good one is weighed with a larger variance: otherwise a filter
-//! would take sixty fixes of a minute for sixty measurements and follow their common error. After a start or a long
-//! time without a fix the first ones must agree with each other; when many in a row are refused that agree with each
-//! other, it is the estimate that is wrong, and it begins anew.
+//! A fix is compared with the estimate by the variance that the receiver states; one that surprises is an outlier and
+//! is left out. Fixes err alike over tens of seconds, so a good one is weighed with a larger variance: otherwise a
+//! filter would take sixty fixes of a minute for sixty measurements and follow their common error. After a start or a
+//! long time without a fix the first ones must agree with each other; when many in a row are refused that agree with
+//! each other, it is the estimate that is wrong, and it begins anew.
 
 use crate::planar::{Fix, MotionNoise, Planar};
 use glam::DVec2;

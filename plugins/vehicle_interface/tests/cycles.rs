@@ -2,21 +2,21 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use rcs_comms::Comms;
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::foxglove::{Odometry, Quaternion, Vector3};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use rcs_runtime::ProcessType;
 use rcs_sense::pose_message;
 use rcs_testkit::bench::{Bench, Setup};
+use rcs_vehicle_interface::VehicleInterface;
 
 const STACK: &str = r#"
 format = 1
-name = "comms"
+name = "vehicle_interface"
 
 [[process]]
-name = "comms"
-plugin = "comms"
+name = "vehicle_interface"
+plugin = "vehicle_interface"
 supervisor = "viewer"
 
 [process.inputs]
@@ -31,8 +31,8 @@ motors = "/operator/motors"
 bumper = "/operator/bumper"
 "#;
 
-/// A bench with `comms` alone, of cycles of 20 ms.
-trait CommsBench: Sized {
+/// A bench with `vehicle_interface` alone, of cycles of 20 ms.
+trait VehicleInterfaceBench: Sized {
     fn start() -> Self;
     fn run(&mut self, cycles: u64);
     fn drive(&mut self, port: &str, speed_mps: f64, yaw_rate_radps: Option<f64>);
@@ -46,9 +46,9 @@ trait CommsBench: Sized {
     fn status(&self) -> rcs::Status;
 }
 
-impl CommsBench for Bench {
+impl VehicleInterfaceBench for Bench {
     fn start() -> Bench {
-        let mut bench = Setup::new(STACK, &[ProcessType::of::<Comms>()]).bench();
+        let mut bench = Setup::new(STACK, &[ProcessType::of::<VehicleInterface>()]).bench();
         bench.run(1);
         bench
     }
@@ -75,11 +75,11 @@ impl CommsBench for Bench {
     }
 
     fn write_command(&mut self, command: rcs::Command) {
-        self.write("/comms/command", command);
+        self.write("/vehicle_interface/command", command);
     }
 
     fn status(&self) -> rcs::Status {
-        self.latest("/comms/status")
+        self.latest("/vehicle_interface/status")
     }
 
     fn local(&mut self, yaw_rad: f64) {
@@ -97,12 +97,12 @@ impl CommsBench for Bench {
     }
 
     fn wheels(&self) -> [f64; 2] {
-        let wheels: rcs::WheelCommand = self.latest("/comms/wheels");
+        let wheels: rcs::WheelCommand = self.latest("/vehicle_interface/wheels");
         [wheels.left_mps, wheels.right_mps]
     }
 
     fn vehicle(&self) -> rcs::VehicleStatus {
-        self.latest("/comms/vehicle")
+        self.latest("/vehicle_interface/vehicle")
     }
 }
 
@@ -118,7 +118,7 @@ fn it_drives_while_commands_come_and_stops_when_they_have_not_for_200_ms() {
     assert!(bench.wheels()[0] < 0.5 && bench.vehicle().stop_reason == "no command");
     bench.run(20);
     assert_eq!(bench.wheels(), [0.0, 0.0]);
-    assert_eq!(bench.faults("comms").0, 0, "silence is no bad input");
+    assert_eq!(bench.faults("vehicle_interface").0, 0, "silence is no bad input");
 }
 
 #[test]
@@ -227,7 +227,7 @@ fn bad_commands_are_refused_counted_and_the_vehicle_is_safe() {
         let [left, right] = bench.wheels();
         assert!(left < 0.5 && left == right, "{why}: {left} {right}");
         let status = bench.vehicle();
-        assert_eq!((status.refused, bench.faults("comms").0), (1, 1), "{why}");
+        assert_eq!((status.refused, bench.faults("vehicle_interface").0), (1, 1), "{why}");
         assert!(status.last_refusal.contains(why), "{}", status.last_refusal);
         bench.run(15);
         assert_eq!(bench.wheels(), [0.0, 0.0], "{why}");
@@ -290,7 +290,7 @@ fn the_vehicles_status_is_what_its_sensors_say() {
     let angular_velocity = Some(Vector3 { z: f64::INFINITY, ..Vector3::default() });
     bench.write("/operator/imu", rcs::Imu { angular_velocity, ..Default::default() });
     bench.run(1);
-    assert_eq!(bench.faults("comms").0, 2);
+    assert_eq!(bench.faults("vehicle_interface").0, 2);
     assert_eq!(bench.vehicle().speed_mps, 0.5, "what was known stays");
 }
 

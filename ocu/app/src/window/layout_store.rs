@@ -10,13 +10,13 @@ use std::time::{Duration, Instant};
 const KEEP_EVERY: Duration = Duration::from_secs(2);
 
 /// Keeps each layout as it was last arranged, in a file of its own, so that it survives a crash.
-pub(super) struct Keeper {
+pub(super) struct LayoutStore {
     folder: Option<PathBuf>,
     last: Option<Layout>,
     looked: Instant,
 }
 
-impl Keeper {
+impl LayoutStore {
     pub(super) fn new(folder: Option<PathBuf>) -> Self {
         Self { folder, last: None, looked: Instant::now() }
     }

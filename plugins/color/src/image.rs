@@ -1,4 +1,4 @@
-//! The picture that models look at, its reduction to 128×96 by averaging (A 3.1.2).
+//! The image that models look at, its reduction to 128×96 by averaging (Albus 2006a, 3.1.2).
 
 /// Columns of the reduced image.
 pub const WIDTH: usize = 128;
@@ -9,17 +9,17 @@ pub const PIXELS: usize = WIDTH * HEIGHT;
 
 /// Rows of red, green and blue bytes.
 #[derive(Clone, Copy, Debug)]
-pub struct Picture<'a> {
+pub struct Image<'a> {
     size: [usize; 2],
     step: usize,
     data: &'a [u8],
 }
 
-/// Why a picture is not looked at.
+/// Why an image is not looked at.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum PictureError {
+pub enum ImageSizeError {
     /// Width, height and bytes do not agree.
-    #[error("picture of {width}x{height} pixels has {got} bytes, expected {expected}")]
+    #[error("image of {width}x{height} pixels has {got} bytes, expected {expected}")]
     Size {
         /// Pixels.
         width: usize,
@@ -32,18 +32,18 @@ pub enum PictureError {
     },
 }
 
-impl<'a> Picture<'a> {
+impl<'a> Image<'a> {
     /// Rows of `3 * width` bytes, `step` bytes apart.
     pub fn new(
         [width, height]: [usize; 2],
         step: usize,
         data: &'a [u8],
-    ) -> Result<Picture<'a>, PictureError> {
+    ) -> Result<Image<'a>, ImageSizeError> {
         let expected = if height == 0 { 0 } else { step * (height - 1) + 3 * width };
         if width == 0 || height == 0 || step < 3 * width || data.len() < expected {
-            return Err(PictureError::Size { width, height, got: data.len(), expected });
+            return Err(ImageSizeError::Size { width, height, got: data.len(), expected });
         }
-        Ok(Picture { size: [width, height], step, data })
+        Ok(Image { size: [width, height], step, data })
     }
 
     /// Columns and rows.
@@ -76,14 +76,14 @@ pub fn edges(length: usize, parts: usize) -> Vec<[usize; 2]> {
 }
 
 /// Mean red and green of each pixel of the 128×96 image, rounded; 0.3 ms for 640×480.
-pub fn reduce(picture: &Picture<'_>) -> Vec<[u8; 2]> {
-    let [width, height] = picture.size();
+pub fn reduce(image: &Image<'_>) -> Vec<[u8; 2]> {
+    let [width, height] = image.size();
     let columns = edges(width, WIDTH);
     let mut reduced = Vec::with_capacity(PIXELS);
     for [top, bottom] in edges(height, HEIGHT) {
         let mut sums = [[0_u32; 2]; WIDTH];
         for row in top..bottom {
-            let row = picture.row(row).as_chunks::<3>().0;
+            let row = image.row(row).as_chunks::<3>().0;
             for (sum, &[start, end]) in sums.iter_mut().zip(&columns) {
                 for &[red, green, _] in &row[start..end] {
                     sum[0] += u32::from(red);
@@ -105,15 +105,15 @@ mod tests {
     use proptest::prelude::*;
 
     /// The mean over the pixels whose index times 128 / width (96 / height) falls on a reduced pixel.
-    fn reference_reduce(picture: &Picture<'_>) -> Vec<[u8; 2]> {
-        let [width, height] = picture.size();
+    fn reference_reduce(image: &Image<'_>) -> Vec<[u8; 2]> {
+        let [width, height] = image.size();
         let mut reduced = Vec::new();
         for y in 0..96 {
             for x in 0..128 {
                 let (mut sums, mut count) = ([0.0; 2], 0.0);
                 for v in (y * height / 96)..((y + 1) * height / 96).max(y * height / 96 + 1) {
                     for u in (x * width / 128)..((x + 1) * width / 128).max(x * width / 128 + 1) {
-                        let [r, g, _] = picture.pixel(u, v);
+                        let [r, g, _] = image.pixel(u, v);
                         sums[0] += f64::from(r);
                         sums[1] += f64::from(g);
                         count += 1.0;
@@ -135,17 +135,17 @@ mod tests {
                 state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
                 (state >> 56) as u8
             }).collect();
-            let picture = Picture::new([width, height], step, &data).unwrap();
-            prop_assert_eq!(reduce(&picture), reference_reduce(&picture));
+            let image = Image::new([width, height], step, &data).unwrap();
+            prop_assert_eq!(reduce(&image), reference_reduce(&image));
         }
     }
 
     #[test]
     fn sizes_that_do_not_agree_are_refused() {
-        assert!(Picture::new([4, 2], 12, &[0; 24]).is_ok());
-        assert!(Picture::new([4, 2], 13, &[0; 25]).is_ok(), "the last row may end early");
+        assert!(Image::new([4, 2], 12, &[0; 24]).is_ok());
+        assert!(Image::new([4, 2], 13, &[0; 25]).is_ok(), "the last row may end early");
         for (size, step, bytes) in [([4, 2], 12, 23), ([4, 2], 11, 24), ([0, 2], 12, 24), ([4, 0], 12, 24)] {
-            assert!(Picture::new(size, step, &vec![0; bytes]).is_err());
+            assert!(Image::new(size, step, &vec![0; bytes]).is_err());
         }
     }
 }

@@ -1,4 +1,4 @@
-//! One eye of the learner: its images, what belongs to them, and how a labelled frame becomes points in cells.
+//! One camera of the learner: its images, what belongs to them, and how a labelled frame becomes points in cells.
 
 use crate::appearance::RatioBins;
 use crate::frame::{Gathered, LabelledFrame, Rays, Window, gather, strips};
@@ -15,38 +15,38 @@ use rcs_sense::{ImageCheck, camera_of};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Ports of one eye.
+/// Ports of one camera.
 #[derive(Debug)]
-pub(crate) struct EyePorts {
+pub(crate) struct CameraPorts {
     image: In<RawImage>,
     labels: In<RawImage>,
     depth: In<RawImage>,
     calibration: In<CameraCalibration>,
 }
 
-impl EyePorts {
-    /// Declares the ports of the left eye.
-    pub(crate) fn left(b: &mut PortBuilder) -> EyePorts {
-        EyePorts {
-            image: b.optional_input("left_image", "colour image of the left eye"),
+impl CameraPorts {
+    /// Declares the ports of the left camera.
+    pub(crate) fn left(b: &mut PortBuilder) -> CameraPorts {
+        CameraPorts {
+            image: b.optional_input("left_image", "colour image of the left camera"),
             labels: b.optional_input("left_labels", "obstacle labels of its pixels, mono8"),
             depth: b.optional_input("left_depth", "depth of its pixels along the optical axis, m"),
-            calibration: b.optional_input("left_calibration", "calibration of the left eye's image"),
+            calibration: b.optional_input("left_calibration", "calibration of the left camera's image"),
         }
     }
 
-    /// Declares the ports of the right eye.
-    pub(crate) fn right(b: &mut PortBuilder) -> EyePorts {
-        EyePorts {
-            image: b.optional_input("right_image", "colour image of the right eye"),
+    /// Declares the ports of the right camera.
+    pub(crate) fn right(b: &mut PortBuilder) -> CameraPorts {
+        CameraPorts {
+            image: b.optional_input("right_image", "colour image of the right camera"),
             labels: b.optional_input("right_labels", "obstacle labels of its pixels, mono8"),
             depth: b.optional_input("right_depth", "depth of its pixels along the optical axis, m"),
-            calibration: b.optional_input("right_calibration", "calibration of the right eye's image"),
+            calibration: b.optional_input("right_calibration", "calibration of the right camera's image"),
         }
     }
 }
 
-/// The overlay port of an eye.
+/// The overlay port of a camera.
 pub(crate) fn learned_port(b: &mut PortBuilder, name: &'static str, image: &str) -> Out<RawImage> {
     b.output(name, "points that were learned from, by their label")
         .role(Role::Labels)
@@ -56,9 +56,9 @@ pub(crate) fn learned_port(b: &mut PortBuilder, name: &'static str, image: &str)
         .build()
 }
 
-/// State of one eye.
+/// State of one camera.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct Eye {
+pub(crate) struct LearnerCamera {
     images: Recent,
     depths: Recent,
     camera: Option<PinholeCamera>,
@@ -68,7 +68,7 @@ pub(crate) struct Eye {
     check: ImageCheck,
     /// Time of the newest labels.
     pub(crate) newest: Option<Stamp>,
-    /// Whether it is behind the other eye, which is reported once.
+    /// Whether it is behind the other camera, which is reported once.
     pub(crate) is_late: bool,
 }
 
@@ -82,11 +82,11 @@ pub(crate) struct Frame {
     rays: Arc<Rays>,
 }
 
-impl Eye {
+impl LearnerCamera {
     /// Reads what has come, and gives the newest labels that are new. What cannot be used is reported under `name`.
     pub(crate) fn read(
         &mut self,
-        ports: &EyePorts,
+        ports: &CameraPorts,
         name: &str,
         cx: &mut Cycle<'_>,
     ) -> Option<(Stamp, RawImage)> {
@@ -96,7 +96,7 @@ impl Eye {
                 Ok(camera) => (self.camera, self.rays) = (Some(camera), None),
                 Err(error) => {
                     (self.camera, self.rays) = (None, None);
-                    cx.fault(format!("{name} eye: {}", Unusable::from(error)));
+                    cx.fault(format!("{name} camera: {}", Unusable::from(error)));
                 }
             }
         }
@@ -106,14 +106,17 @@ impl Eye {
             while let Some(message) = cx.read(port) {
                 let got = message.acq_time();
                 if let Err(newest) = recent.add(got, (*message).clone()) {
-                    cx.fault(format!("{name} eye: {}; skipped", Unusable::Late { what, got, newest }));
+                    cx.fault(format!("{name} camera: {}; skipped", Unusable::Late { what, got, newest }));
                 }
             }
         }
         let message = cx.read_newest(&ports.labels)?;
         let got = message.acq_time();
         if let Some(newest) = self.newest.filter(|&newest| newest >= got) {
-            cx.fault(format!("{name} eye: {}; skipped", Unusable::Late { what: "label image", got, newest }));
+            cx.fault(format!(
+                "{name} camera: {}; skipped",
+                Unusable::Late { what: "label image", got, newest }
+            ));
             return None;
         }
         self.newest = Some(got);

@@ -1,8 +1,8 @@
 //! Where the sensor and the vehicle were when range data were taken.
 
-use crate::columns::{Footing, Placement};
+use crate::columns::{GroundPlane, Placement};
 use crate::ground_map::GROUND_CELL_M;
-use crate::params::site;
+use crate::params::extrinsics;
 use crate::proto::ObstaclesParams;
 use rcs_geom::{CellIndex, Pose};
 use rcs_msg::Stamp;
@@ -10,9 +10,9 @@ use rcs_sense::{Axes, CELL_SIZE_M, Localizer, LocalizerError, OnItsSide, upright
 
 /// Where everything stood.
 #[derive(Clone, Debug)]
-pub(crate) struct Stand {
+pub(crate) struct SensorPose {
     pub(crate) local_from_sensor: Pose,
-    pub(crate) footing: Footing,
+    pub(crate) ground_plane: GroundPlane,
     pub(crate) placement: Placement,
     /// The vehicle's cell of the cost map, and of the ground map.
     pub(crate) centre: CellIndex,
@@ -21,14 +21,14 @@ pub(crate) struct Stand {
 
 /// Why that is not known.
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum StandError {
+pub(crate) enum SensorPoseError {
     #[error(transparent)]
     Pose(#[from] LocalizerError),
     #[error(transparent)]
     OnItsSide(#[from] OnItsSide),
 }
 
-impl Stand {
+impl SensorPose {
     /// At a time; `axes` are those of the data, `origin` the place of their coordinates in their frame.
     pub(crate) fn find(
         localizer: &Localizer,
@@ -37,10 +37,10 @@ impl Stand {
         origin: &Pose,
         time: Stamp,
         params: &ObstaclesParams,
-    ) -> Result<Stand, StandError> {
-        let site = site(params);
-        let local_from_vehicle = site.local_from_vehicle(localizer, time)?;
-        let vehicle_from_frame = site.vehicle_from_sensor(localizer, frame_id, axes, time)?;
+    ) -> Result<SensorPose, SensorPoseError> {
+        let extrinsics = extrinsics(params);
+        let local_from_vehicle = extrinsics.local_from_vehicle(localizer, time)?;
+        let vehicle_from_frame = extrinsics.vehicle_from_sensor(localizer, frame_id, axes, time)?;
         let local_from_sensor = local_from_vehicle * vehicle_from_frame * *origin;
         let up = upright(&local_from_vehicle)?;
         let sensor = local_from_sensor.translation;
@@ -49,9 +49,9 @@ impl Stand {
             let cell = (local_from_vehicle.translation / size_m).floor();
             CellIndex::new(cell.x as i64, cell.y as i64)
         };
-        Ok(Stand {
+        Ok(SensorPose {
             local_from_sensor,
-            footing: Footing { below_origin, up, wheels_m: params.wheels_x_m },
+            ground_plane: GroundPlane { below_origin, up, wheels_m: params.wheels_x_m },
             placement: Placement { sensor, cell_size_m: CELL_SIZE_M },
             centre: cell(CELL_SIZE_M),
             ground_centre: cell(GROUND_CELL_M),

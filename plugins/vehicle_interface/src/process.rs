@@ -1,8 +1,8 @@
-//! The process `comms`.
+//! The process `vehicle_interface`.
 
 use crate::control::{Aim, Drive, Ramps, Wheels};
-use crate::gate::{Gate, Limits, Said, Turn, Wish};
-use crate::proto::{CommsParams, SteeringKind};
+use crate::gate::{DriveRequest, Gate, LastRequest, Limits, Turn};
+use crate::proto::{SteeringKind, VehicleInterfaceParams};
 use rcs_geom::wrap_angle;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::Odometry;
@@ -18,15 +18,15 @@ use serde::{Deserialize, Serialize};
 const STANDS_MPS: f64 = 0.05;
 
 rcs_runtime::commands! {
-    /// What [`Comms`] obeys.
-    pub enum CommsCommand {
+    /// What [`VehicleInterface`] obeys.
+    pub enum VehicleInterfaceCommand {
         LimitSpeed(SpeedLimit) = "LIMIT_SPEED": "Drive no faster than this, whoever drives, until RUN or another limit.",
     }
 }
 
 /// State: what each input said last, the emergency stop, the ramps, and what the sensors said last.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Comms {
+pub struct VehicleInterface {
     drive: Gate,
     teleop: Gate,
     /// Reason and time of the emergency stop that holds.
@@ -47,7 +47,8 @@ struct Sensed {
     yaw_rate_radps: f64,
     roll_rad: f64,
     pitch_rad: f64,
-    /// Roll and pitch are the position estimate's, which knows acceleration from gravity; not the inertial sensor's own.
+    /// Roll and pitch are the position estimate's, which knows acceleration from gravity; not the inertial sensor's
+    /// own.
     attitude_is_estimated: bool,
     left_a: f64,
     right_a: f64,
@@ -55,7 +56,7 @@ struct Sensed {
     bumper_right: bool,
 }
 
-/// Ports of [`Comms`].
+/// Ports of [`VehicleInterface`].
 #[derive(Debug)]
 pub struct Ports {
     drive: In<DriveCommand>,
@@ -91,16 +92,16 @@ impl Decision {
     }
 }
 
-impl Process for Comms {
-    type Params = CommsParams;
+impl Process for VehicleInterface {
+    type Params = VehicleInterfaceParams;
     type Ports = Ports;
-    type Command = CommsCommand;
+    type Command = VehicleInterfaceCommand;
     const DEF: ProcessDef = ProcessDef {
-        plugin: "comms",
-        summary: "Comms interface: turns heading and speed into wheel speeds, and stops the vehicle when in doubt",
+        plugin: "vehicle_interface",
+        summary: "Vehicle interface: turns heading and speed into wheel speeds, and stops the vehicle when in doubt",
         period_ms: 20.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
@@ -133,14 +134,15 @@ impl Process for Comms {
         }
     }
 
-    fn new(_params: &CommsParams) -> Self {
+    fn new(_params: &VehicleInterfaceParams) -> Self {
         Self::default()
     }
 
-    fn cycle(&mut self, ports: &Ports, params: &CommsParams, cx: &mut Cycle<'_>) {
-        let limit = cx.command::<Self>().map(|CommsCommand::LimitSpeed(limit)| limit.max_speed_mps);
-        let decision = |comms: &Self, cx: &Cycle<'_>| {
-            let mut decision = comms.decide(ports, params, cx);
+    fn cycle(&mut self, ports: &Ports, params: &VehicleInterfaceParams, cx: &mut Cycle<'_>) {
+        let limit =
+            cx.command::<Self>().map(|VehicleInterfaceCommand::LimitSpeed(limit)| limit.max_speed_mps);
+        let decision = |vehicle_interface: &Self, cx: &Cycle<'_>| {
+            let mut decision = vehicle_interface.decide(ports, params, cx);
             if let Some(limit_mps) = limit {
                 decision.aim = decision.aim.limited_to(limit_mps);
             }
@@ -149,22 +151,29 @@ impl Process for Comms {
         self.step(ports, params, cx, decision);
     }
 
-    fn init(&mut self, ports: &Ports, params: &CommsParams, cx: &mut Cycle<'_>) {
+    fn init(&mut self, ports: &Ports, params: &VehicleInterfaceParams, cx: &mut Cycle<'_>) {
         self.hold("initialized, waits for RUN", ports, params, cx);
     }
 
-    fn halt(&mut self, ports: &Ports, params: &CommsParams, cx: &mut Cycle<'_>) {
+    fn halt(&mut self, ports: &Ports, params: &VehicleInterfaceParams, cx: &mut Cycle<'_>) {
         self.hold("halted", ports, params, cx);
     }
 }
 
-impl Comms {
-    /// Brakes, and is done when the vehicle stands. Nobody's wishes from before are taken up again after `RUN`.
-    fn hold(&mut self, reason: &'static str, ports: &Ports, params: &CommsParams, cx: &mut Cycle<'_>) {
-        let wheels = self.step(ports, params, cx, |comms, _| match &comms.emergency {
-            Some((reason, _)) => Decision::halt(reason),
-            None => Decision::stop(reason),
-        });
+impl VehicleInterface {
+    /// Brakes, and is done when the vehicle stands. Nobody's requests from before are taken up again after `RUN`.
+    fn hold(
+        &mut self,
+        reason: &'static str,
+        ports: &Ports,
+        params: &VehicleInterfaceParams,
+        cx: &mut Cycle<'_>,
+    ) {
+        let wheels =
+            self.step(ports, params, cx, |vehicle_interface, _| match &vehicle_interface.emergency {
+                Some((reason, _)) => Decision::halt(reason),
+                None => Decision::stop(reason),
+            });
         self.drive.forget();
         self.teleop.forget();
         let stands = wheels.left_mps == 0.0 && wheels.right_mps == 0.0;
@@ -179,7 +188,7 @@ impl Comms {
     fn step(
         &mut self,
         ports: &Ports,
-        params: &CommsParams,
+        params: &VehicleInterfaceParams,
         cx: &mut Cycle<'_>,
         decide: impl FnOnce(&Self, &Cycle<'_>) -> Decision,
     ) -> Wheels {
@@ -294,31 +303,32 @@ impl Comms {
     }
 
     /// The emergency stop first, then the operator, then who drives.
-    fn decide(&self, ports: &Ports, params: &CommsParams, cx: &Cycle<'_>) -> Decision {
+    fn decide(&self, ports: &Ports, params: &VehicleInterfaceParams, cx: &Cycle<'_>) -> Decision {
         if let Some((reason, _)) = &self.emergency {
             return Decision::halt(reason);
         }
         let now = cx.now();
-        match self.teleop.said(now, params.command_timeout_s) {
-            Said::Drive(wish) => return self.obey(wish, params, now),
-            Said::Refused => return Decision::stop("the operator's last command was refused"),
-            Said::Nothing => {}
+        match self.teleop.last_request(now, params.command_timeout_s) {
+            LastRequest::Drive(request) => return self.obey(request, params, now),
+            LastRequest::Refused => return Decision::stop("the operator's last command was refused"),
+            LastRequest::Nothing => {}
         }
         if let Some(above) = cx.latest(&ports.above).filter(|above| above.state() == ProcessState::Error) {
             return Decision::stop(format!("{} is in ERROR: {}", above.process, above.state_text));
         }
-        match self.drive.said(now, params.command_timeout_s) {
-            Said::Drive(wish) => self.obey(wish, params, now),
-            Said::Refused => Decision::stop("the last command was refused"),
-            Said::Nothing => Decision::stop("no command"),
+        match self.drive.last_request(now, params.command_timeout_s) {
+            LastRequest::Drive(request) => self.obey(request, params, now),
+            LastRequest::Refused => Decision::stop("the last command was refused"),
+            LastRequest::Nothing => Decision::stop("no command"),
         }
     }
 
-    fn obey(&self, wish: Wish, params: &CommsParams, now: Stamp) -> Decision {
+    fn obey(&self, request: DriveRequest, params: &VehicleInterfaceParams, now: Stamp) -> Decision {
         let is_held = params.bumper_holds && (self.sensed.bumper_left || self.sensed.bumper_right);
-        let speed_mps = if is_held { wish.speed_mps.min(0.0) } else { wish.speed_mps };
-        let stop_reason = if is_held && wish.speed_mps > 0.0 { "bumper is pressed" } else { "" }.to_owned();
-        let aim = match wish.turn {
+        let speed_mps = if is_held { request.speed_mps.min(0.0) } else { request.speed_mps };
+        let stop_reason =
+            if is_held && request.speed_mps > 0.0 { "bumper is pressed" } else { "" }.to_owned();
+        let aim = match request.turn {
             Turn::Rate(yaw_rate_radps) => Aim::Rate { speed_mps, yaw_rate_radps },
             Turn::Heading(heading_rad) => match self.yaw {
                 Some((yaw_rad, at)) if now.seconds_since(at) <= params.pose_timeout_s => {
@@ -328,7 +338,7 @@ impl Comms {
                 None => return Decision::stop("local position is not known: no heading can be steered for"),
             },
         };
-        Decision { aim, wanted_speed_mps: wish.speed_mps, stop_reason }
+        Decision { aim, wanted_speed_mps: request.speed_mps, stop_reason }
     }
 
     fn send(&self, ports: &Ports, decision: &Decision, wheels: Wheels, cx: &mut Cycle<'_>) {
@@ -371,13 +381,13 @@ impl Comms {
 
 fn take(gate: &mut Gate, command: &Msg<DriveCommand>, now: Stamp, limits: &Limits) -> Result<(), String> {
     let turn = command.yaw_rate_radps.map_or(Turn::Heading(command.heading_rad), Turn::Rate);
-    let wish = Wish { speed_mps: command.speed_mps, turn };
+    let request = DriveRequest { speed_mps: command.speed_mps, turn };
     // A command that carries no time counts from when it came.
     let given = command.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(command.acq_time());
-    gate.take(wish, given, now, limits).map_err(|refusal| refusal.to_string())
+    gate.take(request, given, now, limits).map_err(|refusal| refusal.to_string())
 }
 
-fn drive(params: &CommsParams) -> Drive {
+fn drive(params: &VehicleInterfaceParams) -> Drive {
     let is_differential = params.steering() == SteeringKind::SteeringDifferential;
     Drive {
         track_m: is_differential.then_some(params.track_m),

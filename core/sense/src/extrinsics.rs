@@ -29,7 +29,7 @@ pub enum Axes {
 
 /// How vehicle and sensor are found, as the parameters of a process say.
 #[derive(Clone, Copy, Debug)]
-pub struct Site<'a> {
+pub struct Extrinsics<'a> {
     /// Names of the frames.
     pub frames: FrameNames<'a>,
     /// Whether the vehicle stands at the origin of the local frame.
@@ -40,12 +40,12 @@ pub struct Site<'a> {
     pub vehicle_from_mount: Option<Pose>,
 }
 
-impl<'a> Site<'a> {
+impl<'a> Extrinsics<'a> {
     /// Of the parameters of a process. Those of a plan have every group; where one is absent, its defaults hold.
-    pub fn new(pose: Option<&'a VehiclePose>, mount: Option<&Mount>) -> Site<'a> {
+    pub fn new(pose: Option<&'a VehiclePose>, mount: Option<&Mount>) -> Extrinsics<'a> {
         static DEFAULT: LazyLock<VehiclePose> = LazyLock::new(rcs_msg::params::default);
         let pose = pose.unwrap_or(&DEFAULT);
-        Site {
+        Extrinsics {
             frames: FrameNames {
                 local: &pose.local_frame,
                 vehicle: &pose.vehicle_frame,
@@ -66,8 +66,8 @@ impl<'a> Site<'a> {
 
     /// The same for a sensor that the mount parameters are not about.
     #[must_use]
-    pub fn without_mount(self) -> Site<'a> {
-        Site { vehicle_from_mount: None, ..self }
+    pub fn without_mount(self) -> Extrinsics<'a> {
+        Extrinsics { vehicle_from_mount: None, ..self }
     }
 
     /// The vehicle in the local frame at a time.
@@ -93,7 +93,8 @@ impl<'a> Site<'a> {
         }
     }
 
-    /// Speed (m/s) and turn rate (rad/s) over the `window_s` before a time; `None` while poses do not reach back so far.
+    /// Speed (m/s) and turn rate (rad/s) over the `window_s` before a time; `None` while poses do not reach back so
+    /// far.
     pub fn motion(&self, localizer: &Localizer, time: Stamp, window_s: f64) -> Option<[f64; 2]> {
         let before = Stamp(time.0.checked_sub((window_s * 1e9) as u64)?);
         let now = self.local_from_vehicle(localizer, time).ok()?;
@@ -128,23 +129,24 @@ mod tests {
     fn a_fixed_mount_needs_no_transform_and_another_sensor_does() {
         let pose = VehiclePose { source: PoseSource::PoseFixed.into(), ..rcs_msg::params::default() };
         let mount = Mount { fixed: true, x_m: 0.5, ..rcs_msg::params::default() };
-        let site = Site::new(Some(&pose), Some(&mount));
+        let extrinsics = Extrinsics::new(Some(&pose), Some(&mount));
         let localizer = Localizer::default();
-        assert_eq!(site.local_from_vehicle(&localizer, Stamp(7)), Ok(Pose::IDENTITY));
-        let camera = site.vehicle_from_sensor(&localizer, "camera", Axes::Optical, Stamp(7)).unwrap();
+        assert_eq!(extrinsics.local_from_vehicle(&localizer, Stamp(7)), Ok(Pose::IDENTITY));
+        let camera = extrinsics.vehicle_from_sensor(&localizer, "camera", Axes::Optical, Stamp(7)).unwrap();
         assert_eq!(camera.translation, DVec3::new(0.5, 0.0, 1.0));
         assert!((camera.rotate(DVec3::Z) - DVec3::X).length() < 1e-12);
-        let scanner = site.vehicle_from_sensor(&localizer, "scanner", Axes::Body, Stamp(7)).unwrap();
+        let scanner = extrinsics.vehicle_from_sensor(&localizer, "scanner", Axes::Body, Stamp(7)).unwrap();
         assert!((scanner.rotate(DVec3::X) - DVec3::X).length() < 1e-12);
-        let other = site.without_mount().vehicle_from_sensor(&localizer, "camera", Axes::Optical, Stamp(7));
+        let other =
+            extrinsics.without_mount().vehicle_from_sensor(&localizer, "camera", Axes::Optical, Stamp(7));
         assert!(matches!(other, Err(LocalizerError::Transform(_))), "{other:?}");
     }
 
     #[test]
     fn a_group_that_is_absent_has_its_defaults() {
-        let site = Site::new(None, None);
-        assert_eq!(site.frames, FrameNames { local: "local", vehicle: "vehicle", pose: "" });
-        assert_eq!((site.fixed_pose, site.max_age_s), (false, 0.5));
+        let extrinsics = Extrinsics::new(None, None);
+        assert_eq!(extrinsics.frames, FrameNames { local: "local", vehicle: "vehicle", pose: "" });
+        assert_eq!((extrinsics.fixed_pose, extrinsics.max_age_s), (false, 0.5));
     }
 
     #[test]
