@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Distortion;
 
-/// Why numbers do not make a camera, or an image does not belong to it.
+/// Why calibration numbers do not describe a camera, or why an image does not belong to it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CameraError {
     /// Focal length 0: the convention for "not calibrated".
@@ -19,9 +19,9 @@ pub enum CameraError {
     /// A number is NaN or infinite.
     #[error("{what} is not finite: got {value}")]
     NotFinite {
-        /// Which part of the calibration.
+        /// The part of the calibration that holds it.
         what: &'static str,
-        /// The number.
+        /// The value.
         value: f64,
     },
     /// A matrix has the wrong number of entries.
@@ -29,30 +29,30 @@ pub enum CameraError {
     MatrixSize {
         /// Which matrix.
         what: &'static str,
-        /// Entries there are.
+        /// Number of entries found.
         got: usize,
-        /// Entries there should be.
+        /// Number of entries expected.
         expected: usize,
     },
-    /// The model does not take that many parameters.
+    /// The distortion model does not accept that many parameters.
     #[error("distortion model \"{model}\" has {got} parameters, expected {expected}")]
     ParameterCount {
         /// Name of the model.
         model: String,
-        /// Parameters there are.
+        /// Number of parameters found.
         got: usize,
-        /// Parameters it takes.
+        /// Number of parameters that the model takes.
         expected: usize,
     },
-    /// No such model here.
+    /// The distortion model is not supported.
     #[error(
         "distortion model \"{model}\" is unknown, expected plumb_bob, rational_polynomial, equidistant, fisheye or kannala_brandt"
     )]
     UnknownModel {
-        /// Name that was given.
+        /// Name of the model.
         model: String,
     },
-    /// Width or height is 0 or absurd.
+    /// Width or height is 0 or too large.
     #[error("image size {width}x{height} is not usable")]
     Size {
         /// Pixels.
@@ -60,12 +60,12 @@ pub enum CameraError {
         /// Pixels.
         height: u32,
     },
-    /// A buffer does not hold the image it should.
+    /// The length of a buffer does not match its image.
     #[error("image has {got} bytes, expected {expected} ({width}x{height}, {channels} channels)")]
     ImageSize {
-        /// Bytes there are.
+        /// Number of bytes found.
         got: usize,
-        /// Bytes there should be.
+        /// Number of bytes expected.
         expected: usize,
         /// Pixels.
         width: u32,
@@ -93,13 +93,13 @@ pub struct PinholeCamera {
     pub cx: f64,
     /// Principal point, pixels.
     pub cy: f64,
-    /// How the lens bends rays.
+    /// Lens distortion.
     pub distortion: Distortion,
-    /// [`Distortion::valid_radius`] of the lens, which is slow to find.
+    /// [`Distortion::valid_radius`] of the lens, cached because it is slow to compute.
     valid_radius: f64,
 }
 
-/// The longest side of an image that is believed, pixels.
+/// Greatest accepted width or height, pixels.
 const MAX_SIDE: u32 = 1 << 15;
 
 impl PinholeCamera {
@@ -125,8 +125,8 @@ impl PinholeCamera {
         Ok(PinholeCamera { width, height, fx, fy, cx, cy, distortion, valid_radius })
     }
 
-    /// From a calibration message: size in pixels, the 3×3 camera matrix by rows, the name of the distortion model and
-    /// its parameters. Skew is not supported by the messages' conventions and not read.
+    /// A camera from a calibration message: size in pixels, the 3×3 camera matrix by rows, the name of the distortion
+    /// model and its parameters. Skew is ignored, because neither ROS nor Foxglove calibrations support it.
     pub fn from_calibration(
         size: [u32; 2],
         k: &[f64],
@@ -139,8 +139,8 @@ impl PinholeCamera {
         PinholeCamera::new(size, [fx, fy], [cx, cy], Distortion::from_model(model, d)?)
     }
 
-    /// A lens without distortion, its axis at the image's centre, that sees `horizontal_fov_rad` from the left edge to
-    /// the right edge.
+    /// A camera without distortion whose principal point is the image centre. `horizontal_fov_rad` is measured from the
+    /// left edge of the image to its right edge.
     pub fn from_horizontal_fov(
         size: [u32; 2],
         horizontal_fov_rad: f64,
@@ -150,17 +150,18 @@ impl PinholeCamera {
         PinholeCamera::new(size, [f, f], [0.5 * (width - 1.0), 0.5 * (height - 1.0)], Distortion::None)
     }
 
-    /// The same camera for images of another size (the whole view, scaled), pixels.
+    /// The same camera for images of another size in pixels; the field of view stays the same.
     pub fn resized(&self, [width, height]: [u32; 2]) -> Result<PinholeCamera, CameraError> {
         let sx = f64::from(width) / f64::from(self.width);
         let sy = f64::from(height) / f64::from(self.height);
-        // Edges, not centres, of the outermost pixels stay in place.
+        // The outer edges of the image stay in place, not the centres of the outermost pixels.
         let centre = [(self.cx + 0.5) * sx - 0.5, (self.cy + 0.5) * sy - 0.5];
         PinholeCamera::new([width, height], [self.fx * sx, self.fy * sy], centre, self.distortion)
     }
 
-    /// The pixel of a point in the optical frame, metres. `None` for a point behind the camera or so far off its axis
-    /// that the lens model does not hold. The pixel may lie outside of the image: see [`PinholeCamera::contains`].
+    /// Projects a point in the optical frame (metres) to a pixel. `None` for a point behind the camera or outside of
+    /// the range in which the lens model is valid. The pixel may lie outside of the image: see
+    /// [`PinholeCamera::contains`].
     pub fn project(&self, p_optical: DVec3) -> Option<DVec2> {
         if !p_optical.is_finite() || p_optical.z <= 1e-9 {
             return None;
@@ -169,14 +170,14 @@ impl PinholeCamera {
         (normalised.length() <= self.valid_radius).then(|| self.pixel_of(self.distortion.distort(normalised)))
     }
 
-    /// The ray of a pixel in the optical frame, with z = 1: multiply by a depth for a point. `None` where the lens model
-    /// has no ray.
+    /// The ray through a pixel in the optical frame, scaled to z = 1: multiply it by a depth to get a point. `None`
+    /// where the lens model has no ray.
     pub fn unproject(&self, pixel: DVec2) -> Option<DVec3> {
         let distorted = DVec2::new((pixel.x - self.cx) / self.fx, (pixel.y - self.cy) / self.fy);
         Some(self.distortion.undistort(distorted, self.valid_radius)?.extend(1.0))
     }
 
-    /// The pixel that a straight lens with the same matrix would give for this pixel.
+    /// The pixel at which a camera with the same matrix and no distortion sees what this camera sees at `pixel`.
     pub fn undistort(&self, pixel: DVec2) -> Option<DVec2> {
         Some(self.pixel_of(self.unproject(pixel)?.truncate()))
     }
@@ -188,7 +189,7 @@ impl PinholeCamera {
         self.project(DVec3::new(x, y, 1.0))
     }
 
-    /// Whether a pixel position lies on the image.
+    /// Whether a pixel position lies within the image.
     pub fn contains(&self, pixel: DVec2) -> bool {
         let on = |v: f64, side: u32| v >= -0.5 && v < f64::from(side) - 0.5;
         on(pixel.x, self.width) && on(pixel.y, self.height)
@@ -242,7 +243,8 @@ mod tests {
         assert_eq!(camera.project(DVec3::new(0.0, 0.0, -1.0)), None);
         assert_eq!(camera.project(DVec3::new(0.0, 0.0, 0.0)), None);
         assert_eq!(camera.project(DVec3::new(f64::NAN, 0.0, 1.0)), None);
-        // The polynomial turns back: without the limit this point, 75° to the side, may land on the image.
+        // The radial polynomial decreases here: without the limit this point, 75° off the axis, might project into the
+        // image.
         assert!(camera.project(DVec3::new(3.7, 0.0, 1.0)).is_none_or(|pixel| !camera.contains(pixel)));
     }
 

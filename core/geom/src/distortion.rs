@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::CameraError;
 
-/// How a lens bends rays. Acts on normalised coordinates x/z, y/z (no unit); parameters in the order of ROS and
+/// Lens distortion. It maps normalised coordinates x/z, y/z (dimensionless); the parameters are in the order of ROS and
 /// Foxglove.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Distortion {
-    /// Straight rays.
+    /// No distortion.
     #[default]
     None,
     /// `plumb_bob`: k1, k2, p1, p2, k3.
@@ -20,12 +20,12 @@ pub enum Distortion {
     Fisheye([f64; 4]),
 }
 
-/// Beyond this radius on the normalised plane (84.3° off the axis) no model with z = 1 is of use.
+/// Greatest radius on the normalised plane (84.3° off the axis). Rays farther out cannot be used with z = 1.
 const RADIUS_LIMIT: f64 = 10.0;
 
 impl Distortion {
-    /// From a calibration message. A model with no parameters, or only zeros where that means a straight lens, is
-    /// [`Distortion::None`]; `plumb_bob` may leave k3 out; parameters past the model's own must be zero.
+    /// The distortion of a calibration message. A model without parameters is [`Distortion::None`], and so is a
+    /// polynomial model with only zeros. `plumb_bob` may omit k3. Parameters beyond those of the model must be zero.
     pub fn from_model(model: &str, d: &[f64]) -> Result<Distortion, CameraError> {
         if let Some(value) = d.iter().find(|v| !v.is_finite()) {
             return Err(CameraError::NotFinite { what: "distortion", value: *value });
@@ -39,7 +39,7 @@ impl Distortion {
             "rational_polynomial" => {
                 Ok(Distortion::RationalPolynomial(padded(d, 8).ok_or_else(|| wrong(8))?))
             }
-            // All zeros is a true fisheye: equal angles at equal distances.
+            // A fisheye model with only zeros still distorts: the radius is proportional to the angle.
             "equidistant" | "fisheye" | "kannala_brandt" => {
                 Ok(Distortion::Fisheye(padded(d, 4).ok_or_else(|| wrong(4))?))
             }
@@ -47,7 +47,7 @@ impl Distortion {
         }
     }
 
-    /// Where a straight ray lands. Meaningful within [`Distortion::valid_radius`].
+    /// Maps an undistorted point to its distorted position. Valid within [`Distortion::valid_radius`].
     pub fn distort(&self, p: DVec2) -> DVec2 {
         let r2 = p.length_squared();
         match *self {
@@ -61,14 +61,14 @@ impl Distortion {
             }
             Distortion::Fisheye(_) => {
                 let r = libm::sqrt(r2);
-                // At the axis the ratio is 1.
+                // The limit of the ratio at the axis is 1.
                 if r < 1e-12 { p } else { p * (self.fisheye_radius(libm::atan(r)).0 / r) }
             }
         }
     }
 
-    /// The straight ray that lands at `distorted`: the inverse of [`Distortion::distort`] within
-    /// `valid_radius`, by Newton's method. `None` where there is none.
+    /// Maps a distorted point to the undistorted one: the inverse of [`Distortion::distort`] within `valid_radius`, by
+    /// Newton's method. `None` where there is no solution.
     pub fn undistort(&self, distorted: DVec2, valid_radius: f64) -> Option<DVec2> {
         let straight = match self {
             Distortion::None => distorted,
@@ -80,8 +80,8 @@ impl Distortion {
         (straight.length() <= valid_radius).then_some(straight)
     }
 
-    /// The radius on the normalised plane up to which rays further out land further out. Beyond it the polynomial
-    /// turns back, and points outside of the view would land inside the image.
+    /// Radius on the normalised plane up to which the distorted radius increases with the undistorted one. Beyond it
+    /// the polynomial decreases, and points outside of the field of view would project into the image.
     pub fn valid_radius(&self) -> f64 {
         const STEPS: u32 = 2000;
         let grows = |r: f64| match self {
@@ -97,7 +97,7 @@ impl Distortion {
         turn.map_or(RADIUS_LIMIT, |r| r - step)
     }
 
-    /// Radial factor at r² and its derivative by r².
+    /// Radial factor at r² and its derivative with respect to r².
     fn radial(&self, r2: f64) -> (f64, f64) {
         let cubic =
             |a: f64, b: f64, c: f64| (1.0 + r2 * (a + r2 * (b + r2 * c)), a + r2 * (2.0 * b + 3.0 * r2 * c));
@@ -111,7 +111,7 @@ impl Distortion {
         }
     }
 
-    /// Distorted radius at an angle off the axis (radians), and its derivative.
+    /// Distorted radius at an angle off the axis (radians), and its derivative with respect to the angle.
     fn fisheye_radius(&self, theta: f64) -> (f64, f64) {
         let Distortion::Fisheye([k1, k2, k3, k4]) = *self else { return (theta, 1.0) };
         let t2 = theta * theta;
@@ -131,7 +131,8 @@ impl Distortion {
         if !target.is_finite() {
             return None;
         }
-        // The radial part alone starts on the right side of turns and poles; the tangential part is small.
+        // The radial part alone gives a first guess on the correct side of extrema and poles; the tangential part is
+        // small.
         let radius_at = |r: f64| {
             let (radial, slope) = self.radial(r * r);
             (r * radial, radial + 2.0 * r * r * slope)
@@ -155,7 +156,7 @@ impl Distortion {
                 (dy_dy * error.x - cross * error.y) / det,
                 (dx_dx * error.y - cross * error.x) / det,
             );
-            // Halving keeps a strong lens from jumping over the turn of its polynomial.
+            // Halving the step keeps the iteration from passing an extremum of the polynomial of a strong lens.
             let mut fraction = 1.0;
             loop {
                 let candidate = p - step * fraction;
@@ -183,8 +184,8 @@ impl Distortion {
     }
 }
 
-/// Where in `0..=high` a function that grows from 0 reaches `target`: Newton's method, guarded by bisection. The function
-/// gives its value and its slope. `None` for a target that it does not reach, or that is NaN.
+/// Where in `0..=high` a function that increases from 0 reaches `target`: Newton's method, safeguarded by bisection.
+/// The function returns its value and its slope. `None` if the function does not reach `target`, or if `target` is NaN.
 fn invert_growing(target: f64, high: f64, function: impl Fn(f64) -> (f64, f64)) -> Option<f64> {
     if function(high).0.partial_cmp(&target).is_none_or(std::cmp::Ordering::is_lt) {
         return None;
@@ -209,7 +210,8 @@ fn invert_growing(target: f64, high: f64, function: impl Fn(f64) -> (f64, f64)) 
     Some(at)
 }
 
-/// The parameters, with those left out as zero; `None` when fewer than `least`, or when one past the end is not zero.
+/// The parameters, padded with zeros; `None` if there are fewer than `least`, or if one beyond the model's own is not
+/// zero.
 fn padded<const N: usize>(d: &[f64], least: usize) -> Option<[f64; N]> {
     if d.len() < least || d.iter().skip(N).any(|&v| v != 0.0) {
         return None;
@@ -253,7 +255,7 @@ mod tests {
         #[test]
         fn undistort_undoes_distort_well_within_the_valid_radius(lens in lens(), x in -1.0..1.0_f64, y in -1.0..1.0_f64) {
             let valid = lens.valid_radius();
-            // Tangential terms move the turn a little, so stay clear of it.
+            // Tangential terms move the extremum a little, so the test stays away from it.
             let p = DVec2::new(x, y) * (0.8 * valid.min(1.2));
             prop_assume!(p.length() < 0.85 * valid);
             let back = lens.undistort(lens.distort(p), valid);

@@ -6,7 +6,7 @@ use std::ops::Mul;
 use glam::{DMat3, DQuat, DVec3, EulerRot};
 use serde::{Deserialize, Serialize};
 
-/// Why numbers do not make a pose.
+/// Why numbers do not describe a pose.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PoseError {
     /// A component is NaN or infinite.
@@ -17,7 +17,7 @@ pub enum PoseError {
         /// Components x, y, z, w.
         rotation_xyzw: [f64; 4],
     },
-    /// The quaternion has no direction.
+    /// The length of the quaternion is too far from 1.
     #[error("rotation has norm {norm}, expected about 1")]
     NotARotation {
         /// Length of the quaternion.
@@ -31,17 +31,17 @@ pub enum PoseError {
 /// The rotation is a unit quaternion. The default is the identity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
-    /// Turns directions of B into A.
+    /// Rotates directions of B into A.
     pub rotation: DQuat,
-    /// B's origin in A, metres.
+    /// Position of B's origin in A, metres.
     pub translation: DVec3,
 }
 
 impl Pose {
-    /// Both frames are one.
+    /// The identity: both frames coincide.
     pub const IDENTITY: Pose = Pose { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
 
-    /// `rotation` must be a unit quaternion; numbers from outside go through [`Pose::from_parts`].
+    /// `rotation` must be a unit quaternion. Use [`Pose::from_parts`] for numbers from outside of the program.
     pub const fn new(rotation: DQuat, translation: DVec3) -> Pose {
         Pose { rotation, translation }
     }
@@ -61,14 +61,14 @@ impl Pose {
         Pose { rotation: DQuat::from_rotation_z(yaw_rad), translation: DVec3::new(x_m, y_m, 0.0) }
     }
 
-    /// Roll about x, then pitch about y, then yaw about z, all about fixed axes (`Rz·Ry·Rx`), radians.
-    /// Positive pitch lowers the nose of a vehicle with x forward and z up.
+    /// Roll about x, then pitch about y, then yaw about z, all about the fixed axes (`Rz·Ry·Rx`), radians.
+    /// Positive pitch lowers the front of a vehicle with x forward and z up.
     pub fn from_rpy(translation: DVec3, roll_rad: f64, pitch_rad: f64, yaw_rad: f64) -> Pose {
         Pose { rotation: DQuat::from_euler(EulerRot::ZYX, yaw_rad, pitch_rad, roll_rad), translation }
     }
 
-    /// From a message's numbers: metres, and the quaternion x, y, z, w, which is normalised here.
-    /// Refuses numbers that are not finite and a quaternion whose length is not within 10 % of 1.
+    /// A pose from the numbers of a message: metres, and the quaternion x, y, z, w, which is normalised here. Refuses
+    /// numbers that are not finite and a quaternion whose length differs from 1 by more than 10 %.
     pub fn from_parts(translation: [f64; 3], rotation_xyzw: [f64; 4]) -> Result<Pose, PoseError> {
         let rotation = DQuat::from_array(rotation_xyzw);
         if !translation.iter().chain(&rotation_xyzw).all(|v| v.is_finite()) {
@@ -81,13 +81,13 @@ impl Pose {
         Ok(Pose { rotation: rotation.normalize(), translation: DVec3::from_array(translation) })
     }
 
-    /// The frame of a camera mounted with its view along `vehicle` x: optical axes (x right, y down,
-    /// z forward) turned into the axes of a body (x forward, y left, z up). `body_from_optical`.
+    /// `body_from_optical` of a camera that looks along the body's x axis: rotates optical axes (x right, y down, z
+    /// forward) into body axes (x forward, y left, z up).
     pub fn body_from_optical() -> Pose {
         Pose { rotation: DQuat::from_xyzw(-0.5, 0.5, -0.5, 0.5), translation: DVec3::ZERO }
     }
 
-    /// `b_from_a`.
+    /// The inverse: `b_from_a`.
     #[must_use]
     pub fn inverse(&self) -> Pose {
         let rotation = self.rotation.conjugate();
@@ -104,20 +104,20 @@ impl Pose {
         DMat3::from_quat(self.rotation)
     }
 
-    /// Angle of B's x axis in A's x-y plane, in (−π, π], radians.
+    /// Yaw: angle of B's x axis in A's x-y plane, in (−π, π], radians.
     pub fn yaw(&self) -> f64 {
         let forward = self.rotation * DVec3::X;
         libm::atan2(forward.y, forward.x)
     }
 
-    /// Roll, pitch, yaw as [`Pose::from_rpy`] takes them, radians.
+    /// Roll, pitch and yaw, the arguments of [`Pose::from_rpy`], radians.
     pub fn rpy(&self) -> [f64; 3] {
         let (yaw, pitch, roll) = self.rotation.to_euler(EulerRot::ZYX);
         [roll, pitch, yaw]
     }
 
-    /// The pose at `fraction` of the way to `end`: straight line and shortest rotation at constant rate.
-    /// 0 is `self`, 1 is `end`; outside of that it goes on.
+    /// Interpolates between `self` (0) and `end` (1): the position on a straight line, the rotation on the shortest arc
+    /// at a constant rate. Fractions outside of 0 to 1 extrapolate.
     #[must_use]
     pub fn interpolate(&self, end: &Pose, fraction: f64) -> Pose {
         Pose {
@@ -143,7 +143,7 @@ impl Mul for Pose {
 
     fn mul(self, b_from_c: Pose) -> Pose {
         Pose {
-            // Normalising keeps long chains rigid.
+            // Normalising keeps rounding errors from accumulating over long chains of poses.
             rotation: (self.rotation * b_from_c.rotation).normalize(),
             translation: self * b_from_c.translation,
         }
@@ -158,7 +158,7 @@ impl Mul<DVec3> for Pose {
     }
 }
 
-/// The same direction in (−π, π], radians. NaN and infinity give NaN.
+/// The same angle in (−π, π], radians. NaN and infinity give NaN.
 pub fn wrap_angle(angle_rad: f64) -> f64 {
     let wrapped = libm::remainder(angle_rad, 2.0 * PI);
     if wrapped <= -PI { wrapped + 2.0 * PI } else { wrapped }
@@ -174,7 +174,7 @@ mod tests {
         (
             prop::array::uniform3(-100.0..100.0_f64),
             -PI..PI,
-            -1.5..1.5_f64, // away from the gimbal's lock
+            -1.5..1.5_f64, // avoids gimbal lock
             -PI..PI,
         )
             .prop_map(|(t, r, p, y)| Pose::from_rpy(DVec3::from_array(t), r, p, y))

@@ -1,11 +1,11 @@
-//! Rectification: the image that a straight camera turned into the stereo plane would have taken.
+//! Rectification: resamples an image as an undistorted camera with rectified orientation would have taken it.
 
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::{CameraError, Distortion, PinholeCamera};
 
-/// For each pixel of the rectified image, where it lies in the raw one. Made once per calibration; applying it is one
-/// pass over the image.
+/// For each pixel of the rectified image, its position in the raw image. It is computed once per calibration; applying
+/// it is one pass over the image.
 ///
 /// ```
 /// use rcs_geom::{PinholeCamera, Rectification};
@@ -23,16 +23,17 @@ pub struct Rectification {
     camera: PinholeCamera,
     baseline_m: f64,
     raw_size: [u32; 2],
-    /// Row by row: u, v in the raw image, pixels; far outside where the raw camera sees nothing.
+    /// By rows: u, v in the raw image, pixels; a position far outside of the image where the raw camera sees nothing.
     source: Vec<[f32; 2]>,
 }
 
-/// Far outside of every image.
+/// A position outside of every image.
 const NOWHERE: [f32; 2] = [-1e6, -1e6];
 
 impl Rectification {
-    /// From the raw camera (its matrix K and distortion D), R (3×3 by rows, turns raw optical axes into rectified ones) and
-    /// P (3×4 by rows, the rectified camera), as in a calibration message. The rectified image has the raw one's size.
+    /// From the raw camera (matrix K and distortion D), R (3×3 by rows, rotates raw optical axes into rectified ones)
+    /// and P (3×4 by rows, the rectified camera), as in a calibration message. The rectified image has the size of the
+    /// raw one.
     pub fn new(raw: &PinholeCamera, r: &[f64], p: &[f64]) -> Result<Rectification, CameraError> {
         let Ok(r) = <[f64; 9]>::try_from(r) else {
             return Err(CameraError::MatrixSize { what: "rectification matrix", got: r.len(), expected: 9 });
@@ -45,7 +46,7 @@ impl Rectification {
         }
         let size = [raw.width, raw.height];
         let camera = PinholeCamera::new(size, [fx, fy], [cx, cy], Distortion::None)?;
-        // Rows of R are the columns of its inverse as glam stores them.
+        // The rows of R are the columns of its inverse, and glam stores matrices by columns.
         let raw_from_rectified = DMat3::from_cols_array(&r);
         let source_of = |u: u32, v: u32| {
             let ray = DVec3::new((f64::from(u) - cx) / fx, (f64::from(v) - cy) / fy, 1.0);
@@ -56,17 +57,18 @@ impl Rectification {
         Ok(Rectification { source: source.collect(), camera, baseline_m: -tx / fx, raw_size: size })
     }
 
-    /// The rectified camera: straight, with P's matrix.
+    /// The rectified camera: P's matrix, no distortion.
     pub fn camera(&self) -> &PinholeCamera {
         &self.camera
     }
 
-    /// How far this camera's centre lies to the right of the first camera's, metres: 0 for the left camera of a pair.
+    /// Distance from the first camera's centre to this camera's, metres, positive to the right: 0 for the left camera
+    /// of a pair.
     pub fn baseline_m(&self) -> f64 {
         self.baseline_m
     }
 
-    /// Where a pixel of the rectified image lies in the raw one; `None` outside of either.
+    /// The position in the raw image of a pixel of the rectified one; `None` outside of either image.
     pub fn source_of(&self, u: u32, v: u32) -> Option<DVec2> {
         if u >= self.camera.width || v >= self.camera.height {
             return None;
@@ -80,15 +82,15 @@ impl Rectification {
         inside.then_some(p)
     }
 
-    /// Rectifies an image of bytes, interleaved by pixel (1 channel grey, 3 RGB), rows without gaps; bilinear,
-    /// rounded, with black outside of the raw image.
+    /// Rectifies an image of 8-bit samples, interleaved by pixel (1 channel grey, 3 channels RGB), rows without
+    /// padding. Bilinear interpolation, rounded; black outside of the raw image.
     pub fn remap(&self, raw: &[u8], channels: usize) -> Result<Vec<u8>, CameraError> {
         let mut rectified = Vec::new();
         self.remap_into(raw, channels, &mut rectified)?;
         Ok(rectified)
     }
 
-    /// [`Rectification::remap`] into a buffer that is used again.
+    /// [`Rectification::remap`] into an existing buffer.
     pub fn remap_into(
         &self,
         raw: &[u8],
@@ -102,7 +104,7 @@ impl Rectification {
         }
         rectified.clear();
         rectified.resize(self.source.len() * channels, 0);
-        // The number of channels as a constant lets the compiler unroll the inner loop.
+        // A constant number of channels lets the compiler unroll the inner loop.
         match channels {
             1 => self.fill(raw, 1, rectified),
             3 => self.fill(raw, 3, rectified),
@@ -166,7 +168,7 @@ mod tests {
         PinholeCamera::from_calibration([64, 48], &K, "plumb_bob", d).unwrap()
     }
 
-    /// Bilinear interpolation in f64, straight from the definition, black outside.
+    /// Bilinear interpolation in f64, directly from the definition, black outside.
     fn reference_remap(map: &Rectification, raw: &[u8], channels: usize) -> Vec<f64> {
         let tap = |x: f64, y: f64, c: usize| {
             let inside = x >= 0.0 && y >= 0.0 && x < 64.0 && y < 48.0;
@@ -215,7 +217,7 @@ mod tests {
             let p_raw = DVec3::new(x, y, 1.0);
             let pixel = map.camera().project(rectified_from_raw * p_raw).unwrap().round();
             prop_assume!(map.camera().contains(pixel));
-            // The rounded pixel's own ray, through both cameras.
+            // The ray of the rounded pixel, through both cameras.
             let ray = rectified_from_raw.transpose() * map.camera().unproject(pixel).unwrap();
             let expected = raw.project(ray).unwrap();
             prop_assume!(raw.contains(expected));

@@ -1,16 +1,16 @@
-//! The scrolling grid: a square map around the vehicle whose cells stay where they are in memory (Albus 2006a, 4).
+//! The scrolling grid: a square map around the vehicle whose cells keep their place in memory (Albus 2006a, 4).
 
 use std::sync::Arc;
 
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-/// Names a cell of the world, whatever grid looks at it: floor(world / cell size), x east and y north.
+/// A cell of the world, independent of any grid: floor(position / cell size), x east and y north.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct CellIndex {
-    /// Cells east of the frame's origin.
+    /// Cells east of the origin of the frame.
     pub x: i64,
-    /// Cells north of the frame's origin.
+    /// Cells north of the origin of the frame.
     pub y: i64,
 }
 
@@ -20,59 +20,59 @@ impl CellIndex {
         CellIndex { x, y }
     }
 
-    /// The cell this many cells east and north.
+    /// The cell at this offset, in cells east and north.
     #[must_use]
     pub const fn offset(self, dx: i64, dy: i64) -> CellIndex {
         CellIndex { x: self.x.saturating_add(dx), y: self.y.saturating_add(dy) }
     }
 }
 
-/// Why a grid cannot be.
+/// Why a grid cannot be made or restored.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GridError {
-    /// No cells, or more than memory should hold.
+    /// The grid has no cells, or more than memory should hold.
     #[error("grid has {side} cells a side, expected 1 to {MAX_SIDE}")]
     Side {
-        /// Cells a side.
+        /// Cells per side.
         side: usize,
     },
-    /// Not a size.
+    /// The cell size is not a positive number.
     #[error("cell size is {cell_size_m} m, expected a finite number above 0")]
     CellSize {
         /// Metres.
         cell_size_m: f64,
     },
-    /// Saved cells do not fill the grid.
+    /// The number of saved cells does not match the grid.
     #[error("saved grid of {side} cells a side holds {got} cells, expected {expected}")]
     Cells {
-        /// Cells a side.
+        /// Cells per side.
         side: usize,
-        /// Cells there are, the padding of tiles counted.
+        /// Number of cells found, including the padding of tiles.
         got: usize,
-        /// Cells there should be.
+        /// Number of cells expected, including the padding of tiles.
         expected: usize,
     },
 }
 
-/// Longest side, cells.
+/// Greatest number of cells per side.
 const MAX_SIDE: usize = 4096;
-/// Cells a side of a tile. Small enough that a column of the map touches few cells beside its own, large enough that
-/// sharing the tiles costs little.
+/// Cells per side of a tile. It is small enough that a column of the map touches few cells outside of it, and large
+/// enough that sharing the tiles costs little.
 pub const TILE: usize = 8;
-/// Beyond this many cells from the origin an f64 no longer tells cells apart.
+/// Beyond this many cells from the origin an f64 no longer distinguishes neighbouring cells.
 const LIMIT: i64 = 1 << 51;
 
 /// A square grid of `side`×`side` cells, north-up, that scrolls over the world.
 ///
 /// - The cell of a world position is floor(position / cell size), per axis: [`CellIndex`].
-/// - That cell lies in memory at index mod side, per axis. When the grid moves by one cell, exactly `side` cells are
-///   overwritten and the others are not touched.
+/// - The cell is stored at index mod `side`, per axis. When the grid moves by one cell, exactly `side` cells are
+///   overwritten and the others keep their place.
 /// - The window holds the cells from `centre - side / 2` on (rounded down), so that an odd side has a middle cell: with
 ///   201 cells the centre is cell (100, 100) counted from the south-west corner.
-/// - Cells lie in tiles that clones share until one writes: a snapshot costs one count per tile, and what is written
-///   after it one copy of each tile touched.
+/// - Cells are stored in tiles that clones share (copy on write): a clone costs one reference count per tile, and the
+///   first write to a shared tile copies that tile.
 ///
-/// `T` is cloned by tiles; keep it small and flat.
+/// A write to a shared tile clones 64 `T`: keep `T` small and flat.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Saved<T>", bound(deserialize = "T: Deserialize<'de> + Clone"))]
 pub struct ScrollGrid<T> {
@@ -80,11 +80,11 @@ pub struct ScrollGrid<T> {
     cell_size_m: f64,
     centre: CellIndex,
     fill: T,
-    /// Rows of tiles; a tile holds rows of cells; positions past `side` are padding.
+    /// Tiles by rows; each tile holds its cells by rows; positions from `side` on are padding.
     tiles: Vec<Arc<[T]>>,
 }
 
-/// [`ScrollGrid`] before its numbers are checked.
+/// A deserialised [`ScrollGrid`] before its numbers are checked.
 #[derive(Deserialize)]
 struct Saved<T> {
     side: usize,
@@ -111,7 +111,7 @@ impl<T: Clone> TryFrom<Saved<T>> for ScrollGrid<T> {
 }
 
 impl<T: Clone> ScrollGrid<T> {
-    /// A grid full of `fill`, centred on cell (0, 0). `side` counts cells, `cell_size_m` is in metres.
+    /// A grid in which every cell is `fill`, centred on cell (0, 0). `side` is in cells, `cell_size_m` in metres.
     pub fn new(side: usize, cell_size_m: f64, fill: T) -> Result<ScrollGrid<T>, GridError> {
         check(side, cell_size_m)?;
         let tile: Arc<[T]> = vec![fill.clone(); TILE * TILE].into();
@@ -119,47 +119,47 @@ impl<T: Clone> ScrollGrid<T> {
         Ok(ScrollGrid { side, cell_size_m, centre: CellIndex::default(), fill, tiles })
     }
 
-    /// Cells a side.
+    /// Cells per side.
     pub fn side(&self) -> usize {
         self.side
     }
 
-    /// Metres.
+    /// Size of a cell, metres.
     pub fn cell_size_m(&self) -> f64 {
         self.cell_size_m
     }
 
-    /// The cell in the middle.
+    /// The cell in the middle of the window.
     pub fn centre(&self) -> CellIndex {
         self.centre
     }
 
-    /// The window on the world.
+    /// The cells of the window.
     pub fn bounds(&self) -> CellRect {
         let half = (self.side / 2) as i64;
         CellRect { south_west: self.centre.offset(-half, -half), columns: self.side, rows: self.side }
     }
 
-    /// World position of the window's south-west corner (of the corner cell's corner, not its middle), metres.
+    /// World position of the south-west corner of the window (the corner of its corner cell, not the middle), metres.
     pub fn origin(&self) -> DVec2 {
         let CellIndex { x, y } = self.bounds().south_west;
         DVec2::new(x as f64, y as f64) * self.cell_size_m
     }
 
-    /// The cell of a world position, metres, inside of the window or not. `None` for a position that is not finite or
-    /// so far out that cells cannot be told apart.
+    /// The cell of a world position (metres), inside or outside of the window. `None` for a position that is not finite
+    /// or too far from the origin to distinguish cells.
     pub fn cell_at(&self, p_world: DVec2) -> Option<CellIndex> {
         let cell = (p_world / self.cell_size_m).floor();
         let limit = LIMIT as f64;
         (cell.x.abs() <= limit && cell.y.abs() <= limit).then(|| CellIndex::new(cell.x as i64, cell.y as i64))
     }
 
-    /// World position of a cell's middle, metres.
+    /// World position of the middle of a cell, metres.
     pub fn middle_of(&self, cell: CellIndex) -> DVec2 {
         DVec2::new(cell.x as f64 + 0.5, cell.y as f64 + 0.5) * self.cell_size_m
     }
 
-    /// Whether the window holds the cell.
+    /// Whether the cell lies in the window.
     pub fn contains(&self, cell: CellIndex) -> bool {
         self.bounds().contains(cell)
     }
@@ -170,29 +170,30 @@ impl<T: Clone> ScrollGrid<T> {
         self.tiles.get(tile)?.get(at)
     }
 
-    /// A cell to write, or `None` outside of the window. Asking copies the tile if a clone shares it.
+    /// A cell to write, or `None` outside of the window. The call copies the tile if a clone shares it.
     pub fn get_mut(&mut self, cell: CellIndex) -> Option<&mut T> {
         let (tile, at) = self.place(cell)?;
         Arc::make_mut(self.tiles.get_mut(tile)?).get_mut(at)
     }
 
-    /// The cell at a world position, metres.
+    /// The cell at a world position (metres).
     pub fn at(&self, p_world: DVec2) -> Option<&T> {
         self.get(self.cell_at(p_world)?)
     }
 
-    /// The cell at a world position, metres, to write.
+    /// The cell at a world position (metres), to write.
     pub fn at_mut(&mut self, p_world: DVec2) -> Option<&mut T> {
         self.get_mut(self.cell_at(p_world)?)
     }
 
-    /// Moves the window so that `centre` is its middle cell, and fills what it newly shows. Gives those cells.
+    /// Moves the window so that `centre` is its middle cell, fills the newly exposed cells with `fill`, and returns
+    /// them.
     pub fn recentre(&mut self, centre: CellIndex) -> Exposed {
         let fill = self.fill.clone();
         self.recentre_with(centre, |_| fill.clone())
     }
 
-    /// Moves the window and asks `remembered` for each cell that it newly shows.
+    /// Moves the window and takes the value of each newly exposed cell from `remembered`.
     pub fn recentre_with(
         &mut self,
         centre: CellIndex,
@@ -206,7 +207,7 @@ impl<T: Clone> ScrollGrid<T> {
         exposed
     }
 
-    /// Writes cells of the window, tile by tile, so that each tile is looked up and unshared once.
+    /// Writes cells of the window tile by tile, so that each tile is looked up and unshared once.
     fn write_rect(&mut self, rect: &CellRect, value: &mut impl FnMut(CellIndex) -> T) {
         let tiles_a_side = self.side.div_ceil(TILE);
         let mut row = 0;
@@ -230,14 +231,14 @@ impl<T: Clone> ScrollGrid<T> {
         }
     }
 
-    /// Where a coordinate lies in memory, and how many of at most `wanted` follow it without leaving the tile or wrapping
-    /// around.
+    /// Storage index of a coordinate, and how many of at most `wanted` coordinates follow it in the same tile without
+    /// wrapping.
     fn run(&self, coordinate: i64, wanted: usize) -> (usize, usize) {
         let at = coordinate.rem_euclid(self.side as i64) as usize;
         (at, (TILE - at % TILE).min(self.side - at).min(wanted))
     }
 
-    /// Fills all cells; the window stays.
+    /// Sets all cells to `fill`; the window does not move.
     pub fn clear(&mut self) {
         let tile: Arc<[T]> = vec![self.fill.clone(); TILE * TILE].into();
         self.tiles.fill(tile);
@@ -249,8 +250,8 @@ impl<T: Clone> ScrollGrid<T> {
         self.bounds().iter().filter_map(|cell| Some((cell, self.get(cell)?)))
     }
 
-    /// Calls `visit` with all cells in the order of [`ScrollGrid::iter`], a few neighbours of a row at a time: the place of
-    /// the first in that order, its index, and the cells. Much faster than one by one.
+    /// Calls `visit` with all cells in the order of [`ScrollGrid::iter`], in runs of neighbours of one row: the
+    /// position of the first cell in that order, its index, and the cells. Much faster than cell by cell.
     pub fn for_each_run(&self, mut visit: impl FnMut(usize, CellIndex, &[T])) {
         let bounds = self.bounds();
         for row in 0..self.side {
@@ -267,15 +268,16 @@ impl<T: Clone> ScrollGrid<T> {
         }
     }
 
-    /// Cells of a row from `cell` on, at most `count` and at most as many as lie beside each other: as many as
-    /// [`ScrollGrid::for_each_run`] of a grid of this shape and place gives there. Empty outside of the window.
+    /// Cells of a row from `cell` on, at most `count` and at most those that are contiguous in memory. The length
+    /// equals that of the run of [`ScrollGrid::for_each_run`] in any grid of this shape and window. Empty outside of
+    /// the window.
     pub fn run_from(&self, cell: CellIndex, count: usize) -> &[T] {
         let Some((tile, at)) = self.place(cell) else { return &[] };
         let (_, run) = self.run(cell.x, count);
         self.tiles.get(tile).and_then(|cells| cells.get(at..at + run)).unwrap_or(&[])
     }
 
-    /// A grid of the same shape and place, full of `fill`.
+    /// A grid with the same shape and window, in which every cell is `fill`.
     pub fn like<U: Clone>(&self, fill: U) -> ScrollGrid<U> {
         let tile: Arc<[U]> = vec![fill.clone(); TILE * TILE].into();
         let tiles = vec![tile; self.tiles.len()];
@@ -289,9 +291,9 @@ impl<T: Clone> ScrollGrid<T> {
         cells
     }
 
-    /// Numbers of the tiles that are not shared with `other`, ascending: all that differ are among them. Clones share
-    /// what neither has written since, so that this costs one comparison of addresses a tile. All tiles where the two
-    /// have another number of them.
+    /// Numbers of the tiles that are not shared with `other`, ascending. Every tile that differs is among them. Clones
+    /// share tiles that neither has written since, so that this compares one address per tile. Returns all tiles if the
+    /// grids differ in their number of tiles.
     pub fn tiles_written_since<'a>(&'a self, other: &'a ScrollGrid<T>) -> impl Iterator<Item = usize> + 'a {
         let comparable = self.tiles.len() == other.tiles.len();
         (0..self.tiles.len())
@@ -303,22 +305,23 @@ impl<T: Clone> ScrollGrid<T> {
         self.tiles.len()
     }
 
-    /// Cells of a tile by rows as they lie in memory: [`TILE`] rows of [`TILE`]; empty where there is no such tile.
+    /// Cells of a tile by rows as stored, [`TILE`] rows of [`TILE`]; empty if there is no such tile.
     pub fn tile(&self, tile: usize) -> &[T] {
         self.tiles.get(tile).map_or(&[], |cells| cells)
     }
 
-    /// Cells of a tile, to write; empty where there is no such tile. Asking copies the tile if a clone shares it.
+    /// Cells of a tile, to write; empty if there is no such tile. The call copies the tile if a clone shares it.
     pub fn tile_mut(&mut self, tile: usize) -> &mut [T] {
         self.tiles.get_mut(tile).map_or(&mut [], |cells| Arc::make_mut(cells))
     }
 
-    /// Moves the window without filling what it newly shows: for a copy whose tiles are written as the original's were.
+    /// Moves the window without filling the newly exposed cells: for a copy whose tiles are then written like the
+    /// original's.
     pub fn set_centre(&mut self, centre: CellIndex) {
         self.centre = bounded(centre);
     }
 
-    /// Tile of a cell and place within it.
+    /// Tile of a cell and index within it.
     fn place(&self, cell: CellIndex) -> Option<(usize, usize)> {
         if !self.contains(cell) {
             return None;
@@ -356,7 +359,7 @@ pub struct CellRect {
 }
 
 impl CellRect {
-    /// Whether the cell is one of these.
+    /// Whether the rectangle contains the cell.
     pub fn contains(&self, cell: CellIndex) -> bool {
         let within = |v: i64, from: i64, count: usize| {
             v.checked_sub(from).is_some_and(|offset| (0..count as i64).contains(&offset))
@@ -369,19 +372,19 @@ impl CellRect {
         self.columns * self.rows
     }
 
-    /// Whether there are none.
+    /// Whether the rectangle is empty.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// By rows from the south, west to east.
+    /// The cells by rows from the south, west to east.
     pub fn iter(&self) -> impl Iterator<Item = CellIndex> + use<> {
         let CellRect { south_west, columns, rows } = *self;
         (0..rows as i64).flat_map(move |y| (0..columns as i64).map(move |x| south_west.offset(x, y)))
     }
 }
 
-/// The cells that a move of the window newly shows: at most a strip of columns and a strip of rows, without overlap.
+/// The cells that a move of the window newly exposes: at most a strip of columns and a strip of rows, without overlap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Exposed {
     /// Whole columns, over all rows of the new window.
@@ -428,7 +431,7 @@ impl Exposed {
         self.len() == 0
     }
 
-    /// Each cell once.
+    /// All cells, each once.
     pub fn iter(&self) -> impl Iterator<Item = CellIndex> + use<> {
         self.columns.iter().chain(self.rows.iter())
     }

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// The same grid the plain way: a map of what was written, forgotten when it leaves the window.
+/// Reference: a map of the written cells, which forgets a cell when it leaves the window.
 struct ReferenceGrid {
     side: i64,
     centre: CellIndex,
@@ -45,7 +45,7 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// All cells of the grid as they lie in memory, tile after tile.
+/// All cells of the grid in memory order, tile after tile.
 fn memory(grid: &ScrollGrid<u32>) -> Vec<u32> {
     grid.tiles.iter().flat_map(|tile| tile.iter().copied()).collect()
 }
@@ -202,7 +202,8 @@ fn sizes_that_cannot_be_are_refused_also_when_restoring() {
     assert!(postcard::from_bytes::<ScrollGrid<u8>>(&bytes).is_err());
 }
 
-/// Prints what `cargo test --release -- --nocapture` measures; asserts only the order of size, as builds differ.
+/// Prints the time in `cargo test --release -- --nocapture`; asserts only its order of magnitude, because builds
+/// differ.
 #[test]
 fn a_one_cell_scroll_of_201_cells_takes_microseconds() {
     let mut grid = ScrollGrid::new(201, 0.2, [0_u8; 128]).unwrap();

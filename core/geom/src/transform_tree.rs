@@ -1,4 +1,4 @@
-//! Named frames and where they are to each other over time.
+//! Named frames and their poses relative to each other over time.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -7,30 +7,30 @@ use serde::{Deserialize, Serialize};
 
 use crate::Pose;
 
-/// Why a transform is not known or not accepted. Times are nanoseconds.
+/// Why a transform is not known or was refused. Times are nanoseconds.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TransformError {
-    /// No transform has named this frame.
+    /// No transform mentions this frame.
     #[error("frame \"{frame}\" is unknown")]
     UnknownFrame {
-        /// The name that was asked for.
+        /// Name of the frame.
         frame: String,
     },
-    /// The two frames hang on different roots.
+    /// The two frames have different roots.
     #[error(
         "frames \"{target}\" and \"{source_frame}\" are not connected: roots are \"{target_root}\" and \"{source_root}\""
     )]
     NotConnected {
-        /// Frame that was to be reached.
+        /// The target frame.
         target: String,
-        /// Frame to start from.
+        /// The source frame.
         source_frame: String,
-        /// Root above the target.
+        /// Root of the target.
         target_root: String,
-        /// Root above the source.
+        /// Root of the source.
         source_root: String,
     },
-    /// The edge above a frame has samples, but not around this time, and nothing is extrapolated.
+    /// The transform above a frame has samples, but none on both sides of this time. Nothing is extrapolated.
     #[error(
         "no transform from \"{frame}\" to \"{parent}\" at {time_ns} ns: data reach from {first_ns} to {last_ns} ns"
     )]
@@ -39,24 +39,24 @@ pub enum TransformError {
         frame: String,
         /// Parent frame of the edge.
         parent: String,
-        /// Time that was asked for.
+        /// The requested time.
         time_ns: u64,
         /// Time of the oldest sample.
         first_ns: u64,
         /// Time of the newest sample.
         last_ns: u64,
     },
-    /// A frame has one parent; a second one was offered.
+    /// The frame already has another parent.
     #[error("frame \"{frame}\" already has parent \"{parent}\", got \"{offered}\"")]
     TwoParents {
         /// Child frame.
         frame: String,
-        /// Parent that it has.
+        /// Its parent.
         parent: String,
-        /// Parent that was offered.
+        /// The parent that was refused.
         offered: String,
     },
-    /// The parent hangs below the child.
+    /// The parent is a descendant of the child.
     #[error("frame \"{frame}\" cannot hang under \"{parent}\", which hangs under it")]
     Cycle {
         /// Child frame.
@@ -78,7 +78,7 @@ pub enum TransformError {
 enum Edge {
     /// Valid at all times.
     Static(Pose),
-    /// Sorted by time, times distinct, never empty. Shared until written, so that a snapshot is cheap.
+    /// Sorted by time, times distinct, never empty. Copy on write, so that a snapshot is cheap.
     Timed(Arc<VecDeque<(u64, Pose)>>),
 }
 
@@ -88,8 +88,8 @@ struct Link {
     edge: Edge,
 }
 
-/// A forest of named frames. Each frame but a root hangs under one parent by a transform that is either static
-/// (valid at all times) or a series of samples between which it is interpolated (never extrapolated).
+/// A forest of named frames. Each frame except a root has one parent and a transform to it, which is either static
+/// (valid at all times) or a series of samples. It interpolates between samples and never extrapolates.
 ///
 /// ```
 /// use rcs_geom::{DVec3, Pose, TransformTree};
@@ -105,7 +105,7 @@ struct Link {
 pub struct TransformTree {
     /// By child frame.
     links: BTreeMap<String, Link>,
-    /// How long samples are kept behind the newest of their edge; `None` keeps all.
+    /// How long samples are kept, counted back from the newest of the same transform; `None` keeps all.
     history_ns: Option<u64>,
 }
 
@@ -115,12 +115,12 @@ impl TransformTree {
         TransformTree::default()
     }
 
-    /// Keeps the samples of the last `history_ns` of each edge (and the one before, to interpolate from).
+    /// Keeps the samples of the last `history_ns` of each transform (and the one before, to interpolate from).
     pub fn with_history_ns(history_ns: u64) -> TransformTree {
         TransformTree { links: BTreeMap::new(), history_ns: Some(history_ns) }
     }
 
-    /// States where `child` is in `parent` at all times; replaces what was said of that pair.
+    /// Sets the pose of `child` in `parent` for all times; replaces earlier values of that pair.
     pub fn set_static(
         &mut self,
         parent: &str,
@@ -133,8 +133,8 @@ impl TransformTree {
         Ok(())
     }
 
-    /// States where `child` is in `parent` at one time. Samples may come in any order; a second one of the same
-    /// time replaces the first. An edge that was static becomes timed.
+    /// Adds a sample of the pose of `child` in `parent`. Samples may arrive in any order; a second sample of the same
+    /// time replaces the first. A static transform becomes timed.
     pub fn insert(
         &mut self,
         parent: &str,
@@ -164,7 +164,7 @@ impl TransformTree {
         Ok(())
     }
 
-    /// `target_from_source` at a time: what turns points of `source` into `target`.
+    /// `target_from_source` at a time: takes points of `source` into `target`.
     pub fn lookup(&self, target: &str, source: &str, time_ns: u64) -> Result<Pose, TransformError> {
         let (target_chain, source_chain) = self.chains(target, source)?;
         let ancestor_from = |chain: &[(&str, &Link)]| {
@@ -177,8 +177,8 @@ impl TransformTree {
         Ok(ancestor_from_target.inverse() * ancestor_from_source)
     }
 
-    /// The newest time at which [`TransformTree::lookup`] of these frames can answer; `None` when the way between
-    /// them is static, and every time does.
+    /// The newest time for which [`TransformTree::lookup`] of these frames succeeds; `None` if the path between them is
+    /// static and every time succeeds.
     pub fn newest(&self, target: &str, source: &str) -> Result<Option<u64>, TransformError> {
         let (target_chain, source_chain) = self.chains(target, source)?;
         let newest = |(_, link): &(&str, &Link)| link.span().map(|(_, last)| last);
@@ -194,7 +194,7 @@ impl TransformTree {
         frames
     }
 
-    /// The frame above, or `None` for a root and for an unknown frame.
+    /// The parent of a frame, or `None` for a root or an unknown frame.
     pub fn parent(&self, frame: &str) -> Option<&str> {
         self.links.get(frame).map(|link| link.parent.as_str())
     }
@@ -204,7 +204,7 @@ impl TransformTree {
         self.links.contains_key(frame) || self.links.values().any(|link| link.parent == frame)
     }
 
-    /// The edges from each of the two frames up to their nearest common ancestor.
+    /// The transforms from each of the two frames up to their nearest common ancestor.
     #[allow(clippy::type_complexity, reason = "two chains of named edges, used only here")]
     fn chains<'a>(
         &'a self,
@@ -230,7 +230,7 @@ impl TransformTree {
                 source_root,
             });
         }
-        // What both chains share above the common ancestor cancels, and need not have data at the time.
+        // Transforms above the common ancestor cancel out, and need no data at the requested time.
         while let (Some(a), Some(b)) = (target_chain.last(), source_chain.last())
             && a.0 == b.0
         {
@@ -240,7 +240,7 @@ impl TransformTree {
         Ok((target_chain, source_chain))
     }
 
-    /// Edges from a frame up to its root.
+    /// Transforms from a frame up to its root.
     fn chain<'a>(&'a self, start: &'a str) -> Vec<(&'a str, &'a Link)> {
         let mut chain = Vec::new();
         let mut frame = start;
@@ -272,7 +272,7 @@ impl TransformTree {
 }
 
 impl Link {
-    /// Times of the oldest and newest sample; `None` for a static edge.
+    /// Times of the oldest and newest sample; `None` for a static transform.
     fn span(&self) -> Option<(u64, u64)> {
         match &self.edge {
             Edge::Static(_) => None,

@@ -86,7 +86,7 @@ fn history_forgets_what_is_too_old_to_interpolate_from() {
     for time in (0..=1000).step_by(30) {
         tree.insert("local", "vehicle", time, translated(time as f64)).unwrap();
     }
-    // Newest 990: everything from 890 on must still be answered.
+    // The newest sample is at 990: every time from 890 on must still have an answer.
     assert!(near(&tree.lookup("local", "vehicle", 890).unwrap(), &translated(890.0)));
     assert!(tree.lookup("local", "vehicle", 869).is_err());
 }

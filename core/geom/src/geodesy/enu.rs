@@ -17,12 +17,12 @@ pub fn ecef_from_geodetic(place: &Geodetic) -> DVec3 {
     DVec3::new(equatorial * cos_lon, equatorial * sin_lon, (n * (1.0 - E2) + place.altitude_m) * sin_lat)
 }
 
-/// The inverse of [`ecef_from_geodetic`], for places less than about 50 km under the ground: Bowring's first guess,
-/// then fixed-point iteration on the latitude.
+/// The inverse of [`ecef_from_geodetic`] for positions at most about 50 km below the ellipsoid: Bowring's formula as
+/// the first guess, then fixed-point iteration on the latitude.
 pub fn geodetic_from_ecef(p_ecef: DVec3) -> Geodetic {
     let equatorial = libm::hypot(p_ecef.x, p_ecef.y);
     let b = SEMI_MAJOR_AXIS_M * (1.0 - FLATTENING);
-    // The reduced latitude; Bowring's step contracts the error by about e⁴ each time.
+    // Start from the reduced latitude; each step of Bowring's method reduces the error by a factor of about e⁴.
     let mut reduced = libm::atan2(p_ecef.z, (1.0 - FLATTENING) * equatorial);
     let mut latitude = reduced;
     for _ in 0..5 {
@@ -35,7 +35,7 @@ pub fn geodetic_from_ecef(p_ecef: DVec3) -> Geodetic {
         reduced = libm::atan2((1.0 - FLATTENING) * s, c);
     }
     let (s, c) = libm::sincos(latitude);
-    // Along the normal: well conditioned at the poles and at the equator.
+    // Projected on the normal, which is well conditioned at the poles and at the equator.
     let altitude_m = equatorial * c + p_ecef.z * s - SEMI_MAJOR_AXIS_M * libm::sqrt(1.0 - E2 * s * s);
     Geodetic {
         latitude_deg: latitude.to_degrees(),
@@ -44,7 +44,7 @@ pub fn geodetic_from_ecef(p_ecef: DVec3) -> Geodetic {
     }
 }
 
-/// The local frame at a place: x east, y north, z up (along the ellipsoid's normal), metres.
+/// The local frame at a position: x east, y north, z up (along the normal of the ellipsoid), metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Enu {
     origin: Geodetic,
@@ -54,7 +54,7 @@ pub struct Enu {
 }
 
 impl Enu {
-    /// The frame whose origin is this place.
+    /// The frame whose origin is this position.
     pub fn new(origin: Geodetic) -> Enu {
         let (sin_lat, cos_lat) = libm::sincos(origin.latitude_deg.to_radians());
         let (sin_lon, cos_lon) = libm::sincos(origin.wrapped_longitude_deg().to_radians());
@@ -65,17 +65,17 @@ impl Enu {
         Enu { origin, origin_ecef: ecef_from_geodetic(&origin), axes_ecef }
     }
 
-    /// The place that is (0, 0, 0).
+    /// The position of the origin.
     pub fn origin(&self) -> Geodetic {
         self.origin
     }
 
-    /// East, north, up of a place, metres.
+    /// A position as east, north, up, metres.
     pub fn enu_from_geodetic(&self, place: &Geodetic) -> DVec3 {
         self.axes_ecef.transpose() * (ecef_from_geodetic(place) - self.origin_ecef)
     }
 
-    /// The place at east, north, up, metres.
+    /// The position of the point east, north, up, metres.
     pub fn geodetic_from_enu(&self, p_enu: DVec3) -> Geodetic {
         geodetic_from_ecef(self.axes_ecef * p_enu + self.origin_ecef)
     }

@@ -11,8 +11,8 @@ const COLUMNS: [&[u8; 8]; 3] = [b"STUVWXYZ", b"ABCDEFGH", b"JKLMNPQR"];
 const ROWS: &[u8; 20] = b"ABCDEFGHJKLMNPQRSTUV";
 
 impl Utm {
-    /// The MGRS square that holds the place: zone, band, 100 km square, then `digits` digits (0 to 5) each of easting and
-    /// northing, cut off, not rounded: 5 is 1 m. Refuses places outside of MGRS's squares.
+    /// The MGRS square that contains the position: zone, band, 100 km square, then `digits` digits (0 to 5) each of
+    /// easting and northing, truncated, not rounded; 5 digits are 1 m. Refuses positions outside of MGRS.
     pub fn to_mgrs(&self, digits: usize) -> Result<String, GeodesyError> {
         let refused = || GeodesyError::NotUtm {
             zone: self.zone,
@@ -28,10 +28,10 @@ impl Utm {
             return Err(refused());
         }
         let column = (self.easting_m / 100_000.0).floor() as usize - 1;
-        // The hemisphere settles the band at the equator, where rounding could go either way.
+        // The hemisphere decides the band at the equator, where rounding could give either.
         let band = ((latitude_deg + 80.0) / 8.0).floor() as i64;
         let band = if self.north { band.clamp(10, 19) } else { band.clamp(0, 9) };
-        // 10,000,000 m south is the equator itself: the last row below it.
+        // 10,000,000 m in the south is the equator itself, which belongs to the last row below it.
         let northing_m = self.northing_m.min(if self.north { f64::MAX } else { FALSE_NORTHING_M - 1e-6 });
         let row = (northing_m / 100_000.0).floor() as usize;
         let shift = if self.zone.is_multiple_of(2) { 5 } else { 0 };
@@ -52,7 +52,7 @@ impl Utm {
         Ok(format!("{square}{east:0digits$}{north:0digits$}"))
     }
 
-    /// The middle of the square that an MGRS text names; blanks are allowed between its parts, and small letters.
+    /// The middle of the square that an MGRS text names. Blanks between the parts and lower-case letters are accepted.
     pub fn from_mgrs(text: &str) -> Result<Utm, GeodesyError> {
         let refused = |reason| GeodesyError::NotMgrs { text: text.to_owned(), reason };
         let letters: Vec<u8> =
@@ -87,7 +87,8 @@ impl Utm {
         let (south_deg, north_deg) =
             (8.0 * band as f64 - 80.0, if band == 19 { 84.0 } else { 8.0 * band as f64 - 72.0 });
         let touches_band = |utm: &Utm| {
-            // Squares lie on one side of the central meridian, where parallels only rise or fall: corners tell all.
+            // A square lies on one side of the central meridian, where parallels rise or fall monotonically, so the
+            // corners suffice.
             let half = 0.5 * unit;
             let corner_deg = |dx: f64, dy: f64| {
                 let corner = Utm { easting_m: utm.easting_m + dx, northing_m: utm.northing_m + dy, ..*utm };

@@ -10,12 +10,12 @@ use super::{FLATTENING, GeodesyError, Geodetic, SEMI_MAJOR_AXIS_M};
 /// Scale on the central meridian.
 const K0: f64 = 0.9996;
 const FALSE_EASTING_M: f64 = 500_000.0;
-/// What the southern hemisphere adds, so that northings are positive.
+/// False northing of the southern hemisphere, which makes northings positive, metres.
 pub(super) const FALSE_NORTHING_M: f64 = 10_000_000.0;
 /// Third flattening.
 const N: f64 = FLATTENING / (2.0 - FLATTENING);
 
-/// A place in a UTM zone. The height is not part of it.
+/// A position in a UTM zone, without its height.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Utm {
     /// 1 to 60.
@@ -29,7 +29,8 @@ pub struct Utm {
 }
 
 impl Utm {
-    /// A place by its zone's coordinates. Refuses what lies far outside of the zone, where the projection is not used.
+    /// A position by its coordinates in a zone. Refuses coordinates far outside of the zone, where the projection is
+    /// not used.
     pub fn new(zone: u8, north: bool, easting_m: f64, northing_m: f64) -> Result<Utm, GeodesyError> {
         let inside =
             (0.0..=1_000_000.0).contains(&easting_m) && (-100_000.0..=10_100_000.0).contains(&northing_m);
@@ -39,16 +40,16 @@ impl Utm {
         Ok(Utm { zone, north, easting_m, northing_m })
     }
 
-    /// The place in its own zone and hemisphere, with the exceptions of Norway and Svalbard.
+    /// The position in its own zone and hemisphere, with the exceptions for Norway and Svalbard.
     /// Refuses latitudes outside of −80° to 84°.
     pub fn from_geodetic(place: &Geodetic) -> Result<Utm, GeodesyError> {
         let zone = standard_zone(place.latitude_deg, place.wrapped_longitude_deg());
-        // −0 counts as south, as in GeographicLib.
+        // As in GeographicLib, −0 is in the southern hemisphere.
         Utm::from_geodetic_in_zone(place, zone, !place.latitude_deg.is_sign_negative())
     }
 
-    /// The place in the coordinates of a given zone and hemisphere, so that a map that crosses a border stays in one
-    /// system. Accurate to a millimetre up to about 20° from the zone's central meridian.
+    /// The position in the coordinates of a given zone and hemisphere, so that a map across a zone border stays in one
+    /// coordinate system. Accurate to a millimetre up to about 20° from the central meridian of the zone.
     pub fn from_geodetic_in_zone(place: &Geodetic, zone: u8, north: bool) -> Result<Utm, GeodesyError> {
         let latitude_deg = place.latitude_deg;
         if !(-80.0..=84.0).contains(&latitude_deg) {
@@ -63,7 +64,7 @@ impl Utm {
         Ok(Utm { zone, north, easting_m: x + FALSE_EASTING_M, northing_m: y + false_northing })
     }
 
-    /// The place, at height 0.
+    /// The geodetic position, at height 0.
     pub fn to_geodetic(&self) -> Geodetic {
         let false_northing = if self.north { 0.0 } else { FALSE_NORTHING_M };
         let (latitude, longitude) =
@@ -77,11 +78,11 @@ impl Utm {
     }
 }
 
-/// The zone of a place, degrees; longitude in [−180, 180).
+/// The zone of a position (degrees), longitude in [−180, 180).
 fn standard_zone(latitude_deg: f64, longitude_deg: f64) -> u8 {
     let (latitude, longitude) = (latitude_deg.floor() as i32, longitude_deg.floor() as i32);
     let zone = match longitude {
-        // South-west Norway and Svalbard widen some zones at the cost of their neighbours.
+        // South-west Norway and Svalbard have wider zones than the grid.
         3..6 if (56..64).contains(&latitude) => 32,
         0..42 if (72..84).contains(&latitude) || latitude_deg == 84.0 => match longitude {
             0..9 => 31,
@@ -98,7 +99,8 @@ fn central_meridian_deg(zone: u8) -> f64 {
     6.0 * f64::from(zone) - 183.0
 }
 
-/// Radius of the sphere whose meridian is as long as the ellipsoid's, metres (Karney's A, equation 14).
+/// Rectifying radius: radius of the sphere whose meridian is as long as the ellipsoid's, metres (Karney's A, equation
+/// 14).
 fn rectifying_radius_m() -> f64 {
     let n2 = N * N;
     SEMI_MAJOR_AXIS_M / (1.0 + N) * (1.0 + n2 * (1.0 / 4.0 + n2 * (1.0 / 64.0 + n2 / 256.0)))
@@ -114,7 +116,7 @@ const ALPHA: [[f64; 6]; 6] = [
     [0.0, 0.0, 0.0, 0.0, 0.0, 212_378_941.0 / 319_334_400.0],
 ];
 
-/// Karney's β (equation 36): back.
+/// Karney's β (equation 36): from the projection to the conformal sphere.
 const BETA: [[f64; 6]; 6] = [
     [1.0 / 2.0, -2.0 / 3.0, 37.0 / 96.0, -1.0 / 360.0, -81.0 / 512.0, 96199.0 / 604_800.0],
     [0.0, 1.0 / 48.0, 1.0 / 15.0, -437.0 / 1440.0, 46.0 / 105.0, -1_118_711.0 / 3_870_720.0],
@@ -137,7 +139,7 @@ fn series(table: &[[f64; 6]; 6], xi: f64, eta: f64) -> (f64, f64) {
     sum
 }
 
-/// Tangent of the conformal latitude from that of the geodetic one (equations 7 to 9).
+/// Tangent of the conformal latitude from the tangent of the geodetic one (equations 7 to 9).
 fn conformal_tan(tau: f64) -> f64 {
     let e = eccentricity();
     let length = libm::hypot(1.0, tau);
@@ -149,7 +151,7 @@ fn eccentricity() -> f64 {
     libm::sqrt(FLATTENING * (2.0 - FLATTENING))
 }
 
-/// Easting and northing (metres) from latitude and longitude from the central meridian (radians).
+/// Easting and northing (metres) from latitude and from longitude relative to the central meridian (radians).
 fn project(latitude: f64, longitude: f64) -> (f64, f64) {
     let tau = conformal_tan(libm::tan(latitude));
     let (sin_lon, cos_lon) = libm::sincos(longitude);
@@ -170,7 +172,7 @@ fn unproject(x: f64, y: f64) -> (f64, f64) {
     let sinh_eta = libm::sinh(eta);
     let longitude = libm::atan2(sinh_eta, cos_xi);
     let target = sin_xi / libm::hypot(sinh_eta, cos_xi);
-    // Newton's method (equations 19 to 21); two steps reach the last bit.
+    // Newton's method (equations 19 to 21); two steps converge to the last bit.
     let e2 = FLATTENING * (2.0 - FLATTENING);
     let mut tau = target / (1.0 - e2);
     for _ in 0..5 {

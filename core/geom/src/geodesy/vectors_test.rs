@@ -1,4 +1,4 @@
-//! Against GeographicLib's figures (`geo-vectors` among the public datasets).
+//! Comparison with GeographicLib's results (`geo-vectors` among the public datasets).
 
 use glam::DVec3;
 
@@ -39,7 +39,7 @@ fn utm_and_mgrs_agree_with_geographiclib_to_10_nanometres() {
     }
     println!("utm: worst {worst_forward_m:e} m forward, {worst_back_deg:e} degrees back");
     assert!(worst_forward_m < 1e-8, "{worst_forward_m}");
-    // Places are given to 1e-12 degrees and coordinates to 1e-9 m, which is 1e-14 degrees of latitude.
+    // Positions are given to 1e-12 degrees and coordinates to 1e-9 m, which is 1e-14 degrees of latitude.
     assert!(worst_back_deg < 2e-12, "{worst_back_deg}");
 }
 
