@@ -1,4 +1,4 @@
-//! Compiles `proto/**`: see `rcs-msg-build`.
+//! Compiles `proto/**` with `rcs-msg-build`.
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     rcs_msg_build::compile_shared()

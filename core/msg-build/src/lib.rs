@@ -1,18 +1,22 @@
-//! Compiles `.proto` files into message types that buffers, recordings and windows know: for build scripts.
+//! Compiles `.proto` files into Rust message types: for the build scripts of this repository and of plugins outside of
+//! it.
 //!
 //! A plugin keeps its messages (parameters, statistics) in `proto/` of its own folder and has this `build.rs`:
 //!
 //! ```no_run
 //! fn main() -> Result<(), Box<dyn std::error::Error>> {
-//!     rcs_msg_build::compile()
+//!    rcs_msg_build::compile()
 //! }
 //! ```
 //!
-//! and in its `lib.rs` `rcs_msg::messages!(pub mod proto);`. Its files may import those of `rcs-msg`, such as
+//! Its `lib.rs` says `rcs_msg::messages!(pub mod proto);`. Its `.proto` files may import those of `rcs-msg`, such as
 //! `rcs/options.proto` for units, ranges, defaults and help.
 //!
-//! Written to `OUT_DIR`: the Rust types, their descriptors with our field options, and `messages.rs`, which includes the
-//! types and makes a `Payload` of each. A change of a plugin's `.proto` file rebuilds that plugin and what depends on it.
+//! [`compile`] writes to `OUT_DIR`: the Rust types, their descriptors with our field options, and `messages.rs`, which
+//! includes the types and implements `Payload` for each. A change of a plugin's `.proto` file rebuilds only that plugin
+//! and what depends on it.
+//!
+//! This crate is not used at run time; reading and writing messages is the task of `rcs-msg`.
 
 #![expect(clippy::print_stdout, reason = "a build script tells cargo by its output")]
 
@@ -24,7 +28,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::{env, error::Error, fs};
 
-/// Compiles all `.proto` files in and below `proto/`. They are of one protobuf package.
+/// Compiles all `.proto` files in `proto/` and below. They must belong to one protobuf package.
 pub fn compile() -> Result<(), Box<dyn Error>> {
     let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../msg/proto");
     println!("cargo:rerun-if-changed=proto");
@@ -82,9 +86,9 @@ fn rust_name(message: &str) -> String {
 struct Compiled {
     out: PathBuf,
     own: BTreeSet<String>,
-    /// With comments, for the types.
+    /// With comments, which become the documentation of the Rust types.
     set: FileDescriptorSet,
-    /// Without, and with our field options, which prost's own types would drop.
+    /// Without comments, and with our field options, which prost's own types would drop.
     encoded: Vec<u8>,
 }
 
@@ -111,7 +115,7 @@ impl Compiled {
         self.own_files().map(FileDescriptorProto::package).collect::<BTreeSet<_>>().into_iter().collect()
     }
 
-    /// Package and name of the messages and enums of files that are imported, those of protobuf itself excepted.
+    /// Package and name of the messages and enums of imported files, except those of protobuf itself.
     fn imported(&self) -> Vec<(String, String)> {
         let files = self.set.file.iter();
         let imported =
@@ -131,7 +135,7 @@ impl Compiled {
         Ok(())
     }
 
-    /// The list of types, by name, and a `Payload` of each. `msg` is the path of `rcs-msg`.
+    /// The list of types by name, and an implementation of `Payload` for each. `msg` is the path of `rcs-msg`.
     fn write_messages(
         &self,
         head: &str,

@@ -5,9 +5,10 @@ use bytes::Bytes;
 use std::any::{Any, TypeId};
 use std::sync::{Arc, OnceLock};
 
-/// A message type: what a buffer can carry typed. `rcs-msg-build` implements it for what it generates.
+/// A message type that a buffer can carry as a Rust value. `rcs-msg-build` implements it for the types that it
+/// generates.
 pub trait Payload: prost::Message + prost::Name + Default + Clone + PartialEq + 'static {
-    /// Its schema, which is in the registry from then on.
+    /// Its schema. The first call adds it to the registry.
     fn schema() -> &'static Arc<Schema>;
 }
 
@@ -19,12 +20,12 @@ trait Body: Send + Sync {
     fn is_a(&self, schema: &Schema) -> bool;
     fn schema(&self) -> Arc<Schema>;
     fn bytes(&self) -> &Bytes;
-    /// The encoded message, without keeping it.
+    /// The encoded message; the result is not cached.
     fn encode(&self) -> Bytes;
     fn size_hint(&self) -> usize;
     fn encoded_len(&self) -> Option<usize>;
     fn value(&self) -> Option<&(dyn Any + Send + Sync)>;
-    /// Type of the value, without making one.
+    /// Type of the value. Does not convert a deferred value.
     fn value_type(&self) -> Option<TypeId>;
     fn source(&self) -> Option<&(dyn Any + Send + Sync)>;
 }
@@ -34,10 +35,10 @@ struct Typed<T> {
     bytes: OnceLock<Bytes>,
 }
 
-/// A value that becomes a message when someone looks at it.
+/// A value that is converted to a message at the first access.
 struct Deferred<S, T> {
     source: S,
-    /// Boxed, so that a message that no one looks at stays small.
+    /// Boxed, so that a message that is never accessed stays small.
     value: OnceLock<Box<T>>,
     bytes: OnceLock<Bytes>,
 }
@@ -52,7 +53,7 @@ pub fn schema_of<T: Payload>() -> &'static Arc<Schema> {
     T::schema()
 }
 
-/// Whether that schema is `T`'s, found out without an allocation: every write asks this.
+/// Whether `schema` is that of `T`. It does not allocate, because every write calls it.
 fn is_schema_of<T: Payload>(schema: &Schema) -> bool {
     *schema.message_encoding() == MessageEncoding::Protobuf
         && schema.name().strip_prefix(T::PACKAGE).and_then(|rest| rest.strip_prefix('.')) == Some(T::NAME)
@@ -178,13 +179,13 @@ impl Body for Encoded {
 }
 
 impl AnyMessage {
-    /// A typed message. Nothing is encoded until someone asks for bytes.
+    /// A typed message. It is encoded when [`AnyMessage::bytes`] is first called.
     pub fn new<T: Payload>(value: T) -> Self {
         Self(Arc::new(Typed { value, bytes: OnceLock::new() }))
     }
 
-    /// A message that is made from `source` when someone looks at it: for what is written every cycle and seldom read.
-    /// Those who know `S` read it as it is, by [`AnyMessage::source`].
+    /// A message that is converted from `source` at the first access: for messages that are written every cycle and
+    /// seldom read. Readers that know `S` use it without a conversion: [`AnyMessage::source`].
     pub fn deferred<S, T>(source: S) -> Self
     where
         S: Clone + Into<T> + Send + Sync + 'static,
@@ -193,29 +194,29 @@ impl AnyMessage {
         Self(Arc::new(Deferred::<S, T> { source, value: OnceLock::new(), bytes: OnceLock::new() }))
     }
 
-    /// A message as bytes of a schema.
+    /// A message as encoded bytes of a schema.
     pub fn encoded(schema: Arc<Schema>, bytes: Bytes) -> Self {
         Self(Arc::new(Encoded { schema, bytes }))
     }
 
-    /// Decodes bytes into a typed message that keeps those bytes.
+    /// Decodes bytes into a typed message that keeps these bytes.
     pub fn decode<T: Payload>(bytes: Bytes) -> Result<Self, prost::DecodeError> {
         let value = T::decode(bytes.clone())?;
         Ok(Self(Arc::new(Typed { value, bytes: OnceLock::from(bytes) })))
     }
 
-    /// The typed value; `None` if the message is of another type, or only encoded.
+    /// The typed value; `None` if the message has another type, or exists in encoded form only.
     pub fn get<T: Payload>(&self) -> Option<&T> {
-        // Asked first, so that a deferred message is not made for those who want another type.
+        // The type is checked first, so that a deferred message is not converted for a reader of another type.
         if self.holds::<T>() { self.0.value()?.downcast_ref() } else { None }
     }
 
-    /// What the message is made from, if that is an `S` given to [`AnyMessage::deferred`]. Nothing is converted.
+    /// The source of a deferred message, if it is an `S` ([`AnyMessage::deferred`]). Nothing is converted.
     pub fn source<S: 'static>(&self) -> Option<&S> {
         self.0.source()?.downcast_ref()
     }
 
-    /// The value as `T`, decoded if need be; `None` if it is of another type or does not decode.
+    /// The value as `T`, decoded if necessary; `None` if the message has another type or does not decode.
     pub fn to<T: Payload>(&self) -> Option<T> {
         if let Some(value) = self.get::<T>() {
             return Some(value.clone());
@@ -225,7 +226,7 @@ impl AnyMessage {
         if ours { T::decode(self.bytes()).ok() } else { None }
     }
 
-    /// Whether the message is of that type.
+    /// Whether the message has this schema.
     pub fn is_a(&self, schema: &Schema) -> bool {
         self.0.is_a(schema)
     }
@@ -235,45 +236,45 @@ impl AnyMessage {
         self.0.schema()
     }
 
-    /// The encoded message; made at the first call and shared from then on.
+    /// The encoded message; encoded at the first call and cached.
     pub fn bytes(&self) -> Bytes {
         self.0.bytes().clone()
     }
 
-    /// The encoded message as [`AnyMessage::bytes`] gives it, but not kept with the message: for what is written to disk
-    /// once, so that it does not take its place in memory twice.
+    /// The encoded message like [`AnyMessage::bytes`], but not cached: for messages that are written to disk once, so
+    /// that the encoded form does not stay in memory.
     pub fn encode(&self) -> Bytes {
         self.0.encode()
     }
 
-    /// About how many bytes of memory the message takes, without encoding it. Of a deferred message, what its source takes
-    /// by itself: what the source shares with others is not counted.
+    /// Approximate memory of the message in bytes, without encoding it. For a deferred message it is the memory of its
+    /// source, without what the source shares with others.
     pub fn size_hint(&self) -> usize {
-        // The counter, the pointers to the shared cells, and what an allocation costs.
+        // The reference counter, the pointers to the shared cells, and the overhead of an allocation.
         64 + self.0.size_hint()
     }
 
-    /// A number that differs from that of every other message which is alive.
+    /// A number that no other message has while this one exists.
     pub fn address(&self) -> usize {
         Arc::as_ptr(&self.0).cast::<()>() as usize
     }
 
-    /// Size of the encoded message where it has been encoded already; nothing is encoded for the answer.
+    /// Size of the encoded message if it has been encoded already. Does not encode.
     pub fn encoded_len(&self) -> Option<usize> {
         self.0.encoded_len()
     }
 
-    /// Whether a typed value is at hand, or made without decoding.
+    /// Whether a typed value exists, or can be made without decoding.
     pub fn is_typed(&self) -> bool {
         self.0.value_type().is_some()
     }
 
-    /// Whether [`AnyMessage::get`] gives a `T`; a deferred one is not made for the answer.
+    /// Whether [`AnyMessage::get`] returns a `T`. Does not convert a deferred message.
     pub fn holds<T: Payload>(&self) -> bool {
         self.0.value_type() == Some(TypeId::of::<T>())
     }
 
-    /// Whether both are the same message in memory.
+    /// Whether both refer to the same message in memory.
     pub fn same(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.0, &other.0)
     }

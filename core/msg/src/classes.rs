@@ -1,16 +1,16 @@
-//! What the values of a label image mean: names and colours that travel with its channel.
+//! Classes of label images: the names and colours that travel with the channel.
 
 use serde::{Deserialize, Serialize};
 
-/// Channel metadata of label images: their classes as JSON, see [`classes_to_json`].
+/// Key of the channel metadata that holds the classes of a label image as JSON, see [`classes_to_json`].
 pub const CLASSES: &str = "rcs.classes";
 
-/// A class of a label image. What has no class is not known, and transparent.
+/// A class of a label image. Values without a class are unknown, and drawn transparent.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LabelClass {
-    /// Value of its pixels.
+    /// Value of the pixels of this class.
     pub value: u8,
-    /// Name for a person.
+    /// Name as shown.
     pub name: std::borrow::Cow<'static, str>,
     /// Red, green and blue.
     pub color: [u8; 3],
@@ -29,12 +29,12 @@ pub fn classes_to_json(classes: &[LabelClass]) -> String {
     serde_json::to_string(classes).unwrap_or_default()
 }
 
-/// Classes from the text of a channel's metadata; none where it is not such a text.
+/// Classes from the text of a channel's metadata; none if the text does not parse.
 pub fn classes_from_json(text: &str) -> Vec<LabelClass> {
     serde_json::from_str(text).unwrap_or_default()
 }
 
-/// Labels of what range images show: green ground, red obstacle, blue too far, as in the papers.
+/// Obstacle labels: green ground, red obstacle, blue too far, the colours of the LAGR papers.
 pub const OBSTACLE_CLASSES: [LabelClass; 5] = [
     LabelClass::new(1, "ground", 0x2f_b344),
     LabelClass::new(2, "obstacle", 0xe5_3935),
@@ -43,7 +43,7 @@ pub const OBSTACLE_CLASSES: [LabelClass; 5] = [
     LabelClass::new(5, "too far", 0x2f_7de0),
 ];
 
-/// Labels of what may be driven on: yellow traversable, magenta not, as in the papers.
+/// Traversability labels: yellow traversable, magenta not, the colours of the LAGR papers.
 pub const TRAVERSABLE_CLASSES: [LabelClass; 2] =
     [LabelClass::new(1, "traversable", 0xf0_d81e), LabelClass::new(2, "not traversable", 0xd6_3ad6)];
 

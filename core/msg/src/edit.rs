@@ -1,11 +1,12 @@
-//! Changing a value in place.
+//! Changes of a value in place.
 
 use crate::path::{FieldPath, Segment};
 use crate::value::{PathError, Value, no_field, out_of_range, upto};
 
 impl Value {
-    /// Puts `new` where the path says. A number takes the kind of the number it replaces, where it fits exactly
-    /// (or rounds, for a float); absent messages on the way come into being with that one field.
+    /// Replaces the value at the path by `new`. A number is converted to the kind of the number that it replaces if it
+    /// fits exactly (floats may round). Absent messages along the path are created with only the field that the path
+    /// names.
     pub fn set(&mut self, path: &FieldPath, new: Value) -> Result<(), PathError> {
         let mut value = self;
         let segments = path.segments();
@@ -70,7 +71,7 @@ impl Value {
     }
 }
 
-/// Messages of one field each, down the rest of a path that starts where nothing is yet.
+/// Messages with one field each, for the rest of a path below an absent value.
 fn nested(path: &FieldPath, at: usize, new: Value) -> Result<Value, PathError> {
     path.segments()[at..].iter().rev().try_fold(new, |inner, segment| match segment {
         Segment::Field(name) => Ok(Value::Message(vec![(name.clone(), inner)])),
@@ -78,7 +79,7 @@ fn nested(path: &FieldPath, at: usize, new: Value) -> Result<Value, PathError> {
     })
 }
 
-/// Changes one number within bytes or packed numbers; the index is known to be in range.
+/// Changes one number within bytes or packed numbers; the caller has checked the index.
 fn set_number(value: &mut Value, index: usize, new: &Value) -> Result<(), &'static str> {
     match value {
         Value::Bytes(bytes) => {
@@ -99,11 +100,11 @@ fn set_number(value: &mut Value, index: usize, new: &Value) -> Result<(), &'stat
     }
 }
 
-/// `new` in the kind of `old`; the kinds got and expected where it does not fit.
+/// Converts `new` to the kind of `old`; if it does not fit, the kinds found and expected.
 fn fit(old: &Value, new: Value) -> Result<Value, (&'static str, &'static str)> {
     let got = new.kind();
     let fitted = match (old, new) {
-        // Anything replaces nothing; and a name may replace a choice, which the encoder looks up.
+        // An absent value takes any kind. A text may replace an enum value; the encoder looks up its name.
         (Value::Null, new)
         | (_, new @ Value::Null)
         | (Value::Enum { .. }, new @ (Value::Enum { .. } | Value::Text(_)))

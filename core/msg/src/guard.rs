@@ -1,7 +1,8 @@
-//! The guard at the door where foreign bytes come in.
+//! Turns panics of foreign-data readers into errors.
 //!
-//! Schemas and messages of others are read by libraries that were made for what compilers write, and some panic on what
-//! a compiler would not write. What a log holds must never end the program: here a panic becomes a reason.
+//! Schemas and messages from logs are read by libraries that were made for the output of compilers. Some of them panic
+//! on input that no compiler writes. The content of a log must never end the program, so [`guarded`] catches such
+//! panics.
 
 use std::any::Any;
 use std::cell::Cell;
@@ -11,9 +12,9 @@ thread_local! {
     static DEPTH: Cell<u32> = const { Cell::new(0) };
 }
 
-/// Runs a reader of foreign bytes; where it panics, gives what it said.
+/// Runs a reader of foreign bytes; if it panics, returns the panic message as the error.
 ///
-/// Nothing that outlives `read` may be left half changed by it: it gets bytes and gives a value.
+/// `read` must not leave anything that outlives it half changed: it takes bytes and returns a value.
 pub fn guarded<T>(read: impl FnOnce() -> T) -> Result<T, String> {
     DEPTH.set(DEPTH.get() + 1);
     let result = catch_unwind(AssertUnwindSafe(read));
@@ -21,12 +22,12 @@ pub fn guarded<T>(read: impl FnOnce() -> T) -> Result<T, String> {
     result.map_err(|panic| format!("its reader failed: {}", panic_text(&*panic)))
 }
 
-/// Whether this thread is within [`guarded`]: a panic there is dealt with, and is no news for the terminal.
+/// Whether this thread is inside of [`guarded`]: a panic hook need not print such a panic.
 pub fn is_guarded() -> bool {
     DEPTH.get() > 0
 }
 
-/// What a panic said.
+/// The text of a panic.
 pub fn panic_text(panic: &(dyn Any + Send)) -> &str {
     panic
         .downcast_ref::<&str>()

@@ -1,4 +1,4 @@
-//! When and in which frame a message was acquired.
+//! Acquisition time and frame of a message.
 
 use crate::any::AnyMessage;
 use crate::foxglove::FrameTransforms;
@@ -7,8 +7,8 @@ use crate::time::Stamp;
 use crate::value::Value;
 use prost_types::Timestamp;
 
-/// Acquisition time of a message: its `timestamp`, or its ROS 2 header's; of transforms, the first one's.
-/// `None` where it has none.
+/// Acquisition time of a message: its `timestamp`, or that of its ROS 2 header; for transforms that of the first one.
+/// `None` if it has none.
 pub fn header_stamp(message: &AnyMessage) -> Option<Stamp> {
     if let Some(timestamp) = typed(message, |known| known.timestamp) {
         return Stamp::from_proto(&timestamp);
@@ -19,7 +19,7 @@ pub fn header_stamp(message: &AnyMessage) -> Option<Stamp> {
     if message.is_typed() { None } else { message.value().ok()?.header_stamp() }
 }
 
-/// Frame of a message: its `frame_id`, or its ROS 2 header's. `None` where it has none.
+/// Frame of a message: its `frame_id`, or that of its ROS 2 header. `None` if it has none.
 pub fn header_frame(message: &AnyMessage) -> Option<String> {
     let name = message.schema();
     let frame = registry().known(name.name()).and_then(|known| (known.frame_id)(message));

@@ -1,4 +1,4 @@
-//! Images and depth out of image messages, for views and plugins.
+//! Decodes image and depth messages, for views and plugins.
 
 use crate::any::AnyMessage;
 use crate::foxglove::{CompressedImage, RawImage};
@@ -7,9 +7,9 @@ use ::image::{ColorType, DynamicImage, ImageReader, Limits};
 use bytes::Bytes;
 use std::io::Cursor;
 
-/// Images with more pixels than this are refused: no camera has them, a damaged header may.
+/// Images with more pixels than this are refused: no camera makes them, but a damaged header may claim them.
 const MAX_PIXELS: u64 = 1 << 27;
-/// Largest width and height of a compressed image.
+/// Greatest width and height of a compressed image.
 const MAX_SIDE: u32 = 32_768;
 
 /// An image: rows from the top, three bytes per pixel, no padding.
@@ -26,22 +26,22 @@ pub struct RgbImage {
 /// Why an image cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ImageError {
-    /// No reader for this pixel format.
+    /// The pixel format is not supported.
     #[error("got encoding {got:?}, expected one of {expected}")]
     Encoding {
         /// The encoding of the message.
         got: String,
-        /// Those that are read.
+        /// The supported encodings.
         expected: &'static str,
     },
-    /// Width, height, step and data do not agree, or are out of bounds.
+    /// Width, height, step and length of the data contradict each other, or are out of bounds.
     #[error("{what}: got {got}, expected {expected}")]
     Size {
         /// Which quantity.
         what: &'static str,
         /// Its value.
         got: u64,
-        /// The least (or largest, where `what` says so) that would do.
+        /// The least accepted value (the greatest if `what` says so).
         expected: u64,
     },
     /// The compressed data do not decode.
@@ -60,8 +60,8 @@ pub fn to_rgb8(message: &AnyMessage) -> Option<Result<RgbImage, ImageError>> {
     message.get::<CompressedImage>().map(compressed_to_rgb8)
 }
 
-/// The image of a raw image. Depth (16UC1, 32FC1) is stretched from black (nearest) to white (farthest), with
-/// pixels without a range black.
+/// Converts a raw image to RGB. Depth (16UC1, 32FC1) is stretched from black (nearest) to white (farthest); pixels
+/// without a range are black.
 pub fn raw_to_rgb8(image: &RawImage) -> Result<RgbImage, ImageError> {
     let format = Format::of(&image.encoding)
         .ok_or_else(|| ImageError::Encoding { got: image.encoding.clone(), expected: ENCODINGS })?;
@@ -83,7 +83,7 @@ pub fn raw_to_rgb8(image: &RawImage) -> Result<RgbImage, ImageError> {
     Ok(RgbImage { width: image.width, height: image.height, data })
 }
 
-/// The image of a JPEG or PNG.
+/// Decodes a JPEG or PNG.
 pub fn compressed_to_rgb8(image: &CompressedImage) -> Result<RgbImage, ImageError> {
     let decoded = decode(&image.data)?;
     if decoded.color() == ColorType::L16 {
@@ -93,13 +93,13 @@ pub fn compressed_to_rgb8(image: &CompressedImage) -> Result<RgbImage, ImageErro
     Ok(RgbImage { width, height, data: decoded.into_rgb8().into_raw() })
 }
 
-/// A JPEG or PNG as a raw image: `mono8`, `16UC1` (grey of 16 bits: depth) or `rgb8`.
+/// A JPEG or PNG as a raw image: `mono8`, `16UC1` (16-bit grey, which is depth) or `rgb8`.
 pub fn decompress(image: &CompressedImage) -> Result<RawImage, ImageError> {
     raw(image, decode(&image.data)?)
 }
 
-/// Range of each pixel in metres, rows from the top. Integers (16UC1, mono16) are multiples of `scale_m`: 0.001 for
-/// ROS's millimetres; floats (32FC1) are metres as they are.
+/// Range of each pixel in metres, rows from the top. Integers (16UC1, mono16) are multiples of `scale_m`, which is
+/// 0.001 for ROS's millimetres; floats (32FC1) are metres.
 /// Pixels without a range (0, NaN, infinite, negative) are NaN.
 pub fn depth_m(image: &RawImage, scale_m: f32) -> Result<Vec<f32>, ImageError> {
     match Format::of(&image.encoding) {
@@ -115,7 +115,7 @@ fn decode(data: &Bytes) -> Result<DynamicImage, ImageError> {
     limits.max_image_width = Some(MAX_SIDE);
     limits.max_image_height = Some(MAX_SIDE);
     limits.max_alloc = Some(MAX_PIXELS * 8);
-    // The format comes from the data: names in messages vary.
+    // The format is detected from the data, because format names in messages vary.
     let mut reader = ImageReader::new(Cursor::new(data))
         .with_guessed_format()
         .map_err(|error| failed(error.to_string()))?;
@@ -146,7 +146,7 @@ fn raw(source: &CompressedImage, image: DynamicImage) -> Result<RawImage, ImageE
     })
 }
 
-/// How pixels lie.
+/// Memory layout of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Rgb,
@@ -159,7 +159,7 @@ enum Format {
     Depth32,
     Uyvy,
     Yuyv,
-    /// Column and row of red in each 2×2 pixels; blue lies across.
+    /// Column and row of the red pixel in each 2×2 block; the blue pixel is diagonally opposite.
     Bayer([usize; 2]),
 }
 
@@ -167,7 +167,7 @@ impl Format {
     fn of(encoding: &str) -> Option<Self> {
         Some(match encoding {
             "rgb8" => Self::Rgb,
-            // OpenCV's order, which ROS means by a type without a name.
+            // OpenCV's channel order, which ROS assumes for types without a name.
             "bgr8" | "8UC3" => Self::Bgr,
             "rgba8" => Self::Rgba,
             "bgra8" => Self::Bgra,
@@ -202,7 +202,7 @@ struct Rows<'a> {
     width: usize,
     height: usize,
     step: usize,
-    /// Bytes of a row without padding.
+    /// Bytes of a row, without padding.
     row: usize,
 }
 
@@ -242,7 +242,7 @@ impl<'a> Rows<'a> {
         (0..self.height).map(|v| self.row(v))
     }
 
-    /// Every group of `N` bytes of every row.
+    /// Calls the function with each group of `N` bytes, row by row.
     fn pixels<const N: usize>(&self, mut each: impl FnMut([u8; N])) {
         for row in self.each() {
             for pixel in row.as_chunks::<N>().0 {
@@ -273,11 +273,11 @@ impl<'a> Rows<'a> {
 fn stretch(depth: Vec<f32>, out: &mut Vec<u8>) {
     let (near, far) = depth.iter().fold((f32::MAX, f32::MIN), |(near, far), d| (near.min(*d), far.max(*d)));
     let span = (far - near).max(f32::MIN_POSITIVE);
-    // The cast takes NaN to 0; the nearest is kept apart from it.
+    // The cast takes NaN to 0. The nearest range gets a greater value, so that the two differ.
     out.extend(depth.into_iter().flat_map(|d| [(1.0 + 254.0 * ((d - near) / span)) as u8; 3]));
 }
 
-/// Two pixels that share their colour: BT.601 with the range of video (16 to 235).
+/// Two pixels with common chrominance: BT.601, video range (16 to 235).
 fn yuv_pair(luma: [u8; 2], u: u8, v: u8, out: &mut Vec<u8>) {
     let (u, v) = (i32::from(u) - 128, i32::from(v) - 128);
     for y in luma {
@@ -287,7 +287,7 @@ fn yuv_pair(luma: [u8; 2], u: u8, v: u8, out: &mut Vec<u8>) {
     }
 }
 
-/// Each channel is the mean of its own pixels among the nine around (bilinear).
+/// Bilinear demosaicing: each channel is the mean of the pixels of its colour in the 3×3 neighbourhood.
 fn bayer(rows: &Rows<'_>, red: [usize; 2], out: &mut Vec<u8>) {
     let channel = |u: usize, v: usize| match ((u ^ red[0]) & 1, (v ^ red[1]) & 1) {
         (0, 0) => 0,
@@ -303,7 +303,7 @@ fn bayer(rows: &Rows<'_>, red: [usize; 2], out: &mut Vec<u8>) {
                 let left = u.saturating_sub(1);
                 for (x, value) in (left..).zip(&row[left..(u + 2).min(rows.width)]) {
                     let c = channel(x, y);
-                    // The pixel's own colour is measured, not averaged.
+                    // The channel that the pixel itself measures is taken as it is.
                     if c != own || (x, y) == (u, v) {
                         sum[c] += u16::from(*value);
                         count[c] += 1;

@@ -1,4 +1,4 @@
-//! Messages as JSON text, in protobuf's own mapping: what a person can read, and a program can save and load.
+//! Messages as JSON text, in protobuf's JSON mapping: readable, and for programs to save and load.
 
 use crate::any::{AnyMessage, Payload, schema_of};
 use crate::schema::Schema;
@@ -6,10 +6,10 @@ use prost::Message as _;
 use prost_reflect::DynamicMessage;
 use std::sync::Arc;
 
-/// Why a message is not JSON, or JSON not a message.
+/// Why a message cannot be converted to JSON or from JSON.
 #[derive(Debug, thiserror::Error)]
 pub enum JsonError {
-    /// The message has no descriptor of ours, or does not decode.
+    /// The message has no protobuf descriptor, or does not decode.
     #[error("{schema} cannot be written as JSON: {reason}")]
     Message {
         /// Name of its schema.
@@ -17,7 +17,7 @@ pub enum JsonError {
         /// What is wrong.
         reason: String,
     },
-    /// The text is no such message.
+    /// The text is not a message of this schema.
     #[error("line {line}, column {column}: {reason}; expected the JSON of a {schema}")]
     Text {
         /// Line, from 1.
@@ -41,7 +41,7 @@ pub fn to_json(message: &AnyMessage) -> Result<String, JsonError> {
     serde_json::to_string_pretty(&dynamic).map_err(|reason| error(reason.to_string()))
 }
 
-/// The message that a JSON text is. Unknown fields are refused.
+/// Parses a message of the named schema from JSON. Unknown fields are refused.
 pub fn from_json<T: Payload>(text: &str) -> Result<T, JsonError> {
     let schema = schema_of::<T>();
     read(schema, text)?
@@ -49,7 +49,7 @@ pub fn from_json<T: Payload>(text: &str) -> Result<T, JsonError> {
         .map_err(|error| JsonError::Message { schema: schema.name().to_owned(), reason: error.to_string() })
 }
 
-/// The message of a schema of ours that a JSON text is. Unknown fields are refused.
+/// Parses a message of a generated type from JSON. Unknown fields are refused.
 pub fn from_json_as(schema: &Arc<Schema>, text: &str) -> Result<AnyMessage, JsonError> {
     let bytes = read(schema, text)?.encode_to_vec().into();
     match crate::canonical(schema, &bytes) {
@@ -68,7 +68,7 @@ fn read(schema: &Schema, text: &str) -> Result<DynamicMessage, JsonError> {
     let read = DynamicMessage::deserialize(descriptor.clone(), &mut reader);
     read.and_then(|message| reader.end().map(|()| message)).map_err(|error| {
         let (line, column) = (error.line(), error.column());
-        // serde_json says the place itself; it stands in front here.
+        // serde_json appends the position to its text; it is a field of its own here.
         let reason = error.to_string();
         let reason = reason.split(" at line ").next().unwrap_or(&reason).to_owned();
         JsonError::Text { line, column, reason, schema: schema.name().to_owned() }

@@ -1,16 +1,34 @@
-//! Messages: Foxglove's schemas and our `rcs` package as Rust types, and any message of any encoding as a tree.
+//! Messages: Foxglove's schemas and our package `rcs` as Rust types, and any message of any encoding as a tree.
 //!
-//! - [`foxglove`], [`rcs`]: generated types; [`Payload`] is what all of them are.
+//! - [`foxglove`], [`rcs`]: generated types; all of them implement [`Payload`].
 //! - [`AnyMessage`]: one message whose type is known at run time; encoded and decoded at most once.
-//! - [`Schema`], [`registry`]: what describes a message; ours are all in [`registry`], and those of plugins once they are
-//!   named. [`messages!`]: the messages of a plugin, from `.proto` files in its own folder.
-//! - [`Value`], [`FieldPath`]: any message as a tree, and where something is in it.
-//! - [`FieldScanner`]: one number out of many messages, without decoding the rest.
-//! - [`canonical`]: the one registry of conversions, from foreign messages to ours.
+//! - [`Schema`], [`registry`]: descriptions of message types. The registry holds those of this crate from the start,
+//!   and those of a plugin once the plugin is in use. [`messages!`] declares the messages of a plugin, from `.proto`
+//!   files in its folder.
+//! - [`Value`], [`FieldPath`]: any message as a tree, and the position of a value within it.
+//! - [`FieldScanner`]: reads one number from each of many messages without decoding the rest.
+//! - [`canonical`]: the one registry of conversions from foreign messages to ours.
 //! - [`classes`]: names and colours of the values of a label image.
-//! - [`DeltaCodec`]: messages of a type stored as key frames and what changed between them.
-//! - [`guard`]: what keeps a reader of foreign bytes from ending the program.
-//! - [`params`]: parameters as messages: their units, ranges, defaults. [`image`], [`points()`]: pixels and points.
+//! - [`DeltaCodec`]: stores the messages of a type as key frames and deltas.
+//! - [`guard`]: turns panics of foreign-data readers into errors.
+//! - [`params`]: parameters as messages, with units, ranges and defaults. [`image`], [`points()`]: pixels and points.
+//!
+//! This crate knows no buffers, files or processes: `rcs-bus` passes messages on, `rcs-log` stores them, and
+//! `rcs-runtime` runs the processes that read and write them.
+//! Begin with [`AnyMessage`] and [`Payload`]; to read a message whose type is not known at compile time, with
+//! [`Value`].
+//!
+//! ```
+//! use rcs_msg::{AnyMessage, foxglove::Vector2};
+//! // A typed message is read without decoding.
+//! let message = AnyMessage::new(Vector2 { x: 1.5, y: -2.0 });
+//! assert_eq!(message.get::<Vector2>().map(|v| v.x), Some(1.5));
+//! // The same message as a reader sees it that knows the schema and the bytes only.
+//! let encoded = AnyMessage::encoded(message.schema(), message.bytes());
+//! let tree = encoded.value()?;
+//! assert_eq!(tree.get(&".y".parse()?)?.as_f64(), Some(-2.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod any;
 pub mod classes;
@@ -64,7 +82,7 @@ mod messages {
     include!(concat!(env!("OUT_DIR"), "/messages.rs"));
 }
 
-/// A module with the messages that `rcs_msg_build::compile` has made of the `.proto` files of a crate:
+/// Declares a module with the messages that `rcs_msg_build::compile` has generated from the `.proto` files of a crate:
 /// `rcs_msg::messages!(pub mod proto);`
 #[macro_export]
 macro_rules! messages {

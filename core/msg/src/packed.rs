@@ -1,4 +1,4 @@
-//! Arrays of numbers as they lie in the message: a slice of its bytes, not a list of values.
+//! Arrays of numbers in the layout of the message: a slice of its bytes instead of a list of values.
 
 use crate::value::Value;
 use bytes::Bytes;
@@ -21,7 +21,7 @@ pub enum Number {
 }
 
 impl Number {
-    /// Bytes of one number.
+    /// Size of one number, bytes.
     pub const fn size(self) -> usize {
         match self {
             Self::Bool | Self::U8 | Self::I8 => 1,
@@ -31,7 +31,7 @@ impl Number {
         }
     }
 
-    /// Reads a number from exactly [`Self::size`] bytes; `None` for another count.
+    /// Reads a number from exactly [`Self::size`] bytes; `None` for any other length.
     pub fn read(self, bytes: &[u8], big_endian: bool) -> Option<Value> {
         macro_rules! read {
             ($type:ty) => {{
@@ -54,7 +54,7 @@ impl Number {
         })
     }
 
-    /// The bytes of a number; `None` where it is not of this type or out of its range.
+    /// The bytes of a number; `None` if it is of another type or out of range.
     fn write(self, value: &Value, big_endian: bool) -> Option<Vec<u8>> {
         macro_rules! write {
             ($number:expr) => {{
@@ -95,7 +95,7 @@ pub struct Packed {
 }
 
 impl Packed {
-    /// Numbers that lie one behind the other; a rest that is shorter than a number is dropped.
+    /// Contiguous numbers; a remainder shorter than one number is dropped.
     pub fn new(number: Number, big_endian: bool, mut data: Bytes) -> Self {
         data.truncate(data.len() / number.size() * number.size());
         Self { number, big_endian, data }
@@ -106,12 +106,12 @@ impl Packed {
         self.number
     }
 
-    /// Count of numbers.
+    /// Number of elements.
     pub fn len(&self) -> usize {
         self.data.len() / self.number.size()
     }
 
-    /// Whether there is none.
+    /// Whether the array is empty.
     pub fn is_empty(&self) -> bool {
         self.data.is_empty()
     }
@@ -129,7 +129,7 @@ impl Packed {
             .filter_map(|bytes| self.number.read(bytes, self.big_endian))
     }
 
-    /// Puts a number in place of another; `false` where there is none at `index`, or it does not fit the type.
+    /// Replaces a number; `false` if `index` is out of range or the number does not fit the type.
     pub(crate) fn set(&mut self, index: usize, value: &Value) -> bool {
         let Some(bytes) = self.number.write(value, self.big_endian) else { return false };
         if index >= self.len() {

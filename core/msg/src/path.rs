@@ -14,19 +14,19 @@ pub enum Segment {
     Length,
 }
 
-/// Where a value is within a message. The empty path is the message itself.
+/// The position of a value within a message. The empty path is the message itself.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct FieldPath(Vec<Segment>);
 
-/// Why a text is no path.
+/// Why a text is not a path.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("field path, column {column}: got {got}, expected {expected}: {text:?}")]
 pub struct PathSyntaxError {
-    /// Column of the offence, from 1.
+    /// Column of the error, from 1.
     pub column: usize,
-    /// What is there.
+    /// The text found.
     pub got: String,
-    /// What could be there.
+    /// The text expected.
     pub expected: &'static str,
     /// The whole text.
     pub text: String,
@@ -38,12 +38,12 @@ impl FieldPath {
         Self::default()
     }
 
-    /// The steps, from the message inwards.
+    /// The steps, from the outermost inwards.
     pub fn segments(&self) -> &[Segment] {
         &self.0
     }
 
-    /// This path and one step more.
+    /// This path extended by one step.
     #[must_use]
     pub fn join(&self, segment: Segment) -> Self {
         let mut segments = Vec::with_capacity(self.0.len() + 1);
@@ -52,19 +52,19 @@ impl FieldPath {
         Self(segments)
     }
 
-    /// The path of a field of what this path names.
+    /// The path of a field of the value that this path names.
     #[must_use]
     pub fn field(&self, name: impl Into<String>) -> Self {
         self.join(Segment::Field(name.into()))
     }
 
-    /// The path of an element of what this path names.
+    /// The path of an element of the value that this path names.
     #[must_use]
     pub fn index(&self, index: usize) -> Self {
         self.join(Segment::Index(index))
     }
 
-    /// The path of the length of what this path names.
+    /// The path of the length of the value that this path names.
     #[must_use]
     pub fn length(&self) -> Self {
         self.join(Segment::Length)
@@ -77,7 +77,7 @@ impl From<Vec<Segment>> for FieldPath {
     }
 }
 
-/// Whether a name can stand after a dot without quotes.
+/// Whether a name may follow a dot without quotes.
 fn plain(name: &str) -> bool {
     !name.is_empty() && !name.starts_with('@') && !name.contains(['.', '[', ']', '"'])
 }
@@ -99,7 +99,7 @@ impl fmt::Display for FieldPath {
 impl FromStr for FieldPath {
     type Err = PathSyntaxError;
 
-    /// Reads a path; the first dot may be left out.
+    /// Parses a path; the first dot is optional.
     fn from_str(text: &str) -> Result<Self, PathSyntaxError> {
         let mut segments = Vec::new();
         let mut rest = text.trim_end();
@@ -135,7 +135,7 @@ impl FromStr for FieldPath {
     }
 }
 
-/// What stands after `[`, and the text behind the closing bracket.
+/// Parses the text after `[`; also returns the text after the closing bracket.
 fn bracket(inner: &str) -> Option<(Segment, &str)> {
     if inner.starts_with('"') {
         let mut names = serde_json::Deserializer::from_str(inner).into_iter::<String>();
@@ -144,7 +144,7 @@ fn bracket(inner: &str) -> Option<(Segment, &str)> {
         return Some((Segment::Field(name), after));
     }
     let (digits, after) = inner.split_once(']')?;
-    // `usize` alone would also accept a sign.
+    // `usize` alone would also accept a plus sign.
     let index = digits.bytes().all(|b| b.is_ascii_digit()).then(|| digits.parse().ok())??;
     Some((Segment::Index(index), after))
 }

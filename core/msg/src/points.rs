@@ -1,4 +1,4 @@
-//! Points out of point-cloud messages.
+//! Reads the points of point-cloud messages.
 
 use crate::foxglove::packed_element_field::NumericType;
 use crate::foxglove::{PackedElementField, PointCloud};
@@ -8,23 +8,23 @@ use glam::DVec3;
 /// One point of a cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// In the cloud's own coordinates: [`PointCloud::pose`] is not applied. NaN where the sensor saw nothing.
+    /// In the cloud's own coordinates: [`PointCloud::pose`] is not applied. NaN where the sensor has no return.
     pub position: DVec3,
-    /// Red, green, blue, where the cloud has colours.
+    /// Red, green, blue, if the cloud has colours.
     pub rgb: Option<[u8; 3]>,
-    /// Strength of the return, in the sensor's own scale, where the cloud has it.
+    /// Strength of the return, in the sensor's own scale, if the cloud has intensities.
     pub intensity: Option<f32>,
 }
 
 /// Why a cloud cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PointsError {
-    /// Without `x`, `y` and `z` there is no point.
+    /// The fields `x`, `y` and `z` are required.
     #[error("no field {name:?} in the point cloud, expected x, y and z among {got}")]
     NoField {
-        /// The one that is missing.
+        /// The missing field.
         name: &'static str,
-        /// Those that are there.
+        /// The fields of the cloud.
         got: String,
     },
     /// A field is not a number, or does not lie within the point.
@@ -32,22 +32,22 @@ pub enum PointsError {
     Field {
         /// The field.
         name: String,
-        /// Its type, or where it ends.
+        /// Its type, or the offset of its end.
         got: String,
-        /// What would do.
+        /// The expected type or end.
         expected: String,
     },
-    /// The data are not a whole number of points.
+    /// The length of the data is not a multiple of the size of a point.
     #[error("point cloud: got {bytes} bytes, expected a multiple of {stride}")]
     Stride {
-        /// Bytes of the data.
+        /// Length of the data, bytes.
         bytes: usize,
-        /// Bytes of one point.
+        /// Size of a point, bytes.
         stride: usize,
     },
 }
 
-/// Where a number lies in a point.
+/// Position and type of a number within a point.
 #[derive(Clone, Copy, Debug)]
 struct At {
     offset: usize,
@@ -56,13 +56,13 @@ struct At {
 
 #[derive(Clone, Copy, Debug)]
 enum Colour {
-    /// PCL's: blue, green, red in the bytes of one number.
+    /// PCL's packed colour: blue, green, red in the bytes of one number.
     Packed(usize),
-    /// A field each: integers of 8 bits, or floats from 0 to 1.
+    /// Separate fields: 8-bit integers, or floats from 0 to 1.
     Apart([At; 3]),
 }
 
-/// A cloud whose fields have been found and checked: reading its points cannot fail.
+/// A cloud whose fields have been located and checked: reading its points cannot fail.
 #[derive(Clone, Debug)]
 pub struct Points<'a> {
     data: &'a [u8],
@@ -127,7 +127,7 @@ fn at(field: &PackedElementField, stride: usize) -> Result<At, PointsError> {
 impl At {
     fn read(self, point: &[u8]) -> f64 {
         let bytes = &point[self.offset..][..self.number.size()];
-        // Nearly all clouds are of 32-bit floats.
+        // Nearly all clouds have 32-bit floats.
         if self.number == Number::F32
             && let Ok(bytes) = bytes.try_into()
         {

@@ -1,4 +1,4 @@
-//! Schemas: what a message's bytes mean.
+//! Schemas: descriptions of the bytes of a message.
 
 use crate::any::AnyMessage;
 use crate::reader::{DecodeError, Reader};
@@ -8,21 +8,21 @@ use prost_types::Timestamp;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, LazyLock, OnceLock, PoisonError, RwLock, RwLockReadGuard};
 
-/// How the bytes of a message are laid out.
+/// Encoding of the bytes of a message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MessageEncoding {
     /// Protocol buffers.
     Protobuf,
-    /// ROS 2's common data representation.
+    /// ROS 2's Common Data Representation.
     Cdr,
     /// JSON text.
     Json,
-    /// Anything else, by the name that its log gives: listed and shown as undecodable.
+    /// Any other encoding, by its name in the log: its messages are listed and shown as undecodable.
     Other(String),
 }
 
 impl MessageEncoding {
-    /// The name that MCAP's registry gives this encoding.
+    /// Name of this encoding in MCAP's registry.
     pub fn name(&self) -> &str {
         match self {
             Self::Protobuf => "protobuf",
@@ -32,7 +32,7 @@ impl MessageEncoding {
         }
     }
 
-    /// The encoding of that name.
+    /// The encoding with this name.
     pub fn from_name(name: &str) -> Self {
         match name {
             "protobuf" => Self::Protobuf,
@@ -43,19 +43,19 @@ impl MessageEncoding {
     }
 }
 
-/// The type of a message: its name, how its bytes are laid out, and the text or descriptor that says so.
+/// The type of a message: its name, its encoding, and the text or descriptor that defines it.
 #[derive(Debug)]
 pub struct Schema {
     name: String,
     message_encoding: MessageEncoding,
     encoding_of_data: String,
     data: Bytes,
-    /// Made of the data at the first message.
+    /// Made from the data at the first message.
     reader: OnceLock<Result<Reader, DecodeError>>,
 }
 
 impl Schema {
-    /// A schema as a log or a link names it. `schema_encoding` is MCAP's: `protobuf`, `ros2msg`, `jsonschema`, ….
+    /// A schema from a log or a link. `schema_encoding` is MCAP's: `protobuf`, `ros2msg`, `jsonschema`, ….
     pub fn new(
         name: impl Into<String>,
         message_encoding: MessageEncoding,
@@ -71,7 +71,7 @@ impl Schema {
         }
     }
 
-    /// What reads messages of this schema.
+    /// The reader for messages of this schema.
     pub(crate) fn reader(&self) -> Result<&Reader, DecodeError> {
         self.reader.get_or_init(|| Reader::new(self)).as_ref().map_err(Clone::clone)
     }
@@ -81,12 +81,12 @@ impl Schema {
         &self.name
     }
 
-    /// Layout of the messages' bytes.
+    /// Encoding of the messages.
     pub fn message_encoding(&self) -> &MessageEncoding {
         &self.message_encoding
     }
 
-    /// Layout of [`Schema::data`].
+    /// Encoding of [`Schema::data`].
     pub fn schema_encoding(&self) -> &str {
         &self.encoding_of_data
     }
@@ -97,12 +97,12 @@ impl Schema {
     }
 }
 
-/// One generated message type, as the registry knows it. Written by `rcs-msg-build`.
+/// One generated message type in the registry. Constructed by code from `rcs-msg-build`.
 #[derive(Clone, Copy)]
 pub struct Known {
     /// Full name: `foxglove.Grid`.
     pub name: &'static str,
-    /// The message of its bytes, typed.
+    /// Decodes a message into the typed form.
     pub decode: fn(Bytes) -> Result<AnyMessage, prost::DecodeError>,
     /// Its field `timestamp`, if it has one.
     pub timestamp: fn(&AnyMessage) -> Option<Timestamp>,
@@ -110,7 +110,7 @@ pub struct Known {
     pub frame_id: fn(&AnyMessage) -> Option<&str>,
 }
 
-/// The generated messages of one crate: types and descriptors. Written by `rcs-msg-build`.
+/// The generated messages of one crate: types and descriptors. Constructed by code from `rcs-msg-build`.
 pub struct Bundle {
     descriptors: &'static [u8],
     known: &'static [Known],
@@ -123,7 +123,7 @@ impl Bundle {
         Self { descriptors, known, pool: OnceLock::new() }
     }
 
-    /// Descriptors of the messages and of all that they import, with our field options.
+    /// Descriptors of the messages and of everything that they import, with our field options.
     #[expect(clippy::expect_used, reason = "the build script has compiled this very set")]
     fn pool(&self) -> &DescriptorPool {
         self.pool.get_or_init(|| {
@@ -131,7 +131,7 @@ impl Bundle {
         })
     }
 
-    /// Schemas of the messages that are generated here, and of those within them.
+    /// Schemas of the messages of the bundle, including nested ones.
     fn schemas(&self) -> Vec<(MessageDescriptor, Schema)> {
         let is_own = |message: &MessageDescriptor| {
             let file = message.parent_file();
@@ -147,20 +147,20 @@ impl Bundle {
     }
 }
 
-/// The schema of one generated type, looked up once. Written by `rcs-msg-build`.
+/// The schema of one generated type, looked up once. Constructed by code from `rcs-msg-build`.
 pub struct SchemaCell(OnceLock<&'static Arc<Schema>>);
 
 impl SchemaCell {
-    /// Not looked up yet.
+    /// A cell whose schema has not been looked up.
     #[expect(clippy::new_without_default, reason = "only generated statics have one")]
     pub const fn new() -> Self {
         Self(OnceLock::new())
     }
 
-    /// The schema of that name in its crate's bundle, which is in the registry from then on.
+    /// The schema with this name in its crate's bundle. The call adds the bundle to the registry.
     ///
     /// # Panics
-    /// Where the bundle has no such message, or two crates have different messages of one name: neither happens to a
+    /// If the bundle has no such message, or two crates have different messages with one name. Neither can happen in a
     /// program whose `.proto` files have been compiled together.
     #[expect(clippy::panic, clippy::expect_used, reason = "what was generated together belongs together")]
     pub fn get(&'static self, bundle: &'static Bundle, name: &str) -> &'static Arc<Schema> {
@@ -179,9 +179,9 @@ pub struct DuplicateMessage {
     pub name: String,
 }
 
-/// The message types that are known by name: ours, Foxglove's, and those of the plugins that have been named so far.
+/// The message types that are known by name: ours, Foxglove's, and those of the plugins that are in use.
 ///
-/// It only grows: when a plan is made, every plugin in its list adds its own. What a name means never changes.
+/// The registry only grows: a plan adds the messages of every plugin in its list. The meaning of a name never changes.
 #[derive(Default)]
 pub struct Registry {
     inner: RwLock<Inner>,
@@ -189,15 +189,15 @@ pub struct Registry {
 
 #[derive(Default)]
 struct Inner {
-    /// Addresses of the bundles that are in.
+    /// Addresses of the bundles that have been added.
     bundles: Vec<usize>,
-    /// Each lives as long as the program: a type has one schema.
+    /// Leaked, because a type has one schema for the life of the program.
     schemas: BTreeMap<String, &'static Arc<Schema>>,
     descriptors: BTreeMap<String, MessageDescriptor>,
     known: BTreeMap<&'static str, &'static Known>,
 }
 
-/// The one registry. Our own messages and Foxglove's are in it from the start.
+/// The one registry. It holds Foxglove's messages and those of the package `rcs` from the start.
 #[expect(clippy::expect_used, reason = "an empty registry has no other message of that name")]
 pub fn registry() -> &'static Registry {
     static REGISTRY: LazyLock<Registry> = LazyLock::new(|| {
@@ -209,7 +209,7 @@ pub fn registry() -> &'static Registry {
 }
 
 impl Registry {
-    /// Adds the messages of a crate; those that are in already change nothing.
+    /// Adds the messages of a crate; a bundle that is already there changes nothing.
     pub fn add(&self, bundle: &'static Bundle) -> Result<(), DuplicateMessage> {
         let address = std::ptr::from_ref(bundle) as usize;
         if self.read().bundles.contains(&address) {
@@ -237,27 +237,27 @@ impl Registry {
         Ok(())
     }
 
-    /// The schema of that full name.
+    /// The schema with this full name.
     pub fn schema(&self, name: &str) -> Option<&'static Arc<Schema>> {
         self.read().schemas.get(name).copied()
     }
 
-    /// All schemas, by name.
+    /// All schemas, sorted by name.
     pub fn schemas(&self) -> Vec<&'static Arc<Schema>> {
         self.read().schemas.values().copied().collect()
     }
 
-    /// The descriptor of that full name, with our field options.
+    /// The descriptor with this full name, with our field options.
     pub fn descriptor(&self, name: &str) -> Option<MessageDescriptor> {
         self.read().descriptors.get(name).cloned()
     }
 
-    /// All descriptors, by name.
+    /// All descriptors, sorted by name.
     pub fn descriptors(&self) -> Vec<MessageDescriptor> {
         self.read().descriptors.values().cloned().collect()
     }
 
-    /// The generated type of that full name.
+    /// The generated type with this full name.
     pub(crate) fn known(&self, name: &str) -> Option<&'static Known> {
         self.read().known.get(name).copied()
     }
@@ -267,7 +267,7 @@ impl Registry {
     }
 }
 
-/// The file of `message` and all that it imports, imports first: what MCAP wants for protobuf.
+/// The file of `message` and everything that it imports, imports first: the form that MCAP requires for protobuf.
 fn file_descriptor_set(message: &MessageDescriptor) -> Bytes {
     fn visit(file: &prost_reflect::FileDescriptor, seen: &mut BTreeSet<String>, out: &mut Vec<u8>) {
         if !seen.insert(file.name().to_owned()) {
@@ -307,7 +307,7 @@ mod tests {
     #[test]
     fn adding_a_crate_again_changes_nothing_and_another_message_of_a_name_is_refused() {
         static OTHER: Bundle = Bundle::new(
-            // A file `x.proto` of package `foxglove` with a message `Color` that is empty.
+            // A file `x.proto` of package `foxglove` with an empty message `Color`.
             b"\x0a\x24\x0a\x07x.proto\x12\x08foxglove\"\x07\x0a\x05Color\x62\x06proto3",
             &[Known {
                 name: "foxglove.Color",

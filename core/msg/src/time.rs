@@ -8,32 +8,32 @@ use serde::{Deserialize, Serialize};
 pub struct Stamp(pub u64);
 
 impl Stamp {
-    /// Nothing is later.
+    /// The greatest time.
     pub const MAX: Stamp = Stamp(u64::MAX);
 
-    /// `ns` later, or at the end of time.
+    /// The time `ns` later; saturates at the greatest time.
     #[must_use]
     pub const fn after_ns(self, ns: u64) -> Stamp {
         Stamp(self.0.saturating_add(ns))
     }
 
-    /// `ns` earlier, or 0.
+    /// The time `ns` earlier; saturates at 0.
     #[must_use]
     pub const fn before_ns(self, ns: u64) -> Stamp {
         Stamp(self.0.saturating_sub(ns))
     }
 
-    /// Signed seconds since `other`.
+    /// Seconds since `other`, negative if it is later.
     pub fn seconds_since(self, other: Stamp) -> f64 {
         if self >= other { (self.0 - other.0) as f64 * 1e-9 } else { -((other.0 - self.0) as f64 * 1e-9) }
     }
 
-    /// The same point as a protobuf timestamp.
+    /// The time as a protobuf timestamp.
     pub fn to_proto(self) -> Timestamp {
         Timestamp { seconds: (self.0 / 1_000_000_000) as i64, nanos: (self.0 % 1_000_000_000) as i32 }
     }
 
-    /// The point that a protobuf timestamp names; `None` before 1970, or with nanoseconds out of range.
+    /// The time of a protobuf timestamp; `None` before 1970, or with nanoseconds out of range.
     pub fn from_proto(timestamp: &Timestamp) -> Option<Stamp> {
         let seconds = u64::try_from(timestamp.seconds).ok()?;
         let nanos = u64::try_from(timestamp.nanos).ok().filter(|&n| n < 1_000_000_000)?;

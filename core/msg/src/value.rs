@@ -1,4 +1,4 @@
-//! Any message as a tree.
+//! Messages of any encoding as a tree.
 
 use crate::packed::Packed;
 use crate::path::{FieldPath, Segment};
@@ -9,7 +9,7 @@ use std::borrow::Cow;
 /// A message, or a part of one, of any encoding.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// Nothing: an absent submessage, an optional field that is not set, JSON's null.
+    /// No value: an absent submessage, an optional field that is not set, JSON's null.
     Null,
     /// A boolean.
     Bool(bool),
@@ -21,60 +21,60 @@ pub enum Value {
     Float(f64),
     /// A text.
     Text(String),
-    /// Bytes, shared with the message that they came from.
+    /// Bytes, shared with the message that contains them.
     Bytes(Bytes),
-    /// One of a list of named numbers.
+    /// An enum value.
     Enum {
         /// The number.
         number: i32,
-        /// Its name; empty where the schema does not name that number.
+        /// Its name; empty if the schema has no name for the number.
         name: String,
     },
     /// Elements of one kind.
     List(Vec<Value>),
-    /// Numbers of one type, as they lie in the message.
+    /// Numbers of one type, in the layout of the message.
     Packed(Packed),
-    /// Named fields, in the order of the schema; of equal names the last counts.
+    /// Named fields, in the order of the schema; of several with the same name the last counts.
     Message(Vec<(String, Value)>),
 }
 
-/// Why a path leads nowhere in a value.
+/// Why a path does not lead to a value.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PathError {
-    /// No such field.
+    /// No field has this name.
     #[error("no field {name:?} here, expected one of {expected}: {path}")]
     NoField {
-        /// The name asked for.
+        /// The requested name.
         name: String,
-        /// The names that are there.
+        /// The names of all fields.
         expected: String,
-        /// The path up to and with that name.
+        /// The path up to and including the name.
         path: FieldPath,
     },
-    /// No such element.
+    /// The index is out of range.
     #[error("index {index} is out of range, got {length} elements: {path}")]
     OutOfRange {
-        /// The index asked for.
+        /// The requested index.
         index: usize,
         /// The number of elements.
         length: usize,
-        /// The path up to and with that index.
+        /// The path up to and including the index.
         path: FieldPath,
     },
-    /// The value is of another kind than the path or the new value supposes.
+    /// The value has another kind than the path or the new value requires.
     #[error("got {got}, expected {expected}: {path}")]
     Kind {
-        /// The kind that was found.
+        /// The kind found.
         got: &'static str,
-        /// The kind that would do.
+        /// The kind expected.
         expected: &'static str,
-        /// The path up to there.
+        /// The path of the value.
         path: FieldPath,
     },
 }
 
 impl Value {
-    /// The value that a path names. What lies within an absent value is absent, too ([`Value::Null`]).
+    /// The value at a path. The parts of an absent value are absent, too ([`Value::Null`]).
     pub fn get(&self, path: &FieldPath) -> Result<Cow<'_, Value>, PathError> {
         let mut value = self;
         let segments = path.segments();
@@ -123,7 +123,7 @@ impl Value {
         Ok(Cow::Borrowed(value))
     }
 
-    /// Every value without parts, with its path, depth first. Bytes and packed numbers are one leaf each.
+    /// Every leaf with its path, depth first. Bytes and packed numbers are one leaf each.
     pub fn leaves(&self) -> impl Iterator<Item = (FieldPath, &Value)> {
         let mut stack = vec![(FieldPath::root(), self)];
         std::iter::from_fn(move || {
@@ -142,7 +142,7 @@ impl Value {
         })
     }
 
-    /// The kind in words, for messages to people.
+    /// The kind in words, for messages to a user.
     pub fn kind(&self) -> &'static str {
         match self {
             Value::Null => "nothing",
@@ -158,7 +158,7 @@ impl Value {
         }
     }
 
-    /// The value as a number: booleans are 0 or 1, choices their number.
+    /// The value as a number: booleans are 0 or 1, enum values their number.
     pub fn as_f64(&self) -> Option<f64> {
         match self {
             Value::Bool(v) => Some(f64::from(u8::from(*v))),
@@ -179,7 +179,7 @@ impl Value {
         }
     }
 
-    /// The value as an integer; `None` for a number with a fraction, or out of range.
+    /// The value as an integer; `None` for a number with a fraction or out of range.
     pub fn as_i64(&self) -> Option<i64> {
         match self {
             Value::Int(v) => Some(*v),
@@ -206,7 +206,7 @@ impl Value {
         }
     }
 
-    /// The number of elements of a list, or of bytes of bytes and texts; `None` for the rest.
+    /// The number of elements of a list, or of bytes of a bytes value or a text; `None` for other kinds.
     #[expect(clippy::len_without_is_empty, reason = "most values have no length")]
     pub fn len(&self) -> Option<usize> {
         match self {
@@ -228,7 +228,7 @@ impl Value {
         }
     }
 
-    /// The point in time that a message of seconds and nanoseconds names, protobuf's or ROS 2's.
+    /// The time that a message of seconds and nanoseconds holds (protobuf's or ROS 2's).
     pub fn as_stamp(&self) -> Option<Stamp> {
         let part = |a, b| self.field(a).or_else(|| self.field(b))?.as_i64();
         let timestamp = prost_types::Timestamp {
@@ -249,7 +249,7 @@ pub(crate) fn upto(path: &FieldPath, count: usize) -> FieldPath {
 }
 
 pub(crate) fn no_field(fields: &[(String, Value)], name: &str, path: &FieldPath, at: usize) -> PathError {
-    // A JSON object can have any number of fields; a sentence cannot.
+    // A JSON object can have any number of fields; the error text lists only some.
     let mut expected = fields.iter().take(40).map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
     if fields.len() > 40 {
         expected.push_str(", …");

@@ -1,4 +1,4 @@
-//! ROS 2 CDR: conversions against hand-made messages, both byte orders, and damage.
+//! ROS 2 CDR: conversions of hand-made messages, both byte orders, and damaged messages.
 
 use bytes::Bytes;
 use proptest::prelude::*;
@@ -76,7 +76,7 @@ fn schema(name: &str, definition: &str) -> Arc<Schema> {
     ))
 }
 
-/// A schema whose definition cannot be read: conversions go by its name.
+/// A schema whose definition cannot be read, so that conversions go by its name.
 fn named(name: &str) -> Arc<Schema> {
     Arc::new(Schema::new(name, MessageEncoding::Cdr, "ros2idl", Bytes::new()))
 }
@@ -353,7 +353,7 @@ fn lengths_that_the_message_cannot_hold_reserve_nothing() {
     assert!(grown < 64 << 20, "memory grew by {grown} bytes");
 }
 
-/// Peak resident memory of this process; 0 where the system does not say.
+/// Peak resident memory of this process, bytes; 0 if the system does not report it.
 fn peak_bytes() -> usize {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));

@@ -1,10 +1,10 @@
-//! Parameters: every one is documented, defaults are accepted, bad values are not.
+//! Parameters: every one is documented, defaults are accepted, bad values are refused.
 
 use prost_reflect::{Kind, MessageDescriptor};
 use rcs_msg::params::{ParamKind, ParamSpec, check, defaults, find, set_param, set_param_text, specs};
 use rcs_msg::{MessageEncoding, Schema, Value, registry};
 
-/// The parameter messages that are shared. Those of a plugin are its own.
+/// The shared parameter messages. Those of plugins are tested with the plugins.
 fn parameter_messages() -> Vec<MessageDescriptor> {
     let names = ["rcs.ImageCheck", "rcs.Mount", "rcs.NoParams", "rcs.VehiclePose"];
     names.into_iter().map(|name| registry().descriptor(name).expect(name)).collect()
@@ -89,7 +89,7 @@ fn compiled(text: &str) -> MessageDescriptor {
     let mut compiler = protox::Compiler::new([dir.path(), &proto]).expect("the folders are there");
     compiler.include_imports(true).open_file("odd.proto").expect("it compiles");
     let set = compiler.encode_file_descriptor_set();
-    // As from a log: not from the registry.
+    // The descriptor comes from data, as in a log, not from the registry.
     let schema = Schema::new("odd.Params", MessageEncoding::Protobuf, "protobuf", set.into());
     schema.descriptor().expect("it is protobuf").clone()
 }

@@ -1,4 +1,4 @@
-//! Protobuf: the scanner reads what the tree reads, trees encode to what they were, and damage is an error.
+//! Protobuf: the scanner agrees with the tree, trees encode to the original message, and damaged messages are errors.
 
 mod support;
 
@@ -26,7 +26,7 @@ static SCHEMAS: LazyLock<Vec<Arc<Schema>>> = LazyLock::new(|| {
     odd_schemas().into_iter().chain(ours).collect()
 });
 
-/// A random schema with a random message of it.
+/// A random schema and a random message of it.
 fn random(bytes: &[u8]) -> (&'static Arc<Schema>, Bytes, Entropy<'_>) {
     let mut entropy = Entropy(bytes);
     let schema = &SCHEMAS[entropy.below(SCHEMAS.len())];
@@ -36,7 +36,7 @@ fn random(bytes: &[u8]) -> (&'static Arc<Schema>, Bytes, Entropy<'_>) {
     (schema, out.into(), entropy)
 }
 
-/// Whether two trees hold the same. NaN is one number: which of them survives a conversion is up to the processor.
+/// Whether two trees are equal. All NaN are equal, because conversions of NaN depend on the processor.
 fn equal(a: &Value, b: &Value) -> bool {
     match (a, b) {
         (Value::Float(a), Value::Float(b)) => a == b || (a.is_nan() && b.is_nan()),
@@ -60,7 +60,7 @@ proptest! {
         let value = schema.value(&data).expect("a random message reads");
         for _ in 0..8 {
             let path = path(schema.descriptor().expect("it is protobuf"), &mut entropy);
-            // A random path may end at a message, or at a recursion's start.
+            // A random path may end at a message, or where a message contains itself.
             let Ok(scanner) = FieldScanner::new(schema, &path) else { continue };
             let expect = value.get(&path).ok().and_then(|value| value.as_f64());
             let got = scanner.scan(&data).expect("a random message scans");

@@ -1,4 +1,4 @@
-//! Every message of every recorded ROS 2 log reads, and reads as another implementation reads it.
+//! Every message of every recorded ROS 2 log can be read, and agrees with another implementation.
 
 use rcs_msg::{
     AnyMessage, FieldScanner, MessageEncoding, Schema, Value, canonical, canonical_name, foxglove,
@@ -10,19 +10,19 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What a log held.
+/// Counts of what a log contains.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Counts {
     messages: usize,
     /// Messages that were read as a tree.
     decoded: usize,
-    /// Messages that became canonical ones.
+    /// Messages that were converted to canonical ones.
     converted: usize,
     /// Types that were read.
     types: usize,
 }
 
-/// Reads a whole log; whatever is wrong with a message that has a reader is a failure.
+/// Reads a whole log; an error in a message whose schema has a reader fails the test.
 fn read(path: &Path) -> Counts {
     let bytes = std::fs::read(path).expect("the log is there");
     let mut schemas: BTreeMap<u16, Arc<Schema>> = BTreeMap::new();
@@ -83,11 +83,11 @@ fn paths_and_scanner_agree(schema: &Arc<Schema>, data: &[u8], value: &Value) {
     }
 }
 
-/// `reference`: the same message by `re_ros_msg`.
+/// Compares with `re_ros_msg`'s reading of the same message.
 fn same_as_reference(schema: &Schema, data: &[u8], ours: &Value) {
     let text = std::str::from_utf8(schema.data()).expect("a definition is a text");
     if text.contains("\n---\n") {
-        // It has no service events.
+        // `re_ros_msg` does not support service events.
         return;
     }
     let parsed = re_ros_msg::MessageSchema::parse(schema.name(), text).expect("the reference parses it");
@@ -96,7 +96,7 @@ fn same_as_reference(schema: &Schema, data: &[u8], ours: &Value) {
     let mut reader = re_cdr::CdrReader::<re_cdr::LittleEndian>::new(&data[4..]);
     match decode_message(&mut reader, &parsed.spec, &resolver) {
         Ok(theirs) => same(ours, &theirs, schema.name()),
-        // It has no wide texts.
+        // `re_ros_msg` does not support wide texts.
         Err(error) => assert!(text.contains("wstring"), "{}: {error}", schema.name()),
     }
 }

@@ -13,11 +13,11 @@ pub(super) const POINT_CLOUD2: Conversion = Conversion {
     convert: point_cloud2,
 };
 
-/// Fields of more numbers than this (signatures, histograms) are left out.
+/// Fields with more elements than this (signatures, histograms) are left out.
 const MAX_COUNT: u32 = 16;
 
-/// The points share the message's bytes, unless rows are padded or numbers are big-endian. A field `f` of several
-/// numbers becomes `f_0`, `f_1`, ….
+/// The result shares the bytes of the message, unless rows are padded or numbers are big-endian. A field `f` with
+/// several elements becomes `f_0`, `f_1`, ….
 fn point_cloud2(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let header = source.header()?;
     let (height, width) = (source.cursor.u32()?, source.cursor.u32()?);
@@ -62,7 +62,7 @@ fn point_cloud2(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     }))
 }
 
-/// The points of all rows without padding between rows.
+/// The points of all rows, without padding between rows.
 fn rows(data: &Bytes, width: u32, height: u32, point_stride: u32, row_step: u32) -> Result<Bytes, Unusable> {
     let row = u64::from(width) * u64::from(point_stride);
     let step = u64::from(row_step);
@@ -85,7 +85,7 @@ fn rows(data: &Bytes, width: u32, height: u32, point_stride: u32, row_step: u32)
         .collect())
 }
 
-/// ROS 2's number of a type as Foxglove's, and its size in bytes.
+/// Converts ROS 2's number of a type to Foxglove's; also its size in bytes.
 fn numeric_type(datatype: u8) -> Option<(NumericType, usize)> {
     Some(match datatype {
         1 => (NumericType::Int8, 1),

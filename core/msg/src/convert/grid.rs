@@ -12,11 +12,11 @@ pub(super) const OCCUPANCY_GRID: Conversion = Conversion {
     convert: occupancy_grid,
 };
 
-/// One field, `cost`: probabilities 0 to 100 become costs 0 to 250; anything else (-1) is unknown, 255.
-/// Rows go along x from the grid's origin, the next row lies in +y, in both.
+/// One field, `cost`: probabilities 0 to 100 become costs 0 to 250; any other value (-1) becomes 255, unknown. In both
+/// formats rows run along x from the origin of the grid, and the next row lies in +y.
 fn occupancy_grid(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let header = source.header()?;
-    // When the map was loaded.
+    // The time at which the map was loaded.
     let (_, _) = (source.cursor.i32()?, source.cursor.u32()?);
     let resolution = f64::from(source.cursor.f32()?);
     let (width, height) = (source.cursor.u32()?, source.cursor.u32()?);

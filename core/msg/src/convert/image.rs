@@ -33,7 +33,7 @@ fn image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let big_endian = source.cursor.u8()? != 0;
     let step = source.cursor.u32()?;
     let mut data = source.shared()?;
-    // Foxglove's wide pixels are little-endian.
+    // Foxglove requires little-endian pixels.
     if big_endian {
         data = match encoding.as_str() {
             "mono16" => swapped(&data, 2),
@@ -60,8 +60,8 @@ fn swapped(data: &Bytes, size: usize) -> Bytes {
     data.into()
 }
 
-/// ROS 2 names the format at length (`rgb8; jpeg compressed bgr8`), Foxglove by one word. A depth image of 16 bits
-/// (`16UC1; compressedDepth png`) is a PNG behind 12 bytes of settings that only quantised depth of 32 bits needs.
+/// ROS 2 has long names for formats (`rgb8; jpeg compressed bgr8`), Foxglove one word. A 16-bit depth image (`16UC1;
+/// compressedDepth png`) is a PNG behind 12 bytes of settings, which only quantised 32-bit depth needs.
 fn compressed_image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     const DEPTH_SETTINGS: usize = 12;
     let header = source.header()?;
@@ -86,7 +86,7 @@ fn compressed_image(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     }))
 }
 
-/// Binning and region of interest have no place in Foxglove's calibration; they are not applied.
+/// Foxglove's calibration has no binning and no region of interest; they are ignored.
 fn camera_info(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let header = source.header()?;
     let (height, width) = (source.cursor.u32()?, source.cursor.u32()?);

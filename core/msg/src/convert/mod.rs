@@ -1,4 +1,4 @@
-//! The one registry of conversions: from what logs and links carry to the messages that stacks and views read.
+//! The one registry of conversions: from messages of logs and links to the messages that stacks and views read.
 //!
 //! | from | to | file |
 //! | --- | --- | --- |
@@ -15,8 +15,8 @@
 //! | `tf2_msgs/TFMessage` | `foxglove.FrameTransforms` | `pose.rs` |
 //! | `nav_msgs/OccupancyGrid` | `foxglove.Grid` | `grid.rs` |
 //!
-//! ROS 2 messages are read straight from their CDR bytes; pixels and points share those bytes. A log whose
-//! definition of such a name differs from ROS 2's is refused, not misread.
+//! ROS 2 messages are read directly from their CDR bytes; pixels and points share those bytes. If the definition in a
+//! log differs from ROS 2's definition of that name, its messages are refused.
 
 mod cloud;
 mod grid;
@@ -40,26 +40,26 @@ pub enum ConvertError {
     Malformed {
         /// Name of the schema.
         schema: String,
-        /// What is wrong.
+        /// Why it does not decode.
         reason: String,
     },
-    /// The log means something else by this name. Types are listed in the order of the wire, one letter each.
+    /// The log has another definition of this name. Types are listed in wire order, one letter each.
     #[error("{schema} is laid out as {got}, expected {expected}")]
     Definition {
         /// Name of the schema.
         schema: String,
-        /// Types that the log's definition lists.
+        /// Types in the log's definition.
         got: String,
-        /// Types that the conversion knows.
+        /// Types that the conversion expects.
         expected: &'static str,
     },
 }
 
-/// One ROS 2 message that has a canonical counterpart.
+/// The conversion of one ROS 2 type that has a canonical counterpart.
 struct Conversion {
     /// `package/Type`.
     from: &'static str,
-    /// The types on the wire that the conversion reads: see `Layout::signature`.
+    /// The types on the wire, in order, that the conversion reads: see `Layout::signature`.
     signature: &'static str,
     to: &'static str,
     convert: fn(&mut Source<'_>) -> Result<AnyMessage, Unusable>,
@@ -79,7 +79,7 @@ const ROS2: &[&Conversion] = &[
     &grid::OCCUPANCY_GRID,
 ];
 
-/// The canonical message that these bytes of a topic's schema mean; `None` where no conversion is known.
+/// Converts a message of a topic to its canonical message; `None` if no conversion exists for its schema.
 pub fn canonical(topic_schema: &Schema, bytes: &Bytes) -> Option<Result<AnyMessage, ConvertError>> {
     let malformed =
         |reason: String| ConvertError::Malformed { schema: topic_schema.name().to_owned(), reason };
@@ -96,7 +96,7 @@ pub fn canonical(topic_schema: &Schema, bytes: &Bytes) -> Option<Result<AnyMessa
     }))
 }
 
-/// Full name of the schema that [`canonical`] gives for a topic of this schema; `None` where it gives nothing.
+/// Full name of the schema of the messages that [`canonical`] makes from this schema; `None` if it makes none.
 pub fn canonical_name(schema: &Schema) -> Option<&'static str> {
     ours(schema).map(|known| known.name).or_else(|| conversion(schema)?.ok().map(|conversion| conversion.to))
 }
@@ -112,7 +112,7 @@ fn conversion(schema: &Schema) -> Option<Result<&'static Conversion, ConvertErro
     let (package, rest) = schema.name().split_once('/')?;
     let name = rest.strip_prefix("msg/").unwrap_or(rest);
     let conversion = ROS2.iter().find(|known| known.from.split_once('/') == Some((package, name)))?;
-    // Without a definition that can be read (ros2idl), the name is all there is to go by.
+    // If the definition cannot be read (ros2idl), the conversion goes by the name alone.
     if let Ok(Reader::Cdr(layout)) = schema.reader()
         && layout.signature() != conversion.signature
     {
@@ -134,7 +134,7 @@ enum Unusable {
     Content { what: &'static str, got: u64, expected: u64 },
 }
 
-/// A ROS 2 message being read.
+/// Reads a ROS 2 message.
 struct Source<'a> {
     bytes: &'a Bytes,
     cursor: Cursor<'a>,

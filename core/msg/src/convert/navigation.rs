@@ -1,4 +1,4 @@
-//! Inertial sensors, satellite positions, odometry.
+//! Inertial sensors, satellite positions and odometry.
 
 use super::{Conversion, Source, Unusable};
 use crate::any::AnyMessage;
@@ -26,7 +26,7 @@ pub(super) const ODOMETRY: Conversion = Conversion {
     convert: odometry,
 };
 
-/// ROS 2 says by a covariance that starts with -1 that a quantity is not measured.
+/// In ROS 2 a covariance that starts with -1 marks a quantity that is not measured.
 fn imu(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     fn measured<T>(value: T, covariance: Vec<f64>) -> (Option<T>, Vec<f64>) {
         if covariance.first() == Some(&-1.0) { (None, Vec::new()) } else { (Some(value), covariance) }
@@ -47,13 +47,13 @@ fn imu(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     }))
 }
 
-/// The receiver's status (-1: no fix, 0: fix, 1 and 2: augmented) goes into the metadata, as `status`.
+/// The receiver's status (-1: no fix, 0: fix, 1 and 2: augmented fix) goes into the metadata as `status`.
 fn nav_sat_fix(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let header = source.header()?;
     let (status, service) = (source.cursor.i8()?, source.cursor.u16()?);
     let (latitude, longitude, altitude) = (source.cursor.f64()?, source.cursor.f64()?, source.cursor.f64()?);
     let position_covariance = source.floats(9)?;
-    // Both lists of types have the same numbers.
+    // ROS 2 and Foxglove number the covariance types alike.
     let position_covariance_type = source.cursor.u8()?.into();
     let pair = |key: &str, value: String| KeyValuePair { key: key.to_owned(), value };
     Ok(AnyMessage::new(LocationFix {

@@ -1,4 +1,4 @@
-//! Poses, paths, transforms.
+//! Poses, paths and transforms.
 
 use super::{Conversion, Source, Unusable};
 use crate::any::AnyMessage;
@@ -25,7 +25,7 @@ pub(super) const TF_MESSAGE: Conversion = Conversion {
     convert: tf_message,
 };
 
-/// Bytes of numbers in a stamped pose: no sequence of them is longer than the message allows.
+/// Bytes of the numbers of a stamped pose. A sequence cannot have more poses than the message has room for.
 const STAMPED_POSE_SIZE: usize = 68;
 
 fn pose_stamped(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
@@ -37,7 +37,7 @@ fn pose_stamped(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     }))
 }
 
-/// Each pose has a header of its own in ROS 2; by convention it repeats the path's, which is the one kept.
+/// In ROS 2 each pose has a header of its own. By convention it repeats the header of the path, which is the one kept.
 fn path(source: &mut Source<'_>) -> Result<AnyMessage, Unusable> {
     let header = source.header()?;
     let count = source.cursor.length(STAMPED_POSE_SIZE)?;

@@ -1,10 +1,10 @@
-//! Parameters as messages: what our field options say of each field, defaults, and a door that refuses bad values.
+//! Parameters as messages: the options of each field, defaults, and setters that refuse bad values.
 //!
-//! A field of a parameter message is a number, a switch, a text, a choice, a message of parameters (a group), or a
-//! list of any of these. Each carries unit, help and default; numbers carry the range in which they are accepted, too.
-//! A parameter within a group or a list is named by its path: `mount.x_m`, `sources[0].weight`. A group or a list may
-//! have a default of its own: `default_text` holds it as JSON, laid over the defaults of its fields. A group is always
-//! there: where a message comes without one, the message is refused. See `proto/rcs/options.proto`.
+//! A field of a parameter message is a number, a switch, a text, a choice, a message of parameters (a group), or a list
+//! of any of these. Each field has unit, help and default; numbers also have an accepted range. A parameter within a
+//! group or a list is named by its path: `mount.x_m`, `sources[0].weight`. A group or a list may have a default of its
+//! own: `default_text` holds it as JSON, which overlays the defaults of its fields. A group is mandatory: a message
+//! without one of its groups is refused. See `proto/rcs/options.proto`.
 
 mod spec;
 
@@ -23,24 +23,24 @@ use std::sync::Arc;
 /// Why a parameter is refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ParamError {
-    /// No such parameter.
+    /// No parameter has this name.
     #[error("no parameter {name:?} in {message}, expected one of {expected}")]
     Unknown {
         /// The name asked for.
         name: String,
         /// The parameter message.
         message: String,
-        /// The parameters that there are.
+        /// The names of all parameters.
         expected: String,
     },
-    /// A number that is not accepted, or something that is no such value at all.
+    /// A number out of range, or a value of another kind.
     #[error("parameter {name}: got {got}, expected {expected}")]
     Refused {
         /// The parameter, as a path.
         name: String,
         /// The value, or its kind.
         got: String,
-        /// The range with its unit, or the kind.
+        /// The accepted range with its unit, or the expected kind.
         expected: String,
     },
 }
@@ -59,12 +59,12 @@ pub fn defaults(descriptor: &MessageDescriptor) -> DynamicMessage {
 
 /// The typed message with every parameter at its default.
 pub fn default<T: Payload>() -> T {
-    // Of a type that is ours, the descriptor is known and what it encodes decodes.
+    // The descriptor of a generated type is known, and what it encodes decodes.
     let message = schema_of::<T>().descriptor().map(defaults);
     message.and_then(|message| message.transcode_to().ok()).unwrap_or_default()
 }
 
-/// What there is to know of the parameter that a path names: `speed_mps`, `mount.x_m`, `sources[2].weight`.
+/// The specification of the parameter that a path names: `speed_mps`, `mount.x_m`, `sources[2].weight`.
 pub fn find(descriptor: &MessageDescriptor, path: &str) -> Result<ParamSpec, ParamError> {
     let path = parse(descriptor, path)?;
     let (mut known, mut message) = (specs(descriptor), descriptor.full_name().to_owned());
@@ -96,9 +96,9 @@ pub fn find(descriptor: &MessageDescriptor, path: &str) -> Result<ParamSpec, Par
     found.ok_or_else(|| unknown("", &message, &known))
 }
 
-/// Sets one parameter, named by its path. A group takes the fields that the value names and keeps the others; a list is
-/// replaced, and what its elements do not name is at its default. NaN, a number out of range and a value of another
-/// kind are refused and change nothing.
+/// Sets one parameter, named by its path. In a group, only the fields that the value names change. A list is replaced,
+/// and fields that its elements do not name take their defaults. NaN, a number out of range and a value of another kind
+/// are refused and change nothing.
 pub fn set_param(message: &mut DynamicMessage, path: &str, value: &Value) -> Result<(), ParamError> {
     let parsed = parse(&message.descriptor(), path)?;
     let mut changed = message.clone();
@@ -107,8 +107,8 @@ pub fn set_param(message: &mut DynamicMessage, path: &str, value: &Value) -> Res
     Ok(())
 }
 
-/// Sets one parameter from what a person wrote: a number, `true` or `false`, a text, the name of a choice; JSON for a
-/// group or a list.
+/// Sets one parameter from text: a number, `true` or `false`, a text, the name of a choice, or JSON for a group or a
+/// list.
 pub fn set_param_text(message: &mut DynamicMessage, path: &str, text: &str) -> Result<(), ParamError> {
     let spec = find(&message.descriptor(), path)?;
     let trimmed = text.trim();
@@ -133,7 +133,7 @@ pub fn set_param_text(message: &mut DynamicMessage, path: &str, text: &str) -> R
     set_param(message, path, &value)
 }
 
-/// A parameter message with some parameters changed, each given as what a person writes ([`set_param_text`]).
+/// A copy of a parameter message with some parameters changed, each given as text ([`set_param_text`]).
 pub fn with_params<'a>(
     message: &AnyMessage,
     changes: impl IntoIterator<Item = (&'a str, &'a str)>,
@@ -153,7 +153,7 @@ pub fn with_params<'a>(
     Ok(AnyMessage::encoded(Arc::clone(&schema), prost::Message::encode_to_vec(&values).into()))
 }
 
-/// Whether every parameter of a message is accepted: for messages that came whole.
+/// Whether every parameter of a message is accepted: for messages that arrive complete.
 pub fn check(message: &DynamicMessage) -> Result<(), ParamError> {
     check_at(message, &FieldPath::root())
 }
@@ -220,7 +220,7 @@ fn check_value(
     }
 }
 
-/// Puts a value where the rest of a path leads.
+/// Sets the value at the rest of a path.
 fn set_in(
     message: &mut DynamicMessage,
     segments: &[Segment],
@@ -267,17 +267,17 @@ fn set_in(
     Ok(())
 }
 
-/// The nested message as it is, or at its defaults.
+/// The nested message, or its defaults if it is absent.
 fn group(field: &FieldDescriptor, old: Option<&Reflected>) -> DynamicMessage {
     match (old, field.kind()) {
         (Some(Reflected::Message(nested)), _) => nested.clone(),
         (_, Kind::Message(descriptor)) => defaults(&descriptor),
-        // Only groups are asked for.
+        // Not reached: callers pass groups only.
         _ => DynamicMessage::new(field.parent_message().clone()),
     }
 }
 
-/// A new value of a parameter, or of one element of a list.
+/// Converts a value for a parameter, or for one element of a list.
 fn plain_or_group(
     field: &FieldDescriptor,
     spec: &ParamSpec,
@@ -297,7 +297,7 @@ fn plain_or_group(
     Ok(Reflected::Message(nested))
 }
 
-/// A new list.
+/// Converts a list.
 fn list(
     field: &FieldDescriptor,
     spec: &ParamSpec,
@@ -333,7 +333,7 @@ fn refused(path: &FieldPath, got: String, spec: &ParamSpec) -> ParamError {
     ParamError::Refused { name, got, expected: spec.expected() }
 }
 
-/// A value as an error shows it.
+/// A value in the form of an error text.
 fn show(value: &Value) -> String {
     match value {
         Value::Bool(v) => v.to_string(),

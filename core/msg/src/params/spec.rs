@@ -1,13 +1,13 @@
-//! What the options of a field say of a parameter.
+//! Specifications of parameters, read from the options of their fields.
 
 use crate::any::{Payload, schema_of};
 use crate::value::Value;
 use prost_reflect::{FieldDescriptor, Kind, MessageDescriptor, Value as Reflected};
 
-/// Messages nest at most this deep; what lies deeper is no parameter.
+/// Messages nest at most this deep; deeper fields are not parameters.
 const DEEPEST: usize = 8;
 
-/// What a parameter holds.
+/// Kind of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParamKind {
     /// On or off.
@@ -20,45 +20,46 @@ pub enum ParamKind {
     Text,
     /// One of [`ParamSpec::choices`].
     Choice,
-    /// A message: the parameters in [`ParamSpec::fields`].
+    /// A group: the parameters in [`ParamSpec::fields`].
     Group,
-    /// Any number of elements, each of them as [`ParamSpec::fields`] say.
+    /// A list of any length; each element is as [`ParamSpec::fields`] specify.
     List,
 }
 
-/// All that a window, a stack file and a command line must know of one parameter.
+/// Specification of one parameter, for windows, stack files and the command line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParamSpec {
     /// Name of the field.
     pub name: String,
-    /// What it holds.
+    /// Its kind.
     pub kind: ParamKind,
-    /// Unit as shown; `1` for a pure number, empty for texts, choices, switches and groups.
+    /// Unit as shown; `1` for a dimensionless number, empty for texts, choices, switches and groups.
     pub unit: String,
-    /// Least value that is accepted; of a list of messages, the least number of elements.
+    /// Least accepted value; of a list of messages, the least number of elements.
     pub min: Option<f64>,
-    /// Largest value that is accepted; of a list of messages, the largest number of elements.
+    /// Greatest accepted value; of a list of messages, the greatest number of elements.
     pub max: Option<f64>,
-    /// The value where no one says another.
+    /// Default value.
     pub default: Value,
-    /// One sentence that says what it does; empty where the options say nothing.
+    /// One sentence that says what the parameter does; empty if the options have no help.
     pub help: String,
-    /// Kind of the file whose text it is: `world`, `vehicle`, `course`, `models`. A stack gives the file's name.
+    /// Kind of the file whose content the text is: `world`, `vehicle`, `course`, `models`. A stack gives the file's
+    /// name.
     pub file: Option<String>,
-    /// Numbers and names to choose from.
+    /// Numbers and names of the choices.
     pub choices: Vec<(i32, String)>,
     /// Parameters of a group, or of one element of a list of messages. A list of plain values has one field without a
-    /// name, which says what each of them may be.
+    /// name, which specifies its elements.
     pub fields: Vec<ParamSpec>,
 }
 
-/// The parameters of a message, in the order of its declaration, those of nested messages within theirs. Fields that
-/// are no parameters (bytes, maps) are left out.
+/// The parameters of a message in the order of declaration, those of nested messages within their group. Fields that
+/// cannot be parameters (bytes, maps) are left out.
 pub fn specs(descriptor: &MessageDescriptor) -> Vec<ParamSpec> {
     specs_at(descriptor, 0)
 }
 
-/// [`specs`] of a type of ours.
+/// [`specs`] of a generated type.
 pub fn specs_of<T: Payload>() -> Vec<ParamSpec> {
     schema_of::<T>().descriptor().map(specs).unwrap_or_default()
 }
@@ -67,13 +68,13 @@ fn specs_at(descriptor: &MessageDescriptor, depth: usize) -> Vec<ParamSpec> {
     fields(descriptor).iter().filter_map(|field| spec_at(field, depth)).collect()
 }
 
-/// Fields in the order of the declaration, which is the order in which a person meets them.
+/// Fields in the order of declaration, which is the order in which they are shown.
 pub(super) fn fields(descriptor: &MessageDescriptor) -> Vec<FieldDescriptor> {
     let declared = descriptor.descriptor_proto().field.iter();
     declared.filter_map(|field| descriptor.get_field_by_name(field.name())).collect()
 }
 
-/// What the options of a field say; `None` where it is no parameter.
+/// The specification of a field; `None` if it cannot be a parameter.
 pub(super) fn spec(field: &FieldDescriptor) -> Option<ParamSpec> {
     spec_at(field, 0)
 }
@@ -162,7 +163,7 @@ fn spec_at(field: &FieldDescriptor, depth: usize) -> Option<ParamSpec> {
     })
 }
 
-/// Lays what is written over a default: fields that are not named keep theirs.
+/// Overlays a default with the written fields; other fields keep their defaults.
 fn overlay(default: &mut Value, written: &Value) {
     match (default, written) {
         (Value::Message(fields), Value::Message(named)) => {
@@ -176,7 +177,7 @@ fn overlay(default: &mut Value, written: &Value) {
     }
 }
 
-/// JSON as a [`Value`]; `None` for a text that is none.
+/// JSON as a [`Value`]; `None` if the text is not JSON.
 pub(super) fn from_json(text: &str) -> Option<Value> {
     fn value(json: serde_json::Value) -> Value {
         match json {
@@ -198,17 +199,17 @@ pub(super) fn from_json(text: &str) -> Option<Value> {
 }
 
 impl ParamSpec {
-    /// A message with each of [`ParamSpec::fields`] at its default.
+    /// A message in which each of [`ParamSpec::fields`] has its default.
     fn own_defaults(&self) -> Value {
         Value::Message(self.fields.iter().map(|field| (field.name.clone(), field.default.clone())).collect())
     }
 
-    /// Whether it is a list of plain values.
+    /// Whether the parameter is a list of plain values.
     pub(super) fn is_plain_list(&self) -> bool {
         self.kind == ParamKind::List && matches!(self.fields.as_slice(), [only] if only.name.is_empty())
     }
 
-    /// What one element of a list is, as a parameter of its own.
+    /// The specification of one element of a list.
     pub(super) fn element(&self) -> Self {
         if self.is_plain_list() {
             return Self { name: self.name.clone(), ..self.fields[0].clone() };
@@ -217,7 +218,7 @@ impl ParamSpec {
         Self { kind: ParamKind::Group, min: None, max: None, default, ..self.clone() }
     }
 
-    /// What is accepted, in words.
+    /// The accepted values in words.
     pub(super) fn expected(&self) -> String {
         let names = |fields: &[Self]| {
             let names: Vec<_> = fields.iter().map(|field| field.name.as_str()).collect();
@@ -257,7 +258,7 @@ impl ParamSpec {
 
     /// Whether a plain value of the field's own type is accepted.
     pub(super) fn accepts(&self, field: &FieldDescriptor, value: &Reflected) -> bool {
-        // A range is compared in the width of the field, in which 0.1 is not quite 0.1.
+        // The range is compared in the precision of the field: 0.1 as f32 is not 0.1 as f64.
         let narrow = |bound: f64| if field.kind() == Kind::Float { f64::from(bound as f32) } else { bound };
         let number = match value {
             Reflected::F64(v) => *v,
@@ -274,7 +275,7 @@ impl ParamSpec {
             && self.max.is_none_or(|max| number <= narrow(max))
     }
 
-    /// Whether a list of messages may have as many elements.
+    /// Whether a list of messages may have this many elements.
     pub(super) fn accepts_count(&self, count: usize) -> bool {
         self.is_plain_list()
             || self.min.is_none_or(|min| count as f64 >= min)

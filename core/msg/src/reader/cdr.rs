@@ -1,15 +1,15 @@
-//! ROS 2's common data representation (XCDR version 1, plain): a bounds-checked cursor and the reader by layout.
+//! ROS 2's Common Data Representation (plain XCDR version 1): a bounds-checked cursor, and a reader by layout.
 
 use super::rosmsg::{Count, Element, Field, Layout};
 use crate::packed::{Number, Packed};
 use crate::value::Value;
 use bytes::Bytes;
 
-/// A message of more parts than this is refused: each takes some hundred bytes of memory for as few as one of the
-/// message. Arrays of numbers count as one.
+/// A message with more parts than this is refused: a part takes some hundred bytes of memory for as little as one byte
+/// of the message. An array of numbers counts as one part.
 const MAX_PARTS: usize = 4_000_000;
 
-/// Why bytes are no CDR of a layout.
+/// Why bytes are not CDR of a layout.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum CdrError {
     #[error("got encapsulation {got:#06x}, expected 0x0000 or 0x0001, plain CDR")]
@@ -20,7 +20,7 @@ pub(crate) enum CdrError {
     TooLarge,
 }
 
-/// Reads values one behind the other. Alignment counts from behind the encapsulation header.
+/// Reads values in sequence. Alignment counts from the end of the encapsulation header.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cursor<'a> {
     body: &'a [u8],
@@ -28,11 +28,11 @@ pub(crate) struct Cursor<'a> {
     big_endian: bool,
 }
 
-/// Bytes of the encapsulation header.
+/// Size of the encapsulation header, bytes.
 const HEADER: usize = 4;
 
 impl<'a> Cursor<'a> {
-    /// A cursor behind the encapsulation header, which says the byte order.
+    /// A cursor behind the encapsulation header, which gives the byte order.
     pub(crate) fn new(bytes: &'a [u8]) -> Result<Self, CdrError> {
         let Some((header, body)) = bytes.split_first_chunk::<HEADER>() else {
             return Err(CdrError::Truncated { at: 0, needed: HEADER, left: bytes.len() });
@@ -48,12 +48,12 @@ impl<'a> Cursor<'a> {
         self.big_endian
     }
 
-    /// Where the cursor is in the whole message, header and all.
+    /// Position of the cursor in the whole message, including the header.
     fn position(&self) -> usize {
         self.at + HEADER
     }
 
-    /// The next `count` numbers as they lie, padding before them skipped. Padding comes only where a number follows.
+    /// The next `count` numbers in wire layout; skips padding before them. There is padding only if a number follows.
     pub(crate) fn numbers(&mut self, number: Number, count: usize) -> Result<&'a [u8], CdrError> {
         if count == 0 {
             return Ok(&[]);
@@ -107,7 +107,8 @@ impl<'a> Cursor<'a> {
         self.fixed(Number::F64).map(f64::from_le_bytes)
     }
 
-    /// The length of a sequence of elements that take at least `size` bytes each; longer ones do not fit the message.
+    /// Reads the length of a sequence whose elements take at least `size` bytes each; refuses lengths beyond the
+    /// message.
     pub(crate) fn length(&mut self, size: usize) -> Result<usize, CdrError> {
         let length = self.u32()? as usize;
         let (needed, left) = (length.saturating_mul(size), self.body.len() - self.at);
@@ -118,19 +119,19 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The bytes of a text, without the zero at its end.
+    /// The bytes of a text, without the terminating zero.
     pub(crate) fn text(&mut self) -> Result<&'a [u8], CdrError> {
         let length = self.length(1)?;
         let bytes = self.numbers(Number::U8, length)?;
         Ok(bytes.strip_suffix(&[0]).unwrap_or(bytes))
     }
 
-    /// A text, with what is not UTF-8 in it replaced.
+    /// A text in which invalid UTF-8 is replaced.
     pub(crate) fn string(&mut self) -> Result<String, CdrError> {
         self.text().map(|bytes| String::from_utf8_lossy(bytes).into_owned())
     }
 
-    /// The characters of a wide text: as ROS 2's Fast CDR writes them, 4 bytes each.
+    /// The characters of a wide text, 4 bytes each as ROS 2's Fast CDR writes them.
     pub(crate) fn wide_text(&mut self) -> Result<&'a [u8], CdrError> {
         let length = self.length(4)?;
         self.numbers(Number::U32, length)
@@ -142,7 +143,7 @@ impl<'a> Cursor<'a> {
         self.numbers(Number::U8, length)
     }
 
-    /// Skips a field, however it is nested.
+    /// Skips a field with everything nested in it.
     pub(crate) fn skip(&mut self, layout: &Layout, field: &Field) -> Result<(), CdrError> {
         let count = self.count(field)?;
         match field.element {
@@ -163,7 +164,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// How many elements of a field follow, the length on the wire read and checked.
+    /// Number of elements of a field that follow; reads and checks the length if it is on the wire.
     pub(crate) fn count(&mut self, field: &Field) -> Result<usize, CdrError> {
         match field.count {
             Count::One => Ok(1),
@@ -177,7 +178,7 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// Reads a message by its layout; arrays of numbers share the bytes given.
+/// Reads a message by its layout; arrays of numbers share `bytes`.
 pub(super) fn decode(layout: &Layout, bytes: &Bytes) -> Result<Value, CdrError> {
     let mut decoder = Decoder { layout, bytes, cursor: Cursor::new(bytes)?, parts: 0 };
     decoder.message(layout.root())

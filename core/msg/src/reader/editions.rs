@@ -1,16 +1,16 @@
-//! Protobuf editions, told in the words of proto2 and proto3.
+//! Rewrites descriptors of protobuf editions as proto2 and proto3.
 //!
-//! An edition says by features what the older syntaxes said by their name: which fields know whether they are there, how
-//! repeated numbers lie, whether a message lies between tags. The reflection library knows the two older syntaxes only,
-//! and its field flags are enough to say the same: a file is rewritten as proto2 where all of its fields have presence,
-//! else as proto3 with `proto3_optional` at those that have it.
+//! An edition expresses by features what the older syntaxes express by their name: which fields have presence, whether
+//! repeated numbers are packed, whether a message is delimited by tags. The reflection library supports the two older
+//! syntaxes only, and their field flags can express the same. A file is rewritten as proto2 if all of its fields have
+//! presence, else as proto3 with `proto3_optional` at the fields that have it.
 //! Features and their defaults: <https://protobuf.dev/editions/features/>, for 2023 and 2024.
 
 use prost::Message;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FieldOptions, FileDescriptorSet};
 
-/// Numbers of `google.protobuf.Edition`.
+/// Values of `google.protobuf.Edition`.
 const EDITION_2023: i32 = 1000;
 const EDITION_2024: i32 = 1001;
 
@@ -19,7 +19,7 @@ const LEGACY_REQUIRED: i32 = 3;
 const EXPANDED: i32 = 2;
 const DELIMITED: i32 = 2;
 
-/// The parts of a descriptor set that carry features.
+/// The parts of a descriptor set that have features.
 mod featured {
     #[derive(Clone, Copy, PartialEq, prost::Message)]
     pub(super) struct FeatureSet {
@@ -100,7 +100,7 @@ mod featured {
 
 use featured::FeatureSet;
 
-/// Features as they hold at one place.
+/// The features in force at one place.
 #[derive(Clone, Copy)]
 struct Resolved {
     presence: i32,
@@ -109,7 +109,7 @@ struct Resolved {
 }
 
 impl Resolved {
-    /// Defaults of editions 2023 and 2024: presence, packed numbers, messages with a length.
+    /// Defaults of editions 2023 and 2024: explicit presence, packed numbers, length-prefixed messages.
     const DEFAULT: Self = Self { presence: 1, repeated: 1, message: 1 };
 
     fn with(self, own: Option<FeatureSet>) -> Self {
@@ -122,7 +122,7 @@ impl Resolved {
     }
 }
 
-/// The descriptor set without editions; `None` where it has none, and can be read as it is.
+/// The descriptor set without editions; `None` if it has none and can be used unchanged.
 pub(super) fn without_editions(set: &[u8]) -> Result<Option<Vec<u8>>, String> {
     let fail = |error: prost::DecodeError| format!("its descriptor set does not decode: {error}");
     let features = featured::Set::decode(set).map_err(fail)?;
@@ -161,7 +161,7 @@ pub(super) fn without_editions(set: &[u8]) -> Result<Option<Vec<u8>>, String> {
     Ok(Some(files.encode_to_vec()))
 }
 
-/// Says by flags what the features of a message's fields say. Sets `implicit` where a field has no presence.
+/// Sets the flags of a message's fields from their features. Sets `implicit` if a field has no presence.
 fn settle(
     message: &mut DescriptorProto,
     features: &featured::Descriptor,
@@ -215,7 +215,7 @@ fn settle_field(field: &mut FieldDescriptorProto, features: Resolved, of_map: bo
     }
 }
 
-/// In proto2 every field has presence, and none says so.
+/// In proto2 every field has presence, so `proto3_optional` is removed.
 fn forget_optional(message: &mut DescriptorProto) {
     for field in &mut message.field {
         field.proto3_optional = None;

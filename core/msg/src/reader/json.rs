@@ -3,7 +3,7 @@
 use crate::value::Value;
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 
-/// Reads one JSON text. `serde_json` bounds the depth, and nothing is reserved by a length from the text.
+/// Reads one JSON text. `serde_json` limits the nesting depth, and no memory is reserved by a length from the text.
 pub(super) fn decode(bytes: &[u8]) -> Result<Value, String> {
     serde_json::from_slice::<Value>(bytes).map_err(|error| error.to_string())
 }
@@ -32,7 +32,8 @@ impl<'de> Visitor<'de> for ValueVisitor {
     }
 
     fn visit_u64<E: Error>(self, v: u64) -> Result<Value, E> {
-        // JSON does not tell signed from unsigned: small ones are signed, so that any can be set negative.
+        // JSON does not distinguish signed from unsigned: small integers become signed, so that an edit can make them
+        // negative.
         Ok(i64::try_from(v).map_or(Value::Uint(v), Value::Int))
     }
 

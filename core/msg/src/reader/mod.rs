@@ -1,4 +1,4 @@
-//! Readers: from the bytes of a message to a [`Value`], by the schema that came with it.
+//! Readers: from the bytes of a message to a [`Value`], by the schema of its channel.
 
 pub(crate) mod cdr;
 mod editions;
@@ -17,14 +17,14 @@ use rosmsg::Layout;
 /// Why a message cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DecodeError {
-    /// There is no reader for this schema: its messages are listed, not shown.
+    /// No reader exists for this schema: its messages are listed, not shown.
     #[error("no reader for {schema} ({encoding}): {reason}")]
     NoReader {
         /// Name of the schema.
         schema: String,
         /// Encoding of its messages.
         encoding: String,
-        /// What is missing.
+        /// Why there is none.
         reason: String,
     },
     /// The bytes are not a message of this schema.
@@ -32,7 +32,7 @@ pub enum DecodeError {
     Malformed {
         /// Name of the schema.
         schema: String,
-        /// What is wrong, and where.
+        /// The error and its position.
         reason: String,
     },
 }
@@ -40,7 +40,7 @@ pub enum DecodeError {
 /// Why a value cannot be written as a message.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EncodeError {
-    /// Only protobuf is written.
+    /// Only protobuf can be written.
     #[error("cannot write {encoding}, expected protobuf: {schema}")]
     NoWriter {
         /// Name of the schema.
@@ -48,19 +48,19 @@ pub enum EncodeError {
         /// Encoding of its messages.
         encoding: String,
     },
-    /// A field has no place for the value.
+    /// A field cannot hold the value.
     #[error("got {got}, expected {expected}: {path}")]
     Field {
-        /// What the value holds.
+        /// The kind of the value.
         got: String,
-        /// What the schema wants.
+        /// The kind of the field.
         expected: String,
-        /// Where.
+        /// The path of the field.
         path: crate::path::FieldPath,
     },
 }
 
-/// What reads the messages of one schema.
+/// The reader for the messages of one schema.
 #[derive(Clone, Debug)]
 pub(crate) enum Reader {
     /// Protobuf by its descriptor.
@@ -72,8 +72,7 @@ pub(crate) enum Reader {
 }
 
 impl Reader {
-    /// Whatever the schema holds, and whatever the library behind the reader makes of it, the answer is a reader or a
-    /// reason.
+    /// Makes the reader, or says why there is none. It never panics, whatever the schema contains.
     pub(crate) fn new(schema: &Schema) -> Result<Self, DecodeError> {
         let fail = |reason: String| DecodeError::NoReader {
             schema: schema.name().to_owned(),
@@ -102,7 +101,7 @@ impl Reader {
     }
 }
 
-/// The descriptor in a schema: ours, where the schema is ours, so that no second pool is built.
+/// The descriptor in a schema: the registered one if the schema is registered, so that no second pool is built.
 fn descriptor(schema: &Schema) -> Result<MessageDescriptor, String> {
     if schema.schema_encoding() != "protobuf" {
         return Err(format!("its schema is in {:?}, expected \"protobuf\"", schema.schema_encoding()));
@@ -119,12 +118,12 @@ fn descriptor(schema: &Schema) -> Result<MessageDescriptor, String> {
 }
 
 impl Schema {
-    /// Whether messages of this schema can be read, and if not, why.
+    /// Whether messages of this schema can be read; the error says why not.
     pub fn decodable(&self) -> Result<(), DecodeError> {
         self.reader().map(|_| ())
     }
 
-    /// The message as a tree. Large arrays share the bytes given.
+    /// The message as a tree. Large arrays share `bytes`.
     pub fn value(&self, bytes: &Bytes) -> Result<Value, DecodeError> {
         let reader = self.reader()?;
         let value = guarded(|| match reader {
@@ -135,7 +134,7 @@ impl Schema {
         value.and_then(|value| value).map_err(|reason| self.malformed(reason))
     }
 
-    /// The bytes of a tree. Fields that are absent or not named keep their defaults. Protobuf only.
+    /// Encodes a tree. Fields that are absent or not named keep their defaults. Protobuf only.
     pub fn encode(&self, value: &Value) -> Result<Bytes, EncodeError> {
         match self.reader() {
             Ok(Reader::Protobuf(descriptor)) => protobuf::encode(descriptor, value),
@@ -146,7 +145,7 @@ impl Schema {
         }
     }
 
-    /// The protobuf descriptor, where the messages are protobuf.
+    /// The protobuf descriptor, if the messages are protobuf.
     pub fn descriptor(&self) -> Option<&MessageDescriptor> {
         match self.reader() {
             Ok(Reader::Protobuf(descriptor)) => Some(descriptor),

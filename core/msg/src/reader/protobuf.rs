@@ -1,4 +1,4 @@
-//! Protobuf by its descriptor, to and from a [`Value`].
+//! Protobuf messages to and from a [`Value`], by their descriptor.
 
 use super::EncodeError;
 use crate::packed::{Number, Packed};
@@ -11,7 +11,7 @@ use prost_reflect::{
 };
 use std::collections::HashMap;
 
-/// Reads a message; `bytes` fields share the bytes given.
+/// Reads a message; `bytes` fields share `bytes`.
 pub(super) fn decode(descriptor: &MessageDescriptor, bytes: &Bytes) -> Result<Value, String> {
     // Decoding from a slice would copy every `bytes` field.
     let message =
@@ -44,7 +44,7 @@ fn field_value(field: &FieldDescriptor, value: &Reflected) -> Value {
         Reflected::Map(map) => {
             let Kind::Message(entry) = field.kind() else { return Value::Null };
             let kind = entry.map_entry_value_field().kind();
-            // A map has no order of its own.
+            // Maps are unordered; they are sorted by key.
             let mut entries: Vec<_> = map.iter().collect();
             entries.sort_by(|a, b| a.0.cmp(b.0));
             Value::Message(entries.into_iter().map(|(key, v)| (key_text(key), scalar(&kind, v))).collect())
@@ -53,7 +53,7 @@ fn field_value(field: &FieldDescriptor, value: &Reflected) -> Value {
     }
 }
 
-/// Floating-point lists lie packed, so that a large one costs its own size only.
+/// Lists of floating-point numbers are packed, so that a large list takes no more memory than its numbers.
 fn list_value(kind: &Kind, list: &[Reflected]) -> Value {
     let packed = |number, data: Vec<u8>| Value::Packed(Packed::new(number, false, data.into()));
     match kind {
@@ -85,7 +85,7 @@ fn scalar(kind: &Kind, value: &Reflected) -> Value {
             Value::Enum { number: *number, name: name.map(|name| name.name().to_owned()).unwrap_or_default() }
         }
         Reflected::Message(message) => message_value(message),
-        // The caller has taken these apart; neither can lie within a list or a map.
+        // Not reached: the caller handles these kinds, and neither can occur within a list or a map.
         Reflected::List(_) | Reflected::Map(_) => Value::Null,
     }
 }
@@ -127,7 +127,7 @@ fn mismatch(value: &Value, expected: &str, path: &FieldPath) -> EncodeError {
     EncodeError::Field { got: value.kind().to_owned(), expected: expected.to_owned(), path: path.clone() }
 }
 
-/// The value of a field, a list or a map among them, in the type that it wants.
+/// Converts the value of a field, including lists and maps, to the type of the field.
 pub(crate) fn reflect_field(
     field: &FieldDescriptor,
     value: &Value,
@@ -176,7 +176,7 @@ fn text_key(kind: &Kind, text: &str) -> Option<MapKey> {
     })
 }
 
-/// One value in the type that a field wants.
+/// Converts one value to the type of a field.
 pub(crate) fn reflect(kind: &Kind, value: &Value, path: &FieldPath) -> Result<Reflected, EncodeError> {
     let integer = value.as_i64();
     let (reflected, expected) = match kind {
@@ -242,7 +242,7 @@ pub(crate) fn reflect(kind: &Kind, value: &Value, path: &FieldPath) -> Result<Re
     reflected.ok_or_else(|| mismatch(value, expected, path))
 }
 
-/// A number proper: neither a boolean nor a choice.
+/// The value as a number, unless it is a boolean or an enum value.
 fn number(value: &Value) -> Option<f64> {
     matches!(value, Value::Int(_) | Value::Uint(_) | Value::Float(_)).then(|| value.as_f64()).flatten()
 }

@@ -1,25 +1,25 @@
-//! ROS 2 message definitions (`.msg` with its dependencies behind it, as logs carry them), resolved into a layout.
+//! ROS 2 message definitions (`.msg` with its dependencies appended, as logs carry them), resolved into a layout.
 //!
-//! Written here and not taken from `re_ros_msg`, which panics on a lone quote as a default value, reads messages
-//! into maps that lose the order of fields, and reserves memory by lengths that it has not checked. A test holds
-//! the two equal on every recorded message.
+//! We do not use `re_ros_msg`: it panics on a single quote as a default value, reads messages into maps that lose the
+//! order of fields, and reserves memory by lengths that it has not checked. A test compares the two readers on every
+//! recorded message.
 
 use crate::packed::Number;
 use std::collections::{BTreeSet, HashMap};
 use std::fmt::Write;
 
-/// Nested deeper than this is refused; the deepest common message has 6 levels.
+/// A deeper nesting is refused; the deepest common message has 6 levels.
 const MAX_DEPTH: usize = 32;
 const MAX_FIXED_LENGTH: usize = 1 << 24;
 
-/// Types of all messages in a definition; the first is the message itself.
+/// Fields of all messages in a definition; the first is the message itself.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Layout {
     messages: Vec<Vec<Field>>,
     signature: String,
 }
 
-/// One field in the order of the wire.
+/// One field, in wire order.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Field {
     pub(crate) name: String,
@@ -37,11 +37,11 @@ pub(crate) enum Element {
     Message(usize),
 }
 
-/// How many elements a field holds.
+/// Number of elements of a field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Count {
     One,
-    /// An array of that length, which is not on the wire.
+    /// An array of this length, which is not on the wire.
     Fixed(usize),
     /// A sequence: its length is on the wire.
     Sequence,
@@ -56,7 +56,7 @@ pub(crate) struct LayoutError {
     expected: &'static str,
 }
 
-/// A field whose type is still a name.
+/// A field whose type has not been resolved yet.
 struct Parsed<'a> {
     name: &'a str,
     ty: &'a str,
@@ -79,7 +79,7 @@ impl Layout {
             let resolve = |ty: &str| {
                 primitive(ty).or_else(|| {
                     let full = if ty.contains('/') { short(ty) } else { format!("{package}/{ty}") };
-                    // Every old definition says `Header` for the one in std_msgs.
+                    // Old definitions write `Header` for the one in std_msgs.
                     let full = if full.ends_with("/Header") && !index.contains_key(&full) {
                         "std_msgs/Header".to_owned()
                     } else {
@@ -135,8 +135,9 @@ impl Layout {
         &self.messages[index]
     }
 
-    /// The types on the wire in order, so that a converter that knows a message by its name can tell whether the
-    /// log means the same: `iIs` is a header. Cut off behind 400 characters, where no known message is as long.
+    /// The types on the wire in order, one letter each; `iIs` is a header. A converter that knows a message by its name
+    /// compares it to see whether the log has the same definition. Truncated at 400 characters, more than any known
+    /// message has.
     pub(crate) fn signature(&self) -> &str {
         &self.signature
     }
@@ -177,7 +178,7 @@ impl Layout {
         }
     }
 
-    /// Levels of a message; `None` where they are more than `left`, as in one that contains itself.
+    /// Number of nesting levels of a message; `None` if more than `left`, as in one that contains itself.
     fn depth(&self, message: usize, left: usize, known: &mut [Option<usize>]) -> Option<usize> {
         if let Some(depth) = known[message] {
             return (depth <= left).then_some(depth);
@@ -202,7 +203,7 @@ fn short(name: &str) -> String {
     }
 }
 
-/// Names and lines of the message itself and of its dependencies.
+/// Names and lines of the message and of its dependencies.
 fn sections<'a>(name: &str, text: &'a str) -> Vec<(String, Vec<&'a str>)> {
     let mut sections = vec![(name.to_owned(), Vec::new())];
     let mut skipping = false;
@@ -220,8 +221,8 @@ fn sections<'a>(name: &str, text: &'a str) -> Vec<(String, Vec<&'a str>)> {
     sections
 }
 
-/// Events of a service come with the definition of the service, request and response divided by `---`; what is on
-/// the wire is information about the call with one of both, or with none.
+/// The definition of a service event is that of the service, request and response separated by `---`. The event on the
+/// wire is information about the call, with an optional request and an optional response.
 fn service_event(sections: &mut Vec<(String, Vec<&str>)>) {
     const EVENT: [&str; 3] =
         ["service_msgs/ServiceEventInfo info", "Request[<=1] request", "Response[<=1] response"];
@@ -246,7 +247,7 @@ fn service_event(sections: &mut Vec<(String, Vec<&str>)>) {
 fn fields<'a>(message: &str, lines: &[&'a str]) -> Result<Vec<Parsed<'a>>, LayoutError> {
     let mut fields = Vec::new();
     for line in lines {
-        // A `#` in a text default cuts that default short, which is not read anyway.
+        // A `#` in a text default truncates it, which does no harm, because defaults are not read.
         let line = line.split('#').next().unwrap_or_default().trim();
         if line.is_empty() {
             continue;
@@ -276,7 +277,7 @@ fn fields<'a>(message: &str, lines: &[&'a str]) -> Result<Vec<Parsed<'a>>, Layou
         fields.push(Parsed { name, ty, count });
     }
     if fields.is_empty() {
-        // On the wire no message is empty. It also means that whatever is read takes at least one byte.
+        // An empty message takes one byte on the wire. So everything that is read takes at least one byte.
         fields.push(Parsed { name: "structure_needs_at_least_one_member", ty: "uint8", count: Count::One });
     }
     Ok(fields)

@@ -13,7 +13,7 @@ pub(super) struct Plan {
     end: End,
 }
 
-/// Into one field of a message, and one element of that field.
+/// Selects one field of a message, and one element of that field.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     field: usize,
@@ -22,11 +22,11 @@ struct Step {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum End {
-    /// The number at the last step.
+    /// Reads the number at the last step.
     Number,
-    /// The length of the sequence or array at the last step.
+    /// Reads the length of the sequence or array at the last step.
     Count,
-    /// The length of the text at the last step.
+    /// Reads the length of the text at the last step.
     Text,
 }
 
@@ -107,7 +107,7 @@ impl Plan {
             if let Element::Message(inner) = field.element {
                 fields = self.layout.message(inner);
             } else {
-                // The tree holds the text with what is not UTF-8 replaced, so its length may be another.
+                // The tree replaces invalid UTF-8, which may change the length of the text.
                 let text = cursor.text()?;
                 let length =
                     std::str::from_utf8(text).map_or_else(|_| String::from_utf8_lossy(text).len(), str::len);

@@ -1,7 +1,7 @@
-//! One number out of each of many messages, without decoding the rest.
+//! Reads one number from each of many messages without decoding the rest.
 //!
-//! [`FieldScanner::scan`] gives what [`Value::get`](crate::Value::get) followed by
-//! [`Value::as_f64`](crate::Value::as_f64) gives, and allocates nothing for protobuf and CDR: a plot reads a
+//! [`FieldScanner::scan`] returns what [`Value::get`](crate::Value::get) followed by
+//! [`Value::as_f64`](crate::Value::as_f64) returns, and allocates nothing for protobuf and CDR: a plot can read a
 //! million messages this way.
 
 mod cdr;
@@ -14,7 +14,7 @@ use crate::schema::Schema;
 use bytes::Bytes;
 use std::sync::Arc;
 
-/// Reads the number at one path out of messages of one schema.
+/// Reads the number at one path from messages of one schema.
 #[derive(Clone, Debug)]
 pub struct FieldScanner(Plan);
 
@@ -26,30 +26,30 @@ enum Plan {
     Tree(Arc<Schema>, FieldPath),
 }
 
-/// Why a path cannot be scanned for.
+/// Why a path cannot be scanned.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ScanError {
-    /// Messages of this schema cannot be read at all.
+    /// Messages of this schema cannot be read.
     #[error(transparent)]
     Schema(#[from] DecodeError),
-    /// The schema has no such field.
+    /// The schema has no field of this name.
     #[error("no field {name:?} in {message}, expected one of {expected}: {path}")]
     NoField {
-        /// The name asked for.
+        /// Name of the field.
         name: String,
-        /// The message that it is not in.
+        /// The message that lacks it.
         message: String,
         /// The fields of that message.
         expected: String,
         /// The whole path.
         path: FieldPath,
     },
-    /// What is at the path is no number, or the path goes through something of another kind.
+    /// The value at the path is not a number, or the path does not fit the kind of a value along it.
     #[error("got {got}, expected {expected}: {path}")]
     Kind {
-        /// The kind of what is there.
+        /// The kind found.
         got: String,
-        /// The kind that would do.
+        /// The kind expected.
         expected: &'static str,
         /// The whole path.
         path: FieldPath,
@@ -70,8 +70,8 @@ impl FieldScanner {
         }))
     }
 
-    /// The number in this message; `None` where the message does not have it (an absent submessage, an index out of
-    /// range). Of the rest of the message no more is checked than is needed to skip it.
+    /// The number in this message; `None` if the message does not contain it (an absent submessage, an index out of
+    /// range). The rest of the message is checked only as far as is needed to skip it.
     pub fn scan(&self, message: &[u8]) -> Result<Option<f64>, DecodeError> {
         let malformed = |schema: &str, reason| DecodeError::Malformed { schema: schema.to_owned(), reason };
         match &self.0 {
@@ -87,7 +87,7 @@ impl FieldScanner {
     }
 }
 
-/// The errors that both plans give.
+/// The errors of both scanners.
 struct Fail<'a>(&'a FieldPath);
 
 impl Fail<'_> {
@@ -104,7 +104,7 @@ impl Fail<'_> {
         }
     }
 
-    /// Refuses steps behind what has no parts.
+    /// Refuses further steps below a value that has no parts.
     fn ends(&self, rest: &[Segment], what: &str) -> Result<(), ScanError> {
         if rest.is_empty() { Ok(()) } else { Err(self.kind(what, "the end of the path")) }
     }

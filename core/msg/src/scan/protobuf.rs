@@ -1,16 +1,16 @@
 //! The scanner for protobuf's wire format.
 //!
-//! A message is one pass over its tags. What lies beside the path is skipped by its wire type; what lies on it is
-//! followed with protobuf's rules: the last of several scalars counts, several occurrences of a submessage are one
-//! message merged, repeated fields go on over occurrences (packed or not), and a member of a oneof that comes later
-//! takes the place of one that came before.
+//! A message is scanned in one pass over its tags. Fields beside the path are skipped by their wire type. Fields on the
+//! path follow protobuf's rules: the last of several scalars counts, several occurrences of a submessage are merged,
+//! repeated fields continue over several occurrences (packed or not), and a later member of a oneof replaces an earlier
+//! one.
 
 use super::wire::{DELIMITED, END_GROUP, START_GROUP, Scalar, Wire, WireError};
 use super::{Fail, ScanError};
 use crate::path::{FieldPath, Segment};
 use prost_reflect::{FieldDescriptor, Kind, MessageDescriptor, Value as Reflected};
 
-/// Longer paths go through the tree.
+/// Longer paths are evaluated on the tree.
 const MAX_STEPS: usize = 16;
 
 #[derive(Clone, Debug)]
@@ -18,11 +18,11 @@ pub(super) struct Plan {
     steps: Vec<Step>,
 }
 
-/// Into one field of a message.
+/// Selects one field of a message.
 #[derive(Clone, Debug)]
 struct Step {
     number: u32,
-    /// Other members of the field's oneof: each of them unsets this one.
+    /// Other members of the field's oneof; an occurrence of one of them unsets this field.
     rivals: Vec<u32>,
     /// The element of a repeated field.
     index: Option<usize>,
@@ -31,31 +31,31 @@ struct Step {
 
 #[derive(Clone, Debug)]
 enum StepKind {
-    /// A submessage: the next step goes on in it.
+    /// A submessage, in which the next step continues.
     Message,
-    /// A number, and what it is where it is absent.
+    /// A number, and its value if it is absent.
     Number(Scalar, Option<f64>),
     /// An element of bytes.
     Byte(usize),
-    /// The length of bytes or of a text, and what it is where they are absent.
+    /// The length of bytes or of a text, and its value if they are absent.
     Length(Option<f64>),
-    /// The length of a repeated field; how its elements lie where they are packed, `None` where they cannot be.
+    /// The length of a repeated field; the wire type of packed elements, `None` if they cannot be packed.
     Count(Option<Scalar>),
 }
 
-/// What has been seen so far.
+/// State of a scan.
 struct State {
-    /// Of each step, the elements of its repeated field, or 1 for a submessage that is there.
+    /// For each step, the number of elements of its repeated field so far, or 1 for a submessage that is present.
     seen: [usize; MAX_STEPS],
     found: Found,
 }
 
-/// What the last step led to.
+/// Result at the last step.
 #[derive(Clone, Copy)]
 enum Found {
-    /// No occurrence of the field.
+    /// The field has not occurred.
     Nothing,
-    /// The number of its last occurrence; `None` where the index is out of that one's range.
+    /// The number of its last occurrence; `None` if the index is out of range there.
     Last(Option<f64>),
 }
 
@@ -69,7 +69,7 @@ impl Found {
 }
 
 impl Plan {
-    /// `None` where only the tree can follow the path.
+    /// `None` if the path must be evaluated on the tree.
     pub(super) fn new(descriptor: &MessageDescriptor, path: &FieldPath) -> Result<Option<Self>, ScanError> {
         let fail = Fail(path);
         let mut message = descriptor.clone();
@@ -182,7 +182,7 @@ impl Plan {
         if group.is_some() { Err(WireError::Truncated) } else { Ok(()) }
     }
 
-    /// One occurrence of the field that a step leads into.
+    /// Handles one occurrence of the field of a step.
     fn field(
         &self,
         at: usize,

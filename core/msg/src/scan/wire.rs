@@ -1,11 +1,11 @@
-//! Protobuf's wire format: tags, varints, numbers, and how to skip what is not wanted.
+//! Protobuf's wire format: tags, varints, numbers, and skipping of fields.
 
 use prost_reflect::Kind;
 
-/// Groups nested deeper than this are refused.
+/// Groups that are nested deeper than this are refused.
 const MAX_GROUPS: usize = 100;
 
-/// How a number lies on the wire.
+/// Wire encoding of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Scalar {
     Bool,
@@ -23,7 +23,7 @@ pub(super) enum Scalar {
     Double,
 }
 
-/// Why bytes are no message.
+/// Why bytes are not a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub(super) enum WireError {
     #[error("got the end of the message, expected more bytes")]
@@ -99,18 +99,18 @@ impl Scalar {
         })
     }
 
-    /// Numbers in a packed field.
+    /// Number of elements of a packed field.
     pub(super) fn count(self, packed: &[u8]) -> Result<usize, WireError> {
         let size = match self.wire_type() {
             FIXED32 => 4,
             FIXED64 => 8,
-            // Each varint has one byte, its last, without the high bit.
+            // The last byte of each varint is the one without the high bit.
             _ => return Ok(packed.iter().filter(|byte| **byte < 0x80).count()),
         };
         if packed.len().is_multiple_of(size) { Ok(packed.len() / size) } else { Err(WireError::Truncated) }
     }
 
-    /// A number in a packed field, whose index is in range.
+    /// The number at an index of a packed field; the caller has checked the index.
     pub(super) fn nth(self, packed: &[u8], index: usize) -> Result<f64, WireError> {
         let mut wire = Wire { bytes: packed };
         match self.wire_type() {
@@ -122,7 +122,7 @@ impl Scalar {
     }
 }
 
-/// What is left of a message.
+/// The rest of a message.
 pub(super) struct Wire<'a> {
     pub(super) bytes: &'a [u8],
 }

@@ -1,4 +1,4 @@
-//! Random messages on the wire, by descriptor: any order of fields, repeated scalars, split submessages, packed and
+//! Random encoded messages of a descriptor: fields in any order, repeated scalars, split submessages, packed and
 //! unpacked lists, unknown fields and groups.
 
 use prost::encoding::{WireType, encode_key, encode_varint};
@@ -6,7 +6,7 @@ use prost_reflect::{FieldDescriptor, Kind, MessageDescriptor};
 use rcs_msg::{FieldPath, MessageEncoding, Schema};
 use std::sync::Arc;
 
-/// Choices drawn from bytes, so that what fails shrinks.
+/// Random choices taken from bytes, so that failures shrink.
 pub(crate) struct Entropy<'a>(pub(crate) &'a [u8]);
 
 impl Entropy<'_> {
@@ -97,14 +97,14 @@ fn scalar(kind: &Kind, entropy: &mut Entropy<'_>, out: &mut Vec<u8>) {
         Kind::Fixed32 | Kind::Sfixed32 | Kind::Float => out.extend((number as u32).to_le_bytes()),
         Kind::Fixed64 | Kind::Sfixed64 | Kind::Double => out.extend(number.to_le_bytes()),
         Kind::Bool => encode_varint(number % 2, out),
-        // As every encoder writes them: negative ones with their sign extended to 64 bits.
+        // Encoders write negative 32-bit integers sign-extended to 64 bits.
         Kind::Int32 | Kind::Enum(_) => encode_varint(i64::from(number as i32) as u64, out),
         Kind::Uint32 | Kind::Sint32 => encode_varint(u64::from(number as u32), out),
         _ => encode_varint(number, out),
     }
 }
 
-/// A field, or a group of fields, that no descriptor has.
+/// A field or group that no descriptor has.
 fn unknown(entropy: &mut Entropy<'_>, out: &mut Vec<u8>) {
     const NUMBER: u32 = 1000;
     match entropy.below(5) {
@@ -156,7 +156,7 @@ pub(crate) fn path(descriptor: &MessageDescriptor, entropy: &mut Entropy<'_>) ->
     }
 }
 
-/// Groups, oneofs, defaults of proto2 and every width of integer, which Foxglove's messages do not use.
+/// Groups, oneofs, proto2 defaults and every width of integer, which Foxglove's messages do not use.
 pub(crate) fn odd_schemas() -> Vec<Arc<Schema>> {
     const PROTO2: &str = r#"syntax = "proto2"; package odd;
         message Old {
