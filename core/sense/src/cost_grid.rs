@@ -1,4 +1,5 @@
-//! Cost maps as messages to the world model: square windows of cells, counted from the frame's origin, north-up.
+//! Cost maps as messages to the world model: square, north-up windows of cells whose indices count from the frame's
+//! origin.
 
 use rcs_geom::{CellIndex, DVec2};
 use rcs_msg::Stamp;
@@ -7,46 +8,47 @@ use rcs_msg::foxglove::{Grid, PackedElementField, Pose, Quaternion, Vector2, Vec
 use rcs_world::{MAX_COST, UNKNOWN_COST};
 use std::fmt::Display;
 
-/// Name of the field that holds a source's costs.
+/// Name of the grid field that holds the costs of a source.
 pub fn cost_field(source: impl Display) -> String {
     format!("cost.{source}")
 }
 
-/// Where the cells of a window lie.
+/// Position and size of a window of cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridFrame {
-    /// The corner cell, counted from the frame's origin.
+    /// The south-west corner cell, counted from the frame's origin.
     pub south_west: CellIndex,
-    /// Cells a side.
+    /// Cells per side.
     pub side: usize,
-    /// Side of a cell, m.
+    /// Size of a cell, m.
     pub cell_size_m: f64,
 }
 
 impl GridFrame {
-    /// A window with a place (m) in its middle cell.
+    /// A window whose middle cell contains a position (m).
     pub fn around(place: DVec2, side: usize, cell_size_m: f64) -> GridFrame {
         let half = (side / 2) as i64;
         let south_west = cell_of(place, cell_size_m).offset(-half, -half);
         GridFrame { south_west, side, cell_size_m }
     }
 
-    /// Number of a cell, by rows from the south-west; `None` outside of the window.
+    /// Index of a cell in the window, by rows from the south-west; `None` outside of the window.
     pub fn slot(&self, cell: CellIndex) -> Option<usize> {
-        // Places far off have numbers at the ends of what there is.
+        // Cell indices of very distant positions saturate at the limits of i64.
         let column = cell.x.saturating_sub(self.south_west.x);
         let row = cell.y.saturating_sub(self.south_west.y);
         let side = 0..self.side as i64;
         (side.contains(&column) && side.contains(&row)).then(|| row as usize * self.side + column as usize)
     }
 
-    /// Middle of the cell in a column and a row of the window, m.
+    /// Middle of a cell, given its column and row in the window, m.
     pub fn middle(&self, column: usize, row: usize) -> DVec2 {
         let CellIndex { x, y } = self.south_west.offset(column as i64, row as i64);
         DVec2::new(x as f64 + 0.5, y as f64 + 0.5) * self.cell_size_m
     }
 
-    /// A message with these fields, which follow each other in a cell without gaps unless `cell_stride` says otherwise.
+    /// A message with these fields; the fields of a cell are contiguous, and `cell_stride` is the size of a cell in
+    /// bytes.
     pub fn message(
         &self,
         frame_id: &str,
@@ -74,13 +76,13 @@ impl GridFrame {
     }
 }
 
-/// The cell of a place in the frame, m; the nearest there is where the numbers are too large.
+/// The cell of a position (m) in the frame; saturates for positions too far away.
 fn cell_of(place: DVec2, cell_size_m: f64) -> CellIndex {
     let cell = (place / cell_size_m).floor();
     CellIndex::new(cell.x as i64, cell.y as i64)
 }
 
-/// A window of costs: 0 free to 250, 255 unknown.
+/// A window of costs: 0 (free) to 250 (obstacle), 255 unknown.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CostGrid {
     frame: GridFrame,
@@ -89,17 +91,17 @@ pub struct CostGrid {
 }
 
 impl CostGrid {
-    /// Nothing known.
+    /// A window in which every cost is unknown.
     pub fn new(frame: GridFrame) -> CostGrid {
         CostGrid { frame, costs: vec![UNKNOWN_COST; frame.side * frame.side] }
     }
 
-    /// Costs that are known already, by rows from the south-west; `None` where there are more or fewer than cells.
+    /// A window with these costs, by rows from the south-west; `None` if their number differs from that of the cells.
     pub fn of(frame: GridFrame, costs: Vec<u8>) -> Option<CostGrid> {
         (costs.len() == frame.side * frame.side).then_some(CostGrid { frame, costs })
     }
 
-    /// Where the cells lie.
+    /// Position and size of the window.
     pub fn frame(&self) -> &GridFrame {
         &self.frame
     }
@@ -109,17 +111,17 @@ impl CostGrid {
         &self.costs
     }
 
-    /// The same, to be written.
+    /// Costs by rows from the south-west, to write.
     pub fn costs_mut(&mut self) -> &mut [u8] {
         &mut self.costs
     }
 
-    /// Number of the cell of a place (m); `None` outside of the window.
+    /// Index of the cell at a position (m); `None` outside of the window.
     pub fn slot(&self, place: DVec2) -> Option<usize> {
         self.frame.slot(cell_of(place, self.frame.cell_size_m))
     }
 
-    /// Says of the cell at a place (m) that its cost is at least `cost`. Places outside of the window are left out.
+    /// Raises the cost of the cell at a position (m) to at least `cost`. Positions outside of the window are ignored.
     pub fn mark(&mut self, place: DVec2, cost: u8) {
         if let Some(slot) = self.slot(place) {
             let known = self.costs[slot];
@@ -127,17 +129,17 @@ impl CostGrid {
         }
     }
 
-    /// The cost at a place (m); `None` where nothing is known or outside of the window.
+    /// The cost at a position (m); `None` if it is unknown or outside of the window.
     pub fn at(&self, place: DVec2) -> Option<u8> {
         self.slot(place).map(|slot| self.costs[slot]).filter(|&cost| cost <= MAX_COST)
     }
 
-    /// How many cells have at least this cost.
+    /// Number of cells with at least this cost.
     pub fn count_from(&self, cost: u8) -> usize {
         self.costs.iter().filter(|&&known| known <= MAX_COST && known >= cost).count()
     }
 
-    /// As a message with the one field `cost.<source>` (u8, 0 to 250, 255 unknown).
+    /// Converts to a message with the one field `cost.<source>` (u8, 0 to 250, 255 unknown).
     pub fn into_message(self, source: impl Display, frame_id: &str, time: Stamp) -> Grid {
         let field =
             PackedElementField { name: cost_field(source), offset: 0, r#type: NumericType::Uint8.into() };

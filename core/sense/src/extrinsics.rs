@@ -1,4 +1,4 @@
-//! Where sensor and vehicle were at a time, as the parameters ask for it.
+//! Poses of vehicle and sensor at a time, as the parameters of a process define them.
 
 use crate::localizer::{FrameNames, Localizer, LocalizerError};
 use rcs_geom::{CameraError, DVec3, PinholeCamera, Pose};
@@ -7,18 +7,19 @@ use rcs_msg::foxglove::CameraCalibration;
 use rcs_msg::rcs::{Mount, PoseSource, VehiclePose};
 use std::sync::LazyLock;
 
-/// The z component of the vehicle's up axis below which it lies on its side: what it sees says nothing of ground.
+/// If the z component of the vehicle's up axis is below this, the vehicle lies on its side, and its sensors tell
+/// nothing about the ground.
 pub const MIN_UPRIGHT: f64 = 0.5;
 
 /// The vehicle lies on its side.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("vehicle lies on its side: its up is {up_z:.2} of upright, expected at least {MIN_UPRIGHT}")]
 pub struct OnItsSide {
-    /// The z component of its up axis in the local frame.
+    /// z component of the vehicle's up axis in the local frame.
     pub up_z: f64,
 }
 
-/// Axes of a sensor's data.
+/// Axes of the frame of a sensor's data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {
     /// x right, y down, z along the view: cameras.
@@ -27,21 +28,21 @@ pub enum Axes {
     Body,
 }
 
-/// How vehicle and sensor are found, as the parameters of a process say.
+/// How a process finds the poses of its vehicle and sensor, from its parameters.
 #[derive(Clone, Copy, Debug)]
 pub struct Extrinsics<'a> {
     /// Names of the frames.
     pub frames: FrameNames<'a>,
-    /// Whether the vehicle stands at the origin of the local frame.
+    /// Whether the vehicle stands level at the origin of the local frame.
     pub fixed_pose: bool,
-    /// Oldest pose that is used, s.
+    /// Greatest accepted age of a pose, s.
     pub max_age_s: f64,
-    /// Sensor on the vehicle, body axes, where parameters give it.
+    /// Pose of the sensor on the vehicle, body axes, if the parameters give it.
     pub vehicle_from_mount: Option<Pose>,
 }
 
 impl<'a> Extrinsics<'a> {
-    /// Of the parameters of a process. Those of a plan have every group; where one is absent, its defaults hold.
+    /// From the parameters of a process. A plan sets every group; defaults apply to a group that is absent.
     pub fn new(pose: Option<&'a VehiclePose>, mount: Option<&Mount>) -> Extrinsics<'a> {
         static DEFAULT: LazyLock<VehiclePose> = LazyLock::new(rcs_msg::params::default);
         let pose = pose.unwrap_or(&DEFAULT);
@@ -64,13 +65,13 @@ impl<'a> Extrinsics<'a> {
         }
     }
 
-    /// The same for a sensor that the mount parameters are not about.
+    /// The same for another sensor, to which the mount parameters do not apply.
     #[must_use]
     pub fn without_mount(self) -> Extrinsics<'a> {
         Extrinsics { vehicle_from_mount: None, ..self }
     }
 
-    /// The vehicle in the local frame at a time.
+    /// Pose of the vehicle in the local frame at a time.
     pub fn local_from_vehicle(&self, localizer: &Localizer, time: Stamp) -> Result<Pose, LocalizerError> {
         if self.fixed_pose {
             return Ok(Pose::IDENTITY);
@@ -78,7 +79,7 @@ impl<'a> Extrinsics<'a> {
         localizer.local_from_vehicle(self.frames, time, self.max_age_s)
     }
 
-    /// The frame of a sensor's data on the vehicle at a time.
+    /// Pose of the frame of a sensor's data on the vehicle at a time.
     pub fn vehicle_from_sensor(
         &self,
         localizer: &Localizer,
@@ -93,7 +94,7 @@ impl<'a> Extrinsics<'a> {
         }
     }
 
-    /// Speed (m/s) and turn rate (rad/s) over the `window_s` before a time; `None` while poses do not reach back so
+    /// Mean speed (m/s) and turn rate (rad/s) over the `window_s` before a time; `None` if poses do not reach back that
     /// far.
     pub fn motion(&self, localizer: &Localizer, time: Stamp, window_s: f64) -> Option<[f64; 2]> {
         let before = Stamp(time.0.checked_sub((window_s * 1e9) as u64)?);
@@ -105,7 +106,7 @@ impl<'a> Extrinsics<'a> {
     }
 }
 
-/// The up axis of the vehicle in the local frame; refused where the vehicle lies on its side.
+/// The up axis of the vehicle in the local frame; an error if the vehicle lies on its side.
 pub fn upright(local_from_vehicle: &Pose) -> Result<DVec3, OnItsSide> {
     let up = local_from_vehicle.rotate(DVec3::Z);
     if up.z < MIN_UPRIGHT { Err(OnItsSide { up_z: up.z }) } else { Ok(up) }

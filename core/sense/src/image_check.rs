@@ -1,60 +1,60 @@
-//! Whether an image can be used, whatever it shows: it decodes, has the size of its calibration, is exposed, and is not
-//! the one before again.
+//! Checks whether an image is usable: it decodes, has the size of its calibration, is exposed, and differs from the
+//! previous one.
 //!
-//! A pixel is black or saturated by its grey level (BT.601 luma). An image is refused where fewer pixels than asked for
-//! are neither: half of it may be a blown-out sky or deep shade. The camera hangs where an image has the bytes of the
-//! one before: no sensor is without noise.
+//! A pixel counts as black or saturated by its grey level (BT.601 luma). An image is refused if too few of its pixels
+//! are neither; the default limit is low, because half of an image may be an overexposed sky or deep shade. An image
+//! with the same bytes as the previous one means that the camera is frozen, because every sensor has noise.
 
 use rcs_msg::foxglove::RawImage;
 use rcs_msg::image::{ImageError, raw_to_rgb8};
 use rcs_msg::rcs;
 use serde::{Deserialize, Serialize};
 
-/// Why an image is not used.
+/// Why an image is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImageFault {
     /// It does not decode.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// It is of another camera.
+    /// Its size differs from that of its calibration, or of the other image of the pair.
     #[error("{what} has {got:?} pixels, {of} is for {expected:?}")]
     Size {
         /// Which image.
         what: &'static str,
         /// Width and height.
         got: [u32; 2],
-        /// Whose size it must have.
+        /// What it is compared with.
         of: &'static str,
         /// Width and height of that.
         expected: [u32; 2],
     },
-    /// Covered, too dark or too bright.
+    /// The camera is covered, or the image too dark or too bright.
     #[error(
         "image is {black_pct} % black and {saturated_pct} % saturated, expected at least {min_usable_pct} % that is neither"
     )]
     Exposure {
-        /// Share of black pixels.
+        /// Share of black pixels, %.
         black_pct: u32,
-        /// Share of saturated pixels.
+        /// Share of saturated pixels, %.
         saturated_pct: u32,
-        /// Least share of others.
+        /// Least accepted share of pixels that are neither, %.
         min_usable_pct: u32,
     },
-    /// The camera hangs although its clock goes on.
+    /// The camera is frozen: the bytes repeat although the time advances.
     #[error("image equals the one before: the camera is frozen")]
     Frozen,
 }
 
-/// Checks the images of one camera, one after another.
+/// Checks consecutive images of one camera.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ImageCheck {
-    /// Of the image before.
+    /// Fingerprint of the previous image.
     last: Option<u64>,
 }
 
 impl ImageCheck {
-    /// The colours of an image that can be used: red, green and blue by rows, without gaps. `size` is that of its
-    /// calibration, where it is known. Where the rules are absent, their defaults hold.
+    /// Checks an image and returns its colours: red, green and blue by rows, without padding. `size` is that of its
+    /// calibration if it is known. If `rules` are absent, the defaults apply.
     pub fn check(
         &mut self,
         image: &RawImage,
@@ -78,7 +78,7 @@ pub fn size_of(image: &RawImage) -> [u32; 2] {
     [image.width, image.height]
 }
 
-/// Whether an image has the size of what it belongs to.
+/// Checks that an image has the expected size.
 pub fn check_size(
     what: &'static str,
     image: &RawImage,
@@ -89,18 +89,18 @@ pub fn check_size(
     if got == expected { Ok(()) } else { Err(ImageFault::Size { what, got, of, expected }) }
 }
 
-/// The grey level of a pixel: BT.601 luma, in 1/256.
+/// The grey level of a pixel: BT.601 luma, coefficients in 1/256.
 pub fn luma([r, g, b]: [u8; 3]) -> u8 {
     let sum = 77 * u32::from(r) + 150 * u32::from(g) + 29 * u32::from(b);
     ((sum + 128) >> 8) as u8
 }
 
-/// Whether enough pixels of an image are neither black nor saturated.
+/// Checks that enough pixels of an image are neither black nor saturated.
 pub fn check_exposure(rgb: &[u8], rules: &rcs::ImageCheck) -> Result<(), ImageFault> {
     let level = |level: u32| level.min(255) as u8;
     let (darkest, brightest) = (level(rules.black_level), level(rules.saturated_level));
     let pixels = rgb.as_chunks::<3>().0;
-    // Sums of bytes in short runs are what the compiler makes vectors of.
+    // The compiler vectorises byte sums over short runs.
     let (mut black, mut saturated) = (0_u64, 0_u64);
     for run in pixels.chunks(128) {
         let (mut dark, mut bright) = (0_u8, 0_u8);
@@ -114,7 +114,7 @@ pub fn check_exposure(rgb: &[u8], rules: &rcs::ImageCheck) -> Result<(), ImageFa
     }
     let count = pixels.len().max(1) as u64;
     let pct = |part: u64| (100 * part / count) as u32;
-    // Levels may be set so that one pixel is both.
+    // The levels may overlap, so that a pixel counts as both.
     let usable_pct = pct((pixels.len() as u64).saturating_sub(black + saturated));
     if usable_pct < rules.min_usable_pct {
         return Err(ImageFault::Exposure {
@@ -128,9 +128,9 @@ pub fn check_exposure(rgb: &[u8], rules: &rcs::ImageCheck) -> Result<(), ImageFa
 
 const PRIME: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// A number that two texts of bytes share only when they are equal, but for chance (64 bits).
+/// A 64-bit hash: equal for equal bytes, and different for different bytes except by chance.
 pub fn fingerprint(data: &[u8]) -> u64 {
-    // Four lanes, so that multiplications overlap.
+    // Four lanes, so that the multiplications overlap.
     let mut lanes = [1_u64, 2, 3, 4];
     let (blocks, rest) = data.as_chunks::<32>();
     for block in blocks {
@@ -166,7 +166,7 @@ mod tests {
         ImageCheck::default().check(&grey(levels), None, None)
     }
 
-    /// So many black, saturated and other pixels of 100.
+    /// An image of 100 pixels with this many black and saturated ones.
     fn mixed(black: usize, saturated: usize) -> Vec<u8> {
         let mut levels = vec![4_u8; black];
         levels.resize(black + saturated, 251);

@@ -1,8 +1,8 @@
-//! What the pixels of obstacle-label images mean.
+//! Codes of the pixels of obstacle label images.
 
 use serde::{Deserialize, Serialize};
 
-/// What a pixel shows (Albus 2006a, 3.1.1). The numbers are those of label images with the palette `obstacle_labels`.
+/// Class of a pixel (Albus 2006a, 3.1.1). The codes are those of label images with the palette `obstacle_labels`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum ObstacleLabel {
@@ -16,12 +16,12 @@ pub enum ObstacleLabel {
     ShortObstacle = 3,
     /// 1.5 m or more above the local ground: the vehicle fits under it.
     Cover = 4,
-    /// Too far away for its range to be believed.
+    /// Too far away for a reliable range.
     TooFar = 5,
 }
 
 impl ObstacleLabel {
-    /// All labels, by code.
+    /// All labels, in the order of their codes.
     pub const ALL: [Self; 6] =
         [Self::Invalid, Self::Ground, Self::Obstacle, Self::ShortObstacle, Self::Cover, Self::TooFar];
 

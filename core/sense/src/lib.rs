@@ -1,15 +1,30 @@
-//! What perception shares: every process that turns a sensor's data into labels or costs needs these, and each exists
-//! once.
+//! What perception plugins share: everything here is needed by several processes that turn sensor data into labels or
+//! costs.
 //!
-//! - [`Localizer`], [`PosePorts`]: where the vehicle is, from whatever a stack wires (odometry, a pose stream,
+//! - [`Localizer`], [`PosePorts`]: the pose of the vehicle, from whatever a stack wires (odometry, a pose stream,
 //!   transforms).
-//! - [`Extrinsics`]: pose of vehicle and sensor at a time, as the parameter messages `rcs.VehiclePose` and `rcs.Mount`
-//!   ask for.
-//! - [`ImageCheck`]: whether an image can be used: its size, its exposure, and that the camera does not hang.
-//! - [`CostGrid`], [`GridFrame`]: cost maps as the world model takes them.
-//! - [`ObstacleLabel`]: codes of the pixels of label images.
+//! - [`Extrinsics`]: poses of vehicle and sensor at a time, as the parameter messages `rcs.VehiclePose` and `rcs.Mount`
+//!   define them.
+//! - [`ImageCheck`]: whether an image is usable: its size, its exposure, and that the camera is not frozen.
+//! - [`CostGrid`], [`GridFrame`]: cost maps for the world model.
+//! - [`ObstacleLabel`]: codes of the pixels of obstacle label images.
 //!
-//! It stands above the runtime and below the plugins; no algorithm of one plugin belongs here.
+//! The crate is above the runtime and below the plugins. It contains no algorithm of a single plugin: those are in
+//! `plugins/*`. A plugin begins with [`PosePorts`] for its inputs, and writes its results into a [`CostGrid`]:
+//!
+//! ```
+//! use rcs_geom::DVec2;
+//! use rcs_msg::Stamp;
+//! use rcs_sense::{CELL_SIZE_M, CostGrid, GridFrame};
+//! // A window of 51×51 cells around the vehicle, which is at (10 m, 4 m).
+//! let mut costs = CostGrid::new(GridFrame::around(DVec2::new(10.0, 4.0), 51, CELL_SIZE_M));
+//! costs.mark(DVec2::new(12.3, 4.1), 250);
+//! assert_eq!(costs.at(DVec2::new(12.3, 4.1)), Some(250));
+//! assert_eq!(costs.at(DVec2::new(8.0, 4.0)), None); // unknown
+//! // The message that a world model reads as the votes of its source `my_sensor`.
+//! let message = costs.into_message("my_sensor", "local", Stamp(0));
+//! assert_eq!(message.fields[0].name, "cost.my_sensor");
+//! ```
 
 mod cost_grid;
 mod extrinsics;

@@ -1,53 +1,53 @@
-//! Where the vehicle is, from whatever a stack wires: odometry, a pose stream, transforms.
+//! The pose of the vehicle, from whatever a stack wires: odometry, a pose stream, transforms.
 
 use rcs_geom::{Pose, PoseError, TransformError, TransformTree};
 use rcs_msg::{Stamp, foxglove};
 use serde::{Deserialize, Serialize};
 
-/// Names of frames, as a process's parameters give them.
+/// Names of frames, from the parameters of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameNames<'a> {
     /// Frame of the map: gravity along −z.
     pub local: &'a str,
     /// Frame of the vehicle: x forward, y left, z up.
     pub vehicle: &'a str,
-    /// Frame whose pose the pose stream gives; empty for the vehicle's.
+    /// Frame whose pose the pose stream gives; empty for the vehicle frame.
     pub pose: &'a str,
 }
 
-/// Why a pose is not known, or was not accepted.
+/// Why a pose is unknown or was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LocalizerError {
-    /// A message has no pose, or half of one.
+    /// A message has no pose, or an incomplete one.
     #[error("message of frame {frame:?} has no pose")]
     Missing {
-        /// Frame that the message names.
+        /// Frame of the message.
         frame: String,
     },
-    /// Numbers that are no pose.
+    /// The numbers are not a pose.
     #[error(transparent)]
     Pose(#[from] PoseError),
-    /// Frames that are not connected.
+    /// The frames are not connected.
     #[error(transparent)]
     Transform(#[from] TransformError),
     /// The newest pose is too old.
     #[error("pose of {frame:?} is {age_s:.3} s old, expected at most {max_age_s} s")]
     Stale {
-        /// Frame whose pose was asked for.
+        /// Frame whose pose was requested.
         frame: String,
-        /// Age at the time that was asked for.
+        /// Age at the requested time, s.
         age_s: f64,
-        /// Greatest age that is accepted.
+        /// Greatest accepted age, s.
         max_age_s: f64,
     },
 }
 
-/// The stream's frame has a place of its own in the tree, since the frame that it tells of may hang on the vehicle.
+/// The tree has a separate frame for the pose stream, because the stream's own frame may be a child of the vehicle.
 const STREAM: &str = "(pose stream)";
 /// Poses older than this are forgotten.
 const HISTORY_NS: u64 = 10_000_000_000;
 
-/// Keeps the last seconds of what is said of the vehicle's pose, and answers where it was.
+/// Keeps the poses of the vehicle over the last seconds, and looks them up by time.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Localizer {
     tree: TransformTree,
@@ -60,7 +60,7 @@ impl Default for Localizer {
 }
 
 impl Localizer {
-    /// Takes odometry: the pose of its body frame (the vehicle, where it names none) in its frame.
+    /// Adds odometry: the pose of its body frame (the vehicle frame if it names none) in its frame.
     pub fn add_odometry(
         &mut self,
         odometry: &foxglove::Odometry,
@@ -72,13 +72,13 @@ impl Localizer {
         Ok(self.tree.insert(&odometry.frame_id, body, time.0, pose)?)
     }
 
-    /// Takes a pose of the stream: that of [`FrameNames::pose`] in the message's frame.
+    /// Adds a pose of the stream: that of [`FrameNames::pose`] in the frame of the message.
     pub fn add_pose(&mut self, message: &foxglove::PoseInFrame, time: Stamp) -> Result<(), LocalizerError> {
         let pose = pose_of(message.pose.as_ref(), &message.frame_id)?;
         Ok(self.tree.insert(&message.frame_id, STREAM, time.0, pose)?)
     }
 
-    /// Takes transforms: at their own times, or for good.
+    /// Adds transforms, at their times or as static ones.
     pub fn add_transforms(
         &mut self,
         message: &foxglove::FrameTransforms,
@@ -97,7 +97,8 @@ impl Localizer {
         Ok(())
     }
 
-    /// The pose of the vehicle in the local frame at a time; the newest one where that is not older than `max_age_s`.
+    /// Pose of the vehicle in the local frame at a time. If that is later than the newest pose, the newest one is used,
+    /// provided that it is not older than `max_age_s`.
     pub fn local_from_vehicle(
         &self,
         names: FrameNames<'_>,
@@ -114,8 +115,8 @@ impl Localizer {
         Ok(local_from_stream * self.lookup(names.pose, names.vehicle, time, max_age_s)?)
     }
 
-    /// `target_from_source` at a time, from the transforms alone; the newest one where that is not older than
-    /// `max_age_s`.
+    /// `target_from_source` at a time, from transforms alone. If that is later than the newest transform, the newest
+    /// one is used, provided that it is not older than `max_age_s`.
     pub fn lookup(
         &self,
         target: &str,
@@ -145,7 +146,7 @@ pub fn pose_of(pose: Option<&foxglove::Pose>, frame: &str) -> Result<Pose, Local
     parts(position, orientation, frame)
 }
 
-/// A pose as a message's.
+/// Converts a pose to a message.
 pub fn pose_message(pose: &Pose) -> foxglove::Pose {
     let (p, q) = (pose.translation, pose.rotation);
     foxglove::Pose {

@@ -1,11 +1,11 @@
-//! The four inputs by which any process learns where its vehicle is.
+//! The four inputs from which a process can learn the pose of its vehicle.
 
 use crate::localizer::{FrameNames, Localizer, LocalizerError};
 use rcs_msg::foxglove::{FrameTransforms, Odometry, PoseInFrame};
 use rcs_runtime::{Cycle, In, PortBuilder};
 
-/// Handles of the optional inputs `odometry`, `pose`, `transforms` and `static_transforms`: a stack wires what its
-/// robot has.
+/// The optional inputs `odometry`, `pose`, `transforms` and `static_transforms`; a stack wires those that its robot
+/// has.
 #[derive(Debug)]
 pub struct PosePorts {
     odometry: In<Odometry>,
@@ -29,7 +29,7 @@ impl PosePorts {
         }
     }
 
-    /// Gives everything unread to the localizer. What it refuses is a fault of the process, and is skipped.
+    /// Adds all unread messages to the localizer. A refused message is a fault of the process, and is skipped.
     pub fn read(&self, localizer: &mut Localizer, names: FrameNames<'_>, cx: &mut Cycle<'_>) {
         while let Some(message) = cx.read(&self.static_transforms) {
             report(cx, localizer.add_transforms(&message, true));

@@ -1,11 +1,11 @@
-//! Golden traces: what a change does to numbers is read as a difference of `tests/golden/*.csv`.
+//! Golden traces: numbers in `tests/golden/*.csv`, so that a change of results is reviewed as a diff.
 //!
-//! `just golden` writes them anew, by `UPDATE_GOLDEN=1`.
+//! `just golden` rewrites them by setting `UPDATE_GOLDEN=1`.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Rows of numbers under a header, as text: few digits after the point are far above the last bits of a double, so the
+/// Rows of numbers under a header, as text. The few printed digits are far above the last bits of a double, so that the
 /// text is the same on every machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Trace {
@@ -14,17 +14,17 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// No rows yet; six digits after the point.
+    /// A trace without rows; six decimals.
     pub fn new(columns: &[&str]) -> Trace {
         Trace::with_digits(columns, 6)
     }
 
-    /// No rows yet; so many digits after the point, and none for whole numbers where they are fewer than six.
+    /// A trace without rows; with the given number of decimals, and none for whole numbers if they are fewer than six.
     pub fn with_digits(columns: &[&str], digits: usize) -> Trace {
         Trace { text: format!("{}\n", columns.join(",")), digits }
     }
 
-    /// Adds a row. What is not a number is left empty.
+    /// Adds a row. NaN is written as an empty field.
     pub fn row(&mut self, values: &[f64]) {
         let values: Vec<String> = values.iter().map(|&value| self.number(value)).collect();
         let _ = writeln!(self.text, "{}", values.join(","));
@@ -38,24 +38,24 @@ impl Trace {
             return format!("{:.0}", value + 0.0);
         }
         let text = format!("{value:.*}", self.digits);
-        // −0 and 0 are the same.
+        // −0 is written as 0.
         let is_zero = text.bytes().all(|byte| b"-0.".contains(&byte));
         if is_zero { text.trim_start_matches('-').to_owned() } else { text }
     }
 
-    /// Compares with the committed trace `tests/golden/<name>` of a package, or writes it where `UPDATE_GOLDEN` is set.
+    /// Compares with the committed trace `tests/golden/<name>` of a package, or writes it if `UPDATE_GOLDEN` is set.
     /// `package` is the test's `env!("CARGO_MANIFEST_DIR")`.
     ///
     /// # Panics
-    /// Where a line differs, or the file cannot be read or written.
+    /// If a line differs, or the file cannot be read or written.
     pub fn check(&self, package: &str, name: &str) {
         if let Some(difference) = self.differs(package, name) {
             panic!("{difference}");
         }
     }
 
-    /// The first line that differs from the committed trace, or why there is none to compare with; `None` where both are
-    /// the same. Writes the trace instead where `UPDATE_GOLDEN` is set.
+    /// The first line that differs from the committed trace, or why there is no trace to compare with; `None` if they
+    /// are equal. Writes the trace instead if `UPDATE_GOLDEN` is set.
     pub fn differs(&self, package: &str, name: &str) -> Option<String> {
         let path = Path::new(package).join("tests/golden").join(name);
         let said = |error: std::io::Error| format!("{}: {error}", path.display());

@@ -1,9 +1,25 @@
-//! What tests share.
+//! What tests of several crates share.
 //!
-//! - [`mod@bench`]: a stack that a test feeds and steps.
-//! - [`logs`]: logs made on the spot.
-//! - [`golden`]: traces of numbers beside committed ones.
-//! - [`data_dir`]: where public datasets are found.
+//! - [`mod@bench`]: runs a stack that a test feeds and steps.
+//! - [`logs`]: writes logs for tests.
+//! - [`golden`]: compares traces of numbers with committed ones.
+//! - [`data_dir`]: locates the public datasets.
+//!
+//! This crate is a dev-dependency only, and no part of the program. It is above the runtime, so tests inside of the
+//! crates below cannot use types of theirs through it. A test of a plugin begins with [`bench::Setup`]:
+//!
+//! ```no_run
+//! use rcs_msg::rcs;
+//! use rcs_testkit::bench::Setup;
+//! # fn test(my_plugin: rcs_runtime::ProcessType) {
+//! let stack = "format = 1\nname = \"one\"\n\n[[process]]\nname = \"p\"\nplugin = \"my_plugin\"\nsupervisor =
+//! \"viewer\"\nperiod_ms = 100.0\n";
+//! let mut bench = Setup::new(stack, &[my_plugin]).bench();
+//! bench.cycles(100, 3);
+//! let status: rcs::Status = bench.latest("/p/status");
+//! assert_eq!((status.heartbeat, bench.faults("p").0), (3, 0));
+//! # }
+//! ```
 
 pub mod bench;
 pub mod golden;
@@ -12,16 +28,16 @@ pub mod logs;
 use std::path::PathBuf;
 
 rcs_msg::messages!(
-    /// Messages of processes that only tests have.
+    /// Messages of processes that exist in tests only.
     pub mod proto
 );
 
-/// The folder with public datasets: `$OCU_DATA`, else `../shared/data` beside the checkout.
+/// The folder with the public datasets: `$OCU_DATA`, else `../shared/data` beside the checkout.
 ///
-/// `None` where it is absent, with a line that says so; with `OCU_REQUIRE_DATA=1` its absence is a failure.
+/// `None` if it is absent; it prints a line that says so. With `OCU_REQUIRE_DATA=1` its absence is a failure.
 ///
 /// # Panics
-/// Where the folder is absent and `OCU_REQUIRE_DATA` is 1.
+/// If the folder is absent and `OCU_REQUIRE_DATA` is 1.
 pub fn data_dir() -> Option<PathBuf> {
     let dir = std::env::var_os("OCU_DATA").map_or_else(
         || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),

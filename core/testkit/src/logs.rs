@@ -1,4 +1,4 @@
-//! Logs made on the spot.
+//! Logs that tests write for themselves.
 
 use rcs_log::{CursorOptions, Log, LogError, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::{AnyMessage, Schema, Stamp, foxglove, registry};
@@ -6,10 +6,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// A log in memory with these topics, and with the messages given: time, topic, message. Each is logged at the time at
-/// which it was acquired.
+/// A log in memory with these topics and messages: time, topic, message. The acquisition time of a message is also its
+/// log time.
 ///
 /// # Panics
+/// If the log cannot be written, or the topic of a message is not in the log.
 /// Where the log cannot be written, or a message is for no topic of the log.
 pub fn hand_made<'a>(
     topics: &[(&str, &Arc<Schema>)],
@@ -35,13 +36,13 @@ pub fn hand_made<'a>(
     Log::from_bytes(bytes.into()).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Poses between two images of [`write_big`].
+/// Poses per image in [`write_big`].
 pub const POSES_PER_IMAGE: u64 = 10;
-/// From one image of [`write_big`] to the next.
+/// Time between images of [`write_big`].
 pub const IMAGE_PERIOD_NS: u64 = 50_000_000;
 
-/// Writes an indexed log of about `bytes` bytes: `/camera` with images of 1024×1024 grey pixels, which are noise and do
-/// not compress, at 20 Hz, and `/pose` at 200 Hz. Gives the number of messages.
+/// Writes an indexed log of about `bytes` bytes: `/camera` with images of 1024×1024 grey pixels of noise, which do not
+/// compress, at 20 Hz, and `/pose` at 200 Hz. Returns the number of messages.
 pub fn write_big(path: impl AsRef<Path>, bytes: u64) -> Result<u64, LogError> {
     const SIDE: u32 = 1024;
     const PIXELS: usize = (SIDE * SIDE) as usize;
@@ -83,7 +84,7 @@ pub fn write_big(path: impl AsRef<Path>, bytes: u64) -> Result<u64, LogError> {
             writer.write(pose, header, &AnyMessage::new(message).bytes())?;
             messages += 1;
         }
-        // Fresh noise each time: what repeats within a chunk would compress.
+        // New noise for each image, because repetitions within a chunk would compress.
         let pixels: Vec<u8> = std::iter::repeat_with(&mut noise).take(PIXELS / 8).flatten().collect();
         let message = foxglove::RawImage {
             timestamp: Some(Stamp(time).to_proto()),
@@ -103,7 +104,7 @@ pub fn write_big(path: impl AsRef<Path>, bytes: u64) -> Result<u64, LogError> {
     Ok(messages)
 }
 
-/// Copies a log, with some messages changed: `change` gets the topic, the sequence and the bytes of each.
+/// Copies a log and changes some messages: `change` gets the topic, sequence and bytes of each.
 pub fn copy_changed(
     from: &Log,
     to: impl AsRef<Path>,

@@ -1,38 +1,38 @@
-//! What is remembered of one piece of ground, and how a measurement changes it (Albus 2006a, 4, Albus 2006b, 3.4;
-//! Oskard 1988).
+//! The state of one cell of the map, and how measurements update it (Albus 2006a, 4, Albus 2006b, 3.4; Oskard 1988).
 
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
 use crate::{Label, MAX_COST, UNKNOWN_COST};
 
-/// How much one vote moves a confidence. The seeds say "a predefined constant" without giving it.
+/// How much one vote changes a confidence. The papers say "a predefined constant" without giving its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VoteRule {
-    /// Added by a vote for the class that the cell has, and given to a cell that was unknown; at least 1.
+    /// Added by a vote for the current class of the cell, and the confidence of a cell after its first vote; at least
+    /// 1.
     pub rise: u8,
-    /// Taken away by a vote for the other class.
+    /// Subtracted by a vote for the other class.
     pub fall: u8,
-    /// The highest confidence that votes lead to; at least 1.
+    /// Greatest confidence that votes can reach; at least 1.
     pub max: u8,
 }
 
 impl Default for VoteRule {
-    /// 13 votes to full confidence, 2.6 s at stereo's 5 Hz; as many to lose it.
+    /// 13 votes to full confidence, which is 2.6 s at stereo's 5 Hz, and as many to lose it.
     fn default() -> Self {
         VoteRule { rise: 20, fall: 20, max: 255 }
     }
 }
 
-/// What one source knows of a cell.
+/// The evidence of one source about a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Evidence {
     /// 0 to 250, or 255 for unknown.
     pub cost: u8,
     /// 0 to 255; 0 is unknown.
     pub confidence: u8,
-    /// Acquisition sequence of the message that last changed this.
+    /// Acquisition sequence of the message that last changed it.
     pub sequence: u32,
 }
 
@@ -40,13 +40,14 @@ impl Evidence {
     /// No vote yet.
     pub const NONE: Evidence = Evidence { cost: UNKNOWN_COST, confidence: 0, sequence: 0 };
 
-    /// Takes a vote with a cost (above 250 is no vote). The class of a cost is [`Label::of_cost`].
+    /// Updates the evidence with a vote of a cost (a cost above 250 is ignored). [`Label::of_cost`] gives the class of
+    /// a cost.
     ///
-    /// - Unknown: the vote's cost, with confidence `rise`.
-    /// - Same class: confidence rises by `rise`, up to `max`. The cost moves towards the vote's by the fraction
-    ///   `rise / (confidence + rise)`, as a mean over votes would, and by at least 1.
-    /// - Other class: confidence falls by `fall`; the cost stays. When nothing is left, the vote's class takes over
-    ///   as if the cell had been unknown.
+    /// - Unknown: takes the vote's cost, with confidence `rise`.
+    /// - Same class: confidence rises by `rise`, up to `max`. The cost moves towards the vote's by the fraction `rise /
+    ///   (confidence + rise)`, which approximates the mean over votes, and by at least 1.
+    /// - Other class: confidence falls by `fall`; the cost stays. When the confidence reaches 0, the vote's class takes
+    ///   over as if the cell had been unknown.
     #[must_use]
     pub fn voted(self, cost: u8, sequence: u32, rule: VoteRule) -> Evidence {
         if cost > MAX_COST {
@@ -65,13 +66,13 @@ impl Evidence {
         }
         let (held, rise_weight) = (i32::from(self.confidence), i32::from(rise));
         let difference = i32::from(cost) - i32::from(self.cost);
-        // Integers throughout, so that bits do not depend on rounding modes. The class cannot change on the way, as
-        // the cost stays between two costs of it.
+        // Integer arithmetic, so that results do not depend on rounding modes. The class stays the same, because the
+        // new cost lies between two costs of that class.
         let step = difference * rise_weight / (held + rise_weight);
         let step = if step == 0 { difference.signum() } else { step };
         Evidence {
             cost: (i32::from(self.cost) + step) as u8,
-            // A confidence from before the rule was changed is not taken away.
+            // A confidence above `max`, from before the rule was changed, stays.
             confidence: self.confidence.saturating_add(rise).min(max.max(self.confidence)),
             sequence,
         }
@@ -84,23 +85,23 @@ impl Default for Evidence {
     }
 }
 
-/// Running statistics of heights, metres, updated without sums that grow large (Chan's formula, Welford's for one).
+/// Running statistics of heights, metres, by Welford's formula (Chan's for merging), which avoids large sums.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HeightStats {
-    /// How many heights; 0 makes the other fields meaningless.
+    /// Number of heights; if it is 0, the other fields are meaningless.
     pub count: u32,
-    /// Metres.
+    /// Mean, m.
     pub mean: f32,
     /// Mean squared difference from the mean, m².
     pub variance: f32,
-    /// Metres.
+    /// Least, m.
     pub min: f32,
-    /// Metres.
+    /// Greatest, m.
     pub max: f32,
 }
 
 impl HeightStats {
-    /// Takes one height, metres. One that is not finite is left out.
+    /// Adds one height, metres. NaN and infinity are ignored.
     pub fn add(&mut self, height_m: f32) {
         if height_m.is_finite() {
             self.merge(&HeightStats {
@@ -113,7 +114,7 @@ impl HeightStats {
         }
     }
 
-    /// Takes all heights of another, as if each had been added.
+    /// Adds all heights of other statistics.
     pub fn merge(&mut self, other: &HeightStats) {
         if other.count == 0 {
             return;
@@ -142,23 +143,23 @@ impl HeightStats {
     }
 }
 
-/// What is remembered of the ground in one cell of the map, whoever saw it.
+/// The state of the ground in one cell of the map, which all sources share.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
     /// Heights of ground points, metres in the map's frame.
     pub ground: HeightStats,
     /// Heights of obstacle points, metres in the map's frame.
     pub obstacle: HeightStats,
-    /// How sure the heights are, 0 to 255.
+    /// Confidence of the heights, 0 to 255.
     pub elevation_confidence: u8,
-    /// Acquisition time of what last changed the cell; 0 for never.
+    /// Acquisition time of the last change; 0 for never.
     pub updated: Stamp,
 }
 
 impl Cell {
-    /// Takes the heights of one frame. It is one vote for the elevation: for, where the mean of its ground lies within
-    /// 3 standard deviations (at least `tolerance_m`) of the cell's, else against; when nothing is left of the
-    /// confidence, the frame's heights replace the cell's.
+    /// Adds the heights of one frame. They are one vote about the elevation: in favour if the mean of the frame's
+    /// ground lies within 3 standard deviations (at least `tolerance_m`) of the cell's, else against. When the
+    /// confidence reaches 0, the frame's heights replace the cell's.
     pub fn observe_heights(
         &mut self,
         ground: &HeightStats,

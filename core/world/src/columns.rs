@@ -1,4 +1,4 @@
-//! The numbers of a cell by name: the fields of the message, in its order, read from the map itself.
+//! The numbers of a cell by name: the fields of the message, in its order, read directly from the map.
 
 use rcs_geom::CellIndex;
 use rcs_msg::foxglove::packed_element_field::NumericType;
@@ -14,9 +14,9 @@ pub(crate) enum Column {
     UpdatedS,
     UpdatedNs,
     Sequence(Source),
-    /// By its place in [`HEIGHT_PARTS`].
+    /// Index in [`HEIGHT_PARTS`].
     Ground(usize),
-    /// By its place in [`HEIGHT_PARTS`].
+    /// Index in [`HEIGHT_PARTS`].
     Obstacle(usize),
     FusedCost,
     FusedConfidence,
@@ -64,7 +64,7 @@ pub(crate) fn columns(options: &MapOptions) -> Vec<(String, NumericType, Column)
 }
 
 impl Column {
-    /// The number of a cell as the message holds it; `None` outside of the map.
+    /// The number of a cell as it is in the message; `None` outside of the map.
     pub(crate) fn at(self, map: &Map, options: &MapOptions, index: CellIndex) -> Option<f64> {
         let cell = map.grid().get(index)?;
         Some(match self.source() {
@@ -135,7 +135,7 @@ impl Column {
     }
 }
 
-/// The number of the surest source in the message: its place among the sources that the message has fields of; 255 for
+/// The number of the surest source in the message: its index among the sources with fields in the message; 255 for
 /// none.
 pub(crate) fn source_number(fused: &Fused, options: &MapOptions) -> u8 {
     let place = fused.source.and_then(|source| options.sources.iter().position(|other| other == source));

@@ -1,12 +1,12 @@
-//! Maps as they are recorded: key frames, and what changed between them.
+//! Recorded maps: key frames and deltas.
 //!
-//! A key frame is the whole map as a `foxglove.Grid`, as any other tool reads it. A delta (`rcs.MapDelta`) holds the
-//! cells that differ from the map before. Where to look follows from the map itself: tiles that nobody wrote since the
-//! last message are still shared with it, so that comparing their addresses finds the few that may differ, and only
-//! their cells are compared. A map that scrolled differs in the same way, as its cells stay where they are in memory.
+//! A key frame is the complete map as a `foxglove.Grid`, which any other tool can read. A delta (`rcs.MapDelta`) holds
+//! the cells that differ from the previous map. Tiles that were not written since the previous message are still shared
+//! with it, so that comparing their addresses finds the few tiles that may differ, and only their cells are compared.
+//! This also holds for a map that has scrolled, because cells keep their place in memory.
 //!
-//! A delta names the message that it follows. A decoder applies it to that one and to no other: where a message is
-//! missing, deltas are refused until the next key frame.
+//! A delta names the message that it applies to, and a decoder applies it to no other: if a message is missing, deltas
+//! are refused until the next key frame.
 
 use std::sync::Arc;
 
@@ -18,14 +18,14 @@ use rcs_msg::{AnyMessage, DeltaCodec, DeltaDecoder, DeltaEncoder, Schema, Stamp,
 use crate::columns::HEIGHT_PARTS;
 use crate::{Cell, Evidence, HeightStats, Map, MapMessage, MapOptions, Source, SourceKind, Weighted};
 
-/// A key frame is stored when the last is this old. Reading from any moment on starts at a key frame and takes the
-/// deltas behind it.
+/// A key frame is stored when the last one is this old. Reading from any time starts at a key frame and applies the
+/// deltas after it.
 pub const KEY_FRAME_NS: u64 = 10_000_000_000;
 
-/// [`MapCodec`] for those who list codecs.
+/// [`MapCodec`] as a value, for lists of codecs.
 pub static MAP_CODEC: MapCodec = MapCodec;
 
-/// How maps are recorded: `foxglove.Grid` as key frames, `rcs.MapDelta` in between.
+/// The codec of recorded maps: `foxglove.Grid` as key frames, `rcs.MapDelta` between them.
 #[derive(Clone, Copy, Debug)]
 pub struct MapCodec;
 
@@ -43,7 +43,7 @@ impl DeltaCodec for MapCodec {
     }
 }
 
-/// What was stored last.
+/// The map that was stored last.
 #[derive(Default)]
 struct Encoder {
     last: Option<Last>,
@@ -59,7 +59,7 @@ struct Last {
 impl DeltaEncoder for Encoder {
     fn encode(&mut self, sequence: u32, log_time: Stamp, message: &AnyMessage) -> Stored {
         let Some(map) = message.source::<MapMessage>() else {
-            // A map that someone else made is stored as it is, and nothing follows from it.
+            // A grid that is not one of our maps is stored as it is, and no delta applies to it.
             self.last = None;
             return Stored::Whole;
         };
@@ -79,7 +79,7 @@ impl DeltaEncoder for Encoder {
     }
 }
 
-/// Whether a delta can say what changed: cells of the same size, and everything that was stored before is stored still.
+/// Whether a delta can express the change: the cell size is the same, and everything stored before is still stored.
 fn follows(before: &MapMessage, after: &MapMessage) -> bool {
     before.map.grid().cell_size_m() == after.map.grid().cell_size_m()
         && before.options.heights == after.options.heights
@@ -130,7 +130,7 @@ fn difference(last: &Last, message: &MapMessage) -> MapDelta {
     }
 }
 
-/// Tiles that are not shared with the map before, in any of its grids.
+/// Tiles that are not shared with the previous map, in any of its grids.
 fn written_tiles(before: &Map, after: &MapMessage) -> std::collections::BTreeSet<usize> {
     let map = &after.map;
     let mut tiles: std::collections::BTreeSet<usize> =
@@ -145,7 +145,7 @@ fn written_tiles(before: &Map, after: &MapMessage) -> std::collections::BTreeSet
     tiles
 }
 
-/// The cells of a tile that differ, one bit each.
+/// The cells of a tile that differ, one bit per cell.
 fn changed_cells(before: &Map, after: &MapMessage, tile: usize) -> u64 {
     let map = &after.map;
     let differ = |mask: u64, (at, differs): (usize, bool)| mask | u64::from(differs) << at;
@@ -163,7 +163,7 @@ fn evidence(map: &Map, source: Source, (tile, at): (usize, usize)) -> Evidence {
     map.layer(source).and_then(|layer| layer.tile(tile).get(at)).copied().unwrap_or_default()
 }
 
-/// The last map that is known whole.
+/// The last complete map.
 #[derive(Default)]
 struct Decoder {
     held: Option<Held>,
@@ -176,7 +176,7 @@ struct Held {
 }
 
 enum What {
-    /// A key frame from which no map has been made yet.
+    /// A key frame that has not been converted to a map yet.
     Grid(AnyMessage),
     Map(Box<MapMessage>),
 }
@@ -283,7 +283,7 @@ fn stored_weight(entry: Weighted) -> MapWeight {
     MapWeight { name: entry.source.name().to_owned(), weight: entry.weight, overrides }
 }
 
-/// One number of a cell as a delta holds it: everything that is remembered of it, and nothing that follows from that.
+/// One number of a cell in a delta. Numbers that follow from others are not stored.
 #[derive(Clone, Copy)]
 enum StoredColumn {
     Updated,
@@ -316,12 +316,12 @@ fn stored_columns(options: &MapOptions) -> impl Iterator<Item = (String, StoredC
 }
 
 impl StoredColumn {
-    /// Whether the numbers of neighbours are alike rather than those of one cell over time.
+    /// Whether the numbers of neighbouring cells are alike, rather than successive numbers of one cell.
     fn follows_last(self) -> bool {
         matches!(self, StoredColumn::Updated | StoredColumn::Sequence(_))
     }
 
-    /// Of the cell at a place: number of the tile, place in it.
+    /// Position of a cell: number of its tile, index in the tile.
     fn get(self, map: &Map, place: (usize, usize)) -> u64 {
         let cell = || map.grid().tile(place.0).get(place.1).copied().unwrap_or_default();
         match self {
@@ -401,7 +401,7 @@ fn put(bytes: &mut Vec<u8>, mut value: u64) {
     bytes.push(value as u8);
 }
 
-/// The next number; `None` where the bytes end within one or it is too long.
+/// The next number; `None` if the bytes end within it or it is too long.
 fn take(bytes: &mut &[u8]) -> Option<u64> {
     let mut value = 0;
     for shift in (0..64).step_by(7) {

@@ -4,7 +4,7 @@ use rcs_geom::DVec2;
 use super::*;
 use crate::{SIDE, Sources, VoteRule, Weights};
 
-/// A drive: votes here and there around a vehicle that moves, seen by a growing set of sources.
+/// A drive: votes at various places around a moving vehicle, from a growing set of sources.
 struct Drive {
     map: Map,
     sources: Sources,
@@ -38,7 +38,7 @@ impl Drive {
         let south_west = self.map.grid().bounds().south_west;
         for _ in 0..self.below(400) {
             let (x, y) = (60 + self.below(60) as i64, 60 + self.below(60) as i64);
-            // One of them is a source that this program does not know.
+            // One of the sources is not bundled with the program.
             let name = ["stereo", "color", "terrain", "radar", "bumper", "infrared"][self.below(6) as usize];
             let source: Source = name.parse().unwrap();
             self.sources.insert(source);
@@ -56,7 +56,7 @@ impl Drive {
     }
 }
 
-/// What a channel and its channel of deltas hold: sequence, log time, and the bytes of one of the two.
+/// The content of a channel and its delta channel: sequence, log time, and the bytes of one of the two.
 struct Entry {
     sequence: u32,
     stored: Stored,
@@ -73,7 +73,7 @@ fn recorded(seed: u64, count: usize) -> Vec<Entry> {
     entries.collect()
 }
 
-/// The message as a reader of a log meets a key frame: bytes.
+/// The message as a reader of a log gets a key frame: bytes.
 fn key_frame(message: &MapMessage) -> AnyMessage {
     AnyMessage::encoded(Arc::clone(schema_of::<Grid>()), message.clone().into_message().bytes())
 }
@@ -128,7 +128,7 @@ proptest! {
             let mut damaged = delta.to_vec();
             let at = at.index(damaged.len());
             damaged[at] = value;
-            // A changed number is a changed number, as in any message; chunks have checksums. Nothing panics.
+            // A changed number cannot be detected here, as in any message (chunks have checksums), but nothing panics.
             let _ = decoder.take_delta(entries[1].sequence, &damaged);
             let _ = decoder.take_delta(entries[1].sequence, &damaged[..at]);
         }
@@ -173,7 +173,7 @@ fn key_frames_come_every_ten_seconds_and_after_what_was_lost_or_does_not_follow(
     encoder.lost();
     let mut is_whole = |message: &AnyMessage| encoder.encode(9, Stamp(1), message) == Stored::Whole;
     assert!(is_whole(&other.clone().into_message()));
-    // A grid that an operator edited is no map of ours, and nothing follows from it.
+    // A grid that an operator edited is not one of our maps, and no delta applies to it.
     assert!(is_whole(&key_frame(&first)));
     assert!(is_whole(&other.into_message()));
 }

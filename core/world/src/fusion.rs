@@ -1,40 +1,40 @@
-//! The fusion rule: one cost of what the sources say (Albus 2006a, 4 and Albus 2006b, 3.4, the equation of
-//! `Cost_cell`).
+//! The fusion rule: computes one cost from the evidence of all sources (Albus 2006a, 4 and Albus 2006b, 3.4, the
+//! equation of `Cost_cell`).
 
 use serde::{Deserialize, Serialize};
 
 use crate::{Evidence, MAX_COST, OBSTACLE_COST, Source, UNKNOWN_COST};
 
-/// How what a source says counts.
+/// How the evidence of a source enters the fusion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SourceKind {
-    /// Its cost is averaged with that of the others by its weight.
+    /// Its cost enters the weighted mean.
     #[default]
     Range,
-    /// A hit of it (a cost from [`OBSTACLE_COST`] on) stands for itself, whatever the others see: the bumper. What it
-    /// says otherwise does not count.
+    /// A hit of it (a cost of at least [`OBSTACLE_COST`]) is taken as it is, whatever the other sources say: the
+    /// bumper. Its lower costs are ignored.
     Override,
 }
 
-/// A source and how much it counts.
+/// A source and its weight.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weighted {
-    /// Who.
+    /// The source.
     pub source: Source,
-    /// Only the ratios of weights matter; that of a source that overrides is not looked at.
+    /// Only the ratios of weights matter; the weight of a source of kind [`SourceKind::Override`] is ignored.
     pub weight: f32,
-    /// How.
+    /// How its evidence is used.
     pub kind: SourceKind,
 }
 
-/// How much each source counts: the papers' `W_s`, `W_l`, `W_c`, for as many sources as a stack has. The order settles
-/// ties. A source that is not listed counts 1, behind those that are.
+/// Weights of the sources: `W_s`, `W_l`, `W_c` of the papers, for any number of sources. The order decides ties. A
+/// source that is not listed has weight 1 and comes after those that are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weights(Vec<Weighted>);
 
 impl Default for Weights {
-    /// The bundled sources count alike, the bumper overrides. The seeds give no values.
+    /// The bundled sources have equal weights, and the bumper overrides. The papers give no values.
     fn default() -> Self {
         Source::BUNDLED
             .into_iter()
@@ -47,7 +47,7 @@ impl Default for Weights {
 }
 
 impl FromIterator<Weighted> for Weights {
-    /// The first of two entries of one source counts.
+    /// Of several entries for one source the first counts.
     fn from_iter<I: IntoIterator<Item = Weighted>>(entries: I) -> Weights {
         let mut list: Vec<Weighted> = Vec::new();
         for entry in entries {
@@ -59,7 +59,7 @@ impl FromIterator<Weighted> for Weights {
     }
 }
 
-/// A weight that cannot be.
+/// An invalid weight.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("weight of {source_name} is {value}, expected a finite number from 0 up")]
 pub struct WeightsError {
@@ -73,13 +73,13 @@ impl Weights {
         self.0.iter().copied()
     }
 
-    /// How a source counts.
+    /// Weight and kind of a source.
     pub fn get(&self, source: Source) -> Weighted {
         let listed = self.0.iter().find(|entry| entry.source == source);
         listed.copied().unwrap_or(Weighted { source, weight: 1.0, kind: SourceKind::Range })
     }
 
-    /// The same with another weight of a source.
+    /// The same weights with another weight for one source.
     #[must_use]
     pub fn with(mut self, source: Source, weight: f32) -> Weights {
         match self.0.iter_mut().find(|entry| entry.source == source) {
@@ -89,7 +89,7 @@ impl Weights {
         self
     }
 
-    /// Refuses NaN, infinity and negative weights. [`fuse`] takes those as 0.
+    /// Refuses NaN, infinity and negative weights. [`fuse`] treats them as 0.
     pub fn check(&self) -> Result<(), WeightsError> {
         match self.0.iter().find(|entry| !(entry.weight.is_finite() && entry.weight >= 0.0)) {
             Some(entry) => Err(WeightsError { source_name: entry.source, value: entry.weight }),
@@ -97,7 +97,7 @@ impl Weights {
         }
     }
 
-    /// These sources in the order in which they are fused, each with its place in `sources`.
+    /// These sources in the order of fusion, each with its index in `sources`.
     pub(crate) fn placed(&self, sources: impl IntoIterator<Item = Source>) -> Vec<Placed> {
         let rank = |source| self.0.iter().position(|entry| entry.source == source).unwrap_or(usize::MAX);
         let mut placed: Vec<Placed> = sources
@@ -116,31 +116,31 @@ impl Weights {
     }
 }
 
-/// A source on its way into a fusion.
+/// A source prepared for fusion.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Placed {
-    /// Its place in the caller's list.
+    /// Its index in the caller's list.
     place: usize,
     source: Source,
-    /// What it weighs where it is absent (nothing), and where it is present.
+    /// Its weight where it is absent (0), and where it is present.
     weights: [f64; 2],
     overrides: bool,
 }
 
-/// What a cell is, by its surest source.
+/// The class of a cell, from its surest source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Label {
-    /// Nobody has seen it.
+    /// No source has evidence.
     #[default]
     Unknown = 0,
     /// Cost below [`OBSTACLE_COST`].
     Ground = 1,
-    /// Cost from [`OBSTACLE_COST`] on.
+    /// Cost of at least [`OBSTACLE_COST`].
     Obstacle = 2,
 }
 
 impl Label {
-    /// The class that a cost stands for.
+    /// The class of a cost.
     pub const fn of_cost(cost: u8) -> Label {
         match cost {
             0..OBSTACLE_COST => Label::Ground,
@@ -150,36 +150,37 @@ impl Label {
     }
 }
 
-/// What the sources say of a cell together.
+/// The result of the fusion of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fused {
     /// 0 to 250, or 255 for unknown.
     pub cost: u8,
-    /// The class that the surest source gives. Near the class border it may differ from that of the mean cost.
+    /// The class according to the surest source. Near the class boundary it may differ from the class of the mean cost.
     pub label: Label,
-    /// The surest source; `None` where the cell is unknown.
+    /// The surest source; `None` if the cell is unknown.
     pub source: Option<Source>,
-    /// The surest source's confidence.
+    /// The confidence of the surest source.
     pub confidence: u8,
 }
 
 impl Fused {
-    /// Nobody has seen the cell.
+    /// The result for a cell without evidence.
     pub const UNKNOWN: Fused =
         Fused { cost: UNKNOWN_COST, label: Label::Unknown, source: None, confidence: 0 };
 }
 
-/// Fuses a cell: each source with its cost and confidence.
+/// Fuses a cell from the cost and confidence of each source.
 ///
-/// - A source is present where its confidence is above 0, its cost at most 250 and its weight above 0.
-/// - Cost = Σ Wᵢ·Costᵢ / Σ Wᵢ over the sources present, rounded to nearest (half up): weights of absent sources
-///   renormalise. None present is unknown, not zero.
-/// - A hit of a source that overrides (confidence above 0, cost at least [`OBSTACLE_COST`]) stands for itself: its
-///   cost, its confidence; of several, the highest cost. One that was not hit says nothing of what the other sources
-///   see.
-/// - The label is that of the highest confidence; the first source in the order of the weights wins a tie.
+/// - A source is present if its confidence is above 0, its cost at most 250 and its weight above 0.
+/// - Cost = Σ Wᵢ·Costᵢ / Σ Wᵢ over the sources present, rounded to nearest (half up); so the weights are renormalised
+///   over the sources present. If none is present, the result is unknown, not 0.
+/// - A hit of an overriding source (confidence above 0, cost at least [`OBSTACLE_COST`]) gives its own cost and
+///   confidence as the result; of several hits, the one with the highest cost. Without a hit, an overriding source has
+///   no influence.
+/// - The label is that of the source with the highest confidence; on a tie, the first source in the order of the
+///   weights.
 ///
-/// Confidence does not weigh the cost: the papers' equation has the weights alone.
+/// Confidence does not weight the cost: the papers' equation has the weights alone.
 pub fn fuse(said: &[(Source, u8, u8)], weights: &Weights) -> Fused {
     let layers = weights.placed(said.iter().map(|&(source, ..)| source));
     Fuser::new(&layers).fuse(|place| {
@@ -188,7 +189,7 @@ pub fn fuse(said: &[(Source, u8, u8)], weights: &Weights) -> Fused {
     })
 }
 
-/// [`fuse`] with sources that have been looked up, for whole maps.
+/// [`fuse`] with weights that have been looked up, for complete maps.
 #[derive(Clone, Copy)]
 pub(crate) struct Fuser<'a> {
     layers: &'a [Placed],
@@ -199,7 +200,7 @@ impl<'a> Fuser<'a> {
         Fuser { layers }
     }
 
-    /// The rule itself, of what the source at each place says.
+    /// The rule itself, given the evidence at each index.
     #[inline]
     pub(crate) fn fuse(&self, said: impl Fn(usize) -> Evidence) -> Fused {
         let (mut sum, mut total) = (0.0, 0.0);
@@ -207,7 +208,7 @@ impl<'a> Fuser<'a> {
         let mut hit: Option<Fused> = None;
         for layer in self.layers {
             let Evidence { cost, confidence, .. } = said(layer.place);
-            // Absent sources add zeros rather than being skipped: the processor cannot predict which are absent.
+            // Absent sources add zeros instead of being skipped, because the processor cannot predict that branch.
             let known = u8::from(confidence > 0) & u8::from(cost <= MAX_COST);
             let weight = layer.weights[usize::from(known)];
             sum += weight * f64::from(cost);

@@ -17,7 +17,7 @@ fn place(source: Source) -> usize {
     Source::BUNDLED.iter().position(|&other| other == source).unwrap()
 }
 
-/// The rule from its definition, step by step, over lists.
+/// Reference: the rule step by step from its definition, over lists.
 fn reference_fuse(costs: [u8; 6], confs: [u8; 6], weights: &Weights) -> (Option<f64>, Option<Source>) {
     let bumper = place(Source::BUMPER);
     if confs[bumper] != 0 && costs[bumper] >= OBSTACLE_COST && costs[bumper] != 255 && costs[bumper] <= 250 {

@@ -1,5 +1,5 @@
-//! Reading a `foxglove.Grid`, whoever made it, or one of our maps, in place and by field; and fusing one anew with
-//! other weights.
+//! Reads the fields of a `foxglove.Grid` of any origin, or of one of our maps, in place; and fuses one again with other
+//! weights.
 
 use std::borrow::Cow;
 
@@ -12,38 +12,38 @@ use crate::columns::{Column, columns};
 use crate::fusion::Fuser;
 use crate::{Evidence, MapMessage, SIDE, Source, Weights};
 
-/// What is wrong with a grid, or with asking it for a field.
+/// Why a grid cannot be read, or a field is not available.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GridViewError {
-    /// No cells, or more than any map has.
+    /// The grid has no cells, or more than any map has.
     #[error("grid has {columns} columns and {rows} rows, expected 1 to {MAX_SIDE} each")]
     Size {
         /// Columns of the grid.
         columns: usize,
-        /// Whole rows in its data.
+        /// Complete rows in its data.
         rows: usize,
     },
-    /// A row does not hold its cells.
+    /// A row is shorter than its cells.
     #[error(
         "row stride is {row_stride} bytes, expected at least {columns} columns of {cell_stride} bytes, and not 0"
     )]
     Stride {
-        /// Bytes from row to row.
+        /// Bytes per row.
         row_stride: usize,
-        /// Bytes from cell to cell.
+        /// Bytes per cell.
         cell_stride: usize,
         /// Columns of the grid.
         columns: usize,
     },
-    /// The data do not end with a row.
+    /// The data do not end at the end of a row.
     #[error("grid data have {got} bytes, expected a multiple of the row stride {row_stride}")]
     Data {
-        /// Bytes there are.
+        /// Length of the data, bytes.
         got: usize,
-        /// Bytes from row to row.
+        /// Bytes per row.
         row_stride: usize,
     },
-    /// Not a size.
+    /// The cell size is not a positive number.
     #[error("cell size is {x} m by {y} m, expected finite numbers above 0")]
     CellSize {
         /// Metres.
@@ -54,27 +54,27 @@ pub enum GridViewError {
     /// The pose of the corner is not a pose.
     #[error("pose of the grid's corner is wrong: {0}")]
     Pose(#[from] rcs_geom::PoseError),
-    /// A field reaches past the cell, or its type is not known.
+    /// A field ends beyond the cell, or its type is not known.
     #[error(
         "field \"{name}\" at offset {offset} with type {kind} does not fit a cell of {cell_stride} bytes"
     )]
     Field {
         /// Name of the field.
         name: String,
-        /// Bytes from the start of the cell.
+        /// Offset of its end from the start of the cell, bytes.
         offset: usize,
         /// Number of its type.
         kind: i32,
-        /// Bytes of a cell.
+        /// Size of a cell, bytes.
         cell_stride: usize,
     },
-    /// Two fields of one name.
+    /// Two fields have the same name.
     #[error("field \"{name}\" is there twice")]
     Twice {
         /// Name of the field.
         name: String,
     },
-    /// No such field.
+    /// The grid has no field of this name.
     #[error("grid has no field \"{name}\"")]
     Missing {
         /// Name of the field.
@@ -87,25 +87,25 @@ pub enum GridViewError {
         name: String,
         /// Its type.
         got: &'static str,
-        /// The type it should have.
+        /// The expected type.
         expected: &'static str,
     },
-    /// Another message than a grid, or bytes that do not decode as one.
+    /// The message is not a grid, or does not decode.
     #[error("message is a {got}, expected a foxglove.Grid that decodes")]
     Message {
         /// Name of its type.
         got: String,
     },
-    /// No field `cost.<source>` to fuse.
+    /// There is no field `cost.<source>` to fuse.
     #[error("grid has no field cost.<source>")]
     NoSources,
 }
 
-/// Longest side that is believed, cells.
+/// Greatest accepted side, cells.
 const MAX_SIDE: usize = 1 << 15;
 
-/// A `foxglove.Grid` that has been checked, every cell of every field lies within the data; or a [`MapMessage`], which
-/// has the same fields and is read as it is.
+/// A checked `foxglove.Grid`, in which every field of every cell lies within the data; or a [`MapMessage`], which has
+/// the same fields and is read without a conversion.
 ///
 /// Column c, row r is the cell whose corner nearest to the grid's origin is at `(c·cell_size.x, r·cell_size.y)` in the
 /// frame of [`GridView::frame_from_grid`]. In our maps that is west to east and south to north.
@@ -120,14 +120,14 @@ pub struct GridView<'a> {
     cells: Cells<'a>,
 }
 
-/// Where the numbers are.
+/// Where the numbers are stored.
 #[derive(Clone, Debug)]
 enum Cells<'a> {
     Bytes { row_stride: usize, cell_stride: usize, data: &'a [u8] },
     Map(&'a MapMessage),
 }
 
-/// Where a field is in a cell.
+/// Position of a field within a cell.
 #[derive(Clone, Copy, Debug)]
 enum FieldLocation {
     Offset(usize),
@@ -139,7 +139,7 @@ impl<'a> GridView<'a> {
     pub fn new(grid: &'a Grid) -> Result<GridView<'a>, GridViewError> {
         let columns = grid.column_count as usize;
         let (row_stride, cell_stride) = (grid.row_stride as usize, grid.cell_stride as usize);
-        // Sizes are 32 bits wide, so that products fit 64 bits.
+        // Sizes have 32 bits, so that their products fit into 64 bits.
         if cell_stride == 0 || row_stride == 0 || columns as u64 * cell_stride as u64 > row_stride as u64 {
             return Err(GridViewError::Stride { row_stride, cell_stride, columns });
         }
@@ -177,7 +177,7 @@ impl<'a> GridView<'a> {
         Ok(GridView { columns, rows, cell_size_m, frame_id, frame_from_grid, fields, cells })
     }
 
-    /// A map of ours with the fields that its message would have; no message is made.
+    /// A view of one of our maps, with the fields that its message would have; no message is made.
     pub fn of_map(message: &'a MapMessage) -> GridView<'a> {
         let MapMessage { map, frame_id, options, .. } = message;
         let corner = map.grid().origin();
@@ -195,7 +195,7 @@ impl<'a> GridView<'a> {
         }
     }
 
-    /// A message of a buffer: the map that it is made from where it is one of ours, else its `foxglove.Grid`.
+    /// A view of a message: of the map itself if it is one of ours, else of the `foxglove.Grid`.
     pub fn of(message: &'a AnyMessage) -> Result<GridView<'a>, GridViewError> {
         if let Some(map) = message.source::<MapMessage>() {
             return Ok(GridView::of_map(map));
@@ -216,22 +216,22 @@ impl<'a> GridView<'a> {
         self.rows
     }
 
-    /// Metres along x and y.
+    /// Size of a cell along x and y, m.
     pub fn cell_size_m(&self) -> DVec2 {
         self.cell_size_m
     }
 
-    /// The frame that the message names.
+    /// The frame of the message.
     pub fn frame_id(&self) -> &'a str {
         self.frame_id
     }
 
-    /// Where the grid's corner is in the frame that the message names.
+    /// Pose of the grid's corner in the frame of the message.
     pub fn frame_from_grid(&self) -> Pose {
         self.frame_from_grid
     }
 
-    /// Names of the fields, in the message's order.
+    /// Names of the fields, in the order of the message.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.fields.iter().map(|(name, ..)| &**name)
     }
@@ -243,7 +243,7 @@ impl<'a> GridView<'a> {
         Ok(Field { grid: self, place, kind })
     }
 
-    /// A field that must be of this type.
+    /// A field by name, which must have this type.
     pub fn field_of(&self, name: &str, kind: NumericType) -> Result<Field<'_>, GridViewError> {
         let field = self.field(name)?;
         if field.kind != kind {
@@ -253,13 +253,13 @@ impl<'a> GridView<'a> {
         Ok(field)
     }
 
-    /// The sources whose cost the grid holds, in the order of its fields.
+    /// The sources whose costs the grid holds, in the order of its fields.
     pub fn sources(&self) -> crate::Sources {
         let names = self.names().filter_map(|name| name.strip_prefix("cost."));
         names.filter_map(|name| name.parse::<Source>().ok()).collect()
     }
 
-    /// Bytes of all cells: by rows, each cell with its stride; none where there are no bytes.
+    /// The bytes of all cells: by rows, each cell with its stride; empty if the view is of a map.
     fn bytes(&self) -> impl Iterator<Item = &'a [u8]> {
         let columns = self.columns;
         let (row_stride, cell_stride, data) = match self.cells {
@@ -279,7 +279,7 @@ pub struct Field<'a> {
 }
 
 impl Field<'_> {
-    /// How its numbers are stored in the message.
+    /// Its type in the message.
     pub fn kind(&self) -> NumericType {
         self.kind
     }
@@ -304,7 +304,7 @@ impl Field<'_> {
     /// The numbers of all cells by rows.
     pub fn values(&self) -> impl Iterator<Item = f64> {
         let numbers: Vec<f64> = match (&self.grid.cells, self.place) {
-            // Never NaN for want of bytes: the view has checked them.
+            // The view has checked the bounds, so that the bytes are always there.
             (Cells::Bytes { .. }, FieldLocation::Offset(offset)) => {
                 let number = |cell: &[u8]| cell.get(offset..).and_then(|b| self.read(b)).unwrap_or(f64::NAN);
                 self.grid.bytes().map(number).collect()
@@ -317,7 +317,8 @@ impl Field<'_> {
         numbers.into_iter()
     }
 
-    /// The numbers of a `UINT8` field of all cells by rows, into a buffer that is used again. Other types: nothing.
+    /// The numbers of a `UINT8` field of all cells by rows, into an existing buffer. Does nothing for fields of other
+    /// types.
     pub fn bytes_into(&self, bytes: &mut Vec<u8>) {
         bytes.clear();
         if self.kind == NumericType::Uint8 {
@@ -340,8 +341,8 @@ impl Field<'_> {
     }
 }
 
-/// Fuses the cells of a received grid with these weights, by rows, into a buffer that is used again: one cost a byte,
-/// 255 unknown. Sources are those with a field `cost.<source>` and `conf.<source>`, both `UINT8`. The rule is
+/// Fuses the cells of a received grid with these weights, by rows, into an existing buffer: one cost per byte, 255
+/// unknown. The sources are those with fields `cost.<source>` and `conf.<source>`, both `UINT8`. The rule is
 /// [`crate::fuse`].
 pub fn fuse_grid(view: &GridView<'_>, weights: &Weights, costs: &mut Vec<u8>) -> Result<(), GridViewError> {
     costs.clear();
@@ -374,7 +375,7 @@ pub fn fuse_grid(view: &GridView<'_>, weights: &Weights, costs: &mut Vec<u8>) ->
     Ok(())
 }
 
-/// Pose of the grid's corner; parts that the message leaves out are those of the identity.
+/// Pose of the grid's corner; parts that the message omits are those of the identity.
 fn corner(grid: &Grid) -> Result<Pose, GridViewError> {
     let pose = grid.pose.unwrap_or_default();
     let p = pose.position.unwrap_or_default();

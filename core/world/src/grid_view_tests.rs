@@ -3,7 +3,7 @@ use rcs_msg::foxglove::{PackedElementField, Vector2};
 
 use super::*;
 
-/// 3 columns, 2 rows, cells of 8 bytes in rows of 28: padding behind each row.
+/// 3 columns, 2 rows, cells of 8 bytes in rows of 28: each row ends with padding.
 fn grid() -> Grid {
     let field = |name: &str, offset, kind: NumericType| PackedElementField {
         name: name.to_owned(),

@@ -1,23 +1,23 @@
 //! The map as a `foxglove.Grid`.
 //!
-//! The grid is in the frame that the caller names; its pose is the map's south-west corner, turned by nothing; columns
-//! go east, rows go north (row 0 is the southernmost), as the message prescribes. Cells are little-endian, with these
+//! The caller names the frame of the grid. Its pose is the south-west corner of the map, without rotation; columns go
+//! east and rows go north (row 0 is the southernmost), as the message requires. Cells are little-endian, with these
 //! fields in this order:
 //!
 //! | field | type | meaning |
 //! | --- | --- | --- |
 //! | `updated_s`, `updated_ns` | `UINT32` | acquisition time of the last change: seconds and nanoseconds; both 0 is never |
-//! | `seq.<source>` | `UINT32` | acquisition sequence that last changed what the source says: provenance |
-//! | `ground.mean`, `.variance`, `.min`, `.max` | `FLOAT32` | ground height, m and m², NaN where there is none; only with heights |
-//! | `ground.count` | `UINT32` | how many heights |
-//! | `obstacle.…` | | the same of obstacle points |
+//! | `seq.<source>` | `UINT32` | acquisition sequence that last changed the evidence of the source |
+//! | `ground.mean`, `.variance`, `.min`, `.max` | `FLOAT32` | ground height, m and m², NaN without; only with heights |
+//! | `ground.count` | `UINT32` | number of heights |
+//! | `obstacle.…` | | the same for obstacle points |
 //! | `cost`, `confidence` | `UINT8` | fused with the map's weights: 0–250, 255 unknown; 0–255 |
 //! | `label` | `UINT8` | 0 unknown, 1 ground, 2 obstacle: the class by the surest source |
-//! | `source` | `UINT8` | the surest source: its place, from 0, among the `cost.<source>` of the message; 255 none |
+//! | `source` | `UINT8` | the surest source: its index, from 0, among the `cost.<source>` of the message; 255 none |
 //! | `cost.<source>`, `conf.<source>` | `UINT8` | 0–250, 255 unknown; 0–255 |
-//! | `conf.elevation` | `UINT8` | how sure the heights are; only with heights |
+//! | `conf.elevation` | `UINT8` | confidence of the heights; only with heights |
 //!
-//! `<source>` runs over the sources of the stack, and no others. The cell is padded to a multiple of 4 bytes.
+//! `<source>` stands for each source of the stack. The cell is padded to a multiple of 4 bytes.
 
 use bytes::{BufMut, Bytes};
 use rcs_geom::{CellIndex, DVec2, GridError};
@@ -28,24 +28,24 @@ use crate::columns::{HEIGHT_PARTS, columns, source_number};
 use crate::grid_view::{GridViewError, NumericType};
 use crate::{Cell, Evidence, Fused, GridView, HeightStats, Map, SIDE, Source, Sources, Weights};
 
-/// What to write of a map.
+/// What the message of a map contains.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapOptions {
-    /// The sources that the stack has.
+    /// The sources of the stack.
     pub sources: Sources,
-    /// Whether to write heights: 41 of the bytes of a cell.
+    /// Whether it contains heights, which take 41 bytes per cell.
     pub heights: bool,
-    /// For the fused fields.
+    /// Weights of the fused fields.
     pub weights: Weights,
 }
 
 /// Why a grid is not one of our maps.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MapGridError {
-    /// Not a grid at all.
+    /// It is not a valid grid.
     #[error(transparent)]
     Grid(#[from] GridViewError),
-    /// Not of our size.
+    /// It has another size than our maps.
     #[error("map has {columns} columns and {rows} rows, expected {SIDE} each")]
     Size {
         /// Columns of the grid.
@@ -53,7 +53,7 @@ pub enum MapGridError {
         /// Rows of the grid.
         rows: usize,
     },
-    /// Cells are not square, or its size cannot be.
+    /// Cells are not square, or the cell size is not valid.
     #[error("cells are {x} m by {y} m, expected square ones")]
     CellSize {
         /// Metres.
@@ -61,7 +61,7 @@ pub enum MapGridError {
         /// Metres.
         y: f64,
     },
-    /// Its cells are not those of the frame's raster.
+    /// Its cells are not aligned to the raster of the frame.
     #[error("corner is at ({x}, {y}) m, expected an untilted multiple of the cell size {cell_size_m} m")]
     Corner {
         /// Metres.
@@ -71,12 +71,12 @@ pub enum MapGridError {
         /// Metres.
         cell_size_m: f64,
     },
-    /// The scrolling grid refused it.
+    /// The scrolling grid refused the cell size.
     #[error(transparent)]
     Scroll(#[from] GridError),
 }
 
-/// Names and types of a cell in order, and its bytes.
+/// Names and types of the fields of a cell in order, and its size in bytes.
 fn fields(options: &MapOptions) -> (Vec<PackedElementField>, usize) {
     let mut offset = 0;
     let fields = columns(options).into_iter().map(|(name, kind, _)| {
@@ -89,14 +89,14 @@ fn fields(options: &MapOptions) -> (Vec<PackedElementField>, usize) {
 }
 
 impl Map {
-    /// The map as a message; see the top of this file for its fields.
+    /// The map as a message; the fields are listed at the top of this file.
     pub fn to_grid(&self, frame_id: &str, time: Stamp, options: &MapOptions) -> Grid {
         let (fields, cell_stride) = fields(options);
         let mut data = vec![0; SIDE * SIDE * cell_stride];
         let mut places = data.chunks_exact_mut(cell_stride);
         let layers: Vec<_> = options.sources.iter().map(|source| self.layer(source)).collect();
         let mut evidence = vec![Evidence::NONE; layers.len()];
-        // Fused cells come in the order of the message.
+        // Fused cells are computed in the order of the message.
         self.for_each_fused(&options.weights, |index, fused| {
             for (said, layer) in evidence.iter_mut().zip(&layers) {
                 *said = layer.and_then(|layer| layer.get(index)).copied().unwrap_or_default();
@@ -123,8 +123,8 @@ impl Map {
         }
     }
 
-    /// The map that a message holds. Fields that it lacks stay unknown; its fused fields are not read, as they follow
-    /// from the others.
+    /// The map of a message. Fields that it lacks stay unknown; its fused fields are not read, because they follow from
+    /// the others.
     pub fn from_grid(grid: &Grid) -> Result<Map, MapGridError> {
         let view = GridView::new(grid)?;
         if view.columns() != SIDE || view.rows() != SIDE {
@@ -138,7 +138,7 @@ impl Map {
         let corner = view.frame_from_grid();
         let south_west = corner.translation.truncate() / x;
         let nearest = south_west.round();
-        // Cells are counted from the frame's origin, so a corner between cells cannot be told which they are.
+        // Cells count from the frame's origin, so a corner that is not on the raster does not identify cells.
         let aligned = south_west.abs_diff_eq(nearest, 1e-3) && nearest.abs().max_element() < 1e15;
         if !aligned || corner.rotation.w.abs() < 1.0 - 1e-9 {
             let (x, y, cell_size_m) = (corner.translation.x, corner.translation.y, x);
@@ -155,7 +155,7 @@ impl Map {
                 *slot = cell;
             }
             for of_source in &columns.evidence {
-                // What contradicts itself is unknown.
+                // Contradictory evidence becomes unknown.
                 if let Some(evidence) = of_source.at(at)
                     && let Some(slot) = map.layer_mut(of_source.source).get_mut(index)
                 {
@@ -191,7 +191,7 @@ fn write(mut data: &mut [u8], cell: &Cell, evidence: &[Evidence], fused: &Fused,
     }
 }
 
-/// Our fields of a grid, each as a list over the cells; empty where the grid lacks it.
+/// Our fields of a grid, each as a list over the cells; empty if the grid lacks the field.
 struct Columns {
     updated: [Vec<f64>; 2],
     evidence: Vec<EvidenceColumns>,
@@ -248,7 +248,7 @@ impl Columns {
     }
 }
 
-/// What one source says, each number as a list over the cells.
+/// The evidence of one source, each number as a list over the cells.
 struct EvidenceColumns {
     source: Source,
     cost: Vec<f64>,
@@ -257,7 +257,7 @@ struct EvidenceColumns {
 }
 
 impl EvidenceColumns {
-    /// What it says of a cell; `None` for nothing.
+    /// Its evidence about a cell; `None` if there is none.
     fn at(&self, at: usize) -> Option<Evidence> {
         let evidence = Evidence {
             cost: number(&self.cost, at, 255.0) as u8,

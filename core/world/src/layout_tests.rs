@@ -9,7 +9,7 @@ fn options(sources: Sources) -> MapOptions {
     MapOptions { sources, heights: true, weights }
 }
 
-/// A map with votes of all sources here and there, and heights.
+/// A map with votes of all sources at various places, and heights.
 fn voted(seed: u64, votes: usize, vehicle: DVec2) -> Map {
     let mut state = seed;
     let mut random = move |n: u64| {
@@ -89,7 +89,7 @@ fn the_vehicle_is_in_column_100_of_row_100_and_rows_go_north() {
     let at = |column, row| cost.get(column, row).unwrap();
     assert_eq!([at(100, 100), at(101, 100), at(100, 101), at(99, 99)], [10.0, 20.0, 30.0, 255.0]);
     assert_eq!(view.field("seq.stereo").unwrap().get(100, 101), Some(3.0));
-    // The corner of cell (100, 100) by the message's own rule holds the vehicle.
+    // By the message's own rule, the corner of cell (100, 100) is that of the cell that contains the vehicle.
     let corner = view.frame_from_grid().translation.truncate() + DVec2::splat(100.0 * 0.2);
     let inside = vehicle - corner;
     assert!(inside.min_element() >= -1e-9 && inside.max_element() < 0.2 + 1e-9, "{inside}");
@@ -168,7 +168,7 @@ fn grids_that_are_no_map_of_ours_are_refused() {
     check(|g| g.fields[4].r#type = NumericType::Float32.into(), "is FLOAT32, expected UINT32");
 }
 
-/// Prints what it measures; asserts only the order of size, as builds and machines differ.
+/// Prints what it measures; asserts only the order of magnitude, because builds and machines differ.
 #[test]
 fn a_received_map_is_fused_anew_in_about_a_millisecond() {
     let map = voted(7, 200_000, DVec2::ZERO);

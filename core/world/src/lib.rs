@@ -1,15 +1,32 @@
-//! The world-model cell, its message layout and the fusion rule (Albus 2006a, 4, Albus 2006b, 3.4).
+//! The world-model map, its message layout and the fusion rule (Albus 2006a, 4, Albus 2006b, 3.4).
 //!
-//! - [`Source`]: who contributes to a cell, by name; [`Sources`]: those that a map holds. The set is open.
-//! - [`Cell`], [`Evidence`], [`VoteRule`]: what is remembered of a piece of ground, and how a measurement changes it.
-//! - [`fuse`]: the one rule that makes one cost of what the sources say. The world-model plugin and the window's tuning
-//!   view both call it, so what an operator sees before sending new weights is what the robot will compute.
-//! - [`Map`]: 201×201 cells around the vehicle, and the same as a `foxglove.Grid`.
-//! - [`MapMessage`], [`MapCodec`]: a map as it is passed on, and as it is recorded: key frames and changed tiles.
-//! - [`GridView`], [`fuse_grid`]: reading any `foxglove.Grid` or [`MapMessage`] by field without copying it, and fusing
-//!   it anew with other weights.
+//! - [`Source`]: a source of costs, by name; [`Sources`]: those of a map. The set is open.
+//! - [`Cell`], [`Evidence`], [`VoteRule`]: the state of a cell, and how a measurement updates it.
+//! - [`fuse`]: the rule that computes one cost from the evidence of all sources. The world-model plugin and the
+//!   window's tuning view both call it, so that an operator sees the effect of new weights before sending them.
+//! - [`Map`]: 201×201 cells around the vehicle; converts to and from a `foxglove.Grid`.
+//! - [`MapMessage`], [`MapCodec`]: a map as it is published, and as it is recorded: key frames and changed cells.
+//! - [`GridView`], [`fuse_grid`]: read any `foxglove.Grid` or [`MapMessage`] by field without copying it, and fuse it
+//!   again with other weights.
 //!
-//! Cost is 0 (free) to 250 (do not touch), 255 is unknown; confidence is 0 to 255. Lengths are metres.
+//! This crate is the data structure. It is no process and has no ports: the plugin `world_model` is the process that
+//! keeps a map current. Begin with [`Map::vote`] and [`Map::fused`]:
+//!
+//! ```
+//! use rcs_geom::DVec2;
+//! use rcs_msg::Stamp;
+//! use rcs_world::{CELL_SIZE_M, Label, Map, Source, VoteRule, Weights};
+//! let mut map = Map::new(CELL_SIZE_M)?;
+//! map.recentre(DVec2::new(10.0, 4.0));
+//! let cell = map.grid().cell_at(DVec2::new(12.3, 4.1)).expect("finite");
+//! // Message number 7 of the stereo source reports an obstacle there.
+//! map.vote(cell, Source::STEREO, 250, 7, Stamp(0), VoteRule::default());
+//! let fused = map.fused(cell, &Weights::default());
+//! assert_eq!((fused.cost, fused.label), (250, Label::Obstacle));
+//! # Ok::<(), rcs_geom::GridError>(())
+//! ```
+//!
+//! Cost is 0 (free) to 250 (obstacle), 255 is unknown; confidence is 0 to 255. Lengths are metres.
 
 mod cell;
 mod columns;
@@ -32,7 +49,7 @@ pub use source::{Source, SourceNameError, Sources};
 
 /// The highest cost.
 pub const MAX_COST: u8 = 250;
-/// The cost of what nobody has seen.
+/// The cost of an unknown cell.
 pub const UNKNOWN_COST: u8 = 255;
-/// From this cost on a vote is one for an obstacle, below it one for ground.
+/// A vote with at least this cost is for an obstacle, a lower one for ground.
 pub const OBSTACLE_COST: u8 = 125;

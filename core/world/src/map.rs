@@ -7,26 +7,26 @@ use serde::{Deserialize, Serialize};
 use crate::fusion::{Fuser, Placed};
 use crate::{Cell, Evidence, Fused, Source, Sources, VoteRule, Weights};
 
-/// Cells a side, so that the vehicle is in cell (100, 100).
+/// Cells per side, so that the vehicle is in cell (100, 100).
 pub const SIDE: usize = 201;
-/// Side of a cell of WM1, and of the cost maps that it takes, m.
+/// Cell size of WM1, and of the cost maps that it reads, m.
 pub const CELL_SIZE_M: f64 = 0.2;
-/// Side of a cell of WM2, m.
+/// Cell size of WM2, m.
 pub const WIDE_CELL_SIZE_M: f64 = 0.6;
 
-/// A world-model map: 201×201 cells, north-up, the vehicle in the middle one. WM1 has cells of 0.2 m (about 40 m
+/// A world-model map: 201×201 cells, north-up, the vehicle in the middle cell. WM1 has cells of 0.2 m (about 40 m
 /// across), WM2 of 0.6 m (about 120 m).
 ///
-/// What the ground is lies in one grid, what each source says of it in one of its own, which begins with its first
-/// vote. Clones share what neither has written since.
+/// One grid holds the state of the ground; each source has a grid of evidence of its own, which is created by its first
+/// vote. Clones share the tiles that neither has written since.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Map {
     grid: ScrollGrid<Cell>,
-    /// In the order of first votes; all as `grid`.
+    /// In the order of first votes; all of the shape and window of `grid`.
     layers: Vec<(Source, ScrollGrid<Evidence>)>,
 }
 
-/// Whether the same is known: a source that says nothing is as one that is not there.
+/// Whether both hold the same state: a source without evidence equals one that is absent.
 impl PartialEq for Map {
     fn eq(&self, other: &Map) -> bool {
         let silent = |layer: &ScrollGrid<Evidence>| layer.iter().all(|(_, said)| *said == Evidence::NONE);
@@ -42,27 +42,27 @@ impl PartialEq for Map {
 }
 
 impl Map {
-    /// A map where nothing is known, around the frame's origin.
+    /// An unknown map around the frame's origin.
     pub fn new(cell_size_m: f64) -> Result<Map, GridError> {
         Ok(Map { grid: ScrollGrid::new(SIDE, cell_size_m, Cell::default())?, layers: Vec::new() })
     }
 
-    /// What is known of the ground.
+    /// The state of the ground.
     pub fn grid(&self) -> &ScrollGrid<Cell> {
         &self.grid
     }
 
-    /// What is known of the ground of a cell, to write; `None` outside of the map.
+    /// The state of the ground in a cell, to write; `None` outside of the map.
     pub fn cell_mut(&mut self, index: CellIndex) -> Option<&mut Cell> {
         self.grid.get_mut(index)
     }
 
-    /// What a source says; `None` where it has not voted yet.
+    /// The evidence of a source; `None` if it has not voted yet.
     pub fn layer(&self, source: Source) -> Option<&ScrollGrid<Evidence>> {
         self.layers.iter().find(|(name, _)| *name == source).map(|(_, layer)| layer)
     }
 
-    /// What a source says of a cell.
+    /// The evidence of a source about a cell.
     pub fn evidence(&self, source: Source, index: CellIndex) -> Evidence {
         self.layer(source).and_then(|layer| layer.get(index)).copied().unwrap_or_default()
     }
@@ -72,7 +72,7 @@ impl Map {
         self.layers.iter().map(|&(source, _)| source).collect()
     }
 
-    /// What a source says, to write; its layer begins where it has none.
+    /// The evidence of a source, to write; creates its grid if necessary.
     pub(crate) fn layer_mut(&mut self, source: Source) -> &mut ScrollGrid<Evidence> {
         let place = self.layers.iter().position(|(name, _)| *name == source);
         let place = place.unwrap_or_else(|| {
@@ -82,14 +82,13 @@ impl Map {
         &mut self.layers[place].1
     }
 
-    /// What is known of the ground, to write whole tiles.
+    /// The state of the ground, to write complete tiles.
     pub(crate) fn grid_mut(&mut self) -> &mut ScrollGrid<Cell> {
         &mut self.grid
     }
 
-    /// Scrolls so that the vehicle (metres in the map's frame) is in the middle cell; cells that come into view are
-    /// unknown.
-    /// `None`, and nothing moves, for a position that is not finite.
+    /// Scrolls so that the vehicle (metres in the map's frame) is in the middle cell; newly exposed cells are unknown.
+    /// For a position that is not finite nothing moves, and the result is `None`.
     pub fn recentre(&mut self, p_vehicle: DVec2) -> Option<Exposed> {
         let centre = self.grid.cell_at(p_vehicle)?;
         Some(self.recentre_on(centre))
@@ -103,14 +102,15 @@ impl Map {
         self.grid.recentre(centre)
     }
 
-    /// Moves the window and fills nothing: for a copy whose tiles are written as the original's were.
+    /// Moves the window without filling the newly exposed cells: for a copy whose tiles are then written like the
+    /// original's.
     pub(crate) fn set_centre(&mut self, centre: CellIndex) {
         self.grid.set_centre(centre);
         self.layers.iter_mut().for_each(|(_, layer)| layer.set_centre(centre));
     }
 
-    /// Takes a vote of a source for a cell, see [`Evidence::voted`]; false when the cell lies outside of the map. A
-    /// cost above 250 is no vote and changes nothing.
+    /// Applies a vote of a source for a cell, see [`Evidence::voted`]; false if the cell lies outside of the map. A
+    /// cost above 250 is ignored.
     pub fn vote(
         &mut self,
         index: CellIndex,
@@ -132,7 +132,7 @@ impl Map {
         true
     }
 
-    /// What the sources say of a cell together; unknown outside of the map.
+    /// The fused result of a cell; unknown outside of the map.
     pub fn fused(&self, index: CellIndex, weights: &Weights) -> Fused {
         if !self.grid.contains(index) {
             return Fused::UNKNOWN;
@@ -141,7 +141,7 @@ impl Map {
         Fuser::new(&layers).fuse(|layer| self.layers[layer].1.get(index).copied().unwrap_or_default())
     }
 
-    /// Calls `visit` with what the sources say together of each cell, by rows from the south, west to east.
+    /// Calls `visit` with the fused result of each cell, by rows from the south, west to east.
     pub fn for_each_fused(&self, weights: &Weights, mut visit: impl FnMut(CellIndex, Fused)) {
         let layers = self.placed(weights);
         let fuser = Fuser::new(&layers);
@@ -160,7 +160,7 @@ impl Map {
         weights.placed(self.layers.iter().map(|&(source, _)| source))
     }
 
-    /// Forgets everything; the map stays where it is.
+    /// Makes all cells unknown; the window does not move.
     pub fn clear(&mut self) {
         self.grid.clear();
         self.layers.clear();

@@ -1,4 +1,4 @@
-//! A map as it is passed on: the map itself, which becomes a `foxglove.Grid` only for those who do not know it.
+//! A published map: the map itself, which is converted to a `foxglove.Grid` only for readers that do not know its type.
 
 use std::sync::Arc;
 
@@ -7,8 +7,8 @@ use rcs_msg::{AnyMessage, Stamp};
 
 use crate::{Map, MapOptions};
 
-/// A published map. Cloning shares its tiles; turning it into a `foxglove.Grid` writes all 40 401 cells, and is left to
-/// those who need the message.
+/// A published map. A clone shares its tiles. Converting it to a `foxglove.Grid` writes all 40 401 cells, so that is
+/// left to the readers that need the message.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapMessage {
     /// The cells.
@@ -17,12 +17,12 @@ pub struct MapMessage {
     pub frame_id: Arc<str>,
     /// Time of the map.
     pub time: Stamp,
-    /// What is written of it, every source that has voted among it, and the weights of its fused cost.
+    /// Content of its message, including every source that has voted, and the weights of the fused cost.
     pub options: MapOptions,
 }
 
 impl MapMessage {
-    /// As the message of a buffer of `foxglove.Grid`.
+    /// A message for a buffer of `foxglove.Grid`.
     pub fn into_message(self) -> AnyMessage {
         AnyMessage::deferred::<MapMessage, Grid>(self)
     }

@@ -1,25 +1,25 @@
-//! Who contributes to the map: names, and how each counts. The set is open: a stack lists its sources.
+//! Sources of costs, by name. The set is open: a stack lists the sources of its world model.
 
 use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Longest name of a source, bytes.
+/// Greatest length of a source's name, bytes.
 const MAX_NAME: usize = 32;
 
-/// A contributor to the world model, by name, as in the fields of a map: `cost.stereo`.
+/// A source of costs of the world model, by its name in the fields of a map: `cost.stereo`.
 ///
-/// It holds its name, so that it is copied like a number and any name that a log or a stack brings is one.
+/// It contains its name, so that it can be copied like a number, and any name in a log or a stack is valid.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Source([u8; MAX_NAME]);
 
 impl Source {
     /// Obstacles from range images (Albus 2006a, 3.1.1).
     pub const STEREO: Source = Source::padded(b"stereo");
-    /// Colour models (Albus 2006a, 3.1.2); the papers' "classification".
+    /// Colour models (Albus 2006a, 3.1.2); "classification" in the papers.
     pub const COLOR: Source = Source::padded(b"color");
-    /// Terrain learned from range (Albus 2006a, 3.2); the papers' "learning".
+    /// Terrain learned from range (Albus 2006a, 3.2); "learning" in the papers.
     pub const TERRAIN: Source = Source::padded(b"terrain");
     /// Classifier over image windows (Albus 2006a, 3.3).
     pub const CLASSIFIER: Source = Source::padded(b"classifier");
@@ -27,7 +27,7 @@ impl Source {
     pub const BUMPER: Source = Source::padded(b"bumper");
     /// The infrared range sensors.
     pub const INFRARED: Source = Source::padded(b"infrared");
-    /// The sources that come with the program, in the order that settles ties between them.
+    /// The bundled sources, in the order that decides ties.
     pub const BUNDLED: [Source; 6] = [
         Source::STEREO,
         Source::COLOR,
@@ -37,7 +37,7 @@ impl Source {
         Source::INFRARED,
     ];
 
-    /// The source of that name: small letters, digits and underscores.
+    /// The source with this name: lower-case letters, digits and underscores.
     pub fn new(name: &str) -> Result<Source, SourceNameError> {
         let valid = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
         if name.is_empty() || name.len() > MAX_NAME || !name.bytes().all(valid) {
@@ -46,7 +46,7 @@ impl Source {
         Ok(Source::padded(name.as_bytes()))
     }
 
-    /// The name with zeros behind it, which no name contains: its order is that of the text.
+    /// The name padded with zeros, which no name contains, so that it sorts like the text.
     const fn padded(name: &[u8]) -> Source {
         let mut bytes = [0; MAX_NAME];
         let mut at = 0;
@@ -57,7 +57,7 @@ impl Source {
         Source(bytes)
     }
 
-    /// As in the names of grid fields: `cost.stereo`.
+    /// The name in grid fields: `cost.stereo`.
     pub fn name(&self) -> &str {
         let length = self.0.iter().position(|&byte| byte == 0).unwrap_or(MAX_NAME);
         str::from_utf8(&self.0[..length]).unwrap_or_default()
@@ -76,7 +76,7 @@ impl fmt::Display for Source {
     }
 }
 
-/// Not the name of a source.
+/// Why a text is not a source's name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("\"{got}\" cannot name a source, expected 1 to 32 small letters, digits and underscores")]
 pub struct SourceNameError {
@@ -104,7 +104,7 @@ impl<'de> Deserialize<'de> for Source {
     }
 }
 
-/// A list of sources, each once: those that a map holds.
+/// A list of distinct sources: those of a map.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "Vec<Source>")]
 pub struct Sources(Vec<Source>);
@@ -115,29 +115,29 @@ impl Sources {
         Source::BUNDLED.into_iter().collect()
     }
 
-    /// Whether the source is one of them.
+    /// Whether the list contains the source.
     pub fn contains(&self, source: Source) -> bool {
         self.0.contains(&source)
     }
 
-    /// Adds a source behind the others, if it is not there.
+    /// Appends the source if it is not in the list.
     pub fn insert(&mut self, source: Source) {
         if !self.contains(source) {
             self.0.push(source);
         }
     }
 
-    /// How many.
+    /// Number of sources.
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Whether there are none.
+    /// Whether the list is empty.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// In their order.
+    /// The sources, in order.
     pub fn iter(&self) -> impl Iterator<Item = Source> + use<'_> {
         self.0.iter().copied()
     }
