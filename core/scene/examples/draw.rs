@@ -35,7 +35,7 @@ fn draw(world: &World, camera: &PinholeCamera, pose: &Pose) -> Image {
     image
 }
 
-/// A colour for a code: far apart for codes that are close.
+/// A colour for a code; codes that are close get colours that differ.
 fn code_colour(code: u8) -> [u8; 3] {
     let mixed = u32::from(code).wrapping_mul(0x9E37_79B1);
     [(mixed >> 24) as u8, (mixed >> 16) as u8, (mixed >> 8) as u8]

@@ -1,4 +1,4 @@
-//! How long a world takes to load, and a ray to cast.
+//! Measures how long a world takes to load, and a ray to cast.
 //!
 //! ```text
 //! rays WORLD.toml…
@@ -14,7 +14,7 @@ use rcs_scene::{CameraRays, ViewRows, World, render_rows};
 /// Rows drawn at a time.
 const STRIP: usize = 8;
 
-/// Least time of several runs, which other work on the machine disturbs least, seconds.
+/// Least time of several runs, seconds: the one that other work on the machine disturbed least.
 fn least(runs: u32, mut work: impl FnMut()) -> f64 {
     let time = |_| {
         let start = Instant::now();
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let camera = at.extend(world.height_m(at) + 0.9);
                 let body = Pose::from_rpy(camera, 0.0, 10_f64.to_radians(), yaw.to_radians());
                 let pose = body * Pose::body_from_optical();
-                // Strip by strip, so that other work disturbs few of them in every run.
+                // Strip by strip, so that other work on the machine disturbs few strips of every run.
                 let time: f64 = (0..height as usize / STRIP)
                     .map(|strip| {
                         let rows = strip * STRIP..(strip + 1) * STRIP;

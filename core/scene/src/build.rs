@@ -1,4 +1,4 @@
-//! From a world file's things to shapes: each kind is a few convex shapes.
+//! Converts the things of a world file to shapes: each kind consists of a few convex shapes.
 
 use rcs_geom::DVec2;
 
@@ -11,7 +11,7 @@ use crate::thing::Thing;
 
 /// Fences and hedges are cut into pieces of about this length, m.
 const PIECE_M: f64 = 2.0;
-/// Tries to find a free place for one thing of a seeded list.
+/// Attempts to find a free position for one thing of a seeded list.
 const TRIES: u32 = 30;
 
 /// All things of a world, standing on its ground.
@@ -29,7 +29,7 @@ pub(crate) fn things(spec: &WorldSpec, lattice: &Lattice) -> Vec<Thing> {
                 let [low, high] = region.extent();
                 let (low, high) = (low.max(spec.bounds_m[0]), high.min(spec.bounds_m[1]));
                 for _ in 0..*count {
-                    // A list asks for as many as fit: a full region is no error.
+                    // A list may ask for more than fit: a full region is not an error.
                     for _ in 0..TRIES {
                         let at = DVec2::new(dice.between([low.x, high.x]), dice.between([low.y, high.y]));
                         let size = placed.size.draw(|| f64::from(dice.unit()));
@@ -86,14 +86,14 @@ const SKIN: Coat = Coat { colours: [[172.0, 128.0, 104.0], [204.0, 160.0, 134.0]
 /// Adds the shapes of one thing.
 struct Builder<'t> {
     thing: &'t Thing,
-    /// The thing's place from the lattice's first sample, m.
+    /// Position of the thing relative to the lattice's first sample, m.
     at: Vec3,
     turn: [f32; 2],
     shapes: &'t mut Vec<Shape>,
 }
 
 impl Builder<'_> {
-    /// A shape in the thing's own axes, its middle above the ground, m.
+    /// A shape in the axes of the thing, its middle above the ground, m.
     fn add(&mut self, form: Form, class: Class, coat: Coat, middle: [f64; 3], half: [f64; 3], leaf_m: f32) {
         let [c, s] = self.turn;
         let [x, y, z] = middle.map(|v| v as f32);
@@ -115,14 +115,14 @@ impl Builder<'_> {
         self.add(form, class, coat, middle, half, 0.0);
     }
 
-    /// An upright column between two heights.
+    /// A vertical column between two heights.
     fn column(&mut self, class: Class, coat: Coat, [x, y]: [f64; 2], radius: f64, [from, to]: [f64; 2]) {
         let half = [radius, radius, 0.5 * (to - from)];
         self.solid(Form::Column, class, coat, [x, y, 0.5 * (from + to)], half);
     }
 }
 
-/// Shapes reach this far into the ground, so that they leave no gap on slopes, m.
+/// How far shapes extend into the ground, so that there is no gap on slopes, m.
 const ROOT_M: f64 = 0.15;
 
 /// The shapes of all things; `low` is the lower left corner of the world's bounds.
@@ -191,7 +191,7 @@ fn build(b: &mut Builder<'_>) {
             }
         }
         ThingKind::Boulder => {
-            // Half of it is in the ground, so its foot is steep and its widest part at the ground.
+            // Half of the ellipsoid is in the ground, so that it is steepest and widest at the ground.
             b.solid(Form::Ellipsoid, Class::Boulder, STONE, [0.0; 3], [r, dice.between([0.7, 1.0]) * r, h]);
         }
         ThingKind::Log => b.solid(Form::Roll, Class::Log, BARK, [0.0, 0.0, r], [l, r, r]),

@@ -1,4 +1,4 @@
-//! The rays of a camera's pixels, worked out once, and bundles of them.
+//! The rays of a camera's pixels, computed once, and bundles of them.
 
 use std::ops::Range;
 
@@ -6,17 +6,17 @@ use rcs_geom::{DVec2, PinholeCamera};
 
 use crate::shape::{Vec3, unit_length};
 
-/// Pixels of a bundle's side.
+/// Pixels per side of a bundle.
 pub(crate) const BUNDLE: usize = 8;
-/// Bundles of a group's side.
+/// Bundles per side of a group.
 pub(crate) const GROUP: usize = 4;
 
-/// A cone around some rays.
+/// A cone that contains some rays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
-    /// Length 1.
+    /// Unit vector.
     pub(crate) axis: Vec3,
-    /// Largest distance between the end of the axis and that of a ray, both of length 1.
+    /// Greatest distance between the end of the axis and that of a ray, both unit vectors.
     pub(crate) spread: f32,
 }
 
@@ -25,16 +25,16 @@ pub(crate) struct Cone {
 pub struct CameraRays {
     width: usize,
     height: usize,
-    /// Length 1; all zero where the lens has no ray.
+    /// Unit vectors; all zero where the lens has no ray.
     rays: Vec<Vec3>,
-    /// Angle of a pixel, rad.
+    /// Angle that a pixel subtends, rad.
     pub(crate) pixel_rad: f32,
     bundles: Vec<Cone>,
     groups: Vec<Cone>,
 }
 
 impl CameraRays {
-    /// Works out all rays of a camera.
+    /// Computes all rays of a camera.
     pub fn new(camera: &PinholeCamera) -> CameraRays {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let ray = |at: usize| {
@@ -62,7 +62,8 @@ impl CameraRays {
         self.height
     }
 
-    /// The ray of a pixel in the optical frame, length 1. `None` outside of the image and where the lens has no ray.
+    /// The ray of a pixel in the optical frame, a unit vector. `None` outside of the image and where the lens has no
+    /// ray.
     pub fn ray(&self, column: usize, row: usize) -> Option<[f32; 3]> {
         if column >= self.width || row >= self.height {
             return None;
@@ -83,7 +84,7 @@ impl CameraRays {
         &self.bundles[row * self.bundles_across() + column]
     }
 
-    /// The group that a bundle belongs to.
+    /// The group of a bundle.
     pub(crate) fn group(&self, column: usize, row: usize) -> &Cone {
         &self.groups[row / GROUP * self.width.div_ceil(BUNDLE * GROUP) + column / GROUP]
     }

@@ -1,16 +1,16 @@
-//! What a ray can hit, as codes, and which obstacle label the ground truth gives it.
+//! Codes of what a ray can hit, and the obstacle label that the ground truth assigns to it.
 
 use serde::{Deserialize, Serialize};
 
-/// What covers the ground.
+/// The surface of the ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum Surface {
     /// A mown meadow.
     ShortGrass = 1,
-    /// Grass to the hip that a vehicle pushes aside.
+    /// Hip-high grass that a vehicle can push aside.
     TallGrass = 2,
-    /// Dense weeds that hide what stands in them.
+    /// Dense weeds that hide objects in them.
     TallWeeds = 3,
     /// Bark mulch of a path.
     Mulch = 4,
@@ -18,14 +18,14 @@ pub enum Surface {
     WhiteLime = 5,
     /// Bare soil.
     Dirt = 6,
-    /// Wet soil: little traction.
+    /// Wet soil with little traction.
     Mud = 7,
     /// Fallen leaves under trees.
     LeafLitter = 8,
 }
 
 impl Surface {
-    /// All of them, in the order of their codes.
+    /// All surfaces, in the order of their codes.
     pub const ALL: [Surface; 8] = [
         Surface::ShortGrass,
         Surface::TallGrass,
@@ -37,7 +37,7 @@ impl Surface {
         Surface::LeafLitter,
     ];
 
-    /// As world files write it.
+    /// The name in world files.
     pub const fn name(self) -> &'static str {
         match self {
             Surface::ShortGrass => "short_grass",
@@ -51,12 +51,12 @@ impl Surface {
         }
     }
 
-    /// The surface of a name.
+    /// The surface with this name.
     pub fn from_name(name: &str) -> Option<Surface> {
         Surface::ALL.into_iter().find(|surface| surface.name() == name)
     }
 
-    /// The surface of a code; short grass for codes that none has.
+    /// The surface with this code; short grass for unknown codes.
     pub(crate) const fn from_code(code: u8) -> Surface {
         match code {
             2 => Surface::TallGrass,
@@ -70,7 +70,7 @@ impl Surface {
         }
     }
 
-    /// What a ray that ends on it, or on what grows on it, has hit.
+    /// The class of a hit on this surface, or on vegetation that grows on it.
     pub const fn class(self) -> Class {
         match self {
             Surface::ShortGrass => Class::ShortGrass,
@@ -85,34 +85,34 @@ impl Surface {
     }
 }
 
-/// A kind of thing that stands on the ground.
+/// A kind of thing, which is an object that stands on the ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum ThingKind {
     /// A trunk with a crown; the trunk alone is solid.
     Tree,
-    /// Foliage down to the ground around a woody core, which is solid.
+    /// Foliage down to the ground around a solid woody core.
     Bush,
     /// A row of bushes.
     Hedge,
-    /// A stone, half an ellipsoid above the ground.
+    /// A stone: the upper half of an ellipsoid.
     Boulder,
-    /// A trunk that lies.
+    /// A trunk that lies on the ground.
     Log,
     /// A square bale.
     HayBale,
     /// An upright post.
     Post,
-    /// Orange plastic mesh: seen through, not driven through.
+    /// Orange plastic mesh that sensors see through and vehicles cannot pass.
     Fence,
     /// A hut with a roof.
     Shed,
-    /// Someone who stands.
+    /// A standing person.
     Person,
 }
 
 impl ThingKind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [ThingKind; 10] = [
         ThingKind::Tree,
         ThingKind::Bush,
@@ -126,7 +126,7 @@ impl ThingKind {
         ThingKind::Person,
     ];
 
-    /// As world files and ground truth messages write it.
+    /// The name in world files and ground truth messages.
     pub const fn name(self) -> &'static str {
         match self {
             ThingKind::Tree => "tree",
@@ -142,7 +142,7 @@ impl ThingKind {
         }
     }
 
-    /// What a ray that ends on it has hit; of a tree, its trunk.
+    /// The class of a hit on it; for a tree, of its trunk.
     pub const fn class(self) -> Class {
         match self {
             ThingKind::Tree => Class::Trunk,
@@ -157,17 +157,17 @@ impl ThingKind {
         }
     }
 
-    /// The kind of a name.
+    /// The kind with this name.
     pub fn from_name(name: &str) -> Option<ThingKind> {
         ThingKind::ALL.into_iter().find(|kind| kind.name() == name)
     }
 }
 
-/// What a ray has hit. The codes are those of class images and of the class field of ground truth maps.
+/// The class of a ray's hit. The codes are those of class images and of the class field of ground truth maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum Class {
-    /// Nothing within range.
+    /// No hit within range.
     Sky = 0,
     /// [`Surface::ShortGrass`].
     ShortGrass = 1,
@@ -208,7 +208,7 @@ pub enum Class {
 }
 
 impl Class {
-    /// All of them, in the order of their codes.
+    /// All classes, in the order of their codes.
     pub const ALL: [Class; 19] = [
         Class::Sky,
         Class::ShortGrass,
@@ -231,7 +231,7 @@ impl Class {
         Class::Person,
     ];
 
-    /// In words, for legends.
+    /// The name in words, for legends.
     pub const fn name(self) -> &'static str {
         match self {
             Class::Sky => "sky",
@@ -256,7 +256,7 @@ impl Class {
         }
     }
 
-    /// The class of a code.
+    /// The class with this code.
     pub fn from_code(code: u8) -> Option<Class> {
         Class::ALL.into_iter().find(|class| class.code() == code)
     }
@@ -266,7 +266,7 @@ impl Class {
         self as u8
     }
 
-    /// Whether it is a surface or grows on one.
+    /// Whether it is a surface or vegetation on one.
     pub const fn is_surface(self) -> bool {
         let code = self as u8;
         code >= 1 && code <= 8
@@ -277,15 +277,15 @@ impl Class {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum Label {
-    /// The sky: no range.
+    /// The sky, which has no range.
     Invalid = 0,
-    /// Where a vehicle can drive, vegetation that gives way included.
+    /// Drivable, including vegetation that gives way.
     Ground = 1,
-    /// What stops a vehicle: things, vegetation that does not give way, and faces steeper than 45°.
+    /// Stops a vehicle: things, vegetation that does not give way, and slopes steeper than 45°.
     Obstacle = 2,
-    /// A thing that rises less than [`SHORT_M`] above the ground.
+    /// A thing that is less than [`SHORT_M`] high.
     Short = 3,
-    /// At least [`COVER_M`] above the ground below: free to drive under.
+    /// At least [`COVER_M`] above the ground below: a vehicle can pass under it.
     Cover = 4,
 }
 

@@ -1,4 +1,4 @@
-//! Courses: where a run starts, where it shall go, and in what time.
+//! Courses: start, goal and time limit of a run.
 //!
 //! ```toml
 //! format = 1
@@ -12,41 +12,42 @@
 //! goal = { easting = 309030.0, northing = 4335120.0 }
 //! ```
 //!
-//! Places are UTM coordinates in metres, in the zone and hemisphere of the world's origin; a zone may be named, and is
-//! then compared with the world's. Headings are degrees counter-clockwise from east. The world's frame `global` has its
-//! (0, 0) at the world's origin and its axes along easting and northing, so a place in it is a difference.
+//! Positions are UTM coordinates in metres, in the zone and hemisphere of the world's origin. A zone may be given; it
+//! must then equal the world's. Headings are degrees counter-clockwise from east. The origin of the world's frame
+//! `global` is the world's origin, and its axes are easting and northing, so a position in it is a difference of UTM
+//! coordinates.
 
 use crate::read::{SceneError, Table};
 use rcs_geom::{DVec2, Utm};
 use std::ops::RangeInclusive;
 
-/// A course as its file says.
+/// The content of a course file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Course {
-    /// As reports name it.
+    /// Name in reports.
     pub name: String,
     /// One sentence.
     pub description: String,
     /// File of the world, by name or path.
     pub world: String,
-    /// File of the vehicle, by name or path, where the course asks for one.
+    /// File of the vehicle, by name or path, if the course names one.
     pub vehicle: Option<String>,
-    /// Where the vehicle stands at the start.
+    /// Position of the vehicle at the start.
     pub start: UtmPosition,
-    /// Which way it looks then, radians counter-clockwise from east.
+    /// Heading of the vehicle at the start, radians counter-clockwise from east.
     pub start_heading_rad: f64,
-    /// Where it shall go.
+    /// Position of the goal.
     pub goal: UtmPosition,
-    /// Nearer to the goal than this, it has been reached, m.
+    /// Distance from the goal at which it counts as reached, m.
     pub goal_radius_m: f64,
-    /// Time after which the run has failed, s.
+    /// Time limit, s; the run fails when it passes.
     pub time_limit_s: f64,
 }
 
-/// A place of a course in UTM.
+/// A UTM position of a course.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UtmPosition {
-    /// Zone that the file names; the world's where it names none.
+    /// The zone in the file; `None` for the zone of the world.
     pub zone: Option<u8>,
     /// m.
     pub easting_m: f64,
@@ -54,7 +55,7 @@ pub struct UtmPosition {
     pub northing_m: f64,
 }
 
-/// A place that is in another zone than the world.
+/// A position is in another zone than the world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("course is in zone {got}, expected the world's zone {expected}")]
 pub struct WrongZone {
@@ -65,7 +66,7 @@ pub struct WrongZone {
 }
 
 impl UtmPosition {
-    /// East and north of the world's origin, m.
+    /// Position relative to the world's origin, east and north, m.
     pub fn in_world(&self, origin: &Utm) -> Result<DVec2, WrongZone> {
         match self.zone {
             Some(got) if got != origin.zone => Err(WrongZone { got, expected: origin.zone }),
@@ -78,7 +79,7 @@ const EASTING_M: RangeInclusive<f64> = 0.0..=1.0e6;
 const NORTHING_M: RangeInclusive<f64> = 0.0..=1.0e7;
 
 impl Course {
-    /// Reads the text of a course file. What is missing, unknown or out of range is refused with its line and key.
+    /// Parses a course file. Missing, unknown and out-of-range keys are refused with line and key.
     pub fn from_toml(text: &str) -> Result<Course, SceneError> {
         let mut table = Table::open(text)?;
         let format = table.need_number("format", 0.0..=1.0e6)?;
@@ -111,7 +112,7 @@ impl Course {
     }
 }
 
-/// The name of a file; one that says nothing is refused.
+/// The name of a file; an empty one is refused.
 fn named(table: &mut Table<'_>, key: &'static str) -> Result<Option<String>, SceneError> {
     match table.text(key)? {
         Some(name) if name.trim().is_empty() => {
@@ -121,7 +122,7 @@ fn named(table: &mut Table<'_>, key: &'static str) -> Result<Option<String>, Sce
     }
 }
 
-/// A place, and the heading there in degrees (0 where the place has none).
+/// A position, and the heading there in degrees (0 if the position has none).
 fn place(
     table: &mut Table<'_>,
     key: &'static str,
@@ -162,7 +163,7 @@ easting = 309030.0
 northing = 4335120.0
 "#;
 
-    /// Changes one line of a sound file and says how the change is refused.
+    /// Changes one line of a valid file and returns the error.
     fn check(from: &str, to: &str, refusal: &str) {
         let text = SOUND.replace(from, to);
         assert_ne!(text, SOUND, "nothing was changed");

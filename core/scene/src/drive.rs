@@ -1,4 +1,4 @@
-//! Where a vehicle can drive: the ground truth in cells of 0.2 m.
+//! Ground truth of where a vehicle can drive, in cells of 0.2 m.
 
 use rcs_geom::DVec2;
 
@@ -8,32 +8,33 @@ use crate::terrain::{CELL_M, Lattice};
 use crate::thing::Thing;
 use crate::world::World;
 
-/// Side of a cell of the ground truth, m.
+/// Size of a ground truth cell, m.
 pub const TRUTH_CELL_M: f64 = 0.2;
-/// Samples of the lattice per ground truth cell and side.
+/// Samples of the lattice per side of a ground truth cell.
 const SAMPLES: usize = 2;
-/// Steeper ground than this stops a vehicle: its tangent over a cell of the ground truth, 35°.
+/// Greatest slope that a vehicle can climb, as a tangent over a ground truth cell: 35°.
 const STEEP: f64 = 0.7;
 
-/// What is true of one cell.
+/// Ground truth of one cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TruthCell {
-    /// A thing that covers the cell's middle, else its surface.
+    /// Class of the thing that covers the middle of the cell, else of its surface.
     pub class: Class,
     /// Height of the soil, m.
     pub ground_height_m: f64,
-    /// Height of what grows there, or of the thing that covers it, above the soil, m.
+    /// Height of the vegetation, or of the thing that covers it, above the soil, m.
     pub cover_height_m: f64,
-    /// Whether a solid thing, foliage, a steep face (of a ditch, a ledge) or growth that does not give way covers it.
+    /// Whether the cell is covered by a solid thing, foliage, a steep face (of a ditch or a ledge) or vegetation that
+    /// does not give way.
     pub blocked: bool,
 }
 
-/// Blocked cells, and the distance to them.
+/// The blocked cells, and the distance to them.
 pub(crate) struct DriveMap {
     size: [usize; 2],
-    /// The thing in a cell plus 1; 0 for none.
+    /// Index of the thing in a cell plus 1; 0 for none.
     thing: Vec<u16>,
-    /// From a cell's middle to that of the nearest blocked cell, m.
+    /// Distance from the middle of a cell to that of the nearest blocked cell, m.
     distance_m: Vec<f32>,
 }
 
@@ -62,7 +63,7 @@ impl DriveMap {
                     index(middle.x - reach, size[0])..index(middle.x + reach + TRUTH_CELL_M, size[0])
                 {
                     let at = low + (DVec2::new(column as f64, row as f64) + 0.5) * TRUTH_CELL_M;
-                    // A cell that a thing reaches into by half is covered.
+                    // A cell counts as covered when a thing covers at least half of it.
                     if thing.outline_distance_m(at) < 0.5 * TRUTH_CELL_M {
                         map.thing[row * size[0] + column] = thing.number as u16 + 1;
                         blocked[row * size[0] + column] = true;
@@ -75,7 +76,7 @@ impl DriveMap {
     }
 }
 
-/// Whether the soil of a cell rises too steeply across it, in either direction or diagonally.
+/// Whether the soil rises too steeply across a cell, along either axis or diagonally.
 fn is_steep(lattice: &Lattice, [column, row]: [usize; 2]) -> bool {
     let z = |u: usize, v: usize| f64::from(lattice.z[(row + v) * lattice.width + column + u]);
     let along = (z(SAMPLES, 0) - z(0, 0)).abs().max((z(SAMPLES, SAMPLES) - z(0, SAMPLES)).abs());
@@ -83,8 +84,8 @@ fn is_steep(lattice: &Lattice, [column, row]: [usize; 2]) -> bool {
     DVec2::new(along, across).length() > STEEP * SAMPLES as f64 * CELL_M
 }
 
-/// Distance of each cell from the nearest blocked one, m: the exact Euclidean transform in two passes (Felzenszwalb and
-/// Huttenlocher, "Distance transforms of sampled functions", 2012).
+/// Distance of each cell from the nearest blocked one, m: the exact Euclidean distance transform in two passes
+/// (Felzenszwalb and Huttenlocher, "Distance transforms of sampled functions", 2012).
 fn distances(blocked: &[bool], width: usize) -> Vec<f32> {
     const FAR: f64 = 1e9;
     let height = blocked.len() / width;
@@ -106,10 +107,10 @@ fn distances(blocked: &[bool], width: usize) -> Vec<f32> {
     squared.iter().map(|&cells2| (cells2.sqrt() * TRUTH_CELL_M).min(1e3) as f32).collect()
 }
 
-/// The lower envelope of parabolas that stand on a line of values.
+/// The lower envelope of parabolas along a line of values.
 #[derive(Default)]
 struct Envelope {
-    /// Feet of the parabolas, and from where on each is the lowest.
+    /// Vertices of the parabolas of the envelope, and the position from which each of them is the lowest.
     feet: Vec<(usize, f64)>,
     values: Vec<f64>,
 }
@@ -145,12 +146,12 @@ impl Envelope {
 }
 
 impl World {
-    /// Columns and rows of the ground truth's cells, the first at the lower left corner of the bounds.
+    /// Columns and rows of the ground truth; the first cell is at the lower left corner of the bounds.
     pub fn truth_size(&self) -> [usize; 2] {
         self.inner.drive.size
     }
 
-    /// What is true of a cell. `None` outside of the bounds.
+    /// Ground truth of a cell. `None` outside of the bounds.
     pub fn truth_cell(&self, column: usize, row: usize) -> Option<TruthCell> {
         let drive = &self.inner.drive;
         if column >= drive.size[0] || row >= drive.size[1] {
@@ -169,8 +170,8 @@ impl World {
         })
     }
 
-    /// Distance from a place's cell to the nearest that a vehicle cannot drive on, m; 0 in such a cell and outside of
-    /// the bounds. Between cells' middles, so within 0.15 m of the distance between outlines.
+    /// Distance from the cell at a position to the nearest blocked cell, m; 0 in a blocked cell and outside of the
+    /// bounds. It is measured between cell centres, so it differs from the distance between outlines by at most 0.15 m.
     pub fn clearance_m(&self, xy: DVec2) -> f64 {
         let drive = &self.inner.drive;
         let [low, high] = self.bounds_m();
@@ -183,7 +184,7 @@ impl World {
         f64::from(drive.distance_m[row * drive.size[0] + column])
     }
 
-    /// Whether anything that a vehicle cannot drive on comes closer to a place than `clearance_m`.
+    /// Whether anything blocked is closer to a position than `clearance_m`.
     pub fn blocked(&self, xy: DVec2, clearance_m: f64) -> bool {
         let clearance = self.clearance_m(xy);
         clearance == 0.0 || clearance < clearance_m

@@ -1,13 +1,13 @@
-//! Rays against the ground and what grows on it.
+//! Casts rays at the ground and at the vegetation on it.
 //!
-//! The ground is bilinear between the samples of the [`Lattice`]. Three levels bound it from above: tiles of 8×8 cells
-//! and blocks of 8×8 tiles each carry a **plane** that no sample and no stem of theirs rises over. A plane fits sloped
-//! ground far closer than a maximum does, so that a ray that grazes a hillside skips nearly every tile of it. A ray
-//! walks blocks, then the tiles of blocks whose plane it goes under, then, from the point where it goes under a tile's
-//! plane, cells. What it hits in a cell depends on the ray and the cell alone, not on where the walk began.
+//! The ground is bilinear between the samples of the [`Lattice`]. Two levels bound it from above: each tile of 8×8
+//! cells and each block of 8×8 tiles has a **plane** that is above all of its samples and stems. A plane fits sloped
+//! ground far better than a maximum does, so that a ray that grazes a hillside skips nearly all tiles. A ray traverses
+//! blocks, then the tiles of blocks whose plane it crosses, and then cells, from the point where it crosses the plane
+//! of a tile. The hit in a cell depends on the ray and the cell alone, not on where the traversal began.
 //!
-//! For whole bundles of rays there is a pyramid of maxima: [`HeightField::clear_until`] gives a distance that no ray of
-//! a cone can hit the ground before.
+//! For bundles of rays there is a pyramid of maxima: [`HeightField::clear_until`] returns a distance up to which no ray
+//! of a cone can hit the ground.
 
 use crate::class::Surface;
 use crate::noise::{hash2, unit};
@@ -15,13 +15,14 @@ use crate::surface::{Material, STEM_PRESENCE};
 use crate::terrain::{BLOCK, CELL_M, Lattice, TILE};
 
 const CELL: f32 = CELL_M as f32;
-/// Rounding of f32 at a world's size stays far below this, m.
+/// Rounding errors of f32 at the size of a world are far smaller than this, m.
 const SLACK_M: f32 = 1e-3;
 
-/// Stems nearer than this to a ray's beginning are not met: whoever carries the sensor has pushed them aside, m.
+/// Stems closer than this to the origin of a ray are ignored, because the body that carries the sensor has pushed them
+/// aside, m.
 pub(crate) const STEM_CLEAR_M: f32 = 0.35;
 
-/// A ray in the units of the lattice: cells across, metres up and along.
+/// A ray in units of the lattice: cells horizontally, metres vertically and along the ray.
 #[derive(Clone, Copy)]
 pub(crate) struct FieldRay {
     o: [f32; 3],
@@ -29,36 +30,36 @@ pub(crate) struct FieldRay {
     /// 1 / d of the first two axes; huge where d is 0.
     inverse: [f32; 2],
     step: [i32; 2],
-    /// 1 where a ray leaves a cell by its far side.
+    /// 1 if the ray leaves a cell through its far side.
     far: [i32; 2],
     /// Square of the length of the first two components of d.
     run2: f32,
 }
 
-/// Where a ray meets the ground or a stem.
+/// Intersection of a ray with the ground or a stem.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FieldHit {
-    /// Along the ray, m.
+    /// Distance along the ray, m.
     pub(crate) t: f32,
     /// Cell of the lattice.
     pub(crate) cell: [u32; 2],
-    /// Height up a stem as a part of the stem's height; negative for the ground.
+    /// Height on a stem as a fraction of the stem's height; negative for the ground.
     pub(crate) stem: f32,
 }
 
-/// The ground as rays see it.
+/// The ground with its acceleration structures.
 pub(crate) struct HeightField {
     pub(crate) lattice: Lattice,
-    /// By surface code: radius of stems in cells, 0 where none stand, and their largest height, m.
+    /// By surface code: radius of stems in cells, 0 if there are none, and their greatest height, m.
     stems: [[f32; 2]; 16],
     tiles_across: usize,
-    /// Constant, slope per cell along x and y, and 1 where stems stand.
+    /// Bounding plane: constant, slope per cell along x and y, and 1 if there are stems.
     tiles: Vec<[f32; 4]>,
     blocks_across: usize,
     blocks: Vec<[f32; 4]>,
-    /// The same for the soil alone; made for tiles with stems.
+    /// Bounding planes of the soil alone; computed for tiles with stems.
     soil: Vec<[f32; 4]>,
-    /// Maxima over tiles and their eight neighbours, then over squares twice as large, and so on.
+    /// Maxima over tiles and their eight neighbours, then over squares of twice the size, and so on.
     pyramid: Vec<Maxima>,
     seed: u32,
 }
@@ -71,14 +72,14 @@ struct Maxima {
 
 /// A stem of a cell.
 pub(crate) struct Stem {
-    /// Middle in cells from the cell's corner.
+    /// Position of its axis relative to the cell's corner, cells.
     pub(crate) at: [f32; 2],
     pub(crate) radius: f32,
     pub(crate) height_m: f32,
 }
 
 impl FieldRay {
-    /// From a place in metres from the first sample and a direction of length 1.
+    /// From an origin in metres relative to the first sample, and a unit direction.
     pub(crate) fn new(origin_m: [f32; 3], direction: [f32; 3]) -> FieldRay {
         let o = [origin_m[0] * (1.0 / CELL), origin_m[1] * (1.0 / CELL), origin_m[2]];
         let d = [direction[0] * (1.0 / CELL), direction[1] * (1.0 / CELL), direction[2]];
@@ -100,13 +101,13 @@ impl FieldRay {
         [self.o[0] + t * self.d[0], self.o[1] + t * self.d[1]]
     }
 
-    /// Where the ray leaves the square `index` of `side` cells along one axis.
+    /// Distance at which the ray leaves square `index` of `side` cells along one axis.
     #[inline]
     fn leaves(&self, axis: usize, index: i32, side: f32) -> f32 {
         ((index + self.far[axis]) as f32 * side - self.o[axis]) * self.inverse[axis]
     }
 
-    /// Distance above a plane at t = 0, and its change with t.
+    /// Height above a plane at t = 0, and its derivative with respect to t.
     #[inline]
     fn above(&self, plane: &[f32; 4]) -> [f32; 2] {
         [
@@ -186,7 +187,7 @@ impl HeightField {
         }
     }
 
-    /// The tiles of one block.
+    /// Traverses the tiles of one block.
     #[inline]
     fn tiles(&self, ray: &FieldRay, block: [i32; 2], from: f32, until: f32) -> Option<FieldHit> {
         const SIDE: i32 = (BLOCK / TILE) as i32;
@@ -219,7 +220,8 @@ impl HeightField {
         }
     }
 
-    /// The cells of one tile. Among stems the ground is asked only from where the ray goes under the soil's own plane.
+    /// Traverses the cells of one tile. Among stems the ground is tested only from where the ray crosses the plane of
+    /// the soil.
     #[inline]
     fn cells<const STEMS: bool>(
         &self,
@@ -245,8 +247,8 @@ impl HeightField {
         if soil_from <= from && above_cell(ray, cell, &self.corners(cell), t) <= 0.0 {
             return hit(t, cell, -1.0);
         }
-        // The chain from one step to the next is what the walk costs: the cell is counted in f32 beside its index, and
-        // which side a ray leaves by is chosen without a branch, which nothing could predict.
+        // The dependency from one step to the next determines the cost of the traversal. So the cell is also counted in
+        // f32, and the side by which a ray leaves is selected without a branch, because the branch is not predictable.
         let mut place = [cell[0] as f32, cell[1] as f32];
         let to_far = [ray.far[0] as f32 - ray.o[0], ray.far[1] as f32 - ray.o[1]];
         let step = [ray.step[0] as f32, ray.step[1] as f32];
@@ -285,7 +287,7 @@ impl HeightField {
         }
     }
 
-    /// Heights of a cell's corners, m: the lower two, then the upper two.
+    /// Heights of the corners of a cell, m: the lower two, then the upper two.
     pub(crate) fn cell_corners(&self, cell: [u32; 2]) -> [f32; 4] {
         self.corners([cell[0] as i32, cell[1] as i32])
     }
@@ -298,7 +300,7 @@ impl HeightField {
         [low[0], low[1], high[0], high[1]]
     }
 
-    /// The stem of a cell, if one stands there: a vertical cylinder that stays within its cell.
+    /// The stem of a cell, if it has one: a vertical cylinder within the cell.
     pub(crate) fn stem(&self, cell: [usize; 2]) -> Option<Stem> {
         let surface = self.lattice.surface[cell[1] * self.lattice.width + cell[0]];
         let [radius, height_m] = self.stems[usize::from(surface & 15)];
@@ -308,7 +310,7 @@ impl HeightField {
         }
         let part = |shift: u32| ((hash >> shift) & 255) as f32 * (1.0 / 256.0);
         let room = 1.0 - 2.0 * radius;
-        // Stems of one surface differ in height, the shortest is at 6/10.
+        // Stems of one surface differ in height; the shortest has 6/10 of the greatest height.
         let height_m = height_m * (0.6 + 0.4 * part(16));
         Some(Stem { at: [radius + room * part(0), radius + room * part(8)], radius, height_m })
     }
@@ -318,7 +320,7 @@ impl HeightField {
         let index = [cell[0] as usize, cell[1] as usize];
         let stem = self.stem(index)?;
         let to = [cell[0] as f32 + stem.at[0] - ray.o[0], cell[1] as f32 + stem.at[1] - ray.o[1]];
-        // Everything times the ray's run, so that only a hit costs a division.
+        // All terms are multiplied by the ray's horizontal length, so that only a hit needs a division.
         let aside = to[0] * ray.d[1] - to[1] * ray.d[0];
         let within = stem.radius * stem.radius * ray.run2 - aside * aside;
         if within <= 0.0 {
@@ -330,16 +332,16 @@ impl HeightField {
         (t > STEM_CLEAR_M && part < 1.0).then_some((t, part.max(0.0)))
     }
 
-    /// A distance that no ray of a cone reaches the ground or a stem before, m. The cone opens from `origin_m` about
-    /// `axis` (length 1); `spread` bounds the distance between two of its rays' points at the same distance, a part of
-    /// that distance. `f32::MAX` where the cone leaves the world above the ground.
+    /// A distance up to which no ray of a cone reaches the ground or a stem, m. The cone begins at `origin_m` around
+    /// `axis` (a unit vector); `spread` bounds the distance between two of its rays at the same distance from the
+    /// origin, as a fraction of that distance. `f32::MAX` if the cone leaves the world above the ground.
     pub(crate) fn clear_until(&self, origin_m: [f32; 3], axis: [f32; 3], spread: f32) -> f32 {
         let tile_m = CELL * TILE as f32;
         let (mut t, mut level) = (0.0_f32, 2.min(self.pyramid.len() - 1));
         loop {
             let side_m = tile_m * (1 << level) as f32;
             let maxima = &self.pyramid[level];
-            // Points of the cone up to t + step stay within one square of the cone's axis at t.
+            // Points of the cone up to t + step stay within one square of the position of the axis at t.
             let step = (side_m - spread * t) / (1.0 + spread);
             let at = [origin_m[0] + t * axis[0], origin_m[1] + t * axis[1]].map(|v| (v / side_m).floor());
             let outside =
@@ -347,7 +349,7 @@ impl HeightField {
             let highest = if outside { 0.0 } else { maxima.around([at[0] as i32, at[1] as i32]) };
             let lowest = origin_m[2] + (t * (axis[2] - spread)).min((t + step) * (axis[2] - spread));
             if step < 0.2 * side_m {
-                // The cone is about as wide as the squares: smaller ones would not bring it on.
+                // The cone is about as wide as the squares: smaller squares would not advance it.
                 return t;
             }
             if lowest > highest + SLACK_M {
@@ -376,14 +378,15 @@ fn above_cell(ray: &FieldRay, cell: [i32; 2], corners: &[f32; 4], t: f32) -> f32
     ray.o[2] + t * ray.d[2] - (low + fv * (high - low))
 }
 
-/// Where a ray that is above the ground at the first distance goes through it before the second; `above_b` is its
-/// height there, 0 or less.
+/// Where a ray that is above the ground at the first distance crosses it before the second; `above_b` is its height
+/// there, 0 or less.
 #[inline]
 fn meet(ray: &FieldRay, cell: [i32; 2], corners: &[f32; 4], [a, b]: [f32; 2], above_b: f32) -> f32 {
     let above_a = above_cell(ray, cell, corners, a);
     let first = crossing([a, above_a], [b, above_b]);
     let above = above_cell(ray, cell, corners, first);
-    // The ground below a ray is a parabola in a cell, and nearly always a line: then the first step is the last.
+    // Within a cell the ground below a ray is a parabola, and nearly always close to a line: then the first step
+    // suffices.
     if above.abs() < 5e-5 {
         first
     } else if above > 0.0 {
@@ -393,19 +396,19 @@ fn meet(ray: &FieldRay, cell: [i32; 2], corners: &[f32; 4], [a, b]: [f32; 2], ab
     }
 }
 
-/// `f32::min` without its care for NaN, which none of these numbers is: one instruction.
+/// `f32::min` without NaN handling, which compiles to one instruction; none of these numbers is NaN.
 #[inline]
 pub(crate) fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// `f32::max` in the same way.
+/// `f32::max` without NaN handling.
 #[inline]
 pub(crate) fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Where a ray that may be above a plane at `t` goes under it before `until`.
+/// Where a ray that may be above a plane at `t` crosses it before `until`.
 #[inline]
 fn goes_under(ray: &FieldRay, plane: &[f32; 4], t: f32, until: f32) -> Option<f32> {
     let [above, rate] = ray.above(plane);
@@ -419,21 +422,21 @@ fn goes_under(ray: &FieldRay, plane: &[f32; 4], t: f32, until: f32) -> Option<f3
     }
 }
 
-/// Where a line between two heights, the first above 0 and the second not, goes through 0.
+/// Zero crossing of a line between two heights, of which the first is above 0 and the second is not.
 #[inline]
 fn crossing([a, above_a]: [f32; 2], [b, above_b]: [f32; 2]) -> f32 {
     smaller(larger(a + (b - a) * (above_a / larger(above_a - above_b, 1e-12)), a), b)
 }
 
-/// The ground with what grows on it.
+/// The ground with its vegetation.
 struct Grown<'l> {
     lattice: &'l Lattice,
     stems: &'l [[f32; 2]; 16],
 }
 
 impl Grown<'_> {
-    /// Calls with the column, row and top of each sample of a square of cells; a cell's stem stands on its first
-    /// sample.
+    /// Calls with column, row and top height of each sample of a square of cells; the stem of a cell stands on its
+    /// first sample.
     fn each(&self, corner: [usize; 2], side: usize, mut call: impl FnMut(usize, usize, f32, bool)) {
         for row in 0..=side {
             let start = (corner[1] + row) * self.lattice.width + corner[0];
@@ -452,7 +455,7 @@ impl Grown<'_> {
         highest
     }
 
-    /// The plane through the middle of the square with its mean slope, raised over all samples.
+    /// The plane through the middle of the square with its mean slope, raised above all samples.
     fn plane_over(&self, corner: [usize; 2], side: usize) -> [f32; 4] {
         let middle = side as f32 * 0.5;
         let (mut sum, mut along, mut across, mut weight, mut grows) = (0.0, 0.0, 0.0, 0.0, false);
@@ -472,7 +475,8 @@ impl Grown<'_> {
             raise = raise.max(top - mean - slope_u * u - slope_v * v);
         });
         let at = [corner[0] as f32 + middle, corner[1] as f32 + middle];
-        // A stem leans on its first sample's height but may stand anywhere in the cell: room for the plane's slope.
+        // A stem has the height of its first sample but may stand anywhere in the cell, so the plane is raised by its
+        // slope.
         let lean = if grows { slope_u.abs() + slope_v.abs() } else { 0.0 };
         let constant = mean + raise + lean + SLACK_M - slope_u * at[0] - slope_v * at[1];
         [constant, slope_u, slope_v, if grows { 1.0 } else { 0.0 }]
@@ -480,7 +484,7 @@ impl Grown<'_> {
 }
 
 impl Maxima {
-    /// The highest of a square and its neighbours; the plain outside counts as 0.
+    /// The maximum of a square and its neighbours; the plain outside counts as 0.
     fn around(&self, [i, j]: [i32; 2]) -> f32 {
         if i < 0 || j < 0 || i >= self.across as i32 || j >= self.up as i32 {
             let near = [i.clamp(0, self.across as i32 - 1), j.clamp(0, self.up as i32 - 1)];

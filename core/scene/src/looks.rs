@@ -1,4 +1,4 @@
-//! What a world looks like: light, shadows and colour baked at load, and the colour of whatever a ray has hit.
+//! Appearance of a world: light, shadows and colours computed at load, and the colour of each hit.
 
 use crate::class::Surface;
 use crate::heightfield::{FieldHit, HeightField};
@@ -9,31 +9,31 @@ use crate::surface::Material;
 use crate::terrain::{CELL_M, Lattice};
 use crate::texture::{ONE, TEXEL_M, Texture, channels, detail, level_of, packed, rough};
 
-/// Light in the shade as a part of that on sunlit level ground.
+/// Light in the shade as a fraction of that on sunlit level ground.
 const SHADE: f32 = 0.42;
-/// Distance between the places of the outline of the distant trees.
+/// Spacing of the points of the outline of the distant trees.
 const SKYLINE: usize = 2048;
 const CELL: f32 = CELL_M as f32;
 
-/// Everything about a world that only colours need.
+/// Data that only colours need.
 pub(crate) struct Looks {
-    /// Per sample of the lattice: lit mean colour, and light alone in the last channel.
+    /// By sample of the lattice: mean colour with light, and the light alone in the last channel.
     ground: Texture,
-    /// By surface code; made for the surfaces that the world has.
+    /// By surface code; for the surfaces of the world.
     details: Vec<Option<Texture>>,
     rough: Texture,
     /// By surface code: two colours of stems.
     stems: [[Vec3; 2]; 16],
     sun: Vec3,
-    /// Light on a face toward the sun beyond that in the shade.
+    /// Light on a face toward the sun, in addition to that in the shade.
     direct: f32,
     plain: Vec3,
-    /// Upward slope of the distant trees' tops around the horizon.
+    /// Slope of the view to the tops of the distant trees, around the horizon.
     skyline: Vec<f32>,
     seed: u32,
 }
 
-/// A ray's point, and how much of the world its pixel covers there.
+/// A point on a ray, and the extent of its pixel there.
 pub(crate) struct Seen {
     pub(crate) at: Vec3,
     pub(crate) direction: Vec3,
@@ -89,8 +89,8 @@ impl Looks {
 
     #[inline]
     fn soil(&self, field: &HeightField, hit: &FieldHit, seen: &Seen) -> Vec3 {
-        // A pixel covers a strip of ground, longer than wide. Its texels have the strip's area, but at most four times
-        // its width: wider ones would blur what stereo needs.
+        // A pixel covers a strip of ground that is longer than wide. Its texels have the area of the strip, but at most
+        // four times its width: larger ones would blur the detail that stereo needs.
         let longer = (1.0 / seen.direction[2].abs().max(1e-3)).min(16.0);
         let footprint2 = seen.footprint_m * seen.footprint_m * longer;
         let [u, v] = [seen.at[0] * (1.0 / CELL), seen.at[1] * (1.0 / CELL)];
@@ -107,7 +107,7 @@ impl Looks {
         [r * ratio[0] * (1.0 / ONE), g * ratio[1] * (1.0 / ONE), b * ratio[2] * (1.0 / ONE)]
     }
 
-    /// The surface of a place, its borders broken up into specks of a few centimetres.
+    /// The surface at a position; borders between surfaces are irregular by a few centimetres.
     #[inline]
     fn speckled_surface(&self, lattice: &Lattice, cell: [usize; 2], [u, v]: [f32; 2]) -> u8 {
         let at = cell[1] * lattice.width + cell[0];
@@ -132,7 +132,7 @@ impl Looks {
         let h = hash2(hit.cell[0] as i32, hit.cell[1] as i32, self.seed ^ 0x57E3);
         // Leaves along the stem, a few centimetres each.
         let leaf = hash2(h as i32, ((seen.at[2] + 64.0) * 28.0) as i32, self.seed);
-        // Stems narrower than a pixel blend into their mean.
+        // Stems narrower than a pixel have their mean colour.
         let clear = (0.03 / seen.footprint_m).min(1.0);
         let part = 0.5 + clear * (0.6 * unit(h) + 0.4 * unit(leaf) - 0.5);
         let mut speck = 1.0
@@ -140,12 +140,12 @@ impl Looks {
                 * (0.5 * unit(h.wrapping_mul(0x9E37_79B1)) + 0.4 * unit(leaf.wrapping_mul(0x9E37_79B1))
                     - 0.45);
         if seen.footprint_m < 0.006 {
-            // From near, ribs and spots of a few millimetres.
+            // At close range, ribs and spots of a few millimetres.
             let side = (seen.at[0] + seen.at[1]) * 500.0 + unit(leaf) * 256.0;
             let rib = channels(self.rough.wrapped(0, side, (seen.at[2] + 64.0) * 160.0))[0];
             speck *= 1.0 + (rib - 128.0) * (0.7 / ONE);
         }
-        // Light falls in from above, and onto one side of the stem more than onto the other.
+        // Light comes from above, and one side of the stem is brighter than the other.
         let to_stem =
             [seen.at[0] * (1.0 / CELL) - hit.cell[0] as f32, seen.at[1] * (1.0 / CELL) - hit.cell[1] as f32];
         let sunny = self.sun[0] * (to_stem[0] - 0.5) + self.sun[1] * (to_stem[1] - 0.5);
@@ -177,13 +177,13 @@ impl Looks {
             return between(a, b, part, brightness);
         }
         let grey = self.grey(shape, normal, seen);
-        // The sky lights what looks up more than what looks down.
+        // Faces that point upwards get more light from the sky.
         let light = SHADE * (0.8 + 0.2 * normal[2]) + self.direct * facing.max(0.0);
         let light = light.min(1.25);
         between(a, b, grey, light)
     }
 
-    /// Rough grey from 0 to 1 on the side of a shape that a normal belongs to.
+    /// Grey noise from 0 to 1 on the side of a shape with this normal.
     #[inline]
     fn grey(&self, shape: &Shape, normal: Vec3, seen: &Seen) -> f32 {
         let [x, y, z] = seen.at;
@@ -197,10 +197,10 @@ impl Looks {
         ((value - 48.0) * (1.0 / 160.0)).clamp(0.0, 1.0)
     }
 
-    /// Colour where a ray leaves the world: distant trees, or the sky over them.
+    /// Colour of a ray that leaves the world: distant trees, or the sky above them.
     pub(crate) fn sky(&self, direction: Vec3) -> Vec3 {
         let [x, y, z] = direction;
-        // The angle around the horizon as its share of a diamond's outline, which needs no arc tangent.
+        // The angle around the horizon as a fraction of a diamond's outline, which needs no arc tangent.
         let share = y / (x.abs() + y.abs()).max(1e-6);
         let corner = if x >= 0.0 { 1.0 + share } else { 3.0 - share };
         let around = corner * (SKYLINE as f32 / 4.0);
@@ -219,7 +219,7 @@ impl Looks {
         blue.map(|v| v + (246.0 - v) * white)
     }
 
-    /// What distance does to a colour.
+    /// Haze: the effect of distance on a colour.
     #[inline]
     pub(crate) fn hazed(colour: Vec3, range_m: f32) -> Vec3 {
         let part = (range_m * (1.0 / 500.0)).min(0.45);
@@ -228,7 +228,7 @@ impl Looks {
     }
 }
 
-/// The part of the sun's light that reaches each sample past the things, 0 to 1, softened by a decimetre.
+/// Fraction of the sun's light that passes the things and reaches each sample, 0 to 1, blurred by a decimetre.
 fn shadows(lattice: &Lattice, shapes: &[Shape], sun: Vec3) -> Vec<f32> {
     let mut lit = vec![1.0_f32; lattice.z.len()];
     for shape in shapes {
@@ -265,7 +265,7 @@ fn soften(values: &mut [f32], width: usize) {
             row[at + 1] = (triple[0] + triple[1] + triple[2]) * (1.0 / 3.0);
         }
     }
-    // Down the columns with the two rows before kept, so that nothing is read after it changed.
+    // By columns; the previous two rows are kept, so that nothing is read after it has changed.
     let rows = values.len() / width;
     let mut last = values[..width].to_vec();
     for row in 1..rows.saturating_sub(1) {
@@ -278,11 +278,11 @@ fn soften(values: &mut [f32], width: usize) {
     }
 }
 
-/// Lit mean colour of every sample.
+/// Mean colour with light of every sample.
 fn bake(spec: &WorldSpec, lattice: &Lattice, lit: &[f32], sun: Vec3, direct: f32) -> Texture {
     let width = lattice.width;
     let mut tint = vec![1.0_f32; lattice.z.len()];
-    // Metres; every scale down to the samples' own, so that ground far away still has texture.
+    // Metres; all scales down to that of the samples, so that distant ground still has texture.
     for (wavelength, amplitude) in [(11.0, 0.10), (3.7, 0.09), (1.3, 0.08), (0.5, 0.08), (0.22, 0.07)] {
         let seed = hash2((wavelength * 10.0) as i32, 0x71, spec.seed);
         add_noise(&mut tint, width, wavelength / CELL, amplitude, seed);

@@ -1,8 +1,8 @@
-//! Hashes of positions, and smooth noise made of them.
+//! Hashes of positions, and smooth noise made from them.
 //!
-//! Nothing here has state: the same seed and place give the same number on every machine.
+//! Nothing here has state: the same seed and position give the same number on every machine.
 
-/// A well mixed number for a place of a lattice.
+/// Hash of a position on a lattice.
 #[inline]
 pub(crate) fn hash2(x: i32, y: i32, seed: u32) -> u32 {
     let mut h = (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77) ^ seed;
@@ -13,7 +13,7 @@ pub(crate) fn hash2(x: i32, y: i32, seed: u32) -> u32 {
     h ^ (h >> 15)
 }
 
-/// A well mixed number for a place of a lattice in space.
+/// Hash of a position on a lattice in three dimensions.
 #[inline]
 pub(crate) fn hash3(x: i32, y: i32, z: i32, seed: u32) -> u32 {
     hash2(x, y, seed ^ (z as u32).wrapping_mul(0xC2B2_AE3D))
@@ -30,7 +30,7 @@ pub(crate) fn signed(h: u32) -> f32 {
     2.0 * unit(h) - 1.0
 }
 
-/// Numbers drawn one after the other from a seed.
+/// Pseudo-random numbers drawn in sequence from a seed.
 pub(crate) struct Dice {
     seed: u32,
     drawn: i32,
@@ -57,11 +57,11 @@ fn fade(t: f32) -> f32 {
     t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
 }
 
-/// Adds value noise of one wavelength to a grid of `width` numbers a row; twice differentiable.
+/// Adds value noise of one wavelength to a grid with `width` numbers per row; twice differentiable.
 ///
-/// `wavelength` is in cells, the noise lies within ± `amplitude`.
+/// `wavelength` is in cells; the noise is within ± `amplitude`.
 pub(crate) fn add_noise(grid: &mut [f32], width: usize, wavelength: f32, amplitude: f32, seed: u32) {
-    // Lattices of different seeds do not share their nodes.
+    // Lattices of different seeds have different nodes.
     let shift = [unit(hash2(1, 2, seed)), unit(hash2(3, 4, seed))];
     let columns: Vec<(usize, f32)> = (0..width)
         .map(|x| {
@@ -86,7 +86,7 @@ pub(crate) fn add_noise(grid: &mut [f32], width: usize, wavelength: f32, amplitu
     }
 }
 
-/// Value noise at one place, within ±1; `at` in wavelengths.
+/// Value noise at one position, within ±1; `at` in wavelengths.
 pub(crate) fn noise_at(x: f64, y: f64, seed: u32) -> f64 {
     let (ix, iy) = (x.floor(), y.floor());
     let (fx, fy) = (f64::from(fade((x - ix) as f32)), f64::from(fade((y - iy) as f32)));
@@ -117,7 +117,7 @@ mod tests {
         add_noise(&mut grid, 200, 10.0, 0.5, 3);
         assert!(grid.iter().all(|v| v.abs() <= 0.5));
         let step = grid.windows(2).take(199).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
-        // The steepest a fade gets is 15/8 of the step between nodes, which is at most twice the amplitude.
+        // The greatest slope of a fade is 15/8 of the step between nodes, which is at most twice the amplitude.
         assert!(step <= 15.0 / 8.0 / 10.0 && step > 0.0, "{step}");
     }
 }

@@ -1,6 +1,6 @@
-//! Reading a TOML file so that every refusal names its line and its key.
+//! Reads a TOML file so that every error names its line and key.
 //!
-//! A [`Table`] hands out values by key and remembers which keys were asked for; [`Table::finish`] refuses the others.
+//! A [`Table`] returns values by key and records the keys that were requested; [`Table::finish`] refuses the others.
 
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
@@ -9,19 +9,19 @@ use rcs_geom::DVec2;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Why a file is no world: where, which key, and what was expected.
+/// Why a file is refused: line, key, and what was expected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}, key \"{key}\": {message}")]
 pub struct SceneError {
-    /// From 1.
+    /// Line, from 1.
     pub line: usize,
-    /// With the tables around it: `thing.radius_m`. Empty where the text is not TOML.
+    /// Key with its tables: `thing.radius_m`. Empty if the text is not TOML.
     pub key: String,
-    /// What is wrong, what was given and what was expected.
+    /// What is wrong, with the value found and the value expected.
     pub message: String,
 }
 
-/// Any coordinate in a file, m.
+/// Greatest absolute value of a coordinate in a file, m.
 pub(crate) const COORDINATE_M: RangeInclusive<f64> = -1.0e4..=1.0e4;
 
 struct Entry<'t> {
@@ -63,7 +63,7 @@ impl<'t> Table<'t> {
         Table { text, path, line, entries: table.into_iter().map(entry).collect(), asked: Vec::new() }
     }
 
-    /// An error at a key of this table, or at the table where it has no such key.
+    /// An error at a key of this table, or at the table if it has no such key.
     pub(crate) fn error(&self, key: &str, message: impl Into<String>) -> SceneError {
         let line = self.entries.iter().find(|entry| entry.key == key).map_or(self.line, |entry| entry.line);
         let key = if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) };
@@ -100,7 +100,7 @@ impl<'t> Table<'t> {
         }
     }
 
-    /// A number, where the key is there.
+    /// A number, if the key exists.
     pub(crate) fn number(
         &mut self,
         key: &'static str,
@@ -109,7 +109,7 @@ impl<'t> Table<'t> {
         self.take(key).map(|value| self.number_in(key, value.get_ref(), &range)).transpose()
     }
 
-    /// A number, or what holds where the key is not there.
+    /// A number, or a default if the key does not exist.
     pub(crate) fn number_or(
         &mut self,
         key: &'static str,
@@ -119,7 +119,7 @@ impl<'t> Table<'t> {
         Ok(self.number(key, range)?.unwrap_or(default))
     }
 
-    /// A number that must be there.
+    /// A required number.
     pub(crate) fn need_number(
         &mut self,
         key: &'static str,
@@ -129,7 +129,7 @@ impl<'t> Table<'t> {
         self.number(key, range)?.ok_or_else(|| self.missing(key, &expected))
     }
 
-    /// A whole number.
+    /// An integer.
     pub(crate) fn integer(
         &mut self,
         key: &'static str,
@@ -159,12 +159,12 @@ impl<'t> Table<'t> {
         text.map(Some).ok_or_else(|| self.error(key, format!("got a {got}, expected text")))
     }
 
-    /// Text that must be there.
+    /// A required text.
     pub(crate) fn need_text(&mut self, key: &'static str) -> Result<String, SceneError> {
         self.text(key)?.ok_or_else(|| self.missing(key, "text"))
     }
 
-    /// A name out of a list.
+    /// One of a list of names.
     pub(crate) fn choice<T>(
         &mut self,
         key: &'static str,
@@ -176,7 +176,7 @@ impl<'t> Table<'t> {
         find(&text).map(Some).ok_or_else(unknown)
     }
 
-    /// A name out of a list, which must be there.
+    /// A required name from a list.
     pub(crate) fn need_choice<T>(
         &mut self,
         key: &'static str,
@@ -216,7 +216,7 @@ impl<'t> Table<'t> {
         self.take(key).map(|value| self.numbers_in(key, value.get_ref(), &range)).transpose()
     }
 
-    /// A number, or a list of the least and the largest.
+    /// A number, or a list of least and greatest value.
     pub(crate) fn span(
         &mut self,
         key: &'static str,
@@ -235,17 +235,17 @@ impl<'t> Table<'t> {
         Ok(Some([least, largest]))
     }
 
-    /// A place, m.
+    /// A position, m.
     pub(crate) fn point(&mut self, key: &'static str) -> Result<Option<DVec2>, SceneError> {
         Ok(self.numbers::<2>(key, COORDINATE_M)?.map(DVec2::from_array))
     }
 
-    /// A place that must be there, m.
+    /// A required position, m.
     pub(crate) fn need_point(&mut self, key: &'static str) -> Result<DVec2, SceneError> {
         self.point(key)?.ok_or_else(|| self.missing(key, "[x, y] in metres"))
     }
 
-    /// A list of at least `least` places, m.
+    /// A list of at least `least` positions, m.
     pub(crate) fn points(
         &mut self,
         key: &'static str,
@@ -264,7 +264,7 @@ impl<'t> Table<'t> {
         list.iter().map(point).collect::<Result<Vec<_>, _>>().map(Some)
     }
 
-    /// A table inside of this one.
+    /// A table within this one.
     pub(crate) fn table(&mut self, key: &'static str) -> Result<Option<Table<'t>>, SceneError> {
         let Some(value) = self.take(key) else { return Ok(None) };
         self.child(key, value).map(Some)
@@ -279,7 +279,7 @@ impl<'t> Table<'t> {
         }
     }
 
-    /// A list of tables; empty where the key is not there.
+    /// A list of tables; empty if the key does not exist.
     pub(crate) fn tables(&mut self, key: &'static str) -> Result<Vec<Table<'t>>, SceneError> {
         let Some(value) = self.take(key) else { return Ok(Vec::new()) };
         match value.into_inner() {
@@ -288,7 +288,7 @@ impl<'t> Table<'t> {
         }
     }
 
-    /// Refuses keys that nobody asked for.
+    /// Refuses keys that were not requested.
     pub(crate) fn finish(self) -> Result<(), SceneError> {
         match self.entries.iter().find(|entry| entry.value.is_some()) {
             None => Ok(()),

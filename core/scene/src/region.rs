@@ -1,4 +1,4 @@
-//! Regions of the ground: polygons, paths of a width, circles.
+//! Regions of the ground: polygons, paths with a width, circles.
 
 use rcs_geom::DVec2;
 
@@ -13,7 +13,7 @@ pub(crate) enum Region {
 }
 
 impl Region {
-    /// Exactly one of `polygon`, `path` with `width_m`, or `circle = [x, y, radius]`.
+    /// A table must have exactly one of `polygon`, `path` with `width_m`, or `circle = [x, y, radius]`.
     pub(crate) fn read(table: &mut Table<'_>) -> Result<Region, SceneError> {
         let polygon = table.points("polygon", 3)?;
         let path = table.points("path", 2)?;
@@ -35,7 +35,7 @@ impl Region {
         }
     }
 
-    /// Distance from its border, m; negative inside.
+    /// Distance from the border, m; negative inside.
     pub(crate) fn distance_m(&self, at: DVec2) -> f64 {
         match self {
             Region::Polygon(points) => {
@@ -49,7 +49,7 @@ impl Region {
         }
     }
 
-    /// The rectangle around it, m: lower left and upper right.
+    /// The bounding box, m: lower left and upper right corner.
     pub(crate) fn extent(&self) -> [DVec2; 2] {
         let (points, margin) = match self {
             Region::Polygon(points) => (points.as_slice(), 0.0),
@@ -62,14 +62,14 @@ impl Region {
     }
 }
 
-/// Where a path comes closest to a place.
+/// The point of a path that is closest to a position.
 pub(crate) struct Closest {
     pub(crate) distance_m: f64,
-    /// Positive to the left of the path's direction, m.
+    /// Signed distance, positive to the left of the path's direction, m.
     pub(crate) side_m: f64,
 }
 
-/// The closest place of a path of at least two points (repeated points are allowed).
+/// The closest point of a path of at least two points (repeated points are allowed).
 pub(crate) fn closest_on_path(points: &[DVec2], at: DVec2) -> Closest {
     let mut best = Closest { distance_m: f64::INFINITY, side_m: f64::INFINITY };
     for leg in points.windows(2) {
@@ -85,7 +85,7 @@ pub(crate) fn closest_on_path(points: &[DVec2], at: DVec2) -> Closest {
     best
 }
 
-/// Whether a place lies in a polygon, by counting crossings.
+/// Whether a position lies in a polygon, by counting crossings.
 fn inside(points: &[DVec2], at: DVec2) -> bool {
     let mut inside = false;
     let mut last = points[points.len() - 1];

@@ -1,9 +1,9 @@
-//! What a camera sees.
+//! Renders the image of a camera.
 //!
-//! Pixels are taken in bundles of 8×8. For a bundle it is found once which shapes its cone can meet, and how far it is
-//! clear of the ground; each ray of it then tries those shapes and walks the ground from there. Both only leave out
-//! what no ray of the bundle can meet, and bundles lie at fixed places of the image: how it is cut into strips changes
-//! no bit.
+//! Pixels are processed in bundles of 8×8. For each bundle the shapes that its cone can hit and the distance over which
+//! it is clear of the ground are determined once; each ray then tests those shapes, and traverses the ground from that
+//! distance. Both steps only skip what no ray of the bundle can hit, and bundles have fixed positions in the image. So
+//! the way in which an image is cut into strips does not change the result.
 
 use std::ops::Range;
 
@@ -17,15 +17,15 @@ use crate::shape::{Form, MESH_COVER, Shape, Vec3, along, between};
 use crate::trace::Met;
 use crate::world::{Inner, World};
 
-/// Farther away nothing is seen but the sky, m.
+/// Beyond this distance only the sky is visible, m.
 pub const CAMERA_RANGE_M: f64 = 300.0;
 const RANGE: f32 = CAMERA_RANGE_M as f32;
-/// From this width of a pixel on, the strands of a fence blend into what is behind, m.
+/// Beyond this pixel width the strands of a fence blend with the background, m.
 const BLEND_M: f32 = 0.012;
 
-/// Where to put some rows of a view: row after row, the first of the rows first.
+/// Buffers for some rows of a view, by rows, the first row of the strip first.
 pub struct ViewRows<'a> {
-    /// Red, green, blue: three bytes a pixel.
+    /// Red, green, blue: three bytes per pixel.
     pub rgb: &'a mut [u8],
     /// Depth along the optical axis, m; NaN where there is none.
     pub depth_m: &'a mut [f32],
@@ -35,7 +35,7 @@ pub struct ViewRows<'a> {
     pub label: &'a mut [u8],
 }
 
-/// Draws some rows of what a camera sees. Rows and pixels beyond those that `out` holds are left out.
+/// Renders some rows of a camera's image. Rows and pixels beyond the size of `out` are left out.
 pub fn render_rows(
     world: &World,
     rays: &CameraRays,
@@ -64,14 +64,14 @@ pub fn render_rows(
     }
 }
 
-/// A shape as a ball seen from the camera.
+/// Bounding sphere of a shape relative to the camera.
 #[derive(Clone, Copy)]
 struct Ball {
     shape: u32,
-    /// From the camera, in the global frame, m.
+    /// Centre relative to the camera, in the global frame, m.
     middle: Vec3,
     reach_m: f32,
-    /// No ray meets it before this, m.
+    /// No ray hits it closer than this, m.
     nearest_m: f32,
 }
 
@@ -79,13 +79,13 @@ struct View<'v> {
     inner: &'v Inner,
     rays: &'v CameraRays,
     origin: Vec3,
-    /// Rows of the matrix that turns the optical frame into the global one.
+    /// Rows of the rotation matrix from the optical frame to the global one.
     turn: [Vec3; 3],
     reach: Vec<Ball>,
     passable: [bool; 16],
 }
 
-/// What a ray has found.
+/// The hit of a ray.
 struct Found {
     t: f32,
     met: Option<Met>,
@@ -108,7 +108,7 @@ impl<'v> View<'v> {
             passable[surface as usize] = world.material(surface).passable;
         }
         let mut reach: Vec<Ball> = inner.shapes.iter().enumerate().map(ball).collect();
-        // Near ones first: what they hide need not be tried.
+        // Near ones first, because what they hide need not be tested.
         reach.sort_by(|a, b| a.nearest_m.total_cmp(&b.nearest_m));
         View { inner, rays, origin, turn, reach, passable }
     }
@@ -119,7 +119,7 @@ impl<'v> View<'v> {
         [dot(x, v), dot(y, v), dot(z, v)]
     }
 
-    /// The balls that a cone may meet.
+    /// The spheres that a cone may hit.
     fn shapes_near(&self, cone: &Cone, among: &[Ball], near: &mut Vec<Ball>) {
         near.clear();
         let axis = self.turned(cone.axis);
@@ -127,8 +127,8 @@ impl<'v> View<'v> {
             let m = ball.middle;
             let along = m[0] * axis[0] + m[1] * axis[1] + m[2] * axis[2];
             let distance2 = m[0] * m[0] + m[1] * m[1] + m[2] * m[2];
-            // A ray stays within spread · distance of the axis's point at the same distance, and meets the ball at most
-            // as far away as its middle plus its radius.
+            // A ray stays within spread · distance of the axis at the same distance, and hits the sphere at most at the
+            // distance of its centre plus its radius.
             let reach = ball.reach_m + cone.spread * (distance2.sqrt() + ball.reach_m);
             let aside2 = distance2 - along * along;
             let before = along > 0.0 || distance2 <= reach * reach;
@@ -165,7 +165,7 @@ impl<'v> View<'v> {
             return put(out, at, [0.0; 3], f32::NAN, Class::Sky, Label::Invalid);
         }
         let mut solid = Found { t: RANGE, met: None };
-        // The fence is drawn over what is behind it; a ray may still end at a strand.
+        // The fence is blended over what is behind it; a ray may still end at a strand.
         let (mut veil, mut strand) = (None, Found { t: RANGE, met: None });
         for ball in near {
             if ball.nearest_m >= solid.t {
@@ -186,7 +186,7 @@ impl<'v> View<'v> {
                 solid = Found { t: hit.t, met: Some(Met::Field(hit)) };
             }
         }
-        // The plain lies behind whatever of the ground a ray meets.
+        // The plain is behind any ground that a ray hits.
         if !matches!(solid.met, Some(Met::Field(_)))
             && let Some(t) = self.inner.plain(self.origin, d, solid.t)
         {

@@ -1,34 +1,34 @@
-//! Convex shapes of which things are made, and rays against them.
+//! Convex shapes of which things consist, and their intersection with rays.
 //!
-//! Every shape is met as an interval along the ray, in the shape's own axes (turned about z alone). Foliage is a volume
-//! in which leaves sit in small cubes, there or not by a hash of the cube's place, so that both cameras see the same
-//! ones; the fence is a panel with holes.
+//! Each shape is intersected as an interval along the ray, in the axes of the shape (rotated about z only). Foliage is
+//! a volume of small cubes; a hash of a cube's position decides whether it contains a leaf, so that both cameras of a
+//! pair see the same leaves. The fence is a panel with holes.
 
 use crate::class::Class;
 use crate::heightfield::{larger, smaller};
 use crate::noise::{hash3, unit};
 
-/// Coordinates are metres from the lattice's first sample.
+/// Coordinates are metres relative to the lattice's first sample.
 pub(crate) type Vec3 = [f32; 3];
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Form {
     Ellipsoid,
-    /// About z.
+    /// An axis along z.
     Column,
-    /// About its own x axis.
+    /// An axis along its own x axis.
     Roll,
     Box,
-    /// A panel in its own x-z plane, with holes.
+    /// A panel with holes in its own x-z plane.
     Mesh,
 }
 
-/// How a shape looks.
+/// Appearance of a shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Coat {
-    /// Two colours between which its texture goes, 0 to 255.
+    /// The two colours of its texture, 0 to 255.
     pub(crate) colours: [Vec3; 2],
-    /// Texture cells per metre across and up: wood has its grain, stone has none.
+    /// Texture cells per metre horizontally and vertically; they differ for wood, which has grain.
     pub(crate) grain: [f32; 2],
 }
 
@@ -43,30 +43,30 @@ pub(crate) struct Shape {
     pub(crate) half: Vec3,
     /// Cosine and sine of its yaw.
     pub(crate) turn: [f32; 2],
-    /// Side of the cubes of leaves, m; 0 for solid shapes.
+    /// Size of the cubes of leaves, m; 0 for solid shapes.
     pub(crate) leaf_m: f32,
     pub(crate) coat: Coat,
-    /// Ground below the thing, m.
+    /// Height of the ground below the thing, m.
     pub(crate) ground_m: f32,
-    /// Height of the whole thing, m.
+    /// Height of the complete thing, m.
     pub(crate) thing_height_m: f32,
 }
 
-/// Part of the cubes in foliage that hold a leaf.
+/// Fraction of the cubes in foliage that contain a leaf.
 const LEAVES: f32 = 0.6;
-/// Steps through foliage; a ray that met no leaf in them passes.
+/// Greatest number of steps through foliage; a ray without a hit by then passes.
 const LEAF_STEPS: usize = 8;
-/// Side of the fence's meshes, m.
+/// Size of the fence's meshes, m.
 pub(crate) const MESH_M: f32 = 0.05;
-/// Width of its strands as a part of that.
+/// Width of its strands as a fraction of that.
 const STRAND: f32 = 0.14;
-/// Part of the fence that is plastic.
+/// Fraction of the fence's area that is plastic.
 pub(crate) const MESH_COVER: f32 = 1.0 - (1.0 - STRAND) * (1.0 - STRAND);
-/// Its upper and lower edge are solid bands, m.
+/// Width of the solid bands at its upper and lower edge, m.
 const BAND_M: f32 = 0.03;
 
 impl Shape {
-    /// Radius of the sphere around it, m.
+    /// Radius of the bounding sphere, m.
     pub(crate) fn reach_m(&self) -> f32 {
         let [x, y, z] = self.half;
         match self.form {
@@ -77,7 +77,7 @@ impl Shape {
         }
     }
 
-    /// Half size of the upright box around it along x and y of the world, m.
+    /// Half size of the bounding box along x and y of the world, m.
     pub(crate) fn half_extent(&self) -> [f32; 2] {
         let [x, y, _] = self.half;
         let [c, s] = self.turn.map(f32::abs);
@@ -90,11 +90,10 @@ impl Shape {
         [c * v[0] + s * v[1], c * v[1] - s * v[0], v[2]]
     }
 
-    /// The distance at which a ray meets the shape, less than `nearest`, m.
+    /// The distance at which a ray hits the shape, if less than `nearest`, m.
     #[inline]
     pub(crate) fn meet(&self, origin: Vec3, direction: Vec3, nearest: f32) -> Option<f32> {
         let from = [origin[0] - self.middle[0], origin[1] - self.middle[1], origin[2] - self.middle[2]];
-        // Anything but a hit within the sphere around it is told by one square root less.
         let (o, d) = (self.turned(from), self.turned(direction));
         let [enter, leave] = match self.form {
             Form::Ellipsoid => ball(scaled(o, self.half), scaled(d, self.half))?,
@@ -138,10 +137,11 @@ impl Shape {
         None
     }
 
-    /// The hash of the cube of leaves at a place.
+    /// Hash of the cube of leaves at a position.
     #[inline]
     pub(crate) fn leaf_hash(&self, at: Vec3) -> u32 {
-        // Places are positive but for rays from outside of the world, where one odd row of cubes harms nobody.
+        // Coordinates are positive except for rays from outside of the world, where one irregular row of cubes does no
+        // harm.
         let scale = 1.0 / self.leaf_m;
         hash3((at[0] * scale) as i32, (at[1] * scale) as i32, ((at[2] + 64.0) * scale) as i32, 0x1EAF)
     }
@@ -174,7 +174,7 @@ impl Shape {
         (band || in_mesh(at[0]) < STRAND || in_mesh(at[1]) < STRAND).then_some(t)
     }
 
-    /// The outward direction of the surface at a place on it, in the world, length 1.
+    /// The outward unit normal at a point of the surface, in the world.
     #[inline]
     pub(crate) fn normal(&self, at: Vec3, direction: Vec3) -> Vec3 {
         let from = [at[0] - self.middle[0], at[1] - self.middle[1], at[2] - self.middle[2]];
@@ -202,13 +202,13 @@ impl Shape {
     }
 }
 
-/// The place at a distance along a ray.
+/// The point at a distance along a ray.
 #[inline]
 pub(crate) fn along(origin: Vec3, direction: Vec3, t: f32) -> Vec3 {
     [origin[0] + t * direction[0], origin[1] + t * direction[1], origin[2] + t * direction[2]]
 }
 
-/// From one colour to another, both times a factor.
+/// Interpolates between two colours, multiplied by a factor.
 #[inline]
 pub(crate) fn between(a: &Vec3, b: &Vec3, part: f32, factor: f32) -> Vec3 {
     [
@@ -229,8 +229,8 @@ fn scaled(v: Vec3, half: Vec3) -> Vec3 {
     [v[0] / half[0], v[1] / half[1], v[2] / half[2]]
 }
 
-/// The interval in which a ray is within distance 1 of the origin. Worked from the closest point, which keeps its
-/// digits for rays that come from far.
+/// The interval in which a ray is within distance 1 of the origin. It is computed from the closest point, which keeps
+/// precision for rays with a distant origin.
 #[inline]
 fn ball(o: Vec3, d: Vec3) -> Option<[f32; 2]> {
     let inverse = 1.0 / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
@@ -244,7 +244,7 @@ fn ball(o: Vec3, d: Vec3) -> Option<[f32; 2]> {
     Some([t - half, t + half])
 }
 
-/// The same in a plane; a ray that does not move in the plane is inside always or never.
+/// The same in a plane; a ray without motion in the plane is inside always or never.
 #[inline]
 fn disc(o: [f32; 2], d: [f32; 2]) -> Option<[f32; 2]> {
     let inverse = 1.0 / (d[0] * d[0] + d[1] * d[1]).max(1e-12);

@@ -1,4 +1,4 @@
-//! A world file, read and checked: everything that a world is made of, before anything is computed.
+//! A world file, parsed and checked: the definition of a world before anything is computed.
 
 use rcs_geom::{DVec2, Utm};
 
@@ -14,32 +14,32 @@ pub(crate) struct Undulation {
     pub(crate) amplitude_m: f64,
 }
 
-/// A round or oblong rise, or a hollow where `height_m` is negative.
+/// A round or elliptic hill, or a hollow if `height_m` is negative.
 pub(crate) struct Hill {
     pub(crate) centre: DVec2,
-    /// Along its own axes, m.
+    /// Radii along its own axes, m.
     pub(crate) radius_m: [f64; 2],
     pub(crate) yaw_rad: f64,
     pub(crate) height_m: f64,
 }
 
-/// Ground that rises from one place to another; beyond them it is level.
+/// Ground that rises from one position to another; it is level beyond them.
 pub(crate) struct Slope {
     pub(crate) from: DVec2,
     pub(crate) to: DVec2,
     pub(crate) rise_m: f64,
 }
 
-/// A channel along a path.
+/// A ditch along a path.
 pub(crate) struct Ditch {
     pub(crate) path: Vec<DVec2>,
     pub(crate) half_width_m: f64,
     pub(crate) depth_m: f64,
-    /// Width of each bank within the half width, m.
+    /// Width of each bank, within the half width, m.
     pub(crate) bank_m: f64,
 }
 
-/// A step along a path: higher to its left, which falls back to the old height over a distance.
+/// A step along a path: higher on its left side, with a gradual return to the original height.
 pub(crate) struct Ledge {
     pub(crate) path: Vec<DVec2>,
     pub(crate) height_m: f64,
@@ -50,11 +50,11 @@ pub(crate) struct Ledge {
 pub(crate) struct Paint {
     pub(crate) surface: Surface,
     pub(crate) region: Region,
-    /// How far the border wanders, m.
+    /// Irregularity of the border, m.
     pub(crate) edge_m: f64,
 }
 
-/// One thing, or a line of things, or a seeded list.
+/// One thing, a line of things, or a seeded list.
 pub(crate) struct Placed {
     pub(crate) kind: ThingKind,
     pub(crate) size: SizeRange,
@@ -73,7 +73,7 @@ pub(crate) struct WorldSpec {
     pub(crate) origin: Utm,
     pub(crate) bounds_m: [DVec2; 2],
     pub(crate) base: Surface,
-    /// By the code of the surface, less 1.
+    /// Indexed by the code of the surface less 1.
     pub(crate) materials: Vec<Material>,
     pub(crate) undulations: Vec<Undulation>,
     pub(crate) hills: Vec<Hill>,
@@ -82,13 +82,13 @@ pub(crate) struct WorldSpec {
     pub(crate) ledges: Vec<Ledge>,
     pub(crate) paints: Vec<Paint>,
     pub(crate) placed: Vec<Placed>,
-    /// Where seeded lists put nothing.
+    /// Regions in which seeded lists place nothing.
     pub(crate) clear: Vec<Region>,
-    /// Of the sun: azimuth counter-clockwise from east, and elevation, rad.
+    /// Azimuth of the sun counter-clockwise from east, and its elevation, rad.
     pub(crate) sun_rad: [f64; 2],
 }
 
-/// Longest side of a world, m: its grids stay within tens of megabytes.
+/// Greatest side of a world, m, which limits its grids to tens of megabytes.
 const MAX_SIDE_M: f64 = 200.0;
 const MAX_SCATTERED: u32 = 2000;
 

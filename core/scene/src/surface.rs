@@ -1,14 +1,14 @@
-//! What each surface is like: looks, traction, and what grows on it.
+//! Properties of surfaces: appearance, traction and vegetation.
 
 use crate::class::Surface;
 use crate::read::{SceneError, Table};
 
-/// The shape of the specks of which a surface's detail is made.
+/// Shape of the specks of which the texture of a surface consists.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Specks {
-    /// How many per square metre.
+    /// Number per square metre.
     pub(crate) per_m2: f32,
-    /// Along and across, m.
+    /// Length along and across, m.
     pub(crate) length_m: [f32; 2],
     pub(crate) width_m: f32,
     /// Spread of brightness about 1.
@@ -18,30 +18,30 @@ pub(crate) struct Specks {
 /// One surface of a world.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Material {
-    /// Two colours between which its specks lie, 0 to 255.
+    /// The two colours of its specks, 0 to 255.
     pub(crate) colours: [[f32; 3]; 2],
     pub(crate) specks: Specks,
-    /// Largest force along the ground as a part of the load.
+    /// Greatest horizontal force as a fraction of the load.
     pub(crate) traction: f64,
-    /// Force against rolling as a part of the load.
+    /// Rolling resistance as a fraction of the load.
     pub(crate) rolling_resistance: f64,
-    /// Height of what grows, m.
+    /// Height of the vegetation, m.
     pub(crate) height_m: f64,
-    /// Chance of a hit per metre of horizontal ray within what grows; 0: only painted on the ground.
+    /// Probability of a hit per metre of a horizontal ray through the vegetation; 0 for a surface without stems.
     pub(crate) density_per_m: f64,
-    /// Force against pushing through as a part of the vehicle's weight.
+    /// Force needed to push through, as a fraction of the vehicle's weight.
     pub(crate) drag: f64,
-    /// Whether a vehicle may drive into it.
+    /// Whether a vehicle can drive into it.
     pub(crate) passable: bool,
 }
 
-/// Stems stand in cells of a decimetre, one in each that has one.
+/// Size of the cells of stems: a decimetre, with at most one stem per cell.
 pub(crate) const STEM_PRESENCE: f64 = 0.85;
-/// Denser, and the stems would not fit into their cells.
+/// Greatest density; with more, the stems would not fit into their cells.
 const MAX_DENSITY_PER_M: f64 = 6.0;
 
 impl Material {
-    /// What holds where a world file says nothing.
+    /// Default properties of a surface.
     pub(crate) fn default_of(surface: Surface) -> Material {
         let specks = |per_m2: f32, shortest: f32, longest: f32, width_m: f32, contrast: f32| Specks {
             per_m2,
@@ -120,7 +120,7 @@ impl Material {
         }
     }
 
-    /// What a world file changes.
+    /// Properties that a world file can change.
     pub(crate) fn read(&mut self, mut table: Table<'_>) -> Result<(), SceneError> {
         let mut change = |key, value: &mut f64, range| -> Result<(), SceneError> {
             *value = table.number(key, range)?.unwrap_or(*value);
@@ -145,18 +145,18 @@ impl Material {
         table.finish()
     }
 
-    /// Colour seen from far away, 0 to 255.
+    /// Colour from far away, 0 to 255.
     pub(crate) fn mean_colour(&self) -> [f32; 3] {
         let [a, b] = self.colours;
         [0, 1, 2].map(|c| 0.5 * (a[c] + b[c]))
     }
 
-    /// Whether stems stand on it that rays meet one by one.
+    /// Whether it has stems that rays can hit one by one.
     pub(crate) fn has_stems(&self) -> bool {
         self.density_per_m > 0.0
     }
 
-    /// Radius of its stems, m: `density = stems per m² · diameter`, with `cell_m` the side of a stem's cell.
+    /// Radius of its stems, m: `density = stems per m² · diameter`; `cell_m` is the size of a stem's cell.
     pub(crate) fn stem_radius_m(&self, cell_m: f64) -> f64 {
         0.5 * self.density_per_m * cell_m * cell_m / STEM_PRESENCE
     }

@@ -1,4 +1,4 @@
-//! From a world file's terrain and paint to heights and surfaces on a lattice.
+//! Converts the terrain and paint of a world file to heights and surfaces on a lattice.
 
 use rcs_geom::DVec2;
 
@@ -9,20 +9,20 @@ use crate::spec::WorldSpec;
 
 /// Distance between the samples of the lattice, m.
 pub(crate) const CELL_M: f64 = 0.1;
-/// Cells of a tile's side.
+/// Cells per side of a tile.
 pub(crate) const TILE: usize = 8;
-/// Cells of a block's side: a block is 8 by 8 tiles.
+/// Cells per side of a block, which is 8 by 8 tiles.
 pub(crate) const BLOCK: usize = 64;
-/// Toward its bounds a world falls to height 0, at which the plain outside goes on, m.
+/// Width of the margin in which a world falls to height 0, the height of the plain outside, m.
 const BORDER_M: f64 = 6.0;
 
 /// Samples of the ground, the first at the lower left corner of the bounds.
 ///
-/// The lattice is padded to whole blocks; what lies beyond the bounds is plain ground of height 0.
+/// The lattice is padded to complete blocks; beyond the bounds it has flat ground of height 0.
 pub(crate) struct Lattice {
     /// Cells along x and y, multiples of [`BLOCK`].
     pub(crate) cells: [usize; 2],
-    /// Samples of a row: one more than cells.
+    /// Samples per row: one more than cells.
     pub(crate) width: usize,
     /// Heights of the samples, m.
     pub(crate) z: Vec<f32>,
@@ -58,7 +58,7 @@ impl Lattice {
         lattice
     }
 
-    /// Changes heights within a rectangle, m: `change(place, height)`.
+    /// Changes the heights within a rectangle, m: `change(position, height)`.
     fn each(&mut self, low: DVec2, extent: [DVec2; 2], mut change: impl FnMut(DVec2, &mut f32)) {
         let index = |value: f64, most: usize| ((value / CELL_M).max(0.0) as usize).min(most);
         let [from, to] = extent.map(|corner| corner - low);
@@ -122,7 +122,8 @@ impl Lattice {
         }
     }
 
-    /// Paints the regions one over the other. A region is decided by tiles where a tile is wholly inside or outside.
+    /// Paints the regions in order, one over the other. Tiles that lie completely inside or outside of a region are
+    /// decided as a whole.
     fn paint(&mut self, spec: &WorldSpec) {
         let low = spec.bounds_m[0];
         let half_diagonal = CELL_M * TILE as f64 * std::f64::consts::FRAC_1_SQRT_2;
@@ -172,7 +173,7 @@ impl Lattice {
         }
     }
 
-    /// The cell of a place in cells from the first sample, and where in it the place lies.
+    /// The cell at a position (in cells from the first sample), and the position within it.
     pub(crate) fn cell(&self, u: f64, v: f64) -> ([usize; 2], [f64; 2]) {
         let place = |value: f64, cells: usize| {
             let value = value.clamp(0.0, cells as f64);
@@ -183,7 +184,7 @@ impl Lattice {
         ([i, j], [fu, fv])
     }
 
-    /// Height, and its slope along x and y, at a place in cells from the first sample: bilinear between samples, m.
+    /// Height, and its slope along x and y, at a position in cells from the first sample: bilinear between samples, m.
     pub(crate) fn height(&self, u: f64, v: f64) -> (f64, [f64; 2]) {
         let ([i, j], [fu, fv]) = self.cell(u, v);
         let at = j * self.width + i;
@@ -194,7 +195,7 @@ impl Lattice {
         (height, [(b - a + fv * twist) / CELL_M, (c - a + fu * twist) / CELL_M])
     }
 
-    /// The surface at a place in cells: that of the closest sample.
+    /// The surface at a position in cells: that of the closest sample.
     pub(crate) fn surface(&self, u: f64, v: f64) -> Surface {
         let ([i, j], [fu, fv]) = self.cell(u, v);
         let at = (j + usize::from(fv >= 0.5)) * self.width + i + usize::from(fu >= 0.5);
@@ -202,7 +203,7 @@ impl Lattice {
     }
 }
 
-/// How far a painted border lies outside of its region, as a part of the largest distance.
+/// Displacement of a painted border, as a fraction of its greatest displacement.
 fn wander(at: DVec2, seed: u32) -> f64 {
     0.6 * noise_at(at.x / 0.9, at.y / 0.9, seed) + 0.4 * noise_at(at.x / 0.27, at.y / 0.27, seed ^ 0x55)
 }

@@ -1,9 +1,9 @@
-//! Textures as tables: packed texels with mip levels, and the seeded noise they are filled with.
+//! Textures: packed texels with mip levels, and the seeded noise that fills them.
 
 use crate::noise::{Dice, add_noise, hash2, unit};
 use crate::surface::Material;
 
-/// Texels as packed r, g, b, a (r in the low byte), with levels that each halve the one before.
+/// Texels as packed r, g, b, a (r in the low byte), with mip levels of half the size each.
 pub(crate) struct Texture {
     levels: Vec<Level>,
 }
@@ -16,14 +16,14 @@ struct Level {
     texels: Vec<u32>,
 }
 
-/// Texels of a tile's side. A power of two, so that wrapping is a mask.
+/// Texels per side of a tile: a power of two, so that wrapping is a mask.
 pub(crate) const TILE_TEXELS: usize = 512;
 /// Side of one texel of a tile, m.
 pub(crate) const TEXEL_M: f32 = 0.01;
-/// In a tile of ratios this is 1.
+/// In a tile of ratios this value means 1.
 pub(crate) const ONE: f32 = 128.0;
 
-/// Mixes two packed texels: 0 is all `a`, 256 all `b`.
+/// Blends two packed texels: 0 is all `a`, 256 all `b`.
 #[inline]
 fn mix(a: u32, b: u32, part: u32) -> u32 {
     const EVEN: u32 = 0x00FF_00FF;
@@ -54,7 +54,7 @@ impl Texture {
         Texture { levels }
     }
 
-    /// Bilinear in one level, at a place in texels of the first level; places beyond the border take the border's.
+    /// Bilinear in one level, at a position in texels of the first level; clamped to the border.
     #[inline]
     pub(crate) fn clamped(&self, level: usize, u: f32, v: f32) -> u32 {
         let level = &self.levels[level.min(self.levels.len() - 1)];
@@ -74,7 +74,7 @@ impl Texture {
         mix(low, high, fy)
     }
 
-    /// Bilinear in one level of a tile that repeats, at a place of at least 0 in texels of the first level.
+    /// Bilinear in one level of a repeating tile, at a position of at least 0 in texels of the first level.
     #[inline]
     pub(crate) fn wrapped(&self, level: usize, u: f32, v: f32) -> u32 {
         let level = &self.levels[level.min(self.levels.len() - 1)];
@@ -115,9 +115,10 @@ fn mean(four: [u32; 4]) -> u32 {
     ((low >> 2) & EVEN) | (((high >> 2) & EVEN) << 8)
 }
 
-/// The detail of a surface: colour as a ratio to the surface's mean colour, [`ONE`] for 1.
+/// The detail of a surface: colour as a ratio to the mean colour of the surface, where [`ONE`] means 1.
 ///
-/// Blades, chips, pebbles and leaves are strokes laid at random, each of a colour between the material's two.
+/// Blades, chips, pebbles and leaves are strokes at random positions, each with a colour between the two of the
+/// material.
 pub(crate) fn detail(material: &Material, seed: u32) -> Texture {
     let side = TILE_TEXELS as i32;
     let mean = material.mean_colour();
@@ -137,7 +138,7 @@ pub(crate) fn detail(material: &Material, seed: u32) -> Texture {
     let mut dice = Dice::new(seed ^ 0x5BEC);
     for _ in 0..(specks.per_m2 * tile_m2) as u32 {
         let at = [dice.unit(), dice.unit()].map(|v| v * side as f32);
-        // A direction without a sine: a random place on a square, made length 1.
+        // A random direction without a sine: a random point of a square, normalised.
         let way = [2.0 * dice.unit() - 1.0, 2.0 * dice.unit() - 1.0];
         let length = (way[0] * way[0] + way[1] * way[1]).sqrt().max(0.05);
         let way = way.map(|v| v / length);
@@ -172,7 +173,7 @@ fn balance(texels: &mut [u32]) {
     }
 }
 
-/// Grey noise of all scales for things and the sky, 128 in the mean, in every channel.
+/// Grey noise at all scales for things and the sky, with mean 128 in every channel.
 pub(crate) fn rough(seed: u32) -> Texture {
     let side = 256;
     let mut grid = vec![0.0; side * side];
@@ -186,11 +187,11 @@ pub(crate) fn rough(seed: u32) -> Texture {
     Texture::new(side, grid.iter().enumerate().map(texel).collect())
 }
 
-/// The level whose texels have about the size of a footprint; both sizes squared, in the same unit.
+/// The level whose texels have about the size of a footprint; both sizes are squared, in the same unit.
 #[inline]
 pub(crate) fn level_of(footprint2: f32, texel2: f32) -> usize {
     let ratio = footprint2 / texel2;
-    // Half of the binary exponent is the whole part of the logarithm of the sizes' ratio.
+    // Half of the binary exponent is the integer part of the logarithm of the ratio of sizes.
     let exponent = (ratio.to_bits() >> 23) as i32 - 127;
     (exponent.max(0) >> 1) as usize
 }

@@ -1,23 +1,23 @@
-//! Things: what stands on the ground, how big it is, and what of it is solid.
+//! Things: the objects that stand on the ground, their sizes and their solid parts.
 
 use rcs_geom::{DVec2, DVec3};
 
 use crate::class::ThingKind;
 use crate::read::{SceneError, Table};
 
-/// What of a thing stops a vehicle: a prism over this outline, from the ground to the thing's height.
+/// The solid part of a thing: a prism over this outline, from the ground to the thing's solid height.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outline {
-    /// About the thing's position.
+    /// Centred on the thing's position.
     Circle {
         /// m.
         radius_m: f64,
     },
-    /// About the thing's position, turned by the thing's yaw.
+    /// Centred on the thing's position, rotated by its yaw.
     Rectangle {
-        /// Along the thing's x axis, m.
+        /// Half size along the thing's x axis, m.
         half_length_m: f64,
-        /// Along its y axis, m.
+        /// Half size along its y axis, m.
         half_width_m: f64,
     },
 }
@@ -27,29 +27,29 @@ pub enum Outline {
 pub struct Thing {
     /// Its index among the world's things.
     pub number: u32,
-    /// What it is.
+    /// Its kind.
     pub kind: ThingKind,
-    /// Its middle at the ground, m.
+    /// Position of its middle on the ground, m.
     pub position: DVec3,
     /// Angle of its x axis from east, counter-clockwise, rad.
     pub yaw_rad: f64,
-    /// Radius of the circle about it, its crown included, m.
+    /// Radius of the circle around it, including its crown, m.
     pub radius_m: f64,
     /// Height above the ground, m.
     pub height_m: f64,
-    /// What of it is solid.
+    /// Outline of its solid part.
     pub solid: Outline,
     /// Height up to which it is solid, m.
     pub solid_height_m: f64,
-    /// Sizes as the file gives them.
+    /// Sizes as given in the file.
     pub(crate) size: Size,
 }
 
-/// Sizes of a thing; a kind uses those that it has.
+/// Sizes of a thing; each kind uses some of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[expect(clippy::struct_field_names, reason = "units stay in names")]
 pub(crate) struct Size {
-    /// Radius of the trunk, the foliage, the stone, the log, the post, m.
+    /// Radius of the trunk, foliage, stone, log or post, m.
     pub(crate) radius_m: f64,
     pub(crate) height_m: f64,
     /// Radius of a tree's crown, m.
@@ -58,7 +58,7 @@ pub(crate) struct Size {
     pub(crate) width_m: f64,
 }
 
-/// Sizes as ranges from which each thing of a list draws its own.
+/// Ranges of sizes, from which each thing of a list draws its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(clippy::struct_field_names, reason = "units stay in names")]
 pub(crate) struct SizeRange {
@@ -69,11 +69,11 @@ pub(crate) struct SizeRange {
     pub(crate) width_m: [f64; 2],
 }
 
-/// A bush's foliage gives way, its core does not.
+/// The foliage of a bush gives way, its core does not.
 const CORE: f64 = 0.7;
 
 impl SizeRange {
-    /// Usual sizes of a kind, and which of them a file may give.
+    /// Default sizes of a kind, and which of them a file may give.
     fn usual(kind: ThingKind) -> ([f64; 5], &'static [&'static str]) {
         // Radius, height, crown radius, length, width.
         match kind {
@@ -90,7 +90,7 @@ impl SizeRange {
         }
     }
 
-    /// Reads the sizes that the kind has.
+    /// Reads the sizes of a kind.
     pub(crate) fn read(kind: ThingKind, table: &mut Table<'_>) -> Result<SizeRange, SceneError> {
         let (usual, keys) = SizeRange::usual(kind);
         let mut span = |key: &'static str, usual: f64| -> Result<[f64; 2], SceneError> {
@@ -110,7 +110,7 @@ impl SizeRange {
         Ok(size)
     }
 
-    /// One size out of the ranges; `fraction` gives numbers in [0, 1).
+    /// Draws sizes from the ranges; `fraction` returns numbers in [0, 1).
     pub(crate) fn draw(&self, mut fraction: impl FnMut() -> f64) -> Size {
         let mut between = |[least, largest]: [f64; 2]| least + (largest - least) * fraction();
         let size = between(self.radius_m);
@@ -125,7 +125,7 @@ impl SizeRange {
 }
 
 impl Thing {
-    /// A thing of a size at a place whose ground is known later.
+    /// A thing with these sizes at a position whose ground height is set later.
     pub(crate) fn new(number: u32, kind: ThingKind, at: DVec2, yaw_rad: f64, size: Size) -> Thing {
         let circle = |radius_m: f64| Outline::Circle { radius_m };
         let rectangle = |length_m: f64, width_m: f64| Outline::Rectangle {
@@ -166,7 +166,7 @@ impl Thing {
         }
     }
 
-    /// Distance of a place from the thing's whole outline (foliage included, crowns not), m; 0 or less inside.
+    /// Distance of a position from the thing's outline (including foliage, excluding crowns), m; 0 or less inside.
     pub(crate) fn outline_distance_m(&self, at: DVec2) -> f64 {
         let offset = at - self.position.truncate();
         let outline = match (self.kind, self.solid) {

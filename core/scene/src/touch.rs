@@ -1,4 +1,4 @@
-//! What a vehicle touches: its rectangle against the solid outlines of things.
+//! Contacts of a vehicle: its rectangle against the solid outlines of things.
 
 use std::ops::RangeInclusive;
 
@@ -7,12 +7,12 @@ use rcs_geom::{DVec2, DVec3};
 use crate::thing::{Outline, Thing};
 use crate::world::World;
 
-/// An oriented rectangle on the ground: a vehicle's outline from above.
+/// An oriented rectangle on the ground: the outline of a vehicle seen from above.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footprint {
-    /// Its middle, m.
+    /// Its centre, m.
     pub centre: DVec2,
-    /// Of its length, counter-clockwise from east, rad.
+    /// Angle of its length, counter-clockwise from east, rad.
     pub yaw_rad: f64,
     /// m.
     pub half_length_m: f64,
@@ -20,20 +20,20 @@ pub struct Footprint {
     pub half_width_m: f64,
 }
 
-/// One place at which a rectangle reaches into a thing.
+/// A contact: a rectangle overlaps a thing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Touch {
-    /// Number of the thing.
+    /// Index of the thing.
     pub thing: u32,
-    /// The deepest place, at the middle of the heights that both share, m.
+    /// The deepest point, at the middle of the common range of heights, m.
     pub point: DVec3,
-    /// Level, length 1, from the thing toward the rectangle: the way out.
+    /// Direction that separates the two: horizontal unit vector from the thing toward the rectangle.
     pub normal: DVec2,
-    /// How far to go that way, m.
+    /// Penetration depth along that direction, m.
     pub depth_m: f64,
 }
 
-/// An oriented rectangle with its axes at hand.
+/// An oriented rectangle with its axes.
 struct Rectangle {
     middle: DVec2,
     axis: DVec2,
@@ -53,19 +53,19 @@ impl Rectangle {
         self.axis * own.x + self.axis.perp() * own.y
     }
 
-    /// How far it reaches from its middle along a direction of length 1, m.
+    /// Half extent along a unit direction, m.
     fn reach(&self, direction: DVec2) -> f64 {
         self.to_own(direction).abs().dot(self.half)
     }
 
-    /// Its farthest place along a direction; the middle of an edge that faces that way.
+    /// Its farthest point along a direction; the middle of an edge that is perpendicular to the direction.
     fn farthest(&self, direction: DVec2) -> DVec2 {
         let own = self.to_own(direction);
         let corner = |v: f64, half: f64| if v.abs() < 1e-6 { 0.0 } else { half * v.signum() };
         self.middle + self.to_world(DVec2::new(corner(own.x, self.half.x), corner(own.y, self.half.y)))
     }
 
-    /// Normal toward this rectangle, depth and place.
+    /// Normal toward this rectangle, depth and point.
     fn meets_circle(&self, centre: DVec2, radius: f64) -> Option<(DVec2, f64, DVec2)> {
         let own = self.to_own(centre - self.middle);
         let nearest = own.clamp(-self.half, self.half);
@@ -78,7 +78,7 @@ impl Rectangle {
             let normal = self.to_world(-apart / distance);
             return Some((normal, radius - distance, self.middle + self.to_world(nearest)));
         }
-        // The circle's middle is inside: out by the nearest side.
+        // The centre of the circle is inside: separate through the nearest side.
         let room = self.half - own.abs();
         let outward =
             if room.x < room.y { DVec2::new(own.x.signum(), 0.0) } else { DVec2::new(0.0, own.y.signum()) };
@@ -100,7 +100,7 @@ impl Rectangle {
             }
         }
         let (normal, depth) = least?;
-        // The deepest corner is this one's where it is inside of the other, else the other's.
+        // The deepest corner is one of this rectangle if it lies inside of the other, else one of the other.
         let mine = self.farthest(-normal);
         let inside = other.to_own(mine - other.middle).abs().cmple(other.half + 1e-9).all();
         let theirs = other.farthest(normal);
@@ -110,9 +110,9 @@ impl Rectangle {
 }
 
 impl World {
-    /// The solid things that a vehicle's outline reaches into, in the order of their numbers. `heights_m` are those of
-    /// the vehicle's lowest and highest part: what is wholly above or below is not touched. Crowns and the outer
-    /// foliage of bushes are not solid.
+    /// The solid things that overlap a vehicle's outline, in the order of their indices. `heights_m` are the heights of
+    /// the vehicle's lowest and highest part: things that are completely above or below are left out. Crowns and the
+    /// outer foliage of bushes are not solid.
     pub fn touching(&self, footprint: &Footprint, heights_m: RangeInclusive<f64>) -> Vec<Touch> {
         let finite = footprint.centre.is_finite() && footprint.yaw_rad.is_finite();
         if !finite {

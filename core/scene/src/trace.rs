@@ -1,4 +1,4 @@
-//! One ray: the first of the ground, what grows on it, things, and the plain outside.
+//! Casts one ray: the nearest hit among ground, vegetation, things, and the plain outside.
 
 use rcs_geom::{DVec2, DVec3};
 
@@ -8,20 +8,20 @@ use crate::shape::{Shape, Vec3};
 use crate::terrain::{CELL_M, Lattice};
 use crate::world::{Inner, World};
 
-/// What a ray has hit.
+/// The hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Along the ray, m.
+    /// Distance along the ray, m.
     pub range_m: f64,
-    /// In the global frame, m.
+    /// Position in the global frame, m.
     pub point: DVec3,
-    /// What it is.
+    /// Its class.
     pub class: Class,
-    /// The thing it belongs to.
+    /// The thing that was hit.
     pub thing: Option<u32>,
 }
 
-/// A hit before anyone asked what it looks like.
+/// A hit without its appearance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Met {
     Field(FieldHit),
@@ -30,17 +30,17 @@ pub(crate) enum Met {
     Plain,
 }
 
-/// Shapes by the squares of ground that they stand over, for rays and bodies that come one by one.
+/// Shapes by the squares of ground below them, for single rays and bodies.
 pub(crate) struct ShapeGrid {
     size: [usize; 2],
-    /// First entry of each square in `entries`, and the end.
+    /// First entry of each square in `entries`, with the end appended.
     starts: Vec<u32>,
     entries: Vec<u32>,
     /// The thing of each shape.
     things: Vec<u32>,
 }
 
-/// Side of a square, m.
+/// Size of a square, m.
 const SQUARE_M: f32 = 2.0;
 
 impl ShapeGrid {
@@ -74,7 +74,7 @@ impl ShapeGrid {
         &self.entries[self.starts[at] as usize..self.starts[at + 1] as usize]
     }
 
-    /// Numbers of the things with a shape near a rectangle (in metres from the first sample), ascending, each once.
+    /// Indices of the things with a shape near a rectangle (metres from the first sample), ascending, each once.
     pub(crate) fn things_near(&self, low: DVec2, high: DVec2) -> Vec<u32> {
         let index = |value: f64, axis: usize| {
             ((value / f64::from(SQUARE_M)).max(0.0) as usize).min(self.size[axis] - 1)
@@ -90,7 +90,7 @@ impl ShapeGrid {
         near
     }
 
-    /// The first shape that a ray meets before `nearest`.
+    /// The first shape that a ray hits before `nearest`.
     fn cast(&self, shapes: &[Shape], o: Vec3, d: Vec3, nearest: f32) -> Option<(f32, u32)> {
         let inverse = [d[0], d[1]].map(|d| if d.abs() < 1e-9 { 1e12 } else { 1.0 / d });
         let mut span = [0.0_f32, nearest];
@@ -128,7 +128,7 @@ impl ShapeGrid {
 }
 
 impl Inner {
-    /// Where a ray meets the plain outside of the lattice, before `nearest`.
+    /// Where a ray hits the plain outside of the lattice, before `nearest`.
     #[inline]
     pub(crate) fn plain(&self, o: Vec3, d: Vec3, nearest: f32) -> Option<f32> {
         if d[2] >= -1e-6 {
@@ -167,7 +167,7 @@ impl Inner {
         )
     }
 
-    /// The obstacle label that the ground truth gives a hit.
+    /// The ground truth's obstacle label of a hit.
     #[inline]
     pub(crate) fn label(&self, met: Met, at: Vec3, passable: &[bool; 16]) -> Label {
         match met {
@@ -204,9 +204,9 @@ impl Inner {
 }
 
 impl World {
-    /// The first thing, stem or ground that a ray meets: what a ladar or an infrared sensor measures. `direction` need
-    /// not have length 1. The same ray always gives the same answer: which stems and leaves stand where is a hash of
-    /// the place. `None` where nothing is within `max_range_m`, and for numbers that are not finite.
+    /// The first thing, stem or ground that a ray hits: what a ladar or an infrared sensor measures. `direction` need
+    /// not be normalised. The same ray always has the same result, because the positions of stems and leaves are
+    /// hashes. `None` if nothing is within `max_range_m`, and for numbers that are not finite.
     pub fn cast(&self, origin: DVec3, direction: DVec3, max_range_m: f64) -> Option<Hit> {
         let length = direction.length();
         if !(origin.is_finite() && length.is_finite() && length > 1e-9 && max_range_m > 0.0) {

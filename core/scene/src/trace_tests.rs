@@ -1,4 +1,4 @@
-//! Rays against plain references, and images against rays.
+//! Rays against reference implementations, and images against rays.
 
 use proptest::prelude::*;
 use rcs_geom::{DVec2, DVec3, Distortion, PinholeCamera, Pose};
@@ -11,7 +11,7 @@ use crate::shape::{Coat, Form, Shape};
 use crate::terrain::CELL_M;
 use crate::{CameraRays, Hit, World};
 
-/// A small world with everything in it that a ray can meet.
+/// A small world with everything that a ray can hit.
 const SMALL: &str = r#"
 name = "small"
 seed = 5
@@ -38,7 +38,7 @@ fn small() -> World {
     World::from_toml(SMALL).unwrap()
 }
 
-/// The nearest of: the soil, found in steps of a centimetre; every stem of the world; every shape.
+/// Reference: the nearest of the soil (found in steps of a centimetre), every stem of the world, and every shape.
 fn reference_cast(world: &World, origin: DVec3, direction: DVec3, max_range_m: f64) -> Option<f64> {
     let mut nearest = max_range_m;
     let above = |t: f64| {
@@ -85,7 +85,7 @@ fn reference_cast(world: &World, origin: DVec3, direction: DVec3, max_range_m: f
     (nearest < max_range_m).then_some(nearest)
 }
 
-/// Rays compared.
+/// Number of rays compared.
 const RAYS: usize = 600;
 
 #[test]
@@ -98,7 +98,7 @@ fn rays_meet_what_the_plain_reference_meets() {
         let origin = at.extend(world.height_m(at) + dice.between([0.05, 3.0]));
         let flat = [-1.0, 1.0];
         let way = DVec3::new(dice.between(flat), dice.between(flat), dice.between([-0.5, 0.15])).normalize();
-        // Up to the border: beyond it the reference knows no plain.
+        // Up to the border, because the reference has no plain.
         let end = |o: f64, d: f64, low: f64, high: f64| ((if d > 0.0 { high } else { low }) - o) / d;
         let range = end(origin.x, way.x, 100.0, 130.0).min(end(origin.y, way.y, -20.0, 6.0)).min(25.0);
         let fast = world.cast(origin, way, range).map(|hit| hit.range_m);
@@ -111,11 +111,11 @@ fn rays_meet_what_the_plain_reference_meets() {
             missed.push((origin, way, fast, slow));
         }
     }
-    // A ray that grazes a blade or a leaf by micrometres may be told otherwise by f32.
+    // With f32, a ray that grazes a blade or a leaf by micrometres may have another result.
     assert!(missed.len() * 100 <= RAYS, "{} of {RAYS}: {missed:?}", missed.len());
 }
 
-/// Whether a place is inside of a shape without holes.
+/// Whether a point is inside of a shape without holes.
 fn inside(shape: &Shape, at: [f64; 3]) -> bool {
     let [c, s] = shape.turn.map(f64::from);
     let half = shape.half.map(f64::from);
@@ -240,7 +240,7 @@ fn every_pixel_is_what_its_ray_meets() {
             differ += u32::from(!same || class.code() != image.class[at]);
         }
     }
-    // Turning the ray in f32 moves it by micrometres, so that a few meet the next leaf or blade.
+    // Rotating the ray in f32 moves it by micrometres, so that a few rays hit the next leaf or blade.
     assert!(differ * 200 <= pixels, "{differ} of {pixels}");
 }
 
@@ -293,6 +293,6 @@ fn a_ray_through_growth_is_stopped_as_often_as_the_density_says() {
         hits += f64::from(u8::from(range < 3.0));
     }
     let density = hits / metres;
-    // A stem stands in most cells, so they are spread more evenly than chance would; within a fifth.
+    // Most cells have a stem, so stems are more evenly distributed than at random; the limit is a fifth.
     assert!((1.6..2.4).contains(&density), "{density}");
 }

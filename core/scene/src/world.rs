@@ -1,4 +1,4 @@
-//! A world: read from its file, computed once, shared by all who look at it.
+//! A world: read from its file, computed once, shared by all readers.
 
 use std::sync::Arc;
 
@@ -36,31 +36,31 @@ pub(crate) struct Inner {
     pub(crate) drive: DriveMap,
 }
 
-/// What the ground is like at a place.
+/// Properties of the ground at a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ground {
     /// Height of the soil, m.
     pub height_m: f64,
     /// Upward direction of the soil, length 1.
     pub normal: DVec3,
-    /// What covers it.
+    /// Its surface.
     pub surface: Surface,
-    /// Largest force along the ground as a part of the load.
+    /// Greatest horizontal force as a fraction of the load.
     pub traction: f64,
-    /// Force against rolling as a part of the load.
+    /// Rolling resistance as a fraction of the load.
     pub rolling_resistance: f64,
-    /// Height of what grows there, m.
+    /// Height of the vegetation, m.
     pub vegetation_height_m: f64,
-    /// Chance that a ray hits a stem, per metre along the ground, 1/m.
+    /// Probability that a ray hits a stem, per metre along the ground, 1/m.
     pub vegetation_density_per_m: f64,
-    /// Force against pushing through what grows there, as a part of the vehicle's weight.
+    /// Force needed to push through the vegetation, as a fraction of the vehicle's weight.
     pub vegetation_drag: f64,
-    /// Whether a vehicle may drive into what grows there.
+    /// Whether a vehicle can drive into the vegetation.
     pub passable: bool,
 }
 
 impl World {
-    /// From the text of a world file; see the crate's documentation for its keys.
+    /// Parses a world file and computes the world; the crate's documentation lists the keys.
     pub fn from_toml(text: &str) -> Result<World, SceneError> {
         let spec = WorldSpec::read(text)?;
         let lattice = Lattice::build(&spec);
@@ -76,19 +76,19 @@ impl World {
         Ok(World { inner: Arc::new(inner) })
     }
 
-    /// Reads a world file as [`World::from_toml`] does and computes nothing: the origin and the corners that the world
-    /// would have.
+    /// Parses a world file like [`World::from_toml`] without computing the world: returns its origin and the corners of
+    /// its bounds.
     pub fn check(text: &str) -> Result<(Utm, [DVec2; 2]), SceneError> {
         let spec = WorldSpec::read(text)?;
         Ok((spec.origin, spec.bounds_m))
     }
 
-    /// As the file names it.
+    /// Name in the file.
     pub fn name(&self) -> &str {
         &self.inner.name
     }
 
-    /// Where the global frame's origin (0, 0) lies; its x axis is easting, its y axis northing.
+    /// UTM coordinates of the global frame's origin (0, 0); its x axis is easting, its y axis northing.
     pub fn origin(&self) -> Utm {
         self.inner.origin
     }
@@ -98,18 +98,18 @@ impl World {
         self.inner.bounds_m
     }
 
-    /// What stands in it; a thing's number is its index.
+    /// The things of the world; the number of a thing is its index here.
     pub fn things(&self) -> &[Thing] {
         &self.inner.things
     }
 
-    /// Height of the soil, m. Continuous; outside of the bounds that of the plain.
+    /// Height of the soil, m. Continuous; outside of the bounds it is that of the plain.
     pub fn height_m(&self, xy: DVec2) -> f64 {
         let at = self.in_cells(xy);
         self.inner.field.lattice.height(at.x, at.y).0
     }
 
-    /// What the ground is like at a place, m. A place that is not finite is taken for the nearest corner.
+    /// Properties of the ground at a position, m. A position that is not finite is replaced by the nearest corner.
     pub fn ground(&self, xy: DVec2) -> Ground {
         let at = self.in_cells(xy);
         let lattice = &self.inner.field.lattice;
@@ -133,13 +133,13 @@ impl World {
         &self.inner.materials[surface as usize - 1]
     }
 
-    /// A place in cells from the lattice's first sample.
+    /// Converts a position to cells from the lattice's first sample.
     pub(crate) fn in_cells(&self, xy: DVec2) -> DVec2 {
         let at = (xy - self.inner.bounds_m[0]) / CELL_M;
         if at.is_finite() { at } else { DVec2::ZERO }
     }
 
-    /// A place from the lattice's first sample, m.
+    /// A position relative to the lattice's first sample, m.
     pub(crate) fn local(&self, at: DVec3) -> [f32; 3] {
         let low = self.inner.bounds_m[0];
         [(at.x - low.x) as f32, (at.y - low.y) as f32, at.z as f32]

@@ -1,4 +1,4 @@
-//! What worlds promise to those who drive in them, and that the seven of ours can be driven.
+//! Guarantees of worlds to their users, and that the seven bundled ones can be driven.
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -67,9 +67,9 @@ proptest! {
     fn ground_is_continuous_and_its_normal_is_its_slope(x in 0.0..40.0_f64, y in 0.0..30.0_f64, dx in -1.0..1.0_f64, dy in -1.0..1.0_f64) {
         let world = world(ROUGH);
         let (at, step) = (DVec2::new(x, y), DVec2::new(dx, dy) * 1e-4);
-        // No face is steeper than a ditch's bank, 0.5 m over 0.1 m, in each direction.
+        // No face is steeper than the bank of a ditch, 0.5 m over 0.1 m, along each axis.
         prop_assert!((world.height_m(at + step) - world.height_m(at)).abs() < 8.0 * step.length() + 1e-12);
-        // Within one cell of the lattice the slope is that of the heights.
+        // Within one cell of the lattice the slope is constant and equals that of the heights.
         let cell = (at / 0.1).floor();
         let inside = (cell + (at / 0.1 - cell).clamp(DVec2::splat(0.01), DVec2::splat(0.99))) * 0.1;
         let slope = |way: DVec2| (world.height_m(inside + way * 1e-5) - world.height_m(inside - way * 1e-5)) / 2e-5;
@@ -108,16 +108,15 @@ fn a_body_touches_the_solid_part_of_things_and_is_told_the_way_out() {
     assert!(post.point.abs_diff_eq(DVec2::new(9.95, 10.0).extend(0.3), 1e-9));
     assert!(touch(9.39, 10.0).is_empty());
 
-    // The bale lies across: half a metre of it to either side along x.
+    // The bale is rotated: it reaches half a metre to either side along x.
     let [bale] = touch(20.9, 10.3)[..] else { panic!("expected one touch") };
     assert!((bale.depth_m - 0.1).abs() < 1e-9 && bale.normal.abs_diff_eq(DVec2::X, 1e-9), "{bale:?}");
     assert!(touch(21.01, 10.0).is_empty());
 
-    // Under the crown, beside the trunk, over the post.
+    // Under the crown, beside the trunk, above the post.
     assert!(touch(31.0, 10.0).is_empty());
     assert_eq!(touch(30.6, 10.0).len(), 1);
     assert!(world.touching(&body(10.0, 10.0), 1.1..=1.5).is_empty());
-    // The way out is a way out.
     for (x, y) in [(10.1, 10.02), (20.2, 9.2), (19.3, 10.9), (29.9, 10.1)] {
         let touched = touch(x, y);
         assert_eq!(touched.len(), 1);
@@ -131,7 +130,7 @@ fn bundled(name: &str) -> World {
     World::from_toml(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// Least length of a way with a clearance, over neighbouring cells, m.
+/// Least length of a path with a clearance, over neighbouring cells, m.
 fn way_m(world: &World, clearance_m: f64, start: DVec2, goal: DVec2) -> Option<f64> {
     let [columns, rows] = world.truth_size();
     let low = world.bounds_m()[0];
@@ -177,7 +176,7 @@ fn each_of_our_worlds_can_be_driven_from_west_to_east_in_four_minutes() {
             (place.latitude_deg - 39.13).abs() < 0.02 && (place.longitude_deg + 77.22).abs() < 0.02,
             "{place:?}"
         );
-        // Steps along the axes are longer than the way by up to 41 %.
+        // A path of steps along the axes is up to 41 % longer than the straight one.
         let way = way_m(&world, 0.6, DVec2::new(10.0, 45.0), DVec2::new(110.0, 45.0));
         assert!(way.is_some_and(|way| way < 240.0), "{name}: {way:?}");
     }
@@ -186,12 +185,12 @@ fn each_of_our_worlds_can_be_driven_from_west_to_east_in_four_minutes() {
 #[test]
 fn our_worlds_are_hard_where_they_should_be() {
     let (start, goal) = (DVec2::new(10.0, 45.0), DVec2::new(110.0, 45.0));
-    // Nothing but the corridor leads through, and it is narrow.
-    // The clearance is that of the way's middle, between cells: 0.1 m more than half of the width.
+    // Only the corridor leads through, and it is narrow.
+    // The clearance is measured between cells from the middle of the path: 0.1 m more than half of the width.
     let corridor = bundled("corridor");
     assert!(way_m(&corridor, 0.8, start, goal).is_some());
     assert_eq!(way_m(&corridor, 1.0, start, goal), None);
-    // The trap: from its end one has to go back.
+    // The trap: from its end a vehicle has to go back.
     let trap = bundled("dead_end");
     let back = way_m(&trap, 0.5, DVec2::new(56.0, 45.0), DVec2::new(61.0, 45.0)).unwrap();
     assert!(back > 40.0, "{back}");
@@ -201,11 +200,11 @@ fn our_worlds_are_hard_where_they_should_be() {
     let weeds = transition.ground(DVec2::new(60.0, 46.0));
     assert!(weeds.surface == Surface::TallWeeds && weeds.passable && weeds.vegetation_height_m > 1.0);
     assert!(transition.things().iter().any(|thing| thing.kind == ThingKind::Person));
-    // A ditch across which there is no way but round its ends.
+    // A ditch that can only be passed around its ends.
     let meadow = bundled("meadow");
     assert!(meadow.height_m(DVec2::new(42.0, 63.0)) < meadow.height_m(DVec2::new(42.0, 63.6)) - 0.25);
     assert!(way_m(&meadow, 0.3, DVec2::new(44.0, 61.0), DVec2::new(44.0, 64.5)).unwrap() > 10.0);
-    // The face of the hill is steeper than its mud holds.
+    // The mud on the face of the hill has too little traction for its slope.
     let hill = bundled("hill");
     let face = (44..56).map(|x| hill.ground(DVec2::new(f64::from(x), 47.0)));
     let slips = face.filter(|ground| -ground.normal.x / ground.normal.z > ground.traction).count();
