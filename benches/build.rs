@@ -1,4 +1,4 @@
-//! What Copper's macros ask of a crate that uses them.
+//! Sets what Copper's macros require of a crate that uses them.
 
 fn main() {
     cu29_build::setup();

@@ -1,4 +1,4 @@
-//! The whole colour model on one image, as its process runs it: learning, classification, both cost maps.
+//! The complete colour model on one image, as its process runs it: learning, classification, both cost maps.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec3;
@@ -14,7 +14,7 @@ use rcs_msg::Stamp;
 use rcs_sense::fingerprint;
 
 const SIZE: [usize; 2] = [640, 480];
-/// Images come five times a second.
+/// Images arrive five times per second.
 const PERIOD_NS: u64 = 200_000_000;
 
 /// A path in grass under a sky, with noise in every pixel.

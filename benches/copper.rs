@@ -1,20 +1,21 @@
-//! The peer: one graph of three tasks under Copper, wired when it is compiled.
+//! The peer: a graph of three tasks under Copper, wired at compile time.
 //!
-//! A cycle of Copper runs the whole graph, so a sensor gives the planner something to read and a vehicle takes what it
-//! writes. The message is 64 bytes, as ours is. Copper keeps time, status and provenance beside each message, which
+//! A cycle of Copper runs the complete graph: a sensor provides input for the planner, and a vehicle consumes its
+//! output. The message has 64 bytes, like ours. Copper keeps time, status and provenance beside each message, in place
+//! of our status buffer.
 //! stands where our status buffer stands.
 
 use cu29::bincode::{Decode, Encode};
 use cu29::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// 64 bytes.
+/// A message of 64 bytes.
 #[derive(Clone, Copy, Debug, Default, Encode, Decode, Serialize, Deserialize, Reflect)]
 pub(crate) struct Reading {
     values: [f64; 8],
 }
 
-/// Writes a reading that changes.
+/// Writes a reading that changes in every cycle.
 #[derive(Reflect)]
 pub(crate) struct Sensor {
     cycle: f64,
@@ -37,7 +38,7 @@ impl CuSrcTask for Sensor {
     }
 }
 
-/// One read, one write: the task that is compared.
+/// One read, one write: the task that is compared with ours.
 #[derive(Reflect)]
 pub(crate) struct Planner;
 
@@ -66,7 +67,7 @@ impl CuTask for Planner {
     }
 }
 
-/// Takes what the planner wrote.
+/// Reads the planner's output.
 #[derive(Reflect)]
 pub(crate) struct Vehicle;
 
@@ -86,7 +87,7 @@ impl CuSinkTask for Vehicle {
     }
 }
 
-/// With messages kept in memory only.
+/// Keeps messages in memory only.
 pub(crate) mod unlogged {
     use cu29::prelude::*;
     use std::path::Path;
@@ -94,14 +95,14 @@ pub(crate) mod unlogged {
     #[copper_runtime(config = "copper_unlogged.ron")]
     struct Graph {}
 
-    /// Starts the graph; each call of what it gives is a cycle.
+    /// Starts the graph; each call of the returned function runs one cycle.
     pub(crate) fn start(log: &Path) -> CuResult<impl FnMut() -> CuResult<()> + use<>> {
         let mut running = Graph::builder().with_log_path(log, Some(64 << 20))?.build()?.start()?;
         Ok(move || running.run_one_iteration())
     }
 }
 
-/// With every message written to Copper's log.
+/// Writes every message to Copper's log.
 pub(crate) mod logged {
     use cu29::prelude::*;
     use std::path::Path;
@@ -109,7 +110,7 @@ pub(crate) mod logged {
     #[copper_runtime(config = "copper_logged.ron")]
     struct Graph {}
 
-    /// Starts the graph; each call of what it gives is a cycle.
+    /// Starts the graph; each call of the returned function runs one cycle.
     pub(crate) fn start(log: &Path) -> CuResult<impl FnMut() -> CuResult<()> + use<>> {
         let mut running = Graph::builder().with_log_path(log, Some(256 << 20))?.build()?.start()?;
         Ok(move || running.run_one_iteration())

@@ -1,9 +1,9 @@
-//! Geometry: a map that moves with the vehicle, by overwriting one row of cells and by copying all of them.
+//! Geometry: moving a map with the vehicle, by overwriting one row of cells and by copying all cells.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use rcs_geom::{CellIndex, ScrollGrid};
 
-/// Cells a side of the world model's map, and the size of one of its cells in bytes.
+/// Cells per side of the world model's map, and the size of one of its cells in bytes.
 const SIDE: usize = 201;
 type Cell = [u8; 24];
 
@@ -18,7 +18,7 @@ fn scroll(criterion: &mut Criterion) {
         });
     });
     group.bench_function("one_cell/ring_with_snapshot", |bench| {
-        // A clone shares every tile until it is written: what a snapshot before each move costs.
+        // A clone shares every tile until it is written, so this is the cost of a snapshot before each move.
         let mut grid = ScrollGrid::new(SIDE, 0.2, Cell::default()).expect("a grid of that size");
         let mut x = 0;
         bench.iter(|| {

@@ -1,4 +1,4 @@
-//! Ours: processes behind dynamic dispatch, in simulated time, wired by a stack file.
+//! Our side: processes behind dynamic dispatch, in simulated time, wired by a stack file.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ struct RelayPorts {
 }
 
 impl Process for Relay {
-    // Parameters are taken once, so whose they are makes no difference here.
+    // Parameters are read once, so their type does not matter here.
     type Params = rcs_msg::rcs::NoParams;
     type Ports = RelayPorts;
     type Command = NoCommands;
@@ -77,7 +77,7 @@ impl Process for Sink {
     }
 }
 
-/// One process that reads what it wrote the cycle before.
+/// One process that reads what it wrote in the previous cycle.
 pub(crate) const ONE: &str = r#"
 format = 1
 name = "one"
@@ -89,7 +89,7 @@ supervisor = "viewer"
 inputs = { input = "/relay/output" }
 "#;
 
-/// The graph that the peer runs: a sensor, a planner, a vehicle.
+/// The graph that the peer runs: a sensor, a planner and a vehicle.
 pub(crate) const THREE: &str = r#"
 format = 1
 name = "three"
@@ -112,7 +112,7 @@ supervisor = "viewer"
 inputs = { input = "/planner/output" }
 "#;
 
-/// Starts a stack, recorded where a path is given; each call of what it gives is `cycles` cycles.
+/// Starts a stack, recorded if a path is given; each call of the returned function runs `cycles` cycles.
 pub(crate) fn start(stack: &str, log: Option<&Path>, cycles: usize) -> impl FnMut() + use<> {
     let plugins = [ProcessType::of::<Relay>(), ProcessType::of::<Sink>()];
     let file = StackFile::parse("bench.toml", stack).expect("the stack is well formed");
@@ -124,7 +124,7 @@ pub(crate) fn start(stack: &str, log: Option<&Path>, cycles: usize) -> impl FnMu
     });
     stepped.begin().expect("a run that begins");
     move || {
-        // Held as long as the run, which ends with the closure.
+        // Kept until the run ends, which is when the closure is dropped.
         let _ = &recording;
         for _ in 0..cycles {
             stepped.advance().expect("a cycle");

@@ -1,1 +1,1 @@
-//! Nothing: the benches are the targets of this package.
+//! Empty: the benches are the targets of this package.

@@ -1,7 +1,7 @@
-//! Logs: opening a large one by its index, finding a time in it, and recovering one that has no index.
+//! Logs: opening a large one by its index, finding a time in it, and recovering one without an index.
 //!
-//! The log is written at the first start into the system's folder for temporary files and kept there for the next.
-//! `OCU_BENCH_LOG_MB` gives its size in megabytes, 2000 where it says nothing.
+//! The first run writes the log into the system's folder for temporary files; later runs use it again.
+//! `OCU_BENCH_LOG_MB` sets its size in megabytes, by default 2000.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -15,14 +15,14 @@ use rcs_msg::{MessageEncoding, Schema, Stamp};
 
 /// Size of one message's data: half a compressed image.
 const MESSAGE_BYTES: usize = 100_000;
-/// Messages a second of the log's time.
+/// Messages per second of log time.
 const HZ: u64 = 100;
 
 fn megabytes() -> u64 {
     std::env::var("OCU_BENCH_LOG_MB").ok().and_then(|text| text.parse().ok()).unwrap_or(2000)
 }
 
-/// A log of images that do not compress and of small messages between them, with its index.
+/// An indexed log of images that do not compress, with small messages between them.
 fn indexed() -> PathBuf {
     let path = std::env::temp_dir().join(format!("ocu-bench-{}mb.mcap", megabytes()));
     if !path.exists() {
@@ -44,7 +44,7 @@ fn write_log(path: &Path) -> Result<(), rcs_log::LogError> {
     let mut data = vec![0; MESSAGE_BYTES];
     for sequence in 0..count {
         for word in data.chunks_exact_mut(8) {
-            // Xorshift: bytes that no compressor makes smaller.
+            // Xorshift: bytes that do not compress.
             noise ^= noise << 13;
             noise ^= noise >> 7;
             noise ^= noise << 17;
@@ -58,13 +58,13 @@ fn write_log(path: &Path) -> Result<(), rcs_log::LogError> {
     writer.finish()
 }
 
-/// The same without its last part: no summary, no index.
+/// The same log, truncated: no summary, no index.
 fn unindexed(indexed: &Path) -> PathBuf {
     let path = indexed.with_extension("cut.mcap");
     if !path.exists() {
         let mut from = std::fs::File::open(indexed).expect("the log opens");
         let mut to = std::fs::File::create(&path).expect("a file can be written");
-        // A quarter of it is enough to measure a rate, and is cut in the middle of a record.
+        // A quarter is enough to measure a rate; it ends in the middle of a record.
         let quarter = from.metadata().expect("the log has a size").len() / 4 + 1;
         std::io::copy(&mut std::io::Read::take(&mut from, quarter), &mut to).expect("the log can be copied");
         to.flush().expect("the log can be copied");
@@ -83,7 +83,7 @@ fn reading(criterion: &mut Criterion) {
     });
     group.bench_function(format!("open/{size}/mcap"), |bench| {
         bench.iter(|| {
-            // The peer reads the same end of the file: its summary is what an open log holds.
+            // The peer reads the same part of the file: its summary corresponds to our open log.
             let file = std::fs::File::open(&path).expect("the log opens");
             peer_summary(file).expect("the log has a summary").chunk_indexes.len()
         });
@@ -94,7 +94,7 @@ fn reading(criterion: &mut Criterion) {
     let mut at = 0;
     group.bench_function(format!("seek/{size}/ocu"), |bench| {
         bench.iter(|| {
-            // A stride that is no divisor of the length, so that every seek lands in another chunk.
+            // A stride that does not divide the length, so that every seek goes to another chunk.
             at = (at + end / 7 * 3 + 12_345_678) % end;
             let options = CursorOptions { start: Stamp(at), ..CursorOptions::default() };
             log.cursor(options).next().expect("a message").expect("a message that can be read").log_time

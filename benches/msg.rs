@@ -1,9 +1,9 @@
-//! Messages: one field of many, by scanning the wire format and by decoding everything.
+//! Messages: reading one field of many messages, by scanning the wire format and by decoding everything.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rcs_msg::{AnyMessage, FieldPath, FieldScanner, foxglove, registry};
 
-/// The bar is a million in a second; a tenth of that is enough to measure it.
+/// The bar is a million messages per second; a tenth of that is enough to measure.
 const MESSAGES: u64 = 100_000;
 
 fn one_field(criterion: &mut Criterion) {
@@ -44,7 +44,8 @@ fn one_field(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Fields at the start of a message with two covariances of 36 numbers, at its end, and the length of one of them.
+/// Paths to fields at the start and at the end of a message with two covariances of 36 numbers, and to the length of
+/// one.
 fn fields_of_odometry(criterion: &mut Criterion) {
     let schema = registry().schema("foxglove.Odometry").expect("the registry has the schema");
     let message = |x: u64| {

@@ -1,4 +1,4 @@
-//! The column scan: a depth image of a road with posts on it, labelled and turned into votes for cells.
+//! The column scan: a depth image of a road with posts, labelled and converted to votes for cells.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DMat3, DVec3};
@@ -7,11 +7,11 @@ use rcs_obstacles::columns::{GroundPlane, Placement, Survey};
 use rcs_obstacles::depth_image::{DepthImage, Rays, label_image, scan_strip};
 use rcs_obstacles::scan::ScanParams;
 
-/// Height of the camera above the road.
+/// Height of the camera above the road, m.
 const HEIGHT_M: f64 = 1.5;
 const SCALE_M: f64 = 0.001;
 
-/// Depth in units of [`SCALE_M`]: a level road up to 30 m, and posts two metres high eight metres ahead.
+/// Depth in units of [`SCALE_M`]: a level road up to 30 m, and posts two metres high at eight metres.
 fn depth_image(width: usize, height: usize, focal_px: f64) -> Vec<u8> {
     let pixel = |at: usize| {
         let (row, column) = (at / width, at % width);
@@ -35,7 +35,7 @@ fn column_scan(criterion: &mut Criterion) {
         let data = depth_image(width, height, focal_px);
         let image = DepthImage::new([width, height], width * 2, "16UC1", SCALE_M as f32, &data);
         let image = image.expect("a sound image");
-        // Optical axes (right, down, ahead) in the local frame (ahead, left, up).
+        // Optical axes (right, down, forward) in the local frame (forward, left, up).
         let local_from_optical = DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X);
         let ground_plane = GroundPlane { below_origin: DVec3::new(0.0, 0.0, -HEIGHT_M), up: DVec3::Z, wheels_m: 0.4 };
         let placement = Placement { sensor: DVec3::new(0.0, 0.0, HEIGHT_M), cell_size_m: 0.2 };

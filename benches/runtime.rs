@@ -1,6 +1,6 @@
-//! One cycle of a process: read, write some 64 bytes, post status. Ours through dynamic dispatch, wired when the stack
-//! file is read; Copper's wired when it is compiled. Copper runs whole graphs, so the comparison is a graph of three;
-//! `one` is a single process of ours.
+//! One cycle of a process: read, write about 64 bytes, post the status. Ours runs through dynamic dispatch and is wired
+//! when the stack file is read; Copper's is wired at compile time. Copper runs complete graphs, so the comparison is a
+//! graph of three; `one` is a single process of ours.
 
 mod copper;
 mod graph;
@@ -21,7 +21,7 @@ fn cycle(criterion: &mut Criterion) {
         bench.iter(|| cycle().expect("a cycle"));
     });
 
-    // Logs grow by a gigabyte within seconds at these rates, so what is logged is measured for a short while.
+    // At these rates a log grows by a gigabyte within seconds, so logged cycles are measured for a short time.
     group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(2)).sample_size(20);
     group.bench_function("logged/one/ocu", |bench| {
         bench.iter(graph::start(graph::ONE, Some(&path("one.mcap")), 1));

@@ -1,8 +1,8 @@
 //! The simulation: a step of the vehicle, a second of its process in a stack, a second of four cameras, a sweep of a
 //! ladar.
 //!
-//! A second of four cameras in 0.4 s is the bar of 0.4 of a core; a second of the vehicle in 20 ms that of 50 times
-//! real time. Rays: 4 cameras, 5 images, 320×240.
+//! The bars: 0.4 s for a second of four cameras (0.4 of a core), and 20 ms for a second of the vehicle (50 times real
+//! time). Rays: 4 cameras, 5 images, 320×240.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec2, DVec3};
@@ -18,7 +18,7 @@ use std::sync::Arc;
 const WORLD: &str = include_str!("../assets/worlds/meadow.toml");
 const LAGR: &str = include_str!("../assets/vehicles/lagr.toml");
 const TRACTOR: &str = include_str!("../assets/vehicles/tractor.toml");
-/// Where the meadow's course starts.
+/// Start of the course `meadow`.
 const START: DVec2 = DVec2::new(10.0, 45.0);
 
 struct Files;
@@ -30,7 +30,7 @@ impl Assets for Files {
     }
 }
 
-/// A run that has begun: the world and the map are made in its first second.
+/// A run that has begun; the first second computes the world and the map.
 fn begun(processes: &str) -> Stepped {
     let text = format!("format = 1\nname = \"speed\"\n{processes}");
     let plugins = &[ProcessType::of::<SimCameras>(), ProcessType::of::<SimVehicle>()];

@@ -1,11 +1,11 @@
-//! Both methods of stereo on a made pair of 640×480 with 64 disparities, one thread. Beside OpenCV: `stereo_peer.py`.
+//! Both stereo methods on a synthetic pair of 640×480 with 64 disparities, one thread. For OpenCV see `stereo_peer.py`.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rcs_stereo::{Matcher, Method, Settings};
 
 const SIZE: [usize; 2] = [640, 480];
 
-/// Grey levels from a counter, smoothed a little: the same for a place, whoever asks.
+/// Smoothed noise of grey levels, a function of the position alone.
 fn texture(x: usize, y: usize) -> u8 {
     let level = |x: usize| {
         let mut h = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32 / 2).wrapping_mul(0x85eb_ca77);
@@ -15,7 +15,7 @@ fn texture(x: usize, y: usize) -> u8 {
     ((level(x) + level(x + 1)) / 2) as u8
 }
 
-/// Ground that comes nearer from row to row.
+/// Ground whose range decreases from row to row.
 fn shift(y: usize) -> usize {
     4 + y * 50 / SIZE[1]
 }

@@ -1,7 +1,7 @@
-//! What the fuzz targets do with an input, apart from the fuzzer, so that `ocu-tests` runs the same on random inputs.
+//! The fuzz targets without the fuzzer, so that `ocu-tests` can run them on random inputs.
 //!
-//! An input is either taken as it is or read as edits of something sound: most random bytes are refused at the first
-//! look, and edited ones get further in. Each target also checks what must hold beside "nothing panics".
+//! An input is either used as it is, or as a list of edits of a valid file: most random bytes are refused early, and
+//! edited files get further. Besides panics, each target checks properties of the result.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -14,10 +14,10 @@ use rcs_msg::{
 };
 use rcs_runtime::{Plan, StackFile};
 
-/// A log opens or is refused; all that it gives is in order, and can be found again from where it stands.
+/// A log opens or is refused. Messages are in order and can be found again by their position.
 ///
 /// # Panics
-/// Where that does not hold.
+/// If a property does not hold.
 pub fn log_reader(input: &[u8]) {
     let (choice, rest) = split(input);
     let bytes = match choice % 4 {
@@ -50,7 +50,7 @@ pub fn log_reader(input: &[u8]) {
             );
         }
         for attachment in log.attachments() {
-            // A damaged one is an error that the caller shows; what counts here is that it is no panic.
+            // A damaged attachment is an error that the caller shows; here it only must not panic.
             let _ = log.read_attachment(attachment);
         }
         for topic in &log.info().topics {
@@ -59,10 +59,10 @@ pub fn log_reader(input: &[u8]) {
     }
 }
 
-/// The scanner gives what the tree gives, wherever the message decodes.
+/// The scanner agrees with the tree if the message decodes.
 ///
 /// # Panics
-/// Where that does not hold.
+/// If they differ.
 pub fn field_scanner(input: &[u8]) {
     let (choice, rest) = split(input);
     let (how, rest) = split(rest);
@@ -71,10 +71,10 @@ pub fn field_scanner(input: &[u8]) {
     check_scanner(&target.schema, &target.paths, &Bytes::from(message));
 }
 
-/// A definition is understood or refused, a message decodes or is refused, and the scanner agrees with the tree.
+/// A definition is parsed or refused, a message decodes or is refused, and the scanner agrees with the tree.
 ///
 /// # Panics
-/// Where that does not hold.
+/// If they differ.
 pub fn cdr(input: &[u8]) {
     let (choice, rest) = split(input);
     let (how, rest) = split(rest);
@@ -82,7 +82,7 @@ pub fn cdr(input: &[u8]) {
     let (definition, message) = if how % 2 == 0 {
         (definition.to_owned(), rest.to_vec())
     } else {
-        // A zero byte parts the edits of the definition from the message.
+        // A zero byte separates the edits of the definition from the message.
         let at = rest.iter().position(|&byte| byte == 0).unwrap_or(rest.len());
         let edited = edited(definition.as_bytes(), &rest[..at]);
         (String::from_utf8_lossy(&edited).into_owned(), rest[at..].to_vec())
@@ -92,10 +92,10 @@ pub fn cdr(input: &[u8]) {
     check_scanner(&schema, &paths, &Bytes::from(message));
 }
 
-/// A stack file makes a plan or an error that names a line of it.
+/// A stack file gives a plan, or an error that names one of its lines.
 ///
 /// # Panics
-/// Where that does not hold.
+/// If the error names no line of the file.
 pub fn stack_file(input: &[u8]) {
     let (choice, rest) = split(input);
     let text = if choice % 2 == 0 { rest.to_vec() } else { edited(STACK.as_bytes(), rest) };
@@ -113,7 +113,7 @@ fn split(input: &[u8]) -> (u8, &[u8]) {
     input.split_first().map_or((0, input), |(first, rest)| (*first, rest))
 }
 
-/// `base` with the changes that `edits` lists: four bytes each, place (two), kind and value.
+/// Applies the changes in `edits` to `base`: four bytes each, position (two), kind and value.
 fn edited(base: &[u8], edits: &[u8]) -> Vec<u8> {
     let mut bytes = base.to_vec();
     for edit in edits.chunks_exact(4) {
@@ -131,7 +131,7 @@ fn edited(base: &[u8], edits: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// `base` up to a place that the first two bytes of `input` give.
+/// `base` truncated at a position that the first two bytes of `input` give.
 fn cut(base: &[u8], input: &[u8]) -> Vec<u8> {
     let at = input.iter().take(2).fold(0, |at, &byte| at << 8 | usize::from(byte));
     base[..at.min(base.len())].to_vec()
@@ -143,7 +143,7 @@ fn check_scanner(schema: &Arc<Schema>, paths: &[FieldPath], message: &Bytes) {
     for path in paths {
         let Ok(scanner) = FieldScanner::new(schema, path) else { continue };
         let scanned = scanner.scan(message);
-        // The scanner skips what it need not read, so it may give a number where the tree gives an error.
+        // The scanner skips what it does not need, so it may return a number where the tree returns an error.
         if let Ok(tree) = &tree {
             let expected = tree.get(path).ok().and_then(|value: std::borrow::Cow<'_, Value>| value.as_f64());
             let scanned =
@@ -157,7 +157,7 @@ fn check_scanner(schema: &Arc<Schema>, paths: &[FieldPath], message: &Bytes) {
     }
 }
 
-/// A schema of ours with paths into it and a message that has them.
+/// A schema of this repository, with paths into it and a message that has their fields.
 struct Target {
     schema: Arc<Schema>,
     paths: Vec<FieldPath>,
@@ -175,7 +175,7 @@ static PROTOBUF: LazyLock<Vec<Target>> = LazyLock::new(|| {
     messages().into_iter().map(target).collect()
 });
 
-/// Paths that lead into one of the messages below; in the others they are refused.
+/// Each path is valid in one of the messages below, and refused in the others.
 const PATHS: [&str; 8] = [
     ".timestamp.seconds",
     ".pose.position.x",
@@ -218,7 +218,7 @@ fn messages() -> [AnyMessage; 4] {
     ]
 }
 
-/// ROS 2 definitions of every kind of field, each with paths into it.
+/// ROS 2 definitions with every kind of field, each with paths.
 const ROS: [(&str, &str, &[&str]); 5] = [
     (
         "sensor_msgs/msg/PointCloud2",
@@ -300,7 +300,7 @@ const ROS: [(&str, &str, &[&str]); 5] = [
     ("x/msg/Empty", "", &[".structure_needs_at_least_one_member"]),
 ];
 
-/// A stack with something of everything that a stack file can say.
+/// A stack that uses every feature of stack files.
 const STACK: &str = r#"format = 1
 name = "all"
 description = "Something of everything."
@@ -345,10 +345,10 @@ record = true
 record_hz = 5.0
 "#;
 
-/// A sound log without and with compression, small enough that two bytes reach every place of it.
+/// A valid log, without and with compression, small enough that two bytes can address every position.
 static LOGS: LazyLock<[Vec<u8>; 2]> = LazyLock::new(|| [log(false), log(true)]);
 
-/// Where a log is written to: bytes that are still there when the writer is not.
+/// The destination of a log: bytes that remain when the writer is dropped.
 #[derive(Clone, Default)]
 struct Shared(Arc<Mutex<Vec<u8>>>);
 
@@ -380,7 +380,7 @@ fn log(compress: bool) -> Vec<u8> {
         let channels =
             [writer.add_channel("/a", &json, &metadata)?, writer.add_channel("/b", &json, &BTreeMap::new())?];
         for sequence in 0..24 {
-            // Times run back now and then: messages of one chunk need not be in order.
+            // Times are not monotonic, because messages of a chunk need not be in order.
             let time = Stamp(u64::from(sequence / 3 * 10 + 5 - sequence % 3));
             let header = WriteHeader { sequence, log_time: time, publish_time: time };
             writer.write(

@@ -1,11 +1,10 @@
-//! Writes the a priori models of Albus 2006a, 3.1.2 into a folder: a path of mulch, a path of white lime, an orange
-//! fence.
+//! Writes the a priori models of Albus 2006a, 3.1.2 into a folder: a mulch path, a path of white lime, an orange fence.
 //!
 //! `cargo run -p ocu-tests --example apriori_models -- assets/models`
 //!
-//! Nobody's pictures are in them. A surface is a ratio of green to red with a spread, in any light: red runs over a range
-//! with most of it in the middle. Learned models do better where they can be learned; these are for the first metres,
-//! and for what must not be driven on to learn it.
+//! The models are synthetic and contain no images. A surface is a range of ratios of green to red in any light; red
+//! covers a range, with most of its weight in the middle. Models learned on site are better. These are for the first
+//! metres, and for obstacles that the vehicle must not drive on to learn them.
 
 use rcs_color::file::to_message;
 use rcs_color::histogram::{BINS, Histogram};
@@ -14,7 +13,7 @@ use rcs_msg::{AnyMessage, Stamp, to_json};
 use std::error::Error;
 use std::path::PathBuf;
 
-/// How a surface looks.
+/// Colours of a surface.
 struct Surface {
     file: &'static str,
     name: &'static str,
@@ -49,12 +48,13 @@ const SURFACES: [Surface; 3] = [
     },
 ];
 
-/// Steps over each range.
+/// Number of steps over each range.
 const STEPS: u32 = 200;
 
 fn histogram(surface: &Surface) -> Histogram {
     let mut histogram = Histogram::default();
-    // Both ranges are run over so that their middles come most often: the mean of two equal steps is a triangle.
+    // The mean of two uniform steps has a triangular distribution, so that the middle of each range has the most
+    // weight.
     let at = |[from, to]: [f64; 2], part: f64| from + (to - from) * part;
     let triangle = |a: u32, b: u32| f64::from(a + b) / f64::from(2 * (STEPS - 1));
     for (i, j) in (0..STEPS).flat_map(|i| (0..STEPS).map(move |j| (i, j))) {
@@ -66,7 +66,7 @@ fn histogram(surface: &Surface) -> Histogram {
     histogram.scaled(4000.0)
 }
 
-/// Numbers that stand in lines of their own, a row of the histogram in a line.
+/// Numbers with one row of the histogram per line.
 fn in_rows(json: &str) -> String {
     let is_number = |line: &str| line.trim().trim_end_matches(',').parse::<f32>().is_ok();
     let (mut text, mut numbers) = (String::new(), 0);
@@ -87,7 +87,7 @@ fn in_rows(json: &str) -> String {
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(std::env::args().nth(1).ok_or("expected a folder to write into")?);
     for surface in &SURFACES {
-        // Two decimals: a person may read the file.
+        // Two decimals keep the file readable.
         let counts: Vec<f32> =
             histogram(surface).counts().iter().map(|count| (count * 100.0).round() / 100.0).collect();
         let histogram = Histogram::from_counts(&counts).ok_or("a surface without colours")?;

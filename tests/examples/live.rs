@@ -1,5 +1,5 @@
-//! How punctual a stack is on the wall clock: runs it live, recorded, and prints as JSON, for each process, how late it
-//! woke, how long it waited for the lock and how long it computed.
+//! Measures the punctuality of a stack on the wall clock: runs it live, recorded, and prints as JSON for each process
+//! how late it woke, how long it waited for the lock and how long it computed.
 //!
 //! `cargo run --release -p ocu-tests --example live -- [STACK [COURSE [SECONDS [RECORDING]]]]`
 //! prints `{stack, wall_s, recorder: {written, dropped}, processes: [{name, class, period_ms, cycles, start_late_p99_ms,

@@ -1,8 +1,8 @@
-//! Measures what the past of a run takes and how soon it is shown: minutes of the simulation with its four cameras, then
-//! steps back in a row, by cycle, at several of them. Prints JSON.
+//! Measures the memory of a run's past and the time to show it: simulates minutes with four cameras, then steps back by
+//! cycle several times, at several minutes. Prints JSON.
 //!
-//! `cargo run --release -p ocu-tests --example past [-- MINUTES [cost]]`; with `cost`, what a session costs beside the same
-//! run without one, instead.
+//! `cargo run --release -p ocu-tests --example past [-- MINUTES [cost]]`; `cost` measures instead what a session costs
+//! compared with the same run without one.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "its output is what it is for")]
 #![allow(unreachable_pub, dead_code, reason = "shared with the tests")]
@@ -24,7 +24,7 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How many steps back, at each minute.
+/// Number of steps back at each minute.
 const STEPS: usize = 50;
 
 fn seconds(s: f64) -> Stamp {
@@ -46,7 +46,7 @@ fn simulation() -> Arc<Plan> {
     bundled::plan("simulation", "meadow", &[])
 }
 
-/// Drives on in curves, as a person does, until that time.
+/// Drives in curves, like an operator, until that time.
 fn drive(source: &mut StackSource, until_s: f64) {
     let task = Task::default();
     let mut now_s = 0.0;
@@ -110,7 +110,7 @@ fn past(minutes: f64) -> Value {
     })
 }
 
-/// One step back: after how long what is recorded was shown, and after how long everything was, in milliseconds.
+/// One step back: the time until the recorded topics were shown, and until all topics were, in milliseconds.
 fn step_back(source: &mut StackSource, recorded: &[String]) -> (f64, f64) {
     let clock = Instant::now();
     let step = Step::Cycle { process: None, back: true };
@@ -132,7 +132,7 @@ fn step_back(source: &mut StackSource, recorded: &[String]) -> (f64, f64) {
     }
 }
 
-/// Resident memory now and at most, from the system.
+/// Current and peak resident memory, from the system.
 fn resident_mb() -> (f64, f64) {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let of = |name: &str| {
@@ -143,7 +143,7 @@ fn resident_mb() -> (f64, f64) {
     (of("VmRSS:"), of("VmHWM:"))
 }
 
-/// What a session costs beside the same run without one: both in turn, the shortest of three.
+/// Cost of a session compared with the same run without one: alternating runs, the shortest of three.
 fn cost(plan: &Arc<Plan>, simulated_s: f64) -> Value {
     let new = || Stepped::new(Arc::clone(plan), None, RunOptions::default()).unwrap();
     let (mut without_s, mut with_s) = (f64::MAX, f64::MAX);
@@ -162,7 +162,7 @@ fn cost(plan: &Arc<Plan>, simulated_s: f64) -> Value {
     json!({ "simulated_s": simulated_s, "without_s": without_s, "with_s": with_s, "ratio": with_s / without_s })
 }
 
-/// A small controller: follows its input with a filter of second order, in small steps.
+/// A small controller: filters its input by a second-order filter with a small time step.
 #[derive(Clone, Serialize, Deserialize)]
 struct Follower {
     state: [f64; 2],
@@ -208,7 +208,7 @@ impl Process for Follower {
     }
 }
 
-/// 40 processes at 50 Hz, each following the one before.
+/// 40 processes at 50 Hz, each reading the output of the previous one.
 fn forty() -> Arc<Plan> {
     let mut text = "format = 1\nname = \"forty\"\n".to_owned();
     for i in 0..40 {

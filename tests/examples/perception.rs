@@ -1,5 +1,5 @@
-//! What each part of sensory processing gets right, against the ground truth, on every course: intersection over union
-//! of obstacle and open cells within 8 m, over the first minute of a drive.
+//! Compares each part of sensory processing with the ground truth on every course: intersection over union of obstacle
+//! and open cells within 8 m, over the first minute of a drive.
 //!
 //! `cargo run -p ocu-tests --example perception [-- COURSE ...]`
 
@@ -51,7 +51,7 @@ fn main() {
     }
 }
 
-/// A drive that goes on, and the world that it is in.
+/// A drive in progress, and its world.
 struct Drive {
     run: Stepped,
     world: World,
@@ -69,7 +69,7 @@ impl Drive {
         Drive { run, world }
     }
 
-    /// Goes on until this many seconds after the start.
+    /// Continues until this many seconds after the start.
     fn until(&mut self, seconds: f64) {
         self.run.run_until(Stamp((seconds * 1e9).round() as u64)).unwrap();
     }
@@ -86,14 +86,14 @@ impl Drive {
         pose_of(odometry.pose.as_ref(), "global").ok()
     }
 
-    /// Where the frame of the local estimate really lies, by the vehicle's true and estimated poses.
+    /// True pose of the frame of the local estimate, from the true and the estimated pose of the vehicle.
     fn global_from_local(&self) -> Option<Pose> {
         let local: Odometry = self.latest("/localization/local")?;
         let local_from_vehicle = pose_of(local.pose.as_ref(), "local").ok()?;
         Some(self.global_from_vehicle()? * local_from_vehicle.inverse())
     }
 
-    /// Scores the newest map of costs in a buffer against the true world, up to `reach_m` from the vehicle.
+    /// Compares the newest cost map in a buffer with the true world, up to `reach_m` from the vehicle.
     fn score(&self, buffer: &str, field: &str, reach_m: f64, score: &mut Confusion<2>) {
         let (Some(grid), Some(global_from_local), Some(vehicle)) =
             (self.latest::<Grid>(buffer), self.global_from_local(), self.global_from_vehicle())
@@ -124,12 +124,12 @@ impl Drive {
 const GROUND: usize = 0;
 const OBSTACLE: usize = 1;
 
-/// From a cell's middle to the next one's, diagonally, m.
+/// Distance between the middles of diagonally adjacent cells, m.
 const BORDER_M: f64 = 0.29;
 
-/// Counts a cell with a cost beside the ground truth. A border of one cell (0.2 m and the diagonal) is nobody's
-/// mistake: an obstacle is right where something blocks within it, and an open cell is right where nothing blocks its
-/// own middle.
+/// Compares a cell that has a cost with the ground truth, with a tolerance of one cell (0.2 m, and its diagonal): an
+/// obstacle is correct if something within the tolerance blocks, and an open cell is correct if nothing blocks its own
+/// middle.
 fn count(score: &mut Confusion<2>, sensed: bool, world: &World, at: DVec2) {
     let blocked = world.blocked(at, if sensed { BORDER_M } else { 0.0 });
     score.add(usize::from(blocked), Some(usize::from(sensed)));

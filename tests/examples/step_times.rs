@@ -1,4 +1,4 @@
-//! Measures how long steps take on a recording with a stack, forward and back, beside what its processes take.
+//! Measures the time of steps on a recording with a stack, forward and back, compared with that of its processes.
 //!
 //! `cargo run -p ocu-tests --example step_times -- assets/stacks/range_camera.toml drive.mcap`
 
@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             steps_ms.push(clock.elapsed().as_secs_f64() * 1e3);
             own_ms.push((busy_us(&source) - busy) * 1e-3);
         }
-        // A step back brings the counts of an earlier moment with it: only forward can they be told apart.
+        // A step back restores the counters of an earlier time, so the difference can only be taken forward.
         let without: Vec<f64> = steps_ms.iter().zip(&own_ms).map(|(step, own)| step - own).collect();
         let lists = [("step", steps_ms), ("step less its processes' time", without)];
         for (what, mut list) in lists.into_iter().take(if back { 1 } else { 2 }) {

@@ -1,10 +1,10 @@
-//! The stacks, worlds, courses and models that come with the program, as the tests run them.
+//! The bundled stacks, worlds, courses and models, as the tests run them.
 
 use rcs_runtime::{Asset, Assets, Plan, PlanOptions, StackFile};
 use std::path::Path;
 use std::sync::Arc;
 
-/// The files that come with the program, where they lie.
+/// The bundled files, read from the repository.
 pub(crate) struct Repository;
 
 impl Assets for Repository {
@@ -26,14 +26,14 @@ pub(crate) fn plan(stack: &str, course: &str, params: &[(&str, &str)]) -> Arc<Pl
     planned(&asset.file, &asset.text, Some(course), params)
 }
 
-/// A bundled stack as it stands.
+/// A bundled stack without changes.
 #[allow(dead_code, reason = "an example includes this file, too")]
 pub(crate) fn plan_of(stack: &str) -> Arc<Plan> {
     let asset = Repository.read("stack", stack, "").unwrap();
     planned(&asset.file, &asset.text, None, &[])
 }
 
-/// A test's own stack.
+/// A stack of a test.
 #[allow(dead_code, reason = "an example includes this file, too")]
 pub(crate) fn plan_from_text(file: &str, text: &str) -> Arc<Plan> {
     planned(file, text, None, &[])

@@ -1,5 +1,5 @@
-//! Every course of the simulation, driven by the driver that knows the ground truth: it can be driven, in time and
-//! without a collision, and every run of a seed is the same to the last byte.
+//! Runs every course of the simulation with the driver that knows the ground truth: the goal is reached in time and
+//! without a collision, and runs with the same seed are identical to the last byte.
 
 use crate::bundled;
 use rcs_msg::rcs::{CourseOutcome, CourseRun, DriveCommand, GroundTruthState, VehicleStatus};
@@ -8,7 +8,7 @@ use rcs_runtime::source::Task;
 use rcs_runtime::{ExternalEvent, Plan, RunOptions, Session, Stepped};
 use std::sync::Arc;
 
-/// The driver's stack on a course, with other values of parameters.
+/// The driver's stack on a course, with other parameter values.
 fn plan(course: &str, overrides: &[(&str, &str)]) -> Arc<Plan> {
     bundled::plan("truth_driver", course, overrides)
 }
@@ -17,12 +17,12 @@ fn latest<T: Payload>(run: &Stepped, buffer: &str) -> T {
     run.bus().get(buffer).unwrap().latest().unwrap().message.to().unwrap()
 }
 
-/// Drives a course until the referee has decided; what it said, and the hash of everything that was sent.
+/// Drives a course until the referee decides; returns its verdict and the hash of all messages.
 fn decide(plan: &Arc<Plan>, seed: u64) -> (CourseRun, String) {
     let options = RunOptions { seed, hash: true, ..RunOptions::default() };
     let mut run = Stepped::new(Arc::clone(plan), None, options).unwrap();
     run.begin().unwrap();
-    // No course gives more than four minutes.
+    // The time limits of all courses are below four minutes.
     for second in 1..=250 {
         run.run_until(Stamp(second * 1_000_000_000)).unwrap();
         let verdict: CourseRun = latest(&run, "/vehicle/run");
@@ -88,7 +88,7 @@ fn the_transition_can_be_driven() {
 
 #[test]
 fn the_straight_way_up_the_hill_is_too_slippery() {
-    // A driver that minds neither mud nor slopes.
+    // A driver that avoids neither mud nor slopes.
     let reckless = [
         ("truth_driver.slip_weight", "0"),
         ("truth_driver.slope_weight", "0"),

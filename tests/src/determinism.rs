@@ -1,5 +1,5 @@
-//! The gate for determinism: every plugin and every bundled stack gives the same bytes on one thread and on two, and
-//! goes on with the same bytes from any moment that was kept, in memory or on disk.
+//! The determinism gate: every plugin and every bundled stack gives the same bytes on one thread and on two, and
+//! continues with the same bytes from snapshots in memory and on disk.
 
 use crate::bundled;
 use rcs_log::Log;
@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Numbers that look random and are the same in every run: splitmix64.
+/// Deterministic pseudo-random numbers: splitmix64.
 struct Numbers(u64);
 
 impl Numbers {
@@ -23,7 +23,7 @@ impl Numbers {
     }
 }
 
-/// A stack on a log or on nothing, and the moments, s after its start, between which it is looked at.
+/// A stack with or without a log, and the range of times in which snapshots are taken, s after its start.
 struct Case<'a> {
     plan: Arc<Plan>,
     log: Option<&'a Log>,
@@ -47,13 +47,13 @@ impl Case<'_> {
         run.start().after_ns((self.until_s * 1e9) as u64)
     }
 
-    /// Goes to the end; the events until there and the hash of everything that was written.
+    /// Runs to the end; returns the number of events and the hash of all messages.
     fn finish(&self, run: &mut Stepped) -> (u64, String) {
         run.run_until(self.end(run)).unwrap();
         (run.events(), run.summary().hash.unwrap())
     }
 
-    /// Runs the stack through, keeps it at random events on the way, and goes on from each.
+    /// Runs the stack, takes snapshots at random events, and continues from each.
     fn check(&self, seed: u64) {
         let name = self.plan.file.name();
         let mut through = self.begun(1);
@@ -95,7 +95,7 @@ impl Case<'_> {
     }
 }
 
-/// Moments at which a run is kept.
+/// Number of snapshots per run.
 const MOMENTS: usize = 2;
 
 /// A bundled stack on a course.
@@ -104,7 +104,7 @@ fn check_course(stack: &str, course: &str, [from_s, until_s]: [f64; 2], seed: u6
     Case { plan, log: None, from_s, until_s }.check(seed);
 }
 
-/// A bundled stack on a recording; nothing where there are no recordings.
+/// A bundled stack on a recording; `None` if the recordings are absent.
 fn check_log(stack: &str, log: &str, [from_s, until_s]: [f64; 2], seed: u64) {
     let Some(folder) = rcs_testkit::data_dir() else { return };
     let log = Log::open(folder.join("real-logs").join(log)).unwrap();
@@ -169,7 +169,7 @@ fn a_world_that_changes_restarts_a_run_from_disk_as_it_does_one_that_went_throug
     assert!(verdict.time_s < 2.1, "the course begins when the world changes: {verdict:?}");
 }
 
-/// What no bundled stack runs without a recording.
+/// Plugins that no bundled stack runs without a recording.
 const REST: &str = r#"
 format = 1
 name = "rest"
@@ -240,7 +240,7 @@ fn every_plugin_goes_through_the_gate_without_a_recording() {
 
 #[test]
 fn every_bundled_stack_goes_through_the_gate() {
-    // `sample` runs on the recording that `ocu sample` writes, and is checked where that is made.
+    // `sample` runs on the recording of `ocu sample`; the test of that command checks it.
     let checked: BTreeSet<_> = [
         "forest_robot",
         "husky",

@@ -1,22 +1,23 @@
-//! Golden traces of perception, fusion and localization on committed courses: a few numbers of each process, once a second.
+//! Golden traces of perception, fusion and localization on bundled courses: some numbers of each process, once per
+//! second.
 //!
-//! What a change does to them is read as a difference of `tests/golden/*.csv`. `just golden` writes them anew.
+//! A change of these numbers is reviewed as a diff of `tests/golden/*.csv`. `just golden` rewrites the files.
 
 use crate::bundled::plan;
 use rcs_msg::{FieldScanner, Stamp};
 use rcs_runtime::{RunOptions, Stepped};
 use rcs_testkit::golden::Trace;
 
-/// The root of the repository, under which `tests/golden` lies.
+/// The root of the repository, which contains `tests/golden`.
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 const STACK: &str = "learning";
-/// Courses, and how long they are driven, s.
+/// Courses, and the duration of the drive, s.
 const COURSES: [(&str, u64); 2] = [("mulch_path", 15), ("meadow", 15)];
 
-/// What is traced of a part: `(column, buffer, field)`.
+/// Trace columns of a part: `(column, buffer, field)`.
 type Columns = &'static [(&'static str, &'static str, &'static str)];
 
-/// A file for each part and course.
+/// One file per part and course.
 const PARTS: [(&str, Columns); 6] = [
     (
         "stereo",
@@ -104,14 +105,14 @@ const PARTS: [(&str, Columns); 6] = [
     ),
 ];
 
-/// A field of a buffer's newest message; not a number before the first.
+/// A field of a buffer's newest message; NaN before the first.
 fn newest(run: &Stepped, buffer: &str, field: &str) -> f64 {
     let buffer = run.bus().get(buffer).unwrap_or_else(|| panic!("there is no buffer {buffer}"));
     let path = field.parse().unwrap_or_else(|error| panic!("{field}: {error}"));
     let scanner = FieldScanner::new(&buffer.spec().schema, &path)
         .unwrap_or_else(|error| panic!("{}{field}: {error}", buffer.name()));
     let Some(sample) = buffer.latest() else { return f64::NAN };
-    // A number that is 0 is not on the wire.
+    // A number that is 0 is absent on the wire.
     scanner.scan(&sample.message.bytes()).unwrap_or_else(|error| panic!("{field}: {error}")).unwrap_or(0.0)
 }
 

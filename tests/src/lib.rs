@@ -1,4 +1,4 @@
-//! Cross-crate scenarios and the rules of the architecture, in one test binary.
+//! Scenarios across crates and the rules of the architecture, in one test binary.
 
 #[cfg(test)]
 mod architecture;

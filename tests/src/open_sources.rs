@@ -1,4 +1,4 @@
-//! A source of costs that no crate of the program knows: a stack lists it, and the world model fuses it.
+//! A source of costs that the program does not know: a stack lists it, and the world model fuses it.
 
 use rcs_log::{Log, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::foxglove::Grid;

@@ -1,5 +1,5 @@
-//! What the fuzz targets do, run on random inputs: that no input makes a reader panic is checked with every test run,
-//! and the fuzzer looks further.
+//! Runs the fuzz targets on random inputs, so that every test run checks that readers do not panic; the fuzzer searches
+//! further.
 
 use proptest::prelude::*;
 
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 #[allow(unreachable_pub, reason = "the fuzz targets see the same file as a crate of its own")]
 mod targets;
 
-/// Inputs of bytes that are often zero, small or alike, as lengths and numbers of fields are.
+/// Inputs with many bytes that are zero, small or equal, like lengths and field numbers.
 fn input() -> impl Strategy<Value = Vec<u8>> {
     let byte = prop_oneof![any::<u8>(), 0..8_u8, Just(255)];
     prop::collection::vec(byte, 0..200)

@@ -1,4 +1,4 @@
-//! Maps recorded as key frames and deltas: what every reader of such a log gets.
+//! Maps recorded as key frames and deltas, as every kind of reader gets them.
 
 use proptest::prelude::*;
 use rcs_geom::DVec2;
@@ -22,7 +22,7 @@ fn time_of(sequence: u32) -> Stamp {
     Stamp(START + u64::from(sequence) * PERIOD_NS)
 }
 
-/// A drive along a line with votes around the vehicle; sequences count from 1.
+/// A drive along a line with votes around the vehicle; sequence numbers begin with 1.
 fn drive() -> Vec<MapMessage> {
     let mut map = Map::new(0.2).unwrap();
     let mut maps = Vec::new();
@@ -47,7 +47,7 @@ fn drive() -> Vec<MapMessage> {
     maps
 }
 
-/// Records maps as a run does, or each as a whole.
+/// Records maps as a run does, or each as a complete message.
 fn record(path: &Path, maps: &[MapMessage], codec: Option<&'static dyn DeltaCodec>) {
     let writer = LogWriter::create(path, WriterOptions::default()).unwrap();
     let recorder = Recorder::start(writer, RecorderOptions::default()).unwrap();
@@ -80,7 +80,7 @@ fn open(path: &Path) -> Log {
     Log::open(path).unwrap().with_codecs(rcs_runtime::codecs(rcs_plugins::all()))
 }
 
-/// What a window shows of the map where a source stands: its sequence, after its bytes have been compared.
+/// The sequence of the map that a source shows at its current time; its bytes have been compared.
 fn shown(source: &mut LogSource, maps: &[MapMessage]) -> Option<u32> {
     let frame = source.frame();
     let sample = frame.topic(TOPIC)?.latest.clone()?;
@@ -101,7 +101,7 @@ fn a_log_shows_every_map_as_it_was_wherever_one_goes_in_it() {
     let names: Vec<String> = source.frame().topics.iter().map(|topic| topic.name.to_string()).collect();
     assert_eq!(names, [TOPIC], "deltas are no topic of their own");
     assert_eq!(source.frame().topic(TOPIC).unwrap().messages, u64::from(COUNT));
-    // Forward by little steps, and jumps in both directions.
+    // Forward by small steps, and jumps in both directions.
     let way = [1, 2, 3, 4, 20, 21, 90, 91, 10, 125, 50, 49, 51, 52, 100, 1];
     for sequence in way {
         source.seek(time_of(sequence), &Task::default()).unwrap();
@@ -201,7 +201,7 @@ fn a_stack_on_a_log_reads_the_same_maps_whether_they_were_recorded_whole_or_as_d
             assert!(a.message.bytes() == b.message.bytes(), "{buffer}");
         }
     }
-    // Going back in the log: what follows is the same again.
+    // After going back in the log, the rest is the same.
     let snapshot = deltas.snapshot();
     deltas.run_until(time_of(125)).unwrap();
     let end = deltas.bus().get("/wm2/map").unwrap().latest().unwrap().message.bytes();

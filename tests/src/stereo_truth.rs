@@ -1,5 +1,5 @@
-//! What stereo and the obstacle detection on it find, beside the ground truth of the simulation: things in the meadow,
-//! labels of pixels, and a ditch that the vehicle drives at. The parameters are those of the stack `simulation`.
+//! Compares stereo and the obstacle detection with the ground truth of the simulation: things on the meadow, labels of
+//! pixels, and a ditch that the vehicle drives towards. The parameters are those of the stack `simulation`.
 
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
 use rcs_metrics::Confusion;
@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
-/// The files that come with the program, and a world and a course of this test.
+/// The bundled files, and a world and a course of this test.
 struct Files;
 
 const DITCH_WORLD: &str = r#"
@@ -26,7 +26,7 @@ sun = { azimuth_deg = 215, elevation_deg = 48 }
 undulation = [{ wavelength_m = 11, amplitude_m = 0.1 }]
 ditch = [{ path = [[20, 20], [20, 40]], width_m = 0.4, depth_m = 0.5 }]
 "#;
-/// The ditch's near edge, m; the vehicle drives along y = 30.
+/// Position of the near edge of the ditch, m; the vehicle drives along y = 30.
 const DITCH_EDGE_M: f64 = 19.8;
 const DITCH_COURSE: &str = r#"
 format = 1
@@ -60,7 +60,7 @@ fn begin(course: &str) -> Stepped {
     stack.push_str("\n[[process]]\nname = \"perception\"\nplugin = \"supervisor\"\nsupervisor = \"robot\"\n");
     stack.push_str("as = \"auxiliary\"\n");
     for side in ["left", "right"] {
-        // The costs of each pair apart.
+        // The costs of each pair go to separate buffers.
         let with = format!("side = \"{side}\", cost = \"/obstacles_{side}/cost\"");
         let include = format!("\n[[include]]\npart = \"stereo_pair\"\nwith = {{ {with} }}\n");
         stack.push_str(&include);
@@ -77,23 +77,23 @@ fn latest<T: Payload>(run: &Stepped, buffer: &str) -> Option<T> {
     run.bus().get(buffer).unwrap_or_else(|| panic!("no buffer {buffer}")).latest()?.message.to()
 }
 
-/// One frame of one camera: what was found, and where everything really was.
+/// One frame of one camera: the result, and the ground truth.
 struct Frame {
     labels: RawImage,
     true_labels: RawImage,
     true_depth: Vec<f32>,
-    /// The rectified camera, the raw one, and where it was.
+    /// The rectified camera, the raw one, and its pose.
     camera: PinholeCamera,
     raw: PinholeCamera,
     optical_from_global: Pose,
-    /// The vehicle, and the middles of obstacle cells by cell, frame `global`, m.
+    /// Position of the vehicle, and the middles of obstacle cells by cell, in the frame `global`, m.
     vehicle: DVec2,
     cells: BTreeMap<(usize, usize), DVec2>,
 }
 
 const CYCLE_MS: u64 = 50;
 
-/// Runs a course for some seconds and shows each frame of both cameras.
+/// Runs a course for some seconds and calls `visit` with each frame of both cameras.
 fn watch(course: &str, seconds: u64, mut see: impl FnMut(&Frame, &[GroundTruthObject])) {
     let mut run = begin(course);
     let mut mounts = Localizer::default();
@@ -165,7 +165,7 @@ fn frame(
         vehicle: global_from_vehicle.translation.truncate(),
         cells: obstacles.map(|(column, row)| ((column, row), middle(column, row))).collect(),
     };
-    // ground truth of another frame would be compared with the wrong one.
+    // Ground truth of another frame must not be compared.
     (frame.labels.timestamp == frame.true_labels.timestamp).then_some(frame)
 }
 
@@ -174,12 +174,12 @@ fn place(thing: &GroundTruthObject) -> DVec3 {
     DVec3::new(p.x, p.y, p.z)
 }
 
-/// Columns at the left that the right camera does not see; 4 more, and as many rows and columns at the other edges.
+/// Columns at the left that the right camera does not see; and a margin of 4 pixels at every edge.
 const BLIND_PX: f64 = 48.0;
 const EDGE_PX: f64 = 4.0;
 
 impl Frame {
-    /// Whether both cameras see a thing, unhidden, at its foot, its middle and near its top (or the clearance).
+    /// Whether both cameras see a thing unoccluded at its foot, its middle and near its top (or the clearance).
     fn shows(&self, thing: &GroundTruthObject) -> bool {
         let height_m = thing.height_m.min(1.2);
         [0.1, 0.5, 0.8].into_iter().all(|share| {
@@ -200,7 +200,7 @@ impl Frame {
         })
     }
 
-    /// Obstacle cells side by side, those that begin within 8 m.
+    /// Connected groups of obstacle cells that begin within 8 m.
     fn patches(&self) -> Vec<Vec<DVec2>> {
         let mut left: BTreeSet<(usize, usize)> = self.cells.keys().copied().collect();
         let mut patches = Vec::new();
@@ -210,7 +210,7 @@ impl Frame {
             while let Some(&(column, row)) = patch.get(next) {
                 next += 1;
                 for (c, r) in (0..3).flat_map(|dr| (0..3).map(move |dc| (column + dc, row + dr))) {
-                    // Indices are one more than the neighbour's, so that none is below zero.
+                    // Indices are offset by one, so that none is negative.
                     let neighbour = (c.wrapping_sub(1), r.wrapping_sub(1));
                     if left.remove(&neighbour) {
                         patch.push(neighbour);
@@ -226,10 +226,10 @@ impl Frame {
     }
 }
 
-/// Labels of obstacle images: 0 is none, and what is above 4 is too far or invalid.
+/// Labels of obstacle images: 0 is none, above 4 is too far or invalid.
 const LABELS: std::ops::RangeInclusive<u8> = 1..=4;
 
-/// Counts the pixels nearer than 8 m that have a label and a true one.
+/// Counts the pixels within 8 m that have a label and a true label.
 fn count_labels(frame: &Frame, confusion: &mut Confusion<5>) {
     let (width, height) = (frame.camera.width as usize, frame.camera.height as usize);
     for (i, &label) in frame.labels.data.iter().enumerate().take(width * height) {
@@ -246,8 +246,8 @@ fn count_labels(frame: &Frame, confusion: &mut Confusion<5>) {
 
 #[test]
 fn things_in_the_meadow_are_found_and_little_else_is() {
-    // By band (15 cm within 4 m, 30 cm within 8 m) and thing: frames that show it, and frames that find it. A thing is
-    // found where at least half of the frames that show it do.
+    // By band (15 cm within 4 m, 30 cm within 8 m) and thing: number of frames that show it, and that find it. A thing
+    // is found if at least half of the frames that show it find it.
     let mut seen: BTreeMap<(usize, u32), [u32; 2]> = BTreeMap::new();
     let (mut patches, mut right) = (0, 0);
     let mut confusion = Confusion::<5>::default();

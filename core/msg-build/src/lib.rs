@@ -5,7 +5,7 @@
 //!
 //! ```no_run
 //! fn main() -> Result<(), Box<dyn std::error::Error>> {
-//!    rcs_msg_build::compile()
+//!     rcs_msg_build::compile()
 //! }
 //! ```
 //!

@@ -12,16 +12,17 @@
 //! use rcs_geom::{DVec2, DVec3};
 //! use rcs_scene::{Class, World};
 //! let world = World::from_toml(
-//!    r#"
-//!    name = "example"
-//!    bounds_m = [[0, 0], [40, 30]]
-//!    base = "short_grass"
-//!    [[thing]]
-//!    kind = "boulder"
-//!    at = [20, 15]
-//!    radius_m = 0.5
-//!    height_m = 0.8
-//!    "#,
+//!     r#"
+//!     name = "example"
+//!     bounds_m = [[0, 0], [40, 30]]
+//!     base = "short_grass"
+//!     origin = { zone = 18, easting_m = 308000, northing_m = 4333000 }
+//!     [[thing]]
+//!     kind = "boulder"
+//!     at = [20, 15]
+//!     radius_m = 0.5
+//!     height_m = 0.8
+//!     "#,
 //! )?;
 //! let hit = world.cast(DVec3::new(10.0, 15.0, 0.4), DVec3::X, 30.0).expect("the boulder");
 //! assert_eq!(hit.class, Class::Boulder);

@@ -1,8 +1,8 @@
-//! Rust text with its comments and literals blanked, and the search for whole words in it.
+//! Rust source with comments and literals blanked, and a search for whole words in it.
 
-/// The source with every comment, string and character literal replaced by spaces; lines keep their numbers.
+/// The source with every comment, string and character literal replaced by spaces; line numbers stay the same.
 ///
-/// Raw strings, nested block comments and lifetimes are told apart; what macros do to their tokens is not looked at.
+/// It handles raw strings, nested block comments and lifetimes; it does not expand macros.
 pub(super) fn code_only(source: &str) -> String {
     let chars: Vec<char> = source.chars().collect();
     let mut code = String::with_capacity(source.len());
@@ -20,7 +20,7 @@ pub(super) fn code_only(source: &str) -> String {
     code
 }
 
-/// Where the comment or literal that begins at `at` ends; `at` itself where none begins.
+/// End of the comment or literal that begins at `at`; `at` itself if none begins there.
 fn skipped(chars: &[char], at: usize) -> usize {
     let peek = |ahead: usize| chars.get(at + ahead).copied().unwrap_or('\0');
     let joined = at > 0 && is_word(chars[at - 1]);
@@ -66,7 +66,7 @@ fn string_end(chars: &[char], mut at: usize) -> usize {
     (at + 1).min(chars.len())
 }
 
-/// The end of a raw string whose hashes or quote begin at `at`; none where it is a raw identifier such as `r#type`.
+/// End of a raw string whose hashes or quote begin at `at`; `None` for a raw identifier such as `r#type`.
 fn raw_string_end(chars: &[char], at: usize) -> Option<usize> {
     let hashes = chars[at..].iter().take_while(|&&c| c == '#').count();
     if chars.get(at + hashes) != Some(&'"') {
@@ -82,7 +82,7 @@ fn is_word(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// The numbers, from 1, of the lines that hold `words` with no further letter, digit or underscore at either end.
+/// Numbers, from 1, of the lines that contain `words` as whole words (no letter, digit or underscore on either side).
 pub(super) fn lines_with(code: &str, words: &str) -> Vec<usize> {
     let holds = |line: &str| {
         line.match_indices(words).any(|(start, _)| {

@@ -1,12 +1,12 @@
-//! Who may depend on whom, and on which crates of others.
+//! Rules of dependencies: between our crates, and on crates of others.
 
 use super::assert_kept;
 use super::tree::{Declared, Lock, Package, packages, read};
 
-/// Names, or beginnings of names ending in `-` or `_`, that stand for drawing: nothing below the window may know them.
+/// Names, or prefixes that end in `-` or `_`, of crates for drawing. Crates below the window must not use them.
 const WINDOW_CRATES: [&str; 7] = ["egui", "egui_", "egui-", "eframe", "winit", "wgpu", "wgpu-"];
 
-/// Crates of others a plugin may use: mathematics, and what a message, a state and an error are made of.
+/// Crates of others that a plugin may use: mathematics, and those for messages, states and errors.
 const CRATES_FOR_PLUGINS: [&str; 13] = [
     "bytes",
     "glam",
@@ -26,7 +26,7 @@ const CRATES_FOR_PLUGINS: [&str; 13] = [
 /// Async runtimes; only `core/link` may bring one in.
 const ASYNC_RUNTIMES: [&str; 3] = ["tokio", "async-std", "smol"];
 
-/// The crates of which a second version would mean two sets of types that do not fit together.
+/// Crates of which a second version would bring a second set of incompatible types.
 const ONE_IN_THE_TREE: [&str; 4] = ["egui", "wgpu", "prost", "mcap"];
 
 fn is_window_crate(name: &str) -> bool {
@@ -39,20 +39,21 @@ fn is_plugin(dir: &str) -> bool {
     dir.starts_with("plugins/") && dir != "plugins/all"
 }
 
-/// The folders a package may depend on, as `folder` or `folder/*`; none where the package is in no layer.
+/// The folders that a package may depend on, as `folder` or `folder/*`; `None` if the package is in no layer.
 ///
-/// The layers read: geom ← msg ← {world, scene, bus, log} ← runtime ← sense ← plugins ← all ← {app, tests}, and beside them
-/// {msg, world, runtime, ui} ← views ← app, and plugins ← eval ← app. A layer may also use what lies below its neighbours.
+/// The layers: geom ← msg ← {world, scene, bus, log} ← runtime ← sense ← plugins ← all ← {app, tests}; and beside them
+/// {msg, world, runtime, ui} ← views ← app, and plugins ← eval ← app. A layer may also use everything below the layers
+/// that it depends on.
 fn allowed_below(dir: &str) -> Option<&'static [&'static str]> {
     Some(match dir {
-        // tools/metrics holds figures alone, so that the tests of every layer may borrow them.
+        // tools/metrics only computes figures, so that the tests of every layer may use it.
         "core/geom" | "core/msg-build" | "ocu/ui" | "tools/metrics" => &[],
         "core/msg" => &["core/geom", "core/msg-build"],
         "core/scene" => &["core/geom"],
         "core/world" | "core/bus" | "core/log" => &["core/geom", "core/msg"],
-        // The testkit makes logs and runs stacks; a crate below it meets it in its tests alone.
+        // The testkit makes logs and runs stacks; crates below it use it in their tests only.
         "core/testkit" => &["core/msg", "core/msg-build", "core/log", "core/runtime"],
-        // The runtime runs anything: it knows no map and no perception.
+        // The runtime knows no map and no perception.
         "core/runtime" | "core/link" => &["core/geom", "core/msg", "core/bus", "core/log"],
         "core/sense" => &["core/geom", "core/msg", "core/world", "core/bus", "core/runtime"],
         "plugins/all" => &["core/runtime", "plugins/*"],
@@ -82,7 +83,7 @@ fn against_direction(packages: &[Package]) -> Vec<String> {
         };
         for name in package.dependencies.keys() {
             let Some(target) = packages.iter().find(|other| other.name == *name) else { continue };
-            // The testkit is for tests alone, so no package but the tests' may depend on it.
+            // The testkit is for tests, so it may only be a dev-dependency, except of the package of the tests.
             let fits = allowed.iter().any(|layer| match layer.strip_suffix('*') {
                 Some(folder) => target.dir.starts_with(folder) && target.dir != "core/testkit",
                 None => target.dir == *layer,
@@ -91,7 +92,7 @@ fn against_direction(packages: &[Package]) -> Vec<String> {
                 breaches.push(format!("{} depends on {}; allowed: {allowed:?}", package.dir, target.dir));
             }
         }
-        // Tests of a lower layer may borrow the testkit, and nothing from above.
+        // Tests of a lower layer may use the testkit, and nothing else from above.
         for name in package.dev_dependencies.keys() {
             let Some(target) = packages.iter().find(|other| other.name == *name) else { continue };
             let in_core = target.dir.starts_with("core/") || target.dir == "tools/metrics";

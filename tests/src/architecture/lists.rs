@@ -1,4 +1,4 @@
-//! The lists of plugins and views, against what the README says of them.
+//! Compares the lists of plugins and views with the README.
 
 use rcs_msg::params::{ParamKind, ParamSpec, specs};
 use rcs_runtime::{Plan, StackFile};
@@ -6,7 +6,7 @@ use rcs_runtime::{Plan, StackFile};
 use super::assert_kept;
 use super::tree::read;
 
-/// The rows of the first table under a heading of a page: cells without their backticks, without heading and rule.
+/// The rows of the first table below a heading: cells without backticks, without the table's header and rule.
 fn table(page: &str, heading: &str) -> Vec<Vec<String>> {
     let section = page.lines().skip_while(|line| line.trim() != heading).skip(1);
     let rows =
@@ -18,7 +18,7 @@ fn table(page: &str, heading: &str) -> Vec<Vec<String>> {
     rows.map(cells).collect()
 }
 
-/// What the page's table and the list disagree about; both are of (name, sentence).
+/// Differences between a page's table and a list; both consist of (name, sentence).
 fn differences(page: &str, heading: &str, listed: &[(String, String)]) -> Vec<String> {
     let rows = table(page, heading);
     let expected: Vec<Vec<String>> =
@@ -39,7 +39,7 @@ fn repeated(names: &[&str]) -> Vec<String> {
     again.map(|(_, name)| format!("{name} is listed twice")).collect()
 }
 
-/// What is missing for a control of the window and a sentence of `--help`.
+/// Options that are missing for a control of the window and for a sentence of `--help`.
 fn undeclared(spec: &ParamSpec) -> Vec<&'static str> {
     let is_number = matches!(spec.kind, ParamKind::Number | ParamKind::Integer);
     let ranged = spec.min.zip(spec.max).is_some_and(|(min, max)| min < max);
@@ -54,7 +54,7 @@ fn undeclared(spec: &ParamSpec) -> Vec<&'static str> {
     checks.into_iter().filter(|(missing, _)| *missing).map(|(_, what)| what).collect()
 }
 
-/// [`undeclared`] for parameters and all that lie within them.
+/// [`undeclared`] for parameters and for everything nested in them.
 fn undeclared_within(specs: &[ParamSpec], name: &str) -> Vec<String> {
     let of = |spec: &ParamSpec| {
         let name = format!("{name}.{}", spec.name);
@@ -117,7 +117,7 @@ fn readme_lists_the_plugins() {
     assert_kept("plugins have names of their own", &repeated(&names));
 }
 
-/// Who may read the ground truth of a simulation: its own processes, and the one that stands in for planning.
+/// Plugins that may read the ground truth of a simulation: those of the simulation, and the one that replaces planning.
 const READ_GROUND_TRUTH: [&str; 4] = ["sim_cameras", "sim_ladar", "sim_vehicle", "truth_driver"];
 
 #[test]
@@ -138,7 +138,7 @@ fn readme_lists_the_views() {
     assert_kept("views have names of their own in layouts", &repeated(&kinds));
 }
 
-/// The first block of code of that language on a page.
+/// The first code block of that language on a page.
 fn code_block<'a>(page: &'a str, language: &str) -> Option<&'a str> {
     let start = page.find(&format!("```{language}\n"))? + language.len() + 4;
     page[start..].split("```").next()

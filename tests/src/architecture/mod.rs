@@ -1,7 +1,7 @@
-//! The invariants of `ARCHITECTURE.md`, checked on the manifests, the lock file and the sources as they stand.
+//! Checks the invariants of `ARCHITECTURE.md` on the manifests, the lock file and the sources.
 //!
-//! Every rule is a function from what it looks at to a list of breaches, so that each is also shown a breach of its
-//! own and must find it: a rule that cannot fail keeps nothing.
+//! Every rule is a function from its input to a list of violations. Each rule also has a test with a violation that it
+//! must find, because a rule that cannot fail protects nothing.
 
 mod code;
 mod dependencies;
@@ -11,7 +11,7 @@ mod references;
 mod sources;
 mod tree;
 
-/// Fails with every breach on a line of its own.
+/// Fails with one line per violation.
 fn assert_kept(rule: &str, breaches: &[String]) {
     assert!(breaches.is_empty(), "{rule}: {} breaches\n{}", breaches.len(), breaches.join("\n"));
 }

@@ -1,10 +1,10 @@
-//! The table of ports that opens a plugin's documentation, against the ports that it declares.
+//! Compares the port table in a plugin's documentation with the ports that the plugin declares.
 
 use super::assert_kept;
 use super::tree::sources;
 use rcs_runtime::{PortDef, ProcessType};
 
-/// The table as a module's documentation writes it.
+/// The table in the form of module documentation.
 fn port_table(inputs: &[PortDef], outputs: &[PortDef]) -> String {
     let row = |port: &PortDef, direction: &str| {
         format!("//! | `{}` | {direction} | `{}` | {} |\n", port.name, port.schema.name(), port.help)
@@ -37,7 +37,7 @@ fn undocumented(plugins: &[ProcessType], texts: &[String]) -> Vec<String> {
 fn every_port_table_is_the_definition() {
     let texts: Vec<String> = sources("plugins").into_iter().map(|source| source.text).collect();
     assert_kept("a plugin's documentation has its ports", &undocumented(rcs_plugins::all(), &texts));
-    // A port that is missing, or another word, is found.
+    // It detects a port that is missing, and a different word.
     let cut: Vec<String> = texts.iter().map(|text| text.replace("`calibration`", "`calib`")).collect();
     let named = |ports: Vec<PortDef>| ports.iter().any(|port| port.name == "calibration");
     let with = rcs_plugins::all().iter().filter(|plugin| named(plugin.inputs()) || named(plugin.outputs()));

@@ -1,10 +1,10 @@
-//! What the code cites stands in `docs/references.md`.
+//! Checks that `docs/references.md` lists every work that the code cites.
 
 use super::assert_kept;
 use super::tree::{root, sources};
 use std::collections::BTreeSet;
 
-/// Surnames of whom the code cites. A name that is new here is new in the list of references, too.
+/// Surnames of cited authors. A new name here needs a new entry in the list of references.
 const CITED: [&str; 7] = ["Albus", "Hirschmüller", "Ojala", "Oskard", "Swain", "Wellington", "REP"];
 
 /// Keys of the table of references: `Albus 2006a`.
@@ -12,7 +12,7 @@ fn keys(references: &str) -> BTreeSet<&str> {
     references.lines().filter_map(|line| line.strip_prefix("| ")?.split(" |").next()).collect()
 }
 
-/// Citations of a text that no key resolves: `Albus 2007`, and a paper by a letter (`A 3.1.1`).
+/// Citations in a text without a matching key: `Albus 2007`, and a paper cited by a letter (`A 3.1.1`).
 fn unresolved(text: &str, keys: &BTreeSet<&str>) -> Vec<String> {
     let words: Vec<&str> = text.split([' ', '\n', '(', '[']).collect();
     let mut found = Vec::new();
@@ -31,7 +31,7 @@ fn unresolved(text: &str, keys: &BTreeSet<&str>) -> Vec<String> {
     found
 }
 
-/// The comments of a source, without their marks.
+/// The comments of a source, without comment markers.
 fn comments(text: &str) -> String {
     let lines = text.lines().filter_map(|line| line.split_once("//").map(|(_, comment)| comment));
     lines.map(|line| line.trim_start_matches(['/', '!'])).collect::<Vec<_>>().join("\n")

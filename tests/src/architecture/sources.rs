@@ -1,13 +1,13 @@
-//! What sources may not name, and how long they may be.
+//! Rules of sources: names that they must not use, and their length.
 
 use super::assert_kept;
 use super::code::{code_only, lines_with};
 use super::tree::{Source, sources};
 
-/// Beginnings of paths that belong to the window.
+/// Prefixes of paths that belong to the window.
 const WINDOW_NAMES: [&str; 4] = ["egui", "eframe", "winit", "wgpu"];
 
-/// What would make a plugin's output depend on more than its inputs, parameters and seed.
+/// Names that would make a plugin's output depend on more than its inputs, parameters and seed.
 const IMPURE_NAMES: [&str; 22] = [
     "std::fs",
     "fs::File",
@@ -33,8 +33,8 @@ const IMPURE_NAMES: [&str; 22] = [
     "rand::random",
 ];
 
-/// What lets a value change behind a shared reference. A process's state may hold none of it: a snapshot shares what
-/// lies behind an `Arc` with the run, and would change with it.
+/// Types with interior mutability. A process's state must not contain any: a snapshot shares what is behind an `Arc`
+/// with the run, and would change with it.
 const INTERIOR_MUTABILITY: [&str; 19] = [
     "Cell<",
     "cell::Cell",
@@ -57,11 +57,11 @@ const INTERIOR_MUTABILITY: [&str; 19] = [
     "std::sync::atomic",
 ];
 
-/// Where one of those is in no state: the file, the name, and why.
+/// Uses outside of any state: file, name and reason.
 const NO_STATE: [(&str, &str, &str); 1] =
     [("plugins/sim/src/spec/reader.rs", "RefCell", "a parser that ends before the state begins")];
 
-/// Functions of `f32` and `f64` whose last bits are the system's; `libm` has the same for every machine.
+/// Functions of `f32` and `f64` whose last bits depend on the system; those of `libm` do not.
 const SYSTEM_FUNCTIONS: [&str; 27] = [
     "sin", "cos", "tan", "sin_cos", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh",
     "acosh", "atanh", "exp", "exp2", "exp_m1", "ln", "ln_1p", "log2", "log10", "powf", "powi", "cbrt",
@@ -83,7 +83,7 @@ fn named(sources: &[Source], names: &[&str]) -> Vec<String> {
     breaches
 }
 
-/// Interior mutability outside [`NO_STATE`].
+/// Interior mutability outside of [`NO_STATE`].
 fn interior_mutability(sources: &[Source]) -> Vec<String> {
     let mut breaches = named(sources, &INTERIOR_MUTABILITY);
     let is_exception = |breach: &String| {
@@ -95,7 +95,7 @@ fn interior_mutability(sources: &[Source]) -> Vec<String> {
     breaches
 }
 
-/// Crates are named as `egui` and as `egui_tiles` alike.
+/// Matches crates written as `egui` and as `egui_tiles`.
 fn window_names(sources: &[Source]) -> Vec<String> {
     let mut breaches = Vec::new();
     for source in sources {
@@ -109,7 +109,7 @@ fn window_names(sources: &[Source]) -> Vec<String> {
     breaches
 }
 
-/// The source without the tests that end it: what they compute decides nothing.
+/// The source without the tests at its end, which do not affect results.
 fn without_tests(source: &Source) -> Source {
     let tests = source.text.find("#[cfg(test)]\nmod ").unwrap_or(source.text.len());
     Source { path: source.path.clone(), text: source.text[..tests].to_owned() }
@@ -140,7 +140,7 @@ fn core_and_plugins_name_no_window_crate() {
 
 #[test]
 fn plugins_reach_no_file_socket_clock_thread_global_or_chance() {
-    // A plugin's tests may read recordings and files of the program; what it is made of may not.
+    // Tests of a plugin may read recordings and the program's files; the plugin itself may not.
     let made_of = |source: &Source| source.path.contains("/src/") && !source.path.ends_with("_tests.rs");
     let mut sources = of(&["plugins", "core/scene/src"]);
     sources.retain(made_of);
@@ -164,10 +164,10 @@ fn views_name_no_plugin_and_reach_no_file() {
     assert_kept("a view reads a source and nothing else", &named(&of(&["ocu/views"]), &names));
 }
 
-/// What a view may know by its name neither of topics nor of ports and processes: roles and types say what they are for.
+/// Variables whose names a view must not compare with a text: roles and types say what they are for.
 const NAMED_THINGS: [&str; 7] = ["topic", "input", "output", "port", "process", "info", "buffer"];
 
-/// Comparisons of the name of a topic, port, process or plugin with a text, and roles and palettes looked up as texts.
+/// Comparisons of the name of a topic, port, process or plugin with a text, and lookups of roles and palettes as texts.
 fn matched_names(sources: &[Source]) -> Vec<String> {
     let mut patterns: Vec<String> =
         ["\"rcs.role\"", "\"rcs.palette\"", ".plugin == \"", "role() == \"", "role_name() == \""]
@@ -195,7 +195,7 @@ fn matched_names(sources: &[Source]) -> Vec<String> {
 #[test]
 fn no_view_matches_on_a_name() {
     let mut views = of(&["ocu/views/src", "ocu/ui/src"]);
-    // Samples are frames that tests look at.
+    // Samples are frames for tests.
     views.retain(|source| !source.path.contains("/samples") && !source.path.contains("/tests/"));
     assert!(views.len() > 20, "the views were found");
     assert_kept("a view goes by type and role", &matched_names(&views));
@@ -214,7 +214,7 @@ fn a_name_that_a_view_matches_on_is_found() {
 
 #[test]
 fn what_plugins_compute_with_calls_libm() {
-    // The fusion rule and the geometry run inside plugins' cycles, so their bits count as the plugins' do.
+    // The fusion rule and the geometry run inside of plugins' cycles, so they must be as deterministic as the plugins.
     let computing = of(&["plugins", "core/geom/src", "core/scene/src", "core/world/src"]);
     assert_kept("transcendental functions come from libm", &system_functions(&computing));
 }

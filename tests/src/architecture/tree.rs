@@ -1,20 +1,20 @@
-//! The workspace as files: its packages with what they declare, the lock file's graph, and the sources.
+//! The workspace as files: packages with their declarations, the graph of the lock file, and the sources.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// One `Cargo.toml`, read far enough for the rules.
+/// A `Cargo.toml`, parsed as far as the rules need it.
 pub(super) struct Package {
     pub(super) name: String,
     /// The folder, relative to the root, with `/`: `plugins/obstacles`.
     pub(super) dir: String,
-    /// Names of `[dependencies]` and `[build-dependencies]`, with the version where one is written in the manifest.
+    /// Names of `[dependencies]` and `[build-dependencies]`, with the version if the manifest contains one.
     pub(super) dependencies: BTreeMap<String, Declared>,
     /// The same for `[dev-dependencies]`.
     pub(super) dev_dependencies: BTreeMap<String, Declared>,
 }
 
-/// Where a dependency's version is written.
+/// Where the version of a dependency is written.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Declared {
     /// `name.workspace = true`.
@@ -24,14 +24,14 @@ pub(super) enum Declared {
 }
 
 impl Package {
-    /// Reads a manifest's text; `dir` is the folder it lies in.
+    /// Parses a manifest; `dir` is its folder.
     pub(super) fn parse(dir: &str, manifest: &str) -> Self {
         let manifest: toml::Table =
             manifest.parse().unwrap_or_else(|error| panic!("{dir}/Cargo.toml: {error}"));
         let name = manifest["package"]["name"].as_str().expect("a package has a name").to_owned();
         let mut dependencies = declared(&manifest, "dependencies");
         dependencies.extend(declared(&manifest, "build-dependencies"));
-        // What is declared for one platform only is declared all the same.
+        // Declarations for one platform only count, too.
         for platform in manifest.get("target").and_then(toml::Value::as_table).into_iter().flatten() {
             if let Some(table) = platform.1.as_table() {
                 dependencies.extend(declared(table, "dependencies"));
@@ -45,7 +45,7 @@ impl Package {
         }
     }
 
-    /// Every declared dependency with its name, the tests' too.
+    /// Every declared dependency with its name, including those of tests.
     pub(super) fn all_dependencies(&self) -> impl Iterator<Item = (&str, Declared)> {
         self.dependencies
             .iter()
@@ -74,7 +74,7 @@ pub(super) fn read(path: &str) -> String {
     std::fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// The workspace's members.
+/// The members of the workspace.
 pub(super) fn packages() -> Vec<Package> {
     let manifest: toml::Table = read("Cargo.toml").parse().expect("the workspace's manifest is TOML");
     let members = manifest["workspace"]["members"].as_array().expect("members are a list");
@@ -91,7 +91,7 @@ pub(super) struct Source {
     pub(super) text: String,
 }
 
-/// Every `.rs` file under a folder of the workspace, in the order of their paths.
+/// Every `.rs` file below a folder of the workspace, sorted by path.
 pub(super) fn sources(dir: &str) -> Vec<Source> {
     let root = root();
     let mut folders = vec![root.join(dir)];
@@ -117,13 +117,13 @@ pub(super) fn sources(dir: &str) -> Vec<Source> {
     paths.into_iter().map(source).collect()
 }
 
-/// The lock file: each locked package by `name version`, with what it depends on.
+/// The lock file: each locked package as `name version`, with its dependencies.
 pub(super) struct Lock {
     packages: BTreeMap<(String, String), Vec<String>>,
 }
 
 impl Lock {
-    /// Reads a `Cargo.lock`'s text.
+    /// Parses a `Cargo.lock`.
     pub(super) fn parse(text: &str) -> Self {
         let lock: toml::Table = text.parse().expect("the lock file is TOML");
         let text_of = |value: &toml::Value| value.as_str().expect("names and versions are text").to_owned();
@@ -136,7 +136,7 @@ impl Lock {
         Self { packages }
     }
 
-    /// The versions that are locked of a package.
+    /// The locked versions of a package.
     pub(super) fn versions(&self, name: &str) -> Vec<&str> {
         self.packages
             .keys()
@@ -145,7 +145,7 @@ impl Lock {
             .collect()
     }
 
-    /// The names of all that a package depends on, at any distance, its tests' dependencies included.
+    /// Names of all direct and indirect dependencies of a package, including those of its tests.
     pub(super) fn closure(&self, name: &str) -> BTreeSet<String> {
         let mut seen = BTreeSet::new();
         let mut open = vec![name.to_owned()];

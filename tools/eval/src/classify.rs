@@ -1,4 +1,4 @@
-//! Label images of a recording, or of a stack that runs, against true ones of the same times.
+//! Evaluates label images of a recording or a running stack against ground truth labels of the same times.
 
 use crate::EvalError;
 use crate::report::{ClassReport, GROUND, OBSTACLE};
@@ -14,34 +14,34 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Label images that wait for the one of their time.
+/// Greatest number of label images that wait for their counterpart.
 const WAITING: usize = 64;
 
-/// What is measured.
+/// What is evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct Job<'a> {
-    /// Topic of the true label images, of the recording or of the stack.
+    /// Topic of the ground truth label images, in the recording or the stack.
     pub truth_topic: &'a str,
-    /// Topic of the label images that are judged; without it, the one whose palette is `classes`.
+    /// Topic of the label images to evaluate; `None` for the one whose palette is `classes`.
     pub topic: Option<&'a str>,
-    /// Label images that were taken no farther apart than this belong together, s.
+    /// Greatest difference of acquisition times between two label images of a pair, s.
     pub tolerance_s: f64,
 }
 
-/// The stack that makes the label images.
+/// The stack that produces the label images.
 #[derive(Clone, Debug)]
 pub struct StackRun<'a> {
     /// The stack.
     pub plan: Arc<Plan>,
     /// The recording that it reads.
     pub log: Option<&'a Log>,
-    /// How it runs. It is run on one thread, so that the times are those of one core.
+    /// Options of the run. It uses one thread, so that the times are those of one core.
     pub options: RunOptions,
-    /// When to stop, seconds from its start; without it, at the end of the recording.
+    /// When to stop, seconds from its start; `None` for the end of the recording.
     pub until_s: Option<f64>,
 }
 
-/// Measures the label images of a recording.
+/// Evaluates the label images of a recording.
 pub fn recording(job: &Job<'_>, log: &Log) -> Result<ClassReport, EvalError> {
     let mut pairs = Pairs::new(job);
     let judged = judged_topic(job, log)?;
@@ -49,26 +49,26 @@ pub fn recording(job: &Job<'_>, log: &Log) -> Result<ClassReport, EvalError> {
     pairs.report(Vec::new())
 }
 
-/// Measures the label images of a stack while it runs.
+/// Evaluates the label images of a stack while it runs.
 pub fn stack(job: &Job<'_>, run: StackRun<'_>) -> Result<ClassReport, EvalError> {
     let mut pairs = Pairs::new(job);
     let times_ms = run_stack(job, run, &mut pairs)?;
     pairs.report(times_ms)
 }
 
-/// Which of a pair.
+/// Side of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Side {
     Truth,
     Judged,
 }
 
-/// Label images by acquisition time, and what the pairs of them have in common.
+/// Label images by acquisition time, and the counts of the complete pairs.
 #[derive(Debug)]
 struct Pairs {
     tolerance_s: f64,
     tolerance_ns: u64,
-    /// Whether label images wait however many there are.
+    /// Whether the number of waiting label images is unlimited.
     keeps_all: bool,
     waiting: [BTreeMap<Stamp, Labels>; 2],
     seen: [u64; 2],
@@ -110,7 +110,7 @@ impl Pairs {
         Ok(ClassReport::new(&self.confusion, times_ms))
     }
 
-    /// Takes a label image; counts it if the other one of its time is there.
+    /// Adds a label image; counts the pair if its counterpart is there.
     fn add(&mut self, side: Side, image: &RawImage, otherwise: Stamp) -> Result<(), EvalError> {
         let time = image.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(otherwise);
         if image.encoding != "mono8" && image.encoding != "8UC1" {
@@ -160,8 +160,8 @@ impl Pairs {
     }
 }
 
-/// The class of a label of the palettes `obstacle_labels` and `classes`: short obstacles are driven over, and what is
-/// cover, too far or invalid is of no class.
+/// The class of a label of the palettes `obstacle_labels` and `classes`: short obstacles count as ground; cover, too
+/// far and invalid have no class.
 fn class(label: u8) -> Option<usize> {
     match label {
         label if label == ObstacleLabel::Ground.code() || label == ObstacleLabel::ShortObstacle.code() => {
@@ -172,7 +172,7 @@ fn class(label: u8) -> Option<usize> {
     }
 }
 
-/// The topic that is asked for, or the one whose labels are of the palette `classes`.
+/// The requested topic, or the one whose palette is `classes`.
 fn judged_topic(job: &Job<'_>, log: &Log) -> Result<String, EvalError> {
     let is_classes = |topic: &&LogTopic| topic.metadata.get("rcs.palette").is_some_and(|p| p == "classes");
     let names = log.info().topics.iter().filter(is_classes).map(|topic| topic.name.clone());
@@ -192,7 +192,7 @@ fn chosen(job: &Job<'_>, mut names: Vec<String>, of: &str) -> Result<String, Eva
     }
 }
 
-/// Gives label images of a recording's topics to the pairs.
+/// Adds the label images of a recording's topics to the pairs.
 fn read(log: &Log, wanted: &[(&str, Side)], pairs: &mut Pairs) -> Result<(), EvalError> {
     let mut sides = BTreeMap::new();
     for &(name, side) in wanted {
@@ -231,8 +231,8 @@ fn give(log: &Log, message: &LogMessage, side: Side, pairs: &mut Pairs) -> Resul
     pairs.add(side, &image, message.log_time)
 }
 
-/// Runs a stack to its end and gives its label images, and the true ones of the run or of the recording, to the pairs.
-/// Gives the times of the cycles that wrote a judged image, ms.
+/// Runs a stack to its end and adds its label images, and the ground truth labels of the run or of the recording, to
+/// the pairs. Returns the times of the cycles that wrote an evaluated image, ms.
 fn run_stack(job: &Job<'_>, stack: StackRun<'_>, pairs: &mut Pairs) -> Result<Vec<f64>, EvalError> {
     let StackRun { plan, log, options, until_s } = stack;
     if log.is_none() && until_s.is_none() {
@@ -253,7 +253,7 @@ fn run_stack(job: &Job<'_>, stack: StackRun<'_>, pairs: &mut Pairs) -> Result<Ve
     if truth.is_none() {
         let log =
             log.ok_or_else(|| EvalError::refused(format!("the stack has no buffer {}", job.truth_topic)))?;
-        // All true images are there before the first judged one: what is judged comes late, not early.
+        // All ground truth images are read before the first evaluated one, which a process writes later.
         pairs.keeps_all = true;
         read(log, &[(job.truth_topic, Side::Truth)], pairs)?;
         pairs.keeps_all = false;
@@ -262,7 +262,7 @@ fn run_stack(job: &Job<'_>, stack: StackRun<'_>, pairs: &mut Pairs) -> Result<Ve
     let until = until_s.map(|seconds| run.start().after_ns((seconds * 1e9).round() as u64));
     let end = [run.horizon(), until].into_iter().flatten().min().unwrap_or(Stamp(0));
     let (mut seen, mut times_ms) = ([0; 2], Vec::new());
-    // Of cycles whose output is not visible yet.
+    // Times of cycles whose output is not visible yet.
     let mut computing_ms = BTreeMap::new();
     while run.next_time()?.is_some_and(|time| time <= end) {
         let clock = Instant::now();

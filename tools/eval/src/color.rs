@@ -1,4 +1,4 @@
-//! Colour models of ground and background on labelled images.
+//! Evaluates the colour models of ground and background on labelled images.
 
 use crate::EvalError;
 use crate::report::{ClassReport, GROUND, OBSTACLE};
@@ -19,33 +19,33 @@ use rcs_world::{OBSTACLE_COST, UNKNOWN_COST};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Times that an image is seen; all of them count in the median.
+/// How often each image is processed; all times enter the median.
 const RUNS: usize = 5;
-/// Images are taken as this far apart, ns.
+/// Assumed time between images, ns.
 const PERIOD_NS: u64 = 200_000_000;
-/// How far below the horizon the first background samples lie.
+/// Distance of the first background samples below the horizon.
 const BELOW_HORIZON_PX: u32 = 50;
 
-/// What is measured.
+/// What is evaluated.
 #[derive(Clone, Copy)]
 pub struct Job<'a> {
     /// Images, in the order in which they were taken.
     pub images: &'a [PathBuf],
     /// A label image for each image, of the same size.
     pub labels: &'a [PathBuf],
-    /// Ids that are ground; any other is an obstacle.
+    /// Ids of ground; every other id is an obstacle.
     pub ground_ids: &'a [u16],
     /// Ids that are not counted.
     pub ignored_ids: &'a [u16],
-    /// Names of the models to begin with.
+    /// Names of the a priori models.
     pub apriori: &'a [String],
-    /// Where these models are found.
+    /// Source of the model files.
     pub assets: &'a dyn Assets,
     /// Height of the horizon, percent of the image from the top.
     pub horizon_pct: f64,
 }
 
-/// Measures all images together.
+/// Evaluates all images together.
 pub fn measure(job: &Job<'_>) -> Result<ClassReport, EvalError> {
     if job.images.len() != job.labels.len() {
         let (images, labels) = (job.images.len(), job.labels.len());
@@ -54,7 +54,7 @@ pub fn measure(job: &Job<'_>) -> Result<ClassReport, EvalError> {
     if !(0.0..=100.0).contains(&job.horizon_pct) {
         return Err(EvalError::refused(format!("horizon is {} %, expected 0 to 100", job.horizon_pct)));
     }
-    // Each image stands for itself: no fusion, and a new ground is a model at once.
+    // Each image is independent: no fusion, and a new ground model takes effect at once.
     let settings =
         Settings { fusion_frames: 0, learning_period_ns: 0, min_sample_px: 1, ..Settings::default() };
     let mut engine = Engine::new(apriori(job, settings.samples)?);
@@ -113,13 +113,13 @@ fn count(
     }
 }
 
-/// The bottom centre of an image: what is ahead of a vehicle whose camera looks along its path.
+/// The bottom centre of an image: the ground ahead of a vehicle whose camera looks forward.
 fn trapezoid(size: [usize; 2]) -> Vec<Span> {
     let corner = |x: f64, y: f64| DVec2::new(x * size[0] as f64, y * size[1] as f64) - 0.5;
     spans(&[corner(0.4, 0.68), corner(0.6, 0.68), corner(0.7, 0.96), corner(0.3, 0.96)], size)
 }
 
-/// The models to begin with.
+/// The a priori models.
 fn apriori(job: &Job<'_>, samples: u32) -> Result<Models, EvalError> {
     let mut models = Models::default();
     for name in job.apriori {
@@ -150,7 +150,7 @@ fn ids(path: &Path, size: [usize; 2]) -> Result<Vec<u16>, EvalError> {
         DynamicImage::ImageLuma16(grey) => Ok(grey.into_raw()),
         other => {
             let rgb = other.to_rgb8();
-            // Some programs write grey as three equal channels.
+            // Some programs write grey images with three equal channels.
             if rgb.pixels().all(|pixel| pixel.0[0] == pixel.0[1] && pixel.0[1] == pixel.0[2]) {
                 return Ok(rgb.pixels().map(|pixel| u16::from(pixel.0[0])).collect());
             }

@@ -1,8 +1,8 @@
-//! True disparities from files: PFM, 16-bit PNG in 1/256 pixel, or `NumPy`'s NPZ.
+//! Reads ground truth disparities from files: PFM, 16-bit PNG in 1/256 pixel, or `NumPy`'s NPZ.
 //!
-//! Pixels, row by row from the top; not finite or not positive is unknown. The archive and the PNG are read by libraries.
-//! The headers of PFM and of `NumPy`'s arrays are read here: the crate `image` has no PFM, and the crates for `NumPy` bring
-//! a parser generator and big integers for a header of three entries.
+//! Disparities are in pixels, by rows from the top; values that are not finite or not positive are unknown. Libraries
+//! read the archive and the PNG. The headers of PFM and of `NumPy`'s arrays are parsed here, because the crate `image`
+//! has no PFM, and the crates for `NumPy` depend on a parser generator and big integers for a header of three entries.
 
 use crate::EvalError;
 use flate2::bufread::DeflateDecoder;
@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-/// Why a file is no ground truth for the images.
+/// Why a file is not valid ground truth for the images.
 #[derive(Debug, thiserror::Error)]
 enum TruthError {
     #[error("{0}")]
@@ -28,7 +28,7 @@ fn wrong(text: impl Into<String>) -> TruthError {
     TruthError::Wrong(text.into())
 }
 
-/// Reads the ground truth for an image of a size; the file's ending says what it is.
+/// Reads the ground truth of an image with this size; the file's extension gives the format.
 pub(crate) fn read(path: &Path, size: [usize; 2]) -> Result<Vec<f32>, EvalError> {
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let file = || File::open(path).map_err(TruthError::from);
@@ -57,7 +57,7 @@ fn pfm(mut file: impl BufRead, size: [usize; 2]) -> Result<Vec<f32>, TruthError>
     let mut words = Vec::new();
     while words.len() < 4 {
         let mut line = Vec::new();
-        // A header has four short words: what goes on without a line's end is none.
+        // A header has four short words: longer text without a line end is not a header.
         let read = (&mut file).take(256).read_until(b'\n', &mut line)?;
         if read == 0 || !line.ends_with(b"\n") {
             return Err(wrong("header of the PFM is cut off"));
@@ -88,7 +88,7 @@ fn png(path: &Path, size: [usize; 2]) -> Result<Vec<f32>, TruthError> {
 
 /// The first array of the archive.
 fn npz(bytes: &[u8], size: [usize; 2]) -> Result<Vec<f32>, TruthError> {
-    // Uncompressed, the array has at most 8 bytes a pixel and a header.
+    // Uncompressed, the array has a header and at most 8 bytes per pixel.
     let limit = size[0] * size[1] * 8 + (1 << 16);
     let archive = ZipArchive::from_slice(bytes)?;
     let mut entries = archive.entries();
@@ -98,7 +98,7 @@ fn npz(bytes: &[u8], size: [usize; 2]) -> Result<Vec<f32>, TruthError> {
     }
     let entry = archive.get_entry(header.wayfinder())?;
     let mut array = Vec::new();
-    // The verifying reader refuses what is longer than the header says, or has another checksum.
+    // The verifying reader refuses data that are longer than the header says or have another checksum.
     match header.compression_method() {
         CompressionMethod::STORE => entry.verifying_reader(entry.data()).read_to_end(&mut array)?,
         CompressionMethod::DEFLATE => {
@@ -109,7 +109,7 @@ fn npz(bytes: &[u8], size: [usize; 2]) -> Result<Vec<f32>, TruthError> {
     npy(&array, size)
 }
 
-/// An array file of `NumPy`: a magic number, a header that is a Python dictionary, and the numbers.
+/// A `NumPy` array file: a magic number, a header that is a Python dictionary, and the numbers.
 fn npy(bytes: &[u8], size: [usize; 2]) -> Result<Vec<f32>, TruthError> {
     let cut_off = || wrong("header of the array is cut off");
     if !bytes.starts_with(b"\x93NUMPY") {
@@ -245,7 +245,7 @@ mod tests {
             for at in 0..bytes.len() {
                 let mut damaged = bytes.clone();
                 damaged[at] ^= 0xff;
-                // Whatever comes out, it is no panic and no more than was asked for.
+                // Any result is accepted, but no panic, and no more numbers than requested.
                 assert!(read(&damaged).map_or(2, |values| values.len()) == 2);
             }
         }

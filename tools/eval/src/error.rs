@@ -1,14 +1,14 @@
-//! Why something could not be measured.
+//! Errors of evaluations.
 
 use rcs_log::LogError;
 use rcs_runtime::RunError;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-/// Why something could not be measured.
+/// Why an evaluation failed.
 #[derive(Debug, thiserror::Error)]
 pub enum EvalError {
-    /// What was asked for does not fit together; nothing was measured.
+    /// The arguments contradict each other; nothing was evaluated.
     #[error("{0}")]
     Refused(String),
     /// A file could not be read.
@@ -19,7 +19,7 @@ pub enum EvalError {
         /// Why.
         source: Box<dyn Error + Send + Sync>,
     },
-    /// The method does not take an image.
+    /// The method refuses an image.
     #[error("cannot use {}", path.display())]
     Unusable {
         /// The image.
@@ -36,7 +36,7 @@ pub enum EvalError {
     /// The recording could not be read.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// There is nothing to measure in what was given.
+    /// The input contains nothing to evaluate.
     #[error("{0}")]
     Nothing(String),
 }

@@ -1,14 +1,24 @@
-//! How good and how fast a perception method is, on data of one's own: what `ocu eval` prints.
+//! Evaluates perception methods on data of one's own, for accuracy and speed: the implementation of `ocu eval`.
 //!
-//! | module | what is measured | against |
+//! | module | evaluates | against |
 //! | --- | --- | --- |
 //! | [`stereo`] | disparities of one pair of images | a disparity image: PFM, 16-bit PNG or NPZ |
 //! | [`color`] | ground and obstacles by the colour models | label images |
 //! | [`classify`] | label images of a recording, or of a stack that runs | label images of the same times |
 //!
-//! Each module has a job, which says what is measured, and a function that gives a report. A report is text by
-//! [`Display`](std::fmt::Display) and JSON by [`Serialize`](serde::Serialize). The counts of pixels come from
-//! [`rcs_metrics`].
+//! Each module has a `Job`, which says what is evaluated, and functions that return a report. A report is text by
+//! [`Display`](std::fmt::Display) and JSON by [`Serialize`](serde::Serialize).
+//!
+//! This crate parses no command line and draws nothing; that is the task of `ocu`. The counts of pixels come from
+//! [`rcs_metrics`]. Begin with the module of the method:
+//!
+//! ```no_run
+//! use rcs_eval::classify::{Job, recording};
+//! let log = rcs_log::Log::open("run.mcap")?;
+//! let job = Job { truth_topic: "/camera/true_labels", topic: None, tolerance_s: 0.01 };
+//! println!("{}", recording(&job, &log)?);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod classify;
 pub mod color;

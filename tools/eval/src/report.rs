@@ -1,15 +1,15 @@
-//! How well ground is told from obstacles, pixel by pixel: the figures of `ocu eval color` and `ocu eval classify`.
+//! Figures of a ground and obstacle classification, pixel by pixel: those of `ocu eval color` and `ocu eval classify`.
 
 use rcs_metrics::Confusion;
 use serde::Serialize;
 use std::fmt;
 
-/// Class of a pixel that can be driven over.
+/// Class of a drivable pixel.
 pub(crate) const GROUND: usize = 0;
-/// Class of a pixel that cannot.
+/// Class of an obstacle pixel.
 pub(crate) const OBSTACLE: usize = 1;
 
-/// The figures; `None` (in JSON null) where there is nothing of the class, and where nothing was timed.
+/// The figures; `None` (null in JSON) if there is no pixel of the class, or no time was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ClassReport {
     /// Intersection over union of ground, 0 to 1.
@@ -18,14 +18,14 @@ pub struct ClassReport {
     pub obstacle_iou: Option<f64>,
     /// Harmonic mean of precision and recall of ground, 0 to 1.
     pub f1: Option<f64>,
-    /// Pixels that the method did not classify, percent.
+    /// Pixels that the method left unclassified, percent.
     pub unclassified_pct: f64,
-    /// Median of the times for one image, ms.
+    /// Median time per image, ms.
     pub ms_median: Option<f64>,
 }
 
 impl ClassReport {
-    /// The figures of counts over ground and obstacles; `times_ms` are in any order.
+    /// Computes the figures from counts of ground and obstacles; `times_ms` are in any order.
     pub(crate) fn new(confusion: &Confusion<2>, mut times_ms: Vec<f64>) -> ClassReport {
         times_ms.sort_by(f64::total_cmp);
         ClassReport {

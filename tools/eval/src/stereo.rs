@@ -1,4 +1,4 @@
-//! Disparities of one pair of images against the ground truth, and the time that they take.
+//! Evaluates disparities of one pair of images against ground truth, and measures the time.
 
 use crate::{EvalError, disparity_file};
 use rcs_geom::PinholeCamera;
@@ -8,46 +8,46 @@ use std::fmt;
 use std::path::Path;
 use std::time::Instant;
 
-/// What is measured.
+/// What is evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct Job<'a> {
     /// Left image.
     pub left: &'a Path,
     /// Right image, of the same size.
     pub right: &'a Path,
-    /// Calibration of both cameras, a TOML file; without it, the images are taken as rectified.
+    /// Calibration of both cameras, a TOML file; `None` if the images are rectified.
     pub calibration: Option<&'a Path>,
-    /// True disparities of the rectified left image.
+    /// Ground truth disparities of the rectified left image.
     pub truth: Option<&'a Path>,
-    /// How disparities are found.
+    /// The matching method.
     pub method: Method,
-    /// Disparities that are tried, pixels.
+    /// Number of disparities searched, pixels.
     pub disparities: usize,
-    /// Threads to match on.
+    /// Number of threads.
     pub threads: usize,
 }
 
-/// The figures. Those that need ground truth are `None` (in JSON null) without one.
+/// The figures. Those that need ground truth are `None` (null in JSON) without it.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Report {
-    /// Of the pixels with a disparity, those that are more than 2 pixels off, percent.
+    /// Of the pixels with a disparity, the share with an error of more than 2 pixels, percent.
     pub bad2_valid_pct: Option<f64>,
-    /// Of all pixels, those that are more than 2 pixels off or have no disparity, percent.
+    /// Of all pixels, the share with an error of more than 2 pixels or without a disparity, percent.
     pub bad2_dense_pct: Option<f64>,
     /// Pixels with a disparity, percent.
     pub density_pct: f64,
-    /// Root of the mean squared error over pixels at most 2 pixels off, pixels.
+    /// Root mean square error over pixels with an error of at most 2 pixels, pixels.
     pub rms_px: Option<f64>,
-    /// Median of the times to match the pair, ms.
+    /// Median time to match the pair, ms.
     pub ms_median: f64,
-    /// Threads that were used.
+    /// Number of threads used.
     pub threads: usize,
 }
 
-/// Times that the pair is matched; the median of their times is reported.
+/// How often the pair is matched; the report contains the median of the times.
 const RUNS: usize = 11;
 
-/// Measures one pair.
+/// Evaluates one pair.
 pub fn measure(job: &Job<'_>) -> Result<Report, EvalError> {
     let (mut left, size) = grey(job.left)?;
     let (mut right, right_size) = grey(job.right)?;
@@ -111,7 +111,7 @@ impl fmt::Display for Report {
     }
 }
 
-/// One strip on this thread, the others on threads of their own.
+/// One strip on this thread, each of the others on a thread of its own.
 fn run_all(strips: Vec<Strip<'_>>) {
     let mut strips = strips.into_iter();
     let first = strips.next();
@@ -125,7 +125,7 @@ fn run_all(strips: Vec<Strip<'_>>) {
     });
 }
 
-/// Share of pixels with a disparity among those that can have one, percent.
+/// Share of pixels with a disparity among those where one is possible, percent.
 fn density(disparity: &[u16], width: usize, disparities: usize) -> f64 {
     let rows = disparity.chunks_exact(width);
     let possible = rows.len() * width.saturating_sub(disparities);
@@ -139,7 +139,7 @@ fn grey(path: &Path) -> Result<(Vec<u8>, [usize; 2]), EvalError> {
     Ok((image.into_raw(), size))
 }
 
-/// The calibration file: two cameras as in calibration messages.
+/// A calibration file: two cameras with the numbers of calibration messages.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Calibration {

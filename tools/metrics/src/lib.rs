@@ -1,9 +1,9 @@
-//! How well a classification agrees with the ground truth.
+//! Figures of agreement between a classification and the ground truth.
 //!
-//! - [`Confusion`] counts pixels or cells by their true and their predicted class. Intersection over union, recall,
-//!   precision and F1 follow from the counts.
+//! Begin with [`Confusion`]: it counts pixels or cells by true and predicted class, and computes intersection over
+//! union, recall, precision and F1 from the counts.
 //!
-//! This crate has no dependencies, so that the tests of any layer may use it. Reading files and running methods on them
+//! This crate has no dependencies, so that tests of any layer can use it. It reads no files and runs no methods: that
 //! is the task of `rcs-eval`.
 //!
 //! ```
@@ -22,7 +22,7 @@
 
 /// Pixels or cells of `N` classes, counted by true and predicted class.
 ///
-/// One that was not classified is missed by its class and claimed by no other.
+/// An unclassified pixel counts against the recall of its true class, and is a prediction of no class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Confusion<const N: usize> {
     /// `[true class][predicted class]`.
@@ -38,10 +38,10 @@ impl<const N: usize> Default for Confusion<N> {
 }
 
 impl<const N: usize> Confusion<N> {
-    /// Counts one pixel or cell; `None` is one that the method did not classify.
+    /// Counts one pixel or cell; `None` if the method left it unclassified.
     ///
     /// # Panics
-    /// Where a class is not below `N`.
+    /// If a class is not below `N`.
     pub fn add(&mut self, truth: usize, predicted: Option<usize>) {
         match predicted {
             Some(predicted) => self.counts[truth][predicted] += 1,
@@ -49,53 +49,53 @@ impl<const N: usize> Confusion<N> {
         }
     }
 
-    /// How many were counted.
+    /// Total count.
     pub fn total(&self) -> u64 {
         self.counts.iter().flatten().chain(&self.unclassified).sum()
     }
 
-    /// How many were not classified.
+    /// Count of unclassified pixels or cells.
     pub fn unclassified(&self) -> u64 {
         self.unclassified.iter().sum()
     }
 
-    /// Share of those that were not classified, 0 to 1; `None` where nothing was counted.
+    /// Share of unclassified ones, 0 to 1; `None` if the total is 0.
     pub fn unclassified_share(&self) -> Option<f64> {
         ratio(self.unclassified(), self.total())
     }
 
-    /// How many are of a class.
+    /// Count of a true class.
     pub fn of_class(&self, class: usize) -> u64 {
         self.counts[class].iter().sum::<u64>() + self.unclassified[class]
     }
 
-    /// How many were predicted to be of a class.
+    /// Count of a predicted class.
     pub fn predicted(&self, class: usize) -> u64 {
         self.counts.iter().map(|row| row[class]).sum()
     }
 
-    /// How many of a class were predicted to be so.
+    /// Count of correct predictions of a class.
     pub fn correct(&self, class: usize) -> u64 {
         self.counts[class][class]
     }
 
-    /// Intersection over union of a class; `None` where nothing is of the class or predicted to be.
+    /// Intersection over union of a class; `None` if nothing has the class and nothing is predicted to have it.
     pub fn iou(&self, class: usize) -> Option<f64> {
         let both = self.correct(class);
         ratio(both, self.of_class(class) + self.predicted(class) - both)
     }
 
-    /// Share of a class that was predicted to be so; `None` where nothing is of the class.
+    /// Share of a true class that is predicted correctly; `None` if nothing has the class.
     pub fn recall(&self, class: usize) -> Option<f64> {
         ratio(self.correct(class), self.of_class(class))
     }
 
-    /// Share of what was predicted to be of a class that is so; `None` where nothing was predicted.
+    /// Share of the predictions of a class that are correct; `None` if there are none.
     pub fn precision(&self, class: usize) -> Option<f64> {
         ratio(self.correct(class), self.predicted(class))
     }
 
-    /// Harmonic mean of precision and recall; `None` where nothing is of the class or predicted to be.
+    /// Harmonic mean of precision and recall; `None` if nothing has the class and nothing is predicted to have it.
     pub fn f1(&self, class: usize) -> Option<f64> {
         ratio(2 * self.correct(class), self.of_class(class) + self.predicted(class))
     }
