@@ -44,7 +44,7 @@ pub(crate) fn check_chunks(
             let _one_at_a_time = (segment.weight() > LARGE_CHUNK)
                 .then(|| large.lock().unwrap_or_else(PoisonError::into_inner));
             let decoded = decode(source, segment).unwrap_or_else(|error| Decoded {
-                damage: Some(Damage { lost_bytes: segment.length, what: error.to_string() }),
+                damage: Some(Damage::new(segment.length, error.to_string())),
                 ..Decoded::default()
             });
             note_definitions(
@@ -79,8 +79,9 @@ pub(crate) fn check_chunks(
         for (channel, count) in checked.tally.counts {
             *contents.counts.entry(channel).or_insert(0) += count;
         }
-        let missing = indexed.get(&index).map_or(0, |&count| count.saturating_sub(found));
+        let mut missing = indexed.get(&index).map_or(0, |&count| count.saturating_sub(found));
         if let Some(damage) = checked.damage {
+            missing = missing.max(damage.lost_messages);
             *lost += Lost { bytes: damage.lost_bytes, messages: missing };
             let (start, bytes) = (segment.start, damage.lost_bytes);
             contents.problems.add(format!(

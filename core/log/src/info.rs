@@ -1,5 +1,6 @@
 //! What a log holds: topics, messages, and what was lost.
 
+use crate::gaps::Gap;
 use bytes::Bytes;
 use rcs_msg::{Schema, Stamp};
 use serde::{Deserialize, Serialize};
@@ -73,6 +74,10 @@ pub struct LogInfo {
     pub topics: Vec<LogTopic>,
     /// What is wrong with the log, a sentence each; empty for a sound one.
     pub problems: Vec<String>,
+    /// How many of the segments opening has read and checked; the rest is believed until it is read.
+    pub verified: u64,
+    /// Where there is no message for a long time, ascending.
+    pub gaps: Vec<Gap>,
     /// The header's profile: `ocu`, `ros2`, ….
     pub profile: String,
     /// The header's library: who wrote the log.

@@ -37,6 +37,7 @@ mod check;
 mod cursor;
 mod error;
 mod find;
+mod gaps;
 mod identity;
 mod info;
 mod log;
@@ -49,6 +50,7 @@ mod scan;
 mod segment;
 mod source;
 mod summary;
+mod verify;
 mod writer;
 
 pub use cursor::{Cursor, CursorOptions, Position};
@@ -56,7 +58,9 @@ pub use error::LogError;
 pub use info::{
     Attachment, AttachmentInfo, LogInfo, LogMessage, LogTopic, Lost, MessagePosition, Metadata, TopicId,
 };
+pub use gaps::Gap;
 pub use log::Log;
 pub use reassembly::{Reassembled, Reassembly};
 pub use recorder::{Recorder, RecorderHandle, RecorderMode, RecorderOptions, RecorderStatus};
+pub use verify::Verification;
 pub use writer::{ChannelId, Clock, FORMAT_VERSION, LogWriter, Sink, WriteHeader, WriterOptions};

@@ -6,6 +6,7 @@ use crate::error::LogError;
 use crate::info::{
     Attachment, AttachmentInfo, LogInfo, LogMessage, Lost, MessagePosition, Metadata, TopicId,
 };
+use crate::gaps::{Gap, gaps};
 use crate::record::{ChunkHead, Fields, HEAD, Head, MAGIC, MessageHead, PROBE, indexed_messages, op};
 use crate::scan::{Scanned, scan};
 use crate::segment::{Damage, MessageRef, Segment, Tally, decode, message_data};
@@ -13,7 +14,7 @@ use crate::source::{Source, Window};
 use crate::summary::{self, Contents, Summary};
 use bytes::Bytes;
 use rcs_msg::{DeltaCodec, Stamp};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -63,6 +64,8 @@ struct Opened {
     contents: Contents,
     lost: Lost,
     recovered: bool,
+    /// How many segments have been read and checked.
+    verified: u64,
 }
 
 impl Log {
@@ -107,11 +110,12 @@ impl Log {
             let summary = summary::read(&source)?.ok();
             open_by_scan(&source, summary.as_ref(), "read by a scan, as asked for".to_owned())?
         };
-        Ok(Self::new(source, opened))
+        let gaps = gaps(&source, &opened.contents.segments)?;
+        Ok(Self::new(source, opened, gaps))
     }
 
-    fn new(source: Source, opened: Opened) -> Self {
-        let Opened { contents, lost, recovered } = opened;
+    fn new(source: Source, opened: Opened, gaps: Vec<Gap>) -> Self {
+        let Opened { contents, lost, recovered, verified } = opened;
         let Contents { mut catalog, segments, counts, problems } = contents;
         let order = |key: fn(&Segment) -> u64| {
             let mut order: Vec<u32> = (0..segments.len() as u32).collect();
@@ -119,7 +123,7 @@ impl Log {
             order
         };
         let (by_first, by_last) = (order(|segment| segment.first), order(|segment| segment.last));
-        let messages = counts.values().sum();
+        let messages = counts.values().fold(0u64, |sum, count| sum.saturating_add(*count));
         let (start, end) = times(&catalog, &segments, recovered);
         let duration_s = Stamp(end).seconds_since(Stamp(start));
         let info = LogInfo {
@@ -133,6 +137,8 @@ impl Log {
             lost,
             topics: catalog.topics(&counts, duration_s),
             problems: problems.list(),
+            verified,
+            gaps,
             profile: catalog.profile.clone(),
             library: catalog.library.clone(),
         };
@@ -262,6 +268,7 @@ impl Log {
             return Ok(());
         }
         let missing = indexed_behind(&self.0.source, segment.end())?.saturating_sub(salvaged);
+        let missing = missing.max(damage.lost_messages);
         let mut found = self.0.found.lock().unwrap_or_else(PoisonError::into_inner);
         if found.reported.insert(index) {
             found.lost += Lost { bytes: damage.lost_bytes, messages: missing };
@@ -304,6 +311,7 @@ pub(crate) fn place_of(segment: u32, message: MessageRef) -> MessagePosition {
 }
 
 fn open_with(source: &Source, summary: &Summary) -> Result<Opened, LogError> {
+    let mut verified = 0;
     let contents = match summary::contents(source, summary)? {
         Ok(contents) => contents,
         Err(why) => return open_by_scan(source, Some(summary), why),
@@ -317,13 +325,14 @@ fn open_with(source: &Source, summary: &Summary) -> Result<Opened, LogError> {
             }
         }
         let size = contents.segments.iter().fold(0u64, |sum, segment| sum.saturating_add(segment.contents));
-        if size <= CHECKED_WHOLE
-            && let Some(why) = check_whole(source, &contents, summary)?
-        {
-            return open_by_scan(source, Some(summary), why);
+        if size <= CHECKED_WHOLE {
+            if let Some(why) = check_whole(source, &contents, summary)? {
+                return open_by_scan(source, Some(summary), why);
+            }
+            verified = contents.segments.len() as u64;
         }
     }
-    Ok(Opened { contents, lost: Lost::default(), recovered: false })
+    Ok(Opened { contents, lost: Lost::default(), recovered: false, verified })
 }
 
 /// What a chunk itself says of the size of its contents.
@@ -335,12 +344,16 @@ fn stated_size(source: &Source, segment: &Segment) -> Result<Option<u64>, LogErr
 
 /// Why the log does not hold what its index says; `None` where all is well.
 fn check_whole(source: &Source, contents: &Contents, summary: &Summary) -> Result<Option<String>, LogError> {
+    let mut counts = BTreeMap::new();
     for segment in &contents.segments {
         let decoded = decode(source, segment)?;
         if let Some(damage) = decoded.damage {
             return Ok(Some(format!("the chunk at byte {} is damaged: {}", segment.start, damage.what)));
         }
         let tally = Tally::of(&decoded.messages);
+        for &(channel, count) in &tally.counts {
+            *counts.entry(channel).or_insert(0) += count;
+        }
         let outside = tally.first < segment.first || tally.last > segment.last;
         if outside && !tally.counts.is_empty() {
             return Ok(Some(format!("the index of the chunk at byte {} has its times wrong", segment.start)));
@@ -352,6 +365,10 @@ fn check_whole(source: &Source, contents: &Contents, summary: &Summary) -> Resul
             )));
         }
     }
+    if counts != contents.counts {
+        let (told, got) = (contents.counts.values().sum::<u64>(), counts.values().sum::<u64>());
+        return Ok(Some(format!("the index counts {told} messages, the log holds {got}")));
+    }
     summary::check_data(source, summary)
 }
 
@@ -361,26 +378,26 @@ fn open_by_scan(source: &Source, summary: Option<&Summary>, why: String) -> Resu
     problems.add(why);
     problems.append(std::mem::take(&mut contents.problems));
     contents.problems = problems;
-    Ok(Opened { contents, lost, recovered: true })
+    let verified = contents.segments.len() as u64;
+    Ok(Opened { contents, lost, recovered: true, verified })
 }
 
 /// First and last log time. The chunks' times are right where a writer's statistics may be wrong: some take a start of
 /// 0 for none. Chunks that do not say whether they hold messages leave no choice.
 fn times(catalog: &Catalog, segments: &[Segment], recovered: bool) -> (u64, u64) {
+    let holding =
+        || segments.iter().filter(|segment| segment.channels.as_ref().is_none_or(|held| !held.is_empty()));
+    let first = holding().map(|segment| segment.first).min().unwrap_or(0);
+    let last = holding().map(|segment| segment.last).max().unwrap_or(0);
     if let Some(statistics) = &catalog.statistics
         && statistics.message_count > 0
         && !recovered
         && segments.iter().any(|segment| segment.channels.is_none())
     {
-        return (
-            statistics.message_start_time,
-            statistics.message_end_time.max(statistics.message_start_time),
-        );
+        let start = statistics.message_start_time.clamp(first, last);
+        return (start, statistics.message_end_time.clamp(start, last));
     }
-    let holding =
-        || segments.iter().filter(|segment| segment.channels.as_ref().is_none_or(|held| !held.is_empty()));
-    let first = holding().map(|segment| segment.first).min().unwrap_or(0);
-    (first, holding().map(|segment| segment.last).max().unwrap_or(0))
+    (first, last)
 }
 
 /// How many messages the message indexes from `at` on count.

@@ -128,6 +128,16 @@ pub(crate) fn indexed_messages(front: &[u8]) -> Option<(u16, u64)> {
     Some((fields.u16()?, u64::from(fields.u32()?) / 16))
 }
 
+/// The entries of a message index, from its body: the time of each message, and its offset in the chunk's contents.
+pub(crate) fn index_entries(body: &[u8]) -> impl Iterator<Item = (u64, u64)> {
+    let mut fields = Fields(body);
+    let entries = fields.u16().and(fields.u32()).and_then(|bytes| fields.take(bytes as usize));
+    entries.unwrap_or_default().chunks_exact(16).filter_map(|entry| {
+        let mut fields = Fields(entry);
+        Some((fields.u64()?, fields.u64()?))
+    })
+}
+
 /// The front of a chunk's body.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ChunkHead {

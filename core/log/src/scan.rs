@@ -9,7 +9,7 @@ use crate::info::Lost;
 use crate::record::{ChunkHead, HEAD, Head, MAGIC, MessageHead, PROBE, indexed_messages, op};
 use crate::segment::Segment;
 use crate::source::{Source, Window};
-use crate::summary::{Contents, Summary, body_of};
+use crate::summary::{Contents, Summary, body_of, counts_of};
 use std::collections::BTreeMap;
 
 /// A run of records outside chunks is closed at this size, so that it can be read like a chunk.
@@ -32,8 +32,17 @@ pub(crate) fn scan(source: &Source, summary: Option<&Summary>) -> Result<Scanned
     contents.catalog.statistics = summary.and_then(|summary| summary.catalog.statistics.clone());
     let sound = check_chunks(source, &mut contents, &indexed, &mut lost);
     settle_undefined(&mut contents, &mut lost, &sound);
+    let found: u64 = contents.counts.values().sum();
     if let Some(statistics) = &contents.catalog.statistics {
-        lost.messages = statistics.message_count.saturating_sub(contents.counts.values().sum());
+        let stated = statistics.message_count;
+        // Where nothing is missing that could have held messages, the count is what is wrong.
+        let believed = counts_of(statistics).is_some() && (lost != Lost::default() || stated <= found);
+        if believed {
+            lost.messages = stated.saturating_sub(found);
+        }
+        if stated != found + lost.messages {
+            contents.problems.add(format!("the statistics count {stated} messages, the log holds {found}"));
+        }
     }
     Ok(Scanned { contents, lost })
 }
@@ -51,6 +60,19 @@ struct Hops<'a> {
     last_chunk: Option<usize>,
     /// How many messages the message indexes behind a chunk count, by segment.
     indexed: BTreeMap<usize, u64>,
+    /// Whether compressed chunks have been met, and messages outside chunks.
+    compressed: bool,
+    loose: bool,
+}
+
+/// Which records a search may stop at.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Sought {
+    /// Any.
+    Any,
+    /// Those that are not within chunks: bytes within a chunk may look like schemas, channels and messages, and may
+    /// even be some.
+    OutsideChunks,
 }
 
 /// Records outside chunks that follow each other.
@@ -79,6 +101,8 @@ impl<'a> Hops<'a> {
             run: None,
             last_chunk: None,
             indexed: BTreeMap::new(),
+            compressed: false,
+            loose: false,
         }
     }
 
@@ -106,8 +130,15 @@ impl<'a> Hops<'a> {
     /// Takes in the record at `at`, unless its length turns out to be wrong. Gives where to go on.
     fn hop(&mut self, head: Head, at: u64) -> Result<u64, LogError> {
         let end = at + head.length();
-        if head.op != op::CHUNK && !self.record_follows(end)? {
-            let next = self.resync(at + HEAD as u64)?;
+        if !self.record_follows(end)? {
+            let is_chunk = head.op == op::CHUNK;
+            let next =
+                self.resync(at + HEAD as u64, if is_chunk { Sought::OutsideChunks } else { self.sought() })?;
+            if next < end && is_chunk {
+                // Bytes of it are missing: what follows it is nearer than it says.
+                self.chunk(at, next)?;
+                return Ok(next);
+            }
             if next < end {
                 self.lose(at, next, "a record whose length is wrong");
                 return Ok(next);
@@ -141,6 +172,7 @@ impl<'a> Hops<'a> {
     fn message(&mut self, at: u64, end: u64) -> Result<(), LogError> {
         let Some(message) = MessageHead::read(&self.window.get(at, PROBE)?[HEAD..]) else { return Ok(()) };
         let time = message.log_time;
+        self.loose = true;
         if self.run.as_ref().is_some_and(|run| end - run.start > RUN_BYTES) {
             self.close_run();
         }
@@ -171,8 +203,9 @@ impl<'a> Hops<'a> {
 
     fn chunk(&mut self, at: u64, end: u64) -> Result<(), LogError> {
         self.close_run();
-        let contents =
-            ChunkHead::read(&self.window.get(at, PROBE)?[HEAD..]).map_or(0, |chunk| chunk.uncompressed);
+        let chunk = ChunkHead::read(&self.window.get(at, PROBE)?[HEAD..]);
+        self.compressed |= chunk.as_ref().is_some_and(|chunk| !chunk.compression.is_empty());
+        let contents = chunk.map_or(0, |chunk| chunk.uncompressed);
         self.last_chunk = Some(self.contents.segments.len());
         // Times and channels follow from the second pass.
         self.contents.segments.push(Segment {
@@ -195,29 +228,34 @@ impl<'a> Hops<'a> {
             _ => None,
         };
         let (Some(head), Some(chunk)) = (head, chunk) else {
-            let next = self.resync(at + 1)?;
+            let next = self.resync(at + 1, self.sought())?;
             let what = if next == length { "the log is cut off, or damaged to its end," } else { "damage" };
             self.lose(at, next, what);
             return Ok(next);
         };
-        // The record and the chunk in it each state a length: the one that a record follows is right. Where neither
-        // is, and both lie beyond the end, the file is cut.
-        let unclosed = head.body == u64::MAX || chunk.compressed == u64::MAX;
+        // The record and the chunk in it each state a length: the one that a record follows is right. Where neither is,
+        // the chunk ends where the next record is found: at the end of the file, where it is cut or was never closed.
         let by_chunk = (at + (HEAD + chunk.front) as u64).saturating_add(chunk.compressed);
         let by_record = at.saturating_add(head.length());
-        let end = if unclosed {
-            length
-        } else if by_chunk <= length && self.record_follows(by_chunk)? {
-            by_chunk
-        } else if by_record <= length && self.record_follows(by_record)? {
-            by_record
-        } else if chunk.fits(head.body) && is_known(&chunk) && by_chunk > length {
-            length
-        } else {
-            self.resync(at + HEAD as u64)?
+        let mut end = None;
+        for candidate in [by_chunk, by_record] {
+            if end.is_none() && candidate <= length && self.record_follows(candidate)? {
+                end = Some(candidate);
+                self.contents.problems.add(format!("the chunk at byte {at} states a length that cannot be"));
+            }
+        }
+        let end = match end {
+            Some(end) => end,
+            None => self.resync(at + HEAD as u64, Sought::OutsideChunks)?,
         };
         self.chunk(at, end)?;
         Ok(end)
+    }
+
+    /// What a search behind damage may stop at. In a log with compressed chunks and no messages beside them, what looks
+    /// like a message is a part of compressed data.
+    fn sought(&self) -> Sought {
+        if self.compressed && !self.loose { Sought::OutsideChunks } else { Sought::Any }
     }
 
     fn lose(&mut self, from: u64, to: u64, what: &str) {
@@ -250,7 +288,7 @@ impl<'a> Hops<'a> {
     }
 
     /// The next place from `from` on where a record begins and is followed by another; the end where there is none.
-    fn resync(&mut self, from: u64) -> Result<u64, LogError> {
+    fn resync(&mut self, from: u64, sought: Sought) -> Result<u64, LogError> {
         let length = self.source.length();
         let hint = self.hints.partition_point(|&hint| hint < from);
         let limit = self.hints.get(hint).copied().unwrap_or(length).min(length);
@@ -261,7 +299,9 @@ impl<'a> Hops<'a> {
             let block = self.source.read(at, span.saturating_add(HEAD).min((length - at) as usize))?;
             for offset in 0..span {
                 let Some(&[op, _, _, _, _, _, a, b, c]) = block.get(offset..offset + HEAD) else { break };
-                if (op::FOOTER..=op::DATA_END).contains(&op) && [a, b, c] == [0; 3] {
+                let inner = matches!(op, op::SCHEMA | op::CHANNEL | op::MESSAGE);
+                let is_sought = !inner || sought == Sought::Any;
+                if is_sought && (op::FOOTER..=op::DATA_END).contains(&op) && [a, b, c] == [0; 3] {
                     let candidate = at + offset as u64;
                     if self.begins(candidate)? {
                         return Ok(candidate);
@@ -288,7 +328,11 @@ impl<'a> Hops<'a> {
     }
 }
 
-/// Whether a chunk's header is that of a chunk as writers make them.
+/// Whether a chunk's header is that of a chunk as writers make them, and cannot be anything else.
 fn is_known(chunk: &ChunkHead) -> bool {
-    matches!(chunk.compression.as_str(), "" | "zstd" | "lz4") && chunk.first <= chunk.last
+    let is_compression = match chunk.compression.as_str() {
+        "" => chunk.compressed == chunk.uncompressed && chunk.compressed > 0,
+        name => matches!(name, "zstd" | "lz4"),
+    };
+    is_compression && chunk.first <= chunk.last
 }

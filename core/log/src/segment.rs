@@ -4,7 +4,7 @@
 //! and gives the same at every reading.
 
 use crate::error::LogError;
-use crate::record::{ChunkHead, HEAD, Head, MESSAGE_HEAD, MessageHead, PROBE, op};
+use crate::record::{ChunkHead, HEAD, Head, MESSAGE_HEAD, MessageHead, PROBE, index_entries, op};
 use crate::source::{Source, Stream};
 use bytes::Bytes;
 use std::io::Read;
@@ -13,6 +13,10 @@ use std::io::Read;
 pub(crate) const SEGMENT_LIMIT: u64 = 192 << 20;
 /// Compressed data larger than this are decompressed in pieces, without holding them.
 const PIECEWISE_FROM: u64 = 16 << 20;
+/// Contents that are larger than their chunk states are read up to this: the stated size is what is damaged.
+const WRONG_SIZE_LIMIT: usize = 64 << 20;
+/// Larger message indexes are not read to judge a chunk's times.
+const INDEX_LIMIT: u64 = 1 << 20;
 
 /// Where a segment lies and what it holds.
 #[derive(Clone, Debug)]
@@ -73,7 +77,15 @@ pub(crate) struct Decoded {
 pub(crate) struct Damage {
     /// Bytes of the contents that were not salvaged.
     pub(crate) lost_bytes: u64,
+    /// Messages that are there, but not to be believed.
+    pub(crate) lost_messages: u64,
     pub(crate) what: String,
+}
+
+impl Damage {
+    pub(crate) fn new(lost_bytes: u64, what: impl Into<String>) -> Self {
+        Self { lost_bytes, lost_messages: 0, what: what.into() }
+    }
 }
 
 impl Decoded {
@@ -97,20 +109,18 @@ fn decode_run(source: &Source, segment: &Segment) -> Result<Decoded, LogError> {
     }
     let contents = source.read(segment.start, segment.length as usize)?;
     let walk = walk(&contents, None);
-    let damage = (walk.lost_bytes > 0).then(|| Damage {
-        lost_bytes: walk.lost_bytes,
-        what: "records outside chunks that do not parse".to_owned(),
-    });
+    let damage = (walk.lost_bytes > 0)
+        .then(|| Damage::new(walk.lost_bytes, "records outside chunks that do not parse"));
     Ok(Decoded { contents, messages: walk.messages, definitions: walk.definitions, damage })
 }
 
 fn too_large(size: u64) -> Decoded {
     let what = format!("contents of {size} bytes are more than the limit of {SEGMENT_LIMIT}");
-    Decoded { damage: Some(Damage { lost_bytes: size, what }), ..Decoded::default() }
+    lost(size, what)
 }
 
 fn lost(lost_bytes: u64, what: String) -> Decoded {
-    Decoded { damage: Some(Damage { lost_bytes, what }), ..Decoded::default() }
+    Decoded { damage: Some(Damage::new(lost_bytes, what)), ..Decoded::default() }
 }
 
 fn decode_chunk(source: &Source, segment: &Segment) -> Result<Decoded, LogError> {
@@ -144,36 +154,94 @@ fn decode_chunk(source: &Source, segment: &Segment) -> Result<Decoded, LogError>
     }
     if let Some(problem) = unpacked.problem {
         reasons.push(problem);
-    } else if whole && unpacked.contents.len() as u64 != chunk.uncompressed {
+    } else if whole && !unclosed && unpacked.contents.len() as u64 != chunk.uncompressed {
         reasons.push(format!(
             "expected {} bytes of contents, got {}",
             chunk.uncompressed,
             unpacked.contents.len()
         ));
     }
-    if reasons.is_empty() && chunk.crc != 0 {
-        let got = crc32fast::hash(&unpacked.contents);
-        if got != chunk.crc {
+    let contents = unpacked.contents;
+    // Whether the contents are known to be what was written.
+    let mut proved = false;
+    if chunk.crc != 0 && whole {
+        let got = crc32fast::hash(&contents);
+        proved = got == chunk.crc;
+        if reasons.is_empty() && !proved {
             reasons.push(format!("expected checksum {:08x}, got {got:08x}", chunk.crc));
         }
     }
-    let contents = unpacked.contents;
-    let mut found = if reasons.is_empty() { walk(&contents, None) } else { Walk::default() };
+    let mut found = if reasons.is_empty() || proved { walk(&contents, None) } else { Walk::default() };
     if reasons.is_empty() && found.lost_bytes > 0 {
         reasons.push("records that do not parse".to_owned());
+        proved = false;
     }
-    if reasons.is_empty() {
-        return Ok(Decoded {
-            contents,
-            messages: found.messages,
-            definitions: found.definitions,
-            damage: None,
-        });
+    if reasons.is_empty() || proved {
+        // Something of the chunk's header is wrong, where anything is.
+        let mut damage = (!reasons.is_empty()).then(|| Damage::new(0, reasons.join("; ")));
+        if !proved {
+            damage = leave_out_misplaced(source, segment, &chunk, &contents, &mut found.messages)?;
+        }
+        let Walk { messages, definitions, .. } = found;
+        return Ok(Decoded { contents, messages, definitions, damage });
     }
     found = walk(&contents, Some(chunk.times().unwrap_or((0, u64::MAX))));
     let missing = if unclosed { 0 } else { expected.saturating_sub(contents.len() as u64) };
-    let damage = Damage { lost_bytes: found.lost_bytes + missing, what: reasons.join("; ") };
+    let damage = Damage::new(found.lost_bytes + missing, reasons.join("; "));
     Ok(Decoded { contents, messages: found.messages, definitions: found.definitions, damage: Some(damage) })
+}
+
+/// Leaves out the messages whose time is not within what their chunk states; says what is damaged.
+///
+/// To be called where no checksum proves the contents. One of the two is wrong then: the chunk's times where most
+/// messages contradict them and no message index confirms them, else the messages. Some writers take a time of 0 for
+/// none when they state a chunk's times: such a message is no damage.
+fn leave_out_misplaced(
+    source: &Source,
+    segment: &Segment,
+    chunk: &ChunkHead,
+    contents: &Bytes,
+    messages: &mut Vec<MessageRef>,
+) -> Result<Option<Damage>, LogError> {
+    let Some((first, last)) = chunk.times() else { return Ok(None) };
+    let is_misplaced = |message: &MessageRef| message.time != 0 && !(first..=last).contains(&message.time);
+    let misplaced = messages.iter().filter(|message| is_misplaced(message)).count();
+    if misplaced == 0 {
+        return Ok(None);
+    }
+    let confirmed = misplaced * 2 < messages.len()
+        || indexed_times(source, segment.end())?.is_some_and(|(a, b)| first <= a && b <= last);
+    if !confirmed {
+        let what = format!("the chunk states times that {misplaced} of its messages contradict");
+        return Ok(Some(Damage::new(0, what)));
+    }
+    let size =
+        |message: &MessageRef| Head::read(&contents[message.offset as usize..]).map_or(0, Head::length);
+    let lost_bytes = messages.iter().filter(|message| is_misplaced(message)).map(size).sum();
+    messages.retain(|message| !is_misplaced(message));
+    let what = format!("{misplaced} messages with log times that are not within those of the chunk");
+    Ok(Some(Damage { lost_bytes, lost_messages: misplaced as u64, what }))
+}
+
+/// The earliest and the latest time in the message indexes from `at` on.
+fn indexed_times(source: &Source, mut at: u64) -> Result<Option<(u64, u64)>, LogError> {
+    let mut found: Option<(u64, u64)> = None;
+    loop {
+        let left = source.length().saturating_sub(at);
+        let front = source.read(at, left.min(PROBE as u64) as usize)?;
+        let Some(head) = Head::read(&front).filter(|head| head.op == op::MESSAGE_INDEX) else {
+            return Ok(found);
+        };
+        if !head.plausible(&front[HEAD..]) || head.length() > left || head.body > INDEX_LIMIT {
+            return Ok(found);
+        }
+        let body = source.read(at + HEAD as u64, head.body as usize)?;
+        for (time, _) in index_entries(&body) {
+            let (first, last) = found.unwrap_or((time, time));
+            found = Some((first.min(time), last.max(time)));
+        }
+        at += head.length();
+    }
 }
 
 /// A chunk's contents, as far as they could be decompressed.
@@ -191,7 +259,8 @@ fn unpack(
 ) -> Result<Unpacked, LogError> {
     let available = to - from;
     if chunk.compression.is_empty() {
-        let length = available.min(expected as u64) as usize;
+        // What is stored as it is has the size that it has, whatever else is stated.
+        let length = available.min(SEGMENT_LIMIT) as usize;
         return Ok(Unpacked { contents: source.read(from, length)?, problem: None });
     }
     // A size that the data could hardly have is not trusted with an allocation before they are seen.
@@ -221,15 +290,21 @@ fn unpack(
     }
 }
 
-/// Reads until the end, the first error, or one byte more than `expected`; keeps what came before an error.
+/// Reads until the end, the first error, or the limit; keeps what came before an error. Contents may be larger than
+/// expected: then the expectation is what is wrong.
 fn drain(mut decoder: impl Read, room: usize, expected: usize) -> (Vec<u8>, Option<String>) {
-    let mut contents = Vec::with_capacity(room);
+    let limit = expected.max(WRONG_SIZE_LIMIT);
+    let mut contents: Vec<u8> = Vec::with_capacity(room);
     let mut piece = vec![0; 1 << 16];
     loop {
         match decoder.read(&mut piece) {
             Ok(0) => return (contents, None),
             Ok(count) => {
-                let left = expected - contents.len();
+                let left = limit - contents.len();
+                if contents.capacity() - contents.len() < count {
+                    // Growing by halves of what is there, not by all of it, keeps the sum of old and new small.
+                    contents.reserve_exact((contents.len() / 2).max(1 << 16).min(left));
+                }
                 contents.extend_from_slice(&piece[..count.min(left)]);
                 if count > left {
                     return (contents, Some(format!("expected {expected} bytes of contents, got more")));

@@ -143,10 +143,7 @@ pub(crate) fn contents(source: &Source, summary: &Summary) -> Result<Result<Cont
             return Ok(Err("the summary does not repeat every channel".to_owned()));
         }
     }
-    let counted = contents.catalog.statistics.as_ref().and_then(counts_of);
-    if let Some(counts) = counted {
-        contents.counts = counts;
-    } else if let Err(why) = count(&mut window, summary, &mut contents)? {
+    if let Err(why) = settle_counts(&mut window, summary, &mut contents)? {
         return Ok(Err(why));
     }
     let unknown = contents.segments.iter().flat_map(|segment| segment.channels.iter().flatten());
@@ -165,10 +162,44 @@ pub(crate) fn contents(source: &Source, summary: &Summary) -> Result<Result<Cont
 }
 
 /// Messages by channel, if the statistics give them and they add up.
-fn counts_of(statistics: &Statistics) -> Option<BTreeMap<u16, u64>> {
+pub(crate) fn counts_of(statistics: &Statistics) -> Option<BTreeMap<u16, u64>> {
     let counts = &statistics.channel_message_counts;
     let sum = counts.values().try_fold(0u64, |sum, &count| sum.checked_add(count))?;
-    (sum == statistics.message_count).then(|| counts.clone())
+    let counts = counts.iter().filter(|(_, count)| **count > 0).map(|(&id, &count)| (id, count));
+    (sum == statistics.message_count).then(|| counts.collect())
+}
+
+/// Counts messages by channel: by the message indexes, which are compared with the statistics; by the statistics alone
+/// where a writer made no indexes.
+fn settle_counts(
+    window: &mut Window<'_>,
+    summary: &Summary,
+    contents: &mut Contents,
+) -> Result<Result<(), String>, LogError> {
+    let statistics = contents.catalog.statistics.clone();
+    let stated = statistics.as_ref().and_then(counts_of);
+    let has_indexes = |index: &ChunkIndex| index.message_index_length > 0 || index.uncompressed_size == 0;
+    if !summary.chunks.iter().all(has_indexes)
+        && let Some(stated) = stated
+    {
+        contents.counts = stated;
+        return Ok(Ok(()));
+    }
+    if let Err(why) = count(window, summary, contents)? {
+        return Ok(Err(why));
+    }
+    if let Some(statistics) = statistics
+        && stated.as_ref() != Some(&contents.counts)
+    {
+        let (told, indexed) = (statistics.message_count, contents.counts.values().sum::<u64>());
+        // Statistics may give no counts by channel.
+        if told != indexed || !statistics.channel_message_counts.is_empty() {
+            contents.problems.add(format!(
+                "the statistics count {told} messages, the message indexes {indexed}: the indexes are believed"
+            ));
+        }
+    }
+    Ok(Ok(()))
 }
 
 /// Takes in the records from `at` to `end`, which the chunk index leaves out.
@@ -228,7 +259,9 @@ fn count(
             let (Some(head), Some((channel, count))) = (head, indexed) else {
                 return Ok(Err(format!("there is no message index at byte {at}, where one should follow")));
             };
-            *contents.counts.entry(channel).or_insert(0) += count;
+            if count > 0 {
+                *contents.counts.entry(channel).or_insert(0) += count;
+            }
             at += head.length();
         }
     }
