@@ -5,7 +5,7 @@ use crate::history::LogRef;
 use crate::machine::Machine;
 use crate::source::canonical;
 use rcs_bus::{Draft, Writer, WriterId};
-use rcs_log::{Cursor, CursorOptions, Log, LogMessage, Position, Reassembly, TopicId};
+use rcs_log::{Cursor, CursorOptions, Gap, Log, LogMessage, Position, Reassembly, TopicId};
 use rcs_msg::foxglove::CompressedImage;
 use rcs_msg::{AnyMessage, Schema, Stamp, header_stamp};
 use std::collections::BTreeMap;
@@ -28,6 +28,8 @@ pub(crate) struct Feed {
     is_behind: bool,
     /// The first and the last moment of the log.
     pub(crate) range: (Stamp, Stamp),
+    /// Where it has no message for a long time.
+    gaps: Vec<Gap>,
     fixed: Vec<LogMessage>,
     /// The message that was given last.
     given: Option<LogRef>,
@@ -77,9 +79,19 @@ impl Feed {
         let options = CursorOptions { topics: Some(moving_topics), ..CursorOptions::default() };
         let cursor = log.cursor(options);
         let position = cursor.position();
-        let range = (info.start, info.end);
+        let (range, gaps) = ((info.start, info.end), info.gaps.clone());
         let (log, pending, is_behind, given) = (log.clone(), None, false, None);
-        Ok(Self { log, cursor, pending, position, writers, reassembly, is_behind, range, fixed, given })
+        Ok(Self { log, cursor, pending, position, writers, reassembly, is_behind, range, gaps, fixed, given })
+    }
+
+    /// When a cycle that is due at `time` is done: behind a gap of the log, on the process's grid, where it would fall
+    /// into one and `slack_ns` after the last message have passed. Nothing would come of cycles through a gap but the
+    /// wait for its end, which may be decades.
+    pub(crate) fn after_gap(&self, time: Stamp, period_ns: u64, slack_ns: u64) -> Stamp {
+        let is_in = |gap: &&Gap| time > gap.from.after_ns(slack_ns) && time < gap.to;
+        let Some(gap) = self.gaps.iter().find(is_in) else { return time };
+        let period_ns = period_ns.max(1);
+        time.after_ns((gap.to.0 - time.0).div_ceil(period_ns).saturating_mul(period_ns))
     }
 
     /// Whether a topic of canonical type `got` can fill a buffer of type `wanted`: compressed images are decoded.

@@ -308,7 +308,12 @@ impl Stepped {
             Happened::Started(index)
         };
         match &self.script {
-            None => self.schedule_cycle(index, now.after_ns(period_ns)),
+            None => {
+                let due = now.after_ns(period_ns);
+                let slack_ns = self.slack_ns();
+                let due = self.feed.as_ref().map_or(due, |feed| feed.after_gap(due, period_ns, slack_ns));
+                self.schedule_cycle(index, due);
+            }
             Some(_) => self.schedule_next_cycle(now),
         }
         happened
@@ -316,9 +321,13 @@ impl Stepped {
 
     /// When a run on a log has done everything that the log can cause: its end, and one cycle of every process after it.
     pub fn horizon(&self) -> Option<Stamp> {
-        let slack =
-            self.plan().processes.iter().map(|process| process.period_ns + process.latency_ns).sum::<u64>();
-        self.feed.as_ref().map(|feed| feed.range.1.after_ns(slack.min(2_000_000_000)))
+        self.feed.as_ref().map(|feed| feed.range.1.after_ns(self.slack_ns()))
+    }
+
+    /// What a message can cause is done by this time after it: one cycle of every process, two seconds at most.
+    fn slack_ns(&self) -> u64 {
+        let cycles = self.plan().processes.iter().map(|process| process.period_ns + process.latency_ns);
+        cycles.sum::<u64>().min(2_000_000_000)
     }
 
     /// Does everything up to and with `until`, and says whether anything is left after that.

@@ -33,6 +33,7 @@ impl Busy {
             start: Stamp(0),
             end: None,
             problems: Vec::new(),
+            gaps: Vec::new(),
         };
         (Self { now: Stamp(0), cost, info: Arc::new(info), written: Arc::clone(&written) }, written)
     }

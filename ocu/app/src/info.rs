@@ -1,6 +1,8 @@
 //! `ocu info`: what a recording holds, and what of it was lost.
 
+use crate::check::Lost;
 use crate::cli::InfoArgs;
+use crate::plain::plain;
 use crate::table::{Align, Table};
 use anyhow::Context as _;
 use ocu_ui::format;
@@ -18,13 +20,19 @@ struct Report<'a> {
     /// Read without a usable summary.
     recovered: bool,
     lost: Lost,
+    /// Chunks and runs of messages, and how many of them have been read and checked.
+    segments: u64,
+    verified: u64,
+    problems: &'a [String],
+    gaps: Vec<GapReport>,
     topics: Vec<TopicReport<'a>>,
 }
 
+/// A time without messages.
 #[derive(Debug, Serialize)]
-struct Lost {
-    bytes: u64,
-    messages: u64,
+struct GapReport {
+    from_ns: u64,
+    to_ns: u64,
 }
 
 #[derive(Debug, Serialize)]
@@ -56,7 +64,11 @@ fn report(info: &LogInfo) -> Report<'_> {
         end_ns: info.end.0,
         duration_s: info.duration_s(),
         recovered: info.recovered,
-        lost: Lost { bytes: info.lost.bytes, messages: info.lost.messages },
+        lost: info.lost.into(),
+        segments: info.segments,
+        verified: info.verified,
+        problems: &info.problems,
+        gaps: info.gaps.iter().map(|gap| GapReport { from_ns: gap.from.0, to_ns: gap.to.0 }).collect(),
         topics: info
             .topics
             .iter()
@@ -72,6 +84,15 @@ fn report(info: &LogInfo) -> Report<'_> {
     }
 }
 
+/// What has been checked, and what has not.
+fn verified(info: &LogInfo) -> String {
+    if info.verified == info.segments {
+        return "all of it, but for the messages' contents".to_owned();
+    }
+    let rest = info.segments - info.verified;
+    format!("the index alone; {rest} chunks are believed until they are read (ocu check reads them)")
+}
+
 fn human(info: &LogInfo, out: &mut dyn Write) -> anyhow::Result<()> {
     let mut facts = vec![
         ("file", format!("{} ({})", info.path.display(), format::bytes(info.bytes))),
@@ -81,6 +102,11 @@ fn human(info: &LogInfo, out: &mut dyn Write) -> anyhow::Result<()> {
         ("duration", format::elapsed(info.duration_s())),
         ("messages", info.messages.to_string()),
     ];
+    facts.extend(info.gaps.iter().map(|gap| {
+        let length = format::elapsed(gap.duration_s());
+        ("gap", format!("{length} without a message, after {}", crate::time::date_and_time(gap.from)))
+    }));
+    facts.push(("verified", verified(info)));
     if info.recovered {
         facts.push(("recovered", "read without a usable summary".to_owned()));
     }
@@ -89,10 +115,10 @@ fn human(info: &LogInfo, out: &mut dyn Write) -> anyhow::Result<()> {
         facts.push(("lost", lost));
     }
     for (name, value) in facts.iter().filter(|(_, value)| !value.is_empty()) {
-        writeln!(out, "{name:<11} {value}")?;
+        writeln!(out, "{name:<11} {}", plain(value))?;
     }
     for problem in &info.problems {
-        writeln!(out, "{:<11} {problem}", "problem")?;
+        writeln!(out, "{:<11} {}", "problem", plain(problem))?;
     }
     writeln!(out)?;
     let mut table = Table::new(&[

@@ -2,11 +2,12 @@
 //!
 //! - [`cli`]: every flag, defined once.
 //! - [`window`]: the window; [`render`] draws the same without one.
-//! - [`run`], [`diff`], [`info`], [`plugins`], [`stack_tool`], [`sample`], [`eval`]: the commands.
+//! - [`run`], [`diff`], [`info`], [`check`], [`plugins`], [`stack_tool`], [`sample`], [`eval`]: the commands.
 //! - [`bundled`]: the files that come with the program; [`layout`], [`stacks`], [`assets`] read them.
 
 pub mod assets;
 pub mod bundled;
+pub mod check;
 pub mod cli;
 pub mod diff;
 pub mod eval;
@@ -16,6 +17,7 @@ pub mod offscreen;
 pub mod open;
 mod output;
 pub mod past_args;
+mod plain;
 pub mod plugins;
 pub mod render;
 pub mod run;
@@ -28,6 +30,7 @@ mod time;
 pub mod window;
 
 use cli::{Cli, Command};
+use rcs_log::LogError;
 use rcs_runtime::source::SourceError;
 use rcs_runtime::{RunError, StackError};
 use std::io::Write;
@@ -39,6 +42,52 @@ pub const BUILD: &str = concat!("ocu ", env!("CARGO_PKG_VERSION"));
 pub const FAILED: u8 = 1;
 /// Exit code of wrong usage: arguments, stacks and layouts that are refused before anything runs.
 pub const USAGE: u8 = 2;
+
+/// Exit code of a command that ended well, on a recording of which something is damaged.
+pub const DAMAGED: u8 = 3;
+
+/// How a command ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// As it should.
+    Well,
+    /// What was run, or compared, did not go well; what is wrong has been printed.
+    Failed,
+    /// Well, but a recording that was read is damaged: the result is of what could be read.
+    Damaged,
+}
+
+impl From<bool> for Ended {
+    fn from(well: bool) -> Self {
+        if well { Self::Well } else { Self::Failed }
+    }
+}
+
+/// Standard output, which remembers that nobody reads it any more.
+struct Output<'a> {
+    out: &'a mut dyn Write,
+    closed: bool,
+}
+
+impl Output<'_> {
+    fn note<T>(&mut self, result: std::io::Result<T>) -> std::io::Result<T> {
+        let broken = |error: &std::io::Error| error.kind() == std::io::ErrorKind::BrokenPipe;
+        self.closed |= result.as_ref().is_err_and(broken);
+        result
+    }
+}
+
+impl Write for Output<'_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let result = self.out.write(bytes);
+        self.note(result)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        let result = self.out.flush();
+        self.note(result)
+    }
+}
 
 /// Something that was asked for in a wrong way.
 #[derive(Debug, thiserror::Error)]
@@ -58,33 +107,45 @@ pub(crate) fn say(error: &anyhow::Error) -> String {
             text = format!("{text}: {cause}");
         }
     }
-    text
+    plain::plain_lines(&text)
 }
 
 /// Does what the command line says; gives the exit code. Errors are printed here, once.
 pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
     rcs_plugins::register();
+    let mut output = Output { out, closed: false };
+    let out = &mut output;
     let result = match &cli.command {
-        None => window::run(&cli.window).map(|()| true),
+        None => window::run(&cli.window).map(|()| Ended::Well),
         Some(Command::Run(args)) => run::run(args, out),
-        Some(Command::Diff(args)) => diff::diff(args, out),
-        Some(Command::Info(args)) => info::info(args, out).map(|()| true),
-        Some(Command::Render(args)) => render::render(args).map(|()| true),
-        Some(Command::Sample(args)) => sample::sample(args).map(|()| true),
-        Some(Command::Eval(command)) => eval::eval(command, out).map(|()| true),
-        Some(Command::Plugins(args)) => plugins::plugins(args, out).map(|()| true),
-        Some(Command::Stack(command)) => stack_tool::stack(command, out),
+        Some(Command::Diff(args)) => diff::diff(args, out).map(Ended::from),
+        Some(Command::Info(args)) => info::info(args, out).map(|()| Ended::Well),
+        Some(Command::Check(args)) => check::check(args, out),
+        Some(Command::Render(args)) => render::render(args).map(|()| Ended::Well),
+        Some(Command::Sample(args)) => sample::sample(args).map(|()| Ended::Well),
+        Some(Command::Eval(command)) => eval::eval(command, out).map(|()| Ended::Well),
+        Some(Command::Plugins(args)) => plugins::plugins(args, out).map(|()| Ended::Well),
+        Some(Command::Stack(command)) => stack_tool::stack(command, out).map(Ended::from),
     };
     match result {
-        Ok(true) => 0,
-        Ok(false) => FAILED,
-        // Whoever read the output has read enough: `ocu info … | head`.
-        Err(error) if is_broken_pipe(&error) => 0,
+        Ok(Ended::Well) => 0,
+        Ok(Ended::Failed) => FAILED,
+        Ok(Ended::Damaged) => DAMAGED,
+        // Whoever read the output has read enough: `ocu info … | head`. A pipe of anything else is an error.
+        Err(error) if output.closed && is_broken_pipe(&error) => 0,
         Err(error) => {
             // Where even this cannot be written, the exit code still tells.
             let _ = writeln!(errors, "error: {}", say(&error));
             code_of(&error)
         }
+    }
+}
+
+/// What a command that has printed its result ends with, which is the same where nobody read it to its end.
+pub(crate) fn despite_closed_output(printed: anyhow::Result<()>) -> anyhow::Result<()> {
+    match printed {
+        Err(error) if is_broken_pipe(&error) => Ok(()),
+        other => other,
     }
 }
 
@@ -102,6 +163,7 @@ fn code_of(error: &anyhow::Error) -> u8 {
         cause.is::<Usage>()
             || cause.is::<StackError>()
             || cause.is::<layout::LayoutError>()
+            || matches!(cause.downcast_ref(), Some(LogError::Exists { .. } | LogError::Busy { .. }))
             || matches!(cause.downcast_ref(), Some(RunError::Stack(_)))
             || matches!(cause.downcast_ref(), Some(SourceError::Run(RunError::Stack(_))))
     });

@@ -3,7 +3,7 @@
 use rcs_bus::Buffer;
 use rcs_msg::rcs::{CourseOutcome, CourseRun};
 use rcs_msg::{Stamp, schema_of};
-use rcs_runtime::{Plan, RunError, Stepped};
+use rcs_runtime::{Plan, Recording, RunError, Stepped};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -56,8 +56,13 @@ pub(crate) fn verdict(buffer: &Arc<Buffer>) -> Option<CourseRun> {
     buffer.latest().and_then(|sample| sample.message.to())
 }
 
-/// Runs on until the referee has decided, or to a time.
-pub(crate) fn to_the_verdict(run: &mut Stepped, referee: usize, to: Stamp) -> Result<(), RunError> {
+/// Runs on until the referee has decided, or to a time. Says whether the run may go on: not where its recording failed.
+pub(crate) fn to_the_verdict(
+    run: &mut Stepped,
+    referee: usize,
+    to: Stamp,
+    recording: Option<&Recording>,
+) -> Result<bool, RunError> {
     let decided = |run: &Stepped| {
         verdict(&run.buffers()[referee])
             .is_some_and(|verdict| verdict.outcome() != CourseOutcome::CourseRunning)
@@ -66,10 +71,34 @@ pub(crate) fn to_the_verdict(run: &mut Stepped, referee: usize, to: Stamp) -> Re
     let asked = run.now().0.saturating_sub(run.start().0) / ASK_EVERY_NS;
     let mut until = run.start().after_ns(asked * ASK_EVERY_NS);
     while !decided(run) && until < to {
+        if has_failed(recording) {
+            return Ok(false);
+        }
         until = until.after_ns(ASK_EVERY_NS);
         if !run.run_until(until.min(to))? {
             break;
         }
     }
-    Ok(())
+    Ok(true)
+}
+
+/// Runs on to a time. Says whether the run may go on: not where its recording failed.
+pub(crate) fn to_a_time(
+    run: &mut Stepped,
+    to: Stamp,
+    recording: Option<&Recording>,
+) -> Result<bool, RunError> {
+    while let Some(next) = run.next_time()?.filter(|next| *next <= to) {
+        if has_failed(recording) {
+            return Ok(false);
+        }
+        run.run_until(next.after_ns(ASK_EVERY_NS).min(to))?;
+    }
+    run.run_until(to)?;
+    Ok(true)
+}
+
+/// Whether a recording has failed: what the run would still do would be lost. Ending the recording tells why.
+fn has_failed(recording: Option<&Recording>) -> bool {
+    recording.is_some_and(|recording| recording.status().error.is_some())
 }

@@ -1,5 +1,6 @@
 //! Tables for people: columns aligned, numbers to the right.
 
+use crate::plain::plain;
 use std::io::{self, Write};
 
 /// A column's alignment.
@@ -24,9 +25,9 @@ impl Table {
         Self { columns: columns.to_vec(), rows: Vec::new() }
     }
 
-    /// Appends a row; cells that are missing are empty.
+    /// Appends a row; cells that are missing are empty, and control characters in them are shown, not obeyed.
     pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
-        self.rows.push(cells.into_iter().collect());
+        self.rows.push(cells.into_iter().map(|cell| plain(&cell)).collect());
     }
 
     /// Writes the table, two spaces between columns and none at the ends of lines; nothing without rows.

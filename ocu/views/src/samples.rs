@@ -31,6 +31,7 @@ pub(crate) fn empty() -> Frame {
         start: START,
         end: Some(NOW.after_ns(60_000_000_000)),
         problems: Vec::new(),
+        gaps: Vec::new(),
     };
     Frame {
         generation: 0,

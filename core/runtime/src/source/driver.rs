@@ -56,6 +56,8 @@ pub enum Control {
 const FRAME: Duration = Duration::from_millis(16);
 /// Work between two frames, at most (but for a single step of the source that takes longer): the window stays alive.
 const BUDGET: Duration = Duration::from_millis(24);
+/// Playing goes this far into a gap of a recording, and then jumps to its end.
+const IN_A_GAP_NS: u64 = 1_000_000_000;
 /// Slower than this, background work shows what it has found so far.
 const SHOW_IDLE: Duration = Duration::from_millis(250);
 
@@ -347,6 +349,15 @@ impl<W: Fn()> Pacer<'_, W> {
         self.hands.drop_lapsed(start);
         let info = self.source.info();
         let end = info.end.unwrap_or(Stamp::MAX);
+        let now = self.source.now();
+        if let Some(gap) = info.gaps.iter().find(|gap| now >= gap.from.after_ns(IN_A_GAP_NS) && now < gap.to)
+        {
+            if let Err(error) = self.go_to(gap.to) {
+                self.playback.error = Some(error.to_string());
+                self.playback.playing = false;
+            }
+            return;
+        }
         let target = self.pace.target(start, self.source.now());
         if let Err(error) = self.run_to(target.min(end), start) {
             self.playback.error = Some(error.to_string());

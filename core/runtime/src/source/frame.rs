@@ -4,6 +4,7 @@ use crate::history::{Moment, RunId, RunSummary};
 use crate::role::{ROLE, Role};
 use rcs_bus::Sample;
 use rcs_geom::TransformTree;
+use rcs_log::Gap;
 use rcs_msg::classes::{CLASSES, LabelClass, classes_from_json};
 use rcs_msg::{AnyMessage, Payload, Schema, Stamp, rcs};
 use std::collections::BTreeMap;
@@ -35,6 +36,8 @@ pub struct SourceInfo {
     pub end: Option<Stamp>,
     /// What is wrong with it, a line each: what was lost, which topics cannot be decoded.
     pub problems: Vec<String>,
+    /// Where there is nothing for a long time, ascending: playing jumps over it.
+    pub gaps: Vec<Gap>,
 }
 
 /// The run that a topic is of. Two are shown side by side and never mixed.

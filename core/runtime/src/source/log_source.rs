@@ -56,6 +56,7 @@ pub(crate) fn info_of(log: &Log, kind: SourceKind) -> SourceInfo {
         start: info.start,
         end: Some(info.end),
         problems,
+        gaps: info.gaps.clone(),
     }
 }
 

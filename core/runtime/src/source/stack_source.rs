@@ -48,6 +48,8 @@ pub struct StackSource {
     pub(super) now: Stamp,
     runs: Arc<[crate::RunSummary]>,
     problems: usize,
+    /// Problems of the log that are told already.
+    log_problems: usize,
     generation: u64,
 }
 
@@ -88,6 +90,7 @@ impl StackSource {
                 start: run.start(),
                 end: None,
                 problems: Vec::new(),
+                gaps: Vec::new(),
             },
         };
         info.title = match log {
@@ -128,6 +131,7 @@ impl StackSource {
             now,
             runs: Arc::new([]),
             problems: 0,
+            log_problems: log.map_or(0, |log| log.info().problems.len()),
             generation: 0,
         };
         source.follow_runs();
@@ -241,6 +245,12 @@ impl StackSource {
             let info = Arc::make_mut(&mut self.info);
             info.problems.extend_from_slice(&problems[self.problems..]);
             self.problems = problems.len();
+        }
+        // What reading the log has met since it was opened.
+        let problems = self.recorded.as_ref().map(|view| view.log().problems()).unwrap_or_default();
+        if problems.len() > self.log_problems {
+            let told = std::mem::replace(&mut self.log_problems, problems.len());
+            Arc::make_mut(&mut self.info).problems.extend(problems.into_iter().skip(told));
         }
     }
 }

@@ -7,7 +7,7 @@ mod stack;
 mod values;
 
 pub use eval::{EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalStereoArgs, StereoMethod};
-pub use recording::{DiffArgs, InfoArgs, RenderArgs, SampleArgs};
+pub use recording::{CheckArgs, DiffArgs, InfoArgs, RenderArgs, SampleArgs};
 pub use run::RunArgs;
 pub use stack::{PluginsArgs, StackCheckArgs, StackCommand, StackShowArgs};
 pub use values::{Param, Save, Size};
@@ -30,7 +30,7 @@ use std::path::PathBuf;
                   ocu drive.mcap                        look at a recording\n  \
                   ocu drive.mcap --stack range_camera   run a stack on it and step both ways\n  \
                   ocu info drive.mcap                   say what it holds\n\n\
-                  Exit codes: 0 success, 1 the run failed, 2 wrong usage."
+                  Exit codes: 0 success, 1 the run failed, 2 wrong usage, 3 a recording that was read is damaged."
 )]
 pub struct Cli {
     /// What to do; without one, the window opens.
@@ -50,6 +50,8 @@ pub enum Command {
     Diff(DiffArgs),
     /// Say what a recording holds, and what of it was lost
     Info(InfoArgs),
+    /// Check everything that a recording says of itself, and every message
+    Check(CheckArgs),
     /// Draw a layout at a time into a PNG; needs no display
     Render(RenderArgs),
     /// Record a small simulated drive to look at

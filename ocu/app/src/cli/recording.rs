@@ -1,4 +1,4 @@
-//! Commands on recordings: `ocu info`, `ocu diff`, `ocu render`, `ocu sample`.
+//! Commands on recordings: `ocu info`, `ocu check`, `ocu diff`, `ocu render`, `ocu sample`.
 
 use super::values::{Size, parse_seconds, parse_size};
 use clap::Args;
@@ -24,6 +24,20 @@ pub struct DiffArgs {
 #[command(after_help = "Example:\n  ocu info drive.mcap --json")]
 pub struct InfoArgs {
     /// Recording to describe
+    pub log: PathBuf,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ocu check`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Example:\n  ocu check drive.mcap --json\n\n\
+                        Checked are the checksums of chunks, attachments, index and data, counts, times, message \
+                        indexes, and every message by its schema. Exit codes: 0 the recording is sound, 3 something \
+                        is wrong with it.")]
+pub struct CheckArgs {
+    /// Recording to check
     pub log: PathBuf,
     /// Print the result as JSON
     #[arg(long)]

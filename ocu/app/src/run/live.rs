@@ -5,7 +5,7 @@ use super::report::{Outcome, Report};
 use super::{Done, save_one, what};
 use crate::cli::RunArgs;
 use crate::runs::{self, RunReport};
-use crate::stacks;
+use crate::{Ended, stacks};
 use anyhow::Context as _;
 use rcs_msg::rcs::CourseOutcome;
 use rcs_runtime::{Live, LiveOptions, Plan, RunOptions};
@@ -23,7 +23,7 @@ pub(super) fn run(
     referee: Option<usize>,
     acts: &[Act],
     out: &mut dyn Write,
-) -> anyhow::Result<bool> {
+) -> anyhow::Result<Ended> {
     let base = stacks::options();
     let seed = args.seed.unwrap_or(0);
     let threads = args.threads.map_or(base.threads, usize::from);
@@ -39,7 +39,7 @@ pub(super) fn run(
     let buffer = |name: &str| live.bus().get(name).cloned();
     let saves: Vec<_> = args.save.iter().map(|save| (save, buffer(&save.buffer))).collect();
     let referee = referee.and_then(|index| buffer(&live.plan().buffers[index].spec.name));
-    let mut failure = drive(&live, args.until, referee.as_ref(), acts).err();
+    let mut failure = drive(&live, args, referee.as_ref(), acts).err();
     let stopped = live.stop()?;
     for (save, buffer) in saves {
         let newest = buffer.and_then(|buffer| buffer.latest());
@@ -63,10 +63,12 @@ pub(super) fn run(
 /// Does what the operator does, each act at its time, until the end.
 fn drive(
     live: &Live,
-    until_s: Option<f64>,
+    args: &RunArgs,
     referee: Option<&Arc<rcs_bus::Buffer>>,
     acts: &[Act],
 ) -> anyhow::Result<()> {
+    let until_s = args.until;
+    let recording_error = || live.recording().filter(|_| !args.keep_going).and_then(|status| status.error);
     let decided = || {
         let verdict = referee.filter(|_| until_s.is_none()).and_then(runs::verdict);
         verdict.is_some_and(|verdict| verdict.outcome() != CourseOutcome::CourseRunning)
@@ -76,7 +78,7 @@ fn drive(
             let passed = live.now().0.saturating_sub(live.started().0);
             let left =
                 at_ns.map_or(Duration::MAX, |at_ns| Duration::from_nanos(at_ns.saturating_sub(passed)));
-            if left.is_zero() || decided() {
+            if left.is_zero() || decided() || recording_error().is_some() {
                 return;
             }
             std::thread::sleep(left.min(ASK_EVERY));
@@ -88,11 +90,13 @@ fn drive(
             break;
         }
         wait_until(Some(act.at_ns));
-        if decided() {
-            return Ok(());
+        if decided() || recording_error().is_some() {
+            break;
         }
         live.take(act.event.clone()).with_context(|| act.name())?;
     }
-    wait_until(end_ns);
-    Ok(())
+    if recording_error().is_none() {
+        wait_until(end_ns);
+    }
+    recording_error().map_or(Ok(()), |error| Err(anyhow::anyhow!("the recording failed: {error}")))
 }

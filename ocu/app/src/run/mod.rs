@@ -9,27 +9,36 @@ use crate::cli::{RunArgs, Save};
 use crate::layout::looks_like_path;
 use crate::output::{self, Files};
 use crate::runs::{self, RunReport};
-use crate::{BUILD, stacks, usage};
+use crate::{BUILD, Ended, stacks, usage};
 use acts::Act;
 use anyhow::Context as _;
 use rcs_log::Log;
 use rcs_msg::Stamp;
 use rcs_runtime::{Plan, RecordOptions, RecordWhat, Recording, RunOptions, Stepped};
 pub(crate) use report::Comparison;
-use report::{Outcome, Report};
+use report::{LogDamage, Outcome, Report};
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Runs the stack, as often as it was asked for, and prints what came of it; `false` if a run failed.
-pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
+/// Runs the stack, as often as it was asked for, and prints what came of it.
+pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let files = check_files(args)?;
     if let Some(recording) = &args.replay {
         return replay::run(args, recording, files, out);
     }
     let plan = plan(args)?;
     check_assets(args, files)?;
+    if args.log.is_none()
+        && let Some(input) = plan.inputs.first()
+    {
+        return Err(usage(format!(
+            "the stack {} reads the topic {} of a recording; expected --log",
+            plan.file.name(),
+            input.topic
+        )));
+    }
     let log = args.log.as_ref().map(stacks::open_log).transpose()?;
     let referee = runs::referee(&plan);
     if log.is_none() && args.until.is_none() && referee.is_none() {
@@ -154,6 +163,7 @@ impl Done {
         args: &RunArgs,
         outcome: Outcome,
         failure: Option<anyhow::Error>,
+        log: Option<&Log>,
         (recording, clock, seed): (Option<Recording>, Instant, u64),
     ) -> Self {
         let mut failure = failure;
@@ -166,20 +176,26 @@ impl Done {
             failure.get_or_insert(error);
         }
         let outcome = if failure.is_some() { Outcome::Error } else { outcome };
-        let report = Report::new(run.summary(), outcome, clock.elapsed().as_secs_f64());
+        let mut report = Report::new(run.summary(), outcome, clock.elapsed().as_secs_f64());
+        report.log = log.and_then(LogDamage::of);
         let verdict = runs::referee(run.plan())
             .and_then(|referee| runs::verdict(&run.buffers()[referee]))
             .map(|verdict| RunReport::new(seed, &verdict, report.hash.clone()));
         Self { report, verdict, failure }
     }
 
-    /// Prints the report; `false` if the run failed.
-    fn print(self, json: bool, out: &mut dyn Write) -> anyhow::Result<bool> {
-        self.report.print(json, out)?;
-        match self.failure {
-            Some(error) => Err(error),
-            None => Ok(self.report.outcome != Outcome::Error),
+    /// Prints the report. What went wrong is told whether or not anybody reads it.
+    fn print(self, json: bool, out: &mut dyn Write) -> anyhow::Result<Ended> {
+        let printed = crate::despite_closed_output(self.report.print(json, out));
+        if let Some(error) = self.failure {
+            return Err(error);
         }
+        printed?;
+        Ok(match self.report.outcome {
+            Outcome::Error => Ended::Failed,
+            Outcome::End if self.report.log.is_some() => Ended::Damaged,
+            Outcome::End => Ended::Well,
+        })
     }
 }
 
@@ -192,29 +208,32 @@ impl Ready<'_> {
         let mut run = Stepped::new(Arc::clone(&self.plan), self.log.as_ref(), options)
             .context("the stack cannot run")?;
         let recording = record(self.args, &run)?;
-        let failure = self.to_the_end(&mut run).err();
-        Ok(Done::new(&run, self.args, Outcome::End, failure, (recording, clock, seed)))
+        let failure = self.to_the_end(&mut run, recording.as_ref()).err();
+        Ok(Done::new(&run, self.args, Outcome::End, failure, self.log.as_ref(), (recording, clock, seed)))
     }
 
     /// Runs until the recording has nothing more to cause, until `--until` after its start, or until the referee of a
     /// course has decided; what the operator does is done on the way.
-    fn to_the_end(&self, run: &mut Stepped) -> anyhow::Result<()> {
+    fn to_the_end(&self, run: &mut Stepped, recording: Option<&Recording>) -> anyhow::Result<()> {
         run.begin()?;
         let until = self.args.until.map(|seconds| run.start().after_ns((seconds * 1e9).round() as u64));
         let end = match (run.horizon(), until) {
             (Some(horizon), Some(until)) => Some(horizon.min(until)),
             (horizon, until) => horizon.or(until),
         };
+        let recording = recording.filter(|_| !self.args.keep_going);
         let go_to = |run: &mut Stepped, to: Stamp| match (self.referee, end) {
-            (Some(referee), None) => runs::to_the_verdict(run, referee, to),
-            _ => run.run_until(to.min(end.unwrap_or(to))).map(|_| ()),
+            (Some(referee), None) => runs::to_the_verdict(run, referee, to, recording),
+            _ => runs::to_a_time(run, to.min(end.unwrap_or(to)), recording),
         };
         for act in &self.acts {
             let at = run.start().after_ns(act.at_ns);
             if end.is_some_and(|end| at > end) {
                 break;
             }
-            go_to(run, at)?;
+            if !go_to(run, at)? {
+                return Ok(());
+            }
             run.take(act.event.clone()).with_context(|| act.name())?;
         }
         go_to(run, end.unwrap_or(Stamp::MAX))?;

@@ -5,7 +5,7 @@ use super::{Done, check_assets, overrides, plan, record};
 use crate::assets::ProgramAssets;
 use crate::cli::RunArgs;
 use crate::output::Files;
-use crate::stacks;
+use crate::{Ended, stacks};
 use anyhow::Context as _;
 use rcs_log::Log;
 use rcs_msg::Stamp;
@@ -14,13 +14,13 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
 
-/// Repeats a recorded run and prints what `ocu run` prints, and whether it was as recorded; `false` if it was not.
+/// Repeats a recorded run and prints what `ocu run` prints, and whether it was as recorded.
 pub(super) fn run(
     args: &RunArgs,
     recording: &Path,
     files: Files,
     out: &mut dyn Write,
-) -> anyhow::Result<bool> {
+) -> anyhow::Result<Ended> {
     let recording = Log::open(recording)?;
     let recorded = RecordedRun::read(&recording, rcs_plugins::all())?;
     for problem in recorded.problems() {
@@ -50,8 +50,9 @@ pub(super) fn run(
     let comparison = Comparison::new(replay.first());
     let equal = comparison.equal;
     let run = replay.run();
-    let mut done = Done::new(run, args, Outcome::End, failure, (recording, clock, seed));
+    let mut done = Done::new(run, args, Outcome::End, failure, log.as_ref(), (recording, clock, seed));
     done.report.runs.extend(done.verdict.take());
     done.report.replay = Some(comparison);
-    Ok(done.print(args.json, out)? && equal)
+    let ended = done.print(args.json, out)?;
+    Ok(if equal { ended } else { Ended::Failed })
 }

@@ -1,9 +1,12 @@
 //! What `ocu run` prints of a run, in whichever way it ran.
 
+use crate::check::Lost;
+use crate::plain::plain;
 use crate::runs::RunReport;
 use crate::table::{Align, Table};
 use anyhow::Context as _;
 use ocu_ui::format;
+use rcs_log::Log;
 use rcs_msg::rcs::ProcessState;
 use rcs_runtime::{Difference, Summary};
 use serde::Serialize;
@@ -28,6 +31,9 @@ pub(super) struct Report {
     processes: Vec<ProcessReport>,
     buffers: Vec<BufferReport>,
     pub(super) hash: String,
+    /// What of the recording that was read could not be read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) log: Option<LogDamage>,
     /// Runs of a course, in order; the rest of the report is the last one's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) runs: Vec<RunReport>,
@@ -53,6 +59,22 @@ struct BufferReport {
     messages: u64,
     bytes: u64,
     hash: String,
+}
+
+/// Damage of the recording that a run reads.
+#[derive(Debug, Serialize)]
+pub(super) struct LogDamage {
+    lost: Lost,
+    problems: Vec<String>,
+}
+
+impl LogDamage {
+    /// What opening and reading have met; `None` where it is nothing.
+    pub(super) fn of(log: &Log) -> Option<Self> {
+        let (lost, problems) = (log.lost(), log.problems());
+        let is_damaged = lost != rcs_log::Lost::default() || !problems.is_empty();
+        is_damaged.then(|| Self { lost: lost.into(), problems })
+    }
 }
 
 /// Whether two runs wrote the same: `ocu diff --json`, and `replay` of `ocu run --json`.
@@ -128,6 +150,7 @@ impl Report {
                 })
                 .collect(),
             hash: summary.hash.unwrap_or_default(),
+            log: None,
             runs: Vec::new(),
             replay: None,
         }
@@ -153,6 +176,13 @@ impl Report {
         let (time, wall) = (format::elapsed(self.time_s), format::elapsed(self.wall_s));
         writeln!(out, "time     {time} in {wall} (× {})", format::number((speed * 10.0).round() / 10.0))?;
         writeln!(out, "hash     {}", self.hash)?;
+        if let Some(log) = &self.log {
+            let lost = format!("{}, {} messages known", format::bytes(log.lost.bytes), log.lost.messages);
+            writeln!(out, "log      damaged; lost {lost}")?;
+            for problem in &log.problems {
+                writeln!(out, "         {}", plain(problem))?;
+            }
+        }
         if let Some(replay) = &self.replay {
             writeln!(out, "replay   {}", replay.line())?;
         }
