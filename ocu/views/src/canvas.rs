@@ -31,7 +31,7 @@ impl Viewport {
     pub(crate) fn to_screen(self, canvas: Rect, point: [f64; 2]) -> Pos2 {
         let x = (point[0] - self.center[0]) * self.scale;
         let y = (point[1] - self.center[1]) * self.scale * self.down();
-        canvas.center() + Vec2::new(x as f32, y as f32)
+        canvas.center() + Vec2::new(on_screen(x), on_screen(y))
     }
 
     /// The point of the plane under a point of the screen.
@@ -76,6 +76,12 @@ impl Viewport {
         }
         *self != before
     }
+}
+
+/// A screen's coordinate, whatever the number: shapes of any size must stay numbers that add up.
+fn on_screen(v: f64) -> f32 {
+    const FAR: f64 = 1e6;
+    v.max(-FAR).min(FAR) as f32
 }
 
 #[cfg(test)]

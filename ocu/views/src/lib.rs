@@ -9,6 +9,7 @@
 mod buffers;
 mod camera;
 mod canvas;
+mod clip;
 mod drive;
 mod fields;
 mod hierarchy;

@@ -10,6 +10,7 @@ mod layout_store;
 mod notices;
 mod open;
 mod operate;
+mod scale;
 mod timeline;
 mod top_bar;
 mod tree;

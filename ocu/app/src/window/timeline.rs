@@ -1,8 +1,9 @@
 //! The bottom of the window: where time stands, and how it goes on.
 
 use super::keys::Action;
+use super::scale::Scale;
 use crate::time::date_and_time;
-use egui::{Align2, FontId, Rect, Role, Sense, Stroke, WidgetInfo};
+use egui::{Rect, Role, Sense, Stroke, WidgetInfo};
 use ocu_ui::{format, icons, tokens, widgets};
 use ocu_views::Selection;
 use rcs_msg::Stamp;
@@ -196,14 +197,15 @@ impl Timeline {
             let minutes = (self.furthest.seconds_since(frame.info.start) / 60.0).floor() as u64 + 1;
             frame.info.start.after_ns(minutes * 60_000_000_000)
         });
-        let scale = Scale { rect: rect.shrink2(egui::vec2(8.0, 0.0)), start: frame.info.start, end };
+        let inner = rect.shrink2(egui::vec2(8.0, 0.0));
+        let scale = Scale::new(inner, frame.info.start, end, &frame.info.gaps);
         scale.paint_ticks(&painter, tokens);
+        scale.paint_gaps(&painter, tokens, rect);
         if frame.info.end.is_none() {
             scale.paint_unknown(&painter, tokens, rect, self.furthest);
         }
         let x = scale.x(frame.now);
-        let done =
-            Rect::from_min_max(egui::pos2(scale.rect.left(), rect.top()), egui::pos2(x, rect.top() + 4.0));
+        let done = Rect::from_min_max(egui::pos2(scale.left(), rect.top()), egui::pos2(x, rect.top() + 4.0));
         painter.rect_filled(done, 0.0, tokens.selected);
         painter.vline(x, rect.y_range(), Stroke::new(2.0, tokens.accent));
         let head = [(-5.0, 0.0), (5.0, 0.0), (0.0, 6.0)].map(|(dx, dy)| egui::pos2(x + dx, rect.top() + dy));
@@ -242,98 +244,6 @@ fn pressed_and_released_in(ui: &egui::Ui, rect: Rect) -> bool {
     })
 }
 
-/// Time against the bar's width.
-struct Scale {
-    rect: Rect,
-    start: Stamp,
-    end: Stamp,
-}
-
-impl Scale {
-    fn duration_s(&self) -> f64 {
-        self.end.seconds_since(self.start).max(1e-9)
-    }
-
-    fn x(&self, stamp: Stamp) -> f32 {
-        let fraction = (stamp.seconds_since(self.start) / self.duration_s()).clamp(0.0, 1.0);
-        self.rect.left() + self.rect.width() * fraction as f32
-    }
-
-    fn stamp(&self, x: f32) -> Stamp {
-        let fraction = ((x - self.rect.left()) / self.rect.width().max(1.0)).clamp(0.0, 1.0);
-        self.start.after_ns((f64::from(fraction) * (self.end.0 - self.start.0) as f64).round() as u64)
-    }
-
-    /// The time under the pointer, beside a line.
-    fn paint_pointer(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens, x: f32, to: Stamp) {
-        painter.vline(x, self.rect.y_range(), Stroke::new(1.0, tokens.weak));
-        let text = format::elapsed(to.seconds_since(self.start));
-        let galley = painter.layout_no_wrap(text, FontId::monospace(11.0), tokens.strong);
-        let room = x + galley.size().x + 12.0 < self.rect.right();
-        let left = if room { x + 4.0 } else { x - galley.size().x - 4.0 };
-        let at = egui::pos2(left, self.rect.center().y - galley.size().y / 2.0);
-        painter.rect_filled(Rect::from_min_size(at, galley.size()).expand(2.0), 2.0, tokens.surface[3]);
-        painter.galley(at, galley, tokens.strong);
-    }
-
-    /// What has not happened yet.
-    fn paint_unknown(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens, bar: Rect, from: Stamp) {
-        let rest = Rect::from_min_max(egui::pos2(self.x(from), bar.top()), bar.right_bottom());
-        painter.rect_filled(rest, 0.0, tokens.surface[2].gamma_multiply(0.6));
-    }
-
-    fn paint_ticks(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens) {
-        let step_s = tick_step_s(self.duration_s(), self.rect.width() / 96.0);
-        let count = (self.duration_s() / step_s).floor() as u64;
-        for index in 0..=count {
-            let time_s = index as f64 * step_s;
-            let x = self.x(self.start.after_ns((time_s * 1e9) as u64));
-            let bottom = self.rect.bottom();
-            painter.vline(x, (bottom - 6.0)..=bottom, Stroke::new(1.0, tokens.line));
-            let room = x + 56.0 < self.rect.right();
-            if room {
-                let at = egui::pos2(x + 4.0, bottom);
-                painter.text(
-                    at,
-                    Align2::LEFT_BOTTOM,
-                    tick_text(time_s, step_s),
-                    FontId::monospace(10.0),
-                    tokens.weak,
-                );
-            }
-        }
-    }
-}
-
-/// A round step that gives at most `most` ticks.
-fn tick_step_s(duration_s: f64, most: f32) -> f64 {
-    const STEPS_S: [f64; 19] = [
-        0.001, 0.01, 0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0, 1800.0,
-        3600.0, 21_600.0, 86_400.0,
-    ];
-    let least = duration_s / f64::from(most.max(1.0));
-    STEPS_S
-        .into_iter()
-        .find(|&step_s| step_s >= least)
-        .unwrap_or_else(|| (least / 86_400.0).ceil() * 86_400.0)
-}
-
-/// Minutes and seconds, hours where there are some, and as many decimals as the steps need.
-fn tick_text(time_s: f64, step_s: f64) -> String {
-    let whole = time_s.floor() as u64;
-    let decimals = if step_s < 0.01 {
-        3
-    } else if step_s < 0.1 {
-        2
-    } else {
-        usize::from(step_s < 1.0)
-    };
-    let width = if decimals == 0 { 2 } else { decimals + 3 };
-    let seconds = time_s - (whole / 60 * 60) as f64;
-    let minutes = format!("{:02}:{seconds:0width$.decimals$}", whole / 60 % 60);
-    if whole >= 3600 { format!("{}:{minutes}", whole / 3600) } else { minutes }
-}
-
 /// The moment, since the start and absolute.
 fn clock(ui: &mut egui::Ui, frame: &Frame) {
     let tokens = tokens(ui);
@@ -370,32 +280,5 @@ fn state(ui: &mut egui::Ui, frame: &Frame) {
             "What could not be done in time since playing began. It is not caught up with: time goes on at the speed \
              that was asked for.",
         );
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ticks_are_round_and_never_too_many() {
-        for duration_s in [0.0005, 0.02, 1.0, 19.0, 61.0, 4000.0, 1e5, 1e7] {
-            let step_s = tick_step_s(duration_s, 10.0);
-            assert!(duration_s / step_s <= 10.0 + 1e-9, "{duration_s}: {step_s}");
-        }
-        assert_eq!(tick_step_s(20.0, 12.0), 2.0);
-        assert_eq!(tick_text(62.0, 2.0), "01:02");
-        assert_eq!(tick_text(3725.5, 0.5), "1:02:05.5");
-    }
-
-    #[test]
-    fn the_bar_maps_both_ways() {
-        let rect = Rect::from_min_size(egui::pos2(10.0, 0.0), egui::vec2(200.0, 20.0));
-        let scale = Scale { rect, start: Stamp(1_000), end: Stamp(2_001_000) };
-        assert_eq!(scale.stamp(-5.0), Stamp(1_000));
-        assert_eq!(scale.stamp(500.0), Stamp(2_001_000));
-        let middle = scale.stamp(110.0);
-        assert_eq!(middle, Stamp(1_001_000));
-        assert!((scale.x(middle) - 110.0).abs() < 0.01);
     }
 }

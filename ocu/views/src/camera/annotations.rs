@@ -8,6 +8,11 @@ use rcs_msg::foxglove::{self, ImageAnnotations, Point2, PointsAnnotation};
 /// Points of one message that are drawn, at most: a message of millions must not stop the window.
 const MOST_POINTS: usize = 20_000;
 
+/// Letters of one text that are drawn.
+const MOST_LETTERS: usize = 200;
+/// Lengths on the screen beyond this are drawn as this: nothing of them would be seen.
+const LONGEST: f64 = 1e5;
+
 /// Draws all shapes; their coordinates are pixels of the image from the corner of its first pixel.
 pub(super) fn paint(
     painter: &Painter,
@@ -39,7 +44,8 @@ pub(super) fn paint(
         let Some(at) = text.position.as_ref().and_then(|point| look.at(point)) else { continue };
         let size = look.length(text.font_size).clamp(8.0, 48.0);
         let color = look.ink(text.text_color);
-        let galley = painter.layout_no_wrap(text.text.clone(), FontId::proportional(size), color);
+        let shown: String = text.text.chars().take(MOST_LETTERS).collect();
+        let galley = painter.layout_no_wrap(shown, FontId::proportional(size), color);
         let plate = Align2::LEFT_BOTTOM.anchor_size(at, galley.size());
         painter.rect_filled(plate, 0.0, look.fill(text.background_color));
         painter.galley(plate.min, galley, color);
@@ -61,7 +67,7 @@ impl Look {
     }
 
     fn length(&self, pixels: f64) -> f32 {
-        if pixels.is_finite() { (pixels.max(0.0) * self.viewport.scale) as f32 } else { 0.0 }
+        if pixels.is_finite() { (pixels.max(0.0) * self.viewport.scale).min(LONGEST) as f32 } else { 0.0 }
     }
 
     /// Transparent where none is named.

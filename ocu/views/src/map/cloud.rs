@@ -1,6 +1,7 @@
 //! A point cloud from above, coloured by height, as pixels of the canvas.
 
 use crate::canvas::Viewport;
+use crate::clip::is_place;
 use egui::{Color32, ColorImage, Rect};
 use ocu_ui::palette;
 use rcs_geom::Pose;
@@ -16,6 +17,8 @@ pub(super) struct Cloud {
     pub(super) heights: [f32; 2],
     /// The 1 % and 99 % places along x and y, metres.
     pub(super) bounds: Option<([f64; 2], [f64; 2])>,
+    /// Points that can be no place: a scanner's word for having seen nothing, say.
+    pub(super) far: usize,
 }
 
 impl Cloud {
@@ -23,16 +26,20 @@ impl Cloud {
     pub(super) fn new(cloud: &PointCloud, map_from_frame: &Pose) -> Result<Self, String> {
         let map_from_cloud = *map_from_frame * crate::pose::from_message(cloud.pose.as_ref())?;
         let read = points(cloud).map_err(|error| error.to_string())?;
-        let points: Vec<[f32; 3]> = read
-            .iter()
-            .map(|point| map_from_cloud * point.position)
-            .filter(|p| p.is_finite())
-            .map(|p| [p.x as f32, p.y as f32, p.z as f32])
-            .collect();
+        let finite = read.iter().map(|point| map_from_cloud * point.position).filter(|p| p.is_finite());
+        let mut far = 0;
+        let mut points: Vec<[f32; 3]> = Vec::new();
+        for p in finite {
+            if is_place(&p.to_array()) {
+                points.push([p.x as f32, p.y as f32, p.z as f32]);
+            } else {
+                far += 1;
+            }
+        }
         let [x, y, z] = std::array::from_fn(|axis| spread(&points, axis));
         let bounds = (!points.is_empty())
             .then(|| ([f64::from(x[0]), f64::from(y[0])], [f64::from(x[1]), f64::from(y[1])]));
-        Ok(Self { points, heights: z, bounds })
+        Ok(Self { points, heights: z, bounds, far })
     }
 
     /// The points that a canvas shows, the highest on top, `per_point` pixels for a point of the screen.
@@ -46,11 +53,14 @@ impl Cloud {
             let at = (viewport.to_screen(canvas, [f64::from(x), f64::from(y)]) - canvas.min) * per_point;
             // Two pixels by two, so that a single point can be seen.
             for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                let (px, py) = (at.x as isize + dx, at.y as isize + dy);
-                if at.x < 0.0 || at.y < 0.0 || px >= width as isize || py >= height as isize {
+                if !(at.x >= 0.0 && at.y >= 0.0 && at.x < width as f32 && at.y < height as f32) {
                     continue;
                 }
-                let index = py as usize * width + px as usize;
+                let (px, py) = (at.x as usize + dx, at.y as usize + dy);
+                if px >= width || py >= height {
+                    continue;
+                }
+                let index = py * width + px;
                 if z > top[index] {
                     top[index] = z;
                     pixels[index] = palette::even((f64::from(z) - low) / (high - low).max(1e-3));
@@ -83,12 +93,27 @@ mod tests {
             &Pose::IDENTITY,
         );
         let cloud = cloud.unwrap();
-        assert_eq!(cloud.points.len(), 2);
+        assert_eq!((cloud.points.len(), cloud.far), (2, 0));
         let canvas = Rect::from_min_size(Pos2::ZERO, Vec2::splat(9.0));
         let viewport = Viewport { center: [0.0, 0.0], scale: 1.0, y_up: true };
         let image = cloud.paint(canvas, viewport, 1.0);
         assert_eq!(image.pixels[4 * 9 + 4], palette::even(1.0));
         assert_eq!(image.pixels.iter().filter(|pixel| **pixel != Color32::TRANSPARENT).count(), 4);
+    }
+
+    #[test]
+    fn points_that_can_be_no_place_are_counted_and_neither_drawn_nor_fitted() {
+        let far =
+            samples::cloud(&[[1.0, 2.0, 3.0], [f32::MAX, 0.0, 0.0], [0.0, 1e18, 0.0], [0.0, 0.0, -1e30]]);
+        let cloud = Cloud::new(&far, &Pose::IDENTITY).unwrap();
+        assert_eq!((cloud.points.len(), cloud.far), (1, 3));
+        assert_eq!(cloud.bounds, Some(([1.0, 2.0], [1.0, 2.0])));
+        let canvas = Rect::from_min_size(Pos2::ZERO, Vec2::splat(9.0));
+        for scale in [1e-9, 1.0, 1e9] {
+            let viewport = Viewport { center: [1.0, 2.0], scale, y_up: true };
+            let image = cloud.paint(canvas, viewport, 1.0);
+            assert_eq!(image.pixels.iter().filter(|pixel| **pixel != Color32::TRANSPARENT).count(), 4);
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::grid::frame_of;
 use super::track::{Alignment, Placed, WGS84, local_enu};
+use crate::clip::Near;
 use crate::texture::SameMessage;
 use crate::view::rate_hz;
 use ocu_ui::stale::is_stale;
@@ -186,6 +187,21 @@ pub(super) struct PlacedTrack {
     pub(super) alignment: Option<Alignment>,
     /// Why it cannot be drawn.
     pub(super) error: Option<String>,
+    /// Which of its places are fitted to the window; all, while there are none.
+    pub(super) near: Option<Near>,
+    /// How many are not.
+    pub(super) far: usize,
+}
+
+impl PlacedTrack {
+    /// Judges which of its places can be.
+    fn judged(mut self) -> Self {
+        let points = || self.placed.points.iter().map(|p| [p[0], p[1]]);
+        let near = Near::of(points());
+        self.far = points().filter(|point| !near.has(*point)).count();
+        self.near = Some(near);
+        self
+    }
 }
 
 #[derive(PartialEq)]
@@ -241,7 +257,7 @@ impl Tracks {
         for (layer, track, pose) in &tracks {
             if let Ok(pose) = pose {
                 let placed = PlacedTrack { placed: place(track, pose), ..PlacedTrack::default() };
-                self.placed.insert(layer.name.clone(), placed);
+                self.placed.insert(layer.name.clone(), placed.judged());
             }
         }
         let reference = self
@@ -255,7 +271,8 @@ impl Tracks {
             let alignment = reference.as_ref().filter(|_| align).and_then(|reference| loose.align(reference));
             let placed = match alignment {
                 Some(alignment) => {
-                    PlacedTrack { placed: loose.aligned(&alignment), alignment: Some(alignment), error: None }
+                    let placed = loose.aligned(&alignment);
+                    PlacedTrack { placed, alignment: Some(alignment), ..PlacedTrack::default() }.judged()
                 }
                 None => PlacedTrack { error: Some(error.clone()), ..PlacedTrack::default() },
             };

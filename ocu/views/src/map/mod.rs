@@ -13,6 +13,7 @@ mod panel;
 mod track;
 
 use crate::canvas::Viewport;
+use crate::clip::{Near, is_place};
 use crate::texture::{Cached, CachedTexture, SameMessage};
 use crate::view::{SavedState, View, ViewContext};
 use cloud::Cloud;
@@ -262,6 +263,7 @@ impl Map {
                 _ => {}
             }
         }
+        self.far_badge(ui, cx.frame, map, &shown, canvas);
         self.paint_measured(ui, viewport, canvas);
         Self::point_at(ui, cx, map, &response, viewport, canvas);
         legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 32.0), viewport.scale);
@@ -269,6 +271,53 @@ impl Map {
         self.legend(ui, cx.frame, layers, &shown, canvas, listed);
         let pointer = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
         self.read_out(ui, cx.frame, map, &shown, pointer, canvas);
+    }
+
+    /// Says how many places of the layers that are shown cannot be: they are left out of what is fitted to the window.
+    fn far_badge(&mut self, ui: &Ui, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) {
+        let mut texts = Vec::new();
+        for layer in shown {
+            let pose = layers::map_from_layer(frame, map, layer);
+            let far = match (layer.kind, pose) {
+                (Kind::Track(_), _) => self.tracks.placed.get(&layer.name).map_or(0, |track| track.far),
+                (Kind::Grid(grid), Ok(pose)) => {
+                    let corners = Cells::new(grid).map(|cells| cells.corners()).unwrap_or_default();
+                    usize::from(!corners.iter().all(|p| is_place(&(pose * *p).to_array())))
+                }
+                (Kind::Cloud(cloud), Ok(pose)) => {
+                    let Some(message) = layer.message() else { continue };
+                    let cached = self.clouds.entry(layer.name.clone()).or_default();
+                    cached.read(message, cloud, pose).map_or(0, |cloud| cloud.far)
+                }
+                (Kind::Path(path), Ok(pose)) => {
+                    let points: Vec<_> = paint::path_points(path, &pose).collect();
+                    let near = Near::of(points.iter().copied());
+                    points.iter().filter(|point| !near.has(**point)).count()
+                }
+                (Kind::Goal(goal), Ok(pose)) => {
+                    let goal = crate::pose::from_message(goal.pose.as_ref());
+                    usize::from(goal.is_ok_and(|goal| !is_place(&(pose * goal.translation).to_array())))
+                }
+                (_, Err(_)) => 0,
+            };
+            if far > 0 {
+                texts.push(format!("{far} of {}", layer.name));
+            }
+        }
+        if texts.is_empty() {
+            return;
+        }
+        let more = texts.len().saturating_sub(3);
+        texts.truncate(3);
+        let more = if more > 0 { format!(", and {more} more layers") } else { String::new() };
+        let text =
+            format!("{}  places that cannot be: {}{more}", icons::ICON_WARNING.codepoint, texts.join(", "));
+        let painter = ui.painter_at(canvas);
+        let galley = painter.layout_no_wrap(text, egui::FontId::proportional(12.0), tokens(ui).warning);
+        let at = canvas.center_top() + Vec2::new(-galley.size().x / 2.0, 6.0);
+        let plate = Rect::from_min_size(at, galley.size()).expand2(Vec2::new(6.0, 2.0));
+        painter.rect_filled(plate, 2.0, tokens(ui).surface[3].gamma_multiply(0.92));
+        painter.galley(at, galley, tokens(ui).warning);
     }
 
     /// Where the first track that is drawn is now.
@@ -284,6 +333,9 @@ impl Map {
     fn fitted(&mut self, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) -> Viewport {
         let mut bounds: Option<([f64; 2], [f64; 2])> = None;
         let mut add = |point: [f64; 2]| {
+            if !is_place(&point) {
+                return;
+            }
             let (min, max) = bounds.get_or_insert((point, point));
             for axis in 0..2 {
                 min[axis] = min[axis].min(point[axis]);
@@ -310,8 +362,9 @@ impl Map {
                     }
                 }
                 (Kind::Track(_), _) => {
-                    let points = self.tracks.placed.get(&layer.name).map(|track| &track.placed.points);
-                    points.into_iter().flatten().for_each(|p| add([p[0], p[1]]));
+                    let Some(track) = self.tracks.placed.get(&layer.name) else { continue };
+                    let points = track.placed.points.iter().map(|p| [p[0], p[1]]);
+                    points.filter(|p| track.near.is_none_or(|near| near.has(*p))).for_each(&mut add);
                 }
                 _ => {}
             }

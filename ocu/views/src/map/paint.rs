@@ -1,9 +1,10 @@
 //! Painting the layers of a map.
 
+use super::Map;
 use super::grid::Cells;
 use super::layers::Layer;
-use super::{Map, track};
 use crate::canvas::Viewport;
+use crate::clip::{self, is_place};
 use crate::view::ViewContext;
 use egui::{
     Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Response, Shape, Stroke, TextureOptions, Ui, Vec2,
@@ -41,8 +42,11 @@ impl Map {
         let mut bounds = Rect::NOTHING;
         let mut mesh = Mesh::with_texture(texture.id());
         let uv = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-        for (corner, uv) in cells.corners().into_iter().zip(uv) {
-            let p = map_from_grid_frame * corner;
+        let corners = cells.corners().map(|corner| map_from_grid_frame * corner);
+        if !corners.iter().all(|p| is_place(&p.to_array())) {
+            return;
+        }
+        for (p, uv) in corners.into_iter().zip(uv) {
             let pos = viewport.to_screen(canvas, [p.x, p.y]);
             let color = Color32::WHITE.gamma_multiply(opacity);
             bounds.extend_with(pos);
@@ -100,16 +104,16 @@ impl Map {
         let opacity = self.state(layer).opacity;
         let (color, track) = (color.gamma_multiply(opacity), &track.placed);
         let now = track.stamps.partition_point(|stamp| *stamp <= cx.frame.now);
-        let line =
-            |part: &[[f64; 3]]| track::thinned(part.iter().map(|p| viewport.to_screen(canvas, [p[0], p[1]])));
         let here = track.at(cx.frame.now);
-        let mut driven = line(&track.points[..now]);
-        driven.extend(here.map(|p| viewport.to_screen(canvas, [p[0], p[1]])));
-        painter.add(Shape::line(
-            line(&track.points[now.saturating_sub(1)..]),
-            Stroke::new(1.0, color.gamma_multiply(0.4)),
-        ));
-        painter.add(Shape::line(driven, Stroke::new(2.0, color)));
+        let plane = |points: &[[f64; 3]]| points.iter().map(|p| [p[0], p[1]]).collect::<Vec<_>>();
+        let draw = |points: Vec<[f64; 2]>, stroke: Stroke| {
+            let parts = clip::line(points.into_iter(), viewport, canvas);
+            painter.extend(parts.into_iter().map(|part| Shape::line(part, stroke)));
+        };
+        let mut driven = plane(&track.points[..now]);
+        driven.extend(here.map(|p| [p[0], p[1]]));
+        draw(plane(&track.points[now.saturating_sub(1)..]), Stroke::new(1.0, color.gamma_multiply(0.4)));
+        draw(driven, Stroke::new(2.0, color));
         if let Some([x, y, yaw]) = here {
             vehicle(painter, viewport.to_screen(canvas, [x, y]), yaw, color);
         }
@@ -159,12 +163,19 @@ pub(super) fn path(
     canvas: Rect,
     color: Color32,
 ) {
-    let points = path.poses.iter().filter_map(|pose| {
+    let line = clip::line(path_points(path, map_from_path), viewport, canvas);
+    painter.extend(clip::dashed(&line, Stroke::new(2.0, color), color));
+}
+
+/// The places of a path, on the map.
+pub(super) fn path_points<'a>(
+    path: &'a PosesInFrame,
+    map_from_path: &'a Pose,
+) -> impl Iterator<Item = [f64; 2]> + 'a {
+    path.poses.iter().filter_map(|pose| {
         let p = *map_from_path * crate::pose::from_message(Some(pose)).ok()?.translation;
-        Some(viewport.to_screen(canvas, [p.x, p.y]))
-    });
-    let line = track::thinned(points);
-    painter.extend(Shape::dashed_line(&line, Stroke::new(2.0, color), 6.0, 4.0));
+        Some([p.x, p.y])
+    })
 }
 
 /// A flag where something is to go; where that is off the canvas, an arrow at its edge, with the distance from what goes
@@ -179,6 +190,9 @@ pub(super) fn goal(
 ) {
     let Ok(pose) = crate::pose::from_message(goal.pose.as_ref()) else { return };
     let p = *map_from_goal * pose.translation;
+    if !is_place(&p.to_array()) {
+        return;
+    }
     let (tokens, painter) = (tokens(ui), ui.painter_at(canvas));
     let at = viewport.to_screen(canvas, [p.x, p.y]);
     let (ink, edge) = (tokens.strong, Stroke::new(3.0, tokens.canvas()));
@@ -214,7 +228,7 @@ pub(super) fn goal(
 /// An arrow where something is and looks; a disc where it is not known which way it looks.
 fn vehicle(painter: &Painter, at: Pos2, yaw: f64, color: Color32) {
     let edge = Stroke::new(1.5, Color32::from_black_alpha(200));
-    if yaw.is_nan() {
+    if !yaw.is_finite() {
         painter.circle(at, 5.0, color, edge);
         return;
     }
@@ -238,7 +252,7 @@ pub(super) fn metre_lines(ui: &Ui, viewport: Viewport, canvas: Rect) {
     let font = FontId::monospace(10.0);
     for (axis, (low, high)) in [(min[0], max[0]), (min[1], max[1])].into_iter().enumerate() {
         let first = (low / step).ceil() as i64;
-        for i in first..=((high / step).floor() as i64).min(first + 200) {
+        for i in first..=((high / step).floor() as i64).min(first.saturating_add(200)) {
             let value = i as f64 * step;
             let text = format::number(value);
             if axis == 0 {

@@ -149,22 +149,6 @@ impl Placed {
     }
 }
 
-/// Points of a line on the screen, without those that are hardly a pixel from the last one that is kept.
-pub(super) fn thinned(points: impl Iterator<Item = egui::Pos2>) -> Vec<egui::Pos2> {
-    let mut kept: Vec<egui::Pos2> = Vec::new();
-    let mut last = None;
-    for point in points {
-        if kept.last().is_none_or(|kept| (point - *kept).length_sq() >= 1.0) {
-            kept.push(point);
-            last = None;
-        } else {
-            last = Some(point);
-        }
-    }
-    kept.extend(last); // The end of a line is where someone is.
-    kept
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -233,13 +217,5 @@ mod tests {
         let enu = local_enu(&track).unwrap();
         let placed = Placed::new(&track, Some(&enu), &Pose::IDENTITY);
         assert!(placed.points[0][0].abs() < 1e-6 && (placed.points[1][1] - 111.2).abs() < 0.3);
-    }
-
-    #[test]
-    fn a_million_points_become_no_more_than_the_screen_shows() {
-        let points = (0..1_000_000).map(|i| egui::Pos2::new(i as f32 * 1e-3, 0.0));
-        let kept = thinned(points);
-        assert!(kept.len() <= 1002, "{}", kept.len());
-        assert_eq!(kept.last().unwrap().x, 999.999);
     }
 }

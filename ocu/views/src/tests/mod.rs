@@ -1,6 +1,7 @@
 //! Views under a person's hands, without a display.
 
 mod behaviour;
+mod hostile;
 mod pictures;
 
 use crate::samples;

@@ -1,0 +1,216 @@
+//! Time against the width of the timeline's bar. A time in which a recording has nothing is a narrow gap, however long.
+
+use egui::{Align2, FontId, Rect, Stroke};
+use ocu_ui::{format, stale};
+use rcs_log::Gap;
+use rcs_msg::Stamp;
+
+/// Width of a gap, as a part of the bar; less where there are many.
+const GAP_PART: f64 = 0.03;
+/// What all gaps have of the bar together, at most.
+const GAPS_PART: f64 = 0.4;
+
+/// A stretch of time and the part of the bar that it has.
+#[derive(Clone, Copy, Debug)]
+struct Stretch {
+    from: Stamp,
+    to: Stamp,
+    /// Where it begins and ends on the bar, 0 to 1.
+    at: [f64; 2],
+    is_gap: bool,
+}
+
+/// Time against the bar's width.
+pub(super) struct Scale {
+    rect: Rect,
+    start: Stamp,
+    /// Ascending, without holes; at least one.
+    stretches: Vec<Stretch>,
+}
+
+impl Scale {
+    pub(super) fn new(rect: Rect, start: Stamp, end: Stamp, gaps: &[Gap]) -> Self {
+        let inside: Vec<&Gap> = gaps.iter().filter(|gap| gap.from >= start && gap.to <= end).collect();
+        let gap_part = GAP_PART.min(GAPS_PART / inside.len().max(1) as f64);
+        let silent: u64 = inside.iter().map(|gap| gap.to.0 - gap.from.0).sum();
+        let spoken = end.0.saturating_sub(start.0).saturating_sub(silent).max(1) as f64;
+        let room = 1.0 - gap_part * inside.len() as f64;
+        let mut stretches = Vec::with_capacity(inside.len() * 2 + 1);
+        let (mut from, mut at) = (start, 0.0);
+        let mut add = |from: Stamp, to: Stamp, part: f64, is_gap: bool| {
+            stretches.push(Stretch { from, to, at: [at, at + part], is_gap });
+            at += part;
+        };
+        for gap in inside {
+            add(from, gap.from, room * gap.from.0.saturating_sub(from.0) as f64 / spoken, false);
+            add(gap.from, gap.to, gap_part, true);
+            from = gap.to;
+        }
+        add(from, end.max(from), room * end.0.saturating_sub(from.0) as f64 / spoken, false);
+        Self { rect, start, stretches }
+    }
+
+    /// Where the scale begins on the screen.
+    pub(super) fn left(&self) -> f32 {
+        self.rect.left()
+    }
+
+    pub(super) fn x(&self, stamp: Stamp) -> f32 {
+        let last = self.stretches.len() - 1;
+        let index = self.stretches.partition_point(|stretch| stretch.to < stamp).min(last);
+        let Stretch { from, to, at, .. } = self.stretches[index];
+        let part = (stamp.seconds_since(from) / to.seconds_since(from).max(1e-9)).clamp(0.0, 1.0);
+        self.rect.left() + self.rect.width() * (at[0] + (at[1] - at[0]) * part) as f32
+    }
+
+    pub(super) fn stamp(&self, x: f32) -> Stamp {
+        let place = f64::from(((x - self.rect.left()) / self.rect.width().max(1.0)).clamp(0.0, 1.0));
+        let index = self.stretches.partition_point(|stretch| stretch.at[1] < place);
+        let Stretch { from, to, at, is_gap } = self.stretches[index.min(self.stretches.len() - 1)];
+        // Within a gap there is nothing to go to but its end.
+        if is_gap {
+            return to;
+        }
+        let part = ((place - at[0]) / (at[1] - at[0]).max(1e-12)).clamp(0.0, 1.0);
+        from.after_ns((part * (to.0 - from.0) as f64).round() as u64)
+    }
+
+    /// The time under the pointer, beside a line.
+    pub(super) fn paint_pointer(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens, x: f32, to: Stamp) {
+        painter.vline(x, self.rect.y_range(), Stroke::new(1.0, tokens.weak));
+        let text = format::elapsed(to.seconds_since(self.start));
+        let galley = painter.layout_no_wrap(text, FontId::monospace(11.0), tokens.strong);
+        let room = x + galley.size().x + 12.0 < self.rect.right();
+        let left = if room { x + 4.0 } else { x - galley.size().x - 4.0 };
+        let at = egui::pos2(left, self.rect.center().y - galley.size().y / 2.0);
+        painter.rect_filled(Rect::from_min_size(at, galley.size()).expand(2.0), 2.0, tokens.surface[3]);
+        painter.galley(at, galley, tokens.strong);
+    }
+
+    /// What has not happened yet.
+    pub(super) fn paint_unknown(
+        &self,
+        painter: &egui::Painter,
+        tokens: &ocu_ui::Tokens,
+        bar: Rect,
+        from: Stamp,
+    ) {
+        let rest = Rect::from_min_max(egui::pos2(self.x(from), bar.top()), bar.right_bottom());
+        painter.rect_filled(rest, 0.0, tokens.surface[2].gamma_multiply(0.6));
+    }
+
+    /// The gaps, with their lengths where there is room.
+    pub(super) fn paint_gaps(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens, bar: Rect) {
+        for gap in self.stretches.iter().filter(|stretch| stretch.is_gap) {
+            let [left, right] = gap.at.map(|part| self.rect.left() + self.rect.width() * part as f32);
+            let band = Rect::from_x_y_ranges(left..=right, bar.y_range());
+            painter.rect_filled(band, 0.0, tokens.surface[2]);
+            stale::hatch(painter, band, tokens.weak);
+            let text = format!("{} without messages", format::age(gap.to.seconds_since(gap.from)));
+            let galley = painter.layout_no_wrap(text, FontId::proportional(10.0), tokens.weak);
+            let at = egui::pos2(right + 4.0, bar.top() + 4.0);
+            if at.x + galley.size().x < self.rect.right() {
+                painter.galley(at, galley, tokens.weak);
+            }
+        }
+    }
+
+    pub(super) fn paint_ticks(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens) {
+        let spoken = self.stretches.iter().filter(|stretch| !stretch.is_gap);
+        let spoken_s: f64 = spoken.clone().map(|it| it.to.seconds_since(it.from)).sum();
+        let step_s = tick_step_s(spoken_s.max(1e-9), self.rect.width() / 96.0);
+        for stretch in spoken {
+            let [first_s, last_s] = [stretch.from, stretch.to].map(|at| at.seconds_since(self.start));
+            let first = (first_s / step_s).ceil();
+            let count = ((last_s / step_s).floor() - first).clamp(-1.0, 1000.0) as i64;
+            for index in 0..=count {
+                self.paint_tick(painter, tokens, (first + index as f64) * step_s, step_s);
+            }
+        }
+    }
+
+    fn paint_tick(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens, time_s: f64, step_s: f64) {
+        let x = self.x(self.start.after_ns((time_s * 1e9) as u64));
+        let bottom = self.rect.bottom();
+        painter.vline(x, (bottom - 6.0)..=bottom, Stroke::new(1.0, tokens.line));
+        if x + 56.0 < self.rect.right() {
+            let at = egui::pos2(x + 4.0, bottom);
+            let (text, font) = (tick_text(time_s, step_s), FontId::monospace(10.0));
+            painter.text(at, Align2::LEFT_BOTTOM, text, font, tokens.weak);
+        }
+    }
+}
+
+/// A round step that gives at most `most` ticks.
+fn tick_step_s(duration_s: f64, most: f32) -> f64 {
+    const STEPS_S: [f64; 19] = [
+        0.001, 0.01, 0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0, 1800.0,
+        3600.0, 21_600.0, 86_400.0,
+    ];
+    let least = duration_s / f64::from(most.max(1.0));
+    STEPS_S
+        .into_iter()
+        .find(|&step_s| step_s >= least)
+        .unwrap_or_else(|| (least / 86_400.0).ceil() * 86_400.0)
+}
+
+/// Minutes and seconds, hours where there are some, and as many decimals as the steps need.
+fn tick_text(time_s: f64, step_s: f64) -> String {
+    let whole = time_s.floor() as u64;
+    let decimals = if step_s < 0.01 {
+        3
+    } else if step_s < 0.1 {
+        2
+    } else {
+        usize::from(step_s < 1.0)
+    };
+    let width = if decimals == 0 { 2 } else { decimals + 3 };
+    let seconds = time_s - (whole / 60 * 60) as f64;
+    let minutes = format!("{:02}:{seconds:0width$.decimals$}", whole / 60 % 60);
+    if whole >= 3600 { format!("{}:{minutes}", whole / 3600) } else { minutes }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_never_too_many() {
+        for duration_s in [0.0005, 0.02, 1.0, 19.0, 61.0, 4000.0, 1e5, 1e7] {
+            let step_s = tick_step_s(duration_s, 10.0);
+            assert!(duration_s / step_s <= 10.0 + 1e-9, "{duration_s}: {step_s}");
+        }
+        assert_eq!(tick_step_s(20.0, 12.0), 2.0);
+        assert_eq!(tick_text(62.0, 2.0), "01:02");
+        assert_eq!(tick_text(3725.5, 0.5), "1:02:05.5");
+    }
+
+    #[test]
+    fn the_bar_maps_both_ways() {
+        let rect = Rect::from_min_size(egui::pos2(10.0, 0.0), egui::vec2(200.0, 20.0));
+        let scale = Scale::new(rect, Stamp(1_000), Stamp(2_001_000), &[]);
+        assert_eq!(scale.stamp(-5.0), Stamp(1_000));
+        assert_eq!(scale.stamp(500.0), Stamp(2_001_000));
+        let middle = scale.stamp(110.0);
+        assert_eq!(middle, Stamp(1_001_000));
+        assert!((scale.x(middle) - 110.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_gap_of_decades_leaves_the_rest_of_the_bar_to_what_was_recorded() {
+        const SECOND: u64 = 1_000_000_000;
+        let rect = Rect::from_min_size(egui::pos2(0.0, 0.0), egui::vec2(1000.0, 20.0));
+        let late = 1_700_000_000 * SECOND;
+        let gap = Gap { from: Stamp(SECOND), to: Stamp(late) };
+        let scale = Scale::new(rect, Stamp(0), Stamp(late + 89 * SECOND), &[gap]);
+        let width = scale.x(Stamp(late + 89 * SECOND)) - scale.x(Stamp(late));
+        assert!(width > 900.0, "{width}");
+        for seconds in [0, 1, 40, 89] {
+            let stamp = Stamp(late + seconds * SECOND);
+            let back = scale.stamp(scale.x(stamp));
+            assert!(back.seconds_since(stamp).abs() < 0.1, "{seconds}: {}", back.seconds_since(stamp));
+        }
+        let within = scale.stamp(scale.x(Stamp(SECOND)) + 10.0);
+        assert_eq!(within, Stamp(late), "within the gap there is nothing to go to but its end");
+    }
+}
