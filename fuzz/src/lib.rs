@@ -3,6 +3,8 @@
 //! An input is either used as it is, or as a list of edits of a valid file: most random bytes are refused early, and
 //! edited files get further. Besides panics, each target checks properties of the result.
 
+pub mod foreign;
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};

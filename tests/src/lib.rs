@@ -18,3 +18,5 @@ mod random_input;
 mod recorded_maps;
 #[cfg(test)]
 mod stereo_truth;
+#[cfg(test)]
+mod torture;

@@ -35,4 +35,19 @@ proptest! {
     fn a_stack_file_is_planned_or_refused_with_its_line(input in input()) {
         targets::stack_file(&input);
     }
+
+    #[test]
+    fn a_schema_of_others_is_understood_or_refused(input in input()) {
+        targets::foreign::schema(&input);
+    }
+
+    #[test]
+    fn a_payload_converts_or_is_refused(input in input()) {
+        targets::foreign::payload(&input);
+    }
+
+    #[test]
+    fn a_world_or_a_course_is_read_or_refused_with_words(input in input()) {
+        targets::foreign::scene_file(&input);
+    }
 }

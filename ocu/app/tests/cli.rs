@@ -53,7 +53,19 @@ fn info_as_json_has_exactly_the_agreed_keys() {
     let report = json(&out);
     assert_eq!(
         keys(&report),
-        ["duration_s", "end_ns", "lost", "messages", "recovered", "start_ns", "topics"]
+        [
+            "duration_s",
+            "end_ns",
+            "gaps",
+            "lost",
+            "messages",
+            "problems",
+            "recovered",
+            "segments",
+            "start_ns",
+            "topics",
+            "verified"
+        ]
     );
     assert_eq!(keys(&report["lost"]), ["bytes", "messages"]);
     assert_eq!(keys(&report["topics"][0]), ["decodable", "encoding", "hz", "messages", "name", "schema"]);
