@@ -92,22 +92,27 @@ static SCHEMAS: LazyLock<Vec<(&str, &str, Vec<u8>)>> = LazyLock::new(|| {
         ours("foxglove.Pose"),
         ("e.M", "protobuf", EDITIONS.to_vec()),
         ("std_msgs/msg/Header", "ros2msg", b"builtin_interfaces/Time stamp\nstring frame_id\n".to_vec()),
-        ("p/msg/A", "ros2msg", b"float64[<=4] a\np/B[2] b\n====\nMSG: p/B\nstring<=9 t \"x\"\nint8 C=3\n".to_vec()),
+        (
+            "p/msg/A",
+            "ros2msg",
+            b"float64[<=4] a\np/B[2] b\n====\nMSG: p/B\nstring<=9 t \"x\"\nint8 C=3\n".to_vec(),
+        ),
         ("note", "jsonschema", b"{\"type\":\"object\"}".to_vec()),
     ]
 });
 
 /// `edition = "2023"; package e; message M { int32 a = 1; repeated int32 b = 2; }` with an implicit `a`.
 const EDITIONS: &[u8] = &[
-    0x0a, 0x3b, 0x0a, 0x07, b'e', b'.', b'p', b'r', b'o', b't', b'o', 0x12, 0x01, b'e', 0x22, 0x1e, 0x0a, 0x01,
-    b'M', 0x12, 0x0f, 0x0a, 0x01, b'a', 0x18, 0x01, 0x20, 0x01, 0x28, 0x05, 0x42, 0x05, 0xaa, 0x01, 0x02, 0x08,
-    0x02, 0x12, 0x08, 0x0a, 0x01, b'b', 0x18, 0x02, 0x20, 0x03, 0x28, 0x05, 0x62, 0x08, b'e', b'd', b'i', b't',
-    b'i', b'o', b'n', b's', 0x70, 0xe8, 0x07,
+    0x0a, 0x3b, 0x0a, 0x07, b'e', b'.', b'p', b'r', b'o', b't', b'o', 0x12, 0x01, b'e', 0x22, 0x1e, 0x0a,
+    0x01, b'M', 0x12, 0x0f, 0x0a, 0x01, b'a', 0x18, 0x01, 0x20, 0x01, 0x28, 0x05, 0x42, 0x05, 0xaa, 0x01,
+    0x02, 0x08, 0x02, 0x12, 0x08, 0x0a, 0x01, b'b', 0x18, 0x02, 0x20, 0x03, 0x28, 0x05, 0x62, 0x08, b'e',
+    b'd', b'i', b't', b'i', b'o', b'n', b's', 0x70, 0xe8, 0x07,
 ];
 
 /// Messages of every type that has pixels or points, and the ones of the other targets.
 static PAYLOADS: LazyLock<Vec<AnyMessage>> = LazyLock::new(|| {
-    let field = |name: &str, offset| foxglove::PackedElementField { name: name.to_owned(), offset, r#type: 7 };
+    let field =
+        |name: &str, offset| foxglove::PackedElementField { name: name.to_owned(), offset, r#type: 7 };
     let image = |encoding: &str, step: u32| {
         AnyMessage::new(foxglove::RawImage {
             width: 4,
@@ -124,9 +129,13 @@ static PAYLOADS: LazyLock<Vec<AnyMessage>> = LazyLock::new(|| {
         data: vec![1; 48].into(),
         ..Default::default()
     };
-    let compressed = foxglove::CompressedImage { data: PNG.into(), format: "png".into(), ..Default::default() };
+    let compressed =
+        foxglove::CompressedImage { data: PNG.into(), format: "png".into(), ..Default::default() };
     let mut payloads: Vec<AnyMessage> = messages().into();
-    payloads.extend([("rgb8", 12), ("16UC1", 8), ("32FC1", 16), ("bayer_rggb8", 4), ("mono8", 4)].map(|it| image(it.0, it.1)));
+    payloads.extend(
+        [("rgb8", 12), ("16UC1", 8), ("32FC1", 16), ("bayer_rggb8", 4), ("mono8", 4)]
+            .map(|it| image(it.0, it.1)),
+    );
     payloads.push(AnyMessage::new(cloud));
     payloads.push(AnyMessage::new(compressed));
     payloads
@@ -134,7 +143,8 @@ static PAYLOADS: LazyLock<Vec<AnyMessage>> = LazyLock::new(|| {
 
 /// A grey pixel.
 const PNG: &[u8] = &[
-    0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a, 0, 0, 0, 0x0d, b'I', b'H', b'D', b'R', 0, 0, 0, 1, 0, 0, 0, 1, 8, 0,
-    0, 0, 0, 0x3a, 0x7e, 0x9b, 0x55, 0, 0, 0, 0x0a, b'I', b'D', b'A', b'T', 0x78, 0x9c, 0x63, 0x60, 0, 0, 0, 2, 0, 1,
-    0x48, 0xaf, 0xa4, 0x71, 0, 0, 0, 0, b'I', b'E', b'N', b'D', 0xae, 0x42, 0x60, 0x82,
+    0x89, b'P', b'N', b'G', 0x0d, 0x0a, 0x1a, 0x0a, 0, 0, 0, 0x0d, b'I', b'H', b'D', b'R', 0, 0, 0, 1, 0, 0,
+    0, 1, 8, 0, 0, 0, 0, 0x3a, 0x7e, 0x9b, 0x55, 0, 0, 0, 0x0a, b'I', b'D', b'A', b'T', 0x78, 0x9c, 0x63,
+    0x60, 0, 0, 0, 2, 0, 1, 0x48, 0xaf, 0xa4, 0x71, 0, 0, 0, 0, b'I', b'E', b'N', b'D', 0xae, 0x42, 0x60,
+    0x82,
 ];

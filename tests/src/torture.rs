@@ -50,7 +50,9 @@ struct Numbers(u64);
 impl Numbers {
     fn of(number: usize) -> Self {
         let mut numbers = Self((number as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-        (0..8).for_each(|_| drop(numbers.next()));
+        for _ in 0..8 {
+            numbers.next();
+        }
         numbers
     }
 
@@ -332,7 +334,8 @@ fn judge(original: &Original, number: usize, figures: &Mutex<Figures>) {
         let (from, to) = known.record;
         !touched.iter().any(|&(a, b)| a < to && b > from)
     };
-    let missed = original.messages.iter().filter(|known| is_intact(known) && !found.contains(&known.key)).count();
+    let missed =
+        original.messages.iter().filter(|known| is_intact(known) && !found.contains(&known.key)).count();
     figures.missed += missed;
     figures.missed_in += usize::from(missed > 0);
     let missing = original.messages.iter().filter(|known| !found.contains(&known.key)).count();

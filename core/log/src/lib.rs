@@ -55,10 +55,10 @@ mod writer;
 
 pub use cursor::{Cursor, CursorOptions, Position};
 pub use error::LogError;
+pub use gaps::Gap;
 pub use info::{
     Attachment, AttachmentInfo, LogInfo, LogMessage, LogTopic, Lost, MessagePosition, Metadata, TopicId,
 };
-pub use gaps::Gap;
 pub use log::Log;
 pub use reassembly::{Reassembled, Reassembly};
 pub use recorder::{Recorder, RecorderHandle, RecorderMode, RecorderOptions, RecorderStatus};

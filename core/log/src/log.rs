@@ -3,10 +3,10 @@
 use crate::cache::{Cache, Loaded};
 use crate::catalog::{Catalog, Problems};
 use crate::error::LogError;
+use crate::gaps::{Gap, gaps};
 use crate::info::{
     Attachment, AttachmentInfo, LogInfo, LogMessage, Lost, MessagePosition, Metadata, TopicId,
 };
-use crate::gaps::{Gap, gaps};
 use crate::record::{ChunkHead, Fields, HEAD, Head, MAGIC, MessageHead, PROBE, indexed_messages, op};
 use crate::scan::{Scanned, scan};
 use crate::segment::{Damage, MessageRef, Segment, Tally, decode, message_data};

@@ -314,7 +314,7 @@ impl Map {
             format!("{}  places that cannot be: {}{more}", icons::ICON_WARNING.codepoint, texts.join(", "));
         let painter = ui.painter_at(canvas);
         let galley = painter.layout_no_wrap(text, egui::FontId::proportional(12.0), tokens(ui).warning);
-        let at = canvas.center_top() + Vec2::new(-galley.size().x / 2.0, 6.0);
+        let at = canvas.center_top() + Vec2::new(-galley.size().x / 2.0, 44.0);
         let plate = Rect::from_min_size(at, galley.size()).expand2(Vec2::new(6.0, 2.0));
         painter.rect_filled(plate, 2.0, tokens(ui).surface[3].gamma_multiply(0.92));
         painter.galley(at, galley, tokens(ui).warning);
