@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Times `ocu eval stereo` beside OpenCV on one pair, one thread each, taking turns.
+"""Compares the time of `ocu eval stereo` and of OpenCV on one pair, alternately, one thread each.
 
 Needs numpy and opencv-python-headless. Example:
 
@@ -7,7 +7,7 @@ Needs numpy and opencv-python-headless. Example:
   python3 benches/stereo_peer.py --ocu target/release/ocu --left left.png --right right.png
 
 The pair is cropped to 640x480 around its middle column; 64 disparities; left-right check of 1 pixel, uniqueness of
-10 %, speckles of fewer than 100 pixels taken out, in both.
+10 %, speckles of fewer than 100 pixels removed, in both.
 """
 
 import argparse
@@ -26,7 +26,7 @@ ROUNDS = 7
 
 
 def block_matching():
-    """OpenCV's StereoBM with ours' checks."""
+    """OpenCV's StereoBM with the same checks."""
     matcher = cv2.StereoBM_create(DISPARITIES, 9)
     matcher.setUniquenessRatio(10)
     matcher.setSpeckleWindowSize(100)

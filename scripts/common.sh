@@ -1,18 +1,19 @@
-# Shared by scripts/run, scripts/test and .ci/run: sourced, not started.
-# Expects `root` to be the folder of the checkout.
+# Sourced by scripts/run, scripts/test and .ci/run; not a command by itself.
+# Requires `root`, the folder of the checkout.
 
 cache="${XDG_CACHE_HOME:-${HOME:-/root}/.cache}/ocu"
 
-# One build folder outside the checkout, so that every clone of a machine starts warm.
+# One build folder outside of the checkout, so that several checkouts share build results.
 export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$cache/target}"
 
-# Without a display, egui and wgpu need a Vulkan driver; with one, the X11 and OpenGL libraries they load at run time.
+# Window tests need a Vulkan driver; a window also needs the X11 and OpenGL libraries that egui and wgpu load at run
+# time.
 packages_vulkan=(mesa-vulkan-drivers)
 packages_window=(libxkbcommon-x11-0 libegl1 libgl1 libx11-xcb1 libxcursor1 libxi6 libgl1-mesa-dri)
 
 say() { printf '%s\n' "$*" >&2; }
 
-# need_packages NAME...: installs the Debian packages that are missing, or prints the one line that does and stops.
+# need_packages NAME...: installs missing Debian packages, or prints the command that does and exits.
 need_packages() {
     if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
         say "not a Debian system: these packages, or what matches them here, are taken as present: $*"
@@ -26,7 +27,7 @@ need_packages() {
 
     local as_root=()
     if [[ $(id -u) -ne 0 ]]; then
-        # sudo that would ask for a password is of use only where someone can type it.
+        # sudo may ask for a password, which works only if someone can type it.
         if command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [[ -t 0 ]]; }; then
             as_root=(sudo)
         else
@@ -41,7 +42,7 @@ need_packages() {
         apt-get install -y -q --no-install-recommends "${missing[@]}" >&2
 }
 
-# need_tools: Rust cannot be had from Debian in a version that is new enough, so it is asked for.
+# need_tools: asks for Rust if it is missing, because Debian's version is too old.
 need_tools() {
     if ! command -v cargo >/dev/null && [[ -x "${CARGO_HOME:-${HOME:-/root}/.cargo}/bin/cargo" ]]; then
         PATH="${CARGO_HOME:-${HOME:-/root}/.cargo}/bin:$PATH"
