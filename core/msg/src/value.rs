@@ -146,7 +146,7 @@ impl Value {
     pub fn kind(&self) -> &'static str {
         match self {
             Value::Null => "nothing",
-            Value::Bool(_) => "a truth value",
+            Value::Bool(_) => "a boolean",
             Value::Int(_) | Value::Uint(_) => "an integer",
             Value::Float(_) => "a number",
             Value::Text(_) => "a text",

@@ -147,7 +147,7 @@ fn a_value_that_a_field_cannot_hold_is_refused_with_its_path() {
             Value::Float(1.0),
             "got \"q\", expected a field of foxglove.Vector2: x, y: .cell_size.q",
         ),
-        (".fields", Value::Bool(true), "got a truth value, expected a list: .fields"),
+        (".fields", Value::Bool(true), "got a boolean, expected a list: .fields"),
     ];
     for (path, bad, expect) in cases {
         let mut value = Value::Null;

@@ -159,7 +159,8 @@ fn what_is_wrong_with_a_file_is_said_of_that_file() {
 fn the_truth_is_wired_only_to_those_who_may_know_it() {
     let error = plan(None, &stack("", "", &robot("/vehicle/pose")), &[]).unwrap_err();
     assert!(
-        error.starts_with("test.toml:13: /vehicle/pose holds the truth of the simulation, which robot"),
+        error
+            .starts_with("test.toml:13: /vehicle/pose holds the ground truth of the simulation, which robot"),
         "{error}"
     );
 }

@@ -359,7 +359,7 @@ fn eval_color_refuses_what_does_not_fit() {
     };
     check(&[&image, &image, "--labels", &labels], 2, "2 images, but 1 label images");
     check(&[&image, "--labels", &small], 2, "labels are 64x48 pixels, their image 320x240");
-    check(&[&image, "--labels", &image], 2, "labels are a picture in colours");
+    check(&[&image, "--labels", &image], 2, "labels are an image in colours");
     check(&[&image, "--labels", "none.png"], 1, "cannot read none.png");
     check(&[&black, "--labels", &labels], 1, "image is 100 % black");
     check(&[&image, "--labels", &labels, "--horizon", "120"], 2, "horizon is 120 %");

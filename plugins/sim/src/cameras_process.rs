@@ -104,7 +104,7 @@ impl Process for SimCameras {
         // Never read: it names the image that the ground truth lies on.
         let _ = b.optional_input::<RawImage>(
             "image",
-            "the images of its own left camera, on which the truth lies",
+            "the images of its own left camera, on which the ground truth lies",
         );
         let image = |b: &mut PortBuilder, name, help| b.output(name, help).role(Role::Image).build();
         let calibration =

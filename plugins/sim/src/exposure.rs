@@ -114,7 +114,7 @@ mod tests {
 
     fn camera() -> CameraSpec {
         let text = include_str!("../../../assets/vehicles/lagr.toml");
-        VehicleSpec::from_toml(text).unwrap().camera("left").unwrap().clone()
+        VehicleSpec::from_toml(text).unwrap().camera("front_left").unwrap().clone()
     }
 
     fn exposed(spec: &CameraSpec, level: u8, key: u64) -> Vec<f64> {

@@ -274,7 +274,10 @@ fn bad_files_are_refused_with_their_line_and_reason() {
     check(swap("mass_kg = 90.0", "mass_kg = nan"), "body.mass_kg is nan");
     check(swap("track_m = 0.58", "trakc_m = 0.58"), "wheels.track_m is missing");
     check(swap("noise_a = 0.15", "noise_a = 0.15\ncolour = 1"), "motors.colour is unknown");
-    check(swap("name = \"right\"", "name = \"left\""), "camera has the name \"left\" twice");
+    check(
+        swap("name = \"front_right\"", "name = \"front_left\""),
+        "camera has the name \"front_left\" twice",
+    );
     check(swap("kind = \"stereo\"", "kind = \"fish\""), "camera.kind is \"fish\", expected one of stereo");
     check(swap("distortion = [-0.16, ", "distortion = [-9.0, "), "has no ray for the pixel");
     check(swap("[gps]", "[gps"), "vehicles/lagr.toml:");
@@ -292,5 +295,5 @@ fn bad_files_are_refused_with_their_line_and_reason() {
         "goal is at [500, 10] m, expected a place in the world",
     );
     let error = plan(STACK, &Files::default(), &[("front_left.pair", "middle")]).unwrap_err();
-    assert!(error.contains("expected a camera of the vehicle: left, right"), "{error}");
+    assert!(error.contains("expected a camera of the vehicle: front_left, front_right"), "{error}");
 }

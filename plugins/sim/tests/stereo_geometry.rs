@@ -33,7 +33,7 @@ fn draw(world: &World, lens: &PinholeCamera, global_from_camera: &Pose) -> View 
 
 fn pair() -> (World, CameraSpec, [Pose; 2]) {
     let world = World::from_toml(WORLD).unwrap();
-    let spec = lagr().camera("left").unwrap().clone();
+    let spec = lagr().camera("front_left").unwrap().clone();
     let at = DVec2::new(5.0, 13.0);
     let global_from_vehicle = Pose::from_rpy(at.extend(world.height_m(at)), 0.02, -0.03, -0.2);
     let poses = [0, 1].map(|side| global_from_vehicle * spec.vehicle_from_camera(side));
@@ -100,7 +100,7 @@ fn a_point_that_both_cameras_see_has_the_same_place_and_class_in_both() {
 #[test]
 fn cameras_look_where_the_vehicle_file_says() {
     let spec = lagr();
-    for (name, side) in [("left", 1.0), ("right", -1.0)] {
+    for (name, side) in [("front_left", 1.0), ("front_right", -1.0)] {
         let camera = spec.camera(name).unwrap();
         let [left, right] = [0, 1].map(|side| camera.vehicle_from_camera(side));
         let view = left.rotate(DVec3::Z);
@@ -115,7 +115,7 @@ fn cameras_look_where_the_vehicle_file_says() {
 }
 
 #[test]
-fn the_ground_ahead_and_the_sky_are_in_the_picture_and_it_has_texture_to_match() {
+fn the_ground_ahead_and_the_sky_are_in_the_image_and_it_has_texture_to_match() {
     let (world, spec, poses) = pair();
     let view = draw(&world, &spec.lens, &poses[0]);
     let share = |class: Class| {

@@ -113,6 +113,6 @@ mod tests {
     #[test]
     fn a_truth_of_another_size_is_refused() {
         let error = score(&[0; 4], &[0.0; 5], 2, 1).unwrap_err();
-        assert_eq!(error.to_string(), "truth has 5 pixels, expected 4");
+        assert_eq!(error.to_string(), "ground truth has 5 pixels, expected 4");
     }
 }

@@ -63,7 +63,7 @@ impl Process for TruthDriver {
     type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "truth_driver",
-        summary: "Drives the simulated vehicle to its goal by the truth's cheapest path: a yardstick for other drivers",
+        summary: "Drives the simulated vehicle to its goal by the cheapest path of the ground truth: a reference for other drivers",
         period_ms: 50.0,
         latency_ms: 0.0,
         reads_ground_truth: true,

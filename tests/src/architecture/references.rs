@@ -14,7 +14,7 @@ fn keys(references: &str) -> BTreeSet<&str> {
 
 /// Citations in a text without a matching key: `Albus 2007`, and a paper cited by a letter (`A 3.1.1`).
 fn unresolved(text: &str, keys: &BTreeSet<&str>) -> Vec<String> {
-    let words: Vec<&str> = text.split([' ', '\n', '(', '[']).collect();
+    let words: Vec<&str> = text.split([' ', '\n', '(', '[']).filter(|word| !word.is_empty()).collect();
     let mut found = Vec::new();
     for pair in words.windows(2) {
         let name = pair[0];

@@ -185,7 +185,7 @@ pub(crate) fn reflect(kind: &Kind, value: &Value, path: &FieldPath) -> Result<Re
                 Value::Bool(v) => Some(Reflected::Bool(*v)),
                 _ => None,
             },
-            "a truth value",
+            "a boolean",
         ),
         Kind::Double => (number(value).map(Reflected::F64), "a number"),
         Kind::Float => (number(value).map(|v| Reflected::F32(v as f32)), "a number"),

@@ -328,7 +328,7 @@ impl<'a> Builder<'a> {
                 let spec = &self.buffers[buffer].spec;
                 if spec.metadata.contains_key(TRUTH) && !process.kind.def().reads_ground_truth {
                     let message = format!(
-                        "{} holds the truth of the simulation, which {} must not read; expected a buffer that a \
+                        "{} holds the ground truth of the simulation, which {} must not read; expected a buffer that a \
                          sensor or a process of the robot writes",
                         spec.name,
                         process.kind.def().plugin
