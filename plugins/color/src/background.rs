@@ -1,24 +1,24 @@
-//! The background sample (Albus 2006a, 3.1.2): first random pixels above the horizon and up to 50 px below it, later
-//! random pixels that the last image called background.
+//! The background sample (Albus 2006a, 3.1.2). The first samples are random pixels above the horizon and up to 50 px
+//! below it. Later samples are random pixels that were classified as background in the previous image.
 
 use crate::histogram::Histogram;
 use crate::image::{HEIGHT, Image, PIXELS, WIDTH, edges};
 use rand_core::RngCore;
 
-/// With fewer background pixels of the reduced image than this, the sample is taken above the horizon again: a handful
-/// of wrong pixels must not become the model of everything.
+/// Fewest background pixels of the reduced image that are sampled. With fewer, the sample is taken above the horizon
+/// again, so that a handful of misclassified pixels cannot become the background model.
 const FEWEST: usize = PIXELS / 100;
-/// Draws per sample at most, where the region above the horizon is not a rectangle.
+/// Maximum number of draws per sample, for a region above the horizon that is not a rectangle.
 const DRAWS: u32 = 8;
 
-/// A number below `limit`, nearly uniform: the error is below `limit` / 2³².
+/// A nearly uniform random number below `limit`; the bias is below `limit` / 2³².
 fn below(rng: &mut impl RngCore, limit: usize) -> usize {
     ((u64::from(rng.next_u32()) * limit as u64) >> 32) as usize
 }
 
-/// Draws up to `samples` pixels. `called` are the pixels of the reduced image that were called background, `limits` the
-/// rows from the top that may be sampled where they are too few, by columns of the reduced image. Empty where there is
-/// nothing to sample.
+/// Draws up to `samples` pixels. `called` lists the pixels of the reduced image that were classified as background.
+/// `limits` gives, for each column of the reduced image, the number of rows from the top that are sampled when `called`
+/// is too short. The histogram is empty where there is nothing to sample.
 pub fn sample(
     image: &Image<'_>,
     called: &[u32],
@@ -75,7 +75,7 @@ mod tests {
     use super::*;
     use rand_core::SeedableRng;
 
-    /// An image whose red says the row and whose green says the column, in 16ths.
+    /// An image whose red encodes the row and whose green encodes the column, in steps of 16.
     fn image_data() -> Vec<u8> {
         (0..240_usize)
             .flat_map(|row| {

@@ -1,8 +1,9 @@
-//! Costs on the ground (Albus 2006a, 3.1.2): pixels of the reduced image on the flat plane of the vehicle's pose.
+//! Cost maps from images (Albus 2006a, 3.1.2): projects the pixels of the reduced image onto the plane under the
+//! vehicle.
 //!
-//! A cell's cost is the mean over the pixels whose rays meet the plane in it. Far ahead a pixel covers several cells
-//! and meets the plane in one of them: a cell without a pixel of its own takes the cost of the pixel in which its
-//! middle lies. Nothing farther than the range is told of, since the plane does not hold there.
+//! The cost of a cell is the mean over the pixels whose rays meet the plane in that cell. Far from the vehicle a pixel
+//! covers several cells but its ray meets only one of them; a cell without a pixel of its own takes the cost of the
+//! pixel into which its centre projects. Cells beyond the range stay unknown, because the plane does not hold there.
 
 use crate::gate::plane_height;
 use crate::image::{HEIGHT, WIDTH};
@@ -13,18 +14,18 @@ use rcs_msg::foxglove::Grid;
 use rcs_sense::{CostGrid, GridFrame};
 use rcs_world::{OBSTACLE_COST, SIDE, Source, UNKNOWN_COST};
 
-/// Where the camera was.
+/// Pose and projection of the camera when the image was taken.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraPlacement<'a> {
     /// The camera.
     pub camera: &'a PinholeCamera,
     /// Rays of the reduced image: [`crate::region::rays`].
     pub rays: &'a [DVec3],
-    /// Its mount.
+    /// Extrinsics of the camera.
     pub vehicle_from_camera: &'a Pose,
-    /// The vehicle.
+    /// Pose of the vehicle.
     pub local_from_vehicle: &'a Pose,
-    /// How far the plane lies below the vehicle frame's origin, m.
+    /// Distance of the ground plane below the origin of the vehicle frame, m.
     pub below_m: f64,
 }
 
@@ -32,12 +33,12 @@ pub struct CameraPlacement<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct CostMap(CostGrid);
 
-/// The reduced image on the plane, for maps of any cell size.
+/// The reduced image projected onto the plane, from which maps of any cell size are made.
 #[derive(Clone, Debug)]
 pub struct Ground<'a> {
     costs: &'a [u8],
     place: CameraPlacement<'a>,
-    /// Where rays of pixels with a cost meet the plane, m in the local frame, with that cost.
+    /// Points where the rays of pixels with a cost meet the plane, m in the local frame, and that cost.
     points: Vec<(DVec2, u8)>,
 }
 
@@ -52,7 +53,7 @@ impl<'a> Ground<'a> {
         let up_in_camera = turn.transpose() * up;
         let mut points = Vec::with_capacity(costs.len());
         for (&cost, &ray) in costs.iter().zip(place.rays) {
-            // A lens that has no ray for the pixel gives 0, which does not go down either.
+            // Where the lens model has no ray for a pixel, the ray is zero, which does not point down either.
             let down = -ray.dot(up_in_camera);
             if cost != UNKNOWN_COST && above_m > 0.0 && down > 0.0 {
                 points.push(((camera + turn * ray * (above_m / down)).truncate(), cost));
@@ -63,7 +64,7 @@ impl<'a> Ground<'a> {
 }
 
 impl CostMap {
-    /// Cells of this size (m) up to this distance from the vehicle (m).
+    /// Map with cells of `cell_size_m` (m), known up to `max_range_m` (m) from the vehicle.
     pub fn new(ground: &Ground<'_>, cell_size_m: f64, max_range_m: f64) -> CostMap {
         let vehicle = ground.place.local_from_vehicle.translation.truncate();
         let mut map = CostMap(CostGrid::new(GridFrame::around(vehicle, SIDE, cell_size_m)));
@@ -72,7 +73,7 @@ impl CostMap {
         map
     }
 
-    /// The mean of the pixels in each cell.
+    /// Averages the pixels in each cell.
     fn vote(&mut self, points: &[(DVec2, u8)], vehicle: DVec2, max_range_m: f64) {
         let mut sums = vec![(0_u32, 0_u32); SIDE * SIDE];
         for &(point, cost) in points {
@@ -91,7 +92,7 @@ impl CostMap {
         }
     }
 
-    /// Gives cells without a pixel of their own that of their middle.
+    /// Fills cells without a pixel of their own with the cost of the pixel that sees their centre.
     fn fill(&mut self, costs: &[u8], place: &CameraPlacement<'_>, max_range_m: f64) {
         let local_from_camera = *place.local_from_vehicle * *place.vehicle_from_camera;
         let camera_from_local = local_from_camera.inverse();
@@ -123,17 +124,17 @@ impl CostMap {
         }
     }
 
-    /// Cost of the cell in which a place of the local frame lies (m); 255 for unknown or outside.
+    /// Cost of the cell that contains a position of the local frame (m); 255 where unknown or outside of the map.
     pub fn at(&self, place: DVec2) -> u8 {
         self.0.at(place).unwrap_or(UNKNOWN_COST)
     }
 
-    /// Cells with a cost, and those of them that are obstacles.
+    /// Number of cells with a cost, and number of those that are obstacles.
     pub fn known(&self) -> [u32; 2] {
         [0, OBSTACLE_COST].map(|from| self.0.count_from(from) as u32)
     }
 
-    /// As a message with the one field `cost.color` (u8, 0 to 250, 255 unknown).
+    /// Converts to a message with one field, `cost.color` (u8, 0 to 250, 255 unknown).
     pub fn into_grid(self, frame_id: &str, time: Stamp) -> Grid {
         self.0.into_message(Source::COLOR, frame_id, time)
     }
@@ -147,7 +148,7 @@ mod tests {
     use rcs_geom::Distortion;
     use rcs_msg::foxglove::packed_element_field::NumericType;
 
-    /// A camera 1 m up that looks 20 degrees down, on a vehicle anywhere.
+    /// A camera 1 m above the ground, pitched 20 degrees down.
     fn check(local_from_vehicle: Pose, paint: impl Fn(DVec3) -> u8) -> CostMap {
         let camera =
             PinholeCamera::new([320, 240], [200.0, 200.0], [160.0, 120.0], Distortion::None).unwrap();
@@ -209,8 +210,7 @@ mod tests {
 
     #[test]
     fn the_plane_tilts_with_the_vehicle() {
-        // On a slope of 10 degrees the plane goes up ahead of the vehicle: the same pixels land on it, nearer in the
-        // map.
+        // On a slope of 10 degrees the plane rises ahead of the vehicle, so the same pixels meet it nearer in the map.
         let up = Pose::from_rpy(DVec3::ZERO, 0.0, -10_f64.to_radians(), 0.0);
         let map = check(up, |p| if p.x < 5.0 { 0 } else { 250 });
         let edge = 5.0 * libm::cos(10_f64.to_radians());

@@ -1,6 +1,7 @@
-//! The whole colour-model algorithm on one image (Albus 2006a, 3.1.2): learn from its samples, classify it, fuse it.
+//! The complete colour-model algorithm for one image (Albus 2006a, 3.1.2): learn from the samples, classify the pixels,
+//! fuse them over time.
 //!
-//! Cost on one image: see `benches/color.rs`.
+//! Cost per image: see `benches/color.rs`.
 
 use crate::background;
 use crate::fusion::{Counts, Fused, count};
@@ -11,10 +12,10 @@ use rand_core::RngCore;
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
-/// After a longer pause pixels have nothing to do with those of the last image, ns.
+/// After a longer gap, ns, the fused probabilities are discarded: the pixels no longer see the same ground.
 const FUSION_GAP_NS: u64 = 1_000_000_000;
 
-/// Models and what the last images said. The state of a camera.
+/// State of one camera: its models, and the probabilities fused over the last images.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Engine {
     /// The models.
@@ -29,47 +30,47 @@ pub struct Engine {
 pub enum Permission {
     /// Ground and background.
     All,
-    /// Background, and ground only where there is no model of it yet.
+    /// Background, and ground only while there is no ground model.
     FirstGround,
-    /// Background alone.
+    /// Background only.
     Background,
     /// Nothing.
     Nothing,
 }
 
-/// Where an image is sampled, and what may be learned.
+/// Regions of the image to sample, and what may be learned from them.
 #[derive(Clone, Copy, Debug)]
 pub struct Samples<'a> {
     /// Pixels that are assumed to be ground.
     pub ground: &'a [Span],
-    /// Rows from the top that the first background samples may come from, by columns of the reduced image.
+    /// For each column of the reduced image, how many rows from the top the first background samples are taken from.
     pub first_background: &'a [u32],
     /// What may be learned.
     pub permission: Permission,
 }
 
-/// What came of an image.
+/// Result of one image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seen {
-    /// Costs of the 128×96 image by rows, 255 for no vote; nothing while there is no ground model.
+    /// Costs of the 128×96 image in row order, 255 for unclassified pixels; `None` while there is no ground model.
     pub costs: Option<Vec<u8>>,
-    /// Pixels by what they are; all 0 without costs.
+    /// Number of pixels by class; all 0 where `costs` is `None`.
     pub counts: Counts,
     /// Pixels in the ground sample.
     pub sample_pixels: u32,
-    /// What became of the ground sample; `None` where it was too small or nothing may be learned from it.
+    /// What was done with the ground sample; `None` if it was too small or if ground may not be learned.
     pub learned: Option<Learned>,
-    /// Difference of the ground sample from the best match before it was learned; 1 without model or sample.
+    /// Difference between the ground sample and the best match before learning; 1 without a model or a sample.
     pub difference: f32,
 }
 
 impl Engine {
-    /// An engine that begins with models.
+    /// An engine that starts with these models.
     pub fn new(models: Models) -> Engine {
         Engine { models, ..Engine::default() }
     }
 
-    /// One image, which has been checked: it is neither black nor saturated.
+    /// Processes one image. The caller has checked that it is neither black nor saturated.
     pub fn see(
         &mut self,
         image: &Image<'_>,
@@ -96,13 +97,13 @@ impl Engine {
                 Permission::Background | Permission::Nothing => false,
             };
             if allowed {
-                // A long pause is one image long: nothing was watched meanwhile.
+                // A long gap counts as at most one second, because no image was seen during it.
                 let elapsed_ns =
                     self.last_learned.map_or(0, |last| time.0.saturating_sub(last.0).min(FUSION_GAP_NS));
                 seen.learned = Some(self.models.learn_ground(&histogram, time, elapsed_ns, settings));
             }
         }
-        // Time that nothing could be learned in does not count for learning mode.
+        // Time in which nothing could be learned does not count towards the learning period.
         self.last_learned = seen.learned.is_some().then_some(time);
 
         if samples.permission != Permission::Nothing {

@@ -1,4 +1,4 @@
-//! The whole algorithm on a generated scene: a brown path in green grass under a sky.
+//! The complete algorithm on a generated scene: a brown path through green grass below a sky.
 
 use crate::engine::{Engine, Permission, Samples, Seen};
 use crate::fusion::count;
@@ -18,7 +18,7 @@ const SKY: [u8; 3] = [170, 200, 235];
 const LIME: [u8; 3] = [200, 196, 180];
 const FENCE: [u8; 3] = [235, 110, 30];
 
-/// Half the path's width in a row, pixels; it narrows towards the horizon.
+/// Half of the path's width in a row, pixels; the path narrows towards the horizon.
 fn half_width(row: usize) -> f64 {
     0.6 * (row as f64 - HORIZON as f64)
 }
@@ -31,7 +31,7 @@ fn is_fence(column: usize, row: usize) -> bool {
     (110..=140).contains(&row) && (145..175).contains(&column)
 }
 
-/// Shade and noise of a real surface: brightness varies by a third, each channel by a little more.
+/// Surface texture and noise: brightness varies by a third, each channel by slightly more.
 fn paint(path: [u8; 3], fence: bool, seed: u64) -> Vec<u8> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut noise = |spread: f64| (f64::from(rng.next_u32()) / f64::from(u32::MAX) - 0.5) * 2.0 * spread;
@@ -51,7 +51,7 @@ fn paint(path: [u8; 3], fence: bool, seed: u64) -> Vec<u8> {
     data
 }
 
-/// The trapezoid at the bottom of the path.
+/// The trapezoid of the ground sample, at the bottom of the path.
 fn ground() -> Vec<Span> {
     (150..230).map(|row| Span { row, start: 130, end: 190 }).collect()
 }
@@ -91,7 +91,8 @@ fn a_mulch_path_is_told_from_grass_and_sky() {
 
 #[test]
 fn path_in_the_first_background_samples_does_not_stay_background() {
-    // 50 pixels below the horizon the first sample holds path, too: already the first image must tell them apart.
+    // Down to 50 pixels below the horizon the first background sample also contains path; classification must be right
+    // from the first image on.
     let mut engine = Engine::default();
     let seen = see(&mut engine, &paint(MULCH, false, 1), 0.0, Permission::All, 1);
     let iou = iou(&seen.costs.unwrap());
@@ -150,7 +151,7 @@ fn an_orange_fence_is_an_obstacle_by_an_a_priori_model_and_unclassified_without(
     let without = fence_cost(Models::default());
     assert!(count(&without).unclassified as usize * 100 > without.len() * 90, "{without:?}");
     let with = fence_cost(Models { obstacles: vec![model], ..Models::default() });
-    // It counts at once, though one of the two images that are fused had the path there.
+    // Obstacles count at once, although one of the two fused images shows path there.
     assert!(with.iter().all(|&cost| (125..=250).contains(&cost)), "{with:?}");
 }
 

@@ -1,47 +1,46 @@
-//! Models as a message, and as the JSON file of it.
+//! Conversion between models, their message, and its JSON file.
 
 use crate::histogram::{BINS, Histogram};
 use crate::models::{Model, Models};
 use crate::proto::{ColorModel, ColorModelKind, ColorModels};
 use rcs_msg::Stamp;
 
-/// Why a file is not one of colour models.
+/// Why a file is not a valid file of colour models.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
-    /// No JSON of `rcs.ColorModels`.
+    /// The text is not JSON of `rcs.ColorModels`.
     #[error(transparent)]
     Json(#[from] rcs_msg::JsonError),
-    /// A histogram that is none.
     #[error(
         "model {name:?} has {got} counts of {red_bins}x{green_bins} bins, expected {BINS}x{BINS} of them, not negative, and not all 0"
     )]
     Counts {
-        /// The model.
+        /// Name of the model.
         name: String,
-        /// Counts there are.
+        /// Number of counts in the file.
         got: usize,
-        /// As the file says.
+        /// Number of red bins in the file.
         red_bins: u32,
-        /// As the file says.
+        /// Number of green bins in the file.
         green_bins: u32,
     },
-    /// Not a kind of ours.
+    /// The kind of a model is unknown.
     #[error("model {name:?} is of kind {kind}, expected 0 to 2")]
     Kind {
-        /// The model.
+        /// Name of the model.
         name: String,
-        /// As the file says.
+        /// Kind in the file.
         kind: i32,
     },
-    /// There is one background.
+    /// There is more than one background model.
     #[error("more than one background model: {name:?}")]
     Backgrounds {
-        /// The second one.
+        /// Name of the second one.
         name: String,
     },
 }
 
-/// The models of a JSON file's text; none of an empty text. Counts are as the file has them: scale them.
+/// Parses the models of a JSON text; an empty text gives no models. Counts are not scaled: the caller does that.
 pub fn parse(text: &str) -> Result<Models, FileError> {
     if text.trim().is_empty() {
         return Ok(Models::default());
@@ -49,7 +48,7 @@ pub fn parse(text: &str) -> Result<Models, FileError> {
     from_message(&rcs_msg::from_json::<ColorModels>(text)?)
 }
 
-/// The models of a message.
+/// Converts a message to models.
 pub fn from_message(message: &ColorModels) -> Result<Models, FileError> {
     let mut models = Models::default();
     for model in &message.models {
@@ -79,7 +78,7 @@ pub fn from_message(message: &ColorModels) -> Result<Models, FileError> {
     Ok(models)
 }
 
-/// The models as a message: ground, then background, then obstacles.
+/// Converts models to a message: ground, then background, then obstacles.
 pub fn to_message(models: &Models, time: Stamp) -> ColorModels {
     let message = |model: &Model, kind: ColorModelKind| ColorModel {
         name: model.name.clone(),

@@ -1,33 +1,34 @@
 //! From colours to costs of the 128×96 image: classification, temporal fusion, cost (Albus 2006a, 3.1.2).
 //!
-//! `P_t = (w·P_{t−1} + c·P) / (w + c)`, then `w += c` while `w < w_max`; w₀ = 0, c = 1, for each pixel. A pixel whose
-//! colour no model has seen (0/0) gives no vote: its `P_t` and w stay, and its cost in this image is unknown.
+//! For each pixel `P_t = (w·P_{t−1} + c·P) / (w + c)`, then `w += c` while `w < w_max`; w₀ = 0, c = 1. A pixel whose
+//! colour occurs in no model (0/0) is unclassified in this image: its `P_t` and w do not change, and its cost is
+//! unknown.
 
 use crate::histogram::bin;
 use crate::image::PIXELS;
 use rcs_world::{MAX_COST, OBSTACLE_COST, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
 
-/// What the images so far say of each pixel of the reduced image.
+/// Probability of ground of each pixel of the reduced image, fused over time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fused {
-    /// `P_t`; [`NEVER`] where no image has voted.
+    /// `P_t`; [`NEVER`] until the pixel has been classified once.
     probability: Vec<f32>,
     /// w.
     weight: Vec<u16>,
 }
 
-/// No probability.
+/// Marks pixels that have never been classified.
 const NEVER: f32 = -1.0;
 
-/// Pixels of one image by what they are.
+/// Number of pixels by class.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Of a cost below [`OBSTACLE_COST`]: rather ground.
+    /// Cost below [`OBSTACLE_COST`]: more likely ground.
     pub ground: u32,
-    /// Of a cost from there on.
+    /// Cost of at least [`OBSTACLE_COST`].
     pub background: u32,
-    /// No vote.
+    /// Unclassified.
     pub unclassified: u32,
 }
 
@@ -38,8 +39,8 @@ impl Default for Fused {
 }
 
 impl Fused {
-    /// Takes an image: its reduced pixels, and `P_ground` by bin (NaN for 0/0). `w_max` 0 judges each image by itself.
-    /// Returns the costs of the pixels: 250·(1 − `P_t`), rounded, 255 where there is no vote.
+    /// Fuses an image, given its reduced pixels and `P_ground` by bin (NaN for 0/0). With `w_max` 0 every image is
+    /// classified by itself. Returns the cost of each pixel: 250·(1 − `P_t`), rounded, 255 where it is unclassified.
     pub fn take(&mut self, reduced: &[[u8; 2]], probabilities: &[f32], w_max: u32) -> Vec<u8> {
         let w_max = w_max.min(u32::from(u16::MAX)) as u16;
         let pixels = reduced.iter().zip(&mut self.probability).zip(&mut self.weight);
@@ -57,7 +58,7 @@ impl Fused {
             .collect()
     }
 
-    /// Pixels of the reduced image that are background by all that was said of them.
+    /// Indices of the pixels of the reduced image that are background by the fused probability.
     pub fn background(&self) -> Vec<u32> {
         let is_background = |&(_, p): &(u32, &f32)| *p != NEVER && cost(*p) >= OBSTACLE_COST;
         (0..).zip(&self.probability).filter(is_background).map(|(index, _)| index).collect()
@@ -69,7 +70,7 @@ pub fn cost(probability: f32) -> u8 {
     (f32::from(MAX_COST) * (1.0 - probability) + 0.5).clamp(0.0, f32::from(MAX_COST)) as u8
 }
 
-/// Counts what costs say.
+/// Counts the pixels of each class.
 pub fn count(costs: &[u8]) -> Counts {
     let mut counts = Counts::default();
     for &cost in costs {
@@ -96,7 +97,7 @@ mod tests {
         Model { name: String::new(), histogram, uses: 1, updated: Stamp(1) }
     }
 
-    /// The rule pixel by pixel and model by model: the largest `P_ground`, none for 0/0, fused with one that was.
+    /// Reference implementation, pixel by pixel and model by model: the largest `P_ground`, `None` for 0/0, then fused.
     fn reference_cost(models: &Models, [red, green]: [u8; 2], fused: &mut (f64, u32), w_max: u32) -> u8 {
         let at = usize::from(red) * 30 / 256 * 30 + usize::from(green) * 30 / 256;
         let n_background: f64 = models
@@ -146,7 +147,7 @@ mod tests {
                 let costs = fused.take(&image, &table, w_max);
                 for ((cost, &pixel), fused) in costs.iter().zip(&image).zip(&mut reference) {
                     let expected = reference_cost(&models, pixel, fused, w_max);
-                    // Single against double precision: a half may be rounded to either side.
+                    // Single and double precision may round a half in different directions.
                     prop_assert!(cost.abs_diff(expected) <= 1 && (*cost == 255) == (expected == 255), "{cost} {expected}");
                 }
             }

@@ -1,9 +1,9 @@
-//! When nothing may be learned of the ground (Albus 2006a, 3.1.2): while the vehicle stands or turns fast, and while an
-//! obstacle of the world model projects into the ground sample.
+//! Conditions under which ground is not learned (Albus 2006a, 3.1.2): the vehicle stands, it turns fast, or an obstacle
+//! of the world model projects into the ground sample.
 //!
-//! Where we differ: obstacles are those that were seen by their shape or felt (stereo, infrared, bumper). Were those of
-//! the colour models counted, too, ground of a new colour would be an obstacle in the sample for ever, and the vehicle
-//! that drives on it could never learn it. A map without sources of its own is taken by its fused cost.
+//! Difference from the paper: only obstacles that were seen by their shape or touched (stereo, infrared, bumper) count.
+//! If costs of the colour models counted too, ground of a new colour would remain an obstacle in the sample, and a
+//! vehicle that drives on it could never learn it. For a map without these sources the fused cost is used.
 
 use crate::histogram::Span;
 use crate::region::{Rectangle, contains};
@@ -14,26 +14,26 @@ use rcs_sense::MIN_UPRIGHT;
 use rcs_world::{Field, GridView, Label, MAX_COST};
 use serde::{Deserialize, Serialize};
 
-/// How the vehicle moves.
+/// Motion of the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// m/s.
     pub speed_mps: f64,
-    /// Magnitude, rad/s.
+    /// Magnitude of the turn rate, rad/s.
     pub turn_rate_radps: f64,
 }
 
-/// Poses farther apart in time tell no speed, s.
+/// Longest time between two poses from which speed is derived, s.
 const LONGEST_S: f64 = 2.0;
-/// Poses nearer in time tell the speed of their noise, s.
+/// Shortest time between two poses from which speed is derived, s: below it, noise dominates.
 const SHORTEST_S: f64 = 0.01;
 
-/// Motion between the vehicle's poses at two images.
+/// Derives motion from the vehicle's poses at consecutive images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Odometer(Option<(Stamp, Pose)>);
 
 impl Odometer {
-    /// Takes the pose at an image; `None` where there is none a moment before.
+    /// Takes the pose at an image; `None` where there is no pose shortly before it.
     pub fn take(&mut self, time: Stamp, local_from_vehicle: &Pose) -> Option<Motion> {
         let last = self.0.replace((time, *local_from_vehicle));
         let (last_time, last_pose) = last?;
@@ -49,30 +49,30 @@ impl Odometer {
     }
 }
 
-/// Points of an obstacle's height that are projected.
+/// Number of points along an obstacle's height that are projected.
 const PARTS: usize = 5;
 /// Obstacles farther from the rectangle's edges than this cannot project into it, m.
 const BEYOND_M: f64 = 2.0;
-/// Sources that see obstacles by their shape or feel them.
+/// Sources that see obstacles by their shape or touch them.
 const SOLID: [&str; 3] = ["cost.stereo", "cost.infrared", "cost.bumper"];
 
-/// What the camera sees of the ground sample.
+/// How the camera sees the ground sample.
 #[derive(Clone, Copy, Debug)]
 pub struct SampleView<'a> {
     /// The camera.
     pub camera: &'a PinholeCamera,
-    /// Its mount.
+    /// Extrinsics of the camera.
     pub vehicle_from_camera: &'a Pose,
-    /// The vehicle in the map's frame.
+    /// Pose of the vehicle in the map's frame.
     pub local_from_vehicle: &'a Pose,
-    /// The rectangle.
+    /// The sampled rectangle on the ground.
     pub rectangle: &'a Rectangle,
-    /// Its pixels.
+    /// Pixels of the rectangle.
     pub spans: &'a [Span],
 }
 
-/// Whether an obstacle of a map projects into the ground sample. An obstacle stands on its cell's ground height, or on
-/// the vehicle's plane where the map has none, up to its greatest height.
+/// Whether an obstacle of the map projects into the ground sample. An obstacle reaches from the ground height of its
+/// cell (the vehicle's plane where the map has none) to its maximum height.
 pub fn obstacle_in_sample(map: &GridView<'_>, view: &SampleView<'_>) -> bool {
     let solid: Vec<Field<'_>> = SOLID.iter().filter_map(|name| map.field(name).ok()).collect();
     let fields = if solid.is_empty() { map.field("cost").into_iter().collect() } else { solid };
@@ -101,7 +101,7 @@ pub fn obstacle_in_sample(map: &GridView<'_>, view: &SampleView<'_>) -> bool {
         for column in columns.clone() {
             let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) * size;
             let place = (origin * DVec3::new(middle.x, middle.y, 0.0)).truncate();
-            // The plane's height is enough to leave out what is far, before any field is read.
+            // The height of the plane suffices to discard distant cells before any field is read.
             let Some(plane_z) = plane(place) else { continue };
             if !near(vehicle_from_local * place.extend(plane_z)) || !is_obstacle(column, row) {
                 continue;
@@ -134,7 +134,8 @@ fn window(map: &GridView<'_>, view: &SampleView<'_>) -> [std::ops::Range<usize>;
     [range(vehicle.x, size.x, map.columns()), range(vehicle.y, size.y, map.rows())]
 }
 
-/// Height of the vehicle's plane over a place of the local frame, m; `None` where the vehicle lies on its side.
+/// Returns a function that gives the height of the vehicle's ground plane at a position of the local frame, m; `None`
+/// where the vehicle lies on its side.
 pub(crate) fn plane_height(local_from_vehicle: &Pose, below_m: f64) -> impl Fn(DVec2) -> Option<f64> + use<> {
     let up = local_from_vehicle.rotate(DVec3::Z);
     let origin = local_from_vehicle.translation - up * below_m;
@@ -154,7 +155,7 @@ mod tests {
 
     const RULE: VoteRule = VoteRule { rise: 60, fall: 20, max: 255 };
 
-    /// A map with one obstacle cell of this height, seen by this source.
+    /// A map with one obstacle cell of this height, from this source.
     fn map_with(place: DVec2, height_m: f32, source: Source, cost: u8) -> Grid {
         let mut map = Map::new(0.2).unwrap();
         map.recentre(place).unwrap();
@@ -170,7 +171,7 @@ mod tests {
         map.to_grid("local", Stamp(1), &MapOptions { sources, heights: true, weights: Weights::default() })
     }
 
-    /// Whether an obstacle at a place of the vehicle's frame is in the sample of a vehicle that stands somewhere.
+    /// Whether an obstacle at a position of the vehicle frame blocks the sample, for a vehicle at an arbitrary pose.
     fn blocked([x, y]: [f64; 2], height_m: f32, source: Source, cost: u8) -> bool {
         let camera =
             PinholeCamera::new([320, 240], [200.0, 200.0], [160.0, 120.0], Distortion::None).unwrap();
@@ -203,7 +204,7 @@ mod tests {
 
     #[test]
     fn a_tall_obstacle_beside_the_line_of_sight_is_in_the_sample_by_its_top_alone() {
-        // Nearer than the rectangle, its foot out of it: what stands up hides the sample.
+        // Nearer than the rectangle, and its base is outside of it: a tall obstacle still hides the sample.
         assert!(!blocked([0.42, 0.0], 0.0, Source::STEREO, 250));
         assert!(blocked([0.42, 0.0], 0.7, Source::STEREO, 250));
     }

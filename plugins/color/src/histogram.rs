@@ -1,22 +1,22 @@
-//! Histograms over red and green (Albus 2006a, 3.1.2): what a colour model is made of.
+//! Histograms over red and green (Albus 2006a, 3.1.2), of which colour models consist.
 //!
-//! 30×30 bins, bin = ⌊30·v/256⌋ of each channel. Every histogram that is compared, merged or divided by another one is
-//! first scaled to one sum, the sample budget, since raw counts of samples of different sizes mean nothing together.
+//! 30×30 bins, bin = ⌊30·v/256⌋ per channel. Histograms are scaled to a common sum, the sample budget, before they are
+//! compared, merged or divided, because raw counts of samples of different sizes are not comparable.
 
 use crate::image::Image;
 use serde::{Deserialize, Serialize};
 
-/// Bins of a channel.
+/// Bins per channel.
 pub const BINS: usize = 30;
-/// Bins of a histogram.
+/// Bins per histogram.
 pub const CELLS: usize = BINS * BINS;
 
-/// Bin of a colour: that of red times [`BINS`], and that of green.
+/// Index of the bin of a colour: red bin times [`BINS`] plus green bin.
 pub const fn bin(red: u8, green: u8) -> usize {
     (red as usize * BINS / 256) * BINS + green as usize * BINS / 256
 }
 
-/// Counts by [`bin`]; not negative, finite.
+/// Counts indexed by [`bin`], finite and not negative.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Histogram(Vec<f32>);
 
@@ -27,8 +27,8 @@ impl Default for Histogram {
 }
 
 impl Histogram {
-    /// Of counts by [`bin`]; `None` where there are not [`CELLS`] of them, or one is negative or not finite, or their
-    /// sum is not above 0 and finite.
+    /// Histogram with these counts, indexed by [`bin`]; `None` if there are not [`CELLS`] of them, if one is negative
+    /// or not finite, or if their sum is not positive and finite.
     pub fn from_counts(counts: &[f32]) -> Option<Histogram> {
         let usable = counts.len() == CELLS && counts.iter().all(|count| *count >= 0.0 && count.is_finite());
         let histogram = Histogram(counts.to_vec());
@@ -36,9 +36,10 @@ impl Histogram {
         (usable && sum > 0.0 && sum.is_finite()).then_some(histogram)
     }
 
-    /// Of the pixels of spans of an image; spans lie within it.
+    /// Histogram of the pixels in spans of an image; the spans must lie within the image.
     pub fn of_spans(image: &Image<'_>, spans: &[Span]) -> Histogram {
-        // Two tables, as neighbours often fall into one bin and would wait for each other's count.
+        // Two tables used in turn: neighbours often fall into one bin, and its second increment would wait for the
+        // first.
         let mut tables = [[0_u32; CELLS]; 2];
         for span in spans {
             let row = image.row(span.row as usize);
@@ -55,18 +56,18 @@ impl Histogram {
         self.0[bin(red, green)] += 1.0;
     }
 
-    /// Counts by [`bin`].
+    /// Counts indexed by [`bin`].
     pub fn counts(&self) -> &[f32] {
         &self.0
     }
 
-    /// How many pixels were counted.
+    /// Sum of the counts.
     pub fn sum(&self) -> f32 {
-        // Counts are whole or few enough: the order of the sum is fixed in any case.
+        // The order of the additions is fixed, so the sum is deterministic even where counts are not whole numbers.
         self.0.iter().map(|&count| f64::from(count)).sum::<f64>() as f32
     }
 
-    /// The same shares with another sum; an empty one stays empty.
+    /// Scales to another sum; an empty histogram stays empty.
     #[must_use]
     pub fn scaled(mut self, sum: f32) -> Histogram {
         let own = self.sum();
@@ -77,16 +78,17 @@ impl Histogram {
         self
     }
 
-    /// How much of one histogram the other lacks: 0 for the same shares of colours, 1 for none in common. Both have the
-    /// same sum. (One less Swain and Ballard's intersection, which is half the sum of absolute differences.)
+    /// Share of one histogram that the other does not have: 0 for equal distributions, 1 for disjoint ones. Both must
+    /// have the same sum. This is 1 minus the histogram intersection of Swain and Ballard, and half the sum of absolute
+    /// differences.
     pub fn difference(&self, other: &Histogram) -> f32 {
         let sum = self.sum().max(f32::MIN_POSITIVE);
         let common: f32 = std::iter::zip(&self.0, &other.0).map(|(a, b)| a.min(*b)).sum();
         (1.0 - common / sum).clamp(0.0, 1.0)
     }
 
-    /// Running average with a new histogram of the same sum, which counts as one of `uses + 1` (Albus 2006a, 3.1.2's
-    /// temporal fusion with c = 1 and w = `uses`).
+    /// Running average with a new histogram of the same sum, whose weight is 1 / (`uses` + 1): the temporal fusion of
+    /// Albus 2006a, 3.1.2 with c = 1 and w = `uses`.
     pub fn merge(&mut self, new: &Histogram, uses: u32) {
         let weight = uses as f32;
         for (own, new) in std::iter::zip(&mut self.0, &new.0) {
@@ -95,7 +97,7 @@ impl Histogram {
     }
 }
 
-/// Pixels of one row: columns from `start` to before `end`.
+/// Pixels of one row, columns `start` (included) to `end` (excluded).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Span {
     /// Row of the image.
@@ -107,7 +109,7 @@ pub struct Span {
 }
 
 impl Span {
-    /// How many pixels there are.
+    /// Number of pixels.
     pub fn pixels(&self) -> u32 {
         self.end.saturating_sub(self.start)
     }
@@ -118,7 +120,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The rule as the design writes it, pixel by pixel.
+    /// Reference implementation of the binning rule, pixel by pixel.
     fn reference_histogram(image: &Image<'_>, spans: &[Span]) -> Vec<f32> {
         let mut counts = vec![0.0; 900];
         for span in spans {

@@ -1,4 +1,4 @@
-//! The image that models look at, its reduction to 128×96 by averaging (Albus 2006a, 3.1.2).
+//! The colour image, and its reduction to 128×96 by averaging (Albus 2006a, 3.1.2).
 
 /// Columns of the reduced image.
 pub const WIDTH: usize = 128;
@@ -7,7 +7,7 @@ pub const HEIGHT: usize = 96;
 /// Pixels of the reduced image.
 pub const PIXELS: usize = WIDTH * HEIGHT;
 
-/// Rows of red, green and blue bytes.
+/// An image with red, green and blue bytes, in row order.
 #[derive(Clone, Copy, Debug)]
 pub struct Image<'a> {
     size: [usize; 2],
@@ -15,25 +15,25 @@ pub struct Image<'a> {
     data: &'a [u8],
 }
 
-/// Why an image is not looked at.
+/// Why an image cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ImageSizeError {
-    /// Width, height and bytes do not agree.
+    /// Width, height and number of bytes do not agree.
     #[error("image of {width}x{height} pixels has {got} bytes, expected {expected}")]
     Size {
         /// Pixels.
         width: usize,
         /// Pixels.
         height: usize,
-        /// Bytes there are.
+        /// Number of bytes given.
         got: usize,
-        /// Bytes there should be.
+        /// Number of bytes expected.
         expected: usize,
     },
 }
 
 impl<'a> Image<'a> {
-    /// Rows of `3 * width` bytes, `step` bytes apart.
+    /// An image of rows of `3 * width` bytes that begin `step` bytes apart.
     pub fn new(
         [width, height]: [usize; 2],
         step: usize,
@@ -46,7 +46,7 @@ impl<'a> Image<'a> {
         Ok(Image { size: [width, height], step, data })
     }
 
-    /// Columns and rows.
+    /// Number of columns and rows.
     pub fn size(&self) -> [usize; 2] {
         self.size
     }
@@ -63,9 +63,10 @@ impl<'a> Image<'a> {
     }
 }
 
-/// First and one past the last pixel of each of `parts` equal parts of a side of `length` pixels, at least 1.
+/// First pixel and one past the last pixel of each of `parts` equal parts of a side of `length` pixels; each part has
+/// at least 1 pixel.
 ///
-/// A side that is shorter than `parts` gives each of its pixels to several.
+/// A side that is shorter than `parts` assigns each of its pixels to several parts.
 pub fn edges(length: usize, parts: usize) -> Vec<[usize; 2]> {
     (0..parts)
         .map(|i| {
@@ -104,7 +105,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The mean over the pixels whose index times 128 / width (96 / height) falls on a reduced pixel.
+    /// Reference implementation: the mean over the pixels whose index times 128 / width (96 / height) falls on a
+    /// reduced pixel.
     fn reference_reduce(image: &Image<'_>) -> Vec<[u8; 2]> {
         let [width, height] = image.size();
         let mut reduced = Vec::new();

@@ -1,42 +1,44 @@
 //! The colour models and how they are learned (Albus 2006a, 3.1.2): several of ground, one of background, known
 //! obstacles.
 //!
-//! - A new ground histogram that is close to a model updates the best match. Otherwise, below the greatest number of
-//!   models, learning mode begins: a period in which the histogram that differs most from all models is looked for. It
-//!   begins anew whenever a more different one is seen; when it ends, that one becomes a model.
-//! - The very first ground histogram becomes a model at once: "the initial ground model".
+//! - A new ground histogram that is close to a model updates the best match. Otherwise, while there are fewer than the
+//!   maximum number of models, learning mode starts: for a period it keeps the histogram that differs most from all
+//!   models. The period restarts whenever a more different histogram is seen; when it ends, that histogram becomes a
+//!   model.
+//! - The very first ground histogram becomes a model at once ("the initial ground model").
 //! - Background histograms are averaged into the one background model.
 //!
-//! Where we decide what the paper leaves open: the difference of two histograms is [`Histogram::difference`]; models
-//! are running averages over the last `memory` histograms; the period runs in the time between images of which
-//! something may be learned, so that a turn suspends it. A priori ground models are updated like any other, as the
-//! light changes them, too; known obstacles are not, and count with the background.
+//! What the paper leaves open and how it is done here: the difference of two histograms is [`Histogram::difference`]; a
+//! model is a running average over the last `memory` histograms; the learning period counts only time between images
+//! from which ground may be learned, so a turn suspends it. A priori ground models are updated like learned ones,
+//! because changes of light affect them, too. Known obstacles are not updated, and their counts are added to the
+//! background's.
 
 use crate::histogram::{CELLS, Histogram};
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
-/// What is fixed about learning.
+/// Parameters of learning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Sum of every model: the sample budget.
+    /// Sum of the counts of every model: the sample budget.
     pub samples: u32,
-    /// Most ground models.
+    /// Maximum number of ground models.
     pub max_models: usize,
     /// A histogram that differs by less from a model updates it, 0 to 1.
     pub match_difference: f32,
-    /// Time after the most different histogram until it becomes a model, ns.
+    /// Time from the most different histogram until it becomes a model, ns.
     pub learning_period_ns: u64,
-    /// Most histograms in the average of a model.
+    /// Maximum number of histograms in the average of a model.
     pub memory: u32,
-    /// Most images in the average of a pixel's probability, `w_max`; 0 judges each image by itself.
+    /// Maximum number of images in the average of a pixel's probability, `w_max`; 0 classifies every image by itself.
     pub fusion_frames: u32,
-    /// Fewest pixels of a ground sample.
+    /// Minimum number of pixels of a ground sample.
     pub min_sample_px: u32,
 }
 
 impl Default for Settings {
-    /// The defaults of the parameters.
+    /// The default values of the process parameters.
     fn default() -> Self {
         Settings {
             samples: 4000,
@@ -50,16 +52,16 @@ impl Default for Settings {
     }
 }
 
-/// A model of colours.
+/// A colour model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Model {
-    /// What it is called.
+    /// Name of the model.
     pub name: String,
-    /// Its shares, with the sample budget as their sum.
+    /// Distribution of colours; its sum is the sample budget.
     pub histogram: Histogram,
-    /// Histograms that were merged into it.
+    /// Number of histograms that were averaged into it.
     pub uses: u32,
-    /// When the last of them was seen.
+    /// Acquisition time of the last of them.
     pub updated: Stamp,
 }
 
@@ -71,26 +73,26 @@ impl Model {
     }
 }
 
-/// What became of a ground histogram.
+/// What was done with a ground histogram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Learned {
     /// It updated the ground model of this index.
     Updated(usize),
-    /// It is watched in learning mode, which lasts this long still.
+    /// Learning mode is watching for the most different histogram.
     Watches {
-        /// Nanoseconds.
+        /// Time left in learning mode, ns.
         left_ns: u64,
     },
     /// A new ground model was made.
     Added,
-    /// It differs from all models, and there are as many as there may be.
+    /// It differs from all models, and the maximum number of models is reached.
     Full,
 }
 
-/// Learning mode.
+/// State of learning mode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Watch {
-    /// The most different histogram yet, and by how much.
+    /// The most different histogram so far, and its difference.
     candidate: Histogram,
     difference: f32,
     left_ns: u64,
@@ -101,17 +103,17 @@ pub(crate) struct Watch {
 pub struct Models {
     /// Traversable ground.
     pub ground: Vec<Model>,
-    /// Everything else, once anything of it was seen.
+    /// Everything that is not ground; `None` until some of it has been seen.
     pub background: Option<Model>,
     /// Known obstacles.
     pub obstacles: Vec<Model>,
     pub(crate) watch: Option<Watch>,
-    /// Ground models made so far: their names go on where they ended.
+    /// Ground models made so far, from which new models are numbered.
     pub(crate) made: u32,
 }
 
 impl Models {
-    /// Adds models to begin with, scaled to the sample budget.
+    /// Adds initial models, scaled to the sample budget.
     #[must_use]
     pub fn with(mut self, others: &Models, samples: u32) -> Models {
         let scaled = |model: &Model| Model {
@@ -121,12 +123,13 @@ impl Models {
         self.ground.extend(others.ground.iter().map(scaled));
         self.obstacles.extend(others.obstacles.iter().map(scaled));
         self.background = self.background.or_else(|| others.background.as_ref().map(scaled));
-        // Learned models that were saved keep their names, so new ones count on.
+        // Saved models that were learned keep their names, so new names are numbered after them.
         self.made = self.made.max(self.ground.len() as u32);
         self
     }
 
-    /// The least difference of a histogram from a ground model, and that model; 1 and none without models.
+    /// The smallest difference between a histogram and a ground model, and the index of that model; 1 and `None`
+    /// without models.
     pub fn best_match(&self, histogram: &Histogram) -> (f32, Option<usize>) {
         self.ground.iter().enumerate().fold((1.0, None), |best, (index, model)| {
             let difference = model.histogram.difference(histogram);
@@ -134,12 +137,12 @@ impl Models {
         })
     }
 
-    /// Whether learning mode is on, and for how long still, ns.
+    /// Time left in learning mode, ns; `None` when it is off.
     pub fn learning_left_ns(&self) -> Option<u64> {
         self.watch.as_ref().map(|watch| watch.left_ns)
     }
 
-    /// Takes a ground histogram that is scaled to the budget, `elapsed_ns` after the last one that was taken.
+    /// Takes a ground histogram scaled to the sample budget, `elapsed_ns` after the previous one.
     pub fn learn_ground(
         &mut self,
         histogram: &Histogram,
@@ -178,7 +181,7 @@ impl Models {
         }
     }
 
-    /// Takes a background histogram that is scaled to the budget.
+    /// Takes a background histogram scaled to the sample budget.
     pub fn learn_background(&mut self, histogram: &Histogram, time: Stamp, settings: &Settings) {
         if let Some(model) = &mut self.background {
             model.update(histogram, time, settings.memory);
@@ -195,14 +198,14 @@ impl Models {
         self.watch = None;
     }
 
-    /// `P_ground = N_g / (N_g + N_b)` of each bin, the largest over the ground models; NaN for 0/0, which is no answer.
-    /// `N_b` is the background's count with those of known obstacles.
+    /// `P_ground = N_g / (N_g + N_b)` of each bin, the maximum over the ground models; NaN for 0/0 (unclassified).
+    /// `N_b` is the sum of the counts of the background and of known obstacles.
     pub fn probabilities(&self) -> Vec<f32> {
         let mut background = vec![0.0_f32; CELLS];
         for model in self.background.iter().chain(&self.obstacles) {
             std::iter::zip(&mut background, model.histogram.counts()).for_each(|(sum, count)| *sum += count);
         }
-        // With one N_b for all, the largest N_g gives the largest quotient.
+        // `N_b` is common to all models, so the largest `N_g` gives the largest quotient.
         let mut ground = vec![0.0_f32; CELLS];
         for model in &self.ground {
             std::iter::zip(&mut ground, model.histogram.counts())

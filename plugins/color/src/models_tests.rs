@@ -11,10 +11,10 @@ const SETTINGS: Settings = Settings {
     fusion_frames: 3,
     min_sample_px: 10,
 };
-/// Images come five times a second.
+/// Images arrive five times a second.
 const STEP_NS: u64 = 200_000_000;
 
-/// A colour, with a share of another.
+/// A histogram of one colour with a share of another one.
 fn mixed(red: u8, share: f32, other: u8) -> Histogram {
     let mut a = Histogram::default();
     a.add(red, 0);
@@ -57,7 +57,7 @@ fn a_model_forgets_what_is_older_than_its_memory() {
     (0..50).for_each(|_| {
         learn(&mut models, &plain(10));
     });
-    // Each new one counts as one of four: (3/4)^n of the old is left.
+    // Each new histogram has a weight of 1/4, so (3/4)^n of the old model remains.
     learn(&mut models, &mixed(10, 0.4, 90));
     assert!(models.ground[0].histogram.difference(&mixed(10, 0.1, 90)) < 1e-5);
 }
@@ -66,7 +66,7 @@ fn a_model_forgets_what_is_older_than_its_memory() {
 fn learning_mode_ends_a_period_after_the_most_different_sample_and_adds_that_one() {
     let mut models = Models::default();
     learn(&mut models, &plain(10));
-    // Differs by 0.6, then by 0.8: that one extends the period; then by 0.7 until it ends.
+    // Differences of 0.6, then 0.8, which restarts the period, then 0.7 until it ends.
     assert_eq!(learn(&mut models, &mixed(10, 0.6, 90)), Learned::Watches { left_ns: 1_000_000_000 });
     for _ in 0..3 {
         assert!(matches!(learn(&mut models, &mixed(10, 0.6, 90)), Learned::Watches { .. }));

@@ -1,4 +1,4 @@
-//! What the process sends and says.
+//! Outputs of the process.
 
 use crate::cost_map::{CameraPlacement, CostMap, Ground};
 use crate::engine::{Permission, Seen};
@@ -14,7 +14,7 @@ use rcs_msg::foxglove::{Color, ImageAnnotations, Point2, PointsAnnotation, RawIm
 use rcs_runtime::{Cycle, Msg};
 use rcs_sense::{CELL_SIZE_M, WIDE_CELL_SIZE_M};
 
-/// Overlay and both maps; cells of the first with a cost, and those of them that are obstacles.
+/// Sends the overlay and both maps. Returns the number of cells of the first map with a cost, and of obstacle cells.
 pub(crate) fn send_costs(
     seen: &Seen,
     place: &CameraPlacement<'_>,
@@ -44,7 +44,7 @@ pub(crate) fn send_costs(
     known
 }
 
-/// The outline in the message's coordinates, whose origin is the corner of the first pixel.
+/// The outline in the coordinates of the message, whose origin is the corner of the first pixel.
 pub(crate) fn annotation(outline: &[DVec2], time: Stamp) -> ImageAnnotations {
     let points = outline.iter().map(|p| Point2 { x: p.x + 0.5, y: p.y + 0.5 }).collect();
     let line = PointsAnnotation {
@@ -62,7 +62,8 @@ pub(crate) fn annotation(outline: &[DVec2], time: Stamp) -> ImageAnnotations {
 pub(crate) fn permission(off: Option<ColorLearning>) -> Permission {
     match off {
         None => Permission::All,
-        // Where it stands before its first move is ground, too: without it there would be no cost to drive by.
+        // A vehicle that has not moved yet learns its first ground model where it stands: without one there would be no
+        // cost to drive by.
         Some(ColorLearning::ColorOffStanding | ColorLearning::ColorOffTurning) => Permission::FirstGround,
         Some(ColorLearning::ColorOffCommand) => Permission::Nothing,
         Some(_) => Permission::Background,

@@ -21,11 +21,11 @@ use rcs_world::GridView;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Models are sent at least this often while images come, s.
+/// While images arrive, models are sent at least this often, s.
 const MODELS_PERIOD_S: f64 = 1.0;
 
 rcs_runtime::commands! {
-    /// What [`ColorModelLearner`] obeys.
+    /// Commands of [`ColorModelLearner`].
     pub enum ColorModelsCommand {
         Clear = "CLEAR": "Forget what was learned; begin with the model files again.",
         LearnOn = "LEARN_ON": "Learn, where nothing else forbids it.",
@@ -33,20 +33,20 @@ rcs_runtime::commands! {
     }
 }
 
-/// State: models and fused probabilities, the last seconds of poses, the camera.
+/// State: models and fused probabilities, the poses of the last seconds, the camera.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ColorModelLearner {
     engine: Engine,
     localizer: Localizer,
     odometer: Odometer,
     camera: Option<PinholeCamera>,
-    /// Rays of `camera`, made when they are first needed.
+    /// Rays of `camera`, computed on first use.
     #[serde(skip)]
     rays: Option<Arc<Vec<DVec3>>>,
     check: ImageCheck,
     /// Time of the last image.
     last_image: Option<Stamp>,
-    /// Which model files the engine began with.
+    /// Fingerprint of the model files with which the engine started.
     loaded: u64,
     learns: bool,
     models_sent: Option<Stamp>,
@@ -266,7 +266,7 @@ impl ColorModelLearner {
         Ok(learning)
     }
 
-    /// Refuses an image that is older than the last.
+    /// Returns an error for an image that is older than the last one.
     fn check_sequence(&mut self, time: Stamp) -> Result<(), Unusable> {
         let newer_s = self.last_image.map_or(0.0, |last| time.seconds_since(last));
         if newer_s < 0.0 {
@@ -282,7 +282,8 @@ impl ColorModelLearner {
         Ok(pose)
     }
 
-    /// Why nothing may be learned of the ground in this image. With a fixed pose motion is not known, and not asked.
+    /// Why ground is not learned from this image; `None` where it is. With a fixed pose the motion is unknown and not
+    /// checked.
     fn off(
         &mut self,
         view: &SampleView<'_>,
@@ -306,7 +307,7 @@ impl ColorModelLearner {
         if extrinsics(params).fixed_pose {
             return None;
         }
-        // Poses that tell no motion are those of a vehicle that has not begun to move.
+        // Without motion from poses the vehicle is taken to stand: it has not begun to move.
         let Some(motion) = motion else { return Some(ColorLearning::ColorOffStanding) };
         if motion.turn_rate_radps > params.max_turn_rate_dps.to_radians() {
             Some(ColorLearning::ColorOffTurning)
@@ -318,7 +319,7 @@ impl ColorModelLearner {
     }
 }
 
-/// Whether a map that is recent enough has an obstacle in the sample.
+/// Whether a sufficiently recent map has an obstacle in the sample.
 fn obstacle_ahead(
     view: &SampleView<'_>,
     time: Stamp,

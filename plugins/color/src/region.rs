@@ -1,5 +1,6 @@
-//! Where in the image ground and background are sampled (Albus 2006a, 3.1.2): the trapezoid of the rectangle ahead of
-//! the vehicle, and what lies above the horizon or little below it, both on the plane of the vehicle's pose.
+//! Regions of the image in which ground and background are sampled (Albus 2006a, 3.1.2): the trapezoid of a rectangle
+//! on the ground ahead of the vehicle, and the part of the image above the horizon or slightly below it. Both use the
+//! plane under the vehicle.
 
 use crate::histogram::Span;
 use crate::image::{HEIGHT, WIDTH};
@@ -9,24 +10,24 @@ use rcs_geom::{PinholeCamera, Pose};
 /// A rectangle on the ground ahead of the vehicle, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
-    /// Where it begins, ahead of the vehicle frame's origin.
+    /// Distance of its near edge from the origin of the vehicle frame.
     pub ahead_m: f64,
-    /// Along x.
+    /// Extent along x.
     pub length_m: f64,
-    /// Along y, half on each side.
+    /// Extent along y, centred on the x axis.
     pub width_m: f64,
-    /// How far the ground lies below the vehicle frame's origin.
+    /// Distance of the ground below the origin of the vehicle frame.
     pub below_m: f64,
 }
 
-/// Parts of an edge of the rectangle, as a lens bends straight lines.
+/// Each edge of the rectangle is divided into this many parts, because a lens bends straight lines.
 const EDGE_PARTS: usize = 8;
-/// Nearer to the camera's plane, nothing is projected, m.
+/// Points nearer to the camera's plane are not projected, m.
 const NEAR_M: f64 = 0.05;
 
 impl Rectangle {
-    /// Its outline in the image of a camera, pixels, clipped at the camera's plane but not at the image. Empty where
-    /// the camera does not see it.
+    /// Outline of the rectangle in the image, pixels, clipped at the camera's plane but not at the image borders. Empty
+    /// where the camera does not see it.
     pub fn outline(&self, camera: &PinholeCamera, vehicle_from_camera: &Pose) -> Vec<DVec2> {
         let (near, far, side) = (self.ahead_m, self.ahead_m + self.length_m, 0.5 * self.width_m);
         let camera_from_vehicle = vehicle_from_camera.inverse();
@@ -42,7 +43,7 @@ impl Rectangle {
     }
 }
 
-/// The part of a polygon in front of the camera (Sutherland and Hodgman).
+/// The part of a polygon in front of the camera (Sutherland-Hodgman clipping).
 fn clip(polygon: &[DVec3]) -> Vec<DVec3> {
     let mut clipped = Vec::with_capacity(polygon.len() + 1);
     for (i, &to) in polygon.iter().enumerate() {
@@ -57,8 +58,7 @@ fn clip(polygon: &[DVec3]) -> Vec<DVec3> {
     clipped
 }
 
-/// Pixels whose centres lie within an outline (pixels, centres at whole numbers), by rows; those outside of the image
-/// are left out.
+/// Pixels whose centres lie within an outline (pixels, centres at whole numbers), row by row, clipped to the image.
 pub fn spans(outline: &[DVec2], [width, height]: [usize; 2]) -> Vec<Span> {
     let mut spans = Vec::new();
     if outline.len() < 3 || !outline.iter().all(|point| point.is_finite()) {
@@ -72,7 +72,7 @@ pub fn spans(outline: &[DVec2], [width, height]: [usize; 2]) -> Vec<Span> {
         let y = row as f64;
         crossings.clear();
         for (a, b) in outline.iter().zip(outline.iter().cycle().skip(1)) {
-            // Half-open, so that a vertex on the line counts once.
+            // Half-open interval, so that a vertex on the row counts once.
             if (a.y <= y) != (b.y <= y) {
                 crossings.push(a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x));
             }
@@ -89,7 +89,7 @@ pub fn spans(outline: &[DVec2], [width, height]: [usize; 2]) -> Vec<Span> {
     spans
 }
 
-/// Whether a pixel is in one of the spans, which are in the order of rows.
+/// Whether a pixel is in one of the spans, which are sorted by row.
 pub fn contains(spans: &[Span], pixel: DVec2) -> bool {
     if !pixel.is_finite() || pixel.x < -0.5 || pixel.y < -0.5 {
         return false;
@@ -102,7 +102,8 @@ pub fn contains(spans: &[Span], pixel: DVec2) -> bool {
         .any(|span| (span.start..span.end).contains(&column))
 }
 
-/// Rays of the pixels of the reduced image in the camera's optical frame, by rows; zero where the lens has none.
+/// Rays of the pixels of the reduced image in the optical frame of the camera, in row order; zero where the lens model
+/// has no ray.
 pub fn rays(camera: &PinholeCamera) -> Vec<DVec3> {
     let scale = DVec2::new(f64::from(camera.width) / WIDTH as f64, f64::from(camera.height) / HEIGHT as f64);
     let centre = |x: usize, y: usize| (DVec2::new(x as f64, y as f64) + 0.5) * scale - 0.5;
@@ -110,16 +111,16 @@ pub fn rays(camera: &PinholeCamera) -> Vec<DVec3> {
     pixels.map(|(x, y)| camera.unproject(centre(x, y)).unwrap_or(DVec3::ZERO)).collect()
 }
 
-/// For each column of the reduced image, how many rows of the full image (of `height`) from the top may be sampled as
-/// the first background: those above the horizon and `below_px` below it. The horizon is the plane's own: the lowest
-/// pixel of the column whose ray does not go down to the plane.
+/// For each column of the reduced image, the number of rows from the top of the full image (`height` rows) from which
+/// the first background is sampled: the rows above the horizon, and `below_px` rows below it. The horizon is that of
+/// the ground plane: the lowest pixel of the column whose ray does not descend to the plane.
 pub fn first_background(
     rays: &[DVec3],
     vehicle_from_camera: &Pose,
     height: usize,
     below_px: u32,
 ) -> Vec<u32> {
-    // The height of a direction's end over the plane, without turning the whole direction.
+    // Height of a direction above the plane, without rotating the whole vector.
     let up = vehicle_from_camera.inverse().rotate(DVec3::Z);
     (0..WIDTH)
         .map(|column| {
@@ -155,7 +156,7 @@ mod tests {
 
     const RECTANGLE: Rectangle = Rectangle { ahead_m: 0.6, length_m: 2.0, width_m: 1.0, below_m: 0.0 };
 
-    /// Every pixel by its ray: where it meets the plane.
+    /// Reference implementation: intersects the ray of every pixel with the plane.
     fn reference_count(camera: &PinholeCamera, vehicle_from_camera: &Pose, rectangle: &Rectangle) -> u32 {
         let mut count = 0;
         for v in 0..camera.height {
@@ -188,7 +189,7 @@ mod tests {
                 let spans = spans(&RECTANGLE.outline(&camera, &mount), [320, 240]);
                 let got: u32 = spans.iter().map(Span::pixels).sum();
                 let expected = reference_count(&camera, &mount, &RECTANGLE);
-                // Pixels on the outline may fall to either side, and the lens bends what is drawn straight.
+                // Pixels on the outline may fall on either side, and the lens bends straight edges.
                 let tolerance = 0.02 * f64::from(expected) + 8.0;
                 assert!(
                     (f64::from(got) - f64::from(expected)).abs() <= tolerance,
@@ -216,7 +217,7 @@ mod tests {
             for v in 0..30 {
                 for u in 0..40 {
                     let pixel = DVec2::new(f64::from(u), f64::from(v));
-                    // Even-odd rule by a ray to the left.
+                    // Even-odd rule with a ray to the left.
                     let mut crossings: Vec<f64> = Vec::new();
                     for (i, a) in outline.iter().enumerate() {
                         let b = outline[(i + 1) % outline.len()];
@@ -224,7 +225,7 @@ mod tests {
                             crossings.push(a.x + (pixel.y - a.y) / (b.y - a.y) * (b.x - a.x));
                         }
                     }
-                    // Pixels on the border may be either.
+                    // Pixels on the border may count either way.
                     if crossings.iter().all(|x| (x - pixel.x).abs() > 1e-9) {
                         let inside = crossings.iter().filter(|x| **x < pixel.x).count() % 2 == 1;
                         prop_assert_eq!(contains(&spans, pixel), inside, "{} in {:?}", pixel, outline);

@@ -1,4 +1,4 @@
-//! What the parameters of the process mean.
+//! Conversion of the process parameters.
 
 use crate::engine::Engine;
 use crate::file::parse;
@@ -18,7 +18,7 @@ pub(crate) fn initial_models(params: &ColorModelsParams) -> Result<Models, Strin
     Ok(models)
 }
 
-/// What the runtime has checked; without a check (a test) wrong files are no files.
+/// The runtime has refused invalid files before; where it did not check (in tests), invalid files count as empty.
 pub(crate) fn initial_engine(params: &ColorModelsParams) -> Engine {
     Engine::new(initial_models(params).unwrap_or_default())
 }

@@ -1,5 +1,5 @@
-//! The process on images made by hand: what it learns and when, what it sends, and that images that cannot be used are
-//! reported and skipped with nothing sent on.
+//! The process on synthetic images: what it learns and when, what it sends, and that unusable images are reported and
+//! skipped without output.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -82,7 +82,7 @@ fn raw(data: Vec<u8>) -> RawImage {
     }
 }
 
-/// A path 1.6 m wide straight ahead in grass, under a sky; with light and noise of its own for each seed.
+/// A path 1.6 m wide straight ahead through grass, below a sky; each seed gives other light and noise.
 fn scene(path: [u8; 3], seed: u64) -> RawImage {
     let camera = camera();
     let mount =
@@ -110,7 +110,7 @@ fn pose(x_m: f64, yaw_rad: f64) -> PoseInFrame {
     PoseInFrame { frame_id: "local".to_owned(), pose, ..PoseInFrame::default() }
 }
 
-/// A map with one obstacle 1.8 m ahead of a vehicle at this place.
+/// A map with one obstacle 1.8 m ahead of a vehicle at this x.
 fn blocked_map(x_m: f64) -> Grid {
     let mut map = Map::new(0.2).unwrap();
     let cell = map.grid().cell_at(DVec2::new(x_m + 1.8, 0.0)).unwrap();
@@ -120,7 +120,7 @@ fn blocked_map(x_m: f64) -> Grid {
     Grid { timestamp: None, ..map.to_grid("local", Stamp(1), &options) }
 }
 
-/// An image every 200 ms of a vehicle that drives so, from a time on.
+/// An image every 200 ms, from a time on, of a vehicle that drives with this speed and turn rate.
 fn drive(from_ms: u64, images: u64, path: [u8; 3], speed_mps: f64, turn_dps: f64) -> Vec<Given> {
     (0..images)
         .flat_map(|i| {
@@ -134,7 +134,7 @@ fn drive(from_ms: u64, images: u64, path: [u8; 3], speed_mps: f64, turn_dps: f64
         .collect()
 }
 
-/// Whatever file is asked for.
+/// Returns the same text for every file.
 struct Shelf(String);
 
 impl Assets for Shelf {
@@ -147,7 +147,7 @@ fn begin(given: &[Given], threads: usize, params: &[(&str, &str)]) -> Stepped {
     begin_with(given, threads, params, &NoAssets)
 }
 
-/// The stack on a log of these messages, begun.
+/// Starts the stack on a log of these messages.
 fn begin_with(given: &[Given], threads: usize, params: &[(&str, &str)], assets: &dyn Assets) -> Stepped {
     let topics = [
         ("/image", schema_of::<RawImage>()),
@@ -218,7 +218,7 @@ fn on_a_path_the_path_is_cheap_and_the_grass_is_dear() {
     );
 }
 
-/// Drives on mulch, then so on lime, and says what became of the last sample and how many ground models there are.
+/// Drives on mulch, then on lime as given; returns what was done with the last sample and the number of ground models.
 fn learning_on_lime(
     speed_mps: f64,
     turn_dps: f64,
@@ -255,7 +255,7 @@ fn nothing_is_learned_while_the_vehicle_stands() {
 fn nothing_is_learned_with_an_obstacle_of_the_map_in_the_sample() {
     let obstacle = || Some(give(1_005, "/map", blocked_map(0.0)));
     assert_eq!(learning_on_lime(0.1, 0.0, obstacle(), &[]), (ColorLearning::ColorOffObstacle, 1));
-    // An old map tells nothing.
+    // An old map is ignored.
     let old = [("color.map_max_age_s", "0.5")];
     assert_eq!(learning_on_lime(0.1, 0.0, obstacle(), &old), (ColorLearning::ColorUpdated, 2));
 }
@@ -277,13 +277,13 @@ fn the_operator_stops_learning_and_makes_it_forget() {
         session.write(ExternalEvent::operator("/color/command", message)).unwrap();
     };
     assert_eq!(go(&mut session, 900), (ColorLearning::ColorUpdated, 1));
-    // The run began with the operator's RUN, whose serial was 1.
+    // The run started with the operator's RUN, whose serial was 1.
     command(&mut session, 2, "LEARN_OFF");
     assert_eq!(go(&mut session, 2_400), (ColorLearning::ColorOffCommand, 1));
     command(&mut session, 3, "LEARN_ON");
     assert_eq!(go(&mut session, 3_600), (ColorLearning::ColorUpdated, 2));
     command(&mut session, 4, "CLEAR");
-    // What is ahead now is the first ground again, and the only one.
+    // The ground ahead becomes the first ground model again, and the only one.
     assert_eq!(go(&mut session, 3_900).1, 1);
 }
 
@@ -355,7 +355,7 @@ fn models_that_were_saved_classify_from_the_first_image_of_the_next_run() {
     let models: ColorModels = latest(&run, "/color/models");
     let text = to_json(&AnyMessage::new(models)).unwrap();
 
-    // The vehicle stands on lime with a mulch path beside it in the file's colours: it learns nothing.
+    // The vehicle stands on lime next to a mulch path with the colours of the file, and learns nothing.
     let given = with_calibration(drive(10, 3, MULCH, 0.0, 0.0));
     let mut run = begin_with(&given, 1, &[("color.models", "saved")], &Shelf(text));
     until(&mut run, 100);
