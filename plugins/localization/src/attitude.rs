@@ -1,50 +1,51 @@
-//! Roll, pitch and yaw from gyros and accelerometers: a complementary filter.
+//! Roll, pitch and yaw from gyros and accelerometers by a complementary filter.
 //!
-//! Gyros are integrated; where the accelerometers feel about as much as gravity, their direction of up pulls roll and
-//! pitch slowly to itself; what the vehicle's own motion by its wheels adds to them is taken out before. Yaw has
-//! nothing to be pulled to, so it drifts with the bias of its gyro, which is learned while the vehicle stands.
+//! The gyros are integrated. While the magnitude of the measured acceleration is close to gravity, its direction slowly
+//! corrects roll and pitch; accelerations from the vehicle's own motion, as measured by the wheels, are subtracted
+//! before. Yaw has no such correction: it drifts with the bias of its gyro, which is estimated while the vehicle
+//! stands.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// m/s².
 const GRAVITY_MPS2: f64 = 9.81;
-/// A vehicle that turns faster does not stand, whatever its encoders say, rad/s.
+/// A vehicle that turns faster than this is not at rest, whatever the encoders report, rad/s.
 const STANDING_RADPS: f64 = 0.03;
-/// A shorter rest teaches nothing: the vehicle may be about to turn, and its first readings would be taken for a bias,
-/// s.
+/// Shortest rest from which a bias is estimated, s: the vehicle may be about to turn, and the first readings of that
+/// turn must not be taken for a bias.
 const LEAST_REST_S: f64 = 0.5;
-/// A gap between readings that is longer is not integrated over, s.
+/// Longest gap between readings that is integrated over, s.
 const MAX_STEP_S: f64 = 0.5;
 
 /// Settings of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AttitudeSettings {
-    /// Roll and pitch follow the accelerometers after this, s.
+    /// Time constant with which the accelerometers correct roll and pitch, s.
     pub tilt_time_s: f64,
-    /// Accelerations that differ from gravity by more do not count, m/s².
+    /// Accelerations that differ from gravity by more than this are ignored, m/s².
     pub tilt_gate_mps2: f64,
-    /// Biases are averaged over this, s.
+    /// Averaging time of the biases, s.
     pub bias_time_s: f64,
 }
 
 /// State of the filter.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Attitude {
-    /// Turns vehicle axes into level axes, x to the east.
+    /// Rotation from vehicle axes to level axes, x to the east.
     pub level_from_vehicle: DQuat,
-    /// Turn rates less their biases, rad/s, vehicle axes.
+    /// Turn rates with the biases removed, rad/s, vehicle axes.
     pub turn_radps: DVec3,
     bias: DVec3,
-    /// Time at rest that the bias has been averaged over, s.
+    /// Total time at rest over which the bias has been averaged, s.
     rested_s: f64,
-    /// How long this rest has lasted, s, and the mean turn rate in its first [`LEAST_REST_S`], rad/s.
+    /// Duration of the current rest, s, and the mean turn rate in its first [`LEAST_REST_S`], rad/s.
     rest_s: f64,
     rest_mean: DVec3,
 }
 
 impl Attitude {
-    /// At rest with this heading: roll and pitch follow from what the accelerometers feel.
+    /// Attitude of a vehicle at rest with this heading; roll and pitch follow from the accelerometers.
     pub fn at_rest(force_mps2: DVec3, yaw_rad: f64) -> Attitude {
         let yawless = DQuat::from_rotation_arc(force_mps2.normalize_or(DVec3::Z), DVec3::Z);
         let forward = yawless * DVec3::X;
@@ -59,8 +60,8 @@ impl Attitude {
         }
     }
 
-    /// Takes a reading `elapsed_s` after the last one: rad/s and m/s², gravity included and the vehicle's own motion,
-    /// as far as it is known, taken out, vehicle axes.
+    /// Takes a reading `elapsed_s` after the previous one: turn rates, rad/s, and accelerations, m/s², including
+    /// gravity but with the known motion of the vehicle subtracted, in vehicle axes.
     pub fn update(
         &mut self,
         settings: &AttitudeSettings,
@@ -83,14 +84,14 @@ impl Attitude {
             let felt_up = force_mps2.normalize();
             let believed_up = attitude.conjugate() * DVec3::Z;
             let part = elapsed_s / (settings.tilt_time_s + elapsed_s);
-            // About an axis across up: yaw stays what it is.
+            // The rotation axis is perpendicular to up, so yaw does not change.
             attitude *= DQuat::from_scaled_axis(felt_up.cross(believed_up) * part);
         }
         self.level_from_vehicle = attitude.normalize();
     }
 
-    /// Learns the biases from a reading at rest: at first by the plain mean, so that a second at rest is worth a
-    /// second, later by one that forgets.
+    /// Estimates the biases from a reading at rest: first by the plain mean over all time at rest, later by a mean that
+    /// forgets.
     fn rest(&mut self, settings: &AttitudeSettings, gyro_radps: DVec3, elapsed_s: f64) {
         if elapsed_s <= 0.0 {
             return;
@@ -115,7 +116,7 @@ impl Attitude {
         libm::atan2(forward.y, forward.x)
     }
 
-    /// Turns about the vertical, where no gyro says so, rad.
+    /// Adds a rotation about the vertical from a source other than the gyros, rad.
     pub fn turn_by(&mut self, yaw_rad: f64) {
         self.level_from_vehicle = (DQuat::from_rotation_z(yaw_rad) * self.level_from_vehicle).normalize();
     }
@@ -181,7 +182,7 @@ mod tests {
     fn a_vehicle_that_turns_off_at_once_teaches_no_bias() {
         let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 0.0);
         for step in 0..100 {
-            // The encoders say so only after a moment.
+            // The encoders report the turn only after a moment.
             let (gyro, standing) = (DVec3::Z * 0.001 * f64::from(step), step < 20);
             attitude.update(&SETTINGS, gyro, DVec3::Z * 9.81, 0.01, standing);
         }

@@ -1,10 +1,11 @@
-//! The global estimate: when a position fix is believed, and what happens while there is none.
+//! The global estimate: when a position fix is accepted, and what happens without fixes.
 //!
-//! A fix is compared with the estimate by the variance that the receiver states; one that surprises is an outlier and
-//! is left out. Fixes err alike over tens of seconds, so a good one is weighed with a larger variance: otherwise a
-//! filter would take sixty fixes of a minute for sixty measurements and follow their common error. After a start or a
-//! long time without a fix the first ones must agree with each other; when many in a row are refused that agree with
-//! each other, it is the estimate that is wrong, and it begins anew.
+//! A fix is compared with the estimate using the variance stated by the receiver. If its normalised error is too large,
+//! it is an outlier and is refused. Errors of fixes are correlated over tens of seconds, so the variance of an accepted
+//! fix is enlarged: otherwise the filter would treat sixty fixes within a minute as sixty independent measurements and
+//! follow their common error. After the start, or after a long time without a fix, the first fixes must agree with each
+//! other. When many consecutive fixes are refused but agree with each other, the estimate is wrong, and restarts from
+//! them.
 
 use crate::planar::{Fix, MotionNoise, Planar};
 use glam::DVec2;
@@ -14,11 +15,11 @@ use serde::{Deserialize, Serialize};
 /// Settings of the gate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GateSettings {
-    /// Largest squared, normalised error.
+    /// Largest accepted squared, normalised error.
     pub gate: f64,
-    /// Fixes err alike over this, s.
+    /// Correlation time of the errors of fixes, s.
     pub correlation_s: f64,
-    /// So many refused fixes in a row that agree with each other begin the estimate anew.
+    /// Number of consecutive refused fixes that agree with each other after which the estimate restarts.
     pub reset_after: u32,
 }
 
@@ -31,24 +32,24 @@ pub struct Position {
     pub at: DVec2,
     /// Height, m.
     pub height_m: f64,
-    /// Stated variances, level and up, m².
+    /// Variance of east and of north as stated by the receiver, m².
     pub variance: f64,
-    /// See `variance`.
+    /// Variance of the height as stated by the receiver, m².
     pub height_variance: f64,
 }
 
-/// What became of a fix.
+/// What was done with a fix.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
     /// It corrected the estimate.
     Used,
-    /// It waits for one that agrees with it.
+    /// It is kept until a second one agrees with it.
     Waits,
-    /// The estimate began with it.
+    /// The estimate started with it.
     Began,
     /// It is an outlier, with this squared, normalised error.
     Refused {
-        /// See [`GateSettings::gate`].
+        /// Squared, normalised error; see [`GateSettings::gate`].
         surprise: f64,
     },
 }
@@ -57,42 +58,42 @@ pub enum Verdict {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GlobalEstimate {
     planar: Option<Planar>,
-    /// Global height less local height, m, and its variance, m².
+    /// Global height minus local height, m, and its variance, m².
     lift_m: f64,
     lift_variance: f64,
-    /// Heading and its variance while there is no place yet.
+    /// Heading and its variance while the position is unknown.
     heading: [f64; 2],
     last_fix: Option<Position>,
     last_used: Option<Stamp>,
-    /// Refused or waiting fixes in a row that agree with each other.
+    /// Number of consecutive refused or waiting fixes that agree with each other.
     chain: u32,
 }
 
-/// A vehicle moves no faster between two fixes that must agree, m/s.
+/// Fastest motion of the vehicle between two fixes that agree, m/s.
 const FASTEST_MPS: f64 = 5.0;
 
 impl GlobalEstimate {
-    /// Knows the heading and its variance, rad and rad², and no place.
+    /// An estimate with known heading (rad, variance in rad²) and unknown position.
     pub fn new(yaw_rad: f64, yaw_variance: f64) -> GlobalEstimate {
         GlobalEstimate { heading: [yaw_rad, yaw_variance], ..GlobalEstimate::default() }
     }
 
-    /// Place and heading; `None` before two fixes have agreed.
+    /// Position and heading; `None` before two fixes have agreed.
     pub fn planar(&self) -> Option<&Planar> {
         self.planar.as_ref()
     }
 
-    /// Global height less local height, m, and its variance, m².
+    /// Global height minus local height, m, and its variance, m².
     pub fn lift(&self) -> [f64; 2] {
         [self.lift_m, self.lift_variance]
     }
 
-    /// Time since a fix was used, s.
+    /// Time since the last accepted fix, s.
     pub fn age_s(&self, now: Stamp) -> Option<f64> {
         Some(now.seconds_since(self.last_used?))
     }
 
-    /// A step ahead, m, and a turn, rad, in a time, s.
+    /// Advances the estimate by a step ahead, m, and a turn, rad, within a time, s.
     pub fn advance(&mut self, noise: &MotionNoise, step_m: f64, turn_rad: f64, elapsed_s: f64) {
         if let Some(planar) = &mut self.planar {
             planar.advance(noise, step_m, turn_rad, elapsed_s);
@@ -103,8 +104,8 @@ impl GlobalEstimate {
         self.lift_variance += noise.distance * noise.distance * step_m.abs();
     }
 
-    /// Takes a fix. `arm` is the antenna seen from the vehicle's origin (level, ahead and left) and `local_height_m`
-    /// the antenna's height in the local frame, m.
+    /// Takes a fix. `arm` is the position of the antenna relative to the vehicle's origin (level axes, ahead and left,
+    /// m); `local_height_m` is the height of the antenna in the local frame, m.
     pub fn take(
         &mut self,
         settings: &GateSettings,
@@ -114,7 +115,7 @@ impl GlobalEstimate {
     ) -> Verdict {
         let before = self.last_fix.replace(position);
         let gap_s = before.map_or(f64::INFINITY, |before| position.time.seconds_since(before.time));
-        // Errors that forget themselves in a time τ are worth one independent error in 2τ.
+        // Errors with correlation time τ contain one independent error per 2τ.
         let alike = (2.0 * settings.correlation_s / gap_s.max(1e-3)).max(1.0);
         let fix = Fix { at: position.at, arm, variance: position.variance, alike };
         let agrees = before.is_some_and(|before| {
@@ -222,7 +223,8 @@ mod tests {
         for fix in 0..40 {
             take(&mut estimate, fix * 250, 0.0);
         }
-        // Twenty seconds of fixes are one measurement: after ten the variance is two thirds, not a fortieth.
+        // Twenty seconds of fixes are about one measurement: after ten the variance has fallen to two thirds, not to a
+        // fortieth.
         let variance = estimate.planar().unwrap().covariance.x_axis.x;
         assert!((0.6..0.75).contains(&variance), "{variance}");
     }

@@ -1,5 +1,5 @@
-//! Where the vehicle is: a local estimate that is smooth and drifts, and a global one that is noisy and does not (Albus
-//! 2006a, 4).
+//! Estimates of the vehicle's pose: a local one that is smooth but drifts, and a global one that is noisy but does not
+//! drift (Albus 2006a, 4).
 //!
 //! # `position`
 //!
@@ -13,28 +13,47 @@
 //! | `global` | out | `foxglove.Odometry` | pose of the vehicle in the global frame with covariance: noisy, does not drift |
 //! | `transforms` | out | `foxglove.FrameTransforms` | the local frame in the global frame |
 //!
-//! Period 20 ms. `local` is sent whenever a sensor has said something, `global` and `transforms` every 100 ms once two
-//! position fixes have agreed. No commands beside the runtime's.
+//! Period 20 ms. `local` is sent whenever a sensor has reported, `global` and `transforms` every 100 ms after two
+//! position fixes have agreed. No commands besides those of the runtime.
 //!
+//! It fuses wheel encoders, inertial sensors and position fixes. It uses neither images nor maps: there is no visual
+//! odometry and no loop closure.
+//!
+//! # Where to begin
+//!
+//! - [`planar`]: position and heading with covariance; dead reckoning, and correction by a fix.
 //! - [`attitude`]: roll, pitch and yaw by a complementary filter of gyros and accelerometers.
-//! - [`planar`]: place and heading with covariance; dead reckoning and the correction by a fix.
-//! - [`fixes`]: which fixes are believed, and how much.
-//! - [`wheels`]: what the wheels have rolled, and whether the vehicle stands.
+//! - [`fixes`]: which fixes are accepted, and with what weight.
+//! - [`wheels`]: distance rolled by the wheels, and whether the vehicle stands.
 //! - [`origin`]: the global frame on the earth.
 //!
-//! The local estimate begins at (0, 0, 0) with the heading of the inertial sensor's compass, or of a parameter. It uses
-//! the wheels alone for distances, so when they slip it goes too far, and never hears of it; the global estimate does,
-//! by the fixes. Neither knows of sideways slip.
+//! The local estimate starts at (0, 0, 0) with the heading of the inertial sensor's compass, or of a parameter. It
+//! measures distance by the wheels alone, so wheel slip makes it too long without any correction; the global estimate
+//! is corrected by the fixes. Neither models sideways slip.
 //!
-//! Noise that the covariances state, with the parameters' defaults: 5 % of each 20 m, as slip lasts, 0.5° of
-//! heading in the square root of a second; a fix as its receiver states it, and fixes that err alike over 15 s, so that
-//! 30 s of them are one measurement.
+//! Noise in the covariances, with default parameters: 5 % of distance, with one error per 20 m because slip depends on
+//! the ground; 0.5° of heading per square root of a second; fixes as stated by the receiver, with errors correlated
+//! over 15 s, so that 30 s of them count as one measurement.
 //!
-//! Where this differs from the seed: Albus 2006a, 4 says what the two estimates are and not how they are made; the gate
-//! is that of Wellington 2005, A.2: a likelihood ratio by the normalised error.
+//! Difference from the paper: Albus 2006a, 4 describes the two estimates but not how they are computed. The gate is
+//! that of Wellington 2005, A.2: a likelihood ratio by the normalised error.
 //!
-//! Readings that cannot be used (not finite, older than the one before, wheels that jump, a place outside of UTM, an
+//! Unusable readings (not finite, older than the previous one, wheel distances that jump, a position outside of UTM, an
 //! outlier) are faults and are skipped.
+//!
+//! # Example
+//!
+//! ```
+//! use rcs_geom::DVec2;
+//! use rcs_localization::planar::{MotionNoise, Planar};
+//!
+//! // Dead reckoning: 1 m to the east within a second.
+//! let mut pose = Planar::new(DVec2::ZERO, 0.0, 0.0, 0.0);
+//! let noise = MotionNoise { distance: 0.05, heading_rad: 0.01 };
+//! pose.advance(&noise, 1.0, 0.0, 1.0);
+//! assert!(pose.at.abs_diff_eq(DVec2::new(1.0, 0.0), 1e-12));
+//! assert!(pose.covariance.x_axis.x > 0.0);
+//! ```
 
 rcs_msg::messages!(
     /// Messages of this plugin alone, from `proto/`.

@@ -1,20 +1,21 @@
-//! The origin of the global frame, and places of the earth in it.
+//! The origin of the global frame, and conversion of geodetic positions to that frame.
 
 use glam::DVec3;
 use rcs_geom::{GeodesyError, Geodetic, Utm};
 use serde::{Deserialize, Serialize};
 
-/// Origin of the frame `global`: its (0, 0) is a place in UTM, its axes are easting and northing, its height 0 is the
-/// ellipsoid's.
+/// Origin of the frame `global`: a position in UTM. The axes of the frame are easting and northing; its height 0 is the
+/// ellipsoid.
 ///
-/// A place in it is a difference of UTM coordinates. Against true east and north these axes are turned by the zone's
-/// convergence and scaled by 0.9996 to 1.001; maps, courses and goals use the same grid, so nothing else sees that.
+/// A position in the frame is a difference of UTM coordinates. Relative to true east and north, its axes are rotated by
+/// the meridian convergence of the zone and scaled by 0.9996 to 1.001. Maps, courses and goals use the same grid, so
+/// this affects nothing else.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Origin(pub Utm);
 
 impl Origin {
-    /// From the text of a world file: its table `[origin]` with `zone`, `north` (true where it is absent), `easting_m`
-    /// and `northing_m`. The rest of the file is the simulation's own and is not looked at.
+    /// Parses the table `[origin]` of a world file: `zone`, `north` (default true), `easting_m` and `northing_m`. The
+    /// rest of the file belongs to the simulation and is ignored.
     pub fn from_toml(text: &str) -> Result<Origin, String> {
         let file: toml::Table = toml::from_str(text).map_err(|error| error.to_string())?;
         let table = file.get("origin").and_then(toml::Value::as_table);
@@ -32,12 +33,12 @@ impl Origin {
         place.map(Origin).map_err(|error| format!("origin: {error}"))
     }
 
-    /// The place of a fix.
+    /// Origin at the position of a fix.
     pub fn at(place: &Geodetic) -> Result<Origin, GeodesyError> {
         Utm::from_geodetic(place).map(Origin)
     }
 
-    /// East, north and up of the origin, m.
+    /// Position relative to the origin: east, north, up, m.
     pub fn global_from_geodetic(&self, place: &Geodetic) -> Result<DVec3, GeodesyError> {
         let utm = Utm::from_geodetic_in_zone(place, self.0.zone, self.0.north)?;
         Ok(DVec3::new(utm.easting_m - self.0.easting_m, utm.northing_m - self.0.northing_m, place.altitude_m))

@@ -1,31 +1,31 @@
-//! Place and heading with their covariance: dead reckoning, and a Kalman filter with position fixes (Albus 2006a, 4).
+//! Position and heading with covariance: dead reckoning, and a Kalman filter with position fixes (Albus 2006a, 4).
 //!
-//! State: east, north (m), heading (rad). A step of length `ds` along the heading and a turn `dθ` by the gyro move it,
-//! and its covariance grows by `F·P·Fᵀ + Q` with `F` the derivative of the step; a fix of the antenna corrects it.
-//! Local and global estimate are the same motion model: the one never sees a fix, so it is smooth and drifts; the other
-//! does, so it is noisy and does not.
+//! State: east, north (m), heading (rad). A step of length `ds` along the heading and a turn `dθ` from the gyro move
+//! it, and its covariance becomes `F·P·Fᵀ + Q`, with `F` the Jacobian of the step; a fix of the antenna corrects it.
+//! The local and the global estimate use the same motion model. The local one receives no fixes, so it is smooth and
+//! drifts; the global one does, so it is noisy and does not drift.
 
 use glam::{DMat3, DVec2, DVec3};
 use rcs_geom::wrap_angle;
 use serde::{Deserialize, Serialize};
 
-/// Place and heading.
+/// Position and heading.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Planar {
     /// East and north, m.
     pub at: DVec2,
     /// Counter-clockwise from east, rad.
     pub yaw_rad: f64,
-    /// Of (east, north, heading).
+    /// Covariance of (east, north, heading), m² and rad².
     pub covariance: DMat3,
 }
 
-/// How much motion is to be trusted.
+/// Noise of the motion model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionNoise {
-    /// Standard deviation of a metre, m.
+    /// Standard deviation of the distance after one metre, m; its variance grows with distance.
     pub distance: f64,
-    /// Of the heading after a second, rad.
+    /// Standard deviation of the heading after one second, rad.
     pub heading_rad: f64,
 }
 
@@ -34,28 +34,29 @@ pub struct MotionNoise {
 pub struct Fix {
     /// East and north, m.
     pub at: DVec2,
-    /// The antenna seen from the vehicle's origin, level, in the vehicle's direction: ahead and left, m.
+    /// Position of the antenna relative to the vehicle's origin, in level axes of the vehicle: ahead and left, m.
     pub arm: DVec2,
-    /// Variance that the receiver states, m².
+    /// Variance stated by the receiver, m².
     pub variance: f64,
-    /// What the variance is multiplied by when the fix is weighed, because neighbouring fixes err alike.
+    /// Factor by which the variance is enlarged for the correction, because the errors of consecutive fixes are
+    /// correlated.
     pub alike: f64,
 }
 
 impl Planar {
-    /// A place known to a variance, m² and rad².
+    /// State with known variances of position, m², and heading, rad².
     pub fn new(at: DVec2, yaw_rad: f64, variance: f64, yaw_variance: f64) -> Planar {
         let covariance = DMat3::from_diagonal(DVec3::new(variance, variance, yaw_variance));
         Planar { at, yaw_rad, covariance }
     }
 
-    /// A step ahead, m, and a turn, rad, in a time, s.
+    /// Advances the state by a step ahead, m, and a turn, rad, within a time, s.
     pub fn advance(&mut self, noise: &MotionNoise, step_m: f64, turn_rad: f64, elapsed_s: f64) {
         let (sin, cos) = libm::sincos(self.yaw_rad + 0.5 * turn_rad);
         let ahead = DVec2::new(cos, sin);
         self.at += ahead * step_m;
         self.yaw_rad = wrap_angle(self.yaw_rad + turn_rad);
-        // Columns of the derivative of the step.
+        // Columns of the Jacobian of the step.
         let f = DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::new(-sin * step_m, cos * step_m, 1.0));
         let along = noise.distance * noise.distance * step_m.abs();
         let grown = DMat3::from_cols(
@@ -66,8 +67,8 @@ impl Planar {
         self.covariance = f * self.covariance * f.transpose() + grown;
     }
 
-    /// Squared error of a fix, normalised by what is expected of it by both covariances: chi-squared with two degrees
-    /// of freedom for a good one.
+    /// Squared error of a fix, normalised by the covariances of state and fix: for a good fix it is chi-squared
+    /// distributed with two degrees of freedom.
     pub fn surprise(&self, fix: &Fix) -> f64 {
         let (rows, error) = self.innovation(fix);
         let s = self.spread(&rows, fix.variance);
@@ -76,7 +77,7 @@ impl Planar {
             + error.y * (inverse[1] * error.x + inverse[2] * error.y)
     }
 
-    /// Corrects the estimate by a fix (Joseph's form, which keeps the covariance symmetric and positive).
+    /// Corrects the state by a fix (Joseph form, which keeps the covariance symmetric and positive).
     pub fn correct(&mut self, fix: &Fix) {
         let (rows, error) = self.innovation(fix);
         let variance = fix.variance * fix.alike;
@@ -94,7 +95,7 @@ impl Planar {
         self.covariance = kept * self.covariance * kept.transpose() + noise * variance;
     }
 
-    /// Rows of the derivative of what the fix should be, and how far it is from that, m.
+    /// Rows of the measurement Jacobian, and the innovation, m.
     fn innovation(&self, fix: &Fix) -> ([DVec3; 2], DVec2) {
         let (sin, cos) = libm::sincos(self.yaw_rad);
         let arm = DVec2::new(cos * fix.arm.x - sin * fix.arm.y, sin * fix.arm.x + cos * fix.arm.y);
@@ -131,7 +132,7 @@ mod tests {
 
     #[test]
     fn covariance_grows_as_that_of_many_random_drives() {
-        // The reference: 4000 drives with random errors.
+        // Reference: Monte Carlo simulation of 4000 drives with random errors.
         let mut seed = 1_u64;
         let mut normal = || {
             let mut sum = -6.0;
@@ -192,7 +193,7 @@ mod tests {
         for _ in 0..200 {
             filter.correct(&Fix { at: DVec2::new(2.8, 3.5), arm, variance: 0.01, alike: 1.0 });
         }
-        // Ahead is north and left is west.
+        // Ahead is north, left is west.
         assert!(filter.at.abs_diff_eq(DVec2::new(3.0, 4.0), 0.01), "{}", filter.at);
     }
 

@@ -17,26 +17,26 @@ use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, Process
 use rcs_sense::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
-/// Slip belongs to the ground, so the errors of neighbouring metres are alike: this length has one error, m.
+/// Wheel slip depends on the ground, so its error is correlated along the way: over this length it is one error, m.
 const SLIP_LENGTH_M: f64 = 20.0;
 /// Time between two global estimates that are sent, ns.
 const GLOBAL_PERIOD_NS: u64 = 100_000_000;
-/// Variance of roll and pitch that is stated: that of the filter on rough ground, rad².
+/// Stated variance of roll and pitch: that of the filter on rough ground, rad².
 const TILT_VARIANCE: f64 = 0.0012;
-/// Name of the vehicle in the global estimate: the frame `vehicle` itself hangs below the local frame.
+/// Child frame of the global estimate. The frame `vehicle` itself is a child of the local frame.
 const GLOBAL_BODY: &str = "vehicle_global";
 
-/// State: attitude, both estimates, and what the sensors said last.
+/// State: attitude, both estimates, and the last readings of the sensors.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Localization {
     attitude: Option<Attitude>,
-    /// Of the local estimate: place, heading, height.
+    /// Position, heading and height of the local estimate.
     local: Option<Planar>,
     height_m: f64,
     global: GlobalEstimate,
     origin: Option<Origin>,
     speed_mps: f64,
-    /// How fast the speed grows by the wheels, m/s², and when that was.
+    /// Acceleration by the wheels, m/s², and its time.
     gain: Option<(f64, Stamp)>,
     /// Time of the last inertial reading.
     felt: Option<Stamp>,
@@ -102,7 +102,7 @@ impl Process for Localization {
     }
 
     fn new(params: &LocalizationParams) -> Self {
-        // The runtime has called `check`; a text that is refused leaves the origin to the first fix.
+        // The runtime has called `check`; with an invalid world file the first fix sets the origin.
         Self { origin: Origin::from_toml(&params.world).ok(), ..Self::default() }
     }
 
@@ -176,7 +176,7 @@ impl Localization {
             return Err(format!("reading is {:.3} s older than the one before", -elapsed_s));
         }
         let standing = self.wheels.is_none_or(|wheels| wheels.stand());
-        // What the vehicle's own motion makes the accelerometers feel is no tilt: speeding up, and turning at a speed.
+        // Accelerations from the vehicle's own motion, by speeding up or by turning at a speed, are not a tilt.
         let gain = self.gain.filter(|(_, at)| time.seconds_since(*at) < params.input_timeout_s);
         let own = gain.map_or(DVec3::ZERO, |(gain_mps2, _)| {
             DVec3::new(gain_mps2, self.speed_mps * attitude.turn_radps.z, 0.0)
@@ -188,7 +188,7 @@ impl Localization {
 
     fn begin(&mut self, force_mps2: DVec3, yaw_rad: f64, yaw_variance: f64) {
         self.attitude = Some(Attitude::at_rest(force_mps2, yaw_rad));
-        // In its own frame the start is known exactly.
+        // In its own frame the starting position is known exactly.
         self.local = Some(Planar::new(DVec2::ZERO, yaw_rad, 0.0, 0.0));
         self.global = GlobalEstimate::new(yaw_rad, yaw_variance);
     }
@@ -207,10 +207,10 @@ impl Localization {
         let has_gyro = self.felt.is_some_and(|felt| time.seconds_since(felt) < params.input_timeout_s);
         if self.attitude.is_none() {
             if time.seconds_since(wheels.since) < params.input_timeout_s {
-                // Inertial sensors may be about to say where it looks.
+                // Inertial sensors may be about to report the heading.
                 return Ok(());
             }
-            // A vehicle without inertial sensors is level and turns as its wheels say.
+            // A vehicle without inertial sensors is assumed level, and turns as its wheels report.
             let deviation = params.start_heading_noise_deg.to_radians();
             self.begin(DVec3::Z, params.start_heading_deg.to_radians(), deviation * deviation);
         }
@@ -230,7 +230,7 @@ impl Localization {
         local.advance(&noise, level_m, turn_rad, elapsed_s);
         self.global.advance(&noise, level_m, turn_rad, elapsed_s);
         self.height_m += step_m * forward.z;
-        // Quantised ticks are smoothed over a few readings.
+        // Encoder ticks are quantised, so the speed is smoothed over a few readings.
         let faster_mps = 0.3 * (step_m / elapsed_s - self.speed_mps);
         self.speed_mps += faster_mps;
         let gain = self.gain.map_or(0.0, |(gain, _)| gain);
@@ -258,7 +258,7 @@ impl Localization {
         };
         let variance = 0.5 * (variance_of(0, default)? + variance_of(4, default)?);
         let height_variance = variance_of(8, 4.0 * default)?;
-        // The antenna, turned by roll and pitch alone.
+        // Position of the antenna, rotated by roll and pitch only.
         let antenna = DVec3::new(params.antenna_x_m, params.antenna_y_m, params.antenna_z_m);
         let level = DQuat::from_rotation_z(-attitude.yaw_rad()) * attitude.level_from_vehicle * antenna;
         let settings = GateSettings {
@@ -304,7 +304,7 @@ impl Localization {
         let due = self.sent_global.is_none_or(|sent| time.0 >= sent.0 + GLOBAL_PERIOD_NS);
         let (Some(global), true) = (self.global.planar(), due) else { return };
         self.sent_global = Some(time);
-        // Both have the same roll and pitch, so one frame in the other is turned about the vertical alone.
+        // Both estimates share roll and pitch, so the transform between their frames rotates about the vertical only.
         let turn = wrap_angle(global.yaw_rad - attitude.yaw_rad());
         let [lift_m, lift_variance] = self.global.lift();
         let rotation = DQuat::from_rotation_z(turn);
@@ -330,7 +330,7 @@ impl Localization {
     }
 }
 
-/// Heading at the start and its variance, rad and rad²: the sensor's own, or the parameters'.
+/// Heading at the start and its variance, rad and rad²: from the sensor or from the parameters.
 fn start_heading(imu: &Imu, params: &LocalizationParams) -> Result<(f64, f64), String> {
     let deviation = params.start_heading_noise_deg.to_radians();
     if imu.orientation.is_none() {

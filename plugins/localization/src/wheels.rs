@@ -1,13 +1,13 @@
-//! What the wheels have rolled since the last reading, and whether the vehicle stands.
+//! Distance rolled by the wheels since the last reading, and whether the vehicle stands.
 
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
-/// Wheels do not turn faster: distances that say so are refused, m/s.
+/// Fastest plausible speed of a wheel, m/s; readings that imply more are refused.
 pub const FASTEST_MPS: f64 = 20.0;
-/// Wheels that have turned less than this for [`STANDING_S`] stand, m.
+/// Wheels that have rolled less than this in [`STANDING_S`] stand still, m.
 const STANDING_M: f64 = 0.001;
-/// See [`STANDING_M`], s.
+/// Time over which [`STANDING_M`] is measured, s.
 const STANDING_S: f64 = 0.5;
 
 /// The last reading of the encoders.
@@ -15,35 +15,36 @@ const STANDING_S: f64 = 0.5;
 pub struct Wheels {
     /// When it was taken.
     pub time: Stamp,
-    /// When the first reading was.
+    /// Time of the first reading.
     pub since: Stamp,
     distance_m: [f64; 2],
-    /// When the wheels last stood elsewhere, and where they have stood since.
+    /// Time at which the wheels last moved, and their distances since.
     moved: Option<Stamp>,
     moved_at_m: [f64; 2],
 }
 
-/// A step of the wheels.
+/// Motion of the wheels between two readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rolled {
-    /// Left and right, m.
+    /// Distance rolled by the left and right wheel, m.
     pub rolled_m: [f64; 2],
-    /// In this time, s.
+    /// Time between the readings, s.
     pub elapsed_s: f64,
 }
 
 impl Wheels {
-    /// The first reading: until they turn, the wheels stand.
+    /// The first reading. The wheels are assumed to stand until they move.
     pub fn new(time: Stamp, distance_m: [f64; 2]) -> Wheels {
         Wheels { time, since: time, distance_m, moved: None, moved_at_m: distance_m }
     }
 
-    /// Whether they have stood for a while.
+    /// Whether the wheels have stood still for a while.
     pub fn stand(&self) -> bool {
         self.moved.is_none_or(|moved| self.time.seconds_since(moved) > STANDING_S)
     }
 
-    /// Takes the next reading. Counters that jump are refused once and go on from where they jumped to.
+    /// Takes the next reading. A jump of the counters is refused once; the next reading is compared with the new
+    /// values.
     pub fn roll(&mut self, time: Stamp, distance_m: [f64; 2]) -> Result<Rolled, String> {
         if !distance_m.iter().all(|distance| distance.is_finite()) {
             return Err(format!("distances are {distance_m:?} m, expected finite ones"));
