@@ -1,30 +1,30 @@
-//! A point cloud as columns of points.
+//! Conversion of a point cloud to columns of points.
 //!
-//! A cloud needs no order: its points are sorted into vertical half-planes around the sensor, and in each by elevation.
-//! So a scanner that stands tilted, as on a robot on a slope, is scanned along gravity like a camera; the columns of
-//! the sensor itself would mix the trunk with the ground beside it.
+//! The order of the cloud does not matter: its points are sorted into vertical half-planes around the sensor, and
+//! within each by elevation. A tilted scanner, as on a robot on a slope, is therefore scanned along gravity like a
+//! camera; the columns of the sensor itself would mix a trunk with the ground beside it.
 
 use crate::columns::{Strip, Survey};
 use crate::scan::{Label, ScanPoint};
 use std::f32::consts::TAU;
 
-/// Columns that are worked on together.
+/// Number of columns that are processed together.
 const STRIP_COLUMNS: usize = 16;
 
 /// The points of a cloud, sorted into columns.
 #[derive(Clone, Debug)]
 pub struct CloudColumns {
-    /// Number of each point in the cloud, column by column, each from the lowest ray to the highest.
+    /// Index of each point in the cloud, column by column, each from the lowest ray to the highest.
     order: Vec<u32>,
     /// The points in that order.
     points: Vec<ScanPoint>,
-    /// Where columns start in both; one more at the end.
+    /// Index of the first point of each column in both, and the number of points at the end.
     starts: Vec<usize>,
 }
 
 impl CloudColumns {
-    /// Sorts points (x, y, z relative to the sensor, axes of the local frame, m; `None` without range) into columns as
-    /// wide as `azimuth_step_rad`, which must be positive.
+    /// Sorts points into columns of width `azimuth_step_rad`, which must be positive. Points are x, y, z relative to
+    /// the sensor in axes of the local frame, m; `None` without range.
     pub fn new(points: &[Option<[f32; 3]>], azimuth_step_rad: f32) -> CloudColumns {
         let columns = (TAU / azimuth_step_rad).ceil().clamp(1.0, 1e5) as usize;
         let mut keyed: Vec<(u32, f32, u32)> = Vec::with_capacity(points.len());
@@ -52,7 +52,7 @@ impl CloudColumns {
         result
     }
 
-    /// How many strips there are.
+    /// Number of strips.
     pub fn strips(&self) -> usize {
         (self.starts.len() - 1).div_ceil(STRIP_COLUMNS)
     }
@@ -69,7 +69,7 @@ impl CloudColumns {
         result
     }
 
-    /// Labels of all strips, one for each of the cloud's `count` points.
+    /// Labels from all strips, one for each of the cloud's `count` points.
     pub fn labels(&self, strips: &[Strip], count: usize) -> Vec<Label> {
         let mut labels = vec![Label::Invalid; count];
         for (&number, &label) in self.order.iter().zip(strips.iter().flat_map(|strip| &strip.labels)) {

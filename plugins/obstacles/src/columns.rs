@@ -1,7 +1,7 @@
-//! Labelled columns, and what they say of the cells of a map.
+//! Labelled columns, and their votes for the cells of a map.
 //!
-//! Columns do not depend on each other, so they are worked on in strips, in any order and on any number of threads;
-//! what a strip found is added up in the order of the strips.
+//! Columns are independent of each other, so they are processed in strips, in any order and on any number of threads;
+//! the results of the strips are added in a fixed order.
 
 use crate::ground_map::{GROUND_CELL_M, GroundMap};
 use crate::negative::{Hole, HoleScan, NegativeParams};
@@ -9,7 +9,7 @@ use crate::scan::{ColumnScan, Label, ScanParams, ScanPoint, Start};
 use glam::DVec3;
 use rcs_geom::CellIndex;
 
-/// The plane on which the wheels stand, relative to the sensor, axes of the local frame.
+/// The plane under the wheels, relative to the sensor, in axes of the local frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GroundPlane {
     /// A point of the plane below the vehicle's origin, m.
@@ -21,7 +21,7 @@ pub struct GroundPlane {
 }
 
 impl GroundPlane {
-    /// Known ground from which a column starts that goes out along the horizontal unit vector `(ux, uy)`.
+    /// The point of known ground from which a column along the horizontal unit vector `(ux, uy)` starts.
     pub fn start(&self, ux: f64, uy: f64) -> Start {
         let slope = -(self.up.x * ux + self.up.y * uy) / self.up.z;
         let rho = ((self.below_origin.x + self.wheels_m * ux) * ux
@@ -34,18 +34,18 @@ impl GroundPlane {
     }
 }
 
-/// Count and heights of one kind of pixels. Heights are relative to the sensor, m.
+/// Number and heights of pixels of one kind. Heights are relative to the sensor, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Heights {
-    /// Pixels.
+    /// Number of pixels.
     pub count: u32,
     /// Sum of heights.
     pub sum: f32,
     /// Sum of squared heights.
     pub sum_of_squares: f32,
-    /// Lowest; +∞ where there is none.
+    /// Lowest; +∞ without pixels.
     pub min: f32,
-    /// Highest; −∞ where there is none.
+    /// Highest; −∞ without pixels.
     pub max: f32,
 }
 
@@ -70,68 +70,68 @@ impl Heights {
     }
 }
 
-/// What some neighbouring pixels of one column say of one cell.
+/// The vote of consecutive pixels of one column for one cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CellVote {
-    /// Cell: floor(place / cell size), x and y.
+    /// Cell: floor(position / cell size), x and y.
     pub cell: [i32; 2],
-    /// `GROUND` and `SHORT_OBSTACLE` pixels: the vehicle can drive there.
+    /// `GROUND` and `SHORT_OBSTACLE` pixels, over which the vehicle can drive.
     pub ground: Heights,
     /// `OBSTACLE` pixels.
     pub obstacle: Heights,
-    /// Sums of red, green and blue over all of these pixels; 0 where the columns have no colours.
+    /// Sums of red, green and blue over all of these pixels; 0 for columns without colours.
     pub colour: [u32; 3],
 }
 
-/// What some neighbouring pixels of one column say of one cell of the ground map.
+/// The vote of consecutive pixels of one column for one cell of the ground map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GroundVote {
-    /// Cell of [`GROUND_CELL_M`]: floor(place / cell size), x and y.
+    /// Cell of [`GROUND_CELL_M`]: floor(position / cell size), x and y.
     pub cell: [i32; 2],
-    /// Ground pixels.
+    /// Number of ground pixels.
     pub pixels: u32,
     /// Sum of their heights relative to the sensor, m.
     pub height_sum: f32,
-    /// Borders of holes.
+    /// Number of hole borders.
     pub borders: u32,
 }
 
-/// A pixel at the border of a hole.
+/// A pixel at the border of a negative obstacle ("hole").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Border {
-    /// Number of its label in [`Strip::labels`].
+    /// Index of its label in [`Strip::labels`].
     pub label: usize,
     /// Its cell of the ground map.
     pub cell: [i32; 2],
 }
 
-/// The ground map as it was before a frame.
+/// The ground map before the current frame.
 #[derive(Clone, Copy, Debug)]
 pub struct KnownGround<'a> {
     /// The map.
     pub map: &'a GroundMap,
-    /// Cells that were seen before this are forgotten, ns.
+    /// Cells last seen before this time are ignored, ns.
     pub since_ns: u64,
 }
 
-/// Where a frame's columns stand, and how they are judged.
+/// Geometry of a frame, and the rules for its columns.
 #[derive(Clone, Debug)]
 pub struct Survey<'a> {
-    /// The ground under the wheels.
+    /// The plane under the wheels.
     pub ground_plane: GroundPlane,
-    /// The sensor in the map.
+    /// Position of the sensor in the map.
     pub placement: Placement,
-    /// The scan for positive obstacles.
+    /// Parameters of the scan for positive obstacles.
     pub scan: ScanParams,
-    /// The scan for negative obstacles, unless they are not looked for.
+    /// Parameters of the scan for negative obstacles; `None` to skip it.
     pub negative: Option<NegativeParams>,
-    /// Ground that was seen before.
+    /// Ground seen in earlier frames.
     pub known: Option<KnownGround<'a>>,
 }
 
 impl Survey<'_> {
-    /// Known ground along the horizontal unit vector `(ux, uy)`, before a distance: distances and heights relative to
-    /// the sensor, m.
+    /// Known ground along the horizontal unit vector `(ux, uy)`, nearer than a distance: distances and heights relative
+    /// to the sensor, m.
     fn known_before(&self, rho: f32, from: f32, [ux, uy]: [f32; 2]) -> impl Iterator<Item = (f32, f32)> {
         let sensor = self.placement.sensor;
         let steps = if self.known.is_some() { KNOWN_STEPS } else { 0 };
@@ -145,21 +145,21 @@ impl Survey<'_> {
     }
 }
 
-/// Cells of the ground map that a column looks back over, and the ground pixels that make one known.
+/// Number of cells of the ground map that a column looks back, and the number of ground pixels that make a cell known.
 const KNOWN_STEPS: usize = 10;
 const KNOWN_PIXELS: u16 = 5;
 
-/// Where points lie in the map.
+/// Conversion of points to cells of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// The sensor in the local frame, m.
+    /// Position of the sensor in the local frame, m.
     pub sensor: DVec3,
-    /// Side of a cell, m.
+    /// Size of a cell, m.
     pub cell_size_m: f64,
 }
 
 impl Placement {
-    /// The same sensor in a map of other cells.
+    /// The same sensor, with another cell size.
     fn with_cells(self, cell_size_m: f64) -> Placement {
         Placement { cell_size_m, ..self }
     }
@@ -178,18 +178,18 @@ impl Placement {
     }
 }
 
-/// What was found in some columns.
+/// Results of a strip of columns.
 #[derive(Clone, Debug)]
 pub struct Strip {
-    /// Labels in the order in which the points were given.
+    /// Labels in the order of the points.
     pub labels: Vec<Label>,
-    /// What the points say of cells; a cell may come more than once.
+    /// Votes of the points for cells; a cell may occur several times.
     pub votes: Vec<CellVote>,
-    /// Points by label.
+    /// Number of points by label.
     pub counts: [u64; 6],
     /// Nearest and farthest range with a label from [`Label::Ground`] to [`Label::Cover`], m.
     pub range_m: [f32; 2],
-    /// What the ground pixels say of the ground map, and the borders of holes; empty where nobody looks for holes.
+    /// Votes of the ground pixels for the ground map, and borders of holes; empty where holes are not searched.
     pub ground: Vec<GroundVote>,
     /// Pixels at the borders of holes.
     pub borders: Vec<Border>,
@@ -199,7 +199,7 @@ pub struct Strip {
 }
 
 impl Strip {
-    /// Nothing yet; room for so many points.
+    /// An empty strip with capacity for this many points.
     pub fn with_capacity(points: usize) -> Strip {
         Strip {
             labels: Vec::with_capacity(points),
@@ -214,13 +214,14 @@ impl Strip {
         }
     }
 
-    /// Labels one more column, given from the lowest ray to the highest, and lets its points vote. `colours` has one
-    /// for each point, or none at all.
+    /// Labels one more column, given from the lowest ray to the highest, and adds the votes of its points. `colours`
+    /// has one entry per point, or is empty.
     pub fn add_column(&mut self, points: &[ScanPoint], colours: &[[u8; 3]], survey: &Survey<'_>) {
         let first = self.labels.len();
         self.labels.resize(first + points.len(), Label::Invalid);
         let labels = &mut self.labels[first..];
-        // The nearest ground tells the direction in which the wheels' ground is looked for.
+        // The direction of the column, which determines the ground under the wheels, is that of the nearest ground
+        // point.
         let is_start =
             |p: &&ScanPoint| p.range >= survey.scan.min_range_m && p.rho > 0.0 && p.rho.is_finite();
         let Some(ahead) = points.iter().find(is_start) else {
@@ -243,7 +244,7 @@ impl Strip {
         self.vote(points, colours, first, &survey.placement);
     }
 
-    /// Finds the holes of a column whose labels start at `first`, and lets its ground vote for the ground map.
+    /// Finds the holes of a column whose labels start at `first`, and adds its votes for the ground map.
     fn find_holes(
         &mut self,
         points: &[ScanPoint],
@@ -288,11 +289,11 @@ impl Strip {
         }
     }
 
-    /// Counts the labels from `first` on and lets their points vote for cells.
+    /// Counts the labels from `first` on, and adds the votes of their points for cells.
     fn vote(&mut self, points: &[ScanPoint], colours: &[[u8; 3]], first: usize, placement: &Placement) {
         let mut vote = CellVote::default();
         let mut open = false;
-        // Edges of the vote's cell, relative to the sensor: most points lie in the cell of the point before.
+        // Edges of the current cell, relative to the sensor: most points lie in the same cell as the point before.
         let (mut low, mut high) = ([0.0_f32; 2], [0.0_f32; 2]);
         for (i, (point, &label)) in points.iter().zip(&self.labels[first..]).enumerate() {
             self.counts[label as usize] += 1;
@@ -334,12 +335,12 @@ impl Strip {
         }
     }
 
-    /// Makes the pixels at borders that count obstacles. Gives how many there are.
+    /// Changes the label of border pixels whose cell satisfies `counts` to obstacle; returns how many there are.
     pub fn mark_borders(&mut self, counts: impl Fn([i32; 2]) -> bool) -> u64 {
         let mut marked = 0;
         for border in self.borders.iter().filter(|border| counts(border.cell)) {
             let label = &mut self.labels[border.label];
-            // The far border of one hole may be the near border of the next.
+            // The far border of one hole may be the near border of the next one.
             if *label != Label::Obstacle {
                 self.counts[*label as usize] -= 1;
                 self.counts[Label::Obstacle as usize] += 1;

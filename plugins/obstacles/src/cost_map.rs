@@ -1,9 +1,11 @@
-//! The obstacle cost map: what the pixels of one range image say of the cells around the vehicle (Albus 2006a, 3.1.1).
+//! The obstacle cost map: costs of the cells around the vehicle from the pixels of one range image (Albus 2006a,
+//! 3.1.1).
 //!
-//! The cost of a cell is the percentage of `OBSTACLE` pixels among those that tell of it, 0 to 100 % as 0 to 250, and
-//! 255 where fewer pixels than asked for do. `GROUND` and `SHORT_OBSTACLE` count as free. `COVER` does not count: what
-//! the vehicle fits under says nothing of the ground, and a crown would make its trunk look harmless. A cell with the
-//! border of a negative obstacle has the highest cost, whatever ground is seen in it: the ground ends there.
+//! The cost of a cell is the percentage of `OBSTACLE` pixels among its pixels, with 0 to 100 % as 0 to 250, and 255
+//! (unknown) with fewer pixels than the minimum. `GROUND` and `SHORT_OBSTACLE` count as free. `COVER` is not counted:
+//! what the vehicle fits under says nothing about the ground, and a tree crown would lower the cost of its trunk. A
+//! cell with the border of a negative obstacle has the highest cost, even where ground is seen in it, because the
+//! ground ends there.
 
 use crate::columns::{Heights, Strip};
 use rcs_geom::CellIndex;
@@ -14,7 +16,7 @@ use rcs_sense::{CELL_SIZE_M, GridFrame, cost_field};
 use rcs_world::{MAX_COST, SIDE, Source, UNKNOWN_COST};
 use std::collections::BTreeSet;
 
-/// Pixels of one kind in one cell; heights relative to the sensor, m.
+/// Sums over the pixels of one kind in one cell; heights relative to the sensor, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Sums {
     count: u32,
@@ -36,7 +38,7 @@ impl Sums {
         self.max = self.max.max(heights.max);
     }
 
-    /// Mean, variance, minimum, maximum; heights in the local frame, m. NaN where there is no pixel.
+    /// Mean, variance, minimum and maximum of the heights in the local frame, m and m². NaN without pixels.
     fn statistics(&self, sensor_z: f64) -> [f32; 4] {
         if self.count == 0 {
             return [f32::NAN; 4];
@@ -49,13 +51,13 @@ impl Sums {
     }
 }
 
-/// What the pixels of one cell say.
+/// Sums over the pixels of one cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Cell {
     ground: Sums,
     obstacle: Sums,
     colour: [u64; 3],
-    /// A negative obstacle begins or ends here.
+    /// Whether a border of a negative obstacle lies in the cell.
     negative: bool,
 }
 
@@ -73,7 +75,7 @@ impl Cell {
         }
     }
 
-    /// Mean red, green, blue, and 255 for opaque; all 0 where no pixel has a colour.
+    /// Mean red, green, blue, and 255 for opaque; all 0 without coloured pixels.
     fn colour(&self) -> [u8; 4] {
         let count = u64::from(self.ground.count + self.obstacle.count);
         if self.colour == [0; 3] || count == 0 {
@@ -84,7 +86,7 @@ impl Cell {
     }
 }
 
-/// Pixels of all cells of one range image.
+/// Sums over all cells for one range image.
 #[derive(Clone, Debug)]
 pub struct CostMap {
     frame: GridFrame,
@@ -94,9 +96,9 @@ pub struct CostMap {
 }
 
 impl CostMap {
-    /// Adds up what strips found, in their order. `centre` is the vehicle's cell, `sensor_z` the sensor's height in the
-    /// local frame (m), `negative` the cells with borders of negative obstacles. Cells outside of the window are left
-    /// out.
+    /// Adds up the results of the strips in their order. `centre` is the vehicle's cell, `sensor_z` the height of the
+    /// sensor in the local frame (m), `negative` the cells with borders of negative obstacles. Cells outside of the
+    /// window are ignored.
     pub fn new(
         strips: &[Strip],
         negative: &BTreeSet<CellIndex>,
@@ -126,15 +128,15 @@ impl CostMap {
         CostMap { frame, sensor_z, min_pixels: min_pixels.max(1), cells }
     }
 
-    /// Costs by rows from the south-west corner.
+    /// Costs in row order from the south-west corner.
     pub fn costs(&self) -> impl Iterator<Item = u8> + '_ {
         self.cells.iter().map(|cell| cell.cost(self.min_pixels))
     }
 
-    /// The map as a message. Fields, named as in the world model's own maps: for `ground` and `obstacle` `.mean` (m),
-    /// `.variance` (m²), `.min` and `.max` (m) of the pixels' heights in the local frame (f32, NaN where there is none)
-    /// and `.count` (u32: pixels); then `cost.stereo` (u8), and the pixels' mean `red`, `green` and `blue` with `alpha`
-    /// 255, or four zeros where they have no colour (u8).
+    /// Converts to a message. Its fields are named as in the world model's maps. For `ground` and `obstacle`: `.mean`
+    /// (m), `.variance` (m²), `.min` and `.max` (m) of the heights in the local frame (f32, NaN without pixels) and
+    /// `.count` (u32, number of pixels). Then `cost.stereo` (u8), and the mean `red`, `green` and `blue` with `alpha`
+    /// 255, or four zeros without colours (u8).
     pub fn to_grid(&self, frame_id: &str, time: Stamp) -> Grid {
         let mut data = Vec::with_capacity(self.cells.len() * CELL_STRIDE);
         for cell in &self.cells {
@@ -151,7 +153,7 @@ impl CostMap {
     }
 }
 
-/// Bytes of a cell.
+/// Bytes per cell.
 const CELL_STRIDE: usize = 48;
 
 fn fields() -> Vec<PackedElementField> {
@@ -174,5 +176,5 @@ fn fields() -> Vec<PackedElementField> {
     all.enumerate().map(field).chain(colours).collect()
 }
 
-/// Where the colour begins in a cell.
+/// Offset of the colour in a cell.
 const COLOUR_OFFSET: u32 = CELL_STRIDE as u32 - 4;

@@ -1,22 +1,22 @@
-//! A depth image as columns of points.
+//! Conversion of a depth image to columns of points.
 
 use crate::columns::{Strip, Survey};
 use crate::scan::{Label, ScanPoint};
 use glam::{DMat3, DVec2, Vec3};
 use rcs_geom::PinholeCamera;
 
-/// Columns that are worked on together: a cache line of a 16-bit image is 32 pixels.
+/// Number of columns that are processed together: a cache line of a 16-bit image holds 32 pixels.
 pub const STRIP_COLUMNS: usize = 32;
 
 /// How the pixels of a depth image are stored, little-endian. Depth is along the optical axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DepthFormat {
-    /// 16 bits, 0 for none, in this unit (m).
+    /// 16-bit unsigned integers, 0 for no depth.
     U16 {
-        /// Metres for one unit.
+        /// Metres per unit.
         scale_m: f32,
     },
-    /// 32-bit floats in metres; 0, NaN and infinity for none.
+    /// 32-bit floats in metres; 0, NaN and infinity for no depth.
     F32,
 }
 
@@ -36,7 +36,7 @@ pub struct DepthImage<'a> {
     pub width: usize,
     /// Pixels.
     pub height: usize,
-    /// Bytes from row to row.
+    /// Bytes between the starts of consecutive rows.
     pub step: usize,
     /// How pixels are stored.
     pub format: DepthFormat,
@@ -47,10 +47,10 @@ pub struct DepthImage<'a> {
 /// Why an image cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DepthError {
-    /// Its encoding is none of a depth image.
+    /// The encoding is not one of a depth image.
     #[error("encoding {got:?} is no depth: expected 16UC1, mono16 or 32FC1")]
     Encoding {
-        /// What it says.
+        /// The encoding in the message.
         got: String,
     },
     /// Rows overlap, or bytes are missing.
@@ -60,14 +60,14 @@ pub enum DepthError {
         width: usize,
         /// Pixels.
         height: usize,
-        /// Bytes from row to row.
+        /// Bytes between the starts of consecutive rows.
         step: usize,
-        /// Bytes there are.
+        /// Number of bytes given.
         got: usize,
-        /// Bytes there should be.
+        /// Number of bytes expected.
         expected: usize,
     },
-    /// The calibration is another image's.
+    /// The calibration is for an image of another size.
     #[error("image has {got:?} pixels, its calibration is for {expected:?}")]
     Size {
         /// Width and height of the image.
@@ -99,7 +99,7 @@ impl<'a> DepthImage<'a> {
         Ok(Self { width, height, step, format, data })
     }
 
-    /// Depths of neighbouring pixels of one row, m.
+    /// Reads the depths of consecutive pixels of one row, m.
     fn depths(&self, row: usize, first: usize, depths: &mut [f32]) {
         let start = row * self.step + first * self.format.bytes();
         let bytes = &self.data[start..start + depths.len() * self.format.bytes()];
@@ -118,19 +118,19 @@ impl<'a> DepthImage<'a> {
     }
 }
 
-/// The ray of every pixel of a camera, with z = 1 in the optical frame: made once for a calibration.
+/// The ray of every pixel of a camera, with z = 1 in the optical frame; computed once per calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rays {
     /// Pixels.
     pub width: usize,
     /// Pixels.
     pub height: usize,
-    /// x and y by rows; NaN where the lens has no ray.
+    /// x and y in row order; NaN where the lens model has no ray.
     xy: Vec<[f32; 2]>,
 }
 
 impl Rays {
-    /// Rays of a camera.
+    /// Computes the rays of a camera.
     pub fn new(camera: &PinholeCamera) -> Rays {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let ray = |row: usize, column: usize| {
@@ -141,18 +141,18 @@ impl Rays {
         Rays { width, height, xy }
     }
 
-    /// How many strips an image has.
+    /// Number of strips of an image.
     pub fn strips(&self) -> usize {
         self.width.div_ceil(STRIP_COLUMNS)
     }
 }
 
-/// Labels one strip of columns. `rgb` is a colour image of the same size, three bytes a pixel, or empty;
-/// `local_from_optical` turns the optical frame into the axes of the local frame.
-/// Labels come column by column, each from the lowest row to the highest.
+/// Labels one strip of columns. `rgb` is a colour image of the same size, three bytes per pixel, or empty;
+/// `local_from_optical` rotates the optical frame into the axes of the local frame. Labels are ordered column by
+/// column, each from the lowest row to the highest.
 ///
 /// # Panics
-/// Where image, colours and rays differ in size.
+/// If the sizes of image, colours and rays differ.
 pub fn scan_strip(
     image: &DepthImage<'_>,
     rgb: &[u8],
@@ -175,7 +175,7 @@ pub fn scan_strip(
         image.depths(row, columns.start, depths);
         let rays = &rays.xy[row * rays.width + columns.start..row * rays.width + columns.end];
         for (i, (&depth, &[x, y])) in depths.iter().zip(rays).enumerate() {
-            // NaN fails these, too: neither a depth nor a ray.
+            // Both comparisons are false for NaN, which marks a missing depth or ray.
             if depth > 0.0 && depth < f32::INFINITY && x > f32::NEG_INFINITY {
                 let p = turn * Vec3::new(x * depth, y * depth, depth);
                 points[i * height + from_bottom] = ScanPoint::at(p.x, p.y, p.z);
@@ -193,7 +193,7 @@ pub fn scan_strip(
     result
 }
 
-/// The label image of all strips, one byte a pixel by rows.
+/// The label image from all strips, one byte per pixel in row order.
 pub fn label_image(strips: &[Strip], width: usize, height: usize) -> Vec<u8> {
     let mut image = vec![Label::Invalid as u8; width * height];
     for (index, strip) in strips.iter().enumerate() {

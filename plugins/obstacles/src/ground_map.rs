@@ -1,50 +1,50 @@
-//! The ground map of the negative obstacles: cells of 0.1 m that scroll with the vehicle, with all projected ground
-//! pixels and with the borders that columns have seen (Albus 2006a, 3.1.1).
+//! The ground map for negative obstacles: cells of 0.1 m that scroll with the vehicle and accumulate the projected
+//! ground pixels and the borders found in columns (Albus 2006a, 3.1.1).
 //!
-//! One column's hole may be noise. A border counts when enough columns, of this frame and of those before, have put one
-//! into the same cell, and when such cells lie side by side over the length that makes a hole large. Ground that is
-//! seen in a cell without a border takes its borders away again, one vote a frame.
+//! A hole in a single column may be noise. A border counts when enough columns, of this frame and of earlier ones, have
+//! found a border in the same cell, and when such cells adjoin over the minimum length. Each frame that sees ground in
+//! a cell and no border removes one vote for a border.
 
 use crate::columns::GroundVote;
 use rcs_geom::{CellIndex, GridError, ScrollGrid};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
-/// Side of a cell, m: half of a cell of the cost map.
+/// Size of a cell, m: half of a cell of the cost map.
 pub const GROUND_CELL_M: f64 = 0.1;
-/// Cells a side: 20 m, as far as ranges are good enough for holes.
+/// Cells per side: 20 m, as far as ranges are precise enough for holes.
 pub const GROUND_SIDE: usize = 201;
 
-/// What is known of 0.1 m × 0.1 m of ground.
+/// Knowledge about 0.1 m × 0.1 m of ground.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GroundCell {
-    /// Mean height of its ground pixels in the local frame, m; the newest weigh most.
+    /// Mean height of its ground pixels in the local frame, m; recent pixels have more weight.
     pub height_m: f32,
-    /// Ground pixels, up to the most that a cell remembers.
+    /// Number of ground pixels, up to a maximum.
     pub pixels: u16,
-    /// Columns that saw a border of a hole here, less what spoke against it since.
+    /// Number of columns that found a border here, minus later votes against it.
     pub borders: u16,
     /// When it was last seen, ns; 0 for never.
     pub seen_ns: u64,
 }
 
-/// Weight that a mean keeps against new pixels.
+/// Maximum weight of a mean relative to new pixels.
 const MAX_WEIGHT: u32 = 400;
 
-/// The map.
+/// The ground map.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct GroundMap {
     grid: ScrollGrid<GroundCell>,
 }
 
-/// What makes borders count.
+/// When borders count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BorderRule {
-    /// How long cells are remembered, ns.
+    /// Time for which cells are remembered, ns.
     pub memory_ns: u64,
-    /// Columns that must have seen a border in a cell.
+    /// Minimum number of columns that found a border in a cell.
     pub min_votes: u32,
-    /// Length over which such cells must lie side by side, m.
+    /// Minimum length of adjoining border cells, m.
     pub min_length_m: f64,
 }
 
@@ -54,7 +54,7 @@ impl GroundMap {
         Ok(GroundMap { grid: ScrollGrid::new(GROUND_SIDE, GROUND_CELL_M, GroundCell::default())? })
     }
 
-    /// A cell of the window.
+    /// The cell at an index; `None` outside of the window.
     pub fn get(&self, cell: CellIndex) -> Option<&GroundCell> {
         self.grid.get(cell)
     }
@@ -69,8 +69,8 @@ impl GroundMap {
         self.grid.recentre(centre);
     }
 
-    /// Adds one frame, taken at `time_ns`; votes are relative to a sensor at the height `sensor_z` (m). Gives the cells
-    /// in which this frame saw a border that counts.
+    /// Adds one frame, taken at `time_ns`; heights of votes are relative to a sensor at height `sensor_z` (m). Returns
+    /// the cells in which this frame found a border that counts.
     pub fn add<'a>(
         &mut self,
         votes: impl IntoIterator<Item = &'a GroundVote>,
@@ -102,7 +102,7 @@ impl GroundMap {
         self.long_enough(&seen, time_ns, rule)
     }
 
-    /// Those of the cells that belong to a border of the length asked for.
+    /// Keeps the cells that belong to a border of at least the minimum length.
     fn long_enough(
         &self,
         seen: &BTreeSet<CellIndex>,
@@ -143,7 +143,7 @@ impl GroundMap {
     }
 }
 
-/// What one frame saw in a cell.
+/// Votes of one frame for one cell.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     pixels: u32,

@@ -1,15 +1,15 @@
-//! Where the ground is expected: a straight line through the last metre of it.
+//! The expected ground level: a straight line fitted to the last metre of ground.
 
 use std::collections::VecDeque;
 
-/// Ground this far behind the newest point of it still says where the level is, m.
+/// Length of ground, back from the newest point, to which the line is fitted, m.
 pub(crate) const LEVEL_BASE_M: f32 = 1.0;
-/// A line needs so many points, and this far apart, m.
+/// Minimum number of points for a line, and their minimum extent, m.
 const LEVEL_POINTS: i64 = 6;
 const LEVEL_SPAN_M: f32 = 0.3;
 
-/// Least squares over points (distance, height). Sums are kept in whole millimetres, so that adding and taking away is
-/// exact, and a line does not depend on the points that it has forgotten.
+/// Least-squares line through points (distance, height). Sums are kept in whole millimetres, so that adding and
+/// removing points is exact and the line does not depend on removed points.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Level {
     points: VecDeque<[i64; 2]>,
@@ -20,7 +20,7 @@ pub(crate) struct Level {
     rz: i64,
 }
 
-/// Kept within 10 km, so that no image has enough rows for a sum to overflow.
+/// Clamped to 10 km, so that the sums cannot overflow for any number of image rows.
 fn millimetres(metres: f32) -> i64 {
     (metres * 1000.0).round().clamp(-1e7, 1e7) as i64
 }
@@ -39,7 +39,7 @@ impl Level {
         self.rz += sign * r * z;
     }
 
-    /// Takes a point and forgets those that lie too far behind it.
+    /// Adds a point and removes those too far behind it.
     pub(crate) fn add(&mut self, rho: f32, z: f32) {
         let point = [millimetres(rho), millimetres(z)];
         self.points.push_back(point);
@@ -55,7 +55,7 @@ impl Level {
         self.points.back().map(|point| point[0] as f32 / 1000.0)
     }
 
-    /// Slope of the line, within the limit; `None` while too little ground is known.
+    /// Slope of the line, clamped to ±`limit`; `None` while too little ground is known.
     pub(crate) fn slope(&self, limit: f32) -> Option<f32> {
         let span = self.points.back()?[0] - self.points.front()?[0];
         if self.n < LEVEL_POINTS || span < millimetres(LEVEL_SPAN_M) {

@@ -1,5 +1,5 @@
-//! Obstacles above and below the ground from range images and point clouds by column scan (Albus 2006a, 3.1.1), and
-//! their labels on images.
+//! Detection of obstacles above and below the ground in range images and point clouds by column scan (Albus 2006a,
+//! 3.1.1), and projection of their labels into images.
 //!
 //! # `obstacles`
 //!
@@ -18,25 +18,48 @@
 //! | `cost` | out | `foxglove.Grid` | cost of 201x201 cells of 0.2 m around the vehicle, local frame |
 //! | `stats` | out | `rcs.ObstacleStats` | pixels by label, cells, ranges in m |
 //!
-//! Period 200 ms (5 Hz, stereo's rate). No commands beside the runtime's. State: the last seconds of poses, the camera,
-//! and the ground map of the negative obstacles, without which frames do not depend on each other.
+//! Period 200 ms (5 Hz, the rate of stereo). No commands besides those of the runtime. State: the poses of the last
+//! seconds, the camera, and the ground map of the negative obstacles; apart from that map, frames are independent of
+//! each other.
 //!
-//! - [`scan`]: the scan of one column for positive obstacles, and what the labels mean.
-//! - [`negative`]: the scan of one column for negative obstacles, and [`ground_map`], which gathers their borders over
-//!   columns and frames. Pixels and cells of borders that count are reported as obstacles; the counts tell them apart.
-//! - [`columns`]: strips of columns, and their votes for cells. [`depth_image`] and [`cloud`] make columns of what
-//!   sensors give; a cloud is sorted into vertical half-planes, so it needs neither order nor a camera.
-//! - [`cost_map`]: from votes to the map.
-//!
-//! Cost: linear in pixels. Strips are fixed, so any number of threads gives the same bits.
-//!
-//! Data that cannot be used (no calibration or one of another size, an encoding that is no depth, no pixel with a
-//! range, no pose for that time) are reported as a fault and skipped: nothing is sent on for them. A colour image of
-//! another size is a fault, too, and costs the map its colours alone.
+//! It labels what the current range data show. It does not track obstacles or remember them: that is the task of the
+//! world model.
 //!
 //! # `label_overlay`
 //!
-//! Projects the labelled points into a camera. Its port table is in [`overlay_process`].
+//! Projects labelled points into a camera image. Its port table is in [`overlay_process`].
+//!
+//! # Where to begin
+//!
+//! - [`scan`]: the scan of one column for positive obstacles, and the meaning of the labels.
+//! - [`negative`]: the scan of one column for negative obstacles; [`ground_map`] accumulates their borders over columns
+//!   and frames. Pixels and cells of confirmed borders are reported as obstacles, and counted separately.
+//! - [`columns`]: strips of columns, and their votes for cells.
+//! - [`depth_image`] and [`cloud`]: conversion of sensor data to columns. A cloud is sorted into vertical half-planes,
+//!   so it requires neither order nor a camera.
+//! - [`cost_map`]: from votes to the cost map.
+//!
+//! Cost: linear in pixels. The strips are fixed, so the result is the same bit for bit with any number of threads.
+//!
+//! Unusable data are reported as a fault and skipped, and nothing is sent: range data without a calibration, with one
+//! of another size, with an unknown encoding, without any valid range, or at a time without a pose. A colour image of
+//! another size is a fault, too, but then the map lacks only its colours.
+//!
+//! # Example
+//!
+//! ```
+//! use rcs_obstacles::scan::{ColumnScan, Label, ScanParams, ScanPoint, Start};
+//!
+//! // A sensor 1 m above flat ground, and a wall 3 m ahead.
+//! let ground = (10..30).map(|i| ScanPoint::at(0.1 * i as f32, 0.0, -1.0));
+//! let wall = (0..10).map(|i| ScanPoint::at(3.0, 0.0, -1.0 + 0.1 * i as f32));
+//! let points: Vec<_> = ground.chain(wall).collect();
+//! let mut labels = vec![Label::Invalid; points.len()];
+//! let start = Start { rho: 0.9, z: -1.0, slope: 0.0 };
+//! ColumnScan::default().scan(&points, start, &ScanParams::default(), &mut labels);
+//! assert_eq!(labels[10], Label::Ground);
+//! assert_eq!(labels[29], Label::Obstacle);
+//! ```
 
 rcs_msg::messages!(
     /// Messages of this plugin alone, from `proto/`.

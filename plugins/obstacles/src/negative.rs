@@ -1,73 +1,73 @@
-//! Negative obstacles in one column of a range image: ditches, holes and drops, of which only the borders are given
+//! Negative obstacles (ditches, holes and drops) in one column of a range image, of which the borders are reported
 //! (Albus 2006a, 3.1.1, Albus 2006b, 3.1).
 //!
-//! A ray that meets something below the ground level has crossed that level earlier: there is no ground where it
-//! crossed, nor from there to where it ended. So a point that lies `δ` below the level at the horizontal distance `ρ`,
-//! seen from a height `h` above the level, proves a hole as wide as `ρ·δ/(h + δ)` along the column. The scan follows a
-//! column outward, keeps the level as a straight line through the last metre of ground, and gathers neighbouring points
-//! below it. Where enough of them are deep enough and prove enough width, and no slope that counts as ground leads down
-//! to them or up from them again, the last ground before them and the first behind them are the borders.
+//! A ray that meets a point below the ground level has crossed that level earlier; there is no ground from that
+//! crossing to its end point. A point `δ` below the level at horizontal distance `ρ`, seen from height `h` above the
+//! level, therefore proves a hole of width `ρ·δ/(h + δ)` along the column. The scan follows a column outward, keeps the
+//! level as a line fitted to the last metre of ground, and groups consecutive points below it. A group is a hole where
+//! enough of its points are deep enough and prove enough width, and no slope that counts as ground leads down to them
+//! or up from them. Its borders are the last ground before the group and the first point at ground level behind it.
 //!
-//! Where the paper is silent: "below the ground level and large enough" is the depth and the width above. A dip that is
-//! gentle on both sides is ground, and so is a downward slope that is seen as one; behind something that rises above
-//! the ground, ground must be found anew before anything can be below it.
+//! What the paper leaves open: "below the ground level and large enough" is the depth and width above. A dip with
+//! gentle slopes on both sides is ground, and so is a downward slope that is seen as one. Behind anything that rises
+//! above the ground, new ground must be found before a hole can be detected.
 
 use crate::level::{LEVEL_BASE_M, Level};
 use crate::scan::{Label, ScanPoint};
 
-/// What counts as a negative obstacle.
+/// Criteria for a negative obstacle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NegativeParams {
-    /// How far below the ground level something must be seen, m.
+    /// Minimum depth below the ground level, m.
     pub depth_m: f32,
-    /// What range noise adds to it, per metre of range.
+    /// Addition to the minimum depth for range noise, per metre of range.
     pub depth_noise: f32,
-    /// Width along the column that must be proven, m.
+    /// Minimum proven width along the column, m.
     pub width_m: f32,
-    /// Farther points are not looked at, m.
+    /// Points farther than this are ignored, m.
     pub max_range_m: f32,
-    /// Tangent of the steepest slope that is ground.
+    /// Tangent of the steepest slope that counts as ground.
     pub slope_limit: f32,
 }
 
-/// A hole in a column: numbers of the points at its borders.
+/// A hole in a column, by the indices of its border points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hole {
     /// The last ground before it.
     pub near: usize,
-    /// The first point behind it that is at ground level again, where there is one.
+    /// The first point behind it at ground level again, if any.
     pub far: Option<usize>,
 }
 
-/// How much less sure the level is for each metre beyond the last ground.
+/// Uncertainty of the level per metre beyond the last ground point.
 const LEVEL_DRIFT: f32 = 0.05;
-/// Holes are not followed farther than this, m.
+/// Maximum extent of a hole, m.
 const REACH_M: f32 = 3.0;
-/// Points of a hole that must be deep and prove its width.
+/// Minimum number of points of a hole that are deep and prove its width.
 const DEEP_POINTS: u32 = 3;
 
-/// Points below the level that follow each other.
+/// A group of consecutive points below the level.
 #[derive(Clone, Copy, Debug)]
 struct Below {
     near: usize,
     near_rho: f32,
-    /// Points that are deep enough and prove enough width, and those of them to which no ground can lead down.
+    /// Number of points that are deep enough and prove enough width, and how many of these cannot be reached by a
+    /// ground slope.
     deep: u32,
     steep: u32,
-    /// The deepest: distance and depth.
+    /// Distance and depth of the deepest point.
     deepest: [f32; 2],
 }
 
-/// Finds holes; keeps its scratch memory between columns.
+/// Finds holes; keeps its working memory between columns.
 #[derive(Clone, Debug, Default)]
 pub struct HoleScan {
     level: Level,
 }
 
 impl HoleScan {
-    /// Looks through one column, given from the lowest ray to the highest with the labels of its scan. `known` is
-    /// ground in the column's direction that was seen before and lies nearer than its first point: distance and height,
-    /// m, ascending.
+    /// Scans one column, given from the lowest ray to the highest with its labels. `known` is ground in the column's
+    /// direction from earlier frames, nearer than its first point: distance and height, m, in ascending order.
     pub fn scan(
         &mut self,
         points: &[ScanPoint],
@@ -98,7 +98,7 @@ impl HoleScan {
                     if point.rho - near_rho <= REACH_M {
                         continue;
                     }
-                    // What stays that far below is a level of its own.
+                    // Points that stay below the old level for that long are on a new level.
                     close(&mut below, None, params, holes);
                     self.level.clear();
                 } else {
@@ -113,7 +113,7 @@ impl HoleScan {
         close(&mut below, None, params, holes);
     }
 
-    /// Takes ground for the level; anything else ends it.
+    /// Adds a ground point to the level; any other point ends the level.
     fn keep(&mut self, is_ground: bool, point: &ScanPoint) {
         if !is_ground || self.level.last().is_some_and(|last| point.rho - last > LEVEL_BASE_M) {
             self.level.clear();
@@ -133,7 +133,7 @@ impl Below {
         if depth > self.deepest[1] {
             self.deepest = [point.rho, depth];
         }
-        // The sensor is the origin, so the level lies `-level` below it. From below the level nothing is proven.
+        // The sensor is the origin, so its height above the level is `-level`. A sensor below the level proves nothing.
         let height = -level;
         let width = if height > 0.0 { point.rho * depth / (height + depth) } else { 0.0 };
         if depth >= enough && width >= params.width_m {
@@ -143,8 +143,8 @@ impl Below {
     }
 }
 
-/// Ends a run of points below the level, at a point that is at it again (number and distance) or at none, and keeps it
-/// if it is a hole.
+/// Ends a group of points below the level, at a point that is at the level again (index and distance) or without one,
+/// and records it if it is a hole.
 fn close(
     below: &mut Option<Below>,
     far: Option<(usize, f32)>,

@@ -1,5 +1,4 @@
-//! What the scan for negative obstacles must say of scenes with known ground truth, and that it says what the plain
-//! rule says.
+//! The scan for negative obstacles on scenes with known ground truth, and against its slow reference.
 
 use crate::columns::{KnownGround, Strip, Survey};
 use crate::cost_map::CostMap;
@@ -22,7 +21,7 @@ struct Found {
     pixels: u64,
 }
 
-/// One frame, brought into a map.
+/// Processes one frame and adds it to a map.
 fn look(view: &View, map: &mut GroundMap, time_ns: u64) -> Found {
     let known = Some(KnownGround { map, since_ns: 0 });
     let survey = Survey { negative: Some(PARAMS), known, ..view.survey(ScanParams::default()) };
@@ -38,7 +37,7 @@ fn look_once(scene: &Scene) -> Found {
     look(&scene.look(), &mut GroundMap::new().unwrap(), 1)
 }
 
-/// Least and largest x of the cells, m.
+/// Smallest and largest x of the cells, m.
 fn extent(cells: &BTreeSet<CellIndex>) -> [f64; 2] {
     let x = || cells.iter().map(|cell| cell.x as f64 * GROUND_CELL_M);
     [x().fold(f64::INFINITY, f64::min), x().fold(f64::NEG_INFINITY, f64::max) + GROUND_CELL_M]
@@ -77,13 +76,13 @@ fn ground_has_no_holes_however_it_slopes() {
 fn a_ditch_too_shallow_or_too_narrow_is_ground() {
     assert_eq!(look_once(&Scene::flat().with_ditch([2.0, -2.0], [2.5, 2.0], 0.07)).cells.len(), 0);
     assert_eq!(look_once(&Scene::flat().with_ditch([2.0, -2.0], [2.15, 2.0], 0.6)).cells.len(), 0);
-    // As deep and as wide as can be, and not long enough across the view.
+    // Deep and wide enough, but too short across the view.
     assert_eq!(look_once(&Scene::flat().with_ditch([2.0, 0.01], [2.5, 0.09], 0.6)).cells.len(), 0);
 }
 
 #[test]
 fn a_drop_is_found_by_its_edge() {
-    // Ground ends two metres ahead; what lies below it is hidden, but for the far part of the bottom.
+    // The ground ends two metres ahead; what lies below is hidden, except for the far part of the bottom.
     let scene = Scene::flat().with_ditch([2.0, -20.0], [40.0, 20.0], 0.5);
     let [low, high] = extent(&look_once(&scene).cells);
     assert!((1.79..2.01).contains(&low) && high < 2.11, "{low} {high}");
@@ -101,7 +100,7 @@ fn a_cell_with_a_border_has_the_highest_cost() {
     for cell in &cells {
         assert_eq!(costs[(cell.y + 100) as usize * SIDE + (cell.x + 100) as usize], MAX_COST);
     }
-    // Without them it has not: much ground is seen there.
+    // Without the borders the cost is low: much ground is seen there.
     let map = CostMap::new(&strips, &BTreeSet::new(), CellIndex::new(0, 0), view.placement.sensor.z, 1);
     let costs: Vec<u8> = map.costs().collect();
     let low =
@@ -139,7 +138,7 @@ fn borders_are_gathered_over_frames_forgotten_with_time_and_taken_back_by_ground
     let mut map = GroundMap::new().unwrap();
     let first = look(&ditch, &mut map, second).cells.len();
     let once = border(&map);
-    // Cells with too few columns in one frame come to count in the next.
+    // Cells with too few columns in one frame have enough after the next one.
     assert!(look(&ditch, &mut map, 2 * second).cells.len() >= first);
     assert!(border(&map) > once);
     let twice = border(&map);
@@ -160,7 +159,7 @@ fn reference_base(ground: &[(f32, f32)]) -> Vec<[i64; 2]> {
     ground[first..].iter().map(|&(r, z)| [mm(r), mm(z)]).collect()
 }
 
-/// Slope of the line of least squares; `None` for fewer than 6 points or 0.3 m.
+/// Slope of the least-squares line; `None` with fewer than 6 points or less than 0.3 m.
 pub(crate) fn reference_slope(ground: &[(f32, f32)], limit: f32) -> Option<f32> {
     let base = reference_base(ground);
     if base.len() < 6 || base[base.len() - 1][0] - base[0][0] < 300 {
@@ -183,7 +182,7 @@ pub(crate) fn reference_level(ground: &[(f32, f32)], rho: f32, limit: f32) -> Op
     Some(((z + slope * (f64::from(rho) * 1000.0 * n - r)) / n / 1000.0) as f32)
 }
 
-/// The rule once more, plainly: the line through the ground is computed again for each point.
+/// Reference implementation: the line is fitted again for each point.
 fn reference_holes(points: &[ScanPoint], labels: &[Label], params: &NegativeParams) -> Vec<Hole> {
     let mut holes = Vec::new();
     let mut ground: Vec<(f32, f32)> = Vec::new();

@@ -1,11 +1,11 @@
-//! Labels of points as an image: a cloud seen by a camera.
+//! Label images from labelled points, projected into a camera.
 
 use crate::scan::Label;
 use glam::DVec3;
 use rcs_geom::PinholeCamera;
 
 /// Paints each point (m, optical frame) as a square of `2·radius_px + 1` pixels into a label image of the camera's
-/// size, one byte a pixel by rows; the nearest point wins, and of two equally near ones the first. Pixels without a
+/// size, one byte per pixel in row order. The nearest point wins; of two equally near ones, the first. Pixels without a
 /// point are [`Label::Invalid`].
 pub fn paint(
     camera: &PinholeCamera,

@@ -66,7 +66,7 @@ impl Process for LabelOverlay {
     };
 
     fn ports(b: &mut PortBuilder) -> Ports {
-        // Never read: it names the image that the labels lie on.
+        // Not read: the port names the image on which the labels are drawn.
         let _ = b.optional_input::<RawImage>("image", "colour image of the camera");
         Ports {
             points: b.input("points", "points with the field `label`, m"),
@@ -149,7 +149,7 @@ impl LabelOverlay {
     }
 }
 
-/// Where the label lies in a point.
+/// Offset of the label within a point.
 fn label_offset(cloud: &PointCloud) -> Option<usize> {
     let field =
         cloud.fields.iter().find(|field| field.name == "label" && field.r#type() == NumericType::Uint8)?;

@@ -1,4 +1,4 @@
-//! Parameters as the algorithms take them: tangents, nanoseconds, limits in metres.
+//! Conversion of parameters to the units of the algorithms: tangents, nanoseconds, limits in metres.
 
 use crate::ground_map::BorderRule;
 use crate::negative::NegativeParams;
@@ -15,7 +15,7 @@ fn tangent(degrees: f64) -> f32 {
     libm::tan(degrees.to_radians()) as f32
 }
 
-/// `camera` is the one of a depth image; a cloud has none.
+/// `camera` is that of a depth image; a cloud has none.
 pub(crate) fn scan_params(params: &ObstaclesParams, camera: Option<&PinholeCamera>) -> ScanParams {
     ScanParams {
         min_range_m: params.min_range_m as f32,
@@ -32,11 +32,11 @@ pub(crate) fn scan_params(params: &ObstaclesParams, camera: Option<&PinholeCamer
     }
 }
 
-/// The farthest range that is believed.
+/// The largest range that is used.
 ///
-/// A range from stereo is z = f·b/d, so that noise `s` of the disparity makes it uncertain by z²·s/(f·b). It is
-/// believed until that is the greatest noise allowed. The range along the ray stands for z, which is a little strict in
-/// the corners of the image.
+/// A range from stereo is z = f·b/d, so disparity noise `s` gives it the uncertainty z²·s/(f·b). It is used up to the
+/// range at which this equals the greatest noise allowed. The limit on z is applied to the range along the ray, which
+/// is slightly strict in the corners of the image.
 fn max_range_m(params: &ObstaclesParams, camera: Option<&PinholeCamera>) -> f64 {
     match camera {
         Some(camera) if params.baseline_m > 0.0 && params.disparity_noise_px > 0.0 => {

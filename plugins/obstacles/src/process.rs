@@ -22,13 +22,13 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// State: the last seconds of poses, the camera, and the ground map of the negative obstacles.
+/// State: the poses of the last seconds, the camera, and the ground map of the negative obstacles.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Obstacles {
     localizer: Localizer,
     camera: Option<PinholeCamera>,
     ground: GroundMap,
-    /// Rays of `camera`, made when they are first needed.
+    /// Rays of `camera`, computed on first use.
     #[serde(skip)]
     rays: Option<Arc<Rays>>,
 }
@@ -66,7 +66,7 @@ enum Unusable {
     Empty { points: u64 },
 }
 
-/// An image that was taken this much before or after the ranges has their colours, s.
+/// Colours are taken from an image of at most this time difference from the ranges, s.
 const SAME_TIME_S: f64 = 0.05;
 
 impl Process for Obstacles {
@@ -216,7 +216,7 @@ impl Obstacles {
             .iter()
             .map(|point| {
                 let p = turn * point.position;
-                // Many sensors write the origin where they saw nothing.
+                // Many sensors report the origin for a ray without a return.
                 let has_range = p.is_finite() && point.position != DVec3::ZERO;
                 has_range.then_some([p.x as f32, p.y as f32, p.z as f32])
             })
@@ -248,8 +248,8 @@ impl Obstacles {
         }
     }
 
-    /// Brings the frame into the ground map; marks the borders that count. Gives their pixels, and their cells of the
-    /// cost map.
+    /// Adds the frame to the ground map and marks the borders that count. Returns the number of their pixels, and their
+    /// cells of the cost map.
     fn mark_negative(
         &mut self,
         strips: &mut [Strip],
@@ -265,12 +265,12 @@ impl Obstacles {
         let borders = self.ground.add(votes, sensor_pose.placement.sensor.z, time.0, &border_rule(params));
         let is_border = |[x, y]: [i32; 2]| borders.contains(&CellIndex::new(x.into(), y.into()));
         let pixels = strips.iter_mut().map(|strip| strip.mark_borders(is_border)).sum();
-        // Two cells of the ground map are as wide as one of the cost map.
+        // A cell of the cost map is two cells of the ground map wide.
         let cells = borders.iter().map(|cell| CellIndex::new(cell.x.div_euclid(2), cell.y.div_euclid(2)));
         (pixels, cells.collect())
     }
 
-    /// Writes the cost map and the counts, unless nothing had a range.
+    /// Sends the cost map and the counts, unless no point had a range.
     #[expect(clippy::too_many_arguments, reason = "one frame, and where it goes")]
     fn write_results(
         &mut self,

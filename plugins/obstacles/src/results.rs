@@ -1,4 +1,4 @@
-//! What is sent on for one frame of range data.
+//! Output messages of one frame of range data.
 
 use crate::columns::Strip;
 use crate::cost_map::CostMap;
@@ -11,12 +11,12 @@ use rcs_msg::foxglove::{PackedElementField, PointCloud};
 use rcs_sense::pose_message;
 use rcs_world::{MAX_COST, OBSTACLE_COST};
 
-/// Pixels by label over all strips.
+/// Number of pixels with a label over all strips.
 pub(crate) fn count(strips: &[Strip], label: Label) -> u64 {
     strips.iter().map(|strip| strip.counts[label as usize]).sum()
 }
 
-/// The counts of one frame but those of negative obstacles, with `without_range` points that no strip has.
+/// Counts of one frame except those of negative obstacles; `without_range` is the number of points in no strip.
 pub(crate) fn stats(strips: &[Strip], without_range: u64, map: &CostMap, time: Stamp) -> ObstacleStats {
     let used = |range: &&Strip| range.range_m[1] > 0.0;
     let nearest = strips.iter().filter(used).map(|strip| strip.range_m[0]).fold(f32::INFINITY, f32::min);
@@ -37,7 +37,7 @@ pub(crate) fn stats(strips: &[Strip], without_range: u64, map: &CostMap, time: S
     }
 }
 
-/// The points that have a label, with it: `x`, `y`, `z` (f32, m) and `label` (u8), 16 bytes a point.
+/// The labelled points: `x`, `y`, `z` (f32, m) and `label` (u8), 16 bytes per point.
 pub(crate) fn labelled_cloud(
     message: &PointCloud,
     cloud: &rcs_msg::Points<'_>,

@@ -1,52 +1,53 @@
-//! The scan of one column of a range image, from known ground under the wheels upward (Albus 2006a, 3.1.1, figure 6).
+//! The scan of one column of a range image, upward from the known ground under the wheels (Albus 2006a, 3.1.1, figure
+//! 6).
 //!
-//! A column is what one vertical half-plane through the sensor meets: points `(rho, z)` from the lowest ray to the
-//! highest, `rho` the horizontal distance from the sensor and `z` the height above it, in metres, gravity down. The
-//! scan keeps the last point that it knows to be ground and asks of each further point whether it can be ground, too:
+//! A column contains the points `(rho, z)` of one vertical half-plane through the sensor, from the lowest ray to the
+//! highest: `rho` is the horizontal distance from the sensor and `z` the height above it, m, with gravity along −z. The
+//! scan keeps the last point that is ground, and decides for each further point whether it can be ground:
 //!
-//! - **On contact** (the last ground point is near): it can, if it rises no faster than the slope limit, plus the least
-//!   rise that counts (`d` in the paper).
-//! - **After a gap or an obstacle**: it can, if it lies near the ground that would be expected from the slope so far,
-//!   and the surface at the point is itself shallow. A hedge behind a hollow is not taken for ground because it is far
-//!   away, and a lawn behind a wall is ground again.
+//! - **In contact** (the last ground point is near): yes, if it rises no faster than the slope limit plus the minimum
+//!   rise (`d` in the paper).
+//! - **After a gap or an obstacle**: yes, if it is near the height expected from the slope so far, and the surface at
+//!   the point is itself shallow. So a hedge behind a hollow is not taken for ground because it is far away, and a lawn
+//!   behind a wall is ground again.
 //!
-//! The height of the ground never climbs faster than the slope limit, so a wall with a gentle foot does not carry it
-//! up. What is not ground gets its label from its height above the local ground: the ground below it where the column
-//! has seen that (a branch that hangs into the image), else the last ground before it, carried on by the surface
-//! itself where that goes on without a jump (a steep bank).
+//! The height of the ground never rises faster than the slope limit, so a wall with a gentle foot does not raise it.
+//! Points that are not ground are labelled by their height above the local ground: the ground below them if the column
+//! has seen it (for a branch that hangs into the image), otherwise the last ground before them, extended along the
+//! surface itself where that continues without a jump (for a steep bank).
 //!
-//! Where the paper is silent: noise widens `d` in proportion to range; a run of neighbouring obstacle points is short
-//! as a whole or not at all, and so is one that noise alone could have raised; a point below the expected ground is
-//! ground, since negative obstacles are another module's, unless a steep face begins there beyond a gap: then the foot
-//! of that face is hidden, and the heights of its points count from the lowest one that is seen.
+//! What the paper leaves open: noise increases `d` in proportion to range. A run of consecutive obstacle points is
+//! short only as a whole, and a run that noise alone could have raised is short. A point below the expected ground is
+//! ground, because negative obstacles are the task of another module. The exception is a steep face that starts there
+//! beyond a gap: its foot is hidden, and the heights of its points are measured from its lowest visible point.
 
 use crate::level::Level;
 pub use rcs_sense::ObstacleLabel as Label;
 
-/// Where the scan draws its lines. Metres, and tangents of angles.
+/// Thresholds of the scan: metres, and tangents of angles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScanParams {
-    /// Nearer ranges are the vehicle itself.
+    /// Nearer ranges are taken to be the vehicle itself.
     pub min_range_m: f32,
-    /// Farther ranges are too uncertain.
+    /// Farther ranges are too uncertain to use.
     pub max_range_m: f32,
-    /// Tangent of the steepest slope that is ground.
+    /// Tangent of the steepest slope that counts as ground.
     pub slope_limit: f32,
     /// Tangent by which ground may rise above its expected slope after a gap.
     pub regain_slope: f32,
-    /// Least rise that counts (`d`).
+    /// Minimum rise of an obstacle (`d`).
     pub min_rise_m: f32,
-    /// What range noise adds to it, per metre of range.
+    /// Addition to the minimum rise for range noise, per metre of range.
     pub rise_noise: f32,
-    /// Rise below which an obstacle is short.
+    /// Obstacles that rise less than this are short.
     pub short_height_m: f32,
-    /// Height above ground from which on it is cover.
+    /// From this height above ground on, points are cover.
     pub clearance_m: f32,
     /// Horizontal distance without ground after which contact is lost.
     pub gap_m: f32,
-    /// Length across the ray over which the slope of a surface is taken.
+    /// Length across the ray over which the slope of a surface is measured.
     pub surface_span_m: f32,
-    /// How far the ground may be from where the wheels are believed to sensor_pose.
+    /// Tolerance of the height of the plane under the wheels.
     pub wheels_tolerance_m: f32,
 }
 
@@ -71,67 +72,67 @@ impl Default for ScanParams {
 /// One point of a column, relative to the sensor, axes of the local frame (gravity along −z), m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScanPoint {
-    /// Horizontal place.
+    /// Horizontal position.
     pub x: f32,
-    /// Horizontal place.
+    /// Horizontal position.
     pub y: f32,
     /// Height.
     pub z: f32,
     /// Horizontal distance.
     pub rho: f32,
-    /// Distance; 0 or NaN where there is none.
+    /// Distance; 0 or NaN without a return.
     pub range: f32,
 }
 
 impl ScanPoint {
-    /// No range.
+    /// A ray without a return.
     pub const NONE: ScanPoint = ScanPoint { x: 0.0, y: 0.0, z: 0.0, rho: 0.0, range: 0.0 };
 
-    /// The point at a place.
+    /// The point at a position.
     pub fn at(x: f32, y: f32, z: f32) -> ScanPoint {
         let flat = x * x + y * y;
         ScanPoint { x, y, z, rho: flat.sqrt(), range: (flat + z * z).sqrt() }
     }
 }
 
-/// Known ground from which a column starts: where the front wheels sensor_pose.
+/// Known ground from which a column starts: where the front wheels stand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     /// Horizontal distance from the sensor, m.
     pub rho: f32,
     /// Height relative to the sensor, m.
     pub z: f32,
-    /// Slope (tangent) of the plane on which the wheels stand, in the direction of the column.
+    /// Slope (tangent) of the plane under the wheels, in the direction of the column.
     pub slope: f32,
 }
 
 /// Distance between the points of the ground profile, m.
 const PROFILE_STEP_M: f32 = 0.1;
-/// Points that are looked at, at most, for the slope of a surface.
+/// Maximum number of points that are examined for the slope of a surface.
 const LOOK_AHEAD: usize = 128;
 
-/// Labels columns; keeps its scratch memory between them.
+/// Labels columns; keeps its working memory between them.
 #[derive(Clone, Debug, Default)]
 pub struct ColumnScan {
-    /// Ground of this column: `(rho, z)`, `rho` ascending.
+    /// Ground of this column: `(rho, z)` in ascending order of `rho`.
     profile: Vec<(f32, f32)>,
-    /// The last metre of it.
+    /// Line through the last metre of the ground.
     level: Level,
 }
 
-/// Neighbouring points that are no ground.
+/// A run of consecutive points that are not ground.
 #[derive(Clone, Copy)]
 struct Run {
     first: usize,
     last_rho: f32,
     max_rise: f32,
     first_rho: f32,
-    /// How far out the surface has gone without a jump.
+    /// Distance that the surface has reached without a jump.
     max_rho: f32,
-    /// It stands on ground that is hidden and lower than expected: heights are above its own lowest point.
+    /// The run stands on hidden ground that is lower than expected: heights are measured from its own lowest point.
     low: bool,
     base: f32,
-    /// Range of its first point.
+    /// Range of the first point.
     range: f32,
 }
 
@@ -142,17 +143,17 @@ impl Run {
     }
 }
 
-/// What a surface does above a point.
+/// The slope of the surface above a point.
 #[derive(Clone, Copy, PartialEq)]
 enum Surface {
     Shallow,
     Steep,
-    /// Nothing is seen above the point.
+    /// No point is seen above it.
     Unknown,
 }
 
 impl ColumnScan {
-    /// Labels the points of one column, given from the lowest ray to the highest. `labels` has one for each point.
+    /// Labels the points of one column, given from the lowest ray to the highest. `labels` has the length of `points`.
     pub fn scan(&mut self, points: &[ScanPoint], start: Start, params: &ScanParams, labels: &mut [Label]) {
         self.profile.clear();
         self.profile.push((start.rho, start.z));
@@ -164,7 +165,7 @@ impl ColumnScan {
         let mut run: Option<Run> = None;
 
         for (i, point) in points.iter().enumerate() {
-            // Negated, so that NaN has no range, either.
+            // Negated, so that NaN also counts as no range.
             if !(point.range >= params.min_range_m && point.range.is_finite()) {
                 labels[i] = Label::Invalid;
                 continue;
@@ -210,8 +211,8 @@ impl ColumnScan {
             if let Some(run) = run.filter(|run| run.low) {
                 base = run.base;
             } else if point.z <= base + tolerance {
-                // Ground, unless it lies lower than expected beyond a gap, and a steep face rises there out of what is
-                // hidden.
+                // Ground, unless the point is lower than expected beyond a gap and a steep face rises there from hidden
+                // ground.
                 let low = ahead > params.gap_m && point.z < base - tolerance;
                 if !low || surface(points, i, params) != Surface::Steep {
                     labels[i] = Label::Ground;
@@ -233,12 +234,12 @@ impl ColumnScan {
         end_run(&mut run, points.len(), params, labels);
     }
 
-    /// Height of the last ground without its own noise.
+    /// Height of the last ground point, smoothed by the line.
     fn smooth(&self, ground: (f32, f32), params: &ScanParams) -> f32 {
         self.level.at(ground.0, params.slope_limit).unwrap_or(ground.1)
     }
 
-    /// Height of this column's ground at a distance that it has passed.
+    /// Height of this column's ground at a distance that the scan has passed.
     fn height_at(&self, rho: f32) -> f32 {
         let after = self.profile.partition_point(|&(r, _)| r <= rho);
         match (after.checked_sub(1).map(|before| self.profile[before]), self.profile.get(after)) {
@@ -249,8 +250,8 @@ impl ColumnScan {
     }
 }
 
-/// Closes a run that ends before point `end`: if nothing of it rises higher than what is short and what noise makes of
-/// its top and of the ground below it, all of it is short.
+/// Ends a run before point `end`. If none of it rises higher than the short height plus the noise of its top and of the
+/// ground below it, the whole run is short.
 fn end_run(run: &mut Option<Run>, end: usize, params: &ScanParams, labels: &mut [Label]) {
     if let Some(run) = run.take()
         && run.max_rise < params.short_height_m + 2.0 * params.rise_noise * run.range
@@ -263,7 +264,7 @@ fn end_run(run: &mut Option<Run>, end: usize, params: &ScanParams, labels: &mut 
     }
 }
 
-/// The surface at point `i`: how it leads on to the next point that is far enough above on the image.
+/// The slope of the surface at point `i`, measured to the next point that is far enough above it in the image.
 fn surface(points: &[ScanPoint], i: usize, params: &ScanParams) -> Surface {
     let point = points[i];
     let elevation = point.z / point.rho;

@@ -1,4 +1,4 @@
-//! What the scan must say of scenes with known ground truth, and that it says what the plain rule says.
+//! The scan on scenes with known ground truth, and against its slow reference.
 
 use crate::columns::Strip;
 use crate::cost_map::CostMap;
@@ -100,7 +100,7 @@ fn ground_behind_an_obstacle_is_ground_again_and_a_hedge_far_behind_it_is_not() 
 #[test]
 fn missing_pixels_do_not_break_the_scan() {
     let mut view = Scene::flat().with_box([6.0, -0.5, 0.0], [6.4, 0.5, 0.3]).look();
-    // Two of three pixels have no range, NaN or 0.
+    // Two of three pixels have no range: NaN or 0.
     for (i, pixel) in view.depth.chunks_exact_mut(4).enumerate() {
         match i * 7 % 3 {
             0 => {}
@@ -110,7 +110,7 @@ fn missing_pixels_do_not_break_the_scan() {
     }
     let pairs = view.labels(&ScanParams::default());
     let upper = |truth| matches!(truth, Truth::Box { height_m, .. } if height_m > 0.06);
-    // Of some columns a single pixel of the box is left.
+    // In some columns a single pixel of the box remains.
     assert!(share(&pairs, upper, |label| matches!(label, Label::Obstacle | Label::Invalid)) > 0.9);
     assert!(share(&pairs, |truth| truth == Truth::Ground, |label| label == Label::Obstacle) < 0.002);
 }
@@ -131,20 +131,20 @@ fn a_cell_costs_its_share_of_obstacle_pixels_and_cover_does_not_count() {
         let index = |v: f64| ((v / CELL_SIZE_M).floor() + 100.0) as usize;
         costs[index(y_m) * SIDE + index(x_m)]
     };
-    // The front face lies on the border of cells; what falls behind it is nearly all trunk.
+    // The front face lies on the border between cells; points that fall behind it are nearly all trunk.
     assert!(at(6.05, 0.1).min(at(5.95, 0.1)) < MAX_COST);
     assert!(at(6.05, 0.1).max(at(5.95, 0.1)) > 200);
     assert_eq!(at(4.1, 0.1), 0);
     assert_eq!(at(-4.1, 0.1), UNKNOWN_COST);
 }
 
-// The rule once more, plainly: nothing is kept that can be computed again.
+// Reference implementation: computes everything anew for each point.
 
 struct Reference<'a> {
     points: &'a [ScanPoint],
     start: Start,
     params: &'a ScanParams,
-    /// Ground points found so far: index, height that the envelope gives them.
+    /// Ground points found so far: index, and height of the envelope.
     ground: Vec<(f32, f32)>,
 }
 
@@ -158,11 +158,11 @@ impl Reference<'_> {
         self.ground.last().copied().unwrap_or((self.start.rho, self.start.z))
     }
 
-    /// The line through the last metre of ground, at the last ground point: its height there and its slope.
+    /// The line through the last metre of ground, at the last ground point: its height and slope.
     fn smooth(&self) -> (f32, f32) {
         let (limit, last) = (self.params.slope_limit, self.last());
         let start = self.start.slope.clamp(-limit, limit);
-        // As long as there is no line, the slope is that of the line before, or of the start.
+        // While there is no line, the slope is that of the last line, or of the start.
         let slope = (1..=self.ground.len()).rev().find_map(|n| reference_slope(&self.ground[..n], limit));
         let height = reference_level(&self.ground, last.0, limit);
         (height.unwrap_or(last.1), slope.unwrap_or(start))
@@ -199,7 +199,7 @@ impl Reference<'_> {
     }
 }
 
-/// Neighbouring points that are no ground, with their rise.
+/// A run of consecutive points that are not ground, with their rise.
 struct ReferenceRun {
     points: Vec<(usize, f32)>,
     low: bool,
@@ -287,7 +287,7 @@ fn reference_scan(points: &[ScanPoint], start: Start, params: &ScanParams) -> Ve
     labels
 }
 
-/// A rough column: ground that undulates, steps, gaps, things in the way.
+/// A rough column: undulating ground, steps, gaps, objects.
 fn column() -> impl Strategy<Value = Vec<ScanPoint>> {
     let step = (0.0..0.4_f32, -0.08..0.1_f32, 0..12_u8, 0.0..2.5_f32);
     prop::collection::vec(step, 1..120).prop_map(|steps| {
@@ -312,7 +312,7 @@ fn column() -> impl Strategy<Value = Vec<ScanPoint>> {
     })
 }
 
-/// What the pipeline finds in a depth image, pixel by pixel: labels by rows and counts by cell.
+/// Reference result for a depth image, pixel by pixel: labels in row order and counts by cell.
 fn reference_image(view: &View, params: &ScanParams) -> (Vec<Label>, BTreeMap<[i32; 2], [u32; 2]>) {
     let turn = view.turn.as_mat3();
     let mut labels = vec![Label::Invalid; WIDTH * HEIGHT];
@@ -364,7 +364,7 @@ proptest! {
         let start = Start { rho: 0.4, z: -1.2, slope };
         let mut labels = vec![Label::Invalid; points.len()];
         let mut scan = ColumnScan::default();
-        // What a column before this one left behind must not matter.
+        // The previous column must have no influence.
         scan.scan(&points, Start { z: 0.0, ..start }, &params, &mut labels);
         scan.scan(&points, start, &params, &mut labels);
         prop_assert_eq!(labels, reference_scan(&points, start, &params));
@@ -400,7 +400,7 @@ proptest! {
         let found: Vec<Label> = view.labels(&params).into_iter().map(|pair| pair.1).collect();
         prop_assert!(found == labels);
         let votes = votes_by_cell(&view.strips(&params));
-        // A point on the very border of two cells may fall on either side.
+        // A point on the border of two cells may fall on either side.
         let total = |cells: &BTreeMap<[i32; 2], [u32; 2]>| cells.values().map(|c| u64::from(c[0] + c[1])).sum::<u64>();
         prop_assert_eq!(total(&votes), total(&cells));
         let moved: u64 = cells

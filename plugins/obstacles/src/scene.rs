@@ -7,30 +7,30 @@ use glam::{DMat3, DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_sense::CELL_SIZE_M;
 
-/// What a pixel really shows.
+/// What a pixel shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Truth {
     Sky,
-    /// The plane, at a distance ahead of the vehicle.
+    /// The plane, with the distance ahead of the vehicle.
     Ground,
-    /// A box by its number, and the height of the point above the plane, m.
+    /// A box, by its index and the height of the point above the plane, m.
     Box {
         number: usize,
         height_m: f64,
     },
-    /// A wall or the bottom of a ditch, and how far below the plane, m.
+    /// A wall or the bottom of a ditch, with the depth below the plane, m.
     Ditch {
         depth_m: f64,
     },
 }
 
-/// A plane through the vehicle's origin that rises ahead, and boxes that stand on it: corners in x and y, and heights
-/// above the plane below their own point.
+/// A plane through the vehicle's origin that rises ahead, and boxes on it: corners in x and y, and heights above the
+/// plane.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scene {
     pub(crate) slope_rad: f64,
     pub(crate) boxes: Vec<[DVec3; 2]>,
-    /// Holes in the plane: corners in x and y, and the bottom's height below the plane's own point.
+    /// Holes in the plane: corners in x and y, and the height of the bottom relative to the plane.
     pub(crate) ditches: Vec<[DVec3; 2]>,
 }
 
@@ -57,7 +57,7 @@ impl Scene {
         Scene { slope_rad, ..Scene::default() }
     }
 
-    /// A hole with upright walls.
+    /// Adds a hole with vertical walls.
     pub(crate) fn with_ditch(mut self, low: [f64; 2], high: [f64; 2], depth_m: f64) -> Scene {
         self.ditches.push([DVec3::new(low[0], low[1], -depth_m), DVec3::new(high[0], high[1], 0.0)]);
         self
@@ -68,7 +68,7 @@ impl Scene {
         self
     }
 
-    /// What the camera sees, 1.2 m above the vehicle's origin and 10° downward.
+    /// The view of a camera 1.2 m above the vehicle's origin, pitched 10° down.
     pub(crate) fn look(&self) -> View {
         let camera = PinholeCamera::from_horizontal_fov([WIDTH as u32, HEIGHT as u32], 1.1).unwrap();
         let local_from_vehicle = Pose::from_rpy(DVec3::ZERO, 0.0, -self.slope_rad, 0.0);
@@ -97,9 +97,9 @@ impl Scene {
         }
     }
 
-    /// Distance in lengths of the ray, and what is there.
+    /// Distance in lengths of the ray, and what the ray meets.
     fn cast(&self, from: DVec3, ray: DVec3) -> (f64, Truth) {
-        // Sheared, so that the plane is z = 0 and a height is one above the plane.
+        // Sheared, so that the plane is z = 0 and heights are above the plane.
         let tangent = libm::tan(self.slope_rad);
         let shear = |v: DVec3| DVec3::new(v.x, v.y, v.z - tangent * v.x);
         let (from, ray) = (shear(from), shear(ray));
@@ -111,7 +111,7 @@ impl Scene {
                 (low.x..high.x).contains(&crossed.x) && (low.y..high.y).contains(&crossed.y)
             };
             if let Some([low, high]) = self.ditches.iter().find(is_in) {
-                // From inside a box, the nearest of the far faces is what the ray meets.
+                // From inside a box, the ray meets the nearest of the far faces.
                 let (a, b) = ((*low - from) / ray, (*high - from) / ray);
                 let leave = a.max(b).min_element();
                 best = (leave, Truth::Ditch { depth_m: -(from.z + leave * ray.z) });
@@ -149,7 +149,7 @@ impl View {
         (0..self.rays.strips()).map(strip).collect()
     }
 
-    /// Pairs of ground truth and label of all pixels.
+    /// Ground truth and label of every pixel.
     pub(crate) fn labels(&self, params: &ScanParams) -> Vec<(Truth, Label)> {
         let labels = label_image(&self.strips(params), self.rays.width, self.rays.height);
         let label = |&number: &u8| Label::ALL[number as usize];

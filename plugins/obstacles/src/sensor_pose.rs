@@ -1,4 +1,4 @@
-//! Where the sensor and the vehicle were when range data were taken.
+//! Poses of sensor and vehicle when range data were acquired.
 
 use crate::columns::{GroundPlane, Placement};
 use crate::ground_map::GROUND_CELL_M;
@@ -8,18 +8,18 @@ use rcs_geom::{CellIndex, Pose};
 use rcs_msg::Stamp;
 use rcs_sense::{Axes, CELL_SIZE_M, Localizer, LocalizerError, OnItsSide, upright};
 
-/// Where everything stood.
+/// Geometry of one frame.
 #[derive(Clone, Debug)]
 pub(crate) struct SensorPose {
     pub(crate) local_from_sensor: Pose,
     pub(crate) ground_plane: GroundPlane,
     pub(crate) placement: Placement,
-    /// The vehicle's cell of the cost map, and of the ground map.
+    /// The vehicle's cell, in the cost map and in the ground map.
     pub(crate) centre: CellIndex,
     pub(crate) ground_centre: CellIndex,
 }
 
-/// Why that is not known.
+/// Why the geometry is unknown.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum SensorPoseError {
     #[error(transparent)]
@@ -29,7 +29,8 @@ pub(crate) enum SensorPoseError {
 }
 
 impl SensorPose {
-    /// At a time; `axes` are those of the data, `origin` the place of their coordinates in their frame.
+    /// Finds the geometry at a time; `axes` are those of the data, `origin` the pose of their coordinates in their
+    /// frame.
     pub(crate) fn find(
         localizer: &Localizer,
         frame_id: &str,
