@@ -1,17 +1,18 @@
-//! Lines and rectangles in a cost map of what is near: a small window of the world model's cells around the vehicle.
+//! Lines and rectangles in a cost map of the vehicle's immediate surroundings: a small window of the world model's
+//! cells.
 //!
-//! A cell says free (0), obstacle (250) or nothing (255). Where several readings of one message tell of a cell, the
-//! highest cost counts.
+//! A cell is free (0), obstacle (250) or unknown (255). Where several readings of one message affect a cell, the
+//! highest cost is kept.
 
 use rcs_geom::DVec2;
 use rcs_sense::{CELL_SIZE_M, CostGrid, GridFrame};
 
-/// Cells in a row of the window: 8 m, more than any of these sensors reaches.
+/// Cells per row of the window: 8 m, more than the reach of any of these sensors.
 const SIDE: usize = 41;
-/// Distance between the places that are looked at along an edge, m: no cell is stepped over.
+/// Distance between sampled points along an edge, m; small enough to skip no cell.
 const STEP_M: f64 = CELL_SIZE_M / 4.0;
 
-/// Nothing known in the window around a place, m.
+/// An unknown window around a position, m.
 pub fn around(place: DVec2) -> CostGrid {
     CostGrid::new(GridFrame::around(place, SIDE, CELL_SIZE_M))
 }
@@ -25,7 +26,7 @@ pub fn mark_line(costs: &mut CostGrid, from: DVec2, to: DVec2, cost: u8) {
     }
 }
 
-/// Marks the cells whose middle lies in a rectangle: corner, and its two sides from there, m.
+/// Marks the cells whose centres lie in a rectangle, given by a corner and its two sides from there, m.
 pub fn mark_rectangle(costs: &mut CostGrid, corner: DVec2, along: DVec2, across: DVec2, cost: u8) {
     let (length, width) = (along.length(), across.length());
     if length * width == 0.0 {
@@ -61,7 +62,7 @@ mod tests {
             for i in 0..=1000 {
                 let place = from.lerp(to, f64::from(i) / 1000.0);
                 let inside_of_cell = (place / CELL_SIZE_M - (place / CELL_SIZE_M).floor() - 0.5).abs();
-                // Corners of cells that the line barely touches may be left out.
+                // Cells that the line touches only at a corner may be left out.
                 if inside_of_cell.max_element() < 0.3 {
                     prop_assert_eq!(costs.at(place), Some(250));
                 }

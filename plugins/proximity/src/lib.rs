@@ -1,4 +1,4 @@
-//! What is near enough to touch, and whether the wheels grip (Albus 2006a, 3; Albus 2006b, 3.1).
+//! Cost maps from bumper and infrared sensors, and detection of wheel slip (Albus 2006a, 3; Albus 2006b, 3.1).
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
@@ -15,20 +15,40 @@
 //! | `infrared_cost` | out | `foxglove.Grid` | field cost.infrared: cones of the infrared sensors, local frame |
 //! | `slip` | out | `rcs.SlipReport` | slip of the wheels, 0 to 1, and load of the motors |
 //!
-//! Period 50 ms. `bumper_cost` goes out for every reading whose switches changed, else ten times a second (A: 10–20
-//! Hz);
-//! `infrared_cost` for every message of readings; `slip` ten times a second. Cost: tens of microseconds. State: the
-//! last seconds of poses, the estimate of the wheels' grip.
+//! Period 50 ms. `bumper_cost` is sent for every reading whose switches changed, otherwise ten times a second (Albus
+//! 2006a: 10–20 Hz); `infrared_cost` for every message of readings; `slip` ten times a second. Cost: tens of
+//! microseconds. State: the poses of the last seconds, the traction estimate.
 //!
-//! Method: the papers name these sensors and their rates, not what is made of them. The half of the bumper that a
-//! pressed switch stands for marks the cells in front of it, and the ground under the vehicle is free; an infrared cone
-//! is free up to what it sees, which is an obstacle: [`near`]. Maps have the world model's cells in a window of 8 m:
-//! [`costs`]. Slip compares the encoders with the inertial sensors, whose gravity is told apart by the position
-//! estimate's pitch (no slip is told without a pose), and a motor that draws current while its wheel hardly turns is
-//! stalled: [`traction`].
+//! It reports what touches or nearly touches the vehicle. It does not stop the vehicle: `rcs-vehicle-interface` reads
+//! the bumper itself.
 //!
-//! Readings that are no numbers, or of a sensor whose place on the vehicle is not known, are faults and are skipped. A
-//! bumper hit while the vehicle's pose is not known is a fault, as it can mark nothing.
+//! # Where to begin
+//!
+//! The papers name these sensors and their rates but not how they are processed. Here:
+//!
+//! - [`near`]: a pressed switch stands for one half of the bumper and marks the cells in front of it; the ground under
+//!   the vehicle is free. An infrared cone is free up to the measured range, where there is an obstacle.
+//! - [`costs`]: maps with the world model's cells in a window of 8 m.
+//! - [`traction`]: slip is the difference between the encoders and the inertial sensors. Gravity is removed with the
+//!   pitch of the pose, so without a pose no slip is reported. A motor that draws current while its wheel hardly turns
+//!   is stalled.
+//!
+//! Readings that are not finite, or of a sensor whose mount is unknown, are faults and are skipped. A bumper hit while
+//! the pose of the vehicle is unknown is a fault, because no cell can be marked.
+//!
+//! # Example
+//!
+//! ```
+//! use rcs_geom::{DVec2, Pose};
+//! use rcs_proximity::near::{Body, bumper_costs};
+//!
+//! let body =
+//!     Body { bumper_x_m: 0.24, bumper_width_m: 0.66, bumper_depth_m: 0.2, rear_x_m: -0.72, width_m: 0.6 };
+//! let (left, right) = (true, false);
+//! let costs = bumper_costs(&Pose::IDENTITY, &body, left, right);
+//! assert_eq!(costs.at(DVec2::new(0.3, 0.1)), Some(250), "in front of the pressed switch");
+//! assert_eq!(costs.at(DVec2::new(-0.3, 0.1)), Some(0), "under the vehicle");
+//! ```
 
 rcs_msg::messages!(
     /// Messages of this plugin alone, from `proto/`.

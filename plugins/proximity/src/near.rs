@@ -1,33 +1,33 @@
-//! What bumper and infrared sensors tell of the cells around the vehicle.
+//! Costs of the cells around the vehicle from bumper and infrared sensors.
 
 use crate::costs::{around as costs_around, mark_line, mark_rectangle};
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_sense::CostGrid;
 use rcs_world::MAX_COST;
 
-/// Where the bumper and the body are in the vehicle frame, m.
+/// Dimensions of the bumper and the body in the vehicle frame, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
-    /// Of the bumper's face.
+    /// x of the bumper's face.
     pub bumper_x_m: f64,
-    /// Of the bumper, about the x axis.
+    /// Width of the bumper, symmetric about the x axis.
     pub bumper_width_m: f64,
-    /// In front of the bumper, of what a hit marks.
+    /// Depth of the area in front of the bumper that a hit marks.
     pub bumper_depth_m: f64,
-    /// Of the rear end.
+    /// x of the rear end.
     pub rear_x_m: f64,
-    /// Of the ground that is known to be free.
+    /// Width of the ground under the vehicle that is known to be free.
     pub width_m: f64,
 }
 
-/// One infrared reading, checked, in the frame of the map.
+/// One checked infrared reading, in the frame of the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Pose of the sensor, which looks along its x axis.
+    /// Pose of the sensor, which measures along its x axis.
     pub map_from_sensor: Pose,
-    /// Distance to what it sees, m; `None` where it sees nothing.
+    /// Distance to what it measures, m; `None` where nothing is in range.
     pub range_m: Option<f64>,
-    /// m.
+    /// Maximum range, m.
     pub max_range_m: f64,
     /// Full angle of the cone, rad.
     pub cone_rad: f64,
@@ -36,15 +36,15 @@ pub struct Ray {
 /// How infrared readings become costs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayRules {
-    /// Of what is seen, 0–250.
+    /// Cost of a measured obstacle, 0–250.
     pub cost: u8,
-    /// Part of the range that is free before it.
+    /// Share of the measured range that is marked free.
     pub free_fraction: f64,
-    /// Obstacle cells lie up to this far before and behind the reading, m.
+    /// Obstacle cells extend this far before and behind the measured range, m.
     pub noise_m: f64,
 }
 
-/// The ground under the vehicle is free; what the pressed switches touch is an obstacle.
+/// Marks the ground under the vehicle as free and the cells at pressed switches as obstacles.
 pub fn bumper_costs(map_from_vehicle: &Pose, body: &Body, left: bool, right: bool) -> CostGrid {
     let place = |x: f64, y: f64| (*map_from_vehicle * DVec3::new(x, y, 0.0)).truncate();
     let mut costs = costs_around(map_from_vehicle.translation.truncate());
@@ -58,7 +58,7 @@ pub fn bumper_costs(map_from_vehicle: &Pose, body: &Body, left: bool, right: boo
         if !is_pressed {
             continue;
         }
-        // A hit is somewhere on the switch's half: all of it counts, as deep as the bumper cannot tell.
+        // The hit is somewhere on the switch's half: mark the whole half, to the depth uncertainty.
         let lines = (body.bumper_depth_m / 0.05).ceil().clamp(1.0, 100.0) as u32;
         for line in 0..=lines {
             let x = body.bumper_x_m + body.bumper_depth_m * f64::from(line) / f64::from(lines);
@@ -68,7 +68,7 @@ pub fn bumper_costs(map_from_vehicle: &Pose, body: &Body, left: bool, right: boo
     costs
 }
 
-/// Free cells along each cone up to what it sees, and obstacle cells there.
+/// Marks the cells along each cone as free up to the measured range, and those at that range as obstacles.
 pub fn infrared_costs(around: DVec2, rays: &[Ray], rules: &RayRules) -> CostGrid {
     let mut costs = costs_around(around);
     for ray in rays {
@@ -78,7 +78,7 @@ pub fn infrared_costs(around: DVec2, rays: &[Ray], rules: &RayRules) -> CostGrid
         };
         let half = ray.cone_rad / 2.0;
         let free_m = ray.range_m.unwrap_or(ray.max_range_m) * rules.free_fraction;
-        // Rays as close as half a cell at the far end leave no cell out.
+        // Rays half a cell apart at maximum range skip no cell.
         let spread = (ray.cone_rad * ray.max_range_m / 0.1).ceil().clamp(2.0, 200.0) as u32;
         for side in 0..=spread {
             let angle = -half + ray.cone_rad * f64::from(side) / f64::from(spread);
@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn a_hit_marks_the_cells_at_the_pressed_half_of_the_bumper() {
-        // The vehicle looks north at (10, 20).
+        // The vehicle faces north at (10, 20).
         let pose = Pose::from_xy_yaw(10.0, 20.0, std::f64::consts::FRAC_PI_2);
         let left = bumper_costs(&pose, &BODY, true, false);
         assert_eq!(left.at(DVec2::new(9.85, 20.3)), Some(250), "left of the middle is west");
@@ -120,7 +120,7 @@ mod tests {
             let pose = Pose::from_xy_yaw(-3.3, 4.7, f64::from(tenth) * 0.1);
             let costs = bumper_costs(&pose, &BODY, false, false);
             assert_eq!(costs.count_from(1), 0);
-            // 0.96 m by 0.6 m are 14.4 cells; middles inside vary with the angle.
+            // 0.96 m by 0.6 m are 14.4 cells; the number of centres inside depends on the angle.
             assert!((10..=20).contains(&costs.count_from(0)), "{}", costs.count_from(0));
         }
     }

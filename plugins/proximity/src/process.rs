@@ -12,17 +12,17 @@ use rcs_sense::{Axes, Extrinsics, Localizer, PosePorts};
 use rcs_world::Source;
 use serde::{Deserialize, Serialize};
 
-/// Slip reports are sent this often, ns.
+/// Period of slip reports, ns.
 const REPORT_NS: u64 = 100_000_000;
 
-/// State: the last seconds of poses, what the bumper said last, and the estimate of the wheels' grip.
+/// State: the poses of the last seconds, the last bumper reading, and the traction estimate.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Proximity {
     localizer: Localizer,
     traction: Traction,
-    /// Switches that the last bumper map was made of, and its time.
+    /// Switches of the last bumper map, and its time.
     bumper: Option<([bool; 2], Stamp)>,
-    /// Whether the wheels have said anything; there is no slip report before.
+    /// Whether encoder readings have arrived; before that no slip report is sent.
     has_encoders: bool,
     reported: Option<Stamp>,
 }
@@ -113,7 +113,7 @@ impl Process for Proximity {
 }
 
 impl Proximity {
-    /// Where the vehicle was. A pose that is not known yet is no fault: before the first message there is none.
+    /// Pose of the vehicle at a time. An unknown pose is not a fault here: there is none before the first message.
     fn vehicle_at(&self, time: Stamp, params: &ProximityParams) -> Option<Pose> {
         extrinsics(params).local_from_vehicle(&self.localizer, time).ok()
     }
@@ -241,7 +241,7 @@ impl Proximity {
             ));
             return;
         }
-        // By the position estimate: what an inertial sensor by itself takes for a tilt may be an acceleration.
+        // The pitch comes from the localization, because an inertial sensor alone confuses acceleration with tilt.
         let Some(pose) = self.vehicle_at(imu.acq_time(), params) else {
             self.traction.lose_inertial();
             return;

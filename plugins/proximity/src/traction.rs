@@ -1,97 +1,100 @@
-//! Whether the wheels grip, spin, or stand against a motor that draws current.
+//! Traction: whether the wheels grip or spin, or a motor stalls.
 //!
-//! The wheels say how fast they turn, the inertial sensors how fast the vehicle changes its speed. The inertial speed
-//! integrates the acceleration along the vehicle (gravity taken out by the pitch) and is drawn toward the wheels' speed
-//! within a memory of seconds, much more slowly while the wheels spin. The accelerometer's offset (a wrong pitch acts
-//! like one) is learned while the vehicle stands, and while the wheels grip, from what is left between both speeds. The
-//! gyro splits the inertial speed into the ground speeds of the two wheels; slip is the part of a wheel's motion that
-//! the ground does not make, the greater of the two.
+//! The encoders give the speed of the wheels, the inertial sensors the change of the vehicle's speed. The inertial
+//! speed integrates the acceleration along the vehicle (gravity removed by the pitch) and is drawn towards the wheel
+//! speed with a time constant of seconds, much more slowly while the wheels spin. The accelerometer's offset (to which
+//! an error of pitch is equivalent) is estimated while the vehicle stands, and, while the wheels grip, from the
+//! remaining difference between both speeds. With the gyro's turn rate the inertial speed is split into the ground
+//! speeds of the two wheels. Slip is the share of a wheel's motion that exceeds its ground speed; the greater of the
+//! two wheels is reported.
 //!
-//! What this cannot see: a slip that builds up as slowly as the memory forgets, and one that lasts. A position estimate
-//! that is told of no loss of speed by the wheels takes it for a tilt for a moment, and so after two seconds or more
-//! wheels that spin on the spot are taken to roll again. That they began to is counted.
+//! Limits: slip that builds up as slowly as the memory forgets, and slip that lasts, are not detected. A localization
+//! that does not notice a loss of speed takes the deceleration for a tilt for a moment; therefore, after two seconds or
+//! more, wheels that spin on the spot are taken to roll again. The start of the spinning is counted.
 
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
 /// Standard gravity, m/s².
 const GRAVITY_MPS2: f64 = 9.806_65;
-/// Wheels slower than this stand, m/s.
+/// Wheels slower than this stand still, m/s.
 const STANDS_MPS: f64 = 0.01;
-/// A gyro below this says that the vehicle stands, rad/s.
+/// With a turn rate below this the vehicle may stand still, rad/s.
 const STANDS_RADPS: f64 = 0.03;
-/// Time over which the accelerometer's offset is averaged while the vehicle stands, s.
+/// Averaging time of the accelerometer's offset while the vehicle stands, s.
 const OFFSET_S: f64 = 1.0;
-/// The offset is not learned before the vehicle has stood this long, s: wheels are told of later than accelerations.
+/// The offset is estimated only after this time of standing, s, because encoder readings arrive later than
+/// accelerations.
 const STOOD_S: f64 = 0.5;
-/// Longest time between two inertial readings that is integrated over, s.
+/// Longest gap between two inertial readings that is integrated over, s.
 const LONGEST_STEP_S: f64 = 0.1;
-/// How much longer the inertial speed is believed while the wheels spin.
+/// Factor on the time constant of the inertial speed while the wheels spin.
 const SPIN_PATIENCE: f64 = 10.0;
-/// Wheels that spin go on to spin down to this part of the slip from which on they do.
+/// Hysteresis: spinning ends when slip falls below this share of the threshold at which it starts.
 const STILL_SPINS: f64 = 0.5;
-/// Memories over which the accelerometer's offset follows what is left while the wheels grip; from 4 on nothing swings.
+/// Time constant of the offset estimate while the wheels grip, in time constants of the speed; from 4 on it does not
+/// oscillate.
 const OFFSET_MEMORIES: f64 = 5.0;
 
-/// See the parameters of the process.
+/// Rules of the estimate; see the parameters of the process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules {
-    /// Between the driven wheels, m.
+    /// Distance between the driven wheels, m.
     pub track_m: f64,
-    /// Time within which the inertial speed follows the wheels', s.
+    /// Time constant with which the inertial speed follows the wheel speed, s.
     pub memory_s: f64,
-    /// Slip from which on the wheels spin.
+    /// Slip at which wheels are said to spin.
     pub spin_slip: f64,
-    /// Wheels slower than this have no slip, m/s.
+    /// Wheels slower than this have no defined slip, m/s.
     pub min_speed_mps: f64,
-    /// Current above which a motor works hard, A.
+    /// Current above which a motor is under high load, A.
     pub stall_current_a: f64,
-    /// Wheels slower than this hardly turn, m/s.
+    /// Wheels slower than this count as stalled, m/s.
     pub stall_speed_mps: f64,
-    /// How long it must last before it is said, s.
+    /// Time that a condition must last before it is reported, s.
     pub settle_s: f64,
 }
 
 /// One reading of the inertial sensors in the vehicle's axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inertial {
-    /// When.
+    /// Acquisition time.
     pub time: Stamp,
-    /// Along the vehicle's x axis, gravity included, m/s².
+    /// Specific force along the vehicle's x axis, gravity included, m/s².
     pub acceleration_mps2: f64,
-    /// About its z axis, rad/s.
+    /// Turn rate about the z axis, rad/s.
     pub yaw_rate_radps: f64,
-    /// Positive lowers the front, rad.
+    /// Pitch; positive lowers the front, rad.
     pub pitch_rad: f64,
 }
 
-/// What the wheels do.
+/// State of the wheels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum State {
-    /// Too slow to tell, or nothing to tell it by.
+    /// Too slow to decide, or without data.
     #[default]
     Unknown,
     /// They roll.
     Grips,
     /// They turn faster than the vehicle moves.
     Spins,
-    /// A motor draws much current and its wheel hardly turns.
+    /// A motor draws a high current while its wheel hardly turns.
     Stalled,
 }
 
-/// Something that must last before it is said; counts how often it began, and for how long it was.
+/// A condition that is reported once it has lasted; counts its starts and its total duration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Lasting {
     since: Option<Stamp>,
     is_said: bool,
-    /// Times that it began.
+    /// Number of starts.
     pub count: u64,
-    /// How long in all, s.
+    /// Total duration, s.
     pub time_s: f64,
 }
 
 impl Lasting {
-    /// Whether it is said after a look at `now`, `dt_s` after the one before.
+    /// Whether the condition is reported, given its value at `now`, `dt_s` after the previous call.
     fn look(&mut self, is_so: bool, now: Stamp, dt_s: f64, settle_s: f64) -> bool {
         if !is_so {
             (self.since, self.is_said) = (None, false);
@@ -109,20 +112,20 @@ impl Lasting {
     }
 }
 
-/// The estimate.
+/// The traction estimate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Traction {
     /// Speeds of the left and right wheel, m/s.
     pub wheels_mps: [f64; 2],
     /// Currents of the left and right motor, A; 0 where they are not known.
     pub motors_a: [f64; 2],
-    /// Along the vehicle, m/s.
+    /// Speed along the vehicle by the inertial sensors, m/s.
     pub inertial_mps: f64,
-    /// By the gyro, rad/s.
+    /// Turn rate by the gyro, rad/s.
     pub yaw_rate_radps: f64,
-    /// 0 to 1.
+    /// Slip, 0 to 1.
     pub slip: f64,
-    /// What the wheels do.
+    /// State of the wheels.
     pub state: State,
     /// Spinning wheels.
     pub spin: Lasting,
@@ -133,7 +136,7 @@ pub struct Traction {
     stood_s: f64,
     last_inertial: Option<Stamp>,
     last_look: Option<Stamp>,
-    /// Whether the last look found slip, said or not.
+    /// Whether slip was found in the last call, reported or not.
     slips: bool,
 }
 
@@ -148,15 +151,15 @@ impl Traction {
         (self.wheels_mps[1] - self.wheels_mps[0]) / rules.track_m
     }
 
-    /// Takes inertial readings in the order of their times; older ones than the last are left out.
+    /// Takes inertial readings in chronological order; readings older than the last one are ignored.
     pub fn take_inertial(&mut self, reading: &Inertial, rules: &Rules) {
         self.yaw_rate_radps = reading.yaw_rate_radps;
         let dt_s = self.last_inertial.map(|last| reading.time.seconds_since(last));
         self.last_inertial = Some(self.last_inertial.map_or(reading.time, |last| last.max(reading.time)));
         let wheels = self.wheel_speed_mps();
-        // At rest and level it measures nothing along x; with the front down, gravity pulls it forward.
+        // At rest and level the sensor measures nothing along x; with the front down, gravity accelerates it forward.
         let free = reading.acceleration_mps2 + GRAVITY_MPS2 * libm::sin(reading.pitch_rad);
-        // At the start and after a gap nothing better is known than what the wheels say.
+        // At the start and after a gap, the wheel speed is the best estimate.
         let Some(dt_s) = dt_s.filter(|&dt_s| dt_s <= LONGEST_STEP_S) else {
             self.inertial_mps = wheels;
             return;
@@ -184,12 +187,12 @@ impl Traction {
         }
     }
 
-    /// Without a pitch nothing is known of the speed but what the wheels say.
+    /// Without a pitch, the wheel speed is the only estimate of the speed.
     pub fn lose_inertial(&mut self) {
         self.last_inertial = None;
     }
 
-    /// Judges what is known at `now`.
+    /// Evaluates the state at `now`.
     pub fn look(&mut self, now: Stamp, inertial_timeout_s: f64, rules: &Rules) {
         let dt_s = self.last_look.map_or(0.0, |last| now.seconds_since(last).max(0.0));
         self.last_look = Some(now);

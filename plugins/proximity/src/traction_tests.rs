@@ -1,4 +1,4 @@
-//! Drives made by hand: what the sensors of a vehicle say that rolls, spins, stalls and turns.
+//! Synthetic drives: the sensor readings of a vehicle that rolls, spins, stalls and turns.
 
 use super::*;
 
@@ -12,19 +12,19 @@ const RULES: Rules = Rules {
     settle_s: 0.3,
 };
 
-/// One moment of a drive.
+/// State of the vehicle and its wheels at one time of a drive.
 #[derive(Clone, Copy, Default)]
 struct Moment {
-    /// Of the vehicle.
+    /// Speed of the vehicle.
     speed_mps: f64,
     yaw_rate_radps: f64,
-    /// Of the wheels.
+    /// Speeds of the wheels.
     wheels_mps: [f64; 2],
     motors_a: [f64; 2],
     pitch_rad: f64,
 }
 
-/// Drives for a time at 100 readings and 20 looks a second; accelerations follow from the speeds.
+/// Drives for a time with 100 inertial readings and 20 evaluations a second; accelerations are derived from the speeds.
 fn drive(traction: &mut Traction, from_s: f64, to_s: f64, offset_mps2: f64, at: impl Fn(f64) -> Moment) {
     for step in (from_s * 100.0) as u64..(to_s * 100.0) as u64 {
         let (time_s, before_s) = (step as f64 * 0.01, step as f64 * 0.01 - 0.01);
@@ -94,7 +94,7 @@ fn an_offset_that_was_not_there_at_rest_is_learned_on_the_way_and_wheels_that_sp
 fn a_vehicle_that_loses_its_grip_at_speed_is_noticed() {
     let mut traction = Traction::default();
     drive(&mut traction, 0.0, 4.0, 0.02, |t| rolling((t - 1.0).clamp(0.0, 1.0)));
-    // On mud the vehicle is braked to 0.3 m/s within a second while the wheels go on.
+    // On mud the vehicle slows to 0.3 m/s within a second while the wheels keep turning.
     let mud = |t: f64| Moment { speed_mps: (1.0 - (t - 4.0) * 0.7).max(0.3), ..rolling(1.0) };
     drive(&mut traction, 4.0, 6.0, 0.02, mud);
     assert_eq!(traction.state, State::Spins);

@@ -1,4 +1,4 @@
-//! Whole cycles: what the sensors say, and what goes out for it.
+//! Whole cycles: sensor readings and the resulting outputs.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -30,7 +30,7 @@ odometry = "/operator/odometry"
 static_transforms = "/operator/static_transforms"
 "#;
 
-/// A bench with `proximity` alone, of cycles of 50 ms.
+/// A bench with the process `proximity` alone and cycles of 50 ms.
 trait ProximityBench: Sized {
     fn start() -> Self;
     fn placed() -> Self;
@@ -46,7 +46,7 @@ impl ProximityBench for Bench {
         bench
     }
 
-    /// At (3, 4) m, looking east, with one infrared sensor in front.
+    /// A bench at (3, 4) m, facing east, with one infrared sensor in front.
     fn placed() -> Bench {
         let mut bench = Bench::start();
         let transform = FrameTransform {
@@ -79,7 +79,7 @@ impl ProximityBench for Bench {
     }
 }
 
-/// The cost that a grid gives for a place in its frame.
+/// The cost of a grid at a position in its frame.
 fn cost_at(grid: &Grid, field: &str, x_m: f64, y_m: f64) -> f64 {
     let view = GridView::new(grid).unwrap();
     let corner = view.frame_from_grid().translation.truncate();
