@@ -1,14 +1,16 @@
-//! Block matching: for each pixel of the left image the shift to the right image at which a square of pixels around
-//! it differs least (Albus 2006a, 3.1.1).
+//! Block matching: for each pixel of the left image, the disparity at which the square of pixels around it differs
+//! least from the right image (Albus 2006a, 3.1.1).
 //!
-//! Sums of absolute differences of filtered pixels, kept as running sums: going down a row adds one row of differences,
-//! already summed along the row, and takes away the one that leaves the square. All columns of a row are worked on at
-//! once, one disparity after the other, so that vectors run along the row and no sum crosses their lanes.
+//! The cost is the sum of absolute differences of filtered pixels, computed with running sums: moving down a row adds
+//! one row of differences, already summed along the row, and subtracts the row that leaves the square. All columns of a
+//! row are processed together, one disparity after the other, so that vectors run along the row and no sum crosses
+//! their lanes.
 //!
-//! Both images are searched: the best disparity of each pixel of the right image comes out of the same sums.
+//! Both images are searched: the best disparity of each pixel of the right image follows from the same sums.
 //!
-//! Cost: about 30 operations per pixel and disparity divided by the lanes of a vector, whatever the size of the square.
-//! Rows are independent once their first sums are made, so strips of rows may go to several threads: same bits.
+//! Cost: about 30 operations per pixel and disparity divided by the vector lanes, for any size of the square. Rows are
+//! independent once their first sums are computed, so strips of rows may run on several threads with the same result
+//! bit for bit.
 
 #![allow(clippy::inline_always, reason = "kernels are compiled anew for each width of vectors")]
 #![allow(clippy::needless_range_loop, reason = "loops over lanes index several slices alike")]
@@ -19,12 +21,12 @@ use crate::checks::Accept;
 use crate::prefilter::Filtered;
 use crate::width::Kernel;
 
-/// Columns are worked on in multiples of this, so that no vector loop has a remainder.
+/// Columns are processed in multiples of this number, so that no vector loop has a remainder.
 const LANES: usize = 64;
-/// Columns behind the padded ones that vectors may read.
+/// Number of columns behind the padded ones that vectors may read.
 pub(crate) const SPARE: usize = 2 * LANES;
 
-/// The prefilter's cap: with it, the differences along one row of a block fit in a byte.
+/// The prefilter's cap, small enough that the differences along one row of a block fit in a byte.
 pub(crate) fn cap(block: usize) -> u8 {
     (usize::from(u8::MAX) / (2 * block)) as u8
 }
@@ -35,7 +37,7 @@ pub(crate) struct Rows<'a> {
     pub(crate) right: &'a Filtered,
     pub(crate) width: usize,
     pub(crate) disparities: usize,
-    /// Half of the square's side, rounded down; the images are padded by it.
+    /// Half of the square's side, rounded down; the images are padded by this much.
     pub(crate) radius: usize,
     pub(crate) accept: Accept,
     pub(crate) first_row: usize,
@@ -43,29 +45,29 @@ pub(crate) struct Rows<'a> {
     pub(crate) out: &'a mut [u16],
 }
 
-/// Memory of one strip, kept from frame to frame.
+/// Working memory of one strip, kept between frames.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scratch {
     /// Absolute differences of one row at one disparity, and sums of three of them.
     differences: Vec<u8>,
     threes: Vec<u8>,
-    /// Row sums of the rows in the square: slot, disparity, column.
+    /// Row sums of the rows in the square, indexed by slot, disparity, column.
     ring: Vec<u8>,
-    /// The square's sum: disparity, column.
+    /// Sum over the square, indexed by disparity, column.
     sums: Vec<u16>,
     row: Row,
 }
 
-/// What is known of each column of one row. Costs are sums over the square.
+/// State of each column of one row. Costs are sums over the square.
 #[derive(Clone, Debug, Default)]
 struct Row {
     best: Vec<u16>,
     disparity: Vec<u16>,
     right_best: Vec<u16>,
     right_disparity: Vec<u16>,
-    /// Best cost at a disparity that is not beside the best one.
+    /// Best cost at a disparity that is not adjacent to the best one.
     rival: Vec<u16>,
-    /// Costs one disparity nearer and one farther.
+    /// Costs at the disparities below and above the best one.
     below: Vec<u16>,
     above: Vec<u16>,
 }
@@ -85,7 +87,7 @@ impl Kernel for Rows<'_> {
 }
 
 impl Rows<'_> {
-    /// The square's side is `3 * THREES + ONES`.
+    /// The side of the square is `3 * THREES + ONES`.
     #[inline(always)]
     fn rows<const THREES: usize, const ONES: usize>(self) {
         let Rows { left, right, width, disparities, radius, accept, first_row, scratch, out } = self;
@@ -94,7 +96,7 @@ impl Rows<'_> {
         let columns = width - first_column;
         let n = columns.next_multiple_of(LANES);
         let Scratch { differences, threes, ring, sums, row } = scratch;
-        // One multiple of the lanes more, for the columns of the square that reach past the last one.
+        // One more multiple of the lanes, for the columns of the square beyond the last one.
         differences.resize(n + 2 * LANES, 0);
         threes.resize(n + LANES, 0);
         ring.clear();
@@ -108,7 +110,7 @@ impl Rows<'_> {
             let y = top + step as isize;
             let (left, right) = (left.row(y), right.row(y));
             let slot = &mut ring[step % side * disparities * n..][..disparities * n];
-            // The first rows of a strip fill the square; its costs mean something from then on.
+            // The first rows of a strip fill the square; costs are valid from then on.
             let complete = step + 1 >= side;
             if complete {
                 row.start(n, width);
@@ -193,7 +195,7 @@ impl Row {
     }
 }
 
-/// Takes `new` where `better` holds. Written with a mask, as a conditional store keeps the compiler from vectors.
+/// Selects `new` where `better` holds. Uses a mask, because a conditional store prevents vectorization.
 #[inline(always)]
 fn choose(better: bool, new: u16, old: u16) -> u16 {
     let mask = u16::from(better).wrapping_neg();
@@ -226,7 +228,7 @@ fn sum_threes(ones: &[u8], out: &mut [u8]) {
     }
 }
 
-/// The sum along the row from column `i`. It fits in a byte because the prefilter's cap is chosen so.
+/// The sum along the row from column `i`. It fits in a byte because of the prefilter's cap.
 #[inline(always)]
 fn row_sum<const THREES: usize, const ONES: usize>(threes: &[u8], ones: &[u8], i: usize) -> u8 {
     let mut sum = 0_u8;
@@ -283,8 +285,8 @@ fn advance_and_compare<const THREES: usize, const ONES: usize>(
     }
 }
 
-/// Keeps the lower cost and its disparity. Seeing a cost a second time changes nothing, so the last lanes may overlap
-/// those before.
+/// Keeps the lower cost and its disparity. Comparing a cost twice changes nothing, so the last lanes may overlap the
+/// previous ones.
 #[inline(always)]
 fn compare(sums: &[u16], best: &mut [u16], disparity: &mut [u16], d: u16) {
     let n = sums.len();
@@ -305,7 +307,7 @@ fn compare(sums: &[u16], best: &mut [u16], disparity: &mut [u16], d: u16) {
     }
 }
 
-/// With the best disparity known: the best cost away from it, and the costs beside it.
+/// Given the best disparity, finds the best cost not adjacent to it, and the costs adjacent to it.
 #[inline(always)]
 fn look_around(
     sums: &[u16],
@@ -320,7 +322,7 @@ fn look_around(
         let (rival, below) = (&mut rival[at..][..LANES], &mut below[at..][..LANES]);
         let above = &mut above[at..][..LANES];
         for i in 0..LANES {
-            // 0 one below the best, 1 at it, 2 one above it.
+            // 0 is one below the best disparity, 1 is the best, 2 is one above.
             let place = (d + 1).wrapping_sub(disparity[i]);
             let sum = sums[i];
             rival[i] = rival[i].min(choose(place > 2, sum, u16::MAX));

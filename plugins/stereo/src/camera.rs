@@ -1,4 +1,4 @@
-//! A pair of cameras: rectification, and the range that a disparity means.
+//! Calibration of a stereo pair: rectification, and conversion of disparity to range.
 
 use crate::{NO_DISPARITY, STEPS_PER_PIXEL};
 use rcs_geom::{CameraError, PinholeCamera, Rectification};
@@ -14,10 +14,10 @@ pub struct CameraInfo<'a> {
     pub p: &'a [f64],
 }
 
-/// Why two calibrations are not those of a pair.
+/// Why two calibrations do not form a pair.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
-    /// One of them is none.
+    /// One of them is invalid.
     #[error("calibration of the {camera} camera: {error}")]
     Camera {
         /// Left or right.
@@ -37,7 +37,7 @@ pub enum CalibrationError {
         /// Largest that is taken for rounding.
         max: f64,
     },
-    /// The rectified images do not lie in one plane, row beside row.
+    /// The rectified images are not coplanar with aligned rows.
     #[error("{what} of the rectified cameras differ: {left} and {right}")]
     Differ {
         /// Which number.
@@ -55,7 +55,7 @@ pub enum CalibrationError {
     },
 }
 
-/// Largest difference of R·Rᵀ to the identity that is taken for rounding.
+/// Largest difference of R·Rᵀ from the identity that is accepted as rounding.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
 /// A calibrated pair.
@@ -69,7 +69,7 @@ pub struct StereoCamera {
 }
 
 impl StereoCamera {
-    /// From both calibrations, of which P says where the cameras stand.
+    /// Builds the pair from both calibrations; P contains the baseline.
     pub fn new(left: CameraInfo<'_>, right: CameraInfo<'_>) -> Result<StereoCamera, CalibrationError> {
         let (left, right) = (rectification("left", left)?, rectification("right", right)?);
         let (a, b) = (left.camera(), right.camera());
@@ -103,13 +103,13 @@ impl StereoCamera {
         &self.right
     }
 
-    /// Distance of the cameras, m.
+    /// Distance between the cameras, m.
     pub fn baseline_m(&self) -> f64 {
         self.baseline_m
     }
 
-    /// Range along the left camera's optical axis, m, of a disparity in 1/16 pixel. `None` where there is no disparity,
-    /// or one of a point at infinity or behind it.
+    /// Range along the left camera's optical axis, m, of a disparity in 1/16 pixel. `None` without a disparity, or for
+    /// a point at infinity or beyond.
     pub fn depth_m(&self, disparity: u16) -> Option<f64> {
         let shift = f64::from(disparity) / f64::from(STEPS_PER_PIXEL) + self.offset_px;
         (disparity != NO_DISPARITY && shift > 0.0).then(|| self.left.camera().fx * self.baseline_m / shift)

@@ -1,25 +1,25 @@
-//! What a match must pass, and how its fraction of a pixel is found.
+//! Checks of a match, and its sub-pixel refinement.
 
 #![allow(clippy::inline_always, reason = "kernels are compiled anew for each width of vectors")]
 
 use crate::NO_DISPARITY;
 
-/// Disparities are given in this part of a pixel.
+/// Steps of a disparity per pixel.
 pub const STEPS_PER_PIXEL: u16 = 16;
 
-/// Rules for one pixel's match.
+/// Criteria for accepting a match.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Accept {
-    /// A rival that is not beside the best match must cost this many percent more.
+    /// Minimum excess cost of a rival that is not adjacent to the best match, percent.
     pub(crate) uniqueness_pct: u16,
-    /// Most that the right image's own best disparity may differ, pixels.
+    /// Maximum difference from the right image's own best disparity, pixels.
     pub(crate) left_right_max: u16,
 }
 
 impl Accept {
-    /// The disparity in 1/16 pixel, or [`NO_DISPARITY`] where a rival is nearly as good. Costs of absolute differences
-    /// form a V around the minimum: equal slopes through the three costs give its tip. At either end of the range there
-    /// is no neighbour, and the whole pixel stands.
+    /// The disparity in 1/16 pixel, or [`NO_DISPARITY`] where a rival is nearly as good. Absolute differences form a V
+    /// around the minimum: lines of equal slope through the three costs meet at its tip. At either end of the range a
+    /// neighbour is missing, and the whole pixel is used.
     #[inline(always)]
     pub(crate) fn sub_pixel(
         self,
@@ -32,14 +32,14 @@ impl Accept {
         let inside = d > 0 && usize::from(d) + 1 < disparities;
         let steep = i32::from(below.max(above)) - i32::from(best);
         let lean = (i32::from(below) - i32::from(above)) as f32 * 8.0 / steep.max(1) as f32;
-        // Between −8 and 8 steps; the sum is positive, so that the conversion rounds to the nearest.
+        // Between −8 and 8 steps; the operand is positive, so that the truncation rounds to the nearest.
         let fraction = if inside { (lean + 8.5) as i32 - 8 } else { 0 };
         let disparity = (i32::from(d) * i32::from(STEPS_PER_PIXEL) + fraction) as u16;
         if unique { disparity } else { NO_DISPARITY }
     }
 }
 
-/// Takes out small connected patches. Works on runs of a row rather than on pixels: there are far fewer.
+/// Removes small connected patches. Works on runs of a row rather than on pixels, because there are far fewer.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SpeckleFilter {
     runs: Vec<Run>,
@@ -48,17 +48,17 @@ pub(crate) struct SpeckleFilter {
     area: Vec<u32>,
 }
 
-/// Pixels side by side whose disparities differ little from one to the next.
+/// Adjacent pixels whose disparities differ little from one to the next.
 #[derive(Clone, Copy, Debug)]
 struct Run {
-    /// First column, and the one behind the last.
+    /// First column, and one past the last one.
     start: usize,
     end: usize,
 }
 
 impl SpeckleFilter {
-    /// Takes out connected patches of fewer than `min_area` pixels; neighbours are connected when their disparities
-    /// differ by at most `step`, 1/16 pixel.
+    /// Removes connected patches of fewer than `min_area` pixels; neighbours are connected if their disparities differ
+    /// by at most `step`, 1/16 pixel.
     pub(crate) fn apply(&mut self, disparity: &mut [u16], width: usize, min_area: usize, step: u16) {
         if min_area <= 1 || width == 0 {
             return;
@@ -87,7 +87,7 @@ impl SpeckleFilter {
         }
     }
 
-    /// Stretches without disparity are runs as well; they never connect, and taking them out changes nothing.
+    /// Stretches without disparity are runs as well; they never connect, and removing them changes nothing.
     fn find_runs(&mut self, here: &[u16], step: u16) {
         let mut start = 0;
         let mut close = |end: usize| {
@@ -97,7 +97,7 @@ impl SpeckleFilter {
             start = end;
         };
         for (x, pair) in here.windows(2).enumerate() {
-            // The marker of no disparity is farther from every disparity than any step.
+            // The marker for no disparity differs from every disparity by more than any step.
             if pair[0].abs_diff(pair[1]) > step {
                 close(x + 1);
             }
@@ -105,7 +105,7 @@ impl SpeckleFilter {
         close(here.len());
     }
 
-    /// Connects runs of two rows that touch at a column where they differ little.
+    /// Connects runs of two rows that share a column in which they differ little.
     fn connect(&mut self, above: &[u16], here: &[u16], runs_above: usize, runs_here: usize, step: u16) {
         let (mut a, mut b) = (runs_above, runs_here);
         while a < runs_here && b < self.runs.len() {
@@ -138,7 +138,7 @@ fn find(parent: &mut [u32], mut run: u32) -> u32 {
 fn union(parent: &mut [u32], area: &mut [u32], a: u32, b: u32) {
     let (a, b) = (find(parent, a), find(parent, b));
     if a != b {
-        // The older run is the root, whatever the areas: the same tree in every run of the program.
+        // The older run is the root, whatever the areas, so that the tree is the same in every run of the program.
         let (root, child) = (a.min(b), a.max(b));
         parent[child as usize] = root;
         area[root as usize] += area[child as usize];

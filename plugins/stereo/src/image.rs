@@ -1,16 +1,16 @@
-//! One camera's image as it came, decoded.
+//! A decoded image of one camera.
 
 use rcs_msg::foxglove::RawImage;
 use rcs_sense::luma;
 use serde::{Deserialize, Serialize};
 
-/// An image that can be matched.
+/// A decoded image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ColourImage {
     pub(crate) frame_id: String,
     pub(crate) width: usize,
     pub(crate) height: usize,
-    /// Red, green, blue by rows, without gaps.
+    /// Red, green, blue in row order, without gaps.
     pub(crate) rgb: Vec<u8>,
 }
 
@@ -25,7 +25,7 @@ impl ColourImage {
         }
     }
 
-    /// Grey levels by rows.
+    /// Grey levels in row order.
     pub(crate) fn grey(&self) -> Vec<u8> {
         self.rgb.as_chunks::<3>().0.iter().map(|&pixel| luma(pixel)).collect()
     }

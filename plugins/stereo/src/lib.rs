@@ -1,5 +1,4 @@
-//! Range from pairs of images (Albus 2006a, 3.1.1): from two grey images to disparities, and from those to points with
-//! colour.
+//! Stereo vision (Albus 2006a, 3.1.1): disparities from pairs of images, and coloured points from disparities.
 //!
 //! # `stereo`
 //!
@@ -16,17 +15,20 @@
 //! | `points` | out | `foxglove.PointCloud` | points with colour and pixel, left rectified optical frame, m |
 //! | `stats` | out | `rcs.StereoStats` | pixels with a range, ranges in m, pairs |
 //!
-//! Period 50 ms, so that a pair is matched soon after its second image has come. No commands beside the runtime's.
-//! State: both calibrations and the images that wait for their other camera; pairs do not depend on each other.
+//! Period 50 ms, so that a pair is matched soon after its second image has arrived. No commands besides those of the
+//! runtime. State: both calibrations, and the images that wait for the other camera; pairs are independent of each
+//! other.
 //!
-//! Images are paired by the time at which they were taken. Everything that goes out is of the left image's time and in
-//! its frame, which, as in ROS, is that of the *rectified* left camera: a mount is given for it.
+//! It needs a calibrated pair: it does not calibrate cameras. It measures range and does not interpret it; obstacles
+//! are found by `rcs-obstacles`.
 //!
-//! Reported as a fault and skipped, with nothing sent on: an image that is black, saturated or cannot be decoded, one
-//! whose bytes are those of the one before (the camera hangs), one whose other camera is missing or late, one that is
-//! older than the one before, a pair of another size than its calibration, calibrations that are missing or not those
-//! of a pair (R no rotation, rows that differ, cameras exchanged), more disparities than columns, a pair in which
-//! nothing has a range.
+//! Images are paired by acquisition time. All outputs have the time and the frame of the left image. As in ROS, this
+//! frame is that of the *rectified* left camera, so a mount describes that camera.
+//!
+//! Reported as a fault and skipped, without output: an image that is black, saturated, undecodable, identical to the
+//! previous one (frozen camera), or older than the previous one; an image whose counterpart is missing or late; a pair
+//! of another size than its calibration; calibrations that are missing or do not form a pair (R is not a rotation, rows
+//! are not aligned, cameras are exchanged); more disparities than columns; a pair without any range.
 //!
 //! # The engine
 //!
@@ -43,16 +45,33 @@
 //! | [`Method::Block`] | Laplacian of Gaussian, sums of absolute differences over a square, both images searched |
 //! | [`Method::SemiGlobal`] | the same filter and brightness over 3×3, then costs along five paths |
 //!
-//! Both check that a match is unique and that left and right agree, find a fraction of a pixel, and take out speckles.
-//! The columns left of `disparities − 1` have none: their matches may lie outside of the right image. Rows and columns
-//! beyond the image are copies of its outermost ones.
+//! Both check that a match is unique and consistent between left and right, refine it to a fraction of a pixel, and
+//! remove speckles. Columns left of `disparities − 1` have no disparity, because their matches may lie outside of the
+//! right image. Beyond its borders the image is continued with its outermost rows and columns.
 //!
 //! Quality, with [`Settings::new`], on Middlebury's Motorcycle at quarter size with 64 disparities, over pixels seen by
 //! both cameras (see [`score`]): block 3.1 % of the pixels more than 2 pixels off at a density of 90.6 %, semi-global
 //! 3.4 % at 95.4 %.
 //!
-//! Integers until the fraction of a pixel, which is one division of exact numbers: the same bits from vectors of any
-//! width and from any number of strips.
+//! Arithmetic is in integers up to the sub-pixel fraction, which is one division of exact numbers. The result is
+//! therefore the same bit for bit for vectors of any width and for any number of strips.
+//!
+//! # Example
+//!
+//! ```
+//! use rcs_stereo::{Matcher, Method, NO_DISPARITY, Settings};
+//!
+//! let mut matcher = Matcher::new([64, 48], Settings::new(Method::Block, 16))?;
+//! let texture = |x: usize, y: usize| (x * x * 31 + y * y * 17 + x * y * 7) as u8;
+//! let left: Vec<u8> = (0..64 * 48).map(|i| texture(i % 64, i / 64)).collect();
+//! // The right camera sees everything 5 pixels further to the left.
+//! let right: Vec<u8> = (0..64 * 48).map(|i| texture(i % 64 + 5, i / 64)).collect();
+//! let mut disparity = Vec::new();
+//! matcher.compute(&left, &right, &mut disparity)?;
+//! assert_eq!(disparity[24 * 64 + 40], 5 * 16, "in 1/16 pixel");
+//! assert_eq!(disparity[24 * 64 + 3], NO_DISPARITY);
+//! # Ok::<(), rcs_stereo::StereoError>(())
+//! ```
 
 rcs_msg::messages!(
     /// Messages of this plugin alone, from `proto/`.

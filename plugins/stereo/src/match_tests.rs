@@ -1,4 +1,4 @@
-//! The matchers against their slow references, on scenes, and on input that no camera should send.
+//! The matchers against their slow references, on synthetic scenes and on invalid input.
 
 use crate::reference::reference;
 use crate::{Matcher, Method, NO_DISPARITY, STEPS_PER_PIXEL, Settings, StereoError, Strip, Width};
@@ -12,14 +12,14 @@ fn compute(size: [usize; 2], settings: Settings, left: &[u8], right: &[u8]) -> V
     disparity
 }
 
-/// Grey levels from a counter: the same for a place, whoever asks.
+/// Grey levels by a hash of the position.
 fn texture(x: usize, y: usize) -> u8 {
     let mut h = (x as u32).wrapping_mul(0x9e37_79b1) ^ (y as u32).wrapping_mul(0x85eb_ca77);
     h = (h ^ (h >> 15)).wrapping_mul(0x2c1b_3c6d);
     (h >> 24) as u8
 }
 
-/// A far plane with a square in front of it: the square's side, both disparities, and the pair.
+/// A far plane with a square in front of it: side of the square, both disparities, and the pair.
 fn scene(
     width: usize,
     height: usize,
@@ -77,7 +77,7 @@ proptest! {
         contrast in 0..=4_u32,
         count in 1..5_usize,
     ) {
-        // From the narrowest image that the disparities fit into.
+        // Starting with the narrowest image for this number of disparities.
         let width = settings.disparities + beyond;
         let pixels = || (0..width * height).map(|i| (i % width, i / width));
         let left: Vec<u8> = pixels().map(|(x, y)| texture(x, y) >> contrast).collect();
@@ -88,7 +88,7 @@ proptest! {
         for vectors in Width::available() {
             let mut matcher = Matcher::new([width, height], settings).unwrap().with_vectors(vectors);
             let mut disparity = Vec::new();
-            // Twice, so that nothing of the first pair is left in the second.
+            // Computed twice, so that data of the first pair would show in the second.
             matcher.compute(&right, &left, &mut disparity).unwrap();
             let backwards = |strips: Vec<Strip<'_>>| strips.into_iter().rev().for_each(Strip::run);
             matcher.compute_in_strips(&left, &right, &mut disparity, count, backwards).unwrap();
@@ -128,7 +128,7 @@ fn a_square_before_a_plane_is_found_with_both_disparities() {
 
 #[test]
 fn a_shift_by_half_a_pixel_is_seen_as_one() {
-    // Twice as wide and averaged, so that an odd shift is half a pixel.
+    // Twice as wide and then averaged, so that an odd shift becomes half a pixel.
     let (width, height) = (120, 60);
     let smooth = |x: usize, y: usize| {
         let sum: u32 = (0..4).map(|k| u32::from(texture((x + k) / 3, y / 2))).sum();

@@ -1,24 +1,11 @@
-//! A matcher for pairs of one size, with its memory.
+//! A matcher for pairs of one size, with its working memory.
 
 use crate::checks::{Accept, SpeckleFilter};
 use crate::prefilter::{Filtered, LogFilter};
 use crate::{Method, Settings, StereoError, Width, block, sgm};
 
-/// Matches rectified pairs of one size. Holds memory and no state: a result depends on its pair alone.
-///
-/// ```
-/// use rcs_stereo::{Matcher, Method, NO_DISPARITY, Settings};
-/// let mut matcher = Matcher::new([64, 48], Settings::new(Method::Block, 16))?;
-/// let texture = |x: usize, y: usize| (x * x * 31 + y * y * 17 + x * y * 7) as u8;
-/// let left: Vec<u8> = (0..64 * 48).map(|i| texture(i % 64, i / 64)).collect();
-/// // The right camera sees everything 5 pixels further to the left.
-/// let right: Vec<u8> = (0..64 * 48).map(|i| texture(i % 64 + 5, i / 64)).collect();
-/// let mut disparity = Vec::new();
-/// matcher.compute(&left, &right, &mut disparity)?;
-/// assert_eq!(disparity[24 * 64 + 40], 5 * 16);
-/// assert_eq!(disparity[24 * 64 + 3], NO_DISPARITY);
-/// # Ok::<(), rcs_stereo::StereoError>(())
-/// ```
+/// Matches rectified pairs of one size. It holds working memory and no state: a result depends on its pair alone. The
+/// documentation of [the crate](crate) has an example.
 #[derive(Clone, Debug)]
 pub struct Matcher {
     width: usize,
@@ -32,7 +19,7 @@ pub struct Matcher {
     speckles: SpeckleFilter,
 }
 
-/// A part of the work on one pair. Parts do not depend on each other: run them in any order, on any threads.
+/// A part of the work on one pair. Parts are independent: run them in any order, on any threads.
 #[derive(Debug)]
 pub struct Strip<'a> {
     matcher: Shared<'a>,
@@ -57,7 +44,7 @@ enum StripScratch<'a> {
 }
 
 impl Matcher {
-    /// For images of width × height pixels.
+    /// A matcher for images of width × height pixels.
     pub fn new(size: [usize; 2], settings: Settings) -> Result<Matcher, StereoError> {
         settings.check(size)?;
         let [width, height] = size;
@@ -74,15 +61,15 @@ impl Matcher {
         })
     }
 
-    /// The same with vectors of a given width; for tests and measurements, as all widths give the same bits.
+    /// Selects the vector width, for tests and measurements; all widths give the same result bit for bit.
     #[must_use]
     pub fn with_vectors(mut self, vectors: Width) -> Matcher {
         self.vectors = vectors;
         self
     }
 
-    /// Disparities of the left image's pixels in 1/16 pixel, or [`crate::NO_DISPARITY`]: `disparity` becomes as long as
-    /// the images. Images are grey, row by row without gaps.
+    /// Disparities of the left image's pixels in 1/16 pixel, or [`crate::NO_DISPARITY`]: `disparity` is resized to the
+    /// number of pixels. Images are grey, in row order without gaps.
     pub fn compute(
         &mut self,
         left: &[u8],
@@ -92,8 +79,8 @@ impl Matcher {
         self.compute_in_strips(left, right, disparity, 1, |strips| strips.into_iter().for_each(Strip::run))
     }
 
-    /// [`Matcher::compute`] in up to `count` parts, all of which `run_all` must run. Any number of parts gives the same
-    /// bits. Semi-global matching is one part: each of its rows needs the one above.
+    /// [`Matcher::compute`] in up to `count` parts, all of which `run_all` must run. The result is the same bit for bit
+    /// for any number of parts. Semi-global matching is one part, because each of its rows depends on the row above.
     pub fn compute_in_strips(
         &mut self,
         left: &[u8],
@@ -155,7 +142,7 @@ impl Matcher {
 }
 
 impl Strip<'_> {
-    /// Does this part.
+    /// Runs this part.
     pub fn run(self) {
         let Strip { matcher: Shared { left, right, width, settings, vectors }, scratch, first_row, out } =
             self;
@@ -176,7 +163,7 @@ impl Strip<'_> {
                     out,
                 });
             }
-            // Its vectors are 64 bytes long, and much is done within one: half as wide is faster.
+            // Its inner loops are only 64 bytes long, for which vectors of half that width are faster.
             StripScratch::SemiGlobal(scratch) => vectors.min(Width::Avx2).run(sgm::Image {
                 left,
                 right,

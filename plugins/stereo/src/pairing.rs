@@ -1,13 +1,13 @@
-//! Brings together the images of two cameras that were taken at the same time.
+//! Pairs the images of two cameras that were taken at the same time.
 //!
-//! Images of one camera come in the order in which they were taken. So the two oldest that wait either are a pair, or
-//! the older of them has lost its other camera: that one will not come any more.
+//! The images of one camera arrive in the order of their acquisition. So the two oldest waiting images either are a
+//! pair, or the counterpart of the older one is missing and will not arrive.
 
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Which camera.
+/// Left or right camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Side {
     Left,
@@ -32,18 +32,18 @@ impl Side {
     }
 }
 
-/// How long images may be apart, and how long one waits, ns.
+/// Maximum time difference of a pair, and maximum waiting time, ns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Patience {
     pub(crate) max_difference_ns: u64,
     pub(crate) max_wait_ns: u64,
 }
 
-/// Images that wait for their other camera.
+/// Images that wait for their counterpart.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Pairing<T> {
     cameras: [VecDeque<Waiting<T>>; 2],
-    /// When the newest image of each camera was taken.
+    /// Acquisition time of the newest image of each camera.
     newest: [Option<Stamp>; 2],
 }
 
@@ -60,10 +60,10 @@ impl<T> Default for Pairing<T> {
     }
 }
 
-/// Two images taken together.
+/// Two images taken at the same time.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Pair<T> {
-    /// When each was taken.
+    /// Acquisition times.
     pub(crate) taken: [Stamp; 2],
     pub(crate) images: [T; 2],
 }
@@ -80,7 +80,7 @@ pub(crate) enum PairingError {
 }
 
 impl<T> Pairing<T> {
-    /// Takes an image of one camera that was taken at a time and has come now.
+    /// Adds an image that was taken at `taken` and arrived at `now`.
     pub(crate) fn push(
         &mut self,
         side: Side,
@@ -97,7 +97,7 @@ impl<T> Pairing<T> {
         Ok(())
     }
 
-    /// All pairs there are, oldest first, and what is given up: with it goes its image.
+    /// Returns all pairs, oldest first, and the discarded images with their reasons.
     pub(crate) fn pairs(&mut self, now: Stamp, patience: Patience) -> (Vec<Pair<T>>, Vec<(PairingError, T)>) {
         let (mut pairs, mut given_up) = (Vec::new(), Vec::new());
         loop {
@@ -135,7 +135,8 @@ mod tests {
 
     const PATIENCE: Patience = Patience { max_difference_ns: 2, max_wait_ns: 100 };
 
-    /// Gives images (side, taken, arrived) and asks at each arrival and at the end: the pairs' times, and what is said.
+    /// Pushes images (side, taken, arrived) and compares the times of all pairs and the errors, at each arrival and at
+    /// `end`.
     fn check(images: &[(Side, u64, u64)], end: u64, pairs: &[[u64; 2]], said: &[&str]) {
         let mut pairing = Pairing::default();
         let (mut found, mut faults) = (Vec::new(), Vec::new());

@@ -1,4 +1,4 @@
-//! Points with colour and pixel.
+//! Coloured points with their pixels.
 
 use crate::StereoCamera;
 use glam::Vec3;
@@ -8,15 +8,15 @@ use glam::Vec3;
 pub struct Point {
     /// Column and row in the rectified left image.
     pub pixel: [u16; 2],
-    /// In the left camera's rectified optical frame (x right, y down, z forward), m.
+    /// Position in the left camera's rectified optical frame (x right, y down, z forward), m.
     pub position_m: Vec3,
     /// Red, green and blue of the pixel.
     pub colour: [u8; 3],
 }
 
 impl StereoCamera {
-    /// The points of a disparity image in the order of its pixels. `rgb` is the rectified left image, three bytes a
-    /// pixel. Pixels without range and pixels beyond the end of either are left out.
+    /// The points of a disparity image in the order of its pixels. `rgb` is the rectified left image, three bytes per
+    /// pixel. Pixels without range, and pixels beyond the end of either slice, are left out.
     pub fn points<'a>(&'a self, disparity: &'a [u16], rgb: &'a [u8]) -> impl Iterator<Item = Point> + 'a {
         let camera = self.left().camera();
         let width = camera.width as usize;

@@ -1,33 +1,33 @@
-//! Laplacian of Gaussian (Albus 2006a, 3.1.1): takes brightness and its slope out of an image, keeps texture.
+//! Laplacian of Gaussian (Albus 2006a, 3.1.1): removes brightness and its gradient from an image, and keeps texture.
 //!
-//! The Gaussian is the binomial row 1 4 6 4 1 in both directions, whose variance is 1 pixel², the Laplacian that of
-//! four neighbours; all in integers. What comes out is scaled, clipped to ±cap and stored as cap + value, one byte a
-//! pixel. Clipping keeps one strong edge from outvoting the rest of a window.
+//! The Gaussian is the binomial kernel 1 4 6 4 1 in both directions, whose variance is 1 pixel²; the Laplacian uses
+//! four neighbours; all in integers. The result is scaled, clipped to ±cap and stored as cap + value, one byte per
+//! pixel. Clipping prevents a single strong edge from dominating a window.
 
 #![allow(clippy::inline_always, reason = "kernels are compiled anew for each width of vectors")]
 #![allow(clippy::needless_range_loop, reason = "loops over lanes index several slices alike")]
 
 use crate::width::Kernel;
 
-/// An image after the filter, each row with `pad` columns more at its left end and `pad + spare` at its right one,
-/// copies of the row's outermost pixels.
+/// A filtered image. Each row has `pad` more columns at its left end and `pad + spare` at its right end, which are
+/// copies of the outermost pixels of the row.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Filtered {
     pub(crate) height: usize,
     pub(crate) stride: usize,
     pub(crate) data: Vec<u8>,
-    /// The Gaussian alone in steps of 4 grey levels, in the same layout; empty unless it was asked for.
+    /// The Gaussian alone in steps of 4 grey levels, in the same layout; empty unless requested.
     pub(crate) brightness: Vec<u8>,
 }
 
 impl Filtered {
-    /// A row with its padding; rows above and below the image are its first and last ones.
+    /// A row with its padding; rows above and below the image are its first and last row.
     #[inline(always)]
     pub(crate) fn row(&self, y: isize) -> &[u8] {
         &self.data[self.row_start(y)..][..self.stride]
     }
 
-    /// The same row of the brightness.
+    /// The same row of the smoothed brightness.
     #[inline(always)]
     pub(crate) fn brightness_row(&self, y: isize) -> &[u8] {
         &self.brightness[self.row_start(y)..][..self.stride]
@@ -45,16 +45,16 @@ pub(crate) struct LogFilter<'a> {
     pub(crate) width: usize,
     pub(crate) height: usize,
     pub(crate) pad: usize,
-    /// Columns at the right end that vectors may read and nothing depends on.
+    /// Number of columns at the right end that vectors may read and on which nothing depends.
     pub(crate) spare: usize,
-    /// Largest absolute value that is kept.
+    /// Largest absolute value; greater ones are clipped.
     pub(crate) cap: u8,
-    /// Whether the brightness is wanted too.
+    /// Whether the smoothed brightness is computed, too.
     pub(crate) brightness: bool,
     pub(crate) out: &'a mut Filtered,
 }
 
-/// The answer, in 1/16 grey level, is divided by 2 to this power.
+/// The filter result, in 1/16 grey level, is divided by 2 to this power.
 const SHIFT: u32 = 2;
 
 impl Kernel for LogFilter<'_> {
@@ -65,14 +65,14 @@ impl Kernel for LogFilter<'_> {
         out.stride = w + 2 * pad + spare;
         out.data.resize(out.stride * h, 0);
         out.brightness.resize(if brightness { out.stride * h } else { 0 }, 0);
-        // Three rows of the Gaussian, with one column more at both ends for the Laplacian.
+        // Three rows of the Gaussian, with one more column at both ends for the Laplacian.
         let mut smooth = [vec![0_i16; w + 2], vec![0_i16; w + 2], vec![0_i16; w + 2]];
         let mut column = vec![0_u16; w + 4];
         let [above, here, below] = &mut smooth;
         gauss(image, [w, h], 0, &mut column, here);
         above.copy_from_slice(here);
         for y in 0..h {
-            // Rows of the Gaussian are repeated above and below the image, as are its columns beside it.
+            // The Gaussian's rows and columns are repeated beyond the image borders.
             gauss(image, [w, h], (y + 1).min(h - 1), &mut column, below);
             let row = &mut out.data[y * out.stride..][..out.stride];
             laplacian(above, here, below, i16::from(cap), &mut row[pad..][..w]);
@@ -88,7 +88,7 @@ impl Kernel for LogFilter<'_> {
     }
 }
 
-/// Repeats the outermost pixels of a row into its padding.
+/// Copies the outermost pixels of a row into its padding.
 #[inline(always)]
 fn extend(row: &mut [u8], pad: usize, w: usize) {
     let (first, last) = (row[pad], row[pad + w - 1]);
@@ -96,7 +96,7 @@ fn extend(row: &mut [u8], pad: usize, w: usize) {
     row[pad + w..].fill(last);
 }
 
-/// From 1/16 grey level to steps of 4.
+/// Converts from 1/16 grey level to steps of 4.
 #[inline(always)]
 fn quantise(smooth: &[i16], out: &mut [u8]) {
     let n = out.len();
@@ -130,13 +130,13 @@ fn smooth_columns(a: &[u8], b: &[u8], c: &[u8], d: &[u8], e: &[u8], out: &mut [u
     }
 }
 
-/// 16 times the smoothed grey level: fits in 12 bits.
+/// 16 times the smoothed grey level; fits in 12 bits.
 #[inline(always)]
 fn smooth_row(column: &[u16], out: &mut [i16]) {
     let n = out.len();
     let column = &column[..n + 4];
     for i in 0..n {
-        // At most 16 · 16 · 255, which is below 2¹⁶.
+        // At most 16 · 16 · 255, which is less than 2¹⁶.
         let sum = column[i] + column[i + 4] + 4 * (column[i + 1] + column[i + 3]) + 6 * column[i + 2];
         out[i] = (sum >> 4) as i16;
     }

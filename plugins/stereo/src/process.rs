@@ -12,16 +12,16 @@ use rcs_sense::ImageCheck;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// State: both calibrations, images that wait for their other camera, and what the newest of each camera looked like.
+/// State: both calibrations, images that wait for the other camera, and a digest of the newest image of each camera.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Stereo {
     calibrations: [Option<ImageCalibration>; 2],
-    /// `None` is an image that was refused when it came: its other camera goes without another word.
+    /// `None` is an image that was refused on arrival: its counterpart is dropped without another fault.
     waiting: Pairing<Option<Arc<ColourImage>>>,
     checks: [ImageCheck; 2],
     pairs: u64,
     unpaired: u64,
-    /// Follows from the calibrations; made when it is first needed.
+    /// Derived from the calibrations on first use.
     #[serde(skip)]
     rig: Option<Result<Arc<Rig>, CalibrationError>>,
     #[serde(skip)]
@@ -114,7 +114,7 @@ impl Process for Stereo {
                 cx.fault(format!("{error}; image skipped"));
             }
         }
-        // Older ones are skipped, as by every reader of the newest message: ranges are wanted of now.
+        // Older pairs are skipped, as every reader of the newest message does: the current ranges are wanted.
         let newest = pairs.into_iter().next_back();
         cx.exec(if newest.is_some() { "matches a pair" } else { "waits for a pair" });
         let Some(Pair { taken, images: [Some(left), Some(right)] }) = newest else { return };
@@ -247,7 +247,7 @@ fn settings(params: &StereoParams) -> Settings {
         uniqueness_pct: params.uniqueness_pct.min(u16::MAX.into()) as u16,
         left_right_max: params.left_right_max_px.min(u16::MAX.into()) as u16,
         speckle_min_area: params.speckle_min_area_px as usize,
-        // A float that is out of range ends at the range's end.
+        // The conversion saturates for values out of range.
         speckle_step: (params.speckle_step_px * f64::from(STEPS_PER_PIXEL)).round() as u16,
     }
 }

@@ -1,4 +1,4 @@
-//! What is sent on for a pair: images, calibration and points as messages.
+//! Output messages of a pair: images, calibration and points.
 
 use crate::points::Point;
 use crate::{NO_DISPARITY, STEPS_PER_PIXEL, StereoCamera};
@@ -8,7 +8,7 @@ use rcs_msg::foxglove::{
     CameraCalibration, PackedElementField, PointCloud, Pose, Quaternion, RawImage, Vector3,
 };
 
-/// What all messages of a pair share.
+/// Header fields common to all messages of a pair.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Heading<'a> {
     pub(crate) time: Stamp,
@@ -39,7 +39,7 @@ impl Heading<'_> {
         self.image("32FC1", 4, data)
     }
 
-    /// The rectified left camera: straight, its own stereo reference.
+    /// The rectified left camera: without distortion, the reference camera of its pair.
     pub(crate) fn calibration(&self, camera: &StereoCamera) -> CameraCalibration {
         let camera = camera.left().camera();
         let (fx, fy, cx, cy) = (camera.fx, camera.fy, camera.cx, camera.cy);
@@ -97,7 +97,7 @@ impl Heading<'_> {
     }
 }
 
-/// Range along the optical axis for each disparity in 1/16 pixel, m; NaN for those out of limits.
+/// Table of ranges along the optical axis by disparity in 1/16 pixel, m; NaN for those outside of the limits.
 pub(crate) fn depths(camera: &StereoCamera, disparities: usize, [min_m, max_m]: [f64; 2]) -> Vec<f32> {
     let depth = |d: usize| {
         let depth_m = camera.depth_m(d as u16).filter(|depth_m| (min_m..=max_m).contains(depth_m));
@@ -106,13 +106,13 @@ pub(crate) fn depths(camera: &StereoCamera, disparities: usize, [min_m, max_m]: 
     (0..=disparities * usize::from(STEPS_PER_PIXEL)).map(depth).collect()
 }
 
-/// The range of a disparity from the table of [`depths`], m; NaN where there is none.
+/// The range of a disparity from the table of [`depths`], m; NaN without a disparity.
 pub(crate) fn depth_of(depths: &[f32], disparity: u16) -> f32 {
-    // The marker of no disparity lies beyond every table.
+    // The marker for no disparity is beyond the end of every table.
     depths.get(usize::from(disparity)).copied().unwrap_or(f32::NAN)
 }
 
-/// A disparity in pixels; NaN where there is none.
+/// A disparity in pixels; NaN without a disparity.
 pub(crate) fn pixels(disparity: u16) -> f32 {
     if disparity == NO_DISPARITY { f32::NAN } else { f32::from(disparity) / f32::from(STEPS_PER_PIXEL) }
 }

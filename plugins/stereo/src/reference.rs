@@ -1,4 +1,4 @@
-//! Both methods as their definitions read: slow, pixel by pixel, without running sums. For tests.
+//! Reference implementations of both methods, by definition: slow, pixel by pixel, without running sums. For tests.
 
 use crate::{Method, NO_DISPARITY, STEPS_PER_PIXEL, Settings, block, sgm};
 
@@ -14,7 +14,7 @@ impl Plane {
         Plane { width, height, data: data.map(|(x, y)| value(x, y)).collect() }
     }
 
-    /// The pixel, or the outermost one beside it.
+    /// The pixel; beyond the image, the outermost one.
     fn at(&self, x: isize, y: isize) -> i32 {
         let (x, y) = (x.clamp(0, self.width as isize - 1), y.clamp(0, self.height as isize - 1));
         self.data[y as usize * self.width + x as usize]
@@ -38,7 +38,7 @@ fn filter(image: &[u8], [width, height]: [usize; 2], cap: i32) -> (Plane, Plane)
     (laplacian, brightness)
 }
 
-/// Costs of a method: `[y][x][d]`, for columns from `disparities - 1` on.
+/// Costs of a method, indexed by `[y][x][d]`, for columns from `disparities - 1` on.
 type Costs = Vec<Vec<Vec<i32>>>;
 
 fn costs(left: &[u8], right: &[u8], size: [usize; 2], settings: &Settings) -> Costs {
@@ -67,7 +67,7 @@ fn costs(left: &[u8], right: &[u8], size: [usize; 2], settings: &Settings) -> Co
     (0..height as isize).map(|y| (d - 1..width as isize).map(|x| pixel(x, y)).collect()).collect()
 }
 
-/// Sums of the costs along five paths.
+/// Sums of the costs along the five paths.
 fn aggregate(costs: &Costs) -> Costs {
     let (height, n, disparities) = (costs.len(), costs[0].len(), costs[0][0].len());
     let mut sums = vec![vec![vec![0; disparities]; n]; height];
@@ -98,7 +98,7 @@ fn aggregate(costs: &Costs) -> Costs {
     sums
 }
 
-/// The disparity image of [`crate::Matcher`].
+/// The disparity image that [`crate::Matcher`] must give.
 pub(crate) fn reference(left: &[u8], right: &[u8], size: [usize; 2], settings: &Settings) -> Vec<u16> {
     let [width, height] = size;
     let first_column = settings.disparities - 1;
@@ -128,7 +128,7 @@ fn first_least(costs: &[i32]) -> usize {
     costs.iter().position(|cost| cost == least).unwrap()
 }
 
-/// The best disparity of the right image's pixel that pixel `i` of the left one matches at `d`, over all left pixels.
+/// The best disparity, over all left pixels, of the right image's pixel that pixel `i` of the left one matches at `d`.
 fn right_least(row: &[Vec<i32>], i: usize, d: usize) -> usize {
     let column = i as isize - d as isize;
     let candidates: Vec<i32> = (0..row[0].len() as isize)
@@ -139,7 +139,7 @@ fn right_least(row: &[Vec<i32>], i: usize, d: usize) -> usize {
     first_least(&candidates)
 }
 
-/// The disparity of the cheapest left pixel that chose the same pixel of the right image; the rightmost among equals.
+/// The disparity of the cheapest left pixel that matches the same pixel of the right image; the rightmost of equals.
 fn claimant(row: &[Vec<i32>], best: &[usize], i: usize) -> usize {
     let column = |x: usize| x as isize - best[x] as isize;
     let claims = (0..row.len()).rev().filter(|&x| column(x) == column(i));

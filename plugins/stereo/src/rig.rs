@@ -1,4 +1,4 @@
-//! A calibrated pair at work: from two images to rectified ones and their disparities.
+//! Processing of a calibrated pair: rectification and disparities of two images.
 
 use crate::image::ColourImage;
 use crate::pairing::Side;
@@ -8,7 +8,7 @@ use rcs_msg::foxglove::CameraCalibration;
 use rcs_runtime::Pool;
 use serde::{Deserialize, Serialize};
 
-/// What a calibration message says of one camera, checked as far as one camera goes.
+/// The calibration of one camera, with the checks that concern one camera alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ImageCalibration {
     pub(crate) frame_id: String,
@@ -33,11 +33,11 @@ impl ImageCalibration {
     }
 }
 
-/// Both cameras together.
+/// A calibrated pair.
 #[derive(Clone, Debug)]
 pub(crate) struct Rig {
     pub(crate) camera: StereoCamera,
-    /// Pixels of each rectified image that its raw image shows.
+    /// Which pixels of each rectified image are covered by its raw image.
     shown: [Shown; 2],
 }
 
@@ -58,10 +58,10 @@ pub(crate) enum Unusable {
     NoRange { pixels: usize, min_m: f64, max_m: f64 },
 }
 
-/// A pair in the plane of both images.
+/// A rectified pair.
 #[derive(Clone, Debug)]
 pub(crate) struct Rectified {
-    /// The left image, red, green, blue.
+    /// The left image: red, green, blue.
     pub(crate) left_rgb: Vec<u8>,
     grey: [Vec<u8>; 2],
 }
@@ -79,7 +79,7 @@ impl Rig {
         [camera.width as usize, camera.height as usize]
     }
 
-    /// Rectifies both cameras, each on a thread of its own.
+    /// Rectifies the images of both cameras, each on its own thread.
     pub(crate) fn rectify(&self, pair: [&ColourImage; 2], pool: &Pool) -> Result<Rectified, Unusable> {
         for (side, image) in Side::BOTH.into_iter().zip(pair) {
             let (got, expected) = ([image.width, image.height], self.size());
@@ -88,7 +88,7 @@ impl Rig {
             }
         }
         let both = [self.camera.left(), self.camera.right()];
-        // The left camera's colours are a third piece of work.
+        // The left camera's colours are a third job.
         let work = |i: usize| match i {
             0 | 1 => both[i].remap(&pair[i].grey(), 1),
             _ => both[0].remap(&pair[0].rgb, 3),
@@ -99,7 +99,7 @@ impl Rig {
         Ok(Rectified { left_rgb: next()?, grey })
     }
 
-    /// Disparities of the rectified left image, 1/16 pixel, without those that its edges or the other's make up.
+    /// Disparities of the rectified left image, 1/16 pixel, without false matches at the edges of either raw image.
     pub(crate) fn disparities(
         &self,
         rectified: &Rectified,
@@ -121,7 +121,7 @@ impl Rig {
         Ok(disparity)
     }
 
-    /// Takes out what is matched across the edge of a raw image: black beside it is no texture.
+    /// Removes matches across the edge of a raw image: the black area beside it is not texture.
     fn take_out_edges(&self, disparity: &mut [u16], radius: usize) {
         let [left, right] = &self.shown;
         if left.everywhere && right.everywhere {
@@ -139,16 +139,16 @@ impl Rig {
     }
 }
 
-/// Pixels beyond a pixel that the prefilter looks at.
+/// Radius of the prefilter, pixels.
 const FILTER_RADIUS: usize = 3;
 
-/// Which pixels of a rectified image its raw image shows.
+/// Which pixels of a rectified image are covered by its raw image.
 #[derive(Clone, Debug)]
 struct Shown {
     width: usize,
     height: usize,
     everywhere: bool,
-    /// Pixels that are not shown among those above and to the left: one row and one column more than the image.
+    /// Integral image of the pixels that are not covered, with one more row and column than the image.
     missing: Vec<u32>,
 }
 
@@ -159,7 +159,7 @@ impl Shown {
         let (last_u, last_v) = ((width - 1) as f64, (height - 1) as f64);
         let is_missing = |u: usize, v: usize| {
             let source = rectification.source_of(u as u32, v as u32);
-            // Rounding may put the source of an outermost pixel a little outside.
+            // Rounding may put the source of an outermost pixel slightly outside of the raw image.
             let within = |x: f64, last: f64| x >= -1e-3 && x <= last + 1e-3;
             !source.is_some_and(|p| within(p.x, last_u) && within(p.y, last_v))
         };
@@ -176,7 +176,7 @@ impl Shown {
         Shown { width, height, everywhere, missing }
     }
 
-    /// Whether all pixels within a radius are shown; what lies beyond the image does not count.
+    /// Whether all pixels within a radius are covered; pixels beyond the image are ignored.
     fn around(&self, u: usize, v: usize, radius: usize) -> bool {
         if self.everywhere {
             return true;
@@ -188,7 +188,7 @@ impl Shown {
     }
 }
 
-/// The matcher's memory. It is no state: a result depends on its pair alone, so a clone begins without any.
+/// Working memory of the matcher. It is not state: a result depends on its pair alone, so a clone starts empty.
 #[derive(Debug, Default)]
 pub(crate) struct Bench(Option<Box<Fitted>>);
 
@@ -243,7 +243,7 @@ mod tests {
 
     #[test]
     fn around_equals_looking_at_every_pixel() {
-        // Zoomed out, so that the raw image's edge lies within the rectified one.
+        // Zoomed out, so that the raw image's edge lies within the rectified image.
         let (shown, rectification) = shown(&[-0.2, 0.05, 0.0, 0.0, 0.0], 45.0);
         assert!(!shown.everywhere);
         let seen = |u: i64, v: i64| {

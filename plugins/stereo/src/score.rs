@@ -1,8 +1,7 @@
-//! How good a disparity image is, against the ground truth.
+//! Quality of a disparity image, compared with ground truth.
 //!
-//! Figures are over **pixels seen by both cameras**: pixels that have ground truth, lie at x ≥ the number of
-//! disparities, and of which no other pixel of the row with a larger disparity, by more than 1, claims the same column
-//! of the right image.
+//! Figures are over **pixels seen by both cameras**: pixels with ground truth at x ≥ the number of disparities for
+//! which no other pixel of the row, with a disparity larger by more than 1, maps to the same column of the right image.
 
 use crate::{NO_DISPARITY, STEPS_PER_PIXEL, StereoError};
 
@@ -11,18 +10,18 @@ use crate::{NO_DISPARITY, STEPS_PER_PIXEL, StereoError};
 pub struct Score {
     /// Pixels seen by both cameras.
     pub pixels: usize,
-    /// Of the pixels with a disparity, those that are more than 2 pixels off, percent.
+    /// Share of pixels that are more than 2 pixels off among those with a disparity, percent.
     pub bad2_valid_pct: f64,
-    /// Of all pixels, those that are more than 2 pixels off or have no disparity, percent.
+    /// Share of pixels that are more than 2 pixels off or have no disparity, percent.
     pub bad2_dense_pct: f64,
-    /// Pixels with a disparity, percent.
+    /// Share of pixels with a disparity, percent.
     pub density_pct: f64,
-    /// Root of the mean squared error over pixels with a disparity that are at most 2 pixels off, pixels.
+    /// Root mean square error over pixels with a disparity that are at most 2 pixels off, pixels.
     pub rms_px: f64,
 }
 
-/// Which pixels both cameras see. `truth` is the left image's disparity in pixels; not finite or not positive is
-/// unknown.
+/// Which pixels are seen by both cameras. `truth` is the left image's true disparity in pixels; values that are not
+/// finite or not positive are unknown.
 pub fn seen_by_both(truth: &[f32], width: usize, disparities: usize) -> Vec<bool> {
     let mut seen = vec![false; truth.len()];
     if width == 0 {
@@ -90,11 +89,11 @@ mod tests {
     #[test]
     fn pixels_behind_a_nearer_one_are_not_seen_by_both_cameras() {
         let unknown = f32::INFINITY;
-        // Column 8 at disparity 6 and column 5 at 3 both claim column 2; 7 and 8 differ by less than 1.
+        // Column 8 with disparity 6 and column 5 with 3 both map to column 2; 7 and 8 differ by less than 1.
         let truth = [1.0, 1.0, 1.0, 1.0, 1.0, 3.0, unknown, 5.2, 6.0, 0.0, f32::NAN, 12.0];
         let seen = seen_by_both(&truth, 12, 4);
         let columns: Vec<usize> = (0..12).filter(|&x| seen[x]).collect();
-        // 4 is in front of nothing; 11 lies outside of the right image.
+        // 4 is not hidden by anything; 11 lies outside of the right image.
         assert_eq!(columns, [4, 7, 8]);
         assert_eq!(seen_by_both(&truth, 12, 9).iter().filter(|seen| **seen).count(), 0);
         assert_eq!(seen_by_both(&[], 0, 4), Vec::<bool>::new());

@@ -1,13 +1,13 @@
-//! What a matcher is asked to do.
+//! Settings of a matcher.
 
 use crate::STEPS_PER_PIXEL;
 
 /// How disparities are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Block matching: fast; leaves out what it cannot tell.
+    /// Block matching: fast; ambiguous pixels are left out.
     Block,
-    /// Semi-global matching: denser; about four times the time.
+    /// Semi-global matching: denser, about four times the time.
     SemiGlobal,
 }
 
@@ -16,22 +16,23 @@ pub enum Method {
 pub struct Settings {
     /// How disparities are found.
     pub method: Method,
-    /// Disparities that are tried, 0 to one less than this, pixels: a multiple of 16, from 16 to 256.
+    /// Number of disparities, from 0 to one less than this, pixels: a multiple of 16, from 16 to 256.
     pub disparities: usize,
-    /// Side of the square that block matching compares, pixels: odd, from 5 to 15. Semi-global matching has its own.
+    /// Side of the square that block matching compares, pixels: odd, from 5 to 15. Semi-global matching has a fixed
+    /// one.
     pub block: usize,
-    /// How many percent more any match that is not beside the best one must cost, 0 to 100.
+    /// Minimum excess cost of every match that is not adjacent to the best one, percent, 0 to 100.
     pub uniqueness_pct: u16,
-    /// Most by which the disparities found from the left and from the right image may differ, pixels.
+    /// Maximum difference between the disparities found from the left and from the right image, pixels.
     pub left_right_max: u16,
-    /// Connected patches of fewer pixels are left out.
+    /// Connected patches of fewer pixels are removed.
     pub speckle_min_area: usize,
     /// Neighbours are connected up to this difference, 1/16 pixel, at most 1024.
     pub speckle_step: u16,
 }
 
 impl Settings {
-    /// The settings that the figures in [`crate`] were measured with.
+    /// The settings with which the figures in [`crate`] were measured.
     pub fn new(method: Method, disparities: usize) -> Settings {
         Settings {
             method,
@@ -44,7 +45,7 @@ impl Settings {
         }
     }
 
-    /// Whether a matcher for images of this size can work so.
+    /// Checks the settings for images of this size.
     pub(crate) fn check(&self, [width, height]: [usize; 2]) -> Result<(), StereoError> {
         if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
             return Err(StereoError::Size { width, height });
@@ -56,7 +57,7 @@ impl Settings {
         Ok(())
     }
 
-    /// Whether there are images that a matcher can work so on.
+    /// Checks the settings without regard to an image size.
     pub(crate) fn check_values(&self) -> Result<(), StereoError> {
         let &Settings { disparities, block, uniqueness_pct, speckle_step, .. } = self;
         if !(16..=256).contains(&disparities) || !disparities.is_multiple_of(16) {
@@ -75,13 +76,13 @@ impl Settings {
     }
 }
 
-/// The longest side of an image that is believed, pixels.
+/// Maximum side of an image, pixels.
 const MAX_SIDE: usize = 1 << 15;
 
 /// Why there is no disparity image.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StereoError {
-    /// Width or height is 0 or absurd.
+    /// Width or height is 0 or exceeds the maximum.
     #[error("image size {width}x{height} is not usable")]
     Size {
         /// Pixels.
@@ -94,42 +95,42 @@ pub enum StereoError {
     ImageSize {
         /// Left or right.
         camera: &'static str,
-        /// Pixels there are.
+        /// Number of pixels given.
         got: usize,
-        /// Pixels there should be.
+        /// Number of pixels expected.
         expected: usize,
         /// Pixels.
         width: usize,
         /// Pixels.
         height: usize,
     },
-    /// No such number of disparities.
+    /// Invalid number of disparities.
     #[error("number of disparities is {got}, expected a multiple of 16 from 16 to 256")]
     Disparities {
-        /// The number.
+        /// The given number.
         got: usize,
     },
-    /// No pixel of the left image has all of its disparities in the right one.
+    /// The image is too narrow: no pixel has all of its disparities within the right image.
     #[error("{disparities} disparities do not fit into an image of {width} columns")]
     Range {
-        /// Disparities to try.
+        /// Number of disparities.
         disparities: usize,
         /// Columns.
         width: usize,
     },
-    /// No such square.
+    /// Invalid side of the square.
     #[error("side of the block is {got}, expected an odd number from 5 to 15")]
     Block {
-        /// The side, pixels.
+        /// The given side, pixels.
         got: usize,
     },
-    /// Out of range.
+    /// The uniqueness is out of range.
     #[error("uniqueness is {got} %, expected at most 100")]
     Uniqueness {
         /// Percent.
         got: u16,
     },
-    /// Out of range.
+    /// The speckle step is out of range.
     #[error("step of the speckle filter is {got}, expected at most 1024 sixteenths of a pixel")]
     SpeckleStep {
         /// 1/16 pixel.
@@ -138,9 +139,9 @@ pub enum StereoError {
     /// The ground truth has another size than the disparity image.
     #[error("ground truth has {got} pixels, expected {expected}")]
     TruthSize {
-        /// Pixels there are.
+        /// Number of pixels given.
         got: usize,
-        /// Pixels there should be.
+        /// Number of pixels expected.
         expected: usize,
     },
 }

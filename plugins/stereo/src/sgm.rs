@@ -1,16 +1,16 @@
-//! Semi-global matching (Hirschmüller 2008): each pixel's costs are helped by those of the pixels before it on five
-//! paths: from the left, the right, above and the two upper diagonals.
+//! Semi-global matching (Hirschmüller 2008): aggregates the costs of each pixel along five paths: from the left, the
+//! right, above and the two upper diagonals.
 //!
-//! On a path, a change of one disparity costs `P1` and a larger one `P2`, so that surfaces stay whole where the image
-//! says little. The cost of a pixel is half of a sum over 3×3 pixels: the absolute difference after the Laplacian of
-//! Gaussian, plus the clipped difference after the Gaussian alone. One pass from
-//! the first row to the last: what a row needs of the one above it are its costs on three paths.
+//! On a path a change of the disparity by one costs `P1` and a larger change `P2`, so that surfaces stay connected
+//! where the image has little texture. The cost of a pixel is half of a sum over 3×3 pixels: the absolute difference
+//! after the Laplacian of Gaussian plus the clipped difference after the Gaussian alone. One pass goes from the first
+//! row to the last; a row needs the costs of the row above on three paths.
 //!
-//! Bytes throughout: a cost is at most 127 and a path adds at most `P2`. Vectors run along the disparities
-//! of one pixel, of which there is a multiple of 16.
+//! All costs are bytes: a pixel's cost is at most 127, and a path adds at most `P2`. Vectors run along the disparities
+//! of one pixel, whose number is a multiple of 16.
 //!
-//! Cost: about 40 operations per pixel and disparity divided by the lanes of a vector. Rows depend on each other, so
-//! one thread does an image.
+//! Cost: about 40 operations per pixel and disparity divided by the vector lanes. Rows depend on each other, so an
+//! image is processed on one thread.
 
 #![allow(clippy::inline_always, reason = "kernels are compiled anew for each width of vectors")]
 #![allow(clippy::needless_range_loop, reason = "loops over lanes index several slices alike")]
@@ -19,20 +19,20 @@ use crate::checks::Accept;
 use crate::prefilter::Filtered;
 use crate::width::Kernel;
 
-/// Columns and rows beyond a pixel whose differences are summed.
+/// Radius of the window over which differences are summed, pixels.
 pub(crate) const RADIUS: usize = 1;
-/// Rows in the sum.
+/// Rows in the window.
 const SIDE: usize = 2 * RADIUS + 1;
 /// Largest absolute value of the filtered images, and largest difference of brightness, in steps of 4 grey levels. With
-/// these, nine differences fit in a byte.
+/// these, the sum of nine differences fits in a byte.
 pub(crate) const CAP: u8 = 10;
 pub(crate) const BRIGHTNESS_CAP: u8 = 8;
-/// What a path pays for a change of disparity by one pixel, and by more.
+/// Penalty of a path for a change of disparity by one pixel, and for a larger change.
 pub(crate) const P1: u8 = 10;
 pub(crate) const P2: u8 = 80;
-/// Above every cost: stands beside the first and the last disparity of a pixel.
+/// Greater than every cost: placed before the first and after the last disparity of a pixel.
 const GUARD: u8 = u8::MAX;
-/// Lanes for sums of two bytes. It divides every number of disparities.
+/// Lanes for 16-bit sums. It divides every number of disparities.
 const SUM_LANES: usize = 16;
 
 /// Matches a pair into `out`, 1/16 pixel; columns left of `disparities - 1` have no disparity.
@@ -46,30 +46,30 @@ pub(crate) struct Image<'a> {
     pub(crate) out: &'a mut [u16],
 }
 
-/// Memory of one image, kept from frame to frame.
+/// Working memory of one image, kept between frames.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scratch {
-    /// The right row from its last column to its first.
+    /// The right row, reversed.
     reversed: Vec<u8>,
-    /// Absolute differences of the rows in the sum, and their sums down the rows: column, disparity.
+    /// Absolute differences of the rows in the window, and their sums over the rows; indexed by column, disparity.
     differences: [Vec<u8>; SIDE],
     columns: Vec<u8>,
-    /// Costs of one row: column, disparity.
+    /// Costs of one row, indexed by column, disparity.
     costs: Vec<u8>,
-    /// Costs on the paths from the upper left, above and the upper right, of the row above and of this one.
+    /// Costs on the paths from the upper left, above and the upper right, of the row above and of the current one.
     above: [Path; 3],
     here: [Path; 3],
-    /// Costs on the path along the row, of the pixel before and of this one.
+    /// Costs on the path along the row, of the previous pixel and of the current one.
     before: Path,
     now: Path,
-    /// Sums over the paths: column, disparity.
+    /// Sums over the paths, indexed by column, disparity.
     sums: Vec<u16>,
     disparity: Vec<u16>,
     right_best: Vec<u16>,
     right_disparity: Vec<u16>,
 }
 
-/// Costs on one path: a pixel has a guard and then its disparities; one pixel without costs stands at both ends.
+/// Costs on one path: a pixel is a guard followed by its disparities; a pixel without costs is placed at both ends.
 #[derive(Clone, Debug, Default)]
 struct Path {
     costs: Vec<u8>,
@@ -89,7 +89,7 @@ impl Path {
 impl Kernel for Image<'_> {
     #[inline(always)]
     fn run(self) {
-        // Lanes are a constant that divides the disparities, so that no vector loop has a remainder.
+        // The number of lanes is a constant that divides the disparities, so that no vector loop has a remainder.
         if self.disparities.is_multiple_of(64) {
             self.rows::<64>();
         } else if self.disparities.is_multiple_of(32) {
@@ -108,7 +108,7 @@ impl Image<'_> {
         let n = width - first_column;
         scratch.clear(n, width, disparities);
         for (y, out) in (0_isize..).zip(out.chunks_exact_mut(width)) {
-            // The first row fills the sum; each later one brings one row of differences.
+            // The first row fills the window; each later one adds one row of differences.
             let new = if y == 0 {
                 -(RADIUS as isize)..=RADIUS as isize
             } else {
@@ -161,7 +161,7 @@ impl Scratch {
         let [to_lower_right, to_lower, to_lower_left] = &mut self.here;
         for x in 0..n {
             let cost = &self.costs[x * disparities..][..disparities];
-            // Pixel x of a row stands at x + 1 of its paths.
+            // Pixel x of a row has index x + 1 in its paths.
             step::<LANES>(cost, upper_left, x, to_lower_right, x + 1);
             step::<LANES>(cost, upper, x + 1, to_lower, x + 1);
             step::<LANES>(cost, upper_right, x + 2, to_lower_left, x + 1);
@@ -211,7 +211,7 @@ impl Scratch {
             }
             std::mem::swap(&mut self.before, &mut self.now);
         }
-        // A pixel of the right image belongs to the best of the left image's pixels that claim it.
+        // A pixel of the right image is assigned to the best of the left image's pixels that match it.
         for (x, (out, &d)) in out.iter_mut().zip(&self.disparity).enumerate() {
             let back = self.right_disparity[first_column + x - usize::from(d)];
             if d.abs_diff(back) > accept.left_right_max {
@@ -221,7 +221,7 @@ impl Scratch {
     }
 }
 
-/// `left` and `reversed` have `RADIUS` columns of padding; disparity d of a column is d further in the reversed row.
+/// `left` and `reversed` are padded by `RADIUS` columns; disparity d of a column is d further in the reversed row.
 #[inline(always)]
 fn differences<const LANES: usize>(left: &[u8], reversed: &[u8], disparities: usize, out: &mut [u8]) {
     // Column 0 of `left` is column `disparities - 1` of the image.
@@ -236,8 +236,8 @@ fn differences<const LANES: usize>(left: &[u8], reversed: &[u8], disparities: us
     }
 }
 
-/// The same for the brightness, clipped: it holds surfaces without texture together, and two cameras that are exposed
-/// differently lose no more than it gives.
+/// Adds the clipped difference of brightness. It connects surfaces without texture, and because it is clipped, a
+/// difference in exposure between the two cameras has a limited effect.
 #[inline(always)]
 fn add_differences<const LANES: usize>(left: &[u8], reversed: &[u8], disparities: usize, out: &mut [u8]) {
     let last = reversed.len() - disparities;
@@ -266,7 +266,7 @@ fn sum_rows(a: &[u8], b: &[u8], c: &[u8], out: &mut [u8]) {
     }
 }
 
-/// Half of the sum of three columns: the prefilter's cap keeps the sum in a byte.
+/// Half of the sum of three columns; the prefilter's cap keeps the sum within a byte.
 #[inline(always)]
 fn sum_columns(columns: &[u8], disparities: usize, out: &mut [u8]) {
     let n = out.len();
@@ -276,7 +276,7 @@ fn sum_columns(columns: &[u8], disparities: usize, out: &mut [u8]) {
     }
 }
 
-/// One step along a path, from a pixel to the next one.
+/// One step along a path, from one pixel to the next.
 #[inline(always)]
 fn step<const LANES: usize>(cost: &[u8], from: &Path, from_pixel: usize, to: &mut Path, to_pixel: usize) {
     let stride = cost.len() + 1;
@@ -285,7 +285,7 @@ fn step<const LANES: usize>(cost: &[u8], from: &Path, from_pixel: usize, to: &mu
     to.least[to_pixel] = follow::<LANES>(cost, before, from.least[from_pixel], out);
 }
 
-/// The new costs of one step; gives the least of the new costs. `before` has a guard at both ends.
+/// Computes the costs after one step; returns the least of them. `before` has a guard at both ends.
 #[inline(always)]
 fn follow<const LANES: usize>(cost: &[u8], before: &[u8], least: u8, out: &mut [u8]) -> u8 {
     let jump = least.saturating_add(P2);
@@ -295,7 +295,7 @@ fn follow<const LANES: usize>(cost: &[u8], before: &[u8], least: u8, out: &mut [
         for i in 0..LANES {
             let beside = before[i].min(before[i + 2]).saturating_add(P1);
             let way = before[i + 1].min(beside).min(jump);
-            // No way is below the least before, and none above it by more than P2.
+            // No option costs less than the previous least cost, and none more than that plus P2.
             let sum = cost[i].wrapping_add(way.wrapping_sub(least));
             out[i] = sum;
             new_least[i] = new_least[i].min(sum);
@@ -337,7 +337,7 @@ fn least_sum(sums: &[u16]) -> u16 {
     least_of(&least)
 }
 
-/// The first disparity with the least sum, and the least sum that is not beside it.
+/// The first disparity with the least sum, and the least sum that is not adjacent to it.
 #[inline(always)]
 fn place_and_rival(sums: &[u16], best: u16) -> (u16, u16) {
     let mut places = [u16::MAX; SUM_LANES];

@@ -1,28 +1,28 @@
-//! The widest vectors of the processor at hand, chosen at run time.
+//! The widest vectors of the processor, selected at run time.
 //!
-//! A kernel is plain integer code over slices; the compiler turns it into vectors once for each width below. Integer
-//! results do not depend on the width, so all of them give the same bits: the tests run each one.
+//! A kernel is plain integer code over slices, which the compiler vectorizes once for each width below. Integer results
+//! do not depend on the width, so all widths give the same result bit for bit; the tests run each of them.
 
-/// A piece of work without branches on the processor's kind. `run` and all that it calls in its inner loops must be
-/// `#[inline(always)]`, so that it is compiled anew for each width.
+/// A computation that is compiled for each vector width. `run`, and everything that it calls in its inner loops, must
+/// be `#[inline(always)]`.
 pub(crate) trait Kernel {
-    /// Does the work.
+    /// Runs the computation.
     fn run(self);
 }
 
-/// Sets of instructions that kernels are compiled for.
+/// Instruction sets for which kernels are compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Width {
     /// What every processor of the target has: 16 bytes on x86-64.
     Baseline,
     /// AVX2: 32 bytes.
     Avx2,
-    /// AVX-512 with bytes and words: 64 bytes.
+    /// AVX-512 with byte and word instructions: 64 bytes.
     Avx512,
 }
 
 impl Width {
-    /// The widths that this processor has, narrow to wide.
+    /// The widths that this processor supports, in ascending order.
     pub fn available() -> Vec<Width> {
         [Width::Baseline, Width::Avx2, Width::Avx512]
             .into_iter()
@@ -30,7 +30,7 @@ impl Width {
             .collect()
     }
 
-    /// The widest that this processor has.
+    /// The greatest width that this processor supports.
     pub fn widest() -> Width {
         if Width::Avx512.is_available() {
             Width::Avx512
@@ -57,7 +57,7 @@ impl Width {
         matches!(self, Width::Baseline)
     }
 
-    /// Runs a kernel with these instructions; with the baseline's where the processor has not got them.
+    /// Runs a kernel with these instructions, or with the baseline where the processor does not support them.
     #[allow(unsafe_code, reason = "calls code that is compiled for instructions found at run time")]
     pub(crate) fn run(self, kernel: impl Kernel) {
         #[cfg(target_arch = "x86_64")]

@@ -1,5 +1,5 @@
-//! The process on messages made by hand: what cannot be used is reported and skipped with nothing sent on, and what
-//! follows is used; runs are the same on any number of threads and from a snapshot.
+//! The process on hand-made messages: unusable ones are reported and skipped without output, and the next usable ones
+//! are processed; runs repeat bit for bit with any number of threads and from a snapshot.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -46,11 +46,11 @@ const OUTPUTS: [&str; 6] = ["rectified", "calibration", "disparity", "depth", "p
 const SIZE: [usize; 2] = [96, 64];
 const F_PX: f64 = 80.0;
 const BASELINE_M: f64 = 0.25;
-/// Ranges of everything in the pair at this disparity: 80 px · 0.25 m / 10 px.
+/// Disparity of everything in the pair; its range is 80 px · 0.25 m / 10 px.
 const SHIFT_PX: usize = 10;
 const DEPTH_M: f32 = 2.0;
 
-/// A message and when it is given, ms.
+/// A message and its arrival time, ms.
 struct Given {
     at_ms: u64,
     topic: &'static str,
@@ -75,7 +75,7 @@ fn raw_image([width, height]: [usize; 2], data: Vec<u8>) -> RawImage {
     }
 }
 
-/// One camera's image of a wall; each seed is a wall of its own.
+/// One camera's image of a wall; each seed gives another wall.
 fn camera(topic: &str, seed: u32) -> RawImage {
     let shift = if topic == "/right" { SHIFT_PX } else { 0 };
     let data = (0..SIZE[0] * SIZE[1]).map(|i| texture(i % SIZE[0] + shift, i / SIZE[0], seed)).collect();
@@ -106,7 +106,7 @@ fn calibrated() -> Vec<Given> {
     ["/left_calibration", "/right_calibration"].map(|topic| give(0, topic, calibration(topic))).into()
 }
 
-/// Both cameras' good images.
+/// Usable images of both cameras.
 fn pair(at_ms: u64) -> [Given; 2] {
     let seed = at_ms as u32;
     [give(at_ms, "/left", camera("/left", seed)), give(at_ms, "/right", camera("/right", seed))]
@@ -136,13 +136,13 @@ fn faults(run: &Stepped) -> (u64, String) {
     bench::faults(run, "stereo")
 }
 
-/// How many messages went out on each output.
+/// Number of messages sent on each output.
 fn sent(run: &Stepped) -> [u64; 6] {
     OUTPUTS.map(|port| bench::sent(run, &format!("/stereo/{port}")))
 }
 
-/// Runs bad input and, a second later, a good pair: one fault with this text, nothing sent on for it, and the good pair
-/// used.
+/// Gives unusable input and, a second later, a usable pair: expects one fault with this text, no output for it, and
+/// that the pair is used.
 fn check(bad: Vec<Given>, params: &[(&str, &str)], expected: &str) {
     check_count(bad, params, expected, 1);
 }
@@ -155,7 +155,7 @@ fn check_count(bad: Vec<Given>, params: &[(&str, &str)], expected: &str, count: 
         ["/left_calibration", "/right_calibration"].map(|topic| give(900, topic, calibration(topic))),
     );
     given.extend(pair(1000));
-    // The last message ends the log: give the process time to see the one before.
+    // The last message ends the log: give the process time to read the one before.
     given.push(give(1200, "/left_calibration", calibration("/left_calibration")));
     let mut run = run(&given, 1, params);
     run_until(&mut run, 150);
@@ -233,7 +233,7 @@ fn an_image_that_does_not_decode_is_skipped() {
 
 #[test]
 fn a_frozen_camera_is_reported_for_every_image_and_nothing_stale_goes_out() {
-    // The left camera sends the image of 100 ms again and again, under new stamps.
+    // The left camera repeats the image of 100 ms under new timestamps.
     let frozen = |at_ms| {
         [give(at_ms, "/left", camera("/left", 100)), give(at_ms, "/right", camera("/right", at_ms as u32))]
     };
@@ -250,7 +250,7 @@ fn a_missing_camera_is_named() {
 
 #[test]
 fn a_late_camera_is_given_up_and_what_comes_of_it_then_is_no_pair() {
-    // Taken 20 ms after the left camera's: too far apart to be the same moment.
+    // Taken 20 ms after the left camera's: too far apart to be a pair.
     let bad = vec![give(300, "/left", camera("/left", 3)), give(320, "/right", camera("/right", 3))];
     check_count(bad, &[], "is late by more than 150 ms", 2);
 }
@@ -280,7 +280,7 @@ fn calibrations_that_are_not_a_pairs_are_reported_with_each_pair() {
         given.extend(pair(300));
         check(given, &[], expected);
     }
-    // One that no camera has is reported when it comes, and so is the pair that misses it.
+    // A calibration that no camera can have is reported on arrival, and so is the pair that lacks a usable one.
     let mut given =
         vec![give(200, "/right_calibration", CameraCalibration { k: vec![f64::NAN; 9], ..right })];
     given.extend(pair(300));
@@ -318,7 +318,7 @@ fn parameters_that_no_matcher_has_are_refused_before_anything_runs() {
     }
 }
 
-/// Everything that a run sent last.
+/// The last messages of all outputs of a run.
 fn outcome(run: &Stepped) -> Vec<Vec<u8>> {
     OUTPUTS
         .map(|port| {
@@ -334,7 +334,7 @@ fn any_number_of_threads_and_a_run_from_a_snapshot_give_the_same_bytes() {
         given.extend([100, 200, 300].into_iter().flat_map(pair));
         let params = [("stereo.method", method)];
         let mut alone = run(&given, 1, &params);
-        // Between the two cameras of a pair nothing happens; between two pairs the state is calibrations and counts.
+        // Snapshot between the two images of a pair; between two pairs the state is only calibrations and counts.
         run_until(&mut alone, 250);
         let saved = Snapshot::from_bytes(&alone.snapshot().to_bytes().unwrap()).unwrap();
         run_until(&mut alone, 400);
@@ -353,7 +353,7 @@ fn any_number_of_threads_and_a_run_from_a_snapshot_give_the_same_bytes() {
 #[test]
 fn an_image_that_waits_is_part_of_the_state() {
     let mut given = calibrated();
-    // The right image was taken with the left one and comes two cycles later: the difference allowed is as large.
+    // The right image was taken with the left one and arrives two cycles later, within the allowed difference.
     given.extend([give(100, "/left", camera("/left", 1)), give(145, "/right", camera("/right", 1))]);
     given.push(give(400, "/left_calibration", calibration("/left_calibration")));
     let params = [("stereo.max_time_difference_ms", "50")];
