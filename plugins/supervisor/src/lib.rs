@@ -1,5 +1,5 @@
-//! A supervisor of any group of processes: starts them, halts them in order, and says how they are (RCS: the upper half
-//! of a node that has no planning of its own).
+//! A supervisor for any group of processes: starts them, halts them in order, and reports their state (in RCS, the
+//! executor part of a node without planning of its own).
 //!
 //! | child | how many | what |
 //! | --- | --- | --- |
@@ -7,21 +7,42 @@
 //! | `essential` | any number | children without which the vehicle must not move |
 //! | `auxiliary` | any number | children whose failure is reported, and no more |
 //!
-//! A process whose stack entry does not say `as = "…"` is `essential`. There are no ports.
+//! A process whose stack entry has no `as = "…"` is `essential`. There are no ports.
 //!
-//! Period 50 ms. Cost: one look at the newest status of each child. State: what has been halted, and why.
+//! Period 50 ms. Cost: one read of the newest status of each child. State: what has been halted, and why.
 //!
-//! `INIT` goes to all children at once; `DONE` when all are. `RUN` goes to all at once; `EXEC` from then on. `HALT`
-//! goes to the vehicle interface, and when that stands (or has not for `halt_timeout_s`) to all others; `DONE` when all
-//! are.
+//! It supervises and stops. It does not plan, command motion, or restart what has failed.
 //!
-//! An essential child that is in `ERROR`, or that posts no status, makes the supervisor `ERROR` with its name and its
-//! reason, and halts the vehicle interface, which stays halted until the supervisor gets `RUN` again. A supervisor
-//! above sees the `ERROR` and does the same, so that a failure anywhere below reaches the vehicle interface within one
-//! period of each level. A child that the operator has taken is left to the operator; when the operator gives it back
-//! with
-//! `RELEASE`, it gets the standing order again. It does not get it where the operator's authority has lapsed: what the
-//! operator halted stays halted until somebody says otherwise.
+//! # Commands
+//!
+//! - `INIT` is sent to all children at once; the supervisor is `DONE` when all children are.
+//! - `RUN` is sent to all children at once; the supervisor is in `EXEC` from then on.
+//! - `HALT` is sent to the vehicle interface; when that stands, or after `halt_timeout_s`, to all others. The
+//!   supervisor is `DONE` when all children are.
+//!
+//! # Failures
+//!
+//! An essential child that is in `ERROR`, or that posts no status, puts the supervisor into `ERROR` with the child's
+//! name and reason, and halts the vehicle interface, which stays halted until the supervisor receives `RUN` again. A
+//! supervisor above sees the `ERROR` and does the same, so a failure at any level reaches the vehicle interface within
+//! one period of each level.
+//!
+//! A child under the operator's authority receives no orders from the supervisor. When the operator gives it back with
+//! `RELEASE`, it receives the current order again. When the operator's authority has lapsed instead, it does not: what
+//! the operator halted stays halted until it is commanded again.
+//!
+//! # Where to begin
+//!
+//! `tests/groups.rs` runs groups of children that obey, brake and fail. In a stack, children name the supervisor as
+//! their parent; `assets/stacks/simulation.toml` has one.
+//!
+//! ```
+//! use rcs_runtime::Process;
+//! use rcs_supervisor::Supervisor;
+//!
+//! assert_eq!(Supervisor::DEF.plugin, "supervisor");
+//! assert_eq!(Supervisor::DEF.period_ms, 50.0);
+//! ```
 
 rcs_msg::messages!(
     /// Messages of this plugin alone, from `proto/`.

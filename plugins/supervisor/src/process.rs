@@ -14,7 +14,7 @@ pub struct Supervisor {
     stopped: Option<String>,
     /// When `HALT` was sent to the vehicle interface.
     halting: Option<Stamp>,
-    /// The others have been sent `HALT`, too.
+    /// Whether the other children have been sent `HALT`, too.
     all_halted: bool,
 }
 
@@ -119,8 +119,8 @@ impl Process for Supervisor {
     }
 }
 
-/// Sends all children an order: in the cycle in which the supervisor got its own, and later to those that the operator
-/// gives back.
+/// Sends an order to all children: in the cycle in which the supervisor received it, and later to children that the
+/// operator gives back.
 fn order(ports: &Ports, order: &Order<NoCommands>, cx: &mut Cycle<'_>) {
     if wants_order(&ports.vehicle_interface, cx) {
         cx.send(&ports.vehicle_interface, order.clone());
@@ -128,7 +128,7 @@ fn order(ports: &Ports, order: &Order<NoCommands>, cx: &mut Cycle<'_>) {
     order_others(ports, order, cx);
 }
 
-/// The same for all but the vehicle interface.
+/// Sends an order to all children except the vehicle interface.
 fn order_others(ports: &Ports, order: &Order<NoCommands>, cx: &mut Cycle<'_>) {
     for child in others(ports, cx) {
         if wants_order(&child, cx) {
@@ -142,19 +142,19 @@ fn wants_order(child: &Child<NoCommands>, cx: &Cycle<'_>) -> bool {
         || cx.child(child).is_some_and(|report| report.is_ours && report.obeys_another.is_some())
 }
 
-/// Every child but the vehicle interface.
+/// All children except the vehicle interface.
 fn others(ports: &Ports, cx: &Cycle<'_>) -> Vec<Child<NoCommands>> {
     cx.members(&ports.essential).chain(cx.members(&ports.auxiliary)).collect()
 }
 
-/// A child that obeys someone else.
+/// Name of a child that is not under this supervisor's authority.
 fn taken(ports: &Ports, cx: &Cycle<'_>) -> Option<String> {
     let children = [ports.vehicle_interface].into_iter().chain(others(ports, cx));
     let mut reports = children.filter_map(|child| cx.child(&child));
     reports.find_map(|report| report.obeys_another.map(|who| format!("{} obeys {who}", report.name)))
 }
 
-/// Whether all children have done what they were told.
+/// Whether all children have completed their order.
 enum Wait {
     Done,
     For(String),
@@ -174,7 +174,7 @@ fn await_all(ports: &Ports, cx: &Cycle<'_>) -> Wait {
     }
 }
 
-/// What is wrong with a child, with its name and its own reason.
+/// What is wrong with a child: its name and its reason.
 fn failure(report: &ChildReport) -> Option<String> {
     let word = match report.state {
         ChildState::Error => "is in ERROR",

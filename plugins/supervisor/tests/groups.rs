@@ -1,4 +1,4 @@
-//! A supervisor over processes that obey, brake and fail.
+//! A supervisor with children that obey, brake and fail.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -12,7 +12,7 @@ use rcs_supervisor::Supervisor;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Brakes for half a second when it is halted.
+/// Brakes for half a second when halted.
 #[derive(Clone, Serialize, Deserialize)]
 struct Wheels {
     braking: u32,
@@ -47,7 +47,7 @@ impl Process for Wheels {
     }
 }
 
-/// Says `ERROR` while a status that it reads is one, and panics where that says so.
+/// Is in `ERROR` while a status that it reads says so, and panics when that asks for a panic.
 #[derive(Clone, Serialize, Deserialize)]
 struct Part;
 
@@ -147,7 +147,7 @@ impl Bench {
         self.write(format!("/{process}/command"), command);
     }
 
-    /// What befalls a part from now on: nothing, an error, or a panic.
+    /// What happens to a part from now on: nothing, an error, or a panic.
     fn fate(&mut self, part: &str, why: &str) {
         let state = if why.is_empty() { rcs::ProcessState::Exec } else { rcs::ProcessState::Error };
         let status = rcs::Status { state: state.into(), state_text: why.to_owned(), ..Default::default() };
