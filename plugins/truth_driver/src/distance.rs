@@ -1,13 +1,14 @@
-//! Distance of every cell to the nearest blocked one.
+//! Distance of every cell to the nearest blocked cell.
 //!
-//! The exact Euclidean transform of Felzenszwalb and Huttenlocher ("Distance Transforms of Sampled Functions", 2012):
-//! one pass along the columns, one along the rows, each the lower envelope of parabolas, linear in the cells.
+//! The exact Euclidean distance transform of Felzenszwalb and Huttenlocher ("Distance Transforms of Sampled Functions",
+//! 2012): one pass along the columns and one along the rows, each the lower envelope of parabolas, linear in the number
+//! of cells.
 
-/// Distances between cell middles to the nearest blocked cell, in cells, by rows. What lies outside counts as blocked,
-/// so that no way leads along the edge of what is known.
+/// Distance between the centre of each cell and that of the nearest blocked one, in cells, in row order. Cells outside
+/// of the map count as blocked, so that no path follows the edge of the known area.
 pub fn to_blocked(columns: usize, is_blocked: &[bool]) -> Vec<f32> {
     let rows = is_blocked.len() / columns.max(1);
-    // Larger than any squared distance there can be, and far from losing whole numbers.
+    // Larger than any squared distance, and small enough for exact whole numbers.
     let far = ((columns + rows + 2) * (columns + rows + 2)) as f64;
     let mut squared: Vec<f64> = is_blocked.iter().map(|&blocked| if blocked { 0.0 } else { far }).collect();
     let mut scratch = Scratch::default();
@@ -37,7 +38,7 @@ pub fn to_blocked(columns: usize, is_blocked: &[bool]) -> Vec<f32> {
 struct Scratch {
     line: Vec<f64>,
     result: Vec<f64>,
-    /// Parabolas of the lower envelope, and where each begins to be the lowest.
+    /// Parabolas of the lower envelope, and where each starts to be the lowest.
     roots: Vec<usize>,
     starts: Vec<f64>,
 }
@@ -74,7 +75,7 @@ impl Scratch {
     }
 }
 
-/// Where the parabola of `right` becomes lower than that of `left`.
+/// Where the parabola of `right` crosses that of `left` and becomes lower.
 fn crossing(line: &[f64], left: usize, right: usize) -> f64 {
     let (l, r) = (left as f64, right as f64);
     ((line[right] + r * r) - (line[left] + l * l)) / (2.0 * (r - l))

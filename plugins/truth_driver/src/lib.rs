@@ -1,4 +1,4 @@
-//! A driver that knows the ground truth: what the courses of the simulation can be driven in.
+//! A driver that uses ground truth to drive the courses of the simulation.
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
@@ -10,16 +10,33 @@
 //! | `stats` | out | `rcs.TruthDriverStats` | plans, and how the path is followed |
 //!
 //! Period 50 ms; `drive` every cycle while there is a path, `path` and `stats` twice a second. Cost: microseconds, and
-//! a search (tenths of a second on a world of 150 m) when the map or the goal changes, or the vehicle has strayed.
-//! State: pose, goal, path.
+//! a search (tenths of a second on a world of 150 m) when the map or the goal changes, or when the vehicle has left its
+//! path. State: pose, goal, path.
 //!
-//! No seed has it: it stands in for a whole control stack that is not under test. Cells with things (not crowns), steep
-//! faces and steps are blocked; the distance to them, slope, slippery surfaces and tall vegetation make cells dearer:
-//! [`terrain`]. A* with eight neighbours finds the cheapest path: [`search`]. A point of it some way ahead is steered
-//! for, more slowly before bends and in narrow places: [`pursuit`].
+//! It comes from none of the papers. It replaces the rest of the control stack in tests of one part, such as
+//! perception. It is not a planner for a real vehicle: it reads ground truth, so a run with it is marked as such.
 //!
-//! It commands a turn rate rather than a heading: headings of [`rcs_msg::rcs::DriveCommand`] are in the local frame of
-//! a position estimate, which knows nothing of the ground truth.
+//! It commands a turn rate rather than a heading, because headings of [`rcs_msg::rcs::DriveCommand`] are in the local
+//! frame of the localization, whose relation to ground truth is unknown.
+//!
+//! # Where to begin
+//!
+//! - [`terrain`]: cells with obstacles (except tree crowns), steep faces and steps are blocked; cells near them,
+//!   slopes, slippery surfaces and tall vegetation have a higher cost.
+//! - [`search`]: A* with eight neighbours finds the cheapest path.
+//! - [`pursuit`]: steers for a point some way ahead on the path; slows down before bends and in narrow places.
+//!
+//! # Example
+//!
+//! ```
+//! use rcs_truth_driver::search::{Field, shortest};
+//!
+//! // Three by two cells of 1 m; the upper middle one is blocked.
+//! let cost = [1.0, f32::INFINITY, 1.0, 1.0, 1.0, 1.0];
+//! let field = Field { columns: 3, cell_size_m: 1.0, cost: &cost };
+//! let path = shortest(&field, 0, 2).unwrap();
+//! assert_eq!(path.cells, [0, 3, 4, 5, 2], "no diagonal step past a blocked corner");
+//! ```
 
 rcs_msg::messages!(
     /// Messages of this plugin alone, from `proto/`.

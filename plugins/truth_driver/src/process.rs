@@ -13,18 +13,18 @@ use serde::{Deserialize, Serialize};
 
 /// Frame of the ground truth.
 const GLOBAL: &str = "global";
-/// Path and statistics are sent again this often, ns.
+/// Period with which path and statistics are sent again, ns.
 const REPORT_NS: u64 = 500_000_000;
 
-/// State: where the vehicle is, where it shall go, the path and how far along it the vehicle is. The map is not part of
-/// it: it is read again when a path is searched for.
+/// State: pose, goal, path, and the position along the path. The map is not part of the state: it is read again for
+/// each search.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct TruthDriver {
     pose: Option<(Pose, Stamp)>,
     goal: Option<DVec3>,
     path: Vec<(DVec2, f64)>,
     at: usize,
-    /// What the path was searched on: a digest of the map.
+    /// Digest of the map on which the path was searched.
     map: Option<u64>,
     plan: Plan,
     plans: u64,
@@ -34,15 +34,15 @@ pub struct TruthDriver {
     reported: Option<Stamp>,
 }
 
-/// Whether there is a path.
+/// State of planning.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 enum Plan {
-    /// One must be searched for, and why.
+    /// A path must be searched, and why.
     #[default]
     Missing,
     Wanted(String),
     Good,
-    /// There is none, and why.
+    /// There is no path, and why.
     Impossible(String),
 }
 
@@ -160,7 +160,8 @@ impl TruthDriver {
         }
     }
 
-    /// Goes on along the path; asks for another one where the vehicle has strayed. How far off it is, m.
+    /// Advances along the path and requests a new one if the vehicle has left it. Returns the distance from the path,
+    /// m.
     fn follow(&mut self, place: DVec2, params: &TruthDriverParams) -> f64 {
         if self.path.is_empty() {
             return 0.0;
@@ -237,7 +238,8 @@ impl TruthDriver {
 
 fn send_drive(ports: &Ports, steering: Steering, cx: &mut Cycle<'_>) {
     let now = cx.now();
-    // A turn rate, as the heading of a command is in the local frame, of which the ground truth knows nothing.
+    // Commands a turn rate, because the heading of a command is in the local frame, whose relation to ground truth is
+    // unknown.
     let command = DriveCommand {
         timestamp: Some(now.to_proto()),
         heading_rad: 0.0,
@@ -251,7 +253,7 @@ fn elsewhere(port: &str, frame: &str) -> String {
     format!("{port}: frame is {frame:?}, expected {GLOBAL:?}; skipped")
 }
 
-/// A digest of a map's bytes (Fowler, Noll and Vo's over words of 8): whether a map that comes again has changed.
+/// Digest of a map's bytes (FNV over words of 8 bytes), which tells whether a repeated map has changed.
 fn digest(bytes: &[u8]) -> u64 {
     let (words, rest) = bytes.as_chunks::<8>();
     let start = 0xcbf2_9ce4_8422_2325_u64 ^ bytes.len() as u64;

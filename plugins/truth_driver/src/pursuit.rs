@@ -1,27 +1,27 @@
-//! Following a path: steer for a point of it some way ahead, slowly where it bends or is narrow.
+//! Path following: steers for a point some way ahead, and slows down where the path bends or is narrow.
 
 use rcs_geom::{DVec2, wrap_angle};
 
-/// How the path is followed; see the parameters of the process.
+/// Parameters of path following; see the parameters of the process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Style {
-    /// Distance of the point steered for, m.
+    /// Distance to the target point on the path, m.
     pub lookahead_m: f64,
-    /// Speed on a straight, free way, m/s.
+    /// Speed on a straight path with enough clearance, m/s.
     pub max_speed_mps: f64,
-    /// Speed in a tight turn and where there is least room, m/s.
+    /// Speed in a tight bend and at the least clearance, m/s.
     pub min_speed_mps: f64,
-    /// Turn rate for each radian, 1/s.
+    /// Turn rate per radian of heading error, 1/s.
     pub yaw_gain_per_s: f64,
-    /// rad/s.
+    /// Maximum turn rate, rad/s.
     pub max_yaw_rate_radps: f64,
-    /// Room with which it drives at the lowest speed, m.
+    /// Clearance at which the lowest speed is driven, m.
     pub room_m: f64,
-    /// Room from which on it drives at the full speed, m.
+    /// Clearance from which on the full speed is driven, m.
     pub wish_room_m: f64,
 }
 
-/// What to do now.
+/// Command for the current cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Steering {
     /// m/s.
@@ -30,16 +30,17 @@ pub struct Steering {
     pub yaw_rate_radps: f64,
 }
 
-/// Directions that differ by more than this from the heading are turned to on the spot, rad.
+/// The vehicle turns on the spot towards directions that differ by more than this from its heading, rad.
 const TURN_FIRST_RAD: f64 = 1.0;
-/// A bend of this much takes the speed down to the lowest, rad.
+/// A bend of this angle reduces the speed to the minimum, rad.
 const SHARP_RAD: f64 = 0.7;
-/// How far ahead bends and narrow places slow the vehicle, m.
+/// Bends and narrow places this far ahead reduce the speed, m.
 const FORESIGHT_M: f64 = 2.0;
-/// How far the nearest point of the path may lie ahead of the last one, m: a path that passes itself is not cut short.
+/// How far ahead of the last one the nearest point of the path is searched, m, so that a path that passes itself is not
+/// cut short.
 const PROGRESS_M: f64 = 3.0;
 
-/// The nearest point of the path at or a little after `from`, and its distance, m.
+/// The nearest point of the path at or shortly after `from`, and its distance, m.
 pub fn progress(path: &[(DVec2, f64)], from: usize, place: DVec2) -> (usize, f64) {
     let first = from.min(path.len().saturating_sub(1));
     let mut best = (first, f64::INFINITY);
@@ -59,18 +60,18 @@ pub fn progress(path: &[(DVec2, f64)], from: usize, place: DVec2) -> (usize, f64
     best
 }
 
-/// Length of the path from a point on, m.
+/// Length of the path from a point to the end, m.
 pub fn length(path: &[(DVec2, f64)], from: usize) -> f64 {
     path.iter().skip(from).zip(path.iter().skip(from + 1)).map(|(a, b)| a.0.distance(b.0)).sum()
 }
 
-/// The first point of the path that is at least `distance_m` from `place`, from the point `from` on; else the last.
+/// From the point `from` on, the first point of the path that is at least `distance_m` from `place`; else the last one.
 fn ahead(path: &[(DVec2, f64)], from: usize, place: DVec2, distance_m: f64) -> Option<DVec2> {
     let found = path.iter().skip(from).find(|(point, _)| point.distance(place) >= distance_m);
     found.or(path.last()).map(|&(point, _)| point)
 }
 
-/// How to go on from a place with a heading (rad) whose nearest point of the path is `at`.
+/// Command for a vehicle at `place` with heading `yaw_rad` (rad) whose nearest point of the path is `at`.
 pub fn steer(path: &[(DVec2, f64)], at: usize, place: DVec2, yaw_rad: f64, style: &Style) -> Steering {
     let error_to = |distance_m: f64| {
         let target = ahead(path, at, place, distance_m)? - place;
@@ -107,7 +108,7 @@ mod tests {
         wish_room_m: 1.85,
     };
 
-    /// East along y = 0 to x = 10, then north; all with that much room.
+    /// A path east along y = 0 to x = 10, then north, with the same clearance everywhere.
     fn corner(room_m: f64) -> Vec<(DVec2, f64)> {
         let east = (0..=50).map(|i| DVec2::new(f64::from(i) * 0.2, 0.0));
         let north = (1..=50).map(|i| DVec2::new(10.0, f64::from(i) * 0.2));

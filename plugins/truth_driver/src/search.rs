@@ -1,31 +1,30 @@
-//! The shortest path over a grid: A* with eight neighbours.
+//! Cheapest path over a grid: A* with eight neighbours.
 //!
-//! A step costs its length times the mean of the two cells' costs. No step goes between two blocked cells' corners: a
-//! diagonal step needs both cells beside it to be free. Ties are settled by the cell's number, so that every machine
-//! finds the same path.
+//! A step costs its length times the mean cost of its two cells. A diagonal step requires both cells beside it to be
+//! free. Ties are broken by cell number, so every machine finds the same path.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// What is searched: cost of a metre for every cell, by rows; infinite where there is no way.
+/// The grid to search: cost per metre of every cell, in row order; infinite where blocked.
 #[derive(Clone, Copy, Debug)]
 pub struct Field<'a> {
-    /// Cells in a row.
+    /// Cells per row.
     pub columns: usize,
-    /// Side of a cell, m.
+    /// Size of a cell, m.
     pub cell_size_m: f64,
     /// At least 1, or infinite.
     pub cost: &'a [f32],
 }
 
-/// A path and what it took to find it.
+/// A path, and the effort of finding it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
-    /// Numbers of its cells from start to goal.
+    /// Cell numbers from start to goal.
     pub cells: Vec<usize>,
-    /// Sum of its steps, m.
+    /// Total cost, m.
     pub cost_m: f64,
-    /// Cells that were taken from the queue.
+    /// Number of cells taken from the queue.
     pub expanded: u64,
 }
 
@@ -38,7 +37,7 @@ struct Open {
 impl Eq for Open {}
 
 impl Ord for Open {
-    /// The lowest estimate is the greatest: `BinaryHeap` gives the greatest first.
+    /// Reversed, because `BinaryHeap` returns the greatest element first.
     fn cmp(&self, other: &Self) -> Ordering {
         other.estimate.total_cmp(&self.estimate).then(other.cell.cmp(&self.cell))
     }
@@ -71,7 +70,7 @@ impl Field<'_> {
         (inside && (at as usize) < self.cost.len()).then_some(at as usize)
     }
 
-    /// Cost of a step; `None` where there is none.
+    /// Cost of a step; `None` where it is not allowed.
     fn step_cost(&self, from: usize, (dc, dr, length): (i64, i64, f64)) -> Option<(usize, f64)> {
         let to = self.neighbour(from, dc, dr).filter(|&to| self.cost[to].is_finite())?;
         if dc != 0 && dr != 0 {
@@ -84,7 +83,7 @@ impl Field<'_> {
         Some((to, length * self.cell_size_m * mean))
     }
 
-    /// Length of the shortest way over free cells of cost 1, m: never more than what is left.
+    /// Length of the shortest path over free cells of cost 1, m: a lower bound (admissible heuristic).
     fn at_least_m(&self, from: usize, to: usize) -> f64 {
         let columns = (from % self.columns).abs_diff(to % self.columns) as f64;
         let rows = (from / self.columns).abs_diff(to / self.columns) as f64;
@@ -93,7 +92,7 @@ impl Field<'_> {
     }
 }
 
-/// The cheapest path; `None` where there is none. Cells are numbered by rows.
+/// The cheapest path; `None` where there is none. Cells are numbered in row order.
 pub fn shortest(field: &Field<'_>, start: usize, goal: usize) -> Option<Found> {
     let count = field.cost.len();
     if start >= count || goal >= count || !field.cost[goal].is_finite() {
@@ -110,7 +109,7 @@ pub fn shortest(field: &Field<'_>, start: usize, goal: usize) -> Option<Found> {
             let cells = trace(&from, start, goal);
             return Some(Found { cells, cost_m: best[goal], expanded });
         }
-        // The cell was put in again with a better estimate, and has been taken since.
+        // A stale entry: the cell was queued again with a lower cost and has been expanded since.
         if estimate > best[cell] + field.at_least_m(cell, goal) {
             continue;
         }
@@ -144,7 +143,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Relaxes every step until nothing changes (Bellman and Ford).
+    /// Relaxes all steps until nothing changes (Bellman-Ford).
     fn reference_cost(field: &Field<'_>, start: usize, goal: usize) -> Option<f64> {
         let mut best = vec![f64::INFINITY; field.cost.len()];
         best[start] = 0.0;

@@ -1,4 +1,4 @@
-//! From the true map to the cost of driving over each cell.
+//! Cost of driving over each cell, from the true map.
 
 use crate::distance;
 use crate::search::{Field, Found, shortest};
@@ -6,32 +6,32 @@ use rcs_geom::DVec2;
 use rcs_msg::foxglove::Grid;
 use rcs_world::GridView;
 
-/// What driving costs; see the parameters of the process.
+/// Rules of cost; see the parameters of the process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules {
-    /// Distance between the vehicle's middle and an obstacle that no path goes below, m.
+    /// Minimum clearance between the vehicle's centre and an obstacle, m.
     pub room_m: f64,
-    /// Distance at which an obstacle no longer makes cells dearer, m.
+    /// Clearance from which on obstacles do not raise the cost, m.
     pub wish_room_m: f64,
-    /// What `room_m` adds to the cost of a metre.
+    /// Additional cost per metre at a clearance of `room_m`.
     pub room_weight: f64,
-    /// Steeper ground is blocked: rise per metre.
+    /// Steeper ground is blocked; rise per metre.
     pub max_slope: f64,
-    /// Higher steps between neighbours are blocked, m.
+    /// Higher steps between neighbouring cells are blocked, m.
     pub max_step_m: f64,
-    /// What `max_slope` adds to the cost of a metre.
+    /// Additional cost per metre at a slope of `max_slope`.
     pub slope_weight: f64,
-    /// What mud adds to the cost of a metre.
+    /// Additional cost per metre on mud.
     pub slip_weight: f64,
-    /// What a metre of vegetation adds to the cost of a metre.
+    /// Additional cost per metre for vegetation 1 m high.
     pub vegetation_weight: f64,
 }
 
-/// Classes from this code on are things that stand on the ground.
+/// Class codes from this one on are objects on the ground.
 const FIRST_THING: u8 = 16;
-/// Crowns of trees: the vehicle drives under them.
+/// Tree crowns: the vehicle drives under them.
 const CROWN: u8 = 17;
-/// Codes of slippery surfaces, and how slippery they are beside mud.
+/// Codes of slippery surfaces, and how slippery they are relative to mud.
 const SLIPPERY: [(u8, f64); 2] = [(7, 1.0), (8, 0.3)];
 
 /// The costs of a map.
@@ -42,47 +42,48 @@ pub struct Terrain {
     cell_size_m: f64,
     south_west: DVec2,
     is_blocked: Vec<bool>,
-    /// Of a metre, without regard to what is near.
+    /// Cost per metre without regard to nearby obstacles.
     ground_cost: Vec<f32>,
-    /// To the nearest blocked cell, m.
+    /// Distance to the nearest blocked cell, m.
     room_m: Vec<f32>,
 }
 
-/// A way to the goal.
+/// A path to the goal.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Way {
-    /// Middles of its cells, m in the map's frame, and the room there, m.
+    /// Centres of its cells, m in the map's frame, and the clearance there, m.
     pub points: Vec<(DVec2, f64)>,
-    /// Cost, m.
+    /// Total cost, m.
     pub cost_m: f64,
-    /// Cells that the search took from its queue.
+    /// Number of cells taken from the search queue.
     pub expanded: u64,
 }
 
-/// Why there is no way.
+/// Why there is no path.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoWay {
-    /// A place is not on the map.
+    /// A position is outside of the map.
     #[error("{what} is at ({x:.1}, {y:.1}) m, expected a place on the map")]
     Outside {
-        /// Which place.
+        /// Which position.
         what: &'static str,
-        /// m.
+        /// x, m.
         x: f64,
-        /// m.
+        /// y, m.
         y: f64,
     },
     /// Start and goal are not connected.
     #[error("no way leads to the goal with {room_m:.2} m of room")]
     Blocked {
-        /// Distance that was to be kept from obstacles, m.
+        /// Required clearance, m.
         room_m: f64,
     },
 }
 
-/// How far around the vehicle a way may go with less room than it should, m: where it stands, it stands.
+/// Around the vehicle, up to this distance, a path may have less than the minimum clearance, m: the vehicle already
+/// stands there.
 const ESCAPE_M: f64 = 1.5;
-/// What a metre costs there.
+/// Cost per metre there.
 const ESCAPE_COST: f32 = 20.0;
 
 impl Terrain {
@@ -101,7 +102,7 @@ impl Terrain {
             Ok(view.field(name).map_err(|error| error.to_string())?.values().collect())
         };
         let (height, vegetation, class) = (read("height")?, read("vegetation")?, read("class")?);
-        // Growth that does not give way is known to the world alone.
+        // Rigid vegetation is marked only in the field `blocked`.
         let blocked = read("blocked").unwrap_or_default();
         if let Some(at) = height.iter().zip(&vegetation).position(|(h, v)| !h.is_finite() || !v.is_finite()) {
             return Err(format!("height or vegetation of cell {at} is not finite"));
@@ -138,7 +139,7 @@ impl Terrain {
         Ok(terrain)
     }
 
-    /// Rise per metre over the neighbours two cells away, and the greatest step to a neighbour, m.
+    /// Slope, rise per metre, over the neighbours two cells away, and the greatest step to a neighbour, m.
     fn steepness(&self, height: &[f64], at: usize) -> (f64, f64) {
         let (column, row) = (at % self.columns, at / self.columns);
         let (west, east) = (column.saturating_sub(2), (column + 2).min(self.columns - 1));
@@ -175,7 +176,7 @@ impl Terrain {
         self.cell_at(place).map_or(0.0, |cell| f64::from(self.room_m[cell]))
     }
 
-    /// The cheapest way.
+    /// The cheapest path from `start` to `goal`.
     pub fn way(&self, start: DVec2, goal: DVec2, rules: &Rules) -> Result<Way, NoWay> {
         let outside = |what, place: DVec2| NoWay::Outside { what, x: place.x, y: place.y };
         let start_cell = self.cell_at(start).ok_or(outside("start", start))?;

@@ -1,4 +1,4 @@
-//! Maps made by hand.
+//! Synthetic maps.
 
 use super::*;
 use rcs_msg::foxglove::packed_element_field::NumericType;
@@ -79,7 +79,7 @@ fn ditches_steep_faces_and_gaps_that_are_too_narrow_are_no_way() {
     blocked(way(|column, _| (if column == 30 || column == 31 { -0.3 } else { 0.0 }, 0.0, 1)));
     blocked(way(|column, _| ((column.clamp(20, 40) - 20) as f32 * 0.1, 0.0, 1)));
     blocked(way(|column, row| (0.0, 0.0, if column == 30 && !(18..22).contains(&row) { 19 } else { 1 })));
-    // A gap of 1.6 m has the room.
+    // A gap of 1.6 m has enough clearance.
     let gap = way(|column, row| (0.0, 0.0, if column == 30 && !(16..24).contains(&row) { 19 } else { 1 }));
     assert!(gap.unwrap().points.iter().all(|&(_, room)| room >= 0.6));
 }
@@ -101,7 +101,7 @@ fn mud_slopes_and_tall_vegetation_are_gone_around_where_that_is_cheaper() {
 #[test]
 fn what_the_map_says_is_blocked_is_no_way() {
     let mut grid = map(|_, _| (0.0, 0.0, 1));
-    // The class field of a map that is 0 everywhere but for one column serves as the field `blocked`, too.
+    // The class field of a map that is 0 except in one column also serves as the field `blocked`.
     grid.data = map(|column, _| (0.0, 0.0, u8::from(column == 30))).data;
     assert!(Terrain::new(&grid, &RULES).unwrap().way(START, GOAL, &RULES).is_ok());
     grid.fields.push(PackedElementField { name: "blocked".to_owned(), ..grid.fields[2].clone() });

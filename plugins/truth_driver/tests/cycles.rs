@@ -1,4 +1,4 @@
-//! Whole cycles: what is known of the ground truth, and what is commanded.
+//! Whole cycles: ground truth in, commands out.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -22,7 +22,7 @@ supervisor = "viewer"
 inputs = { ground_truth_pose = "/operator/pose", ground_truth_map = "/operator/map", goal = "/operator/goal" }
 "#;
 
-/// A bench with the driver alone, of cycles of 50 ms.
+/// A bench with the driver alone and cycles of 50 ms.
 trait DriverBench: Sized {
     fn start() -> Self;
     fn on_a_meadow() -> Self;
@@ -39,7 +39,7 @@ impl DriverBench for Bench {
         bench
     }
 
-    /// On a flat meadow of 16 m by 8 m, with a goal at (14, 4) m.
+    /// A bench on a flat meadow of 16 m by 8 m, with a goal at (14, 4) m.
     fn on_a_meadow() -> Bench {
         let mut bench = Bench::start();
         bench.write("/operator/map", map(|_| 1));
@@ -47,7 +47,7 @@ impl DriverBench for Bench {
         bench
     }
 
-    /// A cycle at a place, m, with a heading, rad.
+    /// Runs a cycle at a position, m, with a heading, rad.
     fn at(&mut self, x_m: f64, y_m: f64, yaw_rad: f64) {
         self.write("/operator/pose", odometry("global", Pose::from_xy_yaw(x_m, y_m, yaw_rad)));
         self.cycle();
@@ -76,7 +76,7 @@ fn goal(x_m: f64) -> PoseInFrame {
     PoseInFrame { frame_id: "global".to_owned(), pose, ..PoseInFrame::default() }
 }
 
-/// 80×40 level cells of 0.2 m with a class by their column.
+/// 80×40 level cells of 0.2 m whose class depends on the column.
 fn map(class: impl Fn(usize) -> u8) -> Grid {
     let cell = |column: usize| [[0; 8].as_slice(), &[class(column)]].concat();
     let row: Vec<u8> = (0..80).flat_map(cell).collect();
