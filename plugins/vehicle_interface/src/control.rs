@@ -1,66 +1,66 @@
-//! From a desired heading and speed to the speeds of the wheels.
+//! Wheel speeds from a desired heading and speed.
 //!
-//! The speed ramps to what is wanted: it grows by at most the acceleration, shrinks by at most the deceleration, and
-//! passes through zero on the way from forward to backward. The turn rate is proportional to the error of the heading,
-//! with a dead band and limits, and ramps, too. A differential drive turns `w` by wheel speeds `v ∓ w·b/2` for a track
-//! `b`; where a wheel would be too fast, the vehicle drives more slowly rather than turning less. A vehicle that steers
-//! gets the curvature `w/v`.
+//! The speed ramps towards its target: it grows by at most the acceleration, falls by at most the deceleration, and
+//! stops at zero on the way from forward to backward. The turn rate is proportional to the heading error, with a dead
+//! band and limits, and is ramped, too. A differential drive with track `b` turns at rate `w` with wheel speeds `v ∓
+//! w·b/2`; where a wheel would exceed its limit, the vehicle drives more slowly and keeps its turn rate. An Ackermann
+//! vehicle gets the curvature `w/v`.
 
 use rcs_geom::wrap_angle;
 use serde::{Deserialize, Serialize};
 
-/// Shape and limits of the vehicle.
+/// Geometry and limits of the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive {
-    /// Distance between the driven wheels, m; `None` for a vehicle that steers.
+    /// Distance between the driven wheels, m; `None` for an Ackermann vehicle.
     pub track_m: Option<f64>,
-    /// Tightest curve of a vehicle that steers, 1/m.
+    /// Largest curvature of an Ackermann vehicle, 1/m.
     pub max_curvature_per_m: f64,
-    /// Of each wheel, m/s.
+    /// Maximum speed of each wheel, m/s.
     pub max_speed_mps: f64,
-    /// Speeding up, m/s².
+    /// Maximum acceleration, m/s².
     pub max_acceleration_mps2: f64,
-    /// Slowing down, m/s².
+    /// Maximum deceleration, m/s².
     pub max_deceleration_mps2: f64,
-    /// Slowing down where the vehicle is held, m/s².
+    /// Deceleration when the vehicle is being stopped, m/s².
     pub stop_deceleration_mps2: f64,
-    /// Either way, rad/s.
+    /// Maximum turn rate in either direction, rad/s.
     pub max_yaw_rate_radps: f64,
-    /// Change of the turn rate, rad/s².
+    /// Maximum change of the turn rate, rad/s².
     pub max_yaw_acceleration_radps2: f64,
-    /// Turn rate for each radian of error, 1/s.
+    /// Turn rate per radian of heading error, 1/s.
     pub heading_gain_per_s: f64,
-    /// Error that is not steered against, rad.
+    /// Heading errors below this are not corrected, rad.
     pub heading_dead_band_rad: f64,
-    /// Error from which on a differential drive turns on the spot, rad.
+    /// Heading error from which on a differential drive turns on the spot, rad.
     pub turn_in_place_rad: f64,
 }
 
-/// What the vehicle shall do in this cycle.
+/// Target of the vehicle in this cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Aim {
     /// Drive at a speed (m/s) and turn the heading by an angle (rad, counter-clockwise).
     Heading {
-        /// m/s.
+        /// Speed, m/s.
         speed_mps: f64,
-        /// Wanted less estimated, rad.
+        /// Desired heading minus estimated heading, rad.
         error_rad: f64,
     },
     /// Drive at a speed (m/s) and turn at a rate (rad/s).
     Rate {
-        /// m/s.
+        /// Speed, m/s.
         speed_mps: f64,
-        /// rad/s.
+        /// Turn rate, rad/s counter-clockwise.
         yaw_rate_radps: f64,
     },
-    /// Brake and stand.
+    /// Brake to a stop.
     Stop,
-    /// Stand at once.
+    /// Stop at once, without a ramp.
     Halt,
 }
 
 impl Aim {
-    /// The same, at no more than that speed either way.
+    /// The same target with its speed limited in both directions.
     #[must_use]
     pub fn limited_to(self, limit_mps: f64) -> Aim {
         let limited = |speed_mps: f64| speed_mps.clamp(-limit_mps, limit_mps);
@@ -76,18 +76,18 @@ impl Aim {
     }
 }
 
-/// What goes to the vehicle.
+/// Output to the vehicle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wheels {
-    /// m/s.
+    /// Speed of the left wheel, m/s.
     pub left_mps: f64,
-    /// m/s.
+    /// Speed of the right wheel, m/s.
     pub right_mps: f64,
-    /// 1/m, positive to the left; 0 for a differential drive.
+    /// Curvature, 1/m, positive to the left; 0 for a differential drive.
     pub curvature_per_m: f64,
 }
 
-/// Speeds that the vehicle was told last: what the ramps start from.
+/// The last commanded speeds, from which the ramps continue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ramps {
     speed_mps: f64,
@@ -95,11 +95,11 @@ pub struct Ramps {
     curvature_per_m: f64,
 }
 
-/// Slowest speed at which a curvature is derived from a turn rate, m/s: slower vehicles turn their wheels no further.
+/// Lowest speed for which a curvature is derived from a turn rate, m/s: slower vehicles do not steer more sharply.
 const CURVATURE_SPEED_MPS: f64 = 0.3;
 
 impl Ramps {
-    /// One cycle of `dt_s`.
+    /// Computes one cycle of `dt_s`.
     pub fn step(&mut self, aim: Aim, drive: &Drive, dt_s: f64) -> Wheels {
         let (speed_mps, yaw_rate_radps, deceleration) = match aim {
             Aim::Halt => {
@@ -135,7 +135,7 @@ impl Ramps {
     }
 
     fn steered(&mut self, aim: Aim, yaw_rate_radps: f64, drive: &Drive) -> Wheels {
-        // A held vehicle keeps its wheels as they are: turning them while it rolls out would swing it aside.
+        // A braking vehicle keeps its steering angle: steering while it rolls out would swing it aside.
         if aim != Aim::Stop {
             let along = if self.speed_mps < 0.0 { -1.0 } else { 1.0 };
             let speed = along * self.speed_mps.abs().max(CURVATURE_SPEED_MPS);
@@ -151,7 +151,7 @@ fn turn_rate(error_rad: f64, drive: &Drive) -> f64 {
     if error.abs() < drive.heading_dead_band_rad { 0.0 } else { drive.heading_gain_per_s * error }
 }
 
-/// The speed while the heading is wrong: less with the error, none where a differential drive shall turn on the spot.
+/// Speed at a heading error: lower with the error, and zero where a differential drive turns on the spot.
 fn slowed_for(speed_mps: f64, error_rad: f64, drive: &Drive) -> f64 {
     if drive.track_m.is_none() {
         return speed_mps;
@@ -159,7 +159,7 @@ fn slowed_for(speed_mps: f64, error_rad: f64, drive: &Drive) -> f64 {
     speed_mps * (1.0 - wrap_angle(error_rad).abs() / drive.turn_in_place_rad).max(0.0)
 }
 
-/// `from` brought toward `to` by at most what one cycle allows; on the way to the other sign it stops at zero first.
+/// Moves `from` towards `to` by at most what one cycle allows; where the sign changes, it stops at zero first.
 fn ramp(from: f64, to: f64, acceleration: f64, deceleration: f64, dt_s: f64) -> f64 {
     let slows = to.abs() < from.abs() || to * from < 0.0;
     if slows {
@@ -232,7 +232,7 @@ mod tests {
         let wheels = run(&mut ramps, aim(-3.0), &DIFFERENTIAL, 200);
         assert!((wheels.left_mps + wheels.right_mps).abs() < 1e-12, "{wheels:?}");
         assert!((wheels.left_mps - 1.2 * 0.3).abs() < 1e-9, "{wheels:?}");
-        // The short way round: 3.5 rad to the left are 2.78 to the right.
+        // The shorter direction: 3.5 rad to the left are 2.78 rad to the right.
         let wheels = run(&mut Ramps::default(), aim(3.5), &DIFFERENTIAL, 200);
         assert!(wheels.left_mps > 0.0 && wheels.right_mps < 0.0, "{wheels:?}");
     }
@@ -254,7 +254,7 @@ mod tests {
         assert!((wheels.curvature_per_m - 0.1).abs() < 1e-12);
         let tight = Aim::Rate { speed_mps: 1.0, yaw_rate_radps: -1.0 };
         assert_eq!(run(&mut ramps, tight, &STEERED, 10).curvature_per_m, -0.188);
-        // Backward, the same turn needs the other curvature.
+        // Backward, the same turn rate needs the opposite curvature.
         let back = Aim::Rate { speed_mps: -1.0, yaw_rate_radps: 0.1 };
         assert!((run(&mut ramps, back, &STEERED, 200).curvature_per_m + 0.1).abs() < 1e-12);
         assert!((run(&mut ramps, Aim::Stop, &STEERED, 1).curvature_per_m + 0.1).abs() < 1e-12);

@@ -1,21 +1,21 @@
-//! Which commands are believed, and for how long.
+//! Which commands are accepted, and for how long.
 //!
-//! Each input has a [`Gate`] of its own. What it refuses stops the vehicle until a good command comes on that input: a
-//! sender that errs once is not trusted to have meant what it said before.
+//! Each input has its own [`Gate`]. A refused command stops the vehicle until a valid one arrives on that input or the
+//! refusal expires: after an invalid command, the sender's earlier commands are no longer trusted.
 
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
-/// What a driver wants, checked: all numbers are finite and within the limits.
+/// A checked request of a driver: all numbers are finite and within the limits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DriveRequest {
-    /// Along the vehicle's x axis, m/s.
+    /// Speed along the vehicle's x axis, m/s.
     pub speed_mps: f64,
-    /// Where to turn.
+    /// Desired turn.
     pub turn: Turn,
 }
 
-/// How a driver says where to turn.
+/// How a request describes a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Turn {
     /// Heading in the local frame, radians counter-clockwise from east.
@@ -24,21 +24,21 @@ pub enum Turn {
     Rate(f64),
 }
 
-/// Most that a command may ask for.
+/// Limits of what a command may request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Of the speed, forward or backward, m/s.
+    /// Maximum speed, forward or backward, m/s.
     pub speed_mps: f64,
-    /// Of the turn rate, either way, rad/s.
+    /// Maximum turn rate in either direction, rad/s.
     pub yaw_rate_radps: f64,
-    /// Age from which on a command is of the past, s.
+    /// Age at which a command expires, s.
     pub timeout_s: f64,
 }
 
 /// Why a command was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Refusal {
-    /// NaN or infinite.
+    /// A number is NaN or infinite.
     #[error("{what} is {got}, expected a finite number")]
     NotFinite {
         /// Which number.
@@ -46,7 +46,7 @@ pub enum Refusal {
         /// Its value.
         got: f64,
     },
-    /// Faster than the limit.
+    /// A number exceeds its limit.
     #[error("{what} is {got} {unit}, expected at most {limit} either way")]
     TooFast {
         /// Which number.
@@ -58,21 +58,21 @@ pub enum Refusal {
         /// The limit.
         limit: f64,
     },
-    /// Older than one that has been obeyed.
+    /// Older than a command that was accepted before.
     #[error("command is {by_s:.3} s older than the one before, expected none from the past")]
     OutOfOrder {
         /// How much older, s.
         by_s: f64,
     },
-    /// Given too long ago.
+    /// The command is too old.
     #[error("command is {age_s:.3} s old, expected less than {timeout_s} s")]
     Old {
         /// Its age, s.
         age_s: f64,
-        /// Age at which commands end, s.
+        /// Age at which commands expire, s.
         timeout_s: f64,
     },
-    /// Given at a time that has not come.
+    /// The time of the command is in the future.
     #[error("command is {ahead_s:.3} s ahead of the clock, expected none from the future")]
     Future {
         /// How far ahead, s.
@@ -80,7 +80,7 @@ pub enum Refusal {
     },
 }
 
-/// What holds for an input now.
+/// The last event on an input.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 enum Last {
     #[default]
@@ -89,18 +89,18 @@ enum Last {
     Refused(Stamp),
 }
 
-/// What an input says now.
+/// What an input requests now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LastRequest {
-    /// Nothing, or nothing that is not too old.
+    /// No command, or an expired one.
     Nothing,
-    /// To drive like this.
+    /// Drive as requested.
     Drive(DriveRequest),
-    /// Something that was refused.
+    /// The last command was refused.
     Refused,
 }
 
-/// One input for commands: what came last, and the newest time of an accepted command.
+/// The gate of one command input: the last command, and the time of the newest accepted command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Gate {
     last: Last,
@@ -108,7 +108,7 @@ pub struct Gate {
 }
 
 impl Gate {
-    /// Takes a command that was given at `given`, or says why not; then the input counts as refused.
+    /// Takes a command with time `given`. If it is refused, returns why, and the input counts as refused.
     pub fn take(
         &mut self,
         request: DriveRequest,
@@ -157,7 +157,7 @@ impl Gate {
         Ok(())
     }
 
-    /// What the input says at `now`: commands and refusals end when they are `timeout_s` old.
+    /// The request of the input at `now`; commands and refusals expire when they are `timeout_s` old.
     pub fn last_request(&self, now: Stamp, timeout_s: f64) -> LastRequest {
         let is_fresh = |at: Stamp| now.seconds_since(at) < timeout_s;
         match self.last {
@@ -167,7 +167,7 @@ impl Gate {
         }
     }
 
-    /// Forgets what was said; what is older than an accepted command stays refused.
+    /// Forgets the last request; commands older than an accepted one are still refused.
     pub fn forget(&mut self) {
         self.last = Last::Silent;
     }
@@ -197,7 +197,7 @@ mod tests {
         DriveRequest { speed_mps, turn: Turn::Heading(0.0) }
     }
 
-    /// Takes a command in a gate that has obeyed one of 1 s, and says how it was refused.
+    /// Gives a command to a gate that has accepted one at 1 s, and compares the refusal.
     fn check(request: DriveRequest, given_ms: u64, now_ms: u64, refusal: &str) {
         let mut gate = Gate::default();
         gate.take(go(0.5), at_ms(1_000), at_ms(1_000), &LIMITS).unwrap();

@@ -14,23 +14,47 @@
 //! | `wheels` | out | `rcs.WheelCommand` | speeds of the wheels, m/s, and curvature, 1/m |
 //! | `vehicle` | out | `rcs.VehicleStatus` | what the vehicle says of itself |
 //!
-//! Period 20 ms; both outputs every cycle. Cost: microseconds. State: what each input said last, the emergency stop,
-//! the ramps, and what the sensors said last.
+//! Period 20 ms; both outputs every cycle. Cost: microseconds. State: the last command of each input, the emergency
+//! stop, the ramps, and the last sensor readings.
+//!
+//! It limits and converts motion commands, and stops the vehicle when in doubt. It does not plan a path or avoid
+//! obstacles; the bumper is the only obstacle sensor that it reads. It is not a certified safety device.
 //!
 //! Method (Albus 2006a, 5): "takes a desired heading and direction from the waypoint follower and slows the velocity to
 //! limit acceleration, converts it to wheel speeds, and posts vehicle status": [`control`]. The papers name neither
-//! gains nor limits; ours are parameters.
+//! gains nor limits; here they are parameters.
 //!
-//! Who is obeyed, in this order: the emergency stop, which stands the vehicle at once and holds until a message with
-//! `active = false` that is not older; the operator, while the last command is younger than 200 ms; who drives, unless
-//! its status is ERROR, while the last command is younger than 200 ms; else the vehicle brakes. A command that is not a
-//! number, faster than the limit, out of order, too old or of the future is a fault, is counted in the vehicle status,
-//! and holds the vehicle until a good one comes: [`gate`]. A command without a timestamp counts from when it came.
+//! Commands have this priority:
 //!
-//! `HALT` and `INIT` brake: `DONE` when the vehicle stands, and what was asked for before is not taken up again after
-//! `RUN`. `LIMIT_SPEED` (`rcs.SpeedLimit`) holds for whoever drives, until `RUN`. An emergency stop outlives `INIT`.
+//! 1. The emergency stop stops the vehicle at once, and holds until a message with `active = false` that is not older.
+//! 2. The operator (`teleop`), while the last command is younger than 200 ms.
+//! 3. The driver (`drive`), while the last command is younger than 200 ms and the driver's status is not ERROR.
+//! 4. Otherwise the vehicle brakes.
 //!
-//! Not in the papers: a pressed bumper holds the vehicle's way forward (backward and turning stay possible).
+//! A command that is not finite, exceeds a limit, is out of order, too old or from the future is a fault, is counted in
+//! the vehicle status, and stops the vehicle until a valid command arrives on that input or the refusal expires, like a
+//! command, after 200 ms: [`gate`]. A command without a timestamp has the time of its arrival.
+//!
+//! `HALT` and `INIT` brake the vehicle and are `DONE` when it stands; earlier requests are not resumed after `RUN`.
+//! `LIMIT_SPEED` (`rcs.SpeedLimit`) limits every driver until `RUN`. An emergency stop remains active across `INIT`.
+//!
+//! Not in the papers: a pressed bumper blocks forward motion (backward motion and turning remain possible).
+//!
+//! # Where to begin
+//!
+//! [`control`] computes wheel speeds, [`gate`] checks commands, [`VehicleInterface`] decides between them.
+//!
+//! ```
+//! use rcs_msg::Stamp;
+//! use rcs_vehicle_interface::gate::{DriveRequest, Gate, LastRequest, Limits, Turn};
+//!
+//! let limits = Limits { speed_mps: 1.3, yaw_rate_radps: 1.0, timeout_s: 0.2 };
+//! let ahead = DriveRequest { speed_mps: 1.0, turn: Turn::Rate(0.0) };
+//! let mut gate = Gate::default();
+//! gate.take(ahead, Stamp(0), Stamp(0), &limits).unwrap();
+//! assert_eq!(gate.last_request(Stamp(100_000_000), 0.2), LastRequest::Drive(ahead));
+//! assert_eq!(gate.last_request(Stamp(300_000_000), 0.2), LastRequest::Nothing, "expired after 200 ms");
+//! ```
 
 rcs_msg::messages!(
     /// Messages of this plugin alone, from `proto/`.

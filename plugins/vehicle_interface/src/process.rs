@@ -14,22 +14,22 @@ use rcs_runtime::{Cycle, In, InputRole, Msg, Out, PortBuilder, Process, ProcessD
 use rcs_sense::pose_of;
 use serde::{Deserialize, Serialize};
 
-/// Below this speed the vehicle stands, m/s.
+/// A vehicle slower than this stands, m/s.
 const STANDS_MPS: f64 = 0.05;
 
 rcs_runtime::commands! {
-    /// What [`VehicleInterface`] obeys.
+    /// Commands of [`VehicleInterface`].
     pub enum VehicleInterfaceCommand {
         LimitSpeed(SpeedLimit) = "LIMIT_SPEED": "Drive no faster than this, whoever drives, until RUN or another limit.",
     }
 }
 
-/// State: what each input said last, the emergency stop, the ramps, and what the sensors said last.
+/// State: the last command of each input, the emergency stop, the ramps, and the last sensor readings.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct VehicleInterface {
     drive: Gate,
     teleop: Gate,
-    /// Reason and time of the emergency stop that holds.
+    /// Reason and time of the active emergency stop.
     emergency: Option<(String, Stamp)>,
     ramps: Ramps,
     last_cycle: Option<Stamp>,
@@ -40,15 +40,15 @@ pub struct VehicleInterface {
     last_refusal: String,
 }
 
-/// What the vehicle's sensors said last.
+/// The last readings of the vehicle's sensors.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Sensed {
     speed_mps: f64,
     yaw_rate_radps: f64,
     roll_rad: f64,
     pitch_rad: f64,
-    /// Roll and pitch are the position estimate's, which knows acceleration from gravity; not the inertial sensor's
-    /// own.
+    /// Whether roll and pitch come from the localization, which separates acceleration from gravity, rather than from
+    /// the inertial sensor.
     attitude_is_estimated: bool,
     left_a: f64,
     right_a: f64,
@@ -72,16 +72,16 @@ pub struct Ports {
     vehicle: Out<VehicleStatus>,
 }
 
-/// What this cycle does, and why.
+/// The action of this cycle, and its reason.
 struct Decision {
     aim: Aim,
     wanted_speed_mps: f64,
-    /// Why the vehicle is being held; empty where it is not.
+    /// Why the vehicle is being stopped; empty where it is not.
     stop_reason: String,
 }
 
 impl Decision {
-    /// The vehicle stands at once.
+    /// Stops the vehicle at once.
     fn halt(reason: &str) -> Decision {
         let stop_reason = format!("emergency stop: {reason}");
         Decision { aim: Aim::Halt, wanted_speed_mps: 0.0, stop_reason }
@@ -161,7 +161,7 @@ impl Process for VehicleInterface {
 }
 
 impl VehicleInterface {
-    /// Brakes, and is done when the vehicle stands. Nobody's requests from before are taken up again after `RUN`.
+    /// Brakes; done when the vehicle stands. Earlier requests are not resumed after `RUN`.
     fn hold(
         &mut self,
         reason: &'static str,
@@ -184,7 +184,7 @@ impl VehicleInterface {
         }
     }
 
-    /// Reads everything, decides, and sends what follows to the vehicle.
+    /// Reads all inputs, decides, and sends the command to the vehicle.
     fn step(
         &mut self,
         ports: &Ports,
@@ -209,7 +209,7 @@ impl VehicleInterface {
         if self.last_cycle.is_none()
             && let Some(message) = cx.latest(&ports.emergency_stop).filter(|message| message.active)
         {
-            // A state that was made anew has not forgotten an emergency stop.
+            // A process whose state was created anew must still know an active emergency stop.
             self.take_emergency(&message);
         }
         while let Some(message) = cx.read(&ports.emergency_stop) {
@@ -223,7 +223,7 @@ impl VehicleInterface {
         wheels
     }
 
-    /// Takes what the sensors say. Numbers that are none are faults, and what was known before stays.
+    /// Reads the sensors. Values that are not finite are faults, and the previous values are kept.
     fn sense(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
         if let Some(encoders) = cx.read_newest(&ports.encoders) {
             let speed = f64::midpoint(encoders.left_mps, encoders.right_mps);
@@ -288,7 +288,7 @@ impl VehicleInterface {
         }
     }
 
-    /// A stop holds at once, whenever it was given; a release counts only if it is not older than the stop.
+    /// A stop takes effect at once, whatever its time; a release counts only if it is not older than the stop.
     fn take_emergency(&mut self, message: &Msg<EmergencyStop>) {
         let given = message.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(message.acq_time());
         if message.active {
@@ -296,13 +296,13 @@ impl VehicleInterface {
             self.emergency = Some((reason.to_owned(), given));
         } else if self.emergency.as_ref().is_some_and(|&(_, stopped)| given >= stopped) {
             self.emergency = None;
-            // What was asked for before is not taken up again by itself.
+            // Earlier requests are not resumed automatically.
             self.drive.forget();
             self.teleop.forget();
         }
     }
 
-    /// The emergency stop first, then the operator, then who drives.
+    /// Priority: emergency stop, then operator, then driver.
     fn decide(&self, ports: &Ports, params: &VehicleInterfaceParams, cx: &Cycle<'_>) -> Decision {
         if let Some((reason, _)) = &self.emergency {
             return Decision::halt(reason);
@@ -382,7 +382,7 @@ impl VehicleInterface {
 fn take(gate: &mut Gate, command: &Msg<DriveCommand>, now: Stamp, limits: &Limits) -> Result<(), String> {
     let turn = command.yaw_rate_radps.map_or(Turn::Heading(command.heading_rad), Turn::Rate);
     let request = DriveRequest { speed_mps: command.speed_mps, turn };
-    // A command that carries no time counts from when it came.
+    // A command without a timestamp has the time of its arrival.
     let given = command.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(command.acq_time());
     gate.take(request, given, now, limits).map_err(|refusal| refusal.to_string())
 }

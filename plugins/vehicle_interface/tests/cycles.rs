@@ -1,4 +1,4 @@
-//! Whole cycles: what is written to the inputs, and what the vehicle is told.
+//! Whole cycles: input messages and the resulting wheel commands.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -31,7 +31,7 @@ motors = "/operator/motors"
 bumper = "/operator/bumper"
 "#;
 
-/// A bench with `vehicle_interface` alone, of cycles of 20 ms.
+/// A bench with `vehicle_interface` alone and cycles of 20 ms.
 trait VehicleInterfaceBench: Sized {
     fn start() -> Self;
     fn run(&mut self, cycles: u64);
@@ -57,7 +57,7 @@ impl VehicleInterfaceBench for Bench {
         self.cycles(20, cycles);
     }
 
-    /// A command of this moment: just before the next cycle.
+    /// Sends a command with the current time, just before the next cycle.
     fn drive(&mut self, port: &str, speed_mps: f64, yaw_rate_radps: Option<f64>) {
         let timestamp = Some(Stamp(self.now_ms * 1_000_000).to_proto());
         let command = rcs::DriveCommand { timestamp, heading_rad: 0.0, speed_mps, yaw_rate_radps };
@@ -88,7 +88,7 @@ impl VehicleInterfaceBench for Bench {
         self.write("/operator/local", odometry);
     }
 
-    /// Straight on at that speed, by commands that keep coming.
+    /// Drives straight at this speed with a command in every cycle.
     fn drive_for(&mut self, speed_mps: f64, cycles: u64) {
         for _ in 0..cycles {
             self.drive("drive", speed_mps, Some(0.0));
