@@ -1,16 +1,23 @@
-//! The one list of plugins: what a stack file can name.
+//! The list of all plugins that a stack file can name.
 //!
-//! A new process costs its own crate, a line of this crate's `Cargo.toml`, and a line here.
+//! This crate contains no algorithm: it depends on every plugin crate and lists its process types. To add a plugin of
+//! this repository, add its crate, one dependency in this crate's `Cargo.toml` and one line in [`all`]. A program with
+//! plugins of its own has a list of its own: see `examples/plugin`.
+//!
+//! ```
+//! let names: Vec<_> = rcs_plugins::all().iter().map(|process| process.def().plugin).collect();
+//! assert!(names.contains(&"world_model"));
+//! ```
 
 use rcs_runtime::ProcessType;
 
-/// Puts the messages of every plugin into the registry: a program does this before it opens anything, so that what is
-/// known by name does not depend on what it has opened before.
+/// Registers the message types of every plugin. A program calls this before it opens any log, so that the known types
+/// do not depend on which files were opened.
 pub fn register() {
     all().iter().for_each(ProcessType::register);
 }
 
-/// Every process type there is, in the order of the names.
+/// All process types, sorted by name.
 pub fn all() -> &'static [ProcessType] {
     static ALL: &[ProcessType] = &[
         ProcessType::of::<rcs_terrain::Classifier>(),

@@ -1,4 +1,4 @@
-//! The bar of the colour models in the simulator: driven along the mulch path, they tell it from the grass.
+//! Acceptance test of the colour models in simulation: while driving along the mulch path, they separate it from grass.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -95,7 +95,7 @@ queue = 16
 queue = 8
 "#;
 
-/// The middle of the mulch path, as the world file paints it, m.
+/// Centre line of the mulch path, as in the world file, m.
 const PATH: [[f64; 2]; 10] = [
     [4.0, 45.0],
     [16.0, 45.0],
@@ -109,7 +109,7 @@ const PATH: [[f64; 2]; 10] = [
     [114.0, 45.0],
 ];
 
-/// Drives along [`PATH`] by its true pose: it stands in for a driver that knows the way.
+/// Follows [`PATH`] by the true pose. It stands in for a driver that knows the way.
 #[derive(Clone, Serialize, Deserialize)]
 struct PathFollower;
 
@@ -153,7 +153,7 @@ impl Process for PathFollower {
     }
 }
 
-/// The point of the path this far beyond the one nearest to a place, m.
+/// The point of the path this far beyond the point nearest to `at`, m.
 fn ahead(at: DVec2, distance_m: f64) -> DVec2 {
     let points: Vec<DVec2> = PATH
         .windows(2)
@@ -168,7 +168,7 @@ fn ahead(at: DVec2, distance_m: f64) -> DVec2 {
     points[(nearest.unwrap() + (distance_m / 0.1) as usize).min(points.len() - 1)]
 }
 
-/// The files that the stack names.
+/// The files named by the stack.
 struct Files;
 
 impl Assets for Files {
@@ -195,7 +195,7 @@ const TALL_WEEDS: u8 = 3;
 const MULCH: u8 = 4;
 const FAR_M: f64 = 8.0;
 
-/// Counts the pixels of a camera's newest image that see mulch or grass within 8 m of the vehicle.
+/// Counts the pixels of a camera's newest image that show mulch or grass within 8 m of the vehicle.
 fn count(run: &Stepped, side: &str, counts: &mut Confusion<2>) {
     let pair = format!("/front_{side}");
     let predicted_costs: RawImage = latest(run, &format!("/color_{side}/probability")).unwrap();

@@ -1,5 +1,5 @@
-//! Messages made by hand: what cannot be used is reported, counted and skipped, and nothing goes out for it; what can
-//! be used does what it should.
+//! Hand-made messages: unusable ones are reported, counted and skipped without output; usable ones give the expected
+//! output.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -40,7 +40,7 @@ inputs = { stereo = "/cost" }
 params = { pose = { source = "POSE_FIXED" } }
 "#;
 
-/// What is given to a buffer: one message a second.
+/// The messages written to one buffer, one per second.
 struct Given {
     buffer: &'static str,
     message: AnyMessage,
@@ -50,12 +50,12 @@ fn given<T: Payload>(buffer: &'static str, value: T) -> Given {
     Given { buffer, message: AnyMessage::new(value) }
 }
 
-/// Runs the stack on a log of these messages, and stops after each of them.
+/// Runs the stack on a log of these messages and stops after each of them.
 struct Replay(Stepped);
 
 impl Replay {
     fn new(messages: &[&Given], params: &[(&str, &str)]) -> Replay {
-        // A log must have every topic that the stack reads.
+        // The log must have every topic that the stack reads.
         let topics = [
             ("/depth", schema_of::<RawImage>()),
             ("/cloud", schema_of::<PointCloud>()),
@@ -69,7 +69,7 @@ impl Replay {
         Replay(Setup::new(STACK, all()).params(params).stepped(Some(&hand_made(&topics, timed))))
     }
 
-    /// Runs until just before the message of this number is given.
+    /// Runs until just before the message with this number.
     fn run_before(&mut self, second: u64) {
         self.0.run_until(Stamp(second * 1_000_000_000 + 40_000_000)).unwrap();
     }
@@ -82,15 +82,14 @@ impl Replay {
         faults(&self.0, process)
     }
 
-    /// Messages that `obstacles` has sent.
+    /// Number of messages that `obstacles` has sent.
     fn outputs(&self) -> u64 {
         let buffers = ["/obstacles/labels", "/obstacles/cost", "/obstacles/stats", "/obstacles/points"];
         buffers.iter().map(|name| sent(&self.0, name)).sum()
     }
 }
 
-/// Gives messages to `obstacles`, each with what it says of it (`None`: nothing, it uses it) and how many messages go
-/// out for it.
+/// Gives messages to `obstacles`, each with the expected fault (`None`: it is used) and the expected number of outputs.
 fn check(steps: &[(Given, Option<&str>, u64)]) -> Replay {
     let mut replay = Replay::new(&steps.iter().map(|step| &step.0).collect::<Vec<_>>(), &[]);
     for (second, (_, why, sent)) in (0..).zip(steps) {
@@ -180,7 +179,7 @@ fn a_cost_map_of_another_frame_or_without_costs_changes_nothing() {
     assert_eq!((stats.known, stats.votes), (0, 0));
 }
 
-/// A cost map with one obstacle at a place, m.
+/// A cost map with one obstacle at this x, m.
 fn obstacle_at(x_m: f64) -> Given {
     let mut map = Map::new(0.2).unwrap();
     let cell = map.grid().cell_at(DVec2::new(x_m, 0.1)).unwrap();

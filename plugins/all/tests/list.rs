@@ -1,5 +1,5 @@
-//! One loop over the list: what must hold of every process type. (Parameters and port tables: the rules of the
-//! architecture, in the package of the cross-crate tests.)
+//! Rules for every process type in the list. (Parameters and port tables are checked by the architecture tests in the
+//! package of cross-crate tests.)
 
 use rcs_plugins::all;
 use rcs_runtime::Role;

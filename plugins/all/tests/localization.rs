@@ -1,4 +1,4 @@
-//! The position estimates on the simulated vehicle, against its ground truth.
+//! The localization estimates on the simulated vehicle, compared with ground truth.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -66,7 +66,7 @@ impl Assets for Files {
     }
 }
 
-/// Where the vehicle is believed to be, and where it is.
+/// Estimated and true pose of the vehicle.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     local: Pose,
@@ -80,7 +80,7 @@ fn start(seed: u64, params: &[(&str, &str)]) -> Bench {
     Setup::new(STACK, all()).params(params).assets(&Files).options(options).bench()
 }
 
-/// Drives for some 100 ms; what is seen after each.
+/// Drives for `tenths` steps of 100 ms; returns the estimate after each.
 fn drive(bench: &mut Bench, left_mps: f64, right_mps: f64, tenths: u64) -> Vec<Seen> {
     (0..tenths)
         .map(|_| {
@@ -110,7 +110,7 @@ fn status(bench: &Bench) -> rcs::Status {
     bench.latest("/localization/status")
 }
 
-/// A loop of about 90 m with turns to both sides.
+/// A loop of about 90 m with turns in both directions.
 fn lap(bench: &mut Bench) -> Vec<Seen> {
     let mut seen = drive(bench, 0.0, 0.0, 20);
     for (left, right, tenths) in [(1.0, 1.0, 200), (0.8, 1.1, 150), (1.1, 0.9, 250), (1.2, 1.2, 200)] {
@@ -119,7 +119,7 @@ fn lap(bench: &mut Bench) -> Vec<Seen> {
     seen
 }
 
-/// The place in the frame of the local estimate, which begins where the vehicle starts and knows east.
+/// True position in the frame of the local estimate, which starts at the vehicle and is aligned with east.
 fn local_truth(truth: &Pose) -> DVec3 {
     truth.translation - DVec3::new(30.0, 50.0, 0.0)
 }
@@ -163,7 +163,7 @@ fn the_global_estimate_stays_within_what_its_covariance_says() {
         }
     }
     let mean = surprises.iter().sum::<f64>() / surprises.len() as f64;
-    // Errors of neighbouring moments are alike, so their mean is only roughly 1.
+    // Consecutive errors are correlated, so their mean is only roughly 1.
     assert!((0.2..2.5).contains(&mean), "squared error by its variance: {mean}");
 }
 
@@ -206,7 +206,7 @@ fn the_local_frame_in_the_global_one_is_what_both_estimates_say() {
     let (t, q) = (transform.translation.as_ref().unwrap(), transform.rotation.as_ref().unwrap());
     let global_from_local = Pose::from_parts([t.x, t.y, t.z], [q.x, q.y, q.z, q.w]).unwrap();
     let global = seen.global.unwrap();
-    // The global estimate may be a tenth of a second older.
+    // The global estimate may be 100 ms older.
     assert!((global_from_local * seen.local).translation.abs_diff_eq(global.translation, 0.15));
     assert!(wrap_angle((global_from_local * seen.local).yaw() - global.yaw()).abs() < 0.1);
     assert!(q.x.abs() < 1e-12 && q.y.abs() < 1e-12, "both frames are level");
@@ -223,7 +223,7 @@ fn slipping_wheels_take_the_local_estimate_too_far_and_not_the_global_one() {
     let (believed, driven) = (way(&last.local, DVec3::ZERO), local_truth(&last.truth).truncate().length());
     assert!(believed > driven + 50.0, "believed {believed} m, driven {driven} m");
     let error = (last.global.unwrap().translation - last.truth.translation).truncate().length();
-    // The wheels say otherwise all the time, so fixes are refused until there are enough of them to begin anew:
-    // five seconds at full speed beyond the gate.
+    // The wheel odometry contradicts the fixes throughout, so they are refused until enough of them agree to restart
+    // the estimate: at full speed five seconds outside of the gate.
     assert!(error < 15.0, "global error {error} m");
 }

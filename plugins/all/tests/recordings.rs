@@ -1,4 +1,4 @@
-//! The stacks in `assets/stacks` on the public datasets: they run, they say what is there, and they say it again.
+//! The stacks in `assets/stacks` on the public datasets: they run, find what is in the scene, and repeat bit for bit.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -22,7 +22,7 @@ fn stack([name, text]: [&str; 2], params: &[(&str, &str)]) -> Arc<Plan> {
     Arc::new(Plan::new(StackFile::parse(name, text).unwrap(), all(), &params).unwrap())
 }
 
-/// The stack on the log, begun; `None` where there are no recordings.
+/// Starts the stack on the log; `None` where the recordings are absent.
 fn begin(plan: Arc<Plan>, log: &str, threads: usize, hash: bool) -> Option<Stepped> {
     let path = rcs_testkit::data_dir()?.join("real-logs").join(log);
     let log = Log::open(&path).unwrap();
@@ -50,7 +50,7 @@ fn assert_no_faults(run: &Stepped) {
     }
 }
 
-/// Share of each label in columns and rows of a label image.
+/// Share of each label within these columns and rows of a label image.
 fn shares(image: &RawImage, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>) -> [f64; 6] {
     let mut counts = [0_u32; 6];
     for row in rows {
@@ -62,7 +62,7 @@ fn shares(image: &RawImage, columns: std::ops::Range<usize>, rows: std::ops::Ran
     counts.map(|count| f64::from(count) / all)
 }
 
-/// Share of obstacle among the known cells of a square of the map, and how many are known. Metres, local frame.
+/// Share of obstacle among the known cells of a square of the map, and the number of known cells. Metres, local frame.
 fn obstacle_share(map: &Grid, x: [f64; 2], y: [f64; 2]) -> (f64, usize) {
     let view = GridView::new(map).unwrap();
     let labels = view.field_of("label", NumericType::Uint8).unwrap();
@@ -97,8 +97,8 @@ fn on_a_road_the_road_is_ground_and_trees_and_crops_are_obstacles() {
     let labels: RawImage = latest(&run, "/obstacles/labels");
     assert_eq!((labels.width, labels.height), (1280, 720));
     let (ground, obstacle, cover) = (1, 2, 4);
-    // The road, from the bottom of the image to where ranges end; crops to the left; the wood to the right, trunks
-    // and crowns.
+    // The road, from the bottom of the image to the end of the ranges; crops on the left; the wood, trunks and crowns
+    // on the right.
     assert!(shares(&labels, 300..560, 330..700)[ground] > 0.995);
     assert!(shares(&labels, 20..160, 250..330)[obstacle] > 0.9);
     assert!(shares(&labels, 800..1200, 200..260)[obstacle] > 0.85);
@@ -107,7 +107,7 @@ fn on_a_road_the_road_is_ground_and_trees_and_crops_are_obstacles() {
     assert!((480_000..540_000).contains(&stats.ground), "{stats:?}");
     assert!((95_000..120_000).contains(&stats.obstacle), "{stats:?}");
 
-    // By their colours: the road to where it ends, and sky, wood and crops. (Pixels of the 128x96 image.)
+    // By colour: the road up to its end, then sky, wood and crops. (Pixels of the 128x96 image.)
     let costs: RawImage = latest(&run, "/color/probability");
     let cheap = |columns: std::ops::Range<usize>, rows: std::ops::Range<usize>| {
         let all = columns.len() * rows.len();
@@ -127,7 +127,7 @@ fn on_a_road_the_road_is_ground_and_trees_and_crops_are_obstacles() {
 
 #[test]
 fn in_a_forest_the_map_has_trunks_where_the_scan_has_them_and_follows_the_robot() {
-    // Fewer maps: only the last one is looked at.
+    // Fewer maps, because only the last one is examined.
     let plan = stack(FOREST_ROBOT, &[("wm1.publish_hz", "0.5")]);
     let Some(mut run) = begin(plan, "monoforce_tradr_ros2.mcap", 1, false) else { return };
     finish(&mut run);
@@ -139,15 +139,15 @@ fn in_a_forest_the_map_has_trunks_where_the_scan_has_them_and_follows_the_robot(
     assert!(stats.ground > 30_000 && stats.obstacle > 15_000 && stats.cover > 15_000, "{stats:?}");
 
     let map: Grid = latest(&run, "/wm1/map");
-    // One trunk stands by itself 7.4 m away, behind and to the right of the robot; two stand 5.4 m to its left, as its
-    // left camera sees; the ground beside the robot is free.
+    // A single trunk stands 7.4 m away, behind and to the right of the robot; two stand 5.4 m to its left, seen by its
+    // left camera; the ground beside the robot is free.
     let (trunk, cells) = obstacle_share(&map, [5.2, 5.8], [-4.8, -4.0]);
     assert!(trunk > 0.9 && cells >= 8, "{trunk} of {cells}");
     let (trunks, cells) = obstacle_share(&map, [-4.8, -3.8], [2.2, 3.2]);
     assert!(trunks > 0.8 && cells >= 15, "{trunks} of {cells}");
     let (ground, cells) = obstacle_share(&map, [-1.5, 0.5], [1.2, 2.2]);
     assert!(ground < 0.05 && cells >= 40, "{ground} of {cells}");
-    // The map has followed the last pose, which is the lidar's.
+    // The map has followed the last pose, which comes from the lidar.
     let corner = GridView::new(&map).unwrap().frame_from_grid().translation;
     assert!((corner.x + 20.1 - 1.9).abs() < 0.5 && (corner.y + 20.1 - 4.6).abs() < 0.7, "{corner}");
 
@@ -175,7 +175,7 @@ fn a_log_without_range_data_runs_without_processes() {
 
 #[test]
 fn a_run_gives_the_same_bytes_again_with_two_threads_and_from_a_snapshot() {
-    // The scan of the second log comes after 23.6 s.
+    // The scan of the second log arrives after 23.6 s.
     for (file, log, until_s, snapshot_at_s) in [
         (RANGE_CAMERA, "orfd_y0613_1242_ros2.mcap", 0.95, 0.4),
         (FOREST_ROBOT, "monoforce_tradr_ros2.mcap", 25.0, 23.7),

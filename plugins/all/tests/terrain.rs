@@ -1,5 +1,5 @@
-//! The processes `terrain_learner` and `classifier` on messages made by hand: what cannot be used is reported, counted
-//! and skipped, and nothing goes out for it; what can be used is learned, and classifies the next image.
+//! The processes `terrain_learner` and `classifier` on hand-made messages: unusable ones are reported, counted and
+//! skipped without output; usable ones are learned, and the next image is classified by them.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -39,7 +39,7 @@ fn stack(learner: &str) -> String {
 /// Gives the schema of a topic.
 type SchemaOf = fn() -> Arc<rcs_msg::Schema>;
 
-/// Topics of the log by name, and how each is stored.
+/// Names of the log's topics, with their schemas.
 const TOPICS: [(&str, SchemaOf); 9] = [
     ("image", || schema_of::<RawImage>().clone()),
     ("labels", || schema_of::<RawImage>().clone()),
@@ -52,7 +52,7 @@ const TOPICS: [(&str, SchemaOf); 9] = [
     ("bumper", || schema_of::<Bumper>().clone()),
 ];
 
-/// A message for a topic at a time, ms.
+/// A message for a topic at a time in ms.
 type Given = (u64, &'static str, AnyMessage);
 
 const SIZE: [u32; 2] = [96, 72];
@@ -116,7 +116,7 @@ fn pose(ms: u64, x_m: f64) -> Given {
     (ms, "pose", AnyMessage::new(PoseInFrame { timestamp, frame_id: "local".to_owned(), pose }))
 }
 
-/// A frame of the left camera, changed by the caller.
+/// A frame of the left camera, modified by the caller.
 fn frame(ms: u64, change: impl Fn(&mut [RawImage; 3])) -> Vec<Given> {
     let mut images = scene(ms);
     change(&mut images);
@@ -124,7 +124,7 @@ fn frame(ms: u64, change: impl Fn(&mut [RawImage; 3])) -> Vec<Given> {
     names.into_iter().zip(images).map(|(name, image)| (ms, name, AnyMessage::new(image))).collect()
 }
 
-/// Poses of a vehicle that drives east at a speed.
+/// Poses of a vehicle that drives east at this speed.
 fn drive(speed_mps: f64, until_ms: u64) -> Vec<Given> {
     (0..until_ms / 100).map(|i| pose(i * 100 + 1, speed_mps * i as f64 * 0.1)).collect()
 }
@@ -182,7 +182,7 @@ fn what_is_learned_from_range_classifies_the_next_image() {
         right += usize::from(label != 0 && label == class);
         wrong += usize::from(label != 0 && class != 0 && label != class);
     }
-    // Windows of eight pixels straddle the wall's foot.
+    // Windows of eight pixels straddle the base of the wall.
     assert!(wrong * 20 < right, "{wrong} wrong, {right} right");
     for (buffer, size) in [("/classifier/cost", 0.2), ("/classifier/cost_wide", 0.6)] {
         let grid: Grid = replay.latest(buffer);
@@ -230,7 +230,7 @@ fn labels_whose_image_is_missing_or_of_another_time_are_skipped() {
     replay.until(900);
     let (faults, last) = replay.faults("terrain");
     assert!(faults == 1 && last.contains("no image of the time of the labels"), "{last}");
-    // The classifier has nothing new to look at, and sends nothing old again.
+    // The classifier has no new image, and sends no old result again.
     assert_eq!(replay.sent(&["/classifier/classes"]), 1);
 }
 
@@ -270,7 +270,7 @@ fn a_hit_of_the_bumper_is_learned_once_until_it_is_released() {
     replay.until(450);
     assert_eq!(replay.sent(&["/terrain/cost"]), before + 1, "one change for two messages");
     let grid: Grid = replay.latest("/terrain/cost");
-    // Half of the bumper is 0.3 m wide, what it hits lies up to 0.2 m ahead.
+    // Half of the bumper is 0.3 m wide; what it hits lies up to 0.2 m ahead.
     let dear: usize = grid.data.iter().map(|&cost| usize::from(cost == 250)).sum();
     assert!((1..=4).contains(&dear), "{dear} cells");
     replay.until(900);
@@ -286,7 +286,7 @@ fn an_camera_that_falls_behind_is_reported_once() {
         .map(|(topic, image)| (100, topic, AnyMessage::new(image)))
         .collect();
     let both = format!("{LEARNS}, cameras = \"TERRAIN_SEPARATE\"");
-    // The mount of the parameters is the left camera's: the right one has none, which is a fault of its own.
+    // The mount in the parameters is the left camera's; the right one has none, which is a separate fault.
     let mut replay = Replay::new(&both, [lefts, right].concat(), RunOptions::default());
     replay.until(900);
     let before = replay.faults("terrain").0;

@@ -1,5 +1,5 @@
-//! The bar of terrain learning and classification in the simulator: what is learned with stereo is enough to see
-//! obstacles without it.
+//! Acceptance test of terrain learning and classification in simulation: models learned with stereo suffice to detect
+//! obstacles without stereo.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -11,13 +11,13 @@ use rcs_runtime::{Asset, Assets, Plan, PlanOptions, RunOptions, StackFile, Stepp
 use rcs_terrain::proto::TerrainModels;
 use std::sync::Arc;
 
-/// Pixels are counted between these times of the drive, s: the first bush has been passed at the first.
+/// Pixels are counted from this time of the drive on, s, when the first bush has been passed.
 const FROM_S: u32 = 15;
 const UNTIL_S: u32 = 40;
 /// Pixels farther away than this are not counted, m.
 const REACH_M: f32 = 15.0;
 
-/// The drive and one camera.
+/// The vehicle, its driver and one camera.
 const DRIVE: &str = r#"
 format = 1
 name = "terrain_course"
@@ -63,7 +63,7 @@ queue = 16
 queue = 8
 "#;
 
-/// Stereo, its labels, and what is learned of them.
+/// Stereo, its obstacle labels, and the models learned from them.
 const LEARNING: &str = r#"
 [[process]]
 name = "stereo_left"
@@ -119,7 +119,7 @@ front_m = 0.24
 rear_m = 0.72
 "#;
 
-/// Whole images of one camera, classified.
+/// Classification of whole images of one camera.
 const CLASSIFIER: &str = r#"
 [[process]]
 name = "classifier"
@@ -138,7 +138,7 @@ static_transforms = "/vehicle/static_transforms"
 window_px = 8
 "#;
 
-/// The files that come with the program, and the models that a run has learned.
+/// The bundled files, and the models that a run has learned.
 struct Files {
     models: String,
 }
@@ -156,7 +156,7 @@ impl Assets for Files {
     }
 }
 
-/// A run of a stack on a course.
+/// Starts a stack on a course.
 fn start(text: &str, course: &str, models: String, seed: u64) -> Stepped {
     let file = StackFile::parse("terrain_course", text).unwrap_or_else(|error| panic!("{error}"));
     let options = PlanOptions { overrides: &[], course: Some(course), assets: &Files { models } };
@@ -171,7 +171,7 @@ fn latest<T: Payload>(run: &Stepped, buffer: &str) -> Option<T> {
     run.bus().get(buffer).unwrap().latest()?.message.to()
 }
 
-/// Pixels within a range by ground truth and class.
+/// Pixels within a range by true class and classified class.
 #[derive(Clone, Copy, Debug, Default)]
 struct Score {
     /// Ground and obstacles.
@@ -179,7 +179,7 @@ struct Score {
 }
 
 impl Score {
-    /// Counts the newest classes of a run, where they are of the newest true labels' time.
+    /// Counts the newest classes of a run if they have the time of the newest true labels.
     fn count(&mut self, run: &Stepped, reach_m: f32) {
         let truth = |name: &str| latest::<RawImage>(run, &format!("/front_left/{name}"));
         let (Some(labels), Some(depth)) = (truth("ground_truth_labels"), truth("ground_truth_depth")) else {
@@ -192,7 +192,7 @@ impl Score {
         let depths = depth_m(&depth, 1.0).unwrap();
         for ((&label, &class), depth) in labels.data.iter().zip(classes.data.iter()).zip(depths) {
             if depth <= reach_m && (label == 1 || label == 2) {
-                // Classes: 0 is not known, 1 traversable, 2 not traversable.
+                // Classes: 0 is unknown, 1 traversable, 2 not traversable.
                 self.confusion.add(usize::from(label - 1), class.checked_sub(1).map(usize::from));
             }
         }
@@ -211,7 +211,7 @@ impl Score {
     }
 }
 
-/// What a drive with stereo learned, and how its classes were between two times, s.
+/// The models learned on a drive with stereo, and the score of their classes between two times, s.
 fn with_stereo(course: &str, from_s: u32, until_s: u32) -> (String, Score) {
     let mut run = start(&[DRIVE, LEARNING, CLASSIFIER].concat(), course, String::new(), 0);
     let mut score = Score::default();
@@ -225,7 +225,7 @@ fn with_stereo(course: &str, from_s: u32, until_s: u32) -> (String, Score) {
     (to_json(&AnyMessage::new(models)).unwrap(), score)
 }
 
-/// The same drive with another seed's noise, without stereo and with models of a file.
+/// The same drive with another noise seed, without stereo and with models from a file.
 fn without_stereo(course: &str, models: String, from_s: u32, until_s: u32) -> Score {
     let classifier = CLASSIFIER.replace("models = \"/terrain/models\"\n", "") + "models = \"learned\"\n";
     let mut run = start(&[DRIVE, &classifier].concat(), course, models, 1);
@@ -252,6 +252,6 @@ fn without_stereo_classification_keeps_its_obstacle_recall() {
         );
     }
     assert!(without.obstacle_recall() >= 0.8 * with.obstacle_recall(), "{with:?}, {without:?}");
-    // Trunks and stones that are narrower than a window are missed; bushes and logs are found.
+    // Trunks and stones narrower than a window are missed; bushes and logs are found.
     assert!(without.obstacle_recall() >= 0.4 && without.iou(0) >= 0.95, "{without:?}");
 }
