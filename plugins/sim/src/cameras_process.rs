@@ -1,4 +1,4 @@
-//! The process `sim_cameras`: what a stereo pair, or one camera, sees.
+//! The process `sim_cameras`: images of a simulated stereo pair or a single camera.
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
@@ -12,11 +12,12 @@
 //! | `ground_truth_labels` | out | `foxglove.RawImage` | obstacle label of the left camera's pixels, mono8 |
 //! | `ground_truth_class` | out | `foxglove.RawImage` | class of the left camera's pixels, mono8 |
 //!
-//! Period 50 ms; images at the rate of the vehicle file, stamped with the time of the pose that they were taken from.
-//! The cameras of a pair look the same way, so R is the identity. State: the time of the last pose; the world and the
-//! rays of the pixels are made again from the parameters where a snapshot has brought them none.
+//! Period 50 ms; images at the rate of the vehicle file, with the time of the pose from which they were taken. The
+//! cameras of a pair are parallel, so R is the identity. State: the time of the last pose. The world and the rays of
+//! the pixels are not part of the state: after a snapshot they are computed again from the parameters.
 //!
-//! Cost: rays. Strips of rows are fixed and noise is a hash of the pixel: any number of threads gives the same bits.
+//! Cost: one ray per pixel. The strips of rows are fixed and noise is a hash of the pixel, so the result is the same
+//! bit for bit with any number of threads.
 
 use crate::exposure::{Exposure, Sensor, encoding_of, thermal};
 use crate::proto::SimCamerasParams;
@@ -35,10 +36,10 @@ use rcs_sense::pose_of;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Rows of a strip: whole bundles of the renderer, and enough strips for a few threads.
+/// Rows per strip: a multiple of the renderer's ray bundles, and small enough to occupy several threads.
 const STRIP_ROWS: usize = 48;
 
-/// State: when the last pose was.
+/// State: the time of the last pose.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct SimCameras {
     last: Option<Stamp>,
@@ -57,7 +58,7 @@ pub struct Ports {
     ground_truth_class: Out<RawImage>,
 }
 
-/// What the parameters say, and what follows from them alone.
+/// The parsed parameters, and everything derived from them alone.
 #[derive(Debug)]
 struct CameraSet {
     texts: Texts,
@@ -70,7 +71,7 @@ struct CameraSet {
     sensor: Sensor,
 }
 
-/// A view being drawn: row by row.
+/// Images of all cameras being rendered, row by row.
 #[derive(Debug, Default)]
 struct View {
     pixels: Vec<u8>,
@@ -101,7 +102,7 @@ impl Process for SimCameras {
     fn ports(b: &mut PortBuilder) -> Ports {
         let ground_truth_state =
             b.input("ground_truth_state", "true pose of the vehicle in the frame global");
-        // Never read: it names the image that the ground truth lies on.
+        // Not read: the port names the image on which the ground truth is drawn.
         let _ = b.optional_input::<RawImage>(
             "image",
             "the images of its own left camera, on which the ground truth lies",
@@ -192,7 +193,7 @@ impl SimCameras {
 }
 
 impl CameraSet {
-    /// The camera that the parameters ask for, and its lens.
+    /// The camera named by the parameters, and its lens.
     fn camera(params: &SimCamerasParams) -> Result<(CameraSpec, PinholeCamera), String> {
         let vehicle = read_vehicle(&params.vehicle)?;
         let Some(spec) = vehicle.camera(&params.pair) else {
@@ -231,7 +232,7 @@ impl CameraSet {
         same && self.texts.are(&[&params.world, &params.vehicle])
     }
 
-    /// Takes the images of all cameras and sends them.
+    /// Renders and sends the images of all cameras.
     fn take(
         &self,
         global_from_vehicle: &Pose,
@@ -265,14 +266,14 @@ impl CameraSet {
         }
     }
 
-    /// Exposures of the cameras in this frame: the same for both but for what their sensors differ by.
+    /// Exposures of the cameras in this frame: equal for both, except for the difference between their sensors.
     fn exposures(&self, cx: &mut Cycle<'_>) -> [Exposure; 2] {
         let frame = 1.0 + self.spec.exposure_noise * normal(cx.rng());
         let differ = 0.5 * self.spec.camera_difference * normal(cx.rng());
         [1.0, -1.0].map(|sign| Exposure { gain: frame * (1.0 + sign * differ), key: cx.rng().next_u64() })
     }
 
-    /// Draws what all cameras see, strip by strip.
+    /// Renders the views of all cameras, strip by strip.
     fn draw(&self, global_from_vehicle: &Pose, exposures: Option<&[Exposure; 2]>, pool: &Pool) -> Vec<View> {
         let (width, height) = (self.rays.width(), self.rays.height());
         let pixels = width * height;
@@ -326,7 +327,7 @@ impl CameraSet {
         views
     }
 
-    /// The calibration as a calibration of real cameras would give it: the raw lens, and rectified ones side by side.
+    /// The calibration as it would be made for real cameras: the raw lens, and the rectified parallel cameras.
     fn calibration(&self, side: usize, time: Stamp) -> CameraCalibration {
         let PinholeCamera { fx, fy, cx, cy, .. } = self.lens;
         let shift = if side == 0 { 0.0 } else { -fx * self.spec.baseline_m };
@@ -348,7 +349,7 @@ impl CameraSet {
     }
 }
 
-/// The lens with the parameters' size and distortion.
+/// The lens with the size and distortion of the parameters.
 fn lens_of(spec: &CameraSpec, params: &SimCamerasParams) -> Result<PinholeCamera, String> {
     let mut lens = spec.lens.clone();
     if params.width_px > 0 {

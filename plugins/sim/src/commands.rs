@@ -1,4 +1,4 @@
-//! Which wheel commands the vehicle obeys: those that are sound, in order and young. Without one it brakes.
+//! Which wheel commands the vehicle obeys: those that are valid, in order and recent. Without one it brakes.
 
 use crate::drive::Drive;
 use crate::spec::VehicleSpec;
@@ -7,7 +7,7 @@ use rcs_msg::Stamp;
 use rcs_msg::rcs::WheelCommand;
 use serde::{Deserialize, Serialize};
 
-/// A command may be stamped this much later than the vehicle's clock says, s.
+/// Maximum time by which a command's timestamp may be ahead of the vehicle's clock, s.
 const EARLY_S: f64 = 0.05;
 
 /// Why a command was refused.
@@ -23,7 +23,7 @@ pub enum Refusal {
         /// 1/m.
         curvature: f64,
     },
-    /// A wheel is faster than the vehicle's can turn.
+    /// A wheel speed exceeds the limit of the vehicle.
     #[error("wheel at {got} m/s, expected at most {limit} m/s")]
     TooFast {
         /// m/s.
@@ -31,16 +31,16 @@ pub enum Refusal {
         /// m/s.
         limit: f64,
     },
-    /// No timestamp.
+    /// The command has no timestamp.
     #[error("no timestamp")]
     NoTime,
-    /// It is older than the command before.
+    /// The command is older than the previous one.
     #[error("command is {age_s:.3} s older than the one before")]
     OutOfOrder {
         /// s.
         age_s: f64,
     },
-    /// It is too old.
+    /// The command is too old.
     #[error("command is {age_s:.3} s old, expected at most {limit_s} s")]
     Stale {
         /// s.
@@ -48,7 +48,7 @@ pub enum Refusal {
         /// s.
         limit_s: f64,
     },
-    /// It is from the future.
+    /// The command is from the future.
     #[error("command is from {ahead_s:.3} s ahead, expected at most {EARLY_S} s")]
     Early {
         /// s.
@@ -56,17 +56,18 @@ pub enum Refusal {
     },
 }
 
-/// The command that is obeyed.
+/// The active command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Commands {
     /// Its time, wheel speeds and curvature.
     obeyed: Option<(Stamp, [f64; 2], f64)>,
-    /// The time of the newest sound command, obeyed or not.
+    /// The time of the newest valid command, active or not.
     newest: Option<Stamp>,
 }
 
 impl Commands {
-    /// Takes a command at a time. One that is nonsense ends the one before: whoever sends it is not to be trusted.
+    /// Takes a command at time `now`. One with impossible values also ends the previous command, because its sender can
+    /// no longer be trusted.
     pub fn take(
         &mut self,
         spec: &VehicleSpec,
@@ -100,12 +101,13 @@ impl Commands {
         Ok(())
     }
 
-    /// What the vehicle does at a time.
+    /// The command to the drive at a time.
     pub fn command(&self, spec: &VehicleSpec, now: Stamp, timeout_s: f64) -> DriveCommand {
         let curvature_per_m = self.obeyed.map_or(0.0, |(_, _, curvature)| curvature);
         match self.obeyed {
             Some((time, speeds, _)) if now.seconds_since(time) <= timeout_s => {
-                // The vehicle's own limit: both wheels slow down alike, so that the turn stays.
+                // Limit of the vehicle's speed: both wheels are slowed by the same factor, which preserves the
+                // curvature.
                 let speed = 0.5 * (speeds[0] + speeds[1]).abs();
                 let part = (spec.wheels.max_speed_mps / speed.max(1e-9)).min(1.0);
                 DriveCommand { drive: Drive::Speeds(speeds.map(|speed| speed * part)), curvature_per_m }

@@ -1,4 +1,4 @@
-//! What the vehicle touches: the bumper in front gives way and switches, the rest of the body is rigid.
+//! Contacts of the vehicle with objects: the bumper in front is a spring with switches, the rest of the body is rigid.
 
 use crate::drive::Motion;
 use crate::spec::VehicleSpec;
@@ -7,76 +7,76 @@ use crate::vehicle::STEP_S;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Contact above this speed is a collision, m/s.
+/// A contact above this speed is a collision, m/s.
 pub const COLLISION_MPS: f64 = 0.3;
-/// A contact that was lost for less than this goes on, s.
+/// A contact that reappears within this time is the same contact, s.
 const SAME_CONTACT_S: f64 = 0.5;
-/// Number of the ground in contacts: a step that a wheel cannot climb.
+/// Object number of the ground in contacts, for a step that a wheel cannot climb.
 pub const GROUND: u32 = u32::MAX;
-/// The middle of the bumper presses both switches: half its width, m.
+/// Half of the width of the middle part of the bumper, which presses both switches, m.
 const MIDDLE_M: f64 = 0.08;
 
-/// One place at which the vehicle touches a thing.
+/// One point at which the vehicle touches an object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
-    /// Its number, or [`GROUND`].
+    /// Number of the object, or [`GROUND`].
     pub thing: u32,
-    /// Where, frame `global`.
+    /// Position, frame `global`, m.
     pub point: DVec3,
-    /// Speed into the thing when the contact began, m/s.
+    /// Speed towards the object when the contact began, m/s.
     pub speed_mps: f64,
-    /// On the bumper.
+    /// Whether the bumper touches it.
     pub on_bumper: bool,
-    /// Above [`COLLISION_MPS`], off the bumper, or with a person.
+    /// Whether it is a collision: above [`COLLISION_MPS`], not on the bumper, or with a person.
     pub collision: bool,
-    /// Steps since it began.
+    /// Steps since the contact began.
     pub steps: u32,
-    /// It became a collision in this step.
+    /// Whether it became a collision in this step.
     pub collided: bool,
-    /// Time since it was there, s.
+    /// Time since the last touch, s.
     lost_s: f64,
 }
 
 impl Contact {
-    /// Whether it is there in this step.
+    /// Whether the vehicle touches the object in this step.
     pub fn is_present(&self) -> bool {
         self.lost_s == 0.0
     }
 }
 
-/// All that the vehicle touches, and its bumper.
+/// All contacts of the vehicle, and the state of its bumper.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Contacts {
     list: Vec<Contact>,
     pressed: [bool; 2],
-    /// Of the bumper, N.
+    /// Force of the bumper's spring, N.
     spring_n: f64,
-    /// Speed at which a wheel met a step in this step, m/s.
+    /// Speed at which a wheel met a ground step in this step, m/s.
     met_step_mps: Option<f64>,
 }
 
 impl Contacts {
-    /// Contacts that are there, or were a moment ago.
+    /// Contacts that exist now or ended a moment ago.
     pub fn list(&self) -> &[Contact] {
         &self.list
     }
 
-    /// The left and the right switch.
+    /// State of the left and the right switch.
     pub fn pressed(&self) -> [bool; 2] {
         self.pressed
     }
 
-    /// Force of the bumper's spring against driving ahead, N.
+    /// Force of the bumper's spring against forward motion, N.
     pub fn spring_n(&self) -> f64 {
         self.spring_n
     }
 
-    /// A wheel stands before a step.
+    /// Records that a wheel is blocked by a ground step.
     pub(crate) fn meet_step(&mut self, speed_mps: f64) {
         self.met_step_mps = Some(speed_mps.abs());
     }
 
-    /// Finds what is touched at the new place, keeps the vehicle out of it, and takes from the motion what it stops.
+    /// Finds contacts at the new position, moves the vehicle out of the objects, and removes the blocked motion.
     pub(crate) fn update(
         &mut self,
         spec: &VehicleSpec,
@@ -153,7 +153,7 @@ impl Contacts {
     }
 }
 
-/// Everything, the bumper, and the body behind it.
+/// Bounding boxes of the whole vehicle, of the bumper, and of the body behind it.
 fn boxes(spec: &VehicleSpec, at: DVec2, ahead: DVec2, yaw_rad: f64, ground_m: f64) -> [UprightBox; 3] {
     let (body, bumper) = (&spec.body, &spec.bumper);
     let part = |from_m: f64, to_m: f64, width_m: f64, low_m: f64, high_m: f64| UprightBox {
@@ -171,20 +171,20 @@ fn boxes(spec: &VehicleSpec, at: DVec2, ahead: DVec2, yaw_rad: f64, ground_m: f6
             body.clearance_m.min(bumper.bottom_m),
             body.height_m.max(bumper.top_m),
         ),
-        // As deep as the vehicle: the way out of something thin, such as a fence, is always back.
+        // As deep as the vehicle, so that it is always pushed back out of a thin object such as a fence.
         part(-body.rear_m, front, bumper.width_m, bumper.bottom_m, bumper.top_m),
         part(-body.rear_m, body.front_m, body.width_m, body.clearance_m, body.height_m),
     ]
 }
 
-/// Speed of the touched place of the vehicle into the thing, m/s.
+/// Speed of the touched point of the vehicle towards the object, m/s.
 fn approach(touch: &Touch, at: DVec2, ahead: DVec2, motion: &Motion) -> f64 {
     let arm = touch.point.truncate() - at;
     let velocity = ahead * motion.speed_mps + arm.perp() * motion.yaw_rate_radps;
     (-velocity.dot(touch.normal)).max(0.0)
 }
 
-/// Takes the speed into the thing from the motion: an impulse along the normal, which the wheels do not give way to
+/// Removes the speed towards the object from the motion, by an impulse along the normal; the wheels do not give way
 /// sideways.
 fn stop(spec: &VehicleSpec, touch: &Touch, at: DVec2, ahead: DVec2, motion: &mut Motion) {
     let speed = approach(touch, at, ahead, motion);

@@ -1,35 +1,35 @@
-//! Driven wheels, motors and the ground they grip: one short step in time.
+//! Driven wheels, motors and ground traction: one short time step.
 //!
-//! Everything that can hold the vehicle (traction, rolling resistance, scrub of casters, brakes) is an impulse with a
-//! limit, and the impulses are found together, so that a vehicle stands still on a slope for as long as what holds it
-//! suffices, and slides or spins its wheels when it does not. This is the projected Gauss–Seidel method of rigid-body
-//! solvers, with motor and traction of a wheel solved exactly as one block.
+//! Everything that resists motion (traction, rolling resistance, scrub of casters, brakes) is an impulse with a limit.
+//! The impulses are solved together, so that the vehicle stands still on a slope while the limits suffice, and slides
+//! or spins its wheels when they do not. This is the projected Gauss-Seidel method of rigid-body solvers; motor and
+//! traction of a wheel are solved exactly as one block.
 //!
-//! Traction: slip grows in proportion to the force up to `slip_at_limit`, where the force reaches `traction · load`;
-//! more it cannot be. So slip follows from surface, slope, plants and what the motors want.
+//! Traction: slip grows in proportion to the force up to `slip_at_limit`, where the force reaches its maximum `traction
+//! · load`. Slip therefore depends on surface, slope, plants and motor torque.
 
 use crate::spec::VehicleSpec;
 use serde::{Deserialize, Serialize};
 
-/// Passes over the wheels; motor and traction of a wheel are exact in each.
+/// Number of passes over the wheels; each solves motor and traction of a wheel exactly.
 const PASSES: usize = 8;
-/// Speed below which slip is not in proportion to the wheel's speed any more, m/s.
+/// Below this speed slip is not proportional to the wheel's speed, m/s.
 const CREEP_MPS: f64 = 0.001;
-/// Below this speed of wheel and ground there is no slip to speak of, m/s.
+/// If wheel and ground are both slower than this, slip is 0, m/s.
 const NO_SLIP_MPS: f64 = 0.02;
 
-/// What the wheels are told.
+/// Command to the wheels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Drive {
     /// Wheel speeds, left and right, m/s.
     Speeds([f64; 2]),
-    /// The motors have no current.
+    /// No motor current.
     Coast,
-    /// The brakes are on.
+    /// Brakes applied.
     Brake,
 }
 
-/// Motion along and about the vehicle's axes, and the wheels'.
+/// Motion of the vehicle along and about its axes, and of its wheels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
     /// Speed ahead, m/s.
@@ -42,37 +42,37 @@ pub struct Motion {
     pub motor_n: [f64; 2],
 }
 
-/// What acts on the vehicle during a step.
+/// Forces on the vehicle during a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load {
-    /// Highest force of a driven wheel along the ground, left and right, N.
+    /// Maximum traction of the left and the right driven wheel, N.
     pub grip_n: [f64; 2],
-    /// Gravity and springs along the vehicle's x axis, N.
+    /// Gravity and spring forces along the vehicle's x axis, N.
     pub push_n: f64,
-    /// Force that holds back whatever way the vehicle rolls: rolling resistance and plants, N.
+    /// Maximum resisting force against rolling in either direction: rolling resistance and plants, N.
     pub hold_n: f64,
-    /// Moment that holds back whatever way it turns, N·m.
+    /// Maximum resisting moment against turning in either direction, N·m.
     pub hold_nm: f64,
 }
 
-/// A wheel's share of a step.
+/// The equations of one wheel in a step.
 struct Wheel {
-    /// Rim speed before, and the speed that the motor or the brake wants now, m/s.
+    /// Rim speed before the step, and the target speed of motor or brake, m/s.
     rim_mps: f64,
     wanted_mps: f64,
-    /// Highest impulse of motor or brake, and of traction, N·s.
+    /// Maximum impulses of motor or brake, and of traction, N·s.
     motor_limit: f64,
     grip_limit: f64,
-    /// Mass at the rim, kg.
+    /// Equivalent mass at the rim, kg.
     rim_kg: f64,
-    /// Speed that the ground under the wheel gains by an impulse, and slip by an impulse, m/s by N·s.
+    /// Change of the ground speed at the wheel per impulse, and slip per impulse, m/s per N·s.
     give: f64,
     slip: f64,
 }
 
 impl Wheel {
-    /// Rim speed after, impulse of the motor, impulse of traction; `ground_mps` is the vehicle's speed over the ground
-    /// at this wheel without this wheel's traction.
+    /// Returns the new rim speed, the impulse of the motor and the impulse of traction. `ground_mps` is the speed over
+    /// ground at this wheel without this wheel's traction.
     fn solve(&self, ground_mps: f64) -> [f64; 3] {
         let softness = self.give + self.slip;
         let grip = |rim: f64| ((rim - ground_mps) / softness).clamp(-self.grip_limit, self.grip_limit);
@@ -82,7 +82,7 @@ impl Wheel {
             return [self.wanted_mps, motor, held];
         }
         let motor = motor.clamp(-self.motor_limit, self.motor_limit);
-        // The motor is at its limit: the rim's speed follows from both impulses.
+        // The motor is at its limit: the rim speed follows from both impulses.
         let rolling =
             (self.rim_kg * self.rim_mps + motor + ground_mps / softness) / (self.rim_kg + 1.0 / softness);
         let traction = (rolling - ground_mps) / softness;
@@ -94,7 +94,7 @@ impl Wheel {
     }
 }
 
-/// The rim speed that a drive wants after `dt_s`, and the highest force to get there, N.
+/// The target rim speed of a drive after `dt_s`, m/s, and the maximum force to reach it, N.
 fn motor_goal(spec: &VehicleSpec, drive: Drive, side: usize, rim_mps: f64, dt_s: f64) -> [f64; 2] {
     let motors = &spec.motors;
     match drive {
@@ -110,7 +110,7 @@ fn motor_goal(spec: &VehicleSpec, drive: Drive, side: usize, rim_mps: f64, dt_s:
     }
 }
 
-/// Steps a vehicle whose wheels turn it.
+/// Steps a vehicle with differential drive.
 pub fn step_differential(spec: &VehicleSpec, motion: &mut Motion, load: &Load, drive: Drive, dt_s: f64) {
     let mass = spec.body.mass_kg;
     let inertia = spec.body.yaw_inertia_kgm2;
@@ -151,7 +151,8 @@ pub fn step_differential(spec: &VehicleSpec, motion: &mut Motion, load: &Load, d
     motion.yaw_rate_radps = turn;
 }
 
-/// Steps a vehicle that steers: both driven wheels by a differential, the turn by the curvature that is driven.
+/// Steps a vehicle with steering: the driven wheels are coupled by a differential, and the turn rate follows from the
+/// curvature.
 pub fn step_steered(
     spec: &VehicleSpec,
     motion: &mut Motion,
@@ -160,13 +161,13 @@ pub fn step_steered(
     curvature_per_m: f64,
     dt_s: f64,
 ) {
-    // To turn faster, the yaw inertia must be sped up with the mass.
+    // A change of speed also changes the turn rate, so the yaw inertia adds to the mass.
     let mass = spec.body.mass_kg + spec.body.yaw_inertia_kgm2 * curvature_per_m * curvature_per_m;
     let drive = match drive {
         Drive::Speeds([left, right]) => Drive::Speeds([0.5 * (left + right); 2]),
         other => other,
     };
-    // The axle as one wheel: a differential gives both the same force.
+    // The axle is one wheel, because the differential gives both wheels the same force.
     let rim_mps = 0.5 * (motion.rim_mps[0] + motion.rim_mps[1]);
     let [wanted_mps, force] = motor_goal(spec, drive, 0, rim_mps, dt_s);
     let grip_limit = (2.0 * load.grip_n[0].min(load.grip_n[1]) * dt_s).max(1e-9);
@@ -195,14 +196,14 @@ pub fn step_steered(
     motion.yaw_rate_radps = speed * curvature_per_m;
 }
 
-/// An impulse that brings a speed to 0 as far as its limit allows. `held` is what it has given so far.
+/// Applies an impulse that brings a speed to 0, up to its limit. `held` is the impulse applied so far.
 fn hold(speed: &mut f64, held: &mut f64, mass: f64, limit: f64) {
     let wanted = (*held - *speed * mass).clamp(-limit, limit);
     *speed += (wanted - *held) / mass;
     *held = wanted;
 }
 
-/// Slip of a wheel: 0 grips, 1 spins on the spot or is locked.
+/// Slip of a wheel: 0 is full grip, 1 spinning on the spot or locked.
 pub fn slip_of(rim_mps: f64, ground_mps: f64) -> f64 {
     let faster = rim_mps.abs().max(ground_mps.abs());
     if faster < NO_SLIP_MPS { 0.0 } else { ((rim_mps - ground_mps).abs() / faster).min(1.0) }

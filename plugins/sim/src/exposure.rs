@@ -1,6 +1,7 @@
-//! From what a camera sees to the image that its sensor gives: exposure, corners, noise.
+//! Sensor model of a camera: exposure, vignetting and noise of an image.
 //!
-//! Noise is a hash of the frame's key and the pixel, so that a strip of an image is the same whoever computes it.
+//! Noise is a hash of the frame's key and the pixel, so that a strip of an image does not depend on which thread
+//! computes it.
 
 use crate::spec::{CameraKind, CameraSpec};
 use rcs_scene::Class;
@@ -8,22 +9,22 @@ use rcs_scene::Class;
 /// Exposure of one camera in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exposure {
-    /// Brightness by what it should be.
+    /// Exposure gain, 1 = correct.
     pub gain: f64,
-    /// Of the noise; another one for each camera and frame.
+    /// Key of the noise, different for each camera and frame.
     pub key: u64,
 }
 
-/// What a sensor does to the light.
+/// Sensor model of a camera.
 #[derive(Clone, Debug)]
 pub struct Sensor {
     size: [usize; 2],
     vignette: f32,
-    /// Standard deviation by grey level.
+    /// Standard deviation of the noise by grey level.
     deviation: [f32; 256],
 }
 
-/// The sum of three numbers of 7 bits has this mean and this deviation.
+/// Mean and standard deviation of the sum of three uniform 7-bit numbers.
 const SUM_MEAN: f32 = 190.5;
 const SUM_DEVIATION: f32 = 63.998;
 
@@ -39,7 +40,8 @@ pub(crate) fn scrambled(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Nearly normal numbers for the three channels of a pixel, deviation 1: each the sum of three uniform ones.
+/// Approximately normal random numbers with deviation 1 for the three channels of a pixel, each the sum of three
+/// uniform numbers.
 fn channels(key: u64, pixel: u64) -> [f32; 3] {
     let bits = mixed(key, pixel);
     [0, 21, 42].map(|shift| {
@@ -50,14 +52,14 @@ fn channels(key: u64, pixel: u64) -> [f32; 3] {
 }
 
 impl Sensor {
-    /// The sensor of a camera for images of a size, pixels.
+    /// The sensor of a camera for images of this size, pixels.
     pub fn new(spec: &CameraSpec, size: [usize; 2]) -> Sensor {
         let (dark, white) = (spec.dark_noise as f32, spec.shot_noise as f32);
         let deviation = |level: usize| dark + (white - dark) * (level as f32 / 255.0).sqrt();
         Sensor { size, vignette: spec.vignette as f32, deviation: std::array::from_fn(deviation) }
     }
 
-    /// Exposes some rows in place, the first of them `first_row`: `CHANNELS` bytes a pixel, 1 or 3.
+    /// Exposes rows in place, starting with `first_row`; `CHANNELS` bytes per pixel, 1 or 3.
     pub fn expose<const CHANNELS: usize>(&self, exposure: &Exposure, first_row: usize, pixels: &mut [u8]) {
         let [width, height] = self.size.map(|side| side as f32);
         let middle = [0.5 * (width - 1.0), 0.5 * (height - 1.0)];
@@ -74,7 +76,7 @@ impl Sensor {
                 right += 1.0;
                 let noise = channels(exposure.key, counter);
                 for (value, noise) in pixel.iter_mut().zip(noise) {
-                    // A number that is too large for a byte becomes the largest one.
+                    // The conversion to a byte saturates.
                     let light = f32::from(*value) * gain;
                     *value = (light + noise * self.deviation[usize::from(light as u8)] + 0.5) as u8;
                 }
@@ -83,8 +85,8 @@ impl Sensor {
     }
 }
 
-/// The grey level of a thermal camera: living and sunlit things are warm, plants cool, the sky is cold; what a surface
-/// looks like adds its texture.
+/// Grey level in a thermal image: living and sunlit objects are warm, plants cool, the sky is cold; the brightness
+/// of a surface adds texture.
 pub fn thermal(class: u8, rgb: [u8; 3]) -> u8 {
     let warmth: i32 = match Class::from_code(class) {
         None | Some(Class::Sky) => 10,
@@ -99,7 +101,7 @@ pub fn thermal(class: u8, rgb: [u8; 3]) -> u8 {
     (warmth + (light - 110) / 8).clamp(0, 255) as u8
 }
 
-/// Bytes of a pixel of a camera's images, and their encoding.
+/// Bytes per pixel of a camera's images, and their encoding.
 pub fn encoding_of(kind: CameraKind) -> (usize, &'static str) {
     match kind {
         CameraKind::Stereo | CameraKind::Color => (3, "rgb8"),
@@ -134,7 +136,7 @@ mod tests {
             let mean = pixels.iter().sum::<f64>() / pixels.len() as f64;
             let variance = pixels.iter().map(|p| (p - mean) * (p - mean)).sum::<f64>() / pixels.len() as f64;
             assert!((mean - f64::from(level)).abs() < 0.1, "{mean}");
-            // Rounding to whole levels adds a twelfth.
+            // Rounding to whole levels adds a variance of 1/12.
             let got = (variance - 1.0 / 12.0).sqrt();
             assert!((got / expected - 1.0).abs() < 0.05, "level {level}: got {got}, expected {expected}");
         }

@@ -1,4 +1,4 @@
-//! The process `sim_ladar`: a scanning ladar of the vehicle.
+//! The process `sim_ladar`: point clouds of a simulated scanning ladar.
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
@@ -7,7 +7,8 @@
 //! | `ground_truth_class` | out | `foxglove.PointCloud` | the same points with the class of what they hit |
 //!
 //! Period 50 ms; sweeps at the rate of the vehicle file. A sweep is taken from one pose. Rays that hit nothing within
-//! range give no point. A ray may pass between stems: see the scene. Lines are cast on the pool; noise is drawn before.
+//! range give no point. A ray may pass between plant stems: see the scene crate. Lines are cast in parallel, with noise
+//! from a key per line.
 
 use crate::proto::SimLadarParams;
 use crate::scene::{Texts, check_world, read_vehicle, read_world};
@@ -25,7 +26,7 @@ use rcs_sense::{pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// State: when the last pose was.
+/// State: the time of the last pose.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct SimLadar {
     last: Option<Stamp>,
@@ -41,7 +42,7 @@ pub struct Ports {
     ground_truth_class: Out<PointCloud>,
 }
 
-/// What the parameters say.
+/// The parsed parameters.
 #[derive(Debug)]
 struct Scanner {
     texts: Texts,
@@ -50,7 +51,7 @@ struct Scanner {
     world: World,
 }
 
-/// A point of a sweep: place in the ladar's frame, remission, class.
+/// A point of a sweep: position in the ladar's frame, remission, class.
 type Point = ([f32; 3], f32, u8);
 
 impl Process for SimLadar {
@@ -133,7 +134,7 @@ impl SimLadar {
 }
 
 impl Scanner {
-    /// The ladar that the parameters ask for.
+    /// The ladar named by the parameters.
     fn ladar(params: &SimLadarParams) -> Result<LadarSpec, String> {
         let vehicle = read_vehicle(&params.vehicle)?;
         vehicle.ladar(&params.ladar).cloned().ok_or_else(|| {
@@ -156,7 +157,7 @@ impl Scanner {
     fn scan(&self, global_from_vehicle: &Pose, noise: bool, cx: &mut Cycle<'_>) -> Vec<Point> {
         let spec = &self.spec;
         let global_from_ladar = *global_from_vehicle * spec.mount.vehicle_from_sensor();
-        // One key for each line: what a line draws does not depend on what the others hit.
+        // One key per line, so that the noise of a line does not depend on the hits of other lines.
         let keys: Vec<u64> = (0..spec.lines).map(|_| cx.rng().next_u64()).collect();
         let lines = cx.pool().map(spec.lines as usize, |line| {
             let mut rng = LineNoise(keys[line]);
@@ -179,7 +180,7 @@ impl Scanner {
         lines.concat()
     }
 
-    /// The sweep as a message; 16 bytes a point.
+    /// The sweep as a message, 16 bytes per point.
     fn message(&self, points: &[Point], time: Stamp, classes: bool) -> PointCloud {
         let mut data = Vec::with_capacity(16 * points.len());
         for (place, remission, class) in points {
@@ -218,7 +219,7 @@ impl Scanner {
     }
 }
 
-/// How much of a ladar's light comes back, 0 to 1: plants reflect near infrared strongly, wet soil little.
+/// Share of the ladar's light that is reflected, 0 to 1: plants reflect near infrared strongly, wet soil weakly.
 fn remission(class: Class) -> f32 {
     match class {
         Class::Sky => 0.0,
@@ -231,7 +232,7 @@ fn remission(class: Class) -> f32 {
     }
 }
 
-/// The generator of a line's noise (`SplitMix64`).
+/// Random number generator for the noise of a line (`SplitMix64`).
 struct LineNoise(u64);
 
 impl RngCore for LineNoise {

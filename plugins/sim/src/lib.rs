@@ -1,4 +1,4 @@
-//! The simulated vehicle: its motion, its sensors, the ground truth, and the referee of a course.
+//! The simulated vehicle: its motion, its sensors, ground truth, and the referee of a course.
 //!
 //! # `sim_vehicle`
 //!
@@ -21,30 +21,44 @@
 //! | `ground_truth_map` | out | `foxglove.Grid` | ground height, height of its cover (m), class and blocked of the whole world |
 //! | `ground_truth_objects` | out | `rcs.GroundTruthObjects` | all things of the world, frame global |
 //!
-//! Period 10 ms, which is also the length of a step; the state that is sent is that of the cycle's time. Sensors are
-//! sent at the rates of the vehicle file. A command holds from the cycle that reads it. No commands beside the
-//! runtime's.
+//! Period 10 ms, which is also the time step; the state that is sent is that of the cycle's time. Sensors are sent at
+//! the rates of the vehicle file. A command takes effect in the cycle that reads it. No commands besides those of the
+//! runtime.
 //!
 //! # `sim_cameras`, `sim_ladar`
 //!
-//! A stereo pair or one camera, and a scanning ladar. Their port tables are in [`cameras_process`] and
+//! A stereo pair or a single camera, and a scanning ladar. Their port tables are in [`cameras_process`] and
 //! [`ladar_process`].
 //!
-//! # How it is made
+//! # Where to begin
 //!
-//! - [`spec`]: the vehicle file. Everything that distinguishes one vehicle from another is in it.
-//! - [`vehicle`], [`drive`], [`contact`]: the motion. [`terrain`] is what they ask of a world, [`scene`] answers it.
-//! - [`sensors`], [`exposure`]: what is measured, with its errors.
-//! - [`commands`]: which commands are obeyed. [`referee`]: how the run stands.
+//! - [`spec`]: the vehicle file, which contains everything that distinguishes one vehicle from another.
+//! - [`vehicle`], [`drive`], [`contact`]: the motion. [`terrain`] is the interface to a world, [`scene`] implements it.
+//! - [`sensors`], [`exposure`]: sensor models with their errors.
+//! - [`commands`]: which commands are obeyed. [`referee`]: the progress of a course.
 //!
-//! Where the vehicle differs from a real one, because nothing that drives it would notice: the frame does not bounce
-//! (heights of the wheels follow the ground as first-order systems), the bumper's blow does not turn the vehicle more
-//! than the contact's place asks for, and things do not move when they are hit.
+//! # Limits
 //!
-//! Frame `global` has its origin at the world's origin and the axes of the UTM grid there; heights are the ellipsoid's.
+//! This is a model for testing perception and control, not a rigid-body physics engine. The frame does not bounce
+//! (heights of the wheels follow the ground as first-order systems), the bumper's impact turns the vehicle only through
+//! the contact point, and objects do not move when they are hit.
 //!
-//! Commands that are not finite, faster than the vehicle's wheels can turn, stamped earlier than the one before, or
-//! older than `command_timeout_s` are faults and are not obeyed; without a sound and young command the vehicle brakes.
+//! Frame `global` has its origin at the world's origin and the axes of the UTM grid there; heights are above the
+//! ellipsoid.
+//!
+//! Commands that are not finite, exceed the speed of the wheels, are older than the previous one, or are older than
+//! `command_timeout_s` are faults and are not obeyed; without a valid recent command the vehicle brakes.
+//!
+//! # Example
+//!
+//! ```
+//! use rcs_sim::spec::VehicleSpec;
+//!
+//! let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/vehicles/lagr.toml");
+//! let spec = VehicleSpec::from_toml(&std::fs::read_to_string(file)?)?;
+//! assert!(spec.wheels.track_m > 0.0 && spec.steering.is_none(), "a differential drive");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 rcs_msg::messages!(
     /// Messages of this plugin alone, from `proto/`.

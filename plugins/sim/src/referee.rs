@@ -1,4 +1,5 @@
-//! How a run of a course stands: the referee sees the ground truth, and what it says is no secret.
+//! The referee of a course: reads ground truth, and publishes only outputs that a robot may use, such as time and
+//! distance.
 
 use crate::vehicle::{STEP_S, Vehicle};
 use glam::DVec2;
@@ -6,45 +7,45 @@ use rcs_msg::Stamp;
 use rcs_msg::rcs::{CourseOutcome, CourseRun};
 use serde::{Deserialize, Serialize};
 
-/// Slip above which time counts as slipping.
+/// Slip above this counts as slipping.
 const SLIPPING: f64 = 0.3;
-/// A bumper that is pressed again this soon after it was let go is the same hit, s.
+/// A bumper that is pressed again within this time after its release counts as the same hit, s.
 const SAME_HIT_S: f64 = 0.5;
 
-/// Where to go, and in what time.
+/// The goal of a course, and its time limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goal {
-    /// Frame `global`, m.
+    /// Position, frame `global`, m.
     pub at: DVec2,
-    /// Nearer than this, it has been reached, m.
+    /// Distance at which it is reached, m.
     pub radius_m: f64,
-    /// After this the run has failed, s.
+    /// Time after which the run has failed, s.
     pub time_limit_s: f64,
 }
 
-/// The count so far. It stands still once the run has ended.
+/// Results so far. They no longer change after the run has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Referee {
-    /// [`CourseOutcome`] as its number.
+    /// Number of the [`CourseOutcome`].
     outcome: i32,
-    /// Since the start, s.
+    /// Time since the start, s.
     pub time_s: f64,
-    /// Driven, m.
+    /// Distance driven, m.
     pub distance_m: f64,
-    /// To the goal in a straight line, m.
+    /// Straight-line distance to the goal, m.
     pub remaining_m: f64,
-    /// Contacts that were collisions.
+    /// Number of contacts that were collisions.
     pub collisions: u32,
-    /// Times that the bumper was pressed.
+    /// Number of bumper hits.
     pub bumper_hits: u32,
-    /// Time with slip, s.
+    /// Time spent slipping, s.
     pub slip_s: f64,
-    /// Time since the bumper was let go, s.
+    /// Time since the bumper was released, s.
     released_s: f64,
 }
 
 impl Referee {
-    /// Nothing has happened yet; the vehicle stands at its start.
+    /// Results at the start of a run.
     pub fn new(start: DVec2, goal: Option<&Goal>) -> Referee {
         Referee {
             outcome: CourseOutcome::CourseRunning.into(),
@@ -58,12 +59,12 @@ impl Referee {
         }
     }
 
-    /// How the run stands.
+    /// Outcome of the run.
     pub fn outcome(&self) -> CourseOutcome {
         CourseOutcome::try_from(self.outcome).unwrap_or(CourseOutcome::CourseRunning)
     }
 
-    /// Counts a step of the vehicle; `in_world` says whether it is still there.
+    /// Adds one step of the vehicle; `in_world` tells whether it is still inside of the world.
     pub fn watch(&mut self, vehicle: &Vehicle, goal: Option<&Goal>, in_world: bool) {
         if self.outcome() != CourseOutcome::CourseRunning {
             return;
@@ -93,7 +94,7 @@ impl Referee {
         self.outcome = outcome.into();
     }
 
-    /// The count as a message.
+    /// The results as a message.
     pub fn message(&self, course: &str, goal: Option<&Goal>, time: Stamp) -> CourseRun {
         CourseRun {
             timestamp: Some(time.to_proto()),

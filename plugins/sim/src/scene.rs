@@ -1,4 +1,4 @@
-//! The world as the dynamics see it, and everything that a process keeps of its parameters' texts.
+//! The world as the dynamics see it, and the caches of everything derived from parameter files.
 
 use crate::proto::SimVehicleParams;
 use crate::referee::Goal;
@@ -8,12 +8,12 @@ use glam::{DVec2, DVec3};
 use rcs_geom::{GeodesyError, Geodetic, Utm};
 use rcs_scene::{Course, Footprint, ThingKind, World};
 
-/// A simulated world; what the dynamics ask of it.
+/// A simulated world, with the queries of the dynamics.
 #[derive(Clone, Debug)]
 pub struct Scenery {
-    /// The world itself.
+    /// The world.
     pub world: World,
-    /// Where trees stand.
+    /// Positions of trees.
     trees: Vec<DVec2>,
 }
 
@@ -26,7 +26,7 @@ impl Scenery {
         Ok(Scenery { world, trees })
     }
 
-    /// The place on the earth of a point of the frame `global`, whose axes are those of the UTM grid.
+    /// The geodetic position of a point of the frame `global`, whose axes are those of the UTM grid.
     pub fn geodetic(&self, p_global: DVec3) -> Result<Geodetic, GeodesyError> {
         let Utm { zone, north, easting_m, northing_m } = self.world.origin();
         let place = Utm::new(zone, north, easting_m + p_global.x, northing_m + p_global.y)?.to_geodetic();
@@ -86,7 +86,7 @@ impl Terrain for Scenery {
     }
 }
 
-/// The texts of files that something was made of, to see whether they are still the same.
+/// Texts of the files from which something was built, to detect that they have changed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Texts(Vec<String>);
 
@@ -99,7 +99,7 @@ impl Texts {
         self.0.iter().map(String::as_str).eq(texts.iter().copied())
     }
 
-    /// Tells texts apart where the texts themselves are too long to be kept: FNV-1a, each text with its length.
+    /// Fingerprint of texts that are too long to be kept: FNV-1a over each text and its length.
     pub(crate) fn fingerprint(texts: &[&str]) -> u64 {
         let mix = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
         texts.iter().fold(0xcbf2_9ce4_8422_2325, |hash, text| {
@@ -117,13 +117,13 @@ pub(crate) fn read_vehicle(text: &str) -> Result<VehicleSpec, String> {
     VehicleSpec::from_toml(text).map_err(|error| format!("vehicle: {error}"))
 }
 
-/// Reads and computes a world.
+/// Parses a world file and computes the world.
 pub(crate) fn read_world(text: &str) -> Result<World, String> {
     check_world(text)?;
     World::from_toml(text).map_err(|error| format!("world: {error}"))
 }
 
-/// Reads a world file and computes nothing: its origin and its corners.
+/// Parses a world file without computing the world: its origin and its corners.
 pub(crate) fn check_world(text: &str) -> Result<(Utm, [DVec2; 2]), String> {
     if text.is_empty() {
         return Err("world is missing, expected the text of a world file".to_owned());
@@ -131,10 +131,10 @@ pub(crate) fn check_world(text: &str) -> Result<(Utm, [DVec2; 2]), String> {
     World::check(text).map_err(|error| format!("world: {error}"))
 }
 
-/// Where a run starts and where it shall go.
+/// Start and goal of a run.
 #[derive(Clone, Debug)]
 pub(crate) struct Route {
-    /// Name of the course; empty for none.
+    /// Name of the course; empty without one.
     pub(crate) course: String,
     pub(crate) start: DVec2,
     pub(crate) start_yaw_rad: f64,
@@ -173,7 +173,7 @@ impl Route {
     }
 }
 
-/// What `sim_vehicle` makes of its parameters.
+/// Everything that `sim_vehicle` derives from its parameters.
 #[derive(Clone, Debug)]
 pub(crate) struct Stage {
     texts: Texts,
@@ -183,14 +183,14 @@ pub(crate) struct Stage {
 }
 
 impl Stage {
-    /// Says what is wrong with the texts, without computing a world.
+    /// Returns what is wrong with the texts, without computing a world.
     pub(crate) fn check(params: &SimVehicleParams) -> Result<(), String> {
         read_vehicle(&params.vehicle)?;
         let (origin, bounds) = check_world(&params.world)?;
         Route::new(params, &origin, bounds).map(|_| ())
     }
 
-    /// Reads the texts and computes the world.
+    /// Parses the texts and computes the world.
     pub(crate) fn new(params: &SimVehicleParams) -> Result<Stage, String> {
         let spec = read_vehicle(&params.vehicle)?;
         let scenery = Scenery::from_toml(&params.world)?;
@@ -199,12 +199,12 @@ impl Stage {
         Ok(Stage { texts, spec, scenery, route })
     }
 
-    /// Whether it was made of these texts.
+    /// Whether it was built from these texts.
     pub(crate) fn is_of(&self, params: &SimVehicleParams) -> bool {
         self.texts.are(&[&params.world, &params.vehicle, &params.course])
     }
 
-    /// Tells these texts from others.
+    /// Fingerprint of these texts.
     pub(crate) fn fingerprint(params: &SimVehicleParams) -> u64 {
         Texts::fingerprint(&[&params.world, &params.vehicle, &params.course])
     }

@@ -1,62 +1,62 @@
-//! What the dynamics ask of a world, so that they can be tested on a plane.
+//! The interface of the dynamics to a world, so that they can be tested on a plane.
 
 use glam::{DVec2, DVec3};
 
-/// The ground at a place.
+/// The ground at a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
-    /// Above the world's origin, m.
+    /// Height above the world's origin, m.
     pub height_m: f64,
-    /// Highest force along the ground by the force onto it.
+    /// Traction coefficient: maximum force along the ground per normal force.
     pub traction: f64,
-    /// Force against rolling by weight.
+    /// Rolling resistance: force per weight.
     pub rolling_resistance: f64,
-    /// Force with which plants hold a vehicle back, by its weight.
+    /// Resistance of plants: force per weight of the vehicle.
     pub plant_drag: f64,
 }
 
-/// A thing that reaches into a box.
+/// Overlap of an object with a box.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Touch {
-    /// Its number.
+    /// Number of the object.
     pub thing: u32,
-    /// Where, in the frame `global`, m.
+    /// Position of the contact, frame `global`, m.
     pub point: DVec3,
-    /// Out of the thing, level, of length 1.
+    /// Horizontal unit normal, pointing out of the object.
     pub normal: DVec2,
-    /// How far it reaches in, m.
+    /// Depth of the overlap, m.
     pub depth_m: f64,
 }
 
-/// A box that stands upright: level rectangle, and from which height to which.
+/// An upright box: a horizontal rectangle and a range of heights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UprightBox {
-    /// Its middle, m.
+    /// Centre, m.
     pub centre: DVec2,
-    /// Half its extent along `yaw_rad` and across, m.
+    /// Half of the extents along `yaw_rad` and perpendicular to it, m.
     pub half: DVec2,
-    /// Direction of its first side, counter-clockwise from east.
+    /// Direction of its first side, rad counter-clockwise from east.
     pub yaw_rad: f64,
     /// Lowest and highest height, m.
     pub z_m: [f64; 2],
 }
 
-/// A world as the vehicle's dynamics and simple sensors know it. Frame `global`, metres.
+/// A world as seen by the dynamics and the simple sensors. Frame `global`, metres.
 pub trait Terrain {
-    /// The ground below a place.
+    /// The ground at a position.
     fn patch(&self, at: DVec2) -> Patch;
-    /// Its height alone.
+    /// The height of the ground only.
     fn height_m(&self, at: DVec2) -> f64 {
         self.patch(at).height_m
     }
-    /// What reaches into a box.
+    /// Overlaps of objects with a box.
     fn touching(&self, body: &UprightBox) -> Vec<Touch>;
-    /// Distance to what a ray meets first, m.
+    /// Distance to the first object or ground that a ray hits, m.
     fn range_m(&self, origin: DVec3, direction: DVec3, max_m: f64) -> Option<f64>;
-    /// How many trees stand within a distance.
+    /// Number of trees within a radius.
     fn trees_near(&self, at: DVec2, radius_m: f64) -> usize;
-    /// Whether a place belongs to the world.
+    /// Whether a position lies within the world.
     fn contains(&self, at: DVec2) -> bool;
-    /// Kind of a thing: tree, boulder, person, ….
+    /// Kind of an object: tree, boulder, person, ….
     fn kind(&self, thing: u32) -> &str;
 }

@@ -1,4 +1,4 @@
-//! The ground truth as messages: the whole world in cells, its things, the vehicle's state.
+//! Ground-truth messages: the whole world in cells, its objects, and the state of the vehicle.
 
 use crate::contact::Contact;
 use crate::scene::Scenery;
@@ -13,10 +13,10 @@ use rcs_runtime::Pool;
 use rcs_scene::TRUTH_CELL_M;
 use rcs_sense::pose_message;
 
-/// Bytes of a cell: height (f32), cover (f32), class (u8), blocked (u8), and two to fill up.
+/// Bytes per cell: height (f32), cover (f32), class (u8), blocked (u8), and two bytes of padding.
 const CELL_BYTES: usize = 12;
 
-/// The cells of the whole world as they lie in a grid message: row 0 is the southernmost.
+/// The cells of the whole world in the layout of a grid message: row 0 is the southernmost.
 pub(crate) fn map_cells(scenery: &Scenery, pool: &Pool) -> Bytes {
     let world = &scenery.world;
     let [columns, rows] = world.truth_size();
@@ -33,7 +33,7 @@ pub(crate) fn map_cells(scenery: &Scenery, pool: &Pool) -> Bytes {
     data.into()
 }
 
-/// The map message of these cells.
+/// The map message with these cells.
 pub(crate) fn map_message(scenery: &Scenery, cells: &Bytes, time: Stamp) -> Grid {
     let low = scenery.world.bounds_m()[0];
     let [columns, _] = scenery.world.truth_size();
@@ -63,7 +63,7 @@ pub(crate) fn map_message(scenery: &Scenery, cells: &Bytes, time: Stamp) -> Grid
     }
 }
 
-/// All things of the world.
+/// All objects of the world.
 pub(crate) fn things_message(scenery: &Scenery, time: Stamp) -> GroundTruthObjects {
     let thing = |thing: &rcs_scene::Thing| GroundTruthObject {
         number: thing.number,
@@ -78,7 +78,7 @@ pub(crate) fn things_message(scenery: &Scenery, time: Stamp) -> GroundTruthObjec
     }
 }
 
-/// The vehicle's state.
+/// The state of the vehicle.
 pub(crate) fn state_message(
     vehicle: &Vehicle,
     terrain: &impl Terrain,

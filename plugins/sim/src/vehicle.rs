@@ -1,8 +1,9 @@
-//! The vehicle on the ground: one step of its motion, its attitude and what it touches.
+//! The vehicle on the ground: one step of its motion, its attitude and its contacts.
 //!
-//! Wheels follow the ground as circles (an edge is rolled over, a step that is too high stops the wheel); heights of
-//! the wheels give height, roll and pitch. Along the ground: [`crate::drive`]. Across it: up to the limit of traction
-//! the vehicle drifts sideways in proportion to its speed and the side force; past it, it slides.
+//! Wheels follow the ground as circles (they roll over an edge, and a step that is too high stops them); the heights of
+//! the wheels determine height, roll and pitch. Motion along the vehicle: [`crate::drive`]. Motion across it: below the
+//! limit of traction the vehicle drifts sideways in proportion to its speed and the side force; above the limit it
+//! slides.
 
 use crate::contact::{Contact, Contacts};
 use crate::drive::{Drive, Load, Motion, slip_of, step_differential, step_steered};
@@ -17,15 +18,15 @@ use std::collections::VecDeque;
 pub const STEP_S: f64 = 0.01;
 /// Length of a step, ns.
 pub const STEP_NS: u64 = 10_000_000;
-/// The drive is stepped more finely.
+/// Substeps of the drive per step.
 const DRIVE_STEPS: usize = 2;
-/// m/s².
+/// Gravity, m/s².
 pub const GRAVITY_MPS2: f64 = 9.81;
 
 /// State of the simulated vehicle. Frame `global`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Vehicle {
-    /// Place of its origin and direction.
+    /// Position of its origin.
     at: DVec2,
     yaw_rad: f64,
     /// Speeds and wheels.
@@ -34,51 +35,51 @@ pub struct Vehicle {
     pub side_mps: f64,
     /// Slip of the driven wheels, left and right.
     pub slip: [f64; 2],
-    /// Heights of the left and right driven wheel and of the other axle, m.
+    /// Heights of the left driven wheel, the right driven wheel and the other axle, m.
     heights_m: [f64; 3],
-    /// What the driven wheels have turned, m.
+    /// Distances rolled by the driven wheels, m.
     pub rolled_m: [f64; 2],
-    /// What the vehicle has gone, m.
+    /// Distance travelled by the vehicle, m.
     pub distance_m: f64,
     /// `global_from_vehicle`.
     pub pose: Pose,
-    /// Speed of its origin in the frame `global`, m/s.
+    /// Velocity of its origin in the frame `global`, m/s.
     velocity: DVec3,
-    /// What ideal gyros and accelerometers measure: rad/s and m/s², vehicle axes.
+    /// Ideal readings of gyros and accelerometers: rad/s and m/s², vehicle axes.
     pub turn_radps: DVec3,
     /// See `turn_radps`.
     pub force_mps2: DVec3,
-    /// Curvature that the steered wheels stand for, 1/m.
+    /// Curvature given by the steered wheels, 1/m.
     pub curvature_per_m: f64,
-    /// Commanded curvatures that have not reached the wheels, oldest first.
+    /// Commanded curvatures within the dead time of the steering, oldest first.
     delayed: VecDeque<f64>,
-    /// What it touches.
+    /// Contacts with objects.
     pub contacts: Contacts,
-    /// It leaned too far and lies.
+    /// Whether the vehicle has tipped over.
     pub turned_over: bool,
 }
 
-/// What the driver wants during a step.
+/// The command during a step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DriveCommand {
-    /// Wheels.
+    /// Command to the wheels.
     pub drive: Drive,
-    /// Of vehicles that steer, 1/m, positive to the left.
+    /// Curvature for vehicles with steering, 1/m, positive to the left.
     pub curvature_per_m: f64,
 }
 
-/// Heights and grounds under the wheels.
+/// Heights and surfaces under the wheels.
 struct GroundContact {
     heights_m: [f64; 3],
     traction: [f64; 2],
     rolling: f64,
     plant_drag: f64,
-    /// A wheel stands before a step that it cannot climb.
+    /// Whether a wheel is blocked by a step that it cannot climb.
     blocked: bool,
 }
 
 impl Vehicle {
-    /// Stands at a place.
+    /// A vehicle that stands at a position.
     pub fn new(spec: &VehicleSpec, terrain: &impl Terrain, at: DVec2, yaw_rad: f64) -> Vehicle {
         let mut vehicle = Vehicle {
             at,
@@ -104,7 +105,7 @@ impl Vehicle {
         vehicle
     }
 
-    /// One step of [`STEP_S`]. `traction_scale` multiplies the traction of every surface.
+    /// Advances by one step of [`STEP_S`]. `traction_scale` multiplies the traction of every surface.
     pub fn step(
         &mut self,
         spec: &VehicleSpec,
@@ -139,17 +140,17 @@ impl Vehicle {
         self.feel(&before, velocity_before);
     }
 
-    /// Place of the vehicle's origin on the map.
+    /// Horizontal position of the vehicle's origin.
     pub fn at(&self) -> DVec2 {
         self.at
     }
 
-    /// Contacts that have begun during the last step.
+    /// Contacts that began during the last step.
     pub fn new_contacts(&self) -> impl Iterator<Item = &Contact> {
         self.contacts.list().iter().filter(|contact| contact.steps == 0)
     }
 
-    /// Unit vectors ahead and to the left, level.
+    /// Horizontal unit vectors ahead and to the left.
     fn axes(&self) -> [DVec2; 2] {
         let (sin, cos) = libm::sincos(self.yaw_rad);
         [DVec2::new(cos, sin), DVec2::new(-sin, cos)]
@@ -159,7 +160,7 @@ impl Vehicle {
         let wheels = &spec.wheels;
         let [ahead, left] = self.axes();
         let reach = 0.7 * wheels.radius_m;
-        // A circle's lower edge at ±0.7 of its radius is this much above its lowest point.
+        // At ±0.7 of its radius, the lower edge of a circle is this far above its lowest point.
         let rise = wheels.radius_m * (1.0 - (1.0_f64 - 0.49).sqrt());
         let direction = if self.motion.speed_mps < 0.0 { -1.0 } else { 1.0 };
         let mut blocked = false;
@@ -185,7 +186,7 @@ impl Vehicle {
         }
     }
 
-    /// Wheels follow the ground with the give of tyres and frame.
+    /// The wheels follow the ground with the compliance of tyres and frame.
     fn settle(&mut self, spec: &VehicleSpec, ground_contact: &GroundContact) {
         let part = STEP_S / (spec.body.settle_s + STEP_S);
         for (height, ground) in self.heights_m.iter_mut().zip(ground_contact.heights_m) {
@@ -194,7 +195,7 @@ impl Vehicle {
         self.pose = self.pose_on(spec);
     }
 
-    /// The pose that follows from place, direction and heights of the wheels.
+    /// The pose from position, direction and heights of the wheels.
     fn pose_on(&self, spec: &VehicleSpec) -> Pose {
         let [left, right, other] = self.heights_m;
         let middle = 0.5 * (left + right);
@@ -204,7 +205,7 @@ impl Vehicle {
         Pose::from_rpy(self.at.extend(middle), roll, pitch, self.yaw_rad)
     }
 
-    /// Steering follows its command after a delay, as a first-order system (Wellington 2005, A.4).
+    /// The steering follows its command after a dead time, as a first-order system (Wellington 2005, A.4).
     fn steer(&mut self, spec: &VehicleSpec, curvature_per_m: f64) {
         let Some(steering) = &spec.steering else { return };
         let limit = steering.max_curvature_per_m;
@@ -218,7 +219,7 @@ impl Vehicle {
         }
     }
 
-    /// Sideways motion; answers the highest forces that the driven wheels have left for driving, N.
+    /// Computes sideways motion; returns the maximum forces that remain for driving, N.
     fn slide(
         &mut self,
         spec: &VehicleSpec,
@@ -242,7 +243,7 @@ impl Vehicle {
         }
         let left_over = (1.0 - share * share).max(0.09).sqrt();
         let weight = spec.body.mass_kg * GRAVITY_MPS2 * upright * spec.wheels.driven_load;
-        // Leaning moves the weight to the lower wheel.
+        // Roll moves weight to the lower wheel.
         let lean = spec.body.centre_height_m * libm::tan(roll) / spec.wheels.track_m;
         let grip = |part: f64, traction: f64| part.clamp(0.0, 1.0) * weight * traction * left_over;
         [grip(0.5 - lean, traction[0]), grip(0.5 + lean, traction[1])]
@@ -267,7 +268,7 @@ impl Vehicle {
             grip_n,
             push_n: weight * libm::sin(pitch) - self.contacts.spring_n(),
             hold_n: rolling + plants,
-            // Plants on both sides of the body hold a turn with half its half width as the arm.
+            // Plants on both sides of the body resist a turn with a lever arm of a quarter of its width.
             hold_nm: spec.wheels.scrub_nm + 0.25 * plants * spec.body.width_m,
         };
         let drive = match drive {
@@ -295,7 +296,7 @@ impl Vehicle {
         }
     }
 
-    /// The front wheels hold the turn up to the limit of traction; faster, the vehicle turns less.
+    /// The front wheels can hold a turn up to the limit of traction; beyond it, the vehicle turns less (understeer).
     fn driven_curvature(&self, ground_contact: &GroundContact, grip_n: [f64; 2]) -> f64 {
         let limit = 0.5 * (ground_contact.traction[0] + ground_contact.traction[1]) * GRAVITY_MPS2;
         let held = limit / (self.motion.speed_mps * self.motion.speed_mps).max(1e-3);
@@ -311,14 +312,14 @@ impl Vehicle {
         self.distance_m += DVec2::new(level, self.side_mps).length() * STEP_S;
     }
 
-    /// What ideal inertial sensors at the vehicle's origin measure.
+    /// Readings of ideal inertial sensors at the vehicle's origin.
     fn feel(&mut self, before: &Pose, velocity_before: DVec3) {
         self.velocity = (self.pose.translation - before.translation) / STEP_S;
         let acceleration = (self.velocity - velocity_before) / STEP_S + DVec3::Z * GRAVITY_MPS2;
         let vehicle_from_global = self.pose.rotation.conjugate();
         self.force_mps2 = vehicle_from_global * acceleration;
         let turn = before.rotation.conjugate() * self.pose.rotation;
-        // For the small turn of a step the vector part is half the angle.
+        // For the small rotation of one step, the vector part of the quaternion is half of the angle.
         self.turn_radps = turn.xyz() * (2.0 * turn.w.signum() / STEP_S);
     }
 }

@@ -27,21 +27,22 @@ use rcs_sense::pose_message;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Transforms and the goal, 1/s.
+/// Rate of static transforms and goal, 1/s.
 const STATIC_HZ: f64 = 1.0;
-/// The referee, 1/s.
+/// Rate of the referee's message, 1/s.
 const RUN_HZ: f64 = 5.0;
-/// A run that fell behind by more steps than this does not catch up: the time is skipped.
+/// Maximum number of steps to catch up in one cycle; if more are missing, the time is skipped.
 const MOST_STEPS: u64 = 100;
 
-/// State: the vehicle, its sensors' errors, the command that it obeys, and the referee's count.
+/// State: the vehicle, the errors of its sensors, the active command, and the referee's results.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct SimVehicle {
-    /// Made at the first cycle.
+    /// Created in the first cycle.
     run: Option<Run>,
-    /// Of which texts the run is. Kept with it, so that one that goes on from disk ends with its world, too.
+    /// Fingerprint of the texts from which the run was created. Saved with it, so that a run restored from disk also
+    /// restarts when its world changes.
     texts: Option<u64>,
-    /// What the parameters' texts say; made again where it is absent or they have changed.
+    /// Derived from the parameters' texts; computed again where it is missing or they have changed.
     #[serde(skip)]
     stage: Option<Arc<Stage>>,
     /// Cells of the true map.
@@ -49,11 +50,11 @@ pub struct SimVehicle {
     map: Option<Bytes>,
 }
 
-/// What goes on.
+/// State of a run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Run {
     start: Stamp,
-    /// Steps that have been done since the start.
+    /// Number of steps since the start.
     steps: u64,
     vehicle: Vehicle,
     commands: Commands,
@@ -198,7 +199,7 @@ impl Process for SimVehicle {
 }
 
 impl SimVehicle {
-    /// What the texts say. A world, a vehicle or a course that has changed starts the run anew.
+    /// Derives the stage from the texts. A change of world, vehicle or course restarts the run.
     fn stage(&mut self, params: &SimVehicleParams) -> Result<Arc<Stage>, String> {
         if let Some(stage) = self.stage.as_ref().filter(|stage| stage.is_of(params)) {
             return Ok(Arc::clone(stage));
@@ -215,7 +216,7 @@ impl SimVehicle {
     }
 }
 
-/// The last cycle and this one, ns since the start.
+/// Times of the previous cycle and of this one, ns since the start.
 struct Times {
     before_ns: u64,
     now_ns: u64,
@@ -227,7 +228,7 @@ impl Times {
         self.is_first || is_due(self.before_ns, self.now_ns, rate_hz)
     }
 
-    /// The same for a period, s; 0 is the first cycle alone.
+    /// Whether a period, s, is due; a period of 0 is due only in the first cycle.
     fn due_every(&self, period_s: f64) -> bool {
         self.is_first || period_s > 0.0 && is_due(self.before_ns, self.now_ns, 1.0 / period_s)
     }
@@ -249,12 +250,12 @@ impl Run {
         }
     }
 
-    /// The time of the state.
+    /// Time of the state.
     fn time(&self) -> Stamp {
         self.start.after_ns(self.steps * STEP_NS)
     }
 
-    /// Steps the vehicle up to a time, by the commands that came before.
+    /// Advances the vehicle up to a time with the commands received so far.
     fn catch_up(&mut self, stage: &Stage, params: &SimVehicleParams, now: Stamp, cx: &mut Cycle<'_>) {
         let wanted = now.0.saturating_sub(self.start.0) / STEP_NS;
         let mut missing = wanted.saturating_sub(self.steps);
@@ -288,7 +289,7 @@ impl Run {
         }
     }
 
-    /// The simple sensors.
+    /// Simulates the simple sensors.
     fn sense(
         &mut self,
         stage: &Stage,
@@ -365,13 +366,13 @@ impl Run {
         }
     }
 
-    /// Currents: the force at the rim, and what a turning motor takes by itself.
+    /// Motor currents: for the force at the rim, plus the no-load current of a turning motor.
     fn currents(&self, spec: &VehicleSpec, brakes: bool, noise: bool, cx: &mut Cycle<'_>) -> [f64; 2] {
         let motion = &self.vehicle.motion;
         [0, 1].map(|side: usize| {
             let drawn = if noise { spec.motors.noise_a * normal(cx.rng()) } else { 0.0 };
             if brakes {
-                // Brakes hold without current.
+                // Brakes hold without motor current.
                 return drawn;
             }
             let idle = if motion.rim_mps[side].abs() > 0.01 { spec.motors.idle_current_a } else { 0.0 };
@@ -418,7 +419,7 @@ impl Run {
         };
         let fix = self.gps.measure(spec, antenna, trees, switches, cx.rng());
         let Some(fix) = fix.filter(|_| !params.gps_off) else { return };
-        // A place that has no coordinates on the earth gives no fix, as with a real receiver.
+        // A position without geodetic coordinates gives no fix, as with a real receiver.
         let Ok(place) = stage.scenery.geodetic(fix.position) else { return };
         let v = fix.variances;
         let message = LocationFix {
@@ -434,7 +435,7 @@ impl Run {
         cx.write(&ports.gps, time, message);
     }
 
-    /// What the simulation itself says: places of sensors, goal, referee, ground truth.
+    /// Sends the outputs of the simulation itself: sensor poses, goal, referee, ground truth.
     fn tell(&self, stage: &Stage, times: &Times, ports: &Ports, cx: &mut Cycle<'_>) {
         let time = self.time();
         if times.due(STATIC_HZ) {
@@ -474,7 +475,7 @@ impl Run {
     }
 }
 
-/// The frame of every sensor in the frame `vehicle`.
+/// The pose of every sensor in the frame `vehicle`.
 fn sensor_transforms(spec: &VehicleSpec, time: Stamp) -> FrameTransforms {
     let transform = |child: String, pose: Pose| {
         let (p, q) = (pose.translation, pose.rotation);

@@ -1,4 +1,4 @@
-//! What the referee counts, and when a run has ended.
+//! Results of the referee, and when a run ends.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 

@@ -1,4 +1,4 @@
-//! Whole runs: what is refused, what is sent, and that the same run gives the same bits.
+//! Whole runs: refused input, outputs, and bit-identical repetition.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -27,7 +27,7 @@ fn it_drives_by_commands_and_brakes_when_they_stop_coming() {
     assert_eq!(bench.faults("vehicle").0, 0, "silence is no bad input");
 }
 
-/// Drives, sends one bad command, and says what became of it.
+/// Drives, sends one invalid command, and returns its fault.
 fn refused(send: impl FnOnce(&mut Bench)) -> (Bench, String) {
     let mut bench = Bench::start(STACK, &Files::default(), &quiet());
     bench.drive(0.8, 0.8, 1500);
@@ -113,7 +113,7 @@ fn every_sensor_is_sent_at_its_rate() {
     ] {
         assert_eq!(count(&format!("/vehicle/{buffer}")), expected, "{buffer}");
     }
-    // The eleventh is being drawn: a camera shows it 40 ms later.
+    // The eleventh image is being rendered: the camera sends it 40 ms later.
     for buffer in [
         "left",
         "right",
@@ -172,7 +172,7 @@ fn positions_are_on_the_earth_where_the_world_lies() {
     let fix: LocationFix = bench.latest("/vehicle/gps");
     let place = rcs_geom::Geodetic::new(fix.latitude, fix.longitude, fix.altitude).unwrap();
     let utm = rcs_geom::Utm::from_geodetic(&place).unwrap();
-    // The antenna is above the start, which leans a little.
+    // The antenna is above the start, which is slightly inclined.
     assert!((utm.easting_m - 500_005.0).abs() < 0.2 && (utm.northing_m - 5_400_010.0).abs() < 0.2, "{utm:?}");
     assert_eq!(fix.position_covariance[0], 1.5 * 1.5);
     let off = Bench::start(STACK, &Files::default(), &[("vehicle.gps_off", "true")]);
@@ -202,7 +202,7 @@ fn pictures_have_the_size_of_the_vehicle_file_or_of_the_parameters() {
     assert_eq!(large.d, [0.0; 5]);
 }
 
-/// A run that drives by itself: the bits of everything that was sent.
+/// Hash of all messages of a run that drives by itself.
 fn driven(threads: usize, snapshot_ms: Option<u64>) -> Option<String> {
     let mut bench = Bench::with_threads(STACK, &Files::default(), &[], threads);
     let steps = [(0.5, 0.9, 500), (1.2, 1.2, 400), (-0.4, 0.4, 200), (1.3, 1.3, 300)];
@@ -210,7 +210,7 @@ fn driven(threads: usize, snapshot_ms: Option<u64>) -> Option<String> {
         bench.drive(left, right, ms);
     }
     if let Some(ms) = snapshot_ms {
-        // Back, and forth again: the session restores a snapshot and does the operator's writes again.
+        // Back and forward again: the session restores a snapshot and repeats the operator's writes.
         bench.session.go_to_time(rcs_msg::Stamp(ms * 1_000_000), &Task::default()).unwrap();
         let end = rcs_msg::Stamp(bench.now_ms * 1_000_000 + 5_000_000);
         bench.session.forward_until(end, &Task::default()).unwrap();
@@ -247,7 +247,7 @@ fn a_run_goes_on_from_a_snapshot_on_disk_with_the_same_bits() {
     assert_eq!(second.summary().hash, whole.summary().hash);
 }
 
-/// Says how files with one change are refused.
+/// Expects that files with one change are refused with this text.
 fn check(change: impl FnOnce(&mut Files), expected: &str) {
     let mut files = Files::default();
     change(&mut files);

@@ -1,4 +1,4 @@
-//! The simple sensors against what the vehicle file says.
+//! The simple sensors compared with their parameters in the vehicle file.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 

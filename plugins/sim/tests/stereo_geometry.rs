@@ -1,4 +1,4 @@
-//! The geometry of a stereo pair: what the calibration says is what the cameras see.
+//! Geometry of a stereo pair: the rendered images agree with the calibration.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -40,7 +40,7 @@ fn pair() -> (World, CameraSpec, [Pose; 2]) {
     (world, spec, poses)
 }
 
-/// Pixels of the left view with what they see: column, row, point in the left camera's frame.
+/// Pixels of the left view and the points that they show: column, row, point in the left camera's frame.
 fn points<'a>(lens: &'a PinholeCamera, view: &'a View) -> impl Iterator<Item = (DVec2, DVec3)> + 'a {
     view.depth_m.iter().enumerate().filter(|(_, depth)| depth.is_finite()).map(|(at, &depth)| {
         let pixel = DVec2::new((at % lens.width as usize) as f64, (at / lens.width as usize) as f64);
@@ -83,7 +83,7 @@ fn a_point_that_both_cameras_see_has_the_same_place_and_class_in_both() {
             continue;
         }
         seen += 1;
-        // Half a pixel of level ground far ahead is a long way.
+        // Far ahead, half a pixel of level ground covers a long distance.
         let tolerance = 0.02 + 0.01 * p_left.z * p_left.z;
         if (depth_m - p_right.z).abs() < tolerance {
             let own = left.class[pixel.y as usize * lens.width as usize + pixel.x as usize];
@@ -128,7 +128,7 @@ fn the_ground_ahead_and_the_sky_are_in_the_image_and_it_has_texture_to_match() {
         share(Class::Dirt),
         share(Class::Sky)
     );
-    // Of the ground's pixels: grey levels differ from their neighbours'.
+    // Only pixels of the ground: their grey levels differ from their neighbours'.
     let grey = |at: usize| i32::from(view.rgb[3 * at + 1]);
     let ground: Vec<usize> =
         (0..view.class.len() - 1).filter(|&at| view.class[at] == Class::Dirt.code()).collect();

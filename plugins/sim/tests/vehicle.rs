@@ -1,4 +1,4 @@
-//! The vehicle's motion against what its file says, and as golden traces.
+//! Motion of the vehicle: compared with its file, and as golden traces.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -56,7 +56,7 @@ const COLUMNS: [&str; 12] = [
 ];
 
 fn record(trace: &mut Trace, t: f64, vehicle: &Vehicle) {
-    // Ten rows a second are enough to see a change.
+    // Ten rows per second suffice to show a change.
     if ((t / STEP_S).round() as usize).is_multiple_of(10) {
         let [roll, pitch, _] = vehicle.pose.rpy();
         let p = vehicle.pose.translation;
@@ -169,7 +169,7 @@ fn one_side_of_the_bumper_presses_its_own_switch() {
     }
 }
 
-/// Drives onto a post and says whether that is a collision.
+/// Drives into a post; returns whether that is a collision.
 fn collides(post: DVec2, drive: [f64; 2], person: bool) -> bool {
     let plane = Plane { posts: vec![(post, 0.06)], person, ..Plane::default() };
     let mut drives = Drives::new(lagr(), plane, 0.0);

@@ -1,4 +1,4 @@
-//! Position receiver: white noise, a slow drift, outliers, dropouts, and trees that make all of it worse.
+//! Position receiver: white noise, slow drift, outliers, dropouts; trees make all of them worse.
 
 use super::{normal, uniform};
 use crate::spec::GpsSpec;
@@ -9,44 +9,44 @@ use serde::{Deserialize, Serialize};
 /// State of the receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Gps {
-    /// Slow error now, m.
+    /// Current slow error, m.
     drift: DVec3,
-    /// What remains of a dropout, s.
+    /// Remaining time of the current dropout, s.
     dropout_s: f64,
 }
 
-/// What is switched on.
+/// Which errors are simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GpsSwitches {
     /// White noise and drift.
     pub noise: bool,
-    /// Fixes that are far off.
+    /// Fixes with large errors.
     pub outliers: bool,
-    /// Times without fixes.
+    /// Periods without fixes.
     pub dropouts: bool,
 }
 
-/// A position that the receiver gives.
+/// A position fix of the receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GpsFix {
-    /// Of the antenna, frame `global`, m.
+    /// Position of the antenna, frame `global`, m.
     pub position: DVec3,
-    /// Variances that the receiver states, east, north and up, m².
+    /// Variances stated by the receiver, east, north and up, m².
     pub variances: DVec3,
 }
 
-/// Most trees that count.
+/// Maximum number of trees that have an effect.
 const MOST_TREES: usize = 4;
 
 impl Gps {
-    /// Draws the slow error at the start.
+    /// Draws the initial slow error.
     pub fn new(spec: &GpsSpec, rng: &mut impl RngCore) -> Gps {
         Gps { drift: normals(spec, rng) * spec.drift_m, dropout_s: 0.0 }
     }
 
-    /// One reading, `1 / rate_hz` after the last one, with so many trees near; `None` during a dropout.
+    /// One reading, `1 / rate_hz` after the previous one, with this number of trees nearby; `None` during a dropout.
     ///
-    /// The same numbers are drawn whatever is switched on, so that a switch changes nothing but its own effect.
+    /// The same random numbers are drawn whatever is switched on, so that a switch affects nothing but its own error.
     pub fn measure(
         &mut self,
         spec: &GpsSpec,

@@ -1,4 +1,4 @@
-//! Gyros, accelerometers, and the attitude that they and a compass give.
+//! Gyros, accelerometers, and the attitude derived from them and a compass.
 
 use super::normal;
 use crate::spec::InertialSpec;
@@ -7,8 +7,8 @@ use rand_core::RngCore;
 use rcs_geom::Pose;
 use serde::{Deserialize, Serialize};
 
-/// Standard deviation of roll and pitch that the sensor states: they follow from the accelerometers alone, so every
-/// acceleration of the vehicle is in them, rad.
+/// Standard deviation of roll and pitch stated by the sensor, rad: they come from the accelerometers alone, so every
+/// acceleration of the vehicle disturbs them.
 const TILT_DEVIATION_RAD: f64 = 0.1;
 
 /// State of the sensor: its biases.
@@ -19,16 +19,16 @@ pub struct Inertial {
     heading_bias_rad: f64,
 }
 
-/// What the sensor says; vehicle axes.
+/// A reading of the sensor, vehicle axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InertialReading {
-    /// rad/s.
+    /// Turn rates, rad/s.
     pub turn_radps: DVec3,
-    /// Gravity included: +9.81 along z at rest and level, m/s².
+    /// Specific force, gravity included: +9.81 along z at rest and level, m/s².
     pub force_mps2: DVec3,
-    /// By accelerometers and compass: no translation.
+    /// Attitude from accelerometers and compass; without translation.
     pub orientation: Pose,
-    /// Variances of roll, pitch and yaw, rad²; of a gyro, (rad/s)²; of an accelerometer, (m/s²)².
+    /// Variances of roll, pitch and yaw, rad²; of the gyros, (rad/s)²; of the accelerometers, (m/s²)².
     pub variances: [DVec3; 3],
 }
 
@@ -47,7 +47,7 @@ impl Inertial {
         if noise { drawn } else { Inertial::default() }
     }
 
-    /// Measures a motion: true turn rates and forces in vehicle axes, true yaw.
+    /// Measures a motion, given true turn rates and specific forces in vehicle axes and true yaw.
     pub fn measure(
         &mut self,
         spec: &InertialSpec,

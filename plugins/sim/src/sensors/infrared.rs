@@ -1,4 +1,4 @@
-//! Infrared range sensors: the nearest thing in a cone.
+//! Infrared range sensors: distance to the nearest object in a cone.
 
 use super::normal;
 use crate::spec::InfraredSpec;
@@ -7,19 +7,19 @@ use glam::DVec3;
 use rand_core::RngCore;
 use rcs_geom::Pose;
 
-/// Rays around the axis of the cone, beside the one along it.
+/// Number of rays on the cone's surface, besides the one along its axis.
 const RIM_RAYS: usize = 4;
 
-/// What a sensor says.
+/// A reading of one sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InfraredReading {
-    /// Distance, m; the farthest one where nothing is seen.
+    /// Distance, m; the maximum range where nothing is seen.
     pub range_m: f64,
-    /// Whether something is there.
+    /// Whether an object is in range.
     pub seen: bool,
 }
 
-/// Measures with one sensor of a vehicle that stands at `global_from_vehicle`.
+/// Measures with one sensor of a vehicle at `global_from_vehicle`.
 pub fn measure_infrared(
     spec: &InfraredSpec,
     terrain: &impl Terrain,

@@ -1,7 +1,7 @@
-//! The vehicle's simple sensors: what they measure of the true motion, with their noise.
+//! Models of the vehicle's simple sensors: measurements of the true motion, with noise.
 //!
-//! Each keeps its own errors (biases, slow drifts) as state; white noise comes from the generator that the caller
-//! gives.
+//! Each sensor keeps its own errors (biases, slow drifts) as state; white noise comes from the generator given by the
+//! caller.
 
 mod gps;
 mod inertial;
@@ -15,19 +15,19 @@ pub use wheels::{EncoderReading, Encoders};
 
 use rand_core::RngCore;
 
-/// A number from a normal distribution with mean 0 and standard deviation 1 (Box and Muller).
+/// A random number from a normal distribution with mean 0 and standard deviation 1 (Box-Muller).
 pub(crate) fn normal(rng: &mut impl RngCore) -> f64 {
     let radius = (-2.0 * libm::log(uniform(rng))).sqrt();
     radius * libm::cos(std::f64::consts::TAU * uniform(rng))
 }
 
-/// A number in (0, 1].
+/// A uniform random number in (0, 1].
 pub(crate) fn uniform(rng: &mut impl RngCore) -> f64 {
-    // 53 bits are what a double holds; one is added so that its logarithm is finite.
+    // A double holds 53 bits; one is added so that the logarithm is finite.
     ((rng.next_u64() >> 11) + 1) as f64 / (1_u64 << 53) as f64
 }
 
-/// Whether a moment of a sensor's schedule lies in (before, now]: times since the start, ns.
+/// Whether a sensor with this rate is due in the interval (before, now], given as times since the start, ns.
 pub fn is_due(before_ns: u64, now_ns: u64, rate_hz: f64) -> bool {
     let index = |time_ns: u64| (time_ns as f64 * 1e-9 * rate_hz + 1e-6).floor();
     index(now_ns) > index(before_ns)

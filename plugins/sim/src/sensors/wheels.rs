@@ -8,22 +8,22 @@ use serde::{Deserialize, Serialize};
 /// State of the encoders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Encoders {
-    /// Part by which each wheel's radius differs from what is believed.
+    /// Relative error of each wheel's assumed radius.
     scale_error: [f64; 2],
     last_m: [f64; 2],
 }
 
-/// What the encoders say.
+/// A reading of the encoders.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EncoderReading {
-    /// Left and right, whole ticks, m.
+    /// Distance of the left and the right wheel in whole ticks, m.
     pub distance_m: [f64; 2],
-    /// By the ticks since the last reading, m/s.
+    /// Speed from the ticks since the previous reading, m/s.
     pub speed_mps: [f64; 2],
 }
 
 impl Encoders {
-    /// Draws the errors of the wheels' radii.
+    /// Draws the errors of the wheel radii.
     pub fn new(spec: &EncoderSpec, noise: bool, rng: &mut impl RngCore) -> Encoders {
         let scale_error = [0, 1].map(|_| {
             let drawn = normal(rng).clamp(-2.0, 2.0) * 0.5;
@@ -32,7 +32,7 @@ impl Encoders {
         Encoders { scale_error, last_m: [0.0; 2] }
     }
 
-    /// Counts ticks of what the wheels have turned, m, `elapsed_s` after the last reading.
+    /// Counts ticks, given the distance rolled by the wheels, m, `elapsed_s` after the previous reading.
     pub fn measure(&mut self, spec: &EncoderSpec, rolled_m: [f64; 2], elapsed_s: f64) -> EncoderReading {
         let mut reading = EncoderReading { distance_m: [0.0; 2], speed_mps: [0.0; 2] };
         for (side, rolled_m) in rolled_m.into_iter().enumerate() {

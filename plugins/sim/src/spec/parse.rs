@@ -1,15 +1,15 @@
-//! From the text of a vehicle file to a [`VehicleSpec`].
+//! Conversion of the text of a vehicle file to a [`VehicleSpec`].
 
 use super::reader::{FileError, Section};
 use super::sensors;
 use super::{BodySpec, BumperSpec, MotorSpec, Rates, SteeringSpec, VehicleSpec, WheelSpec};
 
-/// The version of the file's form.
+/// Version of the file format.
 const FORMAT: f64 = 1.0;
 
 pub(super) fn vehicle(file: &Section<'_>) -> Result<VehicleSpec, FileError> {
     file.number("format", FORMAT..=FORMAT)?;
-    // For people; nothing depends on it.
+    // For human readers; not used.
     file.text_or_empty("description")?;
     let spec = VehicleSpec {
         name: file.text("name")?,

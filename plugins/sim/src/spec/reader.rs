@@ -1,4 +1,4 @@
-//! Reads a TOML table key by key, and says of each key that cannot be used where it stands.
+//! Reads a TOML table key by key; errors contain the line of the key.
 
 use std::cell::RefCell;
 use std::ops::{Range, RangeInclusive};
@@ -11,23 +11,22 @@ use toml::de::{DeTable, DeValue};
 pub struct FileError {
     /// Line, counted from 1.
     pub line: usize,
-    /// Key, what was found, and what was expected.
+    /// Key, value found, and what was expected.
     pub reason: String,
 }
 
-/// A table of the file that is being read. A key that nobody has asked for when [`Section::finish`] is called is
-/// unknown.
+/// A table of the file being read. Keys that were not read when [`Section::finish`] is called are unknown keys.
 pub(crate) struct Section<'a> {
     text: &'a str,
-    /// Where it stands in the file: `body.`, `camera.`; empty for the whole file.
+    /// Path of the table in the file, such as `body.` or `camera.`; empty for the whole file.
     path: String,
-    /// First byte.
+    /// Offset of its first byte.
     start: usize,
     table: &'a DeTable<'a>,
     asked: RefCell<Vec<&'static str>>,
 }
 
-/// Parses a text and reads it.
+/// Parses a text and reads it with a function.
 pub(crate) fn read_file<T>(
     text: &str,
     read: impl FnOnce(&Section<'_>) -> Result<T, FileError>,
@@ -48,12 +47,12 @@ fn line_of(text: &str, offset: usize) -> usize {
 }
 
 impl<'a> Section<'a> {
-    /// An error at a place of the text.
+    /// An error at an offset of the text.
     fn error_at(&self, offset: usize, reason: String) -> FileError {
         FileError { line: line_of(self.text, offset), reason }
     }
 
-    /// An error of a key: at its value, or at the table's head where the key is absent.
+    /// An error of a key, at its value, or at the table's header where the key is missing.
     pub(crate) fn error(&self, key: &str, reason: impl std::fmt::Display) -> FileError {
         let offset = self.table.get(key).map_or(self.start, |value| value.span().start);
         self.error_at(offset, format!("{}{key} {reason}", self.path))
@@ -89,7 +88,7 @@ impl<'a> Section<'a> {
         Ok(number)
     }
 
-    /// A number within a range; a default where the key is absent.
+    /// A number within a range, with a default where the key is missing.
     pub(crate) fn number_or(
         &self,
         key: &'static str,
@@ -111,7 +110,7 @@ impl<'a> Section<'a> {
         Ok(number as u32)
     }
 
-    /// A text that is not empty.
+    /// A non-empty text.
     pub(crate) fn text(&self, key: &'static str) -> Result<String, FileError> {
         let value = self.get(key).ok_or_else(|| self.missing(key, "a text"))?;
         match value.get_ref().as_str() {
@@ -121,7 +120,7 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// A text; empty where the key is absent.
+    /// A text; empty where the key is missing.
     pub(crate) fn text_or_empty(&self, key: &'static str) -> Result<String, FileError> {
         if self.get(key).is_some() { self.text(key) } else { Ok(String::new()) }
     }
@@ -139,13 +138,13 @@ impl<'a> Section<'a> {
         })
     }
 
-    /// A switch; off where the key is absent.
+    /// A flag; false where the key is missing.
     pub(crate) fn flag(&self, key: &'static str) -> Result<bool, FileError> {
         let Some(value) = self.get(key) else { return Ok(false) };
         value.get_ref().as_bool().ok_or_else(|| self.wrong(key, value.get_ref(), "true or false"))
     }
 
-    /// A list of exactly `N` numbers; zeros where the key is absent.
+    /// A list of exactly `N` numbers; zeros where the key is missing.
     pub(crate) fn numbers<const N: usize>(&self, key: &'static str) -> Result<[f64; N], FileError> {
         let Some(value) = self.get(key) else { return Ok([0.0; N]) };
         let expected = format!("a list of {N} numbers");
@@ -171,7 +170,7 @@ impl<'a> Section<'a> {
         Ok(numbers)
     }
 
-    /// A table of this one.
+    /// A nested table.
     pub(crate) fn table<T>(
         &self,
         key: &'static str,
@@ -180,7 +179,7 @@ impl<'a> Section<'a> {
         self.optional_table(key, read)?.ok_or_else(|| self.missing(key, "a table"))
     }
 
-    /// A table that may be absent.
+    /// A nested table that may be missing.
     pub(crate) fn optional_table<T>(
         &self,
         key: &'static str,
@@ -190,7 +189,7 @@ impl<'a> Section<'a> {
         self.enter(key, value, read).map(Some)
     }
 
-    /// A list of tables; empty where the key is absent.
+    /// A list of tables; empty where the key is missing.
     pub(crate) fn tables<T>(
         &self,
         key: &'static str,
@@ -217,7 +216,7 @@ impl<'a> Section<'a> {
         Ok(result)
     }
 
-    /// Refuses keys that nobody has asked for.
+    /// Refuses keys that were not read.
     fn finish(&self) -> Result<(), FileError> {
         let asked = self.asked.borrow();
         let unknown = self

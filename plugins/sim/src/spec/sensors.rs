@@ -1,111 +1,110 @@
-//! What a vehicle file says of sensors, and how it is read.
+//! Sensors in a vehicle file, and how they are parsed.
 
 use super::reader::{FileError, Section};
 use glam::DVec3;
 use rcs_geom::{CameraError, Distortion, PinholeCamera, Pose};
 
-/// Where a sensor sits on the vehicle: metres, and radians with positive pitch looking down and positive yaw to the
-/// left.
+/// Mount of a sensor on the vehicle: metres, and radians with positive pitch looking down and positive yaw to the left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mount {
-    /// In the vehicle frame.
+    /// Position in the vehicle frame.
     pub position: DVec3,
-    /// Looks down by this.
+    /// Downward angle.
     pub pitch_rad: f64,
-    /// Looks to the left by this.
+    /// Angle to the left.
     pub yaw_rad: f64,
 }
 
 /// Wheel encoders.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EncoderSpec {
-    /// 1/s.
+    /// Rate, 1/s.
     pub rate_hz: f64,
-    /// Distance of a tick.
+    /// Distance per tick, m.
     pub tick_m: f64,
-    /// The wheel's true radius differs from the believed one by up to this part, drawn once.
+    /// Maximum relative error of the assumed wheel radius, drawn once per run.
     pub scale_error: f64,
 }
 
 /// Gyros, accelerometers and compass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InertialSpec {
-    /// 1/s.
+    /// Rate, 1/s.
     pub rate_hz: f64,
-    /// White noise of a reading, rad/s.
+    /// Standard deviation of white noise per reading, rad/s.
     pub gyro_noise_radps: f64,
-    /// Standard deviation of the bias at the start, rad/s.
+    /// Standard deviation of the initial bias, rad/s.
     pub gyro_bias_radps: f64,
-    /// What the bias walks off by in the square root of a second, rad/s.
+    /// Random walk of the bias, rad/s per square root of a second.
     pub gyro_walk_radps: f64,
-    /// White noise of a reading, m/s².
+    /// Standard deviation of white noise per reading, m/s².
     pub accel_noise_mps2: f64,
-    /// Standard deviation of the bias at the start, m/s².
+    /// Standard deviation of the initial bias, m/s².
     pub accel_bias_mps2: f64,
-    /// Readings saturate there, m/s².
+    /// Saturation, m/s².
     pub accel_limit_mps2: f64,
-    /// White noise of the compass, rad.
+    /// Standard deviation of the compass's white noise, rad.
     pub heading_noise_rad: f64,
-    /// Standard deviation of the compass's deviation, rad.
+    /// Standard deviation of the compass's constant error, rad.
     pub heading_bias_rad: f64,
 }
 
 /// Position receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GpsSpec {
-    /// 1/s.
+    /// Rate, 1/s.
     pub rate_hz: f64,
-    /// Place of the antenna.
+    /// Position of the antenna.
     pub antenna: DVec3,
-    /// White noise, m.
+    /// Standard deviation of white noise, m.
     pub noise_m: f64,
-    /// Slow error: standard deviation, m.
+    /// Standard deviation of the slow error, m.
     pub drift_m: f64,
-    /// Slow error: time constant, s.
+    /// Time constant of the slow error, s.
     pub drift_s: f64,
-    /// Heights are worse by this factor.
+    /// Factor on all errors for the height.
     pub vertical_factor: f64,
-    /// Standard deviation that the receiver states, m.
+    /// Standard deviation stated by the receiver, m.
     pub stated_m: f64,
-    /// Part of the fixes that are far off.
+    /// Share of fixes that are outliers.
     pub outliers: f64,
-    /// How far they are off, m.
+    /// Error of an outlier, m.
     pub outlier_m: f64,
-    /// Dropouts in an hour.
+    /// Dropouts per hour.
     pub dropouts_per_hour: f64,
-    /// Shortest and longest dropout, s.
+    /// Minimum and maximum duration of a dropout, s.
     pub dropout_s: [f64; 2],
-    /// Trees nearer than this disturb, m.
+    /// Radius within which trees have an effect, m.
     pub tree_radius_m: f64,
-    /// Each of them multiplies outliers and noise by this, up to the fourth power.
+    /// Factor of each such tree on outliers and noise, for up to four trees.
     pub tree_factor: f64,
 }
 
-/// Speed over ground by radar.
+/// Doppler radar for speed over ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DopplerSpec {
-    /// 1/s.
+    /// Rate, 1/s.
     pub rate_hz: f64,
-    /// m/s.
+    /// Noise, m/s.
     pub noise_mps: f64,
 }
 
-/// An infrared range sensor, which looks along x of its frame.
+/// An infrared range sensor, which measures along x of its frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InfraredSpec {
     /// Name of its frame.
     pub name: String,
-    /// Place.
+    /// Mount.
     pub mount: Mount,
-    /// Full angle, rad.
+    /// Full opening angle, rad.
     pub cone_rad: f64,
-    /// Nearest and farthest range, m.
+    /// Minimum and maximum range, m.
     pub range_m: [f64; 2],
-    /// m.
+    /// Noise, m.
     pub noise_m: f64,
 }
 
-/// What a camera is.
+/// Kind of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CameraKind {
     /// Two colour cameras side by side.
@@ -116,65 +115,65 @@ pub enum CameraKind {
     Infrared,
 }
 
-/// A camera or a stereo pair. A pair's mount is the middle between its cameras.
+/// A camera or a stereo pair. The mount of a pair is midway between its cameras.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraSpec {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// One camera or two.
+    /// Kind.
     pub kind: CameraKind,
-    /// Place.
+    /// Mount.
     pub mount: Mount,
-    /// Raw lens and sensor.
+    /// Lens and size of the raw image.
     pub lens: PinholeCamera,
-    /// Between the cameras; 0 for one.
+    /// Baseline of a pair; 0 for a single camera.
     pub baseline_m: f64,
-    /// 1/s.
+    /// Rate, 1/s.
     pub rate_hz: f64,
-    /// Standard deviation of a frame's brightness, as a part of it.
+    /// Relative standard deviation of the brightness per frame.
     pub exposure_noise: f64,
-    /// What the cameras of a pair differ by in brightness, as a part of it.
+    /// Relative difference in brightness between the cameras of a pair.
     pub camera_difference: f64,
-    /// Noise of a dark pixel, grey levels of 255.
+    /// Noise of a dark pixel in grey levels (0 to 255).
     pub dark_noise: f64,
-    /// Noise of a white pixel, grey levels of 255; in between it grows with the root of the brightness.
+    /// Noise of a white pixel in grey levels (0 to 255); in between it grows with the square root of the brightness.
     pub shot_noise: f64,
-    /// Light lost at the corners, as a part.
+    /// Share of light lost at the image corners.
     pub vignette: f64,
 }
 
-/// A scanning ladar: lines of rays, swept up and down.
+/// A scanning ladar: horizontal lines of rays that sweep vertically.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LadarSpec {
     /// Name of its frame.
     pub name: String,
-    /// Place.
+    /// Mount.
     pub mount: Mount,
     /// Full horizontal angle, rad.
     pub fan_rad: f64,
-    /// Rays of a line.
+    /// Rays per line.
     pub rays: u32,
-    /// Lowest and highest line, rad above the mount's x axis.
+    /// Elevation of the lowest and the highest line above the mount's x axis, rad.
     pub sweep_rad: [f64; 2],
-    /// Lines of a sweep.
+    /// Lines per sweep.
     pub lines: u32,
-    /// Sweeps, 1/s.
+    /// Sweeps per second, 1/s.
     pub rate_hz: f64,
-    /// Farthest range, m.
+    /// Maximum range, m.
     pub max_range_m: f64,
-    /// m.
+    /// Noise, m.
     pub noise_m: f64,
 }
 
 impl Mount {
-    /// The sensor's axes in the vehicle frame: x along the view, y left, z up.
+    /// Pose of the sensor in the vehicle frame: x along the viewing direction, y left, z up.
     pub fn vehicle_from_sensor(&self) -> Pose {
         Pose::from_rpy(self.position, 0.0, self.pitch_rad, self.yaw_rad)
     }
 }
 
 impl CameraSpec {
-    /// The optical frame of a camera in the vehicle frame: 0 is the left camera or the only one, 1 the right one.
+    /// Pose of a camera's optical frame in the vehicle frame; side 0 is the left or the only camera, 1 the right one.
     pub fn vehicle_from_camera(&self, side: usize) -> Pose {
         let across = if side == 0 { 0.5 * self.baseline_m } else { -0.5 * self.baseline_m };
         self.mount.vehicle_from_sensor()
@@ -191,7 +190,7 @@ impl CameraSpec {
         }
     }
 
-    /// How many cameras it has.
+    /// Number of cameras.
     pub fn cameras(&self) -> usize {
         if self.kind == CameraKind::Stereo { 2 } else { 1 }
     }
@@ -324,7 +323,7 @@ fn lens(t: &Section<'_>) -> Result<PinholeCamera, FileError> {
     let distortion = Distortion::from_model("plumb_bob", &distortion).map_err(refuse)?;
     let lens = PinholeCamera::new(size, [straight.fx, straight.fy], [straight.cx, straight.cy], distortion)
         .map_err(refuse)?;
-    // A lens that folds back on itself inside the image has no ray for its corners.
+    // A lens whose projection folds over inside of the image has no ray for its corners.
     let [w, h] = size.map(f64::from);
     for corner in [[0.0, 0.0], [w - 1.0, 0.0], [0.0, h - 1.0], [w - 1.0, h - 1.0]] {
         if lens.unproject(glam::DVec2::from_array(corner)).is_none() {

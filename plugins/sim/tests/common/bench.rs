@@ -1,4 +1,4 @@
-//! Stacks that run in a test: files from memory, a driver that says what a test wants.
+//! Stacks for tests: files from memory, and a driver controlled by the test.
 
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used, reason = "each test takes what it needs")]
 
@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 pub use rcs_testkit::bench::Bench;
 
-/// A small world: dirt that rises a little, with a tree ahead of the start, a boulder, tall grass and a person.
+/// A small world: slightly rising dirt, with a tree ahead of the start, a boulder, tall grass and a person.
 pub const WORLD: &str = r#"
 name = "yard"
 seed = 5
@@ -49,7 +49,7 @@ kind = "person"
 at = [20, 8]
 "#;
 
-/// Ten metres to the east of the start.
+/// A course whose goal is ten metres to the east of the start.
 pub const COURSE: &str = r#"
 format = 1
 name = "yard"
@@ -87,7 +87,7 @@ queue = 16
 queue = 256
 "#;
 
-/// Files of a test, by kind.
+/// The files of a test, by kind.
 #[derive(Clone, Debug)]
 pub struct Files {
     pub world: String,
@@ -116,12 +116,12 @@ impl Assets for Files {
 const PLUGINS: &[ProcessType] =
     &[ProcessType::of::<SimCameras>(), ProcessType::of::<SimLadar>(), ProcessType::of::<SimVehicle>()];
 
-/// The stack with these files and parameters; what is wrong with them.
+/// Plans the stack with these files and parameters; returns the error of an invalid one.
 pub fn plan(stack: &str, files: &Files, params: &[(&str, &str)]) -> Result<Arc<Plan>, String> {
     Setup::new(stack, PLUGINS).params(params).assets(files).plan().map_err(|error| error.to_string())
 }
 
-/// A bench with a vehicle that a test drives.
+/// A bench with a vehicle that the test drives.
 pub trait VehicleBench: Sized {
     fn start(stack: &str, files: &Files, params: &[(&str, &str)]) -> Self {
         Self::with_threads(stack, files, params, 1)
@@ -129,20 +129,20 @@ pub trait VehicleBench: Sized {
 
     fn with_threads(stack: &str, files: &Files, params: &[(&str, &str)], threads: usize) -> Self;
 
-    /// A command of this moment.
+    /// Sends a command with the current time.
     fn command(&mut self, left_mps: f64, right_mps: f64);
 
-    /// A command with this time.
+    /// Sends a command with this time.
     fn command_of(&mut self, ms: f64, left_mps: f64, right_mps: f64) {
         self.send(ms, [left_mps, right_mps], 0.0);
     }
 
-    /// A command of this moment for a vehicle that steers.
+    /// Sends a command with the current time to a vehicle with steering.
     fn command_with_curvature(&mut self, speed_mps: f64, curvature_per_m: f64);
 
     fn send(&mut self, ms: f64, wheels_mps: [f64; 2], curvature_per_m: f64);
 
-    /// Drives for a time by commands that keep coming.
+    /// Drives for a time with repeated commands.
     fn drive(&mut self, left_mps: f64, right_mps: f64, ms: u64);
 
     fn state(&self) -> rcs::GroundTruthState;

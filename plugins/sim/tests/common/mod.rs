@@ -1,4 +1,4 @@
-//! What tests of this crate share: a simple generator, the vehicles, and worlds of one plane with a few posts.
+//! Shared by the tests of this crate: a random number generator, the vehicles, and worlds of one plane with posts.
 
 #![allow(
     dead_code,
@@ -28,7 +28,7 @@ pub fn tractor() -> VehicleSpec {
     VehicleSpec::from_toml(TRACTOR).unwrap()
 }
 
-/// A generator that mixes a counter (`SplitMix64`).
+/// A random number generator that hashes a counter (`SplitMix64`).
 #[derive(Clone, Debug)]
 pub struct Counter(pub u64);
 
@@ -50,17 +50,17 @@ impl RngCore for Counter {
     }
 }
 
-/// A plane that rises along x and y, with upright round posts. Post 0 is a person where `person` says so.
+/// A plane that may slope along x and y, with upright round posts. Post 0 is a person if `person` is set.
 #[derive(Clone, Debug)]
 pub struct Plane {
     pub slope_x: f64,
     pub slope_y: f64,
     pub traction: f64,
     pub rolling_resistance: f64,
-    /// Middle and radius of each, m.
+    /// Centre and radius of each post, m.
     pub posts: Vec<(DVec2, f64)>,
     pub person: bool,
-    /// The ground rises by so much at x = `ledge_x_m`.
+    /// Height of the ledge at x = `ledge_x_m`.
     pub ledge_m: f64,
     pub ledge_x_m: f64,
 }
@@ -103,7 +103,7 @@ impl Terrain for Plane {
             let (normal, depth_m) = if gap.length() > 1e-12 {
                 (gap.normalize(), radius - gap.length())
             } else {
-                // The post's middle is inside: out through the nearest side.
+                // The centre of the post is inside: push out through the nearest side.
                 let room = body.half - local.abs();
                 let out = if room.x < room.y {
                     DVec2::new(-local.x.signum(), 0.0)
