@@ -1,5 +1,5 @@
-//! Times of terrain learning and classification on one thread: `cargo run --release -p rcs-terrain --example
-//! terrain_speed`. The image is 640×480, every pixel of it labelled ground or obstacle, with a range.
+//! Measures terrain learning and classification on one thread: `cargo run --release -p rcs-terrain --example
+//! terrain_speed`. The image is 640×480; every pixel is labelled ground or obstacle and has a range.
 #![allow(
     clippy::print_stdout,
     clippy::disallowed_methods,
@@ -32,7 +32,7 @@ fn median(name: &str, mut work: impl FnMut()) {
     println!("{name:<32} {:7.2} ms median, {:7.2} ms best", times[times.len() / 2], times[0]);
 }
 
-/// Twenty-five patches of different colours, so that there are many models.
+/// Twenty-five patches of different colours, which give many models.
 fn image(seed: u32) -> Vec<u8> {
     let mut state = seed;
     let mut rgb = Vec::with_capacity(SIZE[0] * SIZE[1] * 3);
@@ -57,7 +57,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Pose::from_rpy(DVec3::new(0.0, 0.0, 1.0), 0.0, 0.5, 0.0) * Pose::body_from_optical();
     let rgb = image(1);
     let rays = Rays::new(&camera);
-    // A plane that rises ahead fills the image with ranges; its upper half is called an obstacle.
+    // A plane that rises ahead fills the image with ranges; its upper half is labelled obstacle.
     let depth_m: Vec<f32> = (0..width * height)
         .map(|i| {
             let ray = camera.unproject(DVec2::new((i % width) as f64, (i / width) as f64));

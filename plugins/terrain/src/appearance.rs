@@ -1,20 +1,19 @@
-//! What a piece of terrain looks like: histograms of colour ratios, intensity and texture, and a contrast (Albus 2006a,
-//! 3.2).
+//! Appearance of terrain: histograms of colour ratios, intensity and texture, and a contrast (Albus 2006a, 3.2).
 //!
-//! Ratios are binned by their logarithm, so that R/G and G/R are treated alike: bin = ⌊4 (1 + log₂(a/b)/span)⌋, kept in
-//! 0..7, with both colours at least 1. Eight bins, as the paper has; the span (octaves) is a parameter, since the paper
-//! gives no bins. Intensity: value >> 5. Texture: code >> 5, the top three bits of the pattern.
+//! Ratios are binned by their logarithm, so that R/G and G/R are treated alike: bin = ⌊4 (1 + log₂(a/b)/span)⌋, clamped
+//! to 0..7, with both colours at least 1. There are eight bins as in the paper; the paper does not give their limits,
+//! so the span (octaves) is a parameter. Intensity: value >> 5. Texture: code >> 5, the top three bits of the pattern.
 
 use crate::texture::{CONTRAST_UNIT, PaddedGrey, Patterns};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Bins of each histogram.
+/// Bins per histogram.
 pub const BINS: usize = 8;
-/// Histograms: R/G, R/B, G/B, intensity, texture.
+/// Number of histograms: R/G, R/B, G/B, intensity, texture.
 pub const HISTOGRAMS: usize = 5;
 
-/// The bin of every ratio of two colours.
+/// Table of the bins of all ratios of two colours.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RatioBins {
     span_octaves: f64,
@@ -23,7 +22,7 @@ pub struct RatioBins {
 }
 
 impl RatioBins {
-    /// Bins that reach from `-span_octaves` to `span_octaves`. A span that is not a positive number counts as 1.
+    /// Bins from `-span_octaves` to `span_octaves`. A span that is not a positive number is replaced by 1.
     pub fn new(span_octaves: f64) -> RatioBins {
         let span = if span_octaves.is_finite() && span_octaves > 0.0 { span_octaves } else { 1.0 };
         let logs: [f64; 256] = std::array::from_fn(|v| libm::log2(v.max(1) as f64));
@@ -32,7 +31,7 @@ impl RatioBins {
         RatioBins { span_octaves: span, bins }
     }
 
-    /// Octaves.
+    /// Span of the bins, octaves.
     pub fn span_octaves(&self) -> f64 {
         self.span_octaves
     }
@@ -46,18 +45,18 @@ impl RatioBins {
 /// The bins of every pixel of some rows of an image, and its contrast.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PixelCodes {
-    /// Bins of the five histograms, three bits each from the lowest, by rows.
+    /// Bins of the five histograms, three bits each starting with the lowest, in row order.
     pub codes: Vec<u16>,
-    /// Contrast of the pattern, in 1/840 grey level.
+    /// Contrasts of the patterns, in 1/840 grey level.
     pub contrasts: Vec<u32>,
 }
 
 impl PixelCodes {
-    /// Codes of the pixels of some rows. `rgb` is the whole image, three bytes a pixel by rows, and `grey` is made of
-    /// it.
+    /// Codes of the pixels of some rows. `rgb` is the whole image, three bytes per pixel in row order, and `grey` its
+    /// grey version.
     ///
     /// # Panics
-    /// Where the image does not have these rows.
+    /// If the image does not contain these rows.
     pub fn of_rows(rgb: &[u8], grey: &PaddedGrey, rows: Range<usize>, ratios: &RatioBins) -> PixelCodes {
         let width = grey.width();
         let mut all =
@@ -84,13 +83,13 @@ impl PixelCodes {
     }
 }
 
-/// Points by bin: R/G, R/B, G/B, intensity, texture, and the sum of their contrasts. Whole numbers, so that adding in
-/// any order gives the same.
+/// Number of points by bin for R/G, R/B, G/B, intensity and texture, and the sum of their contrasts. Counts are whole
+/// numbers, so the order of additions does not matter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Histograms {
-    /// Points by histogram and bin.
+    /// Number of points by histogram and bin.
     pub bins: [[u64; BINS]; HISTOGRAMS],
-    /// In 1/840 grey level.
+    /// Sum of the contrasts in 1/840 grey level.
     pub contrast_sum: u64,
 }
 
@@ -104,14 +103,14 @@ impl Histograms {
         self.contrast_sum += u64::from(contrast);
     }
 
-    /// Adds all points of others.
+    /// Adds all points of another one.
     pub fn merge(&mut self, other: &Histograms) {
         let bins = self.bins.as_flattened_mut().iter_mut().zip(other.bins.as_flattened());
         bins.for_each(|(mine, theirs)| *mine = mine.saturating_add(*theirs));
         self.contrast_sum = self.contrast_sum.saturating_add(other.contrast_sum);
     }
 
-    /// Points.
+    /// Number of points.
     pub fn points(&self) -> u64 {
         self.bins[0].iter().sum()
     }
@@ -126,18 +125,18 @@ impl Histograms {
     }
 }
 
-/// How much each part counts in a match.
+/// Weight of each part in a match.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MatchWeights {
-    /// Of R/G, R/B, G/B, intensity, texture.
+    /// Weights of R/G, R/B, G/B, intensity, texture.
     pub histograms: [f32; HISTOGRAMS],
-    /// Of the contrast.
+    /// Weight of the contrast.
     pub contrast: f32,
 }
 
 impl MatchWeights {
-    /// The same ratios with a sum of 1, so that a distance is 0 for equals and 2 for histograms without a common bin.
-    /// Weights without a positive sum count as equal.
+    /// Scales the weights to a sum of 1, so that a distance is 0 for equal appearances and 2 for histograms without a
+    /// common bin. Weights without a positive sum are replaced by equal ones.
     #[must_use]
     pub fn normalised(self) -> MatchWeights {
         let sum = self.histograms.iter().sum::<f32>() + self.contrast;
@@ -147,8 +146,8 @@ impl MatchWeights {
         MatchWeights { histograms: self.histograms.map(|w| w / sum), contrast: self.contrast / sum }
     }
 
-    /// An appearance as it is compared under these weights, which are normalised: each histogram divided by its points,
-    /// and the contrast, times the root of its weight.
+    /// Prepares an appearance for comparison with these (normalised) weights: each histogram is divided by its number
+    /// of points, and histograms and contrast are multiplied by the square roots of their weights.
     pub fn signature(&self, histograms: &Histograms) -> Signature {
         let scale = 1.0 / histograms.points().max(1) as f64;
         let mut parts = [[0.0; BINS]; HISTOGRAMS + 1];
@@ -161,18 +160,18 @@ impl MatchWeights {
     }
 }
 
-/// An appearance under the weights of a match.
+/// An appearance prepared for comparison with certain weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Signature {
-    /// Histograms, and the contrast as the first number of a part of its own.
+    /// The histograms, and the contrast as the first number of an additional part.
     parts: [[f32; BINS]; HISTOGRAMS + 1],
 }
 
 impl Signature {
-    /// Weighted sum of the squared differences of two appearances (Albus 2006a, 3.2, step 4): 0 for equals, 2 at most.
+    /// Weighted sum of the squared differences of two appearances (Albus 2006a, 3.2, step 4), 0 for equal ones to 2.
     #[inline]
     pub fn distance(&self, other: &Signature) -> f32 {
-        // Bins side by side: one vector for each histogram.
+        // One sum per bin, so that a histogram is one vector.
         let mut lanes = [0.0_f32; BINS];
         for (a, b) in self.parts.iter().zip(&other.parts) {
             for lane in 0..BINS {
@@ -180,12 +179,12 @@ impl Signature {
                 lanes[lane] += difference * difference;
             }
         }
-        // Pairs, in a fixed order: a chain of eight additions would be most of the time.
+        // Added in pairs, in a fixed order: a chain of eight additions would dominate the running time.
         let [a, b, c, d, e, f, g, h] = lanes;
         ((a + e) + (c + g)) + ((b + f) + (d + h))
     }
 
-    /// The nearest of several appearances and its distance; of equally near ones the first.
+    /// Index and distance of the nearest of several appearances; the first of equally near ones.
     pub fn best(&self, models: &[Signature]) -> Option<(usize, f32)> {
         let mut best: Option<(usize, f32)> = None;
         for (index, model) in models.iter().enumerate() {

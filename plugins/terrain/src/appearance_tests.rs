@@ -1,10 +1,10 @@
-//! Histograms against their definition.
+//! Histograms compared with their definition.
 
 use super::*;
 use crate::texture::intensity;
 use proptest::prelude::*;
 
-/// Bins of a pixel by the definition, texture apart.
+/// Bins of a pixel by definition, without texture.
 fn reference_bins([r, g, b]: [u8; 3], span: f64) -> [usize; 4] {
     let ratio = |a: u8, b: u8| {
         let log = libm::log2(f64::from(a.max(1)) / f64::from(b.max(1)));
@@ -17,7 +17,7 @@ fn square(v: f64) -> f64 {
     v * v
 }
 
-/// The sum over all parts, in double precision.
+/// Reference: the sum over all parts in double precision.
 fn reference_distance(w: &MatchWeights, a: &Histograms, b: &Histograms) -> f64 {
     let mut sum = f64::from(w.contrast) * square(a.contrast() - b.contrast());
     let share = |of: &Histograms, h: usize, bin: usize| of.bins[h][bin] as f64 / of.points() as f64;
@@ -99,7 +99,7 @@ proptest! {
     fn a_ratio_and_its_inverse_lie_in_opposite_bins(a: u8, b: u8) {
         let ratios = RatioBins::new(1.0);
         let (there, back) = (ratios.bin(a, b), ratios.bin(b, a));
-        // A ratio on the border of two bins belongs to the upper one both times.
+        // A ratio on the border of two bins belongs to the upper one in both directions.
         prop_assert!(there + back == 7 || there + back == 8, "{there} and {back}");
     }
 }

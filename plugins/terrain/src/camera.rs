@@ -1,4 +1,4 @@
-//! One camera of the learner: its images, what belongs to them, and how a labelled frame becomes points in cells.
+//! One camera of the learner: matches its images, labels and depth by time, and converts a frame to points in cells.
 
 use crate::appearance::RatioBins;
 use crate::frame::{Gathered, LabelledFrame, Rays, Window, gather, strips};
@@ -46,7 +46,7 @@ impl CameraPorts {
     }
 }
 
-/// The overlay port of a camera.
+/// The port of a camera's overlay.
 pub(crate) fn learned_port(b: &mut PortBuilder, name: &'static str, image: &str) -> Out<RawImage> {
     b.output(name, "points that were learned from, by their label")
         .role(Role::Labels)
@@ -62,17 +62,17 @@ pub(crate) struct LearnerCamera {
     images: Recent,
     depths: Recent,
     camera: Option<PinholeCamera>,
-    /// Rays of `camera`, made when they are first needed.
+    /// Rays of `camera`, computed on first use.
     #[serde(skip)]
     rays: Option<Arc<Rays>>,
     check: ImageCheck,
     /// Time of the newest labels.
     pub(crate) newest: Option<Stamp>,
-    /// Whether it is behind the other camera, which is reported once.
+    /// Whether it has fallen behind the other camera, which is reported once.
     pub(crate) is_late: bool,
 }
 
-/// A frame that can be learned from: all its parts have one size and one time.
+/// A frame from which can be learned: all its parts have the same size and time.
 pub(crate) struct Frame {
     pub(crate) time: Stamp,
     pub(crate) image: RawImage,
@@ -83,7 +83,7 @@ pub(crate) struct Frame {
 }
 
 impl LearnerCamera {
-    /// Reads what has come, and gives the newest labels that are new. What cannot be used is reported under `name`.
+    /// Reads the inputs and returns the newest labels with their time, if they are new. Unusable data are reported under `name`.
     pub(crate) fn read(
         &mut self,
         ports: &CameraPorts,
@@ -123,7 +123,7 @@ impl LearnerCamera {
         Some((got, (*message).clone()))
     }
 
-    /// The image and the depth that belong to labels, checked.
+    /// The image and the depth for labels, checked.
     pub(crate) fn frame(
         &mut self,
         time: Stamp,
@@ -152,7 +152,7 @@ impl LearnerCamera {
 }
 
 impl Frame {
-    /// Its points, sorted into the cells of a window, strip by strip.
+    /// Sorts its points into the cells of a window, strip by strip.
     pub(crate) fn gather(
         &self,
         local_from_camera: Pose,
@@ -174,7 +174,7 @@ impl Frame {
         cx.pool().map(strips(height), |strip| gather(&frame, strip, window, max_range_m, ratios))
     }
 
-    /// The pixels that were used, as labels on the image.
+    /// The pixels that were used, as a label image.
     pub(crate) fn used(&self, strips: &[Gathered]) -> RawImage {
         let data: Vec<u8> = strips.iter().flat_map(|strip| strip.used.iter().copied()).collect();
         RawImage {

@@ -1,4 +1,4 @@
-//! The process `classifier`.
+//! The process `classifier`: classifies windows of an image by terrain models.
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
@@ -15,15 +15,16 @@
 //! | `cost_wide` | out | `foxglove.Grid` | 201x201 cells of 0.6 m: field cost.classifier, local frame |
 //! | `stats` | out | `rcs.ClassifierStats` | windows by class, cells with a cost |
 //!
-//! Period 200 ms (5 Hz, Albus 2006b, 3.4). No commands beside the runtime's. State: the last seconds of poses, images
-//! that wait for their depth, the models.
+//! Period 200 ms (5 Hz, Albus 2006b, 3.4). No commands besides those of the runtime. State: the poses of the last
+//! seconds, images that wait for their depth, the models.
 //!
-//! [`crate::classify`] compares windows with models, [`crate::place`] puts them on the map. With `region =
-//! CLASSIFIER_BEYOND_STEREO` an image waits for the depth of its time and is classified from the end of good stereo on;
-//! when no depth has come for a while, whole images are. Windows higher above the horizon than `above_horizon_deg` are
-//! never classified. What cannot be used is a fault and is skipped, as in the learner; without models nothing is sent.
+//! [`crate::classify`] compares windows with models, [`crate::place`] projects them onto the map. With `region =
+//! CLASSIFIER_BEYOND_STEREO` an image waits for the depth of its time, and is classified beyond the end of good stereo;
+//! when no depth has arrived for a while, whole images are classified. Windows higher above the horizon than
+//! `above_horizon_deg` are never classified. Unusable data are a fault and are skipped, as in the learner; without
+//! models nothing is sent.
 //!
-//! Both cost maps are in the local frame: the world model of 0.6 m cells turns them into its own.
+//! Both cost maps are in the local frame; the world model WM2 with cells of 0.6 m converts them to its own frame.
 
 use crate::appearance::{MatchWeights, RatioBins};
 use crate::classify::{Class, Matcher, WindowGrid, classify_row, end_of_stereo, overlay};
@@ -52,18 +53,18 @@ pub struct Classifier {
     localizer: Localizer,
     camera: Option<PinholeCamera>,
     images: Recent,
-    /// The newest depth image alone.
+    /// The newest depth image only.
     depths: Recent,
     models: Option<Models>,
     check: ImageCheck,
-    /// Time of the first image, and of the last one that was looked at.
+    /// Times of the first image, and of the last processed one.
     first: Option<Stamp>,
     done: Option<Stamp>,
     #[serde(skip)]
     ratios: Option<Arc<RatioBins>>,
 }
 
-/// Models and how they are matched.
+/// The models, and how they are matched.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Models {
     set: ModelSet,
@@ -92,9 +93,9 @@ pub struct Ports {
     stats: Out<ClassifierStats>,
 }
 
-/// What a cycle found to do.
+/// Work of a cycle.
 enum Task {
-    /// An image, and whether it goes with the newest depth.
+    /// Classify the image of this time, with or without the newest depth.
     Classify(Stamp, bool),
     Wait(&'static str),
 }
@@ -147,7 +148,7 @@ impl Process for Classifier {
     }
 
     fn new(params: &ClassifierParams) -> Self {
-        // A text that the check has refused never comes here.
+        // Texts refused by `check` never get here.
         let models = models_of_text(&params.models).ok().flatten();
         Self {
             localizer: Localizer::default(),
@@ -195,7 +196,7 @@ impl Classifier {
         }
     }
 
-    /// Reads images and depths; whether a new depth has come.
+    /// Reads images and depths; returns whether a new depth has arrived.
     fn read_images(&mut self, ports: &Ports, cx: &mut Cycle<'_>) -> bool {
         let mut is_new_depth = false;
         for (port, recent, what) in
@@ -203,7 +204,7 @@ impl Classifier {
         {
             while let Some(message) = cx.read(port) {
                 let got = message.acq_time();
-                // An image that was looked at is forgotten, but none before it may follow.
+                // A processed image is no longer kept, but images older than it are still refused.
                 let newest = recent.newest().max(if what == "image" { self.done } else { None });
                 if let Some(newest) = newest.filter(|&newest| newest >= got) {
                     cx.fault(format!("{}; skipped", Unusable::Late { what, got, newest }));
@@ -216,7 +217,7 @@ impl Classifier {
         is_new_depth
     }
 
-    /// What can be classified: the image of the newest depth, or, without stereo, the newest image.
+    /// Selects the image to classify: the one of the newest depth, or, without stereo, the newest one.
     fn task(&self, is_new_depth: bool, params: &ClassifierParams, cx: &mut Cycle<'_>) -> Task {
         let (Some(newest), Some(first)) = (self.images.newest(), self.first) else {
             return Task::Wait("waits for images");
@@ -324,7 +325,7 @@ impl Classifier {
     }
 }
 
-/// How vehicle and camera are found.
+/// How the poses of vehicle and camera are found.
 fn extrinsics(params: &ClassifierParams) -> Extrinsics<'_> {
     Extrinsics::new(params.pose.as_ref(), params.mount.as_ref())
 }

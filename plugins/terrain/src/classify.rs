@@ -1,15 +1,15 @@
-//! Windows of an image by the best of the terrain models (Albus 2006a, 3.3).
+//! Classification of image windows by the best matching terrain model (Albus 2006a, 3.3).
 //!
-//! The windows lie side by side; those at the right and lower edges may be smaller. A window's histograms and contrast
-//! are compared with each model as a cell's are; if the best is near enough, the window takes its obstacle fraction,
-//! else it is not classified.
+//! The windows tile the image; those at the right and lower edges may be smaller. The histograms and contrast of a
+//! window are compared with each model, as for a cell in learning. If the best model is near enough, the window gets
+//! its obstacle fraction; otherwise the window is unclassified.
 
 use crate::appearance::{Histograms, MatchWeights, PixelCodes, RatioBins, Signature};
 use crate::models::ModelSet;
 use crate::texture::PaddedGrey;
 use rcs_world::MAX_COST;
 
-/// How an image is cut into windows.
+/// The division of an image into windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WindowGrid {
     /// Width and height of the image, pixels.
@@ -19,12 +19,12 @@ pub struct WindowGrid {
 }
 
 impl WindowGrid {
-    /// Windows side by side, a side of at least one pixel.
+    /// Windows with a side of at least one pixel.
     pub fn new(size: [usize; 2], window_px: usize) -> WindowGrid {
         WindowGrid { size, window_px: window_px.max(1) }
     }
 
-    /// Windows in a row.
+    /// Windows per row.
     pub fn columns(&self) -> usize {
         self.size[0].div_ceil(self.window_px)
     }
@@ -34,33 +34,33 @@ impl WindowGrid {
         self.size[1].div_ceil(self.window_px)
     }
 
-    /// First and past-the-last pixel of a window's columns.
+    /// First column of a window's pixels, and one past the last.
     pub fn x(&self, column: usize) -> [usize; 2] {
         [column * self.window_px, ((column + 1) * self.window_px).min(self.size[0])]
     }
 
-    /// First and past-the-last pixel of a window's rows.
+    /// First row of a window's pixels, and one past the last.
     pub fn y(&self, row: usize) -> [usize; 2] {
         [row * self.window_px, ((row + 1) * self.window_px).min(self.size[1])]
     }
 }
 
-/// What a window was taken for; the numbers are the pixels' of the overlay.
+/// Class of a window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Class {
-    /// Outside of what is classified.
+    /// Outside of the region to classify.
     #[default]
     Skipped,
     /// No model is near enough.
     Unclassified,
-    /// Like ground, with its cost.
+    /// Traversable, with its cost.
     Traversable(u8),
-    /// Like an obstacle, with its cost.
+    /// Not traversable, with its cost.
     NotTraversable(u8),
 }
 
 impl Class {
-    /// Pixel of the overlay: 0 not known, 1 traversable, 2 not.
+    /// Pixel value in the overlay: 0 unknown, 1 traversable, 2 not traversable.
     pub fn pixel(self) -> u8 {
         match self {
             Class::Skipped | Class::Unclassified => 0,
@@ -70,22 +70,22 @@ impl Class {
     }
 }
 
-/// The models that windows are compared with.
+/// The models with which windows are compared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Matcher {
     signatures: Vec<Signature>,
     /// Cost of each model, 0 to 250.
     costs: Vec<u8>,
     weights: MatchWeights,
-    /// Largest distance that is accepted.
+    /// Maximum distance of a match.
     max_distance: f32,
-    /// Costs from here on are not traversable.
+    /// Costs from this one on are not traversable.
     obstacle_cost: u8,
 }
 
 impl Matcher {
-    /// Compares with the models that have at least so many points. `obstacle_fraction` (0 to 1) is the least that is
-    /// not traversable; `weights` are normalised.
+    /// Uses the models that have at least `min_points` points. `obstacle_fraction` (0 to 1) is the least one that is
+    /// not traversable; `weights` must be normalised.
     pub fn new(
         set: &ModelSet,
         weights: MatchWeights,
@@ -97,7 +97,7 @@ impl Matcher {
         let cost = |fraction: f64| (f64::from(MAX_COST) * fraction).round() as u8;
         let (mut signatures, mut costs) = (Vec::new(), Vec::new());
         for model in set.models.iter().filter(used) {
-            // A model of nothing cannot be: it came of a cell with points.
+            // Always true: a model comes from a cell with points.
             if let Some(fraction) = model.terrain.obstacle_fraction() {
                 signatures.push(weights.signature(&model.terrain.histograms));
                 costs.push(cost(fraction));
@@ -112,7 +112,7 @@ impl Matcher {
         self.costs.len()
     }
 
-    /// The class of an appearance.
+    /// Class of an appearance.
     pub fn class(&self, histograms: &Histograms) -> Class {
         match self.weights.signature(histograms).best(&self.signatures) {
             Some((best, distance)) if distance <= self.max_distance => {
@@ -128,10 +128,10 @@ impl Matcher {
     }
 }
 
-/// Classes of one row of windows, where `wanted` says so.
+/// Classifies one row of windows, where `wanted` is true.
 ///
 /// # Panics
-/// Where the image is not of the grid's size, or `wanted` has not one entry for each window of the row.
+/// If the image does not have the grid's size, or `wanted` does not have one entry per window of the row.
 pub fn classify_row(
     rgb: &[u8],
     grey: &PaddedGrey,
@@ -165,11 +165,11 @@ pub fn classify_row(
     wanted.iter().enumerate().map(class).collect()
 }
 
-/// For each column of windows, the first row of windows above good stereo, counted from the top: rows from there on are
-/// stereo's. A window is stereo's where at least half of its pixels have a depth up to `good_m`.
+/// For each column of windows, the first row of windows, from the top, that is covered by good stereo; the rows below
+/// are covered, too. A window is covered if at least half of its pixels have a depth of at most `good_m`.
 ///
 /// # Panics
-/// Where the depths are not of the grid's size.
+/// If the depths do not have the grid's size.
 pub fn end_of_stereo(depth_m: &[f32], grid: &WindowGrid, good_m: f32) -> Vec<usize> {
     let width = grid.size[0];
     assert_eq!(depth_m.len(), width * grid.size[1], "depths of the image");
@@ -185,7 +185,7 @@ pub fn end_of_stereo(depth_m: &[f32], grid: &WindowGrid, good_m: f32) -> Vec<usi
     (0..grid.columns()).map(end).collect()
 }
 
-/// The classes as an image, one byte a pixel.
+/// The classes as an image, one byte per pixel.
 pub fn overlay(classes: &[Class], grid: &WindowGrid) -> Vec<u8> {
     let [width, height] = grid.size;
     let mut image = Vec::with_capacity(width * height);

@@ -1,4 +1,4 @@
-//! Windows against a plain reference, and two textures told apart.
+//! Classification compared with a reference implementation, and discrimination of two textures.
 
 use crate::appearance::{BINS, HISTOGRAMS, MatchWeights, PixelCodes, RatioBins};
 use crate::classify::*;
@@ -10,7 +10,7 @@ use rcs_geom::Pose;
 
 const WEIGHTS: MatchWeights = MatchWeights { histograms: [0.18; HISTOGRAMS], contrast: 0.1 };
 
-/// Models of the two textures, learned from a scene as the learner does.
+/// Models of the two textures, learned from a scene as by the learner.
 pub(crate) fn learned() -> ModelSet {
     let rules = ModelRules {
         min_points: 40,
@@ -40,7 +40,7 @@ pub(crate) fn classes_of(scene: &Scene, set: &ModelSet, window_px: usize) -> (Wi
     (grid, rows.collect::<Vec<_>>().concat())
 }
 
-/// One window by itself, in whole pixels and double precision.
+/// Reference for one window, in whole pixels and double precision.
 fn reference_class(
     scene: &Scene,
     grid: &WindowGrid,
@@ -102,7 +102,7 @@ proptest! {
                 prop_assert_eq!(got, reference_class(&scene, &grid, column, row, &set, 0.3), "window {}, {}", column, row);
             }
         }
-        // Every pixel has its window's class.
+        // Every pixel has the class of its window.
         let image = overlay(&classes, &grid);
         for y in 0..height as usize {
             for x in 0..width as usize {

@@ -1,7 +1,7 @@
-//! One labelled frame: which points go into which cells (Albus 2006a, 3.2, steps 2 and 3).
+//! One labelled frame: assigns points to cells (Albus 2006a, 3.2, steps 2 and 3).
 //!
-//! A pixel counts where it is labelled `GROUND` or `OBSTACLE`, has a depth within the range that is learned from, and
-//! lies within the map; its height does not matter.
+//! A pixel is used if it is labelled `GROUND` or `OBSTACLE`, has a depth within the learning range, and lies within the
+//! map; its height does not matter.
 
 use crate::appearance::{BINS, HISTOGRAMS, Histograms, PixelCodes, RatioBins};
 use crate::models::Terrain;
@@ -10,24 +10,24 @@ use glam::{DMat3, DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_sense::ObstacleLabel;
 
-/// Rows that are worked on together.
+/// Number of rows that are processed together.
 pub const STRIP_ROWS: usize = 32;
 /// Label of ground in label images.
 pub const GROUND: u8 = ObstacleLabel::Ground.code();
 /// Label of obstacles in label images.
 pub const OBSTACLE: u8 = ObstacleLabel::Obstacle.code();
 
-/// The ray of every pixel of a camera, with z = 1 in the optical frame: made once for a calibration.
+/// The ray of every pixel of a camera, with z = 1 in the optical frame; computed once per calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rays {
     width: usize,
     height: usize,
-    /// x and y by rows; NaN where the lens has no ray.
+    /// x and y in row order; NaN where the lens model has no ray.
     xy: Vec<[f64; 2]>,
 }
 
 impl Rays {
-    /// Rays of a camera.
+    /// Computes the rays of a camera.
     pub fn new(camera: &PinholeCamera) -> Rays {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let ray = |row: usize, column: usize| {
@@ -47,49 +47,50 @@ impl Rays {
 /// A frame of one camera; all images have the rays' size.
 #[derive(Clone, Copy, Debug)]
 pub struct LabelledFrame<'a> {
-    /// Colours, three bytes a pixel by rows.
+    /// Colours, three bytes per pixel in row order.
     pub rgb: &'a [u8],
-    /// The same, grey.
+    /// The same image in grey.
     pub grey: &'a PaddedGrey,
-    /// One label a pixel.
+    /// Labels, one byte per pixel.
     pub labels: &'a [u8],
-    /// Depth along the optical axis, m; not finite or not above 0 where there is none.
+    /// Depth along the optical axis, m; not finite or not positive where unknown.
     pub depth_m: &'a [f32],
-    /// Rays of its camera.
+    /// Rays of the camera.
     pub rays: &'a Rays,
-    /// Where the camera was.
+    /// Pose of the camera in the local frame.
     pub local_from_camera: Pose,
 }
 
-/// The cells that points are sorted into: a square window of the local frame.
+/// The cells to which points are assigned: a square window of the local frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
     /// South-west corner, local frame, m.
     pub corner_m: DVec2,
-    /// Side of a cell, m.
+    /// Size of a cell, m.
     pub cell_size_m: f64,
-    /// Cells a side.
+    /// Cells per side.
     pub side: usize,
 }
 
-/// What the points of some rows say of the cells.
+/// Points of some rows, by cell.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Gathered {
-    /// Cells in the order in which they were first met: place by rows from the south-west corner, and its points.
+    /// Cells in the order of their first point: index in row order from the south-west corner, and the sums of its
+    /// points.
     pub cells: Vec<(u32, Terrain)>,
-    /// 1 where a pixel was used as ground, 2 as an obstacle, 0 elsewhere; by rows.
+    /// 1 where a pixel was used as ground, 2 as obstacle, 0 elsewhere; in row order.
     pub used: Vec<u8>,
 }
 
-/// Strips of rows of an image.
+/// Number of strips of an image.
 pub fn strips(height: usize) -> usize {
     height.div_ceil(STRIP_ROWS)
 }
 
-/// Sorts the points of one strip of rows.
+/// Assigns the points of one strip of rows to cells.
 ///
 /// # Panics
-/// Where the images of the frame do not have the rays' size.
+/// If the images of the frame do not have the size of the rays.
 pub fn gather(
     frame: &LabelledFrame<'_>,
     strip: usize,
@@ -106,7 +107,7 @@ pub fn gather(
         |label: u8, depth: f32| (label == GROUND || label == OBSTACLE) && depth > 0.0 && depth <= max_range_m;
     let mut used: Vec<u8> =
         labels.iter().zip(depths).map(|(&label, &depth)| label * u8::from(is_used(label, depth))).collect();
-    // Sky and what is far fill whole strips: their patterns are not needed.
+    // Sky and distant areas fill whole strips, whose patterns are not needed.
     if used.iter().all(|&label| label == 0) {
         return Gathered { cells: Vec::new(), used };
     }
@@ -132,7 +133,7 @@ pub fn gather(
     Gathered { cells: sums.finish(), used }
 }
 
-/// Cells of all strips, by place.
+/// Merges the cells of all strips, sorted by index.
 pub fn join(strips: &[Gathered], side: usize) -> Vec<(u32, Terrain)> {
     let mut slots = vec![u32::MAX; side * side];
     let mut cells: Vec<(u32, Terrain)> = Vec::with_capacity(strips.iter().map(|s| s.cells.len()).sum());
@@ -145,12 +146,12 @@ pub fn join(strips: &[Gathered], side: usize) -> Vec<(u32, Terrain)> {
             cells[*slot as usize].1.merge(terrain);
         }
     }
-    // Cells by place, not by strip: what is learned does not depend on where the strips are cut.
+    // Sorted by index rather than by strip, so that the result does not depend on the strip boundaries.
     cells.sort_unstable_by_key(|(place, _)| *place);
     cells
 }
 
-/// From a ray and a depth to a cell: rows of the camera's turn and its place, in cells from the corner.
+/// Converts a ray and a depth to a cell: rows of the camera's rotation and its position, in cells from the corner.
 struct CellGrid {
     x: [f64; 3],
     y: [f64; 3],
@@ -167,15 +168,15 @@ impl CellGrid {
         CellGrid { x: row(DVec3::X), y: row(DVec3::Y), camera: camera.to_array(), side: window.side }
     }
 
-    /// The cells of neighbouring pixels; [`NOWHERE`] outside of the window. Without branches, so that the compiler
-    /// makes vector code of it.
+    /// Cell indices of consecutive pixels; [`NOWHERE`] outside of the window. Without branches, so that the compiler
+    /// vectorizes it.
     fn places(&self, rays: &[[f64; 2]], depths_m: &[f32], places: &mut [u32]) {
         let limit = self.side as f64;
         for ((place, &[x, y]), &depth_m) in places.iter_mut().zip(rays).zip(depths_m) {
             let depth = f64::from(depth_m);
             let along = |row: &[f64; 3], camera: f64| (row[0] * x + row[1] * y + row[2]) * depth + camera;
             let (column, row) = (along(&self.x, self.camera[0]), along(&self.y, self.camera[1]));
-            // NaN, of a pixel without a ray, is on neither side.
+            // NaN, for a pixel without a ray, fails all comparisons.
             let inside = column >= 0.0 && column < limit && row >= 0.0 && row < limit;
             let at = row as i32 * self.side as i32 + column as i32;
             *place = if inside { at as u32 } else { NOWHERE };
@@ -183,12 +184,12 @@ impl CellGrid {
     }
 }
 
-/// Place of a pixel outside of the window.
+/// Cell index of a pixel outside of the window.
 const NOWHERE: u32 = u32::MAX;
 
-/// Sums of the cells that a strip meets. Counts of one strip fit 32 bits, and small sums stay in the cache.
+/// Sums of the cells of one strip. Counts of one strip fit in 32 bits, and the small table stays in the cache.
 struct Sums {
-    /// Number of a cell's sum, by place.
+    /// Index of a cell's sum, by cell index.
     slots: Vec<u32>,
     places: Vec<u32>,
     cells: Vec<Sum>,

@@ -1,4 +1,4 @@
-//! From pixels to cells, against a plain reference.
+//! Assignment of pixels to cells, compared with a reference implementation.
 
 use super::*;
 use crate::scene::{Scene, vehicle_from_camera};
@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use rcs_sense::CELL_SIZE_M;
 use std::collections::BTreeMap;
 
-/// Every pixel by itself: its point in the local frame, its cell, its code.
+/// Reference for every pixel: its point in the local frame, its cell, its code.
 fn reference_gather(
     scene: &Scene,
     window: &Window,
@@ -53,7 +53,7 @@ proptest! {
     ) {
         let pose = Pose::from_rpy(DVec3::new(x, y, 0.3), roll, 0.05, yaw);
         let mut scene = Scene::new([60, 70], pose, wall, 2.0, seed);
-        // Some pixels without a range, or with another label.
+        // Some pixels without a range or with another label.
         for i in 0..scene.labels.len() {
             match crate::scene::noise(i, 1, seed) % 10 {
                 0 => scene.depth_m[i] = f32::NAN,
@@ -62,7 +62,7 @@ proptest! {
                 _ => {}
             }
         }
-        // A window that the view partly leaves.
+        // A window that does not contain the whole view.
         let window = Window { corner_m: DVec2::new(x - 8.0, y - 8.0), cell_size_m: CELL_SIZE_M, side: 80 };
         let ratios = RatioBins::new(1.0);
         let strips: Vec<_> = (0..strips(70))

@@ -1,4 +1,4 @@
-//! The process `terrain_learner`.
+//! The process `terrain_learner`: learns terrain models from labelled images.
 
 use crate::appearance::{MatchWeights, RatioBins};
 use crate::camera::{CameraPorts, Frame, LearnerCamera, learned_port};
@@ -17,22 +17,22 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 rcs_runtime::commands! {
-    /// What a [`TerrainLearner`] obeys.
+    /// Commands of [`TerrainLearner`].
     pub enum TerrainLearnerCommand {
         Clear = "CLEAR": "Forget the map and all models.",
     }
 }
 
-/// State: poses, the cameras' last images, and one map with its models for each set that is learned.
+/// State: poses, the last images of the cameras, and one map with its models for each learned set.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TerrainLearner {
     localizer: Localizer,
     cameras: [LearnerCamera; 2],
-    /// One where one camera learns or both share it, else one for each camera.
+    /// One map where one camera learns or both share it; otherwise one per camera.
     maps: Vec<TerrainMap>,
-    /// When the first labels of any camera came.
+    /// Time of the first labels of any camera.
     begun: Option<Stamp>,
-    /// Switches of the bumper that are pressed.
+    /// Which bumper switches are pressed.
     pressed: [bool; 2],
     #[serde(skip)]
     ratios: Option<Arc<RatioBins>>,
@@ -158,7 +158,7 @@ impl Process for TerrainLearner {
 }
 
 impl TerrainLearner {
-    /// Learns from a frame and says what it did, or why it did not.
+    /// Learns from a frame; returns what was done, or why nothing was.
     fn learn(
         &mut self,
         side: usize,
@@ -170,7 +170,7 @@ impl TerrainLearner {
     ) -> Result<&'static str, Unusable> {
         let (extrinsics, time) = (extrinsics(params), frame.time);
         let local_from_vehicle = extrinsics.local_from_vehicle(&self.localizer, time)?;
-        // The mount parameters are the left camera's.
+        // The mount in the parameters is that of the left camera.
         let camera = if side == 0 { extrinsics } else { extrinsics.without_mount() };
         let vehicle_from_camera =
             camera.vehicle_from_sensor(&self.localizer, &frame.image.frame_id, Axes::Optical, time)?;
@@ -207,7 +207,7 @@ impl TerrainLearner {
         Ok(refusal.unwrap_or("learns from labelled range"))
     }
 
-    /// Why nothing is learned now (Albus 2006a, 3.2, step 1).
+    /// Why nothing is learned at this time (Albus 2006a, 3.2, step 1).
     fn refusal(&self, time: Stamp, params: &TerrainLearnerParams) -> Option<&'static str> {
         if params.learn_while_standing {
             return None;
@@ -221,7 +221,7 @@ impl TerrainLearner {
         }
     }
 
-    /// Learns from what is under the wheels and from hits of the bumper; whether there was anything.
+    /// Learns from the ground under the vehicle and from bumper hits; returns whether anything was learned.
     fn experience(
         &mut self,
         ports: &Ports,
@@ -248,7 +248,7 @@ impl TerrainLearner {
                 Err(error) => cx.fault(format!("bumper: {error}; hit skipped")),
             }
         }
-        // Without a pose the vehicle is nowhere; frames report it.
+        // Without a pose no cell can be found; frames report it.
         if !extrinsics.fixed_pose
             && let Ok(pose) = extrinsics.local_from_vehicle(&self.localizer, cx.now())
         {
@@ -288,7 +288,7 @@ impl TerrainLearner {
         }
     }
 
-    /// A camera that is behind the other one is a fault, once until it has caught up.
+    /// Reports a camera that has fallen behind the other one, once until it has caught up.
     fn report_late_camera(&mut self, params: &TerrainLearnerParams, cx: &mut Cycle<'_>) {
         let Some(begun) = self.begun.filter(|_| params.cameras() != TerrainCameras::TerrainLeft) else {
             return;
@@ -317,12 +317,12 @@ impl TerrainLearner {
     }
 }
 
-/// How vehicle and cameras are found.
+/// How the poses of vehicle and cameras are found.
 fn extrinsics(params: &TerrainLearnerParams) -> Extrinsics<'_> {
     Extrinsics::new(params.pose.as_ref(), params.mount.as_ref())
 }
 
-/// Rules of the parameters.
+/// Model rules from the parameters.
 fn rules(params: &TerrainLearnerParams) -> ModelRules {
     let histograms = [
         params.weight_red_green,
@@ -344,7 +344,7 @@ fn rules(params: &TerrainLearnerParams) -> ModelRules {
     }
 }
 
-/// Maps with the models of the parameters; those of a text that [`Process::check`] has refused are left out.
+/// Maps with the models of the parameters; texts refused by [`Process::check`] are left out.
 fn maps(params: &TerrainLearnerParams) -> Vec<TerrainMap> {
     let set = |text: &str| -> ModelSet {
         let message = models_of_text(text).ok().flatten();

@@ -1,5 +1,5 @@
-//! Terrain models learned from range and from driving (Albus 2006a, 3.2, Albus 2006b, 3.6), and images classified by
-//! them (Albus 2006a, 3.3).
+//! Terrain models learned from range and from driving (Albus 2006a, 3.2, Albus 2006b, 3.6), and classification of
+//! images by them (Albus 2006a, 3.3).
 //!
 //! # `terrain_learner`
 //!
@@ -25,32 +25,54 @@
 //! | `learned_right` | out | `foxglove.RawImage` | points that were learned from, by their label |
 //! | `stats` | out | `rcs.TerrainStats` | points, cells and models after each frame |
 //!
-//! Period 333 ms (3 Hz, Albus 2006b, 3.4). Command `CLEAR` forgets the map and all models. State: the last seconds of
-//! poses, the cameras' last images, and a learning map with its models: one where the left camera learns alone or both
-//! cameras share what they learn, else one for each camera.
+//! Period 333 ms (3 Hz, Albus 2006b, 3.4). Command `CLEAR` forgets the map and all models. State: the poses of the last
+//! seconds, the last images of the cameras, and a learning map with its models: one map where only the left camera
+//! learns or both cameras share what they learn, otherwise one per camera.
 //!
-//! A camera's labels, depth and image belong together by their acquisition times. Per frame (Albus 2006a, 3.2): nothing
-//! is learned while the vehicle turns fast or stands; each labelled point goes to its cell of a map of 201×201 cells of
-//! 0.2 m, north-up; a cell with enough points of one label becomes a model or merges with the model that it resembles;
-//! cells whose cost has changed are sent, with their model's obstacle fraction where they have one. Cells that come
-//! under the vehicle, and cells that the bumper hits, add what was felt (B: learning by experience).
+//! A camera's labels, depth and image are matched by their acquisition times. Steps for each frame (Albus 2006a, 3.2):
 //!
-//! - [`texture`]: local binary patterns and contrast. [`appearance`]: histograms and how they are compared.
-//! - [`frame`]: from pixels to cells. [`map`]: the learning map. [`models`]: models, and the way to and from messages.
-//! - [`sync`]: images that belong together by their times.
+//! 1. Nothing is learned while the vehicle turns fast or stands.
+//! 2. Each labelled point is added to its cell of a north-up map of 201×201 cells of 0.2 m.
+//! 3. A cell with enough points of one label becomes a model, or is merged with the model that it resembles.
+//! 4. Cells whose cost has changed are sent, with the obstacle fraction of their model where they have one.
+//! 5. Cells under the vehicle, and cells that the bumper hits, add experience (Albus 2006b, 3.6: learning by
+//!   experience).
 //!
-//! Cost: linear in pixels. Counts are whole numbers, so any number of threads gives the same bits.
-//!
-//! What cannot be used is reported as a fault and skipped, and nothing is sent on for it: an image of another size than
-//! its calibration, labels or depth of another size or time than all images, an image that is black, saturated or equal
-//! to the one before it, no pose for its time; a camera that falls behind the other one is reported once.
+//! Unusable data are reported as a fault and skipped, and nothing is sent: an image of another size than its
+//! calibration; labels or depth of another size or time than every image; an image that is black, saturated or equal to
+//! the previous one; no pose for its time. A camera that falls behind the other one is reported once.
 //!
 //! Models are saved as the message `rcs.TerrainModels` in JSON, and loaded from the parameters `models` and
 //! `models_right`.
 //!
+//! The learner needs obstacle labels, from range or from another detector: it does not detect obstacles itself.
+//!
 //! # `classifier`
 //!
 //! Classifies windows of an image by these models. Its port table is in [`classifier`].
+//!
+//! # Where to begin
+//!
+//! - [`appearance`]: histograms and their comparison. [`texture`]: local binary patterns and contrast.
+//! - [`frame`]: from pixels to cells. [`map`]: the learning map. [`models`]: models, and their conversion to messages.
+//! - [`classify`]: windows of an image. [`place`]: their position on the ground.
+//! - [`sync`]: matching of images by time.
+//!
+//! Cost: linear in pixels. Counts are whole numbers, so the result is the same bit for bit with any number of threads.
+//!
+//! # Example
+//!
+//! ```
+//! use rcs_terrain::appearance::{Histograms, MatchWeights};
+//!
+//! let weights = MatchWeights { histograms: [1.0; 5], contrast: 1.0 }.normalised();
+//! let (mut grass, mut mulch) = (Histograms::default(), Histograms::default());
+//! grass.add(0o00000, 0);
+//! mulch.add(0o11111, 0); // in another bin of every histogram
+//! let (grass, mulch) = (weights.signature(&grass), weights.signature(&mulch));
+//! assert_eq!(grass.distance(&grass), 0.0);
+//! assert!(grass.distance(&mulch) > 1.0);
+//! ```
 
 rcs_msg::messages!(
     /// Messages of this plugin alone, from `proto/`.

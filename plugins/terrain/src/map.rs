@@ -1,14 +1,14 @@
-//! The learning map: 201×201 cells of 0.2 m that scroll with the vehicle, north-up, and the models of its cells (Albus
+//! The learning map: 201×201 cells of 0.2 m, north-up, that scroll with the vehicle, and the models of its cells (Albus
 //! 2006a, 3.2).
 //!
-//! A cell that is ready gives all its points to a model; from then on each new point of the cell goes to the model,
-//! too, until the cell is no longer pure: then the model keeps what it has and the cell speaks for itself. Cells that
-//! scroll off are forgotten.
+//! A cell that is ready gives all its points to a model. From then on each new point of the cell also goes to the
+//! model, until the cell is no longer pure; then the model keeps its points and the cell has a cost of its own. Cells
+//! that scroll off the map are forgotten.
 //!
-//! The paper does not say how much weight experience has. Here a cell that is driven over gains `driven_gain` ground
-//! points for each point that it holds (at least as many as a model needs), and so does its model: what the wheels say
-//! of a cell counts that many times what range said of it, whatever the camera's resolution. A cell gains when it comes
-//! under the vehicle, not for as long as it stays there. Hits of the bumper are the same with obstacle points.
+//! The paper does not give the weight of experience. Here a cell that is driven over gains `driven_gain` ground points
+//! for each of its points (or for the minimum number of points of a model, if that is more), and so does its model. The
+//! weight of experience relative to range is then independent of the camera's resolution. A cell gains points when it
+//! comes under the vehicle, not while it stays there. Hits of the bumper add obstacle points in the same way.
 
 use crate::frame::Window;
 use crate::models::{ModelRules, ModelSet, Terrain};
@@ -19,20 +19,20 @@ use rcs_world::{MAX_COST, SIDE, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Cells of one frame for which room is made among the models, so that a frame of many new kinds of terrain does not
-/// take long: the nearest two of 64 models are found in some 20 µs.
+/// Maximum number of cells per frame for which models are merged to make room, which bounds the time of a frame with
+/// many new kinds of terrain: finding the most similar pair of 64 models takes about 20 µs.
 pub const SQUEEZED: usize = 64;
 
 /// A cell of the learning map.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Cell {
-    /// What was seen and felt of it.
+    /// Sums of its points and its experience.
     pub terrain: Terrain,
     /// Number of its model.
     pub model: Option<u32>,
 }
 
-/// A part of the vehicle's outline on the ground, vehicle frame, m: x forward, y left.
+/// A rectangle on the ground under or in front of the vehicle, vehicle frame, m: x forward, y left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
     /// From rear to front.
@@ -41,7 +41,7 @@ pub struct Patch {
     pub y: [f64; 2],
 }
 
-/// What happened to a cell.
+/// Experience of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Experience {
     /// The vehicle drove over it.
@@ -50,33 +50,33 @@ pub enum Experience {
     Bumped,
 }
 
-/// What a frame did.
+/// Result of learning from a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Learned {
-    /// Points that went into cells.
+    /// Ground points added to cells.
     pub ground: u64,
-    /// Points that went into cells.
+    /// Obstacle points added to cells.
     pub obstacle: u64,
-    /// Cells that found no room among the models yet.
+    /// Cells that could not become models because the maximum is reached.
     pub left_out: u64,
 }
 
-/// The map and its models.
+/// The learning map and its models.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TerrainMap {
     cells: ScrollGrid<Option<Arc<Cell>>>,
-    /// Cost of each cell as it was last sent.
+    /// Cost of each cell that was last sent.
     sent: ScrollGrid<u8>,
-    /// Models of the cells.
+    /// The models of the cells.
     pub models: ModelSet,
-    /// Cells that lay under the vehicle when it was last looked at.
+    /// Cells under the vehicle in the previous update.
     under: Vec<CellIndex>,
-    /// Cells that were driven over, and hit.
+    /// Number of cells driven over, and number hit.
     experienced: [u64; 2],
 }
 
 impl TerrainMap {
-    /// An empty map around the origin, with models to begin with.
+    /// An empty map around the origin, with initial models.
     pub fn new(models: ModelSet) -> Result<TerrainMap, GridError> {
         Ok(TerrainMap {
             cells: ScrollGrid::new(SIDE, CELL_SIZE_M, None)?,
@@ -87,7 +87,7 @@ impl TerrainMap {
         })
     }
 
-    /// Brings the map around a place in the local frame, m.
+    /// Centres the map on a position of the local frame, m.
     pub fn recentre(&mut self, place: DVec2) {
         if let Some(centre) = self.cells.cell_at(place) {
             self.cells.recentre(centre);
@@ -95,7 +95,7 @@ impl TerrainMap {
         }
     }
 
-    /// Where points are sorted into cells.
+    /// The window of cells to which points are assigned.
     pub fn window(&self) -> Window {
         Window { corner_m: self.cells.origin(), cell_size_m: CELL_SIZE_M, side: SIDE }
     }
@@ -105,23 +105,24 @@ impl TerrainMap {
         self.cells.get(cell)?.as_deref()
     }
 
-    /// The cells, by rows from the south.
+    /// All known cells, in row order from the south.
     pub fn iter(&self) -> impl Iterator<Item = (CellIndex, &Cell)> {
         self.cells.iter().filter_map(|(index, cell)| Some((index, cell.as_deref()?)))
     }
 
-    /// Cells that were driven over, and those that were hit, since the start.
+    /// Number of cells driven over, and number hit by the bumper, since the start.
     pub fn experienced(&self) -> [u64; 2] {
         self.experienced
     }
 
-    /// Adds the points of a frame, sorted into cells by place, and lets ready cells become models (step 4). Where there
-    /// are as many models as there may be, room is made for up to [`SQUEEZED`] cells a frame; the others wait for a
-    /// later one.
+    /// Adds the points of a frame, by cell index, and lets ready cells become models (step 4). When the maximum number
+    /// of models is reached, models are merged to make room for up to [`SQUEEZED`] cells per frame; further cells wait
+    /// for a later frame.
     pub fn learn(&mut self, points: &[(u32, Terrain)], rules: &ModelRules) -> Learned {
         let mut learned = Learned::default();
         let mut signatures = self.models.signatures(&rules.weights);
-        // What has become of each model of before the frame, and the models that cells have joined in it.
+        // The current number of each model that existed before the frame, and the models that cells have joined in this
+        // frame.
         let mut numbers: Vec<u32> = (0..self.models.models.len() as u32).collect();
         let mut joined: Vec<(CellIndex, u32)> = Vec::new();
         let mut squeezed = 0;
@@ -166,7 +167,7 @@ impl TerrainMap {
         learned
     }
 
-    /// Gives the cells of models that were merged their new numbers.
+    /// Updates the model numbers of cells whose models were merged.
     fn rename(&mut self, numbers: &[u32]) {
         for index in self.cells.bounds().iter() {
             let before = self.get(index).and_then(|cell| cell.model);
@@ -179,7 +180,7 @@ impl TerrainMap {
         }
     }
 
-    /// Cells under the vehicle gain ground points, those that were not under it before (learning by experience).
+    /// Adds ground points to cells that have come under the vehicle since the last call (learning by experience).
     pub fn drive(&mut self, local_from_vehicle: &Pose, outline: &Patch, gain: f64, rules: &ModelRules) {
         let under = self.covered(local_from_vehicle, outline);
         let fresh: Vec<CellIndex> =
@@ -188,7 +189,7 @@ impl TerrainMap {
         self.under = under;
     }
 
-    /// Cells of a patch that the bumper hit gain obstacle points.
+    /// Adds obstacle points to the cells of a patch that the bumper hit.
     pub fn bump(&mut self, local_from_vehicle: &Pose, patch: &Patch, gain: f64, rules: &ModelRules) {
         let hit = self.covered(local_from_vehicle, patch);
         self.experience(&hit, Experience::Bumped, gain, rules);
@@ -212,7 +213,7 @@ impl TerrainMap {
         }
     }
 
-    /// Cells whose middle lies on a patch of the ground, sorted.
+    /// Cells whose centres lie in a patch, sorted.
     fn covered(&self, local_from_vehicle: &Pose, patch: &Patch) -> Vec<CellIndex> {
         let corners = [0, 1, 2, 3].map(|i| {
             let corner = DVec3::new(patch.x[i & 1], patch.y[i >> 1], 0.0);
@@ -239,7 +240,7 @@ impl TerrainMap {
         covered
     }
 
-    /// What is sent of a cell (step 5): its model's obstacle fraction, or its own where it has none, as 0 to 250.
+    /// Cost of a cell (step 5): the obstacle fraction of its model, or its own where it has none, scaled to 0 to 250.
     pub fn cost(&self, cell: &Cell) -> u8 {
         let model = cell.model.and_then(|number| self.models.models.get(number as usize));
         let terrain = model.map_or(&cell.terrain, |model| &model.terrain);
@@ -249,8 +250,8 @@ impl TerrainMap {
         }
     }
 
-    /// Costs of the cells whose cost is not the one that was last given, by rows from the south-west corner cell, which
-    /// comes first; 255 for the others. `None` where no cell has changed.
+    /// Costs of the cells whose cost differs from the one last sent, 255 for all others, in row order from the
+    /// south-west corner; the index of that corner cell comes first. `None` if no cell has changed.
     pub fn changed(&mut self) -> Option<(CellIndex, Vec<u8>)> {
         let changes = self.changes();
         if changes.is_empty() {
@@ -268,7 +269,7 @@ impl TerrainMap {
         Some((bounds.south_west, costs))
     }
 
-    /// Place and cost of each cell that [`TerrainMap::changed`] would give.
+    /// Index and cost of each cell that [`TerrainMap::changed`] would return.
     pub fn changes(&self) -> Vec<(usize, u8)> {
         let own = |terrain: &Terrain| self.cost(&Cell { terrain: *terrain, model: None });
         let model_costs: Vec<u8> = self.models.models.iter().map(|model| own(&model.terrain)).collect();
@@ -286,7 +287,7 @@ impl TerrainMap {
         changes
     }
 
-    /// Cells that hold points or experience, and those with a model.
+    /// Number of cells with points or experience, and number of cells with a model.
     pub fn counts(&self) -> [u64; 2] {
         let mut counts = [0; 2];
         self.cells.for_each_run(|_, _, cells| {

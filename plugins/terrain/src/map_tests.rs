@@ -1,4 +1,4 @@
-//! The learning map: purity, merging, experience, scrolling, and what is sent.
+//! The learning map: purity, merging, experience, scrolling, and outputs.
 
 use super::*;
 use crate::appearance::{MatchWeights, RatioBins};
@@ -17,7 +17,7 @@ fn empty() -> TerrainMap {
     TerrainMap::new(ModelSet::default()).unwrap()
 }
 
-/// Place in the window of a map around the origin of the cell that lies so many cells east and north of the middle.
+/// Index, in the window of a map around the origin, of the cell `x` cells east and `y` cells north of the centre.
 fn place(x: i64, y: i64) -> u32 {
     ((y + 100) * 201 + x + 100) as u32
 }
@@ -83,7 +83,7 @@ fn only_cells_whose_cost_has_changed_are_sent() {
     assert_eq!(map.changed(), None, "nothing has changed");
     map.learn(&[(place(9, 9), terrain(0o7000, 0, 4))], &RULES);
     assert_eq!(known(&map.changed().unwrap().1), [(place(9, 9) as usize, 156)]);
-    // A model that changes changes all its cells.
+    // A change of a model changes all its cells.
     map.learn(&[(place(-9, 9), terrain(7, 0, 300))], &RULES);
     let costs = map.changed().unwrap().1;
     assert_eq!(known(&costs), [(place(0, 5) as usize, 188), (place(-9, 9) as usize, 188)]);
@@ -104,15 +104,15 @@ fn driving_over_what_looked_like_obstacles_makes_them_cheaper_everywhere() {
         let cost = map.cost(map.get(far).unwrap());
         assert!(cost < last, "step {step}: {cost} after {last}");
         last = cost;
-        // A vehicle that stays gains nothing more.
+        // A vehicle that stays in place adds nothing more.
         let before = map.clone();
         map.drive(&pose, &outline, 3.0, &RULES);
         assert_eq!(map, before);
     }
-    // Eleven of twenty cells were driven over: 2000 obstacle points against 3300 of driving.
+    // Eleven of twenty cells were driven over: 2000 obstacle points against 3300 points of driving.
     assert_eq!(map.models.models[0].terrain.driven, 3 * 1100);
     assert_eq!(last, (250.0_f64 * 2000.0 / 5300.0).round() as u8);
-    // Cells beside the row are driven over, too, and known to be free though nobody has seen them.
+    // Cells beside the row are driven over, too, and known to be free although they were never seen.
     let beside = map.get(CellIndex::new(0, 1)).unwrap();
     assert_eq!((beside.terrain.driven, map.cost(beside)), (3 * 40, 0));
 }
@@ -170,7 +170,7 @@ fn a_patch_covers_the_cells_whose_middles_lie_on_it_whatever_its_heading() {
 #[test]
 fn a_full_set_makes_room_by_merging_what_is_most_alike_and_keeps_its_obstacles() {
     let rules = ModelRules { max_models: 4, merge_distance: 0.01, ..RULES };
-    // Two shades of one ground, another ground, an obstacle, then something new.
+    // Two shades of one ground, another ground, an obstacle, then a new kind.
     let shades = |more: u16| {
         let mut shade = terrain(0, 100, 0);
         (0..40).for_each(|_| shade.histograms.add(more, 840));

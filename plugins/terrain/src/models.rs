@@ -1,36 +1,37 @@
-//! Terrain models: cells that look alike, and what is known of driving over them (Albus 2006a, 3.2, steps 4 and 5).
+//! Terrain models: cells of similar appearance, and the experience of driving over them (Albus 2006a, 3.2, steps 4 and
+//! 5).
 
 use crate::appearance::{BINS, HISTOGRAMS, Histograms, MatchWeights, Signature};
 use crate::proto::{TerrainCamera, TerrainModel, TerrainModels, TerrainWeights};
 use serde::{Deserialize, Serialize};
 
-/// What a cell or a model holds: a model has the structure of a cell.
+/// Contents of a cell or a model, which have the same structure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Terrain {
-    /// Appearance of all points.
+    /// Appearance, summed over all points.
     pub histograms: Histograms,
-    /// Points that range called ground.
+    /// Points labelled ground from range.
     pub ground: u64,
-    /// Points that range called obstacle.
+    /// Points labelled obstacle from range.
     pub obstacle: u64,
-    /// Ground points gained by driving over it.
+    /// Ground points added by driving over it.
     pub driven: u64,
-    /// Obstacle points gained by hits of the bumper.
+    /// Obstacle points added by bumper hits.
     pub bumped: u64,
 }
 
 impl Terrain {
-    /// Points that range labelled.
+    /// Number of points labelled from range.
     pub fn points(&self) -> u64 {
         self.ground + self.obstacle
     }
 
-    /// Share of the points that range labelled with the more frequent label; 0 without points.
+    /// Share of the more frequent label among the points labelled from range; 0 without points.
     pub fn purity(&self) -> f64 {
         self.ground.max(self.obstacle) as f64 / self.points().max(1) as f64
     }
 
-    /// `N_obstacle / (N_ground + N_obstacle)`, experience counted (the paper calls it traversability). `None` where
+    /// `N_obstacle / (N_ground + N_obstacle)`, including experience (the paper calls this traversability). `None` where
     /// nothing is known.
     pub fn obstacle_fraction(&self) -> Option<f64> {
         let obstacle = self.obstacle.saturating_add(self.bumped);
@@ -48,63 +49,63 @@ impl Terrain {
     }
 }
 
-/// A model: terrain, and how many cells have gone into it.
+/// A model: terrain, and the number of cells merged into it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Model {
-    /// All points of its cells.
+    /// Sums over all its cells.
     pub terrain: Terrain,
-    /// Cells that became it or merged with it.
+    /// Number of cells that became it or were merged into it.
     pub cells: u64,
 }
 
-/// Rules by which cells become models.
+/// Rules for cells to become models.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelRules {
-    /// Points that a cell needs.
+    /// Minimum number of points of a cell.
     pub min_points: u64,
-    /// Share of them that must have one label, 0 to 1.
+    /// Minimum share of the more frequent label, 0 to 1.
     pub min_purity: f64,
-    /// Largest distance of a match.
+    /// Maximum distance of a match.
     pub merge_distance: f32,
-    /// Models that are kept.
+    /// Maximum number of models.
     pub max_models: usize,
     /// Weights of a match, normalised.
     pub weights: MatchWeights,
 }
 
 impl ModelRules {
-    /// Whether a cell may be a model.
+    /// Whether a cell can become a model.
     pub fn is_ready(&self, cell: &Terrain) -> bool {
         cell.points() >= self.min_points && cell.purity() >= self.min_purity
     }
 }
 
-/// Why models of a message or a file are not used.
+/// Why models of a message or a file are refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModelsError {
-    /// A histogram has another number of bins.
+    /// A histogram has a wrong number of bins.
     #[error("model {model} has {got} bins of {what}, expected {BINS}")]
     Bins {
         /// Number of the model, from 0.
         model: usize,
         /// Which histogram.
         what: &'static str,
-        /// Bins there are.
+        /// Number of bins given.
         got: usize,
     },
-    /// Histograms of one model that do not count the same points.
+    /// The histograms of one model have different numbers of points.
     #[error("model {model} has {got} points in its histogram of {what}, expected {expected}")]
     Points {
         /// Number of the model, from 0.
         model: usize,
         /// Which histogram.
         what: &'static str,
-        /// Points there are.
+        /// Number of points given.
         got: u128,
-        /// Points of the first histogram, not 0.
+        /// Number of points of the first histogram, not 0.
         expected: u128,
     },
-    /// More points than can be counted.
+    /// A count exceeds the maximum.
     #[error("model {model} has {what} {got}, expected at most {MOST}")]
     TooMany {
         /// Number of the model, from 0.
@@ -114,7 +115,7 @@ pub enum ModelsError {
         /// The number.
         got: u64,
     },
-    /// Weights or span that are not numbers in range.
+    /// Weights or span are not numbers in range.
     #[error("{what} is {got}, expected {expected}")]
     Number {
         /// Which number.
@@ -124,15 +125,15 @@ pub enum ModelsError {
         /// What it should be.
         expected: &'static str,
     },
-    /// The text of a file.
+    /// The text of a file is invalid.
     #[error("models do not read: {0}")]
     Text(String),
 }
 
-/// Largest count that is believed: sums of many stay within 64 bits.
+/// Maximum count, so that sums of many fit in 64 bits.
 const MOST: u64 = 1 << 48;
 
-/// A set of models in the order in which they were learned; a model keeps its number.
+/// A set of models in the order in which they were learned; the number of a model is its index.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelSet {
     /// The models.
@@ -140,14 +141,14 @@ pub struct ModelSet {
 }
 
 impl ModelSet {
-    /// Appearances of all models, as they are compared under these weights.
+    /// Appearances of all models, prepared for comparison with these weights.
     pub fn signatures(&self, weights: &MatchWeights) -> Vec<Signature> {
         self.models.iter().map(|model| weights.signature(&model.terrain.histograms)).collect()
     }
 
     /// Merges a cell with its best match, or makes it a model where none is near enough. `signatures` are those of
-    /// [`ModelSet::signatures`] under the rules' weights, and are kept up to date. `None` where there is no match and
-    /// no room.
+    /// [`ModelSet::signatures`] with the weights of the rules, and are updated. `None` if there is no match and no
+    /// room.
     pub fn take(
         &mut self,
         cell: &Terrain,
@@ -173,13 +174,13 @@ impl ModelSet {
         }
     }
 
-    /// Makes room for one more model: merges the two models that are most alike and gives their places, the one that is
-    /// left first; `None` where there are no two of one kind. Only two models of which range and experience say the
-    /// same, ground or obstacle, are merged: a set that is full must not lose its obstacles in the many kinds of
-    /// ground.
+    /// Makes room for one more model by merging the two most similar models. Returns the index of the merged model,
+    /// then the freed index; `None` if no two models are of the same kind. Only two models with the same classification
+    /// (ground or obstacle) by range and experience are merged, so that a full set does not lose its obstacles among
+    /// many kinds of ground.
     ///
-    /// The paper does not say what happens when there are many kinds of terrain; without this, the first cells of a
-    /// frame would take all places.
+    /// The paper does not say what happens with many kinds of terrain; without this rule the first cells of a frame
+    /// would occupy all places.
     fn make_room(&mut self, signatures: &mut [Signature], rules: &ModelRules) -> Option<[usize; 2]> {
         let is_obstacle = |model: &Model| model.terrain.obstacle_fraction().is_some_and(|f| f >= 0.5);
         let kinds: Vec<bool> = self.models.iter().map(is_obstacle).collect();
@@ -201,8 +202,8 @@ impl ModelSet {
         Some([a, b])
     }
 
-    /// Makes a cell a model although there are as many as there may be: the two that are most alike become one, and the
-    /// cell takes the other's place. Gives both places, the cell's last.
+    /// Makes a cell a model although the maximum is reached: the two most similar models are merged, and the cell takes
+    /// the freed index. Returns the index of the merged model, then that of the cell.
     pub fn squeeze_in(
         &mut self,
         cell: &Terrain,
@@ -223,7 +224,7 @@ impl ModelSet {
         }
     }
 
-    /// The set as a message, without a time.
+    /// The set as a message without a time.
     pub fn to_message(
         &self,
         camera: TerrainCamera,
@@ -241,14 +242,14 @@ impl ModelSet {
         }
     }
 
-    /// The models of a message; sums must agree. No models are a set, too.
+    /// The models of a message, whose sums must agree. A message without models is valid.
     pub fn from_message(message: &TerrainModels) -> Result<ModelSet, ModelsError> {
         let models = message.models.iter().enumerate().map(|(number, model)| model_of(number, model));
         Ok(ModelSet { models: models.collect::<Result<_, _>>()? })
     }
 }
 
-/// How the windows of an image are compared with the models of a message: the span of the bins (octaves) and the
+/// How the windows of an image are compared with the models of a message: the span of the bins (octaves), and the
 /// weights.
 pub fn matching_of(message: &TerrainModels) -> Result<(f64, MatchWeights), ModelsError> {
     let span = message.ratio_span_octaves;
@@ -265,7 +266,7 @@ pub fn matching_of(message: &TerrainModels) -> Result<(f64, MatchWeights), Model
     Ok((span, MatchWeights { histograms, contrast }.normalised()))
 }
 
-/// Models of a file's text; none where it is empty.
+/// The models of a file's text; `None` where it is empty.
 pub fn models_of_text(text: &str) -> Result<Option<TerrainModels>, ModelsError> {
     if text.trim().is_empty() {
         return Ok(None);

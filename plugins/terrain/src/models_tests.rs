@@ -1,4 +1,4 @@
-//! Merging, purity, and the way through a message and a file.
+//! Merging, purity, and conversion to a message and a file and back.
 
 use super::*;
 use proptest::prelude::*;
@@ -12,7 +12,7 @@ pub(crate) const RULES: ModelRules = ModelRules {
     weights: MatchWeights { histograms: [0.2; HISTOGRAMS], contrast: 0.0 },
 };
 
-/// A cell of one colour bin: `ground` and `obstacle` points.
+/// A cell of one colour bin with `ground` and `obstacle` points.
 fn cell(code: u16, ground: u64, obstacle: u64) -> Terrain {
     let mut terrain = Terrain { ground, obstacle, ..Terrain::default() };
     (0..ground + obstacle).for_each(|_| terrain.histograms.add(code, 840));

@@ -1,59 +1,60 @@
-//! Where classified windows are: ground on the flat plane of the vehicle's pose, obstacles upright on it (Albus 2006a,
-//! 3.3).
+//! Position of classified windows: ground lies on the plane of the vehicle's pose, and obstacles stand upright on it
+//! (Albus 2006a, 3.3).
 //!
-//! - The plane is z = 0 of the vehicle frame. A cell of the map whose middle is seen in a traversable window gets that
-//!   window's cost; what lies behind an upright obstacle is not seen and gets none.
-//! - An obstacle window stands where the closest ground below it in its column of windows ends: at the upper edge of
-//!   the next traversable window down, or of what stereo covers, or at the lower edge of the image. Its cost goes to
-//!   the cells along the window's width there; above a traversable window's.
+//! - The plane is z = 0 of the vehicle frame. A cell of the map whose centre projects into a traversable window gets
+//!   the cost of that window; cells hidden behind an upright obstacle get none.
+//! - An obstacle window stands where the nearest ground below it in its column of windows ends: at the upper edge of
+//!   the next traversable window below, at the upper edge of the region covered by stereo, or at the lower edge of the
+//!   image. Its cost is assigned to the cells along the width of the window at that place, and overrides that of a
+//!   traversable window.
 
 use crate::classify::{Class, WindowGrid};
 use glam::{DVec2, DVec3};
 use rcs_geom::{CellIndex, PinholeCamera, Pose};
 use rcs_world::{SIDE, UNKNOWN_COST};
 
-/// Where camera and vehicle were.
+/// Poses of camera and vehicle.
 #[derive(Clone, Debug)]
 pub struct View<'a> {
     /// The camera.
     pub camera: &'a PinholeCamera,
-    /// Its optical frame on the vehicle.
+    /// Pose of its optical frame on the vehicle.
     pub vehicle_from_camera: Pose,
-    /// The vehicle in the local frame.
+    /// Pose of the vehicle in the local frame.
     pub local_from_vehicle: Pose,
 }
 
 /// Classified windows.
 #[derive(Clone, Copy, Debug)]
 pub struct Windows<'a> {
-    /// How the image was cut.
+    /// The division of the image.
     pub grid: &'a WindowGrid,
-    /// Classes by rows of windows.
+    /// Classes in row order.
     pub classes: &'a [Class],
-    /// For each column of windows the first row that is stereo's; `None` where there is no stereo.
+    /// For each column of windows, the first row covered by stereo; `None` without stereo.
     pub stereo_end: Option<&'a [usize]>,
 }
 
-/// How large cells are, and how far they go.
+/// Cell size and extent of a cost map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
-    /// Side of a cell, m.
+    /// Size of a cell, m.
     pub cell_size_m: f64,
-    /// Farthest place from the vehicle's origin, m.
+    /// Maximum distance from the vehicle's origin, m.
     pub max_range_m: f64,
 }
 
 /// A cost map around the vehicle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
-    /// The south-west corner cell.
+    /// Index of the south-west corner cell.
     pub south_west: CellIndex,
-    /// Costs by rows, 255 unknown.
+    /// Costs in row order, 255 unknown.
     pub costs: Vec<u8>,
 }
 
 impl View<'_> {
-    /// Sine of the angle of a pixel's ray above the vehicle's plane; `None` where the lens has no ray.
+    /// Sine of the elevation of a pixel's ray above the vehicle's plane; `None` where the lens model has no ray.
     pub fn sine_above_horizon(&self, pixel: DVec2) -> Option<f64> {
         let ray = self.vehicle_from_camera.rotate(self.camera.unproject(pixel)?);
         Some(ray.z / ray.length())
@@ -68,8 +69,8 @@ impl View<'_> {
     }
 }
 
-/// Which windows are classified: those below `sine_limit` above the horizon, and above the rows that `stereo_end` gives
-/// for each column of windows to stereo. By rows.
+/// Which windows are classified, in row order: those lower than `sine_limit` above the horizon, and above the rows that
+/// `stereo_end` marks as covered by stereo.
 pub fn region(
     view: &View<'_>,
     grid: &WindowGrid,
@@ -93,7 +94,7 @@ fn middle(grid: &WindowGrid, column: usize, row: usize) -> DVec2 {
     DVec2::new(between(grid.x(column)), between(grid.y(row)))
 }
 
-/// Puts classified windows on a map of 201×201 cells around the vehicle.
+/// Projects classified windows onto a map of 201×201 cells around the vehicle.
 pub fn place(view: &View<'_>, windows: &Windows<'_>, scale: Scale) -> Placed {
     let centre = (view.local_from_vehicle.translation / scale.cell_size_m).floor();
     let half = (SIDE / 2) as i64;
@@ -107,7 +108,7 @@ pub fn place(view: &View<'_>, windows: &Windows<'_>, scale: Scale) -> Placed {
 }
 
 impl Placed {
-    /// Cells with a cost.
+    /// Number of cells with a cost.
     pub fn cells(&self) -> u64 {
         self.costs.iter().filter(|&&cost| cost != UNKNOWN_COST).count() as u64
     }
@@ -166,7 +167,7 @@ impl Placed {
         }
     }
 
-    /// Gives a cost to the cells along a line of the plane, vehicle frame.
+    /// Assigns a cost to the cells along a line of the plane, vehicle frame.
     fn stand(&mut self, view: &View<'_>, from: DVec3, to: DVec3, cell_size_m: f64, cost: u8) {
         let steps = (2.0 * from.distance(to) / cell_size_m).ceil().clamp(1.0, 1000.0) as usize;
         for step in 0..=steps {

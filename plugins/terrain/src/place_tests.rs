@@ -40,7 +40,7 @@ fn ground_lands_on_the_plane_and_a_wall_stands_where_the_ground_ends() {
             for x in 2..90 {
                 let x = f64::from(x) * 0.2;
                 let cost = cost_at(&placed, CELL_SIZE_M, pose * DVec3::new(x, y, 0.0)).unwrap();
-                // Windows of 16 pixels are 0.35 m deep on the ground before the wall.
+                // Windows of 16 pixels are 0.35 m deep on the ground in front of the wall.
                 if x < 1.2 {
                     assert_eq!(cost, UNKNOWN_COST, "below the image: {x}, {y}");
                 } else if x > 1.7 && x < 4.2 {
@@ -89,7 +89,7 @@ proptest! {
         let camera = camera([64, 48]);
         let pose = Pose::from_rpy(DVec3::new(x, 3.0, 0.5), roll, 0.05, yaw);
         let grid = WindowGrid::new([64, 48], 6);
-        // Ground alone: obstacles have their own rule.
+        // Ground only: obstacles have a rule of their own.
         let classes: Vec<Class> = (0..grid.columns() * grid.rows())
             .map(|i| match crate::scene::noise(i, 0, seed) % 3 { 0 => Class::Unclassified, 1 => Class::Skipped, _ => Class::Traversable((i % 100) as u8) })
             .collect();
@@ -98,7 +98,7 @@ proptest! {
         for (at, &cost) in placed.costs.iter().enumerate() {
             let index = placed.south_west.offset((at % SIDE) as i64, (at / SIDE) as i64);
             let middle = DVec2::new(index.x as f64 + 0.5, index.y as f64 + 0.5) * CELL_SIZE_M;
-            // The point of the vehicle's plane above that place.
+            // The point of the vehicle's plane above that position.
             let up = pose.rotate(DVec3::Z);
             let offset = middle - pose.translation.truncate();
             let p_local = middle.extend(pose.translation.z - up.truncate().dot(offset) / up.z);
@@ -127,7 +127,7 @@ fn the_region_ends_a_little_above_the_horizon_and_begins_where_stereo_ends() {
     let column = |wanted: &[bool], column: usize| -> Vec<usize> {
         (0..grid.rows()).filter(|&row| wanted[row * grid.columns() + column]).collect()
     };
-    // The camera looks 12° down: 5° above the horizon is 17° above the middle of the image.
+    // The camera is pitched 12° down: 5° above the horizon is 17° above the image centre.
     let top = 239.5 - camera.fy * libm::tan(17.0_f64.to_radians());
     let rows = column(&all, 20);
     assert_eq!(rows.last(), Some(&29));
@@ -148,7 +148,7 @@ fn obstacles_beyond_stereo_stand_at_its_end_unless_ground_comes_between() {
     let view = view(&camera, Pose::IDENTITY);
     let grid = WindowGrid::new([640, 480], 16);
     let mut classes = vec![Class::Skipped; grid.columns() * grid.rows()];
-    // In column 20 an obstacle right above stereo's rows, in column 25 one above two windows of ground.
+    // In column 20 an obstacle directly above the rows of stereo, in column 25 one above two windows of ground.
     let end = vec![18; grid.columns()];
     for row in 13..18 {
         classes[row * grid.columns() + 20] = Class::NotTraversable(240);
@@ -166,7 +166,7 @@ fn obstacles_beyond_stereo_stand_at_its_end_unless_ground_comes_between() {
     };
     assert_eq!(cost_at(&placed, CELL_SIZE_M, foot(20, 18)), Some(240));
     assert_eq!(cost_at(&placed, CELL_SIZE_M, foot(25, 16)), Some(230));
-    // The window is 0.1 m wide there, so that it lies in two cells at most.
+    // The window is 0.1 m wide there, so it covers two cells at most.
     let cells: usize = placed.costs.iter().map(|&cost| usize::from(cost == 240)).sum();
     assert!(
         (1..=2).contains(&cells),

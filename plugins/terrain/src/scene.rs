@@ -1,4 +1,4 @@
-//! A scene of two textures for tests: flat ground, and an upright wall across it.
+//! A test scene of two textures: flat ground, and an upright wall across it.
 
 use crate::frame::{GROUND, LabelledFrame, OBSTACLE, Rays};
 use crate::models::Terrain;
@@ -6,17 +6,17 @@ use crate::texture::PaddedGrey;
 use glam::{DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
 
-/// Camera 1 m above the vehicle's origin, 12° downward.
+/// A camera 1 m above the vehicle's origin, pitched 12° down.
 pub(crate) fn vehicle_from_camera() -> Pose {
     Pose::from_rpy(DVec3::new(0.0, 0.0, 1.0), 0.0, 12.0_f64.to_radians(), 0.0) * Pose::body_from_optical()
 }
 
-/// A camera of this size that sees 60° from side to side.
+/// A camera of this size with a horizontal field of view of 60°.
 pub(crate) fn camera(size: [u32; 2]) -> PinholeCamera {
     PinholeCamera::from_horizontal_fov(size, 60.0_f64.to_radians()).unwrap()
 }
 
-/// A whole number that looks random, for a pixel.
+/// A pseudo-random number for a pixel.
 pub(crate) fn noise(x: usize, y: usize, seed: u64) -> u64 {
     let mut state = (x as u64) << 32 ^ (y as u64) << 8 ^ seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
     for _ in 0..3 {
@@ -38,7 +38,7 @@ pub(crate) fn planks(x: usize, y: usize, seed: u64) -> [u8; 3] {
     [130 + light - joint, 90 + light - joint, 60 + light / 2 - joint]
 }
 
-/// A frame and what it was made of.
+/// A frame and the scene from which it was made.
 pub(crate) struct Scene {
     pub(crate) size: [usize; 2],
     pub(crate) rgb: Vec<u8>,
@@ -50,7 +50,7 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// Ground of grass, and planks 2 m high `wall_m` ahead of the vehicle, as far to each side as `wall_half_m`; sky is
+    /// Ground of grass, and planks 2 m high `wall_m` ahead of the vehicle, `wall_half_m` wide to each side; the sky is
     /// pale and has no range.
     pub(crate) fn new(
         size: [u32; 2],
@@ -88,7 +88,7 @@ impl Scene {
         Scene { size: [width, height], rgb, grey, labels, depth_m, rays, local_from_vehicle }
     }
 
-    /// The frame as the learner takes it.
+    /// The frame as the learner reads it.
     pub(crate) fn frame(&self) -> LabelledFrame<'_> {
         LabelledFrame {
             rgb: &self.rgb,
@@ -101,7 +101,7 @@ impl Scene {
     }
 }
 
-/// Terrain of so many points of one code.
+/// Terrain with this many points of one code.
 pub(crate) fn terrain(code: u16, ground: u64, obstacle: u64) -> Terrain {
     let mut terrain = Terrain { ground, obstacle, ..Terrain::default() };
     (0..ground + obstacle).for_each(|_| terrain.histograms.add(code, 840));

@@ -1,4 +1,4 @@
-//! Images that wait for what belongs to them: labels and depth of an image come later than the image.
+//! Buffers of images that wait for matching data: labels and depth of an image arrive later than the image.
 
 use rcs_msg::foxglove::RawImage;
 use rcs_msg::{AnyMessage, Stamp};
@@ -6,7 +6,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::VecDeque;
 
-/// Images that are kept: at 5 Hz, those of the last second and a half.
+/// Number of images that are kept: at 5 Hz, those of the last 1.6 seconds.
 const KEPT: usize = 8;
 
 /// The last images of one port by their acquisition times.
@@ -16,7 +16,7 @@ pub struct Recent {
 }
 
 impl Recent {
-    /// Keeps an image. One that is not newer than the newest is refused: gives that one's time.
+    /// Keeps an image. An image that is not newer than the newest is refused, with the time of the newest.
     pub fn add(&mut self, time: Stamp, image: RawImage) -> Result<(), Stamp> {
         if let Some(newest) = self.newest().filter(|&newest| newest >= time) {
             return Err(newest);
@@ -33,14 +33,14 @@ impl Recent {
         self.images.back().map(|(time, _)| *time)
     }
 
-    /// The image that was taken nearest to this time, if that is near enough.
+    /// The image nearest to a time, if it is within the tolerance.
     pub fn at(&self, time: Stamp, tolerance_s: f64) -> Option<(Stamp, &RawImage)> {
         let apart = |other: Stamp| other.0.abs_diff(time.0);
         let nearest = self.images.iter().min_by_key(|(other, _)| apart(*other))?;
         (apart(nearest.0) as f64 <= tolerance_s * 1e9).then_some((nearest.0, &nearest.1.0))
     }
 
-    /// Forgets images before this time.
+    /// Removes images before this time.
     pub fn forget_before(&mut self, time: Stamp) {
         self.images.retain(|(other, _)| *other >= time);
     }
@@ -51,7 +51,7 @@ impl Recent {
     }
 }
 
-/// An image as a part of a process's state: its pixels are shared, and it is saved as the message that it is.
+/// An image as part of a process's state: its pixels are shared, and it is saved as a message.
 #[derive(Clone, Debug, PartialEq)]
 struct Held(RawImage);
 

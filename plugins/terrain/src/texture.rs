@@ -1,17 +1,17 @@
 //! Local binary patterns and their contrast (Albus 2006a, 3.2; Ojala 1996, weights of Ojala 2002).
 //!
-//! The eight neighbours of a pixel are compared with it; one that is not darker sets its bit. Bits count clockwise from
-//! the top left neighbour, so that the patch 6 5 2 / 7 6 1 / 9 8 7 has the code 1 + 16 + 32 + 64 + 128 = 241. The
-//! contrast is the mean of the neighbours with a bit less the mean of the others: 7.4 − 8/3 = 4.7333 there, and 0 where
-//! all are on one side. Outside of the image the nearest pixel counts.
+//! Each of the eight neighbours of a pixel that is not darker than the pixel sets its bit. Bits are numbered clockwise
+//! from the top left neighbour, so that the patch 6 5 2 / 7 6 1 / 9 8 7 has the code 1 + 16 + 32 + 64 + 128 = 241. The
+//! contrast is the mean of the neighbours whose bit is set minus the mean of the others: 7.4 − 8/3 = 4.7333 in this
+//! example, and 0 where all bits are equal. Outside of the image the nearest pixel is used.
 //!
-//! Contrasts are kept as whole numbers of 1/840 grey level: 840 is a multiple of 1 to 8, so nothing is rounded, and
-//! sums do not depend on their order.
+//! Contrasts are whole numbers of 1/840 grey level: 840 is a multiple of 1 to 8, so nothing is rounded, and sums do not
+//! depend on their order.
 
-/// Contrast of one grey level.
+/// Contrast units per grey level.
 pub const CONTRAST_UNIT: u32 = 840;
 
-/// 840 / n: what turns a sum of n grey levels into a mean in 1/840; 0 for n = 0.
+/// 840 / n, which converts a sum of n grey levels to a mean in 1/840; 0 for n = 0.
 const MEAN_OF: [u32; 9] = [0, 840, 420, 280, 210, 168, 140, 120, 105];
 
 /// Neighbours in the order of their bits: column and row offsets plus one.
@@ -27,10 +27,10 @@ pub struct PaddedGrey {
 }
 
 impl PaddedGrey {
-    /// Intensity of an image of three bytes a pixel, by rows: (77 R + 150 G + 29 B) / 256.
+    /// Intensity of an image of three bytes per pixel, in row order: (77 R + 150 G + 29 B) / 256.
     ///
     /// # Panics
-    /// Where `rgb` does not hold `width * height` pixels.
+    /// If `rgb` does not contain `width * height` pixels.
     pub fn from_rgb(rgb: &[u8], width: usize, height: usize) -> PaddedGrey {
         assert_eq!(rgb.len(), width * height * 3, "bytes of an image of {width}x{height} pixels");
         let stride = width + 2;
@@ -83,14 +83,14 @@ impl PaddedGrey {
     }
 }
 
-/// Patterns of the pixels of one row; a value is used again for the next.
+/// Patterns of the pixels of one row; the value is reused for the next row.
 #[derive(Clone, Debug, Default)]
 pub struct Patterns {
     /// Code of each pixel.
     pub codes: Vec<u8>,
     /// Contrast of each pixel, in 1/840 grey level.
     pub contrasts: Vec<u32>,
-    /// Neighbours that are not darker.
+    /// Number of neighbours that are not darker.
     counts: Vec<u8>,
     /// Their sum, and the sum of all eight.
     lit: Vec<u16>,
@@ -110,8 +110,8 @@ impl Patterns {
         self.contrasts.resize(width, 0);
     }
 
-    /// Takes one neighbour of every pixel. Two plain loops without branches or checks, each over numbers of one width:
-    /// the compiler makes vector code of them. Eight neighbours fit eight and eleven bits, so that nothing wraps.
+    /// Adds one neighbour of every pixel. Two plain loops without branches or checks, each over numbers of one width,
+    /// which the compiler vectorizes. Eight neighbours fit in eight and eleven bits, so nothing overflows.
     fn compare(&mut self, bit: usize, neighbours: &[u8], centres: &[u8]) {
         let pairs = || neighbours.iter().zip(centres);
         for ((code, count), (&neighbour, &centre)) in self.codes.iter_mut().zip(&mut self.counts).zip(pairs())
@@ -126,7 +126,7 @@ impl Patterns {
         }
     }
 
-    /// Mean of the lit less mean of the others; 0 where all are on one side.
+    /// Mean of the neighbours whose bit is set minus the mean of the others; 0 where all bits are equal.
     fn finish(&mut self) {
         let sums = self.lit.iter().zip(&self.all);
         for (contrast, (&count, (&lit, &all))) in self.contrasts.iter_mut().zip(self.counts.iter().zip(sums))
@@ -149,7 +149,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The definition, word for word: code and contrast in grey levels.
+    /// Reference by definition: code, and contrast in grey levels.
     fn reference_pattern(patch: [[u8; 3]; 3]) -> (u8, f64) {
         let centre = patch[1][1];
         let around = [[0, 0], [0, 1], [0, 2], [1, 2], [2, 2], [2, 1], [2, 0], [1, 0]];
@@ -202,7 +202,7 @@ mod tests {
                 .map(|_| {
                     state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
                     let value = (state >> 56) as u8;
-                    // Few different values make equal neighbours.
+                    // Few different values produce equal neighbours.
                     if few { value & 3 } else { value }
                 })
                 .collect();
@@ -223,8 +223,8 @@ mod tests {
         }
     }
 
-    /// scikit-image counts bits from the right neighbour counter-clockwise and interpolates the diagonals; the four
-    /// neighbours beside and above one another are the same pixels in both.
+    /// scikit-image numbers bits counter-clockwise from the right neighbour and interpolates the diagonals; the four
+    /// horizontal and vertical neighbours are the same pixels in both.
     #[test]
     #[expect(clippy::disallowed_methods, reason = "a test reads its reference")]
     fn straight_neighbours_agree_with_scikit_image() {

@@ -1,4 +1,4 @@
-//! What both processes check of the images that belong together.
+//! Checks of matching images, shared by both processes.
 
 use rcs_geom::CameraError;
 use rcs_msg::Stamp;
@@ -6,53 +6,53 @@ use rcs_msg::foxglove::RawImage;
 use rcs_msg::image::{ImageError, depth_m, raw_to_rgb8};
 use rcs_sense::{ImageFault, LocalizerError, check_size};
 
-/// Why an image, or what belongs to it, was skipped.
+/// Why an image, or data that belong to it, was skipped.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Unusable {
-    /// No calibration has come.
+    /// No calibration has arrived.
     #[error("image without a calibration")]
     NoCalibration,
-    /// The calibration is none.
+    /// The calibration is invalid.
     #[error("calibration: {0}")]
     Calibration(#[from] CameraError),
-    /// Depth or labels do not read.
+    /// Depth or labels cannot be decoded.
     #[error("{what}: {error}")]
     Image {
-        /// Which of the images.
+        /// Which image.
         what: &'static str,
-        /// Why.
+        /// The reason.
         error: ImageError,
     },
-    /// Labels are one byte a pixel.
+    /// Labels are not one byte per pixel.
     #[error("labels have encoding {got:?}, expected mono8")]
     LabelEncoding {
-        /// What they say.
+        /// The encoding given.
         got: String,
     },
-    /// Of another size, black, saturated, frozen.
+    /// The image has a wrong size, is black, saturated or frozen.
     #[error(transparent)]
     Fault(#[from] ImageFault),
-    /// The pose of vehicle or camera is not known.
+    /// The pose of the vehicle or the camera is unknown.
     #[error(transparent)]
     Pose(#[from] LocalizerError),
-    /// What came is for another time than all images that are kept.
+    /// No kept image is close enough in time.
     #[error("no {what} of the time of the {of}: nearest is {} s away", shown(*.apart_s))]
     Apart {
         /// What is missing.
         what: &'static str,
-        /// What it was wanted for.
+        /// For what it is needed.
         of: &'static str,
-        /// Distance to the nearest; `None` where there is none at all.
+        /// Time difference to the nearest one, s; `None` without any.
         apart_s: Option<f64>,
     },
-    /// A message is not newer than the one before.
+    /// A message is not newer than the previous one.
     #[error("{what} of {} s is not newer than the one before, of {} s", .got.seconds_since(Stamp(0)), .newest.seconds_since(Stamp(0)))]
     Late {
-        /// Which of the images.
+        /// Which image.
         what: &'static str,
         /// Its time.
         got: Stamp,
-        /// The newest before.
+        /// Time of the newest one before.
         newest: Stamp,
     },
 }
@@ -61,7 +61,7 @@ fn shown(apart_s: Option<f64>) -> String {
     apart_s.map_or_else(|| "infinite".to_owned(), |apart| format!("{apart:.3}"))
 }
 
-/// Depths of an image that belongs to one of `size`, m, NaN where there is none.
+/// Depths of an image that belongs to one of `size`, m, NaN where unknown.
 pub(crate) fn depths(image: &RawImage, size: [u32; 2], scale_m: f64) -> Result<Vec<f32>, Unusable> {
     check_size("depth", image, "its image", size)?;
     depth_m(image, scale_m as f32).map_err(|error| Unusable::Image { what: "depth", error })
