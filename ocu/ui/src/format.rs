@@ -1,13 +1,14 @@
-//! Numbers, times, ages and sizes as text: the unit always, only digits that mean something, constant width.
+//! Formats numbers, times, ages and sizes as text, always with a unit, with significant digits only, and with constant
+//! width.
 
-/// Time of day (UTC) of a point in time: `14:03:07.250`. Times of a simulation, which start at 0, look the same.
+/// Time of day (UTC): `14:03:07.250`. Simulated times, which start at 0, are formatted in the same way.
 pub fn clock(ns: u64) -> String {
     let ms = ns / 1_000_000;
     let (hours, minutes, seconds) = (ms / 3_600_000 % 24, ms / 60_000 % 60, ms / 1000 % 60);
     format!("{hours:02}:{minutes:02}:{seconds:02}.{:03}", ms % 1000)
 }
 
-/// Seconds since a start, as `hh:mm:ss.mmm`, with a minus sign before it.
+/// Seconds since the start as `hh:mm:ss.mmm`, with a minus sign where negative.
 pub fn elapsed(seconds: f64) -> String {
     if !seconds.is_finite() {
         return "--:--:--.---".to_owned();
@@ -33,7 +34,7 @@ pub fn age(seconds: f64) -> String {
     format!("{sign}{text}")
 }
 
-/// A rate: `30 Hz`, `2.5 Hz`, `0.06 Hz`; a dash where it is not known.
+/// A rate: `30 Hz`, `2.5 Hz`, `0.06 Hz`; a dash where unknown.
 pub fn rate(hz: f64) -> String {
     match hz {
         hz if !hz.is_finite() || hz <= 0.0 => "–".to_owned(),
@@ -56,7 +57,7 @@ pub fn bytes(count: u64) -> String {
     if unit == "B" || value >= 9.95 { format!("{value:.0} {unit}") } else { format!("{value:.1} {unit}") }
 }
 
-/// A count with thin groups of three digits: `131 072`.
+/// A count with digits in groups of three, separated by thin spaces: `131 072`.
 pub fn count(value: u64) -> String {
     let digits = value.to_string();
     let mut text = String::with_capacity(digits.len() * 4 / 3);
@@ -69,7 +70,7 @@ pub fn count(value: u64) -> String {
     text
 }
 
-/// A number with about five meaningful digits, for looking at: `0.0125`, `-3.2`, `1.2e-7`.
+/// A number with about five significant digits, for display: `0.0125`, `-3.2`, `1.2e-7`.
 pub fn number(value: f64) -> String {
     if value.is_nan() {
         return "NaN".to_owned();
@@ -86,7 +87,7 @@ pub fn number(value: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
-/// A number with all digits that it has: those of a 32-bit float where it is one, else ten.
+/// A number with all of its digits: the shortest text of a 32-bit float where it is one, otherwise ten digits.
 pub fn exact(value: f64) -> String {
     let size = value.abs();
     if value.is_nan() || size == 0.0 || !(1e-5..1e12).contains(&size) {

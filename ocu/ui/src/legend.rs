@@ -1,11 +1,11 @@
-//! Legends and scale bars, painted on a canvas.
+//! Legends and scale bars, drawn on a canvas.
 
 use crate::{format, tokens};
 use egui::{
     Align, Color32, FontId, Layout, Pos2, Rect, Response, Sense, Stroke, StrokeKind, Ui, UiBuilder, Vec2,
 };
 
-/// A small square of a colour with its name, as a row of a legend.
+/// A colour swatch and its name, as a row of a legend.
 pub fn swatch(ui: &mut Ui, color: Color32, name: &str) -> Response {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
@@ -17,7 +17,7 @@ pub fn swatch(ui: &mut Ui, color: Color32, name: &str) -> Response {
     .response
 }
 
-/// Swatches side by side, wrapped.
+/// Several swatches in a wrapping row.
 pub fn swatches(ui: &mut Ui, entries: impl IntoIterator<Item = (Color32, String)>) {
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing = Vec2::new(12.0, 2.0);
@@ -27,7 +27,7 @@ pub fn swatches(ui: &mut Ui, entries: impl IntoIterator<Item = (Color32, String)
     });
 }
 
-/// A band of colours from `low` to `high`, named at both ends.
+/// A colour scale from `low` to `high`, with these labels at its ends.
 pub fn band(ui: &mut Ui, width: f32, low: &str, high: &str, color_at: impl Fn(f64) -> Color32) {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
@@ -44,7 +44,8 @@ pub fn band(ui: &mut Ui, width: f32, low: &str, high: &str, color_at: impl Fn(f6
     });
 }
 
-/// The least of 1, 2, 5, 10, 20, 50, … (and 0.5, 0.2, 0.1, …) that is not below `least`; 1 if `least` is no positive number.
+/// The smallest of …, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, … that is at least `least`; 1 if `least` is not a positive
+/// number.
 pub fn round_step(least: f64) -> f64 {
     if !(least.is_finite() && least > 0.0) {
         return 1.0;
@@ -57,7 +58,7 @@ pub fn round_step(least: f64) -> f64 {
         .unwrap_or(10.0 * power)
 }
 
-/// A bar that says how long a metre is, with its right end at `right_bottom`.
+/// A bar with a length in metres, whose right end is at `right_bottom`.
 pub fn scale_bar(ui: &Ui, right_bottom: Pos2, points_per_m: f64) {
     let tokens = tokens(ui);
     let length_m = round_step(64.0 / points_per_m);
@@ -79,7 +80,7 @@ pub fn scale_bar(ui: &Ui, right_bottom: Pos2, points_per_m: f64) {
     painter.text(at, egui::Align2::CENTER_BOTTOM, text, FontId::proportional(11.0), tokens.strong);
 }
 
-/// A plate on a canvas that holds a legend or a read-out; `corner` is where on the canvas. Returns its rectangle.
+/// A panel on a canvas for a legend or a readout; `corner` is its corner of the canvas. Returns its rectangle.
 pub fn plate<R>(
     ui: &mut Ui,
     canvas: Rect,
@@ -89,7 +90,7 @@ pub fn plate<R>(
     let tokens = tokens(ui);
     let inner = canvas.shrink(8.0);
     let id = ui.scope_id().with(("plate", format!("{corner:?}")));
-    // The size of the last pass places it at the right and at the bottom.
+    // The size in the previous pass determines its position at the right and at the bottom.
     let size = ui.data(|data| data.get_temp::<Vec2>(id)).unwrap_or(Vec2::new(160.0, 40.0));
     let at = corner.align_size_within_rect(size.min(inner.size()), inner);
     let builder = UiBuilder::new()

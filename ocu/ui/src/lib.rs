@@ -1,10 +1,26 @@
-//! Theme and widgets. Nothing here knows of messages or robots: only of colours, numbers and time.
+//! Theme and widgets of the window.
 //!
-//! - [`install`], [`tokens`]: every colour and distance of the window, for the dark and the light theme.
-//! - [`palette`]: from a label, a cost, a height or a range to a colour.
+//! This crate depends only on egui and its icons. It knows colours, numbers and times, but neither messages nor robots; the views
+//! that show those are in `ocu-views`.
+//!
+//! # Where to begin
+//!
+//! - [`install`], [`tokens`]: all colours and distances of the window, for the dark and the light theme.
+//! - [`palette`]: colours of labels, costs, heights and ranges.
 //! - [`mod@format`]: numbers, times, ages and sizes as text of constant width.
-//! - [`stale`]: the look of a value that is old.
-//! - [`widgets`], [`legend`]: what several views need.
+//! - [`stale`]: how an outdated value is marked.
+//! - [`widgets`], [`legend`]: widgets shared by several views.
+//!
+//! # Example
+//!
+//! ```
+//! use ocu_ui::format;
+//! use ocu_ui::palette::{MapPalette, UNKNOWN_COST};
+//!
+//! assert_eq!(format::bytes(2_400), "2.4 kB");
+//! let palette = MapPalette::Even;
+//! assert_eq!(palette.cost(UNKNOWN_COST), palette.unknown());
+//! ```
 
 pub mod format;
 pub mod legend;
@@ -15,6 +31,6 @@ pub mod widgets;
 
 /// Icons, by name.
 pub use egui_material_icons::icons;
-/// One icon of [`icons`].
+/// An icon of [`icons`].
 pub type Icon = egui_material_icons::MaterialIcon;
 pub use theme::{Tokens, UNIT, install, tokens, tokens_of};

@@ -1,7 +1,7 @@
-//! From a label, a cost, a height or a range to a colour.
+//! Colours of labels, costs, heights and ranges.
 //!
-//! Costs run from 0 to 250, 255 is unknown. The papers' map colours are red, yellow, blue, light blue and green from
-//! high cost to low, and black for unknown; the even ones are told apart by colour-blind people.
+//! Costs range from 0 to 250; 255 is unknown. The map colours of the papers are red, yellow, blue, light blue and green
+//! from high to low cost, and black for unknown; the even palette is suitable for colour-blind people.
 
 use egui::Color32;
 use std::sync::{Arc, LazyLock};
@@ -10,19 +10,19 @@ const fn rgb(hex: u32) -> Color32 {
     Color32::from_rgb((hex >> 16) as u8, (hex >> 8) as u8, hex as u8)
 }
 
-/// A class of a label image.
+/// One class of a label image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Label {
-    /// Value of its pixels.
+    /// Pixel value.
     pub value: u8,
-    /// Name for a person.
+    /// Displayed name.
     pub name: String,
     /// Its colour.
     pub color: Color32,
 }
 
-/// Which classes the pixels of a label image name, as its channel says; without any, numbers from 1 on are told apart by
-/// colour alone.
+/// The classes of a label image, from the metadata of its channel. Without metadata, values from 1 on are distinguished
+/// by colour only.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Classes(Arc<[Label]>);
 
@@ -33,7 +33,7 @@ impl FromIterator<Label> for Classes {
 }
 
 impl Classes {
-    /// Colour of a class; transparent for what is not known.
+    /// Colour of a class; transparent where unknown.
     pub fn color(&self, value: u8) -> Color32 {
         if !self.0.is_empty() {
             return self.label(value).map_or(Color32::TRANSPARENT, |label| label.color);
@@ -57,13 +57,13 @@ impl Classes {
         self.0.iter().find(|label| label.value == value)
     }
 
-    /// The classes of a legend; none where they have no names.
+    /// The classes for a legend; empty where they have no names.
     pub fn legend(&self) -> &[Label] {
         &self.0
     }
 }
 
-/// Twelve colours that are told apart, for classes that have numbers only.
+/// Twelve distinguishable colours for classes without names.
 const NUMBERED: [Color32; 12] = [
     rgb(0x4c_a64c),
     rgb(0xe6_9f00),
@@ -79,18 +79,18 @@ const NUMBERED: [Color32; 12] = [
     rgb(0x7a_8a2a),
 ];
 
-/// One of the ways to colour a map.
+/// How maps are coloured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MapPalette {
-    /// The papers' five colours, 50 costs each.
+    /// The five colours of the papers, 50 costs each.
     #[default]
     Papers,
-    /// Perceptually even, from dark blue to yellow; read by colour-blind people.
+    /// Perceptually even, from dark blue to yellow; suitable for colour-blind people.
     Even,
 }
 
-/// The papers' five colours from low cost to high, and the highest cost of each.
+/// The five colours of the papers from low to high cost, and the highest cost of each.
 pub const PAPERS_COST: [(u8, Color32); 5] = [
     (50, rgb(0x1f_a83c)),
     (100, rgb(0x7c_c8f2)),
@@ -99,7 +99,7 @@ pub const PAPERS_COST: [(u8, Color32); 5] = [
     (250, rgb(0xd9_2a21)),
 ];
 
-/// Cost of a cell that nothing is known of.
+/// Cost of an unknown cell.
 pub const UNKNOWN_COST: u8 = 255;
 
 impl MapPalette {
@@ -112,12 +112,12 @@ impl MapPalette {
         }
     }
 
-    /// Colour of a cell that nothing is known of.
+    /// Colour of an unknown cell.
     pub fn unknown(self) -> Color32 {
         Color32::BLACK
     }
 
-    /// Name for a person.
+    /// Displayed name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Papers => "papers' colours",
@@ -126,7 +126,7 @@ impl MapPalette {
     }
 }
 
-/// A perceptually even scale, `fraction` from 0 to 1 (outside, the ends; NaN is transparent): viridis.
+/// Viridis, a perceptually even scale, for `fraction` from 0 to 1 (clamped; NaN is transparent).
 pub fn even(fraction: f64) -> Color32 {
     if fraction.is_nan() {
         return Color32::TRANSPARENT;
@@ -134,7 +134,7 @@ pub fn even(fraction: f64) -> Color32 {
     VIRIDIS[(fraction.clamp(0.0, 1.0) * 255.0).round() as usize]
 }
 
-/// A range, near to far: the even scale from yellow (near) to dark blue, so that near things stand out.
+/// Colour of a range: the even scale from yellow (near) to dark blue (far), so that near objects stand out.
 pub fn range(fraction: f64) -> Color32 {
     even(1.0 - fraction)
 }
@@ -150,7 +150,7 @@ static CIVIDIS: LazyLock<[Color32; 256]> = LazyLock::new(|| {
     ])
 });
 
-/// 256 colours through anchors at equal distances.
+/// 256 colours interpolated between equidistant anchors.
 fn ramp(anchors: &[u32]) -> [Color32; 256] {
     std::array::from_fn(|i| {
         let position = i as f32 / 255.0 * (anchors.len() - 1) as f32;

@@ -1,19 +1,20 @@
-//! The look of a value that is old: desaturated, hatched, with its age. Never a colour alone.
+//! How an outdated value is marked: desaturated, hatched, and with its age; never by colour alone.
 
 use crate::{format, icons, tokens, widgets};
 use egui::{Color32, FontId, Pos2, Rect, Shape, Stroke, Ui, Vec2};
 
-/// The age from which a value of this rate is old: three periods, and at least 1.2 s. `None` where the rate is not known.
+/// The age from which a value with this rate is outdated: three periods, and at least 1.2 s. `None` where the rate is
+/// unknown.
 pub fn limit_s(hz: f64) -> Option<f64> {
     (hz.is_finite() && hz > 0.0).then(|| (3.0 / hz).max(1.2))
 }
 
-/// Whether a value of that age and rate is old. A value that came once is never old.
+/// Whether a value with this age and rate is outdated. A value that was sent only once never is.
 pub fn is_stale(age_s: f64, hz: f64) -> bool {
     limit_s(hz).is_some_and(|limit| age_s > limit)
 }
 
-/// Covers an image that is old: grey, hatched, with its age in the corner.
+/// Covers an outdated image: grey, hatched, with its age in the corner.
 pub fn cover(ui: &Ui, rect: Rect, age_s: f64) {
     let tokens = tokens(ui);
     let painter = ui.painter_at(rect);
@@ -37,7 +38,7 @@ pub fn hatch(painter: &egui::Painter, rect: Rect, color: Color32) {
     painter.with_clip_rect(painter.clip_rect().intersect(rect)).extend(lines);
 }
 
-/// The word that says how old an image is, with its left top corner at `at`.
+/// A tag with the age of an image; its top left corner is at `at`.
 pub fn tag(ui: &Ui, at: Pos2, age_s: f64) {
     let tokens = tokens(ui);
     let painter = ui.painter();

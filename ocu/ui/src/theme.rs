@@ -1,48 +1,50 @@
-//! The tokens: every colour and distance of the window, by what it means, for both themes.
+//! The theme tokens: all colours and distances of the window, named by their meaning, for both themes.
 //!
-//! Only what carries meaning is saturated. Contrast of text on its surface is at least 4.5 (a test keeps it).
+//! Only colours that carry a meaning are saturated. Text has a contrast of at least 4.5 to its background (checked by a
+//! test).
 
 use egui::{
     Color32, Context, CornerRadius, FontFamily, FontId, Margin, Shadow, Stroke, TextStyle, Theme, Ui, Vec2,
 };
 
-/// The grid that all distances are multiples of, in points.
+/// Grid of all distances, in points: they are multiples of it.
 pub const UNIT: f32 = 4.0;
 
 /// Colours by meaning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tokens {
-    /// Whether text is light on dark.
+    /// Whether this is the dark theme.
     pub dark: bool,
-    /// Surfaces from the deepest (canvas of a map or an image) to the highest (popup): canvas, panel, control, popup.
+    /// Background colours from the deepest (canvas of a map or an image) to the highest: canvas, panel, control, popup.
     pub surface: [Color32; 4],
-    /// Hairlines between surfaces.
+    /// Thin lines between areas.
     pub line: Color32,
     /// Text.
     pub text: Color32,
-    /// Text that explains or names.
+    /// Secondary text, such as explanations and names.
     pub weak: Color32,
-    /// Text and marks on top of everything: titles, the value under the pointer.
+    /// Emphasized text and marks: titles, the value under the pointer.
     pub strong: Color32,
-    /// What is chosen, and what can be clicked.
+    /// Selected and clickable elements.
     pub accent: Color32,
-    /// Surface of what is chosen.
+    /// Background of selected elements.
     pub selected: Color32,
-    /// All is well.
+    /// Normal state.
     pub ok: Color32,
-    /// Look at this.
+    /// Warning.
     pub warning: Color32,
-    /// This is broken.
+    /// Error.
     pub error: Color32,
-    /// Surface of what stops a vehicle at once; text on it is [`Tokens::on_stop`].
+    /// Background of the emergency stop; text on it is [`Tokens::on_stop`].
     pub stop: Color32,
     /// Text on [`Tokens::stop`].
     pub on_stop: Color32,
-    /// Not known.
+    /// Unknown values.
     pub unknown: Color32,
-    /// Too old to be believed.
+    /// Outdated values.
     pub stale: Color32,
-    /// Colours of tracks and curves, told apart by colour-blind people too (Okabe and Ito's order, fitted to the surface).
+    /// Colours of tracks and curves, distinguishable by colour-blind people (in the order of Okabe and Ito, adapted to
+    /// the background).
     pub series: [Color32; 8],
 }
 
@@ -106,7 +108,7 @@ const LIGHT: Tokens = Tokens {
     ],
 };
 
-/// The tokens of the theme that `ui` is drawn in.
+/// The tokens of the theme of `ui`.
 pub fn tokens(ui: &Ui) -> &'static Tokens {
     tokens_of(if ui.visuals().dark_mode { Theme::Dark } else { Theme::Light })
 }
@@ -120,23 +122,23 @@ pub fn tokens_of(theme: Theme) -> &'static Tokens {
 }
 
 impl Tokens {
-    /// Colour of series `index`; they repeat after the last.
+    /// Colour of series `index`; colours repeat after the last.
     pub fn series(&self, index: usize) -> Color32 {
         self.series[index % self.series.len()]
     }
 
-    /// Surface of maps and images.
+    /// Background of maps and images.
     pub fn canvas(&self) -> Color32 {
         self.surface[0]
     }
 
-    /// Surface of panels.
+    /// Background of panels.
     pub fn panel(&self) -> Color32 {
         self.surface[1]
     }
 }
 
-/// Gives a context the icons and both themes. Call it once, before the first pass.
+/// Installs the icons and both themes in a context. Call it once, before the first pass.
 pub fn install(ctx: &Context) {
     egui_material_icons::initialize(ctx);
     for theme in [Theme::Dark, Theme::Light] {
@@ -153,7 +155,7 @@ fn apply(style: &mut egui::Style, tokens: &Tokens) {
         (TextStyle::Monospace, FontId::new(12.0, FontFamily::Monospace)),
     ]
     .into();
-    style.animation_time = 0.0; // Nothing moves but what informs.
+    style.animation_time = 0.0; // No animations: motion on the screen is reserved for data.
     let spacing = &mut style.spacing;
     spacing.item_spacing = Vec2::new(2.0 * UNIT, UNIT);
     spacing.button_padding = Vec2::new(2.0 * UNIT, 2.0);
@@ -225,7 +227,7 @@ fn apply(style: &mut egui::Style, tokens: &Tokens) {
 mod tests {
     use super::*;
 
-    /// Contrast of two colours by WCAG 2, 1 to 21.
+    /// Contrast ratio of two colours by WCAG 2, 1 to 21.
     fn contrast(a: Color32, b: Color32) -> f32 {
         let luminance = |color: Color32| {
             let [r, g, b, _] = egui::Rgba::from(color).to_array();

@@ -1,21 +1,21 @@
-//! Small widgets that several views need. Each has a name for a screen reader.
+//! Small widgets shared by several views. Each has a name for screen readers.
 
 use crate::{Icon, icons, tokens};
 use egui::{
     Align2, Button, Color32, FontId, Rect, Response, RichText, Role, Sense, TextEdit, Ui, Vec2, WidgetInfo,
 };
 
-/// Text in digits of one width, for numbers and paths.
+/// Monospaced text, for numbers and paths.
 pub fn mono(text: impl Into<String>) -> RichText {
     RichText::new(text).monospace()
 }
 
-/// A button that is an icon; `name` is shown on hover and read aloud.
+/// An icon button; `name` is shown on hover and read by screen readers.
 pub fn icon_button(ui: &mut Ui, icon: Icon, name: &str) -> Response {
     icon_button_of(ui, icon, name, false, true)
 }
 
-/// An icon button that is on or off.
+/// An icon button that toggles a value.
 pub fn icon_toggle(ui: &mut Ui, icon: Icon, name: &str, on: &mut bool) -> Response {
     let response = icon_button_of(ui, icon, name, *on, true);
     if response.clicked() {
@@ -24,7 +24,7 @@ pub fn icon_toggle(ui: &mut Ui, icon: Icon, name: &str, on: &mut bool) -> Respon
     response
 }
 
-/// An icon button, on or off, that can be disabled.
+/// An icon button with a given state, which can be disabled.
 pub fn icon_button_of(ui: &mut Ui, icon: Icon, name: &str, on: bool, enabled: bool) -> Response {
     let text = icon.rich_text().size(16.0);
     let button = Button::selectable(on, text).min_size(Vec2::splat(20.0));
@@ -37,7 +37,7 @@ pub fn icon_button_of(ui: &mut Ui, icon: Icon, name: &str, on: bool, enabled: bo
     response.on_hover_text(name).on_disabled_hover_text(name)
 }
 
-/// A field to search in; `name` is its hint and what is read aloud. Escape and the cross empty it.
+/// A search field; `name` is its hint and is read by screen readers. Escape and the cross clear it.
 pub fn search(ui: &mut Ui, text: &mut String, name: &str) -> Response {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
@@ -58,7 +58,7 @@ pub fn search(ui: &mut Ui, text: &mut String, name: &str) -> Response {
     .inner
 }
 
-/// What an empty panel says: what would fill it, and how.
+/// Text of an empty panel: what it would show, and how to get it.
 pub fn empty(ui: &mut Ui, icon: Icon, title: &str, hint: &str) {
     let tokens = tokens(ui);
     let height = ui.available_height();
@@ -70,7 +70,7 @@ pub fn empty(ui: &mut Ui, icon: Icon, title: &str, hint: &str) {
     });
 }
 
-/// A word in a coloured outline: a state that is more than its colour.
+/// A word in a coloured outline, for a state that must not be shown by colour alone.
 pub fn tag(ui: &mut Ui, text: &str, color: Color32) -> Response {
     let galley = ui.painter().layout_no_wrap(text.to_owned(), FontId::proportional(11.0), color);
     let (rect, response) = ui.allocate_exact_size(Vec2::new(galley.size().x + 8.0, 16.0), Sense::hover());
@@ -81,7 +81,7 @@ pub fn tag(ui: &mut Ui, text: &str, color: Color32) -> Response {
     response
 }
 
-/// A name and a value as a row of two columns, the first `name_width` wide.
+/// A name and a value in two columns; the first is `name_width` wide.
 pub fn name_value(ui: &mut Ui, name_width: f32, name: &str, value: RichText) -> Response {
     ui.horizontal(|ui| {
         let (rect, _) = ui.allocate_exact_size(Vec2::new(name_width, 16.0), Sense::hover());
@@ -92,13 +92,13 @@ pub fn name_value(ui: &mut Ui, name_width: f32, name: &str, value: RichText) -> 
     .inner
 }
 
-/// An icon painted around a point. The glyphs sit a little low in their font, which this mends.
+/// An icon centred at a point. The glyphs of the icon font are slightly too low, which is corrected here.
 pub fn icon_at(painter: &egui::Painter, center: egui::Pos2, icon: Icon, size: f32, color: Color32) {
     let at = center - Vec2::new(0.0, (size * 0.12).round());
     painter.text(at, Align2::CENTER_CENTER, icon.codepoint, FontId::new(size, icon.font_family()), color);
 }
 
-/// A cell of a table, painted without a widget of its own: text cut to the rectangle.
+/// A table cell, painted without a widget of its own; text is clipped to the rectangle.
 pub fn cell(ui: &Ui, rect: Rect, align: egui::Align, text: &str, font: FontId, color: Color32) {
     let mut job = egui::text::LayoutJob::simple_singleline(text.to_owned(), font, color);
     job.wrap = egui::text::TextWrapping::truncate_at_width(rect.width());
@@ -112,13 +112,13 @@ pub fn cell(ui: &Ui, rect: Rect, align: egui::Align, text: &str, font: FontId, c
     ui.painter().galley(at.min, galley, color);
 }
 
-/// A cell whose text loses its beginning where it does not fit: of a topic or a type the end says most.
+/// A table cell whose text is shortened at its beginning, because the end of a topic or type name is the most specific.
 pub fn cell_keep_end(ui: &Ui, rect: Rect, text: &str, font: FontId, color: Color32) {
     let width_of = |text: String| ui.painter().layout_no_wrap(text, font.clone(), color).size().x;
     let mut shown = text.to_owned();
     let full = width_of(shown.clone());
     if full > rect.width() && !text.is_empty() {
-        // The mean width of a character gives a first guess; what is still too wide loses one at a time.
+        // The mean width of a character gives a first estimate; then single characters are removed until the text fits.
         let mut keep = (text.chars().count() as f32 * rect.width() / full) as usize;
         loop {
             let skip = text.chars().count().saturating_sub(keep);
