@@ -1,6 +1,6 @@
-//! Buffers: every topic with its rate, age, size and type, by the process that writes it.
+//! Buffers view: every topic with its rate, age, size and type, grouped by the process that writes it.
 //!
-//! A click selects a topic (the fields view follows), and a topic can be dragged into any view that takes it.
+//! A click selects a topic (the fields view follows). A topic can be dragged onto any view that accepts it.
 
 use crate::view::{SavedState, TopicKey, View, ViewContext, rate_hz};
 use egui::{Align, FontId, Rect, Role, ScrollArea, Sense, TextStyle, Ui, Vec2, WidgetInfo};
@@ -16,7 +16,7 @@ const ROW: f32 = 20.0;
 #[serde(default)]
 struct Saved {
     search: String,
-    /// Groups that are folded, by title.
+    /// Collapsed groups, by title.
     folded: BTreeSet<String>,
 }
 
@@ -26,7 +26,7 @@ pub(crate) struct Buffers {
     saved: Saved,
 }
 
-/// The columns that fit, from the right end of a row.
+/// The visible columns, from the right end of a row.
 struct Columns {
     cells: Vec<(Column, f32)>,
 }
@@ -55,7 +55,7 @@ impl Column {
 }
 
 impl Columns {
-    /// Age and rate always; the rest as there is room beside a name of 180 points.
+    /// Age and rate are always visible; the others where there is room besides 180 points for the name.
     fn of(width: f32) -> Self {
         let mut room = width - 180.0;
         let mut cells = Vec::new();
@@ -78,7 +78,7 @@ impl Columns {
         Self { cells }
     }
 
-    /// The name's rectangle, and each column's.
+    /// Rectangles of the name and of each column.
     fn layout(&self, row: Rect) -> (Rect, Vec<(Column, Rect)>) {
         let width: f32 = self.cells.iter().map(|(_, width)| width).sum();
         let mut left = row.right() - width;
@@ -153,12 +153,12 @@ impl Buffers {
                 || topic.writer.to_lowercase().contains(&search)
         };
         let rank = |writer: &str| {
-            // What several processes write stands with the first of them.
+            // A topic with several writers is listed with the first of them.
             let first = writer.split(", ").next();
             frame.processes.iter().position(|process| Some(process.name.as_str()) == first)
         };
         let mut topics: Vec<_> = frame.topics.iter().filter(found).collect();
-        // Processes in the order of their stack, then what no process writes, then what was recorded.
+        // Processes in the order of the stack, then topics without a writer, then recorded topics.
         topics.sort_by_key(|topic| {
             let recorded = topic.run.is_recorded();
             (
@@ -260,7 +260,7 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, columns: &Columns) 
             Column::Role => topic.role_name().to_owned(),
             Column::Messages => format::count(topic.messages),
             Column::Size => topic.latest.as_ref().map_or_else(|| "–".to_owned(), |_| size(topic)),
-            // One that has fallen silent had a rate, and has none now.
+            // A silent topic may still have an estimated rate; its current rate is 0.
             Column::Rate => format::rate(if old { 0.0 } else { rate_hz(topic) }),
             Column::Age => age_s.map_or_else(|| "–".to_owned(), format::age),
         };
@@ -281,7 +281,7 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, columns: &Columns) 
     response.on_hover_ui(|ui| details(ui, cx.frame, topic, old));
 }
 
-/// Size of the newest message. A message that no one has encoded yet is not encoded for this.
+/// Size of the newest message. A message that is not encoded yet is not encoded just for this.
 fn size(topic: &Topic) -> String {
     match &topic.latest {
         Some(sample) if !sample.message.is_typed() || topic.run.is_recorded() => {

@@ -1,21 +1,21 @@
-//! A plane under a canvas: pan by dragging, zoom to the pointer, double click to fit.
+//! A plane shown on a canvas: drag to pan, scroll to zoom at the pointer, double click to fit.
 
 use egui::{Pos2, Rect, Response, Ui, Vec2};
 use serde::{Deserialize, Serialize};
 
-/// Which part of a plane is seen.
+/// The visible part of a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Viewport {
-    /// Point of the plane in the middle of the canvas.
+    /// Point of the plane at the centre of the canvas.
     pub(crate) center: [f64; 2],
-    /// Points of the screen for one unit of the plane.
+    /// Screen points per unit of the plane.
     pub(crate) scale: f64,
-    /// Whether the plane's y grows upwards (a map) or downwards (an image).
+    /// Whether the plane's y axis points up (a map) or down (an image).
     pub(crate) y_up: bool,
 }
 
 impl Viewport {
-    /// Shows a rectangle of the plane in all of a canvas, with a margin in points.
+    /// Fits a rectangle of the plane into a canvas, with a margin in points.
     pub(crate) fn fit(min: [f64; 2], max: [f64; 2], canvas: Rect, margin: f32, y_up: bool) -> Self {
         let size = [(max[0] - min[0]).max(1e-6), (max[1] - min[1]).max(1e-6)];
         let room = (canvas.size() - Vec2::splat(2.0 * margin)).max(Vec2::splat(1.0));
@@ -27,14 +27,14 @@ impl Viewport {
         if self.y_up { -1.0 } else { 1.0 }
     }
 
-    /// Where a point of the plane is on the screen.
+    /// Screen position of a point of the plane.
     pub(crate) fn to_screen(self, canvas: Rect, point: [f64; 2]) -> Pos2 {
         let x = (point[0] - self.center[0]) * self.scale;
         let y = (point[1] - self.center[1]) * self.scale * self.down();
         canvas.center() + Vec2::new(on_screen(x), on_screen(y))
     }
 
-    /// The point of the plane under a point of the screen.
+    /// Point of the plane at a screen position.
     pub(crate) fn to_plane(self, canvas: Rect, at: Pos2) -> [f64; 2] {
         let offset = at - canvas.center();
         [
@@ -43,13 +43,13 @@ impl Viewport {
         ]
     }
 
-    /// The corner of least and of largest coordinates that the canvas shows.
+    /// Minimum and maximum coordinates of the visible part.
     pub(crate) fn bounds(self, canvas: Rect) -> ([f64; 2], [f64; 2]) {
         let (a, b) = (self.to_plane(canvas, canvas.min), self.to_plane(canvas, canvas.max));
         ([a[0].min(b[0]), a[1].min(b[1])], [a[0].max(b[0]), a[1].max(b[1])])
     }
 
-    /// Scales by `factor` about a point of the screen, which stays where it is; `range` limits the scale.
+    /// Zooms by `factor` about a screen position, which keeps its place; `range` limits the scale.
     pub(crate) fn zoom_about(&mut self, canvas: Rect, at: Pos2, factor: f64, range: [f64; 2]) {
         let fixed = self.to_plane(canvas, at);
         self.scale = (self.scale * factor).clamp(range[0], range[1]);
@@ -59,7 +59,7 @@ impl Viewport {
         }
     }
 
-    /// Pans and zooms as the pointer says; `true` if anything changed.
+    /// Pans and zooms by the pointer; returns whether anything changed.
     pub(crate) fn interact(&mut self, ui: &Ui, response: &Response, range: [f64; 2], pan: bool) -> bool {
         let before = *self;
         if pan && response.dragged() {
@@ -78,7 +78,7 @@ impl Viewport {
     }
 }
 
-/// A screen's coordinate, whatever the number: shapes of any size must stay numbers that add up.
+/// Converts a screen coordinate and clamps it, so that sums of coordinates of huge shapes stay finite.
 fn on_screen(v: f64) -> f32 {
     const FAR: f64 = 1e6;
     v.max(-FAR).min(FAR) as f32

@@ -1,26 +1,28 @@
-//! Lines of the world on a screen: clipped in the world's coordinates, before anything becomes a shape.
+//! Clipping of lines to the canvas in world coordinates, before shapes are made.
 //!
-//! A scanner writes the largest number that there is where it saw nothing, and a pose in the wrong frame is thousands of
-//! kilometres away. What is drawn must cost what a screen shows, wherever it lies; and what can be no place is counted.
+//! Some scanners report the largest number for a missing return, and a pose in a wrong frame may be thousands of
+//! kilometres away. The cost of drawing must depend only on what is visible; implausible positions are counted and left
+//! out.
 
 use crate::canvas::Viewport;
 use egui::{Color32, Pos2, Rect, Shape, Stroke};
 
-/// No two places on the Earth are farther apart, along its surface, metres: a coordinate beyond it is no place.
+/// Half of the Earth's circumference, m: no two positions are farther apart, so larger coordinates are invalid.
 pub(crate) const FARTHEST_M: f64 = 2e7;
-/// What lies farther than this from the middle of its own kind is no place, either, unless much of it is spread as wide.
+/// Points farther than this from the centre of their layer are left out, too, unless many of its points are that far
+/// apart.
 const FAR_M: f64 = 1e5;
-/// A clipped line is drawn this far beyond the canvas, points of the screen.
+/// Margin beyond the canvas to which lines are clipped, screen points.
 const BEYOND: f64 = 64.0;
-/// Dashes of a line of this length, points of the screen; a longer one is drawn without gaps.
+/// Maximum length of a dashed line, screen points; a longer one is drawn without gaps.
 const MOST_DASHED: f32 = 40_000.0;
 
-/// Whether coordinates can be those of a place.
+/// Whether coordinates are plausible for a position.
 pub(crate) fn is_place(coordinates: &[f64]) -> bool {
     coordinates.iter().all(|v| v.abs() <= FARTHEST_M)
 }
 
-/// Which places of one layer are left out of what is fitted to the window.
+/// Bounds of the plausible points of a layer, to which the window is fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Near {
     middle: [f64; 2],
@@ -28,7 +30,7 @@ pub(crate) struct Near {
 }
 
 impl Near {
-    /// Judged by the median and the spread of the places; of many, by a sample.
+    /// Derived from median and spread of the points; for many points, of a sample.
     pub(crate) fn of(points: impl ExactSizeIterator<Item = [f64; 2]>) -> Self {
         let every = (points.len() / 5_000).max(1);
         let sample: Vec<[f64; 2]> = points.step_by(every).filter(|point| is_place(point)).collect();
@@ -44,13 +46,13 @@ impl Near {
         Self { middle: [x.0, y.0], reach: [x.1, y.1] }
     }
 
-    /// Whether a place is one of them; what is no place never is.
+    /// Whether a point lies within the bounds; invalid coordinates never do.
     pub(crate) fn has(&self, point: [f64; 2]) -> bool {
         is_place(&point) && (0..2).all(|axis| (point[axis] - self.middle[axis]).abs() <= self.reach[axis])
     }
 }
 
-/// The parts of a line that a canvas shows, a little beyond its edges, thinned to the screen.
+/// The visible parts of a line, up to slightly beyond the canvas, thinned to the resolution of the screen.
 pub(crate) fn line(
     points: impl Iterator<Item = [f64; 2]>,
     viewport: Viewport,
@@ -91,11 +93,11 @@ pub(crate) fn line(
     parts
 }
 
-/// Points of the screen, without those that are hardly a pixel from the last one that is kept.
+/// Screen points with a minimum distance of about a pixel.
 #[derive(Default)]
 struct Thin {
     kept: Vec<Pos2>,
-    /// The last one that was not kept: the end of a line is where someone is.
+    /// The last point that was skipped. It is kept at the end, because the end of a track is the current position.
     last: Option<Pos2>,
 }
 
@@ -122,11 +124,11 @@ impl Thin {
     }
 }
 
-/// The part of a segment within a rectangle (Liang and Barsky).
+/// The part of a segment within a rectangle (Liang-Barsky clipping).
 fn segment(a: [f64; 2], b: [f64; 2], min: [f64; 2], max: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
-        // Halves, so that the difference of two numbers of any size is a number.
+        // Halved, so that the difference of two finite numbers is finite.
         let along = b[axis] / 2.0 - a[axis] / 2.0;
         let (low, high) = (min[axis] / 2.0 - a[axis] / 2.0, max[axis] / 2.0 - a[axis] / 2.0);
         if along == 0.0 {
@@ -154,7 +156,7 @@ fn segment(a: [f64; 2], b: [f64; 2], min: [f64; 2], max: [f64; 2]) -> Option<([f
     Some((at(enter), at(leave)))
 }
 
-/// Dashes along a line, as many as a screen has room for; without gaps where they would be very many.
+/// Dashed lines, with a maximum number of dashes; longer lines are drawn without gaps.
 pub(crate) fn dashed(parts: &[Vec<Pos2>], stroke: Stroke, color: Color32) -> Vec<Shape> {
     let length = |part: &Vec<Pos2>| part.windows(2).map(|ends| (ends[1] - ends[0]).length()).sum::<f32>();
     let stroke = Stroke::new(stroke.width, color);

@@ -1,7 +1,7 @@
-//! Drive: a vehicle under a person's hands, what it does of that, and how the course stands.
+//! Drive view: drives a vehicle by hand, and shows its motion and the progress of the course.
 //!
-//! Keys are the window's; the view adds buttons on the screen, and shows what is wanted beside what is measured, why
-//! the vehicle is held, and the referee's word on the run.
+//! Keys are handled by the window. The view adds buttons on the screen, and shows commanded and measured motion, why
+//! the vehicle is stopped, and the results of the referee.
 
 use crate::operator::{self, DriveSettings, Hand, Inputs};
 use crate::view::{View, ViewContext, rate_hz};
@@ -13,12 +13,12 @@ use ocu_ui::{Icon, format, icons, stale, tokens};
 use rcs_msg::rcs::{self, CourseOutcome};
 use rcs_runtime::source::{Frame, Topic};
 
-/// Width of the names in front of values.
+/// Width of the name column.
 const NAMES: f32 = 80.0;
-/// Side of a button that drives, and the gap between two.
+/// Size of a drive button, and the gap between two of them.
 const KEY: f32 = 44.0;
 const GAP: f32 = 4.0;
-/// A person's command is in force this long after it was written.
+/// Time for which the operator's command is shown as active after it was written.
 const FRESH_S: f64 = 0.3;
 
 /// The drive view.
@@ -64,7 +64,7 @@ impl View for Drive {
     }
 }
 
-/// Four buttons that drive while they are pressed, lit while something drives that way, and how fast they do.
+/// Four buttons that drive while they are pressed, highlighted for the current command, and the speed settings.
 fn pad(ui: &mut Ui, cx: &mut ViewContext<'_>, teleop: &str) {
     let playing = cx.frame.playback.playing;
     let command = commanded(cx.frame, teleop);
@@ -137,7 +137,7 @@ fn hand(forward: f64, left: f64) -> Hand {
     Hand { forward, left, slow: false }
 }
 
-/// One button; `true` while it is pressed.
+/// One button; returns whether it is pressed.
 fn key(ui: &mut Ui, rect: Rect, icon: Icon, letter: &str, name: &str, lit: bool, enabled: bool) -> bool {
     let tokens = tokens(ui);
     let response = ui.interact(rect, ui.scope_id().with(name), Sense::click_and_drag());
@@ -159,14 +159,14 @@ fn key(ui: &mut Ui, rect: Rect, icon: Icon, letter: &str, name: &str, lit: bool,
     pressed
 }
 
-/// The person's command, while it is in force.
+/// The operator's command, while it is active.
 fn commanded<'a>(frame: &'a Frame, teleop: &str) -> Option<&'a rcs::DriveCommand> {
     let topic = frame.topic(teleop)?;
     let fresh = topic.age_s(frame.now).is_some_and(|age_s| age_s <= FRESH_S);
     topic.get().filter(|_| fresh)
 }
 
-/// What is wanted of the vehicle, and what it does.
+/// Commanded and measured motion of the vehicle.
 fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, &rcs::VehicleStatus)>) {
     let tokens = tokens(ui);
     let Some((topic, status)) = vehicle else {
@@ -214,7 +214,7 @@ fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, 
     }
 }
 
-/// How the run of the course stands.
+/// Progress of the course.
 fn course(ui: &mut Ui, run: &rcs::CourseRun) {
     let tokens = tokens(ui);
     let (icon, word, color) = match run.outcome() {

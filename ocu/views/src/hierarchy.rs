@@ -1,7 +1,7 @@
-//! Hierarchy: every process as a box below its supervisor, found from the process list and the status buffers.
+//! Hierarchy view: every process as a box below its supervisor, from the process list and the status buffers.
 //!
-//! The colour of a box and the word in it say the same; the line to the supervisor is red for a moment after a
-//! command went down, light after a status came up, and else quiet.
+//! The colour of a box and the word in it have the same meaning. The line to the supervisor is highlighted in red for a
+//! moment after a command, and brightened after a status.
 
 use crate::view::{View, ViewContext};
 use egui::{Align, Color32, FontId, Pos2, Rect, Role, ScrollArea, Sense, Stroke, Ui, Vec2, WidgetInfo};
@@ -13,14 +13,14 @@ use std::collections::BTreeMap;
 const BOX: Vec2 = Vec2::new(200.0, 92.0);
 const GAP: Vec2 = Vec2::new(20.0, 40.0);
 const MARGIN: f32 = 16.0;
-/// How long a line shows that something went along it, in seconds of the source.
+/// How long a line stays highlighted, in seconds of source time.
 const MOMENT_S: f64 = 0.3;
 
-/// The hierarchy view. It has no state of its own.
+/// The hierarchy view. It has no state.
 #[derive(Default)]
 pub(crate) struct Hierarchy;
 
-/// What a box looks like: its colour and the word for it.
+/// Appearance of a box: its colour and its word.
 #[derive(Clone, Debug, PartialEq)]
 struct Look {
     fill: Color32,
@@ -45,7 +45,7 @@ fn look(process: &ProcessInfo, status: Option<&Status>, age_s: Option<f64>, conn
     Look { fill, word }
 }
 
-/// The age from which a status is too old: three periods, at least a second and a margin.
+/// The age from which a status is outdated: three periods, at least a second, and a margin.
 fn limit_s(process: &ProcessInfo) -> f64 {
     (process.period_ns as f64 * 3e-9).max(1.2)
 }
@@ -79,8 +79,8 @@ impl View for Hierarchy {
     }
 }
 
-/// Left top corner of each process's box: below its supervisor, which stands over the middle of its subordinates.
-/// Processes that are all on one level go on in the next row where there is no `room`.
+/// Top left corner of the box of each process: below its supervisor, which is centred above its children. Processes on
+/// a single level wrap into several rows where `room` is insufficient.
 fn place(processes: &[ProcessInfo], room: f32) -> Vec<Pos2> {
     let index: BTreeMap<&str, usize> =
         processes.iter().enumerate().map(|(i, p)| (p.name.as_str(), i)).collect();
@@ -109,7 +109,7 @@ fn place(processes: &[ProcessInfo], room: f32) -> Vec<Pos2> {
     at
 }
 
-/// Whether `process` is among the supervisors of `of`: a damaged list may hold a ring.
+/// Whether `process` is among the supervisors of `of`. A damaged process list may contain a cycle.
 fn above(processes: &[ProcessInfo], index: &BTreeMap<&str, usize>, process: usize, of: usize) -> bool {
     let mut at = of;
     for _ in 0..processes.len() {
@@ -258,7 +258,7 @@ fn details(ui: &mut Ui, frame: &Frame, process: &ProcessInfo, status: Option<&St
     }
 }
 
-/// What a run measured of a process, a line each; waking and waiting are measured in live runs only.
+/// Measured times of a process, one per line; wake-up and waiting times exist only in live runs.
 fn measured(timing: &ProcessTiming) -> Vec<(&'static str, String)> {
     let ms = |us: f64| format!("{} ms", format::number((us * 0.1).round() * 0.01));
     let mut lines = vec![("computes", format!("mean {}, max {}", ms(timing.mean_us), ms(timing.max_us)))];

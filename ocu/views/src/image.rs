@@ -1,4 +1,4 @@
-//! Images of any encoding as something to look at: colours, values (a depth), or labels.
+//! Decodes images of any encoding to colours, values (such as depth) or labels.
 
 use egui::{Color32, ColorImage};
 use ocu_ui::palette::{self, Classes, MapPalette};
@@ -6,14 +6,14 @@ use rcs_msg::AnyMessage;
 use rcs_msg::foxglove::{CompressedImage, RawImage};
 use rcs_msg::image::{self, ImageError};
 
-/// What the pixels of an image mean.
+/// The meaning of the pixels of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Pixels {
     /// Colours.
     Color(Vec<Color32>),
-    /// One number each; NaN where there is none. Whole numbers where `whole`, whose unit the image does not say.
+    /// One number per pixel; NaN where unknown. `whole` marks whole numbers, whose unit is not given in the image.
     Values { values: Vec<f32>, whole: bool },
-    /// One byte each: a brightness, a label or a cost.
+    /// One byte per pixel: a grey level, a label or a cost.
     Bytes(Vec<u8>),
 }
 
@@ -26,22 +26,22 @@ pub(crate) struct DecodedImage {
     pub(crate) height: usize,
     /// The pixels, row by row.
     pub(crate) pixels: Pixels,
-    /// Its encoding, for hovering.
+    /// Its encoding, for display.
     pub(crate) encoding: String,
 }
 
-/// How one byte or one value becomes a colour.
+/// How a byte or a value is converted to a colour.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Tint {
-    /// Brightness as it is; values over their range in the even palette.
+    /// Grey levels unchanged; values over their range with the even palette.
     Plain,
-    /// Labels of these classes; what is not known is transparent.
+    /// Labels of these classes; unknown is transparent.
     Labels(Classes),
     /// Costs 0 to 250; unknown is transparent.
     Cost(MapPalette),
 }
 
-/// Decodes a `foxglove.RawImage` or `foxglove.CompressedImage`; otherwise a sentence that says why not.
+/// Decodes a `foxglove.RawImage` or `foxglove.CompressedImage`; the error says why it cannot be decoded.
 pub(crate) fn decode(message: &AnyMessage) -> Result<DecodedImage, String> {
     if let Some(raw) = message.get::<RawImage>() {
         return image(raw, raw.encoding.clone()).map_err(|error| error.to_string());
@@ -68,7 +68,7 @@ fn image(raw: &RawImage, encoding: String) -> Result<DecodedImage, ImageError> {
 }
 
 impl DecodedImage {
-    /// The 2 % and 98 % values: the range that colours are spread over. `None` where there are no values.
+    /// The 2nd and 98th percentile of the values, used as the colour range. `None` without values.
     pub(crate) fn value_range(&self) -> Option<[f32; 2]> {
         let Pixels::Values { values, .. } = &self.pixels else { return None };
         let stride = (values.len() / 20_000).max(1);
@@ -80,7 +80,7 @@ impl DecodedImage {
         Some([at(0.02)?, at(0.98)?])
     }
 
-    /// As a texture no larger than `most` pixels a side; `range` spreads values over colours.
+    /// Paints a texture of at most `most` pixels per side; `range` is the colour range of values.
     pub(crate) fn paint(&self, tint: &Tint, range: [f32; 2], most: usize) -> ColorImage {
         let every = self.width.max(self.height).div_ceil(most.max(1)).max(1);
         let (width, height) = (self.width.div_ceil(every), self.height.div_ceil(every));
@@ -100,7 +100,7 @@ impl DecodedImage {
         ColorImage::new([width, height], pixels)
     }
 
-    /// Index of a pixel, where the image has it.
+    /// Index of a pixel, if it lies in the image.
     pub(crate) fn index(&self, x: f64, y: f64) -> Option<usize> {
         let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64;
         inside.then(|| y as usize * self.width + x as usize)

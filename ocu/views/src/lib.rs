@@ -1,10 +1,25 @@
-//! The views of the window, one file (or folder) each, and the one list of them.
+//! The views of the window: one file or folder each, and one list of them.
 //!
-//! A view reads a [`Frame`](rcs_runtime::source::Frame) and paints it. It matches topics by type and role, never by
-//! plugin, so a plugin's outputs appear without a line of code here. What a view wants done (play, seek, write a
-//! buffer) it asks for through [`ViewContext::controls`]; it never waits.
+//! A view reads a [`Frame`](rcs_runtime::source::Frame), the state of a source at one time, and paints it. It selects
+//! topics by type and role, never by plugin, so outputs of a new plugin appear without a change here. Actions (play,
+//! seek, write a buffer) are requested through [`ViewContext::controls`]; a view never blocks, and never reads files or
+//! logs itself.
 //!
-//! The window makes views from [`all`], shows each through [`show`], and keeps what [`View::save`] gives.
+//! The window creates views from [`all`], paints each with [`show`], and stores what [`View::save`] returns.
+//!
+//! # Where to begin
+//!
+//! [`View`] is the trait to implement, [`ViewContext`] what a view receives; `src/hierarchy.rs` is a view without
+//! state. A new view is one file and one entry in `src/views.rs`.
+//!
+//! # Example
+//!
+//! ```
+//! let map = ocu_views::view_type("map").unwrap();
+//! let mut view = (map.make)();
+//! let saved = view.save(); // what a layout stores
+//! view.load(&saved).unwrap();
+//! ```
 
 mod buffers;
 mod camera;

@@ -1,30 +1,30 @@
-//! What a person can do to a robot that runs: which buffers wait for an operator, and what is written there.
+//! Actions of an operator on a running robot: which buffers expect commands of an operator, and the messages to write.
 //!
-//! Found from the processes themselves: inputs for teleoperation and for the emergency stop that no process writes.
+//! The buffers are found from the process list: inputs for teleoperation and emergency stop that no process writes.
 
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use rcs_runtime::InputRole;
 use rcs_runtime::source::{Frame, Held, SourceKind, Topic};
 use std::sync::Arc;
 
-/// Time of the source from one drive command to the next: 20 a second.
+/// Source time between two drive commands: 20 per second.
 const EVERY_NS: u64 = 50_000_000;
-/// Shift drives at this part of the speed.
+/// Factor on the speed while Shift is held.
 const SLOW: f64 = 0.3;
-/// Backward is slower than forward: less is seen there.
+/// Factor on the speed backward, where visibility is worse.
 const BACKWARD: f64 = 0.5;
 
-/// The buffers that wait for an operator.
+/// The buffers that expect commands of an operator.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Inputs {
-    /// Drive commands of a person.
+    /// Drive commands of the operator.
     pub teleop: Option<Arc<str>>,
     /// The emergency stop.
     pub emergency_stop: Option<Arc<str>>,
 }
 
 impl Inputs {
-    /// Those of a frame; none where nothing runs.
+    /// The inputs in a frame; none where no stack runs.
     pub fn of(frame: &Frame) -> Self {
         if frame.info.kind == SourceKind::Log {
             return Self::default();
@@ -45,35 +45,35 @@ impl Inputs {
     }
 }
 
-/// The vehicle's own word on itself, with its topic.
+/// The vehicle status, with its topic.
 pub fn vehicle(frame: &Frame) -> Option<(&Topic, &rcs::VehicleStatus)> {
     frame.topics_of_type("rcs.VehicleStatus").find_map(|topic| Some((topic, topic.get()?)))
 }
 
-/// A message that stops the vehicle, or lets it go again.
+/// A message that sets or releases the emergency stop.
 pub fn emergency_stop(now: Stamp, active: bool) -> AnyMessage {
     let reason = if active { "the operator" } else { "" }.to_owned();
     AnyMessage::new(rcs::EmergencyStop { timestamp: Some(now.to_proto()), active, reason })
 }
 
-/// Where a person pushes: keys, buttons on the screen, or a stick.
+/// Deflection of the controls: keys, buttons on the screen, or a joystick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Hand {
     /// -1 (backward) to 1 (forward).
     pub forward: f64,
     /// -1 (right) to 1 (left).
     pub left: f64,
-    /// Slower than usual.
+    /// Slow mode.
     pub slow: bool,
 }
 
 impl Hand {
-    /// Whether it pushes at all.
+    /// Whether there is any deflection.
     pub fn pushes(&self) -> bool {
         self.forward != 0.0 || self.left != 0.0
     }
 
-    /// Two hands at once.
+    /// The sum of two inputs.
     #[must_use]
     pub fn with(self, other: Self) -> Self {
         Self {
@@ -84,12 +84,12 @@ impl Hand {
     }
 }
 
-/// How fast a hand drives.
+/// Speeds of manual driving.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveSettings {
-    /// Speed at full forward, m/s.
+    /// Speed at full deflection forward, m/s.
     pub speed_mps: f64,
-    /// Turn rate at full left, rad/s.
+    /// Turn rate at full deflection to the left, rad/s.
     pub turn_radps: f64,
 }
 
@@ -100,7 +100,7 @@ impl Default for DriveSettings {
 }
 
 impl DriveSettings {
-    /// Speed (m/s) and turn rate (rad/s, counter-clockwise) that a hand asks for.
+    /// Speed (m/s) and turn rate (rad/s, counter-clockwise) for a deflection.
     pub fn wanted(&self, hand: Hand) -> [f64; 2] {
         let part = if hand.slow { SLOW } else { 1.0 };
         let speed = self.speed_mps * hand.forward * if hand.forward < 0.0 { BACKWARD } else { 1.0 };
@@ -108,7 +108,7 @@ impl DriveSettings {
     }
 }
 
-/// A drive command that is written for as long as it is held.
+/// A drive command that is repeated for as long as it is held.
 pub fn drive(buffer: &str, [speed_mps, yaw_rate_radps]: [f64; 2]) -> Held {
     Held {
         buffer: buffer.to_owned(),

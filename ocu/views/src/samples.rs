@@ -1,4 +1,4 @@
-//! Small frames for the tests of the views.
+//! Small synthetic frames for the tests of the views.
 
 #[path = "samples_driving.rs"]
 mod driving;
@@ -18,11 +18,11 @@ use rcs_world::{Map, MapOptions, Source, Sources, VoteRule, Weights};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The moment of the samples, 12.5 s after their start.
+/// The current time of the samples, 12.5 s after their start.
 pub(crate) const NOW: Stamp = Stamp(1_700_000_012_500_000_000);
 const START: Stamp = Stamp(1_700_000_000_000_000_000);
 
-/// A frame in which there is nothing.
+/// A frame without content.
 pub(crate) fn empty() -> Frame {
     let info = SourceInfo {
         kind: SourceKind::Log,
@@ -46,7 +46,7 @@ pub(crate) fn empty() -> Frame {
     }
 }
 
-/// A topic with one message that is `age_s` old.
+/// A topic with one message of age `age_s`.
 pub(crate) fn topic<T: Payload>(name: &str, hz: f64, age_s: f64, message: T) -> Topic {
     let log_time = NOW.before_ns((age_s * 1e9) as u64);
     let header = Header { sequence: 42, log_time, acq_time: log_time, writer: WriterId::RUNTIME };
@@ -63,7 +63,7 @@ fn with_metadata(mut topic: Topic, writer: &str, metadata: &[(&str, &str)]) -> T
     topic
 }
 
-/// A frame with a message of each kind that a view knows, and processes in each state.
+/// A frame with a message of each kind that views show, and processes in each state.
 pub(crate) fn full() -> Frame {
     let classes = classes_to_json(&OBSTACLE_CLASSES);
     let labels = [("rcs.role", "labels"), ("rcs.overlay_of", "/camera/image"), (CLASSES, &*classes)];
@@ -248,7 +248,7 @@ fn world_map() -> Grid {
     let (sources, time) = (Sources::from_iter([Source::STEREO]), NOW.before_ns(400_000_000));
     for (row, column) in (0..201).flat_map(|row| (0..201).map(move |column| (row, column))) {
         let (x, y) = ((f64::from(column) - 100.0) * 0.2 + 0.1, (f64::from(row) - 100.0) * 0.2 + 0.1);
-        // Seen: a fan ahead of the vehicle, and what was driven.
+        // Seen area: a fan ahead of the vehicle, and the driven track.
         let road = y - 4.0 * (x / 5.0).sin();
         let tree = (x * 0.9).sin() * (y * 1.1).cos() > 0.93;
         let cost = match road.abs() {

@@ -1,4 +1,4 @@
-//! A small frame of a simulation that is being driven, for the tests of the views.
+//! A small synthetic frame of a running simulation, for the tests of the views.
 
 use super::{NOW, cloud, empty, grid, image, label_image, topic, track, with_metadata};
 use rcs_msg::classes::{CLASSES, OBSTACLE_CLASSES, classes_to_json};
@@ -12,7 +12,7 @@ use rcs_runtime::source::{Frame, RunTag, Runs, SourceInfo, SourceKind, Topic};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A frame of a stack that runs: a vehicle under way, its course, shapes on an image, and the ground truth beside it.
+/// A frame of a running stack: a moving vehicle, its course, shapes on an image, and ground truth.
 pub(crate) fn driving() -> Frame {
     let classes = classes_to_json(&OBSTACLE_CLASSES);
     let labels = [("rcs.role", "labels"), ("rcs.overlay_of", "/camera/image"), (CLASSES, &*classes)];

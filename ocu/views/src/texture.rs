@@ -1,9 +1,9 @@
-//! Textures that are made only when what they show has changed.
+//! Textures that are rebuilt only when their content changes.
 
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use rcs_msg::AnyMessage;
 
-/// A message by identity: equal only to itself.
+/// A message compared by identity: equal only to itself.
 #[derive(Clone, Debug)]
 pub(crate) struct SameMessage(pub(crate) AnyMessage);
 
@@ -13,7 +13,7 @@ impl PartialEq for SameMessage {
     }
 }
 
-/// A texture and the key of what it shows.
+/// A texture and the key of its content.
 pub(crate) struct CachedTexture<K> {
     key: Option<K>,
     handle: Option<TextureHandle>,
@@ -26,7 +26,7 @@ impl<K> Default for CachedTexture<K> {
 }
 
 impl<K: PartialEq> CachedTexture<K> {
-    /// The texture of `key`; `make` paints it where that is another one than the last time.
+    /// The texture for `key`; `make` paints it if the key differs from the previous call.
     pub(crate) fn get(
         &mut self,
         ctx: &Context,
@@ -46,7 +46,7 @@ impl<K: PartialEq> CachedTexture<K> {
     }
 }
 
-/// A value that is computed from messages, kept until another key is asked for.
+/// A value computed from messages, cached until the key changes.
 pub(crate) struct Cached<K, V> {
     entry: Option<(K, V)>,
 }
@@ -58,7 +58,7 @@ impl<K, V> Default for Cached<K, V> {
 }
 
 impl<K: PartialEq, V> Cached<K, V> {
-    /// The value of `key`, computed where that is another one than the last time.
+    /// The value for `key`, computed if the key differs from the previous call.
     pub(crate) fn get(&mut self, key: K, make: impl FnOnce() -> V) -> &mut V {
         let entry = self.entry.take().filter(|(old, _)| *old == key);
         &mut self.entry.insert(entry.unwrap_or_else(|| (key, make()))).1

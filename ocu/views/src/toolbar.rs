@@ -1,4 +1,4 @@
-//! The row of controls at the top of a view, and what several of them hold.
+//! The toolbar at the top of a view, and controls used by several of them.
 
 use crate::view::TopicKey;
 use egui::{Align, ComboBox, Layout, Role, Ui, Vec2, WidgetInfo};
@@ -6,7 +6,7 @@ use ocu_ui::palette::MapPalette;
 use ocu_ui::{legend, tokens};
 use rcs_runtime::source::{Frame, RunTag, Topic};
 
-/// A row of controls, 28 points high, with a hairline below.
+/// A toolbar, 28 points high, with a line below.
 pub(crate) fn row(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
     let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 28.0), egui::Sense::hover());
     let line = egui::Stroke::new(1.0, tokens(ui).line);
@@ -20,12 +20,12 @@ pub(crate) fn row(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
     ui.add_space(-ui.spacing().item_spacing.y);
 }
 
-/// The right end of a row.
+/// Adds controls at the right end of a toolbar.
 pub(crate) fn at_right(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
     ui.with_layout(Layout::right_to_left(Align::Center), add);
 }
 
-/// Name of a topic; with its run where the same name was recorded and is made now.
+/// Name of a topic, with its run where the same name exists both recorded and computed.
 pub(crate) fn topic_label(frame: &Frame, topic: &Topic) -> String {
     let twice = frame.topics.iter().filter(|other| other.name == topic.name).count() > 1;
     match topic.run {
@@ -34,7 +34,7 @@ pub(crate) fn topic_label(frame: &Frame, topic: &Topic) -> String {
     }
 }
 
-/// A list to choose a topic from.
+/// A drop-down list of topics.
 pub(crate) fn topic_choice(
     ui: &mut Ui,
     frame: &Frame,
@@ -61,7 +61,7 @@ pub(crate) fn topic_choice(
     chosen
 }
 
-/// What the colours of a cost mean.
+/// The legend of cost colours.
 pub(crate) fn cost_legend(ui: &mut Ui, palette: MapPalette) {
     ui.horizontal(|ui| {
         legend::band(ui, 100.0, "cost 0", "250", |fraction| palette.cost((fraction * 250.0) as u8));

@@ -1,4 +1,4 @@
-//! What every view is, and what it gets.
+//! The interface of a view, and what it receives.
 
 use crate::operator::{DriveSettings, Hand};
 use egui::Ui;
@@ -8,30 +8,30 @@ use rcs_runtime::source::{Control, Frame, RunTag, Topic};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Which run's topic is meant where several have one of that name.
+/// Which run is meant, where several contain a topic of the same name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RunChoice {
-    /// The run that is looked at.
+    /// The run being shown.
     #[default]
     Shown,
     /// The recording.
     Recorded,
-    /// That run, by its number.
+    /// The run with this number.
     Run(u32),
 }
 
-/// Names a topic of a frame: stored in layouts, dragged from the buffer list, selected.
+/// Identifies a topic in layouts, in selections and while dragging.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(from = "StoredKey")]
 pub struct TopicKey {
     /// Name of the buffer: `/wm1/map`.
     pub name: String,
-    /// The run that is meant.
+    /// The run.
     pub run: RunChoice,
 }
 
-/// A key as layouts hold it: older ones say `recorded` where newer ones say `run`.
+/// A key as stored in layouts: older versions have `recorded` instead of `run`.
 #[derive(Deserialize)]
 struct StoredKey {
     name: String,
@@ -49,18 +49,18 @@ impl From<StoredKey> for TopicKey {
 }
 
 impl TopicKey {
-    /// The key of that topic; of what runs, whichever run is looked at.
+    /// The key of a topic; for a computed topic, in whichever run is shown.
     pub fn of(topic: &Topic) -> Self {
         let run = if topic.run.is_recorded() { RunChoice::Recorded } else { RunChoice::Shown };
         Self { name: topic.name.to_string(), run }
     }
 
-    /// The topic of that name in the run that is looked at.
+    /// The topic with this name in the run being shown.
     pub fn shown(name: impl Into<String>) -> Self {
         Self { name: name.into(), run: RunChoice::Shown }
     }
 
-    /// The topic in a frame; the other run's where there is none of the run that is meant.
+    /// Finds the topic in a frame; in another run where it does not exist in the one that is meant.
     pub fn find<'a>(&self, frame: &'a Frame) -> Option<&'a Topic> {
         let run = match self.run {
             RunChoice::Shown => RunTag::Run(frame.runs.current()),
@@ -70,7 +70,7 @@ impl TopicKey {
         frame.topic_of(&self.name, run).or_else(|| frame.topic(&self.name))
     }
 
-    /// Whether it names this very topic.
+    /// Whether the key identifies exactly this topic.
     pub fn is(&self, topic: &Topic) -> bool {
         let same_run = match (self.run, topic.run) {
             (RunChoice::Recorded, run) => run.is_recorded(),
@@ -81,71 +81,72 @@ impl TopicKey {
     }
 }
 
-/// Rate of a topic when it last spoke, 0 where it is not known: a message that came once has none.
+/// Last known rate of a topic; 0 where unknown, as for a single message.
 pub(crate) fn rate_hz(topic: &Topic) -> f64 {
     topic.hz.unwrap_or(0.0)
 }
 
-/// A place that the pointer is on, in one view, so that the others can light it.
+/// The position under the pointer in one view, which the other views mark.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HoverPoint {
     /// Coordinate frame of the position.
     pub frame_id: String,
-    /// x, y, z in metres; z is NaN where it is not known.
+    /// x, y, z, m; z is NaN where unknown.
     pub position_m: [f64; 3],
 }
 
-/// What a person has chosen, shared by all views.
+/// The user's selection, shared by all views.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
-    /// The topic that was clicked last.
+    /// The topic clicked last.
     pub topic: Option<TopicKey>,
-    /// The process that was clicked last.
+    /// The process clicked last.
     pub process: Option<Arc<str>>,
-    /// The place under the pointer; the window clears it before each pass.
+    /// The position under the pointer; the window clears it before each pass.
     pub hovered: Option<HoverPoint>,
-    /// Where a person pushes; the window sets it to what the keys say before each pass, and drives by it after.
+    /// Deflection of the drive controls; the window sets it from the keys before each pass, and sends the command after
+    /// it.
     pub hand: Hand,
-    /// How fast a push drives.
+    /// Speeds of manual driving.
     pub drive: DriveSettings,
 }
 
-/// All that a view gets.
+/// The input and output of a view in one pass.
 pub struct ViewContext<'a> {
-    /// The moment that is shown.
+    /// The state of the source at the time being shown.
     pub frame: &'a Frame,
-    /// What the view asks the source for; the window sends it after the pass.
+    /// Requests to the source; the window sends them after the pass.
     pub controls: &'a mut Vec<Control>,
-    /// What is chosen; any view may change it.
+    /// The selection; any view may change it.
     pub selection: &'a mut Selection,
 }
 
-/// The part of a view that a layout keeps. What can be made anew (textures, decoded images) is not in it.
+/// The part of a view's state that a layout stores. Caches (textures, decoded images) are not included.
 pub type SavedState = serde_json::Value;
 
 /// One panel of the window.
 pub trait View {
-    /// Title of its tab.
+    /// Title of the tab.
     fn title(&self, frame: &Frame) -> String;
 
-    /// Paints itself into all of `ui`.
+    /// Paints the view into the whole area of `ui`.
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>);
 
-    /// Whether this topic can be dropped on it.
+    /// Whether this topic can be dropped on the view.
     fn accepts(&self, _topic: &Topic) -> bool {
         false
     }
 
-    /// A topic was dropped on it that it accepts.
+    /// Called when an accepted topic is dropped on the view.
     fn drop_topic(&mut self, _topic: &Topic) {}
 
-    /// What a layout keeps.
+    /// Returns the state to store in a layout.
     fn save(&self) -> SavedState {
         SavedState::Null
     }
 
-    /// Takes what [`View::save`] gave, perhaps in an older version of the program: fields that are missing keep
-    /// their defaults. Fails, and leaves the view as it was, where the value does not fit.
+    /// Restores what [`View::save`] returned, possibly in an older version of the program: missing fields keep their
+    /// defaults. Returns an error, and leaves the view unchanged, if the value does not fit.
     fn load(&mut self, _saved: &SavedState) -> Result<(), serde_json::Error> {
         Ok(())
     }
@@ -154,19 +155,19 @@ pub trait View {
 /// An entry of the list of views.
 #[derive(Clone, Copy)]
 pub struct ViewType {
-    /// Name in layouts; never changes.
+    /// Name in layouts; it must never change.
     pub kind: &'static str,
-    /// Name for a person.
+    /// Displayed name.
     pub name: &'static str,
     /// Its icon.
     pub icon: ocu_ui::Icon,
-    /// One sentence that says what it shows.
+    /// One sentence that describes what it shows.
     pub summary: &'static str,
-    /// Makes one in its default state.
+    /// Creates a view in its default state.
     pub make: fn() -> Box<dyn View>,
 }
 
-/// Shows a view in all of `ui`, and lets topics be dropped on it.
+/// Paints a view into the whole area of `ui`, and handles dropped topics.
 pub fn show(view: &mut dyn View, ui: &mut Ui, cx: &mut ViewContext<'_>) {
     let rect = ui.available_rect_before_wrap();
     view.ui(ui, cx);

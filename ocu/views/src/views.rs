@@ -1,9 +1,9 @@
-//! The one list of views. A new view is its own file and one line here.
+//! The list of views. A new view is a file of its own, its `mod` line in `lib.rs`, and one entry here.
 
 use crate::view::{View, ViewType};
 use ocu_ui::icons;
 
-/// Every view that a person can open, in the order of the menu.
+/// All views that can be opened, in the order of the menu.
 pub fn all() -> &'static [ViewType] {
     const VIEWS: &[ViewType] = &[
         entry::<crate::camera::Camera>(
@@ -46,7 +46,7 @@ pub fn all() -> &'static [ViewType] {
     VIEWS
 }
 
-/// The view type of that kind.
+/// The view type with this kind.
 pub fn view_type(kind: &str) -> Option<&'static ViewType> {
     all().iter().find(|view_type| view_type.kind == kind)
 }

@@ -5,15 +5,15 @@ use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke};
 use rcs_msg::foxglove::points_annotation::Type;
 use rcs_msg::foxglove::{self, ImageAnnotations, Point2, PointsAnnotation};
 
-/// Points of one message that are drawn, at most: a message of millions must not stop the window.
+/// Maximum number of points drawn for one message, so that a message of millions does not block the window.
 const MOST_POINTS: usize = 20_000;
 
-/// Letters of one text that are drawn.
+/// Maximum number of letters drawn for one text.
 const MOST_LETTERS: usize = 200;
-/// Lengths on the screen beyond this are drawn as this: nothing of them would be seen.
+/// Lengths on the screen are clamped to this, because more would not be visible.
 const LONGEST: f64 = 1e5;
 
-/// Draws all shapes; their coordinates are pixels of the image from the corner of its first pixel.
+/// Draws all shapes; their coordinates are pixels of the image, measured from the corner of its first pixel.
 pub(super) fn paint(
     painter: &Painter,
     shapes: &ImageAnnotations,
@@ -21,7 +21,7 @@ pub(super) fn paint(
     canvas: Rect,
     opacity: f32,
 ) {
-    // Full at the opacity that overlays begin with: lines cover little of the image.
+    // Twice the opacity of other overlays, because lines cover little of the image.
     let opacity = (opacity * 2.0).min(1.0);
     let look = Look { viewport, canvas, opacity };
     let mut left = MOST_POINTS;
@@ -52,7 +52,7 @@ pub(super) fn paint(
     }
 }
 
-/// Where on the screen, and how strongly.
+/// Position on the screen, and opacity.
 struct Look {
     viewport: Viewport,
     canvas: Rect,
@@ -60,7 +60,7 @@ struct Look {
 }
 
 impl Look {
-    /// `None` where a number is none.
+    /// `None` where a coordinate is not finite.
     fn at(&self, point: &Point2) -> Option<Pos2> {
         let finite = point.x.is_finite() && point.y.is_finite();
         finite.then(|| self.viewport.to_screen(self.canvas, [point.x, point.y]))
@@ -70,12 +70,12 @@ impl Look {
         if pixels.is_finite() { (pixels.max(0.0) * self.viewport.scale).min(LONGEST) as f32 } else { 0.0 }
     }
 
-    /// Transparent where none is named.
+    /// Fill colour; transparent where none is given.
     fn fill(&self, color: Option<foxglove::Color>) -> Color32 {
         color.map_or(Color32::TRANSPARENT, |color| to_color(color).gamma_multiply(self.opacity))
     }
 
-    /// Something that is seen on any image where none is named.
+    /// Line colour; where none is given, one that is visible on any image.
     fn ink(&self, color: Option<foxglove::Color>) -> Color32 {
         let color = color.map(to_color).filter(|color| color.a() > 0);
         color.unwrap_or(Color32::from_rgb(0x5a, 0xe0, 0xff)).gamma_multiply(self.opacity)

@@ -1,4 +1,4 @@
-//! One image of a camera view: decoded when its message changes, painted when its look changes.
+//! One image of a camera view: decoded when its message changes, painted when its appearance changes.
 
 use crate::image::{DecodedImage, Pixels, Tint, decode};
 use crate::texture::{CachedTexture, SameMessage};
@@ -13,15 +13,15 @@ use rcs_runtime::source::{Frame, Topic};
 /// How an image is painted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Look {
-    /// An image, or ranges.
+    /// Colours, or ranges.
     Image,
-    /// One label a pixel.
+    /// One label per pixel.
     Labels,
-    /// One cost a pixel.
+    /// One cost per pixel.
     Cost,
 }
 
-/// What the topic's metadata say of it.
+/// Derived from the topic's metadata.
 pub(super) fn look(topic: &Topic) -> Look {
     match topic.role() {
         Some(Role::Labels) => Look::Labels,
@@ -30,7 +30,7 @@ pub(super) fn look(topic: &Topic) -> Look {
     }
 }
 
-/// Whether the image holds ranges: by its role, or by its encoding where a log of others tells no role.
+/// Whether the image contains ranges: by its role, or by its encoding where a log has no role metadata.
 fn is_range(topic: &Topic) -> bool {
     match topic.role() {
         Some(role) => matches!(role, Role::Depth | Role::Disparity),
@@ -38,7 +38,7 @@ fn is_range(topic: &Topic) -> bool {
     }
 }
 
-/// The classes that the topic's labels name.
+/// The label classes in the topic's metadata.
 pub(super) fn classes(topic: &Topic) -> Classes {
     let label = |class: LabelClass| {
         let [r, g, b] = class.color;
@@ -47,7 +47,7 @@ pub(super) fn classes(topic: &Topic) -> Classes {
     topic.classes().into_iter().map(label).collect()
 }
 
-/// How the topic's bytes become colours.
+/// How pixel values of the topic are converted to colours.
 pub(super) fn tint(topic: &Topic, palette: MapPalette) -> Tint {
     match look(topic) {
         Look::Image => Tint::Plain,
@@ -66,8 +66,7 @@ pub(super) fn is_annotation(topic: &Topic) -> bool {
     topic.type_name() == "foxglove.ImageAnnotations"
 }
 
-/// All images: first those that something lies on, then other pictures, then depths, then what was made of them, and at
-/// the end the ground truth, which no robot has.
+/// All images, in this order: those with overlays, other camera images, depth images, derived images, ground truth.
 pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
     let mut images: Vec<_> = frame.topics.iter().filter(|topic| is_image(topic)).collect();
     let has_overlay = |image: &Topic| {
@@ -85,11 +84,11 @@ pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
     images
 }
 
-/// What can be laid over an image: labels, then what else was made of it, then shapes, then the ground truth.
+/// The overlays of an image: labels, then other derived images, then shapes, then ground truth.
 pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
     let lies_on = |topic: &Topic| match topic.metadata.get("rcs.overlay_of") {
         Some(name) => **name == *base.name,
-        // Labels of a scan are no image: they may never come.
+        // Label topics of a scan contain no images, and may have no messages at all.
         None => (look(topic) != Look::Image || is_annotation(topic)) && topic.latest.is_some(),
     };
     let other = |topic: &&Topic| topic.name != base.name || topic.run != base.run;
@@ -108,15 +107,15 @@ pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
 #[derive(Default)]
 pub(super) struct Layer {
     message: Option<SameMessage>,
-    /// `None` while no message has come.
+    /// `None` before the first message.
     decoded: Option<Result<DecodedImage, String>>,
-    /// The 2 % and 98 % values, in the image's own unit.
+    /// The 2nd and 98th percentile of the values, in the image's own unit.
     range: Option<[f32; 2]>,
     texture: CachedTexture<(SameMessage, Tint, TextureOptions, u64)>,
 }
 
 impl Layer {
-    /// Decodes the topic's newest message, if that is another one than before.
+    /// Decodes the topic's newest message, if it is a new one.
     pub(super) fn update(&mut self, topic: &Topic) {
         let Some(message) = topic.canonical().map(|message| SameMessage(message.clone())) else {
             let undecodable = topic.undecodable.as_deref().unwrap_or("its message does not decode");
@@ -134,17 +133,17 @@ impl Layer {
         }
     }
 
-    /// The decoded image; `None` while none has come, an error where it cannot be shown.
+    /// The decoded image; `None` before the first message, an error where it cannot be shown.
     pub(super) fn state(&self) -> Result<Option<&DecodedImage>, &String> {
         self.decoded.as_ref().map(Result::as_ref).transpose()
     }
 
-    /// The decoded image, where there is one.
+    /// The decoded image, if any.
     pub(super) fn image(&self) -> Option<&DecodedImage> {
         self.state().ok().flatten()
     }
 
-    /// What one step of the image's values is, in metres, where a whole number's is assumed to be `depth_step_m`.
+    /// Size of one step of the image's values, m; for whole numbers `depth_step_m` is assumed.
     fn unit_m(&self, depth_step_m: f64) -> f64 {
         match self.image().map(|image| &image.pixels) {
             Some(Pixels::Values { whole: true, .. }) => depth_step_m,
@@ -152,15 +151,14 @@ impl Layer {
         }
     }
 
-    /// The ranges that the ends of the colour scale stand for, in metres: round numbers, so that colours do not
-    /// flicker from image to image.
+    /// The ranges at the ends of the colour scale, m, rounded so that colours do not flicker between images.
     pub(super) fn range_m(&self, depth_step_m: f64) -> Option<[f64; 2]> {
         let [low, high] = self.range?.map(|value| f64::from(value) * self.unit_m(depth_step_m));
         let step = round_step((high - low) / 8.0);
         Some([(low / step).floor() * step, (high / step).ceil() * step])
     }
 
-    /// The texture of the image in this look.
+    /// The texture of the image with this appearance.
     pub(super) fn texture(
         &mut self,
         ctx: &Context,
@@ -179,7 +177,7 @@ impl Layer {
         self.texture.get(ctx, key, options, make).map(egui::TextureHandle::id)
     }
 
-    /// What the layer says of a place, given in parts of its width and height.
+    /// Text for a position, given as fractions of width and height.
     pub(super) fn describe(&self, at: [f64; 2], topic: &Topic, depth_step_m: f64) -> Option<String> {
         let look = look(topic);
         let image = self.image()?;

@@ -1,9 +1,8 @@
-//! Camera: an image with what the processes saw in it.
+//! Camera view: an image with overlays computed from it.
 //!
-//! Overlays are the topics whose `rcs.overlay_of` names the image's topic; where a topic of labels, costs or shapes
-//! does not say which image it lies on, it is offered on all. One that is smaller than its image is stretched over it.
-//! The ground truth of a simulation is off until it is switched on. The read-out under the pointer gives the pixel and
-//! the value or the name in every layer.
+//! Overlays are topics whose `rcs.overlay_of` names the image's topic; topics of labels, costs or shapes without that
+//! metadata are offered for every image. An overlay smaller than its image is scaled to it. Ground truth is off until
+//! it is switched on. The readout under the pointer shows the pixel and the value or name in each layer.
 
 mod annotations;
 mod layer;
@@ -20,7 +19,7 @@ use rcs_runtime::source::{Frame, Topic};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What a layout keeps of an overlay.
+/// Saved settings of an overlay.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 struct OverlayState {
@@ -37,11 +36,11 @@ impl Default for OverlayState {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 struct Saved {
-    /// Image that is shown; the first where none is named or it is not there.
+    /// The image to show; the first one where none is named or the named one does not exist.
     topic: Option<TopicKey>,
     overlays: BTreeMap<String, OverlayState>,
     palette: MapPalette,
-    /// What one step of a whole-number depth image is, in metres.
+    /// Size of one step of a depth image with whole numbers, m.
     depth_step_m: f64,
 }
 
@@ -56,7 +55,7 @@ impl Default for Saved {
 pub(crate) struct Camera {
     saved: Saved,
     layers: BTreeMap<String, Layer>,
-    /// `None` fits the image to the canvas.
+    /// `None` to fit the image to the canvas.
     viewport: Option<Viewport>,
 }
 
@@ -96,7 +95,7 @@ impl View for Camera {
     }
 }
 
-/// The image that is shown: the chosen one, else the first.
+/// The image to show: the selected one, otherwise the first.
 fn base<'a>(saved: &Saved, frame: &'a Frame) -> Option<&'a Topic> {
     let chosen = saved.topic.as_ref().and_then(|key| key.find(frame)).filter(|topic| layer::is_image(topic));
     chosen.or_else(|| layer::images(frame).into_iter().next())
@@ -178,7 +177,7 @@ impl Camera {
                 continue;
             }
             if let Some(shapes) = overlay.get() {
-                // What lies beside the image was not seen.
+                // Overlays are clipped to the image.
                 let inside = painter.with_clip_rect(painter.clip_rect().intersect(rect));
                 annotations::paint(&inside, shapes, viewport, canvas, state.opacity);
                 continue;
@@ -226,7 +225,7 @@ impl Camera {
         });
     }
 
-    /// What is under the pointer, in a fixed place, so that it can be read while the pointer moves.
+    /// The values under the pointer, at a fixed position, so that they can be read while the pointer moves.
     fn read_out(
         &self,
         ui: &mut Ui,
@@ -258,7 +257,7 @@ impl Camera {
     }
 }
 
-/// A canvas without an image: nothing came yet, or it cannot be decoded.
+/// A canvas without an image: no message has arrived, or it cannot be decoded.
 fn waiting(ui: &mut Ui, canvas: Rect, cx: &ViewContext<'_>, topic: &Topic, error: Option<&String>) {
     let (title, hint) = if let Some(error) = error {
         ("This image cannot be shown".to_owned(), error.clone())

@@ -1,4 +1,4 @@
-//! The row that switches what lies over an image.
+//! The row with the switches of the overlays.
 
 use super::layer::{self, Layer};
 use super::{Camera, OverlayState};
@@ -9,11 +9,11 @@ use egui::{PopupCloseBehavior, Role, Ui, WidgetInfo};
 use ocu_ui::{icons, tokens};
 use rcs_runtime::source::Topic;
 
-/// What a switch takes beside its name, in points: the box, the slider, its number, and the gaps.
+/// Width of a switch besides its name, in points: checkbox, slider, number and gaps.
 const SWITCH: f32 = 196.0;
 
 impl Camera {
-    /// How an overlay is drawn where a person has not said: the first one only, and never the ground truth.
+    /// Initial settings of an overlay: only the first one is on, and ground truth is off.
     pub(super) fn overlay_state(&self, overlay: &Topic, overlays: &[&Topic]) -> OverlayState {
         let first = overlays.first().is_some_and(|first| first.name == overlay.name);
         let fallback = OverlayState {
@@ -36,7 +36,7 @@ impl Camera {
                     ui.painter().layout_no_wrap(overlay.name.to_string(), font.clone(), tokens(ui).text);
                 galley.size().x + SWITCH
             };
-            // What has no room in a row, and the ground truth, whose heading has none, are listed in a menu.
+            // Overlays that do not fit in the row, and ground truth, are listed in a menu.
             let truth = overlays.iter().any(|overlay| overlay.is_ground_truth());
             if !truth && overlays.iter().map(width).sum::<f32>() <= ui.available_width() {
                 for overlay in overlays {
@@ -54,7 +54,7 @@ impl Camera {
         });
     }
 
-    /// All overlays in a menu, the ground truth at its end; the button names those that are on.
+    /// All overlays in a menu, with ground truth at the end; the button names those that are on.
     fn overlay_menu(&mut self, ui: &mut Ui, overlays: &[&Topic]) {
         let on: Vec<&str> = overlays
             .iter()
@@ -82,7 +82,7 @@ impl Camera {
         response.on_hover_text("What lies over the image");
     }
 
-    /// A checkbox, and how strongly it covers the image.
+    /// A checkbox and an opacity slider.
     fn overlay_switch(&mut self, ui: &mut Ui, overlay: &Topic, overlays: &[&Topic]) {
         let before = self.overlay_state(overlay, overlays);
         let mut state = before;
@@ -112,8 +112,8 @@ impl Camera {
     }
 }
 
-/// Says that an overlay is of another image. One that comes an image later than what it was made of, as any that is
-/// computed does, is not worth a word: it would come and go with every image.
+/// Shows that an overlay belongs to another image than the one shown. A delay of up to one image is normal for a
+/// computed overlay and is not shown, because the text would flicker.
 fn behind(ui: &mut Ui, topic: &Topic, overlay: &Topic) {
     let acquired = |topic: &Topic| topic.latest.as_ref().map(|sample| sample.header.acq_time);
     let (Some(image), Some(labels)) = (acquired(topic), acquired(overlay)) else { return };

@@ -1,7 +1,7 @@
-//! Fields: any message of any encoding as a tree, with its header.
+//! Fields view: any message of any encoding as a tree, with its header.
 //!
-//! It follows the selected topic until one is pinned (or dropped on it). Numbers keep their column, so nothing
-//! jumps while values change.
+//! It follows the selected topic until one is pinned or dropped on it. Values have a fixed column, so that the text
+//! does not move while values change.
 
 mod rows;
 
@@ -25,7 +25,7 @@ const INDENT: f32 = 16.0;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 struct Saved {
-    /// Topic that is shown; `None` follows the selection.
+    /// The topic to show; `None` to follow the selection.
     pinned: Option<TopicKey>,
     search: String,
     open: BTreeSet<String>,
@@ -123,7 +123,7 @@ impl Fields {
     }
 }
 
-/// Sequence, times, writer and type of the message.
+/// Sequence number, times, writer and type of the message.
 fn header(ui: &mut Ui, frame: &Frame, topic: &Topic) {
     let tokens = tokens(ui);
     let margin = egui::Margin::symmetric(8, 4);
@@ -163,7 +163,7 @@ fn header(ui: &mut Ui, frame: &Frame, topic: &Topic) {
     ui.painter().hline(rect.x_range(), rect.bottom(), egui::Stroke::new(1.0, tokens.line));
 }
 
-/// A message that has no reader: why, and its bytes.
+/// A message that cannot be decoded: the reason, and its bytes.
 fn undecodable(ui: &mut Ui, reason: &str, message: &AnyMessage) {
     let bytes = message.bytes();
     ui.horizontal_wrapped(|ui| {
@@ -254,7 +254,7 @@ fn paint_row(ui: &mut Ui, row: &Row, name_width: f32) -> egui::Response {
     let color = if weak { tokens.weak } else { tokens.text };
     widgets::cell(ui, name, Align::Min, &row.name, FontId::proportional(13.0), color);
     let color = if row.open.is_some() { tokens.weak } else { tokens.strong };
-    // Signs and quotes hang in a column of their own, so that digits stay where they are when a sign changes.
+    // Signs and quotes have a column of their own, so that digits do not move when the sign changes.
     let hanging = row.text.starts_with(['-', '"']);
     let text = if hanging { row.text.clone() } else { format!(" {}", row.text) };
     widgets::cell(ui, value, Align::Min, &text, FontId::monospace(12.0), color);

@@ -1,40 +1,40 @@
-//! The rows of a tree that is partly open: only what is open becomes a row, and long lists open in pages.
+//! The visible rows of a partly expanded tree. Only expanded values become rows, and long lists are split into pages.
 
 use ocu_ui::format;
 use rcs_msg::{FieldPath, Value};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 
-/// A list opens in at most this many rows: longer ones in pages, and pages of pages.
+/// Maximum number of rows of an expanded list: longer ones are split into pages, and these into pages again.
 pub(super) const PAGE: usize = 100;
-/// A search stops after this many rows.
+/// Maximum number of search results.
 pub(super) const MOST_FOUND: usize = 500;
 
 /// One row of the tree.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Row {
-    /// Steps from the message.
+    /// Depth in the tree.
     pub(super) depth: usize,
-    /// Name of the field, `[12]`, or `[0 … 99]`; the whole path in a list of what was found.
+    /// Name of the field, `[12]`, or `[0 … 99]`; the full path in search results.
     pub(super) name: String,
-    /// Path of the value; of the list where the row is a page.
+    /// Path of the value; for a page, the path of its list.
     pub(super) path: FieldPath,
-    /// What makes the row open: its path, and its range where it is a page.
+    /// Key of the row's expanded state: its path, and for a page its range.
     pub(super) key: String,
-    /// The value in short.
+    /// Short text of the value.
     pub(super) text: String,
-    /// Whether it is open; `None` where there is nothing in it.
+    /// Whether it is expanded; `None` where it has no children.
     pub(super) open: Option<bool>,
 }
 
-/// Rows of what is open in `root`.
+/// The visible rows of `root`, given the keys of expanded values.
 pub(super) fn rows(root: &Value, open: &BTreeSet<String>) -> Vec<Row> {
     let mut rows = Vec::new();
     children(root, &FieldPath::root(), 0, open, &mut rows);
     rows
 }
 
-/// Rows of all leaves whose path or text holds `search` (lower case), and whether there are more.
+/// All leaves whose path or text contains `search` (lower case), and whether there are more.
 pub(super) fn found(root: &Value, search: &str) -> (Vec<Row>, bool) {
     let mut rows = Vec::new();
     for (path, value) in root.leaves() {
@@ -119,7 +119,7 @@ fn row(
     }
 }
 
-/// A value in one line.
+/// A value on one line.
 pub(super) fn short(value: &Value) -> String {
     match value {
         Value::Null => "–".to_owned(),
@@ -156,7 +156,7 @@ pub(super) fn short(value: &Value) -> String {
     }
 }
 
-/// A message in one line: a time, the numbers of a small vector, or nothing.
+/// A message on one line: a time, the numbers of a small vector, or nothing.
 fn message(value: &Value, fields: &[(String, Value)]) -> String {
     if let Some(stamp) = value.as_stamp().filter(|_| fields.len() == 2) {
         return format!("{}  {stamp}", format::clock(stamp.0));

@@ -1,4 +1,4 @@
-//! A point cloud from above, coloured by height, as pixels of the canvas.
+//! A point cloud seen from above, coloured by height, rendered as pixels of the canvas.
 
 use crate::canvas::Viewport;
 use crate::clip::is_place;
@@ -11,18 +11,18 @@ use rcs_msg::points;
 /// The points of a cloud in the map's frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Cloud {
-    /// x, y and z in metres.
+    /// x, y and z, m.
     pub(super) points: Vec<[f32; 3]>,
-    /// The 2 % and 98 % heights, metres.
+    /// The 2nd and 98th percentile of the heights, m.
     pub(super) heights: [f32; 2],
-    /// The 1 % and 99 % places along x and y, metres.
+    /// The 1st and 99th percentile along x and y, m.
     pub(super) bounds: Option<([f64; 2], [f64; 2])>,
-    /// Points that can be no place: a scanner's word for having seen nothing, say.
+    /// Number of implausible points, such as missing returns of a scanner.
     pub(super) far: usize,
 }
 
 impl Cloud {
-    /// Reads a cloud; a sentence where it cannot be read.
+    /// Reads a cloud; the error says why it cannot be read.
     pub(super) fn new(cloud: &PointCloud, map_from_frame: &Pose) -> Result<Self, String> {
         let map_from_cloud = *map_from_frame * crate::pose::from_message(cloud.pose.as_ref())?;
         let read = points(cloud).map_err(|error| error.to_string())?;
@@ -42,7 +42,7 @@ impl Cloud {
         Ok(Self { points, heights: z, bounds, far })
     }
 
-    /// The points that a canvas shows, the highest on top, `per_point` pixels for a point of the screen.
+    /// Renders the visible points, the highest on top, with `per_point` pixels per screen point.
     pub(super) fn paint(&self, canvas: Rect, viewport: Viewport, per_point: f32) -> ColorImage {
         let size = (canvas.size() * per_point).ceil();
         let (width, height) = (size.x.max(1.0) as usize, size.y.max(1.0) as usize);
@@ -51,7 +51,7 @@ impl Cloud {
         let [low, high] = self.heights.map(f64::from);
         for &[x, y, z] in &self.points {
             let at = (viewport.to_screen(canvas, [f64::from(x), f64::from(y)]) - canvas.min) * per_point;
-            // Two pixels by two, so that a single point can be seen.
+            // Each point covers two by two pixels, so that a single one is visible.
             for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
                 if !(at.x >= 0.0 && at.y >= 0.0 && at.x < width as f32 && at.y < height as f32) {
                     continue;
@@ -71,7 +71,7 @@ impl Cloud {
     }
 }
 
-/// The 2 % and 98 % coordinates along an axis.
+/// The 2nd and 98th percentile along an axis.
 fn spread(points: &[[f32; 3]], axis: usize) -> [f32; 2] {
     let every = (points.len() / 20_000).max(1);
     let mut values: Vec<f32> = points.iter().step_by(every).map(|p| p[axis]).collect();

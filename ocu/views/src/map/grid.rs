@@ -1,4 +1,4 @@
-//! A `foxglove.Grid`, or a map that would become one, on a map: where its cells are, which of their numbers can be painted, and painting one.
+//! A `foxglove.Grid`, or a map that can be converted to one: the position of its cells, their fields, and painting.
 
 use egui::{Color32, ColorImage};
 use ocu_ui::palette::{self, MapPalette};
@@ -7,7 +7,7 @@ use rcs_msg::AnyMessage;
 use rcs_msg::foxglove::Grid;
 use rcs_world::{GridView, MapMessage, Weights, fuse_grid};
 
-/// Frame of a grid, whether or not its numbers fit each other; `None` for other messages.
+/// Frame of a grid, valid or not; `None` for other messages.
 pub(super) fn frame_of(message: &AnyMessage) -> Option<&str> {
     match message.source::<MapMessage>() {
         Some(map) => Some(&map.frame_id),
@@ -15,32 +15,32 @@ pub(super) fn frame_of(message: &AnyMessage) -> Option<&str> {
     }
 }
 
-/// A grid that has been checked.
+/// A validated grid.
 #[derive(Clone, Debug)]
 pub(super) struct Cells<'a>(GridView<'a>);
 
 impl<'a> Cells<'a> {
-    /// Checks a grid; a sentence where its numbers do not fit each other.
+    /// Validates a grid; the error says what is inconsistent.
     pub(super) fn new(message: &'a AnyMessage) -> Result<Self, String> {
         GridView::of(message).map(Self).map_err(|error| error.to_string())
     }
 
-    /// Cells along x and y.
+    /// Number of cells along x and y.
     pub(super) fn size(&self) -> [usize; 2] {
         [self.0.columns(), self.0.rows()]
     }
 
-    /// Names of the numbers of a cell.
+    /// Names of the fields.
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         self.0.names()
     }
 
-    /// A number of a cell; `None` where there is no such field or cell.
+    /// Value of a field in a cell; `None` where the field or cell does not exist.
     pub(super) fn read(&self, name: &str, [column, row]: [usize; 2]) -> Option<f64> {
         self.0.field(name).ok()?.get(column, row)
     }
 
-    /// The cell that holds a point of the grid's frame.
+    /// The cell that contains a point of the grid's frame.
     pub(super) fn cell_at(&self, p_frame: DVec3) -> Option<[usize; 2]> {
         let p = self.0.frame_from_grid().inverse() * p_frame;
         let cell_m = self.0.cell_size_m();
@@ -50,7 +50,7 @@ impl<'a> Cells<'a> {
         inside.then_some([column as usize, row as usize])
     }
 
-    /// The four corners in the grid's frame: (0, 0), along x, across, along y.
+    /// The four corners in the grid's frame, counter-clockwise from (0, 0) along x.
     pub(super) fn corners(&self) -> [DVec3; 4] {
         let ([columns, rows], cell_m) = (self.size(), self.0.cell_size_m());
         let (x, y) = (columns as f64 * cell_m.x, rows as f64 * cell_m.y);
@@ -58,13 +58,13 @@ impl<'a> Cells<'a> {
             .map(|p| self.0.frame_from_grid() * p)
     }
 
-    /// What can be painted: the fused cost where there are costs of sources, then every field.
+    /// The fields that can be painted: first the fused cost, where there are costs of sources, then every field.
     pub(super) fn choices(&self) -> Vec<Shade> {
         let fused = (!self.0.sources().is_empty()).then_some(Shade::Fused);
         fused.into_iter().chain(self.names().map(|name| Shade::Field(name.to_owned()))).collect()
     }
 
-    /// What a saved name means here; where it names nothing, the cost that the map itself fused, else the first choice.
+    /// The shade with a saved name; otherwise the map's own fused cost, otherwise the first choice.
     pub(super) fn shade(&self, name: Option<&str>) -> Option<Shade> {
         let choices = self.choices();
         let found = choices.iter().find(|choice| Some(choice.name()) == name);
@@ -72,7 +72,7 @@ impl<'a> Cells<'a> {
         found.or(cost).or(choices.first()).cloned()
     }
 
-    /// The 2 % and 98 % numbers of a field; `None` for costs and confidences, whose range is known.
+    /// The 2nd and 98th percentile of a field; `None` for costs and confidences, whose range is fixed.
     pub(super) fn range(&self, shade: &Shade) -> Option<[f64; 2]> {
         let Shade::Field(name) = shade else { return None };
         if is_cost(name) || name.starts_with("conf") {
@@ -87,7 +87,7 @@ impl<'a> Cells<'a> {
         Some([at(0.02)?, at(0.98)?])
     }
 
-    /// One pixel a cell, row 0 first.
+    /// One pixel per cell, row 0 first.
     pub(super) fn paint(&self, shade: &Shade, palette: MapPalette, range: Option<[f64; 2]>) -> ColorImage {
         let costs: [Color32; 256] = std::array::from_fn(|cost| palette.cost(cost as u8));
         let mut bytes = Vec::new();
@@ -111,10 +111,10 @@ impl<'a> Cells<'a> {
     }
 }
 
-/// Which number of its cells a grid is painted by.
+/// The value by which a grid is coloured.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Shade {
-    /// All sources' costs fused anew, each counting alike.
+    /// Costs of all sources, fused again with equal weights.
     Fused,
     /// One field.
     Field(String),
@@ -129,7 +129,7 @@ impl Shade {
         }
     }
 
-    /// Whether the colours are those of costs.
+    /// Whether it is a cost.
     pub(super) fn is_cost(&self) -> bool {
         matches!(self, Self::Fused) || is_cost(self.name())
     }
@@ -181,7 +181,7 @@ mod tests {
         let weights = Weights::default();
         let options = rcs_world::MapOptions { sources: map.sources(), heights: false, weights };
         let map = MapMessage { map, frame_id: "local".into(), time: rcs_msg::Stamp(1), options };
-        // As a process published it, and as a log holds it.
+        // Once as published by a process, and once as stored in a log.
         let grid = AnyMessage::new(Grid::from(map.clone()));
         for message in [map.into_message(), grid] {
             let cells = Cells::new(&message).unwrap();

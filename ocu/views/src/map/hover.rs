@@ -1,4 +1,4 @@
-//! What is under the pointer on a map: the place, every number of the cell, and which frame made it.
+//! Readout of the position under the pointer: coordinates, all fields of the cell, and the frame from which they come.
 
 use super::grid::Cells;
 use super::layers::{self, Kind, Layer};
@@ -15,7 +15,7 @@ use rcs_world::Label;
 use std::collections::BTreeSet;
 
 impl Map {
-    /// Tells the other views where the pointer is, and shows where it is in them.
+    /// Shares the pointer's position with the other views, and marks positions shared by them.
     pub(super) fn point_at(
         ui: &Ui,
         cx: &mut ViewContext<'_>,
@@ -44,7 +44,7 @@ impl Map {
         ui.painter_at(canvas).circle_stroke(at, 6.0, Stroke::new(1.5, tokens(ui).accent));
     }
 
-    /// The plate in the corner that says it all.
+    /// The panel in the corner with the readout.
     pub(super) fn read_out(
         &self,
         ui: &mut Ui,
@@ -75,7 +75,7 @@ impl Map {
     }
 }
 
-/// Every number of a cell: costs with their confidence and the frame they come from on one line each.
+/// All fields of a cell: each cost with its confidence and source frame on one line.
 fn cell_lines(ui: &mut Ui, frame: &Frame, layer: &Layer<'_>, cells: &Cells<'_>, cell: [usize; 2]) {
     let value = |name: &str| cells.read(name, cell);
     let mut told = BTreeSet::new();

@@ -1,4 +1,4 @@
-//! The layers of a map: what a frame has that lies in a plane, and where it lies.
+//! The layers of a map: everything in a frame that lies in a plane, and its pose.
 
 use super::grid::frame_of;
 use super::track::{Alignment, Placed, WGS84, local_enu};
@@ -14,7 +14,7 @@ use rcs_runtime::source::{Frame, Topic, Track};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What a layer shows.
+/// Content of a layer.
 #[derive(Clone, Copy)]
 pub(super) enum Kind<'a> {
     /// A grid of cells.
@@ -23,24 +23,24 @@ pub(super) enum Kind<'a> {
     Cloud(&'a PointCloud),
     /// A planned path.
     Path(&'a PosesInFrame),
-    /// Where something is to go.
+    /// A goal.
     Goal(&'a PoseInFrame),
-    /// Where something has been.
+    /// The track of a moving object.
     Track(&'a Arc<Track>),
 }
 
 /// One layer.
 #[derive(Clone)]
 pub(super) struct Layer<'a> {
-    /// Name in layouts, and for a person: that of the topic.
+    /// Name in layouts and on the screen: that of the topic.
     pub(super) name: String,
-    /// What it shows.
+    /// Its content.
     pub(super) kind: Kind<'a>,
     /// Its coordinate frame.
     pub(super) frame_id: &'a str,
-    /// When what it shows was so.
+    /// Time for which the content is valid.
     pub(super) stamp: Stamp,
-    /// The topic; a track's may not be there.
+    /// The topic; a track may exist without one.
     pub(super) topic: Option<&'a Topic>,
 }
 
@@ -50,33 +50,33 @@ impl Layer<'_> {
         self.topic.is_some_and(Topic::is_ground_truth)
     }
 
-    /// Whether it is a map that others are fused into.
+    /// Whether it is a fused map.
     pub(super) fn is_map(&self) -> bool {
         !self.is_ground_truth() && self.topic.is_some_and(|topic| topic.role() == Some(Role::Map))
     }
 
-    /// Whether a map shows it already: costs of one source, and the cloud that they come from.
+    /// Whether a map already contains it: costs of one source, or the cloud from which they come.
     pub(super) fn is_part_of_a_map(&self) -> bool {
         self.topic.is_some_and(|topic| matches!(topic.role(), Some(Role::Cost | Role::Cloud)))
     }
 
-    /// Whether it is older than its rate allows.
+    /// Whether it is outdated relative to its rate.
     pub(super) fn is_stale(&self, now: Stamp) -> bool {
         self.topic.is_some_and(|topic| topic.age_s(now).is_some_and(|age_s| is_stale(age_s, rate_hz(topic))))
     }
 
-    /// The message that it shows; a track is many.
+    /// The message that it shows; `None` for a track, which consists of many.
     pub(super) fn message(&self) -> Option<SameMessage> {
         Some(SameMessage(self.topic?.canonical()?.clone()))
     }
 }
 
-/// Whether the topic says where something is to go; its positions are no track.
+/// Whether the topic contains a goal, whose positions are not a track.
 fn is_goal(topic: &Topic) -> bool {
     topic.role() == Some(Role::Goal) && topic.type_name() == "foxglove.PoseInFrame"
 }
 
-/// All layers of a frame, the lowest first: the ground truth lies over everything else of its kind.
+/// All layers of a frame from bottom to top; ground truth is on top of its kind.
 pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
     let (mut grids, mut clouds, mut paths) = (Vec::new(), Vec::new(), Vec::new());
     for topic in frame.topics.iter() {
@@ -119,7 +119,7 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
     layers
 }
 
-/// Frames that a map can be drawn in: those of its layers first, then those of the transforms.
+/// Frames in which a map can be drawn: those of its layers, then those of the transforms.
 pub(super) fn frames<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Vec<&'a str> {
     let mut frames: Vec<&str> = Vec::new();
     let transforms = frame.transforms.frames();
@@ -131,8 +131,8 @@ pub(super) fn frames<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Vec<&'a str>
     frames
 }
 
-/// The frame that a person wants who has not chosen one: a grid's, else north-up where there are degrees, else a
-/// track's, else the root above the first cloud.
+/// The default frame of a map: that of a grid, otherwise the local east-north-up frame where positions are geodetic,
+/// otherwise that of a track, otherwise the root above the first cloud.
 pub(super) fn default_frame<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Option<&'a str> {
     let find =
         |is: &dyn Fn(&Layer<'_>) -> bool| layers.iter().find(|layer| !layer.is_ground_truth() && is(layer));
@@ -150,7 +150,7 @@ pub(super) fn default_frame<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Optio
     Some(root)
 }
 
-/// Name of a frame for a person.
+/// Displayed name of a frame.
 pub(super) fn frame_label(name: &str) -> &str {
     match name {
         WGS84 => "east-north at first fix",
@@ -159,14 +159,14 @@ pub(super) fn frame_label(name: &str) -> &str {
     }
 }
 
-/// Where a layer lies in the map's frame; a sentence where nothing connects the two.
+/// Pose of a layer in the map's frame; the error says that no transform connects them.
 pub(super) fn map_from_layer(frame: &Frame, map: &str, layer: &Layer<'_>) -> Result<Pose, String> {
     if map == layer.frame_id {
         return Ok(Pose::IDENTITY);
     }
     let transforms = &frame.transforms;
     let found = transforms.lookup(map, layer.frame_id, layer.stamp.0).or_else(|error| match error {
-        // What was seen before the first transform, or after the last, is drawn by the nearest one.
+        // Before the first transform and after the last one, the nearest is used.
         TransformError::OutsideData { .. } => match transforms.newest(map, layer.frame_id)? {
             Some(newest) => transforms.lookup(map, layer.frame_id, newest),
             None => Err(error),
@@ -178,23 +178,23 @@ pub(super) fn map_from_layer(frame: &Frame, map: &str, layer: &Layer<'_>) -> Res
     })
 }
 
-/// A track as it is drawn.
+/// A track ready to be drawn.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PlacedTrack {
-    /// Its points in the map's plane.
+    /// Its points in the plane of the map.
     pub(super) placed: Placed,
-    /// What laid it on another track, where no transform says where it lies.
+    /// How it was aligned with another track, where no transform gives its pose.
     pub(super) alignment: Option<Alignment>,
     /// Why it cannot be drawn.
     pub(super) error: Option<String>,
-    /// Which of its places are fitted to the window; all, while there are none.
+    /// Bounds of its plausible points; `None` while there are no points.
     pub(super) near: Option<Near>,
-    /// How many are not.
+    /// Number of its implausible points.
     pub(super) far: usize,
 }
 
 impl PlacedTrack {
-    /// Judges which of its places can be.
+    /// Determines which of its points are plausible.
     fn judged(mut self) -> Self {
         let points = || self.placed.points.iter().map(|p| [p[0], p[1]]);
         let near = Near::of(points());
@@ -208,23 +208,23 @@ impl PlacedTrack {
 struct Key {
     map: String,
     align: bool,
-    /// Address, length and transform of each track. An address is that of a track that this cache keeps alive.
+    /// Address, length and transform of each track. The cache keeps the tracks alive, so an address identifies a track.
     tracks: Vec<(usize, usize, Result<Pose, String>)>,
 }
 
-/// All tracks in the map's plane, computed when one of them or the map's frame changes.
+/// All tracks in the plane of the map, computed again when one of them or the map's frame changes.
 #[derive(Default)]
 pub(super) struct Tracks {
     key: Option<Key>,
     alive: Vec<Arc<Track>>,
-    /// By topic.
+    /// Tracks by topic.
     pub(super) placed: BTreeMap<String, PlacedTrack>,
-    /// Local frame of the degrees.
+    /// Local frame for geodetic positions.
     pub(super) enu: Option<Enu>,
 }
 
 impl Tracks {
-    /// Places every track; with `align`, those that nothing connects are laid on the longest that is.
+    /// Places every track; with `align`, tracks without a transform are aligned with the longest one that has one.
     pub(super) fn update(&mut self, frame: &Frame, map: &str, layers: &[Layer<'_>], align: bool) {
         let tracks: Vec<_> = layers
             .iter()

@@ -1,8 +1,8 @@
-//! Map: grids, clouds, paths and tracks from above, north up.
+//! Map view: grids, clouds, paths and tracks from above, north up.
 //!
-//! Everything is drawn in one frame, through the transforms of the log or the run. What no transform connects is
-//! listed with that reason; a track may be laid on another one by its first metres, and says so. The ground truth of a
-//! simulation lies over everything else, half transparent, and is off until it is switched on.
+//! Everything is drawn in one frame, using the transforms of the log or the run. Layers without a transform are listed
+//! with that reason; a track can be aligned with another one by its first metres, and is marked as such. Ground truth
+//! is drawn on top, half transparent, and is off until it is switched on.
 
 mod cloud;
 mod grid;
@@ -29,13 +29,13 @@ use rcs_runtime::source::{Frame, SourceKind, Topic};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What a layout keeps of a layer.
+/// Saved settings of a layer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 struct LayerState {
     shown: bool,
     opacity: f32,
-    /// Number that a grid is painted by; the first choice where none is named.
+    /// Field by which a grid is coloured; the first choice where `None`.
     shade: Option<String>,
 }
 
@@ -48,13 +48,13 @@ impl Default for LayerState {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 struct Saved {
-    /// Frame that is drawn in; `None` chooses.
+    /// Frame of the map; `None` to select one automatically.
     frame: Option<String>,
     palette: MapPalette,
     layers: BTreeMap<String, LayerState>,
-    /// Whether tracks that nothing connects are laid on another by their first metres.
+    /// Whether tracks without a transform are aligned with another one by their first metres.
     align: bool,
-    /// Whether the layers are listed beside the map; `None` where there is room.
+    /// Whether the layer panel is open; `None` to open it where there is room.
     panel: Option<bool>,
 }
 
@@ -70,24 +70,24 @@ impl Default for Saved {
     }
 }
 
-/// What a grid's texture shows.
+/// Key of a grid's texture.
 type GridKey = (SameMessage, String, MapPalette);
-/// What a cloud's points are: the message, and where it lies in the map's frame.
+/// Key of a cloud's points: the message, and its pose in the map's frame.
 type CloudKey = (SameMessage, Pose);
 
 /// The map view.
 #[derive(Default)]
 pub(crate) struct Map {
     saved: Saved,
-    /// `None` fits everything.
+    /// `None` to fit everything.
     viewport: Option<Viewport>,
-    /// Both ends of a measured line, in the map's frame.
+    /// End points of the measuring line, in the map's frame.
     measured: Option<[[f64; 2]; 2]>,
     measuring: bool,
     tracks: Tracks,
-    /// Frame of the last pass.
+    /// Map frame in the previous pass.
     frame_id: String,
-    /// Whether a map was among the layers of the last pass.
+    /// Whether the layers in the previous pass contained a fused map.
     fused: bool,
     grids: BTreeMap<String, (CachedTexture<GridKey>, Option<[f64; 2]>)>,
     clouds: BTreeMap<String, CloudLayer>,
@@ -203,8 +203,7 @@ impl Map {
         });
     }
 
-    /// How a layer is drawn; where a person has not said, the ground truth is not, and neither is what a map is made
-    /// of.
+    /// Settings of a layer. Initially ground truth is off, and so are the sources of a fused map.
     fn state(&self, layer: &Layer<'_>) -> LayerState {
         let shown = !(layer.is_ground_truth() || (self.fused && layer.is_part_of_a_map()));
         let opacity = if layer.is_ground_truth() && matches!(layer.kind, Kind::Grid(_)) { 0.5 } else { 1.0 };
@@ -273,7 +272,7 @@ impl Map {
         self.read_out(ui, cx.frame, map, &shown, pointer, canvas);
     }
 
-    /// Says how many places of the layers that are shown cannot be: they are left out of what is fitted to the window.
+    /// Shows the number of implausible points in the visible layers, which are left out of the fitted region.
     fn far_badge(&mut self, ui: &Ui, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) {
         let mut texts = Vec::new();
         for layer in shown {
@@ -320,7 +319,7 @@ impl Map {
         painter.galley(at, galley, tokens(ui).warning);
     }
 
-    /// Where the first track that is drawn is now.
+    /// Current position of the first visible track.
     fn here(&self, frame: &Frame, shown: &[&Layer<'_>]) -> Option<[f64; 3]> {
         let tracks =
             shown.iter().filter(|layer| matches!(layer.kind, Kind::Track(_)) && !layer.is_ground_truth());
@@ -329,7 +328,7 @@ impl Map {
             .find_map(|track| track.placed.at(frame.now))
     }
 
-    /// A viewport that shows all layers, its borders at round numbers so that it does not creep while things move.
+    /// A viewport that shows all layers. Its borders are rounded, so that it does not drift while things move.
     fn fitted(&mut self, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) -> Viewport {
         let mut bounds: Option<([f64; 2], [f64; 2])> = None;
         let mut add = |point: [f64; 2]| {
@@ -342,7 +341,7 @@ impl Map {
                 max[axis] = max[axis].max(point[axis]);
             }
         };
-        // While something drives, what it knows around it is looked at; of a recording, all of it is.
+        // A running stack is fitted to its grids, a recording to all of its layers.
         let own = |layer: &&&Layer<'_>| matches!(layer.kind, Kind::Grid(_)) && !layer.is_ground_truth();
         let follow = frame.info.kind == SourceKind::Stack && shown.iter().any(|layer| own(&layer));
         for layer in shown.iter().filter(|layer| !follow || own(layer)) {

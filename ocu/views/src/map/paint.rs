@@ -1,4 +1,4 @@
-//! Painting the layers of a map.
+//! Painting of map layers.
 
 use super::Map;
 use super::grid::Cells;
@@ -16,7 +16,7 @@ use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
 use rcs_msg::{AnyMessage, Stamp};
 
 impl Map {
-    /// A grid as a textured quadrilateral; its texture is made when the message or the look changes.
+    /// Paints a grid as a textured quadrilateral; the texture is rebuilt when message or appearance changes.
     #[expect(clippy::too_many_arguments, reason = "what a layer is and where it goes")]
     pub(super) fn paint_grid(
         &mut self,
@@ -62,7 +62,7 @@ impl Map {
         }
     }
 
-    /// A cloud as pixels of the canvas, made when the message or the viewport changes.
+    /// Paints a cloud as pixels of the canvas, rebuilt when message or viewport changes.
     #[expect(clippy::too_many_arguments, reason = "what a layer is and where it goes")]
     pub(super) fn paint_cloud(
         &mut self,
@@ -90,7 +90,7 @@ impl Map {
         ui.painter_at(canvas).image(texture.id(), Rect::from_min_size(canvas.min, size), uv, color);
     }
 
-    /// A track: what has been driven in full colour, what is still to come thin and weak, and where it is now.
+    /// Paints a track: past in full colour, future thin and weak, and the current position.
     pub(super) fn paint_track(
         &self,
         painter: &Painter,
@@ -167,7 +167,7 @@ pub(super) fn path(
     painter.extend(clip::dashed(&line, Stroke::new(2.0, color), color));
 }
 
-/// The places of a path, on the map.
+/// Points of a path on the map.
 pub(super) fn path_points<'a>(
     path: &'a PosesInFrame,
     map_from_path: &'a Pose,
@@ -178,8 +178,8 @@ pub(super) fn path_points<'a>(
     })
 }
 
-/// A flag where something is to go; where that is off the canvas, an arrow at its edge, with the distance from what goes
-/// there where that is known.
+/// A flag at the goal; if the goal is outside of the canvas, an arrow at the edge, with the distance to the goal if
+/// known.
 pub(super) fn goal(
     ui: &Ui,
     goal: &PoseInFrame,
@@ -207,7 +207,7 @@ pub(super) fn goal(
         return;
     }
     let (center, way) = (canvas.center(), (at - canvas.center()).normalized());
-    // To the edge along the line from the middle.
+    // To the edge along the line from the centre.
     let reach = |way: f32, room: f32| if way.abs() < 1e-6 { f32::INFINITY } else { room / way.abs() };
     let length = reach(way.x, inside.width() / 2.0).min(reach(way.y, inside.height() / 2.0));
     let tip = center + way * length;
@@ -217,7 +217,7 @@ pub(super) fn goal(
     let distance = from.map(|[x, y, _]| format::metres((p.x - x).hypot(p.y - y), 0));
     let text = format!("goal {}", distance.unwrap_or_default());
     let galley = painter.layout_no_wrap(text, FontId::proportional(11.0), ink);
-    // Behind the arrow, clear of it.
+    // Behind the arrow, without overlapping it.
     let half = galley.size() / 2.0;
     let back = way.x.abs() * half.x + way.y.abs() * half.y + 10.0;
     let place = Rect::from_center_size(tip - way * back, galley.size());
@@ -225,7 +225,7 @@ pub(super) fn goal(
     painter.galley(place.min, galley, ink);
 }
 
-/// An arrow where something is and looks; a disc where it is not known which way it looks.
+/// An arrow at position and heading; a disc where the heading is unknown.
 fn vehicle(painter: &Painter, at: Pos2, yaw: f64, color: Color32) {
     let edge = Stroke::new(1.5, Color32::from_black_alpha(200));
     if !yaw.is_finite() {
@@ -235,14 +235,14 @@ fn vehicle(painter: &Painter, at: Pos2, yaw: f64, color: Color32) {
     let forward = Vec2::new(yaw.cos() as f32, -yaw.sin() as f32);
     let left = forward.rot90() * 5.5;
     let (nose, tail) = (at + forward * 11.0, at - forward * 7.0);
-    // Two triangles, as an arrowhead with a notch is not convex.
+    // Two triangles, because an arrowhead with a notch is not convex.
     let notch = at - forward * 3.0;
     painter.add(Shape::convex_polygon(vec![nose, tail + left, notch], color, Stroke::NONE));
     painter.add(Shape::convex_polygon(vec![nose, notch, tail - left], color, Stroke::NONE));
     painter.add(Shape::closed_line(vec![nose, tail + left, notch, tail - left], edge));
 }
 
-/// Lines at round metres, with their numbers at the left and lower edge.
+/// Grid lines at round metres, with labels at the left and lower edge.
 pub(super) fn metre_lines(ui: &Ui, viewport: Viewport, canvas: Rect) {
     let tokens = tokens(ui);
     let painter = ui.painter_at(canvas);
@@ -270,7 +270,7 @@ pub(super) fn metre_lines(ui: &Ui, viewport: Viewport, canvas: Rect) {
     }
 }
 
-/// Which way is up: north, or the y axis of a frame that does not know north.
+/// The direction that is up: north, or the y axis of a frame that is not north-aligned.
 pub(super) fn north(ui: &Ui, at: Pos2, is_north: bool) {
     let tokens = tokens(ui);
     let painter = ui.painter();

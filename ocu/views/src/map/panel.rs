@@ -1,4 +1,4 @@
-//! The list of a map's layers with their switches, and the legend.
+//! The layer panel with its switches, and the legend.
 
 use super::grid::{Cells, Shade};
 use super::layers::{self, Kind, Layer};
@@ -7,7 +7,7 @@ use egui::{Align2, Rect, RichText, Role, ScrollArea, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, legend, palette, tokens};
 use rcs_runtime::source::Frame;
 
-/// Number of a layer's colour: only lines need one of their own.
+/// Index of a layer's line colour; only lines have colours of their own.
 pub(super) fn series(layers: &[Layer<'_>], index: usize) -> usize {
     layers[..index].iter().filter(|layer| matches!(layer.kind, Kind::Track(_) | Kind::Path(_))).count()
 }
@@ -20,7 +20,7 @@ impl Map {
         let mut child = ui.new_child(egui::UiBuilder::new().max_rect(rect.shrink2(Vec2::new(8.0, 4.0))));
         child.set_clip_rect(rect.intersect(ui.clip_rect()));
         ScrollArea::vertical().auto_shrink(false).show(&mut child, |ui| {
-            // The ground truth is last, under a heading of its own.
+            // Ground truth is listed last, under its own heading.
             let truth = layers.iter().position(Layer::is_ground_truth);
             for (index, layer) in layers.iter().enumerate() {
                 if truth == Some(index) {
@@ -50,7 +50,7 @@ impl Map {
         });
     }
 
-    /// One layer's rows; a frame that the map shall be drawn in, where a person asks for it.
+    /// The rows of one layer; returns the frame that the user selects for the map, if any.
     fn layer(
         &self,
         ui: &mut Ui,
@@ -147,7 +147,7 @@ impl Map {
         wish
     }
 
-    /// What the colours on the map mean.
+    /// The legend of the map's colours.
     pub(super) fn legend(
         &mut self,
         ui: &mut Ui,
@@ -160,7 +160,7 @@ impl Map {
         let placed = |layer: &&&Layer<'_>| layers::map_from_layer(frame, &self.frame_id, layer).is_ok();
         let colored =
             shown.iter().filter(placed).any(|layer| matches!(layer.kind, Kind::Grid(_) | Kind::Cloud(_)));
-        // The list of layers beside the map names the lines already, and a small map has no room for both.
+        // Lines are omitted if the layer panel lists them, or if the map is too small.
         let named = !listed
             && (!colored || canvas.height() >= 400.0)
             && shown.iter().any(|layer| matches!(layer.kind, Kind::Path(_) | Kind::Track(_)));

@@ -1,31 +1,31 @@
-//! Tracks in the map's plane: placed, aligned where no transform connects them, and thinned to the screen.
+//! Tracks in the plane of the map: transformed, or aligned with another track where no transform exists.
 
 use rcs_geom::{DVec3, Enu, Geodetic, Pose};
 use rcs_msg::Stamp;
 use rcs_runtime::source::Track;
 
-/// Frame of tracks in degrees.
+/// Frame of geodetic tracks.
 pub(super) const WGS84: &str = "wgs84";
-/// Length of the part of a track that an alignment is fitted to, in metres.
+/// Length of the first part of a track that is used for alignment, m.
 pub(super) const ALIGN_LENGTH_M: f64 = 40.0;
 
-/// A track in the plane of a map.
+/// A track in the plane of the map.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Placed {
-    /// Times, ascending.
+    /// Times in ascending order.
     pub(super) stamps: Vec<Stamp>,
-    /// x and y in metres, and yaw in radians (NaN where it is not known), one for each time.
+    /// x and y, m, and yaw, rad (NaN where unknown), for each time.
     pub(super) points: Vec<[f64; 3]>,
 }
 
-/// A rotation and a translation in the plane that lays one track on another.
+/// A rotation and a translation in the plane that align one track with another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Alignment {
-    /// Rotation, radians.
+    /// Rotation, rad.
     pub(super) yaw_rad: f64,
-    /// Translation after the rotation, metres.
+    /// Translation after the rotation, m.
     pub(super) translation_m: [f64; 2],
-    /// What is left between the two over the fitted part, root mean square, metres.
+    /// Root mean square distance of the aligned part, m.
     pub(super) rms_m: f64,
 }
 
@@ -36,7 +36,7 @@ impl Alignment {
     }
 }
 
-/// Local east-north-up at the first fix of a track in degrees.
+/// Local east-north-up frame at the first fix of a geodetic track.
 pub(super) fn local_enu(track: &Track) -> Option<Enu> {
     let [longitude, latitude, altitude, _] =
         *track.points.iter().find(|p| p[..3].iter().all(|v| v.is_finite()))?;
@@ -44,7 +44,7 @@ pub(super) fn local_enu(track: &Track) -> Option<Enu> {
 }
 
 impl Placed {
-    /// A track turned into the map's frame; one in degrees through `enu` first.
+    /// Transforms a track into the map's frame; a geodetic one through `enu` first.
     pub(super) fn new(track: &Track, enu: Option<&Enu>, map_from_track: &Pose) -> Self {
         let mut placed = Self::default();
         let yaw = map_from_track.yaw();
@@ -65,7 +65,7 @@ impl Placed {
         placed
     }
 
-    /// Where it is at a time, between its points; `None` before the first. After the last, the last.
+    /// Interpolated position and yaw at a time; `None` before the first point, and the last point after the end.
     pub(super) fn at(&self, time: Stamp) -> Option<[f64; 3]> {
         let after = self.stamps.partition_point(|stamp| *stamp <= time);
         let before = after.checked_sub(1)?;
@@ -77,7 +77,7 @@ impl Placed {
         Some([between(from[0], to[0]), between(from[1], to[1]), yaw])
     }
 
-    /// Direction of motion around a point: towards the next point that is half a metre away, else from the last.
+    /// Direction of motion at a point: to the next point at half a metre distance, otherwise from the last one.
     fn course(&self, index: usize) -> f64 {
         let here = self.points[index];
         let far = |p: &&[f64; 3]| (p[0] - here[0]).hypot(p[1] - here[1]) > 0.5;
@@ -90,8 +90,8 @@ impl Placed {
         }
     }
 
-    /// The rotation and translation that lay the first part of this track best on `reference`, in the sense of least squares.
-    /// `None` where they share no time, or hardly move.
+    /// The rotation and translation that align the first part of this track with `reference` by least squares. `None`
+    /// if they have no time in common, or hardly move.
     pub(super) fn align(&self, reference: &Placed) -> Option<Alignment> {
         let first = *self.stamps.first()?.max(reference.stamps.first()?);
         let last = *self.stamps.last()?.min(reference.stamps.last()?);

@@ -1,4 +1,4 @@
-//! What clicks, keys and drags do.
+//! Effects of clicks, keys and drags.
 
 use super::{Shown, harness};
 use crate::operator::Hand;

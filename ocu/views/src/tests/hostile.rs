@@ -1,4 +1,4 @@
-//! Every view with numbers that no sensor means, in every field: no panic, and no more to draw than a screen shows.
+//! Every view with implausible numbers in every field: no panic, and a bounded amount of drawing.
 
 use super::{Shown, harness};
 use crate::samples;
@@ -10,15 +10,15 @@ use rcs_runtime::source::{Frame, Topic, Track};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// From the smallest to the largest, and what is no number.
+/// From the smallest to the largest, and non-finite values.
 const VALUES: [f64; 10] =
     [0.0, 1e-30, -1.0, 4.3e6, 1e18, f32::MAX as f64, -(f32::MAX as f64), f64::MAX, f64::NAN, f64::INFINITY];
-/// Corners of what one frame may draw: 16 bytes of memory and more each.
+/// Maximum number of vertices per frame, at 16 bytes or more each.
 const MOST_VERTICES: usize = 400_000;
-/// What a frame may take, of the best of a few.
+/// Maximum time of a frame, as the best of a few.
 const FRAME: Duration = Duration::from_millis(50);
 
-/// A number in the place of every number of a tree, or of the one of that index; counts them.
+/// Replaces all numbers of a tree, or only the one with index `only`; counts them in `seen`.
 fn put(value: &mut Value, number: f64, only: Option<usize>, seen: &mut usize) {
     let mut is_next = || {
         *seen += 1;
@@ -47,7 +47,8 @@ fn put(value: &mut Value, number: f64, only: Option<usize>, seen: &mut usize) {
     }
 }
 
-/// The topic with that number in its message; the message as it was where it cannot hold it. And how many places there are.
+/// The topic with the number in its message (unchanged where it cannot represent it), and the number of possible
+/// positions.
 fn changed(topic: &Topic, number: f64, only: Option<usize>) -> (Topic, usize) {
     let mut seen = 0;
     let mut topic = topic.clone();
@@ -67,7 +68,7 @@ fn with_topic(frame: &Frame, index: usize, topic: Topic) -> Frame {
     Frame { topics: topics.into(), ..frame.clone() }
 }
 
-/// Shows a view of the frame, and checks what it draws and how long that takes.
+/// Shows a view of the frame, and checks the number of vertices and the time.
 fn check(kind: &str, frame: &Frame, what: &str) {
     let shown = Shown::new(kind, frame.clone());
     let mut harness = harness(shown, Vec2::new(640.0, 420.0), Theme::Dark);
@@ -95,7 +96,7 @@ fn check(kind: &str, frame: &Frame, what: &str) {
     panic!("{kind}, {what}: a frame takes {best:?}");
 }
 
-/// The most memory that this process has had, bytes; 0 where the system does not say.
+/// Peak memory of this process, bytes; 0 where the system does not report it.
 fn peak_bytes() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
@@ -125,7 +126,7 @@ fn every_view_stands_any_number_in_all_fields_at_once() {
 fn the_map_and_the_camera_stand_any_number_in_each_field_alone() {
     for frame in [samples::full(), samples::driving()] {
         for (index, topic) in frame.topics.iter().enumerate() {
-            // What has thousands of them is covered by all at once, and by its first ones.
+            // Messages with thousands of numbers are tested with all replaced at once, and with the first ones.
             let (_, count) = changed(topic, 0.0, None);
             for field in 0..count.min(24) {
                 for number in [1e-30, f64::from(f32::MAX), f64::NAN] {

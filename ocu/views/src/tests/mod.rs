@@ -1,4 +1,4 @@
-//! Views under a person's hands, without a display.
+//! Interaction with views, without a display.
 
 mod behaviour;
 mod hostile;
@@ -11,7 +11,7 @@ use egui::{Theme, Vec2};
 use egui_kittest::Harness;
 use rcs_runtime::source::{Control, Frame};
 
-/// A view, what it is shown, and what came of it.
+/// A view, its inputs, and its outputs.
 struct Shown {
     view: Box<dyn View>,
     frame: Frame,

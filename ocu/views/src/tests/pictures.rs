@@ -1,4 +1,4 @@
-//! Small pictures of the views, drawn by the software Vulkan driver.
+//! Snapshot images of the views, rendered by the software Vulkan driver.
 
 use super::{Shown, harness};
 use crate::samples;
@@ -6,7 +6,7 @@ use egui::{Theme, Vec2};
 use egui_kittest::SnapshotOptions;
 use rcs_runtime::source::Frame;
 
-/// Anti-aliasing may differ by a little between drivers; a shape that moved may not.
+/// Tolerates differences of anti-aliasing between drivers, but no moved shape.
 const THRESHOLD: f32 = 1.6;
 
 fn check(kind: &str, theme: Theme) {
