@@ -1,4 +1,5 @@
-//! A program of someone else's: its own plugin beside the bundled ones, in one stack, without a window.
+//! Example of a program outside of the repository: runs its own plugin and the bundled ones in one stack, without a
+//! window.
 //!
 //! `cargo run -- [SECONDS] [NAME=VALUE ...]`, like `cargo run -- 10 odometer.report.period_s=2`.
 
@@ -10,7 +11,7 @@ use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Files that stacks name: here those of the repository.
+/// Files named by stacks: here those of the repository.
 struct Folder;
 
 impl Assets for Folder {

@@ -1,4 +1,4 @@
-//! A plugin of someone else's: adds up how far the vehicle has driven.
+//! Example of a plugin outside of the repository: adds up the distance driven by the vehicle.
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
@@ -16,7 +16,7 @@ use rcs_msg::foxglove::{self, Vector3};
 use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef};
 use serde::{Deserialize, Serialize};
 
-/// State: where the last step ended, and the sum.
+/// State: the position at the end of the last step, and the distance so far.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Odometer {
     last_m: Option<[f64; 2]>,
