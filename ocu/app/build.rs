@@ -1,4 +1,4 @@
-//! Bundled files are compiled in: a new one makes the program anew.
+//! Bundled files are compiled in; a new file in their folders triggers a rebuild.
 
 fn main() {
     println!("cargo:rerun-if-changed=../../assets");

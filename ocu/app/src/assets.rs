@@ -1,4 +1,4 @@
-//! The files that stacks name: bundled ones by name, others by path.
+//! Files named by stacks: bundled ones by name, others by path.
 
 use crate::bundled;
 use crate::layout::looks_like_path;
@@ -9,17 +9,17 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Larger files are refused: no person writes one, and some files never end.
+/// Maximum size of a text file; some special files never end.
 const TEXT_LIMIT: u64 = 64 << 20;
 
 static FILES_READ: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Every text file that this program has read by now: none of them is to be written to.
+/// All text files that this program has read; none of them may be overwritten by an output.
 pub(crate) fn files_read() -> Vec<PathBuf> {
     FILES_READ.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
 }
 
-/// The text of a file that a person wrote. Pipes, devices and very large files are refused: they may never end.
+/// Reads a text file. Pipes, devices and files above the size limit are refused, because they may never end.
 pub(crate) fn read_text(path: &Path) -> Result<String, String> {
     let metadata = path.metadata().map_err(|error| error.to_string())?;
     if !metadata.is_file() {
@@ -39,13 +39,13 @@ pub(crate) fn read_text(path: &Path) -> Result<String, String> {
     })
 }
 
-/// Bundled files by name, and any other by its path.
+/// Bundled files by name, all others by path.
 #[derive(Clone, Copy, Debug)]
 pub struct ProgramAssets;
 
 impl Assets for ProgramAssets {
     fn read(&self, kind: &str, name: &str, beside: &str) -> Result<Asset, String> {
-        // A part may be a whole stack.
+        // A part may be a complete stack.
         let other = (kind == "part").then(|| bundled::file("stack", name)).flatten();
         if let Some(file) = bundled::file(kind, name).or(other) {
             return Ok(Asset { file: file.path(), text: file.text.to_owned() });

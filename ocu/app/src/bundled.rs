@@ -1,4 +1,4 @@
-//! The files that come with the program: everything under `assets/` and `layouts/`, by kind and name.
+//! The bundled files: everything under `assets/` and `layouts/`, by kind and name.
 
 use include_dir::{Dir, include_dir};
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 static ASSETS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../assets");
 static LAYOUTS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../layouts");
 
-/// The kinds of bundled files: what a stack, a course or the command line calls one, and the folder.
+/// Kinds of bundled files: the kind as named in stacks, courses and on the command line, and its folder.
 const FOLDERS: &[(&str, &str)] = &[
     ("world", "worlds"),
     ("vehicle", "vehicles"),
@@ -16,25 +16,25 @@ const FOLDERS: &[(&str, &str)] = &[
     ("part", "stacks/parts"),
 ];
 
-/// A file that comes with the program.
+/// A bundled file.
 #[derive(Clone, Copy, Debug)]
 pub struct Bundled {
-    /// Name without folder and ending: `meadow`.
+    /// Name without folder and extension, such as `meadow`.
     pub name: &'static str,
     folder: &'static str,
     path: &'static Path,
-    /// The whole text.
+    /// The complete text.
     pub text: &'static str,
 }
 
 impl Bundled {
-    /// Path in the repository, as errors name it: `assets/worlds/meadow.toml`.
+    /// Path in the repository, used in errors: `assets/worlds/meadow.toml`.
     pub fn path(&self) -> String {
         format!("{}/{}", self.folder, self.path.display())
     }
 }
 
-/// The bundled files of a kind (`world`, `vehicle`, `course`, `models`, `stack`, `part`, `layout`), by name.
+/// The bundled files of a kind (`world`, `vehicle`, `course`, `models`, `stack`, `part`, `layout`), sorted by name.
 pub fn files(kind: &str) -> impl Iterator<Item = Bundled> {
     let known = FOLDERS.iter().find(|(known, _)| *known == kind);
     let (folder, dir) = match kind {
@@ -47,7 +47,7 @@ pub fn files(kind: &str) -> impl Iterator<Item = Bundled> {
     })
 }
 
-/// The bundled file of a kind and name.
+/// The bundled file with a kind and name.
 pub fn file(kind: &str, name: &str) -> Option<Bundled> {
     files(kind).find(|file| file.name == name)
 }

@@ -1,4 +1,4 @@
-//! `ocu diff`: whether two recordings agree, and where they first do not.
+//! `ocu diff`: compares two recordings and reports the first difference.
 
 use crate::cli::DiffArgs;
 use crate::run::Comparison;
@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use rcs_log::Log;
 use std::io::Write;
 
-/// Compares two recordings and prints what came of it; `false` where they differ.
+/// Compares two recordings and prints the result; `false` if they differ.
 pub fn diff(args: &DiffArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
     let (first, second) = (Log::open(&args.first)?, Log::open(&args.second)?);
     for (log, path) in [(&first, &args.first), (&second, &args.second)] {

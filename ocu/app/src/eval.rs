@@ -1,4 +1,4 @@
-//! `ocu eval`: how good and how fast a method is, on the user's own data.
+//! `ocu eval`: quality and speed of a method on the user's own data.
 
 use crate::assets::ProgramAssets;
 use crate::cli::{EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalStereoArgs, StereoMethod};
@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::fmt::Display;
 use std::io::Write;
 
-/// Prints the figures.
+/// Runs the evaluation and prints its results.
 pub fn eval(command: &EvalCommand, out: &mut dyn Write) -> anyhow::Result<()> {
     match command {
         EvalCommand::Classify(args) => print(&classes(args)?, args.json, out),
@@ -27,7 +27,7 @@ fn print(report: &(impl Display + Serialize), json: bool, out: &mut dyn Write) -
     Ok(writeln!(out)?)
 }
 
-/// What the exit code needs to know of an error: whether it was wrong usage.
+/// Converts an error so that the exit code distinguishes wrong usage.
 fn told(error: EvalError) -> anyhow::Error {
     match error {
         EvalError::Refused(text) => usage(text),

@@ -1,4 +1,4 @@
-//! Layouts: how the window's views are arranged, as versioned files that are edited by hand, shared, and kept after a
+//! Layouts: arrangements of views, as versioned text files that can be edited by hand, shared, and restored after a
 //! crash.
 //!
 //! ```ron
@@ -19,9 +19,9 @@ use rcs_runtime::source::{Frame, SourceKind};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// The version that this program writes, and the newest that it reads.
+/// The version written by this program, and the newest that it reads.
 pub const VERSION: u32 = 1;
-/// Tiles within tiles.
+/// Maximum nesting of tiles.
 const MAX_DEPTH: usize = 16;
 
 /// An arrangement of views.
@@ -30,9 +30,9 @@ const MAX_DEPTH: usize = 16;
 pub struct Layout {
     /// Version of the format.
     pub version: u32,
-    /// Name for a person.
+    /// Displayed name.
     pub name: String,
-    /// Whether the list of buffers at the left is open.
+    /// Whether the buffer list on the left is open.
     #[serde(default = "yes")]
     pub buffers: bool,
     /// The tiles; an empty row where all have been closed.
@@ -47,15 +47,15 @@ fn yes() -> bool {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Node {
-    /// Tiles side by side, each with its share of the width.
+    /// Tiles side by side, each with its relative width.
     Row(Vec<(f32, Node)>),
-    /// Tiles one above the other, each with its share of the height.
+    /// Tiles one above the other, each with its relative height.
     Column(Vec<(f32, Node)>),
-    /// Tiles in a grid that finds its own number of columns.
+    /// Tiles in a grid that chooses its number of columns.
     Grid(Vec<Node>),
-    /// Tiles of which one is seen.
+    /// Tiles of which one is visible.
     Tabs {
-        /// Index of the one that is seen.
+        /// Index of the visible one.
         #[serde(default)]
         active: usize,
         /// The tiles.
@@ -63,19 +63,19 @@ pub enum Node {
     },
     /// One view.
     View {
-        /// Its kind, as the list of views names it.
+        /// Its kind, as in the list of views.
         kind: String,
-        /// What it had saved.
+        /// Its saved state.
         #[serde(default)]
         state: SavedState,
     },
 }
 
-/// What is wrong with a layout file: `file:line: what, and what was expected`.
+/// An error in a layout file: `file:line: what was found and what was expected`.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{file}:{line}: {message}")]
 pub struct LayoutError {
-    /// File, or name of the bundled layout.
+    /// Path, or name of the bundled layout.
     pub file: String,
     /// Line, from 1.
     pub line: usize,
@@ -83,7 +83,7 @@ pub struct LayoutError {
     pub message: String,
 }
 
-/// The part of a layout that is read first.
+/// The part of a layout that is parsed first.
 #[derive(Deserialize)]
 #[serde(rename = "Layout")]
 struct Version {
@@ -91,7 +91,7 @@ struct Version {
 }
 
 impl Layout {
-    /// Reads a layout; `file` is how errors name it.
+    /// Parses a layout; `file` is its name in errors.
     pub fn parse(file: &str, text: &str) -> Result<Self, LayoutError> {
         let error = |line: usize, message: String| LayoutError { file: file.to_owned(), line, message };
         let spanned = |found: &ron::error::SpannedError| error(found.span.start.line, found.code.to_string());
@@ -118,18 +118,19 @@ impl Layout {
         Ok(ron::ser::to_string_pretty(self, pretty)? + "\n")
     }
 
-    /// Writes a layout file, aside and then moved, so that a crash leaves the old one or the new one.
+    /// Writes a layout file to a temporary file that is then renamed, so that a crash leaves either the old or the new
+    /// one.
     pub fn save(&self, path: &Path) -> anyhow::Result<()> {
         write_whole(path, &self.to_text()?)
     }
 
-    /// The bundled layout of that name.
+    /// The bundled layout with this name.
     pub fn bundled(name: &str) -> Option<Result<Self, LayoutError>> {
         let file = bundled::file("layout", name)?;
         Some(Self::parse(&file.path(), file.text))
     }
 
-    /// The layout that the command line names: a bundled one by name, or a file.
+    /// The layout named on the command line: a bundled one by name, or a file.
     pub fn named(spec: &str) -> anyhow::Result<Self> {
         if let Some(layout) = Self::bundled(spec) {
             return Ok(layout?);
@@ -143,7 +144,7 @@ impl Layout {
         )))
     }
 
-    /// The bundled layout that shows what a source has.
+    /// The bundled layout that suits the content of a source.
     pub fn for_content(frame: &Frame) -> Self {
         let has = |types: &[&str]| frame.topics.iter().any(|topic| types.contains(&topic.type_name()));
         let name = if frame.info.kind == SourceKind::Stack {
@@ -173,7 +174,7 @@ impl Layout {
     }
 }
 
-/// Something that is wrong near a piece of the text.
+/// An error near a piece of the text.
 struct Flaw {
     near: String,
     message: String,
@@ -218,25 +219,25 @@ impl Node {
     }
 }
 
-/// Line of the first place where `near` stands, from 1.
+/// Line of the first occurrence of `near`, from 1.
 fn line_of(text: &str, near: &str) -> usize {
     let before = text.find(near).map_or("", |at| &text[..at]);
     1 + before.matches('\n').count()
 }
 
-/// Whether an argument means a file and not the name of something bundled.
+/// Whether an argument is a path rather than the name of a bundled file.
 pub(crate) fn looks_like_path(spec: &str) -> bool {
     spec.contains(['/', '\\', '.']) || Path::new(spec).exists()
 }
 
-/// Where the program keeps what it remembers: `$XDG_DATA_HOME/ocu` or `~/.local/share/ocu`.
+/// Folder of the program's persistent data: `$XDG_DATA_HOME/ocu` or `~/.local/share/ocu`.
 pub fn data_dir() -> Option<PathBuf> {
     let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let base = absolute("XDG_DATA_HOME").or_else(|| Some(absolute("HOME")?.join(".local/share")))?;
     Some(base.join("ocu"))
 }
 
-/// Writes a small file so that it is there as a whole or not at all.
+/// Writes a small file atomically: it is either complete or unchanged.
 pub(crate) fn write_whole(path: &Path, text: &str) -> anyhow::Result<()> {
     let aside = path.with_extension("new");
     let attempt = || {

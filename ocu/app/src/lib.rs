@@ -1,9 +1,27 @@
-//! The program `ocu`: its window and its command line.
+//! The program `ocu`: an operator control unit and diagnostics tool, with its window and its command line.
 //!
-//! - [`cli`]: every flag, defined once.
-//! - [`window`]: the window; [`render`] draws the same without one.
+//! This crate puts sources, views and plugins together. Algorithms are in the plugins, and each view is in `ocu-views`;
+//! nothing here depends on a particular one of them.
+//!
+//! # Where to begin
+//!
+//! - [`main`](fn@main) executes a command line.
+//! - [`cli`]: all flags, each defined once.
+//! - [`window`]: the window; [`render`] draws the same contents without one.
 //! - [`run`], [`diff`], [`info`], [`check`], [`plugins`], [`stack_tool`], [`sample`], [`eval`]: the commands.
-//! - [`bundled`]: the files that come with the program; [`layout`], [`stacks`], [`assets`] read them.
+//! - [`bundled`]: the files that are compiled in; [`layout`], [`stacks`], [`assets`] read them.
+//!
+//! # Example
+//!
+//! ```
+//! use clap::Parser as _;
+//! use ocu_app::cli::Cli;
+//!
+//! let cli = Cli::parse_from(["ocu", "plugins", "world_model"]);
+//! let (mut out, mut errors) = (Vec::new(), Vec::new());
+//! assert_eq!(ocu_app::main(&cli, &mut out, &mut errors), 0);
+//! assert!(String::from_utf8(out).unwrap().contains("world_model"));
+//! ```
 
 pub mod assets;
 pub mod bundled;
@@ -35,25 +53,25 @@ use rcs_runtime::source::SourceError;
 use rcs_runtime::{RunError, StackError};
 use std::io::Write;
 
-/// Program and version, for logs.
+/// Program and version, as written to logs.
 pub const BUILD: &str = concat!("ocu ", env!("CARGO_PKG_VERSION"));
 
 /// Exit code of a run that failed.
 pub const FAILED: u8 = 1;
-/// Exit code of wrong usage: arguments, stacks and layouts that are refused before anything runs.
+/// Exit code of wrong usage: arguments, stacks or layouts that are refused before anything runs.
 pub const USAGE: u8 = 2;
 
-/// Exit code of a command that ended well, on a recording of which something is damaged.
+/// Exit code of a command that succeeded on a partly damaged recording.
 pub const DAMAGED: u8 = 3;
 
-/// How a command ended.
+/// Result of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// As it should.
+    /// Success.
     Well,
-    /// What was run, or compared, did not go well; what is wrong has been printed.
+    /// What was run or compared failed; the reason has been printed.
     Failed,
-    /// Well, but a recording that was read is damaged: the result is of what could be read.
+    /// Success, but a recording is damaged: the result covers only what could be read.
     Damaged,
 }
 
@@ -63,7 +81,7 @@ impl From<bool> for Ended {
     }
 }
 
-/// Standard output, which remembers that nobody reads it any more.
+/// Standard output, which records whether its reader has closed it.
 struct Output<'a> {
     out: &'a mut dyn Write,
     closed: bool,
@@ -89,17 +107,17 @@ impl Write for Output<'_> {
     }
 }
 
-/// Something that was asked for in a wrong way.
+/// Wrong usage.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct Usage(String);
 
-/// An error of usage.
+/// A usage error.
 pub(crate) fn usage(text: impl Into<String>) -> anyhow::Error {
     Usage(text.into()).into()
 }
 
-/// An error with its causes, each said once: many errors of libraries name their cause themselves.
+/// The text of an error with its causes, without repetition: errors of many libraries already contain their causes.
 pub(crate) fn say(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {
@@ -110,7 +128,7 @@ pub(crate) fn say(error: &anyhow::Error) -> String {
     plain::plain_lines(&text)
 }
 
-/// Does what the command line says; gives the exit code. Errors are printed here, once.
+/// Executes a command line; returns the exit code. This is the only place where errors are printed.
 pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
     rcs_plugins::register();
     let mut output = Output { out, closed: false };
@@ -131,17 +149,18 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
         Ok(Ended::Well) => 0,
         Ok(Ended::Failed) => FAILED,
         Ok(Ended::Damaged) => DAMAGED,
-        // Whoever read the output has read enough: `ocu info … | head`. A pipe of anything else is an error.
+        // The reader of the output has closed it, as in `ocu info … | head`. A broken pipe of anything else is an
+        // error.
         Err(error) if output.closed && is_broken_pipe(&error) => 0,
         Err(error) => {
-            // Where even this cannot be written, the exit code still tells.
+            // If this cannot be written either, the exit code still reports the error.
             let _ = writeln!(errors, "error: {}", say(&error));
             code_of(&error)
         }
     }
 }
 
-/// What a command that has printed its result ends with, which is the same where nobody read it to its end.
+/// Result of a command after its output was printed; an output closed by its reader is not an error.
 pub(crate) fn despite_closed_output(printed: anyhow::Result<()>) -> anyhow::Result<()> {
     match printed {
         Err(error) if is_broken_pipe(&error) => Ok(()),

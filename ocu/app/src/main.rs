@@ -12,7 +12,7 @@ fn main() -> ExitCode {
     let colours = std::io::stderr().is_terminal();
     let writer = std::io::stderr;
     tracing_subscriber::fmt().with_env_filter(filter).with_ansi(colours).with_writer(writer).init();
-    // A reader of foreign bytes that panics is stopped at the door, and what it said is told there.
+    // Panics in readers of untrusted data are caught and reported by their callers.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         if !rcs_msg::guard::is_guarded() {

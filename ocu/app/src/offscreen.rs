@@ -1,25 +1,25 @@
-//! Drawing egui without a window: into a texture, and from there into memory.
+//! Renders egui without a window: into a texture, which is then read back into memory.
 
 use anyhow::{Context as _, anyhow};
 use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
 use std::time::Duration;
 
-/// Gamma-space colours, as egui wants them.
+/// Texture format with gamma-space colours, as egui expects.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-/// A software driver may take seconds for a large picture; a lost device takes forever.
+/// Timeout for rendering: a software driver may take seconds for a large image, and a lost device never finishes.
 const PATIENCE: Duration = Duration::from_mins(1);
 
-/// Paints what egui gives into a texture.
+/// Renders egui output into a texture.
 pub struct Painter {
     device: wgpu::Device,
     queue: wgpu::Queue,
     renderer: Renderer,
-    /// The adapter's name and kind.
+    /// Name and kind of the graphics adapter.
     pub adapter: String,
 }
 
 impl Painter {
-    /// Finds an adapter, a software one if there is no other.
+    /// Selects an adapter; a software one if there is no other.
     pub fn new() -> anyhow::Result<Self> {
         let instance = instance();
         let options = wgpu::RequestAdapterOptions {
@@ -48,12 +48,12 @@ impl Painter {
         Ok(Self { device, queue, renderer, adapter: format!("{} ({:?})", info.name, info.device_type) })
     }
 
-    /// The longest side that a texture may have, in pixels.
+    /// Maximum side of a texture, pixels.
     pub fn max_texture_side(&self) -> usize {
         self.device.limits().max_texture_dimension_2d as usize
     }
 
-    /// Takes over the textures that a pass made. To be called for every pass, painted or not.
+    /// Uploads the new textures of a pass. Call it for every pass, painted or not.
     pub fn take_textures(&mut self, delta: &mut egui::TexturesDelta) {
         let mut set: Vec<_> = delta.set.drain().collect();
         set.sort_by_key(|(id, _)| *id);
@@ -64,7 +64,7 @@ impl Painter {
         }
     }
 
-    /// Lets go of the textures that a pass was the last to use: after it has been painted.
+    /// Frees the textures that a pass was the last to use. Call it after the pass has been painted.
     pub fn free_textures(&mut self, delta: &mut egui::TexturesDelta) {
         let mut free: Vec<_> = delta.free.drain().collect();
         free.sort_unstable();
@@ -73,7 +73,7 @@ impl Painter {
         }
     }
 
-    /// Paints one pass and reads it back: rgba8 rows, from the top.
+    /// Renders one pass and returns its pixels: rgba8 rows, from the top.
     pub fn paint(
         &mut self,
         primitives: &[egui::ClippedPrimitive],
@@ -146,7 +146,7 @@ impl Painter {
     }
 }
 
-/// Whether every graphics adapter is a software one (or there is none at all).
+/// Whether every graphics adapter is a software one, or there is none.
 pub fn only_software_adapters() -> bool {
     let adapters = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::VULKAN));
     adapters.iter().all(|adapter| adapter.get_info().device_type == wgpu::DeviceType::Cpu)

@@ -1,4 +1,4 @@
-//! From what a person names (a recording, a stack, both) to a source.
+//! Opens what the user named (a recording, a stack, or a stack on a recording) as a source.
 
 use crate::cli::WindowArgs;
 use crate::past_args::PastArgs;
@@ -6,26 +6,26 @@ use crate::stacks;
 use rcs_runtime::source::Source;
 use std::path::{Path, PathBuf};
 
-/// What to look at.
+/// What to open.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Request {
     /// The recording.
     pub log: Option<PathBuf>,
-    /// The stack that runs on it (or on nothing): a bundled one's name, or a file.
+    /// The stack, running on the recording or closed-loop: name of a bundled one, or a file.
     pub stack: Option<String>,
-    /// The course that a simulation runs: a bundled one's name, or a file; the stack's own where there is none.
+    /// The course of a simulation: name of a bundled one, or a file; `None` for the stack's own.
     pub course: Option<String>,
     /// Seed of the random numbers.
     pub seed: u64,
-    /// How much of its past a run keeps.
+    /// Limits of the history kept of a run.
     pub past: PastArgs,
 }
 
-/// The bundled stack that opens where nothing else is asked for.
+/// The bundled stack that is opened by default.
 const SIMULATION: &str = "simulation";
 
 impl Request {
-    /// What a command line asks for: the simulation where it names neither a recording nor a stack.
+    /// The request of a command line; the simulation if it names neither a recording nor a stack.
     pub fn of(args: &WindowArgs) -> Self {
         let alone = args.log.is_none() && args.stack.is_none();
         Self {
@@ -37,13 +37,13 @@ impl Request {
         }
     }
 
-    /// The simulation, on the course that its stack names.
+    /// The simulation, on the course named by its stack.
     pub fn simulation() -> Self {
         Self::of(&WindowArgs::default())
     }
 
-    /// What a file that was dropped on the window asks for: a stack is run on the recording that is open, anything
-    /// else is a recording.
+    /// The request for a file dropped on the window: a stack runs on the open recording, any other file is opened as a
+    /// recording.
     pub fn dropped(path: &Path, current: &Self) -> Self {
         let is_stack = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
         if is_stack {
@@ -59,7 +59,7 @@ impl Request {
         }
     }
 
-    /// Name for a person.
+    /// Displayed title.
     pub fn title(&self) -> String {
         let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         match (&self.log, &self.stack) {
@@ -73,7 +73,7 @@ impl Request {
         }
     }
 
-    /// Opens it. May take long: not on the window's thread.
+    /// Opens the source. This may take long: do not call it on the window's thread.
     pub fn open(&self) -> anyhow::Result<Box<dyn Source>> {
         stacks::open(self)
     }

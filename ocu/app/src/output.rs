@@ -1,7 +1,7 @@
-//! Files that a command writes: never onto one that is in use, over another only where it is told to.
+//! Output files of a command: never written onto a file that is in use, and over another file only with `--force`.
 //!
-//! Whether two paths mean one file is asked of the system (device and number of the file), so that no spelling, link or
-//! handle is mistaken for another file. All of this is asked before anything is opened.
+//! Files are identified by device and inode, so that different spellings, links or handles of one file are recognized.
+//! All checks are made before any file is opened.
 
 use crate::usage;
 use anyhow::Context as _;
@@ -13,17 +13,17 @@ use std::path::{Path, PathBuf};
 /// The files that a command reads and writes.
 #[derive(Clone, Debug)]
 pub(crate) struct Files {
-    /// Whether a file that is there already may be replaced.
+    /// Whether an existing file may be replaced.
     force: bool,
     used: Vec<(Identity, String)>,
 }
 
-/// What tells one file from another.
+/// Identity of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Identity {
-    /// Device and number of a file that is there.
+    /// Device and inode of an existing file.
     There(u64, u64),
-    /// Folder and name of one that is not.
+    /// Folder and name of a file that does not exist.
     Absent(PathBuf),
 }
 
@@ -37,26 +37,26 @@ impl Identity {
     }
 }
 
-/// The folder that a file is in.
+/// The folder that contains a file.
 fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 impl Files {
-    /// No files yet. With `force`, a file that is there already may be replaced.
+    /// An empty list. With `force`, existing files may be replaced.
     pub(crate) fn new(force: bool) -> Self {
         Self { force, used: Vec::new() }
     }
 
-    /// A file that is read: `what` it is, for a person.
+    /// Adds a file that is read; `what` describes it in errors.
     pub(crate) fn reads(&mut self, what: &str, path: &Path) {
         if let Some(identity) = Identity::of(path) {
             self.used.push((identity, what.to_owned()));
         }
     }
 
-    /// A file that is to be written, by the flag `flag`. Refuses one that is in use, one that is no file, and one that is
-    /// there already unless it may be replaced.
+    /// Adds a file that the flag `flag` writes. Refuses a file in use, a path that is not a regular file, and an
+    /// existing file unless it may be replaced.
     pub(crate) fn writes(&mut self, flag: &str, path: &Path) -> anyhow::Result<()> {
         let refused = |text: &str| Err(usage(format!("{flag}: {text}: {}", path.display())));
         let Some(identity) = Identity::of(path) else {
@@ -90,7 +90,7 @@ fn kind(kind: std::fs::FileType) -> &'static str {
     }
 }
 
-/// Writes a whole file: a new one, or with `force` one in the place of another, which is there until the new one is
+/// Writes a complete file. With `force` it may replace an existing one, which stays in place until the new one is
 /// complete.
 pub(crate) fn write(path: &Path, bytes: &[u8], force: bool) -> anyhow::Result<()> {
     let attempt = || {
@@ -116,7 +116,7 @@ pub(crate) fn write(path: &Path, bytes: &[u8], force: bool) -> anyhow::Result<()
 mod tests {
     use super::*;
 
-    /// A folder with a file `log`, and what `--record` says of a path while it is read.
+    /// A folder with a file `log` that is being read; returns why `--record` refuses a path, if it does.
     fn refused(force: bool, make: impl FnOnce(&Path) -> PathBuf) -> Option<String> {
         let dir = tempfile::tempdir().unwrap();
         let log = dir.path().join("log");

@@ -1,10 +1,10 @@
-//! How much of its past a run keeps, by the command line.
+//! Command-line options that limit the history kept of a run.
 
 use clap::Args;
 use rcs_runtime::PastOptions;
 use std::path::PathBuf;
 
-/// How much of its past a run keeps, and where.
+/// Limits of the history kept of a run, and its folder.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Args)]
 pub struct PastArgs {
     /// Memory that the past of a run may take, like 512MiB; 1GiB by default
@@ -19,7 +19,7 @@ pub struct PastArgs {
 }
 
 impl PastArgs {
-    /// What they say, and the defaults for what they leave out.
+    /// The options, with defaults for missing ones.
     pub fn options(&self) -> PastOptions {
         let default = PastOptions::default();
         PastOptions {
@@ -30,7 +30,7 @@ impl PastArgs {
     }
 }
 
-/// Sizes of less than this hold no second of cameras.
+/// Smallest memory limit: less would not hold one second of camera images.
 const LEAST_MEMORY: u64 = 64 << 20;
 
 fn parse_memory(text: &str) -> Result<u64, String> {
@@ -40,7 +40,7 @@ fn parse_memory(text: &str) -> Result<u64, String> {
     }
 }
 
-/// A number of bytes: `512MiB`, `20GB`, `0`.
+/// Parses a number of bytes: `512MiB`, `20GB`, `0`.
 fn parse_bytes(text: &str) -> Result<u64, String> {
     const UNITS: [(&str, f64); 8] = [
         ("KiB", 1024.0),

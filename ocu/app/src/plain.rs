@@ -1,7 +1,7 @@
-//! Foreign names on a terminal: control characters are shown, not obeyed.
+//! Escapes control characters in untrusted text before it is printed on a terminal.
 
-/// The text on one line without control characters: those that are in it are written as escapes (`\\n`, `\\u{1b}`), and
-/// so are the ones that turn the direction of writing.
+/// The text on one line, with control characters, and characters that change the writing direction, as escapes (`\n`,
+/// `\u{1b}`).
 pub(crate) fn plain(text: &str) -> String {
     let turns =
         |c: char| matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{200e}' | '\u{200f}');
@@ -19,7 +19,7 @@ pub(crate) fn plain(text: &str) -> String {
     shown
 }
 
-/// Several lines, each of them plain.
+/// Escapes each of several lines.
 pub(crate) fn plain_lines(text: &str) -> String {
     text.split('\n').map(plain).collect::<Vec<_>>().join("\n")
 }

@@ -1,4 +1,4 @@
-//! `ocu plugins`: what can stand in a stack file, from the definitions of the processes.
+//! `ocu plugins`: documentation of all plugins for stack files, from the definitions of the processes.
 
 use crate::cli::PluginsArgs;
 use crate::table::{Align, Table};
@@ -28,12 +28,12 @@ struct PortReport {
     name: &'static str,
     schema: String,
     help: &'static str,
-    /// Whether a stack must wire it; `false` for outputs.
+    /// Whether a stack must connect it; `false` for outputs.
     required: bool,
     metadata: BTreeMap<String, String>,
 }
 
-/// A parameter; those of a group, and of an element of a list, are named by their path.
+/// A parameter. Those of a group, and of the elements of a list, are named by their path.
 #[derive(Debug, Serialize)]
 struct ParamReport {
     name: String,
@@ -43,7 +43,7 @@ struct ParamReport {
     max: Option<f64>,
     default: String,
     choices: Vec<String>,
-    /// Kind of the file that a stack names here: `world`, `models`, ….
+    /// Kind of the file whose name a stack gives here: `world`, `models`, ….
     file: Option<String>,
     help: String,
 }
@@ -55,7 +55,7 @@ struct CommandReport {
     parameters_schema: String,
 }
 
-/// Lists all plugins, or everything about one.
+/// Lists all plugins, or everything about one of them.
 pub fn plugins(args: &PluginsArgs, out: &mut dyn Write) -> anyhow::Result<()> {
     let all = rcs_plugins::all();
     let Some(name) = &args.name else {

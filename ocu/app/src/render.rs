@@ -1,4 +1,4 @@
-//! `ocu render`: a layout at a time as a picture, without a window or a display.
+//! `ocu render`: draws a layout at a given time as an image, without a window or a display.
 
 use crate::cli::{RenderArgs, Size};
 use crate::layout::Layout;
@@ -14,12 +14,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A view settles in a few passes; one that never does is painted as it is.
+/// Maximum number of passes: most views settle in a few.
 const MOST_PASSES: usize = 40;
-/// At least this many: sizes are known from the second on.
+/// Minimum number of passes: sizes are known from the second one on.
 const LEAST_PASSES: usize = 3;
 
-/// Draws the picture and writes it.
+/// Renders the image and writes it.
 pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     let mut files = Files::new(args.force);
     let texts = [&args.stack, &args.course].into_iter().flatten().map(std::path::Path::new);
@@ -43,7 +43,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     output::write(&args.output, png.get_ref(), args.force)
 }
 
-/// Everything that can be known of a source `at_s` seconds after its start, tracks of all of it among them.
+/// The state of a source `at_s` seconds after its start, including its complete tracks.
 pub fn frame_at(request: &Request, at_s: f64) -> anyhow::Result<Frame> {
     let mut source = request.open()?;
     let info = source.info();
@@ -61,7 +61,7 @@ pub fn frame_at(request: &Request, at_s: f64) -> anyhow::Result<Frame> {
     Ok(source.frame())
 }
 
-/// The whole window at one moment, as the screen would show it.
+/// The whole window at one time, as on a screen.
 pub fn picture(
     request: &Request,
     frame: &Arc<Frame>,
@@ -80,7 +80,7 @@ pub fn picture(
         let input = egui::RawInput {
             screen_rect: Some(screen),
             max_texture_side: Some(painter.max_texture_side()),
-            // A clock of its own: the picture must not depend on the machine's speed.
+            // A simulated clock: the image must not depend on the speed of the machine.
             time: Some(pass as f64 * 0.1),
             ..egui::RawInput::default()
         };

@@ -1,4 +1,4 @@
-//! Runs of a course, as the simulation's referee reports them.
+//! Runs of a course, as reported by the referee of the simulation.
 
 use rcs_bus::Buffer;
 use rcs_msg::rcs::{CourseOutcome, CourseRun};
@@ -7,7 +7,7 @@ use rcs_runtime::{Plan, Recording, RunError, Stepped};
 use serde::Serialize;
 use std::sync::Arc;
 
-/// The referee is asked this often in simulated time, so that a run ends at the same moment every time.
+/// Interval at which the referee is checked, simulated time; fixed, so that a run always ends at the same time.
 const ASK_EVERY_NS: u64 = 200_000_000;
 
 /// One run of a course: an entry of `runs` in `ocu run --json`.
@@ -25,7 +25,7 @@ pub(crate) struct RunReport {
 }
 
 impl RunReport {
-    /// What the referee said last.
+    /// From the last report of the referee.
     pub(crate) fn new(seed: u64, run: &CourseRun, hash: String) -> Self {
         Self {
             seed,
@@ -46,17 +46,18 @@ impl RunReport {
     }
 }
 
-/// The buffer in which a stack's referee reports; `None` where it is no simulation.
+/// The buffer in which the referee of a stack reports; `None` if the stack is not a simulation.
 pub(crate) fn referee(plan: &Plan) -> Option<usize> {
     plan.buffers.iter().position(|buffer| buffer.spec.schema.name() == schema_of::<CourseRun>().name())
 }
 
-/// What the referee said last.
+/// The last report of the referee.
 pub(crate) fn verdict(buffer: &Arc<Buffer>) -> Option<CourseRun> {
     buffer.latest().and_then(|sample| sample.message.to())
 }
 
-/// Runs on until the referee has decided, or to a time. Says whether the run may go on: not where its recording failed.
+/// Runs until the referee has decided, or until a time. Returns whether the run may continue; it may not after its
+/// recording failed.
 pub(crate) fn to_the_verdict(
     run: &mut Stepped,
     referee: usize,
@@ -67,7 +68,7 @@ pub(crate) fn to_the_verdict(
         verdict(&run.buffers()[referee])
             .is_some_and(|verdict| verdict.outcome() != CourseOutcome::CourseRunning)
     };
-    // The referee is asked at whole multiples from the start on, wherever the run stands.
+    // The referee is checked at whole multiples of the interval from the start, wherever the run is now.
     let asked = run.now().0.saturating_sub(run.start().0) / ASK_EVERY_NS;
     let mut until = run.start().after_ns(asked * ASK_EVERY_NS);
     while !decided(run) && until < to {
@@ -82,7 +83,7 @@ pub(crate) fn to_the_verdict(
     Ok(true)
 }
 
-/// Runs on to a time. Says whether the run may go on: not where its recording failed.
+/// Runs until a time. Returns whether the run may continue; it may not after its recording failed.
 pub(crate) fn to_a_time(
     run: &mut Stepped,
     to: Stamp,
@@ -98,7 +99,8 @@ pub(crate) fn to_a_time(
     Ok(true)
 }
 
-/// Whether a recording has failed: what the run would still do would be lost. Ending the recording tells why.
+/// Whether a recording has failed, after which outputs would be lost. The cause is reported when the recording is
+/// closed.
 fn has_failed(recording: Option<&Recording>) -> bool {
     recording.is_some_and(|recording| recording.status().error.is_some())
 }

@@ -1,8 +1,8 @@
-//! `ocu sample`: a small recording, so that there is something to open on the first day.
+//! `ocu sample`: writes a small recording, for a first look at the program.
 //!
-//! A simulated robot is driven across a meadow. Written is what the robot itself would record: its stereo pair as JPEG,
-//! wheel encoders, inertial sensor, GPS, and its estimate of where it is. Ground truth is left out. The bytes are the same
-//! on every run.
+//! A simulated robot drives across a meadow. The recording contains what a real robot would record: its stereo pair as
+//! JPEG, wheel encoders, inertial sensor, GPS, and its estimated pose, but no ground truth. It is identical on every
+//! run, byte for byte.
 
 use crate::assets::ProgramAssets;
 use crate::cli::SampleArgs;
@@ -20,9 +20,9 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// The stack that drives.
+/// The stack that is recorded.
 const DRIVE: &str = include_str!("sample_drive.toml");
-/// What is recorded of it.
+/// The recorded buffers.
 const RECORDED: [&str; 9] = [
     "/vehicle/static_transforms",
     "/camera/left_calibration",
@@ -36,19 +36,19 @@ const RECORDED: [&str; 9] = [
 ];
 const JPEG_QUALITY: u8 = 92;
 
-/// Writes the recording.
+/// Writes the recording named on the command line.
 pub fn sample(args: &SampleArgs) -> anyhow::Result<()> {
     Files::new(args.force).writes("the recording", &args.path)?;
     write(&args.path, args.duration, args.force)
 }
 
-/// Writes the recording to `path`: the first `duration_s` of the drive. A file that is there is replaced only by `force`.
+/// Writes the first `duration_s` of the drive to `path`. An existing file is replaced only with `force`.
 pub fn write(path: &Path, duration_s: f64, force: bool) -> anyhow::Result<()> {
     let options = PlanOptions { overrides: &[], course: None, assets: &ProgramAssets };
     let file = StackFile::parse("sample_drive.toml", DRIVE)?;
     let plan = Arc::new(Plan::with(file, rcs_plugins::all(), &options)?);
     let mut run = Stepped::new(plan, None, RunOptions::default()).context("the drive cannot run")?;
-    // Chunks are closed by size alone: a clock would make the bytes depend on the machine's speed.
+    // Chunks are limited by size alone; with a time limit the bytes would depend on the speed of the machine.
     let options = WriterOptions {
         build: crate::BUILD.to_owned(),
         clock: Arc::new(|| Duration::ZERO),
@@ -89,7 +89,7 @@ fn add_channel(writer: &mut LogWriter, buffer: &Buffer) -> anyhow::Result<Channe
     Ok(writer.add_channel(&spec.name, schema, &spec.metadata)?)
 }
 
-/// An image as JPEG; any other message as it is.
+/// Compresses an image as JPEG; other messages are unchanged.
 fn compressed(message: AnyMessage) -> anyhow::Result<AnyMessage> {
     let Some(image) = message.get::<RawImage>() else { return Ok(message) };
     let rgb = raw_to_rgb8(image)?;

@@ -1,4 +1,4 @@
-//! `ocu stack`: what a stack file comes to, and what is wrong with it, before anything runs.
+//! `ocu stack`: shows the expanded stack file, or checks it without running it.
 
 use crate::cli::{StackCheckArgs, StackCommand, StackShowArgs};
 use crate::stacks;
@@ -11,7 +11,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Write;
 
-/// Does what `ocu stack …` says; `false` where a check found an error.
+/// Executes `ocu stack …`; `false` if a check found an error.
 pub fn stack(command: &StackCommand, out: &mut dyn Write) -> anyhow::Result<bool> {
     match command {
         StackCommand::Show(args) => show(args, out).map(|()| true),
@@ -19,7 +19,7 @@ pub fn stack(command: &StackCommand, out: &mut dyn Write) -> anyhow::Result<bool
     }
 }
 
-/// Prints the stack with every part in its place, each line with the file and line that it came from.
+/// Prints the stack with its parts included; each line with the file and line from which it came.
 fn show(args: &StackShowArgs, out: &mut dyn Write) -> anyhow::Result<()> {
     let stack = stacks::named(&args.stack)?;
     if args.plain {
@@ -41,7 +41,7 @@ fn show(args: &StackShowArgs, out: &mut dyn Write) -> anyhow::Result<()> {
 struct Findings {
     /// What a run would refuse.
     errors: Vec<String>,
-    /// What runs, and is probably not meant.
+    /// What is valid but probably a mistake.
     warnings: Vec<String>,
 }
 
@@ -86,7 +86,7 @@ fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
     Ok(findings.errors.is_empty())
 }
 
-/// Outputs of a type that a process of the stack could read, on a wire that no one reads.
+/// Outputs that no process reads although a process of the stack could read their type.
 fn unread_outputs(plan: &Plan) -> Vec<String> {
     let reads = |buffer: usize| plan.processes.iter().any(|process| process.inputs.contains(&Some(buffer)));
     let wanted = |schema: &str| {
@@ -99,7 +99,7 @@ fn unread_outputs(plan: &Plan) -> Vec<String> {
     for process in &plan.processes {
         for (def, &buffer) in process.kind.outputs().iter().zip(&process.outputs) {
             let spec = &plan.buffers[buffer].spec;
-            // What a person looks at is read by the window. A cost map is for a world model alone.
+            // Outputs with another role are read by the window. A cost map is useful only to a world model.
             if !reads(buffer)
                 && def.metadata.get("rcs.role").is_some_and(|role| role == "cost")
                 && wanted(spec.schema.name())
@@ -111,7 +111,7 @@ fn unread_outputs(plan: &Plan) -> Vec<String> {
     warnings
 }
 
-/// Frames that have the same name in the parameters of two processes, of which one reads the other, and differ.
+/// Frame parameters with the same name but different values in two connected processes.
 fn differing_frames(plan: &Plan) -> Vec<String> {
     let frames: Vec<BTreeMap<String, String>> = plan.processes.iter().map(frames).collect();
     let mut warnings = Vec::new();

@@ -1,4 +1,4 @@
-//! The stacks that come with the program, and sources made from them.
+//! The bundled stacks, and sources made from stacks.
 
 use crate::assets::{ProgramAssets, read_text};
 use crate::bundled;
@@ -12,7 +12,7 @@ use rcs_runtime::{Plan, PlanOptions, RecordedRun, RunOptions, StackError, StackF
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
-/// The bundled stacks, by name.
+/// The bundled stacks, sorted by name.
 pub fn bundled() -> &'static [(&'static str, StackFile)] {
     static STACKS: LazyLock<Vec<(&str, StackFile)>> = LazyLock::new(|| {
         let read = |file: bundled::Bundled| match read(&file.path(), file.text) {
@@ -31,7 +31,7 @@ fn read(file: &str, text: &str) -> Result<StackFile, StackError> {
     StackFile::compose(file, text, &ProgramAssets)
 }
 
-/// The stack that a person names: a bundled one by name, or a file. Read, not yet checked against the plugins.
+/// The stack named by the user: a bundled one by name, or a file. Parsed, but not yet checked against the plugins.
 pub fn named(spec: &str) -> anyhow::Result<StackFile> {
     if let Some(file) = bundled::file("stack", spec) {
         return Ok(read(&file.path(), file.text)?);
@@ -47,18 +47,18 @@ pub fn named(spec: &str) -> anyhow::Result<StackFile> {
     Ok(read(spec, &text)?)
 }
 
-/// The stack that a person names, checked against the plugins, with parameters and course from the command line.
+/// The stack named by the user, checked against the plugins, with parameters and course from the command line.
 pub fn plan(spec: &str, course: Option<&str>, overrides: &[(String, String)]) -> anyhow::Result<Arc<Plan>> {
     let options = PlanOptions { overrides, course, assets: &ProgramAssets };
     Ok(Arc::new(Plan::with(named(spec)?, rcs_plugins::all(), &options)?))
 }
 
-/// A recording, read with everything that the plugins know of how their messages were stored.
+/// Opens a recording with the message codecs of all plugins.
 pub fn open_log(path: impl AsRef<Path>) -> anyhow::Result<Log> {
     Ok(Log::open(path)?.with_codecs(rcs_runtime::codecs(rcs_plugins::all())))
 }
 
-/// A source: the recording as it is, or through a stack, or a stack alone (on a course, where it is a simulation).
+/// Opens a source: a recording, a stack on a recording, or a stack alone (on a course if it is a simulation).
 pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
     let Some(stack) = &request.stack else {
         let log = request
@@ -78,7 +78,7 @@ pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
     Ok(Box::new(source))
 }
 
-/// A recording that holds the journal of a run alone: the run, computed again.
+/// Opens a recording that contains only the journal of a run: the run is computed again.
 fn repeat(recording: &Log) -> anyhow::Result<Box<dyn Source>> {
     let recorded = RecordedRun::read(recording, rcs_plugins::all())?;
     let plan = recorded.plan(rcs_plugins::all())?;
@@ -90,7 +90,7 @@ fn repeat(recording: &Log) -> anyhow::Result<Box<dyn Source>> {
     Ok(Box::new(source.context("the recorded run cannot be repeated")?))
 }
 
-/// The log of that identity, whatever its name, in the folder of a recording that was made of a run on it.
+/// The log with this identity, under any name, in the folder of the recording of a run that read it.
 fn beside(recording: &Path, identity: &str) -> anyhow::Result<Log> {
     let folder = recording.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut paths: Vec<_> = std::fs::read_dir(folder)?.filter_map(|entry| Some(entry.ok()?.path())).collect();
@@ -110,10 +110,10 @@ fn beside(recording: &Path, identity: &str) -> anyhow::Result<Log> {
     )))
 }
 
-/// How many logs are looked at to find the one that a run was recorded on.
+/// Maximum number of logs that are examined to find the one that a run read.
 const MOST_LOGS: usize = 64;
 
-/// How a stack is run, but for what the command line says.
+/// How a stack is run, except for the options of the command line.
 pub fn options() -> RunOptions {
     RunOptions {
         build: crate::BUILD.to_owned(),

@@ -1,18 +1,18 @@
-//! Tables for people: columns aligned, numbers to the right.
+//! Text tables with aligned columns.
 
 use crate::plain::plain;
 use std::io::{self, Write};
 
-/// A column's alignment.
+/// Alignment of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Align {
-    /// Text.
+    /// Left, for text.
     Left,
-    /// Numbers.
+    /// Right, for numbers.
     Right,
 }
 
-/// Rows under headings.
+/// A table with a header row.
 #[derive(Debug)]
 pub(crate) struct Table {
     columns: Vec<(&'static str, Align)>,
@@ -20,17 +20,17 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    /// A table with those headings.
+    /// A table with these columns.
     pub(crate) fn new(columns: &[(&'static str, Align)]) -> Self {
         Self { columns: columns.to_vec(), rows: Vec::new() }
     }
 
-    /// Appends a row; cells that are missing are empty, and control characters in them are shown, not obeyed.
+    /// Appends a row; missing cells are empty, and control characters are escaped.
     pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
         self.rows.push(cells.into_iter().map(|cell| plain(&cell)).collect());
     }
 
-    /// Writes the table, two spaces between columns and none at the ends of lines; nothing without rows.
+    /// Writes the table with two spaces between columns and no trailing spaces; writes nothing without rows.
     pub(crate) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         if self.rows.is_empty() {
             return Ok(());

@@ -1,11 +1,11 @@
-//! Points in time as a person reads them.
+//! Formats absolute times.
 
 use rcs_msg::Stamp;
 
-/// A year in nanoseconds: times before the first year of Unix belong to a clock that starts at 0, a simulation's.
+/// A year in nanoseconds: earlier times belong to a clock that starts at 0, such as that of a simulation.
 const YEAR_NS: u64 = 365 * 86_400 * 1_000_000_000;
 
-/// `2026-01-01 00:00:12.345 UTC`; times of a simulation as `00:00:12.345`.
+/// `2026-01-01 00:00:12.345 UTC`; simulated times as `00:00:12.345`.
 pub(crate) fn date_and_time(stamp: Stamp) -> String {
     let clock = ocu_ui::format::clock(stamp.0);
     if stamp.0 < YEAR_NS {
@@ -15,7 +15,8 @@ pub(crate) fn date_and_time(stamp: Stamp) -> String {
     format!("{year:04}-{month:02}-{day:02} {clock} UTC")
 }
 
-/// Year, month and day of a number of days since 1970-01-01 (Howard Hinnant's `civil_from_days`, for days from 0).
+/// Year, month and day of a number of days since 1970-01-01 (Howard Hinnant's `civil_from_days`, for non-negative
+/// days).
 fn civil(days: u64) -> (u64, u64, u64) {
     let days = days + 719_468;
     let era = days / 146_097;

@@ -1,11 +1,11 @@
-//! The command line, through the built program.
+//! The command line of the built program.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// Runs `ocu` and gives its exit code, output and errors.
+/// Runs `ocu`; returns its exit code, output and errors.
 fn ocu(args: &[&str]) -> (i32, String, String) {
     let Output { status, stdout, stderr } =
         Command::new(env!("CARGO_BIN_EXE_ocu")).args(args).env_remove("DISPLAY").output().unwrap();
@@ -40,7 +40,7 @@ fn info_says_what_a_recording_holds() {
     let (_dir, path) = recording();
     let (code, out, errors) = ocu(&["info", text(&path)]);
     assert_eq!((code, errors.as_str()), (0, ""));
-    // Path and size are the machine's and the compressor's business.
+    // Path and size depend on the machine and the compressor.
     let stable: Vec<&str> = out.lines().filter(|line| !line.starts_with("file ")).collect();
     insta::assert_snapshot!(stable.join("\n"));
 }
@@ -208,7 +208,7 @@ fn every_command_has_help_with_an_example() {
     }
 }
 
-/// A pair that is shifted by 6 pixels, and its ground truth in 1/256 pixel.
+/// A stereo pair with a disparity of 6 pixels, and its ground truth in 1/256 pixel.
 fn stereo_pair() -> (tempfile::TempDir, [String; 3]) {
     let dir = tempfile::tempdir().unwrap();
     let level = |x: u32, y: u32| {
@@ -335,7 +335,7 @@ fn eval_color_measures_images_against_their_labels() {
         assert!(report[figure].as_f64().unwrap() > 0.95, "{out}");
     }
     assert!(report["unclassified_pct"].as_f64().unwrap() < 2.0, "{out}");
-    // The other way round nothing is right.
+    // With ground and background exchanged, nothing is right.
     let (_, out, _) = ocu(&[&images[..], &["--ground-ids", "1,2", "--json"]].concat());
     assert!(json(&out)["ground_iou"].as_f64().unwrap() < 0.05, "{out}");
     let (_, out, _) = ocu(&[&images[..], &["--ground-ids", "1,2,7,255", "--json"]].concat());
@@ -423,7 +423,7 @@ fn eval_classify_measures_label_images_of_one_time_against_each_other() {
     assert_eq!(report["f1"].as_f64(), Some(12.0 / 14.0), "{out}");
     assert!((report["unclassified_pct"].as_f64().unwrap() - 100.0 * 4.0 / 14.0).abs() < 1e-9, "{out}");
     assert_eq!(report["ms_median"], serde_json::Value::Null);
-    // What is too far apart in time is no pair.
+    // Images too far apart in time are not compared.
     let narrow = ["--topic", "/classes", "--tolerance", "0.001", "--json"];
     let (_, out, _) =
         ocu(&[&["eval", "classify", "--log", text(&path), "--truth-topic", "/truth"], &narrow[..]].concat());

@@ -1,4 +1,4 @@
-//! Damaged and absurd recordings, and hasty commands, through the built program.
+//! Damaged and implausible recordings, and impatient callers, with the built program.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
@@ -7,25 +7,25 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// What a command that meets any of these files may take.
+/// Maximum time of a command on any of these files.
 const MOST_TIME: Duration = Duration::from_secs(2);
 const MOST_BYTES: u64 = 300 << 20;
-/// A software driver draws the whole window in this; a graphics card needs less.
+/// Maximum time for drawing the window with a software driver; a graphics card needs less.
 const MOST_TIME_DRAWING: Duration = Duration::from_secs(10);
-/// A driver that draws in software takes this for itself.
+/// Memory that a software driver needs for itself.
 const DRIVER_BYTES: u64 = 250 << 20;
 
-/// What a command did.
+/// Result of a command.
 struct Done {
     code: i32,
     out: String,
     errors: String,
     took: Duration,
-    /// The most memory that it had, bytes.
+    /// Peak memory, bytes.
     peak: u64,
 }
 
-/// Runs `ocu`; it must end, by itself, and not by a panic or a signal.
+/// Runs `ocu`, which must exit by itself and not by a panic or a signal.
 fn ocu(args: &[&str]) -> Done {
     let began = Instant::now();
     let mut child = Command::new(env!("CARGO_BIN_EXE_ocu"))
@@ -71,7 +71,7 @@ fn ocu(args: &[&str]) -> Done {
 impl Done {
     #[track_caller]
     fn within(self, time: Duration, bytes: u64) -> Self {
-        // The dev profile is slower than what people run, and tests share the machine.
+        // The dev profile is slower than a release, and tests share the machine.
         let room = if cfg!(debug_assertions) { 10 } else { 1 };
         assert!(self.took < time * room, "{:?}", self.took);
         assert!(self.peak < bytes, "{} MB", self.peak >> 20);
@@ -92,7 +92,7 @@ fn hostile(data: &Path, name: &str) -> PathBuf {
     data.join("hostile").join(name)
 }
 
-/// The hostile recordings of the folder, in order.
+/// The hostile recordings in a folder, sorted by name.
 fn recordings(data: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(data.join("hostile")).unwrap().map(|entry| entry.unwrap().path());
     let mut paths: Vec<PathBuf> =
@@ -185,7 +185,7 @@ fn a_run_on_every_hostile_recording_comes_back_and_says_what_it_could_not_read()
     for path in recordings(&data) {
         let name = path.file_name().unwrap().to_str().unwrap();
         let done = ocu(&["run", "--stack", stack(name), "--log", text(&path), "--json"]);
-        // Most hold none of the topics that a stack reads, which is refused.
+        // Most have none of the topics that a stack reads, which is refused.
         let expected: &[i32] = match name {
             "husky_onebit_624587.mcap" | "stat_max.mcap" | "del1000_tradr_chunk1.mcap" => &[3],
             "tradr_t0.mcap" => &[0],
@@ -340,7 +340,7 @@ fn a_closed_standard_output_hides_no_error() {
     drop(child.stdout.take());
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
-    // Whoever has read enough is not an error.
+    // A reader that closes the output early is not an error.
     let mut child = Command::new(env!("CARGO_BIN_EXE_ocu"))
         .args(["run", "--stack", "simulation", "--until", "0.2", "--json"])
         .stdout(Stdio::piped())

@@ -1,4 +1,4 @@
-//! Driving by hand and the emergency stop, in the whole window, without a display.
+//! Manual driving and the emergency stop in the complete window, without a display.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
@@ -12,10 +12,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Longer than anything here takes; a test that waits so long has failed.
+/// Timeout, longer than any step of these tests takes.
 const PATIENCE: Duration = Duration::from_mins(1);
 
-/// A stack that waits for an operator, and needs nothing else.
+/// A stack that expects commands of an operator and needs no other input.
 const STACK: &str = r#"
 format = 1
 name = "hand"
@@ -40,7 +40,7 @@ fn running<'a>(dir: &Path) -> Harness<'a, State> {
             if let Some(window) = &mut state.0 {
                 window.ui(ui);
             } else {
-                // Fonts are there from the next pass on.
+                // Fonts are available from the next pass on.
                 ocu_ui::install(ui.ctx());
                 state.0 = Some(Window::new(ui.ctx(), options.take().unwrap_or_default()));
                 ui.ctx().request_repaint();
@@ -56,7 +56,7 @@ fn frame(harness: &Harness<'_, State>) -> Option<Arc<Frame>> {
     harness.state().0.as_ref()?.frame()
 }
 
-/// Runs passes until the frame is as wanted, as the source's thread works on its own clock.
+/// Runs passes until the frame satisfies a condition, because the source's thread has its own clock.
 #[track_caller]
 fn wait_until(harness: &mut Harness<'_, State>, what: &str, is: impl Fn(&Frame) -> bool) {
     let start = Instant::now();

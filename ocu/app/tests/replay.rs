@@ -1,4 +1,4 @@
-//! Recorded runs, repeated and compared through the built program.
+//! Recorded runs, repeated and compared with the built program.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
@@ -6,7 +6,7 @@ use rcs_log::Log;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Runs `ocu` and gives its exit code, output and errors.
+/// Runs `ocu`; returns its exit code, output and errors.
 fn ocu(args: &[&str]) -> (i32, String, String) {
     let Output { status, stdout, stderr } =
         Command::new(env!("CARGO_BIN_EXE_ocu")).args(args).env_remove("DISPLAY").output().unwrap();
@@ -20,7 +20,7 @@ fn run(args: &[&str], code: i32) -> serde_json::Value {
     serde_json::from_str(&out).unwrap_or_else(|error| panic!("{error}: {out}"))
 }
 
-/// Copies a recording with one byte of one message changed.
+/// Copies a recording and changes one byte of one message.
 fn change_a_byte(from: &Path, to: &Path, topic: &str) -> u32 {
     let log = Log::open(from).unwrap();
     let mut changed = None;
@@ -119,7 +119,7 @@ fn a_run_on_a_log_replays_on_a_copy_of_it_and_refuses_another() {
     check(&["--log", &copy, "--stack", "husky"], &["another stack", "husky", "sample"]);
     let process = replayed["processes"][0]["name"].as_str().unwrap();
     check(&["--log", &copy, "--param", &format!("{process}.nothing=1")], &["nothing"]);
-    // The journal alone opens as the run itself, the log found beside it by its content.
+    // A recording with only the journal opens as the run itself; the log is found in the same folder by its content.
     let request = ocu_app::open::Request { log: Some(out.clone().into()), ..Default::default() };
     let mut source = request.open().unwrap();
     let end = source.info().end.unwrap();

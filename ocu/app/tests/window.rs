@@ -1,4 +1,4 @@
-//! The whole window, driven without a display.
+//! The complete window without a display.
 
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Longer than anything here takes; a test that waits so long has failed.
+/// Timeout, longer than any step of these tests takes.
 const PATIENCE: Duration = Duration::from_mins(1);
 
 /// A recording of about three seconds in a folder of its own.
@@ -31,7 +31,7 @@ fn harness<'a>(options: Options) -> Harness<'a, State> {
             if let Some(window) = &mut state.0 {
                 window.ui(ui);
             } else {
-                // Fonts are there from the next pass on.
+                // Fonts are available from the next pass on.
                 ocu_ui::install(ui.ctx());
                 state.0 = Some(Window::new(ui.ctx(), options.take().unwrap_or_default()));
                 ui.ctx().request_repaint();
@@ -41,7 +41,7 @@ fn harness<'a>(options: Options) -> Harness<'a, State> {
     )
 }
 
-/// Runs passes until `done`, as the source's thread works on its own clock.
+/// Runs passes until `done`, because the source's thread has its own clock.
 #[track_caller]
 fn wait_until(
     harness: &mut Harness<'_, State>,
@@ -63,13 +63,13 @@ fn time_s(harness: &Harness<'_, State>) -> Option<f64> {
     Some(harness.state().0.as_ref()?.frame()?.time_s())
 }
 
-/// How long the open recording is, s: from its first message to its last.
+/// Duration of the open recording, s, from its first message to its last.
 fn length_s(harness: &Harness<'_, State>) -> Option<f64> {
     let frame = harness.state().0.as_ref()?.frame()?;
     Some(frame.info.end?.seconds_since(frame.info.start))
 }
 
-/// A time as the window shows it.
+/// A time as shown by the window.
 fn clock(seconds: f64) -> String {
     ocu_ui::format::clock((seconds * 1e9).round() as u64)
 }
@@ -130,7 +130,7 @@ fn a_dropped_recording_opens_and_shows_its_start() {
     drop_file(&mut harness, &request.log.unwrap());
     wait_until(&mut harness, "the recording opens", |harness| time_s(harness).is_some());
     harness.run();
-    // It opens at the first image, which the camera shows a little after its first moment.
+    // It opens at the first image, which the camera sends shortly after its first cycle.
     let start_s = time_s(&harness).unwrap();
     assert!(start_s < 0.2 && harness.query_all_by_label(&clock(start_s)).next().is_some(), "{start_s}");
     let length_s = length_s(&harness).unwrap();
@@ -268,7 +268,7 @@ fn a_drag_that_falls_into_one_slow_pass_goes_there_too() {
 fn a_paused_window_asks_for_no_repaint() {
     let dir = tempfile::tempdir().unwrap();
     let mut harness = opened(dir.path());
-    // Tracks are read while nothing else is asked; then there is peace.
+    // Tracks are read while no other request is pending; after that the window is idle.
     let start = Instant::now();
     let mut quiet = 0;
     while quiet < 20 {
@@ -288,7 +288,7 @@ fn every_bundled_layout_draws_and_has_named_widgets() {
         let options = Options { request: request.clone(), layout: Some(layout), ..Options::default() };
         let mut harness = harness(options);
         wait_until(&mut harness, name, |harness| time_s(harness).is_some());
-        // The harness fails on a widget without a name.
+        // The harness fails for a widget without a name.
         harness.run_steps(3);
         let image = harness.render().unwrap_or_else(|error| panic!("{name}: {error}"));
         let first = *image.get_pixel(0, 0);

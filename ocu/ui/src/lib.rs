@@ -1,7 +1,7 @@
 //! Theme and widgets of the window.
 //!
-//! This crate depends only on egui and its icons. It knows colours, numbers and times, but neither messages nor robots; the views
-//! that show those are in `ocu-views`.
+//! This crate depends only on egui and its icons. It knows colours, numbers and times, but neither messages nor robots;
+//! the views that show those are in `ocu-views`.
 //!
 //! # Where to begin
 //!

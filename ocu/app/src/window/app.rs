@@ -1,4 +1,4 @@
-//! The frame around [`Window`]: eframe, and the choice of what draws.
+//! Runs [`Window`] in eframe, and selects the renderer.
 
 use super::body::{Options, Window};
 use crate::cli::{Renderer, WindowArgs};
@@ -8,13 +8,13 @@ use crate::open::Request;
 use anyhow::anyhow;
 use std::time::Instant;
 
-/// Opens the window and returns when it is closed.
+/// Opens the window; returns when it is closed.
 pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
     let started = Instant::now();
     let layout = args.layout.as_deref().map(Layout::named).transpose()?;
     let options = Options { request: Request::of(args), layout, data_dir: data_dir() };
     let renderer = args.renderer.unwrap_or_else(|| {
-        // Software Vulkan draws a full window five times slower than software OpenGL.
+        // Software Vulkan draws a full window five times more slowly than software OpenGL.
         if only_software_adapters() { Renderer::Glow } else { Renderer::Wgpu }
     });
     tracing::debug!("drawing with {renderer:?}");

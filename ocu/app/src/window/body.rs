@@ -1,4 +1,4 @@
-//! Everything inside the window's frame.
+//! The contents of the window.
 
 use super::keys::{self, Action};
 use super::layout_store::LayoutStore;
@@ -18,26 +18,26 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Progress of long work is shown this often.
+/// Repaint interval while the progress of a long operation is shown.
 const LOOK_AGAIN: Duration = Duration::from_millis(150);
 
-/// What a window starts with.
+/// Initial state of a window.
 #[derive(Debug, Default)]
 pub struct Options {
-    /// What to look at; nothing where it names nothing.
+    /// What to open; nothing if it is empty.
     pub request: Request,
-    /// Layout to start with; otherwise one that fits what is opened, as the person last arranged it.
+    /// Layout to start with; by default one that suits the source, as the user last arranged it.
     pub layout: Option<Layout>,
-    /// Where the arrangement and the recent recordings are kept; nowhere if `None`.
+    /// Folder for the arrangement and the list of recent recordings; `None` to store nothing.
     pub data_dir: Option<PathBuf>,
 }
 
-/// What is looked at.
+/// The source being shown.
 enum Shown {
     Nothing,
-    /// A source that plays.
+    /// A source that can be played.
     Live(Driver),
-    /// One moment, for a picture.
+    /// One fixed time, for an image.
     Still(Arc<Frame>),
 }
 
@@ -51,11 +51,11 @@ impl Shown {
     }
 }
 
-/// The window's contents and everything that they remember.
+/// The window's contents and their state.
 pub struct Window {
     ctx: egui::Context,
     shown: Shown,
-    /// What is open.
+    /// The request of the open source.
     current: Request,
     workspace: Option<Workspace>,
     buffers: Option<Box<dyn View>>,
@@ -67,12 +67,12 @@ pub struct Window {
     notices: Notices,
     help_open: bool,
     layout_store: LayoutStore,
-    /// Whether a person chose the layout; otherwise it goes with what is opened.
+    /// Whether the user chose the layout; otherwise it is selected to suit the source.
     is_layout_chosen: bool,
 }
 
 impl Window {
-    /// A window that starts opening what `options` names. `ocu_ui::install` must have been called on the context.
+    /// A window that starts to open the source in `options`. `ocu_ui::install` must have been called on the context.
     pub fn new(ctx: &egui::Context, options: Options) -> Self {
         let Options { request, layout, data_dir } = options;
         let mut window = Self {
@@ -100,7 +100,7 @@ impl Window {
         window
     }
 
-    /// A window that shows one moment and cannot play: what `ocu render` draws.
+    /// A window that shows one fixed time and cannot play, for `ocu render`.
     pub fn still(ctx: &egui::Context, request: &Request, frame: Arc<Frame>, layout: &Layout) -> Self {
         let mut window = Self::new(ctx, Options { layout: Some(layout.clone()), ..Options::default() });
         window.shown = Shown::Still(frame);
@@ -108,12 +108,12 @@ impl Window {
         window
     }
 
-    /// The moment that is shown.
+    /// The state of the source at the time being shown.
     pub fn frame(&self) -> Option<Arc<Frame>> {
         self.shown.frame()
     }
 
-    /// Shows a source that is open already, in place of what was shown.
+    /// Shows an open source in place of the previous one.
     fn show_source(&mut self, request: Request, source: Box<dyn Source>) {
         let ctx = self.ctx.clone();
         let driver = match Driver::spawn(source, move || ctx.request_repaint()) {
@@ -126,25 +126,25 @@ impl Window {
         let title = format!("{} – OCU", driver.frame().info.title);
         self.ctx.send_viewport_cmd(egui::ViewportCommand::Title(title));
         if driver.frame().info.kind == SourceKind::Stack {
-            // What runs on nothing but itself has nothing to be looked at until it runs.
+            // A stack has nothing to show until it runs.
             driver.send(Control::Play);
         }
         self.shown = Shown::Live(driver);
         self.current = request;
         self.timeline.forget();
         self.operating.forget();
-        // How fast a person drives is theirs, and stays.
+        // The speeds of manual driving are kept.
         self.selection = Selection { drive: self.selection.drive, ..Selection::default() };
     }
 
-    /// Writes the arrangement for the next start.
+    /// Stores the arrangement for the next start.
     pub fn keep_layout(&mut self) {
         if let Some(workspace) = &self.workspace {
             self.layout_store.keep(&workspace.layout(self.buffers_open), &mut self.notices);
         }
     }
 
-    /// Shows everything.
+    /// Paints the window.
     pub fn ui(&mut self, ui: &mut egui::Ui) {
         self.take_opened();
         self.take_dropped(ui);
@@ -179,7 +179,7 @@ impl Window {
 
         if let (Shown::Live(driver), Some(frame)) = (&self.shown, &frame) {
             self.operating.finish(ui, frame, &self.selection, &mut controls);
-            // Work that takes long shows its progress: look again while there is some, or when some may have begun.
+            // Repaint while the source works, or may have started to, to show the progress.
             if !controls.is_empty() || driver.busy().is_some() {
                 self.ctx.request_repaint_after(LOOK_AGAIN);
             }
@@ -265,7 +265,7 @@ impl Window {
             .show(ui.ctx(), keys::list);
     }
 
-    /// Takes over what has been opened since the last pass.
+    /// Shows a source that has been opened since the last pass.
     fn take_opened(&mut self) {
         match self.opener.poll() {
             Some(Outcome::Opened(request, source)) => self.show_source(request, source),
@@ -301,7 +301,7 @@ impl Window {
             match (action, frame) {
                 (Action::Open, _) => self.opener.ask(),
                 (Action::Help, _) => self.help_open = !self.help_open,
-                // The same keys drive while time runs.
+                // While time runs, the arrow keys drive.
                 (action, Some(frame)) if action.is_arrow() && Operating::drives(frame) => {}
                 (action, Some(frame)) => controls.extend(self.timeline.key(action, frame, &self.selection)),
                 (_, None) => {}
@@ -332,7 +332,7 @@ impl Window {
             TopBarAction::ToggleTheme => {
                 let dark = self.ctx.theme() == egui::Theme::Dark;
                 self.ctx.set_theme(if dark { egui::Theme::Light } else { egui::Theme::Dark });
-                // What has been laid out in this pass still has the old colours.
+                // This pass was laid out with the old colours.
                 self.ctx.request_repaint();
             }
             TopBarAction::Help => self.help_open = !self.help_open,
@@ -352,20 +352,20 @@ impl Window {
         }
     }
 
-    /// A stack that runs would take the time that opening the next one needs.
+    /// Pauses a running stack, which would slow down opening the next source.
     fn make_room(&self) -> Option<Control> {
         let is_stack = self.frame().is_some_and(|frame| frame.info.kind == SourceKind::Stack);
         is_stack.then_some(Control::Pause)
     }
 
-    /// Arranges the views as a person asked for.
+    /// Applies a layout chosen by the user.
     fn choose(&mut self, layout: &Layout) {
         self.keep_layout();
         self.is_layout_chosen = true;
         self.arrange(layout);
     }
 
-    /// Arranges the views for what is opened, as the person last had them for such a source.
+    /// Applies the layout that suits the source, as the user last arranged it.
     fn arrange_for(&mut self, frame: &Frame) {
         let fitting = Layout::for_content(frame);
         let stays =

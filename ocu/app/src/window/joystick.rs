@@ -1,6 +1,6 @@
-//! A joystick with a dead-man's button, through the kernel's own interface (`/dev/input/js*`): no library is needed.
+//! A joystick with a dead-man's button, read through the kernel interface (`/dev/input/js*`) without a library.
 //!
-//! While a shoulder button is held, the left stick drives. A stick that is unplugged lets go of everything.
+//! While a shoulder button is held, the left stick drives. Unplugging the joystick releases all controls.
 
 use ocu_views::operator::Hand;
 use std::fs::File;
@@ -8,22 +8,22 @@ use std::io::Read;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Devices that are looked for.
+/// Devices that are tried.
 const DEVICES: [&str; 4] = ["/dev/input/js0", "/dev/input/js1", "/dev/input/js2", "/dev/input/js3"];
-/// How often a stick is looked for that is not there.
+/// Interval between attempts to open a joystick.
 const LOOK_AGAIN: Duration = Duration::from_secs(3);
-/// A stick that rests is not quite in the middle.
+/// Deflections below this are ignored, because a released stick is not exactly centred.
 const DEAD_ZONE: f64 = 0.12;
-/// Steps of a full push: a stick that trembles asks for the same.
+/// Number of steps of a full deflection, so that a trembling stick gives a constant command.
 const STEPS: f64 = 20.0;
 
-/// The shoulder buttons of nearly every game pad.
+/// The shoulder buttons of most game pads.
 const DEAD_MAN: [u8; 2] = [4, 5];
-/// Axes of the left stick; both grow to the right and towards the person.
+/// Axes of the left stick; positive to the right and towards the user.
 const AXIS_X: u8 = 0;
 const AXIS_Y: u8 = 1;
 
-/// What a stick says.
+/// State of a joystick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Stick {
     x: f64,
@@ -32,11 +32,11 @@ struct Stick {
 }
 
 impl Stick {
-    /// Takes one event of the kernel's `struct js_event`: time (u32), value (i16), kind (u8), number (u8).
+    /// Processes one event of the kernel's `struct js_event`: time (u32), value (i16), kind (u8), number (u8).
     fn take(&mut self, event: [u8; 8]) {
         let [_, _, _, _, low, high, kind, number] = event;
         let value = i16::from_le_bytes([low, high]);
-        // The highest bit marks the state at the beginning, which counts like any other.
+        // The highest bit marks initial states, which are processed like any other.
         match kind & 0x7f {
             1 => {
                 if let Some(button) = DEAD_MAN.iter().position(|&button| button == number) {
@@ -67,12 +67,12 @@ impl Stick {
     }
 }
 
-/// A joystick, looked for and read on a thread of its own that waits for it.
+/// A joystick, found and read on a thread of its own.
 #[derive(Debug, Default)]
 pub(super) struct Joystick(Option<Arc<Mutex<Stick>>>);
 
 impl Joystick {
-    /// Begins to look for one, the first time.
+    /// Starts the thread on the first call.
     pub(super) fn start(&mut self, ctx: &egui::Context) {
         if self.0.is_some() {
             return;
@@ -81,7 +81,7 @@ impl Joystick {
         self.0 = Some(Arc::clone(&stick));
         let (ctx, theirs) = (ctx.clone(), Arc::downgrade(&stick));
         let spawned = std::thread::Builder::new().name("joystick".to_owned()).spawn(move || {
-            // The thread ends with the last one that looks at the stick.
+            // The thread ends when the last user of the joystick is dropped.
             while let Some(stick) = theirs.upgrade() {
                 if let Some(mut device) = DEVICES.iter().find_map(|path| File::open(path).ok()) {
                     read(&mut device, &stick, &ctx);
@@ -95,14 +95,14 @@ impl Joystick {
         }
     }
 
-    /// Where it pushes while its dead-man's button is held.
+    /// The deflection while the dead-man's button is held.
     pub(super) fn hand(&self) -> Hand {
         let Some(stick) = &self.0 else { return Hand::default() };
         stick.lock().unwrap_or_else(PoisonError::into_inner).hand()
     }
 }
 
-/// Reads until the stick is unplugged or nobody looks at it any more; then it pushes nowhere.
+/// Reads until the joystick is unplugged or no longer used; then the deflection is zero.
 fn read(device: &mut impl Read, stick: &Arc<Mutex<Stick>>, ctx: &egui::Context) {
     let mut event = [0; 8];
     while device.read_exact(&mut event).is_ok() && Arc::strong_count(stick) > 1 {

@@ -1,20 +1,20 @@
-//! Keys, and the list of them.
+//! Keyboard shortcuts, and their list.
 
 use egui::{Key, Modifiers};
 
-/// What a key asks for.
+/// Action of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
     PlayPause,
-    /// By what the timeline is set to.
+    /// Step by the unit selected in the timeline.
     Step {
         back: bool,
     },
-    /// By a cycle of the process that is selected, or of any.
+    /// Step by a cycle of the selected process, or of any.
     StepCycle {
         back: bool,
     },
-    /// By a second.
+    /// Step by a second.
     StepSecond {
         back: bool,
     },
@@ -26,20 +26,20 @@ pub(super) enum Action {
 }
 
 impl Action {
-    /// Whether an arrow key asks for it.
+    /// Whether the action belongs to an arrow key.
     pub(super) fn is_arrow(self) -> bool {
         matches!(self, Self::Step { .. } | Self::StepCycle { .. })
     }
 }
 
-/// Keys that act while they are held, or in other places, with what they do.
+/// Keys that act while they are held, or elsewhere, with descriptions.
 const OTHERS: &[(&str, &str)] = &[
     ("W A S D ↑ ← ↓ →", "drive, while time runs and the stack can be driven by hand"),
     ("shift", "drive slowly"),
     ("esc", "emergency stop"),
 ];
 
-/// Every key that is pressed once, with what it does: the one list of them.
+/// All keys that act when pressed, with descriptions and actions.
 pub(super) const KEYS: &[(Modifiers, Key, &str, &str, Action)] = &[
     (Modifiers::NONE, Key::Space, "space", "play or pause", Action::PlayPause),
     (Modifiers::NONE, Key::ArrowRight, "→", "step forward", Action::Step { back: false }),
@@ -68,7 +68,7 @@ pub(super) const KEYS: &[(Modifiers, Key, &str, &str, Action)] = &[
     (Modifiers::NONE, Key::Questionmark, "?", "list the keys", Action::Help),
 ];
 
-/// What was pressed in this pass, while no text is being typed.
+/// Actions of the keys pressed in this pass; none while text is being typed.
 pub(super) fn pressed(ui: &egui::Ui) -> Vec<Action> {
     if ui.ctx().egui_wants_keyboard_input() {
         return Vec::new();
@@ -77,8 +77,8 @@ pub(super) fn pressed(ui: &egui::Ui) -> Vec<Action> {
     ui.input_mut(|input| {
         input.events.retain(|event| {
             let egui::Event::Key { key, pressed: true, modifiers, .. } = event else { return true };
-            // The modifiers of this very event: where passes are slow, they have been let go by the end of one. And
-            // exactly these: a plain arrow is not a shifted one.
+            // The modifiers of this event are used, because with slow passes they may have been released by the end of
+            // the pass. They must match exactly, so that a shifted arrow is not a plain one.
             let entry = KEYS.iter().find(|(wanted, k, ..)| k == key && modifiers.matches_exact(*wanted));
             actions.extend(entry.map(|&(.., action)| action));
             entry.is_none()

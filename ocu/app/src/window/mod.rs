@@ -1,6 +1,7 @@
 //! The window: top bar, buffers, views in tiles, timeline.
 //!
-//! [`Window`] is everything but the frame around it, so that tests and `ocu render` show the very same.
+//! [`Window`] contains everything except the system's window frame, so that tests and `ocu render` draw the same
+//! contents.
 
 mod app;
 mod body;

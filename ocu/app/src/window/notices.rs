@@ -1,20 +1,20 @@
-//! What went wrong, said where it cannot be missed, until it is dismissed.
+//! Error messages, shown at the top of the window until they are dismissed.
 
 use ocu_ui::{icons, tokens, widgets};
 
-/// Notices are kept to the newest few.
+/// Maximum number of messages; older ones are dropped.
 const MOST: usize = 4;
 
-/// Everything that is to be said now.
+/// The current messages.
 #[derive(Debug, Default)]
 pub(super) struct Notices {
     texts: Vec<String>,
-    /// The source's own error that was dismissed; it is shown again when it changes.
+    /// The source's error that was dismissed; it is shown again when it changes.
     dismissed: Option<String>,
 }
 
 impl Notices {
-    /// Says that something could not be done; the same thing once.
+    /// Adds an error, unless the same one is already shown.
     pub(super) fn error(&mut self, text: impl Into<String>) {
         let text = text.into();
         self.texts.retain(|known| *known != text);
@@ -23,7 +23,7 @@ impl Notices {
         self.texts.drain(..surplus);
     }
 
-    /// Shows a line for each notice, and for the source's own error.
+    /// Paints a line for each message, and for the source's own error.
     pub(super) fn ui(&mut self, ui: &mut egui::Ui, source_error: Option<&str>) {
         let mut closed = None;
         for (index, text) in self.texts.iter().enumerate() {
@@ -51,7 +51,7 @@ impl Notices {
     }
 }
 
-/// One line; `true` when it was dismissed.
+/// One line; returns whether it was dismissed.
 fn line(ui: &mut egui::Ui, text: &str) -> bool {
     let error = tokens(ui).error;
     ui.horizontal(|ui| {

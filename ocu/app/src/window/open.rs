@@ -1,4 +1,4 @@
-//! Opening a source off the window's thread, and asking which.
+//! Opens sources in the background, and asks the user which one.
 
 use crate::layout::write_whole;
 use crate::open::Request;
@@ -11,21 +11,21 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Recordings that are remembered.
+/// Number of recent recordings that are remembered.
 const MOST_RECENT: usize = 10;
-/// A file dialog that closes sooner was not one that a person saw.
+/// A file dialog that closes sooner than this was not shown to the user.
 const SEEN: Duration = Duration::from_millis(400);
 
-/// What the opening thread sends.
+/// Result sent by the opening thread.
 type Opened = anyhow::Result<Box<dyn Source>>;
 
-/// What came of opening.
+/// Result of opening.
 pub(super) enum Outcome {
     Opened(Request, Box<dyn Source>),
     Failed(String),
 }
 
-/// Opens sources, and asks which.
+/// Opens sources in the background, and shows the dialog.
 pub(super) struct Opener {
     ctx: egui::Context,
     pending: Option<(Request, Receiver<Opened>)>,
@@ -47,14 +47,14 @@ impl Opener {
         Self { ctx: ctx.clone(), pending: None, browsing: None, recent, dialog: None }
     }
 
-    /// Starts opening; what was being opened before is forgotten.
+    /// Starts to open a source; a previous request is dropped.
     pub(super) fn open(&mut self, request: Request) {
         let (sender, receiver) = channel();
         let (ctx, what) = (self.ctx.clone(), request.clone());
         let spawned = thread::Builder::new().name("open".to_owned()).spawn(move || {
             let opened = guarded(|| what.open());
             let opened = opened.unwrap_or_else(|said| Err(anyhow::anyhow!("it cannot be opened: {said}")));
-            // Nobody listens any more if another request came first.
+            // Fails if the request has been dropped.
             let _ = sender.send(opened);
             ctx.request_repaint();
         });
@@ -64,12 +64,12 @@ impl Opener {
         self.pending = Some((request, receiver));
     }
 
-    /// What is being opened.
+    /// Title of the source being opened.
     pub(super) fn opening(&self) -> Option<String> {
         self.pending.as_ref().map(|(request, _)| request.title())
     }
 
-    /// What came of it since the last call.
+    /// The result since the last call, if any.
     pub(super) fn poll(&mut self) -> Option<Outcome> {
         let result = self.pending.as_ref()?.1.try_recv();
         if matches!(result, Err(std::sync::mpsc::TryRecvError::Empty)) {
@@ -88,17 +88,18 @@ impl Opener {
         })
     }
 
-    /// Shows the dialog.
+    /// Opens the dialog.
     pub(super) fn ask(&mut self) {
         self.dialog = Some(Dialog { path: String::new(), hint: None, fresh: true });
     }
 
-    /// Recordings that were opened before, the newest first.
+    /// Recently opened recordings, the newest first.
     pub(super) fn recent(&self) -> &[PathBuf] {
         &self.recent.paths
     }
 
-    /// The dialog, while it is open: a path, recent recordings, and the desktop's own dialog. Gives the chosen path.
+    /// Paints the dialog while it is open: a path, recent recordings, and a button for the system's file dialog.
+    /// Returns the chosen path.
     pub(super) fn ui(&mut self, ui: &egui::Ui) -> Option<PathBuf> {
         if let Some(chosen) = self.poll_browser() {
             self.dialog = None;
@@ -153,7 +154,7 @@ impl Opener {
         chosen
     }
 
-    /// Asks the desktop's own dialog, on a thread of its own: it blocks.
+    /// Opens the system's file dialog on a thread of its own, because it blocks.
     fn browse(&mut self) {
         let (sender, receiver) = channel();
         let ctx = self.ctx.clone();
@@ -185,7 +186,7 @@ impl Opener {
     }
 }
 
-/// A recent recording as a flat button: its name, its folder weakly.
+/// A button for a recent recording, with its name and, less prominent, its folder.
 pub(super) fn recent_button(ui: &mut egui::Ui, path: &Path) -> egui::Response {
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
     let folder = path.parent().map(|folder| folder.display().to_string()).unwrap_or_default();
@@ -198,7 +199,7 @@ pub(super) fn recent_button(ui: &mut egui::Ui, path: &Path) -> egui::Response {
     response.on_hover_text(path.display().to_string())
 }
 
-/// What was opened before, kept in a file.
+/// The list of recent recordings, stored in a file.
 #[derive(Debug, Default)]
 struct Recent {
     file: Option<PathBuf>,
@@ -219,7 +220,7 @@ impl Recent {
         self.paths.insert(0, path);
         self.paths.truncate(MOST_RECENT);
         let mut text: Vec<String> = self.paths.iter().map(|path| path.display().to_string()).collect();
-        // The last line ends, too.
+        // Adds a newline at the end.
         text.push(String::new());
         if let Some(file) = &self.file
             && let Err(error) = write_whole(file, &text.join("\n"))
@@ -229,7 +230,7 @@ impl Recent {
     }
 }
 
-/// The hint of an empty window.
+/// Contents of an empty window.
 pub(super) fn invitation(ui: &mut egui::Ui, recent: &[PathBuf]) -> Option<Invited> {
     let mut invited = None;
     let tokens = tokens(ui);
@@ -261,13 +262,13 @@ pub(super) fn invitation(ui: &mut egui::Ui, recent: &[PathBuf]) -> Option<Invite
     invited
 }
 
-/// What a person chose in an empty window.
+/// What the user chose in an empty window.
 pub(super) enum Invited {
     Ask,
     Open(Request),
 }
 
-/// While a recording is opened and nothing else is there.
+/// Shown while a source is being opened and none is open.
 pub(super) fn waiting(ui: &mut egui::Ui, title: &str) {
     widgets::empty(
         ui,

@@ -1,4 +1,4 @@
-//! Driving by hand and the emergency stop: keys and stick come in, controls for the source go out.
+//! Manual driving and the emergency stop: converts keys and joystick to controls for the source.
 
 use super::joystick::Joystick;
 use egui::Key;
@@ -7,33 +7,33 @@ use ocu_views::operator::{self, Hand, Inputs};
 use rcs_runtime::source::{Control, Frame, Held};
 use std::time::{Duration, Instant};
 
-/// What is held is said anew this often.
+/// Interval at which a held command is repeated.
 const RENEW: Duration = Duration::from_millis(100);
-/// An emergency stop that is not confirmed is sent again this often.
+/// Interval at which an unconfirmed emergency stop is sent again.
 const RESEND: Duration = Duration::from_millis(500);
-/// Longer than this, a confirmation that has not come is an alarm.
+/// After this time, a missing confirmation is shown as an alarm.
 const LATE: Duration = Duration::from_secs(1);
 
-/// How the emergency stop stands, by what was asked and by what the vehicle says.
+/// State of the emergency stop, from the user's request and the vehicle's status.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum StopState {
-    /// There is nothing to stop.
+    /// No process has an emergency stop.
     #[default]
     None,
     /// The vehicle may move.
     Clear,
-    /// The vehicle is stopped, as it says itself.
+    /// The vehicle reports that it is stopped.
     Stopped,
-    /// It was asked to stop (or to go on), and has not said so yet.
+    /// The stop (or its release) was requested, and the vehicle has not confirmed it yet.
     Asked {
-        /// To stop.
+        /// Whether a stop was requested, rather than a release.
         active: bool,
-        /// For longer than it should take.
+        /// Whether the confirmation is overdue.
         late: bool,
     },
 }
 
-/// What a person asked for that the vehicle has not confirmed.
+/// A request that the vehicle has not confirmed.
 #[derive(Debug)]
 struct Asked {
     active: bool,
@@ -41,27 +41,27 @@ struct Asked {
     sent: Instant,
 }
 
-/// A person's hands on a robot.
+/// State of manual operation.
 #[derive(Debug, Default)]
 pub(super) struct Operating {
-    /// What is being held now, and what it asks for.
+    /// The command being held, and the deflection from which it was made.
     held: Option<([f64; 2], Held)>,
     asked: Option<Asked>,
     joystick: Joystick,
 }
 
 impl Operating {
-    /// Whether hands drive something now: a stack that waits for them runs.
+    /// Whether manual driving is possible now: a stack that expects commands of an operator is running.
     pub(super) fn drives(frame: &Frame) -> bool {
         frame.playback.playing && Inputs::of(frame).teleop.is_some()
     }
 
-    /// Another source is shown: nothing of it is held, and nothing was asked of it.
+    /// Resets the state for another source.
     pub(super) fn forget(&mut self) {
         (self.held, self.asked) = (None, None);
     }
 
-    /// Where keys and stick push. Escape stops.
+    /// The deflection from keys and joystick. Escape requests an emergency stop.
     pub(super) fn take_keys(&mut self, ui: &egui::Ui, frame: &Frame, controls: &mut Vec<Control>) -> Hand {
         let inputs = Inputs::of(frame);
         if inputs.emergency_stop.is_some() && ui.input(|input| input.key_pressed(Key::Escape)) {
@@ -74,7 +74,7 @@ impl Operating {
         keys(ui).with(self.joystick.hand())
     }
 
-    /// Asks for an emergency stop, or to let the vehicle go again.
+    /// Requests an emergency stop, or its release.
     pub(super) fn emergency_stop(&mut self, frame: &Frame, active: bool, controls: &mut Vec<Control>) {
         let now = Instant::now();
         let since = match &self.asked {
@@ -85,7 +85,7 @@ impl Operating {
         send(frame, active, controls);
     }
 
-    /// How the emergency stop stands.
+    /// State of the emergency stop.
     pub(super) fn stop_state(&self, frame: &Frame) -> StopState {
         if Inputs::of(frame).emergency_stop.is_none() {
             return StopState::None;
@@ -100,7 +100,7 @@ impl Operating {
         }
     }
 
-    /// After a pass: drives by where the hands push, and sends a stop again that has not been confirmed.
+    /// Called after each pass: sends the drive command for the deflection, and repeats an unconfirmed stop.
     pub(super) fn finish(
         &mut self,
         ui: &egui::Ui,
@@ -137,7 +137,7 @@ impl Operating {
     }
 }
 
-/// What the vehicle says of its emergency stop; `None` while it has said nothing.
+/// The emergency stop as reported by the vehicle; `None` without a report.
 fn confirmed(frame: &Frame) -> Option<bool> {
     operator::vehicle(frame).map(|(_, status)| status.emergency_stopped)
 }
@@ -149,7 +149,7 @@ fn send(frame: &Frame, active: bool, controls: &mut Vec<Control>) {
     }
 }
 
-/// Where the keys push that are held: letters unless text is being typed, arrows unless they move between widgets.
+/// The deflection from held keys: letters unless text is being typed, arrows unless they move the keyboard focus.
 fn keys(ui: &egui::Ui) -> Hand {
     let letters = !ui.ctx().text_edit_focused();
     let arrows = !ui.ctx().egui_wants_keyboard_input();

@@ -1,16 +1,17 @@
-//! Time against the width of the timeline's bar. A time in which a recording has nothing is a narrow gap, however long.
+//! Mapping between time and the width of the timeline's bar. Periods without messages are shown as narrow gaps,
+//! whatever their duration.
 
 use egui::{Align2, FontId, Rect, Stroke};
 use ocu_ui::{format, stale};
 use rcs_log::Gap;
 use rcs_msg::Stamp;
 
-/// Width of a gap, as a part of the bar; less where there are many.
+/// Width of a gap as a share of the bar; less if there are many gaps.
 const GAP_PART: f64 = 0.03;
-/// What all gaps have of the bar together, at most.
+/// Maximum share of the bar for all gaps together.
 const GAPS_PART: f64 = 0.4;
 
-/// A stretch of time and the part of the bar that it has.
+/// A period of time and its share of the bar.
 #[derive(Clone, Copy, Debug)]
 struct Stretch {
     from: Stamp,
@@ -20,11 +21,11 @@ struct Stretch {
     is_gap: bool,
 }
 
-/// Time against the bar's width.
+/// Mapping between time and the width of the bar.
 pub(super) struct Scale {
     rect: Rect,
     start: Stamp,
-    /// Ascending, without holes; at least one.
+    /// Periods in ascending order without holes; at least one.
     stretches: Vec<Stretch>,
 }
 
@@ -50,7 +51,7 @@ impl Scale {
         Self { rect, start, stretches }
     }
 
-    /// Where the scale begins on the screen.
+    /// Left end on the screen.
     pub(super) fn left(&self) -> f32 {
         self.rect.left()
     }
@@ -67,7 +68,7 @@ impl Scale {
         let place = f64::from(((x - self.rect.left()) / self.rect.width().max(1.0)).clamp(0.0, 1.0));
         let index = self.stretches.partition_point(|stretch| stretch.at[1] < place);
         let Stretch { from, to, at, is_gap } = self.stretches[index.min(self.stretches.len() - 1)];
-        // Within a gap there is nothing to go to but its end.
+        // A gap contains no messages, so any position in it selects its end.
         if is_gap {
             return to;
         }
@@ -75,7 +76,7 @@ impl Scale {
         from.after_ns((part * (to.0 - from.0) as f64).round() as u64)
     }
 
-    /// The time under the pointer, beside a line.
+    /// Paints the time under the pointer next to a line.
     pub(super) fn paint_pointer(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens, x: f32, to: Stamp) {
         painter.vline(x, self.rect.y_range(), Stroke::new(1.0, tokens.weak));
         let text = format::elapsed(to.seconds_since(self.start));
@@ -87,7 +88,7 @@ impl Scale {
         painter.galley(at, galley, tokens.strong);
     }
 
-    /// What has not happened yet.
+    /// Paints the part of the bar that lies in the future.
     pub(super) fn paint_unknown(
         &self,
         painter: &egui::Painter,
@@ -99,7 +100,7 @@ impl Scale {
         painter.rect_filled(rest, 0.0, tokens.surface[2].gamma_multiply(0.6));
     }
 
-    /// The gaps, with their lengths where there is room.
+    /// Paints the gaps, with their durations where there is room.
     pub(super) fn paint_gaps(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens, bar: Rect) {
         for gap in self.stretches.iter().filter(|stretch| stretch.is_gap) {
             let [left, right] = gap.at.map(|part| self.rect.left() + self.rect.width() * part as f32);
@@ -154,7 +155,7 @@ fn tick_step_s(duration_s: f64, most: f32) -> f64 {
         .unwrap_or_else(|| (least / 86_400.0).ceil() * 86_400.0)
 }
 
-/// Minutes and seconds, hours where there are some, and as many decimals as the steps need.
+/// Minutes and seconds, hours if there are any, and as many decimals as the step needs.
 fn tick_text(time_s: f64, step_s: f64) -> String {
     let whole = time_s.floor() as u64;
     let decimals = if step_s < 0.01 {

@@ -1,4 +1,4 @@
-//! The bottom of the window: where time stands, and how it goes on.
+//! The timeline at the bottom of the window: the current time, and playback controls.
 
 use super::keys::Action;
 use super::scale::Scale;
@@ -9,18 +9,18 @@ use ocu_views::Selection;
 use rcs_msg::Stamp;
 use rcs_runtime::source::{Control, Frame, Step};
 
-/// Speeds that can be chosen.
+/// Selectable playback speeds.
 const SPEEDS: [f64; 10] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, f64::INFINITY];
-/// Height of the bar that is dragged.
+/// Height of the bar.
 const BAR: f32 = 28.0;
 const SECOND_NS: i64 = 1_000_000_000;
 
-/// What one step is.
+/// Unit of a step.
 #[derive(Clone, Debug, PartialEq)]
 enum Unit {
-    /// A message of that topic, or of any.
+    /// A message of this topic, or of any.
     Message(Option<String>),
-    /// A cycle of that process, or of any.
+    /// A cycle of this process, or of any.
     Cycle(Option<String>),
     /// A time in milliseconds.
     Time(i64),
@@ -47,12 +47,12 @@ impl Unit {
     }
 }
 
-/// The timeline's own state.
+/// State of the timeline.
 pub(super) struct Timeline {
     unit: Unit,
-    /// The last place that a drag asked for, so that a pointer that rests asks once.
+    /// The last time requested by dragging, so that a resting pointer sends one request.
     asked: Option<Stamp>,
-    /// How far a source without an end has come.
+    /// The latest time reached by a source without an end.
     furthest: Stamp,
 }
 
@@ -63,12 +63,12 @@ impl Default for Timeline {
 }
 
 impl Timeline {
-    /// Another source is shown.
+    /// Resets the state for another source.
     pub(super) fn forget(&mut self) {
         (self.asked, self.furthest) = (None, Stamp(0));
     }
 
-    /// What a key asks of the source.
+    /// The control for a key's action.
     pub(super) fn key(&self, action: Action, frame: &Frame, selection: &Selection) -> Option<Control> {
         let playback = &frame.playback;
         Some(match action {
@@ -92,7 +92,7 @@ impl Timeline {
         })
     }
 
-    /// Shows the timeline.
+    /// Paints the timeline.
     pub(super) fn ui(&mut self, ui: &mut egui::Ui, frame: &Frame, controls: &mut Vec<Control>) {
         ui.horizontal(|ui| {
             self.transport(ui, frame, controls);
@@ -167,7 +167,7 @@ impl Timeline {
             ui.separator();
             ui.label(egui::RichText::new("A message of").small().color(tokens(ui).weak));
             let mut last = "";
-            // A topic that was recorded and is made now has one name, and stands here once.
+            // A topic that is both recorded and computed is listed once.
             for topic in frame.topics.iter().filter(|topic| topic.messages > 0) {
                 if *topic.name != *last {
                     choice(ui, Unit::Message(Some(topic.name.to_string())));
@@ -179,7 +179,7 @@ impl Timeline {
         combo.response.on_hover_text("What a step is (arrow keys; with shift, a cycle)");
     }
 
-    /// The bar: click or drag to go there.
+    /// The bar: click or drag to go to a time.
     fn bar(&mut self, ui: &mut egui::Ui, frame: &Frame, controls: &mut Vec<Control>) {
         let tokens = tokens(ui);
         let size = egui::vec2(ui.available_width(), BAR);
@@ -192,7 +192,7 @@ impl Timeline {
         let painter = ui.painter_at(rect);
         painter.rect_filled(rect, 2.0, tokens.canvas());
         self.furthest = self.furthest.max(frame.now);
-        // A source without an end has whole minutes ahead of it.
+        // For a source without an end, the bar ends at a whole minute ahead.
         let end = frame.info.end.unwrap_or_else(|| {
             let minutes = (self.furthest.seconds_since(frame.info.start) / 60.0).floor() as u64 + 1;
             frame.info.start.after_ns(minutes * 60_000_000_000)
@@ -216,7 +216,7 @@ impl Timeline {
             return;
         };
         let to = scale.stamp(pointer.x);
-        // The last move and the release may come in one pass; where passes are slow, the whole drag may.
+        // The last move and the release may fall into one pass, and with slow passes so may the whole drag.
         let is_drag = response.dragged() || response.drag_stopped() || pressed_and_released_in(ui, rect);
         if response.clicked() || is_drag {
             if self.asked != Some(to) {
@@ -244,7 +244,7 @@ fn pressed_and_released_in(ui: &egui::Ui, rect: Rect) -> bool {
     })
 }
 
-/// The moment, since the start and absolute.
+/// The current time, since the start and absolute.
 fn clock(ui: &mut egui::Ui, frame: &Frame) {
     let tokens = tokens(ui);
     let now =
@@ -259,7 +259,7 @@ fn clock(ui: &mut egui::Ui, frame: &Frame) {
     ui.label(absolute).on_hover_text(format!("{} ns", frame.now.0));
 }
 
-/// How playing goes: its measured speed, and how far it is behind the clock where it is.
+/// State of playback: its measured speed, and how far it lags behind the clock.
 fn state(ui: &mut egui::Ui, frame: &Frame) {
     let tokens = tokens(ui);
     let playback = &frame.playback;

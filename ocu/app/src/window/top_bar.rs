@@ -1,4 +1,4 @@
-//! The top of the window: what is open, how it is, and what can be done with it.
+//! The bar at the top of the window: the open source, its state, and actions.
 
 use super::open::recent_button;
 use super::operate::StopState;
@@ -16,7 +16,7 @@ use std::path::PathBuf;
 /// What the bar shows.
 pub(super) struct State<'a> {
     pub(super) frame: Option<&'a Frame>,
-    /// How far long work is, 0 to 1.
+    /// Progress of a long operation, 0 to 1.
     pub(super) busy: Option<f64>,
     pub(super) current: &'a Request,
     pub(super) opening: Option<String>,
@@ -26,18 +26,18 @@ pub(super) struct State<'a> {
     pub(super) stop: StopState,
 }
 
-/// What a person wants done.
+/// An action requested by the user.
 pub(super) enum TopBarAction {
     Ask,
     Open(Request),
-    /// What is open, from its beginning.
+    /// Restart the source.
     Restart,
-    /// Stop the vehicle (or let it go again).
+    /// Set or release the emergency stop.
     EmergencyStop(bool),
     Cancel,
-    /// Look at another run of what runs.
+    /// Show another run of the stack.
     SwitchRun(RunId),
-    /// Take the last write back.
+    /// Undo the last write.
     Undo,
     ToggleBuffers,
     ToggleTheme,
@@ -47,11 +47,11 @@ pub(super) enum TopBarAction {
     FittingLayout,
 }
 
-/// Shows the bar.
+/// Paints the bar.
 pub(super) fn ui(ui: &mut egui::Ui, state: &State<'_>) -> Vec<TopBarAction> {
     let mut actions = Vec::new();
     ui.horizontal(|ui| {
-        // The right side first: it keeps its place, and a long title is cut.
+        // The right side is laid out first, so that it keeps its place and a long title is truncated.
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             right(ui, state, &mut actions);
             ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
@@ -99,7 +99,7 @@ fn right(ui: &mut egui::Ui, state: &State<'_>, actions: &mut Vec<TopBarAction>) 
     });
 }
 
-/// The emergency stop: one action stops, another one lets the vehicle go again, and the vehicle confirms both.
+/// The emergency stop button: one click sets it, another one releases it, and the vehicle confirms both.
 fn stop(ui: &mut egui::Ui, state: StopState, actions: &mut Vec<TopBarAction>) {
     let tokens = tokens(ui);
     let (text, action) = match state {
@@ -136,7 +136,7 @@ fn stop(ui: &mut egui::Ui, state: StopState, actions: &mut Vec<TopBarAction>) {
     ui.separator();
 }
 
-/// Which course a simulation runs and with which seed, and starting it anew.
+/// Course and seed of a simulation, and a button to restart it.
 fn course_menu(ui: &mut egui::Ui, frame: &Frame, current: &Request, actions: &mut Vec<TopBarAction>) {
     if frame.info.kind != SourceKind::Stack {
         return;
@@ -219,7 +219,7 @@ fn left(ui: &mut egui::Ui, state: &State<'_>, actions: &mut Vec<TopBarAction>) {
     }
 }
 
-/// The runs of what runs, once there are several, and taking back what was written last.
+/// Menu of the runs, if there are several, and undo of the last write.
 fn runs_menu(ui: &mut egui::Ui, frame: &Frame, actions: &mut Vec<TopBarAction>) {
     let (runs, current) = (&frame.runs.all, frame.runs.current());
     if runs.iter().all(|run| run.writes == 0) {
@@ -250,7 +250,7 @@ fn runs_menu(ui: &mut egui::Ui, frame: &Frame, actions: &mut Vec<TopBarAction>) 
     );
 }
 
-/// Which stack runs on the recording; without one, which of those that need none.
+/// Menu of the stacks that can run on the recording, or, without one, of those that need none.
 fn stack_menu(ui: &mut egui::Ui, frame: Option<&Frame>, current: &Request, actions: &mut Vec<TopBarAction>) {
     let name = current.stack.as_deref().unwrap_or("no stack");
     let name = std::path::Path::new(name).file_name().map_or(name.into(), |name| name.to_string_lossy());
@@ -317,7 +317,7 @@ fn source(ui: &mut egui::Ui, frame: &Frame, busy: Option<f64>, actions: &mut Vec
         });
     }
     run_state(ui, frame);
-    // While time runs there is always work, and the timeline says how it goes.
+    // While time runs the source is always busy, and the timeline shows its state.
     if let Some(fraction) = busy.filter(|_| !frame.playback.playing) {
         let bar = egui::ProgressBar::new(fraction as f32).desired_width(120.0).desired_height(14.0);
         ui.add(bar.text(egui::RichText::new(format!("{:.0} %", fraction * 100.0)).small()));
@@ -329,7 +329,7 @@ fn source(ui: &mut egui::Ui, frame: &Frame, busy: Option<f64>, actions: &mut Vec
     ui.add(title).on_hover_text(&info.detail);
 }
 
-/// How the processes are, in one word.
+/// The state of the processes in one word.
 fn run_state(ui: &mut egui::Ui, frame: &Frame) {
     if frame.processes.is_empty() {
         return;

@@ -1,4 +1,4 @@
-//! The middle of the window: views in tiles and tabs that a person arranges.
+//! The views in the middle of the window, in tiles and tabs that the user arranges.
 
 use crate::layout::{Layout, Node, VERSION};
 use egui_tiles::{Container, Linear, LinearDir, Tabs, Tile, TileId, Tiles, Tree};
@@ -11,14 +11,14 @@ struct Pane {
     view: Box<dyn View>,
 }
 
-/// The tiles and what lies in them.
+/// The tiles and their views.
 pub(super) struct Workspace {
     tree: Tree<Pane>,
     name: String,
 }
 
 impl Workspace {
-    /// Makes the views of a layout.
+    /// Creates the views of a layout.
     pub(super) fn new(layout: &Layout) -> Self {
         let mut tiles = Tiles::default();
         let root = insert(&mut tiles, &layout.root);
@@ -29,7 +29,7 @@ impl Workspace {
         Self { tree, name: layout.name.clone() }
     }
 
-    /// The layout as it stands now.
+    /// The current arrangement as a layout.
     pub(super) fn layout(&self, buffers: bool) -> Layout {
         let root = self.tree.root().and_then(|root| extract(&self.tree.tiles, root));
         Layout {
@@ -40,7 +40,7 @@ impl Workspace {
         }
     }
 
-    /// Name of the layout that it was made from.
+    /// Name of the layout from which it was made.
     pub(super) fn name(&self) -> &str {
         &self.name
     }
@@ -50,7 +50,7 @@ impl Workspace {
         !self.tree.tiles.tiles().any(|tile| matches!(tile, Tile::Pane(_)))
     }
 
-    /// Opens another view, at the right of all others.
+    /// Adds a view at the right of all others.
     pub(super) fn add(&mut self, view_type: &'static ViewType) {
         let pane = self.tree.tiles.insert_pane(Pane { view_type, view: (view_type.make)() });
         let added = self.tree.tiles.insert_tab_tile(vec![pane]);
@@ -69,13 +69,13 @@ impl Workspace {
         self.tree.move_tile_to_container(added, row, usize::MAX, false);
     }
 
-    /// Whether `added` holds the only pane.
+    /// Whether `added` is the only pane.
     fn is_alone(&self, added: TileId) -> bool {
         let panes = self.tree.tiles.tiles().filter(|tile| matches!(tile, Tile::Pane(_))).count();
         panes <= 1 || self.tree.root() == Some(added)
     }
 
-    /// Shows all views.
+    /// Paints all views.
     pub(super) fn ui(&mut self, ui: &mut egui::Ui, cx: &mut ViewContext<'_>) {
         let mut behavior = Behavior { cx, add: None };
         self.tree.ui(&mut behavior, ui);
@@ -89,7 +89,7 @@ impl Workspace {
     }
 }
 
-/// A menu with every kind of view; gives the one that was chosen.
+/// A menu of all kinds of views; returns the chosen one.
 pub(super) fn view_menu(ui: &mut egui::Ui) -> Option<&'static ViewType> {
     let mut chosen = None;
     for view_type in ocu_views::all() {
@@ -104,7 +104,7 @@ pub(super) fn view_menu(ui: &mut egui::Ui) -> Option<&'static ViewType> {
 
 struct Behavior<'a, 'b> {
     cx: &'a mut ViewContext<'b>,
-    /// A view to add, and the tabs to add it to.
+    /// A view to add, and the tabs to which it is added.
     add: Option<(TileId, &'static ViewType)>,
 }
 
@@ -170,12 +170,12 @@ impl egui_tiles::Behavior<Pane> for Behavior<'_, '_> {
     }
 }
 
-/// Identity of the tiles: there is one workspace in a window.
+/// Identity of the tiles; there is one workspace per window.
 fn id() -> egui::Id {
     egui::Id::unique("workspace")
 }
 
-/// Puts a node's views into tiles; `None` for a container without any.
+/// Adds the views of a node as tiles; `None` for a container without views.
 fn insert(tiles: &mut Tiles<Pane>, node: &Node) -> Option<TileId> {
     let linear = |tiles: &mut Tiles<Pane>, dir: LinearDir, parts: &[(f32, Node)]| {
         let parts: Vec<(f32, TileId)> =
@@ -203,7 +203,7 @@ fn insert(tiles: &mut Tiles<Pane>, node: &Node) -> Option<TileId> {
             (!tabs.children.is_empty()).then(|| tiles.insert_container(tabs))
         }
         Node::View { kind, state } => {
-            // A layout that was read has been checked; the kind is known and the state fits.
+            // The layout has been checked before, so the kind is known and the state is valid.
             let view_type = view_type(kind)?;
             let mut view = (view_type.make)();
             if let Err(error) = view.load(state)
@@ -217,7 +217,7 @@ fn insert(tiles: &mut Tiles<Pane>, node: &Node) -> Option<TileId> {
     }
 }
 
-/// What a layout keeps of a tile; `None` for a container without views.
+/// The layout node of a tile; `None` for a container without views.
 fn extract(tiles: &Tiles<Pane>, id: TileId) -> Option<Node> {
     let container = match tiles.get(id)? {
         Tile::Pane(pane) => {
