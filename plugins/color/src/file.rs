@@ -11,6 +11,7 @@ pub enum FileError {
     /// The text is not JSON of `rcs.ColorModels`.
     #[error(transparent)]
     Json(#[from] rcs_msg::JsonError),
+    /// A histogram is invalid.
     #[error(
         "model {name:?} has {got} counts of {red_bins}x{green_bins} bins, expected {BINS}x{BINS} of them, not negative, and not all 0"
     )]

@@ -11,12 +11,12 @@
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
-//! | `map` | in, optional | `foxglove.Grid` | world model, local frame: its obstacles stop learning |
+//! | `map` | in, optional | `foxglove.Grid` | world model, local frame: obstacles in the ground sample prevent learning |
 //! | `probability` | out | `foxglove.RawImage` | cost 250(1 - P) of the 128x96 image, 255 unclassified |
 //! | `sample` | out | `foxglove.ImageAnnotations` | outline of the ground sample, pixels of the image |
 //! | `cost` | out | `foxglove.Grid` | cost of 201x201 cells of 0.2 m around the vehicle, local frame |
 //! | `cost_wide` | out | `foxglove.Grid` | cost of 201x201 cells of 0.6 m around the vehicle, local frame |
-//! | `models` | out | `rcs.ColorModels` | the models, once a second and when there is a new one |
+//! | `models` | out | `rcs.ColorModels` | the models, once a second and after each new one |
 //! | `stats` | out | `rcs.ColorStats` | pixels by class, models, learning |
 //! Period 200 ms (5 Hz). Commands: `CLEAR` forgets all learned models, `LEARN_OFF` and `LEARN_ON` switch learning.
 //! State: the models, the probabilities of the 128×96 pixels, the poses of the last seconds, the camera.

@@ -101,7 +101,10 @@ impl Process for ColorModelLearner {
             image: b.input("image", "colour image, distorted as the calibration says or rectified"),
             calibration: b.input("calibration", "calibration of the image"),
             poses: PosePorts::declare(b),
-            map: b.optional_input("map", "world model, local frame: its obstacles stop learning"),
+            map: b.optional_input(
+                "map",
+                "world model, local frame: obstacles in the ground sample prevent learning",
+            ),
             probability: b
                 .output("probability", "cost 250(1 - P) of the 128x96 image, 255 unclassified")
                 .role(Role::Cost)
@@ -124,7 +127,7 @@ impl Process for ColorModelLearner {
                 .palette("cost")
                 .build(),
             models: b
-                .output("models", "the models, once a second and when there is a new one")
+                .output("models", "the models, once a second and after each new one")
                 .role(Role::Models)
                 .build(),
             stats: b.output("stats", "pixels by class, models, learning").role(Role::Stats).build(),

@@ -8,7 +8,7 @@
 //! | `encoders` | in | `rcs.WheelEncoders` | distances of the driven wheels, m |
 //! | `imu` | in, optional | `rcs.Imu` | turn rates, accelerations and heading, vehicle axes |
 //! | `gps` | in, optional | `foxglove.LocationFix` | position fixes of the antenna with their variances |
-//! | `ground_speed` | in, optional | `rcs.GroundSpeed` | speed over ground that does not slip, instead of the encoders' |
+//! | `ground_speed` | in, optional | `rcs.GroundSpeed` | speed over ground, unaffected by slip, used instead of that of the encoders |
 //! | `local` | out | `foxglove.Odometry` | pose of the vehicle in the local frame with covariance: smooth, drifts |
 //! | `global` | out | `foxglove.Odometry` | pose of the vehicle in the global frame with covariance: noisy, does not drift |
 //! | `transforms` | out | `foxglove.FrameTransforms` | the local frame in the global frame |

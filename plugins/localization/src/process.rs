@@ -77,7 +77,7 @@ impl Process for Localization {
             gps: b.optional_input("gps", "position fixes of the antenna with their variances"),
             ground_speed: b.optional_input(
                 "ground_speed",
-                "speed over ground that does not slip, instead of the encoders'",
+                "speed over ground, unaffected by slip, used instead of that of the encoders",
             ),
             local: b
                 .output("local", "pose of the vehicle in the local frame with covariance: smooth, drifts")

@@ -3,7 +3,7 @@
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
 //! | `ground_truth_state` | in | `rcs.GroundTruthState` | true pose of the vehicle in the frame global |
-//! | `image` | in, optional | `foxglove.RawImage` | the images of its own left camera, on which the ground truth lies |
+//! | `image` | in, optional | `foxglove.RawImage` | the images of its own left camera, on which ground truth is drawn |
 //! | `left` | out | `foxglove.RawImage` | image of the left or only camera: rgb8, or mono8 of a thermal camera |
 //! | `right` | out | `foxglove.RawImage` | image of the right camera, rgb8 |
 //! | `left_calibration` | out | `foxglove.CameraCalibration` | raw lens of the left camera, and its rectified one |
@@ -105,7 +105,7 @@ impl Process for SimCameras {
         // Not read: the port names the image on which the ground truth is drawn.
         let _ = b.optional_input::<RawImage>(
             "image",
-            "the images of its own left camera, on which the ground truth lies",
+            "the images of its own left camera, on which ground truth is drawn",
         );
         let image = |b: &mut PortBuilder, name, help| b.output(name, help).role(Role::Image).build();
         let calibration =

@@ -12,14 +12,14 @@
 //! | `infrared` | out | `rcs.RangeReadings` | ranges of the infrared sensors, m |
 //! | `gps` | out | `foxglove.LocationFix` | position fixes of the antenna with their variances |
 //! | `ground_speed` | out | `rcs.GroundSpeed` | speed over ground by Doppler radar, m/s |
-//! | `steering` | out | `rcs.Steering` | curvature that the steered wheels stand for, 1/m |
-//! | `static_transforms` | out | `foxglove.FrameTransforms` | places of the sensors on the vehicle, once a second |
+//! | `steering` | out | `rcs.Steering` | curvature of the steered wheels, 1/m |
+//! | `static_transforms` | out | `foxglove.FrameTransforms` | mounts of the sensors on the vehicle, once a second |
 //! | `goal` | out | `foxglove.PoseInFrame` | the goal of the course, frame global, once a second |
-//! | `run` | out | `rcs.CourseRun` | how the run of the course stands |
+//! | `run` | out | `rcs.CourseRun` | progress of the course |
 //! | `ground_truth_state` | out | `rcs.GroundTruthState` | true pose in the frame global, speed, slip, contacts |
 //! | `ground_truth_pose` | out | `foxglove.Odometry` | true pose of the vehicle in the frame global |
 //! | `ground_truth_map` | out | `foxglove.Grid` | ground height, height of its cover (m), class and blocked of the whole world |
-//! | `ground_truth_objects` | out | `rcs.GroundTruthObjects` | all things of the world, frame global |
+//! | `ground_truth_objects` | out | `rcs.GroundTruthObjects` | all objects of the world, frame global |
 //!
 //! Period 10 ms, which is also the time step; the state that is sent is that of the cycle's time. Sensors are sent at
 //! the rates of the vehicle file. A command takes effect in the cycle that reads it. No commands besides those of the

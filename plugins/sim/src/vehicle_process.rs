@@ -119,19 +119,16 @@ impl Process for SimVehicle {
                 .output("ground_speed", "speed over ground by Doppler radar, m/s")
                 .role(Role::Sensor)
                 .build(),
-            steering: b
-                .output("steering", "curvature that the steered wheels stand for, 1/m")
-                .role(Role::Sensor)
-                .build(),
+            steering: b.output("steering", "curvature of the steered wheels, 1/m").role(Role::Sensor).build(),
             static_transforms: b
-                .output("static_transforms", "places of the sensors on the vehicle, once a second")
+                .output("static_transforms", "mounts of the sensors on the vehicle, once a second")
                 .role(Role::StaticTransforms)
                 .build(),
             goal: b
                 .output("goal", "the goal of the course, frame global, once a second")
                 .role(Role::Goal)
                 .build(),
-            run: b.output("run", "how the run of the course stands").role(Role::Stats).build(),
+            run: b.output("run", "progress of the course").role(Role::Stats).build(),
             ground_truth_state: b
                 .output("ground_truth_state", "true pose in the frame global, speed, slip, contacts")
                 .role(Role::Stats)
@@ -151,7 +148,7 @@ impl Process for SimVehicle {
                 .truth()
                 .build(),
             ground_truth_objects: b
-                .output("ground_truth_objects", "all things of the world, frame global")
+                .output("ground_truth_objects", "all objects of the world, frame global")
                 .role(Role::Stats)
                 .truth()
                 .build(),

@@ -4,12 +4,12 @@
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
-//! | `left` | in | `foxglove.RawImage` | image of the left camera as its camera took it |
-//! | `right` | in | `foxglove.RawImage` | image of the right camera as its camera took it |
+//! | `left` | in | `foxglove.RawImage` | raw image of the left camera |
+//! | `right` | in | `foxglove.RawImage` | raw image of the right camera |
 //! | `left_calibration` | in | `foxglove.CameraCalibration` | calibration of the left camera: K, D, R and P |
 //! | `right_calibration` | in | `foxglove.CameraCalibration` | calibration of the right camera; its P has the baseline |
 //! | `rectified` | out | `foxglove.RawImage` | left image, rectified, rgb8 |
-//! | `calibration` | out | `foxglove.CameraCalibration` | camera of the rectified left image |
+//! | `calibration` | out | `foxglove.CameraCalibration` | calibration of the rectified left image |
 //! | `disparity` | out | `foxglove.RawImage` | disparity of each rectified pixel, 32FC1, px; NaN where none |
 //! | `depth` | out | `foxglove.RawImage` | range along the optical axis, 32FC1, m; NaN where none |
 //! | `points` | out | `foxglove.PointCloud` | points with colour and pixel, left rectified optical frame, m |

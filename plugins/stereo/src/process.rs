@@ -55,8 +55,8 @@ impl Process for Stereo {
 
     fn ports(b: &mut PortBuilder) -> Ports {
         let images = [
-            b.input("left", "image of the left camera as its camera took it"),
-            b.input("right", "image of the right camera as its camera took it"),
+            b.input("left", "raw image of the left camera"),
+            b.input("right", "raw image of the right camera"),
         ];
         let calibrations = [
             b.input("left_calibration", "calibration of the left camera: K, D, R and P"),
@@ -67,7 +67,7 @@ impl Process for Stereo {
             calibrations,
             rectified: b.output("rectified", "left image, rectified, rgb8").role(Role::Image).build(),
             calibration: b
-                .output("calibration", "camera of the rectified left image")
+                .output("calibration", "calibration of the rectified left image")
                 .role(Role::Calibration)
                 .build(),
             disparity: b

@@ -48,7 +48,7 @@ impl CameraPorts {
 
 /// The port of a camera's overlay.
 pub(crate) fn learned_port(b: &mut PortBuilder, name: &'static str, image: &str) -> Out<RawImage> {
-    b.output(name, "points that were learned from, by their label")
+    b.output(name, "pixels that were learned from, with their label")
         .role(Role::Labels)
         .palette("obstacle_labels")
         .classes(&OBSTACLE_CLASSES)

@@ -4,8 +4,8 @@
 //! | --- | --- | --- | --- |
 //! | `image` | in | `foxglove.RawImage` | colour image |
 //! | `calibration` | in | `foxglove.CameraCalibration` | calibration of the image |
-//! | `models` | in, optional | `rcs.TerrainModels` | terrain models; the newest replace those before |
-//! | `depth` | in, optional | `foxglove.RawImage` | depth of the image's pixels along the optical axis, m: where stereo is good |
+//! | `models` | in, optional | `rcs.TerrainModels` | terrain models; the newest replace earlier ones |
+//! | `depth` | in, optional | `foxglove.RawImage` | depth of the image's pixels along the optical axis, m, from stereo |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
@@ -116,10 +116,10 @@ impl Process for Classifier {
         Ports {
             image: b.input("image", "colour image"),
             calibration: b.input("calibration", "calibration of the image"),
-            models: b.optional_input("models", "terrain models; the newest replace those before"),
+            models: b.optional_input("models", "terrain models; the newest replace earlier ones"),
             depth: b.optional_input(
                 "depth",
-                "depth of the image's pixels along the optical axis, m: where stereo is good",
+                "depth of the image's pixels along the optical axis, m, from stereo",
             ),
             poses: PosePorts::declare(b),
             classes: b

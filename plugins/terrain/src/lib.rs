@@ -21,8 +21,8 @@
 //! | `cost` | out | `foxglove.Grid` | changed cells of 201x201 of 0.2 m: field cost.terrain, local frame |
 //! | `models` | out | `rcs.TerrainModels` | models of the left camera, or of both |
 //! | `models_right` | out | `rcs.TerrainModels` | models of the right camera, where it has its own |
-//! | `learned_left` | out | `foxglove.RawImage` | points that were learned from, by their label |
-//! | `learned_right` | out | `foxglove.RawImage` | points that were learned from, by their label |
+//! | `learned_left` | out | `foxglove.RawImage` | pixels that were learned from, with their label |
+//! | `learned_right` | out | `foxglove.RawImage` | pixels that were learned from, with their label |
 //! | `stats` | out | `rcs.TerrainStats` | points, cells and models after each frame |
 //!
 //! Period 333 ms (3 Hz, Albus 2006b, 3.4). Command `CLEAR` forgets the map and all models. State: the poses of the last

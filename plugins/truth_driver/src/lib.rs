@@ -4,10 +4,10 @@
 //! | --- | --- | --- | --- |
 //! | `ground_truth_pose` | in | `foxglove.Odometry` | true pose of the vehicle, frame global |
 //! | `ground_truth_map` | in | `foxglove.Grid` | fields height and vegetation (m) and class of the whole world, frame global |
-//! | `goal` | in | `foxglove.PoseInFrame` | where to go, frame global |
+//! | `goal` | in | `foxglove.PoseInFrame` | the goal, frame global |
 //! | `drive` | out | `rcs.DriveCommand` | speed, m/s, and turn rate, rad/s |
 //! | `path` | out | `foxglove.PosesInFrame` | cells of the path from where it was planned to the goal, frame global |
-//! | `stats` | out | `rcs.TruthDriverStats` | plans, and how the path is followed |
+//! | `stats` | out | `rcs.TruthDriverStats` | planning and path following |
 //!
 //! Period 50 ms; `drive` every cycle while there is a path, `path` and `stats` twice a second. Cost: microseconds, and
 //! a search (tenths of a second on a world of 150 m) when the map or the goal changes, or when the vehicle has left its

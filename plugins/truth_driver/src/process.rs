@@ -76,13 +76,13 @@ impl Process for TruthDriver {
                 "ground_truth_map",
                 "fields height and vegetation (m) and class of the whole world, frame global",
             ),
-            goal: b.input("goal", "where to go, frame global"),
+            goal: b.input("goal", "the goal, frame global"),
             drive: b.output("drive", "speed, m/s, and turn rate, rad/s").role(Role::Command).build(),
             path: b
                 .output("path", "cells of the path from where it was planned to the goal, frame global")
                 .role(Role::Path)
                 .build(),
-            stats: b.output("stats", "plans, and how the path is followed").role(Role::Stats).build(),
+            stats: b.output("stats", "planning and path following").role(Role::Stats).build(),
         }
     }
 

@@ -2,17 +2,17 @@
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
-//! | `drive` | in, optional | `rcs.DriveCommand` | heading (local frame) and speed from who drives |
-//! | `teleop` | in, optional | `rcs.DriveCommand` | the same from the operator; it wins while it is fresh |
-//! | `emergency_stop` | in, optional | `rcs.EmergencyStop` | holds the vehicle until one says otherwise |
-//! | `above` | in, optional | `rcs.Status` | status of who drives; on ERROR it is not obeyed |
+//! | `drive` | in, optional | `rcs.DriveCommand` | heading (local frame) and speed from the driver |
+//! | `teleop` | in, optional | `rcs.DriveCommand` | the same from the operator, with priority while it is recent |
+//! | `emergency_stop` | in, optional | `rcs.EmergencyStop` | stops the vehicle until a message releases it |
+//! | `above` | in, optional | `rcs.Status` | status of the driver; it is not obeyed while in ERROR |
 //! | `local` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame; headings need it |
 //! | `imu` | in, optional | `rcs.Imu` | turn rate, and attitude where `local` has none; its axes are the vehicle's |
 //! | `encoders` | in, optional | `rcs.WheelEncoders` | speeds of the wheels, m/s |
 //! | `motors` | in, optional | `rcs.MotorCurrents` | currents of the drive motors, A |
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper |
 //! | `wheels` | out | `rcs.WheelCommand` | speeds of the wheels, m/s, and curvature, 1/m |
-//! | `vehicle` | out | `rcs.VehicleStatus` | what the vehicle says of itself |
+//! | `vehicle` | out | `rcs.VehicleStatus` | state of the vehicle |
 //!
 //! Period 20 ms; both outputs every cycle. Cost: microseconds. State: the last command of each input, the emergency
 //! stop, the ramps, and the last sensor readings.

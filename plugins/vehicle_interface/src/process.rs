@@ -106,18 +106,18 @@ impl Process for VehicleInterface {
 
     fn ports(b: &mut PortBuilder) -> Ports {
         Ports {
-            drive: b.optional_input("drive", "heading (local frame) and speed from who drives"),
+            drive: b.optional_input("drive", "heading (local frame) and speed from the driver"),
             teleop: b.operator_input(
                 InputRole::Teleoperation,
                 "teleop",
-                "the same from the operator; it wins while it is fresh",
+                "the same from the operator, with priority while it is recent",
             ),
             emergency_stop: b.operator_input(
                 InputRole::EmergencyStop,
                 "emergency_stop",
-                "holds the vehicle until one says otherwise",
+                "stops the vehicle until a message releases it",
             ),
-            above: b.optional_input("above", "status of who drives; on ERROR it is not obeyed"),
+            above: b.optional_input("above", "status of the driver; it is not obeyed while in ERROR"),
             local: b.optional_input("local", "pose of the vehicle in the local frame; headings need it"),
             imu: b.optional_input(
                 "imu",
@@ -130,7 +130,7 @@ impl Process for VehicleInterface {
                 .output("wheels", "speeds of the wheels, m/s, and curvature, 1/m")
                 .role(Role::Command)
                 .build(),
-            vehicle: b.output("vehicle", "what the vehicle says of itself").role(Role::Stats).build(),
+            vehicle: b.output("vehicle", "state of the vehicle").role(Role::Stats).build(),
         }
     }
 
