@@ -18,7 +18,7 @@ pub struct Wheels {
     /// Time of the first reading.
     pub since: Stamp,
     distance_m: [f64; 2],
-    /// Time at which the wheels last moved, and their distances since.
+    /// Time at which the wheels last moved, and their distances at that time, m.
     moved: Option<Stamp>,
     moved_at_m: [f64; 2],
 }
