@@ -10,7 +10,7 @@ pub fn all() -> &'static [ViewType] {
             "camera",
             "Camera",
             icons::ICON_PHOTO_CAMERA,
-            "An image with what the processes saw in it.",
+            "An image with overlays of what the processes found in it.",
         ),
         entry::<crate::map::Map>(
             "map",
@@ -40,7 +40,7 @@ pub fn all() -> &'static [ViewType] {
             "drive",
             "Drive",
             icons::ICON_SPORTS_ESPORTS,
-            "A vehicle under your hands, and how its course stands.",
+            "Manual driving, and the progress of the course.",
         ),
     ];
     VIEWS

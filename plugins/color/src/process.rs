@@ -1,4 +1,5 @@
-//! The process `color_models`.
+//! The process `color_models`: reads images, runs the colour models, and sends costs and models. Its port table is
+//! in the crate's documentation.
 
 use crate::cost_map::CameraPlacement;
 use crate::engine::{Engine, Samples};
@@ -90,7 +91,7 @@ impl Process for ColorModelLearner {
     type Command = ColorModelsCommand;
     const DEF: ProcessDef = ProcessDef {
         plugin: "color_models",
-        summary: "Learns the colours of ground and background and maps the cost of what the camera sees",
+        summary: "Learns colour models of ground and background, and maps the cost of what the camera sees",
         period_ms: 200.0,
         latency_ms: 2.0,
         reads_ground_truth: false,

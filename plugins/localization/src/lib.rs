@@ -1,7 +1,7 @@
 //! Estimates of the vehicle's pose: a local one that is smooth but drifts, and a global one that is noisy but does not
 //! drift (Albus 2006a, 4).
 //!
-//! # `position`
+//! # `localization`
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |

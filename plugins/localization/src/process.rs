@@ -1,4 +1,5 @@
-//! The process `position`.
+//! The process `localization`: reads the sensors, and sends the local and the global estimate. Its port table is in
+//! the crate's documentation.
 
 use crate::attitude::{Attitude, AttitudeSettings};
 use crate::fixes::{GateSettings, GlobalEstimate, Position as Fixed, Verdict};
@@ -64,7 +65,7 @@ impl Process for Localization {
     type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "localization",
-        summary: "Estimates the local and the global position of the vehicle",
+        summary: "Estimates the local and the global pose of the vehicle",
         period_ms: 20.0,
         latency_ms: 0.0,
         reads_ground_truth: false,

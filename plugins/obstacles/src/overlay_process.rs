@@ -59,7 +59,7 @@ impl Process for LabelOverlay {
     type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "label_overlay",
-        summary: "Shows the labels of a point cloud on the image of a camera",
+        summary: "Projects the labels of a point cloud into the image of a camera",
         period_ms: 200.0,
         latency_ms: 12.0,
         reads_ground_truth: false,

@@ -1,4 +1,5 @@
-//! The process `obstacles`.
+//! The process `obstacles`: reads range data, and sends labels and the cost map. Its port table is in the crate's
+//! documentation.
 
 use crate::cloud::CloudColumns;
 use crate::columns::{KnownGround, Strip, Survey};
@@ -75,7 +76,7 @@ impl Process for Obstacles {
     type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "obstacles",
-        summary: "Labels range images and scans column by column and maps the cost of obstacles",
+        summary: "Labels obstacles in range images and point clouds by column scan, and maps their cost",
         period_ms: 200.0,
         latency_ms: 10.0,
         reads_ground_truth: false,

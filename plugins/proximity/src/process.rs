@@ -1,4 +1,5 @@
-//! The process `proximity`.
+//! The process `proximity`: reads bumper, infrared sensors and wheels, and sends cost maps and slip. Its port table
+//! is in the crate's documentation.
 
 use crate::near::{Body, Ray, RayRules, bumper_costs, infrared_costs};
 use crate::proto::{ProximityParams, SlipReport, TractionState};
@@ -47,7 +48,7 @@ impl Process for Proximity {
     type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "proximity",
-        summary: "Bumper and infrared sensors as costs; slip of the wheels and stalled motors",
+        summary: "Maps the cost of bumper hits and infrared ranges; detects wheel slip and stalled motors",
         period_ms: 50.0,
         latency_ms: 0.0,
         reads_ground_truth: false,

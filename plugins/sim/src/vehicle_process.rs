@@ -91,7 +91,7 @@ impl Process for SimVehicle {
     type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "sim_vehicle",
-        summary: "Simulates a vehicle in a world: its motion, its simple sensors, the ground truth, and the run of a course",
+        summary: "Simulates a vehicle in a world: motion, simple sensors, ground truth, and the referee of a course",
         period_ms: 10.0,
         latency_ms: 0.0,
         reads_ground_truth: true,

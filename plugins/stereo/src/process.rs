@@ -1,4 +1,5 @@
-//! The process `stereo`.
+//! The process `stereo`: reads pairs of images, and sends ranges and points. Its port table is in the crate's
+//! documentation.
 
 use crate::image::ColourImage;
 use crate::pairing::{Pair, Pairing, Patience, Side};
@@ -47,7 +48,7 @@ impl Process for Stereo {
     type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "stereo",
-        summary: "Rectifies a pair of images and finds the range of each pixel",
+        summary: "Rectifies a stereo pair and measures the range of each pixel",
         period_ms: 50.0,
         latency_ms: 10.0,
         reads_ground_truth: false,

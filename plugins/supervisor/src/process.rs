@@ -1,4 +1,4 @@
-//! The process `supervisor`.
+//! The process `supervisor`: commands its children and watches their status.
 
 use crate::proto::SupervisorParams;
 use rcs_msg::Stamp;
@@ -32,7 +32,7 @@ impl Process for Supervisor {
     type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "supervisor",
-        summary: "Starts and halts a group of processes and stops the vehicle where an essential one fails",
+        summary: "Starts and halts a group of processes, and stops the vehicle when an essential one fails",
         period_ms: 50.0,
         latency_ms: 0.0,
         reads_ground_truth: false,

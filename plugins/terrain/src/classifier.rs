@@ -106,7 +106,7 @@ impl Process for Classifier {
     type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "classifier",
-        summary: "Classifies windows of an image by terrain models and maps their cost on the flat ground",
+        summary: "Classifies windows of an image by terrain models, and maps their cost on flat ground",
         period_ms: 200.0,
         latency_ms: 4.0,
         reads_ground_truth: false,

@@ -60,7 +60,7 @@ impl Process for TerrainLearner {
     type Command = TerrainLearnerCommand;
     const DEF: ProcessDef = ProcessDef {
         plugin: "terrain_learner",
-        summary: "Learns what terrain looks like from labelled range images and from driving over it",
+        summary: "Learns the appearance of terrain from labelled range images and from driving over it",
         period_ms: 333.0,
         latency_ms: 8.0,
         reads_ground_truth: false,

@@ -1,4 +1,5 @@
-//! The process `truth_driver`.
+//! The process `truth_driver`: reads ground truth, plans a path, and sends drive commands. Its port table is in the
+//! crate's documentation.
 
 use crate::proto::{TruthDriverParams, TruthDriverStats};
 use crate::pursuit::{Steering, Style, length, progress, steer};
@@ -63,7 +64,7 @@ impl Process for TruthDriver {
     type Command = NoCommands;
     const DEF: ProcessDef = ProcessDef {
         plugin: "truth_driver",
-        summary: "Drives the simulated vehicle to its goal by the cheapest path of the ground truth: a reference for other drivers",
+        summary: "Drives the simulated vehicle to its goal on the cheapest path of the true map: a reference for other drivers",
         period_ms: 50.0,
         latency_ms: 0.0,
         reads_ground_truth: true,

@@ -1,4 +1,5 @@
-//! The process `vehicle_interface`.
+//! The process `vehicle_interface`: reads commands and sensors, and sends wheel speeds. Its port table is in the
+//! crate's documentation.
 
 use crate::control::{Aim, Drive, Ramps, Wheels};
 use crate::gate::{DriveRequest, Gate, LastRequest, Limits, Turn};
