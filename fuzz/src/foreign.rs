@@ -1,19 +1,19 @@
-//! What others give beside whole logs: schemas of each encoding, payloads for every conversion, and files that people
-//! write.
+//! Foreign data apart from complete logs: schemas of each encoding, payloads for every conversion, and hand-written
+//! files.
 
 use super::{edited, messages, split};
 use bytes::Bytes;
 use rcs_msg::{AnyMessage, MessageEncoding, Schema, canonical, foxglove, image, points};
 use std::sync::LazyLock;
 
-/// A schema is understood or refused, and so is a message of it.
+/// A schema is parsed or refused, and so is a message of it.
 ///
 /// # Panics
-/// Where a reader panics beyond its guard.
+/// If a reader panics outside of its guard.
 pub fn schema(input: &[u8]) {
     let (choice, rest) = split(input);
     let (how, rest) = split(rest);
-    // A zero byte parts the edits of the schema from the message.
+    // A zero byte separates the edits of the schema from the message.
     let at = rest.iter().position(|&byte| byte == 0).unwrap_or(rest.len());
     let (edits, message) = rest.split_at(at);
     let (name, encoding, base) = &SCHEMAS[usize::from(choice) % SCHEMAS.len()];
@@ -32,10 +32,10 @@ pub fn schema(input: &[u8]) {
     let _ = canonical(&schema, &message);
 }
 
-/// A message of a known type converts or is refused; its pixels and its points are read or refused.
+/// A message of a known type is converted or refused; its pixels and its points are read or refused.
 ///
 /// # Panics
-/// Where a conversion panics beyond its guard, or reads points that the message does not hold.
+/// If a conversion panics outside of its guard, or returns points that the message does not contain.
 pub fn payload(input: &[u8]) {
     let (choice, rest) = split(input);
     let (how, rest) = split(rest);
@@ -62,10 +62,10 @@ pub fn payload(input: &[u8]) {
     let _ = rcs_msg::to_json(&message);
 }
 
-/// A world or a course is read or refused with words.
+/// A world or a course is parsed, or refused with an error text.
 ///
 /// # Panics
-/// Where that does not hold.
+/// If that does not hold.
 pub fn scene_file(input: &[u8]) {
     let (choice, rest) = split(input);
     let base = [WORLD, COURSE][usize::from(choice) % 2];
@@ -81,7 +81,7 @@ pub fn scene_file(input: &[u8]) {
 const WORLD: &str = include_str!("../../assets/worlds/meadow.toml");
 const COURSE: &str = include_str!("../../assets/courses/meadow.toml");
 
-/// Name, encoding and data of schemas that are right.
+/// Name, encoding and data of valid schemas.
 static SCHEMAS: LazyLock<Vec<(&str, &str, Vec<u8>)>> = LazyLock::new(|| {
     let ours = |name: &'static str| {
         let schema = rcs_msg::registry().schema(name).expect("a schema of ours");
@@ -109,7 +109,7 @@ const EDITIONS: &[u8] = &[
     b'd', b'i', b't', b'i', b'o', b'n', b's', 0x70, 0xe8, 0x07,
 ];
 
-/// Messages of every type that has pixels or points, and the ones of the other targets.
+/// Messages of every type with pixels or points, and those of the other targets.
 static PAYLOADS: LazyLock<Vec<AnyMessage>> = LazyLock::new(|| {
     let field =
         |name: &str, offset| foxglove::PackedElementField { name: name.to_owned(), offset, r#type: 7 };

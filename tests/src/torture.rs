@@ -1,9 +1,9 @@
-//! Ten thousand damaged copies of real recordings: none ends the program, hangs or takes much memory, and whatever is
-//! missing of what intact records hold is said.
+//! Ten thousand damaged copies (mutants) of real recordings: none ends the program, hangs or takes much memory, and
+//! whatever is missing of the content of intact records is reported.
 //!
-//! Mutants know the structure of a log: lengths, sizes, times and opcodes of its records are set to what hurts most, and
-//! bytes are flipped, zeroed, deleted and inserted anywhere. Seeds are fixed, so that a mutant is named by its number.
-//! `just torture` runs all of them and prints the figures; the tests run some.
+//! The mutations know the structure of a log: they set lengths, sizes, times and opcodes of its records to the most
+//! harmful values, and flip, zero, delete and insert bytes anywhere. Seeds are fixed, so that a number identifies a
+//! mutant. `just torture` runs all mutants and prints the figures; the tests run some of them.
 
 use bytes::Bytes;
 use rcs_log::{CursorOptions, Log, LogMessage, LogWriter, Lost, Sink, WriteHeader, WriterOptions};
@@ -15,22 +15,22 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Mutants of `just torture`, and of a test run.
+/// Number of mutants of `just torture`, and of a test run.
 const ALL: usize = 10_000;
 const SOME: usize = 400;
-/// Larger recordings are left out: their mutants would differ in nothing but time.
+/// Greatest size of a recording; mutants of larger ones would only take longer.
 const LARGEST: u64 = 4 << 20;
-/// What opening and reading a mutant may take (in the dev profile, on a machine that does other things).
+/// Time limit for opening and reading a mutant (in the dev profile, on a machine with other work).
 const MOST_TIME: Duration = Duration::from_secs(10);
-/// What a process that reads mutants may have, bytes, with the recordings themselves.
+/// Memory limit of a process that reads mutants, bytes, including the recordings.
 const MOST_BYTES: u64 = 600 << 20;
 const HOUR_S: f64 = 3600.0;
 
-/// A recording, and what can be said of it.
+/// A recording with its structure.
 struct Original {
     name: String,
     bytes: Bytes,
-    /// Where records outside chunks begin, and their opcodes.
+    /// Offsets of the records outside of chunks, with their opcodes.
     records: Vec<(usize, u8)>,
     messages: Vec<Known>,
     duration_s: f64,
@@ -38,13 +38,13 @@ struct Original {
     problems: usize,
 }
 
-/// A message by its content, and the bytes of the file that it needs.
+/// A message by its content, and the bytes of the file that it depends on.
 struct Known {
     key: u64,
     record: (usize, usize),
 }
 
-/// A small generator of numbers with a literal seed.
+/// A small pseudo-random generator with a literal seed.
 struct Numbers(u64);
 
 impl Numbers {
@@ -78,7 +78,7 @@ fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
     Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?))
 }
 
-/// Where the records of a sound log begin, and where they end.
+/// Offsets of the starts and ends of the records of a sound log.
 fn records(bytes: &[u8]) -> Vec<(usize, u8)> {
     let (mut at, mut found) = (8, Vec::new());
     while let (Some(&op), Some(length)) = (bytes.get(at), u64_at(bytes, at + 1)) {
@@ -106,7 +106,7 @@ impl Original {
             if !matches!(op, CHUNK | MESSAGE) {
                 continue;
             }
-            // The record alone, in a log of its own, holds these messages.
+            // The messages of this record, read from a log that contains only this record.
             let alone: Vec<u8> = b"\x89MCAP0\r\n".iter().chain(&bytes[at..end(index)]).copied().collect();
             let Ok(alone) = Log::from_bytes(alone.into()) else { continue };
             let found = alone.cursor(CursorOptions::default()).flatten();
@@ -114,14 +114,15 @@ impl Original {
         }
         let info = log.info();
         let all: BTreeSet<u64> = log.cursor(CursorOptions::default()).flatten().map(|it| key(&it)).collect();
-        // What a record alone does not tell (a channel that is defined elsewhere, say) is judged by the whole.
+        // What a single record does not tell (for example a channel that is defined elsewhere) is taken from the
+        // complete log.
         messages.retain(|known| all.contains(&known.key));
         let (duration_s, lost, problems) = (info.duration_s(), info.lost, info.problems.len());
         Some(Self { name, bytes, records, messages, duration_s, lost, problems })
     }
 }
 
-/// The recordings of others, and two of ours.
+/// The recordings of other programs, and two of ours.
 fn originals() -> Option<Vec<Original>> {
     fn logs_under(folder: &std::path::Path, found: &mut Vec<PathBuf>) {
         for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -166,7 +167,7 @@ impl std::io::Write for Shared {
 
 impl Sink for Shared {}
 
-/// A recording of three topics, written by our own writer.
+/// A recording of three topics, from our own writer.
 fn ours(compress: bool) -> Bytes {
     let sink = Shared::default();
     let options = WriterOptions { compress, chunk_bytes: 4000, ..WriterOptions::default() };
@@ -187,7 +188,7 @@ fn ours(compress: bool) -> Bytes {
     bytes.into()
 }
 
-/// A number that hurts in the place of another.
+/// A harmful value in place of another number.
 fn hurting(numbers: &mut Numbers, was: u64) -> u64 {
     match numbers.below(10) {
         0 => 0,
@@ -203,7 +204,7 @@ fn hurting(numbers: &mut Numbers, was: u64) -> u64 {
     }
 }
 
-/// A damaged copy, and which bytes of the original are not in it as they were.
+/// A damaged copy, and which bytes of the original it does not contain unchanged.
 fn mutant(original: &Original, numbers: &mut Numbers) -> (Vec<u8>, Vec<(usize, usize)>) {
     let mut bytes = original.bytes.to_vec();
     let mut touched = Vec::new();
@@ -216,7 +217,7 @@ fn mutant(original: &Original, numbers: &mut Numbers) -> (Vec<u8>, Vec<(usize, u
             touched.push((at, end));
         }
     };
-    // Whether the file goes on without its summary, as after a kill: the scan is then on its own.
+    // Whether the summary is removed, as after a kill, so that the log must be scanned.
     if numbers.below(3) == 0
         && let Some((footer, _)) = original.records.iter().find(|(_, op)| *op == 0x0f)
     {
@@ -284,12 +285,12 @@ fn mutant(original: &Original, numbers: &mut Numbers) -> (Vec<u8>, Vec<(usize, u
     (bytes, touched)
 }
 
-/// What became of a mutant.
+/// Result of reading the mutants.
 #[derive(Default)]
 struct Figures {
     said: usize,
     silent: Vec<String>,
-    /// Messages of intact records that were not found, in how many mutants.
+    /// Number of messages of intact records that were not found, and of mutants concerned.
     missed: usize,
     missed_in: usize,
     found: usize,
@@ -316,7 +317,7 @@ fn judge(original: &Original, number: usize, figures: &Mutex<Figures>) {
     figures.slowest = figures.slowest.max(took);
     let (log, found) = match read {
         Ok(Some(read)) => read,
-        // Without its first bytes a file is no log, and that is said.
+        // Without its first bytes a file is not a log, and the error says so.
         Ok(None) => {
             figures.said += 1;
             return;
