@@ -26,6 +26,15 @@ golden *ARGS:
     INSTA_UPDATE=always UPDATE_SNAPSHOTS=1 UPDATE_GOLDEN=1 scripts/test {{ ARGS }}
     git diff --stat
 
+# Damage ten thousand copies of real recordings and read them; prints the figures. Needs the recordings in $OCU_DATA.
+torture:
+    cargo test --locked --workspace --lib torture -- --ignored --nocapture
+
+# What takes too long for every change: the tortured recordings, and ten minutes of each fuzz target.
+nightly: torture
+    for target in log_reader field_scanner cdr schema payload scene_file stack_file; do just fuzz $target 600; done
+
 # Fuzz one target for a minute: just fuzz log_reader. Needs a nightly toolchain and cargo-fuzz.
 fuzz TARGET SECONDS="60":
-    cargo +nightly fuzz run --fuzz-dir fuzz {{ TARGET }} -- -max_total_time={{ SECONDS }}
+    mkdir -p fuzz/corpus/{{ TARGET }}
+    cargo +nightly fuzz run --fuzz-dir fuzz {{ TARGET }} fuzz/corpus/{{ TARGET }} fuzz/seeds/{{ TARGET }} -- -max_total_time={{ SECONDS }}

@@ -51,3 +51,28 @@ proptest! {
         targets::foreign::scene_file(&input);
     }
 }
+
+/// What each target begins with: the inputs that earlier versions failed on, and one for each of its bases.
+#[test]
+fn the_seeds_of_every_fuzz_target_pass_it() {
+    type Target = (&'static str, fn(&[u8]));
+    const TARGETS: [Target; 7] = [
+        ("log_reader", targets::log_reader),
+        ("field_scanner", targets::field_scanner),
+        ("cdr", targets::cdr),
+        ("stack_file", targets::stack_file),
+        ("schema", targets::foreign::schema),
+        ("payload", targets::foreign::payload),
+        ("scene_file", targets::foreign::scene_file),
+    ];
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds");
+    for (name, target) in TARGETS {
+        let seeds = std::fs::read_dir(folder.join(name)).expect(name).map(|entry| entry.expect(name).path());
+        let mut count = 0;
+        for seed in seeds {
+            target(&std::fs::read(&seed).expect("a seed"));
+            count += 1;
+        }
+        assert!(count > 0, "{name}");
+    }
+}

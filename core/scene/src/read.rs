@@ -43,12 +43,17 @@ fn line_of(text: &str, at: usize) -> usize {
     1 + text.bytes().take(at).filter(|&byte| byte == b'\n').count()
 }
 
+/// The key that stands twice, where that is what is wrong: the parser does not name it.
+fn duplicate_key<'t>(text: &'t str, error: &toml::de::Error) -> Option<&'t str> {
+    (error.message().trim() == "duplicate key").then(|| text.get(error.span()?))?
+}
+
 impl<'t> Table<'t> {
     /// The whole file.
     pub(crate) fn open(text: &'t str) -> Result<Table<'t>, SceneError> {
         let table = DeTable::parse(text).map_err(|error| SceneError {
             line: error.span().map_or(1, |span| line_of(text, span.start)),
-            key: String::new(),
+            key: duplicate_key(text, &error).unwrap_or_default().to_owned(),
             message: error.message().to_owned(),
         })?;
         Ok(Table::of(text, String::new(), 1, table.into_inner()))

@@ -101,7 +101,13 @@ impl Layout {
             return Err(error(line, format!("version {version} is not known; expected {VERSION}")));
         }
         let layout: Self = ron::from_str(text).map_err(|found| spanned(&found))?;
-        layout.root.check(0).map_err(|Flaw { near, message }| error(line_of(text, &near), message))?;
+        layout.root.check(0).map_err(|Flaw { near, message }| {
+            let line = match near {
+                Near::Text(near) => line_of(text, &near),
+                Near::Share(share) => line_of_share(text, share),
+            };
+            error(line, message)
+        })?;
         Ok(layout)
     }
 
@@ -176,20 +182,38 @@ impl Layout {
 
 /// An error near a piece of the text.
 struct Flaw {
-    near: String,
+    near: Near,
     message: String,
+}
+
+enum Near {
+    Text(String),
+    /// The number in front of a tile.
+    Share(f32),
+}
+
+/// The line of the tile with that share: the number behind a bracket, however it is written.
+fn line_of_share(text: &str, share: f32) -> usize {
+    let is_it = |&(at, _): &(usize, char)| {
+        let rest = &text[at + 1..];
+        let number = rest.split([',', ')']).next().and_then(|number| number.trim().parse::<f32>().ok());
+        number.is_some_and(|number| number.total_cmp(&share).is_eq() || number == share)
+    };
+    let at = text.char_indices().filter(|(_, c)| *c == '(').find(is_it).map_or(0, |(at, _)| at);
+    1 + text[..at].matches('\n').count()
 }
 
 impl Node {
     fn check(&self, depth: usize) -> Result<(), Flaw> {
-        let flaw = |near: &str, message: String| Err(Flaw { near: near.to_owned(), message });
+        let flaw = |near: &str, message: String| Err(Flaw { near: Near::Text(near.to_owned()), message });
         if depth > MAX_DEPTH {
             return flaw("root", format!("tiles lie deeper than expected: at most {MAX_DEPTH} levels"));
         }
         match self {
             Self::Row(tiles) | Self::Column(tiles) => tiles.iter().try_for_each(|(share, tile)| {
                 if !share.is_finite() || *share <= 0.0 {
-                    return flaw(&share.to_string(), format!("a share is {share}; expected more than 0"));
+                    let message = format!("a share is {share}; expected more than 0");
+                    return Err(Flaw { near: Near::Share(*share), message });
                 }
                 tile.check(depth + 1)
             }),

@@ -177,12 +177,18 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
     })
 }
 
+/// Whether a recording was refused before anything of it was written.
+fn is_refused_output(error: &LogError) -> bool {
+    matches!(error, LogError::Exists { .. } | LogError::Busy { .. })
+}
+
 fn code_of(error: &anyhow::Error) -> u8 {
     let refused = error.chain().any(|cause| {
         cause.is::<Usage>()
             || cause.is::<StackError>()
             || cause.is::<layout::LayoutError>()
-            || matches!(cause.downcast_ref(), Some(LogError::Exists { .. } | LogError::Busy { .. }))
+            || cause.downcast_ref().is_some_and(is_refused_output)
+            || matches!(cause.downcast_ref(), Some(RunError::Log(error)) if is_refused_output(error))
             || matches!(cause.downcast_ref(), Some(RunError::Stack(_)))
             || matches!(cause.downcast_ref(), Some(SourceError::Run(RunError::Stack(_))))
     });

@@ -315,3 +315,31 @@ fn the_arrangement_survives_a_restart_and_a_damaged_one_is_said() {
     wait_until(&mut second, "the recording opens", |harness| time_s(harness).is_some());
     assert!(second.query_by_label_contains("version 77").is_some());
 }
+
+#[test]
+fn every_hostile_recording_opens_in_the_window_and_plays_or_says_why_not() {
+    let Some(data) = rcs_testkit::data_dir() else { return };
+    let entries = std::fs::read_dir(data.join("hostile")).unwrap().map(|entry| entry.unwrap().path());
+    let paths = entries.filter(|path| path.extension().is_some_and(|ending| ending == "mcap"));
+    for path in paths {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let request = Request { log: Some(path), ..Request::default() };
+        let mut harness = harness(Options { request, ..Options::default() });
+        wait_until(&mut harness, &name, |harness| time_s(harness).is_some());
+        for _ in 0..3 {
+            harness.step();
+        }
+        harness.key_press(Key::Space);
+        for _ in 0..20 {
+            harness.step();
+        }
+        let frame = harness.state().0.as_ref().unwrap().frame().unwrap();
+        assert_eq!(frame.playback.error, None, "{name}");
+        let damaged = ["husky_onebit", "REPRO", "cdrtest", "del1000", "stat_max", "bomb", "proto_bad"];
+        let is_damaged = damaged.iter().any(|damaged| name.starts_with(damaged));
+        assert_eq!(!frame.info.problems.is_empty(), is_damaged, "{name}: {:?}", frame.info.problems);
+        if is_damaged {
+            assert!(harness.query_by_label_contains("problem").is_some(), "{name} has a badge");
+        }
+    }
+}

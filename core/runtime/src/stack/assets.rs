@@ -66,10 +66,13 @@ impl Course {
         if kind == "course" {
             return Ok(Some(self.asset.clone()));
         }
-        let Some(name) = self.table.get(kind).and_then(toml::Value::as_str) else { return Ok(None) };
+        let Some(value) = self.table.get(kind) else { return Ok(None) };
         let error = |message: String| {
             let line = self.asset.text.lines().position(|line| line.trim_start().starts_with(kind));
             StackError { file: self.asset.file.clone(), line: line.map_or(1, |line| line + 1), message }
+        };
+        let Some(name) = value.as_str() else {
+            return Err(error(format!("{kind} is {value}; expected the name of a file in quotes")));
         };
         assets.read(kind, name, &self.asset.file).map(Some).map_err(error)
     }

@@ -18,7 +18,14 @@ impl StackError {
     /// An error at a byte range of `text`.
     pub(crate) fn at(file: &str, text: &str, span: &Range<usize>, message: impl Into<String>) -> Self {
         let line = 1 + text.get(..span.start).unwrap_or(text).matches('\n').count();
-        Self { file: file.to_owned(), line, message: message.into() }
+        let mut message = message.into();
+        // The parser does not say which one.
+        if message == "duplicate key"
+            && let Some(key) = text.get(span.clone()).filter(|key| !key.is_empty())
+        {
+            message = format!("duplicate key {}", key.trim());
+        }
+        Self { file: file.to_owned(), line, message }
     }
 }
 

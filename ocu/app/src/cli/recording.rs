@@ -1,6 +1,6 @@
 //! Commands on recordings: `ocu info`, `ocu check`, `ocu diff`, `ocu render`, `ocu sample`.
 
-use super::values::{Size, parse_seconds, parse_size};
+use super::values::{Size, parse_duration, parse_seconds, parse_size};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -90,7 +90,7 @@ pub struct SampleArgs {
     /// File to write
     pub path: PathBuf,
     /// Length of the recording in seconds
-    #[arg(long, value_name = "T", default_value = "20", value_parser = parse_seconds)]
+    #[arg(long, value_name = "T", default_value = "20", value_parser = parse_duration)]
     pub duration: f64,
     /// Replace a file that is there already
     #[arg(long)]

@@ -69,6 +69,14 @@ pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+/// The length of a recording that is made.
+pub(super) fn parse_duration(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.0..=86_400.0).contains(&seconds) => Ok(seconds),
+        _ => Err(format!("expected seconds from 0 to 86400, got {text:?}")),
+    }
+}
+
 pub(super) fn parse_size(text: &str) -> Result<Size, String> {
     const RANGE: std::ops::RangeInclusive<u32> = 16..=8192;
     let side = |part: &str| part.parse::<u32>().ok().filter(|side| RANGE.contains(side));

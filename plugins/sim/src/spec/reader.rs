@@ -33,7 +33,13 @@ pub(crate) fn read_file<T>(
 ) -> Result<T, FileError> {
     let table = DeTable::parse(text).map_err(|error| {
         let line = line_of(text, error.span().map_or(0, |span| span.start));
-        FileError { line, reason: error.message().trim().to_owned() }
+        let mut reason = error.message().trim().to_owned();
+        if reason == "duplicate key"
+            && let Some(key) = error.span().and_then(|span| text.get(span))
+        {
+            reason = format!("duplicate key {key}");
+        }
+        FileError { line, reason }
     })?;
     let section =
         Section { text, path: String::new(), start: 0, table: table.get_ref(), asked: RefCell::default() };
