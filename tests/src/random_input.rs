@@ -52,7 +52,7 @@ proptest! {
     }
 }
 
-/// What each target begins with: the inputs that earlier versions failed on, and one for each of its bases.
+/// The seeds of a target: inputs on which earlier versions failed, and one for each of its base inputs.
 #[test]
 fn the_seeds_of_every_fuzz_target_pass_it() {
     type Target = (&'static str, fn(&[u8]));

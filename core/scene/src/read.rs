@@ -43,7 +43,7 @@ fn line_of(text: &str, at: usize) -> usize {
     1 + text.bytes().take(at).filter(|&byte| byte == b'\n').count()
 }
 
-/// The key that stands twice, where that is what is wrong: the parser does not name it.
+/// The duplicate key, if that is the error: the parser does not name it.
 fn duplicate_key<'t>(text: &'t str, error: &toml::de::Error) -> Option<&'t str> {
     (error.message().trim() == "duplicate key").then(|| text.get(error.span()?))?
 }
