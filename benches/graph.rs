@@ -118,7 +118,7 @@ pub(crate) fn start(stack: &str, log: Option<&Path>, cycles: usize) -> impl FnMu
     let file = StackFile::parse("bench.toml", stack).expect("the stack is well formed");
     let plan = Arc::new(Plan::new(file, &plugins, &[]).expect("the stack fits its plugins"));
     let mut stepped = Stepped::new(Arc::clone(&plan), None, RunOptions::default()).expect("the stack runs");
-    let options = RecordOptions { lossless: true, build: "bench".to_owned() };
+    let options = RecordOptions { lossless: true, build: "bench".to_owned(), ..RecordOptions::default() };
     let recording = log.map(|log| {
         Recording::start(log, &plan, stepped.buffers(), &options).expect("a recording that starts")
     });

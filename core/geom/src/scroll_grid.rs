@@ -300,6 +300,12 @@ impl<T: Clone> ScrollGrid<T> {
             .filter(move |&tile| !comparable || !Arc::ptr_eq(&self.tiles[tile], &other.tiles[tile]))
     }
 
+    /// About how much memory the cells take, bytes: a tile that several grids share counts in equal parts for each.
+    pub fn share_of_memory(&self) -> usize {
+        let share = |tile: &Arc<[T]>| size_of_val::<[T]>(tile) / Arc::strong_count(tile);
+        self.tiles.len() * size_of::<Arc<[T]>>() + self.tiles.iter().map(share).sum::<usize>()
+    }
+
     /// Number of tiles.
     pub fn tile_count(&self) -> usize {
         self.tiles.len()

@@ -7,6 +7,9 @@ use crate::log::{Log, message_at, place_of};
 use rcs_msg::Stamp;
 use std::collections::BTreeMap;
 
+/// Most segments, and most bytes of their contents, that [`Log::times_before`] reads.
+const LOOK_BACK: (usize, u64) = (6, 32 << 20);
+
 impl Log {
     /// The last message at or before `time` of each of `topics`, in their order, or of each topic of
     /// [`LogInfo::topics`](crate::LogInfo::topics).
@@ -30,6 +33,38 @@ impl Log {
         }
         let found = self.latest_before(MessagePosition::after(time), &groups)?;
         Ok(topics.iter().map(|topic| found[groups[&topic.0]].clone()).collect())
+    }
+
+    /// Log times of the messages of all topics from `since` to before `before`, the newest first. Where they lie in much
+    /// of the file, only the newest of them.
+    pub fn times_before(
+        &self,
+        before: Stamp,
+        since: Stamp,
+    ) -> Result<BTreeMap<TopicId, Vec<Stamp>>, LogError> {
+        let mut times: BTreeMap<TopicId, Vec<Stamp>> = BTreeMap::new();
+        let (mut segments, mut bytes) = LOOK_BACK;
+        for &index in self.0.by_last.iter().rev() {
+            let segment = &self.0.segments[index as usize];
+            if segment.first >= before.0 {
+                continue;
+            }
+            if segment.last < since.0 || segments == 0 {
+                break;
+            }
+            segments -= 1;
+            for message in self.load(index)?.messages.iter() {
+                if (since.0..before.0).contains(&message.time) {
+                    times.entry(TopicId(message.channel)).or_default().push(Stamp(message.time));
+                }
+            }
+            bytes = bytes.saturating_sub(segment.contents);
+            if bytes == 0 {
+                break;
+            }
+        }
+        times.values_mut().for_each(|times| times.sort_unstable_by(|a, b| b.cmp(a)));
+        Ok(times)
     }
 
     /// The message before `place`, of any of `topics` or of all: stepping back from a message's own place.

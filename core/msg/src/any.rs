@@ -12,6 +12,22 @@ pub trait Payload: prost::Message + prost::Name + Default + Clone + PartialEq + 
     fn schema() -> &'static Arc<Schema>;
 }
 
+/// A value that becomes a message of type `T` when someone looks at it: see [`AnyMessage::deferred`].
+pub trait DeferredSource<T: Payload>: Send + Sync + 'static {
+    /// The message.
+    fn to_message(&self) -> T;
+
+    /// The encoded message: for a source that can give it without making the message first.
+    fn encode(&self) -> Vec<u8> {
+        self.to_message().encode_to_vec()
+    }
+
+    /// About how many bytes of memory the source takes, without what it shares with the source before it.
+    fn size_hint(&self) -> usize {
+        size_of_val(self)
+    }
+}
+
 /// One message: typed or encoded, shared without a copy, encoded at most once.
 #[derive(Clone)]
 pub struct AnyMessage(Arc<dyn Body>);
@@ -53,8 +69,13 @@ pub fn schema_of<T: Payload>() -> &'static Arc<Schema> {
     T::schema()
 }
 
-/// Whether `schema` is that of `T`. It does not allocate, because every write calls it.
+/// Whether `schema` is that of `T`, mostly the one in the registry itself. It does not allocate, because every write
+/// calls it.
 fn is_schema_of<T: Payload>(schema: &Schema) -> bool {
+    std::ptr::eq(schema, &raw const **schema_of::<T>()) || is_named_as::<T>(schema)
+}
+
+fn is_named_as<T: Payload>(schema: &Schema) -> bool {
     *schema.message_encoding() == MessageEncoding::Protobuf
         && schema.name().strip_prefix(T::PACKAGE).and_then(|rest| rest.strip_prefix('.')) == Some(T::NAME)
 }
@@ -99,7 +120,7 @@ impl<T: Payload> Body for Typed<T> {
 
 impl<S, T> Body for Deferred<S, T>
 where
-    S: Clone + Into<T> + Send + Sync + 'static,
+    S: DeferredSource<T>,
     T: Payload,
 {
     fn is_a(&self, schema: &Schema) -> bool {
@@ -111,16 +132,16 @@ where
     }
 
     fn bytes(&self) -> &Bytes {
-        self.bytes.get_or_init(|| self.source.clone().into().encode_to_vec().into())
+        self.bytes.get_or_init(|| self.source.encode().into())
     }
 
     fn encode(&self) -> Bytes {
-        self.bytes.get().cloned().unwrap_or_else(|| self.source.clone().into().encode_to_vec().into())
+        self.bytes.get().cloned().unwrap_or_else(|| self.source.encode().into())
     }
 
     fn size_hint(&self) -> usize {
         let value = self.value.get().map_or(0, |value| size_of::<T>() + value.encoded_len());
-        size_of::<S>() + value + self.bytes.get().map_or(0, Bytes::len)
+        self.source.size_hint() + value + self.bytes.get().map_or(0, Bytes::len)
     }
 
     fn encoded_len(&self) -> Option<usize> {
@@ -128,7 +149,7 @@ where
     }
 
     fn value(&self) -> Option<&(dyn Any + Send + Sync)> {
-        Some(&**self.value.get_or_init(|| Box::new(self.source.clone().into())))
+        Some(&**self.value.get_or_init(|| Box::new(self.source.to_message())))
     }
 
     fn value_type(&self) -> Option<TypeId> {
@@ -188,7 +209,7 @@ impl AnyMessage {
     /// seldom read. Readers that know `S` use it without a conversion: [`AnyMessage::source`].
     pub fn deferred<S, T>(source: S) -> Self
     where
-        S: Clone + Into<T> + Send + Sync + 'static,
+        S: DeferredSource<T>,
         T: Payload,
     {
         Self(Arc::new(Deferred::<S, T> { source, value: OnceLock::new(), bytes: OnceLock::new() }))
@@ -247,8 +268,8 @@ impl AnyMessage {
         self.0.encode()
     }
 
-    /// Approximate memory of the message in bytes, without encoding it. For a deferred message it is the memory of its
-    /// source, without what the source shares with others.
+    /// Approximate memory of the message in bytes, without encoding it. For a deferred message it is what its source
+    /// says ([`DeferredSource::size_hint`]).
     pub fn size_hint(&self) -> usize {
         // The reference counter, the pointers to the shared cells, and the overhead of an allocation.
         64 + self.0.size_hint()

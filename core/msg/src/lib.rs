@@ -49,7 +49,7 @@ mod schema;
 mod time;
 mod value;
 
-pub use any::{AnyMessage, Payload, schema_of};
+pub use any::{AnyMessage, DeferredSource, Payload, schema_of};
 pub use convert::{ConvertError, canonical, canonical_name};
 pub use delta::{DELTA_OF, DELTA_SUFFIX, DeltaCodec, DeltaDecoder, DeltaEncoder, Stored};
 pub use header::{header_frame, header_stamp};

@@ -7,7 +7,7 @@ use crate::register::Register;
 use crate::status::{StatusCell, Text};
 use rand_chacha::ChaCha8Rng;
 use rcs_bus::{Header, Sample};
-use rcs_msg::{AnyMessage, Payload, Stamp, rcs};
+use rcs_msg::{AnyMessage, DeferredSource, Payload, Stamp, rcs};
 use std::collections::VecDeque;
 use std::marker::PhantomData;
 use std::ops::Deref;
@@ -136,7 +136,7 @@ impl Cycle<'_> {
     /// Writes a value that becomes a message for those who do not know it: see [`AnyMessage::deferred`].
     pub fn write_deferred<S, T>(&mut self, port: &Out<T>, acq_time: Stamp, source: S)
     where
-        S: Clone + Into<T> + Send + Sync + 'static,
+        S: DeferredSource<T>,
         T: Payload,
     {
         let message = AnyMessage::deferred::<S, T>(source);
@@ -182,7 +182,7 @@ impl Cycle<'_> {
         self.status.fault(text.into());
     }
 
-    /// Random numbers of this process: the same for the same seed.
+    /// Random numbers of this process: the same for the same seed, and from the first on again after `INIT`.
     pub fn rng(&mut self) -> &mut ChaCha8Rng {
         self.rng
     }

@@ -10,7 +10,7 @@
 
 use crate::error::RunError;
 use rcs_bus::WriterId;
-use rcs_msg::{AnyMessage, Stamp, rcs};
+use rcs_msg::{AnyMessage, DeferredSource, Stamp, rcs};
 use std::sync::Arc;
 
 /// Where an event stands in the order of a run.
@@ -89,16 +89,16 @@ impl ExternalEvent {
     }
 }
 
-impl From<ExternalEvent> for rcs::JournalEvent {
-    fn from(event: ExternalEvent) -> Self {
-        Self {
-            events: event.place.events,
-            time_ns: event.place.time.0,
-            acq_time_ns: event.acq_time().0,
-            writer: if event.writer == WriterId::OPERATOR { "operator" } else { "runtime" }.to_owned(),
-            buffer: event.buffer.to_string(),
-            schema: event.message.schema().name().to_owned(),
-            message: event.message.bytes(),
+impl DeferredSource<rcs::JournalEvent> for ExternalEvent {
+    fn to_message(&self) -> rcs::JournalEvent {
+        rcs::JournalEvent {
+            events: self.place.events,
+            time_ns: self.place.time.0,
+            acq_time_ns: self.acq_time().0,
+            writer: if self.writer == WriterId::OPERATOR { "operator" } else { "runtime" }.to_owned(),
+            buffer: self.buffer.to_string(),
+            schema: self.message.schema().name().to_owned(),
+            message: self.message.bytes(),
         }
     }
 }
@@ -165,17 +165,17 @@ mod tests {
 
     #[test]
     fn an_event_is_the_same_after_it_was_recorded() {
-        let recorded = rcs::JournalEvent::from(event(3, 1.5));
+        let recorded = event(3, 1.5).to_message();
         let read = ExternalEvent::from_message(&recorded).unwrap();
         assert_eq!(read.place, EventPlace { events: 3, time: Stamp(30) });
         assert_eq!((&*read.buffer, read.writer, read.acq_time()), ("/a", WriterId::OPERATOR, Stamp(30)));
         assert_eq!(read.message.get::<Vector3>().unwrap().x, 1.5);
-        assert_eq!(rcs::JournalEvent::from(read), recorded);
+        assert_eq!(read.to_message(), recorded);
     }
 
     #[test]
     fn an_event_that_cannot_be_read_is_refused_by_name() {
-        let good = rcs::JournalEvent::from(event(3, 1.5));
+        let good = event(3, 1.5).to_message();
         let check = |bad: rcs::JournalEvent, expected: &str| {
             let error = ExternalEvent::from_message(&bad).unwrap_err().to_string();
             assert!(error.contains("/a") && error.contains(expected), "{error}");

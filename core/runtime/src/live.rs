@@ -87,6 +87,10 @@ pub struct Live {
     start: Stamp,
 }
 
+/// Starts a thread: a test's own way of it can fail.
+type Spawn<'a> =
+    &'a mut dyn FnMut(std::thread::Builder, Box<dyn FnOnce() + Send>) -> std::io::Result<JoinHandle<()>>;
+
 struct NamedThread {
     name: Arc<str>,
     handle: JoinHandle<()>,
@@ -108,6 +112,10 @@ pub struct Stopped {
 impl Live {
     /// Starts every process of a plan. Where that fails, no thread is left.
     pub fn start(plan: Arc<Plan>, options: &LiveOptions) -> Result<Self, RunError> {
+        Self::start_with(plan, options, &mut |thread, work| thread.spawn(work))
+    }
+
+    fn start_with(plan: Arc<Plan>, options: &LiveOptions, spawn: Spawn<'_>) -> Result<Self, RunError> {
         let mut machine = Machine::new(plan, options.run.seed)?;
         // The threads own the nodes; what is left are the buffers.
         let nodes = std::mem::take(&mut machine.nodes);
@@ -157,22 +165,27 @@ impl Live {
                 class: process.class,
                 origin,
             };
-            live.spawn(Arc::clone(&process.name), move || worker.run())?;
+            live.spawn(spawn, Arc::clone(&process.name), move || worker.run())?;
         }
         let (shared, seats, limit) = (Arc::clone(&live.shared), live.seats.clone(), options.hang_limit);
-        live.spawn("watchdog".into(), move || watchdog::run(&shared, &seats, limit))?;
+        live.spawn(spawn, "watchdog".into(), move || watchdog::run(&shared, &seats, limit))?;
         Ok(live)
     }
 
-    fn spawn(&mut self, name: Arc<str>, work: impl FnOnce() + Send + 'static) -> Result<(), RunError> {
+    fn spawn(
+        &mut self,
+        spawn: Spawn<'_>,
+        name: Arc<str>,
+        work: impl FnOnce() + Send + 'static,
+    ) -> Result<(), RunError> {
         let ended = self.ended.0.clone();
         let index = self.threads.len();
-        let thread = std::thread::Builder::new().name(name.to_string()).spawn(move || {
+        let work = Box::new(move || {
             work();
             // Nobody waits for it where the run has been left already.
             let _ = ended.send(index);
         });
-        let handle = thread
+        let handle = spawn(std::thread::Builder::new().name(name.to_string()), work)
             .map_err(|error| RunError::Refused(format!("no thread could be started for {name}: {error}")))?;
         self.threads.push(NamedThread { name, handle });
         Ok(())
@@ -206,8 +219,11 @@ impl Live {
     /// Takes an event from outside: an operator's, a sensor's, a link's.
     pub fn take(&self, event: ExternalEvent) -> Result<(), RunError> {
         // A check may take long (it reads a world, say): nobody waits for it.
-        self.shared.machine.check(&event)?;
-        self.shared.commit(|time| self.shared.machine.apply(event.at(EventPlace { events: 0, time })))
+        let mut checked = self.shared.machine.check(event)?;
+        self.shared.commit(|time| {
+            checked.event = checked.event.at(EventPlace { events: 0, time });
+            self.shared.machine.apply(checked)
+        })
     }
 
     /// How the recording goes.
@@ -254,5 +270,62 @@ impl Live {
 impl Drop for Live {
     fn drop(&mut self) {
         self.end_threads();
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+    use crate::{Cycle, NoCommands, PortBuilder, Process, ProcessDef, ProcessType, StackFile};
+    use serde::{Deserialize, Serialize};
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    #[derive(Clone, Serialize, Deserialize)]
+    struct Idle;
+
+    impl Process for Idle {
+        type Params = rcs::NoParams;
+        type Ports = ();
+        type Command = NoCommands;
+        const DEF: ProcessDef = ProcessDef {
+            plugin: "idle",
+            summary: "Idles.",
+            period_ms: 1.0,
+            latency_ms: 0.0,
+            reads_truth: false,
+        };
+
+        fn ports(_: &mut PortBuilder) -> Self::Ports {}
+
+        fn new(_: &Self::Params) -> Self {
+            Self
+        }
+
+        fn cycle(&mut self, (): &Self::Ports, _: &Self::Params, _: &mut Cycle<'_>) {}
+    }
+
+    #[test]
+    fn a_start_that_fails_half_way_names_the_process_and_leaves_no_thread() {
+        let process =
+            |name| format!("[[process]]\nname = \"{name}\"\nplugin = \"idle\"\nsupervisor = \"viewer\"\n");
+        let text =
+            format!("format = 1\nname = \"x\"\n{}", ["first", "second", "third"].map(process).concat());
+        let file = StackFile::parse("test.toml", &text).unwrap();
+        let plan = Arc::new(Plan::new(file, &[ProcessType::of::<Idle>()], &[]).unwrap());
+        let (begun, ended) = (AtomicUsize::new(0), Arc::new(AtomicUsize::new(0)));
+        let failed = Live::start_with(plan, &LiveOptions::default(), &mut |thread, work| {
+            if begun.fetch_add(1, Ordering::Relaxed) == 2 {
+                return Err(std::io::ErrorKind::OutOfMemory.into());
+            }
+            let ended = Arc::clone(&ended);
+            thread.spawn(move || {
+                work();
+                ended.fetch_add(1, Ordering::Relaxed);
+            })
+        });
+        let error = failed.err().unwrap().to_string();
+        assert!(error.contains("no thread could be started for third"), "{error}");
+        assert_eq!((begun.into_inner(), ended.load(Ordering::Relaxed)), (3, 2));
     }
 }

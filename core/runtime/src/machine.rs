@@ -12,6 +12,20 @@ use rcs_bus::{Buffer, Draft, OverrideValue, WriterId};
 use rcs_msg::{AnyMessage, Stamp, params, rcs};
 use std::sync::Arc;
 
+/// An event from outside that has been checked: it can take effect at once.
+pub(crate) struct Checked {
+    pub(crate) event: ExternalEvent,
+    /// What it does to an override.
+    change: Option<Change>,
+}
+
+impl Checked {
+    /// The runtime's own, which needs no check.
+    pub(crate) fn own(event: ExternalEvent) -> Self {
+        Self { event, change: None }
+    }
+}
+
 /// The buffers and nodes of a plan, and the writers of those who are no process.
 pub(crate) struct Machine {
     pub(crate) plan: Arc<Plan>,
@@ -55,13 +69,12 @@ impl Machine {
 
     /// Takes an event from outside, in its place. Whatever is refused changes nothing.
     pub(crate) fn take(&self, event: ExternalEvent) -> Result<(), RunError> {
-        self.check(&event)?;
-        self.apply(event)
+        self.apply(self.check(event)?)
     }
 
-    /// Refuses a buffer that is not there or the runtime's own, and parameters that their process would not take. That
-    /// may take long, and changes nothing.
-    pub(crate) fn check(&self, event: &ExternalEvent) -> Result<(), RunError> {
+    /// Refuses a buffer that is not there or the runtime's own, parameters that their process would not take, and
+    /// overrides that do not fit. That may take long, and changes nothing: a live run does it outside of its lock.
+    pub(crate) fn check(&self, event: ExternalEvent) -> Result<Checked, RunError> {
         self.buffer(&event.buffer)?;
         // What the runtime itself says of a branch is part of the branch's journal.
         let is_branch = &*event.buffer == names::RUN && event.writer == WriterId::RUNTIME;
@@ -79,19 +92,20 @@ impl Machine {
                 .and_then(|()| process.kind.check(&event.message))
                 .map_err(|error| RunError::Refused(format!("{}: {error}", event.buffer)))?;
         }
-        Ok(())
+        let is_override = &*event.buffer == names::OVERRIDE;
+        let change = is_override.then(|| self.keeper.check(&event.message)).transpose()?;
+        change.as_ref().map_or(Ok(()), |change| self.check_whole(change))?;
+        Ok(Checked { event, change })
     }
 
     /// An event that has been checked: an override takes effect, the message is there to be seen, and the journal holds
-    /// the event.
-    pub(crate) fn apply(&self, event: ExternalEvent) -> Result<(), RunError> {
+    /// the event. Only references change hands here.
+    pub(crate) fn apply(&self, Checked { event, change }: Checked) -> Result<(), RunError> {
         let buffer = self.buffer(&event.buffer)?;
         let now = event.place.time;
-        if &*event.buffer == names::OVERRIDE {
+        if let Some(change) = change {
             // The number of the message in its buffer is the override's.
-            let change = self.keeper.check(&event.message, buffer.newest() + 1, now)?;
-            self.check_whole(&change)?;
-            self.keeper.apply(change);
+            self.keeper.apply(change, buffer.newest() + 1, now);
         }
         let draft = Draft { log_time: now, acq_time: event.acq_time(), message: event.message.clone() };
         buffer.writer(event.writer).write(draft)?;
@@ -107,8 +121,8 @@ impl Machine {
 
     /// Refuses whole parameter messages that their process would not take.
     fn check_whole(&self, change: &Change) -> Result<(), RunError> {
-        let Change::Set(index, change) = change else { return Ok(()) };
-        let OverrideValue::Message(message) = &change.value else { return Ok(()) };
+        let Change::Set { index, new, .. } = change else { return Ok(()) };
+        let OverrideValue::Message(message) = &new.value else { return Ok(()) };
         let process = self.plan.processes.iter().find(|process| process.params_buffer == *index);
         let checked = process
             .map_or(Ok(()), |process| check_params(message).and_then(|()| process.kind.check(message)));

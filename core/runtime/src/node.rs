@@ -40,6 +40,8 @@ pub(crate) struct Node {
     family: Family,
     panicked: bool,
     rng: ChaCha8Rng,
+    /// What the random numbers begin with, at the start of the run and after each `INIT`.
+    seed: [u8; 32],
     staged: Vec<Staged>,
     scratch: Vec<Sample>,
     /// How often something of what is saved may have changed; never the same again.
@@ -147,6 +149,7 @@ impl Node {
             family: Family::new(plan, index),
             panicked: false,
             rng: ChaCha8Rng::from_seed(*hash.as_bytes()),
+            seed: *hash.as_bytes(),
             staged: Vec::new(),
             scratch: Vec::new(),
             changes: 0,
@@ -214,6 +217,8 @@ impl Node {
                 self.take_params(&message);
             }
             self.panicked = false;
+            // A process that begins anew does what it did at the start of the run.
+            self.rng = ChaCha8Rng::from_seed(self.seed);
             let body = &mut self.body;
             if let Err(panic) = catch_unwind(AssertUnwindSafe(|| body.reset())) {
                 self.panicked(&*panic);
@@ -319,20 +324,19 @@ impl Node {
         match &state.body {
             SavedBody::Live(saved) => {
                 if !self.body.restore(&**saved) {
-                    return Err(format!("the snapshot holds another process than {}", self.status.process));
+                    return Err(format!("the snapshot holds another process than {}", self.status.process()));
                 }
             }
-            SavedBody::Encoded(bytes) => self
-                .body
-                .restore_encoded(bytes)
-                .map_err(|error| format!("the state of {} does not decode: {error}", self.status.process))?,
+            SavedBody::Encoded(bytes) => self.body.restore_encoded(bytes).map_err(|error| {
+                format!("the state of {} does not decode: {error}", self.status.process())
+            })?,
         }
         self.views.clone_from(&state.views);
         self.status = state.status.clone();
         self.register = state.register.clone();
         self.register
             .decode(&self.kind)
-            .map_err(|error| format!("the commands of {} do not decode: {error}", self.status.process))?;
+            .map_err(|error| format!("the commands of {} do not decode: {error}", self.status.process()))?;
         self.family.state = state.family.clone();
         self.panicked = state.panicked;
         self.rng = state.rng.clone();

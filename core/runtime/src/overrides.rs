@@ -21,7 +21,8 @@ const LONGEST_S: f64 = 1e7;
 
 /// What an operator asks for, checked.
 pub(crate) enum Change {
-    Set(usize, Box<Override>),
+    /// In the buffer of that place. Number and times are given when it takes effect.
+    Set { index: usize, new: Box<Override>, expires_ns: Option<u64> },
     /// In one buffer, or in all.
     Release(Option<usize>, Release),
 }
@@ -62,8 +63,8 @@ impl Keeper {
         Ok(index)
     }
 
-    /// Checks what an operator asks for against buffer, field, type and range. `id` is the number that it gets.
-    pub(crate) fn check(&self, message: &AnyMessage, id: u64, now: Stamp) -> Result<Change, RunError> {
+    /// Checks what an operator asks for against buffer, field, type and range. Nothing is changed.
+    pub(crate) fn check(&self, message: &AnyMessage) -> Result<Change, RunError> {
         let refused = |text: String| RunError::Refused(text);
         let change = message
             .to::<rcs::Override>()
@@ -93,9 +94,9 @@ impl Keeper {
             rcs::r#override::Mode::Once => OverrideMode::Once,
             _ => OverrideMode::Hold,
         };
-        let until = (expires_s > 0.0).then(|| now.after_ns((expires_s * 1e9) as u64));
-        let new = Override { id, owner: owner.into(), mode, value, since: now, until, due };
-        Ok(Change::Set(index, Box::new(new)))
+        let expires_ns = (expires_s > 0.0).then_some((expires_s * 1e9) as u64);
+        let new = Override { id: 0, owner: owner.into(), mode, value, since: Stamp(0), until: None, due };
+        Ok(Change::Set { index, new: Box::new(new), expires_ns })
     }
 
     fn check_release(&self, change: &rcs::Override) -> Result<Change, String> {
@@ -136,10 +137,13 @@ impl Keeper {
         Ok(Change::Release(index, which))
     }
 
-    /// Does what has been checked.
-    pub(crate) fn apply(&self, change: Change) {
+    /// Does what has been checked, now. `id` is the number that an override gets.
+    pub(crate) fn apply(&self, change: Change, id: u64, now: Stamp) {
         match change {
-            Change::Set(index, new) => self.buffers[index].set_override(*new),
+            Change::Set { index, new, expires_ns } => {
+                let until = expires_ns.map(|expires_ns| now.after_ns(expires_ns));
+                self.buffers[index].set_override(Override { id, since: now, until, ..*new });
+            }
             Change::Release(Some(index), which) => {
                 self.buffers[index].release_overrides(&which);
             }

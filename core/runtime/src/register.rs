@@ -149,7 +149,7 @@ impl Register {
     pub(crate) fn lapse(&mut self, now: Stamp, superiors: &Superiors, status: &mut StatusCell) {
         if self.has_lapsed(now, superiors) {
             self.owner = None;
-            Arc::make_mut(&mut status.obeyed).owner.clear();
+            status.obeyed_mut().owner.clear();
         }
     }
 
@@ -184,8 +184,7 @@ impl Register {
         let who = match self.admit(sample.header.writer, command.serial, at, superiors) {
             Ok(who) => who,
             Err(denied) => {
-                Arc::make_mut(&mut status.obeyed).supervisor_serial =
-                    self.serials[Authority::Supervisor as usize];
+                status.obeyed_mut().supervisor_serial = self.serials[Authority::Supervisor as usize];
                 refuse(status, &writer, &command, denied);
                 return Verdict::Noted;
             }
@@ -194,7 +193,7 @@ impl Register {
             let supervisor = superiors.supervisor.map(|_| Authority::Supervisor);
             self.owner = supervisor.filter(|_| who == Authority::Operator);
         }
-        let obeyed = Arc::make_mut(&mut status.obeyed);
+        let obeyed = status.obeyed_mut();
         superiors.name_of(self.owner).clone_into(&mut obeyed.owner);
         obeyed.supervisor_serial = self.serials[Authority::Supervisor as usize];
         if [TAKE, RELEASE].contains(&command.name.as_str()) {
@@ -206,7 +205,7 @@ impl Register {
         match self.accept(&command, kind, panicked, status.text()) {
             Ok(verdict) => {
                 self.is_new = true;
-                Arc::make_mut(&mut status.obeyed).rejected = None;
+                status.obeyed_mut().rejected = None;
                 status.set(rcs::ProcessState::Exec, format!("obeys {}", command.name).into());
                 verdict
             }
@@ -316,7 +315,7 @@ fn refuse(status: &mut StatusCell, writer: &str, command: &rcs::Command, denied:
 }
 
 fn note(status: &mut StatusCell, writer: &str, command: &rcs::Command, denied: Denied) {
-    Arc::make_mut(&mut status.obeyed).refused = Some(rcs::Refusal {
+    status.obeyed_mut().refused = Some(rcs::Refusal {
         writer: writer.to_owned(),
         serial: command.serial,
         command: command.name.clone(),

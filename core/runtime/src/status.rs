@@ -3,19 +3,30 @@
 //! A status echoes the serial of the command that the process obeys. While the last command of its owner is refused,
 //! the status says `ERROR` with the reason, whatever the process itself says meanwhile.
 
-use rcs_msg::{Stamp, rcs};
+use prost::Message as _;
+use rcs_msg::{DeferredSource, Stamp, rcs};
 use serde::{Deserialize, Serialize};
 use std::panic::Location;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A line for a person, cheap to clone.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub enum Text {
     /// Known at compile time.
     Static(&'static str),
     /// Made at run time.
     Shared(Arc<str>),
 }
+
+/// Equal where they read the same: a text that came back from disk is no longer static.
+impl PartialEq for Text {
+    fn eq(&self, other: &Self) -> bool {
+        let (a, b) = (self.as_str(), other.as_str());
+        std::ptr::eq(a, b) || a == b
+    }
+}
+
+impl Eq for Text {}
 
 impl Text {
     /// The text.
@@ -62,7 +73,7 @@ fn source_line(location: &Location<'_>) -> Arc<str> {
     format!("{}:{}", location.file(), location.line()).into()
 }
 
-/// What a status says of commands. It changes when a command arrives, not when a cycle is run: cells share it.
+/// What a status says of commands. It changes when a command arrives, not when a cycle is run.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Obeyed {
     pub(crate) command: String,
@@ -76,32 +87,100 @@ pub(crate) struct Obeyed {
     pub(crate) rejected: Option<(Text, Arc<str>)>,
 }
 
-/// What a process says of itself, kept from cycle to cycle.
-#[derive(Clone, Debug)]
-pub(crate) struct StatusCell {
-    pub(crate) process: Arc<str>,
-    pub(crate) obeyed: Arc<Obeyed>,
+/// All that a status says but for time and cycle: the statuses of many cycles share it.
+#[derive(Debug)]
+struct Facts {
+    process: Arc<str>,
+    obeyed: Arc<Obeyed>,
     state: rcs::ProcessState,
     text: Text,
     source_line: Arc<str>,
-    pub(crate) cycle: u64,
     faults: u64,
     last_fault: Text,
+    /// Encoded: what stands before the cycle in the message, and what stands behind it. Made when a status is encoded.
+    encoded: OnceLock<[Vec<u8>; 2]>,
+}
+
+impl Clone for Facts {
+    /// For a change: what was encoded no longer holds.
+    fn clone(&self) -> Self {
+        Self {
+            process: Arc::clone(&self.process),
+            obeyed: Arc::clone(&self.obeyed),
+            state: self.state,
+            text: self.text.clone(),
+            source_line: Arc::clone(&self.source_line),
+            faults: self.faults,
+            last_fault: self.last_fault.clone(),
+            encoded: OnceLock::new(),
+        }
+    }
+}
+
+impl Facts {
+    fn shown_state(&self) -> rcs::ProcessState {
+        if self.obeyed.rejected.is_some() { rcs::ProcessState::Error } else { self.state }
+    }
+
+    /// The fields before the cycle, without the time.
+    fn head(&self) -> rcs::Status {
+        let obeyed = &*self.obeyed;
+        let (text, source_line) = match &obeyed.rejected {
+            Some((text, source_line)) => (text, source_line),
+            None => (&self.text, &self.source_line),
+        };
+        rcs::Status {
+            process: self.process.to_string(),
+            command: obeyed.command.clone(),
+            echo_serial: obeyed.echo_serial,
+            state: self.shown_state().into(),
+            state_text: text.as_str().to_owned(),
+            source_line: source_line.to_string(),
+            ..rcs::Status::default()
+        }
+    }
+
+    /// The fields behind the cycle, added to `head`.
+    fn with_tail(&self, head: rcs::Status) -> rcs::Status {
+        let obeyed = &*self.obeyed;
+        rcs::Status {
+            faults: self.faults,
+            last_fault: self.last_fault.as_str().to_owned(),
+            owner: obeyed.owner.clone(),
+            commander: obeyed.commander.clone(),
+            supervisor_serial: obeyed.supervisor_serial,
+            refused: obeyed.refused.clone(),
+            ..head
+        }
+    }
+
+    fn encoded(&self) -> &[Vec<u8>; 2] {
+        let tail = || self.with_tail(rcs::Status::default());
+        self.encoded.get_or_init(|| [self.head().encode_to_vec(), tail().encode_to_vec()])
+    }
+}
+
+/// What a process says of itself, kept from cycle to cycle.
+#[derive(Clone, Debug)]
+pub(crate) struct StatusCell {
+    facts: Arc<Facts>,
+    pub(crate) cycle: u64,
 }
 
 impl StatusCell {
     #[track_caller]
     pub(crate) fn new(process: Arc<str>) -> Self {
-        Self {
+        let facts = Facts {
             process,
             obeyed: Arc::default(),
             state: rcs::ProcessState::Uninitialized,
             text: Text::Static("waits for its first command"),
             source_line: source_line(Location::caller()),
-            cycle: 0,
             faults: 0,
             last_fault: Text::default(),
-        }
+            encoded: OnceLock::new(),
+        };
+        Self { facts: Arc::new(facts), cycle: 0 }
     }
 
     fn from_status(status: &rcs::Status) -> Self {
@@ -114,49 +193,70 @@ impl StatusCell {
             refused: status.refused.clone(),
             rejected: None,
         };
-        Self {
+        let facts = Facts {
             process: status.process.as_str().into(),
             obeyed: Arc::new(obeyed),
             state: status.state(),
             text: status.state_text.clone().into(),
             source_line: status.source_line.as_str().into(),
-            cycle: status.cycle,
             faults: status.faults,
             last_fault: status.last_fault.clone().into(),
-        }
+            encoded: OnceLock::new(),
+        };
+        Self { facts: Arc::new(facts), cycle: status.cycle }
+    }
+
+    /// Name of the process.
+    pub(crate) fn process(&self) -> &Arc<str> {
+        &self.facts.process
+    }
+
+    /// What it says of commands, to be changed.
+    pub(crate) fn obeyed_mut(&mut self) -> &mut Obeyed {
+        Arc::make_mut(&mut self.facts_mut().obeyed)
+    }
+
+    fn facts_mut(&mut self) -> &mut Facts {
+        let facts = Arc::make_mut(&mut self.facts);
+        facts.encoded.take();
+        facts
     }
 
     /// The state that is shown.
     pub(crate) fn state(&self) -> rcs::ProcessState {
-        if self.obeyed.rejected.is_some() { rcs::ProcessState::Error } else { self.state }
+        self.facts.shown_state()
     }
 
     /// What the process itself says, whatever is shown.
     pub(crate) fn text(&self) -> &str {
-        self.text.as_str()
+        self.facts.text.as_str()
     }
 
     #[track_caller]
     pub(crate) fn set(&mut self, state: rcs::ProcessState, text: Text) {
-        if state != self.state || text != self.text {
-            self.source_line = source_line(Location::caller());
-            self.state = state;
-            self.text = text;
+        if state != self.facts.state || text != self.facts.text {
+            let caller = Location::caller();
+            let facts = self.facts_mut();
+            facts.source_line = source_line(caller);
+            facts.state = state;
+            facts.text = text;
         }
     }
 
     /// Shows `ERROR` with this text until a command is accepted.
     #[track_caller]
     pub(crate) fn reject(&mut self, text: String) {
-        Arc::make_mut(&mut self.obeyed).rejected = Some((text.into(), source_line(Location::caller())));
+        let line = source_line(Location::caller());
+        self.obeyed_mut().rejected = Some((text.into(), line));
     }
 
     pub(crate) fn fault(&mut self, text: Text) {
-        self.faults += 1;
-        self.last_fault = text;
+        let facts = self.facts_mut();
+        facts.faults += 1;
+        facts.last_fault = text;
     }
 
-    /// The status as a message at that time; it costs a few reference counts until someone looks at it.
+    /// The status as a message at that time; it costs a reference count until someone looks at it.
     pub(crate) fn record(&self, now: Stamp) -> StatusRecord {
         StatusRecord { now, cell: self.clone() }
     }
@@ -169,31 +269,25 @@ pub(crate) struct StatusRecord {
     cell: StatusCell,
 }
 
-impl From<StatusRecord> for rcs::Status {
-    fn from(record: StatusRecord) -> Self {
-        let StatusRecord { now, cell } = record;
-        let state = cell.state();
-        let obeyed = &*cell.obeyed;
-        let (text, source_line) = match &obeyed.rejected {
-            Some((text, source_line)) => (text, source_line),
-            None => (&cell.text, &cell.source_line),
-        };
-        rcs::Status {
-            timestamp: Some(now.to_proto()),
-            process: cell.process.to_string(),
-            command: obeyed.command.clone(),
-            echo_serial: obeyed.echo_serial,
-            state: state.into(),
-            state_text: text.as_str().to_owned(),
-            source_line: source_line.to_string(),
-            cycle: cell.cycle,
-            faults: cell.faults,
-            last_fault: cell.last_fault.as_str().to_owned(),
-            owner: obeyed.owner.clone(),
-            commander: obeyed.commander.clone(),
-            supervisor_serial: obeyed.supervisor_serial,
-            refused: obeyed.refused.clone(),
-        }
+impl DeferredSource<rcs::Status> for StatusRecord {
+    fn to_message(&self) -> rcs::Status {
+        let facts = &*self.cell.facts;
+        let cycle = self.cell.cycle;
+        rcs::Status { timestamp: Some(self.now.to_proto()), cycle, ..facts.with_tail(facts.head()) }
+    }
+
+    /// The same bytes as those of the message, in the order of its fields.
+    fn encode(&self) -> Vec<u8> {
+        let [head, tail] = self.cell.facts.encoded();
+        let time = rcs::Status { timestamp: Some(self.now.to_proto()), ..rcs::Status::default() };
+        let cycle = rcs::Status { cycle: self.cell.cycle, ..rcs::Status::default() };
+        // Time and cycle take 27 bytes at most.
+        let mut bytes = Vec::with_capacity(27 + head.len() + tail.len());
+        time.encode_raw(&mut bytes);
+        bytes.extend_from_slice(head);
+        cycle.encode_raw(&mut bytes);
+        bytes.extend_from_slice(tail);
+        bytes
     }
 }
 
@@ -215,10 +309,10 @@ pub(crate) struct StatusOnDisk {
 impl From<&StatusCell> for StatusOnDisk {
     fn from(cell: &StatusCell) -> Self {
         let mut own = cell.clone();
-        let rejected = Arc::make_mut(&mut own.obeyed).rejected.take();
-        let status: rcs::Status = own.record(Stamp(0)).into();
+        let rejected = own.obeyed_mut().rejected.take();
+        let status = own.record(Stamp(0)).to_message();
         Self {
-            status: prost::Message::encode_to_vec(&status),
+            status: status.encode_to_vec(),
             rejected: rejected.map(|(text, line)| (text.as_str().to_owned(), line.to_string())),
         }
     }
@@ -231,8 +325,52 @@ impl TryFrom<&StatusOnDisk> for StatusCell {
         let status: rcs::Status = prost::Message::decode(disk.status.as_slice())?;
         let mut cell = Self::from_status(&status);
         if let Some((text, line)) = &disk.rejected {
-            Arc::make_mut(&mut cell.obeyed).rejected = Some((text.clone().into(), line.as_str().into()));
+            cell.obeyed_mut().rejected = Some((text.clone().into(), line.as_str().into()));
         }
         Ok(cell)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_status_is_encoded_as_its_message_is_whatever_it_says_and_when_it_changes() {
+        let mut cell = StatusCell::new("p".into());
+        let same = |cell: &StatusCell, now: u64| {
+            let record = cell.record(Stamp(now));
+            assert_eq!(record.encode(), record.to_message().encode_to_vec());
+            record.to_message()
+        };
+        assert_eq!(same(&cell, 0).process, "p");
+        cell.cycle = 300;
+        cell.set(rcs::ProcessState::Exec, "works".into());
+        let kept = cell.record(Stamp(5));
+        assert_eq!(same(&cell, 1_500_000_000).state_text, "works");
+        cell.fault("bad input".into());
+        *cell.obeyed_mut() = Obeyed {
+            command: "RUN".to_owned(),
+            echo_serial: 7,
+            owner: "operator".to_owned(),
+            refused: Some(rcs::Refusal { serial: 3, ..rcs::Refusal::default() }),
+            ..Obeyed::default()
+        };
+        let status = same(&cell, u64::MAX / 2);
+        assert_eq!((status.faults, status.echo_serial, status.cycle), (1, 7, 300));
+        cell.reject("no such command".to_owned());
+        assert_eq!(same(&cell, 9).state(), rcs::ProcessState::Error);
+        assert_eq!(kept.to_message().faults, 0, "what was recorded before stays as it was");
+    }
+
+    #[test]
+    fn a_text_that_came_back_from_disk_is_the_same_text() {
+        let mut cell = StatusCell::new("p".into());
+        cell.set(rcs::ProcessState::Exec, "works".into());
+        let mut back = StatusCell::try_from(&StatusOnDisk::from(&cell)).unwrap();
+        let line = |cell: &StatusCell| cell.record(Stamp(0)).to_message().source_line;
+        back.set(rcs::ProcessState::Exec, "works".into());
+        assert_eq!(line(&back), line(&cell));
     }
 }

@@ -7,7 +7,7 @@
 use crate::error::RunError;
 use crate::feed::Feed;
 use crate::journal::{EventPlace, ExternalEvent, Journal};
-use crate::machine::Machine;
+use crate::machine::{Checked, Machine};
 use crate::options::RunOptions;
 use crate::pool::Pool;
 use crate::script::{Refused, Repeated, ScheduledCycle, Script};
@@ -368,8 +368,8 @@ impl Stepped {
 
     /// Takes an event of a session's journal again, in the place that it had.
     pub(crate) fn retake(&mut self, event: ExternalEvent) -> Result<(), RunError> {
-        // What was checked then is not refused now.
-        self.machine.apply(event)
+        // What was taken then is not refused now.
+        self.machine.take(event)
     }
 
     /// The run has been put elsewhere: what a recorded journal says of there is taken again.
@@ -381,7 +381,7 @@ impl Stepped {
     fn record_cycle(&mut self, index: usize, started: Stamp, ended: Stamp) {
         let node = self.machine.nodes[index].get();
         let record = rcs::CycleRecord {
-            process: node.status().process.to_string(),
+            process: node.status().process().to_string(),
             cycle: node.status().cycle,
             start_ns: started.0,
             end_ns: ended.0,
@@ -402,7 +402,7 @@ impl Stepped {
 
     /// Whether an event from outside would be taken; nothing is changed.
     pub(crate) fn check_event(&self, event: &ExternalEvent) -> Result<(), RunError> {
-        self.machine.check(event)?;
+        self.machine.check(event.clone())?;
         let buffer = self.machine.buffer(&event.buffer)?;
         let expected = &buffer.spec().schema;
         if event.message.is_a(expected) {
@@ -423,7 +423,7 @@ impl Stepped {
         let info = rcs::RunInfo { branched_from: parent.to_owned(), branch_time_ns: self.now.0, ..info };
         let event = ExternalEvent::sensed(names::RUN, self.now, AnyMessage::new(info));
         let event = event.at(EventPlace { events: self.events, time: self.now });
-        self.machine.apply(event.clone())?;
+        self.machine.apply(Checked::own(event.clone()))?;
         Ok(event)
     }
 

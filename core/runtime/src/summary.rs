@@ -116,7 +116,7 @@ impl Stepped {
     pub(crate) fn process_summaries(&self) -> Vec<ProcessSummary> {
         let summary = |node: &Node, times: &CycleTimes| {
             let status = node.status();
-            ProcessSummary::new(&status.process, status.state(), status.cycle, times)
+            ProcessSummary::new(status.process(), status.state(), status.cycle, times)
         };
         self.machine().nodes.iter().map(|slot| slot.look(summary)).collect()
     }

@@ -443,6 +443,25 @@ fn a_supervisor_passes_halt_down_and_is_done_when_its_child_is() {
 }
 
 #[test]
+fn after_init_a_process_does_what_it_did_at_the_start_of_the_run() {
+    let mut bench = Bench::new(&alone("counter"));
+    let written: Arc<Mutex<Vec<(f64, f64)>>> = Arc::default();
+    let taken = Arc::clone(&written);
+    bench.session.run().bus().get("/x/count").unwrap().tap(Box::new(move |sample| {
+        let count = sample.message.get::<foxglove::Vector3>().unwrap();
+        taken.lock().unwrap().push((count.x, count.y));
+    }));
+    bench.forward(0.1);
+    let first = std::mem::take(&mut *written.lock().unwrap());
+    assert_eq!(bench.say("x", "INIT").state(), rcs::ProcessState::Done);
+    written.lock().unwrap().clear();
+    bench.say("x", "RUN");
+    let again = written.lock().unwrap().clone();
+    let both = first.len().min(again.len()) - 1;
+    assert!(both > 5 && again[..both] == first[..both], "{first:?} and {again:?}");
+}
+
+#[test]
 fn what_was_told_survives_in_memory_and_on_disk() {
     let hash = |run: &Stepped| run.summary().hash.unwrap();
     let through = |halt: bool| {

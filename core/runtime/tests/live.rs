@@ -5,14 +5,14 @@
 mod common;
 
 use common::{PAIR, PLUGINS, plan};
-use rcs_msg::{AnyMessage, foxglove, rcs};
+use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use rcs_runtime::{
-    Cycle, ExternalEvent, Live, LiveOptions, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType,
-    StackFile,
+    Child, ChildState, Cycle, ExternalEvent, Live, LiveOptions, Order, Out, Plan, PortBuilder, Process,
+    ProcessDef, ProcessType, StackFile,
 };
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 const PATIENCE: Duration = Duration::from_mins(1);
@@ -201,5 +201,127 @@ fn waking_waiting_and_computing_are_told_for_every_process() {
         assert!(timing.wake_late_p99_us > 0.0 && timing.start_late_p99_us > 0.0, "{timing:?}");
         assert!(timing.missed_by_lock <= timing.missed, "{timing:?}");
     }
+    live.stop().unwrap();
+}
+
+/// Whether [`Stuck`] may go on.
+static FREED: AtomicBool = AtomicBool::new(false);
+
+/// Its third cycle lasts until it is freed.
+#[derive(Clone, Serialize, Deserialize)]
+struct Stuck {
+    cycles: u32,
+}
+
+impl Process for Stuck {
+    type Params = rcs::NoParams;
+    type Ports = ();
+    type Command = rcs_runtime::NoCommands;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "stuck",
+        summary: "Hangs.",
+        period_ms: 20.0,
+        latency_ms: 0.0,
+        reads_truth: false,
+    };
+
+    fn ports(_: &mut PortBuilder) -> Self::Ports {}
+
+    fn new(_params: &Self::Params) -> Self {
+        Self { cycles: 0 }
+    }
+
+    fn cycle(&mut self, (): &Self::Ports, _params: &Self::Params, cx: &mut Cycle<'_>) {
+        self.cycles += 1;
+        cx.exec("at work");
+        while self.cycles == 3 && !FREED.load(Ordering::Relaxed) {
+            std::thread::yield_now();
+        }
+    }
+}
+
+/// Writes whether its child is silent.
+#[derive(Clone, Serialize, Deserialize)]
+struct Watcher;
+
+struct WatcherPorts {
+    child: Child<rcs_runtime::NoCommands>,
+    seen: Out<foxglove::Vector3>,
+}
+
+impl Process for Watcher {
+    type Params = rcs::NoParams;
+    type Ports = WatcherPorts;
+    type Command = rcs_runtime::NoCommands;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "watcher",
+        summary: "Watches.",
+        period_ms: 10.0,
+        latency_ms: 0.0,
+        reads_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Self::Ports {
+        WatcherPorts {
+            child: b.child("child", "Whom it watches."),
+            seen: b.output("seen", "Whether the child is silent.").build(),
+        }
+    }
+
+    fn new(_params: &Self::Params) -> Self {
+        Self
+    }
+
+    fn cycle(&mut self, ports: &Self::Ports, _params: &Self::Params, cx: &mut Cycle<'_>) {
+        if cx.is_new_command() {
+            cx.send(&ports.child, Order::Run);
+        }
+        let silent = cx.child_state(&ports.child) == Some(ChildState::Silent);
+        cx.exec(if silent { "its child is silent" } else { "watches" });
+        cx.write(
+            &ports.seen,
+            cx.now(),
+            foxglove::Vector3 { x: f64::from(u8::from(silent)), ..Default::default() },
+        );
+    }
+}
+
+#[test]
+fn a_supervisor_sees_a_child_that_posts_no_status_as_silent_after_half_a_second_and_not_before() {
+    const STACK: &str = r#"
+format = 1
+name = "watched"
+
+[[process]]
+name = "watcher"
+plugin = "watcher"
+supervisor = "viewer"
+
+[[process]]
+name = "stuck"
+plugin = "stuck"
+supervisor = "watcher"
+"#;
+    let plugins = [ProcessType::of::<Watcher>(), ProcessType::of::<Stuck>()];
+    let file = StackFile::parse("test.toml", STACK).unwrap();
+    let plan = Arc::new(Plan::new(file, &plugins, &[]).unwrap());
+    // The watchdog, which would speak for the child, comes later.
+    let options = LiveOptions { hang_limit: PATIENCE * 2, ..LiveOptions::default() };
+    let live = Live::start(plan, &options).unwrap();
+    let seen: Arc<Mutex<Vec<(Stamp, bool)>>> = Arc::default();
+    let taken = Arc::clone(&seen);
+    live.bus().get("/watcher/seen").unwrap().tap(Box::new(move |sample| {
+        // The time at which the inputs were captured.
+        let silent = sample.message.get::<foxglove::Vector3>().unwrap().x == 1.0;
+        taken.lock().unwrap().push((sample.header.acq_time, silent));
+    }));
+    wait("silence", || seen.lock().unwrap().last().is_some_and(|(_, silent)| *silent));
+    let heard = live.bus().get("/stuck/status").unwrap().latest().unwrap().header.log_time;
+    assert_eq!(status(&live, "stuck").cycle, 2);
+    for (time, silent) in seen.lock().unwrap().iter().filter(|(time, _)| *time > heard) {
+        assert_eq!(*silent, time.seconds_since(heard) >= 0.5, "{} s", time.seconds_since(heard));
+    }
+    FREED.store(true, Ordering::Relaxed);
+    wait("the child's return", || seen.lock().unwrap().last().is_some_and(|(_, silent)| !*silent));
     live.stop().unwrap();
 }

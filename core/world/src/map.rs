@@ -109,6 +109,12 @@ impl Map {
         self.layers.iter_mut().for_each(|(_, layer)| layer.set_centre(centre));
     }
 
+    /// Approximate memory in bytes: what it shares with other maps in equal parts.
+    pub fn share_of_memory(&self) -> usize {
+        let layers = self.layers.iter().map(|(_, layer)| layer.share_of_memory());
+        self.grid.share_of_memory() + layers.sum::<usize>()
+    }
+
     /// Applies a vote of a source for a cell, see [`Evidence::voted`]; false if the cell lies outside of the map. A
     /// cost above 250 is ignored.
     pub fn vote(

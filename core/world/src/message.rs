@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use rcs_msg::foxglove::Grid;
-use rcs_msg::{AnyMessage, Stamp};
+use rcs_msg::{AnyMessage, DeferredSource, Stamp};
 
 use crate::{Map, MapOptions};
 
@@ -30,6 +30,16 @@ impl MapMessage {
 
 impl From<MapMessage> for Grid {
     fn from(message: MapMessage) -> Grid {
-        message.map.to_grid(&message.frame_id, message.time, &message.options)
+        message.to_message()
+    }
+}
+
+impl DeferredSource<Grid> for MapMessage {
+    fn to_message(&self) -> Grid {
+        self.map.to_grid(&self.frame_id, self.time, &self.options)
+    }
+
+    fn size_hint(&self) -> usize {
+        size_of_val(self) + self.map.share_of_memory()
     }
 }

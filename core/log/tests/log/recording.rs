@@ -3,7 +3,8 @@
 use crate::common::{SharedSink, header, read_all, schema};
 use bytes::Bytes;
 use rcs_log::{Log, LogError, LogWriter, Recorder, RecorderMode, RecorderOptions, Sink, WriterOptions};
-use rcs_msg::{AnyMessage, Stamp};
+use rcs_msg::foxglove::Vector3;
+use rcs_msg::{AnyMessage, DeferredSource, Stamp};
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::{Arc, Condvar, Mutex};
@@ -128,10 +129,10 @@ fn a_full_disk_shows_in_the_status_and_a_lossless_recording_does_not_hang() {
 #[derive(Clone)]
 struct Told(Arc<Mutex<Vec<Option<String>>>>);
 
-impl From<Told> for rcs_msg::foxglove::Vector3 {
-    fn from(told: Told) -> Self {
-        told.0.lock().unwrap().push(std::thread::current().name().map(str::to_owned));
-        Self::default()
+impl DeferredSource<Vector3> for Told {
+    fn to_message(&self) -> Vector3 {
+        self.0.lock().unwrap().push(std::thread::current().name().map(str::to_owned));
+        Vector3::default()
     }
 }
 
@@ -141,7 +142,7 @@ fn a_message_is_encoded_on_the_recorders_thread() {
     let handle = recorder.handle();
     let channel = handle.add_channel("/0", &Arc::new(schema()), BTreeMap::new()).unwrap();
     let told = Told(Arc::default());
-    let message = AnyMessage::deferred::<Told, rcs_msg::foxglove::Vector3>(told.clone());
+    let message = AnyMessage::deferred::<Told, Vector3>(told.clone());
     assert!(handle.write_message(channel, header(0, 0), message));
     assert_eq!(recorder.finish().unwrap().written, 1);
     assert_eq!(*told.0.lock().unwrap(), [Some("recorder".to_owned())]);
@@ -151,8 +152,8 @@ fn a_message_is_encoded_on_the_recorders_thread() {
 #[derive(Clone)]
 struct Broken;
 
-impl From<Broken> for rcs_msg::foxglove::Vector3 {
-    fn from(_: Broken) -> Self {
+impl DeferredSource<Vector3> for Broken {
+    fn to_message(&self) -> Vector3 {
         std::panic::panic_any("cannot be encoded")
     }
 }
@@ -162,7 +163,7 @@ fn a_message_that_panics_while_it_is_encoded_ends_the_recording_and_nothing_else
     let recorder = start(Box::new(SharedSink::default()), RecorderMode::Lossless, 2);
     let handle = recorder.handle();
     let channel = handle.add_channel("/0", &Arc::new(schema()), BTreeMap::new()).unwrap();
-    let broken = AnyMessage::deferred::<Broken, rcs_msg::foxglove::Vector3>(Broken);
+    let broken = AnyMessage::deferred::<Broken, Vector3>(Broken);
     let taken = (0..50)
         .filter(|&index| match index {
             3 => handle.write_message(channel, header(index, 0), broken.clone()),

@@ -1,7 +1,7 @@
 //! What the threads of a live run share: the lock that orders everything, the clock, and the wish to stop.
 
 use crate::journal::{EventPlace, ExternalEvent};
-use crate::machine::Machine;
+use crate::machine::{Checked, Machine};
 use rcs_bus::{Buffer, Draft, Writer, WriterId};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -136,7 +136,7 @@ impl Seat {
                 acq_time: Some(now),
                 message,
             };
-            shared.machine.apply(event)
+            shared.machine.apply(Checked::own(event))
         });
         if let Err(error) = written {
             tracing::error!("{}: {error}", self.name);

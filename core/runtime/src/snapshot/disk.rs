@@ -14,7 +14,7 @@ use crate::summary::Tally;
 use rand_chacha::ChaCha8Rng;
 use rcs_bus::{BufferState, Header, Override, Sample};
 use rcs_log::Position;
-use rcs_msg::{AnyMessage, Stamp};
+use rcs_msg::{AnyMessage, DeferredSource as _, Stamp};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -171,8 +171,7 @@ impl Table<'_> {
                     message: self.message(&item.message),
                 });
                 let staged = staged.collect();
-                let status = rcs_msg::rcs::Status::from(output.status.clone());
-                Some((*started, staged, Block(prost::Message::encode_to_vec(&status))))
+                Some((*started, staged, Block(output.status.encode())))
             }
             EventKind::Write => {
                 return Err(RunError::Snapshot("a recorded event is still to come".to_owned()));

@@ -1,7 +1,7 @@
 //! The topics of a log at one moment, and what is read from it in the background.
 
 use super::frame::{RunTag, Topic, Track};
-use super::rates::LastTimes;
+use super::rates::{LastTimes, WINDOW_NS};
 use super::tracks::{Tracks, is_pose_type, is_transform_type};
 use super::{Source, SourceError, canonical};
 use rcs_bus::{Header, Sample, WriterId};
@@ -26,9 +26,9 @@ const PIECE: Duration = Duration::from_millis(8);
 pub(crate) struct LogView {
     log: Log,
     pub(crate) topics: Vec<Topic>,
-    /// The mean rate of each topic over the whole log: shown until two messages in a row have been read.
+    /// The mean rate of each topic over the whole log: shown where fewer than two messages came lately.
     means: Vec<Option<f64>>,
-    /// When the last messages of each topic came, as far as they were read one after another.
+    /// When the last messages of each topic came.
     times: Vec<LastTimes>,
     by_id: BTreeMap<TopicId, usize>,
     shown: Option<MessagePosition>,
@@ -156,8 +156,28 @@ impl LogView {
         for whole in self.reassembly.seek(MessagePosition::before(time))? {
             self.show_whole(whole);
         }
+        self.look_up_rates(time)?;
         self.ahead = None;
         self.cursor = self.log.cursor(CursorOptions { start: time, ..CursorOptions::default() });
+        Ok(())
+    }
+
+    /// The rates that reading on to `time` would have measured.
+    fn look_up_rates(&mut self, time: Stamp) -> Result<(), SourceError> {
+        let mut found = vec![Vec::new(); self.topics.len()];
+        for (id, times) in self.log.times_before(time, time.before_ns(WINDOW_NS))? {
+            let keys = self.reassembly.keys_of(id).unwrap_or(id);
+            if let Some(&index) = self.by_id.get(&keys) {
+                found[index].extend(times);
+            }
+        }
+        for ((topic, last), mut times) in self.topics.iter_mut().zip(&mut self.times).zip(found) {
+            times.sort_unstable_by(|a, b| b.cmp(a));
+            last.begin_with(&times);
+            if let Some(hz) = last.rate_hz() {
+                topic.hz = Some(hz);
+            }
+        }
         Ok(())
     }
 

@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A rate is measured over this much time before the newest message; over two messages where they are further apart.
-const WINDOW_NS: u64 = 2_000_000_000;
+pub(super) const WINDOW_NS: u64 = 2_000_000_000;
 /// Most messages that are looked at: enough for a mean, however fast they come.
 const MOST: usize = 64;
 /// Times are kept in steps of 0.1 ms, which lasts for five days.
@@ -132,6 +132,11 @@ impl LastTimes {
 
     pub(crate) fn clear(&mut self) {
         self.0.clear();
+    }
+
+    /// Begins with what came before, newest first.
+    pub(crate) fn begin_with(&mut self, newest_first: &[Stamp]) {
+        self.0 = newest_first.iter().take(MOST).rev().copied().collect();
     }
 
     pub(crate) fn rate_hz(&self) -> Option<f64> {

@@ -54,7 +54,8 @@ pub(super) fn run(
         tracing::warn!("{process} hung and was left behind");
     }
     let outcome = if failure.is_some() || !stopped.hung.is_empty() { Outcome::Error } else { Outcome::End };
-    let mut report = Report::new(stopped.summary, outcome, clock.elapsed().as_secs_f64());
+    let mut report =
+        Report::new(stopped.summary, outcome, clock.elapsed().as_secs_f64()).with_timings(&stopped.timings);
     let verdict = referee.as_ref().and_then(runs::verdict);
     report.runs.extend(verdict.map(|verdict| RunReport::new(seed, &verdict, report.hash.clone())));
     Done { report, verdict: None, failure }.print(args.json, out)

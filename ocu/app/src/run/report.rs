@@ -7,7 +7,7 @@ use crate::table::{Align, Table};
 use anyhow::Context as _;
 use ocu_ui::format;
 use rcs_log::Log;
-use rcs_msg::rcs::ProcessState;
+use rcs_msg::rcs::{ProcessState, ProcessTiming};
 use rcs_runtime::{Difference, Summary};
 use serde::Serialize;
 use std::io::Write;
@@ -50,6 +50,24 @@ struct ProcessReport {
     mean_us: f64,
     max_us: f64,
     overruns: u64,
+    /// With `--live`: how punctual it was.
+    #[serde(flatten)]
+    live: Option<LiveTiming>,
+}
+
+/// How punctual a process of a live run was.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct LiveTiming {
+    /// From when a cycle was due until it had its inputs: 99 of 100 cycles were no later.
+    start_late_p99_ms: f64,
+    /// From when a cycle was due until its thread ran.
+    wake_late_p99_ms: f64,
+    /// Waiting for the lock of the run, to take inputs and to publish.
+    lock_wait_p99_ms: f64,
+    /// Cycles that did not take place because the one before was not done.
+    missed: u64,
+    /// Those of them that would have taken place, had the lock been free.
+    missed_by_lock: u64,
 }
 
 #[derive(Debug, Serialize)]
@@ -136,6 +154,7 @@ impl Report {
                     mean_us: process.mean_us,
                     max_us: process.max_us,
                     overruns: process.overruns,
+                    live: None,
                 })
                 .collect(),
             buffers: summary
@@ -154,6 +173,21 @@ impl Report {
             runs: Vec::new(),
             replay: None,
         }
+    }
+
+    /// Adds what was measured of each process of a live run.
+    pub(super) fn with_timings(mut self, timings: &[ProcessTiming]) -> Self {
+        for process in &mut self.processes {
+            let timing = timings.iter().find(|timing| timing.process == process.name);
+            process.live = timing.map(|timing| LiveTiming {
+                start_late_p99_ms: timing.start_late_p99_us * 1e-3,
+                wake_late_p99_ms: timing.wake_late_p99_us * 1e-3,
+                lock_wait_p99_ms: timing.lock_wait_p99_us * 1e-3,
+                missed: timing.missed,
+                missed_by_lock: timing.missed_by_lock,
+            });
+        }
+        self
     }
 
     /// Prints the report, as JSON or for a person.
@@ -196,23 +230,42 @@ impl Report {
     }
 
     fn human_processes(&self, out: &mut dyn Write) -> anyhow::Result<()> {
-        let mut table = Table::new(&[
+        let mut columns = vec![
             ("process", Align::Left),
             ("state", Align::Left),
             ("cycles", Align::Right),
             ("mean", Align::Right),
             ("max", Align::Right),
             ("overruns", Align::Right),
-        ]);
+        ];
+        let is_live = self.processes.iter().any(|process| process.live.is_some());
+        if is_live {
+            columns.extend([
+                ("99 % start late", Align::Right),
+                ("missed", Align::Right),
+                ("by lock", Align::Right),
+            ]);
+        }
+        let mut table = Table::new(&columns);
         for process in &self.processes {
-            table.row([
+            let mut row = vec![
                 process.name.clone(),
                 process.state.to_owned(),
                 process.cycles.to_string(),
                 format!("{:.0} µs", process.mean_us),
                 format!("{:.0} µs", process.max_us),
                 process.overruns.to_string(),
-            ]);
+            ];
+            if is_live {
+                row.extend(process.live.map_or_else(
+                    || ["–", "–", "–"].map(str::to_owned),
+                    |live| {
+                        let late = format!("{:.2} ms", live.start_late_p99_ms);
+                        [late, live.missed.to_string(), live.missed_by_lock.to_string()]
+                    },
+                ));
+            }
+            table.row(row);
         }
         table.write(out)?;
         Ok(())
