@@ -368,12 +368,17 @@ impl Reader {
     /// Takes every unread message, oldest first, into `fresh`, and returns how many were missed before them.
     pub fn drain_into(&mut self, fresh: &mut Vec<Sample>) -> u64 {
         let mut inner = self.buffer.lock();
-        let mut missed = 0;
-        while let Some((sample, skipped)) = Self::take(&mut inner, self.slot) {
-            fresh.push(sample);
-            missed += skipped;
+        let read = inner.cursors[self.slot].unwrap_or(0);
+        let newest = inner.newest;
+        let Some(oldest) = inner.ring.front().map(|sample| sample.header.sequence) else { return 0 };
+        if newest <= read {
+            return 0;
         }
-        missed
+        let wanted = (read + 1).max(oldest);
+        fresh.extend(inner.ring.iter().skip((wanted - oldest) as usize).cloned());
+        inner.cursors[self.slot] = Some(newest);
+        inner.drop_consumed();
+        wanted - read - 1
     }
 
     fn take(inner: &mut Inner, slot: usize) -> Option<(Sample, u64)> {

@@ -17,6 +17,8 @@ use std::time::Duration;
 const BATCH: usize = 256;
 /// How long the thread lets items gather before it takes fewer than that.
 const GATHER: Duration = Duration::from_millis(2);
+/// Written messages that wait to be freed; more are freed by the recorder's thread.
+const MOST_WRITTEN: usize = 4 * BATCH;
 /// A message up to this size is refused by the number of messages alone: a queue that is full of images still takes
 /// the commands, statuses and cycle records without which a run cannot be repeated.
 const SMALL: usize = 1024;
@@ -106,13 +108,6 @@ impl Data {
             Data::Message(message) => message.encoded_len(),
         }
     }
-
-    fn into_bytes(self) -> Bytes {
-        match self {
-            Data::Bytes(bytes) => bytes,
-            Data::Message(message) => message.bytes(),
-        }
-    }
 }
 
 #[derive(Default)]
@@ -130,6 +125,9 @@ struct Queue {
     thread: Thread,
     /// How many callers wait for the queue to drain.
     waiting: usize,
+    /// Small messages that have been written, to be freed by those who put in new ones: memory that one thread allocates
+    /// and another one frees makes both wait for each other in the allocator.
+    written: Vec<AnyMessage>,
     status: RecorderStatus,
 }
 
@@ -157,6 +155,8 @@ struct Done {
     sizes: Vec<(ChannelId, usize)>,
     refused: Option<String>,
     failed: Option<LogError>,
+    /// Small messages that were written.
+    small: Vec<AnyMessage>,
 }
 
 struct Shared {
@@ -272,7 +272,10 @@ impl RecorderHandle {
         };
         queue.messages += 1;
         queue.bytes += estimate;
+        // Two for one, so that the list is emptied.
+        let freed = [queue.written.pop(), queue.written.pop()];
         self.0.put(queue, Item::Message { channel, header, data, estimate });
+        drop(freed);
         true
     }
 
@@ -392,7 +395,7 @@ fn write_all(shared: &Shared, mut writer: LogWriter) -> Result<(), LogError> {
     let mut channels: Vec<Option<Channel>> = Vec::new();
     let mut batch = Vec::with_capacity(BATCH);
     while take_batch(shared, &writer, &mut batch) {
-        let done = write_batch(&mut writer, &mut channels, &mut batch);
+        let mut done = write_batch(&mut writer, &mut channels, &mut batch);
         let mut queue = shared.lock();
         queue.messages -= done.messages;
         queue.bytes -= done.bytes;
@@ -405,6 +408,9 @@ fn write_all(shared: &Shared, mut writer: LogWriter) -> Result<(), LogError> {
         queue.status.bytes = writer.bytes_written();
         queue.status.written += done.written;
         queue.status.dropped += done.dropped;
+        let room = MOST_WRITTEN.saturating_sub(queue.written.len());
+        done.small.truncate(room);
+        queue.written.append(&mut done.small);
         if done.refused.is_some() {
             queue.status.refused = done.refused;
         }
@@ -463,7 +469,7 @@ fn write_batch(writer: &mut LogWriter, channels: &mut Vec<Option<Channel>>, batc
         done.flushes += u64::from(matches!(item, Item::Flush));
         // After an error that ends the recording, the rest of the batch is lost with it.
         let is_written = done.failed.is_none() && {
-            let stepped = step(writer, channels, item, &mut done.sizes);
+            let stepped = step(writer, channels, item, &mut done.sizes, &mut done.small);
             done.take(stepped)
         };
         if estimate.is_some() {
@@ -499,6 +505,8 @@ fn abandon(shared: &Shared) {
 /// A channel of the file.
 struct Channel {
     id: ChannelId,
+    /// Size of the message that was written last; at first what need not be small.
+    last_size: usize,
     /// The channel of its deltas, and what makes them.
     deltas: Option<(ChannelId, Box<dyn DeltaEncoder>)>,
 }
@@ -512,11 +520,12 @@ impl Channel {
         codec: Option<&'static dyn DeltaCodec>,
     ) -> Result<Self, LogError> {
         let id = writer.add_channel(topic, schema, &metadata)?;
-        let Some(codec) = codec else { return Ok(Self { id, deltas: None }) };
+        let last_size = usize::MAX;
+        let Some(codec) = codec else { return Ok(Self { id, last_size, deltas: None }) };
         metadata.insert(DELTA_OF.to_owned(), topic.to_owned());
         let deltas =
             writer.add_channel(&format!("{topic}{DELTA_SUFFIX}"), &codec.delta_schema(), &metadata)?;
-        Ok(Self { id, deltas: Some((deltas, codec.encoder())) })
+        Ok(Self { id, last_size, deltas: Some((deltas, codec.encoder())) })
     }
 
     /// Writes a message in the form that its encoder chooses; how it went, and its size.
@@ -524,15 +533,21 @@ impl Channel {
         &mut self,
         writer: &mut LogWriter,
         header: WriteHeader,
-        data: Data,
+        data: &Data,
     ) -> (Result<(), LogError>, usize) {
         let (mut id, mut bytes) = (self.id, None);
-        if let (Some((deltas, encoder)), Data::Message(message)) = (&mut self.deltas, &data)
+        if let (Some((deltas, encoder)), Data::Message(message)) = (&mut self.deltas, data)
             && let Stored::Delta(delta) = encoder.encode(header.sequence, header.log_time, message)
         {
             (id, bytes) = (*deltas, Some(delta));
         }
-        let bytes = bytes.unwrap_or_else(|| data.into_bytes());
+        let bytes = bytes.unwrap_or_else(|| match data {
+            Data::Bytes(bytes) => bytes.clone(),
+            // What is small is encoded again where someone else wants its bytes, rather than kept with the message.
+            Data::Message(message) if self.last_size <= SMALL => message.encode(),
+            Data::Message(message) => message.bytes(),
+        });
+        self.last_size = bytes.len();
         let written = writer.write(id, header, &bytes);
         if let (Err(_), Some((_, encoder))) = (&written, &mut self.deltas) {
             encoder.lost();
@@ -546,6 +561,7 @@ fn step(
     channels: &mut Vec<Option<Channel>>,
     item: Item,
     sizes: &mut Vec<(ChannelId, usize)>,
+    small: &mut Vec<AnyMessage>,
 ) -> Result<(), LogError> {
     match item {
         Item::Channel { topic, schema, metadata, codec } => {
@@ -563,8 +579,13 @@ fn step(
                 expected: "a channel of this recorder".to_owned(),
                 got: format!("channel {}", channel.0),
             })?;
-            let (written, size) = known.write(writer, header, data);
+            let (written, size) = known.write(writer, header, &data);
             sizes.push((channel, size));
+            if let Data::Message(message) = data
+                && size <= SMALL
+            {
+                small.push(message);
+            }
             written
         }
         Item::Attachment { name, media_type, time, data } => writer.attach(&name, &media_type, time, &data),

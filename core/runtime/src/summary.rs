@@ -36,26 +36,32 @@ impl Tally {
 
 /// Measured durations of one process's cycles.
 ///
-/// Reading the clock twice takes a fifth of the shortest cycle. So of a process none of whose cycles took
-/// [`CHEAP_NS`] yet, one in [`SAMPLED`] is measured, after as many at the beginning.
+/// Reading the clock twice takes a fifth of the shortest cycle. So of a process that is cheap one cycle in [`SAMPLED`] is
+/// measured, after as many at the beginning; after one that took [`CHEAP_NS`], the next [`WATCHED`] are measured, too. A
+/// process that does something in one cycle of many is so measured in all of them, and one that was interrupted once by
+/// the system is not for good.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct CycleTimes {
     begun: u64,
+    /// All cycles before that one are measured.
+    watched_until: u64,
     measured: u64,
     total_ns: u64,
     max_ns: u64,
     overruns: u64,
 }
 
-/// A process that took so long once is measured in every cycle.
+/// A process that takes less is cheap.
 const CHEAP_NS: u64 = 10_000;
+/// For so many cycles a process is watched after one that was not cheap.
+const WATCHED: u64 = 1000;
 /// A prime, so that what works in every fourth cycle, say, is met.
 const SAMPLED: u64 = 17;
 
 impl CycleTimes {
     /// Whether the cycle that begins is to be measured.
     pub(crate) fn begin(&mut self) -> bool {
-        let is_due = self.max_ns >= CHEAP_NS || self.begun < SAMPLED || self.begun.is_multiple_of(SAMPLED);
+        let is_due = self.begun < self.watched_until.max(SAMPLED) || self.begun.is_multiple_of(SAMPLED);
         self.begun += 1;
         is_due
     }
@@ -71,6 +77,9 @@ impl CycleTimes {
 
     pub(crate) fn count(&mut self, took_ns: u64, period_ns: u64) {
         self.measured += 1;
+        if took_ns >= CHEAP_NS {
+            self.watched_until = self.begun + WATCHED;
+        }
         self.total_ns += took_ns;
         self.max_ns = self.max_ns.max(took_ns);
         self.overruns += u64::from(took_ns > period_ns);

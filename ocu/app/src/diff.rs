@@ -9,12 +9,13 @@ use std::io::Write;
 /// Compares two recordings and prints the result; `false` if they differ.
 pub fn diff(args: &DiffArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
     let (first, second) = (Log::open(&args.first)?, Log::open(&args.second)?);
+    let comparison = Comparison::new(rcs_runtime::diff(&first, &second)?.as_ref());
+    // What reading has met is among them: deltas that could not be put together, and were not compared.
     for (log, path) in [(&first, &args.first), (&second, &args.second)] {
-        for problem in &log.info().problems {
+        for problem in log.problems() {
             tracing::warn!("{problem}: {}", path.display());
         }
     }
-    let comparison = Comparison::new(rcs_runtime::diff(&first, &second)?.as_ref());
     if args.json {
         serde_json::to_writer_pretty(&mut *out, &comparison).context("cannot write the result")?;
         writeln!(out)?;

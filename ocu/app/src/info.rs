@@ -131,13 +131,18 @@ fn human(info: &LogInfo, out: &mut dyn Write) -> anyhow::Result<()> {
     ]);
     for topic in &info.topics {
         let reason = || topic.undecodable_because.as_deref().unwrap_or("no reader for it");
+        let note = match topic.metadata.get(rcs_msg::DELTA_OF) {
+            _ if !topic.decodable => format!("cannot be decoded: {}", reason()),
+            Some(keys) => format!("changes between the key frames of {keys}"),
+            None => String::new(),
+        };
         table.row([
             topic.name.clone(),
             topic.schema.name().to_owned(),
             topic.schema.message_encoding().name().to_owned(),
             topic.messages.to_string(),
             format::rate(topic.hz),
-            if topic.decodable { String::new() } else { format!("cannot be decoded: {}", reason()) },
+            note,
         ]);
     }
     table.write(out)?;

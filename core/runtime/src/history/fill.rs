@@ -39,9 +39,12 @@ impl Session {
     pub(crate) fn look(&mut self, at: Point) {
         let end = self.runs[self.run].end;
         let at = at.min(end);
-        self.went_back = at < self.cursor;
+        let before = self.place();
+        let went_back = at < self.cursor;
         self.cursor = at;
         let place = self.place();
+        // Who goes back, or jumps, may go on backwards: the stretch before is made ready.
+        self.went_back = went_back || place > before + 1;
         if self.filling.is_some_and(|filling| filling != place || self.at_run != self.run) {
             self.filling = None;
         }
