@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use rcs_msg::{foxglove, rcs};
+use rcs_msg::foxglove;
 use rcs_runtime::{
     Cycle, In, NoCommands, Out, Plan, PortBuilder, Process, ProcessDef, ProcessType, RecordOptions,
     Recording, RunOptions, StackFile, Stepped,

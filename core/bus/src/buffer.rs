@@ -1,6 +1,6 @@
 //! One buffer: a ring of samples behind one lock.
 
-use crate::overrides::{Active, Due, Override, Release, Tended};
+use crate::overrides::{Active, Due, Override, OverrideChanges, Release};
 use crate::sample::{Draft, Header, Sample, WriterId};
 use rcs_msg::{Schema, Stamp};
 use std::collections::{BTreeMap, VecDeque};
@@ -220,8 +220,8 @@ impl Buffer {
 
     /// Drops overrides that have expired, puts in force those whose cycle has come, and says what became of all since
     /// the last call. `is_due` must not look at this buffer.
-    pub fn tend_overrides(&self, now: Stamp, is_due: impl Fn(&Due) -> bool) -> Tended {
-        self.lock().overrides.tend(now, is_due)
+    pub fn update_overrides(&self, now: Stamp, is_due: impl Fn(&Due) -> bool) -> OverrideChanges {
+        self.lock().overrides.update(now, is_due)
     }
 
     /// All that the buffer remembers.

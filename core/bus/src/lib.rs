@@ -16,5 +16,5 @@ mod sample;
 
 pub use buffer::{Buffer, BufferSpec, BufferState, Mode, Overflow, Reader, Tap, WriteError, Writer};
 pub use bus::{Bus, BusError};
-pub use overrides::{Due, Override, OverrideMode, OverrideValue, Release, Scalar, Tended};
+pub use overrides::{Due, Override, OverrideChanges, OverrideMode, OverrideValue, Release, Scalar};
 pub use sample::{Draft, Header, Sample, WriterId};

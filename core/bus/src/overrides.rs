@@ -1,7 +1,7 @@
 //! An operator's hand on a buffer, applied at the moment of publishing.
 //!
-//! A message always passes: an override that does not fit it is dropped, and whoever tends the buffer
-//! ([`crate::Buffer::tend_overrides`]) is told which and why.
+//! A message always passes: an override that does not fit it is dropped, and whoever looks after the buffer
+//! ([`crate::Buffer::update_overrides`]) is told which and why.
 
 use rcs_msg::{AnyMessage, FieldPath, Stamp, Value};
 use serde::{Deserialize, Serialize};
@@ -144,9 +144,9 @@ pub enum Release {
     All,
 }
 
-/// What became of the overrides of a buffer since it was last tended.
+/// What became of the overrides of a buffer since the last update.
 #[derive(Clone, Debug, Default)]
-pub struct Tended {
+pub struct OverrideChanges {
     /// Those in force, and those that wait, in the order in which they were set.
     pub active: Vec<Override>,
     /// Whether these are others than the last time.
@@ -231,7 +231,7 @@ impl Active {
     }
 
     /// Drops what has expired, puts in force what has waited long enough, and says what became of all since last time.
-    pub(crate) fn tend(&mut self, now: Stamp, is_due: impl Fn(&Due) -> bool) -> Tended {
+    pub(crate) fn update(&mut self, now: Stamp, is_due: impl Fn(&Due) -> bool) -> OverrideChanges {
         let before = self.list.len();
         self.list.retain(|active| !active.is_over(now));
         self.changed |= self.list.len() != before;
@@ -239,7 +239,7 @@ impl Active {
             let due = self.list.remove(at);
             self.set(Override { due: None, ..due });
         }
-        Tended {
+        OverrideChanges {
             active: self.list.clone(),
             changed: std::mem::take(&mut self.changed),
             failed: std::mem::take(&mut self.failed),

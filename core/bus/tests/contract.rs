@@ -198,12 +198,12 @@ fn an_override_that_does_not_fit_is_dropped_and_the_message_passes() {
     buffer.set_override(hold(1, OverrideMode::Hold, ".nothing", 1.0));
     buffer.set_override(hold(2, OverrideMode::Hold, ".y", 2.0));
     assert_eq!(written(&buffer, 1.0, 1), (1.0, 2.0), "the other one still applies");
-    let tended = buffer.tend_overrides(Stamp(1), |_| false);
+    let tended = buffer.update_overrides(Stamp(1), |_| false);
     assert!(tended.changed);
     let [(failed, reason)] = tended.failed.as_slice() else { panic!("{:?}", tended.failed) };
     assert!(failed.id == 1 && reason.contains("nothing"), "{reason}");
     assert_eq!(tended.active.iter().map(|active| active.id).collect::<Vec<_>>(), [2]);
-    let again = buffer.tend_overrides(Stamp(1), |_| false);
+    let again = buffer.update_overrides(Stamp(1), |_| false);
     assert!(!again.changed && again.failed.is_empty(), "it is told once");
 }
 
@@ -213,10 +213,10 @@ fn an_override_ends_at_its_time_and_begins_at_its_cycle() {
     buffer.set_override(Override { until: Some(Stamp(10)), ..hold(1, OverrideMode::Hold, ".y", 1.0) });
     assert_eq!(written(&buffer, 0.0, 9).1, 1.0);
     assert_eq!(written(&buffer, 0.0, 10).1, 0.0);
-    assert!(buffer.tend_overrides(Stamp(10), |_| false).active.is_empty());
+    assert!(buffer.update_overrides(Stamp(10), |_| false).active.is_empty());
     let due = Some(Due { process: "p".to_owned(), cycle: 3 });
     buffer.set_override(Override { due, ..hold(2, OverrideMode::Hold, ".y", 2.0) });
-    let at_cycle = |cycle: u64| buffer.tend_overrides(Stamp(11), |due| due.cycle <= cycle);
+    let at_cycle = |cycle: u64| buffer.update_overrides(Stamp(11), |due| due.cycle <= cycle);
     at_cycle(2);
     assert_eq!(written(&buffer, 0.0, 12).1, 0.0);
     assert!(at_cycle(3).changed);

@@ -95,10 +95,10 @@ pub struct ChildReport {
 
 /// The children of a node: where their statuses and commands are, and what was sent.
 #[derive(Default)]
-pub(crate) struct Family {
+pub(crate) struct ChildLinks {
     me: Arc<str>,
     links: Vec<Link>,
-    pub(crate) state: FamilyState,
+    pub(crate) state: ChildLinksState,
 }
 
 struct Link {
@@ -112,7 +112,7 @@ struct Link {
 
 /// What a node remembers of its children: part of a snapshot.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct FamilyState {
+pub(crate) struct ChildLinksState {
     /// Serial of the last command to each child.
     sent: Vec<u64>,
     /// When the first cycle was run: from when on a child that was never heard is silent.
@@ -123,7 +123,7 @@ pub(crate) struct FamilyState {
 const SILENT_PERIODS: u64 = 5;
 const SILENT_NS: u64 = 500_000_000;
 
-impl Family {
+impl ChildLinks {
     /// The children of a process of the plan. Their statuses are its inputs after its ports, their commands its outputs.
     pub(crate) fn new(plan: &Plan, process: usize) -> Self {
         let process = &plan.processes[process];
@@ -138,7 +138,7 @@ impl Family {
             }
         };
         let links: Vec<_> = process.children.iter().enumerate().map(link).collect();
-        let state = FamilyState { sent: vec![0; links.len()], since: None };
+        let state = ChildLinksState { sent: vec![0; links.len()], since: None };
         Self { me: Arc::clone(&process.name), links, state }
     }
 
@@ -191,35 +191,35 @@ impl Cycle<'_> {
     /// The children of a handle that stands for any number.
     pub fn members<C>(&self, children: &Children<C>) -> impl Iterator<Item = Child<C>> + use<C> {
         let slot = children.slot;
-        let count = self.family.links.iter().filter(|link| link.slot == slot).count();
+        let count = self.child_links.links.iter().filter(|link| link.slot == slot).count();
         (0..count).map(move |place| Child::new(slot, place))
     }
 
     /// Sends a child an order; `false` where the stack gives no such child. It is visible with what else the cycle
     /// writes.
     pub fn send<C: CommandSet>(&mut self, child: &Child<C>, order: impl Into<Order<C>>) -> bool {
-        let Some(index) = self.family.index(child.slot, child.place) else { return false };
-        let serial = &mut self.family.state.sent[index];
+        let Some(index) = self.child_links.index(child.slot, child.place) else { return false };
+        let serial = &mut self.child_links.state.sent[index];
         *serial += 1;
         let message = AnyMessage::new(order.into().message(*serial, self.now));
-        let output = self.family.links[index].output;
+        let output = self.child_links.links[index].output;
         self.staged.push(Staged { output, acq_time: self.now, message });
         true
     }
 
     /// How a child must be seen; `None` where the stack gives no such child.
     pub fn child_state<C>(&self, child: &Child<C>) -> Option<ChildState> {
-        let index = self.family.index(child.slot, child.place)?;
+        let index = self.child_links.index(child.slot, child.place)?;
         Some(self.judge(index, self.status_of(index)))
     }
 
     /// A child as it must be seen, with the reason; `None` where the stack gives no such child.
     pub fn child<C>(&self, child: &Child<C>) -> Option<ChildReport> {
-        let index = self.family.index(child.slot, child.place)?;
-        let (link, sent) = (&self.family.links[index], self.family.state.sent[index]);
+        let index = self.child_links.index(child.slot, child.place)?;
+        let (link, sent) = (&self.child_links.links[index], self.child_links.state.sent[index]);
         let status = self.status_of(index);
         let state = self.judge(index, status);
-        let refusal = status.and_then(|status| self.family.refusal(status, sent));
+        let refusal = status.and_then(|status| self.child_links.refusal(status, sent));
         let text = match (state, refusal, status) {
             (ChildState::Silent, ..) => "posts no status".to_owned(),
             (_, Some(refusal), _) => format!("refused {}: {}", refusal.command, refusal.reason),
@@ -230,25 +230,25 @@ impl Cycle<'_> {
             name: Arc::clone(&link.name),
             state,
             text,
-            is_ours: status.is_some_and(|status| *status.owner == *self.family.me),
+            is_ours: status.is_some_and(|status| *status.owner == *self.child_links.me),
             obeys_another: status
-                .filter(|status| self.family.obeys_another(status, sent))
+                .filter(|status| self.child_links.obeys_another(status, sent))
                 .map(|status| status.commander.clone()),
         })
     }
 
     fn status_of(&self, index: usize) -> Option<&rcs::Status> {
-        self.inputs[self.family.links[index].input].latest.as_ref()?.message.get()
+        self.inputs[self.child_links.links[index].input].latest.as_ref()?.message.get()
     }
 
     fn judge(&self, index: usize, status: Option<&rcs::Status>) -> ChildState {
-        let link = &self.family.links[index];
+        let link = &self.child_links.links[index];
         let heard = self.inputs[link.input].latest.as_ref().map(|sample| sample.header.log_time);
-        let heard = heard.or(self.family.state.since).unwrap_or(self.now);
+        let heard = heard.or(self.child_links.state.since).unwrap_or(self.now);
         if self.now >= heard.after_ns(link.silent_ns) {
             return ChildState::Silent;
         }
-        self.family.state_of(index, status)
+        self.child_links.state_of(index, status)
     }
 }
 
@@ -275,8 +275,8 @@ mod tests {
 
     fn seen(sent: u64, status: Option<&rcs::Status>) -> ChildState {
         let link = Link { slot: 0, name: "child".into(), input: 0, output: 0, silent_ns: SILENT_NS };
-        let state = FamilyState { sent: vec![sent], since: None };
-        Family { me: "boss".into(), links: vec![link], state }.state_of(0, status)
+        let state = ChildLinksState { sent: vec![sent], since: None };
+        ChildLinks { me: "boss".into(), links: vec![link], state }.state_of(0, status)
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What a process sees during one cycle.
 
-use crate::children::Family;
+use crate::children::ChildLinks;
 use crate::pool::Pool;
 use crate::process::{In, Out, Process};
 use crate::register::Register;
@@ -21,7 +21,7 @@ pub struct Cycle<'a> {
     pub(crate) staged: &'a mut Vec<Staged>,
     pub(crate) status: &'a mut StatusCell,
     pub(crate) register: &'a mut Register,
-    pub(crate) family: &'a mut Family,
+    pub(crate) child_links: &'a mut ChildLinks,
     pub(crate) rng: &'a mut ChaCha8Rng,
     pub(crate) pool: &'a Pool,
 }

@@ -33,7 +33,7 @@ use pools::Pools;
 use rcs_bus::{Bus, WriterId};
 use rcs_log::RecorderStatus;
 use rcs_msg::{Stamp, rcs};
-use shared::{Seat, Shared};
+use shared::{Shared, WorkerState};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -77,7 +77,7 @@ impl Default for LiveOptions {
 /// A stack on the wall clock.
 pub struct Live {
     shared: Arc<Shared>,
-    seats: Vec<Arc<Seat>>,
+    worker_states: Vec<Arc<WorkerState>>,
     threads: Vec<NamedThread>,
     /// Threads that have ended, by their place in `threads`.
     ended: (Sender<usize>, Mutex<Receiver<usize>>),
@@ -138,16 +138,20 @@ impl Live {
         let (machine, plan) = (&shared.machine, Arc::clone(&shared.machine.plan));
         let pools = Pools::new(&plan, options.run.threads);
         let start = shared.commit(|now| machine.begin(now, &options.run, true).map(|()| now))?;
-        let seat = |process: &crate::stack::ProcessPlan| {
+        let state = |process: &crate::stack::ProcessPlan| {
             let status = Arc::clone(&machine.buffers[process.status_buffer]);
-            Arc::new(Seat::new(Arc::clone(&process.name), Duration::from_nanos(process.period_ns), status))
+            Arc::new(WorkerState::new(
+                Arc::clone(&process.name),
+                Duration::from_nanos(process.period_ns),
+                status,
+            ))
         };
-        let seats: Vec<_> = plan.processes.iter().map(seat).collect();
+        let worker_states: Vec<_> = plan.processes.iter().map(state).collect();
         let (ended, receiver) = channel();
         // From here on dropping `live` ends the threads that run already.
         let mut live = Self {
             shared,
-            seats,
+            worker_states,
             threads: Vec::new(),
             ended: (ended, Mutex::new(receiver)),
             stop_limit: options.stop_limit,
@@ -159,7 +163,7 @@ impl Live {
         for ((node, process), index) in nodes.into_iter().map(Slot::into_node).zip(&plan.processes).zip(0..) {
             let worker = Worker {
                 shared: Arc::clone(&live.shared),
-                seat: Arc::clone(&live.seats[index]),
+                state: Arc::clone(&live.worker_states[index]),
                 node,
                 pool: pools.of(process),
                 class: process.class,
@@ -167,8 +171,9 @@ impl Live {
             };
             live.spawn(spawn, Arc::clone(&process.name), move || worker.run())?;
         }
-        let (shared, seats, limit) = (Arc::clone(&live.shared), live.seats.clone(), options.hang_limit);
-        live.spawn(spawn, "watchdog".into(), move || watchdog::run(&shared, &seats, limit))?;
+        let (shared, worker_states, limit) =
+            (Arc::clone(&live.shared), live.worker_states.clone(), options.hang_limit);
+        live.spawn(spawn, "watchdog".into(), move || watchdog::run(&shared, &worker_states, limit))?;
         Ok(live)
     }
 
@@ -213,7 +218,7 @@ impl Live {
 
     /// What was measured of each process so far, in the order of the stack file.
     pub fn timings(&self) -> Vec<rcs::ProcessTiming> {
-        watchdog::timings(&self.seats)
+        watchdog::timings(&self.worker_states)
     }
 
     /// Takes an event from outside: an operator's, a sensor's, a link's.
@@ -293,7 +298,7 @@ mod tests {
             summary: "Idles.",
             period_ms: 1.0,
             latency_ms: 0.0,
-            reads_truth: false,
+            reads_ground_truth: false,
         };
 
         fn ports(_: &mut PortBuilder) -> Self::Ports {}

@@ -4,7 +4,7 @@ use crate::error::RunError;
 use crate::journal::ExternalEvent;
 use crate::node::Node;
 use crate::options::RunOptions;
-use crate::overrides::{Change, Keeper};
+use crate::overrides::{Change, OverrideTable};
 use crate::stack::{Plan, ProcessPlan, names};
 use crate::workers::Slot;
 use prost_reflect::DynamicMessage;
@@ -13,13 +13,13 @@ use rcs_msg::{AnyMessage, Stamp, params, rcs};
 use std::sync::Arc;
 
 /// An event from outside that has been checked: it can take effect at once.
-pub(crate) struct Checked {
+pub(crate) struct CheckedEvent {
     pub(crate) event: ExternalEvent,
     /// What it does to an override.
     change: Option<Change>,
 }
 
-impl Checked {
+impl CheckedEvent {
     /// The runtime's own, which needs no check.
     pub(crate) fn own(event: ExternalEvent) -> Self {
         Self { event, change: None }
@@ -33,7 +33,7 @@ pub(crate) struct Machine {
     pub(crate) buffers: Vec<Arc<Buffer>>,
     pub(crate) nodes: Vec<Slot>,
     /// Looks after the overrides; live runs share it between their threads.
-    pub(crate) keeper: Arc<Keeper>,
+    pub(crate) overrides: Arc<OverrideTable>,
 }
 
 impl Machine {
@@ -56,10 +56,10 @@ impl Machine {
                 RunError::Refused(format!("the parameters of {} are of another type", process.name))
             })?));
         }
-        let keeper = Keeper::new(&plan, &bus, &buffers);
-        let keeper =
-            keeper.ok_or_else(|| RunError::Refused("the plan lacks the runtime's buffers".to_owned()))?;
-        Ok(Self { plan, bus, buffers, nodes, keeper: Arc::new(keeper) })
+        let overrides = OverrideTable::new(&plan, &bus, &buffers);
+        let overrides =
+            overrides.ok_or_else(|| RunError::Refused("the plan lacks the runtime's buffers".to_owned()))?;
+        Ok(Self { plan, bus, buffers, nodes, overrides: Arc::new(overrides) })
     }
 
     /// The buffer of that name, to be written to.
@@ -74,7 +74,7 @@ impl Machine {
 
     /// Refuses a buffer that is not there or the runtime's own, parameters that their process would not take, and
     /// overrides that do not fit. That may take long, and changes nothing: a live run does it outside of its lock.
-    pub(crate) fn check(&self, event: ExternalEvent) -> Result<Checked, RunError> {
+    pub(crate) fn check(&self, event: ExternalEvent) -> Result<CheckedEvent, RunError> {
         self.buffer(&event.buffer)?;
         // What the runtime itself says of a branch is part of the branch's journal.
         let is_branch = &*event.buffer == names::RUN && event.writer == WriterId::RUNTIME;
@@ -93,19 +93,19 @@ impl Machine {
                 .map_err(|error| RunError::Refused(format!("{}: {error}", event.buffer)))?;
         }
         let is_override = &*event.buffer == names::OVERRIDE;
-        let change = is_override.then(|| self.keeper.check(&event.message)).transpose()?;
+        let change = is_override.then(|| self.overrides.check(&event.message)).transpose()?;
         change.as_ref().map_or(Ok(()), |change| self.check_whole(change))?;
-        Ok(Checked { event, change })
+        Ok(CheckedEvent { event, change })
     }
 
     /// An event that has been checked: an override takes effect, the message is there to be seen, and the journal holds
     /// the event. Only references change hands here.
-    pub(crate) fn apply(&self, Checked { event, change }: Checked) -> Result<(), RunError> {
+    pub(crate) fn apply(&self, CheckedEvent { event, change }: CheckedEvent) -> Result<(), RunError> {
         let buffer = self.buffer(&event.buffer)?;
         let now = event.place.time;
         if let Some(change) = change {
             // The number of the message in its buffer is the override's.
-            self.keeper.apply(change, buffer.newest() + 1, now);
+            self.overrides.apply(change, buffer.newest() + 1, now);
         }
         let draft = Draft { log_time: now, acq_time: event.acq_time(), message: event.message.clone() };
         buffer.writer(event.writer).write(draft)?;
@@ -115,7 +115,7 @@ impl Machine {
             acq_time: now,
             message,
         })?;
-        self.keeper.tend(now);
+        self.overrides.update(now);
         Ok(())
     }
 

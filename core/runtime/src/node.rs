@@ -1,11 +1,11 @@
 //! A process with its ports: captures inputs, runs one cycle, publishes what it wrote. Both executors use it.
 
-use crate::children::{Family, FamilyState};
+use crate::children::{ChildLinks, ChildLinksState};
 use crate::cycle::{Cycle, InputView, Staged};
 use crate::machine::check_params;
 use crate::pool::Pool;
 use crate::process::{Body, SavedState};
-use crate::register::{Phase, Register, Superiors, Verdict};
+use crate::register::{CommandOutcome, CommandSources, Phase, Register};
 use crate::stack::Plan;
 use crate::status::{StatusCell, StatusRecord};
 use rand_chacha::ChaCha8Rng;
@@ -31,13 +31,13 @@ pub(crate) struct Node {
     params: Reader,
     /// Parameters that were captured and wait for the cycle.
     new_params: Vec<AnyMessage>,
-    mail: Mail,
+    new_messages: NewMessages,
     outputs: Vec<Writer>,
     status_out: Writer,
     status: StatusCell,
-    superiors: Superiors,
+    sources: CommandSources,
     register: Register,
-    family: Family,
+    child_links: ChildLinks,
     panicked: bool,
     rng: ChaCha8Rng,
     /// What the random numbers begin with, at the start of the run and after each `INIT`.
@@ -52,12 +52,12 @@ pub(crate) struct Node {
 /// cycle. Set by taps, in both executors under the lock (or in the thread) that orders writes and captures; the atomic
 /// only makes it shareable.
 #[derive(Clone, Default)]
-struct Mail(Arc<AtomicBool>);
+struct NewMessages(Arc<AtomicBool>);
 
-impl Mail {
+impl NewMessages {
     fn watch(&self, buffer: &Buffer) {
-        let mail = self.clone();
-        buffer.tap(Box::new(move |_| mail.set()));
+        let new_messages = self.clone();
+        buffer.tap(Box::new(move |_| new_messages.set()));
     }
 
     fn set(&self) {
@@ -81,7 +81,7 @@ pub(crate) struct NodeState {
     pub(crate) views: Vec<InputView>,
     pub(crate) status: StatusCell,
     pub(crate) register: Register,
-    pub(crate) family: FamilyState,
+    pub(crate) child_links: ChildLinksState,
     pub(crate) panicked: bool,
     pub(crate) rng: ChaCha8Rng,
 }
@@ -116,9 +116,9 @@ impl Node {
             reader: buffers[index].reader(),
             depth: buffers[index].spec().mode.most_unread(),
         };
-        let mail = Mail::default();
-        mail.watch(&buffers[process.command_buffer]);
-        mail.watch(&buffers[process.params_buffer]);
+        let new_messages = NewMessages::default();
+        new_messages.watch(&buffers[process.command_buffer]);
+        new_messages.watch(&buffers[process.params_buffer]);
         let hash = blake3::hash(format!("{seed}/{}", process.name).as_bytes());
         let children = || process.children.iter().map(|child| &plan.processes[child.process]);
         let statuses = children().map(|child| Some(input(child.status_buffer)));
@@ -136,17 +136,17 @@ impl Node {
             commands: buffers[process.command_buffer].reader(),
             params: buffers[process.params_buffer].reader(),
             new_params: Vec::new(),
-            mail,
+            new_messages,
             outputs: outputs.map(|index| buffers[index].writer(id)).collect(),
             status_out: buffers[process.status_buffer].writer(id),
             status: StatusCell::new(Arc::clone(&process.name)),
-            superiors: Superiors {
+            sources: CommandSources {
                 supervisor: process.supervisor.map(writer),
                 lease_ns: plan.authority_ns,
                 names: Arc::clone(names),
             },
             register: Register::default(),
-            family: Family::new(plan, index),
+            child_links: ChildLinks::new(plan, index),
             panicked: false,
             rng: ChaCha8Rng::from_seed(*hash.as_bytes()),
             seed: *hash.as_bytes(),
@@ -169,7 +169,7 @@ impl Node {
     /// lock, so parameters are only taken here and decoded in [`Node::run`].
     pub(crate) fn capture(&mut self) {
         self.changes += 1;
-        if self.mail.take() {
+        if self.new_messages.take() {
             while let Some(sample) = self.params.read() {
                 self.new_params.push(sample.message);
             }
@@ -209,9 +209,8 @@ impl Node {
     }
 
     fn take_command(&mut self, sample: &Sample) {
-        let verdict =
-            self.register.take(sample, &self.superiors, &self.kind, self.panicked, &mut self.status);
-        if verdict == Verdict::Anew {
+        let outcome = self.register.take(sample, &self.sources, &self.kind, self.panicked, &mut self.status);
+        if outcome == CommandOutcome::Reset {
             // What it is made anew from are the newest parameters.
             for message in std::mem::take(&mut self.new_params) {
                 self.take_params(&message);
@@ -234,19 +233,19 @@ impl Node {
             self.take_params(&message);
         }
         self.status.cycle += 1;
-        self.register.lapse(now, &self.superiors, &mut self.status);
+        self.register.lapse(now, &self.sources, &mut self.status);
         let phase = self.register.phase();
         if phase == Phase::Uninitialized || self.panicked {
             return;
         }
-        self.family.begin_cycle(now);
+        self.child_links.begin_cycle(now);
         let mut cycle = Cycle {
             now,
             inputs: &mut self.views,
             staged: &mut self.staged,
             status: &mut self.status,
             register: &mut self.register,
-            family: &mut self.family,
+            child_links: &mut self.child_links,
             rng: &mut self.rng,
             pool,
         };
@@ -312,7 +311,7 @@ impl Node {
             views: self.views.clone(),
             status: self.status.clone(),
             register: self.register.clone(),
-            family: self.family.state.clone(),
+            child_links: self.child_links.state.clone(),
             panicked: self.panicked,
             rng: self.rng.clone(),
         }
@@ -337,12 +336,12 @@ impl Node {
         self.register
             .decode(&self.kind)
             .map_err(|error| format!("the commands of {} do not decode: {error}", self.status.process()))?;
-        self.family.state = state.family.clone();
+        self.child_links.state = state.child_links.clone();
         self.panicked = state.panicked;
         self.rng = state.rng.clone();
         self.staged.clear();
         // The buffers may hold what had not been read then.
-        self.mail.set();
+        self.new_messages.set();
         Ok(())
     }
 }

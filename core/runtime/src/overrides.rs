@@ -1,6 +1,6 @@
 //! What an operator's [`rcs::Override`] does to a buffer: checked when it is set, listed while it lasts.
 //!
-//! The [`Keeper`] looks after the overrides of a run: it sets and releases them, and after each event drops what has
+//! The [`OverrideTable`] looks after the overrides of a run: it sets and releases them, and after each event drops what has
 //! expired and puts in force what waited for its cycle. Whenever their list changes it is published in
 //! `/runtime/overrides`. An override that does not fit the message that it was to change was dropped by the buffer, and
 //! is told in `/runtime/log` as the operator's; the message has passed unchanged.
@@ -28,7 +28,7 @@ pub(crate) enum Change {
 }
 
 /// Looks after the overrides of a run.
-pub(crate) struct Keeper {
+pub(crate) struct OverrideTable {
     buffers: Vec<Arc<Buffer>>,
     /// Status buffer of each process, by its name.
     statuses: BTreeMap<Arc<str>, Arc<Buffer>>,
@@ -38,8 +38,8 @@ pub(crate) struct Keeper {
     log: Writer,
 }
 
-impl Keeper {
-    /// A keeper of all buffers of a plan, in its order; `None` where the runtime's own buffers are missing.
+impl OverrideTable {
+    /// The overrides of all buffers of a plan, in its order; `None` where the runtime's own buffers are missing.
     pub(crate) fn new(plan: &Plan, bus: &Bus, buffers: &[Arc<Buffer>]) -> Option<Self> {
         let own = |name: &str| bus.get(name).map(|buffer| buffer.writer(WriterId::RUNTIME));
         let status = |process: &crate::stack::ProcessPlan| {
@@ -156,20 +156,20 @@ impl Keeper {
     }
 
     /// To be called after every event: costs one look where there are no overrides.
-    pub(crate) fn tend(&self, now: Stamp) {
+    pub(crate) fn update(&self, now: Stamp) {
         if self.any.load(Ordering::Relaxed) {
-            self.tend_all(now);
+            self.update_all(now);
         }
     }
 
-    fn tend_all(&self, now: Stamp) {
+    fn update_all(&self, now: Stamp) {
         let cycles = self.cycles_waited_for();
         let is_due = |due: &Due| cycles.get(&due.process).is_some_and(|&cycle| cycle + 1 >= due.cycle);
         let (mut changed, mut dropped, mut last, mut active) = (false, 0, None, Vec::new());
         for buffer in &self.buffers {
-            let tended = buffer.tend_overrides(now, is_due);
-            changed |= tended.changed;
-            for (failed, reason) in tended.failed {
+            let changes = buffer.update_overrides(now, is_due);
+            changed |= changes.changed;
+            for (failed, reason) in changes.failed {
                 let text = format!(
                     "the override {} of {}{} by {} does not fit and was dropped: {reason}; the message went on as it was",
                     failed.id,
@@ -181,7 +181,7 @@ impl Keeper {
                 dropped += 1;
                 last = Some(text);
             }
-            active.extend(tended.active.iter().map(|active| listed(active, buffer.name())));
+            active.extend(changes.active.iter().map(|active| listed(active, buffer.name())));
         }
         if active.is_empty() {
             self.any.store(false, Ordering::Relaxed);

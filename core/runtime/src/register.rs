@@ -45,7 +45,7 @@ pub(crate) enum Authority {
 }
 
 /// Who is who for one process, and how long the operator's authority lasts without a word.
-pub(crate) struct Superiors {
+pub(crate) struct CommandSources {
     /// `None` below the viewer, which is the operator.
     pub(crate) supervisor: Option<WriterId>,
     pub(crate) lease_ns: u64,
@@ -53,7 +53,7 @@ pub(crate) struct Superiors {
     pub(crate) names: Arc<[Arc<str>]>,
 }
 
-impl Superiors {
+impl CommandSources {
     fn authority(&self, writer: WriterId) -> Option<Authority> {
         if writer == WriterId::OPERATOR {
             Some(Authority::Operator)
@@ -109,13 +109,13 @@ pub(crate) struct Register {
 
 /// What a command that arrived means for the node.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Verdict {
+pub(crate) enum CommandOutcome {
     /// It changes nothing that the process does.
-    Noted,
+    Unchanged,
     /// The process goes on with it.
     Accepted,
     /// The state is to be made anew.
-    Anew,
+    Reset,
 }
 
 impl Register {
@@ -146,30 +146,30 @@ impl Register {
     }
 
     /// Takes the authority from an operator who has said nothing for too long.
-    pub(crate) fn lapse(&mut self, now: Stamp, superiors: &Superiors, status: &mut StatusCell) {
-        if self.has_lapsed(now, superiors) {
+    pub(crate) fn lapse(&mut self, now: Stamp, sources: &CommandSources, status: &mut StatusCell) {
+        if self.has_lapsed(now, sources) {
             self.owner = None;
             status.obeyed_mut().owner.clear();
         }
     }
 
-    fn has_lapsed(&self, now: Stamp, superiors: &Superiors) -> bool {
+    fn has_lapsed(&self, now: Stamp, sources: &CommandSources) -> bool {
         // Below the viewer there is no one else.
         self.owner == Some(Authority::Operator)
-            && superiors.supervisor.is_some()
-            && now >= self.heard.after_ns(superiors.lease_ns)
+            && sources.supervisor.is_some()
+            && now >= self.heard.after_ns(sources.lease_ns)
     }
 
     /// Decides on a command that arrives, and says so in the status.
     pub(crate) fn take(
         &mut self,
         sample: &Sample,
-        superiors: &Superiors,
+        sources: &CommandSources,
         kind: &ProcessType,
         panicked: bool,
         status: &mut StatusCell,
-    ) -> Verdict {
-        let writer = superiors.name(sample.header.writer).to_owned();
+    ) -> CommandOutcome {
+        let writer = sources.name(sample.header.writer).to_owned();
         let Some(command) = sample.message.to::<rcs::Command>() else {
             let none = rcs::Command::default();
             refuse(
@@ -178,41 +178,41 @@ impl Register {
                 &none,
                 Denied { reason: "it does not decode".to_owned(), no_authority: false },
             );
-            return Verdict::Noted;
+            return CommandOutcome::Unchanged;
         };
         let at = sample.header.log_time;
-        let who = match self.admit(sample.header.writer, command.serial, at, superiors) {
+        let who = match self.admit(sample.header.writer, command.serial, at, sources) {
             Ok(who) => who,
             Err(denied) => {
                 status.obeyed_mut().supervisor_serial = self.serials[Authority::Supervisor as usize];
                 refuse(status, &writer, &command, denied);
-                return Verdict::Noted;
+                return CommandOutcome::Unchanged;
             }
         };
         if command.name == RELEASE {
-            let supervisor = superiors.supervisor.map(|_| Authority::Supervisor);
+            let supervisor = sources.supervisor.map(|_| Authority::Supervisor);
             self.owner = supervisor.filter(|_| who == Authority::Operator);
         }
         let obeyed = status.obeyed_mut();
-        superiors.name_of(self.owner).clone_into(&mut obeyed.owner);
+        sources.name_of(self.owner).clone_into(&mut obeyed.owner);
         obeyed.supervisor_serial = self.serials[Authority::Supervisor as usize];
         if [TAKE, RELEASE].contains(&command.name.as_str()) {
-            return Verdict::Noted;
+            return CommandOutcome::Unchanged;
         }
         obeyed.command.clone_from(&command.name);
         obeyed.commander.clone_from(&writer);
         obeyed.echo_serial = command.serial;
         match self.accept(&command, kind, panicked, status.text()) {
-            Ok(verdict) => {
+            Ok(outcome) => {
                 self.is_new = true;
                 status.obeyed_mut().rejected = None;
                 status.set(rcs::ProcessState::Exec, format!("obeys {}", command.name).into());
-                verdict
+                outcome
             }
             Err(reason) => {
                 status.reject(reason.clone());
                 note(status, &writer, &command, Denied { reason, no_authority: false });
-                Verdict::Noted
+                CommandOutcome::Unchanged
             }
         }
     }
@@ -223,12 +223,12 @@ impl Register {
         writer: WriterId,
         serial: u64,
         at: Stamp,
-        superiors: &Superiors,
+        sources: &CommandSources,
     ) -> Result<Authority, Denied> {
-        let Some(who) = superiors.authority(writer) else {
-            let expected = superiors.expected();
+        let Some(who) = sources.authority(writer) else {
+            let expected = sources.expected();
             let reason =
-                format!("{} may not command this process; expected {expected}", superiors.name(writer));
+                format!("{} may not command this process; expected {expected}", sources.name(writer));
             return Err(Denied { reason, no_authority: true });
         };
         let last = self.serials[who as usize];
@@ -237,8 +237,8 @@ impl Register {
             return Err(Denied { reason, no_authority: false });
         }
         self.serials[who as usize] = serial;
-        if self.owner.is_some_and(|owner| owner > who) && !self.has_lapsed(at, superiors) {
-            let owner = superiors.name_of(self.owner);
+        if self.owner.is_some_and(|owner| owner > who) && !self.has_lapsed(at, sources) {
+            let owner = sources.name_of(self.owner);
             let reason = format!("{owner} has the authority over this process");
             return Err(Denied { reason, no_authority: true });
         }
@@ -254,7 +254,7 @@ impl Register {
         kind: &ProcessType,
         panicked: bool,
         state_text: &str,
-    ) -> Result<Verdict, String> {
+    ) -> Result<CommandOutcome, String> {
         let name = command.name.as_str();
         let phase = match name {
             INIT => Some(Phase::Init),
@@ -278,7 +278,11 @@ impl Register {
             if self.phase != Phase::Run {
                 self.pending.clear();
             }
-            return Ok(if self.phase == Phase::Init { Verdict::Anew } else { Verdict::Accepted });
+            return Ok(if self.phase == Phase::Init {
+                CommandOutcome::Reset
+            } else {
+                CommandOutcome::Accepted
+            });
         };
         if self.phase != Phase::Run {
             return Err(format!("{name} needs a process that runs; expected RUN before it"));
@@ -286,7 +290,7 @@ impl Register {
         let accepted = Accepted { message: Arc::new(command.clone()), typed: Some(typed) };
         self.pending.push_back(accepted.clone());
         self.standing = Some(accepted);
-        Ok(Verdict::Accepted)
+        Ok(CommandOutcome::Accepted)
     }
 
     /// Decodes what came from disk; an error where the commands are not of this kind of process.

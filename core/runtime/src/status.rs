@@ -89,7 +89,7 @@ pub(crate) struct Obeyed {
 
 /// All that a status says but for time and cycle: the statuses of many cycles share it.
 #[derive(Debug)]
-struct Facts {
+struct StatusContent {
     process: Arc<str>,
     obeyed: Arc<Obeyed>,
     state: rcs::ProcessState,
@@ -101,7 +101,7 @@ struct Facts {
     encoded: OnceLock<[Vec<u8>; 2]>,
 }
 
-impl Clone for Facts {
+impl Clone for StatusContent {
     /// For a change: what was encoded no longer holds.
     fn clone(&self) -> Self {
         Self {
@@ -117,7 +117,7 @@ impl Clone for Facts {
     }
 }
 
-impl Facts {
+impl StatusContent {
     fn shown_state(&self) -> rcs::ProcessState {
         if self.obeyed.rejected.is_some() { rcs::ProcessState::Error } else { self.state }
     }
@@ -163,14 +163,14 @@ impl Facts {
 /// What a process says of itself, kept from cycle to cycle.
 #[derive(Clone, Debug)]
 pub(crate) struct StatusCell {
-    facts: Arc<Facts>,
+    content: Arc<StatusContent>,
     pub(crate) cycle: u64,
 }
 
 impl StatusCell {
     #[track_caller]
     pub(crate) fn new(process: Arc<str>) -> Self {
-        let facts = Facts {
+        let content = StatusContent {
             process,
             obeyed: Arc::default(),
             state: rcs::ProcessState::Uninitialized,
@@ -180,7 +180,7 @@ impl StatusCell {
             last_fault: Text::default(),
             encoded: OnceLock::new(),
         };
-        Self { facts: Arc::new(facts), cycle: 0 }
+        Self { content: Arc::new(content), cycle: 0 }
     }
 
     fn from_status(status: &rcs::Status) -> Self {
@@ -193,7 +193,7 @@ impl StatusCell {
             refused: status.refused.clone(),
             rejected: None,
         };
-        let facts = Facts {
+        let content = StatusContent {
             process: status.process.as_str().into(),
             obeyed: Arc::new(obeyed),
             state: status.state(),
@@ -203,43 +203,43 @@ impl StatusCell {
             last_fault: status.last_fault.clone().into(),
             encoded: OnceLock::new(),
         };
-        Self { facts: Arc::new(facts), cycle: status.cycle }
+        Self { content: Arc::new(content), cycle: status.cycle }
     }
 
     /// Name of the process.
     pub(crate) fn process(&self) -> &Arc<str> {
-        &self.facts.process
+        &self.content.process
     }
 
     /// What it says of commands, to be changed.
     pub(crate) fn obeyed_mut(&mut self) -> &mut Obeyed {
-        Arc::make_mut(&mut self.facts_mut().obeyed)
+        Arc::make_mut(&mut self.content_mut().obeyed)
     }
 
-    fn facts_mut(&mut self) -> &mut Facts {
-        let facts = Arc::make_mut(&mut self.facts);
-        facts.encoded.take();
-        facts
+    fn content_mut(&mut self) -> &mut StatusContent {
+        let content = Arc::make_mut(&mut self.content);
+        content.encoded.take();
+        content
     }
 
     /// The state that is shown.
     pub(crate) fn state(&self) -> rcs::ProcessState {
-        self.facts.shown_state()
+        self.content.shown_state()
     }
 
     /// What the process itself says, whatever is shown.
     pub(crate) fn text(&self) -> &str {
-        self.facts.text.as_str()
+        self.content.text.as_str()
     }
 
     #[track_caller]
     pub(crate) fn set(&mut self, state: rcs::ProcessState, text: Text) {
-        if state != self.facts.state || text != self.facts.text {
+        if state != self.content.state || text != self.content.text {
             let caller = Location::caller();
-            let facts = self.facts_mut();
-            facts.source_line = source_line(caller);
-            facts.state = state;
-            facts.text = text;
+            let content = self.content_mut();
+            content.source_line = source_line(caller);
+            content.state = state;
+            content.text = text;
         }
     }
 
@@ -251,9 +251,9 @@ impl StatusCell {
     }
 
     pub(crate) fn fault(&mut self, text: Text) {
-        let facts = self.facts_mut();
-        facts.faults += 1;
-        facts.last_fault = text;
+        let content = self.content_mut();
+        content.faults += 1;
+        content.last_fault = text;
     }
 
     /// The status as a message at that time; it costs a reference count until someone looks at it.
@@ -271,14 +271,14 @@ pub(crate) struct StatusRecord {
 
 impl DeferredSource<rcs::Status> for StatusRecord {
     fn to_message(&self) -> rcs::Status {
-        let facts = &*self.cell.facts;
+        let content = &*self.cell.content;
         let cycle = self.cell.cycle;
-        rcs::Status { timestamp: Some(self.now.to_proto()), cycle, ..facts.with_tail(facts.head()) }
+        rcs::Status { timestamp: Some(self.now.to_proto()), cycle, ..content.with_tail(content.head()) }
     }
 
     /// The same bytes as those of the message, in the order of its fields.
     fn encode(&self) -> Vec<u8> {
-        let [head, tail] = self.cell.facts.encoded();
+        let [head, tail] = self.cell.content.encoded();
         let time = rcs::Status { timestamp: Some(self.now.to_proto()), ..rcs::Status::default() };
         let cycle = rcs::Status { cycle: self.cell.cycle, ..rcs::Status::default() };
         // Time and cycle take 27 bytes at most.

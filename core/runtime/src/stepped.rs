@@ -7,13 +7,13 @@
 use crate::error::RunError;
 use crate::feed::Feed;
 use crate::journal::{EventPlace, ExternalEvent, Journal};
-use crate::machine::{Checked, Machine};
+use crate::machine::{CheckedEvent, Machine};
 use crate::options::RunOptions;
 use crate::pool::Pool;
 use crate::script::{Refused, Repeated, ScheduledCycle, Script};
 use crate::stack::{Plan, names};
 use crate::summary::{Tallies, tap_tallies};
-use crate::workers::{CycleWork, Promise, Slot, Workers};
+use crate::workers::{CycleWork, PendingOutput, Slot, Workers};
 use rcs_bus::{Buffer, Bus, Draft, WriterId};
 use rcs_log::Log;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
@@ -51,7 +51,7 @@ pub(crate) enum EventKind {
     /// Output that becomes visible, and when its cycle started.
     Publish {
         started: Stamp,
-        output: Promise,
+        output: PendingOutput,
     },
     Cycle,
     /// The event of a live run's journal that was taken at this time.
@@ -240,7 +240,7 @@ impl Stepped {
                 self.run_event(event)
             }
         };
-        self.machine.keeper.tend(self.now);
+        self.machine.overrides.update(self.now);
         self.events += 1;
         Ok(Some(happened))
     }
@@ -295,7 +295,7 @@ impl Stepped {
             Happened::Cycle(index)
         } else {
             self.order += 1;
-            let output = Promise::default();
+            let output = PendingOutput::default();
             let work = CycleWork { now, output: Arc::clone(&output), encode: self.tallies.is_some() };
             let kind = EventKind::Publish { started: now, output };
             self.queue.push(Event { time: visible, rank: index as u32, order: self.order, kind });
@@ -423,7 +423,7 @@ impl Stepped {
         let info = rcs::RunInfo { branched_from: parent.to_owned(), branch_time_ns: self.now.0, ..info };
         let event = ExternalEvent::sensed(names::RUN, self.now, AnyMessage::new(info));
         let event = event.at(EventPlace { events: self.events, time: self.now });
-        self.machine.apply(Checked::own(event.clone()))?;
+        self.machine.apply(CheckedEvent::own(event.clone()))?;
         Ok(event)
     }
 

@@ -18,7 +18,7 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 /// What a cycle will have written once it is done.
-pub(crate) type Promise = Arc<OnceLock<Output>>;
+pub(crate) type PendingOutput = Arc<OnceLock<Output>>;
 
 /// The place of a node: here, or with the workers for a cycle.
 pub(crate) struct Slot(Mutex<Inner>);
@@ -144,7 +144,7 @@ pub(crate) struct CycleWork {
     /// When it started.
     pub(crate) now: Stamp,
     /// Where what it writes goes.
-    pub(crate) output: Promise,
+    pub(crate) output: PendingOutput,
     /// Whether what it writes will be looked at as bytes: then it is encoded beside the executor, too.
     pub(crate) encode: bool,
 }

@@ -222,7 +222,7 @@ impl Process for Stuck {
         summary: "Hangs.",
         period_ms: 20.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(_: &mut PortBuilder) -> Self::Ports {}
@@ -258,7 +258,7 @@ impl Process for Watcher {
         summary: "Watches.",
         period_ms: 10.0,
         latency_ms: 0.0,
-        reads_truth: false,
+        reads_ground_truth: false,
     };
 
     fn ports(b: &mut PortBuilder) -> Self::Ports {

@@ -5,7 +5,8 @@
 use rcs_geom::TransformTree;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use rcs_runtime::source::{
-    Control, Driver, Frame, Held, Playback, Runs, Source, SourceError, SourceInfo, SourceKind, Step, Task,
+    Control, Driver, Frame, HeldControl, Playback, Runs, Source, SourceError, SourceInfo, SourceKind, Step,
+    Task,
 };
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -123,8 +124,8 @@ fn as_fast_as_it_goes_leaves_the_clock_behind() {
 }
 
 /// Holds /hand at `x`, fifty milliseconds of the source from one message to the next.
-fn hand(x: f64) -> Held {
-    Held {
+fn hand(x: f64) -> HeldControl {
+    HeldControl {
         buffer: "/hand".to_owned(),
         every_ns: 50_000_000,
         make: Arc::new(move |_| AnyMessage::new(foxglove::Vector3 { x, ..Default::default() })),
@@ -160,7 +161,7 @@ fn a_hand_that_nobody_speaks_for_lets_go() {
     let (driver, written) = drive(0.01);
     driver.send(Control::Hold(hand(1.0)));
     driver.send(Control::Play);
-    let lapsed = Stamp(0).after_ns((Held::LEASE.as_nanos() * 3) as u64);
+    let lapsed = Stamp(0).after_ns((HeldControl::LEASE.as_nanos() * 3) as u64);
     wait(&driver, "time to pass", |frame| frame.now > lapsed);
     let count = written.lock().unwrap().len();
     assert!(count > 0);

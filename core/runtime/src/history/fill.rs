@@ -1,7 +1,7 @@
 //! Looking at the past, and running again what is not kept of it.
 
 use super::runs::Run;
-use super::samples::{Entry, Held, Point, Samples};
+use super::samples::{Entry, Point, Samples, Stored};
 use super::{Session, Shown};
 use crate::error::RunError;
 use crate::snapshot::Snapshot;
@@ -21,7 +21,7 @@ pub(super) fn opening(snapshot: &Snapshot) -> Vec<Option<Entry>> {
     let entry = |sample: &Sample| Entry {
         point: Point::after(snapshot.events),
         header: sample.header,
-        held: Held::Here(sample.message.clone()),
+        held: Stored::InMemory(sample.message.clone()),
     };
     snapshot.latest().map(|sample| sample.map(entry)).collect()
 }
@@ -106,8 +106,9 @@ impl Session {
     /// Messages of a stretch could not be read back: they are computed again.
     fn lose(&mut self, stretch: usize, why: &str) {
         let at = self.stretches[stretch].start.seconds_since(self.machine.start);
-        self.keeper
-            .say(format!("what was kept of {at:.0} s could not be read back, and is computed again: {why}"));
+        self.retention.report(format!(
+            "what was kept of {at:.0} s could not be read back, and is computed again: {why}"
+        ));
         self.stretches[stretch].samples.disk = None;
         self.stretches[stretch].samples.memory = None;
     }
@@ -118,7 +119,7 @@ impl Session {
         if self.at_run != self.run || self.at() > point || self.at_stretch != stretch {
             self.leave();
             if let Err(error) = self.place_machine(self.run, point) {
-                self.keeper.say(error.to_string());
+                self.retention.report(error.to_string());
                 return;
             }
         }
@@ -138,7 +139,7 @@ impl Session {
                 Ok(Some(_)) => {}
                 Ok(None) => self.filling = None,
                 Err(error) => {
-                    self.keeper.say(error.to_string());
+                    self.retention.report(error.to_string());
                     self.filling = None;
                 }
             }
@@ -171,12 +172,12 @@ impl Session {
     pub(crate) fn fill_progress(&self) -> Option<f64> {
         let place = self.filling?;
         let stretch = &self.stretches[self.runs[self.run].line[place]];
-        let start = self.keeper_start(place);
+        let start = self.fill_start(place);
         Some((self.at().event.saturating_sub(start)) as f64 / (stretch.to() - start).max(1) as f64)
     }
 
     /// Events that had been done at the nearest snapshot before a stretch.
-    fn keeper_start(&self, place: usize) -> u64 {
+    fn fill_start(&self, place: usize) -> u64 {
         let line = &self.runs[self.run].line[..=place];
         let kept = line.iter().rev().find(|&&stretch| self.stretches[stretch].snapshot.is_kept());
         kept.map_or(0, |&stretch| self.stretches[stretch].from)
@@ -184,7 +185,7 @@ impl Session {
 
     /// Work for when nothing else is asked: fills in what is looked at, and the stretch before where a person goes back.
     pub(crate) fn idle(&mut self) -> bool {
-        self.absorb();
+        self.collect_written();
         if self.filling.is_some() {
             return self.fill_for(PIECE) || self.went_back;
         }
@@ -401,7 +402,7 @@ impl Session {
             Err(error) => {
                 kept.disk = None;
                 let at = self.stretches[stretch].start.seconds_since(self.machine.start);
-                self.keeper.say(format!("{error}; an older one than that of {at:.0} s is used"));
+                self.retention.report(format!("{error}; an older one than that of {at:.0} s is used"));
                 None
             }
         }
@@ -420,6 +421,6 @@ impl Session {
             stretch.samples.memory = Some(Arc::new(samples));
         }
         self.at_stretch = next;
-        self.settle();
+        self.enforce_budgets();
     }
 }

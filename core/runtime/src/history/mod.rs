@@ -10,16 +10,16 @@
 
 mod disk;
 mod fill;
-mod keep;
 mod options;
 mod pack;
+mod retention;
 mod runs;
 mod samples;
 mod spill;
 mod stretch;
 
-pub use keep::PastUse;
 pub use options::PastOptions;
+pub use retention::PastUse;
 pub use runs::{Moment, RunId, RunSummary};
 pub(crate) use samples::{LogRef, Point};
 
@@ -28,12 +28,12 @@ use crate::journal::{ExternalEvent, Journal};
 use crate::source::{SourceError, Task};
 use crate::stack::names;
 use crate::stepped::{Happened, Stepped};
-use keep::Keeper;
 use pack::Origin;
 use rcs_bus::Sample;
 use rcs_msg::Stamp;
+use retention::Retention;
 use runs::Run;
-use samples::{Held, Samples, Tape, There, Whereabouts};
+use samples::{Location, Samples, Stored, StoredElsewhere, Tape};
 use spill::Job;
 use std::sync::Arc;
 use stretch::Stretch;
@@ -61,7 +61,7 @@ pub struct Session {
     /// The stretch (its place in the run's line) that the machine runs again, so that it can be looked at.
     filling: Option<usize>,
     went_back: bool,
-    keeper: Keeper,
+    retention: Retention,
 }
 
 /// The newest message of a buffer at the moment that is looked at.
@@ -75,7 +75,7 @@ impl Session {
     /// A session of a run that has not begun.
     pub fn new(mut run: Stepped) -> Result<Self, RunError> {
         let tape = Tape::on(run.buffers());
-        let keeper = Keeper::new(run.past_options().clone(), Arc::clone(run.plan()));
+        let retention = Retention::new(run.past_options().clone(), Arc::clone(run.plan()));
         run.begin()?;
         let snapshot = Arc::new(run.snapshot());
         let opening = fill::opening(&snapshot);
@@ -101,7 +101,7 @@ impl Session {
             at_write: 0,
             filling: None,
             went_back: false,
-            keeper,
+            retention,
         })
     }
 
@@ -152,12 +152,12 @@ impl Session {
 
     /// What could not be kept or read back, a line each.
     pub fn problems(&self) -> &[String] {
-        self.keeper.problems()
+        self.retention.problems()
     }
 
     /// What the past takes now.
     pub fn past_use(&self) -> PastUse {
-        self.keeper.usage(&self.stretches, &self.tape)
+        self.retention.usage(&self.stretches, &self.tape)
     }
 
     /// Where the machine stands.
@@ -366,7 +366,7 @@ impl Session {
         (self.at_run, self.run) = (run, run);
         self.filling = None;
         self.machine.buffers().iter().for_each(|buffer| buffer.begin_anew());
-        self.keeper.send(Job::Begun { run, origin: Origin { parent, newest } });
+        self.retention.send(Job::Begun { run, origin: Origin { parent, newest } });
         self.tape.at(Point { event: at.event, write: at.write + 1 });
         let said = self.machine.begin_branch(&RunId(parent as u32).to_string())?;
         self.written(said);
@@ -422,11 +422,11 @@ impl Session {
             let buffer = &self.machine.buffers()[input.buffer];
             if let Some(entry) = samples.written[input.buffer].last_mut()
                 && entry.point.event == self.machine.events
-                && let Held::Here(message) = &entry.held
+                && let Stored::InMemory(message) = &entry.held
             {
                 let schema = Arc::clone(&buffer.spec().schema);
-                let there = There::with(Whereabouts::Log(given), schema, message.clone());
-                entry.held = Held::There(Arc::new(there));
+                let there = StoredElsewhere::with(Location::Log(given), schema, message.clone());
+                entry.held = Stored::Elsewhere(Arc::new(there));
             }
         }
     }
@@ -441,11 +441,11 @@ impl Session {
         let last = stretch.snapshot.memory.clone();
         let snapshot = Arc::new(self.machine.snapshot_sharing(last.as_deref()));
         if self.stretches.len().is_power_of_two() {
-            self.weigh(&snapshot);
+            self.measure_snapshot(&snapshot);
         }
         self.at_stretch = self.stretches.len();
         self.stretches.push(Stretch::begin(self.at_run, snapshot));
         self.runs[self.at_run].line.push(self.at_stretch);
-        self.settle();
+        self.enforce_budgets();
     }
 }

@@ -4,7 +4,7 @@
 //! message shares: the stretch in which it was written, the next ones that begin with it, and snapshots.
 
 use super::disk::{Disk, Piece};
-use super::samples::{Entry, Held, LogRef, Point, Samples, There, Whereabouts, decoded};
+use super::samples::{Entry, Location, LogRef, Point, Samples, Stored, StoredElsewhere, decoded};
 use crate::error::RunError;
 use crate::snapshot::Snapshot;
 use crate::snapshot::disk::{Block, message_of};
@@ -35,7 +35,7 @@ pub(crate) struct PackedSnapshot {
 }
 
 #[derive(Serialize, Deserialize)]
-enum HeldOnDisk {
+enum StoredOnDisk {
     Here(Block),
     Piece(u32),
     Log(LogRef),
@@ -45,7 +45,7 @@ enum HeldOnDisk {
 struct EntryOnDisk {
     point: Point,
     header: Header,
-    held: HeldOnDisk,
+    held: StoredOnDisk,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -118,22 +118,22 @@ impl Packer {
         large: &mut Vec<Arc<Piece>>,
     ) -> io::Result<EntryOnDisk> {
         let piece = match &entry.held {
-            Held::There(there) => match &there.place {
-                Whereabouts::Disk(piece) => Some(Arc::clone(piece)),
-                Whereabouts::Log(place) => {
-                    let held = HeldOnDisk::Log(*place);
+            Stored::Elsewhere(there) => match &there.place {
+                Location::Disk(piece) => Some(Arc::clone(piece)),
+                Location::Log(place) => {
+                    let held = StoredOnDisk::Log(*place);
                     return Ok(EntryOnDisk { point: entry.point, header: entry.header, held });
                 }
             },
-            Held::Here(message) => self.large(run, (buffer, entry.header.sequence), message)?,
+            Stored::InMemory(message) => self.large(run, (buffer, entry.header.sequence), message)?,
         };
         let held = match (piece, &entry.held) {
             (Some(piece), _) => {
                 large.push(piece);
-                HeldOnDisk::Piece(large.len() as u32 - 1)
+                StoredOnDisk::Piece(large.len() as u32 - 1)
             }
-            (None, Held::Here(message)) => HeldOnDisk::Here(Block(message.encode().to_vec())),
-            (None, Held::There(_)) => return Err(io::ErrorKind::NotFound.into()),
+            (None, Stored::InMemory(message)) => StoredOnDisk::Here(Block(message.encode().to_vec())),
+            (None, Stored::Elsewhere(_)) => return Err(io::ErrorKind::NotFound.into()),
         };
         Ok(EntryOnDisk { point: entry.point, header: entry.header, held })
     }
@@ -204,15 +204,15 @@ impl PackedSamples {
         }
         let entry = |buffer: usize, entry: EntryOnDisk| {
             let schema = &plan.buffers[buffer].spec.schema;
-            let there = |place| Held::There(Arc::new(There::new(place, Arc::clone(schema))));
+            let there = |place| Stored::Elsewhere(Arc::new(StoredElsewhere::new(place, Arc::clone(schema))));
             let held = match entry.held {
-                HeldOnDisk::Here(bytes) => Held::Here(decoded(schema, bytes.0)?),
-                HeldOnDisk::Piece(number) => {
+                StoredOnDisk::Here(bytes) => Stored::InMemory(decoded(schema, bytes.0)?),
+                StoredOnDisk::Piece(number) => {
                     let piece = self.large.get(number as usize);
                     let piece = piece.ok_or_else(|| bad(format!("it has no message {number}")))?;
-                    there(Whereabouts::Disk(Arc::clone(piece)))
+                    there(Location::Disk(Arc::clone(piece)))
                 }
-                HeldOnDisk::Log(place) => there(Whereabouts::Log(place)),
+                StoredOnDisk::Log(place) => there(Location::Log(place)),
             };
             Ok::<_, io::Error>(Entry { point: entry.point, header: entry.header, held })
         };

@@ -37,31 +37,31 @@ pub(crate) struct LogRef {
 
 /// A message, or where it is.
 #[derive(Clone)]
-pub(crate) enum Held {
-    Here(AnyMessage),
-    There(Arc<There>),
+pub(crate) enum Stored {
+    InMemory(AnyMessage),
+    Elsewhere(Arc<StoredElsewhere>),
 }
 
 /// A message that is not in memory until someone looks at it.
-pub(crate) struct There {
-    pub(crate) place: Whereabouts,
+pub(crate) struct StoredElsewhere {
+    pub(crate) place: Location,
     schema: Arc<Schema>,
     message: OnceLock<AnyMessage>,
 }
 
 /// Where a message is that is not in memory.
-pub(crate) enum Whereabouts {
+pub(crate) enum Location {
     Disk(Arc<Piece>),
     Log(LogRef),
 }
 
-impl There {
-    pub(crate) fn new(place: Whereabouts, schema: Arc<Schema>) -> Self {
+impl StoredElsewhere {
+    pub(crate) fn new(place: Location, schema: Arc<Schema>) -> Self {
         Self { place, schema, message: OnceLock::new() }
     }
 
     /// A message that is in memory now, and can be had from there when it is not.
-    pub(crate) fn with(place: Whereabouts, schema: Arc<Schema>, message: AnyMessage) -> Self {
+    pub(crate) fn with(place: Location, schema: Arc<Schema>, message: AnyMessage) -> Self {
         Self { place, schema, message: OnceLock::from(message) }
     }
 
@@ -70,8 +70,8 @@ impl There {
             return Ok(message.clone());
         }
         let message = match &self.place {
-            Whereabouts::Disk(piece) => decoded(&self.schema, piece.read()?)?,
-            Whereabouts::Log(place) => from_log(log, *place, &self.schema)?,
+            Location::Disk(piece) => decoded(&self.schema, piece.read()?)?,
+            Location::Log(place) => from_log(log, *place, &self.schema)?,
         };
         Ok(self.message.get_or_init(|| message).clone())
     }
@@ -105,23 +105,23 @@ fn from_log(log: Option<&Log>, wanted: LogRef, schema: &Schema) -> io::Result<An
 pub(crate) struct Entry {
     pub(crate) point: Point,
     pub(crate) header: Header,
-    pub(crate) held: Held,
+    pub(crate) held: Stored,
 }
 
 impl Entry {
     /// The message, read where it is not in memory.
     pub(crate) fn sample(&self, log: Option<&Log>) -> io::Result<Sample> {
         let message = match &self.held {
-            Held::Here(message) => message.clone(),
-            Held::There(there) => there.get(log)?,
+            Stored::InMemory(message) => message.clone(),
+            Stored::Elsewhere(there) => there.get(log)?,
         };
         Ok(Sample { header: self.header, message })
     }
 
     fn bytes(&self) -> usize {
         let message = match &self.held {
-            Held::Here(message) => message.size_hint(),
-            Held::There(there) => 64 + there.message.get().map_or(0, AnyMessage::size_hint),
+            Stored::InMemory(message) => message.size_hint(),
+            Stored::Elsewhere(there) => 64 + there.message.get().map_or(0, AnyMessage::size_hint),
         };
         size_of::<Self>() + message
     }
@@ -185,7 +185,7 @@ impl Tape {
                 let point = tape.point.load(Ordering::Relaxed);
                 let point =
                     Point { event: point >> WRITE_BITS, write: (point & ((1 << WRITE_BITS) - 1)) as u32 };
-                let held = Held::Here(sample.message.clone());
+                let held = Stored::InMemory(sample.message.clone());
                 let entry = Entry { point, header: sample.header, held };
                 tape.samples().written[index].push(entry);
             }));

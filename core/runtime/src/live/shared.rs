@@ -1,7 +1,7 @@
 //! What the threads of a live run share: the lock that orders everything, the clock, and the wish to stop.
 
 use crate::journal::{EventPlace, ExternalEvent};
-use crate::machine::{Checked, Machine};
+use crate::machine::{CheckedEvent, Machine};
 use rcs_bus::{Buffer, Draft, Writer, WriterId};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -76,7 +76,7 @@ pub(super) fn report(writer: &Writer, now: Stamp, message: AnyMessage) {
 }
 
 /// What is known of one process's thread from outside of it.
-pub(super) struct Seat {
+pub(super) struct WorkerState {
     pub(super) name: Arc<str>,
     pub(super) period: Duration,
     status: Arc<Buffer>,
@@ -86,7 +86,7 @@ pub(super) struct Seat {
     measured: Mutex<Measured>,
 }
 
-impl Seat {
+impl WorkerState {
     pub(super) fn new(name: Arc<str>, period: Duration, status: Arc<Buffer>) -> Self {
         let (began_ns, is_hung) = (AtomicU64::new(0), AtomicBool::new(false));
         Self { name, period, status, began_ns, is_hung, measured: Mutex::default() }
@@ -136,7 +136,7 @@ impl Seat {
                 acq_time: Some(now),
                 message,
             };
-            shared.machine.apply(Checked::own(event))
+            shared.machine.apply(CheckedEvent::own(event))
         });
         if let Err(error) = written {
             tracing::error!("{}: {error}", self.name);

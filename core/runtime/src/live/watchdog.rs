@@ -1,6 +1,6 @@
 //! The thread that looks after the others: it tells of processes that hang, and of what was measured.
 
-use super::shared::{Seat, Shared, report};
+use super::shared::{Shared, WorkerState, report};
 use rcs_msg::{AnyMessage, rcs};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -13,25 +13,25 @@ const TELL: Duration = Duration::from_secs(1);
 const PERIODS: u32 = 10;
 
 /// Looks after the processes until the run stops.
-pub(super) fn run(shared: &Shared, seats: &[Arc<Seat>], least_limit: Duration) {
+pub(super) fn run(shared: &Shared, worker_states: &[Arc<WorkerState>], least_limit: Duration) {
     let mut look = Instant::now();
     let mut tell = look + TELL;
     while !shared.sleep_until(look) {
-        for seat in seats {
-            let limit = (seat.period * PERIODS).max(least_limit);
-            if let Some(lasted) = seat.newly_hung(shared, limit) {
+        for state in worker_states {
+            let limit = (state.period * PERIODS).max(least_limit);
+            if let Some(lasted) = state.newly_hung(shared, limit) {
                 let text = format!(
                     "hangs: a cycle has lasted {:.1} s; expected at most {:.1} s",
                     lasted.as_secs_f64(),
                     limit.as_secs_f64()
                 );
-                seat.write_error(shared, &text);
+                state.write_error(shared, &text);
             }
         }
         let now = Instant::now();
         if now >= tell {
             tell = now + TELL;
-            let processes = timings(seats);
+            let processes = timings(worker_states);
             shared.commit(|now| {
                 let message = rcs::Timing { timestamp: Some(now.to_proto()), processes, lag_s: 0.0 };
                 report(&shared.timing, now, AnyMessage::new(message));
@@ -42,6 +42,6 @@ pub(super) fn run(shared: &Shared, seats: &[Arc<Seat>], least_limit: Duration) {
 }
 
 /// What was measured of each process since the start.
-pub(super) fn timings(seats: &[Arc<Seat>]) -> Vec<rcs::ProcessTiming> {
-    seats.iter().map(|seat| seat.measured(|measured| measured.report(&seat.name))).collect()
+pub(super) fn timings(worker_states: &[Arc<WorkerState>]) -> Vec<rcs::ProcessTiming> {
+    worker_states.iter().map(|state| state.measured(|measured| measured.report(&state.name))).collect()
 }

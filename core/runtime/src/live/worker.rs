@@ -2,7 +2,7 @@
 
 use super::class;
 use super::measure::CycleTimes;
-use super::shared::{Seat, Shared, report};
+use super::shared::{Shared, WorkerState, report};
 use crate::node::Node;
 use crate::pool::Pool;
 use crate::stack::Class;
@@ -14,7 +14,7 @@ use std::time::Instant;
 /// A process on its way to a thread of its own.
 pub(super) struct Worker {
     pub(super) shared: Arc<Shared>,
-    pub(super) seat: Arc<Seat>,
+    pub(super) state: Arc<WorkerState>,
     pub(super) node: Node,
     pub(super) pool: Arc<Pool>,
     pub(super) class: Class,
@@ -26,23 +26,23 @@ impl Worker {
     /// Runs until the run stops. A panic outside of a cycle (a cycle's own is the node's affair) ends the process, and
     /// is its last status.
     pub(super) fn run(mut self) {
-        class::apply(self.class, &self.seat.name);
+        class::apply(self.class, &self.state.name);
         if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.cycles())) {
-            self.seat.end_cycle();
+            self.state.end_cycle();
             let text = crate::node::panic_text(&*panic);
-            self.seat.write_error(&self.shared, &format!("panicked outside of its cycle: {text}"));
+            self.state.write_error(&self.shared, &format!("panicked outside of its cycle: {text}"));
         }
     }
 
     fn cycles(&mut self) {
-        let Self { shared, seat, node, pool, .. } = self;
+        let Self { shared, state, node, pool, .. } = self;
         let mut due = self.origin;
         while !shared.sleep_until(due) {
             let woke = Instant::now();
-            seat.begin_cycle(shared);
+            state.begin_cycle(shared);
             let ((started, input_sequence), capture_wait) = shared.commit_measured(|now| {
                 node.capture();
-                shared.machine.keeper.tend(now);
+                shared.machine.overrides.update(now);
                 (now, node.captured())
             });
             let captured = Instant::now();
@@ -50,9 +50,9 @@ impl Worker {
             let computed = Instant::now();
             let ((), publish_wait) = shared.commit_measured(|now| {
                 node.publish(started, now);
-                shared.machine.keeper.tend(now);
+                shared.machine.overrides.update(now);
                 let record = rcs::CycleRecord {
-                    process: seat.name.to_string(),
+                    process: state.name.to_string(),
                     cycle: node.status().cycle,
                     start_ns: started.0,
                     end_ns: now.0,
@@ -61,8 +61,8 @@ impl Worker {
                 report(&shared.schedule, now, AnyMessage::new(record));
             });
             let done = Instant::now();
-            if seat.end_cycle() {
-                tracing::warn!("{} came back after {:.1} s", seat.name, (done - woke).as_secs_f64());
+            if state.end_cycle() {
+                tracing::warn!("{} came back after {:.1} s", state.name, (done - woke).as_secs_f64());
             }
             let times = CycleTimes {
                 wake_late: woke.saturating_duration_since(due),
@@ -71,8 +71,8 @@ impl Worker {
                 publish_wait,
                 whole: done.saturating_duration_since(due),
             };
-            let periods = seat.measured(|measured| measured.add(&times, seat.period));
-            due += seat.period * periods;
+            let periods = state.measured(|measured| measured.add(&times, state.period));
+            due += state.period * periods;
         }
     }
 }

@@ -3,7 +3,7 @@
 //! Every message stands once in a table, whoever holds it; those that are large may lie elsewhere, under a number.
 
 use super::Snapshot;
-use crate::children::FamilyState;
+use crate::children::ChildLinksState;
 use crate::cycle::{InputView, Staged};
 use crate::error::RunError;
 use crate::node::{NodeState, Output, SavedBody};
@@ -109,7 +109,7 @@ struct NodeOnDisk {
     views: Vec<ViewOnDisk>,
     status: StatusOnDisk,
     register: RegisterOnDisk,
-    family: FamilyState,
+    child_links: ChildLinksState,
     panicked: bool,
     rng: ChaCha8Rng,
 }
@@ -190,7 +190,7 @@ impl Table<'_> {
             views: node.views.iter().map(|view| self.view(view)).collect(),
             status: (&node.status).into(),
             register: (&node.register).into(),
-            family: node.family.clone(),
+            child_links: node.child_links.clone(),
             panicked: node.panicked,
             rng: node.rng.clone(),
         })
@@ -243,7 +243,7 @@ impl Messages {
             views: node.views.iter().map(view).collect::<Result<_, RunError>>()?,
             status: StatusCell::try_from(&node.status).map_err(bad)?,
             register: Register::try_from(&node.register).map_err(bad)?,
-            family: node.family,
+            child_links: node.child_links,
             panicked: node.panicked,
             rng: node.rng,
         })

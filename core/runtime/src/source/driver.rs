@@ -5,7 +5,7 @@
 //! follows from their type.
 
 use super::frame::{Frame, Playback};
-use super::held::{Hands, Held};
+use super::held::{HeldControl, HeldControls};
 use super::pace::Pace;
 use super::{Source, SourceError, Step, Task};
 use crate::node::panic_text;
@@ -43,11 +43,11 @@ pub enum Control {
     SwitchRun(crate::RunId),
     /// Take the last write back: go on from before it, in a run of its own.
     Undo,
-    /// Write a message again and again while time runs. To be said anew at least every [`Held::LEASE`] while it is
+    /// Write a message again and again while time runs. To be said anew at least every [`HeldControl::LEASE`] while it is
     /// held: otherwise the hand lets go.
-    Hold(Held),
+    Hold(HeldControl),
     /// Let go of what is held, and write a last message.
-    LetGo(Held),
+    LetGo(HeldControl),
     /// Stop long work.
     Cancel,
 }
@@ -115,13 +115,13 @@ impl Driver {
         let (controls, receiver) = channel();
         let theirs = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name("source".to_owned()).spawn(move || {
-            let pacer = Pacer {
+            let pacer = DriverLoop {
                 source,
                 shared: Arc::clone(&theirs),
                 wake: &wake,
                 playback: Playback::default(),
                 pace: Pace::new(),
-                hands: Hands::default(),
+                hands: HeldControls::default(),
                 controls: &receiver,
                 pending: VecDeque::new(),
             };
@@ -183,19 +183,19 @@ impl Drop for Driver {
     }
 }
 
-struct Pacer<'a, W> {
+struct DriverLoop<'a, W> {
     source: Box<dyn Source>,
     shared: Arc<Shared>,
     wake: &'a W,
     playback: Playback,
     pace: Pace,
-    hands: Hands,
+    hands: HeldControls,
     controls: &'a Receiver<Control>,
     /// What was asked and is still to be done, oldest first.
     pending: VecDeque<Control>,
 }
 
-impl<W: Fn()> Pacer<'_, W> {
+impl<W: Fn()> DriverLoop<'_, W> {
     fn run(mut self) {
         let mut idle = true;
         let mut shown = Instant::now();

@@ -19,7 +19,7 @@ mod tracks;
 pub use driver::{Control, Driver};
 pub(crate) use frame::canonical;
 pub use frame::{Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic, Track};
-pub use held::Held;
+pub use held::HeldControl;
 pub use log_source::LogSource;
 pub use log_view::finish_idle;
 pub use stack_source::StackSource;

@@ -4,7 +4,7 @@ use super::joystick::Joystick;
 use egui::Key;
 use ocu_views::Selection;
 use ocu_views::operator::{self, Hand, Inputs};
-use rcs_runtime::source::{Control, Frame, Held};
+use rcs_runtime::source::{Control, Frame, HeldControl};
 use std::time::{Duration, Instant};
 
 /// Interval at which a held command is repeated.
@@ -44,8 +44,13 @@ struct Asked {
 /// State of manual operation.
 #[derive(Debug, Default)]
 pub(super) struct Operating {
+<<<<<<< HEAD
     /// The command being held, and the deflection from which it was made.
     held: Option<([f64; 2], Held)>,
+=======
+    /// What is being held now, and what it asks for.
+    held: Option<([f64; 2], HeldControl)>,
+>>>>>>> e9d36df (runtime: standard words for what the runtime consists of)
     asked: Option<Asked>,
     joystick: Joystick,
 }

@@ -50,7 +50,7 @@ pub struct PastUse {
     pub with_snapshot: usize,
 }
 
-pub(super) struct Keeper {
+pub(super) struct Retention {
     options: PastOptions,
     plan: Arc<Plan>,
     disk: Arc<Disk>,
@@ -63,7 +63,7 @@ pub(super) struct Keeper {
     snapshot_bytes: usize,
 }
 
-impl Keeper {
+impl Retention {
     pub(super) fn new(options: PastOptions, plan: Arc<Plan>) -> Self {
         let removed = remove_abandoned(&options.folder);
         if removed > 0 {
@@ -87,7 +87,7 @@ impl Keeper {
     }
 
     /// Says what could not be done, once.
-    pub(super) fn say(&mut self, problem: String) {
+    pub(super) fn report(&mut self, problem: String) {
         if !self.problems.contains(&problem) && self.problems.len() < PROBLEMS {
             tracing::warn!("{problem}");
             self.problems.push(problem);
@@ -117,7 +117,7 @@ impl Keeper {
                 true
             }
             Err(error) => {
-                self.say(format!("the past stays in memory: {error}"));
+                self.report(format!("the past stays in memory: {error}"));
                 self.pause = PAUSE;
                 false
             }
@@ -152,8 +152,8 @@ impl Keeper {
 
 impl Session {
     /// Takes what has been written to disk since the last time.
-    pub(super) fn absorb(&mut self) {
-        let done = self.keeper.spill.as_mut().map(|spill| spill.done(false)).unwrap_or_default();
+    pub(super) fn collect_written(&mut self) {
+        let done = self.retention.spill.as_mut().map(|spill| spill.done(false)).unwrap_or_default();
         self.take_done(done);
     }
 
@@ -170,8 +170,8 @@ impl Session {
                     kept.pending = false;
                     match packed {
                         Ok(packed) => {
-                            let (old, new) = (self.keeper.snapshot_bytes, packed.bytes);
-                            self.keeper.snapshot_bytes = (old * 7 + new * 2) / 8;
+                            let (old, new) = (self.retention.snapshot_bytes, packed.bytes);
+                            self.retention.snapshot_bytes = (old * 7 + new * 2) / 8;
                             kept.disk = Some(packed);
                             None
                         }
@@ -182,28 +182,28 @@ impl Session {
             if let Some(error) = failed {
                 // A disk that is full by its budget is thinned at once; one that is full by itself may be for long.
                 let by_budget = error.contains(super::disk::OVER_BUDGET);
-                self.keeper.pause = if by_budget { 2 } else { PAUSE };
-                self.keeper.say(format!("the past could not be written to disk: {error}"));
+                self.retention.pause = if by_budget { 2 } else { PAUSE };
+                self.retention.report(format!("the past could not be written to disk: {error}"));
             }
         }
     }
 
     /// Keeps the budgets. Called whenever a stretch has come into memory.
-    pub(super) fn settle(&mut self) {
-        self.absorb();
-        self.keeper.pause = self.keeper.pause.saturating_sub(1);
-        let budget = self.keeper.options.memory_bytes as f64;
-        let mut used = self.keeper.memory(&self.stretches) as f64;
+    pub(super) fn enforce_budgets(&mut self) {
+        self.collect_written();
+        self.retention.pause = self.retention.pause.saturating_sub(1);
+        let budget = self.retention.options.memory_bytes as f64;
+        let mut used = self.retention.memory(&self.stretches) as f64;
         if used > WRITE_AT * budget {
             self.write_out(used - WRITE_AT * budget);
         }
         if used > KEEP * budget {
             used = self.let_go(used, KEEP * budget);
         }
-        while used > WAIT_AT * budget && self.keeper.waiting() > 0 {
-            let done = self.keeper.spill.as_mut().map(|spill| spill.done(true)).unwrap_or_default();
+        while used > WAIT_AT * budget && self.retention.waiting() > 0 {
+            let done = self.retention.spill.as_mut().map(|spill| spill.done(true)).unwrap_or_default();
             self.take_done(done);
-            used = self.let_go(self.keeper.memory(&self.stretches) as f64, KEEP * budget);
+            used = self.let_go(self.retention.memory(&self.stretches) as f64, KEEP * budget);
         }
         if used > WAIT_AT * budget {
             self.drop_from_memory(used, KEEP * budget);
@@ -212,9 +212,9 @@ impl Session {
     }
 
     /// Finds out what a snapshot takes.
-    pub(super) fn weigh(&mut self, snapshot: &Snapshot) {
+    pub(super) fn measure_snapshot(&mut self, snapshot: &Snapshot) {
         if let Ok(bytes) = snapshot.encode(&mut |_| Some(0)) {
-            self.keeper.snapshot_bytes = bytes.len();
+            self.retention.snapshot_bytes = bytes.len();
         }
     }
 
@@ -248,12 +248,12 @@ impl Session {
 
     /// Sends stretches to disk, until `bytes` are on their way.
     fn write_out(&mut self, bytes: f64) {
-        if !self.keeper.can_write() {
+        if !self.retention.can_write() {
             return;
         }
         let mut sent = 0.0;
         for (index, _) in self.farthest_first() {
-            if sent >= bytes || self.keeper.waiting() >= 2 * ON_THE_WAY || !self.keeper.start() {
+            if sent >= bytes || self.retention.waiting() >= 2 * ON_THE_WAY || !self.retention.start() {
                 return;
             }
             let stretch = &mut self.stretches[index];
@@ -263,14 +263,14 @@ impl Session {
             {
                 stretch.snapshot.pending = true;
                 let snapshot = Arc::clone(snapshot);
-                self.keeper.send(Job::Snapshot { stretch: index, run: stretch.run, snapshot });
+                self.retention.send(Job::Snapshot { stretch: index, run: stretch.run, snapshot });
             }
             if let Some(samples) = &stretch.samples.memory {
                 sent += stretch.bytes as f64;
                 if stretch.samples.disk.is_none() && !stretch.samples.pending {
                     stretch.samples.pending = true;
                     let samples = Arc::clone(samples);
-                    self.keeper.send(Job::Samples { stretch: index, run: stretch.run, samples });
+                    self.retention.send(Job::Samples { stretch: index, run: stretch.run, samples });
                 }
             }
         }
@@ -287,7 +287,7 @@ impl Session {
                 && distance * 1e9 > SNAPSHOTS_NEAR_NS as f64
             {
                 stretch.snapshot.memory = None;
-                used -= self.keeper.snapshot_bytes as f64;
+                used -= self.retention.snapshot_bytes as f64;
             }
             if stretch.samples.memory.is_some() && stretch.samples.disk.is_some() {
                 stretch.samples.memory = None;
@@ -316,18 +316,18 @@ impl Session {
             let victim = self.sparsest(&list, |stretch| stretch.snapshot.memory.is_some());
             let Some(index) = victim else { return };
             self.stretches[index].snapshot.memory = None;
-            used -= self.keeper.snapshot_bytes as f64;
+            used -= self.retention.snapshot_bytes as f64;
         }
     }
 
     /// Drops messages on disk, and then snapshots, where the disk's budget is nearly used up.
     fn thin_disk(&mut self) {
-        let budget = self.keeper.options.disk_bytes as f64;
-        if self.keeper.disk.bytes() as f64 <= THIN_AT * budget || budget == 0.0 {
+        let budget = self.retention.options.disk_bytes as f64;
+        if self.retention.disk.bytes() as f64 <= THIN_AT * budget || budget == 0.0 {
             return;
         }
         let list = self.farthest_first();
-        while self.keeper.disk.living() as f64 > THIN_TO * budget {
+        while self.retention.disk.living() as f64 > THIN_TO * budget {
             if let Some(index) = self.sparsest(&list, |stretch| stretch.samples.disk.is_some()) {
                 self.stretches[index].samples.disk = None;
                 self.stretches[index].samples.memory = None;
