@@ -70,6 +70,11 @@ fn a_live_run_of_the_simulation_with_an_operator_replays_to_the_same_hash() {
         0,
     );
     assert_eq!(recorded["outcome"], "end");
+    for process in recorded["processes"].as_array().unwrap() {
+        let late = ["start_late_p99_ms", "wake_late_p99_ms", "lock_wait_p99_ms"];
+        assert!(late.iter().all(|key| process[key].as_f64().is_some_and(|ms| ms >= 0.0)), "{process}");
+        assert!(["missed", "missed_by_lock"].iter().all(|key| process[key].is_u64()), "{process}");
+    }
     let messages = |report: &serde_json::Value, name: &str| {
         let buffers = report["buffers"].as_array().unwrap();
         buffers.iter().find(|buffer| buffer["name"] == name).unwrap()["messages"].as_u64().unwrap()

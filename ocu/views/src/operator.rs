@@ -108,15 +108,9 @@ impl DriveSettings {
     }
 }
 
-<<<<<<< HEAD
 /// A drive command that is repeated for as long as it is held.
-pub fn drive(buffer: &str, [speed_mps, yaw_rate_radps]: [f64; 2]) -> Held {
-    Held {
-=======
-/// A drive command that is written for as long as it is held.
 pub fn drive(buffer: &str, [speed_mps, yaw_rate_radps]: [f64; 2]) -> HeldControl {
     HeldControl {
->>>>>>> e9d36df (runtime: standard words for what the runtime consists of)
         buffer: buffer.to_owned(),
         every_ns: EVERY_NS,
         make: Arc::new(move |now| {

@@ -173,7 +173,9 @@ impl LogView {
         }
         for ((topic, last), mut times) in self.topics.iter_mut().zip(&mut self.times).zip(found) {
             times.sort_unstable_by(|a, b| b.cmp(a));
-            last.begin_with(&times);
+            if times.len() > 1 {
+                last.begin_with(&times);
+            }
             if let Some(hz) = last.rate_hz() {
                 topic.hz = Some(hz);
             }

@@ -241,7 +241,9 @@ impl Report {
         let is_live = self.processes.iter().any(|process| process.live.is_some());
         if is_live {
             columns.extend([
-                ("99 % start late", Align::Right),
+                ("late p99", Align::Right),
+                ("wake p99", Align::Right),
+                ("lock p99", Align::Right),
                 ("missed", Align::Right),
                 ("by lock", Align::Right),
             ]);
@@ -258,10 +260,12 @@ impl Report {
             ];
             if is_live {
                 row.extend(process.live.map_or_else(
-                    || ["–", "–", "–"].map(str::to_owned),
+                    || ["–"; 5].map(str::to_owned),
                     |live| {
-                        let late = format!("{:.2} ms", live.start_late_p99_ms);
-                        [late, live.missed.to_string(), live.missed_by_lock.to_string()]
+                        let ms = |value: f64| format!("{value:.2} ms");
+                        let late = [live.start_late_p99_ms, live.wake_late_p99_ms, live.lock_wait_p99_ms];
+                        let [start, wake, lock] = late.map(ms);
+                        [start, wake, lock, live.missed.to_string(), live.missed_by_lock.to_string()]
                     },
                 ));
             }

@@ -44,13 +44,8 @@ struct Asked {
 /// State of manual operation.
 #[derive(Debug, Default)]
 pub(super) struct Operating {
-<<<<<<< HEAD
     /// The command being held, and the deflection from which it was made.
-    held: Option<([f64; 2], Held)>,
-=======
-    /// What is being held now, and what it asks for.
     held: Option<([f64; 2], HeldControl)>,
->>>>>>> e9d36df (runtime: standard words for what the runtime consists of)
     asked: Option<Asked>,
     joystick: Joystick,
 }
