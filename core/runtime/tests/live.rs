@@ -301,6 +301,7 @@ supervisor = "viewer"
 name = "stuck"
 plugin = "stuck"
 supervisor = "watcher"
+as = "child"
 "#;
     let plugins = [ProcessType::of::<Watcher>(), ProcessType::of::<Stuck>()];
     let file = StackFile::parse("test.toml", STACK).unwrap();
