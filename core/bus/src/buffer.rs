@@ -1,4 +1,4 @@
-//! One buffer: a ring of samples behind one lock.
+//! One buffer: a ring of samples guarded by one mutex.
 
 use crate::overrides::{Active, Due, Override, OverrideChanges, Release};
 use crate::sample::{Draft, Header, Sample, WriterId};
@@ -7,23 +7,23 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What happens to a write where a queue is full: where the slowest reader has not read its oldest message.
+/// What a write does if the queue is full, which means that the slowest reader has not read its oldest message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Overflow {
-    /// The oldest message goes; readers that had not read it are told how many they missed.
+    /// The oldest message is dropped; readers that had not read it learn how many messages they missed.
     #[default]
     DropOldest,
     /// The write is refused with [`WriteError::Full`].
     Refuse,
-    /// The queue grows until its slowest reader has read: nothing is lost that anyone waits for. For orders, which are
-    /// small and few; a queue of [`Mode::MOST_GROWN`] drops its oldest after all.
+    /// The queue grows until its slowest reader has read it, so that no message is lost. For orders, which are small
+    /// and few. A queue of [`Mode::MOST_GROWN`] messages drops its oldest.
     Grow,
 }
 
 /// How many messages a buffer keeps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
-    /// The newest message only: a write replaces it.
+    /// The newest message only: each write replaces it.
     #[default]
     Latest,
     /// The newest `depth` messages.
@@ -36,10 +36,10 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// The most messages that a queue grows to.
+    /// Greatest number of messages in a growing queue.
     pub const MOST_GROWN: usize = 65_536;
 
-    /// How many messages may wait for a reader.
+    /// Greatest number of messages that can wait for a reader.
     pub fn most_unread(self) -> usize {
         match self {
             Mode::Queue { overflow: Overflow::Grow, .. } => Self::MOST_GROWN,
@@ -59,14 +59,14 @@ impl Mode {
     }
 }
 
-/// What a buffer is: its name, its one message type, how much it keeps.
+/// Specification of a buffer: name, message type, number of messages kept.
 #[derive(Clone, Debug)]
 pub struct BufferSpec {
     /// Like `/wm1/map`.
     pub name: String,
-    /// Type of every message in it.
+    /// Type of its messages.
     pub schema: Arc<Schema>,
-    /// How much it keeps.
+    /// Number of messages kept.
     pub mode: Mode,
     /// Channel metadata: `rcs.role`, `rcs.overlay_of`, ….
     pub metadata: BTreeMap<String, String>,
@@ -75,12 +75,12 @@ pub struct BufferSpec {
 /// Why a message was not written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// A queue that refuses is full.
+    /// The queue is full, and its rule is to refuse.
     #[error("the queue of {depth} in {buffer} is full: a reader has not kept up")]
     Full {
         /// Name of the buffer.
         buffer: String,
-        /// How many messages it holds.
+        /// Number of messages in it.
         depth: usize,
     },
     /// The message is of another type than the buffer.
@@ -95,14 +95,14 @@ pub enum WriteError {
     },
 }
 
-/// Called with every message, in order, while the buffer is locked: it must return at once.
+/// A function that is called with every message, in order, while the buffer is locked. It must return at once.
 pub type Tap = Box<dyn FnMut(&Sample) + Send>;
 
 /// A named mailbox of one message type.
 pub struct Buffer {
     spec: BufferSpec,
     inner: Mutex<Inner>,
-    /// Whether any buffer of the bus may have overrides: shared by all of them, so that one look tells.
+    /// Whether any buffer of the bus may have overrides; shared by all buffers, so that one check suffices.
     overridden: Arc<AtomicBool>,
 }
 
@@ -111,24 +111,24 @@ struct Inner {
     ring: VecDeque<Sample>,
     /// Sequence of the newest message; 0 before the first.
     newest: u64,
-    /// Per reader, the sequence that it read last; `None` where the reader has gone.
+    /// For each reader, the sequence of the last message that it read; `None` if the reader was dropped.
     cursors: Vec<Option<u64>>,
     taps: Vec<Tap>,
-    /// Taps of those outside, which a run that is done again tells nothing.
+    /// Taps of [`Buffer::tap_once`], which are not called again when a run repeats a part of its past.
     once: Vec<Tap>,
-    /// Sequence of the newest message that those have seen.
+    /// Sequence of the newest message that these taps have seen.
     seen: u64,
     overrides: Active,
 }
 
-/// All that a buffer remembers, apart from its taps: part of a snapshot.
+/// State of a buffer without its taps: part of a snapshot.
 #[derive(Clone, Debug, Default)]
 pub struct BufferState {
-    /// Messages that it holds, oldest first: the newest, and what some reader has not read.
+    /// Its messages, oldest first: the newest, and those that some reader has not read.
     pub ring: Vec<Sample>,
-    /// Sequence of the newest message ever written.
+    /// Sequence of the newest message.
     pub newest: u64,
-    /// Per reader, the sequence that it read last.
+    /// For each reader, the sequence of the last message that it read.
     pub cursors: Vec<Option<u64>>,
     /// Overrides in force.
     pub overrides: Vec<Override>,
@@ -140,12 +140,12 @@ impl Buffer {
         Self::on_bus(spec, Arc::default())
     }
 
-    /// An empty buffer that shares a bus's flag.
+    /// An empty buffer that shares the flag of its bus.
     pub(crate) fn on_bus(spec: BufferSpec, overridden: Arc<AtomicBool>) -> Arc<Self> {
         Arc::new(Self { spec, inner: Mutex::default(), overridden })
     }
 
-    /// What the buffer is.
+    /// Its specification.
     pub fn spec(&self) -> &BufferSpec {
         &self.spec
     }
@@ -155,7 +155,7 @@ impl Buffer {
         &self.spec.name
     }
 
-    /// A new reader, which sees what is written from now on and the newest message that is there already.
+    /// A new reader, which gets the newest message and all later ones.
     pub fn reader(self: &Arc<Self>) -> Reader {
         let mut inner = self.lock();
         let cursor = Some(inner.newest.saturating_sub(1));
@@ -174,19 +174,18 @@ impl Buffer {
         Writer { buffer: Arc::clone(self), id }
     }
 
-    /// Adds a tap, which sees every message from now on, those of a past that is run again among them.
+    /// Adds a tap that sees every message from now on, including those of a part of the past that is run again.
     pub fn tap(&self, tap: Tap) {
         self.lock().taps.push(tap);
     }
 
-    /// Adds a tap that sees every message from now on once: for recorders, links and whoever else is told of a run as it
-    /// goes on. What is written again after [`Buffer::restore`], up to the newest message that was ever written, it does
-    /// not see.
+    /// Adds a tap that sees every message from now on once: for recorders, links and others that follow a run. After
+    /// [`Buffer::restore`] it does not see messages up to the newest that was ever written.
     pub fn tap_once(&self, tap: Tap) {
         self.lock().once.push(tap);
     }
 
-    /// From now on what is written is new: another run goes on from here.
+    /// Marks all messages from now on as new for the taps of [`Buffer::tap_once`]: another run continues from here.
     pub fn begin_anew(&self) {
         let mut inner = self.lock();
         inner.seen = inner.newest;
@@ -197,18 +196,18 @@ impl Buffer {
         self.lock().ring.back().cloned()
     }
 
-    /// Sequence of the newest message: how many were written.
+    /// Sequence of the newest message, which equals the number of messages written.
     pub fn newest(&self) -> u64 {
         self.lock().newest
     }
 
-    /// Lays an operator's hand on the buffer.
+    /// Sets an override.
     pub fn set_override(&self, new: Override) {
         self.lock().overrides.set(new);
         self.overridden.store(true, Ordering::Relaxed);
     }
 
-    /// Takes overrides away, and says how many.
+    /// Releases overrides and returns their number.
     pub fn release_overrides(&self, which: &Release) -> usize {
         self.lock().overrides.release(which)
     }
@@ -218,13 +217,13 @@ impl Buffer {
         self.lock().overrides.list().to_vec()
     }
 
-    /// Drops overrides that have expired, puts in force those whose cycle has come, and says what became of all since
-    /// the last call. `is_due` must not look at this buffer.
+    /// Drops expired overrides, puts those in force whose cycle has come, and reports the changes since the last call.
+    /// `is_due` must not access this buffer.
     pub fn update_overrides(&self, now: Stamp, is_due: impl Fn(&Due) -> bool) -> OverrideChanges {
         self.lock().overrides.update(now, is_due)
     }
 
-    /// All that the buffer remembers.
+    /// The state of the buffer.
     pub fn save(&self) -> BufferState {
         let inner = self.lock();
         BufferState {
@@ -235,8 +234,8 @@ impl Buffer {
         }
     }
 
-    /// Makes the buffer what it was; taps see nothing. A reader that has joined since then stands at the newest message
-    /// of then, and one that has gone since then stays gone.
+    /// Restores a state; taps are not called. A reader that was created later continues at the newest message of the
+    /// state, and a reader that was dropped later stays dropped.
     pub fn restore(&self, state: &BufferState) {
         let mut inner = self.lock();
         inner.ring = state.ring.iter().cloned().collect();
@@ -254,7 +253,7 @@ impl Buffer {
     }
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
-        // Nothing is left half done where a tap panics: the message is in the ring, or it is not.
+        // A panic of a tap leaves no inconsistent state: the message is in the ring, or it is not.
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -281,7 +280,7 @@ impl Buffer {
         if inner.ring.len() >= mode.most_unread() {
             inner.ring.pop_front();
         }
-        // A queue that has grown shrinks again by what has been read.
+        // A queue that has grown shrinks by the messages that have been read.
         while inner.ring.len() >= mode.depth() && !inner.is_full(mode.depth()) {
             inner.ring.pop_front();
         }
@@ -292,7 +291,7 @@ impl Buffer {
 }
 
 impl Inner {
-    /// Forgets what every reader has read, but for the newest message, which a reader that joins may still see.
+    /// Drops the messages that every reader has read, except the newest, which a new reader gets.
     fn drop_consumed(&mut self) {
         if self.ring.len() < 2 {
             return;
@@ -303,7 +302,7 @@ impl Inner {
         }
     }
 
-    /// Whether the slowest reader has yet to read the message that the next write would drop.
+    /// Whether the slowest reader has not read the message that the next write would drop.
     fn is_full(&self, depth: usize) -> bool {
         self.ring.len() >= depth
             && self.ring.front().is_some_and(|oldest| {
@@ -311,7 +310,7 @@ impl Inner {
             })
     }
 
-    /// The next message for the reader in `slot`, its place in the ring, and how many it missed before that.
+    /// The next message for the reader in `slot`, its index in the ring, and the number of messages missed before it.
     fn next_unread(&self, slot: usize) -> Option<(&Sample, u64)> {
         let read = self.cursors[slot].unwrap_or(0);
         let oldest = self.ring.front()?.header.sequence;
@@ -321,7 +320,7 @@ impl Inner {
     }
 }
 
-/// Writes to one buffer under one name.
+/// Writes to one buffer as one writer.
 #[derive(Clone)]
 pub struct Writer {
     buffer: Arc<Buffer>,
@@ -329,7 +328,7 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Writes a message and returns its sequence. Never waits for a reader.
+    /// Writes a message and returns its sequence. It never waits for a reader.
     pub fn write(&self, draft: Draft) -> Result<u64, WriteError> {
         let buffer = &*self.buffer;
         if !draft.message.is_a(&buffer.spec.schema) {
@@ -347,25 +346,25 @@ impl Writer {
         Ok(buffer.publish(&mut inner, self.id, draft))
     }
 
-    /// The buffer that it writes to.
+    /// The buffer.
     pub fn buffer(&self) -> &Arc<Buffer> {
         &self.buffer
     }
 }
 
-/// Reads one buffer at its own pace; no reader takes a message from another.
+/// Reads one buffer at its own pace; readers do not take messages from each other.
 pub struct Reader {
     buffer: Arc<Buffer>,
     slot: usize,
 }
 
 impl Reader {
-    /// The next message that this reader has not read; in a latest-only buffer, the newest.
+    /// The next unread message; in a latest-only buffer the newest one.
     pub fn read(&mut self) -> Option<Sample> {
         Self::take(&mut self.buffer.lock(), self.slot).map(|(sample, _)| sample)
     }
 
-    /// Takes every unread message, oldest first, into `fresh`, and returns how many were missed before them.
+    /// Moves every unread message into `fresh`, oldest first, and returns how many were missed before them.
     pub fn drain_into(&mut self, fresh: &mut Vec<Sample>) -> u64 {
         let mut inner = self.buffer.lock();
         let read = inner.cursors[self.slot].unwrap_or(0);

@@ -9,19 +9,19 @@ use std::sync::atomic::AtomicBool;
 /// Why a buffer or a writer could not join a bus.
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
-    /// The name is taken.
+    /// The name is in use.
     #[error("there is already a buffer named {0}")]
     Duplicate(String),
-    /// No more writers fit.
+    /// There are too many writers.
     #[error("a run has at most {} writers", u16::MAX)]
     TooManyWriters,
 }
 
-/// The buffers of one run, by name, and the names of its writers. Built once, then shared.
+/// The buffers of one run by name, and the names of its writers. It is built once, then shared.
 pub struct Bus {
     buffers: BTreeMap<String, Arc<Buffer>>,
     writers: Vec<Arc<str>>,
-    /// Whether a buffer may have overrides.
+    /// Whether any buffer may have overrides.
     overridden: Arc<AtomicBool>,
 }
 
@@ -47,24 +47,24 @@ impl Bus {
         Ok(buffer)
     }
 
-    /// Whether a buffer may have overrides: set where one is laid or restored, to be cleared by whoever has found none.
+    /// Whether any buffer may have overrides: set when one is set or restored, cleared by a caller that finds none.
     pub fn overridden(&self) -> &Arc<AtomicBool> {
         &self.overridden
     }
 
-    /// Adds a writer under a name and returns its number.
+    /// Adds a writer and returns its number.
     pub fn add_writer(&mut self, name: &str) -> Result<WriterId, BusError> {
         let id = u16::try_from(self.writers.len()).map_err(|_| BusError::TooManyWriters)?;
         self.writers.push(name.into());
         Ok(WriterId(id))
     }
 
-    /// The buffer of that name.
+    /// The buffer with this name.
     pub fn get(&self, name: &str) -> Option<&Arc<Buffer>> {
         self.buffers.get(name)
     }
 
-    /// All buffers, by name.
+    /// All buffers, sorted by name.
     pub fn buffers(&self) -> impl Iterator<Item = &Arc<Buffer>> {
         self.buffers.values()
     }

@@ -1,7 +1,7 @@
-//! An operator's hand on a buffer, applied at the moment of publishing.
+//! Overrides: values of an operator that replace what processes publish.
 //!
-//! A message always passes: an override that does not fit it is dropped, and whoever looks after the buffer
-//! ([`crate::Buffer::update_overrides`]) is told which and why.
+//! A message always passes: an override that does not fit it is dropped, and [`crate::Buffer::update_overrides`]
+//! reports which one and why.
 
 use rcs_msg::{AnyMessage, FieldPath, Stamp, Value};
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub enum OverrideMode {
     /// Until it is released, or expires.
     Hold,
-    /// For the next message.
+    /// For the next message only.
     Once,
 }
 
@@ -21,9 +21,9 @@ pub enum OverrideMode {
 pub enum Scalar {
     /// A boolean.
     Bool(bool),
-    /// A whole number.
+    /// An integer.
     Int(i64),
-    /// A whole number that is larger than that.
+    /// An integer above the range of the other variant.
     Uint(u64),
     /// A number.
     Float(f64),
@@ -43,13 +43,13 @@ impl From<Scalar> for Value {
     }
 }
 
-/// What is put in place of what a process wrote.
+/// What replaces the output of a process.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(try_from = "ValueOnDisk", into = "ValueOnDisk")]
 pub enum OverrideValue {
     /// One field.
     Field(FieldPath, Scalar),
-    /// The whole message.
+    /// The complete message.
     Message(AnyMessage),
 }
 
@@ -87,36 +87,36 @@ impl TryFrom<ValueOnDisk> for OverrideValue {
     }
 }
 
-/// A cycle of a process that an override waits for.
+/// The cycle of a process that an override waits for.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Due {
     /// The process.
     pub process: String,
-    /// The cycle, as its statuses count.
+    /// The cycle, counted as in its statuses.
     pub cycle: u64,
 }
 
-/// An operator's hand on one field of a buffer, or on all of it.
+/// An override of one field of a buffer, or of its complete messages.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Override {
-    /// Number by which it can be released, once in a run.
+    /// Number by which it can be released, unique within a run.
     pub id: u64,
     /// Who set it.
     pub owner: Arc<str>,
-    /// How long.
+    /// How long it lasts.
     pub mode: OverrideMode,
-    /// What.
+    /// The new value.
     pub value: OverrideValue,
-    /// When it was set.
+    /// Time when it was set.
     pub since: Stamp,
-    /// From when on it does nothing.
+    /// Time when it expires.
     pub until: Option<Stamp>,
-    /// The cycle that it waits for; `None` where it is in force.
+    /// The cycle that it waits for; `None` if it is in force.
     pub due: Option<Due>,
 }
 
 impl Override {
-    /// The field that is replaced; the root for the whole message.
+    /// The field that is replaced; the root for the complete message.
     pub fn path(&self) -> FieldPath {
         match &self.value {
             OverrideValue::Field(path, _) => path.clone(),
@@ -133,23 +133,23 @@ impl Override {
     }
 }
 
-/// Which overrides of a buffer are taken away.
+/// Which overrides of a buffer to release.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Release {
-    /// The one of that number.
+    /// The one with this number.
     Id(u64),
-    /// Those of that field; the root for those of the whole message.
+    /// Those of this field; the root for those of the complete message.
     Path(FieldPath),
     /// All.
     All,
 }
 
-/// What became of the overrides of a buffer since the last update.
+/// Changes to the overrides of a buffer since the last update.
 #[derive(Clone, Debug, Default)]
 pub struct OverrideChanges {
-    /// Those in force, and those that wait, in the order in which they were set.
+    /// Those in force and those that wait, in the order in which they were set.
     pub active: Vec<Override>,
-    /// Whether these are others than the last time.
+    /// Whether this list has changed since the last call.
     pub changed: bool,
     /// Those that did not fit a message and were dropped, and why.
     pub failed: Vec<(Override, String)>,
@@ -176,7 +176,7 @@ impl Active {
         self.list.is_empty()
     }
 
-    /// Sets an override; it takes the place of one of the same field that is in force, unless it waits itself.
+    /// Sets an override. Unless it waits for a cycle, it replaces one of the same field that is in force.
     pub(crate) fn set(&mut self, new: Override) {
         if new.due.is_none() {
             self.list.retain(|active| active.due.is_some() || active.path() != new.path());
@@ -185,7 +185,7 @@ impl Active {
         self.changed = true;
     }
 
-    /// Takes overrides away, and says how many.
+    /// Releases overrides and returns their number.
     pub(crate) fn release(&mut self, which: &Release) -> usize {
         let before = self.list.len();
         self.list.retain(|active| match which {
@@ -198,8 +198,8 @@ impl Active {
         released
     }
 
-    /// The message with every override applied; those that last for one message are then gone, and those that do not
-    /// fit it are dropped.
+    /// Applies every override to a message. Afterwards those that last for one message are gone, and those that do not
+    /// fit are dropped.
     pub(crate) fn apply(&mut self, now: Stamp, mut message: AnyMessage) -> AnyMessage {
         let mut kept = Vec::with_capacity(self.list.len());
         for active in std::mem::take(&mut self.list) {
@@ -230,7 +230,7 @@ impl Active {
         message
     }
 
-    /// Drops what has expired, puts in force what has waited long enough, and says what became of all since last time.
+    /// Drops expired overrides, puts those in force whose cycle has come, and reports the changes since the last call.
     pub(crate) fn update(&mut self, now: Stamp, is_due: impl Fn(&Due) -> bool) -> OverrideChanges {
         let before = self.list.len();
         self.list.retain(|active| !active.is_over(now));
@@ -249,7 +249,7 @@ impl Active {
 
 type BoxError = Box<dyn std::error::Error + Send + Sync>;
 
-/// The message with one field changed, typed again where it was typed.
+/// The message with one field changed; a typed message stays typed.
 fn with_field(message: &AnyMessage, path: &FieldPath, value: Value) -> Result<AnyMessage, BoxError> {
     let schema = message.schema();
     let mut tree = message.value()?;

@@ -1,4 +1,4 @@
-//! The contract of a buffer: NML's modes, one test each, and a plain model of a queue that must agree with it.
+//! The contract of a buffer: one test per NML mode, and a simple reference model of a queue that must agree with it.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -163,7 +163,7 @@ fn hold(id: u64, mode: OverrideMode, path: &str, value: f64) -> Override {
     }
 }
 
-/// Writes x and gives what came of it: x and y.
+/// Writes x and returns the resulting x and y.
 fn written(buffer: &Arc<Buffer>, x: f64, at: u64) -> (f64, f64) {
     let draft = Draft { log_time: Stamp(at), ..draft(x) };
     buffer.writer(WriterId::RUNTIME).write(draft).unwrap();
@@ -240,7 +240,7 @@ fn an_override_of_a_saved_buffer_is_the_same_from_bytes() {
     }
 }
 
-/// What a test does to a queue.
+/// An operation of a test on a queue.
 #[derive(Clone, Debug)]
 enum Act {
     Write,
@@ -324,7 +324,7 @@ fn a_tap_that_sees_once_sees_nothing_of_a_past_that_is_run_again() {
 }
 
 proptest! {
-    /// A queue agrees with a list a reader that is cut to the depth; saving and restoring changes nothing.
+    /// Reference: a queue equals one list per reader, truncated to the depth; saving and restoring changes nothing.
     #[test]
     fn a_queue_is_a_list_for_each_reader(depth in 1..5_usize, overflow in overflow(), acts in acts()) {
         let buffer = buffer(queue(depth, overflow));

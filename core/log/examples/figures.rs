@@ -1,4 +1,4 @@
-//! Measures a log: opening, seeking, the latest of all topics, recovery, memory.
+//! Measures opening, seeking, lookup of the latest messages, recovery and memory of a log.
 //!
 //! `cargo run --release -p rcs-log --example figures -- /somewhere/big.mcap 2000` writes 2000 MB there first.
 
@@ -39,7 +39,7 @@ fn main() -> Outcome {
     memory("recovery")
 }
 
-/// Seeks, and the latest of all topics, at a hundred places.
+/// Seeks and lookups of the latest messages at a hundred times.
 fn random_places(log: &Log) -> Outcome {
     let (mut seeks, mut latest) = (Vec::new(), Vec::new());
     let span = (log.info().end.0 - log.info().start.0).max(1);

@@ -1,11 +1,11 @@
-//! Decoded segments, kept up to a fixed number of bytes.
+//! A cache of decoded segments with a fixed budget in bytes.
 
 use crate::segment::MessageRef;
 use bytes::Bytes;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A decoded segment as readers use it: messages of known channels, by time, ties in file order.
+/// A decoded segment: messages of known channels, ordered by time, ties in file order.
 #[derive(Debug)]
 pub(crate) struct Loaded {
     pub(crate) contents: Bytes,
@@ -18,7 +18,7 @@ impl Loaded {
     }
 }
 
-/// Least recently used goes first. One segment larger than the budget is kept alone.
+/// Least recently used segments are dropped first. A segment that is larger than the budget is kept alone.
 #[derive(Debug)]
 pub(crate) struct Cache {
     budget: usize,
@@ -61,7 +61,7 @@ impl Cache {
         })
     }
 
-    /// Frees what a segment of that weight is about to need.
+    /// Frees the memory that a segment of that size needs.
     pub(crate) fn make_room(&self, weight: usize) {
         self.with(|held| held.make_room(weight, self.budget));
     }

@@ -1,4 +1,4 @@
-//! What a log says about itself outside its messages: schemas, channels, attachments, metadata, statistics.
+//! Definitions of a log: schemas, channels, attachments, metadata, statistics.
 
 use crate::info::{AttachmentInfo, LogTopic, Metadata, TopicId};
 use crate::parse;
@@ -11,12 +11,12 @@ use std::sync::Arc;
 
 /// Bodies of schemas, channels and metadata larger than this are not read.
 pub(crate) const BODY_LIMIT: u64 = 16 << 20;
-/// How much of an attachment is read to list it.
+/// Bytes of an attachment that are read to list it.
 pub(crate) const ATTACHMENT_PROBE: usize = 4096;
-/// More problems than this are counted, not told.
+/// Further problems are counted but not described.
 const PROBLEM_LIMIT: usize = 200;
 
-/// Problems in the order found, bounded.
+/// Problems in the order in which they were found, limited in number.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Problems {
     told: Vec<String>,
@@ -53,7 +53,7 @@ pub(crate) struct SchemaRecord {
     data: Bytes,
 }
 
-/// Everything found so far. Of two records that claim one number the first is kept.
+/// All definitions found so far. Of two records with the same number the first is kept.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Catalog {
     pub(crate) schemas: BTreeMap<u16, SchemaRecord>,
@@ -66,8 +66,8 @@ pub(crate) struct Catalog {
 }
 
 impl Catalog {
-    /// Takes in a record that is no message and no chunk. `body` is its front: all of it, but for attachments and for
-    /// records over [`BODY_LIMIT`]. Gives a problem if it does not parse or contradicts an earlier one.
+    /// Adds a record that is neither a message nor a chunk. `body` is its start: all of it, except for attachments and
+    /// records over [`BODY_LIMIT`]. Returns a problem if the record does not parse or contradicts an earlier one.
     pub(crate) fn take(&mut self, head: Head, offset: u64, body: &Bytes) -> Result<(), String> {
         if head.op == op::ATTACHMENT {
             let info = attachment_info(head, offset, body)
@@ -118,7 +118,7 @@ impl Catalog {
         Ok(())
     }
 
-    /// Takes in the schemas and channels of another catalog that are not known yet.
+    /// Adds the schemas and channels of another catalog that are not known yet.
     pub(crate) fn take_definitions(&mut self, other: &Self) {
         for (&id, schema) in &other.schemas {
             self.schemas.entry(id).or_insert_with(|| schema.clone());
@@ -128,7 +128,7 @@ impl Catalog {
         }
     }
 
-    /// Makes a channel of that number, of which the log says nothing.
+    /// Creates a channel with this number, which the log does not define.
     pub(crate) fn define(&mut self, id: u16) {
         let topic = format!("undefined channel {id}");
         let message_encoding = String::new();
@@ -136,7 +136,7 @@ impl Catalog {
             .insert(id, Channel { id, schema_id: 0, topic, message_encoding, metadata: BTreeMap::new() });
     }
 
-    /// The topics, with their counts, over a log of that duration.
+    /// The topics with their message counts, in a log with this duration.
     pub(crate) fn topics(&self, counts: &BTreeMap<u16, u64>, duration_s: f64) -> Vec<LogTopic> {
         let mut shared: BTreeMap<(u16, &str), Arc<Schema>> = BTreeMap::new();
         let mut topics = Vec::with_capacity(self.channels.len());
@@ -178,7 +178,7 @@ fn attachment_info(head: Head, offset: u64, front: &[u8]) -> Option<AttachmentIn
     let (name, media_type) = (fields.text()?, fields.text()?);
     let size = fields.u64()?;
     let before = (front.len() - fields.0.len()) as u64;
-    // Behind the data stands a checksum of four bytes.
+    // A checksum of four bytes follows the data.
     (before.checked_add(size)?.checked_add(4)? <= head.body).then(|| AttachmentInfo {
         name: name.to_owned(),
         media_type: media_type.to_owned(),

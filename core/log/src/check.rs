@@ -1,4 +1,4 @@
-//! A scan's second pass: every chunk is decompressed and checked, and what it holds is counted.
+//! The second pass of a scan: decompresses and checks every chunk, and counts its messages.
 
 use crate::catalog::Problems;
 use crate::info::Lost;
@@ -20,10 +20,11 @@ struct Checked {
     damage: Option<Damage>,
 }
 
-/// A schema or channel found in a chunk: whether that chunk is damaged, its number, the record's body.
+/// A schema or channel in a chunk: whether that chunk is damaged, its number, and the body of its record.
 type Definition = (bool, usize, Bytes);
 
-/// Checks all chunks, on all processors. `indexed` says how many messages the indexes behind a segment count. Gives the channels of which sound segments hold messages.
+/// Checks all chunks on all processors. `indexed` gives the number of messages that the indexes after a segment count.
+/// Returns the channels that have messages in sound segments.
 pub(crate) fn check_chunks(
     source: &Source,
     contents: &mut Contents,
@@ -98,7 +99,7 @@ pub(crate) fn check_chunks(
     sound
 }
 
-/// Keeps each schema and channel once: the earliest one of a sound chunk, else of a damaged one.
+/// Keeps each schema and channel once: the first one in a sound chunk, else the first in a damaged one.
 fn note_definitions(decoded: &Decoded, index: usize, definitions: &mut BTreeMap<(u8, u16), Definition>) {
     let damaged = decoded.damage.is_some();
     for &offset in &decoded.definitions {
@@ -108,7 +109,7 @@ fn note_definitions(decoded: &Decoded, index: usize, definitions: &mut BTreeMap<
         let better =
             definitions.get(&key).is_none_or(|&(was_damaged, was, _)| (damaged, index) < (was_damaged, was));
         if better {
-            // Copied, so that a few bytes do not keep a chunk in memory.
+            // Copied, so that a few bytes do not keep the memory of a chunk.
             definitions.insert(key, (damaged, index, Bytes::copy_from_slice(&body)));
         }
     }
@@ -121,7 +122,7 @@ fn take_definitions(definitions: BTreeMap<(u8, u16), Definition>, contents: &mut
             op::SCHEMA => contents.catalog.schemas.contains_key(&id),
             _ => contents.catalog.channels.contains_key(&id),
         };
-        // What a damaged chunk says of a known number is not worth a word.
+        // A definition in a damaged chunk is not compared with the known one of its number.
         if known && damaged {
             continue;
         }
@@ -133,8 +134,8 @@ fn take_definitions(definitions: BTreeMap<(u8, u16), Definition>, contents: &mut
     contents.problems.append(problems);
 }
 
-/// Messages of a channel that the log does not define become a topic that cannot be decoded, if a sound segment holds
-/// some; from a damaged one such a channel may be a flipped bit, and they are lost.
+/// Messages of an undefined channel become a topic that cannot be decoded, if a sound segment has some. In damaged
+/// segments such a channel number may be a flipped bit, and the messages are lost.
 pub(crate) fn settle_undefined(contents: &mut Contents, lost: &mut Lost, sound: &BTreeSet<u16>) {
     let Contents { catalog, counts, problems, .. } = contents;
     counts.retain(|&id, &mut count| {

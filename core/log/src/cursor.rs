@@ -1,4 +1,4 @@
-//! Reading messages in order, from any place on.
+//! Reads messages in order from any position.
 
 use crate::cache::Loaded;
 use crate::error::LogError;
@@ -11,7 +11,7 @@ use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 
-/// Which messages a cursor gives.
+/// Selects the messages of a cursor.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CursorOptions {
     /// Only messages of these topics; `None` for all.
@@ -29,39 +29,39 @@ impl Default for CursorOptions {
     }
 }
 
-/// Where a cursor stands: [`Log::cursor_at`] goes on from there with exactly the messages that were left.
+/// Position of a cursor: [`Log::cursor_at`] continues there with exactly the remaining messages.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Position {
     options: CursorOptions,
-    /// The last message given, or what lies before the first.
+    /// The last message returned, or a position before the first.
     after: MessagePosition,
 }
 
 impl Position {
-    /// The last message given, or a place before all.
+    /// The last message returned, or a position before all messages.
     pub fn place(&self) -> MessagePosition {
         self.after
     }
 
-    /// What the cursor was made with.
+    /// The options of the cursor.
     pub fn options(&self) -> &CursorOptions {
         &self.options
     }
 }
 
-/// Gives messages by log time, ties in file order.
+/// Returns messages by log time, ties in file order.
 ///
-/// After an error, a chunk that the system refuses to read, it goes on behind that chunk.
+/// An error means that the system refuses to read a chunk; the cursor then continues after that chunk.
 #[derive(Debug)]
 pub struct Cursor {
     log: Log,
     position: Position,
-    /// The topics wanted, ascending.
+    /// The selected topics, ascending.
     wanted: Option<Vec<u16>>,
-    /// How many of the log's segments, by first time, have been opened or passed.
+    /// Number of segments, by first time, that have been opened or skipped.
     opened: usize,
     heads: BinaryHeap<Reverse<Front>>,
-    /// The segment that the last message came from: the next one is likely to, too.
+    /// The segment of the last message, which is likely to have the next one, too.
     current: Option<(u32, Arc<Loaded>)>,
 }
 
@@ -100,7 +100,7 @@ impl Ord for Front {
 }
 
 impl Log {
-    /// Messages in order: log time, ties in file order.
+    /// Messages in order: by log time, ties in file order.
     pub fn cursor(&self, options: CursorOptions) -> Cursor {
         let after = MessagePosition::before(options.start);
         self.cursor_after(options, after)
@@ -110,7 +110,7 @@ impl Log {
         self.cursor_at(Position { options, after })
     }
 
-    /// Goes on where another cursor over the same log stood.
+    /// Continues at the position of another cursor on the same log.
     pub fn cursor_at(&self, position: Position) -> Cursor {
         let wanted = position.options.topics.as_ref().map(|topics| {
             let mut wanted: Vec<u16> = topics.iter().map(|topic| topic.0).collect();
@@ -122,7 +122,7 @@ impl Log {
 }
 
 impl Cursor {
-    /// Where the cursor stands, to go on later from exactly here.
+    /// The position of the cursor, from which another cursor can continue.
     pub fn position(&self) -> Position {
         self.position.clone()
     }
@@ -131,7 +131,7 @@ impl Cursor {
         self.wanted.as_ref().is_none_or(|wanted| wanted.binary_search(&channel).is_ok())
     }
 
-    /// Opens every segment that may hold a message before the first of those open.
+    /// Opens every segment that may have a message before the first message of the open segments.
     fn open_segments(&mut self) -> Result<(), LogError> {
         let inner = Arc::clone(&self.log.0);
         let last = self.position.options.end.0;
@@ -162,14 +162,14 @@ impl Cursor {
         {
             return Ok(Arc::clone(loaded));
         }
-        // Let go first: what is being loaded may need the room.
+        // Released first, because the segment to load may need the memory.
         self.current = None;
         let loaded = self.log.load(index)?;
         self.current = Some((index, Arc::clone(&loaded)));
         Ok(loaded)
     }
 
-    /// Queues a segment at its first wanted message from `from` on.
+    /// Queues a segment at its first selected message from `from` on.
     fn push(&mut self, segment: u32, from: usize, messages: Arc<[MessageRef]>) {
         let end = self.position.options.end.0;
         let next =

@@ -1,11 +1,11 @@
-//! What can go wrong with a log as a whole.
+//! Errors that concern a log as a whole.
 //!
-//! Damage inside a log is not an error: it is counted in [`Lost`](crate::Lost) and told in the log's problems.
+//! Damage inside of a log is not an error: [`Lost`](crate::Lost) counts it, and the log's problems describe it.
 
 use std::io;
 use std::path::PathBuf;
 
-/// Why a log cannot be opened, read or written: what, where, and what was expected.
+/// Why a log cannot be opened, read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
     /// The file cannot be opened.
@@ -13,30 +13,30 @@ pub enum LogError {
     Open {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// The file that was to be written cannot be created.
+    /// The output file cannot be created.
     #[error("cannot write the recording: {source}: {path}")]
     Create {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// The file that was to be written is there already.
+    /// The output file exists already.
     #[error("the file exists already; expected a new one, or leave to replace it: {path}")]
     Exists {
         /// The file.
         path: PathBuf,
     },
-    /// The file that was to be written is being written by another recorder.
+    /// Another recorder is writing the output file.
     #[error("the file is being recorded to by another program or run: {path}")]
     Busy {
         /// The file.
         path: PathBuf,
     },
-    /// The file does not begin as an MCAP log does.
+    /// The file does not begin like an MCAP log.
     #[error("not an mcap log: expected it to begin with 89 4d 43 41 50 30 0d 0a, got {got}: {path}")]
     NotALog {
         /// The first bytes, in hexadecimal.
@@ -49,45 +49,46 @@ pub enum LogError {
     Read {
         /// First byte.
         offset: u64,
-        /// How many bytes.
+        /// Number of bytes.
         length: u64,
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// A part of the log that was asked for by name is damaged.
+    /// A requested part of the log is damaged.
     #[error("{what} at byte {offset}: expected {expected}, got {got}: {path}")]
     Damaged {
         /// Which part.
         what: String,
-        /// Where it begins.
+        /// Offset of its start.
         offset: u64,
-        /// What it should be.
+        /// The expected value.
         expected: String,
-        /// What it is.
+        /// The value found.
         got: String,
         /// The file.
         path: PathBuf,
     },
-    /// Writing failed: the disk is full, say. What was flushed before stays readable; nothing more is written.
+    /// Writing failed, for example because the disk is full. Data flushed before remain readable; nothing more is
+    /// written.
     #[error("cannot write the log after byte {offset}: {source}: {path}")]
     Write {
-        /// How many bytes had been written.
+        /// Number of bytes written before.
         offset: u64,
         /// The file.
         path: PathBuf,
-        /// What the system or the format said.
+        /// The error of the system or the format.
         source: io::Error,
     },
-    /// The writer was given something that a log cannot hold.
+    /// The writer got something that a log cannot hold.
     #[error("the log cannot hold {what}: expected {expected}, got {got}")]
     Refused {
-        /// What was given.
+        /// What it got.
         what: &'static str,
-        /// What it may be.
+        /// The accepted values.
         expected: String,
-        /// What it was.
+        /// The value.
         got: String,
     },
 }

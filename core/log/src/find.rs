@@ -1,4 +1,4 @@
-//! Single messages by time: the latest of each topic, the one before, the one after.
+//! Looks up single messages by time: the latest of each topic, the previous one, the next one.
 
 use crate::cursor::CursorOptions;
 use crate::error::LogError;
@@ -7,11 +7,11 @@ use crate::log::{Log, message_at, place_of};
 use rcs_msg::Stamp;
 use std::collections::BTreeMap;
 
-/// Most segments, and most bytes of their contents, that [`Log::times_before`] reads.
+/// Greatest number of segments, and of bytes of their contents, that [`Log::times_before`] reads.
 const LOOK_BACK: (usize, u64) = (6, 32 << 20);
 
 impl Log {
-    /// The last message at or before `time` of each of `topics`, in their order, or of each topic of
+    /// The last message at or before `time` of each of `topics`, in their order; `None` for all topics of
     /// [`LogInfo::topics`](crate::LogInfo::topics).
     pub fn latest_at(
         &self,
@@ -25,7 +25,7 @@ impl Log {
             all = self.info().topics.iter().map(|topic| topic.id).collect();
             &all
         };
-        // A topic asked for twice is looked for once.
+        // A topic that is requested twice is looked up once.
         let mut groups = BTreeMap::new();
         for &topic in topics {
             let group = groups.len();
@@ -35,8 +35,8 @@ impl Log {
         Ok(topics.iter().map(|topic| found[groups[&topic.0]].clone()).collect())
     }
 
-    /// Log times of the messages of all topics from `since` to before `before`, the newest first. Where they lie in much
-    /// of the file, only the newest of them.
+    /// Log times of the messages of each topic from `since` until before `before`, the newest first. If they extend over
+    /// a large part of the file, only the newest of them.
     pub fn times_before(
         &self,
         before: Stamp,
@@ -67,7 +67,7 @@ impl Log {
         Ok(times)
     }
 
-    /// The message before `place`, of any of `topics` or of all: stepping back from a message's own place.
+    /// The message before `place`, of any of `topics` or of all topics: for stepping back from a message's position.
     pub fn previous_message(
         &self,
         place: MessagePosition,
@@ -80,7 +80,7 @@ impl Log {
         Ok(self.latest_before(place, &groups)?.pop().flatten())
     }
 
-    /// The message after `place`, of any of `topics` or of all.
+    /// The message after `place`, of any of `topics` or of all topics.
     pub fn next_message(
         &self,
         place: MessagePosition,
@@ -90,8 +90,8 @@ impl Log {
         self.cursor_after(options, place).next().transpose()
     }
 
-    /// The last message before `before` of each group of channels. Reads segments from the latest back, and only
-    /// those that may hold a message later than what is found.
+    /// The last message before `before` of each group of channels. Reads segments from the latest backwards, and only
+    /// those that may have a later message than the one found so far.
     fn latest_before(
         &self,
         before: MessagePosition,
@@ -99,7 +99,7 @@ impl Log {
     ) -> Result<Vec<Option<LogMessage>>, LogError> {
         let count = groups.values().max().map_or(0, |&group| group + 1);
         let mut best: Vec<Option<LogMessage>> = vec![None; count];
-        // A channel without messages would have every segment searched.
+        // A channel without messages would cause a search of every segment.
         let mut open: BTreeMap<u16, usize> = groups
             .iter()
             .filter(|&(&channel, _)| {

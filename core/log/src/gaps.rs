@@ -1,18 +1,18 @@
-//! Gaps: where a log has no message for a long time. A clock that is set after a start makes gaps of decades.
+//! Gaps: long periods without a message. A clock that is set after the start can cause gaps of decades.
 
 use crate::error::LogError;
 use crate::segment::{Segment, decode};
 use crate::source::Source;
 use rcs_msg::Stamp;
 
-/// A log without a message for longer than this has a gap.
+/// Least length of a gap.
 const GAP_NS: u64 = 600_000_000_000;
-/// As many gaps are told.
+/// Greatest number of gaps reported.
 const MOST: usize = 64;
-/// As many segments are read to find the gaps within them.
+/// Greatest number of segments that are read to find gaps within them.
 const MOST_READ: usize = 64;
 
-/// A time in which a log has no message.
+/// A period without messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gap {
     /// Log time of the last message before.
@@ -28,7 +28,7 @@ impl Gap {
     }
 }
 
-/// The gaps of a log, ascending; the longest, where there are very many.
+/// The gaps of a log, ascending; if there are very many, the longest ones.
 pub(crate) fn gaps(source: &Source, segments: &[Segment]) -> Result<Vec<Gap>, LogError> {
     let mut spans = Vec::with_capacity(segments.len());
     let mut read = 0;
@@ -41,7 +41,7 @@ pub(crate) fn gaps(source: &Source, segments: &[Segment]) -> Result<Vec<Gap>, Lo
         let mut times: Vec<u64> =
             decode(source, segment)?.messages.iter().map(|message| message.time).collect();
         times.sort_unstable();
-        // Ends that the messages do not reach are those of a message that is elsewhere in the order.
+        // First and last times of a segment without a message at that time come from a message elsewhere in the order.
         spans.extend(
             times.iter().map(|&time| time.clamp(segment.first, segment.last)).map(|time| (time, time)),
         );

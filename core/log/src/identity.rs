@@ -1,19 +1,19 @@
-//! What tells one log from another: its content, not its name or place.
+//! Identity of a log: derived from its content, not from its name or path.
 //!
-//! Reading the whole of a large log takes long. A chunk states the checksum of its contents, so that the heads of all
-//! chunks say what is in them; where a writer leaves the checksum out, and for messages outside chunks, the first and the
-//! last bytes stand for the rest.
+//! Reading all of a large log takes long. A chunk header contains the checksum of its contents, so that the headers of
+//! all chunks identify them. For chunks without a checksum, and for messages outside of chunks, the first and last
+//! bytes are used instead.
 
 use crate::error::LogError;
 use crate::log::Log;
 use crate::record::{ChunkHead, HEAD, Head, PROBE};
 
-/// As many bytes at each end of what has no checksum.
+/// Number of bytes used at each end of data without a checksum.
 const ENDS: u64 = 64 << 10;
 
 impl Log {
-    /// Identity of the log's content, 16 hexadecimal digits: the same for a copy under another name, another where a
-    /// message differs.
+    /// Identity of the log's content, 16 hexadecimal digits: equal for copies under other names, different if a message
+    /// differs.
     pub fn identity(&self) -> Result<String, LogError> {
         let inner = &*self.0;
         let mut hasher = blake3::Hasher::new();

@@ -1,4 +1,4 @@
-//! What a log holds: topics, messages, and what was lost.
+//! Description of a log: topics, number of messages, losses.
 
 use crate::gaps::Gap;
 use bytes::Bytes;
@@ -8,18 +8,18 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A topic of one log: the channel's number in its file.
+/// A topic of one log: the number of its channel in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct TopicId(pub u16);
 
 /// What could not be read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Lost {
-    /// Bytes that held something and yielded nothing: bytes of the file that were passed over, and in a damaged or
-    /// cut chunk the bytes of its uncompressed contents that were not salvaged.
+    /// Bytes whose content was not recovered: skipped bytes of the file, and in damaged or truncated chunks the
+    /// unrecovered bytes of their uncompressed contents.
     pub bytes: u64,
-    /// Messages known to be lost: those that the statistics, or the message index behind a damaged chunk, count and
-    /// that were not found. A cut chunk has no count, so its messages show in `bytes` alone.
+    /// Messages that are known to be lost: those that the statistics, or the message index after a damaged chunk, count
+    /// and that were not found. A truncated chunk has no count, so its messages appear in `bytes` only.
     pub messages: u64,
 }
 
@@ -30,95 +30,95 @@ impl std::ops::AddAssign for Lost {
     }
 }
 
-/// One channel of a log. Several may carry the same name: publishers that differ in schema or metadata.
+/// One channel of a log. Several channels can have the same name if publishers differ in schema or metadata.
 #[derive(Clone, Debug)]
 pub struct LogTopic {
     /// The channel's number.
     pub id: TopicId,
     /// Name: `/wm1/map`.
     pub name: String,
-    /// What its messages are; with an empty name where the log gives no schema.
+    /// Type of its messages; a schema with an empty name if the log has none.
     pub schema: Arc<Schema>,
     /// Channel metadata: `rcs.role`, `offered_qos_profiles`, ….
     pub metadata: BTreeMap<String, String>,
-    /// How many messages can be read.
+    /// Number of readable messages.
     pub messages: u64,
-    /// Messages per second of the log's duration; 0 for fewer than two messages, and for a log without duration.
+    /// Messages per second over the duration of the log; 0 for fewer than two messages or no duration.
     pub hz: f64,
-    /// Whether there is a reader for the schema.
+    /// Whether a reader exists for the schema.
     pub decodable: bool,
-    /// Why not, where there is none.
+    /// Why not, if there is none.
     pub undecodable_because: Option<String>,
 }
 
-/// What a log holds, known from opening it.
+/// Description of a log, known after opening it.
 #[derive(Clone, Debug)]
 pub struct LogInfo {
-    /// The file; empty for a log in memory.
+    /// Path of the file; empty for a log in memory.
     pub path: PathBuf,
     /// Size of the file in bytes.
     pub bytes: u64,
-    /// Log time of the first message; 0 without messages.
+    /// Log time of the first message; 0 if there are no messages.
     pub start: Stamp,
-    /// Log time of the last message; 0 without messages.
+    /// Log time of the last message; 0 if there are no messages.
     pub end: Stamp,
-    /// How many messages can be read.
+    /// Number of readable messages.
     pub messages: u64,
-    /// Chunks, and runs of messages outside chunks.
+    /// Number of segments: chunks, and runs of messages outside of chunks.
     pub segments: u64,
-    /// Whether the log was read without a usable summary, by a scan of its records.
+    /// Whether the log has no usable summary and was opened by a scan of its records.
     pub recovered: bool,
-    /// What could not be read, as far as opening shows; [`Log::lost`](crate::Log::lost) goes on counting.
+    /// Losses known after opening; [`Log::lost`](crate::Log::lost) includes those found later.
     pub lost: Lost,
-    /// By number.
+    /// Sorted by number.
     pub topics: Vec<LogTopic>,
-    /// What is wrong with the log, a sentence each; empty for a sound one.
+    /// Problems of the log, one sentence each; empty for a sound log.
     pub problems: Vec<String>,
-    /// How many of the segments opening has read and checked; the rest is believed until it is read.
+    /// Number of segments that were read and checked at opening; the others are checked when they are read.
     pub verified: u64,
-    /// Where there is no message for a long time, ascending.
+    /// Long periods without a message, ascending.
     pub gaps: Vec<Gap>,
     /// The header's profile: `ocu`, `ros2`, ….
     pub profile: String,
-    /// The header's library: who wrote the log.
+    /// The header's library: the program that wrote the log.
     pub library: String,
 }
 
 impl LogInfo {
-    /// The topic of that number.
+    /// The topic with this number.
     pub fn topic(&self, id: TopicId) -> Option<&LogTopic> {
         self.topics.binary_search_by_key(&id, |topic| topic.id).ok().map(|index| &self.topics[index])
     }
 
-    /// All topics of that name.
+    /// All topics with this name.
     pub fn topics_named<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a LogTopic> {
         self.topics.iter().filter(move |topic| topic.name == name)
     }
 
-    /// From the first message to the last, in seconds.
+    /// Time from the first message to the last, in seconds.
     pub fn duration_s(&self) -> f64 {
         self.end.seconds_since(self.start)
     }
 }
 
-/// A place in the total order of a log's messages: log time, then position in the file.
+/// A position in the total order of a log's messages: log time, then position in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct MessagePosition {
     /// The message's log time (within its chunk's stated times).
     pub time: Stamp,
     /// Number of the segment, in file order.
     pub(crate) segment: u32,
-    /// One more than the message's offset in its segment, so that 0 lies before every message.
+    /// One more than the message's offset in its segment, so that 0 is before every message.
     pub(crate) offset: u32,
 }
 
 impl MessagePosition {
-    /// Before every message of that time.
+    /// Before every message with this time.
     pub const fn before(time: Stamp) -> Self {
         Self { time, segment: 0, offset: 0 }
     }
 
-    /// After every message of that time.
+    /// After every message with this time.
     pub const fn after(time: Stamp) -> Self {
         Self { time, segment: u32::MAX, offset: u32::MAX }
     }
@@ -129,19 +129,19 @@ impl MessagePosition {
 pub struct LogMessage {
     /// Its topic.
     pub topic: TopicId,
-    /// The writer's number, 0 where it gives none.
+    /// The sequence number that the writer gave it, 0 if none.
     pub sequence: u32,
-    /// When it was logged: what orders a log.
+    /// Log time, by which the log is ordered.
     pub log_time: Stamp,
     /// When it was published.
     pub publish_time: Stamp,
     /// The message, in its schema's encoding.
     pub data: Bytes,
-    /// Where it stands in the log: for stepping on and back.
+    /// Its position in the log, for stepping forward and back.
     pub place: MessagePosition,
 }
 
-/// An attachment as the log lists it.
+/// An attachment without its contents.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AttachmentInfo {
     /// Name: `stack.toml`.
@@ -150,20 +150,20 @@ pub struct AttachmentInfo {
     pub media_type: String,
     /// When it was logged.
     pub log_time: Stamp,
-    /// When it was made.
+    /// When it was created.
     pub create_time: Stamp,
     /// Size in bytes.
     pub size: u64,
-    /// Where its record begins in the file.
+    /// Offset of its record in the file.
     pub(crate) offset: u64,
-    /// Length of the record's body.
+    /// Length of the body of the record.
     pub(crate) body: u64,
 }
 
 /// An attachment with its contents.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Attachment {
-    /// What the log lists.
+    /// The attachment's entry.
     pub info: AttachmentInfo,
     /// The contents.
     pub data: Bytes,
@@ -174,6 +174,6 @@ pub struct Attachment {
 pub struct Metadata {
     /// Name: `ocu`, `rosbag2`.
     pub name: String,
-    /// What it says.
+    /// The entries.
     pub entries: BTreeMap<String, String>,
 }

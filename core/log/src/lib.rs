@@ -1,7 +1,10 @@
-//! Logs: indexed MCAP reading, writing, recovery and the time cursor.
+//! Logs: reading, writing and recovering indexed MCAP files, with a cursor in time order.
 //!
-//! A log is read with positioned reads and bounded caches, whatever its size; damage is salvaged, counted and told,
-//! and never an error.
+//! A log of any size is read with positioned reads and bounded caches. Damage is not an error: the readable part is
+//! recovered, and losses are counted and reported.
+//!
+//! This crate knows no processes and runs nothing: `rcs-runtime` replays logs through stacks. Begin with [`Log::open`]
+//! to read and [`LogWriter::create`] to write; [`Recorder`] writes on a thread of its own.
 //!
 //! ```
 //! use rcs_log::{CursorOptions, Log, LogWriter, WriteHeader, WriterOptions};
@@ -27,9 +30,9 @@
 //! # }
 //! ```
 //!
-//! The record types and the writer are the `mcap` crate's. Its readers are not used: they stop at the first bad record,
-//! panic on some, clone the whole chunk index for every cursor, and cannot resume at an exact message; ours salvage,
-//! share one cache, and order messages totally.
+//! The record types and the writer are those of the crate `mcap`. Its readers are not used, because they stop at the
+//! first damaged record, panic on some, copy the complete chunk index for every cursor, and cannot continue at an exact
+//! message. The readers here recover, share one cache, and order messages totally.
 
 mod cache;
 mod catalog;

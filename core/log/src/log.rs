@@ -18,17 +18,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// How much decompressed data an open log keeps.
+/// Size of the cache of decompressed data of an open log.
 const CACHE_BYTES: usize = 64 << 20;
-/// A log no larger than this, compressed and not, is checked whole when it is opened; a larger one as it is read.
+/// A log up to this size, compressed and uncompressed, is checked completely when it is opened; a larger one as it is
+/// read.
 const CHECKED_WHOLE: u64 = 32 << 20;
 
-/// Of how many single messages problems are told.
+/// Greatest number of problems that concern single messages.
 const REPORTED_AT_LIMIT: usize = 1000;
 
 /// An open log: cheap to clone, shared between threads, with one cache of decompressed chunks.
 ///
-/// Memory is bounded whatever the log's size: the index, and [64 MiB](Log) of decompressed chunks.
+/// Memory is bounded for any size of the log: the index, and [64 MiB](Log) of decompressed chunks.
 #[derive(Clone, Debug)]
 pub struct Log(pub(crate) Arc<Inner>, Codecs);
 
@@ -55,28 +56,28 @@ struct Found {
     lost: Lost,
     problems: Problems,
     reported: BTreeSet<u32>,
-    /// Messages that problems have been told of.
+    /// Messages whose problems have been reported.
     reported_at: BTreeSet<MessagePosition>,
 }
 
-/// What opening found.
+/// The state after opening.
 struct Opened {
     contents: Contents,
     lost: Lost,
     recovered: bool,
-    /// How many segments have been read and checked.
+    /// Number of segments that have been read and checked.
     verified: u64,
 }
 
 impl Log {
-    /// Opens a log by its index or, where that is missing or damaged, by a scan of its records.
+    /// Opens a log by its index or, if that is missing or damaged, by a scan of its records.
     ///
-    /// Damage is no error: see [`LogInfo::lost`] and [`LogInfo::problems`].
+    /// Damage is not an error: see [`LogInfo::lost`] and [`LogInfo::problems`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self, LogError> {
         Self::from_source(Source::open(path.as_ref())?, true)
     }
 
-    /// Opens a log by a scan, whatever its index says.
+    /// Opens a log by a scan, even if it has an index.
     pub fn open_by_scan(path: impl AsRef<Path>) -> Result<Self, LogError> {
         Self::from_source(Source::open(path.as_ref())?, false)
     }
@@ -143,7 +144,7 @@ impl Log {
             library: catalog.library.clone(),
         };
         catalog.schemas.clear();
-        // A scan has met and counted all damage already.
+        // A scan has found and counted all damage already.
         let reported = if recovered { (0..segments.len() as u32).collect() } else { BTreeSet::new() };
         let found = Mutex::new(Found { lost, problems, reported, reported_at: BTreeSet::new() });
         let cache = Cache::new(CACHE_BYTES);
@@ -151,18 +152,19 @@ impl Log {
         Self(Arc::new(inner), Arc::new([]))
     }
 
-    /// The same log for readers who know how these messages were stored: see [`Reassembly`](crate::Reassembly).
+    /// The same log with codecs for messages that are stored as key frames and deltas: see
+    /// [`Reassembly`](crate::Reassembly).
     #[must_use]
     pub fn with_codecs(self, codecs: impl IntoIterator<Item = &'static dyn DeltaCodec>) -> Self {
         Self(self.0, codecs.into_iter().collect())
     }
 
-    /// What [`Log::with_codecs`] was given.
+    /// The codecs of [`Log::with_codecs`].
     pub fn codecs(&self) -> &[&'static dyn DeltaCodec] {
         &self.1
     }
 
-    /// Tells of a problem with the message at `place`, once.
+    /// Reports a problem with the message at `place`, once.
     pub(crate) fn report_at(&self, place: MessagePosition, problem: String) {
         let mut found = self.0.found.lock().unwrap_or_else(PoisonError::into_inner);
         if found.reported_at.len() < REPORTED_AT_LIMIT && found.reported_at.insert(place) {
@@ -171,17 +173,17 @@ impl Log {
         }
     }
 
-    /// What the log holds, as opening it found.
+    /// The description of the log after opening.
     pub fn info(&self) -> &LogInfo {
         &self.0.info
     }
 
-    /// What could not be read, with what reading has met since the log was opened.
+    /// What could not be read, including losses found since the log was opened.
     pub fn lost(&self) -> Lost {
         self.0.found.lock().unwrap_or_else(PoisonError::into_inner).lost
     }
 
-    /// What is wrong with the log, with what reading has met since it was opened.
+    /// The problems of the log, including those found since it was opened.
     pub fn problems(&self) -> Vec<String> {
         self.0.found.lock().unwrap_or_else(PoisonError::into_inner).problems.list()
     }
@@ -196,7 +198,7 @@ impl Log {
         &self.0.catalog.attachments
     }
 
-    /// The last attachment of that name, with its contents.
+    /// The last attachment with this name, with its contents.
     pub fn attachment(&self, name: &str) -> Result<Option<Attachment>, LogError> {
         let info = self.attachments().iter().rev().find(|info| info.name == name);
         info.map(|info| self.read_attachment(info)).transpose()
@@ -237,7 +239,7 @@ impl Log {
         Ok(Attachment { info: info.clone(), data: body.slice(from..to) })
     }
 
-    /// A segment's messages, from the cache or the file. Damage is counted the first time it is met.
+    /// A segment's messages, from the cache or the file. Damage is counted the first time it is found.
     pub(crate) fn load(&self, index: u32) -> Result<Arc<Loaded>, LogError> {
         let inner = &*self.0;
         if let Some(loaded) = inner.cache.get(index) {
@@ -249,7 +251,7 @@ impl Log {
         if let Some(damage) = &decoded.damage {
             self.report(index, damage, decoded.messages.len() as u64)?;
         }
-        // The order is total and the same at every reading, even where a message's time is not within what its
+        // The order is total and the same in every reading, even if a message's time is outside of the times that its
         // chunk states.
         let catalog = &inner.catalog;
         decoded.messages.retain(|message| catalog.channels.contains_key(&message.channel));
@@ -283,7 +285,7 @@ impl Log {
     }
 }
 
-/// The message that a loaded segment holds at `message`.
+/// The message with index `message` of a loaded segment.
 pub(crate) fn message_at(index: u32, loaded: &Loaded, message: MessageRef) -> Option<LogMessage> {
     let from = message.offset as usize;
     let head = Head::read(loaded.contents.get(from..)?)?;
@@ -292,8 +294,8 @@ pub(crate) fn message_at(index: u32, loaded: &Loaded, message: MessageRef) -> Op
     let body = loaded.contents.slice(from + HEAD..to);
     let head = MessageHead::read(&body)?;
     let data = message_data(&body);
-    // A message is cut out of its chunk, so that one that is kept does not keep all the others; one that is most
-    // of its chunk is shared.
+    // A message is copied out of its chunk, so that keeping it does not keep the chunk in memory; a message that fills
+    // most of its chunk shares it.
     let data = if data.len() * 2 < loaded.contents.len() { Bytes::copy_from_slice(&data) } else { data };
     Some(LogMessage {
         topic: TopicId(head.channel),
@@ -305,7 +307,7 @@ pub(crate) fn message_at(index: u32, loaded: &Loaded, message: MessageRef) -> Op
     })
 }
 
-/// Where a message of a segment stands.
+/// Position of a message of a segment.
 pub(crate) fn place_of(segment: u32, message: MessageRef) -> MessagePosition {
     MessagePosition { time: Stamp(message.time), segment, offset: message.offset + 1 }
 }
@@ -317,7 +319,7 @@ fn open_with(source: &Source, summary: &Summary) -> Result<Opened, LogError> {
         Err(why) => return open_by_scan(source, Some(summary), why),
     };
     if source.length() <= CHECKED_WHOLE {
-        // What the index says of the sizes is checked first: it decides whether there is time to check the rest.
+        // The sizes in the index are checked first, because they decide whether the rest is checked, too.
         for segment in &contents.segments {
             if stated_size(source, segment)? != Some(segment.contents) {
                 let why = format!("the index of the chunk at byte {} contradicts the chunk", segment.start);
@@ -335,14 +337,14 @@ fn open_with(source: &Source, summary: &Summary) -> Result<Opened, LogError> {
     Ok(Opened { contents, lost: Lost::default(), recovered: false, verified })
 }
 
-/// What a chunk itself says of the size of its contents.
+/// Size of a chunk's contents according to the chunk itself.
 fn stated_size(source: &Source, segment: &Segment) -> Result<Option<u64>, LogError> {
     let front = source.read(segment.start, segment.length.min(PROBE as u64) as usize)?;
     let head = Head::read(&front).filter(|head| head.op == op::CHUNK);
     Ok(head.and_then(|_| ChunkHead::read(&front[HEAD..])).map(|chunk| chunk.uncompressed))
 }
 
-/// Why the log does not hold what its index says; `None` where all is well.
+/// How the log contradicts its index; `None` if it agrees.
 fn check_whole(source: &Source, contents: &Contents, summary: &Summary) -> Result<Option<String>, LogError> {
     let mut counts = BTreeMap::new();
     for segment in &contents.segments {
@@ -382,8 +384,8 @@ fn open_by_scan(source: &Source, summary: Option<&Summary>, why: String) -> Resu
     Ok(Opened { contents, lost, recovered: true, verified })
 }
 
-/// First and last log time. The chunks' times are right where a writer's statistics may be wrong: some take a start of
-/// 0 for none. Chunks that do not say whether they hold messages leave no choice.
+/// First and last log time. The chunks' times are used, because the statistics of some writers are wrong: they treat a
+/// start time of 0 as absent. If chunks do not say whether they have messages, the statistics are used.
 fn times(catalog: &Catalog, segments: &[Segment], recovered: bool) -> (u64, u64) {
     let holding =
         || segments.iter().filter(|segment| segment.channels.as_ref().is_none_or(|held| !held.is_empty()));
@@ -400,7 +402,7 @@ fn times(catalog: &Catalog, segments: &[Segment], recovered: bool) -> (u64, u64)
     (first, last)
 }
 
-/// How many messages the message indexes from `at` on count.
+/// Number of messages that the message indexes from `at` on count.
 fn indexed_behind(source: &Source, mut at: u64) -> Result<u64, LogError> {
     let mut window = Window::new(source, 4096);
     let mut sum = 0u64;

@@ -1,9 +1,9 @@
-//! The file of a recording: begun so that nothing is lost that was there before, and held so that nobody else begins it.
+//! The output file of a recording: protects existing files, and excludes other recorders.
 //!
-//! A new file is created, never opened over another. One that may be replaced is written beside the old one and takes its
-//! name as soon as the log has begun: the old file is there until then, and a recording that is killed later is found
-//! under its own name. While a recording goes on, its file is locked against other recorders (an advisory lock, which
-//! the system lets go of when the program ends, however it ends).
+//! A new file is created, never opened over another. A file that replaces an existing one is written beside it, and
+//! renamed to its name as soon as the log has begun: until then the old file exists, and a recording that is killed
+//! later has its final name. During a recording the file has an advisory lock against other recorders, which the system
+//! releases when the program ends in any way.
 
 use crate::error::LogError;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -11,30 +11,30 @@ use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-/// A file that a recording is to be written to.
+/// The output file of a recording.
 #[derive(Debug)]
 pub(crate) struct Output {
     file: Option<File>,
     replaces: Option<Replaced>,
 }
 
-/// The file that is to be replaced.
+/// The file to replace.
 #[derive(Debug)]
 struct Replaced {
     target: PathBuf,
-    /// Where the new one stands meanwhile.
+    /// Path of the new file until it is renamed.
     beside: PathBuf,
-    /// Locked until its name is the new one's.
+    /// Locked until the new file has its name.
     _old: File,
 }
 
 impl Output {
-    /// Creates the file at `path`; where there is one already, one beside it if it may be replaced.
+    /// Creates the file at `path`; if one exists and may be replaced, creates a file beside it.
     pub(crate) fn create(path: &Path, replace: bool) -> Result<Self, LogError> {
         let failed = |source| LogError::Create { path: path.to_owned(), source };
         let lock = |file: File| match file.try_lock() {
             Err(TryLockError::WouldBlock) => Err(LogError::Busy { path: path.to_owned() }),
-            // Some file systems have no locks.
+            // Some file systems do not support locks.
             Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
         };
         match OpenOptions::new().write(true).create_new(true).open(path) {
@@ -42,7 +42,7 @@ impl Output {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
             Err(error) => return Err(failed(error)),
         }
-        // The file itself, where the path is a link to it; not opened before it is known to be a file: a pipe waits.
+        // The target of a link. It is opened only after checking that it is a file, because opening a pipe would block.
         let target = path.canonicalize().map_err(failed)?;
         if !target.metadata().map_err(failed)?.is_file() {
             return Err(failed(io::Error::other("expected a regular file")));
@@ -51,7 +51,7 @@ impl Output {
         if !replace {
             return Err(LogError::Exists { path: path.to_owned() });
         }
-        // Between opening and locking it, another recorder may have put its own file there.
+        // Another recorder may have replaced the file between opening and locking it.
         let (was, is) = (old.metadata().map_err(failed)?, target.metadata().map_err(failed)?);
         if (was.dev(), was.ino()) != (is.dev(), is.ino()) {
             return Err(LogError::Busy { path: path.to_owned() });
@@ -68,7 +68,7 @@ impl Output {
         self.file.take()
     }
 
-    /// The log has begun: its file takes the old one's place.
+    /// To be called when the log has begun: renames the new file to the old one's name.
     pub(crate) fn begun(mut self) -> io::Result<()> {
         match self.replaces.take() {
             Some(Replaced { target, beside, .. }) => std::fs::rename(beside, target),
@@ -78,7 +78,7 @@ impl Output {
 }
 
 impl Drop for Output {
-    /// A log that did not begin leaves nothing beside the old one.
+    /// A log that did not begin leaves no file beside the old one.
     fn drop(&mut self) {
         if let Some(Replaced { beside, .. }) = &self.replaces {
             let _ = std::fs::remove_file(beside);

@@ -1,13 +1,13 @@
-//! Bodies of the small records.
+//! Parsers for the bodies of small records.
 //!
-//! The `mcap` crate's own parser reserves as much memory as a string's length claims, which a damaged record may put
-//! at 4 GiB; these never take more than the record holds.
+//! The parser of the crate `mcap` reserves as much memory as the length of a string claims, up to 4 GiB in a damaged
+//! record. These parsers never reserve more than the record holds.
 
 use crate::record::Fields;
 use mcap::records::{Channel, ChunkIndex, Footer, Header, Metadata, SchemaHeader, Statistics};
 use std::collections::BTreeMap;
 
-/// Entries up to a stated number of bytes.
+/// Entries up to a given number of bytes.
 fn map<K: Ord, V>(
     fields: &mut Fields<'_>,
     entry: fn(&mut Fields<'_>) -> Option<(K, V)>,

@@ -1,8 +1,8 @@
-//! Messages that were stored as key frames and deltas, as whole messages again.
+//! Reassembles messages that were stored as key frames and deltas.
 //!
-//! Which channel holds the deltas of which is said by its metadata ([`DELTA_OF`]), how to read them by the codec of that
-//! delta type among those that the log was opened with ([`Log::with_codecs`]). A delta whose codec is not known stays a
-//! topic of its own.
+//! Channel metadata ([`DELTA_OF`]) says which channel holds the deltas of which topic. The codec is the one for that
+//! delta type among those of the log ([`Log::with_codecs`]). A channel of deltas without a known codec remains a
+//! separate topic.
 
 use crate::cursor::CursorOptions;
 use crate::error::LogError;
@@ -11,7 +11,7 @@ use crate::log::Log;
 use rcs_msg::{AnyMessage, DELTA_OF, DeltaCodec, DeltaDecoder};
 use std::collections::BTreeMap;
 
-/// Puts the messages of a log's channels with deltas together, read in order from wherever [`Reassembly::seek`] stands.
+/// Reassembles the messages of a log's channels with deltas, read in order from the position of [`Reassembly::seek`].
 pub struct Reassembly {
     log: Log,
     channels: Vec<Channel>,
@@ -24,14 +24,14 @@ struct Channel {
     deltas: TopicId,
     codec: &'static dyn DeltaCodec,
     decoder: Box<dyn DeltaDecoder>,
-    /// Something is missing, and has been told: what follows from it is skipped without a word.
+    /// A message is missing and has been reported: deltas that follow are skipped without another report.
     broken: bool,
 }
 
-/// A whole message, with the header of the key frame or delta that it was made of.
+/// A complete message, with the header of its key frame or delta.
 #[derive(Clone, Debug)]
 pub struct Reassembled {
-    /// Where and when it is in the log; its `data` are the stored bytes.
+    /// Its header and position in the log; its `data` are the stored bytes.
     pub stored: LogMessage,
     /// Topic of the key frames.
     pub topic: TopicId,
@@ -40,7 +40,7 @@ pub struct Reassembled {
 }
 
 impl Reassembly {
-    /// Before the first message of a log.
+    /// Positioned before the first message of a log.
     pub fn new(log: &Log) -> Self {
         let info = log.info();
         let (mut channels, mut by_topic) = (Vec::new(), BTreeMap::new());
@@ -60,23 +60,23 @@ impl Reassembly {
         Self { log: log.clone(), channels, by_topic }
     }
 
-    /// Whether the topic is one of key frames or of deltas.
+    /// Whether the topic has key frames or deltas.
     pub fn takes(&self, topic: TopicId) -> bool {
         self.by_topic.contains_key(&topic)
     }
 
-    /// Topic of the key frames that deltas of this topic follow.
+    /// Topic of the key frames for the deltas of this topic.
     pub fn keys_of(&self, deltas: TopicId) -> Option<TopicId> {
         self.channels.iter().find(|channel| channel.deltas == deltas).map(|channel| channel.keys)
     }
 
-    /// Topic of the deltas that follow key frames of this topic.
+    /// Topic of the deltas for the key frames of this topic.
     pub fn deltas_of(&self, keys: TopicId) -> Option<TopicId> {
         self.channels.iter().find(|channel| channel.keys == keys).map(|channel| channel.deltas)
     }
 
-    /// Takes the next message of one of these topics. `None` where there is no whole message: the topic is another, or
-    /// the delta does not follow what was taken before, which is told as a problem of the log.
+    /// Accepts the next message of one of these topics. `None` if it gives no complete message: the topic is another,
+    /// or the delta does not follow the previous message, which is reported as a problem of the log.
     pub fn take(&mut self, stored: &LogMessage) -> Option<Reassembled> {
         let channel = &mut self.channels[*self.by_topic.get(&stored.topic)?];
         let topic = channel.keys;
@@ -100,8 +100,8 @@ impl Reassembly {
         }
     }
 
-    /// Stands behind `place`: as if everything up to and with it had been taken. Gives the newest whole message of each
-    /// channel there.
+    /// Moves to `place`, as if every message up to and including it had been accepted. Returns the newest complete
+    /// message of each channel there.
     pub fn seek(&mut self, place: MessagePosition) -> Result<Vec<Reassembled>, LogError> {
         let behind = MessagePosition { offset: place.offset.saturating_add(1), ..place };
         let mut newest = Vec::new();

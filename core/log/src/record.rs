@@ -1,6 +1,6 @@
-//! The outer form of MCAP records: an opcode, a length, a body; and whether a body can be what its opcode says.
+//! The outer form of MCAP records (opcode, length, body), and plausibility checks of bodies.
 
-/// Opcodes, by MCAP's specification.
+/// Opcodes of the MCAP specification.
 pub(crate) mod op {
     pub(crate) const HEADER: u8 = 0x01;
     pub(crate) const FOOTER: u8 = 0x02;
@@ -17,24 +17,24 @@ pub(crate) mod op {
     pub(crate) const METADATA_INDEX: u8 = 0x0d;
     pub(crate) const SUMMARY_OFFSET: u8 = 0x0e;
     pub(crate) const DATA_END: u8 = 0x0f;
-    /// From here on opcodes are free for private use.
+    /// Opcodes from here on are for private use.
     pub(crate) const PRIVATE: u8 = 0x80;
 }
 
-/// What a log begins and ends with.
+/// Magic bytes at the start and end of a log.
 pub(crate) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
-/// Opcode and length.
+/// Size of opcode and length.
 pub(crate) const HEAD: usize = 9;
-/// Channel, sequence and two times in front of a message's data.
+/// Size of channel, sequence and two times before a message's data.
 pub(crate) const MESSAGE_HEAD: usize = 22;
-/// A chunk's body in front of its compression's name.
+/// Size of a chunk's body before the name of its compression.
 const CHUNK_HEAD: usize = 32;
-/// Names of compressions are short; a longer one is damage.
+/// Greatest length of the name of a compression; a longer one is damage.
 const COMPRESSION_LIMIT: usize = 64;
-/// As many bytes of a body as [`Head::plausible`] may need.
+/// Number of bytes of a body that [`Head::plausible`] may need.
 pub(crate) const PROBE: usize = HEAD + CHUNK_HEAD + COMPRESSION_LIMIT + 8;
 
-/// Reads little-endian fields one after the other; `None` past the end.
+/// Reads little-endian fields in sequence; `None` past the end.
 pub(crate) struct Fields<'a>(pub(crate) &'a [u8]);
 
 impl<'a> Fields<'a> {
@@ -66,7 +66,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// Opcode and length of a record's body.
+/// Opcode and body length of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Head {
     pub(crate) op: u8,
@@ -74,7 +74,7 @@ pub(crate) struct Head {
 }
 
 impl Head {
-    /// The head at the front of `bytes`; `None` where they are too few or no record begins so.
+    /// The head at the start of `bytes`; `None` if there are too few bytes or it cannot be a record.
     pub(crate) fn read(bytes: &[u8]) -> Option<Self> {
         let (&op, rest) = bytes.split_first()?;
         let body = Fields(rest).u64()?;
@@ -82,16 +82,16 @@ impl Head {
         known.then_some(Self { op, body })
     }
 
-    /// Head and body.
+    /// Length of head and body.
     pub(crate) fn length(self) -> u64 {
         self.body.saturating_add(HEAD as u64)
     }
 
-    /// Whether the body can be what the opcode says, judged by its front. `front` holds the body's first bytes: at
-    /// least [`PROBE`] less [`HEAD`] of them, or all that there are.
+    /// Whether the body can belong to the opcode. `front` holds the first bytes of the body: at least [`PROBE`] less
+    /// [`HEAD`] of them, or all that exist.
     pub(crate) fn plausible(self, front: &[u8]) -> bool {
         let mut fields = Fields(front);
-        // Longer bodies than stated are right: the format allows padding.
+        // A body may be longer than its fields, because the format allows padding.
         let at_least = |count: u64| self.body >= count;
         let text_fits = |fields: &mut Fields<'_>, before: u64| {
             fields.u32().map(|length| before + 4 + u64::from(length)).filter(|&end| self.body >= end)
@@ -122,13 +122,13 @@ impl Head {
     }
 }
 
-/// How many messages a message index names, from the front of its body.
+/// Number of messages in a message index, from the start of its body.
 pub(crate) fn indexed_messages(front: &[u8]) -> Option<(u16, u64)> {
     let mut fields = Fields(front);
     Some((fields.u16()?, u64::from(fields.u32()?) / 16))
 }
 
-/// The entries of a message index, from its body: the time of each message, and its offset in the chunk's contents.
+/// The entries of a message index, from its body: time and offset in the chunk's contents for each message.
 pub(crate) fn index_entries(body: &[u8]) -> impl Iterator<Item = (u64, u64)> {
     let mut fields = Fields(body);
     let entries = fields.u16().and(fields.u32()).and_then(|bytes| fields.take(bytes as usize));
@@ -138,7 +138,7 @@ pub(crate) fn index_entries(body: &[u8]) -> impl Iterator<Item = (u64, u64)> {
     })
 }
 
-/// The front of a chunk's body.
+/// The start of a chunk's body.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ChunkHead {
     pub(crate) first: u64,
@@ -147,7 +147,7 @@ pub(crate) struct ChunkHead {
     pub(crate) crc: u32,
     pub(crate) compression: String,
     pub(crate) compressed: u64,
-    /// Bytes of the body in front of the compressed data.
+    /// Size of the body before the compressed data.
     pub(crate) front: usize,
 }
 
@@ -161,19 +161,19 @@ impl ChunkHead {
         Some(Self { first, last, uncompressed, crc, compression: name.to_owned(), compressed, front })
     }
 
-    /// Whether the compressed data end within a body of that length.
+    /// Whether the compressed data end within a body of this length.
     pub(crate) fn fits(&self, body: u64) -> bool {
         (self.front as u64).checked_add(self.compressed).is_some_and(|end| end <= body)
     }
 
-    /// The stated times, unless they are what a writer leaves that never closed the chunk: all ones, or zero.
+    /// The stated times, unless they are those of a chunk that was never closed: all ones, or zero.
     pub(crate) fn times(&self) -> Option<(u64, u64)> {
         (self.first <= self.last && self.last != 0 && self.first != u64::MAX)
             .then_some((self.first, self.last))
     }
 }
 
-/// The front of a message's body.
+/// The start of a message's body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct MessageHead {
     pub(crate) channel: u16,

@@ -1,7 +1,8 @@
-//! Recording on a thread of its own, so that no process waits for a disk unless it is asked to.
+//! Records on a separate thread, so that no process waits for a disk unless it is configured to.
 //!
-//! What is put in is a reference to a message; the recorder's thread encodes it. How many bytes wait in the queue is
-//! therefore an estimate: the size of a message that has been encoded already, else that of the last one of its channel.
+//! Callers hand over a reference to a message, and the recorder's thread encodes it. So the number of bytes in the
+//! queue is an estimate: the size of a message that has been encoded already, else that of the last message of its
+//! channel.
 
 use crate::error::LogError;
 use crate::writer::{ChannelId, LogWriter, WriteHeader};
@@ -13,35 +14,35 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Items that are taken from the queue at a time: the lock and the waking are paid once for all of them.
+/// Number of items taken from the queue at a time, so that locking and waking are shared by all of them.
 const BATCH: usize = 256;
-/// How long the thread lets items gather before it takes fewer than that.
+/// How long the thread lets items accumulate before it takes fewer than that.
 const GATHER: Duration = Duration::from_millis(2);
-/// Written messages that wait to be freed; more are freed by the recorder's thread.
+/// Greatest number of written messages that wait to be freed; the recorder's thread frees further ones.
 const MOST_WRITTEN: usize = 4 * BATCH;
-/// A message up to this size is refused by the number of messages alone: a queue that is full of images still takes
-/// the commands, statuses and cycle records without which a run cannot be repeated.
+/// For a message up to this size only the limit on the number of messages applies: a queue that is full of images still
+/// accepts the commands, statuses and cycle records without which a run cannot be repeated.
 const SMALL: usize = 1024;
 
-/// What a full queue does to a message.
+/// What happens to a message when the queue is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RecorderMode {
-    /// The caller waits: nothing is lost. For stepped runs.
+    /// The caller waits, and nothing is lost. For stepped runs.
     Lossless,
-    /// The message is dropped and counted: the caller never waits. For live runs.
+    /// The message is dropped and counted, and the caller never waits. For live runs.
     Live,
 }
 
-/// How much a recorder may hold back.
+/// Limits of a recorder's queue.
 #[derive(Clone, Copy, Debug)]
 pub struct RecorderOptions {
-    /// What a full queue does.
+    /// What happens when the queue is full.
     pub mode: RecorderMode,
-    /// The queue is full with this many messages,
+    /// Greatest number of messages in the queue.
     pub queue_messages: usize,
-    /// or with this many bytes, by estimate; messages of up to 1 KiB are still taken then.
+    /// Greatest estimated number of bytes in the queue; messages of up to 1 KiB are accepted beyond it.
     pub queue_bytes: usize,
-    /// Called first on the recorder's thread: to set its priority, say.
+    /// Called first on the recorder's thread, for example to set its priority.
     pub on_start: Option<fn()>,
 }
 
@@ -51,20 +52,20 @@ impl Default for RecorderOptions {
     }
 }
 
-/// How a recording goes.
+/// State of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecorderStatus {
     /// Messages written.
     pub written: u64,
-    /// Messages that are not in the log: dropped from a full queue, or behind an error.
+    /// Messages that are not in the log: dropped because the queue was full, or after an error.
     pub dropped: u64,
     /// Messages waiting.
     pub queued: u64,
-    /// Size of the log in bytes, as far as chunks are closed.
+    /// Size of the log in bytes, including closed chunks only.
     pub bytes: u64,
-    /// The error that ended the recording: a full disk, say. What was flushed before stays readable.
+    /// The error that ended the recording, for example a full disk. Data flushed before remain readable.
     pub error: Option<String>,
-    /// The last thing that the log cannot hold and that was left out.
+    /// The last item that was left out because a log cannot hold it.
     pub refused: Option<String>,
 }
 
@@ -94,14 +95,14 @@ enum Item {
     Flush,
 }
 
-/// A message on its way to the file.
+/// A message in the queue.
 enum Data {
     Bytes(Bytes),
     Message(AnyMessage),
 }
 
 impl Data {
-    /// Its size where that is known without encoding it.
+    /// Its size if that is known without encoding it.
     fn known_len(&self) -> Option<usize> {
         match self {
             Data::Bytes(bytes) => Some(bytes.len()),
@@ -116,34 +117,34 @@ struct Queue {
     messages: usize,
     bytes: usize,
     channels: u32,
-    /// Per channel, the size of the message that was encoded last.
+    /// For each channel, the size of the message that was encoded last.
     last_sizes: Vec<usize>,
-    /// Flushes asked for and done.
+    /// Number of flushes requested and done.
     flushes: (u64, u64),
     closed: bool,
-    /// What the thread that writes is at.
+    /// State of the writing thread.
     thread: Thread,
-    /// How many callers wait for the queue to drain.
+    /// Number of callers that wait for the queue to drain.
     waiting: usize,
-    /// Small messages that have been written, to be freed by those who put in new ones: memory that one thread allocates
-    /// and another one frees makes both wait for each other in the allocator.
+    /// Small written messages, to be freed by the threads that write new ones. If one thread allocates memory and
+    /// another one frees it, both wait for each other in the allocator.
     written: Vec<AnyMessage>,
     status: RecorderStatus,
 }
 
-/// What the thread that writes is at. Waking it is a call of the system, so it is woken only where it sleeps.
+/// State of the writing thread. It is woken only if it sleeps, because waking is a system call.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 enum Thread {
     /// It will look into the queue by itself.
     #[default]
     Busy,
-    /// It sleeps until there is something.
+    /// It sleeps until the queue has an item.
     Asleep,
-    /// It sleeps until there is much, or for a moment.
+    /// It sleeps until the queue has many items, or for a short time.
     Gathering,
 }
 
-/// What became of a batch.
+/// Result of a batch.
 #[derive(Default)]
 struct Done {
     messages: usize,
@@ -151,7 +152,7 @@ struct Done {
     written: u64,
     dropped: u64,
     flushes: u64,
-    /// Sizes of what was encoded, in order.
+    /// Sizes of the encoded messages, in order.
     sizes: Vec<(ChannelId, usize)>,
     refused: Option<String>,
     failed: Option<LogError>,
@@ -162,9 +163,9 @@ struct Done {
 struct Shared {
     options: RecorderOptions,
     queue: Mutex<Queue>,
-    /// Something was put in, or the queue was closed.
+    /// An item was added, or the queue was closed.
     filled: Condvar,
-    /// Something was taken out or done.
+    /// Items were taken out or written.
     drained: Condvar,
 }
 
@@ -197,12 +198,12 @@ impl Shared {
     }
 }
 
-/// Puts messages into a recording, from any thread.
+/// Adds messages to a recording, from any thread.
 #[derive(Clone)]
 pub struct RecorderHandle(Arc<Shared>);
 
 impl RecorderHandle {
-    /// Adds a topic. Its number holds for this recorder.
+    /// Adds a topic. The returned number is valid for this recorder.
     pub fn add_channel(
         &self,
         topic: &str,
@@ -212,8 +213,8 @@ impl RecorderHandle {
         self.add_channel_with(topic, schema, metadata, None)
     }
 
-    /// Adds a topic whose messages are stored as key frames and deltas where a codec is given: the deltas go into a
-    /// channel beside it, see [`DeltaCodec`].
+    /// Adds a topic. With a codec its messages are stored as key frames and deltas; the deltas go into a second
+    /// channel, see [`DeltaCodec`].
     pub fn add_channel_with(
         &self,
         topic: &str,
@@ -234,13 +235,13 @@ impl RecorderHandle {
         Ok(ChannelId(id))
     }
 
-    /// Puts encoded bytes in, like [`RecorderHandle::write_message`].
+    /// Adds encoded bytes, like [`RecorderHandle::write_message`].
     pub fn write(&self, channel: ChannelId, header: WriteHeader, data: Bytes) -> bool {
         self.put_data(channel, header, Data::Bytes(data))
     }
 
-    /// Puts a message in, which the recorder's thread encodes. Says whether it was taken: not by a full queue in
-    /// [`RecorderMode::Live`], and not after an error or the end of the recording.
+    /// Adds a message, which the recorder's thread encodes. Returns whether it was accepted: it is not if the queue is
+    /// full in [`RecorderMode::Live`], or after an error or the end of the recording.
     pub fn write_message(&self, channel: ChannelId, header: WriteHeader, message: AnyMessage) -> bool {
         self.put_data(channel, header, Data::Message(message))
     }
@@ -258,7 +259,7 @@ impl RecorderHandle {
                 queue.status.dropped += 1;
                 return false;
             }
-            // A message larger than the whole queue passes through an empty one.
+            // A message larger than the queue's limit is accepted by an empty queue.
             let full = queue.messages >= queue_messages
                 || (estimate > SMALL && queue.bytes.saturating_add(estimate) > queue_bytes);
             if !full || queue.messages == 0 {
@@ -279,18 +280,18 @@ impl RecorderHandle {
         true
     }
 
-    /// Puts an attachment in; it is never dropped.
+    /// Adds an attachment, which is never dropped.
     pub fn attach(&self, name: &str, media_type: &str, time: Stamp, data: Bytes) {
         let item = Item::Attachment { name: name.to_owned(), media_type: media_type.to_owned(), time, data };
         self.0.put(self.0.lock(), item);
     }
 
-    /// Puts a metadata record in; it is never dropped.
+    /// Adds a metadata record, which is never dropped.
     pub fn metadata(&self, name: &str, entries: BTreeMap<String, String>) {
         self.0.put(self.0.lock(), Item::Metadata { name: name.to_owned(), entries });
     }
 
-    /// Waits until everything put in before is in the file.
+    /// Waits until everything added before is in the file.
     pub fn flush(&self) {
         let mut queue = self.0.lock();
         if queue.closed {
@@ -305,7 +306,7 @@ impl RecorderHandle {
         }
     }
 
-    /// How the recording goes.
+    /// State of the recording.
     pub fn status(&self) -> RecorderStatus {
         let queue = self.0.lock();
         RecorderStatus { queued: queue.messages as u64, ..queue.status.clone() }
@@ -332,14 +333,14 @@ impl Recorder {
             if let Some(on_start) = theirs.options.on_start {
                 on_start();
             }
-            // A message that panics while it is encoded ends the recording, not those who write to it.
+            // A panic while a message is encoded ends the recording, not the processes that write to it.
             let result = catch_unwind(AssertUnwindSafe(|| write_all(&theirs, writer))).unwrap_or_else(|_| {
                 let error = panicked();
                 theirs.lock().status.error = Some(error.to_string());
                 abandon(&theirs);
                 Err(error)
             });
-            // Nobody waits for a thread that has ended.
+            // Wakes callers that wait for the thread, because it has ended.
             let mut queue = theirs.lock();
             queue.closed = true;
             queue.flushes.1 = queue.flushes.0;
@@ -350,17 +351,17 @@ impl Recorder {
         Ok(Self { handle: RecorderHandle(shared), thread: Some(thread) })
     }
 
-    /// What puts messages in.
+    /// The handle that adds messages.
     pub fn handle(&self) -> RecorderHandle {
         self.handle.clone()
     }
 
-    /// How the recording goes.
+    /// State of the recording.
     pub fn status(&self) -> RecorderStatus {
         self.handle.status()
     }
 
-    /// Writes what is queued and the log's summary. The error that ended the recording, if one did.
+    /// Writes the queued items and the log's summary. Returns the error that ended the recording, if any.
     pub fn finish(mut self) -> Result<RecorderStatus, LogError> {
         self.end()?;
         Ok(self.status())
@@ -432,7 +433,7 @@ fn write_all(shared: &Shared, mut writer: LogWriter) -> Result<(), LogError> {
     Ok(())
 }
 
-/// Takes what is next, which is nothing where only a flush is due. Says whether the recording goes on.
+/// Processes the next batch, which is empty if only a flush is due. Returns whether the recording continues.
 fn take_batch(shared: &Shared, writer: &LogWriter, batch: &mut Vec<Item>) -> bool {
     let mut queue = shared.lock();
     while queue.items.is_empty() && !queue.closed {
@@ -467,7 +468,7 @@ fn write_batch(writer: &mut LogWriter, channels: &mut Vec<Option<Channel>>, batc
         done.messages += usize::from(estimate.is_some());
         done.bytes += estimate.unwrap_or(0);
         done.flushes += u64::from(matches!(item, Item::Flush));
-        // After an error that ends the recording, the rest of the batch is lost with it.
+        // After an error that ends the recording, the rest of the batch is lost, too.
         let is_written = done.failed.is_none() && {
             let stepped = step(writer, channels, item, &mut done.sizes, &mut done.small);
             done.take(stepped)
@@ -481,7 +482,7 @@ fn write_batch(writer: &mut LogWriter, channels: &mut Vec<Option<Channel>>, batc
 }
 
 impl Done {
-    /// Notes how one item went, and says whether it went well.
+    /// Records the result of one item, and returns whether it succeeded.
     fn take(&mut self, result: Result<(), LogError>) -> bool {
         match result {
             Ok(()) => return true,
@@ -492,7 +493,7 @@ impl Done {
     }
 }
 
-/// After an error: counts what is queued as dropped.
+/// After an error: counts the queued items as dropped.
 fn abandon(shared: &Shared) {
     let mut queue = shared.lock();
     queue.status.dropped += queue.messages as u64;
@@ -505,9 +506,9 @@ fn abandon(shared: &Shared) {
 /// A channel of the file.
 struct Channel {
     id: ChannelId,
-    /// Size of the message that was written last; at first what need not be small.
+    /// Size of the message that was written last; large for a new channel.
     last_size: usize,
-    /// The channel of its deltas, and what makes them.
+    /// The channel of its deltas, and their encoder.
     deltas: Option<(ChannelId, Box<dyn DeltaEncoder>)>,
 }
 
@@ -528,7 +529,7 @@ impl Channel {
         Ok(Self { id, last_size, deltas: Some((deltas, codec.encoder())) })
     }
 
-    /// Writes a message in the form that its encoder chooses; how it went, and its size.
+    /// Writes a message in the form that its encoder chooses; returns the result and its size.
     fn write(
         &mut self,
         writer: &mut LogWriter,

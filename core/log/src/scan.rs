@@ -1,7 +1,7 @@
-//! Opening without an index: a scan over the records that keeps what is sound and says what was lost.
+//! Opens a log without an index: scans the records, keeps what is sound and reports what is lost.
 //!
-//! The first pass, here, hops from record to record by their lengths and finds the next record where one is damaged.
-//! The second, in [`crate::check`], decompresses and checks every chunk.
+//! The first pass, in this file, goes from record to record by their lengths, and searches for the next record after a
+//! damaged one. The second pass, in [`crate::check`], decompresses and checks every chunk.
 
 use crate::check::{check_chunks, settle_undefined};
 use crate::error::LogError;
@@ -12,30 +12,30 @@ use crate::source::{Source, Window};
 use crate::summary::{Contents, Summary, body_of, counts_of};
 use std::collections::BTreeMap;
 
-/// A run of records outside chunks is closed at this size, so that it can be read like a chunk.
+/// A run of records outside of chunks is closed at this size, so that it can be read like a chunk.
 const RUN_BYTES: u64 = 1 << 20;
-/// How much is read at once in search of the next record.
+/// Number of bytes read at once when searching for the next record.
 const SEARCH_BYTES: usize = 1 << 20;
 
-/// What a scan gives: the log, and what of it was lost.
+/// Result of a scan: the log, and its losses.
 pub(crate) struct Scanned {
     pub(crate) contents: Contents,
     pub(crate) lost: Lost,
 }
 
-/// Scans the whole log. A `summary` whose checksum is right helps with definitions, counts, and where chunks begin.
+/// Scans the complete log. A `summary` with a valid checksum provides definitions, counts, and the offsets of chunks.
 pub(crate) fn scan(source: &Source, summary: Option<&Summary>) -> Result<Scanned, LogError> {
     let mut hops = Hops::new(source, summary);
     hops.run()?;
     let Hops { mut contents, mut lost, indexed, .. } = hops;
-    // Statistics count only if their checksum was right.
+    // Statistics are used only if their checksum is valid.
     contents.catalog.statistics = summary.and_then(|summary| summary.catalog.statistics.clone());
     let sound = check_chunks(source, &mut contents, &indexed, &mut lost);
     settle_undefined(&mut contents, &mut lost, &sound);
     let found: u64 = contents.counts.values().sum();
     if let Some(statistics) = &contents.catalog.statistics {
         let stated = statistics.message_count;
-        // Where nothing is missing that could have held messages, the count is what is wrong.
+        // If nothing is missing that could have held messages, the count is wrong.
         let believed = counts_of(statistics).is_some() && (lost != Lost::default() || stated <= found);
         if believed {
             lost.messages = stated.saturating_sub(found);
@@ -51,16 +51,16 @@ pub(crate) fn scan(source: &Source, summary: Option<&Summary>) -> Result<Scanned
 struct Hops<'a> {
     source: &'a Source,
     window: Window<'a>,
-    /// Where a sound summary says that chunks begin, ascending.
+    /// Offsets of chunks according to a sound summary, ascending.
     hints: Vec<u64>,
     contents: Contents,
     lost: Lost,
     run: Option<Run>,
-    /// The chunk that message indexes now belong to.
+    /// The chunk to which the next message indexes belong.
     last_chunk: Option<usize>,
-    /// How many messages the message indexes behind a chunk count, by segment.
+    /// Number of messages that the message indexes after a chunk count, by segment.
     indexed: BTreeMap<usize, u64>,
-    /// Whether compressed chunks have been met, and messages outside chunks.
+    /// Whether there are compressed chunks, and messages outside of chunks.
     compressed: bool,
     loose: bool,
 }
@@ -68,14 +68,14 @@ struct Hops<'a> {
 /// Which records a search may stop at.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Sought {
-    /// Any.
+    /// Any record.
     Any,
-    /// Those that are not within chunks: bytes within a chunk may look like schemas, channels and messages, and may
-    /// even be some.
+    /// Records that cannot be inside of a chunk: bytes within a chunk may look like schemas, channels and messages, or
+    /// be some.
     OutsideChunks,
 }
 
-/// Records outside chunks that follow each other.
+/// Consecutive records outside of chunks.
 struct Run {
     start: u64,
     end: u64,
@@ -127,7 +127,7 @@ impl<'a> Hops<'a> {
         Ok(())
     }
 
-    /// Takes in the record at `at`, unless its length turns out to be wrong. Gives where to go on.
+    /// Processes the record at `at`, unless its length turns out to be wrong. Returns where to continue.
     fn hop(&mut self, head: Head, at: u64) -> Result<u64, LogError> {
         let end = at + head.length();
         if !self.record_follows(end)? {
@@ -135,7 +135,7 @@ impl<'a> Hops<'a> {
             let next =
                 self.resync(at + HEAD as u64, if is_chunk { Sought::OutsideChunks } else { self.sought() })?;
             if next < end && is_chunk {
-                // Bytes of it are missing: what follows it is nearer than it says.
+                // Some of its bytes are missing, so the next record is closer than its length says.
                 self.chunk(at, next)?;
                 return Ok(next);
             }
@@ -152,7 +152,7 @@ impl<'a> Hops<'a> {
                     indexed_messages(&self.window.get(at, PROBE)?[HEAD..]).map_or(0, |(_, count)| count);
                 match self.last_chunk {
                     Some(chunk) => *self.indexed.entry(chunk).or_insert(0) += count,
-                    // The chunk in front of it was passed over.
+                    // The chunk before it was skipped.
                     None => self.lost.messages += count,
                 }
             }
@@ -207,7 +207,7 @@ impl<'a> Hops<'a> {
         self.compressed |= chunk.as_ref().is_some_and(|chunk| !chunk.compression.is_empty());
         let contents = chunk.map_or(0, |chunk| chunk.uncompressed);
         self.last_chunk = Some(self.contents.segments.len());
-        // Times and channels follow from the second pass.
+        // The second pass computes times and channels.
         self.contents.segments.push(Segment {
             start: at,
             length: end - at,
@@ -220,7 +220,7 @@ impl<'a> Hops<'a> {
         Ok(())
     }
 
-    /// Deals with what is at `at` and is no whole record. Gives where to go on.
+    /// Handles bytes at `at` that are not a complete record. Returns where to continue.
     fn pass_over(&mut self, head: Option<Head>, at: u64) -> Result<u64, LogError> {
         let length = self.source.length();
         let chunk = match head {
@@ -233,8 +233,9 @@ impl<'a> Hops<'a> {
             self.lose(at, next, what);
             return Ok(next);
         };
-        // The record and the chunk in it each state a length: the one that a record follows is right. Where neither is,
-        // the chunk ends where the next record is found: at the end of the file, where it is cut or was never closed.
+        // Both the record and the chunk in it have a length; the one at whose end a record begins is correct. If
+        // neither is, the chunk ends where the next record is found, or at the end of a file that was truncated or
+        // never closed.
         let by_chunk = (at + (HEAD + chunk.front) as u64).saturating_add(chunk.compressed);
         let by_record = at.saturating_add(head.length());
         let mut end = None;
@@ -252,8 +253,8 @@ impl<'a> Hops<'a> {
         Ok(end)
     }
 
-    /// What a search behind damage may stop at. In a log with compressed chunks and no messages beside them, what looks
-    /// like a message is a part of compressed data.
+    /// What a search after damage may stop at. In a log with compressed chunks and no messages outside of them, bytes
+    /// that look like a message are part of compressed data.
     fn sought(&self) -> Sought {
         if self.compressed && !self.loose { Sought::OutsideChunks } else { Sought::Any }
     }
@@ -282,12 +283,12 @@ impl<'a> Hops<'a> {
         let front = self.window.get(at, PROBE)?;
         let Some(head) = Head::read(front) else { return Ok(false) };
         let body = &front[HEAD.min(front.len())..];
-        // A chunk may be cut off by the end of the file and is known by its header all the same.
+        // A chunk that the end of the file cuts off is recognised by its header.
         let whole = head.length() <= length - at || head.op == op::CHUNK;
         Ok(whole && head.plausible(body))
     }
 
-    /// The next place from `from` on where a record begins and is followed by another; the end where there is none.
+    /// The next position from `from` on where a record begins and another one follows it; the end if there is none.
     fn resync(&mut self, from: u64, sought: Sought) -> Result<u64, LogError> {
         let length = self.source.length();
         let hint = self.hints.partition_point(|&hint| hint < from);
@@ -295,7 +296,7 @@ impl<'a> Hops<'a> {
         let mut at = from;
         while at < limit {
             let span = usize::try_from(limit - at).unwrap_or(usize::MAX).min(SEARCH_BYTES);
-            // The bytes of the opcode and of the length's upper half decide nearly always.
+            // The opcode and the upper half of the length are enough to decide in nearly all cases.
             let block = self.source.read(at, span.saturating_add(HEAD).min((length - at) as usize))?;
             for offset in 0..span {
                 let Some(&[op, _, _, _, _, _, a, b, c]) = block.get(offset..offset + HEAD) else { break };
@@ -328,7 +329,7 @@ impl<'a> Hops<'a> {
     }
 }
 
-/// Whether a chunk's header is that of a chunk as writers make them, and cannot be anything else.
+/// Whether a chunk's header has the form that writers produce, and cannot be anything else.
 fn is_known(chunk: &ChunkHead) -> bool {
     let is_compression = match chunk.compression.as_str() {
         "" => chunk.compressed == chunk.uncompressed && chunk.compressed > 0,

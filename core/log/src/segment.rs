@@ -1,7 +1,7 @@
-//! Segments: a chunk, or a run of records outside chunks, made into messages.
+//! Segments: reads the messages of a chunk, or of a run of records outside of chunks.
 //!
-//! A log is a list of segments in file order. A segment that is damaged gives what still parses and says what it lost,
-//! and gives the same at every reading.
+//! A log is a list of segments in file order. From a damaged segment, the parts that still parse are read and the
+//! losses are reported; every reading gives the same result.
 
 use crate::error::LogError;
 use crate::record::{ChunkHead, HEAD, Head, MESSAGE_HEAD, MessageHead, PROBE, index_entries, op};
@@ -9,30 +9,30 @@ use crate::source::{Source, Stream};
 use bytes::Bytes;
 use std::io::Read;
 
-/// Contents larger than this are not read: memory stays bounded whatever a log claims.
+/// Greatest size of contents that are read, so that memory stays bounded.
 pub(crate) const SEGMENT_LIMIT: u64 = 192 << 20;
-/// Compressed data larger than this are decompressed in pieces, without holding them.
+/// Larger compressed data are decompressed in pieces, without holding them in memory.
 const PIECEWISE_FROM: u64 = 16 << 20;
-/// Contents that are larger than their chunk states are read up to this: the stated size is what is damaged.
+/// Contents that are larger than their chunk states are read up to this size, because the stated size may be damaged.
 const WRONG_SIZE_LIMIT: usize = 64 << 20;
-/// Larger message indexes are not read to judge a chunk's times.
+/// Greatest size of message indexes that are read to check a chunk's times.
 const INDEX_LIMIT: u64 = 1 << 20;
 
-/// Where a segment lies and what it holds.
+/// Position and content of a segment.
 #[derive(Clone, Debug)]
 pub(crate) struct Segment {
     /// First byte of the chunk's record, or of the run.
     pub(crate) start: u64,
-    /// Bytes in the file.
+    /// Size in the file, bytes.
     pub(crate) length: u64,
     /// Whether it is a chunk.
     pub(crate) chunk: bool,
     /// Earliest and latest log time of its messages.
     pub(crate) first: u64,
     pub(crate) last: u64,
-    /// Channels of its messages, ascending; `None` where the log does not say.
+    /// Channels of its messages, ascending; `None` if the log does not say.
     pub(crate) channels: Option<Box<[u16]>>,
-    /// Size of the contents, as the log says.
+    /// Size of the contents according to the log.
     pub(crate) contents: u64,
 }
 
@@ -41,12 +41,12 @@ impl Segment {
         self.start + self.length
     }
 
-    /// Whether it may hold a message of that channel.
+    /// Whether it may have a message of that channel.
     pub(crate) fn may_hold(&self, channel: u16) -> bool {
         self.channels.as_ref().is_none_or(|channels| channels.binary_search(&channel).is_ok())
     }
 
-    /// How much memory reading it may take.
+    /// Greatest amount of memory that reading it may take.
     pub(crate) fn weight(&self) -> usize {
         self.contents.min(SEGMENT_LIMIT) as usize
     }
@@ -56,28 +56,28 @@ impl Segment {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct MessageRef {
     pub(crate) time: u64,
-    /// Where the record begins in the contents.
+    /// Offset of the record in the contents.
     pub(crate) offset: u32,
     pub(crate) channel: u16,
 }
 
-/// A segment's contents, with its records found.
+/// A segment's contents with the records found in them.
 #[derive(Debug, Default)]
 pub(crate) struct Decoded {
     pub(crate) contents: Bytes,
     /// In file order.
     pub(crate) messages: Vec<MessageRef>,
-    /// Where schema and channel records begin.
+    /// Offsets of schema and channel records.
     pub(crate) definitions: Vec<u32>,
     pub(crate) damage: Option<Damage>,
 }
 
-/// What is wrong with a segment.
+/// Problems of a segment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Damage {
-    /// Bytes of the contents that were not salvaged.
+    /// Bytes of the contents that were not recovered.
     pub(crate) lost_bytes: u64,
-    /// Messages that are there, but not to be believed.
+    /// Messages that were found but are not reliable.
     pub(crate) lost_messages: u64,
     pub(crate) what: String,
 }
@@ -89,7 +89,7 @@ impl Damage {
 }
 
 impl Decoded {
-    /// The body of the record that begins at `offset`, which a walk over the contents has found.
+    /// The body of the record at `offset`, which was found before.
     pub(crate) fn record(&self, offset: u32) -> Option<(Head, Bytes)> {
         let from = offset as usize;
         let head = Head::read(self.contents.get(from..)?)?;
@@ -98,7 +98,7 @@ impl Decoded {
     }
 }
 
-/// Reads a segment. Damage is part of the result; only a failing read of the source is an error.
+/// Reads a segment. Damage is part of the result; only a failed read of the source is an error.
 pub(crate) fn decode(source: &Source, segment: &Segment) -> Result<Decoded, LogError> {
     if segment.chunk { decode_chunk(source, segment) } else { decode_run(source, segment) }
 }
@@ -138,7 +138,7 @@ fn decode_chunk(source: &Source, segment: &Segment) -> Result<Decoded, LogError>
     let data_start = segment.start + (HEAD + chunk.front) as u64;
     let data_end = data_start.saturating_add(chunk.compressed).min(segment.end()).max(data_start);
     let whole = data_end - data_start == chunk.compressed;
-    // A chunk that was never closed states sizes of all ones: what is there is read up to the limit.
+    // A chunk that was never closed states sizes of all ones; its bytes are read up to the limit.
     let unclosed = chunk.uncompressed == u64::MAX || chunk.compressed == u64::MAX;
     if chunk.uncompressed > SEGMENT_LIMIT && !unclosed && whole {
         return Ok(too_large(chunk.uncompressed));
@@ -162,7 +162,7 @@ fn decode_chunk(source: &Source, segment: &Segment) -> Result<Decoded, LogError>
         ));
     }
     let contents = unpacked.contents;
-    // Whether the contents are known to be what was written.
+    // Whether the contents are known to be as written.
     let mut proved = false;
     if chunk.crc != 0 && whole {
         let got = crc32fast::hash(&contents);
@@ -177,7 +177,7 @@ fn decode_chunk(source: &Source, segment: &Segment) -> Result<Decoded, LogError>
         proved = false;
     }
     if reasons.is_empty() || proved {
-        // Something of the chunk's header is wrong, where anything is.
+        // If anything is damaged, it is the chunk's header.
         let mut damage = (!reasons.is_empty()).then(|| Damage::new(0, reasons.join("; ")));
         if !proved {
             damage = leave_out_misplaced(source, segment, &chunk, &contents, &mut found.messages)?;
@@ -191,11 +191,11 @@ fn decode_chunk(source: &Source, segment: &Segment) -> Result<Decoded, LogError>
     Ok(Decoded { contents, messages: found.messages, definitions: found.definitions, damage: Some(damage) })
 }
 
-/// Leaves out the messages whose time is not within what their chunk states; says what is damaged.
+/// Removes the messages whose time is outside of the times that their chunk states, and reports the damage.
 ///
-/// To be called where no checksum proves the contents. One of the two is wrong then: the chunk's times where most
-/// messages contradict them and no message index confirms them, else the messages. Some writers take a time of 0 for
-/// none when they state a chunk's times: such a message is no damage.
+/// To be called if no checksum confirms the contents. Then one of the two is wrong: the chunk's times, if most messages
+/// contradict them and no message index confirms them; else the messages. Some writers treat a time of 0 as absent when
+/// they state a chunk's times: such a message is not damaged.
 fn leave_out_misplaced(
     source: &Source,
     segment: &Segment,
@@ -223,7 +223,7 @@ fn leave_out_misplaced(
     Ok(Some(Damage { lost_bytes, lost_messages: misplaced as u64, what }))
 }
 
-/// The earliest and the latest time in the message indexes from `at` on.
+/// The earliest and latest time in the message indexes from `at` on.
 fn indexed_times(source: &Source, mut at: u64) -> Result<Option<(u64, u64)>, LogError> {
     let mut found: Option<(u64, u64)> = None;
     loop {
@@ -244,7 +244,7 @@ fn indexed_times(source: &Source, mut at: u64) -> Result<Option<(u64, u64)>, Log
     }
 }
 
-/// A chunk's contents, as far as they could be decompressed.
+/// The contents of a chunk, as far as they could be decompressed.
 struct Unpacked {
     contents: Bytes,
     problem: Option<String>,
@@ -259,11 +259,11 @@ fn unpack(
 ) -> Result<Unpacked, LogError> {
     let available = to - from;
     if chunk.compression.is_empty() {
-        // What is stored as it is has the size that it has, whatever else is stated.
+        // Uncompressed contents have the size of the data, whatever is stated.
         let length = available.min(SEGMENT_LIMIT) as usize;
         return Ok(Unpacked { contents: source.read(from, length)?, problem: None });
     }
-    // A size that the data could hardly have is not trusted with an allocation before they are seen.
+    // A size that is implausible for the data must not decide the size of an allocation.
     let room = expected.min(usize::try_from(available.saturating_mul(64)).unwrap_or(usize::MAX).max(1 << 20));
     if chunk.compression == "zstd" && available <= PIECEWISE_FROM && room == expected {
         let compressed = source.read(from, available as usize)?;
@@ -291,7 +291,7 @@ fn unpack(
 }
 
 /// Reads until the end, the first error, or the limit; keeps what came before an error. Contents may be larger than
-/// expected: then the expectation is what is wrong.
+/// expected, because the expected size may be wrong.
 fn drain(mut decoder: impl Read, room: usize, expected: usize) -> (Vec<u8>, Option<String>) {
     let limit = expected.max(WRONG_SIZE_LIMIT);
     let mut contents: Vec<u8> = Vec::with_capacity(room);
@@ -302,7 +302,8 @@ fn drain(mut decoder: impl Read, room: usize, expected: usize) -> (Vec<u8>, Opti
             Ok(count) => {
                 let left = limit - contents.len();
                 if contents.capacity() - contents.len() < count {
-                    // Growing by halves of what is there, not by all of it, keeps the sum of old and new small.
+                    // Growing by half of the size, not by all of it, limits the memory for the old and the new buffer
+                    // together.
                     contents.reserve_exact((contents.len() / 2).max(1 << 16).min(left));
                 }
                 contents.extend_from_slice(&piece[..count.min(left)]);
@@ -316,7 +317,7 @@ fn drain(mut decoder: impl Read, room: usize, expected: usize) -> (Vec<u8>, Opti
     }
 }
 
-/// What a walk over contents found.
+/// The records found in contents.
 #[derive(Default)]
 struct Walk {
     messages: Vec<MessageRef>,
@@ -324,8 +325,8 @@ struct Walk {
     lost_bytes: u64,
 }
 
-/// Finds the records of `contents`. With `times`, the contents are known to be damaged: a record counts only if it is
-/// a kind that belongs there, a message's time lies within `times`, and what follows can be a record too.
+/// Finds the records of `contents`. With `times`, the contents are known to be damaged: then a record counts only if
+/// its kind belongs there, a message's time lies within `times`, and a possible record follows.
 fn walk(contents: &[u8], times: Option<(u64, u64)>) -> Walk {
     let mut found = Walk::default();
     let mut at = 0;
@@ -337,8 +338,8 @@ fn walk(contents: &[u8], times: Option<(u64, u64)>) -> Walk {
             continue;
         };
         if times.is_some() && end < contents.len() && record_end(contents, end, times).is_none() {
-            // Either this record's length is wrong or the next record is. If a record begins before this one's
-            // end, the length was.
+            // Either this record's length is wrong or the next record is damaged. If a record begins before the end of
+            // this one, the length was wrong.
             let next = resync(contents, at + HEAD, times);
             if next < end {
                 found.lost_bytes += (next - at) as u64;
@@ -362,7 +363,7 @@ fn walk(contents: &[u8], times: Option<(u64, u64)>) -> Walk {
     found
 }
 
-/// Where the record at `at` ends, if one is there.
+/// The end of the record at `at`, if there is one.
 fn record_end(contents: &[u8], at: usize, times: Option<(u64, u64)>) -> Option<usize> {
     let rest = &contents[at..];
     let head = Head::read(rest)?;
@@ -384,8 +385,8 @@ fn record_end(contents: &[u8], at: usize, times: Option<(u64, u64)>) -> Option<u
     Some(at + end)
 }
 
-/// The next place from `from` on where a schema, channel or message begins and is followed by another record or the
-/// end; the end of the contents where there is none.
+/// The next position from `from` on where a schema, channel or message begins that another record or the end follows;
+/// the end of the contents if there is none.
 fn resync(contents: &[u8], from: usize, times: Option<(u64, u64)>) -> usize {
     let begins = |&at: &usize| {
         if !matches!(contents[at], op::SCHEMA | op::CHANNEL | op::MESSAGE) {
@@ -397,12 +398,12 @@ fn resync(contents: &[u8], from: usize, times: Option<(u64, u64)>) -> usize {
     (from..contents.len()).find(begins).unwrap_or(contents.len())
 }
 
-/// Times, channels and counts of a decoded segment's messages.
+/// Times, channels and counts of the messages of a decoded segment.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tally {
     pub(crate) first: u64,
     pub(crate) last: u64,
-    /// Channel and count, ascending.
+    /// Channels and counts, ascending.
     pub(crate) counts: Vec<(u16, u64)>,
 }
 
@@ -420,7 +421,7 @@ impl Tally {
     }
 }
 
-/// A message's data within its record's body.
+/// The data of a message within the body of its record.
 pub(crate) fn message_data(body: &Bytes) -> Bytes {
     body.slice(MESSAGE_HEAD.min(body.len())..)
 }

@@ -1,4 +1,4 @@
-//! The bytes of a log: a file through positioned reads, or memory.
+//! The bytes of a log: a file with positioned reads, or memory.
 
 use crate::error::LogError;
 use bytes::Bytes;
@@ -6,7 +6,7 @@ use std::fs::{File, Metadata};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-/// Read-only bytes with a length that was fixed when they were opened.
+/// Read-only bytes with a length that is fixed when they are opened.
 #[derive(Debug)]
 pub(crate) struct Source {
     bytes: Medium,
@@ -26,7 +26,7 @@ impl Source {
         let regular = |metadata: &Metadata| {
             metadata.is_file().then_some(()).ok_or_else(|| std::io::Error::other("expected a regular file"))
         };
-        // Asked before it is opened, too: opening a pipe waits for whoever writes to it.
+        // Checked before opening, because opening a pipe blocks until it has a writer.
         path.metadata().and_then(|metadata| regular(&metadata)).map_err(failed)?;
         let file = File::open(path).map_err(failed)?;
         let metadata = file.metadata().map_err(failed)?;
@@ -46,7 +46,7 @@ impl Source {
         &self.path
     }
 
-    /// Fills `into` from byte `offset` on. Bytes that are not there, in a file that has shrunk, are an error.
+    /// Reads into `into` from offset `offset` on. Missing bytes, in a file that has shrunk, are an error.
     pub(crate) fn read_into(&self, offset: u64, into: &mut [u8]) -> Result<(), LogError> {
         let result = match &self.bytes {
             Medium::File(file) => file.read_exact_at(into, offset),
@@ -67,7 +67,7 @@ impl Source {
         result.map_err(|source| LogError::Read { offset, length, path: self.path.clone(), source })
     }
 
-    /// `length` bytes from byte `offset` on; memory is shared, not copied.
+    /// `length` bytes from offset `offset` on; memory is shared, not copied.
     pub(crate) fn read(&self, offset: u64, length: usize) -> Result<Bytes, LogError> {
         if let Medium::Memory(bytes) = &self.bytes
             && let Ok(from) = usize::try_from(offset)
@@ -95,7 +95,7 @@ impl<'a> Stream<'a> {
         Self { source, at, end, failure: None }
     }
 
-    /// The source's own error, apart from what a decompressor makes of it.
+    /// The source's own error, separate from what a decompressor makes of it.
     pub(crate) fn failure(self) -> Option<LogError> {
         self.failure
     }
@@ -113,7 +113,7 @@ impl std::io::Read for Stream<'_> {
     }
 }
 
-/// A small window on a source, for walking over headers: most steps need no read of their own.
+/// A small buffered window of a source for reading headers in sequence: most steps need no read of the file.
 pub(crate) struct Window<'a> {
     source: &'a Source,
     start: u64,
@@ -130,14 +130,14 @@ impl<'a> Window<'a> {
         self.source
     }
 
-    /// Up to `length` bytes from `offset` on; fewer where the source ends.
+    /// Up to `length` bytes from `offset` on; fewer at the end of the source.
     pub(crate) fn get(&mut self, offset: u64, length: usize) -> Result<&[u8], LogError> {
         let left = self.source.length().saturating_sub(offset);
         let length = length.min(usize::try_from(left).unwrap_or(usize::MAX));
         let held = offset >= self.start && offset + length as u64 <= self.start + self.buffer.len() as u64;
         if !held {
             let span = length.max(self.span).min(usize::try_from(left).unwrap_or(usize::MAX));
-            // Emptied first: after a failed read nothing stale may pass for the bytes at the new place.
+            // Cleared first, so that after a failed read old bytes are not taken for those at the new offset.
             self.buffer.clear();
             self.start = offset;
             let mut buffer = std::mem::take(&mut self.buffer);

@@ -1,4 +1,4 @@
-//! Opening by index: the summary at the end of the file, if it is there, sound, and tells of every message.
+//! Opens a log by index: the summary at the end of the file, if it exists, is sound and covers every message.
 
 use crate::catalog::{ATTACHMENT_PROBE, BODY_LIMIT, Catalog, Problems};
 use crate::error::LogError;
@@ -10,23 +10,23 @@ use bytes::Bytes;
 use mcap::records::{ChunkIndex, Statistics};
 use std::collections::BTreeMap;
 
-/// Footer record and closing magic.
+/// Size of footer record and closing magic.
 const TAIL: u64 = HEAD as u64 + 20 + 8;
 /// A larger summary is not read.
 const SUMMARY_LIMIT: u64 = 64 << 20;
 
 const NO_FOOTER: &str = "the log ends without a footer: it was cut, or never finished";
 
-/// A summary whose checksum is right.
+/// A summary with a valid checksum.
 #[derive(Debug, Default)]
 pub(crate) struct Summary {
     pub(crate) catalog: Catalog,
     pub(crate) chunks: Vec<ChunkIndex>,
-    /// Where it begins: where the data end.
+    /// Offset of its start, which is the end of the data.
     start: u64,
 }
 
-/// A log as its index or a scan tells it.
+/// A log as described by its index or a scan.
 #[derive(Debug, Default)]
 pub(crate) struct Contents {
     pub(crate) catalog: Catalog,
@@ -37,7 +37,7 @@ pub(crate) struct Contents {
     pub(crate) problems: Problems,
 }
 
-/// The summary; `Ok(Err(…))` says why there is none that can be used.
+/// The summary; `Ok(Err(…))` says why there is no usable one.
 pub(crate) fn read(source: &Source) -> Result<Result<Summary, String>, LogError> {
     let length = source.length();
     if length < TAIL + 8 {
@@ -63,7 +63,7 @@ pub(crate) fn read(source: &Source) -> Result<Result<Summary, String>, LogError>
     }
     let bytes = source.read(start, (end - start) as usize)?;
     if footer.summary_crc != 0 {
-        // The checksum covers the summary and the footer up to itself.
+        // The checksum covers the summary, and the footer up to the checksum.
         let mut hasher = crc32fast::Hasher::new();
         hasher.update(&bytes);
         hasher.update(&tail[..HEAD + 16]);
@@ -99,7 +99,7 @@ fn parse(bytes: &Bytes, start: u64) -> Result<Summary, String> {
     Ok(summary)
 }
 
-/// The log as `summary` tells it; `Ok(Err(…))` says why the summary does not tell of all messages.
+/// The log that `summary` describes; `Ok(Err(…))` says why the summary does not cover all messages.
 pub(crate) fn contents(source: &Source, summary: &Summary) -> Result<Result<Contents, String>, LogError> {
     let mut contents = Contents { catalog: summary.catalog.clone(), ..Contents::default() };
     let mut window = Window::new(source, 4096);
@@ -161,7 +161,7 @@ pub(crate) fn contents(source: &Source, summary: &Summary) -> Result<Result<Cont
     Ok(Ok(contents))
 }
 
-/// Messages by channel, if the statistics give them and they add up.
+/// Messages by channel, if the statistics have them and their sum is correct.
 pub(crate) fn counts_of(statistics: &Statistics) -> Option<BTreeMap<u16, u64>> {
     let counts = &statistics.channel_message_counts;
     let sum = counts.values().try_fold(0u64, |sum, &count| sum.checked_add(count))?;
@@ -169,8 +169,8 @@ pub(crate) fn counts_of(statistics: &Statistics) -> Option<BTreeMap<u16, u64>> {
     (sum == statistics.message_count).then(|| counts.collect())
 }
 
-/// Counts messages by channel: by the message indexes, which are compared with the statistics; by the statistics alone
-/// where a writer made no indexes.
+/// Counts messages by channel: from the message indexes, which are compared with the statistics, or from the statistics
+/// alone if there are no indexes.
 fn settle_counts(
     window: &mut Window<'_>,
     summary: &Summary,
@@ -192,7 +192,7 @@ fn settle_counts(
         && stated.as_ref() != Some(&contents.counts)
     {
         let (told, indexed) = (statistics.message_count, contents.counts.values().sum::<u64>());
-        // Statistics may give no counts by channel.
+        // Statistics may have no counts by channel.
         if told != indexed || !statistics.channel_message_counts.is_empty() {
             contents.problems.add(format!(
                 "the statistics count {told} messages, the message indexes {indexed}: the indexes are believed"
@@ -202,7 +202,7 @@ fn settle_counts(
     Ok(Ok(()))
 }
 
-/// Takes in the records from `at` to `end`, which the chunk index leaves out.
+/// Processes the records from `at` to `end`, which are not in the chunk index.
 fn between(
     window: &mut Window<'_>,
     mut at: u64,
@@ -227,7 +227,7 @@ fn between(
     Ok(Ok(()))
 }
 
-/// As much of a record's body as [`Catalog::take`] wants.
+/// The part of a record's body that [`Catalog::take`] needs.
 pub(crate) fn body_of(source: &Source, head: Head, offset: u64) -> Result<Bytes, LogError> {
     let length = match head.op {
         op::ATTACHMENT => head.body.min(ATTACHMENT_PROBE as u64),
@@ -239,7 +239,7 @@ pub(crate) fn body_of(source: &Source, head: Head, offset: u64) -> Result<Bytes,
     source.read(offset + HEAD as u64, length as usize)
 }
 
-/// Counts messages by the message indexes behind the chunks, for a summary without statistics.
+/// Counts messages from the message indexes after the chunks, for a summary without statistics.
 fn count(
     window: &mut Window<'_>,
     summary: &Summary,
@@ -268,7 +268,7 @@ fn count(
     Ok(Ok(()))
 }
 
-/// Checks the data section's checksum, where there is one; gives what is wrong. Reads the whole log.
+/// Checks the checksum of the data section, if it has one; returns the problem. Reads the complete log.
 pub(crate) fn check_data(source: &Source, summary: &Summary) -> Result<Option<String>, LogError> {
     const DATA_END: u64 = HEAD as u64 + 4;
     let Some(at) = summary.start.checked_sub(DATA_END).filter(|&at| at >= 8) else { return Ok(None) };

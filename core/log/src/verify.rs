@@ -1,4 +1,4 @@
-//! Checking a log whole: every checksum, count, index entry, attachment and message.
+//! Checks a complete log: every checksum, count, index entry, attachment and message.
 
 use crate::error::LogError;
 use crate::info::{Lost, TopicId};
@@ -8,28 +8,29 @@ use crate::segment::{Decoded, Segment, decode};
 use crate::summary;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Problems of one kind that are told in full.
+/// Greatest number of problems of one kind that are described.
 const MOST_TOLD: usize = 20;
 /// Larger message indexes are not read.
 const INDEX_LIMIT: u64 = 64 << 20;
 
-/// What checking a log whole found.
+/// Result of checking a complete log.
 #[derive(Clone, Debug, Default)]
 pub struct Verification {
-    /// Segments that were read: chunks, and runs of messages outside chunks.
+    /// Segments that were read: chunks, and runs of messages outside of chunks.
     pub segments: u64,
-    /// Messages that were found in them.
+    /// Messages found in them.
     pub messages: u64,
     /// What could not be read.
     pub lost: Lost,
-    /// What is wrong with the log, a sentence each; empty for a sound one.
+    /// Problems of the log, one sentence each; empty for a sound log.
     pub problems: Vec<String>,
-    /// By topic: messages that do not decode, and why the first of them does not.
+    /// By topic: the number of messages that do not decode, and the error of the first of them.
     pub undecodable: BTreeMap<TopicId, (u64, String)>,
 }
 
 impl Log {
-    /// Reads all of the log and checks everything that it says of itself. `progress` is told bytes done and bytes in all.
+    /// Reads all of the log and checks everything that it states about itself. `progress` gets bytes done and total
+    /// bytes.
     pub fn verify(&self, progress: &mut dyn FnMut(u64, u64)) -> Result<Verification, LogError> {
         let inner = &*self.0;
         let mut found = Verification::default();
@@ -37,7 +38,7 @@ impl Log {
         let total = inner.source.length();
         for (index, segment) in inner.segments.iter().enumerate() {
             progress(segment.start, total);
-            // Damage is counted where reading meets it.
+            // Damage is counted when it is read.
             self.load(index as u32)?;
             let decoded = decode(&inner.source, segment)?;
             found.segments += 1;
@@ -76,7 +77,7 @@ impl Log {
         });
         let undecodable: Vec<String> = undecodable.collect();
         found.problems.extend(undecodable);
-        // What opening and reading have met comes first.
+        // Problems found by opening and reading come first.
         let mut problems = self.problems();
         problems.append(&mut found.problems);
         found.problems = problems;
@@ -85,7 +86,7 @@ impl Log {
         Ok(found)
     }
 
-    /// Compares the message indexes behind a chunk with its messages.
+    /// Compares the message indexes after a chunk with its messages.
     fn check_index(
         &self,
         segment: &Segment,
@@ -127,7 +128,7 @@ impl Log {
         Ok(())
     }
 
-    /// Decodes every message by its schema, where there is a reader for it.
+    /// Decodes every message whose schema has a reader.
     fn check_messages(&self, decoded: &Decoded, found: &mut Verification) {
         for message in &decoded.messages {
             let id = TopicId(message.channel);

@@ -1,4 +1,4 @@
-//! Writing a log: zstd chunks that are closed by size and by time.
+//! Writes logs: zstd chunks that are closed by size and by time.
 
 use crate::error::LogError;
 use crate::output::Output;
@@ -13,45 +13,45 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// Version of what we put into a log, in its metadata record `ocu`.
+/// Version of our conventions, in the metadata record `ocu` of a log.
 pub const FORMAT_VERSION: u32 = 1;
 
-/// A topic of a log being written.
+/// A topic of a log that is being written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ChannelId(pub u16);
 
-/// What is written beside a message's bytes.
+/// Header of a message to be written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WriteHeader {
-    /// Number of the message in its topic.
+    /// Sequence number of the message in its topic.
     pub sequence: u32,
-    /// When it is logged: what orders the log.
+    /// Log time, by which the log is ordered.
     pub log_time: Stamp,
     /// When it was published.
     pub publish_time: Stamp,
 }
 
-/// A clock for the chunks' time limit: time since any fixed moment.
+/// Clock for the chunks' time limit: time since any fixed moment.
 pub type Clock = Arc<dyn Fn() -> Duration + Send + Sync>;
 
-/// How a log is written.
+/// Options of a log writer.
 #[derive(Clone)]
 pub struct WriterOptions {
     /// The header's profile.
     pub profile: String,
-    /// Build that writes: `ocu 0.1.0`; it is put into the metadata record `ocu` beside the format version.
+    /// Build of the writing program: `ocu 0.1.0`; stored in the metadata record `ocu` beside the format version.
     pub build: String,
-    /// Further entries of the metadata record `ocu`: the stack's hash, ….
+    /// Further entries of the metadata record `ocu`, such as the stack's hash.
     pub metadata: BTreeMap<String, String>,
     /// Whether chunks are compressed with zstd.
     pub compress: bool,
     /// A chunk is closed when its contents are larger than this.
     pub chunk_bytes: u64,
-    /// A chunk is closed when its first message is older than this, so that a kill loses no more.
+    /// A chunk is closed when its first message is older than this, which limits the loss when the program is killed.
     pub chunk_age: Duration,
     /// The clock for `chunk_age`; the system's monotonic clock by default.
     pub clock: Clock,
-    /// Whether a file that is there already may be replaced; otherwise it is an error.
+    /// Whether an existing file may be replaced; otherwise it is an error.
     pub replace: bool,
 }
 
@@ -64,7 +64,7 @@ impl Default for WriterOptions {
             metadata: BTreeMap::new(),
             compress: true,
             chunk_bytes: 1 << 20,
-            // A little under a second: closing and writing a chunk takes time of its own.
+            // Slightly less than a second, because closing and writing a chunk takes time.
             chunk_age: Duration::from_millis(900),
             clock: Arc::new(move || start.elapsed()),
             replace: false,
@@ -84,9 +84,9 @@ impl std::fmt::Debug for WriterOptions {
     }
 }
 
-/// Where a log's bytes go.
+/// Destination of a log's bytes.
 pub trait Sink: Write + Send {
-    /// Makes what was written last through a loss of power, where that can be done.
+    /// Makes the data written so far durable, if possible.
     fn sync(&mut self) -> io::Result<()> {
         self.flush()
     }
@@ -101,7 +101,7 @@ impl Sink for BufWriter<File> {
 
 impl Sink for Vec<u8> {}
 
-/// Counts what passes, so that the format's writer knows its position without a seek.
+/// Counts bytes, so that the format's writer knows its position without a seek.
 struct Counted {
     sink: Box<dyn Sink>,
     written: Arc<AtomicU64>,
@@ -135,10 +135,10 @@ impl Seek for Counted {
     }
 }
 
-/// Writes a log from front to back.
+/// Writes a log sequentially.
 ///
-/// After an error nothing more is written, and every further call gives an error; what was flushed before opens.
-/// A log that is dropped without [`LogWriter::finish`] has its summary written as far as that succeeds.
+/// After an error nothing more is written, and every further call returns an error; what was flushed before can be
+/// opened. If a writer is dropped without [`LogWriter::finish`], its summary is written if possible.
 pub struct LogWriter {
     writer: mcap::Writer<Counted>,
     path: PathBuf,
@@ -150,8 +150,8 @@ pub struct LogWriter {
 }
 
 impl LogWriter {
-    /// Creates the file at `path`. One that is there is replaced only where the options say so, and goes when the new
-    /// one has begun; one that another recorder writes is refused.
+    /// Creates the file at `path`. An existing file is replaced only if the options allow it, and is removed when the
+    /// new one has begun; a file that another recorder is writing is refused.
     pub fn create(path: impl AsRef<Path>, options: WriterOptions) -> Result<Self, LogError> {
         let path = path.as_ref().to_owned();
         let mut output = Output::create(&path, options.replace)?;
@@ -163,7 +163,7 @@ impl LogWriter {
         Ok(log)
     }
 
-    /// Writes into `sink`; errors name `path`.
+    /// Writes into `sink`; errors contain `path`.
     pub fn with_sink(sink: Box<dyn Sink>, path: PathBuf, options: WriterOptions) -> Result<Self, LogError> {
         let WriterOptions {
             profile,
@@ -194,7 +194,7 @@ impl LogWriter {
         Ok(log)
     }
 
-    /// Adds a topic. The same topic, schema and metadata again give the same number.
+    /// Adds a topic. The same topic, schema and metadata give the same number again.
     pub fn add_channel(
         &mut self,
         topic: &str,
@@ -213,7 +213,7 @@ impl LogWriter {
         .inspect(|_| self.note_unflushed())
     }
 
-    /// Appends a message, and closes the chunk when its time has come.
+    /// Appends a message, and closes the chunk if it is old enough.
     pub fn write(&mut self, channel: ChannelId, header: WriteHeader, data: &[u8]) -> Result<(), LogError> {
         let header = MessageHeader {
             channel_id: channel.0,
@@ -246,14 +246,14 @@ impl LogWriter {
         self.flush()
     }
 
-    /// Closes the chunk and hands everything to the system: a kill from here on loses nothing written so far.
+    /// Closes the chunk and hands all data to the system, so that killing the program later does not lose them.
     pub fn flush(&mut self) -> Result<(), LogError> {
         self.attempt(mcap::Writer::flush)?;
         self.oldest_unflushed = None;
         Ok(())
     }
 
-    /// Flushes if the oldest message not yet flushed has reached the age limit. Says whether it did.
+    /// Flushes if the oldest unflushed message has reached the age limit. Returns whether it did.
     pub fn flush_if_due(&mut self) -> Result<bool, LogError> {
         let due = self.time_to_flush().is_some_and(|left| left.is_zero());
         if due {
@@ -262,22 +262,22 @@ impl LogWriter {
         Ok(due)
     }
 
-    /// How long until a flush is due; `None` while there is nothing to flush.
+    /// Time until a flush is due; `None` if there is nothing to flush.
     pub fn time_to_flush(&self) -> Option<Duration> {
         self.oldest_unflushed.map(|since| (since + self.chunk_age).saturating_sub((self.clock)()))
     }
 
-    /// Bytes handed to the file so far.
+    /// Bytes written to the file so far.
     pub fn bytes_written(&self) -> u64 {
         self.written.load(Ordering::Relaxed)
     }
 
-    /// [`LogWriter::bytes_written`], to be read after the writer is finished.
+    /// A handle on [`LogWriter::bytes_written`] that stays valid after the writer is finished.
     pub(crate) fn bytes_counter(&self) -> Arc<AtomicU64> {
         Arc::clone(&self.written)
     }
 
-    /// Writes the summary and makes the file last. The log opens by index from then on.
+    /// Writes the summary and syncs the file. From then on the log opens by its index.
     pub fn finish(mut self) -> Result<(), LogError> {
         self.attempt(|writer| writer.finish().map(|_| ()))?;
         let Self { writer, path, written, .. } = self;
@@ -291,7 +291,8 @@ impl LogWriter {
         }
     }
 
-    /// Runs one step of the format's writer; the first failure of the sink is kept, and nothing is tried after it.
+    /// Runs one step of the format's writer; keeps the first failure of the sink, after which nothing more is
+    /// attempted.
     fn attempt<T>(
         &mut self,
         step: impl FnOnce(&mut mcap::Writer<Counted>) -> Result<T, McapError>,

@@ -1,4 +1,4 @@
-//! What the tests share.
+//! Helpers of the tests.
 
 use bytes::Bytes;
 use rcs_log::{ChannelId, CursorOptions, Log, LogMessage, LogWriter, Sink, WriteHeader, WriterOptions};
@@ -8,19 +8,19 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-/// Every message, in the cursor's order; a read that fails is a failure.
+/// Every message, in the cursor's order; a failed read fails the test.
 pub(crate) fn read_all(log: &Log) -> Vec<LogMessage> {
     log.cursor(CursorOptions::default()).map(Result::unwrap).collect()
 }
 
-/// What a message is, without its place, which depends on how the log was opened.
+/// A message without its position, which depends on how the log was opened.
 pub(crate) type Plain = (u16, u32, u64, u64, Bytes);
 
 pub(crate) fn plain(messages: Vec<LogMessage>) -> Vec<Plain> {
     messages.into_iter().map(|m| (m.topic.0, m.sequence, m.log_time.0, m.publish_time.0, m.data)).collect()
 }
 
-/// Every log under a folder, in order of their paths.
+/// Every log below a folder, sorted by path.
 pub(crate) fn logs_under(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).unwrap() {
@@ -35,7 +35,7 @@ pub(crate) fn logs_under(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// A small generator of numbers with a literal seed.
+/// A small pseudo-random generator with a literal seed.
 pub(crate) struct Numbers(pub(crate) u64);
 
 impl Numbers {
@@ -51,7 +51,7 @@ impl Numbers {
     }
 }
 
-/// A sink that shares what was written to it, and that can be told when to fail.
+/// A sink whose bytes the test can read, and that fails on request.
 #[derive(Clone, Default)]
 pub(crate) struct SharedSink {
     pub(crate) bytes: Arc<Mutex<Vec<u8>>>,
@@ -109,7 +109,7 @@ pub(crate) fn header(sequence: usize, time: u64) -> WriteHeader {
     WriteHeader { sequence: sequence as u32, log_time: Stamp(time), publish_time: Stamp(time) }
 }
 
-/// A log in memory of the given messages: topic, log time, size. Message `i` has sequence `i`.
+/// A log in memory with the given messages: topic, log time, size. Message `i` has sequence `i`.
 pub(crate) fn log_of(messages: &[(usize, u64, usize)], options: WriterOptions) -> Bytes {
     let sink = SharedSink::default();
     let topics = messages.iter().map(|m| m.0 + 1).max().unwrap_or(0);

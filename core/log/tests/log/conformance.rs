@@ -1,5 +1,5 @@
-//! MCAP's own vectors. Compared: header, schemas, channels, messages, statistics (counts and times), and that nothing
-//! is lost. Not compared: chunk indexes, summary offsets, data end and footer, which are forms and not contents.
+//! MCAP's conformance vectors. The tests compare header, schemas, channels, messages and statistics (counts and times),
+//! and check that nothing is lost. They do not compare chunk indexes, summary offsets, data end and footer.
 
 use crate::common::{logs_under, plain, read_all};
 use bytes::Bytes;
@@ -96,7 +96,7 @@ fn every_conformance_vector_reads_as_its_json_says() {
         let log = Log::open(&path).unwrap();
         check(&log, records, &name);
         check(&Log::open_by_scan(&path).unwrap(), records, &name);
-        // Without an index there is nothing to open by; with one that repeats the channels there is.
+        // Without an index a log cannot be opened by index; an index that repeats the channels is sufficient.
         let has = |feature: &str| name.split('-').any(|part| part == feature);
         let by_index = has("chx") && has("rch") && has("rsh") && (has("st") || has("mx"));
         if by_index {

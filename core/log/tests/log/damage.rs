@@ -1,4 +1,4 @@
-//! Logs that were cut, and logs with bits flipped.
+//! Truncated logs, and logs with flipped bits.
 
 use crate::common::{Numbers, SharedSink, header, log_of, plain, read_all, writer};
 use bytes::Bytes;
@@ -11,7 +11,7 @@ fn compressed() -> Option<Bytes> {
     Some(std::fs::read(data.join("mcap-crate-drive/compressed.mcap")).unwrap().into())
 }
 
-/// Where records begin, with their opcodes.
+/// Offsets of records, with their opcodes.
 fn records(log: &[u8]) -> Vec<(usize, u8)> {
     let mut at = 8;
     let mut found = Vec::new();
@@ -32,7 +32,7 @@ fn a_log_cut_at_any_record_boundary_keeps_every_message_before_the_cut() {
     let expected = read_all(&Log::from_bytes(whole.clone()).unwrap()).len() as u64;
     let mut messages = 0;
     for (at, op) in records(&whole) {
-        // Behind a message index nothing new can be lost; one in seven of them stands for all.
+        // After a message index nothing new can be lost, so one in seven of those offsets is tested.
         if op == MESSAGE_INDEX && at % 7 != 0 {
             continue;
         }
@@ -70,7 +70,7 @@ fn a_log_cut_anywhere_opens_says_what_was_lost_and_keeps_what_came_before() {
         if boundaries.contains(&cut) {
             assert_eq!(info.lost, Lost::default(), "cut at {cut}: {:?}", info.problems);
         } else {
-            // Of a chunk whose last bytes alone are gone every message may still be there.
+            // A chunk that only lacks its last bytes may still have every message.
             assert!(info.problems.len() > 1, "cut at {cut}: {:?}", info.problems);
         }
         lossy += usize::from(info.lost.bytes > 0);
@@ -156,7 +156,7 @@ fn an_uncompressed_chunk_with_a_damaged_message_gives_up_that_message_alone() {
     let messages: Vec<(usize, u64, usize)> = (0..50).map(|index| (0, 1000 + index, 40)).collect();
     let bytes = log_of(&messages, WriterOptions { compress: false, ..WriterOptions::default() });
     let body = bytes.windows(40).position(|window| window == [25; 40]).unwrap();
-    // The length of message 25 stands 30 bytes in front of its data; make it run over the messages behind.
+    // The length of message 25 is 30 bytes before its data; the test makes it extend over the following messages.
     for (offset, value) in [(30, 200), (29, 3), (8, 0xff), (31, 0)] {
         let mut damaged = bytes.to_vec();
         damaged[body - offset] = value;
@@ -184,7 +184,7 @@ fn a_log_whose_first_chunk_with_the_definitions_is_gone_takes_them_from_the_summ
     assert!(log.info().messages >= 350, "{:?}", log.info().problems);
     assert_eq!(log.info().messages + log.info().lost.messages, 400);
     assert_eq!(log.info().topics.len(), 1);
-    // Without a summary the messages cannot be told what they are of: they are counted as lost.
+    // Without a summary the topic of the messages is unknown, so they are counted as lost.
     let data_end = records(&bytes).iter().find(|(_, op)| *op == DATA_END).unwrap().0;
     damaged.truncate(data_end);
     let log = Log::from_bytes(damaged.into()).unwrap();
@@ -207,7 +207,7 @@ fn damage_in_a_large_indexed_log_is_told_when_it_is_met() {
     let middle = chunks[chunks.len() / 2];
     // Checksum of the contents.
     bytes[middle + 9 + 24] ^= 1;
-    // The front of another one's compressed data.
+    // The start of the compressed data of another chunk.
     let other = chunks[3] + 9 + 44;
     bytes[other..other + 20].fill(0xff);
     let log = Log::from_bytes(bytes.into()).unwrap();
@@ -234,7 +234,7 @@ fn an_index_that_points_beyond_the_file_or_is_damaged_is_not_believed() {
         assert_eq!(log.info().lost.messages, 0, "{why}");
         assert_eq!(plain(read_all(&log)), expected, "{why}");
     };
-    // A chunk index's offset, with the summary's checksum taken away.
+    // Changes the offset of a chunk index and removes the checksum of the summary.
     let index = records(&bytes).iter().find(|(_, op)| *op == 0x08).unwrap().0;
     let mut damaged = bytes.to_vec();
     damaged[index + 9 + 16 + 5] = 0x7f;
@@ -246,7 +246,7 @@ fn an_index_that_points_beyond_the_file_or_is_damaged_is_not_believed() {
     let mut damaged = bytes.to_vec();
     damaged[footer + 9 + 6] = 0xff;
     check(damaged, "the footer puts the summary");
-    // One chunk index left out of the summary, with the statistics.
+    // Removes one chunk index and the statistics from the summary.
     let mut damaged = bytes.to_vec();
     damaged[index] = 0x90;
     damaged[footer + 9 + 16..footer + 9 + 20].fill(0);

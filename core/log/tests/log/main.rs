@@ -1,4 +1,4 @@
-//! Logs of others and of ours, sound and damaged.
+//! Logs of other programs and our own, sound and damaged.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by a panic")]
 

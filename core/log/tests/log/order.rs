@@ -1,4 +1,4 @@
-//! Order, resuming, stepping and looking up, against plain references over unsorted logs.
+//! Order, resuming, stepping and lookup, compared with simple reference implementations on unsorted logs.
 
 use crate::common::{log_of, read_all};
 use proptest::prelude::*;

@@ -59,7 +59,7 @@ fn a_lossless_recording_holds_every_message_of_every_thread() {
     assert_eq!(log.attachment("stack.toml").unwrap().unwrap().data, "text");
 }
 
-/// A disk that stands still until it is let go.
+/// A disk that blocks until it is released.
 #[derive(Clone)]
 struct Stuck {
     sink: SharedSink,
@@ -125,7 +125,7 @@ fn a_full_disk_shows_in_the_status_and_a_lossless_recording_does_not_hang() {
     assert!(order.iter().copied().eq(0..order.len() as u32));
 }
 
-/// A message that says on which thread it was encoded.
+/// A message that reports the thread on which it was encoded.
 #[derive(Clone)]
 struct Told(Arc<Mutex<Vec<Option<String>>>>);
 

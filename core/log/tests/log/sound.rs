@@ -1,11 +1,11 @@
-//! Sound logs of others.
+//! Sound logs of other programs.
 
 use crate::common::{logs_under, plain, read_all};
 use rcs_log::{CursorOptions, Log, Lost};
 use rcs_msg::MessageEncoding;
 use std::path::Path;
 
-/// Opened by index and by a scan, a sound log is the same.
+/// A sound log is the same whether it is opened by index or by a scan.
 fn check_same_both_ways(path: &Path) -> Log {
     let name = path.display();
     let indexed = Log::open(path).unwrap();

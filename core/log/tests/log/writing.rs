@@ -1,4 +1,4 @@
-//! What we write, we read; what is cut short stays readable.
+//! Logs that we write can be read; truncated ones stay readable.
 
 use crate::common::{SharedSink, header, plain, read_all, schema, writer};
 use bytes::Bytes;
@@ -79,7 +79,7 @@ fn a_damaged_attachment_is_refused_by_its_checksum() {
     assert!(error.to_string().contains("checksum"), "{error}");
 }
 
-/// A clock that stands where it is put.
+/// A clock that a test sets.
 fn hand_clock() -> (Arc<AtomicU64>, WriterOptions) {
     let now_ms = Arc::new(AtomicU64::new(0));
     let theirs = Arc::clone(&now_ms);
@@ -94,7 +94,7 @@ fn a_kill_at_any_moment_loses_at_most_the_last_second() {
     let (mut writer, channels) = writer(&sink, options, 1);
     let mut written_ms = Vec::new();
     for index in 0..200 {
-        // A burst every now and then, and pauses of up to 70 ms; the owner looks after flushes every 10 ms.
+        // Occasional bursts, with pauses of up to 70 ms; the owner checks for flushes every 10 ms.
         let pause_ms = if index % 5 == 0 { 70 } else { 3 };
         for _ in 0..pause_ms / 10 {
             now_ms.fetch_add(10, Ordering::Relaxed);
@@ -109,7 +109,7 @@ fn a_kill_at_any_moment_loses_at_most_the_last_second() {
         assert!(log.info().messages >= old, "{} of {old} messages at {now} ms", log.info().messages);
         assert_eq!(log.info().lost.bytes, 0, "a flushed log ends at a record");
     }
-    // Nothing more comes, and the last messages are flushed all the same.
+    // After the last messages nothing arrives, and they are flushed all the same.
     let wait = writer.time_to_flush().unwrap();
     assert!(wait <= Duration::from_secs(1));
     now_ms.fetch_add(wait.as_millis() as u64, Ordering::Relaxed);
