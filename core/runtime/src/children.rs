@@ -1,9 +1,9 @@
-//! What a supervisor knows of its children, and how it commands them.
+//! Children of a supervisor: their states as it sees them, and the commands that it sends them.
 //!
-//! A process declares the children that it can have beside its ports; a stack's `supervisor = "x"` gives it one, and the
-//! plan wires its commands and statuses. A child's state comes with the rules of RCS applied: it is `EXEC` until its
-//! status echoes the serial that was sent, so that an old `DONE` is never mistaken for the new one, and silent where
-//! there was no status for longer than a few of its periods.
+//! A process declares the children that it can have beside its ports. A stack assigns a child by `supervisor = "x"`,
+//! and the plan wires the commands and statuses. The state of a child follows the rules of RCS: it is `EXEC` until its
+//! status echoes the serial of the last command, so that an old `DONE` is never taken for a new one, and it is silent
+//! if there was no status for several of its periods.
 
 use crate::command::{CommandDef, CommandSet, NoCommands, Order};
 use crate::cycle::{Cycle, Staged};
@@ -13,18 +13,18 @@ use serde::{Deserialize, Serialize};
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-/// A child, or any number of them, that a process can have.
+/// A child, or a set of children, that a process can have.
 #[derive(Clone, Copy, Debug)]
 pub struct ChildDef {
     /// Name in the stack file: `as = "…"`.
     pub name: &'static str,
     /// One sentence.
     pub help: &'static str,
-    /// Whether a stack must give it.
+    /// Whether a stack must assign one.
     pub required: bool,
     /// Whether there may be more than one.
     pub many: bool,
-    /// Commands that it must obey beside the runtime's.
+    /// Commands that it must obey in addition to those of the runtime.
     pub commands: &'static [CommandDef],
 }
 
@@ -63,37 +63,38 @@ impl<C> Clone for Child<C> {
 
 impl<C> Copy for Child<C> {}
 
-/// How a supervisor must see a child.
+/// State of a child as its supervisor must treat it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChildState {
     /// It waits for its first command.
     Uninitialized,
-    /// It is at work, or has not answered the last command yet.
+    /// It is executing, or has not answered the last command yet.
     Exec,
-    /// It has done what it was told.
+    /// It has completed the last command.
     Done,
-    /// It cannot go on, or refused the last command.
+    /// It cannot continue, or refused the last command.
     Error,
     /// It has posted no status for several of its periods.
     Silent,
 }
 
-/// A child as its supervisor sees it now.
+/// A child as its supervisor sees it.
 #[derive(Clone, Debug)]
 pub struct ChildReport {
     /// Name of the process.
     pub name: Arc<str>,
-    /// How it must be seen.
+    /// Its state.
     pub state: ChildState,
-    /// One line: what it says of itself, or why its state is what it is.
+    /// One line: its own status text, or the reason for its state.
     pub text: String,
     /// Whether this supervisor has the authority over it.
     pub is_ours: bool,
-    /// Who sent what it obeys, where that was not this supervisor: the operator. Its state is its own then.
+    /// The sender of the command that it obeys, if that is not this supervisor: the operator. Then `state` is the
+    /// child's own.
     pub obeys_another: Option<String>,
 }
 
-/// The children of a node: where their statuses and commands are, and what was sent.
+/// The children of a node: where their statuses and commands are, and what was sent to them.
 #[derive(Default)]
 pub(crate) struct ChildLinks {
     me: Arc<str>,
@@ -104,27 +105,28 @@ pub(crate) struct ChildLinks {
 struct Link {
     slot: usize,
     name: Arc<str>,
-    /// Index among the node's inputs, and among its outputs.
+    /// Index among the inputs of the node, and among its outputs.
     input: usize,
     output: usize,
     silent_ns: u64,
 }
 
-/// What a node remembers of its children: part of a snapshot.
+/// State of a node concerning its children: part of a snapshot.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct ChildLinksState {
     /// Serial of the last command to each child.
     sent: Vec<u64>,
-    /// When the first cycle was run: from when on a child that was never heard is silent.
+    /// Time of the first cycle, from which on a child without any status counts as silent.
     since: Option<Stamp>,
 }
 
-/// A child is silent after this many of its periods, and after this time at least.
+/// A child is silent after this many of its periods, and at least after this time.
 const SILENT_PERIODS: u64 = 5;
 const SILENT_NS: u64 = 500_000_000;
 
 impl ChildLinks {
-    /// The children of a process of the plan. Their statuses are its inputs after its ports, their commands its outputs.
+    /// The children of a process of the plan. Their statuses are its inputs after its ports, and their commands its
+    /// outputs.
     pub(crate) fn new(plan: &Plan, process: usize) -> Self {
         let process = &plan.processes[process];
         let link = |(index, child): (usize, &crate::stack::ChildPlan)| {
@@ -153,19 +155,19 @@ impl ChildLinks {
         of_slot.nth(place).map(|(index, _)| index)
     }
 
-    /// The refusal of the last command sent, where the child cannot do it.
+    /// The refusal of the last command sent, if the child cannot obey it.
     fn refusal<'s>(&self, status: &'s rcs::Status, sent: u64) -> Option<&'s rcs::Refusal> {
         let ours = |refused: &&rcs::Refusal| refused.serial == sent && *refused.writer == *self.me;
         status.refused.as_ref().filter(|refused| sent > 0 && !refused.no_authority && ours(refused))
     }
 
-    /// Whether it obeys someone else, who has the authority over it, or had when it saw the last command.
+    /// Whether it obeys another commander, who has the authority over it, or had it when the last command arrived.
     fn obeys_another(&self, status: &rcs::Status, sent: u64) -> bool {
         let another = |name: &str| !name.is_empty() && *name != *self.me;
         another(&status.commander) && (another(&status.owner) || status.supervisor_serial >= sent)
     }
 
-    /// How a child that is not silent must be seen.
+    /// State of a child that is not silent.
     fn state_of(&self, index: usize, status: Option<&rcs::Status>) -> ChildState {
         let sent = self.state.sent[index];
         let Some(status) = status else {
@@ -188,15 +190,15 @@ impl ChildLinks {
 }
 
 impl Cycle<'_> {
-    /// The children of a handle that stands for any number.
+    /// The children of a handle for a set.
     pub fn members<C>(&self, children: &Children<C>) -> impl Iterator<Item = Child<C>> + use<C> {
         let slot = children.slot;
         let count = self.child_links.links.iter().filter(|link| link.slot == slot).count();
         (0..count).map(move |place| Child::new(slot, place))
     }
 
-    /// Sends a child an order; `false` where the stack gives no such child. It is visible with what else the cycle
-    /// writes.
+    /// Sends a command to a child; `false` if the stack assigns no such child. The command becomes visible with the
+    /// other output of the cycle.
     pub fn send<C: CommandSet>(&mut self, child: &Child<C>, order: impl Into<Order<C>>) -> bool {
         let Some(index) = self.child_links.index(child.slot, child.place) else { return false };
         let serial = &mut self.child_links.state.sent[index];
@@ -207,13 +209,13 @@ impl Cycle<'_> {
         true
     }
 
-    /// How a child must be seen; `None` where the stack gives no such child.
+    /// State of a child; `None` if the stack assigns no such child.
     pub fn child_state<C>(&self, child: &Child<C>) -> Option<ChildState> {
         let index = self.child_links.index(child.slot, child.place)?;
         Some(self.judge(index, self.status_of(index)))
     }
 
-    /// A child as it must be seen, with the reason; `None` where the stack gives no such child.
+    /// State of a child with the reason; `None` if the stack assigns no such child.
     pub fn child<C>(&self, child: &Child<C>) -> Option<ChildReport> {
         let index = self.child_links.index(child.slot, child.place)?;
         let (link, sent) = (&self.child_links.links[index], self.child_links.state.sent[index]);

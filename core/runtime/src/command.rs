@@ -1,29 +1,31 @@
-//! Commands: what a process obeys.
+//! Commands that processes obey.
 //!
 //! A process declares its own commands as one enum with [`commands!`](crate::commands). The runtime adds five that
 //! every process obeys:
 //!
 //! | command | what it does |
 //! | --- | --- |
-//! | `INIT` | makes the state anew from the parameters (after a panic, too), then calls [`Process::init`](crate::Process::init) every cycle |
+//! | `INIT` | creates the state again from the parameters (also after a panic), then calls
+//! [`Process::init`](crate::Process::init) every cycle |
 //! | `RUN` | calls [`Process::cycle`](crate::Process::cycle) every cycle |
 //! | `HALT` | calls [`Process::halt`](crate::Process::halt) every cycle |
-//! | `TAKE` | takes the authority over the process, or keeps it; what the process does stays as it is |
-//! | `RELEASE` | gives the authority back: the operator's goes to the supervisor |
+//! | `TAKE` | takes or keeps the authority over the process; its work does not change |
+//! | `RELEASE` | returns the authority: the operator's goes to the supervisor |
 //!
-//! Who may command a process, and what happens to what cannot be obeyed: `register.rs`.
+//! `register.rs` decides who may command a process, and what happens to commands that cannot be obeyed.
 
 use rcs_msg::{Payload, Schema, Stamp, params, rcs, schema_of};
 use std::any::Any;
 use std::sync::Arc;
 
-/// The commands of a kind of process beside those of the runtime. Written with [`commands!`](crate::commands).
+/// The commands of a kind of process in addition to those of the runtime. Implemented by
+/// [`commands!`](crate::commands).
 pub trait CommandSet: Clone + Send + Sync + 'static {
-    /// What there is, in the order in which a person meets it.
+    /// The commands, in the order in which they are shown.
     const COMMANDS: &'static [CommandDef];
-    /// The command as a value; an error says what is wrong with its name or its parameters.
+    /// Decodes a command; the error says what is wrong with its name or its parameters.
     fn decode(command: &rcs::Command) -> Result<Self, String>;
-    /// Its name and its parameters, as [`CommandSet::decode`] reads them.
+    /// Name and parameters, in the form that [`CommandSet::decode`] reads.
     fn encode(&self) -> Encoded;
 }
 
@@ -34,28 +36,28 @@ pub struct CommandDef {
     pub name: &'static str,
     /// One sentence.
     pub help: &'static str,
-    /// Schema of its parameters, a message whose fields carry unit, range, default and help like those of a process's
-    /// parameters; `None` where it has none.
+    /// Schema of its parameters, a message whose fields have unit, range, default and help like those of a process's
+    /// parameters; `None` for a command without parameters.
     pub parameters: Option<fn() -> &'static Arc<Schema>>,
 }
 
 impl CommandDef {
-    /// Full name of its parameter message; empty where it has none.
+    /// Full name of its parameter message; empty for a command without parameters.
     pub fn parameters_schema(&self) -> &'static str {
         self.parameters.map_or("", |schema| schema().name())
     }
 }
 
-/// A command on its way into a message.
+/// An encoded command.
 #[derive(Clone, Debug)]
 pub struct Encoded {
     /// Its name.
     pub name: &'static str,
-    /// Schema and bytes of its parameters; both empty where it has none.
+    /// Schema and bytes of its parameters; both empty for a command without parameters.
     pub parameters: (String, Vec<u8>),
 }
 
-/// No commands but those of the runtime.
+/// The empty set: a process that obeys only the commands of the runtime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoCommands {}
 
@@ -71,16 +73,16 @@ impl CommandSet for NoCommands {
     }
 }
 
-/// What a supervisor can tell a child whose own commands are `C`.
+/// A command for a child whose own commands are `C`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Order<C> {
-    /// Begin anew.
+    /// `INIT`: start again.
     Init,
-    /// Work.
+    /// `RUN`: work.
     Run,
-    /// Stop working.
+    /// `HALT`: stop working.
     Halt,
-    /// A command of its own.
+    /// A command of the child's own.
     Own(C),
 }
 
@@ -111,8 +113,8 @@ impl<C: CommandSet> Order<C> {
     }
 }
 
-/// Declares a process's own commands: an enum with a name, a sentence of help and, where there is one, the parameter
-/// message of each.
+/// Declares a process's own commands: an enum whose variants have a name, a sentence of help and optionally a parameter
+/// message.
 ///
 /// ```
 /// rcs_runtime::commands! {
@@ -176,14 +178,14 @@ macro_rules! commands {
     };
 }
 
-/// What the code that [`commands!`](crate::commands) writes calls.
+/// Functions that code from [`commands!`](crate::commands) calls.
 #[doc(hidden)]
 pub mod support {
     pub use super::{Encoded, encode, no_parameters, parameters, unknown};
     pub use rcs_msg::{rcs::Command, schema_of};
 }
 
-/// Says that a name is no command of that set, and what would be.
+/// The error for a name that is not in the set, with the names that are.
 pub fn unknown<C: CommandSet>(name: &str) -> String {
     let known = C::COMMANDS.iter().map(|known| known.name);
     let known: Vec<_> = BUILT_IN.iter().map(|known| known.name).chain(known).collect();
@@ -198,7 +200,7 @@ pub fn no_parameters(command: &rcs::Command) -> Result<(), String> {
     Err(format!("{} has no parameters; got {}", command.name, named(&command.parameters_schema)))
 }
 
-/// The parameters of a command, of their type and within their ranges.
+/// Decodes the parameters of a command and checks their type and ranges.
 pub fn parameters<T: Payload>(command: &rcs::Command) -> Result<T, String> {
     let (name, expected) = (&command.name, T::full_name());
     if command.parameters_schema != expected {
@@ -228,7 +230,7 @@ pub(crate) const HALT: &str = "HALT";
 pub(crate) const TAKE: &str = "TAKE";
 pub(crate) const RELEASE: &str = "RELEASE";
 
-/// The commands that the runtime obeys for every process.
+/// The runtime's commands, which every process obeys.
 pub const BUILT_IN: &[CommandDef] = &[
     CommandDef { name: INIT, help: "Make the state anew, after a panic, too.", parameters: None },
     CommandDef { name: RUN, help: "Work from now on.", parameters: None },
@@ -237,5 +239,5 @@ pub const BUILT_IN: &[CommandDef] = &[
     CommandDef { name: RELEASE, help: "Give the authority back.", parameters: None },
 ];
 
-/// A command as the process's own enum.
+/// Decodes a command into the process's own enum.
 pub(crate) type Typed = Arc<dyn Any + Send + Sync>;

@@ -1,8 +1,8 @@
-//! Whether two runs wrote the same, message by message, and where they first do not.
+//! Compares the messages of two runs, and finds the first difference.
 //!
-//! Messages of one buffer belong together by their sequence; of several differences at one instant the one that was
-//! written first counts. Measured time is left out: it differs from run to run. Messages are compared instant by instant
-//! and none is kept longer than that.
+//! Messages of one buffer correspond by their sequence. Of several differences at the same time, the one that was
+//! written first counts. Measured times are excluded, because they differ from run to run. Messages are compared time
+//! by time, and none is kept longer than that.
 
 use crate::stack::names;
 use rcs_log::{Cursor, CursorOptions, Log, LogError, LogMessage, Reassembly};
@@ -13,20 +13,20 @@ use std::iter::Peekable;
 /// The first message in which two runs differ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
-    /// When it became visible, in seconds since the first run's start.
+    /// Time at which it became visible, in seconds since the start of the first run.
     pub time_s: f64,
     /// Its buffer.
     pub buffer: String,
-    /// Its number in the buffer.
+    /// Its sequence in the buffer.
     pub sequence: u64,
-    /// The field, as a path; `log_time`, `acq_time` or `schema` where the message itself is the same; `message` where
-    /// only one run has it.
+    /// Path of the field; `log_time`, `acq_time` or `schema` if the value is the same; `message` if only one run has
+    /// it.
     pub field: String,
-    /// For a person: both values, or the cycle whose inputs differ.
+    /// Both values, or the cycle whose inputs differ, as text.
     pub detail: String,
 }
 
-/// A message with all that is compared.
+/// A message with everything that is compared.
 #[derive(Clone, Debug)]
 pub(crate) struct Entry {
     pub(crate) sequence: u32,
@@ -36,7 +36,7 @@ pub(crate) struct Entry {
 }
 
 impl Entry {
-    /// A recorded message; one that was stored as a delta is put together, and is `None` where that cannot be done.
+    /// A recorded message, reassembled if it was stored as a delta; `None` if that fails.
     pub(crate) fn of(stored: &LogMessage, log: &Log, reassembly: &mut Reassembly) -> Option<(String, Self)> {
         let (topic, message) = if reassembly.takes(stored.topic) {
             let whole = reassembly.take(stored)?;
@@ -55,23 +55,23 @@ impl Entry {
     }
 }
 
-/// Which run a message is of.
+/// Which run a message belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Side {
     First,
     Second,
 }
 
-/// The messages of one buffer at one instant, each with its place among all of them.
+/// The messages of one buffer at one time, each with its position among all messages.
 #[derive(Default)]
 struct Pair {
     first: VecDeque<(u64, Entry)>,
     second: VecDeque<(u64, Entry)>,
-    /// The first run may lack messages of this buffer: it was recorded thinned, or with drops.
+    /// Whether the first run may lack messages of this buffer, because it was recorded at a reduced rate or with drops.
     thinned: bool,
 }
 
-/// Puts the messages of two runs side by side.
+/// Pairs the messages of two runs.
 pub(crate) struct Matcher {
     start: Stamp,
     buffers: BTreeMap<String, Pair>,
@@ -83,7 +83,7 @@ impl Matcher {
         Self { start, buffers: BTreeMap::new(), order: 0 }
     }
 
-    /// Allows that the first run lacks messages of a buffer.
+    /// Allows the first run to lack messages of a buffer.
     pub(crate) fn thin(&mut self, buffer: &str) {
         self.buffers.entry(buffer.to_owned()).or_default().thinned = true;
     }
@@ -99,7 +99,7 @@ impl Matcher {
         }
     }
 
-    /// Compares what was put in since the last call: both runs have come to the same instant.
+    /// Compares what was added since the last call. To be called when both runs have reached the same time.
     pub(crate) fn settle(&mut self) -> Option<Difference> {
         let mut found: Option<(Stamp, u64, Difference)> = None;
         for (buffer, pair) in &mut self.buffers {
@@ -121,7 +121,7 @@ impl Matcher {
 }
 
 impl Pair {
-    /// The first difference, and empties both sides.
+    /// Returns the first difference and empties both sides.
     fn settle(&mut self) -> Option<(u64, Entry, String, String)> {
         let only = |side: &str| ("message".to_owned(), format!("only the {side} has it"));
         let found = loop {
@@ -145,7 +145,7 @@ impl Pair {
                     let (field, detail) = only("first");
                     break (*order, a.clone(), field, detail);
                 }
-                // Both are empty: one message on the second side alone was taken above.
+                // Both are empty: a message on the second side alone was handled above.
                 (None, _) => return None,
             }
         };
@@ -155,7 +155,7 @@ impl Pair {
     }
 }
 
-/// In what two messages of one place differ.
+/// The difference between two corresponding messages.
 fn difference(a: &Entry, b: &Entry) -> Option<(String, String)> {
     let said = |field: &str, a: &dyn std::fmt::Display, b: &dyn std::fmt::Display| {
         Some((field.to_owned(), format!("{a} in the first, {b} in the second")))
@@ -197,7 +197,7 @@ fn differing_field(a: &AnyMessage, b: &AnyMessage) -> (String, String) {
             }
             (Some((path, _)), _) => return (path.to_string(), "only the first has it".to_owned()),
             (None, Some((path, _))) => return (path.to_string(), "only the second has it".to_owned()),
-            // The bytes differ in what no field shows: unknown fields, or another order.
+            // The bytes differ in something that no field shows: unknown fields, or the order of fields.
             (None, None) => return (String::new(), "the same fields, other bytes".to_owned()),
         }
     }
@@ -220,7 +220,7 @@ fn differing_leaf(path: &FieldPath, a: &Value, b: &Value) -> Option<(FieldPath, 
 
 fn same(a: &Value, b: &Value) -> bool {
     match (a, b) {
-        // NaN is what it is, and -0 is not 0: bits are compared.
+        // Bits are compared: NaN equals NaN, and -0 differs from 0.
         (Value::Float(a), Value::Float(b)) => a.to_bits() == b.to_bits(),
         (a, b) => a == b,
     }
@@ -240,12 +240,12 @@ fn show(value: &Value) -> String {
     }
 }
 
-/// Whether messages of a topic are measured time, which no comparison looks at.
+/// Whether messages of a topic are measured times, which are not compared.
 pub(crate) fn is_measured(topic: &str) -> bool {
     topic == names::TIMING
 }
 
-/// The first message in which two recordings differ; `None` where they agree. Reads both once, side by side.
+/// The first message in which two recordings differ; `None` if they agree. Reads both in one pass, in parallel.
 pub fn diff(a: &Log, b: &Log) -> Result<Option<Difference>, LogError> {
     let cursor = |log: &Log| log.cursor(CursorOptions::default()).peekable();
     let (mut ones, mut others) = (cursor(a), cursor(b));
@@ -271,7 +271,7 @@ pub(crate) fn next_time(cursor: &mut Peekable<Cursor>) -> Result<Option<Stamp>, 
     }
 }
 
-/// Puts every message up to and with a time in, but measured time.
+/// Adds every message up to and including a time, except measured times.
 pub(crate) fn put_until(
     matcher: &mut Matcher,
     side: Side,

@@ -1,4 +1,4 @@
-//! What a process sees during one cycle.
+//! The context of one cycle of a process.
 
 use crate::children::ChildLinks;
 use crate::pool::Pool;
@@ -12,9 +12,9 @@ use std::collections::VecDeque;
 use std::marker::PhantomData;
 use std::ops::Deref;
 
-/// The context of one cycle: inputs as they were when it started, and everything that a process may do.
+/// The context of one cycle: the inputs at its start, and all operations of a process.
 ///
-/// What is written becomes visible to others when the cycle has ended, or later where the stack declares a latency.
+/// Output becomes visible to other processes when the cycle has ended, or after the declared latency.
 pub struct Cycle<'a> {
     pub(crate) now: Stamp,
     pub(crate) inputs: &'a mut [InputView],
@@ -43,13 +43,13 @@ pub(crate) struct Staged {
 }
 
 impl Staged {
-    /// Encodes the message now, on this thread, for those who will ask for its bytes.
+    /// Encodes the message now, on this thread, for later readers of its bytes.
     pub(crate) fn encode(&self) {
         self.message.bytes();
     }
 }
 
-/// A message from an input port: derefs to its value.
+/// A message from an input port; dereferences to its value.
 #[derive(Clone, Debug)]
 pub struct Msg<T> {
     sample: Sample,
@@ -57,7 +57,7 @@ pub struct Msg<T> {
 }
 
 impl<T: Payload> Msg<T> {
-    /// The sample as a `T`; `None` where it is none, or does not decode.
+    /// The sample as a `T`; `None` if it has another type or does not decode.
     pub fn from_sample(sample: Sample) -> Option<Self> {
         let message = if sample.message.holds::<T>() {
             sample.message
@@ -72,13 +72,13 @@ impl<T: Payload> Msg<T> {
         &self.sample.header
     }
 
-    /// When what it tells of was sensed.
+    /// Acquisition time of the message.
     pub fn acq_time(&self) -> Stamp {
         self.sample.header.acq_time
     }
 
-    /// The message itself: a reader that knows what it is made from takes [`AnyMessage::source`] of it, and the `T` is
-    /// never made.
+    /// The message itself. A reader that knows the source type of a deferred message uses [`AnyMessage::source`], which
+    /// avoids making the `T`.
     pub fn message(&self) -> &AnyMessage {
         &self.sample.message
     }
@@ -99,7 +99,8 @@ impl Cycle<'_> {
         self.now
     }
 
-    /// The next unread message of a port; call again for more. One that does not decode is a fault and is skipped.
+    /// The next unread message of a port; to be called repeatedly. A message that does not decode is a fault and is
+    /// skipped.
     pub fn read<T: Payload>(&mut self, port: &In<T>) -> Option<Msg<T>> {
         while let Some(sample) = self.inputs[port.index].fresh.pop_front() {
             let sequence = sample.header.sequence;
@@ -111,29 +112,30 @@ impl Cycle<'_> {
         None
     }
 
-    /// The newest unread message of a port; older unread ones are skipped.
+    /// The newest unread message of a port; skips older ones.
     pub fn read_newest<T: Payload>(&mut self, port: &In<T>) -> Option<Msg<T>> {
         let fresh = &mut self.inputs[port.index].fresh;
         fresh.drain(..fresh.len().saturating_sub(1));
         self.read(port)
     }
 
-    /// The newest message of a port, read or not.
+    /// The newest message of a port, read or unread.
     pub fn latest<T: Payload>(&self, port: &In<T>) -> Option<Msg<T>> {
         Msg::from_sample(self.inputs[port.index].latest.clone()?)
     }
 
-    /// How many messages of a port were dropped before this process could read them, since its last cycle.
+    /// Number of messages of a port since the last cycle that were dropped before this process could read them.
     pub fn missed<T>(&self, port: &In<T>) -> u64 {
         self.inputs[port.index].missed
     }
 
-    /// Writes a message that tells of what was sensed at `acq_time`.
+    /// Writes a message whose content was acquired at `acq_time`.
     pub fn write<T: Payload>(&mut self, port: &Out<T>, acq_time: Stamp, value: T) {
         self.staged.push(Staged { output: port.index, acq_time, message: AnyMessage::new(value) });
     }
 
-    /// Writes a value that becomes a message for those who do not know it: see [`AnyMessage::deferred`].
+    /// Writes a value that is converted to a message only for readers that do not know its type: see
+    /// [`AnyMessage::deferred`].
     pub fn write_deferred<S, T>(&mut self, port: &Out<T>, acq_time: Stamp, source: S)
     where
         S: DeferredSource<T>,
@@ -143,51 +145,51 @@ impl Cycle<'_> {
         self.staged.push(Staged { output: port.index, acq_time, message });
     }
 
-    /// The next of the process's own commands that came since its last cycle; call again for more. What is not asked
-    /// for in this cycle does not come again, but the last one stands: [`Cycle::command`].
+    /// The next of the process's own commands since its last cycle; to be called repeatedly. Commands that are not read
+    /// in this cycle are not returned again, but the last one stays in force: [`Cycle::command`].
     pub fn next_command<P: Process>(&mut self) -> Option<P::Command> {
         self.register.next()?.downcast_ref::<P::Command>().cloned()
     }
 
-    /// The process's own command that is being obeyed: the last one since `RUN`.
+    /// The process's own command in force: the last one since `RUN`.
     pub fn command<P: Process>(&self) -> Option<&P::Command> {
         self.register.standing()?.downcast_ref()
     }
 
-    /// Whether a command, own or not, was accepted since the last cycle.
+    /// Whether any command was accepted since the last cycle.
     pub fn is_new_command(&self) -> bool {
         self.register.is_new()
     }
 
-    /// Says that the process is at work, and at what.
+    /// Sets the status to executing, with a text.
     #[track_caller]
     pub fn exec(&mut self, text: impl Into<Text>) {
         self.status.set(rcs::ProcessState::Exec, text.into());
     }
 
-    /// Says that the command has been carried out.
+    /// Sets the status to done.
     #[track_caller]
     pub fn done(&mut self, text: impl Into<Text>) {
         self.status.set(rcs::ProcessState::Done, text.into());
     }
 
-    /// Says that the process cannot go on.
+    /// Sets the status to error.
     #[track_caller]
     pub fn error(&mut self, text: impl Into<Text>) {
         self.status.set(rcs::ProcessState::Error, text.into());
     }
 
-    /// Reports bad input, which is then skipped: counted, and shown with the status.
+    /// Reports an input that is bad and skipped: it is counted and shown in the status.
     pub fn fault(&mut self, text: impl Into<Text>) {
         self.status.fault(text.into());
     }
 
-    /// Random numbers of this process: the same for the same seed, and from the first on again after `INIT`.
+    /// Random numbers of this process: the same for the same seed; they start again after `INIT`.
     pub fn rng(&mut self) -> &mut ChaCha8Rng {
         self.rng
     }
 
-    /// Threads to compute on.
+    /// Threads for parallel work.
     pub fn pool(&self) -> &Pool {
         self.pool
     }

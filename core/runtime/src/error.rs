@@ -1,6 +1,6 @@
-//! Why a run could not start, or could not go on.
+//! Why a run cannot start or continue.
 
-/// Why a stack could not be made to run, or could not run on.
+/// Why a run cannot start or continue.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// The stack does not fit the plugins or the log.
@@ -9,16 +9,16 @@ pub enum RunError {
     /// The log could not be read.
     #[error(transparent)]
     Log(#[from] rcs_log::LogError),
-    /// A buffer could not be made.
+    /// A buffer could not be created.
     #[error(transparent)]
     Bus(#[from] rcs_bus::BusError),
     /// A message could not be written.
     #[error(transparent)]
     Write(#[from] rcs_bus::WriteError),
-    /// A snapshot does not belong here, or could not be read back.
+    /// A snapshot does not belong to this run, or could not be read.
     #[error("snapshot: {0}")]
     Snapshot(String),
-    /// What was asked for cannot be done.
+    /// The request cannot be fulfilled.
     #[error("{0}")]
     Refused(String),
 }

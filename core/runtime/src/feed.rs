@@ -1,4 +1,4 @@
-//! A log's messages on their way into a stack: converted to canonical types, in the log's order.
+//! Feeds the messages of a log into a stack: converted to canonical types, in the order of the log.
 
 use crate::error::RunError;
 use crate::history::LogRef;
@@ -13,29 +13,29 @@ use std::collections::BTreeMap;
 const RAW: &str = "foxglove.RawImage";
 const COMPRESSED: &str = "foxglove.CompressedImage";
 
-/// Reads the topics of a stack's inputs and writes them into its buffers.
+/// Reads the topics of a stack's inputs and writes their messages into its buffers.
 pub(crate) struct Feed {
     log: Log,
     cursor: Cursor,
     pending: Option<LogMessage>,
-    /// Where the cursor stood before `pending`.
+    /// Position of the cursor before `pending`.
     position: Position,
-    /// Writers that each topic fills, and whether they want compressed images decoded.
+    /// Writers for each topic, and whether they need decoded images.
     writers: BTreeMap<TopicId, Vec<(Writer, bool)>>,
-    /// Puts together what was stored as key frames and deltas.
+    /// Reassembles messages that were stored as key frames and deltas.
     reassembly: Reassembly,
-    /// It stands elsewhere than the cursor.
+    /// Whether the reassembly must be moved to the position of the cursor.
     is_behind: bool,
-    /// The first and the last moment of the log.
+    /// Start and end of the log.
     pub(crate) range: (Stamp, Stamp),
-    /// Where it has no message for a long time.
+    /// Long periods without messages.
     gaps: Vec<Gap>,
     fixed: Vec<LogMessage>,
-    /// The message that was given last.
+    /// The last message that was fed.
     given: Option<LogRef>,
 }
 
-/// A log's message in the form in which a buffer of that type holds it; `None` where it does not decode.
+/// A log's message converted to the type of a buffer; `None` if it does not decode.
 pub(crate) fn for_buffer(raw: &AnyMessage, wanted: &Schema) -> Option<AnyMessage> {
     let message = canonical(raw)?;
     match message.get::<CompressedImage>().filter(|_| wanted.name() == RAW) {
@@ -44,7 +44,7 @@ pub(crate) fn for_buffer(raw: &AnyMessage, wanted: &Schema) -> Option<AnyMessage
     }
 }
 
-/// A message that could not be given to the stack.
+/// A message that could not be fed into the stack.
 pub(crate) struct FeedFault {
     pub(crate) time: Stamp,
     pub(crate) text: String,
@@ -84,9 +84,9 @@ impl Feed {
         Ok(Self { log, cursor, pending, position, writers, reassembly, is_behind, range, gaps, fixed, given })
     }
 
-    /// When a cycle that is due at `time` is done: behind a gap of the log, on the process's grid, where it would fall
-    /// into one and `slack_ns` after the last message have passed. Nothing would come of cycles through a gap but the
-    /// wait for its end, which may be decades.
+    /// Time at which a cycle that is due at `time` runs. If `time` is within a gap of the log, more than `slack_ns`
+    /// after the last message, the cycle is moved to the process's next due time after the gap: cycles in a gap would
+    /// do nothing, and a gap may last decades.
     pub(crate) fn after_gap(&self, time: Stamp, period_ns: u64, slack_ns: u64) -> Stamp {
         let is_in = |gap: &&Gap| time > gap.from.after_ns(slack_ns) && time < gap.to;
         let Some(gap) = self.gaps.iter().find(is_in) else { return time };
@@ -94,12 +94,12 @@ impl Feed {
         time.after_ns((gap.to.0 - time.0).div_ceil(period_ns).saturating_mul(period_ns))
     }
 
-    /// Whether a topic of canonical type `got` can fill a buffer of type `wanted`: compressed images are decoded.
+    /// Whether a topic of canonical type `got` can feed a buffer of type `wanted`; compressed images are decoded.
     pub(crate) fn converts(got: &str, wanted: &str) -> bool {
         got == wanted || (got == COMPRESSED && wanted == RAW)
     }
 
-    /// Gives the messages that hold for the whole log.
+    /// Feeds the messages that are valid for the whole log.
     pub(crate) fn give_fixed(&mut self, at: Stamp) -> Vec<FeedFault> {
         let fixed = std::mem::take(&mut self.fixed);
         fixed.iter().filter_map(|message| self.give(message, at).err()).collect()
@@ -114,10 +114,10 @@ impl Feed {
         Ok(self.pending.as_ref().map(|message| message.log_time))
     }
 
-    /// Gives the next message to the stack.
+    /// Feeds the next message into the stack.
     pub(crate) fn give_next(&mut self) -> Result<(), FeedFault> {
         let Some(message) = self.pending.take() else { return Ok(()) };
-        // What was put together of several messages cannot be read again as one.
+        // A message that was reassembled from several cannot be read again as one.
         let alone = !self.reassembly.takes(message.topic);
         self.given = alone.then_some(LogRef { topic: message.topic, place: message.place });
         if std::mem::take(&mut self.is_behind)
@@ -133,7 +133,7 @@ impl Feed {
         let Some(topic) = self.log.info().topic(message.topic) else { return Ok(()) };
         let mut id = message.topic;
         let raw = if self.reassembly.takes(id) {
-            // What cannot be put together has been told by the log.
+            // The log has reported messages that cannot be reassembled.
             let Some(whole) = self.reassembly.take(message) else { return Ok(()) };
             id = whole.topic;
             whole.message
@@ -148,7 +148,7 @@ impl Feed {
                 topic.schema.name()
             )));
         };
-        // A sensor's own stamp says when it sensed; where there is none, when it was published says it best.
+        // The acquisition time is the sensor's own stamp or, without one, the publish time.
         let acq_time = header_stamp(&message_out)
             .filter(|stamp| stamp.0 != 0)
             .unwrap_or(if message.publish_time.0 == 0 { message.log_time } else { message.publish_time });
@@ -166,22 +166,22 @@ impl Feed {
         Ok(())
     }
 
-    /// The log that it reads.
+    /// The log that is read.
     pub(crate) fn log(&self) -> &Log {
         &self.log
     }
 
-    /// The message that was given last.
+    /// The last message that was fed.
     pub(crate) fn given(&self) -> Option<LogRef> {
         self.given
     }
 
-    /// Where the feed stands.
+    /// Position of the feed.
     pub(crate) fn position(&self) -> Position {
         if self.pending.is_some() { self.position.clone() } else { self.cursor.position() }
     }
 
-    /// Goes to where the feed once stood.
+    /// Returns to an earlier position of the feed.
     pub(crate) fn restore(&mut self, position: Position) {
         self.cursor = self.log.cursor_at(position.clone());
         self.position = position;

@@ -1,22 +1,22 @@
-//! What comes from outside a stack, in one order.
+//! The journal: everything that enters a stack from outside, in one order.
 //!
-//! An operator's command, parameters, edit, teleoperation and emergency stop, a sensor's message, a link's: each is one
-//! [`ExternalEvent`]. A run depends on these, its log, its stack, its parameters and its seed, and on nothing else (a
-//! live run also on its schedule). A [`Journal`] is what repeats a run and what branches of a run differ in; each event
-//! is published in `/runtime/journal`, so that a recording holds it.
+//! An operator's command, parameters, edit, teleoperation and emergency stop, and a message of a sensor or a link are
+//! one [`ExternalEvent`] each. A run depends on these events, its log, its stack, its parameters and its seed, and on
+//! nothing else (a live run depends on its schedule, too). The [`Journal`] is needed to repeat a run, and is what
+//! distinguishes its branches. Each event is published in `/runtime/journal`, so that recordings contain it.
 //!
-//! A log's messages have no events of their own: the log is named by its content in the run's identity, its order is
-//! total, and a copy of it in the journal would say nothing more.
+//! Messages of a log are not journalled: the run's identity names the log by its content, and the order of a log is
+//! total.
 
 use crate::error::RunError;
 use rcs_bus::WriterId;
 use rcs_msg::{AnyMessage, DeferredSource, Stamp, rcs};
 use std::sync::Arc;
 
-/// Where an event stands in the order of a run.
+/// Position of an event in the order of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct EventPlace {
-    /// Events of a stepped run that had been done before it. 0 in a live run, where no two events have one time.
+    /// Number of events of a stepped run before it. 0 in a live run, in which no two events have the same time.
     pub events: u64,
     /// Time of the run.
     pub time: Stamp,
@@ -25,44 +25,44 @@ pub struct EventPlace {
 /// A message from outside a stack.
 #[derive(Clone, Debug)]
 pub struct ExternalEvent {
-    /// Where it stands in the order; set by the run that takes it.
+    /// Its position in the order; set by the run that accepts it.
     pub place: EventPlace,
-    /// Buffer that it goes to.
+    /// The destination buffer.
     pub buffer: Arc<str>,
-    /// Who writes it: [`WriterId::OPERATOR`], or [`WriterId::RUNTIME`] for sensors and links.
+    /// The writer: [`WriterId::OPERATOR`], or [`WriterId::RUNTIME`] for sensors and links.
     pub writer: WriterId,
-    /// When what it tells of was sensed; `None` for the time at which the run takes it.
+    /// Acquisition time; `None` for the time at which the run accepts it.
     pub acq_time: Option<Stamp>,
     /// The message.
     pub message: AnyMessage,
 }
 
 impl ExternalEvent {
-    /// What an operator writes: a command, a parameter message, an edit, teleoperation, an emergency stop.
+    /// An event of the operator: a command, a parameter message, an edit, teleoperation, an emergency stop.
     pub fn operator(buffer: impl Into<Arc<str>>, message: AnyMessage) -> Self {
         let buffer = buffer.into();
         Self { place: EventPlace::default(), buffer, writer: WriterId::OPERATOR, acq_time: None, message }
     }
 
-    /// What a sensor or a link writes.
+    /// An event of a sensor or a link.
     pub fn sensed(buffer: impl Into<Arc<str>>, acq_time: Stamp, message: AnyMessage) -> Self {
         let (place, buffer) = (EventPlace::default(), buffer.into());
         Self { place, buffer, writer: WriterId::RUNTIME, acq_time: Some(acq_time), message }
     }
 
-    /// The same event in a place of its own.
+    /// The same event at another position.
     #[must_use]
     pub fn at(mut self, place: EventPlace) -> Self {
         self.place = place;
         self
     }
 
-    /// When what it tells of was sensed.
+    /// Acquisition time.
     pub fn acq_time(&self) -> Stamp {
         self.acq_time.unwrap_or(self.place.time)
     }
 
-    /// The event of a recorded message; an error where its message does not decode.
+    /// The event of a recorded message; an error if its message does not decode.
     pub fn from_message(event: &rcs::JournalEvent) -> Result<Self, RunError> {
         let unreadable =
             |what: String| RunError::Refused(format!("the journal's event for {} {what}", event.buffer));
@@ -103,51 +103,51 @@ impl DeferredSource<rcs::JournalEvent> for ExternalEvent {
     }
 }
 
-/// What came from outside a stack, in the order of the run. Cheap to clone.
+/// All external events of a run, in order. Cheap to clone.
 #[derive(Clone, Debug, Default)]
 pub struct Journal {
     events: Arc<Vec<ExternalEvent>>,
 }
 
 impl Journal {
-    /// The events of a recording, in their order.
+    /// The events of a recording, in order.
     pub fn new(events: Vec<ExternalEvent>) -> Self {
         Self { events: Arc::new(events) }
     }
 
-    /// The events, in their order.
+    /// The events, in order.
     pub fn events(&self) -> &[ExternalEvent] {
         &self.events
     }
 
-    /// How many there are.
+    /// Number of events.
     pub fn len(&self) -> usize {
         self.events.len()
     }
 
-    /// Whether nothing came from outside.
+    /// Whether there are no events.
     pub fn is_empty(&self) -> bool {
         self.events.is_empty()
     }
 
-    /// Appends an event that stands behind all others.
+    /// Appends an event, which must come after all others.
     pub fn push(&mut self, event: ExternalEvent) {
         Arc::make_mut(&mut self.events).push(event);
     }
 
-    /// Forgets everything from the `length`-th event on.
+    /// Truncates the journal to `length` events.
     pub fn truncate(&mut self, length: usize) {
         if length < self.events.len() {
             Arc::make_mut(&mut self.events).truncate(length);
         }
     }
 
-    /// How many events stand before the point at which `events` events of a stepped run have been done.
+    /// Number of journalled events before the point at which `events` events of a stepped run have been executed.
     pub fn before(&self, events: u64) -> usize {
         self.events.partition_point(|event| event.place.events < events)
     }
 
-    /// How many events stand up to and with that point.
+    /// Number of journalled events up to and including that point.
     pub fn up_to(&self, events: u64) -> usize {
         self.events.partition_point(|event| event.place.events <= events)
     }

@@ -1,15 +1,15 @@
-//! The live executor: a thread a process, each waking at its period, on the wall clock.
+//! The live executor: one thread per process, each woken at its period, on the wall clock.
 //!
-//! What a cycle sees and what it writes is captured and published under one short lock, which also hands out strictly
-//! increasing times: every capture and every publication has a place in one order. A [`rcs::CycleRecord`] per cycle
-//! tells that place, so that [`Stepped`](crate::Stepped) can run that very schedule again.
+//! Inputs are captured and outputs published under one short lock, which also assigns strictly increasing times. So all
+//! captures and publications have one total order. A [`rcs::CycleRecord`] per cycle records its position in this order,
+//! so that [`Stepped`](crate::Stepped) can run the same schedule again.
 //!
-//! Under the lock only references change hands: messages are encoded by the recorder's thread, parameters are checked
-//! by who writes them and decoded by the process that takes them. How late a process woke, how long it waited for the
-//! lock and how long it computed is measured apart. A process that overruns misses cycles and keeps to its grid.
+//! Under the lock only references change hands: the recorder's thread encodes messages; parameters are checked by the
+//! thread that writes them, and decoded by the process that receives them. The delay of waking, the wait for the lock
+//! and the computing time are measured separately. A process that overruns skips cycles and keeps its phase.
 //!
-//! A watchdog turns a process that hangs into `ERROR`, by a status written on its behalf. Stopping waits for a hung
-//! process only so long, and then leaves its thread behind.
+//! A watchdog reports a hung process as `ERROR` by writing a status on its behalf. Stopping waits for a hung process
+//! for a limited time, and then leaves its thread behind.
 
 mod class;
 mod measure;
@@ -41,23 +41,23 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use worker::Worker;
 
-/// From the start of the threads to the first cycle: time for all of them to be there.
+/// Time from the start of the threads to the first cycle, so that all of them are running by then.
 const LEAD: Duration = Duration::from_millis(10);
 
-/// How a stack is run live.
+/// Options of a live run.
 #[derive(Clone, Debug)]
 pub struct LiveOptions {
     /// Seed, threads of each pool, and names, as for a stepped run.
     pub run: RunOptions,
-    /// Where to record; nowhere if `None`.
+    /// File of the recording; `None` for no recording.
     pub record: Option<PathBuf>,
     /// What is recorded.
     pub what: RecordWhat,
-    /// Whether a file that is there already may be replaced.
+    /// Whether an existing file may be replaced.
     pub replace: bool,
-    /// A process hangs when a cycle lasts longer than this, and than ten of its periods.
+    /// A process counts as hung if a cycle lasts longer than this and longer than ten of its periods.
     pub hang_limit: Duration,
-    /// How long stopping waits for cycles that go on.
+    /// How long stopping waits for cycles in progress.
     pub stop_limit: Duration,
 }
 
@@ -74,12 +74,12 @@ impl Default for LiveOptions {
     }
 }
 
-/// A stack on the wall clock.
+/// A stack that runs on the wall clock.
 pub struct Live {
     shared: Arc<Shared>,
     worker_states: Vec<Arc<WorkerState>>,
     threads: Vec<NamedThread>,
-    /// Threads that have ended, by their place in `threads`.
+    /// Threads that have ended, by their index in `threads`.
     ended: (Sender<usize>, Mutex<Receiver<usize>>),
     stop_limit: Duration,
     tally: Option<LiveTally>,
@@ -87,7 +87,7 @@ pub struct Live {
     start: Stamp,
 }
 
-/// Starts a thread: a test's own way of it can fail.
+/// Starts a thread; tests replace it by a function that fails.
 type Spawn<'a> =
     &'a mut dyn FnMut(std::thread::Builder, Box<dyn FnOnce() + Send>) -> std::io::Result<JoinHandle<()>>;
 
@@ -96,28 +96,28 @@ struct NamedThread {
     handle: JoinHandle<()>,
 }
 
-/// How a live run ended.
+/// Result of a live run.
 #[derive(Clone, Debug, Default)]
 pub struct Stopped {
-    /// How the recording went; `None` where there was none.
+    /// Result of the recording; `None` if there was none.
     pub recording: Option<RecorderStatus>,
-    /// Processes that did not end in time: their threads were left behind.
+    /// Processes that did not end in time and whose threads were left behind.
     pub hung: Vec<String>,
-    /// What the run has done.
+    /// Summary of the run.
     pub summary: Summary,
-    /// What was measured of each process, in the order of the stack file.
+    /// Measurements of each process, in the order of the stack file.
     pub timings: Vec<rcs::ProcessTiming>,
 }
 
 impl Live {
-    /// Starts every process of a plan. Where that fails, no thread is left.
+    /// Starts every process of a plan. If that fails, no thread remains.
     pub fn start(plan: Arc<Plan>, options: &LiveOptions) -> Result<Self, RunError> {
         Self::start_with(plan, options, &mut |thread, work| thread.spawn(work))
     }
 
     fn start_with(plan: Arc<Plan>, options: &LiveOptions, spawn: Spawn<'_>) -> Result<Self, RunError> {
         let mut machine = Machine::new(plan, options.run.seed)?;
-        // The threads own the nodes; what is left are the buffers.
+        // The threads own the nodes; the buffers remain here.
         let nodes = std::mem::take(&mut machine.nodes);
         let runtime_writer = |name: &str| machine.buffer(name).map(|buffer| buffer.writer(WriterId::RUNTIME));
         let unix_ns = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
@@ -148,7 +148,7 @@ impl Live {
         };
         let worker_states: Vec<_> = plan.processes.iter().map(state).collect();
         let (ended, receiver) = channel();
-        // From here on dropping `live` ends the threads that run already.
+        // From here on, dropping `live` ends the threads that are running.
         let mut live = Self {
             shared,
             worker_states,
@@ -187,7 +187,7 @@ impl Live {
         let index = self.threads.len();
         let work = Box::new(move || {
             work();
-            // Nobody waits for it where the run has been left already.
+            // No one waits for the thread if the run has been abandoned.
             let _ = ended.send(index);
         });
         let handle = spawn(std::thread::Builder::new().name(name.to_string()), work)
@@ -201,29 +201,29 @@ impl Live {
         &self.shared.machine.bus
     }
 
-    /// What runs.
+    /// The plan.
     pub fn plan(&self) -> &Arc<Plan> {
         &self.shared.machine.plan
     }
 
-    /// When the run began.
+    /// Start time of the run.
     pub fn started(&self) -> Stamp {
         self.start
     }
 
-    /// The time by which everything in this run is stamped.
+    /// The current time of the run.
     pub fn now(&self) -> Stamp {
         self.shared.commit(|now| now)
     }
 
-    /// What was measured of each process so far, in the order of the stack file.
+    /// Measurements of each process so far, in the order of the stack file.
     pub fn timings(&self) -> Vec<rcs::ProcessTiming> {
         watchdog::timings(&self.worker_states)
     }
 
-    /// Takes an event from outside: an operator's, a sensor's, a link's.
+    /// Accepts an external event: of the operator, a sensor or a link.
     pub fn take(&self, event: ExternalEvent) -> Result<(), RunError> {
-        // A check may take long (it reads a world, say): nobody waits for it.
+        // A check may take long (for example, it reads a world), so it is done without the lock.
         let mut checked = self.shared.machine.check(event)?;
         self.shared.commit(|time| {
             checked.event = checked.event.at(EventPlace { events: 0, time });
@@ -231,12 +231,12 @@ impl Live {
         })
     }
 
-    /// How the recording goes.
+    /// State of the recording.
     pub fn recording(&self) -> Option<RecorderStatus> {
         self.recording.as_ref().map(Recording::status)
     }
 
-    /// Ends every process after its cycle, and the recording after them. A process that hangs is left behind.
+    /// Ends every process after its cycle, then the recording. A hung process is left behind.
     pub fn stop(mut self) -> Result<Stopped, RunError> {
         let hung = self.end_threads();
         let now = self.now();
@@ -246,7 +246,7 @@ impl Live {
         Ok(Stopped { recording, hung, summary: summary.unwrap_or_default(), timings: self.timings() })
     }
 
-    /// Ends the threads, and returns the names of those that did not end in time.
+    /// Ends the threads, and returns the names of the processes that did not end in time.
     fn end_threads(&mut self) -> Vec<String> {
         self.shared.stop();
         for thread in &self.threads {

@@ -1,6 +1,6 @@
-//! What a live run has done: messages and their hash, cycles and their durations.
+//! Summary of a live run: messages and their hash, cycles and their durations.
 //!
-//! Hashing encodes every message. It happens on a thread of its own, so that no process waits for it under the lock.
+//! Hashing encodes every message, so it is done on a separate thread, and no process waits for it under the lock.
 
 use crate::stack::{Plan, names};
 use crate::summary::{BufferSummary, CycleTimes, ProcessSummary, Summary, Tally, summary_of};
@@ -11,11 +11,11 @@ use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-/// What takes messages to be hashed (`None` for the end), and the thread that does it.
+/// Channel of the messages to be hashed (`None` for the end), and the thread that hashes them.
 type Hashing = (Sender<Option<(usize, Sample)>>, JoinHandle<Vec<Tally>>);
 type Times = Arc<Mutex<BTreeMap<String, CycleTimes>>>;
 
-/// Counts what a live run does, from its begin on.
+/// Counts the messages and cycles of a live run from its start.
 pub(crate) struct LiveTally {
     times: Times,
     hashing: Option<Hashing>,
@@ -41,10 +41,10 @@ impl LiveTally {
         Ok(Self { times, hashing })
     }
 
-    /// What the run has done, after its processes have ended.
+    /// The summary, after the processes have ended.
     pub(crate) fn finish(self, plan: &Plan, buffers: &[Arc<Buffer>], start: Stamp, now: Stamp) -> Summary {
         let tallies = self.hashing.and_then(|(sender, thread)| {
-            // The thread has gone only if it panicked, which joining it shows.
+            // The thread can only be gone because it panicked, which joining it reports.
             let _ = sender.send(None);
             thread.join().ok()
         });
@@ -75,7 +75,7 @@ fn hash_on_a_thread(buffers: &[Arc<Buffer>]) -> std::io::Result<Hashing> {
     for (index, buffer) in buffers.iter().enumerate().filter(|(_, buffer)| buffer.name() != names::TIMING) {
         let sender = sender.clone();
         buffer.tap(Box::new(move |sample: &Sample| {
-            // After the end of the run nobody counts any more.
+            // After the end of the run no one counts.
             let _ = sender.send(Some((index, sample.clone())));
         }));
     }

@@ -1,4 +1,4 @@
-//! The buffers and nodes of a plan, and what is written to them from outside.
+//! The buffers and nodes of a plan, and writes from outside.
 
 use crate::error::RunError;
 use crate::journal::ExternalEvent;
@@ -12,27 +12,27 @@ use rcs_bus::{Buffer, Draft, OverrideValue, WriterId};
 use rcs_msg::{AnyMessage, Stamp, params, rcs};
 use std::sync::Arc;
 
-/// An event from outside that has been checked: it can take effect at once.
+/// An external event that has been checked and can take effect at once.
 pub(crate) struct CheckedEvent {
     pub(crate) event: ExternalEvent,
-    /// What it does to an override.
+    /// Its change of an override, if it is one.
     change: Option<Change>,
 }
 
 impl CheckedEvent {
-    /// The runtime's own, which needs no check.
+    /// An event of the runtime itself, which needs no check.
     pub(crate) fn own(event: ExternalEvent) -> Self {
         Self { event, change: None }
     }
 }
 
-/// The buffers and nodes of a plan, and the writers of those who are no process.
+/// The buffers and nodes of a plan, and the writers that are not processes.
 pub(crate) struct Machine {
     pub(crate) plan: Arc<Plan>,
     pub(crate) bus: rcs_bus::Bus,
     pub(crate) buffers: Vec<Arc<Buffer>>,
     pub(crate) nodes: Vec<Slot>,
-    /// Looks after the overrides; live runs share it between their threads.
+    /// The overrides; threads of a live run share them.
     pub(crate) overrides: Arc<OverrideTable>,
 }
 
@@ -62,21 +62,21 @@ impl Machine {
         Ok(Self { plan, bus, buffers, nodes, overrides: Arc::new(overrides) })
     }
 
-    /// The buffer of that name, to be written to.
+    /// The buffer with this name, for a write.
     pub(crate) fn buffer(&self, name: &str) -> Result<&Arc<Buffer>, RunError> {
         self.bus.get(name).ok_or_else(|| RunError::Refused(format!("there is no buffer {name} to write to")))
     }
 
-    /// Takes an event from outside, in its place. Whatever is refused changes nothing.
+    /// Accepts an external event at its position. A refused event changes nothing.
     pub(crate) fn take(&self, event: ExternalEvent) -> Result<(), RunError> {
         self.apply(self.check(event)?)
     }
 
-    /// Refuses a buffer that is not there or the runtime's own, parameters that their process would not take, and
-    /// overrides that do not fit. That may take long, and changes nothing: a live run does it outside of its lock.
+    /// Refuses events for buffers that do not exist or belong to the runtime, parameters that their process refuses,
+    /// and overrides that do not fit. It changes nothing and may take long, so a live run calls it without its lock.
     pub(crate) fn check(&self, event: ExternalEvent) -> Result<CheckedEvent, RunError> {
         self.buffer(&event.buffer)?;
-        // What the runtime itself says of a branch is part of the branch's journal.
+        // A branch announcement of the runtime is part of the branch's journal.
         let is_branch = &*event.buffer == names::RUN && event.writer == WriterId::RUNTIME;
         if event.buffer.starts_with(names::OWN) && &*event.buffer != names::OVERRIDE && !is_branch {
             return Err(RunError::Refused(format!(
@@ -98,13 +98,13 @@ impl Machine {
         Ok(CheckedEvent { event, change })
     }
 
-    /// An event that has been checked: an override takes effect, the message is there to be seen, and the journal holds
-    /// the event. Only references change hands here.
+    /// Applies an event that has been checked: sets the override, publishes the message, and journals the event. It
+    /// only passes references on.
     pub(crate) fn apply(&self, CheckedEvent { event, change }: CheckedEvent) -> Result<(), RunError> {
         let buffer = self.buffer(&event.buffer)?;
         let now = event.place.time;
         if let Some(change) = change {
-            // The number of the message in its buffer is the override's.
+            // The sequence of the message in its buffer is the number of the override.
             self.overrides.apply(change, buffer.newest() + 1, now);
         }
         let draft = Draft { log_time: now, acq_time: event.acq_time(), message: event.message.clone() };
@@ -119,7 +119,7 @@ impl Machine {
         Ok(())
     }
 
-    /// Refuses whole parameter messages that their process would not take.
+    /// Refuses complete parameter messages that their process refuses.
     fn check_whole(&self, change: &Change) -> Result<(), RunError> {
         let Change::Set { index, new, .. } = change else { return Ok(()) };
         let OverrideValue::Message(message) = &new.value else { return Ok(()) };
@@ -130,7 +130,7 @@ impl Machine {
         checked.map_err(|error| RunError::Refused(format!("the override of {name}: {error}")))
     }
 
-    /// Writes what every run begins with: its identity, its processes, their parameters, and the viewer's `RUN`.
+    /// Writes the first messages of every run: its identity, its processes, their parameters, and the viewer's `RUN`.
     pub(crate) fn begin(&self, start: Stamp, options: &RunOptions, live: bool) -> Result<(), RunError> {
         let run = rcs::RunInfo {
             stack: self.plan.file.name().to_owned(),
@@ -166,7 +166,7 @@ impl Machine {
     }
 }
 
-/// Refuses parameters that are NaN or out of range, with a message that says the range.
+/// Refuses parameters that are NaN or out of range; the error contains the range.
 pub(crate) fn check_params(message: &AnyMessage) -> Result<(), String> {
     let schema = message.schema();
     let Some(descriptor) = schema.descriptor() else { return Ok(()) };

@@ -1,4 +1,4 @@
-//! A process with its ports: captures inputs, runs one cycle, publishes what it wrote. Both executors use it.
+//! A process with its ports: captures inputs, runs one cycle, publishes its output. Both executors use it.
 
 use crate::children::{ChildLinks, ChildLinksState};
 use crate::cycle::{Cycle, InputView, Staged};
@@ -16,7 +16,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The writer that is the first process of a plan; the others follow in the order of the plan.
+/// The writer of the first process of a plan; the others follow in the order of the plan.
 pub(crate) const FIRST_PROCESS: WriterId = WriterId(WriterId::RUNTIME.0 + 1);
 
 /// A process with its ports.
@@ -29,7 +29,7 @@ pub(crate) struct Node {
     views: Vec<InputView>,
     commands: Reader,
     params: Reader,
-    /// Parameters that were captured and wait for the cycle.
+    /// Parameters that were captured and are decoded in the next cycle.
     new_params: Vec<AnyMessage>,
     new_messages: NewMessages,
     outputs: Vec<Writer>,
@@ -40,17 +40,17 @@ pub(crate) struct Node {
     child_links: ChildLinks,
     panicked: bool,
     rng: ChaCha8Rng,
-    /// What the random numbers begin with, at the start of the run and after each `INIT`.
+    /// Seed of the random numbers, at the start of the run and after each `INIT`.
     seed: [u8; 32],
     staged: Vec<Staged>,
     scratch: Vec<Sample>,
-    /// How often something of what is saved may have changed; never the same again.
+    /// A number that changes whenever the saved state may have changed, and never repeats.
     changes: u64,
 }
 
-/// Whether there may be a command or parameters to read: both are rare, and a look at their buffers costs two locks a
-/// cycle. Set by taps, in both executors under the lock (or in the thread) that orders writes and captures; the atomic
-/// only makes it shareable.
+/// Whether there may be an unread command or parameters. Both are rare, and checking their buffers costs two locks per
+/// cycle. Taps set it, in both executors under the lock (or in the thread) that orders writes and captures; it is an
+/// atomic only because it is shared.
 #[derive(Clone, Default)]
 struct NewMessages(Arc<AtomicBool>);
 
@@ -74,7 +74,7 @@ struct Input {
     depth: usize,
 }
 
-/// All that a node remembers between cycles: part of a snapshot.
+/// State of a node between cycles: part of a snapshot.
 #[derive(Clone)]
 pub(crate) struct NodeState {
     pub(crate) body: SavedBody,
@@ -86,14 +86,14 @@ pub(crate) struct NodeState {
     pub(crate) rng: ChaCha8Rng,
 }
 
-/// State of a process: in memory, or as it was read from disk.
+/// State of a process: in memory, or as read from disk.
 #[derive(Clone)]
 pub(crate) enum SavedBody {
     Live(Arc<dyn SavedState>),
     Encoded(Vec<u8>),
 }
 
-/// What one cycle wrote, on its way to becoming visible.
+/// Output of one cycle that is not visible yet.
 #[derive(Clone)]
 pub(crate) struct Output {
     pub(crate) staged: Vec<Staged>,
@@ -101,8 +101,8 @@ pub(crate) struct Output {
 }
 
 impl Node {
-    /// The process of that place in the plan, who writes as `id`; `names` are those of all writers. `None` where its
-    /// parameters are of another type.
+    /// The process with this index in the plan, which writes as `id`; `names` are those of all writers. `None` if its
+    /// parameters have another type.
     pub(crate) fn new(
         plan: &Plan,
         index: usize,
@@ -156,7 +156,7 @@ impl Node {
         })
     }
 
-    /// A count that is another one whenever what [`Node::save`] gives may be.
+    /// A number that differs whenever the result of [`Node::save`] may differ.
     pub(crate) fn changes(&self) -> u64 {
         self.changes
     }
@@ -165,8 +165,8 @@ impl Node {
         &self.status
     }
 
-    /// Takes everything that is visible now: parameters, a command, and all unread inputs. A live run does so under its
-    /// lock, so parameters are only taken here and decoded in [`Node::run`].
+    /// Captures everything that is visible now: parameters, a command, and all unread inputs. A live run calls it under
+    /// its lock, so parameters are only captured here and decoded in [`Node::run`].
     pub(crate) fn capture(&mut self) {
         self.changes += 1;
         if self.new_messages.take() {
@@ -185,14 +185,14 @@ impl Node {
             }
             view.fresh.extend(self.scratch.drain(..));
             while view.fresh.len() > input.depth {
-                // What a process leaves unread does not pile up.
+                // Messages that the process did not read must not accumulate.
                 view.fresh.pop_front();
                 view.missed += 1;
             }
         }
     }
 
-    /// Sequence of the newest captured message of each input port; 0 where there was none.
+    /// Sequence of the newest captured message of each input port; 0 if there was none.
     pub(crate) fn captured(&self) -> Vec<u64> {
         self.views
             .iter()
@@ -211,12 +211,12 @@ impl Node {
     fn take_command(&mut self, sample: &Sample) {
         let outcome = self.register.take(sample, &self.sources, &self.kind, self.panicked, &mut self.status);
         if outcome == CommandOutcome::Reset {
-            // What it is made anew from are the newest parameters.
+            // The new state is created from the newest parameters.
             for message in std::mem::take(&mut self.new_params) {
                 self.take_params(&message);
             }
             self.panicked = false;
-            // A process that begins anew does what it did at the start of the run.
+            // A process that starts again behaves as at the start of the run.
             self.rng = ChaCha8Rng::from_seed(self.seed);
             let body = &mut self.body;
             if let Err(panic) = catch_unwind(AssertUnwindSafe(|| body.reset())) {
@@ -225,7 +225,7 @@ impl Node {
         }
     }
 
-    /// Runs one cycle on what was captured. What it wrote waits in the node until [`Node::take_output`] or
+    /// Runs one cycle on the captured inputs. The output stays in the node until [`Node::take_output`] or
     /// [`Node::publish`].
     pub(crate) fn run(&mut self, now: Stamp, pool: &Pool) {
         self.changes += 1;
@@ -257,32 +257,32 @@ impl Node {
         self.register.end_cycle();
     }
 
-    /// Its state may be half changed: it does not run until `INIT` makes it anew, and nothing that it wrote in this
-    /// cycle is sent on.
+    /// The state may be half changed, so the process does not run until `INIT` creates it again, and nothing that it
+    /// wrote in this cycle is published.
     fn panicked(&mut self, panic: &(dyn std::any::Any + Send)) {
         self.panicked = true;
         let text = format!("panicked: {}", panic_text(panic));
         self.status.set(rcs::ProcessState::Error, text.into());
     }
 
-    /// Takes what the last cycle wrote, for publishing it later.
+    /// Takes the output of the last cycle, to publish it later.
     pub(crate) fn take_output(&mut self, now: Stamp) -> Output {
         Output { staged: std::mem::take(&mut self.staged), status: self.status.record(now) }
     }
 
-    /// Publishes what the last cycle wrote, and its status.
+    /// Publishes the output of the last cycle, and its status.
     pub(crate) fn publish(&mut self, started: Stamp, visible: Stamp) {
         let mut staged = std::mem::take(&mut self.staged);
         for item in staged.drain(..) {
             self.write(item, visible);
         }
-        // The allocation serves the next cycle.
+        // Keeps the allocation for the next cycle.
         self.staged = staged;
         let status = self.status.record(started);
         self.write_status(status, started, visible);
     }
 
-    /// Publishes what an earlier cycle wrote.
+    /// Publishes the output of an earlier cycle.
     pub(crate) fn publish_output(&mut self, output: Output, started: Stamp, visible: Stamp) {
         for item in output.staged {
             self.write(item, visible);
@@ -317,7 +317,7 @@ impl Node {
         }
     }
 
-    /// Makes the node what it was; an error where the state is not one of its own.
+    /// Restores the node; an error if the state belongs to another kind of process.
     pub(crate) fn restore(&mut self, state: &NodeState) -> Result<(), String> {
         self.changes += 1;
         match &state.body {
@@ -340,13 +340,13 @@ impl Node {
         self.panicked = state.panicked;
         self.rng = state.rng.clone();
         self.staged.clear();
-        // The buffers may hold what had not been read then.
+        // The buffers may contain messages that were unread at that time.
         self.new_messages.set();
         Ok(())
     }
 }
 
-/// What a panic said.
+/// The text of a panic.
 pub(crate) fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_default()

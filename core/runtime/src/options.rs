@@ -1,19 +1,19 @@
-//! How a stack is run.
+//! Options of a run.
 
 use crate::history::PastOptions;
 
-/// How a stack is run.
+/// Options of a run.
 #[derive(Clone, Debug)]
 pub struct RunOptions {
-    /// Seed of every random number.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Threads that processes compute on.
+    /// Number of threads on which processes compute.
     pub threads: usize,
-    /// Whether every buffer is hashed, which encodes every message.
+    /// Whether to hash every buffer, which encodes every message.
     pub hash: bool,
-    /// Program and version, for the log.
+    /// Program and version, for the recording.
     pub build: String,
-    /// Identity of the log that the run reads, by its content; a stepped run finds it out itself.
+    /// Identity of the log that the run reads, from its content; a stepped run determines it itself.
     pub log_identity: String,
     /// How much of its past a [`Session`](crate::Session) keeps, and where.
     pub past: PastOptions,

@@ -1,9 +1,9 @@
-//! What an operator's [`rcs::Override`] does to a buffer: checked when it is set, listed while it lasts.
+//! Overrides ([`rcs::Override`]): checked when they are set, listed while they last.
 //!
-//! The [`OverrideTable`] looks after the overrides of a run: it sets and releases them, and after each event drops what has
-//! expired and puts in force what waited for its cycle. Whenever their list changes it is published in
-//! `/runtime/overrides`. An override that does not fit the message that it was to change was dropped by the buffer, and
-//! is told in `/runtime/log` as the operator's; the message has passed unchanged.
+//! The [`OverrideTable`] sets and releases the overrides of a run. After each event it drops those that have expired,
+//! and puts those in force that waited for a cycle. Whenever the list changes, it is published in `/runtime/overrides`.
+//! A buffer drops an override that does not fit a message; this is reported in `/runtime/log` as an error of the
+//! operator, and the message passes unchanged.
 
 use crate::error::RunError;
 use crate::stack::{Plan, names};
@@ -16,30 +16,30 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Longest time after which an override expires, s.
+/// Greatest time until an override expires, s.
 const LONGEST_S: f64 = 1e7;
 
-/// What an operator asks for, checked.
+/// A checked request of the operator.
 pub(crate) enum Change {
-    /// In the buffer of that place. Number and times are given when it takes effect.
+    /// The buffer with this index. Number and times are assigned when it takes effect.
     Set { index: usize, new: Box<Override>, expires_ns: Option<u64> },
-    /// In one buffer, or in all.
+    /// In one buffer, or in all buffers.
     Release(Option<usize>, Release),
 }
 
-/// Looks after the overrides of a run.
+/// The overrides of a run.
 pub(crate) struct OverrideTable {
     buffers: Vec<Arc<Buffer>>,
     /// Status buffer of each process, by its name.
     statuses: BTreeMap<Arc<str>, Arc<Buffer>>,
-    /// Whether there may be any override.
+    /// Whether any override may exist.
     any: Arc<AtomicBool>,
     list: Writer,
     log: Writer,
 }
 
 impl OverrideTable {
-    /// The overrides of all buffers of a plan, in its order; `None` where the runtime's own buffers are missing.
+    /// The overrides of all buffers of a plan, in its order; `None` if the runtime's own buffers are missing.
     pub(crate) fn new(plan: &Plan, bus: &Bus, buffers: &[Arc<Buffer>]) -> Option<Self> {
         let own = |name: &str| bus.get(name).map(|buffer| buffer.writer(WriterId::RUNTIME));
         let status = |process: &crate::stack::ProcessPlan| {
@@ -63,7 +63,7 @@ impl OverrideTable {
         Ok(index)
     }
 
-    /// Checks what an operator asks for against buffer, field, type and range. Nothing is changed.
+    /// Checks a request against buffer, field, type and range. Changes nothing.
     pub(crate) fn check(&self, message: &AnyMessage) -> Result<Change, RunError> {
         let refused = |text: String| RunError::Refused(text);
         let change = message
@@ -120,7 +120,7 @@ impl OverrideTable {
             };
             buffer.overrides().iter().any(is_meant)
         };
-        // Letting go of all is right where nothing is held, too: it is what a person does to be sure.
+        // Releasing everything is accepted even if nothing is overridden, because operators do it as a precaution.
         let found = match (&which, index) {
             (Release::All, _) => true,
             (Release::Id(_), _) => self.buffers.iter().any(held),
@@ -137,7 +137,7 @@ impl OverrideTable {
         Ok(Change::Release(index, which))
     }
 
-    /// Does what has been checked, now. `id` is the number that an override gets.
+    /// Applies a checked request. `id` is the number of an override.
     pub(crate) fn apply(&self, change: Change, id: u64, now: Stamp) {
         match change {
             Change::Set { index, new, expires_ns } => {
@@ -155,7 +155,7 @@ impl OverrideTable {
         }
     }
 
-    /// To be called after every event: costs one look where there are no overrides.
+    /// To be called after every event; without overrides it costs one check.
     pub(crate) fn update(&self, now: Stamp) {
         if self.any.load(Ordering::Relaxed) {
             self.update_all(now);
@@ -201,7 +201,7 @@ impl OverrideTable {
         }
     }
 
-    /// The cycle that each process has published last for which an override waits.
+    /// The last published cycle of each process that an override waits for.
     fn cycles_waited_for(&self) -> BTreeMap<String, u64> {
         let waiting =
             self.buffers.iter().flat_map(|buffer| buffer.overrides()).filter_map(|active| active.due);
@@ -255,7 +255,7 @@ fn listed(active: &Override, buffer: &str) -> rcs::OverrideInForce {
     }
 }
 
-/// What is put in place, checked against the type of the buffer.
+/// The new value, checked against the type of the buffer.
 fn value_of(change: &rcs::Override, schema: &Arc<Schema>) -> Result<OverrideValue, String> {
     if change.path.is_empty() {
         let whole = rcs_msg::canonical(schema, &change.message).and_then(Result::ok);
@@ -283,7 +283,7 @@ fn value_of(change: &rcs::Override, schema: &Arc<Schema>) -> Result<OverrideValu
     Ok(OverrideValue::Field(path, value))
 }
 
-/// Refuses a path that leads nowhere in a type, and a value that is out of the field's type or range.
+/// Refuses a path that does not exist in a type, and a value of another type or out of the field's range.
 fn check_field(descriptor: &MessageDescriptor, path: &FieldPath, value: &Scalar) -> Result<(), String> {
     let mut message = descriptor.clone();
     let mut segments = path.segments().iter();
@@ -297,7 +297,7 @@ fn check_field(descriptor: &MessageDescriptor, path: &FieldPath, value: &Scalar)
         })?;
         let mut rest = segments.clone();
         if field.cardinality() == Cardinality::Repeated || field.kind() == Kind::Bytes {
-            // An element: of a list by its number, of a map by its key.
+            // An element: of a list by its index, of a map by its key.
             let fits = match rest.next() {
                 Some(Segment::Index(_)) => !field.is_map(),
                 Some(Segment::Field(_)) => field.is_map(),
@@ -332,7 +332,7 @@ fn element_of(field: &FieldDescriptor) -> Kind {
     }
 }
 
-/// A value of a list, or a byte.
+/// An element of a list, or a byte.
 fn check_element(kind: &Kind, value: &Scalar) -> Result<(), String> {
     let whole = |least: i128, most: i128| match value {
         Scalar::Int(number) => (least..=most).contains(&i128::from(*number)),

@@ -1,7 +1,7 @@
-//! What a plugin's author writes: a [`Process`], its [`ProcessDef`], its ports.
+//! What the author of a plugin writes: a [`Process`], its [`ProcessDef`] and its ports.
 //!
 //! The runtime owns everything else: buffers, time, threads, recording. A process is a value: its state is `Clone`, so
-//! that a snapshot is a clone, and it reads, computes and writes only through the [`Cycle`] that it is given.
+//! that a snapshot is a clone. It reads and writes only through the [`Cycle`] that it gets.
 
 use crate::children::{Child, ChildDef, Children};
 use crate::command::{CommandDef, CommandSet, Typed};
@@ -16,63 +16,63 @@ use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-/// One 4D/RCS module: cyclic, with declared inputs, outputs, parameters and commands.
+/// A 4D/RCS module: cyclic, with declared inputs, outputs, parameters and commands.
 ///
-/// The value itself is the state. Large parts belong behind `Arc`, copied on write, so that a clone costs little.
+/// The value itself is the state. Put large parts behind `Arc` with copy on write, so that a clone is cheap.
 pub trait Process: Clone + Serialize + DeserializeOwned + Send + Sync + 'static {
-    /// Parameters: a message of the plugin's own `proto/` whose fields carry unit, range, default and help;
-    /// `rcs.NoParams` where there are none.
+    /// Parameters: a message in the plugin's own `proto/` whose fields have unit, range, default and help;
+    /// `rcs.NoParams` for a process without parameters.
     type Params: Payload;
-    /// Handles of the ports and of the children, made by [`Process::ports`].
+    /// Handles of the ports and children, which [`Process::ports`] creates.
     type Ports: Send + Sync + 'static;
-    /// Its own commands, declared with [`commands!`](crate::commands); [`NoCommands`](crate::NoCommands) where it obeys
-    /// those of the runtime alone.
+    /// Its own commands, declared with [`commands!`](crate::commands); [`NoCommands`](crate::NoCommands) if it obeys
+    /// only those of the runtime.
     type Command: CommandSet;
-    /// Name, summary and period.
+    /// Name, summary, period and latency.
     const DEF: ProcessDef;
 
     /// Declares the ports. Called once; the order of the calls is the order of the port table.
     fn ports(builder: &mut PortBuilder) -> Self::Ports;
-    /// Refuses values that only the process can judge, like the text of a file, before anything runs. An error in a
-    /// file reads `<field>: line <number>, …`.
+    /// Refuses values that only the process can check, such as the text of a file, before anything runs. An error in a
+    /// file has the form `<field>: line <number>, …`.
     fn check(_params: &Self::Params) -> Result<(), String> {
         Ok(())
     }
     /// The state before the first cycle.
     fn new(params: &Self::Params) -> Self;
-    /// One cycle: read, compute, write, say how it went.
+    /// One cycle: read, compute, write, set the status.
     fn cycle(&mut self, ports: &Self::Ports, params: &Self::Params, cx: &mut Cycle<'_>);
-    /// One cycle after `INIT`, which has made the state anew: until `RUN` or `HALT` comes, [`Cycle::done`] where it is
-    /// ready. A supervisor passes it down.
+    /// One cycle after `INIT`, which has created the state again. It is called until `RUN` or `HALT` arrives; call
+    /// [`Cycle::done`] when ready. A supervisor passes the command on to its children.
     fn init(&mut self, _ports: &Self::Ports, _params: &Self::Params, cx: &mut Cycle<'_>) {
         cx.done("initialized");
     }
-    /// One cycle after `HALT`: until another command comes, [`Cycle::done`] where everything stands still. What moves
-    /// brakes; a supervisor passes it down.
+    /// One cycle after `HALT`. It is called until another command arrives; call [`Cycle::done`] when everything stands
+    /// still. A process that moves the vehicle brakes; a supervisor passes the command on to its children.
     fn halt(&mut self, _ports: &Self::Ports, _params: &Self::Params, cx: &mut Cycle<'_>) {
         cx.done("halted");
     }
 }
 
-/// What is fixed about a process.
+/// Constant properties of a kind of process.
 #[derive(Clone, Copy, Debug)]
 pub struct ProcessDef {
-    /// Name of the plugin, as a stack file writes it.
+    /// Name of the plugin in stack files.
     pub plugin: &'static str,
     /// One sentence.
     pub summary: &'static str,
-    /// Period where the stack file gives none, in milliseconds.
+    /// Default period, in milliseconds.
     pub period_ms: f64,
-    /// Time from the start of a cycle until its output is visible, where a stepped run's stack file gives none, in
-    /// milliseconds: near what the cycle takes on a computer with two cores. 0 for what takes less than half a
-    /// millisecond, and for what stands for the world itself.
+    /// Default latency of stepped runs: time from the start of a cycle until its output is visible, in milliseconds. It
+    /// should be near the time that a cycle takes on a computer with two cores; 0 for cycles of less than half a
+    /// millisecond, and for processes that simulate the world.
     pub latency_ms: f64,
-    /// Whether it may read the ground truth of a simulation: its own processes, and those that stand in for what is not
-    /// under test.
+    /// Whether it may read the ground truth of a simulation: true for processes of the simulator, and for those that
+    /// replace a part of the robot that is not under test.
     pub reads_ground_truth: bool,
 }
 
-/// One port: what it carries and what it is for.
+/// Definition of a port.
 #[derive(Clone, Debug)]
 pub struct PortDef {
     /// Name in the stack file.
@@ -83,16 +83,16 @@ pub struct PortDef {
     pub schema: Arc<Schema>,
     /// Whether a stack must wire it (inputs only).
     pub required: bool,
-    /// Channel metadata of the buffer that it writes (outputs only). `rcs.overlay_of` names a port; the
-    /// runtime puts that port's buffer in its place.
+    /// Channel metadata of the buffer that it writes (outputs only). `rcs.overlay_of` names a port, which the runtime
+    /// replaces by the name of that port's buffer.
     pub metadata: BTreeMap<String, String>,
-    /// What a window that writes it goes by (inputs only).
+    /// Role by which a window finds it (inputs that an operator writes).
     pub role: Option<InputRole>,
-    /// How its messages are recorded as key frames and deltas (outputs only).
+    /// Codec that records its messages as key frames and deltas (outputs only).
     pub codec: Option<&'static dyn DeltaCodec>,
 }
 
-/// The ports of a process, in the order in which it declared them.
+/// The ports of a process, in the order of declaration.
 #[derive(Clone, Debug, Default)]
 pub struct PortBuilder {
     pub(crate) inputs: Vec<PortDef>,
@@ -114,7 +114,7 @@ pub struct Out<T> {
     payload: PhantomData<fn(T)>,
 }
 
-/// An output port that is being declared.
+/// Builder of an output port.
 pub struct OutBuilder<'a, T> {
     index: usize,
     def: &'a mut PortDef,
@@ -122,17 +122,17 @@ pub struct OutBuilder<'a, T> {
 }
 
 impl PortBuilder {
-    /// An input that a stack must wire.
+    /// A mandatory input.
     pub fn input<T: Payload>(&mut self, name: &'static str, help: &'static str) -> In<T> {
         self.add_input(name, help, true)
     }
 
-    /// An input that a stack may leave out.
+    /// An optional input.
     pub fn optional_input<T: Payload>(&mut self, name: &'static str, help: &'static str) -> In<T> {
         self.add_input(name, help, false)
     }
 
-    /// An optional input that an operator's window may write: it finds it by its role.
+    /// An optional input that the operator's window can write; the window finds it by its role.
     pub fn operator_input<T: Payload>(
         &mut self,
         role: InputRole,
@@ -158,13 +158,13 @@ impl PortBuilder {
         In { index: self.inputs.len() - 1, payload: PhantomData }
     }
 
-    /// A child that a stack must give it: a process that names it as its supervisor, and obeys every command of `C`.
+    /// A mandatory child: a process that names this one as its supervisor and obeys every command of `C`.
     pub fn child<C: CommandSet>(&mut self, name: &'static str, help: &'static str) -> Child<C> {
         self.add_child::<C>(name, help, true, false);
         Child::new(self.children.len() - 1, 0)
     }
 
-    /// A child that a stack may leave out.
+    /// An optional child.
     pub fn optional_child<C: CommandSet>(&mut self, name: &'static str, help: &'static str) -> Child<C> {
         self.add_child::<C>(name, help, false, false);
         Child::new(self.children.len() - 1, 0)
@@ -186,7 +186,7 @@ impl PortBuilder {
         self.children.push(ChildDef { name, help, required, many, commands: C::COMMANDS });
     }
 
-    /// An output; its buffer is `/<process>/<name>` where the stack does not say otherwise.
+    /// An output; by default its buffer is `/<process>/<name>`.
     pub fn output<T: Payload>(&mut self, name: &'static str, help: &'static str) -> OutBuilder<'_, T> {
         let schema = Arc::clone(schema_of::<T>());
         let index = self.outputs.len();
@@ -204,38 +204,38 @@ impl PortBuilder {
 }
 
 impl<T> OutBuilder<'_, T> {
-    /// What the messages are for; the plan refuses a role that messages of this type cannot play.
+    /// Role of the messages; the plan refuses a role that does not suit their type.
     #[must_use]
     pub fn role(self, role: Role) -> Self {
         self.with(ROLE, role.name())
     }
 
-    /// What the values of a label image mean.
+    /// Classes of the values of a label image.
     #[must_use]
     pub fn classes(self, classes: &[LabelClass]) -> Self {
         self.with(CLASSES, &classes_to_json(classes))
     }
 
-    /// Palette that a view paints it with.
+    /// Palette for views.
     #[must_use]
     pub fn palette(self, palette: &str) -> Self {
         self.with("rcs.palette", palette)
     }
 
-    /// The port, an input or another output, on whose images it lies, pixel for pixel.
+    /// The port, an input or another output, whose images it overlays pixel for pixel.
     #[must_use]
     pub fn overlay_of(self, port: &str) -> Self {
         self.with("rcs.overlay_of", port)
     }
 
-    /// It holds the ground truth of a simulation: only processes with [`ProcessDef::reads_ground_truth`] may be wired
-    /// to it.
+    /// Marks the output as ground truth of a simulation: only processes with [`ProcessDef::reads_ground_truth`] may
+    /// read it.
     #[must_use]
     pub fn truth(self) -> Self {
         self.with("rcs.ground_truth", "true")
     }
 
-    /// Its messages are recorded as key frames and deltas.
+    /// Records its messages as key frames and deltas.
     #[must_use]
     pub fn recorded_by(self, codec: &'static dyn DeltaCodec) -> Self {
         self.def.codec = Some(codec);
@@ -247,13 +247,13 @@ impl<T> OutBuilder<'_, T> {
         self
     }
 
-    /// The handle.
+    /// Completes the declaration and returns the handle.
     pub fn build(self) -> Out<T> {
         Out { index: self.index, payload: PhantomData }
     }
 }
 
-/// An entry of the list of plugins: everything that the runtime must know of a [`Process`] to make one.
+/// An entry of the list of plugins: everything that the runtime needs to create a [`Process`].
 #[derive(Clone, Copy)]
 pub struct ProcessType {
     def: &'static ProcessDef,
@@ -292,7 +292,7 @@ impl ProcessType {
         }
     }
 
-    /// What is fixed about it.
+    /// Its constant properties.
     pub fn def(&self) -> &'static ProcessDef {
         self.def
     }
@@ -307,7 +307,7 @@ impl ProcessType {
         (self.ports)().outputs
     }
 
-    /// Puts the messages of its ports and parameters into the registry, so that stacks and recordings can name them.
+    /// Adds the messages of its ports and parameters to the registry, so that stacks and recordings can name them.
     pub fn register(&self) {
         self.params_schema();
         (self.ports)();
@@ -323,7 +323,7 @@ impl ProcessType {
         self.commands
     }
 
-    /// One of its own commands as its own type; an error says what is wrong with it.
+    /// Decodes one of its own commands; the error says what is wrong with it.
     pub(crate) fn decode(&self, command: &rcs::Command) -> Result<Typed, String> {
         (self.decode)(command)
     }
@@ -338,13 +338,13 @@ impl ProcessType {
         (self.check)(params)
     }
 
-    /// A new process; `None` where the message is not of its parameters' type.
+    /// A new process; `None` if the message does not have the type of its parameters.
     pub(crate) fn make(&self, params: &AnyMessage) -> Option<Box<dyn Body>> {
         (self.make)(params)
     }
 }
 
-/// How the outputs of these plugins are recorded where not message by message: what a reader of their logs needs.
+/// The codecs of the outputs of these plugins, which readers of their logs need.
 pub fn codecs(plugins: &[ProcessType]) -> Vec<&'static dyn DeltaCodec> {
     let mut codecs: Vec<&'static dyn DeltaCodec> = Vec::new();
     for codec in plugins.iter().flat_map(ProcessType::outputs).filter_map(|def| def.codec) {
@@ -361,18 +361,18 @@ impl std::fmt::Debug for ProcessType {
     }
 }
 
-/// A process of a type that is known only to itself.
+/// A process behind dynamic dispatch.
 pub(crate) trait Body: Send + Sync {
-    /// One cycle of what the phase asks for.
+    /// One cycle of the function that belongs to the phase.
     fn cycle(&mut self, phase: Phase, cx: &mut Cycle<'_>);
-    /// Makes the state anew from the parameters.
+    /// Creates the state again from the parameters.
     fn reset(&mut self);
-    /// Takes new parameters; `false` where they are of another type.
+    /// Sets new parameters; `false` if they have another type.
     fn set_params(&mut self, params: &AnyMessage) -> bool;
     fn save(&self) -> Arc<dyn SavedState>;
-    /// Takes a state that [`Body::save`] gave; `false` where it is another process's.
+    /// Restores a state of [`Body::save`]; `false` if it belongs to another kind of process.
     fn restore(&mut self, saved: &dyn SavedState) -> bool;
-    /// Takes a state that [`SavedState::encode`] gave.
+    /// Restores a state of [`SavedState::encode`].
     fn restore_encoded(&mut self, bytes: &[u8]) -> Result<(), postcard::Error>;
 }
 

@@ -1,4 +1,4 @@
-//! Recording a run: every buffer that its stack records, with what a reader needs to make sense of them.
+//! Records a run: every buffer that its stack records, with the metadata that readers need.
 
 use crate::error::RunError;
 use crate::live::apply_class;
@@ -12,26 +12,27 @@ use rcs_msg::Stamp;
 use std::path::Path;
 use std::sync::Arc;
 
-/// How a run is recorded.
+/// Options of a recording.
 #[derive(Clone, Debug, Default)]
 pub struct RecordOptions {
-    /// Wait for the disk (a stepped run), or drop and count (a live one).
+    /// Whether to wait for the disk (stepped runs), or to drop and count messages (live runs).
     pub lossless: bool,
     /// Program and version.
     pub build: String,
-    /// What of the run is recorded.
+    /// Which buffers are recorded.
     pub what: RecordWhat,
-    /// Whether a file that is there already may be replaced.
+    /// Whether an existing file may be replaced.
     pub replace: bool,
 }
 
-/// What of a run is recorded. The run's identity, its journal and its schedule always are: they repeat it.
+/// Which buffers are recorded. The run's identity, journal and schedule are always recorded, because they repeat the
+/// run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum RecordWhat {
     /// Every buffer that its stack records.
     #[default]
     All,
-    /// Nothing else: the rest is computed again when the recording is opened.
+    /// None: the rest is computed again when the recording is opened.
     Journal,
     /// These buffers.
     Buffers(Vec<String>),
@@ -58,17 +59,17 @@ impl std::fmt::Display for RecordWhat {
     }
 }
 
-/// Name of the metadata record that a finished recording ends with: until when the run went (`time_ns`), and how many
-/// messages are missing (`dropped`).
+/// Name of the metadata record at the end of a complete recording: the end of the run (`time_ns`), and the number of
+/// missing messages (`dropped`).
 pub(crate) const RUN_END: &str = "run_end";
 
-/// A recording that goes on.
+/// A recording in progress.
 pub struct Recording {
     recorder: Recorder,
 }
 
 impl Recording {
-    /// Begins to record what is written to the buffers from now on.
+    /// Starts recording what is written to the buffers from now on.
     pub fn start(
         path: &Path,
         plan: &Plan,
@@ -96,7 +97,7 @@ impl Recording {
         };
         let mode = if options.lossless { RecorderMode::Lossless } else { RecorderMode::Live };
         let writer = LogWriter::create(path, writer_options)?;
-        // Encoding and compressing must not hold up a process that is short of time.
+        // Encoding and compressing must not delay processes that are short of time.
         let on_start: Option<fn()> =
             (!options.lossless).then_some(|| apply_class(Class::Normal, "the recorder"));
         let recorder =
@@ -139,18 +140,19 @@ impl Recording {
                 log_time: header.log_time,
                 publish_time: header.acq_time,
             };
-            // A message that is not taken is counted in the status.
+            // The recorder's status counts a message that it does not accept.
             handle.write_message(channel, header, sample.message.clone());
         }));
         Ok(())
     }
 
-    /// How the recording goes: messages, drops, and what went wrong.
+    /// State of the recording: messages, drops, and errors.
     pub fn status(&self) -> RecorderStatus {
         self.recorder.status()
     }
 
-    /// Writes what is waiting, until when the run went, and the summary: a run whose end is known is repeated to there.
+    /// Writes what is queued, the end time of the run, and the summary. A run whose end is known is repeated up to
+    /// there.
     pub fn finish_at(self, end: Stamp) -> Result<RecorderStatus, RunError> {
         let handle = self.recorder.handle();
         handle.flush();
@@ -160,14 +162,14 @@ impl Recording {
         self.finish()
     }
 
-    /// Writes what is waiting, and the summary.
+    /// Writes what is queued, and the summary.
     pub fn finish(self) -> Result<RecorderStatus, RunError> {
         Ok(self.recorder.finish()?)
     }
 }
 
-/// Who writes a buffer, by the wiring: processes, in the order of the stack file, separated by commas; or the runtime
-/// for what it reads from a log.
+/// Writers of a buffer according to the wiring: processes in the order of the stack file, separated by commas, or the
+/// runtime for messages from a log.
 pub(crate) fn writer_of(plan: &Plan, buffer: &str) -> String {
     if buffer == names::OVERRIDE {
         return "operator".to_owned();

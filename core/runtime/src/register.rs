@@ -1,18 +1,19 @@
-//! The register of commands: what a process has been told, and by whom. It is part of the process's state.
+//! The command register: the commands that a process has got, and from whom. It is part of the process's state.
 //!
-//! The register decides when a command arrives, in the order in which commands were written:
+//! The register decides about each command when it arrives, in the order in which commands were written:
 //!
-//! 1. Who writes is the operator, the supervisor, or a stranger, who is refused.
-//! 2. A serial that is not above the writer's last one is refused.
-//! 3. One of the two has the authority. The operator takes it from the supervisor with any command; the supervisor is
-//!    refused while the operator has it. The operator loses it by `RELEASE`, or by not having said anything for
-//!    `authority_s` of the stack, in simulated time. What the process does is not changed by that.
-//! 4. The command must be one of the process's, with parameters of its type and within their ranges; a command of the
-//!    process's own needs a process that runs, and a process that panicked obeys `INIT` alone.
+//! 1. The writer is the operator, the supervisor, or neither; in the last case the command is refused.
+//! 2. A serial that is not greater than the writer's last one is refused.
+//! 3. Either the operator or the supervisor has the authority. The operator takes it from the supervisor with any
+//!    command; the supervisor is refused while the operator has it. The operator loses it by `RELEASE`, or after
+//!    `authority_s` of the stack without a command, in simulated time. Losing it does not change what the process does.
+//! 4. The command must be one of the process's, with parameters of its type and within their ranges. A command of the
+//!    process's own requires that the process runs, and a process that panicked obeys `INIT` only.
 //!
-//! What fails 1 to 3 is a fault and is reported in `Status.refused`; what the owner told the process still holds. What
-//! fails 4 was said by the owner: its serial is echoed with `ERROR` and the reason, until a command is accepted. What
-//! passes is echoed together with `EXEC` in the next status, before the process can say anything else.
+//! A command that fails at 1 to 3 is a fault and is reported in `Status.refused`; the owner's last command stays in
+//! force. A command that fails at 4 came from the owner: its serial is echoed with `ERROR` and the reason, until a
+//! command is accepted. An accepted command is echoed together with `EXEC` in the next status, before the process can
+//! report anything else.
 
 use crate::command::{HALT, INIT, RELEASE, RUN, TAKE, Typed, no_parameters};
 use crate::process::ProcessType;
@@ -23,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Which of its functions a process is in.
+/// Which function of the process is called.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Phase {
     /// Before its first command.
@@ -37,16 +38,16 @@ pub(crate) enum Phase {
     Halt,
 }
 
-/// Who may command a process; the greater one takes the authority from the other.
+/// The two commanders of a process; the greater one takes the authority from the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) enum Authority {
     Supervisor,
     Operator,
 }
 
-/// Who is who for one process, and how long the operator's authority lasts without a word.
+/// The commanders of one process, and how long the operator's authority lasts without a command.
 pub(crate) struct CommandSources {
-    /// `None` below the viewer, which is the operator.
+    /// `None` below the viewer: then the operator is the only commander.
     pub(crate) supervisor: Option<WriterId>,
     pub(crate) lease_ns: u64,
     /// Names of the writers of the run.
@@ -82,39 +83,39 @@ impl CommandSources {
     }
 }
 
-/// A command of the process's own that was accepted.
+/// An accepted command of the process's own.
 #[derive(Clone)]
 struct Accepted {
     message: Arc<rcs::Command>,
-    /// The decoded command; `None` where the register came from disk and has not been restored into a node.
+    /// The decoded command; `None` if the register was read from disk and is not restored into a node yet.
     typed: Option<Typed>,
 }
 
-/// What a process has been told: part of its state.
+/// The commands of a process: part of its state.
 #[derive(Clone, Default)]
 pub(crate) struct Register {
     phase: Phase,
     owner: Option<Authority>,
-    /// When the owner last said something.
+    /// Time of the owner's last command.
     heard: Stamp,
     /// Last serial of the supervisor and of the operator.
     serials: [u64; 2],
-    /// Own commands that the process has not seen.
+    /// The process's own commands that it has not read.
     pending: VecDeque<Accepted>,
-    /// The own command that is being obeyed.
+    /// The own command in force.
     standing: Option<Accepted>,
     /// Whether a command was accepted since the last cycle.
     is_new: bool,
 }
 
-/// What a command that arrived means for the node.
+/// Effect of a command on the node.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum CommandOutcome {
-    /// It changes nothing that the process does.
+    /// None.
     Unchanged,
-    /// The process goes on with it.
+    /// The process continues with another phase.
     Accepted,
-    /// The state is to be made anew.
+    /// The state is to be created again.
     Reset,
 }
 
@@ -127,17 +128,17 @@ impl Register {
         self.is_new
     }
 
-    /// The next own command that the process has not seen.
+    /// The next unread own command.
     pub(crate) fn next(&mut self) -> Option<Typed> {
         self.pending.pop_front()?.typed
     }
 
-    /// The own command that is being obeyed.
+    /// The own command in force.
     pub(crate) fn standing(&self) -> Option<&Typed> {
         self.standing.as_ref()?.typed.as_ref()
     }
 
-    /// A cycle has been run: what it did not look at does not come again.
+    /// Called after a cycle: discards the own commands that the process did not read.
     pub(crate) fn end_cycle(&mut self) {
         if self.is_new {
             self.is_new = false;
@@ -145,7 +146,7 @@ impl Register {
         }
     }
 
-    /// Takes the authority from an operator who has said nothing for too long.
+    /// Takes the authority from an operator who has sent no command for too long.
     pub(crate) fn lapse(&mut self, now: Stamp, sources: &CommandSources, status: &mut StatusCell) {
         if self.has_lapsed(now, sources) {
             self.owner = None;
@@ -154,13 +155,13 @@ impl Register {
     }
 
     fn has_lapsed(&self, now: Stamp, sources: &CommandSources) -> bool {
-        // Below the viewer there is no one else.
+        // Below the viewer there is no other commander.
         self.owner == Some(Authority::Operator)
             && sources.supervisor.is_some()
             && now >= self.heard.after_ns(sources.lease_ns)
     }
 
-    /// Decides on a command that arrives, and says so in the status.
+    /// Decides about a command that arrives, and shows the result in the status.
     pub(crate) fn take(
         &mut self,
         sample: &Sample,
@@ -247,7 +248,7 @@ impl Register {
         Ok(who)
     }
 
-    /// Whether the process can do it.
+    /// Whether the process can obey the command.
     fn accept(
         &mut self,
         command: &rcs::Command,
@@ -293,7 +294,7 @@ impl Register {
         Ok(CommandOutcome::Accepted)
     }
 
-    /// Decodes what came from disk; an error where the commands are not of this kind of process.
+    /// Decodes the commands of a register from disk; an error if they belong to another kind of process.
     pub(crate) fn decode(&mut self, kind: &ProcessType) -> Result<(), String> {
         for accepted in self.pending.iter_mut().chain(&mut self.standing) {
             if accepted.typed.is_none() {
@@ -307,11 +308,11 @@ impl Register {
 /// Why a command is not obeyed.
 struct Denied {
     reason: String,
-    /// Someone else may command the process, not this writer.
+    /// Another commander has the authority.
     no_authority: bool,
 }
 
-/// Counts a command that must not be obeyed, and says why.
+/// Counts a refused command, and records the reason.
 fn refuse(status: &mut StatusCell, writer: &str, command: &rcs::Command, denied: Denied) {
     let (name, serial, reason) = (&command.name, command.serial, &denied.reason);
     status.fault(format!("command {name} {serial} of {writer} refused: {reason}").into());
@@ -328,7 +329,7 @@ fn note(status: &mut StatusCell, writer: &str, command: &rcs::Command, denied: D
     });
 }
 
-/// [`Register`] as it is written to disk.
+/// [`Register`] in its form on disk.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct RegisterOnDisk {
     phase: Phase,

@@ -1,4 +1,4 @@
-//! A recorded run, again: from its journal, on its schedule where it was live, compared with what was recorded.
+//! Repeats a recorded run from its journal (and its schedule if it was live), and compares it with the recording.
 
 use crate::compare::{Difference, Entry, Matcher, Side, is_measured, put_until};
 use crate::error::RunError;
@@ -15,17 +15,17 @@ use rcs_msg::{AnyMessage, Stamp, Value, rcs};
 use std::iter::Peekable;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What a recording says of the run that it is of: everything that repeats it.
+/// Everything in a recording that is needed to repeat its run.
 #[derive(Clone, Debug)]
 pub struct RecordedRun {
     recording: Log,
     info: rcs::RunInfo,
     start: Stamp,
-    /// Up to where it can be repeated.
+    /// Time up to which it can be repeated.
     end: Stamp,
-    /// Whether the recording was finished, and holds every message that it was to hold.
+    /// Whether the recording is complete: it was finished, and no message was dropped.
     whole: bool,
-    /// Cycles of a live run: the process by its place in `processes`, start and end.
+    /// Cycles of a live run: index of the process in `processes`, start and end.
     schedule: Vec<(u16, Stamp, Stamp)>,
     processes: Vec<String>,
     journal: Journal,
@@ -33,9 +33,9 @@ pub struct RecordedRun {
 }
 
 impl RecordedRun {
-    /// Reads a recording's identity, journal and schedule. A recording that was cut, or is damaged, is read as far as
-    /// journal and schedule go without a gap: [`RecordedRun::problems`] says so. The journal may hold messages of any of
-    /// the plugins.
+    /// Reads a recording's identity, journal and schedule. A truncated or damaged recording is used as far as journal
+    /// and schedule have no gap; [`RecordedRun::problems`] reports it. The journal may contain messages of any of the
+    /// plugins.
     pub fn read(recording: &Log, plugins: &[ProcessType]) -> Result<Self, RunError> {
         plugins.iter().for_each(ProcessType::register);
         let info = recording.info();
@@ -104,7 +104,7 @@ impl RecordedRun {
             let at = read.end.seconds_since(read.start);
             read.problems.push(format!("the recording was not finished: it goes up to {at:.3} s"));
         }
-        // What the journal says of later than the last message was to come.
+        // Cycles that end after the last recorded message are dropped, because their output was not recorded.
         let until = read.end;
         read.schedule.retain(|(_, _, end)| *end <= until);
         read.journal = Journal::new(events);
@@ -116,27 +116,27 @@ impl RecordedRun {
         &self.info
     }
 
-    /// When it began.
+    /// Start time.
     pub fn start(&self) -> Stamp {
         self.start
     }
 
-    /// Up to where it can be repeated.
+    /// Time up to which it can be repeated.
     pub fn end(&self) -> Stamp {
         self.end
     }
 
-    /// What came from outside.
+    /// The journal.
     pub fn journal(&self) -> &Journal {
         &self.journal
     }
 
-    /// What is wrong with the recording, a sentence each.
+    /// Problems of the recording, one sentence each.
     pub fn problems(&self) -> &[String] {
         &self.problems
     }
 
-    /// Whether the recording holds the journal alone: the rest is computed again when it is opened.
+    /// Whether the recording has the journal only, so that the rest is computed again when it is opened.
     pub fn is_journal_alone(recording: &Log) -> bool {
         let entry = |metadata: &rcs_log::Metadata| {
             metadata.entries.get("recorded").map(String::as_str) == Some("journal")
@@ -144,8 +144,8 @@ impl RecordedRun {
         recording.metadata().iter().any(|metadata| metadata.name == "ocu" && entry(metadata))
     }
 
-    /// The recorded stack with parameters of the command line laid over the recorded ones; [`RecordedRun::check`] says
-    /// whether that made a difference.
+    /// The recorded stack with the recorded parameters, overlaid with those of the command line; [`RecordedRun::check`]
+    /// reports whether they differ.
     pub fn plan_with(
         &self,
         plugins: &[ProcessType],
@@ -156,7 +156,7 @@ impl RecordedRun {
         Ok(Arc::new(Plan::of_run(&self.info, plugins, &options)?))
     }
 
-    /// The stack that ran, with the parameters that it began with.
+    /// The stack that ran, with the parameters at its start.
     pub fn plan(&self, plugins: &[ProcessType]) -> Result<Arc<Plan>, RunError> {
         let plan = self.plan_with(plugins, &[], &NoAssets)?;
         if plan.hash != self.info.stack_hash {
@@ -169,7 +169,7 @@ impl RecordedRun {
         Ok(plan)
     }
 
-    /// Refuses another stack, another parameter or another seed than the recorded ones, by name.
+    /// Refuses a stack, parameters or a seed that differ from the recorded ones, and names the difference.
     pub fn check(&self, plan: &Plan, seed: Option<u64>) -> Result<(), RunError> {
         if let Some(seed) = seed.filter(|seed| *seed != self.info.seed) {
             return Err(RunError::Refused(format!(
@@ -206,8 +206,7 @@ impl RecordedRun {
         )))
     }
 
-    /// The run at its start, on the log that it read, where it read one. It takes its journal again,
-    /// and where it was live it is on its recorded schedule.
+    /// The run at its start, on the log that it read, if any. It replays its journal and, if it was live, its schedule.
     pub fn stepped(
         &self,
         plan: &Arc<Plan>,
@@ -281,7 +280,7 @@ fn take_cycle(
     Ok(())
 }
 
-/// The first field in which two parameter messages differ, and both values.
+/// The first field in which two parameter messages differ, with both values.
 fn other_parameter(got: &AnyMessage, expected: &AnyMessage) -> Option<(FieldText, String, String)> {
     let (got, expected) = (got.value().ok()?, expected.value().ok()?);
     let text = |value: &Value| match value {
@@ -298,7 +297,7 @@ type FieldText = String;
 
 type Seen = Arc<Mutex<Vec<(usize, Sample)>>>;
 
-/// A recorded run that is done again and compared on the way.
+/// A recorded run that is repeated and compared with its recording.
 pub struct Replay {
     run: Stepped,
     recorded: RecordedRun,
@@ -310,9 +309,9 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// A run that was made by [`RecordedRun::stepped`] and has not begun.
+    /// From a run that [`RecordedRun::stepped`] has created and that has not begun.
     pub fn new(mut recorded: RecordedRun, run: Stepped) -> Result<Self, RunError> {
-        // The stack knows how its messages were stored.
+        // The plan has the codecs of the messages.
         let codecs = run.plan().buffers.iter().filter_map(|buffer| buffer.codec);
         recorded.recording = recorded.recording.with_codecs(codecs);
         let seen = Seen::default();
@@ -337,17 +336,17 @@ impl Replay {
         Ok(replay)
     }
 
-    /// The run as it stands.
+    /// The run in its current state.
     pub fn run(&self) -> &Stepped {
         &self.run
     }
 
-    /// The first difference from what was recorded that has been met so far.
+    /// The first difference from the recording found so far.
     pub fn first(&self) -> Option<&Difference> {
         self.first.as_ref()
     }
 
-    /// Runs to a time, or to the end of the recording where that comes first.
+    /// Runs to a time, or to the end of the recording if that is earlier.
     pub fn run_until(&mut self, until: Stamp) -> Result<(), RunError> {
         let until = until.min(self.recorded.end);
         loop {
@@ -373,7 +372,7 @@ impl Replay {
         self.settle(until)
     }
 
-    /// Compares everything up to and with a time.
+    /// Compares everything up to and including a time.
     fn settle(&mut self, time: Stamp) -> Result<(), RunError> {
         let seen = std::mem::take(&mut *self.seen.lock().unwrap_or_else(PoisonError::into_inner));
         if self.first.is_some() {

@@ -1,50 +1,50 @@
-//! What an output, or an input that an operator writes, is for: what a view goes by, and what the plan checks.
+//! Roles: the purpose of an output, or of an input that an operator writes. Views use them, and the plan checks them.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// What the messages of a buffer are for.
+/// The purpose of the messages of a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Role {
     /// Shapes drawn on an image.
     Annotations,
-    /// What a camera is.
+    /// A camera calibration.
     Calibration,
-    /// Points in space.
+    /// A point cloud.
     Cloud,
-    /// An order to another process.
+    /// A command to another process.
     Command,
-    /// Costs of one source, on the ground or by pixel.
+    /// Costs of one source, per cell or per pixel.
     Cost,
-    /// Ranges by pixel.
+    /// Range per pixel.
     Depth,
-    /// Disparities by pixel.
+    /// Disparity per pixel.
     Disparity,
-    /// Where something is to go.
+    /// A goal position.
     Goal,
     /// An image.
     Image,
-    /// A class by pixel; the channel's `rcs.classes` names them.
+    /// A class per pixel; the channel's `rcs.classes` names the classes.
     Labels,
-    /// A map that others are fused into.
+    /// A map in which sources are fused.
     Map,
-    /// What has been learned.
+    /// Learned models.
     Models,
     /// A planned path.
     Path,
-    /// Where something is.
+    /// A pose.
     Pose,
-    /// What a sensor measured.
+    /// A measurement of a sensor.
     Sensor,
-    /// Transforms that hold at all times.
+    /// Static transforms.
     StaticTransforms,
-    /// Numbers on how a process fares.
+    /// Statistics of a process.
     Stats,
-    /// Transforms at their times.
+    /// Timed transforms.
     Transforms,
 }
 
-/// Channel metadata of the role of a buffer.
+/// Key of the channel metadata that holds the role of a buffer.
 pub(crate) const ROLE: &str = "rcs.role";
 
 const NAMES: [(Role, &str); 18] = [
@@ -69,17 +69,17 @@ const NAMES: [(Role, &str); 18] = [
 ];
 
 impl Role {
-    /// All, by name.
+    /// All roles, sorted by name.
     pub fn all() -> impl Iterator<Item = Role> {
         NAMES.into_iter().map(|(role, _)| role)
     }
 
-    /// As in the channel metadata `rcs.role`.
+    /// The name in the channel metadata `rcs.role`.
     pub fn name(self) -> &'static str {
         NAMES.into_iter().find(|(role, _)| *role == self).map_or("", |(_, name)| name)
     }
 
-    /// Types of the messages that can play this role; none where any can.
+    /// Message types that suit this role; empty if any type does.
     pub fn types(self) -> &'static [&'static str] {
         match self {
             Role::Annotations => &["foxglove.ImageAnnotations"],
@@ -97,7 +97,7 @@ impl Role {
         }
     }
 
-    /// Whether messages of that type can play this role.
+    /// Whether messages of that type suit this role.
     pub fn fits(self, type_name: &str) -> bool {
         self.types().is_empty() || self.types().contains(&type_name)
     }
@@ -109,7 +109,7 @@ impl fmt::Display for Role {
     }
 }
 
-/// Not the name of a role.
+/// The text is not the name of a role.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no role {0:?}")]
 pub struct UnknownRole(String);
@@ -123,17 +123,17 @@ impl FromStr for Role {
     }
 }
 
-/// What an input that an operator may write is for: what a window goes by.
+/// The purpose of an input that an operator can write, by which a window finds it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum InputRole {
-    /// Speed and turn rate from the operator's hand.
+    /// Speed and turn rate of teleoperation.
     Teleoperation,
-    /// Stops the vehicle at once.
+    /// The emergency stop.
     EmergencyStop,
 }
 
 impl InputRole {
-    /// As in [`rcs_msg::rcs::PortInfo`].
+    /// The name in [`rcs_msg::rcs::PortInfo`].
     pub const fn name(self) -> &'static str {
         match self {
             InputRole::Teleoperation => "teleoperation",

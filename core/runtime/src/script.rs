@@ -1,8 +1,9 @@
-//! What a recorded run did, for the stepped executor to do it again.
+//! What a recorded run did, in a form that the stepped executor can repeat.
 //!
-//! Of a stepped run that is its journal, each event after so many events of the run: [`Repeated`]. Of a live run it is its
-//! cycles and its journal, each at its own time: [`Script`]. No two of these have one time, so that the time of the last event says where the run stands: a snapshot holds the next
-//! cycle and the next event in its queue, and nothing of what comes after them.
+//! For a stepped run this is its journal, each event with the number of events before it: [`Repeated`]. For a live run
+//! it is its cycles and its journal, each with its own time: [`Script`]. These times are unique, so the time of the
+//! last event determines the position of the run. A snapshot holds the next cycle and the next event in its queue, and
+//! nothing of what follows them.
 
 use crate::error::RunError;
 use crate::journal::{ExternalEvent, Journal};
@@ -11,9 +12,9 @@ use rcs_msg::Stamp;
 /// One cycle of a recorded schedule.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ScheduledCycle {
-    /// Place of the process in the plan.
+    /// Index of the process in the plan.
     pub(crate) node: usize,
-    /// When it took its inputs.
+    /// When it captured its inputs.
     pub(crate) start: Stamp,
     /// When its output became visible.
     pub(crate) end: Stamp,
@@ -31,7 +32,7 @@ impl Script {
         Self { cycles, journal }
     }
 
-    /// When the output of the cycle becomes visible that started at that time.
+    /// When the output of the cycle that started at that time becomes visible.
     pub(crate) fn end_of(&self, start: Stamp) -> Stamp {
         let at = self.cycles.partition_point(|cycle| cycle.start < start);
         self.cycles.get(at).map_or(start, |cycle| cycle.end)
@@ -42,29 +43,29 @@ impl Script {
         self.cycles.get(self.cycles.partition_point(|cycle| cycle.start <= time)).copied()
     }
 
-    /// The event that was taken at that time.
+    /// The event that was accepted at that time.
     pub(crate) fn event_at(&self, time: Stamp) -> Option<&ExternalEvent> {
         let events = self.journal.events();
         events.get(events.partition_point(|event| event.place.time < time))
     }
 
-    /// When the first event after that time was taken.
+    /// When the first event after that time was accepted.
     pub(crate) fn event_after(&self, time: Stamp) -> Option<Stamp> {
         let events = self.journal.events();
         events.get(events.partition_point(|event| event.place.time <= time)).map(|event| event.place.time)
     }
 }
 
-/// The journal of a stepped run, taken again.
+/// The journal of a stepped run, for repeating it.
 #[derive(Default)]
 pub(crate) struct Repeated {
     journal: Journal,
-    /// How many events have been taken when so many events of the run had been done. A run that has gone back, or
-    /// forward by a snapshot, stands elsewhere.
+    /// How many journalled events have been accepted when this many events of the run have been executed. It differs
+    /// after a run has gone back, or forward by a snapshot.
     taken: (usize, u64),
 }
 
-/// An event that was taken when it was recorded, and is refused now.
+/// An event that was accepted in the recorded run and is refused now.
 #[derive(Debug, thiserror::Error)]
 #[error("the recorded event for {buffer} is refused: {error}")]
 pub(crate) struct Refused {
@@ -78,12 +79,12 @@ impl Repeated {
         Self { journal, taken: (0, 0) }
     }
 
-    /// The run stands elsewhere, perhaps where so many events have been done as before.
+    /// Called when the run has been moved, perhaps to a point with the same number of events.
     pub(crate) fn rewind(&mut self) {
         self.taken = (0, u64::MAX);
     }
 
-    /// The next event that was taken when so many events of the run had been done.
+    /// The next journalled event for the point at which this many events of the run have been executed.
     pub(crate) fn next_at(&mut self, events: u64) -> Option<ExternalEvent> {
         if self.journal.is_empty() {
             return None;

@@ -1,8 +1,9 @@
-//! What a past keeps on disk: compressed pieces, appended to files in a folder of this process.
+//! Storage of a run's past on disk: compressed pieces, appended to files in a folder of this process.
 //!
-//! A piece has owners; when the last one lets it go its bytes are dead. A file without living bytes is removed, and one
-//! that is mostly dead is rewritten. What lies where is known in memory alone: the folder means nothing to another
-//! process, and the next one to start removes it, by the lock that a dead process no longer holds.
+//! Pieces are reference-counted; when the last reference is dropped, the bytes of the piece are dead. A file without
+//! live bytes is removed, and a file that is mostly dead is rewritten. The index is kept in memory only, because
+//! another process cannot use the folder. The next process removes folders of processes that have ended, which it
+//! recognises by their released lock.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
@@ -12,14 +13,14 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
-/// A file that has grown to this is not appended to any more; to less where the budget is small.
+/// Greatest size of a file to which pieces are appended; less if the budget is small.
 const FILE_BYTES: std::ops::RangeInclusive<u64> = 64 << 10..=16 << 20;
-/// How an error begins that says that the budget is used up.
+/// Prefix of the error for a used-up budget.
 pub(crate) const OVER_BUDGET: &str = "the past would take more than its";
-/// zstd's level: most of what is kept is noise of cameras or empty cells of maps, and both are told at once.
+/// zstd's level: most of the data are camera noise or empty map cells, for which a higher level gains nothing.
 const LEVEL: i32 = 1;
 
-/// A folder of this process, removed with it.
+/// The folder of this process, removed when dropped.
 struct Folder {
     path: PathBuf,
     lock_path: PathBuf,
@@ -27,7 +28,7 @@ struct Folder {
 }
 
 impl Folder {
-    /// Makes a folder under `root`.
+    /// Creates a folder below `root`.
     fn make(root: &Path) -> io::Result<Self> {
         static COUNT: AtomicU64 = AtomicU64::new(0);
         fs::create_dir_all(root)?;
@@ -37,7 +38,7 @@ impl Folder {
         let lock = OpenOptions::new().create(true).truncate(false).write(true).open(&lock_path)?;
         lock.lock()?;
         let path = root.join(name);
-        // A process of the same number may have left one.
+        // An earlier process with the same number may have left its folder.
         let _ = fs::remove_dir_all(&path);
         fs::create_dir(&path)?;
         Ok(Self { path, lock_path, _lock: lock })
@@ -46,13 +47,13 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // Nothing can be done about a folder that does not go; the next start tries again.
+        // If the folder cannot be removed now, the next start tries again.
         let _ = fs::remove_dir_all(&self.path);
         let _ = fs::remove_file(&self.lock_path);
     }
 }
 
-/// Removes the folders of processes that are no more, and says how many there were.
+/// Removes the folders of processes that have ended, and returns their number.
 pub(crate) fn remove_abandoned(root: &Path) -> usize {
     let Ok(entries) = fs::read_dir(root) else { return 0 };
     let mut removed = 0;
@@ -89,7 +90,7 @@ struct Inner {
     living: u64,
 }
 
-/// The pieces on disk.
+/// All pieces on disk.
 pub(crate) struct Disk {
     root: PathBuf,
     budget: u64,
@@ -97,7 +98,7 @@ pub(crate) struct Disk {
     inner: Mutex<Inner>,
 }
 
-/// Some compressed bytes on disk; dead when it is dropped.
+/// Compressed bytes on disk; dead when dropped.
 pub(crate) struct Piece {
     disk: Arc<Disk>,
     /// File and offset.
@@ -114,7 +115,7 @@ impl Drop for Piece {
 }
 
 impl Piece {
-    /// The bytes as they were given.
+    /// The original bytes.
     pub(crate) fn read(&self) -> io::Result<Vec<u8>> {
         let packed = self.read_packed()?;
         let raw = zstd::bulk::decompress(&packed, self.raw as usize)?;
@@ -122,7 +123,7 @@ impl Piece {
     }
 
     fn read_packed(&self) -> io::Result<Vec<u8>> {
-        // The file stays open, and its bytes where they are, while they are read.
+        // The file stays open, and its content in place, while it is read.
         let (file, offset) = {
             let inner = self.disk.lock();
             let (pack, offset) = *self.at.lock().unwrap_or_else(PoisonError::into_inner);
@@ -136,19 +137,19 @@ impl Piece {
 }
 
 impl Disk {
-    /// Up to `budget` bytes in a folder of this process under `root`, which is made when something is first written.
+    /// Up to `budget` bytes in a folder of this process below `root`, which is created at the first write.
     pub(crate) fn new(root: PathBuf, budget: u64) -> Arc<Self> {
         let inner = Inner { folder: None, packs: BTreeMap::new(), next: 0, bytes: 0, living: 0 };
         let file_bytes = (budget / 32).clamp(*FILE_BYTES.start(), *FILE_BYTES.end());
         Arc::new(Self { root, budget, file_bytes, inner: Mutex::new(inner) })
     }
 
-    /// Bytes of all files.
+    /// Size of all files, bytes.
     pub(crate) fn bytes(&self) -> u64 {
         self.lock().bytes
     }
 
-    /// Bytes that someone owns.
+    /// Live bytes.
     pub(crate) fn living(&self) -> u64 {
         self.lock().living
     }
@@ -171,7 +172,7 @@ impl Disk {
         Ok(piece)
     }
 
-    /// Appends packed bytes; their file and offset.
+    /// Appends compressed bytes; returns file and offset.
     fn append(&self, packed: &[u8]) -> io::Result<(u32, u64)> {
         let length = packed.len() as u64;
         let (number, file, offset) = {
@@ -227,12 +228,12 @@ impl Disk {
             let (path, length) = (pack.path.clone(), pack.bytes);
             inner.packs.remove(&number);
             inner.bytes = inner.bytes.saturating_sub(length);
-            // A file that does not go is removed with its folder.
+            // A file that cannot be removed now is removed with its folder.
             let _ = fs::remove_file(path);
         }
     }
 
-    /// Rewrites one file that is mostly dead; `false` where there is none.
+    /// Rewrites one file that is mostly dead; `false` if there is none.
     pub(crate) fn compact(self: &Arc<Self>) -> io::Result<bool> {
         let found = {
             let inner = self.lock();

@@ -1,4 +1,4 @@
-//! Looking at the past, and running again what is not kept of it.
+//! Viewing the past, and recomputing what is no longer kept.
 
 use super::runs::Run;
 use super::samples::{Entry, Point, Samples, Stored};
@@ -13,10 +13,10 @@ use rcs_msg::Stamp;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long one piece of work in the background may take.
+/// Greatest duration of one piece of background work.
 const PIECE: Duration = Duration::from_millis(8);
 
-/// What lay in the buffers at a snapshot.
+/// The content of the buffers at a snapshot.
 pub(super) fn opening(snapshot: &Snapshot) -> Vec<Option<Entry>> {
     let entry = |sample: &Sample| Entry {
         point: Point::after(snapshot.events),
@@ -27,15 +27,15 @@ pub(super) fn opening(snapshot: &Snapshot) -> Vec<Option<Entry>> {
 }
 
 impl Session {
-    /// How many events had been done at a time, as far as the run has got.
+    /// Number of events up to a time, within the executed part of the run.
     pub(crate) fn events_at(&self, time: Stamp) -> u64 {
         let run = &self.runs[self.run];
         let place = run.line.partition_point(|&stretch| self.stretches[stretch].start <= time);
-        // Events of one time may lie on both sides of where a stretch ends: the later stretch begins at that time.
+        // If a stretch boundary lies between events of the same time, the later stretch begins at that time.
         self.stretches[run.line[place.saturating_sub(1)]].events_at(time)
     }
 
-    /// Looks at a point of the run; executes nothing.
+    /// Moves the view to a point of the run; executes nothing.
     pub(crate) fn look(&mut self, at: Point) {
         let end = self.runs[self.run].end;
         let at = at.min(end);
@@ -43,7 +43,7 @@ impl Session {
         let went_back = at < self.cursor;
         self.cursor = at;
         let place = self.place();
-        // Who goes back, or jumps, may go on backwards: the stretch before is made ready.
+        // After a step back or a jump more steps back are likely, so the previous stretch is prepared.
         self.went_back = went_back || place > before + 1;
         if self.filling.is_some_and(|filling| filling != place || self.at_run != self.run) {
             self.filling = None;
@@ -53,39 +53,39 @@ impl Session {
         }
     }
 
-    /// Looks at the moment after an event and the writes that follow it.
+    /// Moves the view to the moment after an event and the writes that follow it.
     pub(crate) fn look_at_event(&mut self, event: u64) {
         let at = self.runs[self.run].settled(event);
         self.look(at);
     }
 
-    /// Looks at the end of the run.
+    /// Moves the view to the end of the run.
     pub(crate) fn look_at_end(&mut self) {
         self.look(Point::end_of(u64::MAX));
     }
 
-    /// Looks at a time.
+    /// Moves the view to a time.
     pub(crate) fn look_at_time(&mut self, time: Stamp) {
         self.look_at_event(self.events_at(time));
     }
 
-    /// Place in the run's line of the stretch that is looked at.
+    /// Index of the viewed stretch in the run.
     fn place(&self) -> usize {
         self.runs[self.run].place_of(&self.stretches, self.cursor.event)
     }
 
-    /// Whether the tape tells what a stretch holds up to a point.
+    /// Whether the tape has the messages of a stretch up to a point.
     fn is_on_tape(&self, stretch: usize, at: Point) -> bool {
         self.at_stretch == stretch && self.at() >= at
     }
 
-    /// Whether the messages of a stretch are there, up to the cursor; reads them from disk where they are.
+    /// Whether the messages of a stretch up to the cursor are available; reads them from disk if necessary.
     fn is_at_hand(&mut self, place: usize) -> bool {
         let stretch = self.runs[self.run].line[place];
         self.is_on_tape(stretch, self.cursor) || self.load(stretch)
     }
 
-    /// Whether the messages of a stretch are in memory, or could be read from disk.
+    /// Whether the messages of a stretch are in memory, or can be read from disk.
     fn load(&mut self, stretch: usize) -> bool {
         if self.stretches[stretch].samples.memory.is_some() {
             return true;
@@ -103,7 +103,7 @@ impl Session {
         }
     }
 
-    /// Messages of a stretch could not be read back: they are computed again.
+    /// Messages of a stretch could not be read: they are computed again.
     fn lose(&mut self, stretch: usize, why: &str) {
         let at = self.stretches[stretch].start.seconds_since(self.machine.start);
         self.retention.report(format!(
@@ -126,7 +126,7 @@ impl Session {
         self.filling = Some(place);
     }
 
-    /// Runs on for a while what is to be filled in; `true` where something is left to do.
+    /// Continues recomputing for a limited time; `true` if work is left.
     pub(crate) fn fill_for(&mut self, time: Duration) -> bool {
         let until = Instant::now() + time;
         while let Some(place) = self.filling {
@@ -150,7 +150,7 @@ impl Session {
         self.filling.is_some()
     }
 
-    /// Fills in what is looked at, all of it.
+    /// Recomputes everything that the view needs.
     pub(crate) fn fill(&mut self, task: &Task) -> Result<(), SourceError> {
         while self.is_pending() {
             task.check()?;
@@ -160,7 +160,7 @@ impl Session {
         Ok(())
     }
 
-    /// Whether something of what is looked at is still to be computed again.
+    /// Whether something that the view needs is still to be recomputed.
     pub(crate) fn is_pending(&self) -> bool {
         let stretch = self.runs[self.run].line[self.place()];
         self.filling.is_some()
@@ -168,7 +168,7 @@ impl Session {
             && !self.is_on_tape(stretch, self.cursor)
     }
 
-    /// How far what is filled in has got, 0 to 1; `None` where nothing is.
+    /// Progress of the recomputation, 0 to 1; `None` if there is none.
     pub(crate) fn fill_progress(&self) -> Option<f64> {
         let place = self.filling?;
         let stretch = &self.stretches[self.runs[self.run].line[place]];
@@ -176,14 +176,14 @@ impl Session {
         Some((self.at().event.saturating_sub(start)) as f64 / (stretch.to() - start).max(1) as f64)
     }
 
-    /// Events that had been done at the nearest snapshot before a stretch.
+    /// Number of events at the nearest snapshot before a stretch.
     fn fill_start(&self, place: usize) -> u64 {
         let line = &self.runs[self.run].line[..=place];
         let kept = line.iter().rev().find(|&&stretch| self.stretches[stretch].snapshot.is_kept());
         kept.map_or(0, |&stretch| self.stretches[stretch].from)
     }
 
-    /// Work for when nothing else is asked: fills in what is looked at, and the stretch before where a person goes back.
+    /// Background work: recomputes what the view needs and, when going back, the previous stretch.
     pub(crate) fn idle(&mut self) -> bool {
         self.collect_written();
         if self.filling.is_some() {
@@ -201,7 +201,7 @@ impl Session {
         self.filling.is_some()
     }
 
-    /// The newest message of a buffer at the moment that is looked at.
+    /// The newest message of a buffer at the viewed moment.
     pub(crate) fn latest(&mut self, buffer: usize) -> Shown {
         let stretch = self.runs[self.run].line[self.place()];
         let (entry, pending) = if self.is_on_tape(stretch, self.cursor) {
@@ -230,7 +230,7 @@ impl Session {
         self.machine.feed.as_ref().map(|feed| feed.log().clone())
     }
 
-    /// How many messages had been written to a buffer at the moment that is looked at.
+    /// Number of messages of a buffer up to the viewed moment.
     pub(crate) fn messages(&self, buffer: usize) -> u64 {
         let stretch = self.runs[self.run].line[self.place()];
         if self.is_on_tape(stretch, self.cursor) {
@@ -241,8 +241,8 @@ impl Session {
         self.stretches[stretch].messages(buffer, self.cursor)
     }
 
-    /// What was written to these buffers after `from` and up to the cursor, as far as it is in memory, in the order of
-    /// each buffer.
+    /// Messages of these buffers after `from` and up to the cursor, as far as they are in memory, in the order of each
+    /// buffer.
     pub(crate) fn since(&self, from: Point, buffers: &[usize], take: &mut dyn FnMut(usize, &Sample)) {
         let run = &self.runs[self.run];
         let log = self.log();
@@ -269,19 +269,19 @@ impl Session {
         }
     }
 
-    /// The point that is looked at.
+    /// The viewed point.
     pub(crate) fn cursor(&self) -> Point {
         self.cursor
     }
 
-    /// How many events had been done after the last event before the cursor that `is_wanted` accepts.
+    /// Number of events after the last event before the cursor that `is_wanted` accepts.
     pub fn event_before(&self, mut is_wanted: impl FnMut(Happened) -> bool) -> Option<u64> {
         let line = &self.runs[self.run].line[..=self.place()];
         let before = self.cursor.event;
         line.iter().rev().find_map(|&stretch| self.stretches[stretch].event_before(before, &mut is_wanted))
     }
 
-    /// The same for the first event after the cursor, as far as the run has got.
+    /// The same for the first event after the cursor, within the executed part of the run.
     pub fn event_after(&self, mut is_wanted: impl FnMut(Happened) -> bool) -> Option<u64> {
         let run = &self.runs[self.run];
         let line = &run.line[self.place()..];
@@ -290,7 +290,7 @@ impl Session {
             .filter(|&event| event <= run.end.event)
     }
 
-    /// The last point before the cursor at which a message came into a buffer (by its place in the plan).
+    /// The last point before the cursor at which a message was written to a buffer (index in the plan).
     pub(crate) fn message_before(&self, buffer: usize) -> Option<Point> {
         let line = &self.runs[self.run].line[..=self.place()];
         line.iter().rev().find_map(|&stretch| {
@@ -304,7 +304,8 @@ impl Session {
         })
     }
 
-    /// The first point after the cursor at which a message came into a buffer, as far as the run has got.
+    /// The first point after the cursor at which a message was written to a buffer, within the executed part of the
+    /// run.
     pub(crate) fn message_after(&self, buffer: usize) -> Option<Point> {
         let run = &self.runs[self.run];
         run.line[self.place()..].iter().find_map(|&stretch| {
@@ -318,7 +319,7 @@ impl Session {
         })
     }
 
-    /// Brings the machine to a point of a run.
+    /// Moves the machine to a point of a run.
     pub(super) fn bring(&mut self, run: usize, to: Point, task: &Task) -> Result<(), SourceError> {
         self.filling = None;
         if !self.is_near(run, to) {
@@ -338,7 +339,7 @@ impl Session {
         Ok(())
     }
 
-    /// Whether the machine best goes on to a point from where it stands.
+    /// Whether it is faster to run the machine on to a point than to restore a snapshot.
     fn is_near(&self, run: usize, to: Point) -> bool {
         if self.at_run != run || self.at() > to {
             return false;
@@ -352,7 +353,7 @@ impl Session {
         !head && !line[from + 1..=place.max(from)].iter().any(|&s| self.stretches[s].snapshot.is_kept())
     }
 
-    /// Before the machine goes elsewhere: where it stands at the end of a run, that end is kept.
+    /// Called before the machine moves away: keeps its state if it is at the end of a run.
     pub(super) fn leave(&mut self) {
         if !self.is_machine_at_end() || self.runs[self.at_run].head.is_some() {
             return;
@@ -365,7 +366,7 @@ impl Session {
         self.runs[self.at_run].head = Some(Arc::new(self.machine.snapshot()));
     }
 
-    /// Puts the machine to a point of a run, or to the nearest snapshot before it.
+    /// Moves the machine to a point of a run, or to the nearest snapshot before it.
     fn place_machine(&mut self, run: usize, to: Point) -> Result<(), RunError> {
         if to == self.runs[run].end
             && let Some(&stretch) = self.runs[run].line.last()
@@ -390,7 +391,8 @@ impl Session {
         Err(RunError::Snapshot(format!("there is none before event {}", to.event)))
     }
 
-    /// The snapshot at the start of a stretch, read where it is on disk. One that cannot be read is said, and dropped.
+    /// The snapshot at the start of a stretch, read from disk if necessary. If it cannot be read, this is reported and
+    /// the snapshot is dropped.
     fn snapshot_of(&mut self, stretch: usize) -> Option<Arc<Snapshot>> {
         let kept = &mut self.stretches[stretch].snapshot;
         if let Some(snapshot) = &kept.memory {
@@ -408,7 +410,7 @@ impl Session {
         }
     }
 
-    /// The machine has reached the end of a stretch that was done before.
+    /// The machine has reached the end of a stretch that was executed before.
     pub(super) fn enter_next(&mut self) {
         let Run { line, .. } = &self.runs[self.at_run];
         let place = line.iter().position(|&stretch| stretch == self.at_stretch);

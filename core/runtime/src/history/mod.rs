@@ -1,12 +1,12 @@
 //! Going back: a stepped run with its past.
 //!
-//! A [`Session`] keeps two things of every stretch of a run, which is about a second: every message that was written in
-//! it, and the run as it was at its start. Looking at a moment reads messages, and executes nothing; where they were
-//! thinned out, the stretch is run again in the background, from the nearest snapshot. Where a person looks (the cursor)
-//! and where the machine stands are two things. Only going on from a moment in a new way brings the machine there.
+//! A [`Session`] divides a run into stretches of about one second. For each stretch it keeps all messages that were
+//! written in it, and a snapshot of the run at its start. Viewing a moment reads messages and executes nothing. If the
+//! messages were dropped to save space, the stretch is executed again in the background, from the nearest snapshot. The
+//! viewed moment (the cursor) and the position of the machine are independent; the machine moves only to execute.
 //!
-//! What comes from outside after going back begins another run; the one that it leaves stays whole. What is kept thins
-//! out away from the cursor, by one budget for memory and one for disk: see [`PastOptions`].
+//! A write in the past begins another run; the original run stays complete. The density of what is kept decreases with
+//! the distance from the cursor, within one budget for memory and one for disk: see [`PastOptions`].
 
 mod disk;
 mod fill;
@@ -38,11 +38,11 @@ use spill::Job;
 use std::sync::Arc;
 use stretch::Stretch;
 
-/// A stretch ends with the first event at or after the next multiple of this.
+/// A stretch ends with the first event at or after the next multiple of this time.
 const STRETCH_NS: u64 = 1_000_000_000;
-/// … or up to this much later, at an event at which nothing computes.
+/// It may end up to this much later, in order to end at an event at which no cycle is computing.
 const PATIENCE_NS: u64 = 300_000_000;
-/// … or with this many events.
+/// It ends at the latest after this many events.
 const STRETCH_EVENTS: u64 = 16_384;
 
 /// A stepped run that can go back.
@@ -51,23 +51,23 @@ pub struct Session {
     tape: Arc<Tape>,
     stretches: Vec<Stretch>,
     runs: Vec<Run>,
-    /// The run that is looked at, and the point in it.
+    /// The viewed run, and the point in it.
     run: usize,
     cursor: Point,
-    /// Where the machine stands: the run, the stretch, and how many writes it has done since its last event.
+    /// Position of the machine: the run, the stretch, and the number of writes since its last event.
     at_run: usize,
     at_stretch: usize,
     at_write: u32,
-    /// The stretch (its place in the run's line) that the machine runs again, so that it can be looked at.
+    /// Index in the run of the stretch that the machine executes again for the view.
     filling: Option<usize>,
     went_back: bool,
     retention: Retention,
 }
 
-/// The newest message of a buffer at the moment that is looked at.
+/// The newest message of a buffer at the viewed moment.
 pub(crate) struct Shown {
     pub(crate) sample: Option<Sample>,
-    /// Whether it is older than that, because the right one is still to be computed again.
+    /// Whether it is an older one, because the right one is still to be recomputed.
     pub(crate) pending: bool,
 }
 
@@ -105,18 +105,18 @@ impl Session {
         })
     }
 
-    /// The machine. It stands where [`Session::forward`] and [`Session::go_to_event`] have brought it; what is looked at
-    /// may be another moment.
+    /// The machine, at the position to which [`Session::forward`] and [`Session::go_to_event`] have moved it; the
+    /// viewed moment may be another.
     pub fn run(&self) -> &Stepped {
         &self.machine
     }
 
-    /// The moment that is looked at.
+    /// The viewed moment.
     pub fn moment(&self) -> Moment {
         Moment { run: RunId(self.run as u32), event: self.cursor.event, write: self.cursor.write }
     }
 
-    /// Time of the last event before the moment that is looked at.
+    /// Time of the last event before the viewed moment.
     pub fn now(&self) -> Stamp {
         self.time_of(self.cursor.event)
     }
@@ -126,12 +126,12 @@ impl Session {
         self.runs[self.run].end_time
     }
 
-    /// Whether the run that is looked at left another one.
+    /// Whether the viewed run branched from another one.
     pub fn is_branch(&self) -> bool {
         self.runs[self.run].branched_from.is_some()
     }
 
-    /// Whether nothing that was done lies ahead of the moment that is looked at.
+    /// Whether the viewed moment is the end of what was executed.
     pub fn is_at_end(&self) -> bool {
         self.cursor >= self.runs[self.run].end
     }
@@ -150,17 +150,17 @@ impl Session {
         self.runs.iter().enumerate().map(summary).collect()
     }
 
-    /// What could not be kept or read back, a line each.
+    /// What could not be stored or read, one line each.
     pub fn problems(&self) -> &[String] {
         self.retention.problems()
     }
 
-    /// What the past takes now.
+    /// Memory and disk that the past takes.
     pub fn past_use(&self) -> PastUse {
         self.retention.usage(&self.stretches, &self.tape)
     }
 
-    /// Where the machine stands.
+    /// Position of the machine.
     fn at(&self) -> Point {
         Point { event: self.machine.events, write: self.at_write }
     }
@@ -171,12 +171,12 @@ impl Session {
 
     fn time_of(&self, event: u64) -> Stamp {
         let run = &self.runs[self.run];
-        // An event at which a stretch begins is the last one of the stretch before.
+        // The event at which a stretch begins is the last one of the previous stretch.
         let place = run.place_of(&self.stretches, event.saturating_sub(1));
         self.stretches[run.line[place]].time_of(event)
     }
 
-    /// Does the next event; `None` where nothing is left to do.
+    /// Executes the next event; `None` if there is none.
     pub fn forward(&mut self) -> Result<Option<Happened>, RunError> {
         self.bring_to_cursor()?;
         let happened = self.step()?;
@@ -194,7 +194,7 @@ impl Session {
         })
     }
 
-    /// Does everything up to and with `until`; `false` where nothing is left after that.
+    /// Executes everything up to and including `until`; `false` if nothing is left after that.
     pub fn forward_until(&mut self, until: Stamp, task: &Task) -> Result<bool, SourceError> {
         self.bring(self.run, self.cursor, task)?;
         let from = self.machine.now;
@@ -213,7 +213,7 @@ impl Session {
         }
     }
 
-    /// Goes forward to the end of the next event that `is_wanted` accepts; `false` where there is none before `until`.
+    /// Goes forward to the end of the next event that `is_wanted` accepts; `false` if there is none before `until`.
     pub fn forward_to(
         &mut self,
         until: Stamp,
@@ -235,7 +235,7 @@ impl Session {
         }
     }
 
-    /// Brings the machine to where `events` events have been done: back to the nearest snapshot before, then forward.
+    /// Moves the machine to the point after `events` events: back to the nearest snapshot before it, then forward.
     pub fn go_to_event(&mut self, events: u64, task: &Task) -> Result<(), SourceError> {
         let run = &self.runs[self.run];
         let known = run.settled(events.min(run.end.event));
@@ -250,7 +250,7 @@ impl Session {
         moved
     }
 
-    /// Brings the machine to a time: everything up to and with it has been done, nothing after it.
+    /// Moves the machine to a time: everything up to and including it has been executed, nothing after it.
     pub fn go_to_time(&mut self, to: Stamp, task: &Task) -> Result<(), SourceError> {
         let to_known = to.min(self.end());
         self.go_to_event(self.events_at(to_known), task)?;
@@ -260,12 +260,11 @@ impl Session {
         Ok(())
     }
 
-    /// A write from outside, at the moment that is looked at. Where something that was done lies ahead, it begins
-    /// another run.
+    /// Writes an external event at the viewed moment. If executed events lie ahead, the write begins another run.
     pub fn write(&mut self, event: ExternalEvent) -> Result<(), RunError> {
         self.bring_to_cursor()?;
         if !self.is_machine_at_end() {
-            // A write that is refused must not leave a run behind.
+            // A refused write must not leave a run behind.
             self.machine.check_event(&event)?;
             self.fork()?;
         }
@@ -275,7 +274,7 @@ impl Session {
         Ok(())
     }
 
-    /// A write at the end of the run has been done.
+    /// A write at the end of the run was executed.
     fn written(&mut self, event: ExternalEvent) {
         self.at_write += 1;
         let at = self.at();
@@ -286,12 +285,12 @@ impl Session {
         self.cursor = at;
     }
 
-    /// Takes back the last write before the moment that is looked at: goes to the moment before it, and on from there
-    /// without it. Nothing is lost: the run with the write can be gone back to. `false` where there is no write.
+    /// Undoes the last write before the viewed moment: goes to the moment before it, and continues from there without
+    /// it. The run with the write is kept. `false` if there is no write.
     pub fn undo(&mut self) -> Result<bool, RunError> {
         let run = &self.runs[self.run];
         let done = &run.journal.events()[..run.writes_done(self.cursor)];
-        // What the runtime says of a branch is nothing that a person has done.
+        // A branch announcement of the runtime is not a write of the operator.
         let Some(last) = done.iter().rposition(|event| *event.buffer != *names::RUN) else {
             return Ok(false);
         };
@@ -301,7 +300,7 @@ impl Session {
             && before.event == at.event
             && before.write == at.write + 1
         {
-            // The write began this run: without it, it is the run that it left.
+            // This write began the run: without it, this is the run that it branched from.
             self.switch_to_point(parent, at)?;
             return Ok(true);
         }
@@ -311,7 +310,7 @@ impl Session {
         Ok(true)
     }
 
-    /// Goes to another run, to the time that is looked at now or to the run's end where that is earlier.
+    /// Goes to another run, at the viewed time or at the end of that run, whichever is earlier.
     pub fn switch_to(&mut self, run: RunId) -> Result<(), RunError> {
         let index = run.0 as usize;
         if index >= self.runs.len() {
@@ -334,7 +333,7 @@ impl Session {
 
     fn switch_to_point(&mut self, run: usize, point: Point) -> Result<(), RunError> {
         self.run = run;
-        // Those who see every message once are told of what is new in this run, and of nothing else.
+        // Taps that see every message once see only what is new in this run.
         self.cursor = self.runs[run].end;
         self.bring_to_cursor()?;
         self.machine.buffers().iter().for_each(|buffer| buffer.begin_anew());
@@ -342,7 +341,7 @@ impl Session {
         Ok(())
     }
 
-    /// Begins another run where the machine stands, and says so in it.
+    /// Begins another run at the position of the machine, and announces it in the run.
     fn fork(&mut self) -> Result<(), RunError> {
         let (parent, at) = (self.at_run, self.at());
         let run = self.runs.len();
@@ -373,7 +372,7 @@ impl Session {
         Ok(())
     }
 
-    /// Does the writes that follow the last event, then the next event.
+    /// Executes the writes after the last event, then the next event.
     fn step(&mut self) -> Result<Option<Happened>, RunError> {
         let all = self.runs[self.at_run].writes_at(self.machine.events);
         while self.at_write < all {
@@ -390,7 +389,7 @@ impl Session {
             let stretch = &mut self.stretches[self.at_stretch];
             stretch.mark(now, happened);
             let due = now.0 / STRETCH_NS > stretch.start.0 / STRETCH_NS || stretch.len() >= STRETCH_EVENTS;
-            // A snapshot waits for cycles that compute beside the executor: better where there are none.
+            // A snapshot waits for cycles that are computing, so the stretch preferably ends when there are none.
             let late = now.0 - stretch.start.0 > STRETCH_NS + PATIENCE_NS;
             let run = &mut self.runs[self.at_run];
             run.end = Point::after(event);
@@ -405,7 +404,7 @@ impl Session {
         Ok(Some(happened))
     }
 
-    /// Does the next of the writes that were done at this event.
+    /// Executes the next of the writes at this event.
     fn repeat_write(&mut self) -> Result<(), RunError> {
         let run = &self.runs[self.at_run];
         let event = run.journal.events()[run.writes_done(self.at())].clone();
@@ -414,7 +413,7 @@ impl Session {
         self.machine.retake(event)
     }
 
-    /// What the last event brought from the log need not be kept: the log has it.
+    /// Messages that the last event read from the log need not be kept, because the log has them.
     fn refer_to_log(&mut self) {
         let Some(given) = self.machine.feed.as_ref().and_then(crate::feed::Feed::given) else { return };
         let mut samples = self.tape.samples();
@@ -431,7 +430,7 @@ impl Session {
         }
     }
 
-    /// Ends a stretch at the end of a run, and begins the next.
+    /// Ends a stretch at the end of a run, and begins the next one.
     fn cut(&mut self) {
         let closing = self.tape.samples().closing();
         let samples = Arc::new(self.tape.replace(Samples::begin(closing)));

@@ -5,12 +5,12 @@ use std::path::PathBuf;
 /// How much of its past a run keeps, and where.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PastOptions {
-    /// Memory that the past may take, bytes.
+    /// Memory limit of the past, bytes.
     pub memory_bytes: u64,
-    /// Disk that the past may take, bytes; with 0 it stays in memory.
+    /// Disk limit of the past, bytes; with 0 it stays in memory.
     pub disk_bytes: u64,
-    /// Folder for what does not stay in memory. Each process makes its own in it, removes that at its end, and removes at
-    /// its start what processes left that were killed.
+    /// Folder for what does not stay in memory. Each process creates its own folder in it and removes it at its end; at
+    /// its start it removes folders that killed processes have left.
     pub folder: PathBuf,
 }
 
@@ -21,7 +21,7 @@ impl Default for PastOptions {
     }
 }
 
-/// `$XDG_CACHE_HOME/ocu/past`, or what stands for it: not the folder for temporary files, which is often memory.
+/// `$XDG_CACHE_HOME/ocu/past` or its default. Not the folder for temporary files, which is often in memory.
 fn cache_folder() -> PathBuf {
     let set = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let cache = set("XDG_CACHE_HOME").or_else(|| set("HOME").map(|home| home.join(".cache")));

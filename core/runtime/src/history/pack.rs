@@ -1,7 +1,8 @@
-//! Stretches of messages and snapshots on their way to disk and back.
+//! Packs stretches of messages and snapshots for the disk, and unpacks them.
 //!
-//! Small messages of a stretch are packed together; each large one is a piece of its own, which everything that holds the
-//! message shares: the stretch in which it was written, the next ones that begin with it, and snapshots.
+//! Small messages of a stretch are packed together. A large message is a piece of its own, which is shared by
+//! everything that holds the message: the stretch in which it was written, later stretches that begin with it, and
+//! snapshots.
 
 use super::disk::{Disk, Piece};
 use super::samples::{Entry, Location, LogRef, Point, Samples, Stored, StoredElsewhere, decoded};
@@ -16,7 +17,7 @@ use std::collections::HashMap;
 use std::io;
 use std::sync::{Arc, Weak};
 
-/// A message that takes more than this is a piece of its own.
+/// Messages above this size are pieces of their own.
 const LARGE: usize = 2048;
 
 /// A stretch on disk.
@@ -30,7 +31,7 @@ pub(crate) struct PackedSnapshot {
     state: Arc<Piece>,
     /// Each with the type of its message.
     large: Vec<(Arc<Piece>, String)>,
-    /// About what it takes in memory.
+    /// Approximate size in memory.
     pub(crate) bytes: usize,
 }
 
@@ -54,10 +55,10 @@ struct SamplesOnDisk {
     written: Vec<Vec<EntryOnDisk>>,
 }
 
-/// Where a run began, for finding out in which run a message was written.
+/// Start of a run, to find out in which run a message was written.
 pub(crate) struct Origin {
     pub(crate) parent: usize,
-    /// Sequence of the newest message of each buffer when it began.
+    /// Sequence of the newest message of each buffer at the start of the run.
     pub(crate) newest: Vec<u64>,
 }
 
@@ -65,9 +66,9 @@ pub(crate) struct Origin {
 pub(crate) struct Packer {
     disk: Arc<Disk>,
     plan: Arc<Plan>,
-    /// Large messages that are on disk, by run, buffer and sequence.
+    /// Large messages on disk, by run, buffer and sequence.
     known: HashMap<(usize, usize, u64), Weak<Piece>>,
-    /// By run; `None` for the first.
+    /// By run; `None` for the first run.
     pub(crate) origins: HashMap<usize, Origin>,
     packed: u64,
 }
@@ -77,7 +78,7 @@ impl Packer {
         Self { disk, plan, known: HashMap::new(), origins: HashMap::new(), packed: 0 }
     }
 
-    /// The run in which a message of `run` was written.
+    /// The run, among `run` and its ancestors, in which a message was written.
     fn writer_run(&self, mut run: usize, buffer: usize, sequence: u64) -> usize {
         while let Some(origin) = self.origins.get(&run)
             && origin.newest.get(buffer).is_some_and(|&newest| sequence <= newest)
@@ -87,7 +88,7 @@ impl Packer {
         run
     }
 
-    /// The piece of a message, written where it is not on disk; `None` where it is small.
+    /// The piece of a message, written if it is not on disk yet; `None` if the message is small.
     fn large(
         &mut self,
         run: usize,
@@ -183,7 +184,7 @@ impl Packer {
         Ok(PackedSnapshot { state, large, bytes: bytes.len() })
     }
 
-    /// From time to time forgets what is no longer on disk, and rewrites what is mostly dead.
+    /// From time to time removes entries that are no longer on disk, and rewrites files that are mostly dead.
     fn tidy(&mut self) -> io::Result<()> {
         self.packed += 1;
         if self.packed.is_multiple_of(64) {
@@ -194,7 +195,7 @@ impl Packer {
 }
 
 impl PackedSamples {
-    /// The stretch; its large messages are read when they are looked at.
+    /// Unpacks a stretch; its large messages are read at the first access.
     pub(crate) fn load(&self, plan: &Plan) -> io::Result<Samples> {
         let bytes = self.small.read()?;
         let bad = |text: String| io::Error::new(io::ErrorKind::InvalidData, text);
@@ -229,7 +230,7 @@ impl PackedSamples {
 }
 
 impl PackedSnapshot {
-    /// The snapshot.
+    /// Unpacks a snapshot.
     pub(crate) fn load(&self) -> Result<Snapshot, RunError> {
         let said = |error: io::Error| RunError::Snapshot(error.to_string());
         let bytes = self.state.read().map_err(said)?;

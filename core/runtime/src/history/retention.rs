@@ -1,8 +1,9 @@
-//! What of the past is kept, and where: one budget in bytes for memory and one for disk.
+//! Retention of the past: what is kept in memory and on disk, within one budget in bytes for each.
 //!
-//! Where memory grows tight, stretches are written to disk and let go, those farthest from the cursor first. Where disk
-//! grows tight, messages of whole stretches are dropped so that what is left is the sparser the farther away it lies
-//! (one that is dropped can be run again from its snapshot), and then snapshots by the same rule.
+//! When memory becomes scarce, stretches are written to disk and dropped from memory, those farthest from the cursor
+//! first. When disk becomes scarce, the messages of complete stretches are dropped, so that the density of what is kept
+//! decreases with the distance (a dropped stretch can be executed again from its snapshot); then snapshots are dropped
+//! by the same rule.
 
 use super::Session;
 use super::disk::{Disk, remove_abandoned};
@@ -16,37 +17,37 @@ use rcs_msg::Stamp;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// From this part of the memory on, stretches are written to disk.
+/// Above this fraction of the memory, stretches are written to disk.
 const WRITE_AT: f64 = 0.45;
-/// … and let go, down to this part.
+/// Stretches on disk are dropped from memory until at most this fraction is used.
 const KEEP: f64 = 0.6;
-/// Above this part, the run waits for the disk.
+/// Above this fraction, the run waits for the disk.
 const WAIT_AT: f64 = 0.8;
-/// Above this part of the disk, it is thinned, down to the second.
+/// Above the first fraction of the disk, it is thinned, down to the second.
 const THIN_AT: f64 = 0.92;
 const THIN_TO: f64 = 0.85;
-/// How many stretches are on their way to disk at once.
+/// Number of stretches that are being written to disk at the same time.
 const ON_THE_WAY: usize = 6;
-/// After an error of the disk, so many stretches are kept in memory alone before it is tried again.
+/// After a disk error, this many stretches are kept in memory only before the disk is tried again.
 const PAUSE: u32 = 30;
-/// Snapshots of that many stretches around the cursor and around the end stay in memory.
+/// Snapshots this close to the cursor or to the end of the run stay in memory.
 const SNAPSHOTS_NEAR_NS: u64 = 3_000_000_000;
-/// A guess, until one has been written.
+/// An estimate, until one has been written.
 const SNAPSHOT_BYTES: usize = 1 << 20;
 const PROBLEMS: usize = 20;
 
-/// What a past takes.
+/// Memory and disk that a past takes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PastUse {
-    /// About how much memory, bytes; what is shared is counted once.
+    /// Approximate memory, bytes; shared data count once.
     pub memory_bytes: u64,
-    /// How much disk, bytes.
+    /// Disk, bytes.
     pub disk_bytes: u64,
-    /// Stretches of about a second.
+    /// Number of stretches of about a second.
     pub stretches: usize,
-    /// How many of them have their messages, in memory or on disk.
+    /// Number of stretches whose messages are kept, in memory or on disk.
     pub with_messages: usize,
-    /// How many of them can be gone on from without running anything before them.
+    /// Number of stretches with a snapshot, from which a run can continue at once.
     pub with_snapshot: usize,
 }
 
@@ -55,10 +56,10 @@ pub(super) struct Retention {
     plan: Arc<Plan>,
     disk: Arc<Disk>,
     spill: Option<Spill>,
-    /// Jobs that have to come first once the thread is there.
+    /// Jobs that must be first once the thread is running.
     early: Vec<Job>,
     problems: Vec<String>,
-    /// How many stretches to wait before the disk is tried again.
+    /// Number of stretches to wait before the disk is tried again.
     pause: u32,
     snapshot_bytes: usize,
 }
@@ -86,7 +87,7 @@ impl Retention {
         &self.problems
     }
 
-    /// Says what could not be done, once.
+    /// Reports once what could not be done.
     pub(super) fn report(&mut self, problem: String) {
         if !self.problems.contains(&problem) && self.problems.len() < PROBLEMS {
             tracing::warn!("{problem}");
@@ -105,7 +106,7 @@ impl Retention {
         self.pause == 0 && self.options.disk_bytes > 0
     }
 
-    /// Starts the thread where there is none.
+    /// Starts the thread if it is not running.
     fn start(&mut self) -> bool {
         if self.spill.is_some() {
             return true;
@@ -128,7 +129,7 @@ impl Retention {
         self.spill.as_ref().map_or(0, Spill::waiting)
     }
 
-    /// Memory of a stretch's messages and snapshot.
+    /// Memory of the messages and the snapshot of a stretch.
     fn memory_of(&self, stretch: &Stretch) -> usize {
         let samples = stretch.samples.memory.is_some();
         let snapshot = stretch.snapshot.memory.is_some();
@@ -151,7 +152,7 @@ impl Retention {
 }
 
 impl Session {
-    /// Takes what has been written to disk since the last time.
+    /// Processes what has been written to disk since the last call.
     pub(super) fn collect_written(&mut self) {
         let done = self.retention.spill.as_mut().map(|spill| spill.done(false)).unwrap_or_default();
         self.take_done(done);
@@ -180,7 +181,8 @@ impl Session {
                 }
             };
             if let Some(error) = failed {
-                // A disk that is full by its budget is thinned at once; one that is full by itself may be for long.
+                // A disk that is full because of its budget is thinned at once; a disk that is full by itself may stay
+                // so.
                 let by_budget = error.contains(super::disk::OVER_BUDGET);
                 self.retention.pause = if by_budget { 2 } else { PAUSE };
                 self.retention.report(format!("the past could not be written to disk: {error}"));
@@ -188,7 +190,7 @@ impl Session {
         }
     }
 
-    /// Keeps the budgets. Called whenever a stretch has come into memory.
+    /// Enforces the budgets. Called whenever a stretch has been added to memory.
     pub(super) fn enforce_budgets(&mut self) {
         self.collect_written();
         self.retention.pause = self.retention.pause.saturating_sub(1);
@@ -211,15 +213,15 @@ impl Session {
         self.thin_disk();
     }
 
-    /// Finds out what a snapshot takes.
+    /// Measures the memory of a snapshot.
     pub(super) fn measure_snapshot(&mut self, snapshot: &Snapshot) {
         if let Ok(bytes) = snapshot.encode(&mut |_| Some(0)) {
             self.retention.snapshot_bytes = bytes.len();
         }
     }
 
-    /// How far a stretch is from where a person looks, and from the end of the run, in seconds; twice as far in another
-    /// run than the one that is looked at.
+    /// Distance of a stretch from the cursor and from the end of the run, in seconds; doubled for runs other than the
+    /// viewed one.
     fn distance_s(&self, stretch: &Stretch, cursor: Stamp) -> f64 {
         let run = &self.runs[self.run];
         let end = run.end_time;
@@ -231,7 +233,7 @@ impl Session {
         to_cursor.min(to_end) * if is_ours { 1.0 } else { 2.0 } + if is_ours { 0.0 } else { 1.0 }
     }
 
-    /// All stretches but those that are in use, farthest first.
+    /// All stretches that are not in use, farthest first.
     fn farthest_first(&self) -> Vec<(usize, f64)> {
         let cursor = self.now();
         let ends: BTreeSet<usize> = self.runs.iter().filter_map(|run| run.line.last().copied()).collect();
@@ -246,7 +248,7 @@ impl Session {
         list
     }
 
-    /// Sends stretches to disk, until `bytes` are on their way.
+    /// Sends stretches to disk until `bytes` are being written.
     fn write_out(&mut self, bytes: f64) {
         if !self.retention.can_write() {
             return;
@@ -276,11 +278,11 @@ impl Session {
         }
     }
 
-    /// Lets go of what is on disk, too, until no more than `to` is used; what is used then.
+    /// Drops from memory what is on disk, until at most `to` bytes are used; returns the use.
     fn let_go(&mut self, mut used: f64, to: f64) -> f64 {
         for (index, distance) in self.farthest_first() {
             let stretch = &mut self.stretches[index];
-            // From the first everything can be reached, whatever becomes of the disk.
+            // The first snapshot stays, because everything can be recomputed from it whatever happens to the disk.
             if index > 0
                 && stretch.snapshot.memory.is_some()
                 && stretch.snapshot.disk.is_some()
@@ -300,7 +302,7 @@ impl Session {
         used
     }
 
-    /// Drops messages, and then snapshots, that are in memory alone: there is no disk for them.
+    /// Drops messages, and then snapshots, that are in memory only, because there is no disk for them.
     fn drop_from_memory(&mut self, mut used: f64, to: f64) {
         let list = self.farthest_first();
         for &(index, distance) in &list {
@@ -320,7 +322,7 @@ impl Session {
         }
     }
 
-    /// Drops messages on disk, and then snapshots, where the disk's budget is nearly used up.
+    /// Drops messages on disk, and then snapshots, if the disk's budget is nearly used up.
     fn thin_disk(&mut self) {
         let budget = self.retention.options.disk_bytes as f64;
         if self.retention.disk.bytes() as f64 <= THIN_AT * budget || budget == 0.0 {
@@ -340,9 +342,9 @@ impl Session {
         }
     }
 
-    /// Of the stretches that have something, the one that is missed least: the gap that it would leave is small beside
-    /// its distance. What is kept is then the sparser the farther away it lies. The first stretch is never named: from
-    /// it everything can be reached.
+    /// Of the stretches that have something to drop, the one whose gap would be smallest in relation to its distance,
+    /// so that the density of what is kept decreases with the distance. The first stretch is never returned, because
+    /// everything can be recomputed from it.
     fn sparsest(&self, list: &[(usize, f64)], has: impl Fn(&Stretch) -> bool) -> Option<usize> {
         let mut kept: Vec<(usize, f64)> =
             list.iter().copied().filter(|&(index, _)| index > 0 && has(&self.stretches[index])).collect();

@@ -1,4 +1,4 @@
-//! The runs of a session: each goes on from a point of another, and none is ever destroyed.
+//! The runs of a session: each branches from another one, and none is ever deleted.
 
 use super::samples::Point;
 use super::stretch::Stretch;
@@ -18,48 +18,48 @@ impl std::fmt::Display for RunId {
     }
 }
 
-/// A moment: a run, how many of its events had been done, and how many writes from outside behind the last of them.
+/// A moment: a run, the number of events executed in it, and the number of external writes after the last of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Moment {
     /// The run.
     pub run: RunId,
-    /// Events that had been done.
+    /// Number of events executed.
     pub event: u64,
-    /// Writes that had been done since the last of them.
+    /// Number of writes since the last event.
     pub write: u32,
 }
 
-/// What a person may know of a run.
+/// Description of a run for the operator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunSummary {
     /// The run.
     pub id: RunId,
-    /// Where it left another run, and when; `None` for the first.
+    /// The run that it branched from, and when; `None` for the first.
     pub branched_from: Option<(Moment, Stamp)>,
-    /// How far it has got.
+    /// Time of its end.
     pub end: Stamp,
-    /// Events that were done in it, those that it shares with the run that it left among them.
+    /// Number of events, including those that it shares with the run that it branched from.
     pub events: u64,
-    /// How many writes from outside it has.
+    /// Number of external writes.
     pub writes: usize,
 }
 
 /// One run.
 pub(super) struct Run {
     pub(super) branched_from: Option<(usize, Point, Stamp)>,
-    /// Its stretches, ascending; those before the point where it left another run are that run's.
+    /// Its stretches, ascending; those before the branch point are shared with the run that it branched from.
     pub(super) line: Vec<usize>,
-    /// What came from outside.
+    /// Its journal.
     pub(super) journal: Journal,
-    /// How far it has got.
+    /// Time of its end.
     pub(super) end: Point,
     pub(super) end_time: Stamp,
-    /// The run as it is at its end, while the machine is elsewhere.
+    /// The state of the run at its end, while the machine is elsewhere.
     pub(super) head: Option<Arc<Snapshot>>,
 }
 
 impl Run {
-    /// How many writes follow that event and no later one.
+    /// Number of writes between that event and the next one.
     pub(super) fn writes_at(&self, event: u64) -> u32 {
         (self.journal.up_to(event) - self.journal.before(event)) as u32
     }
@@ -69,12 +69,12 @@ impl Run {
         Point { event, write: self.writes_at(event) }
     }
 
-    /// How many writes have been done at a point.
+    /// Number of writes up to a point.
     pub(super) fn writes_done(&self, at: Point) -> usize {
         self.journal.before(at.event) + at.write as usize
     }
 
-    /// Place in `line` of the stretch in which a point lies.
+    /// Index in `line` of the stretch that contains a point.
     pub(super) fn place_of(&self, stretches: &[Stretch], event: u64) -> usize {
         self.line.partition_point(|&stretch| stretches[stretch].from <= event).saturating_sub(1)
     }

@@ -1,4 +1,4 @@
-//! What was written during one stretch of a run: every message of every buffer, with its place in the order.
+//! The messages of one stretch of a run: every message of every buffer, with its position in the order.
 
 use super::disk::Piece;
 use rcs_bus::{Buffer, Header, Sample};
@@ -9,7 +9,7 @@ use std::io;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// A point in a run: so many events done, and so many writes from outside behind the last of them.
+/// A point in a run: the number of events executed, and the number of external writes after the last of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub(crate) struct Point {
     pub(crate) event: u64,
@@ -28,28 +28,28 @@ impl Point {
     }
 }
 
-/// A message of a log, to be read again.
+/// A reference to a message of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct LogRef {
     pub(crate) topic: TopicId,
     pub(crate) place: MessagePosition,
 }
 
-/// A message, or where it is.
+/// A message, or its location.
 #[derive(Clone)]
 pub(crate) enum Stored {
     InMemory(AnyMessage),
     Elsewhere(Arc<StoredElsewhere>),
 }
 
-/// A message that is not in memory until someone looks at it.
+/// A message that is read into memory at the first access.
 pub(crate) struct StoredElsewhere {
     pub(crate) place: Location,
     schema: Arc<Schema>,
     message: OnceLock<AnyMessage>,
 }
 
-/// Where a message is that is not in memory.
+/// Location of a message that is not in memory.
 pub(crate) enum Location {
     Disk(Arc<Piece>),
     Log(LogRef),
@@ -60,7 +60,7 @@ impl StoredElsewhere {
         Self { place, schema, message: OnceLock::new() }
     }
 
-    /// A message that is in memory now, and can be had from there when it is not.
+    /// A message that is in memory now and can be read again after it has been dropped.
     pub(crate) fn with(place: Location, schema: Arc<Schema>, message: AnyMessage) -> Self {
         Self { place, schema, message: OnceLock::from(message) }
     }
@@ -77,7 +77,7 @@ impl StoredElsewhere {
     }
 }
 
-/// The typed message of a schema from its bytes; encoded where the schema is no type of ours.
+/// Decodes a message of a schema; it stays encoded if the schema has no Rust type.
 pub(crate) fn decoded(schema: &Arc<Schema>, bytes: Vec<u8>) -> io::Result<AnyMessage> {
     let bytes = bytes.into();
     match rcs_msg::canonical(schema, &bytes) {
@@ -87,7 +87,7 @@ pub(crate) fn decoded(schema: &Arc<Schema>, bytes: Vec<u8>) -> io::Result<AnyMes
     }
 }
 
-/// The message of a log in the form in which its buffer holds it.
+/// The message of a log, converted to the type of its buffer.
 fn from_log(log: Option<&Log>, wanted: LogRef, schema: &Schema) -> io::Result<AnyMessage> {
     let lost = || io::Error::new(io::ErrorKind::NotFound, "the log no longer gives a message that it gave");
     let log = log.ok_or_else(lost)?;
@@ -100,7 +100,7 @@ fn from_log(log: Option<&Log>, wanted: LogRef, schema: &Schema) -> io::Result<An
     crate::feed::for_buffer(&raw, schema).ok_or_else(lost)
 }
 
-/// One message of a buffer and when it came into it.
+/// One message of a buffer, and when it was written.
 #[derive(Clone)]
 pub(crate) struct Entry {
     pub(crate) point: Point,
@@ -109,7 +109,7 @@ pub(crate) struct Entry {
 }
 
 impl Entry {
-    /// The message, read where it is not in memory.
+    /// The message, read if it is not in memory.
     pub(crate) fn sample(&self, log: Option<&Log>) -> io::Result<Sample> {
         let message = match &self.held {
             Stored::InMemory(message) => message.clone(),
@@ -127,12 +127,12 @@ impl Entry {
     }
 }
 
-/// Everything that was written during a stretch of a run, and what lay in the buffers before it.
+/// Everything that was written during a stretch of a run, and the content of the buffers before it.
 #[derive(Clone, Default)]
 pub(crate) struct Samples {
     /// The newest message of each buffer at the start.
     pub(crate) opening: Vec<Option<Entry>>,
-    /// What was written to each buffer, in order.
+    /// The messages written to each buffer, in order.
     pub(crate) written: Vec<Vec<Entry>>,
 }
 
@@ -155,8 +155,8 @@ impl Samples {
         both.map(|(written, opening)| written.last().or(opening.as_ref()).cloned()).collect()
     }
 
-    /// About how much memory it takes. Messages of a buffer are taken to be as large as the newest one; what lay in the
-    /// buffers before is counted where it was written.
+    /// Approximate size in memory, assuming that all messages of a buffer are as large as the newest one; messages from
+    /// before the stretch are counted where they were written.
     pub(crate) fn bytes(&self) -> usize {
         let written = self.written.iter();
         let messages: usize =
@@ -165,9 +165,9 @@ impl Samples {
     }
 }
 
-/// Takes down what the buffers of a run tell, by taps.
+/// Records what is written to the buffers of a run, by taps.
 pub(crate) struct Tape {
-    /// Where in the order what is written now stands: the event in the upper 40 bits, the write in the lower 24.
+    /// Position of what is written now: the event in the upper 40 bits, the write in the lower 24.
     point: AtomicU64,
     samples: Mutex<Samples>,
 }
@@ -193,17 +193,17 @@ impl Tape {
         tape
     }
 
-    /// What is written from now on stands there.
+    /// Sets the position of what is written from now on.
     pub(crate) fn at(&self, point: Point) {
         self.point.store((point.event << WRITE_BITS) | u64::from(point.write), Ordering::Relaxed);
     }
 
-    /// What has been taken down since the last [`Tape::replace`].
+    /// Everything recorded since the last [`Tape::replace`].
     pub(crate) fn samples(&self) -> MutexGuard<'_, Samples> {
         self.samples.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Begins another stretch, and gives the last one.
+    /// Begins another stretch, and returns the previous one.
     pub(crate) fn replace(&self, samples: Samples) -> Samples {
         std::mem::replace(&mut self.samples(), samples)
     }

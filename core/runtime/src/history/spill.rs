@@ -28,13 +28,13 @@ pub(crate) enum Job {
     },
 }
 
-/// What was written, or why it could not be.
+/// What was written, or the error.
 pub(crate) enum Done {
     Samples { stretch: usize, packed: Result<Arc<PackedSamples>, String> },
     Snapshot { stretch: usize, packed: Result<Arc<PackedSnapshot>, String> },
 }
 
-/// The thread that writes the past to disk. Dropping it ends the thread after the piece that it is at.
+/// The thread that writes the past to disk. Dropping it ends the thread after its current piece of work.
 pub(crate) struct Spill {
     jobs: Option<Sender<Job>>,
     done: Receiver<Done>,
@@ -76,23 +76,23 @@ impl Spill {
     pub(crate) fn send(&mut self, job: Job) {
         self.waiting += usize::from(!matches!(job, Job::Begun { .. }));
         if let Some(jobs) = &self.jobs {
-            // The thread ends only with this value.
+            // Dropping this value ends the thread.
             let _ = jobs.send(job);
         }
     }
 
-    /// How many pieces of work are not done.
+    /// Number of unfinished pieces of work.
     pub(crate) fn waiting(&self) -> usize {
         self.waiting
     }
 
-    /// What has been done since the last call; waits for one where `wait` says so.
+    /// The results since the last call; waits for one if `wait` is true.
     pub(crate) fn done(&mut self, wait: bool) -> Vec<Done> {
         let mut list = Vec::new();
         if wait && self.waiting > 0 {
             match self.done.recv() {
                 Ok(done) => list.push(done),
-                // It panicked: nothing more is written.
+                // The thread panicked: nothing more is written.
                 Err(_) => self.waiting = 0,
             }
         }
@@ -105,7 +105,7 @@ impl Spill {
 impl Drop for Spill {
     fn drop(&mut self) {
         self.jobs = None;
-        // What waits to be written is for nobody: the thread stops at its next answer.
+        // Results are no longer needed: the thread ends when it tries to send the next one.
         let (_, closed) = channel();
         self.done = closed;
         if let Some(thread) = self.thread.take() {

@@ -1,4 +1,4 @@
-//! One stretch of a run, about a second: what happened in it, what was written, and the run as it was at its start.
+//! One stretch of a run, about a second: its events, its messages, and a snapshot at its start.
 
 use super::pack::{PackedSamples, PackedSnapshot};
 use super::samples::{Point, Samples};
@@ -7,11 +7,11 @@ use crate::stepped::Happened;
 use rcs_msg::Stamp;
 use std::sync::Arc;
 
-/// Something in memory, on disk, both, or neither.
+/// A value in memory, on disk, both, or neither.
 pub(crate) struct Kept<T, P> {
     pub(crate) memory: Option<Arc<T>>,
     pub(crate) disk: Option<Arc<P>>,
-    /// Whether it is on its way to disk.
+    /// Whether it is being written to disk.
     pub(crate) pending: bool,
 }
 
@@ -24,13 +24,13 @@ impl<T, P> Kept<T, P> {
         self.memory.is_some() || self.disk.is_some()
     }
 
-    /// The same thing, for another stretch.
+    /// The same value, for another stretch.
     fn share(&self) -> Self {
         Self { memory: self.memory.clone(), disk: self.disk.clone(), pending: false }
     }
 }
 
-/// What one event was, in 10 bytes.
+/// Kind and time of one event, in 10 bytes.
 #[derive(Default, Clone)]
 struct Marks {
     times: Vec<Stamp>,
@@ -39,20 +39,20 @@ struct Marks {
 
 /// One stretch of a run.
 pub(crate) struct Stretch {
-    /// The run in which it was done.
+    /// The run in which it was executed.
     pub(crate) run: usize,
-    /// How many events had been done at its start.
+    /// Number of events before it.
     pub(crate) from: u64,
     /// Time of its start.
     pub(crate) start: Stamp,
     marks: Marks,
     /// Sequence of the newest message of each buffer at its start.
     pub(crate) newest: Vec<u64>,
-    /// Where each buffer was written to: event less `from`, and write. Empty until the stretch has ended.
+    /// Positions at which each buffer was written: event less `from`, and write. Empty until the stretch has ended.
     index: Vec<Vec<(u32, u32)>>,
     pub(crate) snapshot: Kept<Snapshot, PackedSnapshot>,
     pub(crate) samples: Kept<Samples, PackedSamples>,
-    /// About how much memory its samples take when they are there.
+    /// Approximate memory of its samples when they are loaded.
     pub(crate) bytes: usize,
 }
 
@@ -72,7 +72,7 @@ impl Stretch {
         }
     }
 
-    /// The same stretch in another run, which goes its own way after `events` events.
+    /// The same stretch in another run, which differs from `events` events on.
     pub(crate) fn fork(&self, run: usize, events: u64) -> Self {
         let done = (events - self.from) as usize;
         let (times, what) = (&self.marks.times, &self.marks.what);
@@ -90,17 +90,17 @@ impl Stretch {
         }
     }
 
-    /// How many events were done in it.
+    /// Number of events in it.
     pub(crate) fn len(&self) -> u64 {
         self.marks.times.len() as u64
     }
 
-    /// How many events had been done at its end.
+    /// Number of events up to its end.
     pub(crate) fn to(&self) -> u64 {
         self.from + self.len()
     }
 
-    /// Takes down an event.
+    /// Records an event.
     pub(crate) fn mark(&mut self, time: Stamp, what: Happened) {
         let what = match what {
             Happened::Input => 0,
@@ -112,7 +112,7 @@ impl Stretch {
         self.marks.what.push(what as u16);
     }
 
-    /// What an event was, by the number of events that had been done after it.
+    /// An event, by the number of events up to and including it.
     fn what(&self, event: u64) -> Happened {
         match self.marks.what[(event - self.from - 1) as usize] {
             0 => Happened::Input,
@@ -128,7 +128,7 @@ impl Stretch {
         index.and_then(|index| self.marks.times.get(index)).copied().unwrap_or(self.start)
     }
 
-    /// How many events had been done at that time.
+    /// Number of events up to that time.
     pub(crate) fn events_at(&self, time: Stamp) -> u64 {
         self.from + self.marks.times.partition_point(|&mark| mark <= time) as u64
     }
@@ -148,7 +148,7 @@ impl Stretch {
         (after.max(self.from) + 1..=self.to()).find(|&event| is_wanted(self.what(event)))
     }
 
-    /// Takes down where the buffers were written to: the stretch has ended.
+    /// Records the positions at which buffers were written: the stretch has ended.
     pub(crate) fn set_index(&mut self, samples: &Samples) {
         let place = |point: Point| ((point.event.saturating_sub(self.from)) as u32, point.write);
         let list = |written: &Vec<super::samples::Entry>| {
@@ -158,29 +158,29 @@ impl Stretch {
         self.bytes = samples.bytes();
     }
 
-    /// Where a buffer was written to, ascending.
+    /// Positions at which a buffer was written, ascending.
     fn points(&self, buffer: usize) -> impl DoubleEndedIterator<Item = Point> + ExactSizeIterator + '_ {
         let list = self.index.get(buffer).map_or(&[][..], Vec::as_slice);
         list.iter().map(|&(event, write)| Point { event: self.from + u64::from(event), write })
     }
 
-    /// The last point before `before` at which a buffer was written to.
+    /// The last position before `before` at which a buffer was written.
     pub(crate) fn written_before(&self, buffer: usize, before: Point) -> Option<Point> {
         self.points(buffer).rev().find(|&point| point < before)
     }
 
-    /// The first point after `after` at which a buffer was written to.
+    /// The first position after `after` at which a buffer was written.
     pub(crate) fn written_after(&self, buffer: usize, after: Point) -> Option<Point> {
         self.points(buffer).find(|&point| point > after)
     }
 
-    /// How many messages had been written to a buffer at a point.
+    /// Number of messages that had been written to a buffer at a point.
     pub(crate) fn messages(&self, buffer: usize, at: Point) -> u64 {
         let before = self.newest.get(buffer).copied().unwrap_or(0);
         before + self.points(buffer).take_while(|&point| point <= at).count() as u64
     }
 
-    /// About how much memory it takes without its samples and its snapshot.
+    /// Approximate memory without its samples and its snapshot.
     pub(crate) fn fixed_bytes(&self) -> usize {
         let marks = self.marks.times.len() * 10;
         let index: usize = self.index.iter().map(|list| 24 + 8 * list.len()).sum();

@@ -1,4 +1,4 @@
-//! How the operating system schedules a thread of a live run: as good as it permits, never an error.
+//! Scheduling of a live run's threads by the operating system: the best that it permits; never an error.
 
 use crate::stack::Class;
 use std::io;
@@ -6,8 +6,8 @@ use thread_priority::{ThreadPriority, ThreadPriorityValue, set_current_thread_pr
 
 /// Gives the calling thread the priority of its class.
 ///
-/// Real time is `SCHED_FIFO` where the system permits it. The other classes lower their own priority, which every
-/// system permits, so that the order of the classes holds where real time is refused, too.
+/// `Realtime` is `SCHED_FIFO` if the system permits it. The other classes lower their own priority, which every system
+/// permits, so that the order of the classes also holds where real-time scheduling is refused.
 pub(crate) fn apply(class: Class, thread: &str) {
     let result = match class {
         Class::Realtime => realtime(),

@@ -1,9 +1,9 @@
-//! What a live process's cycles took: waking, waiting for the lock and computing, each apart.
+//! Measurements of a live process's cycles: waking, waiting for the lock and computing, separately.
 
 use rcs_msg::rcs;
 use std::time::Duration;
 
-/// Buckets a power of two of microseconds: a percentile is at most an eighth too high.
+/// Number of buckets per power of two of microseconds: a percentile is at most an eighth too high.
 const STEPS: usize = 8;
 /// Enough buckets for an hour.
 const BUCKETS: usize = 32 * STEPS;
@@ -34,7 +34,7 @@ fn bucket_of(duration: Duration) -> usize {
     index.min(BUCKETS - 1)
 }
 
-/// Duration below which everything in a bucket lies.
+/// Upper limit of the durations in a bucket.
 fn bucket_end_us(index: usize) -> f64 {
     if index < STEPS {
         return (index + 1) as f64;
@@ -64,7 +64,7 @@ impl Durations {
         us(self.max)
     }
 
-    /// The duration that 99 of 100 do not exceed.
+    /// The 99th percentile of the durations.
     pub(super) fn p99_us(&self) -> f64 {
         let wanted = (self.count * 99).div_ceil(100);
         let mut seen = 0;
@@ -83,9 +83,9 @@ impl Durations {
 pub(super) struct CycleTimes {
     /// From when the cycle was due until its thread ran.
     pub(super) wake_late: Duration,
-    /// From there until it had the lock to take its inputs.
+    /// From there until it had the lock to capture its inputs.
     pub(super) capture_wait: Duration,
-    /// The process's own work.
+    /// The process's own computation.
     pub(super) compute: Duration,
     /// From there until it had the lock to publish.
     pub(super) publish_wait: Duration,
@@ -106,8 +106,8 @@ pub(super) struct Measured {
 }
 
 impl Measured {
-    /// Takes a cycle in, and returns after how many periods the next one is due: 1 where this one was done in time.
-    /// A cycle that began on time keeps its place on the grid; one that could not begin is missed, not made up for.
+    /// Adds a cycle, and returns after how many periods the next one is due: 1 if this one ended in time. A cycle that
+    /// began in time keeps its phase; cycles that could not begin are counted as missed and not made up for.
     pub(super) fn add(&mut self, times: &CycleTimes, period: Duration) -> u32 {
         let lock_wait = times.capture_wait + times.publish_wait;
         self.wake_late.add(times.wake_late);

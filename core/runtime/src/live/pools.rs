@@ -1,4 +1,4 @@
-//! Threads to compute on, one pool of them a name: processes of different pools do not wait for each other.
+//! Named pools of threads for parallel work: processes of different pools do not wait for each other.
 
 use super::class;
 use crate::pool::Pool;
@@ -6,8 +6,8 @@ use crate::stack::{Class, Plan, ProcessPlan};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The pools of a plan. A process without one shares a pool with the others of its class; one that runs in real time
-/// computes on its own thread, because a pool is busy with whoever came first.
+/// The pools of a plan. A process without a named pool shares one with the others of its class. A real-time process
+/// without one computes on its own thread, because a pool may be busy with other processes.
 pub(super) struct Pools {
     own_thread: Arc<Pool>,
     pools: BTreeMap<(Class, String), Arc<Pool>>,

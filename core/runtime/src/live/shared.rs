@@ -1,4 +1,4 @@
-//! What the threads of a live run share: the lock that orders everything, the clock, and the wish to stop.
+//! State that the threads of a live run share: the lock that orders everything, the clock, and the stop flag.
 
 use crate::journal::{EventPlace, ExternalEvent};
 use crate::machine::{CheckedEvent, Machine};
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use super::measure::Measured;
 
-/// What the threads of a live run share.
+/// State that the threads of a live run share.
 pub(super) struct Shared {
     /// The buffers; the threads own the nodes.
     pub(super) machine: Machine,
@@ -28,12 +28,12 @@ impl Shared {
         Self { machine, order, epoch, clock: Instant::now(), stop, schedule, timing }
     }
 
-    /// Does `f` at a time that no other commit has, later than all before.
+    /// Calls `f` with a time that is unique and later than that of all earlier commits.
     pub(super) fn commit<R>(&self, f: impl FnOnce(Stamp) -> R) -> R {
         self.commit_measured(f).0
     }
 
-    /// Like [`Shared::commit`], with how long the lock was waited for.
+    /// Like [`Shared::commit`]; also returns how long it waited for the lock.
     pub(super) fn commit_measured<R>(&self, f: impl FnOnce(Stamp) -> R) -> (R, Duration) {
         let asked = Instant::now();
         let mut last = self.order.lock().unwrap_or_else(PoisonError::into_inner);
@@ -43,8 +43,8 @@ impl Shared {
         (f(*last), got.saturating_duration_since(asked))
     }
 
-    /// Sleeps until `deadline`; `true` where the run is to stop. Threads do not share a lock for that: each parks, and
-    /// is woken for the end.
+    /// Sleeps until `deadline`; `true` if the run is to stop. The threads park instead of sharing a lock, and stopping
+    /// unparks them.
     pub(super) fn sleep_until(&self, deadline: Instant) -> bool {
         while !self.is_stopping() {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -75,12 +75,12 @@ pub(super) fn report(writer: &Writer, now: Stamp, message: AnyMessage) {
     }
 }
 
-/// What is known of one process's thread from outside of it.
+/// State of one process's thread that other threads can read.
 pub(super) struct WorkerState {
     pub(super) name: Arc<str>,
     pub(super) period: Duration,
     status: Arc<Buffer>,
-    /// When the cycle that goes on began, in nanoseconds of the run's clock; 0 between cycles.
+    /// Start of the current cycle, in nanoseconds of the run's clock; 0 between cycles.
     began_ns: AtomicU64,
     is_hung: AtomicBool,
     measured: Mutex<Measured>,
@@ -96,13 +96,13 @@ impl WorkerState {
         self.began_ns.store(shared.elapsed_ns().max(1), Ordering::Release);
     }
 
-    /// Says whether the watchdog had given the process up.
+    /// Whether the watchdog had reported the process as hung.
     pub(super) fn end_cycle(&self) -> bool {
         self.began_ns.store(0, Ordering::Release);
         self.is_hung.swap(false, Ordering::AcqRel)
     }
 
-    /// How long the cycle that goes on has lasted, where that is longer than `limit` and nobody has been told.
+    /// Duration of the current cycle, if it is longer than `limit` and has not been reported.
     pub(super) fn newly_hung(&self, shared: &Shared, limit: Duration) -> Option<Duration> {
         let began_ns = self.began_ns.load(Ordering::Acquire);
         if began_ns == 0 {
@@ -116,8 +116,8 @@ impl WorkerState {
         f(&mut self.measured.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Writes an `ERROR` into the status of a process that cannot say so itself. Its supervisor reads statuses, so that
-    /// is how it learns. It does not follow from the process's cycles, so it stands in the journal.
+    /// Writes `ERROR` into the status of a process that cannot do so itself. Supervisors read statuses, so this is how
+    /// they learn of it. The status does not follow from the process's cycles, so it is journalled.
     pub(super) fn write_error(&self, shared: &Shared, text: &str) {
         tracing::error!("{}: {text}", self.name);
         let written = shared.commit(|now| {

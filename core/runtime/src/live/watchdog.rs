@@ -1,18 +1,18 @@
-//! The thread that looks after the others: it tells of processes that hang, and of what was measured.
+//! The watchdog thread: reports hung processes, and publishes measurements.
 
 use super::shared::{Shared, WorkerState, report};
 use rcs_msg::{AnyMessage, rcs};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Time from look to look.
+/// Time between checks.
 const LOOK: Duration = Duration::from_millis(50);
-/// Time from one message of timings to the next.
+/// Time between messages of timings.
 const TELL: Duration = Duration::from_secs(1);
-/// A process hangs when one cycle lasts this many of its periods, and the least limit of the options at least.
+/// A process counts as hung if a cycle lasts this many of its periods, and at least the limit in the options.
 const PERIODS: u32 = 10;
 
-/// Looks after the processes until the run stops.
+/// Monitors the processes until the run stops.
 pub(super) fn run(shared: &Shared, worker_states: &[Arc<WorkerState>], least_limit: Duration) {
     let mut look = Instant::now();
     let mut tell = look + TELL;
@@ -41,7 +41,7 @@ pub(super) fn run(shared: &Shared, worker_states: &[Arc<WorkerState>], least_lim
     }
 }
 
-/// What was measured of each process since the start.
+/// Measurements of each process since the start.
 pub(super) fn timings(worker_states: &[Arc<WorkerState>]) -> Vec<rcs::ProcessTiming> {
     worker_states.iter().map(|state| state.measured(|measured| measured.report(&state.name))).collect()
 }

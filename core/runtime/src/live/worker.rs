@@ -1,4 +1,4 @@
-//! The thread of one live process: sleep to the grid, capture, compute, publish.
+//! The thread of one live process: sleep until the next cycle is due, capture, compute, publish.
 
 use super::class;
 use super::measure::CycleTimes;
@@ -11,7 +11,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// A process on its way to a thread of its own.
+/// A process before its thread starts.
 pub(super) struct Worker {
     pub(super) shared: Arc<Shared>,
     pub(super) state: Arc<WorkerState>,
@@ -23,8 +23,8 @@ pub(super) struct Worker {
 }
 
 impl Worker {
-    /// Runs until the run stops. A panic outside of a cycle (a cycle's own is the node's affair) ends the process, and
-    /// is its last status.
+    /// Runs until the run stops. A panic outside of a cycle ends the process, and is its last status; the node handles
+    /// panics inside of cycles.
     pub(super) fn run(mut self) {
         class::apply(self.class, &self.state.name);
         if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.cycles())) {

@@ -1,6 +1,7 @@
-//! A snapshot as bytes.
+//! Snapshots as bytes.
 //!
-//! Every message stands once in a table, whoever holds it; those that are large may lie elsewhere, under a number.
+//! A table contains every message once, however many buffers and states refer to it; large messages may be stored
+//! elsewhere under a number.
 
 use super::Snapshot;
 use crate::children::ChildLinksState;
@@ -19,10 +20,10 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// The format of [`Snapshot::to_bytes`].
+/// Version of the format of [`Snapshot::to_bytes`].
 const FORMAT: u32 = 3;
 
-/// Bytes that serialise in one piece, not one by one.
+/// Bytes that are serialised as a whole instead of one by one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Block(pub(crate) Vec<u8>);
 
@@ -72,7 +73,7 @@ enum MessageOnDisk {
     Elsewhere(u32),
 }
 
-/// A message by its place in the table.
+/// A message by its index in the table.
 #[derive(Serialize, Deserialize)]
 struct SampleOnDisk {
     header: Header,
@@ -99,7 +100,7 @@ struct EventOnDisk {
     time: Stamp,
     rank: u32,
     order: u64,
-    /// When the cycle started that wrote it, what it wrote, and its status; `None` for a cycle.
+    /// Start of the cycle that wrote it, its output, and its status; `None` for a cycle.
     publish: Option<(Stamp, Vec<StagedOnDisk>, Block)>,
 }
 
@@ -121,10 +122,10 @@ struct ViewOnDisk {
     missed: u64,
 }
 
-/// The table of messages while it is filled.
+/// The table of messages during serialisation.
 struct Table<'a> {
     messages: Vec<MessageOnDisk>,
-    /// Place in the table, by address.
+    /// Index in the table, by address.
     known: HashMap<usize, u32>,
     elsewhere: &'a mut dyn FnMut(&AnyMessage) -> Option<u32>,
 }
@@ -197,7 +198,7 @@ impl Table<'_> {
     }
 }
 
-/// The messages of a table, read.
+/// The messages of a table, after reading.
 struct Messages(Vec<AnyMessage>);
 
 impl Messages {
@@ -255,7 +256,7 @@ fn codec(error: postcard::Error) -> RunError {
     RunError::Snapshot(error.to_string())
 }
 
-/// The message of a type that the registry knows, from its bytes.
+/// Decodes a message of a type in the registry.
 pub(crate) fn message_of(schema: &str, bytes: Vec<u8>) -> Result<AnyMessage, RunError> {
     let bad = || RunError::Snapshot(format!("a message of type {schema} does not decode"));
     let known = rcs_msg::registry().schema(schema).ok_or_else(bad)?;
@@ -266,14 +267,15 @@ pub(crate) fn message_of(schema: &str, bytes: Vec<u8>) -> Result<AnyMessage, Run
 }
 
 impl Snapshot {
-    /// The snapshot as bytes, all messages among them.
+    /// The snapshot as bytes, including all messages.
     ///
-    /// An error where a state does not serialise, or for a run on a recorded schedule with writes still to come.
+    /// An error if a state cannot be serialised, or if the run is on a recorded schedule with outstanding writes.
     pub fn to_bytes(&self) -> Result<Vec<u8>, RunError> {
         self.encode(&mut |_| None)
     }
 
-    /// The snapshot as bytes, but for the messages that lie elsewhere: those have the number that `elsewhere` gives.
+    /// The snapshot as bytes, without the messages that are stored elsewhere, which have the number that `elsewhere`
+    /// returns.
     pub(crate) fn encode(
         &self,
         elsewhere: &mut dyn FnMut(&AnyMessage) -> Option<u32>,
@@ -305,19 +307,19 @@ impl Snapshot {
         postcard::to_stdvec(&disk).map_err(codec)
     }
 
-    /// A snapshot from bytes.
+    /// Reads a snapshot from bytes.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, RunError> {
         Self::decode(bytes, &mut |number| {
             Err(RunError::Snapshot(format!("message {number} lies elsewhere, which is not known here")))
         })
     }
 
-    /// A snapshot from bytes and from the messages that lie elsewhere.
+    /// Reads a snapshot from bytes and from the messages that are stored elsewhere.
     pub(crate) fn decode(
         bytes: &[u8],
         elsewhere: &mut dyn FnMut(u32) -> Result<AnyMessage, RunError>,
     ) -> Result<Self, RunError> {
-        // The format stands first: another one says so, whatever follows it.
+        // The version comes first, so that another version is recognised whatever follows it.
         let (format, _): (u32, _) = postcard::take_from_bytes(bytes).map_err(codec)?;
         if format != FORMAT {
             return Err(RunError::Snapshot(format!("format {format} is not known; expected {FORMAT}")));

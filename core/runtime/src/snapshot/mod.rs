@@ -1,7 +1,8 @@
-//! Everything that a stepped run remembers, at one moment: in memory, or as bytes.
+//! Snapshots: the complete state of a stepped run at one moment, in memory or as bytes.
 //!
-//! In memory a snapshot shares messages and the large parts of states with the run: it costs what changed since the
-//! last. As bytes it goes on from disk, or in another program that has the same stack and log.
+//! In memory a snapshot shares messages and large parts of states with the run: its cost is proportional to the changes
+//! since the last one. From bytes a run can continue after reading them from disk, or in another process with the same
+//! stack and log.
 
 pub(crate) mod disk;
 
@@ -16,17 +17,17 @@ use rcs_msg::Stamp;
 use std::collections::HashMap;
 use std::sync::{Arc, PoisonError};
 
-/// Everything that a stepped run remembers, at one moment.
+/// The complete state of a stepped run at one moment.
 #[derive(Clone)]
 pub struct Snapshot {
     pub(crate) now: Stamp,
     pub(crate) events: u64,
     order: u64,
     timing_due: Stamp,
-    /// Ascending: the same moment gives the same bytes, however it was reached.
+    /// Sorted: the same moment gives the same bytes, however it was reached.
     queue: Vec<Event>,
     buffers: Vec<BufferState>,
-    /// Each with the count of changes that it was saved at: see [`Stepped::snapshot_sharing`].
+    /// Each with its change count: see [`Stepped::snapshot_sharing`].
     nodes: Vec<(u64, Arc<NodeState>)>,
     position: Option<Position>,
     tallies: Option<Vec<Tally>>,
@@ -39,7 +40,7 @@ impl Snapshot {
         self.now
     }
 
-    /// How many events had been done.
+    /// Number of events executed.
     pub fn events(&self) -> u64 {
         self.events
     }
@@ -54,7 +55,7 @@ impl Snapshot {
         self.buffers.iter().map(|buffer| buffer.ring.last())
     }
 
-    /// The buffer and the sequence of every message that has them, by [`AnyMessage::address`].
+    /// Buffer and sequence of every message that has them, by [`AnyMessage::address`].
     pub(crate) fn places(&self, plan: &Plan) -> HashMap<usize, (usize, u64)> {
         let rings = self.buffers.iter().enumerate();
         let rings = rings.flat_map(|(index, buffer)| buffer.ring.iter().map(move |sample| (index, sample)));
@@ -72,12 +73,12 @@ impl Snapshot {
 }
 
 impl Stepped {
-    /// The run as it is now.
+    /// A snapshot of the run.
     pub fn snapshot(&self) -> Snapshot {
         self.snapshot_sharing(None)
     }
 
-    /// The run as it is now. The states of processes that have not changed since `last` are shared with it.
+    /// A snapshot of the run. It shares the states of processes that have not changed since `last`.
     pub(crate) fn snapshot_sharing(&self, last: Option<&Snapshot>) -> Snapshot {
         let machine = self.machine();
         let tallies = self.tallies.as_ref();
@@ -106,7 +107,7 @@ impl Stepped {
         }
     }
 
-    /// Makes the run what it was when the snapshot was taken. Taps see nothing of it.
+    /// Restores the state of the snapshot. Taps are not called.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), RunError> {
         let machine = self.machine_mut();
         let fits = snapshot.stack_hash == machine.plan.hash
