@@ -1,7 +1,7 @@
-//! What a process says of itself: RCS's status.
+//! Statuses of processes.
 //!
-//! A status echoes the serial of the command that the process obeys. While the last command of its owner is refused,
-//! the status says `ERROR` with the reason, whatever the process itself says meanwhile.
+//! A status echoes the serial of the command that the process obeys. While the owner's last command is refused, the
+//! status is `ERROR` with the reason, whatever state the process itself sets.
 
 use prost::Message as _;
 use rcs_msg::{DeferredSource, Stamp, rcs};
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::panic::Location;
 use std::sync::{Arc, OnceLock};
 
-/// A line for a person, cheap to clone.
+/// A line of text, cheap to clone.
 #[derive(Clone, Debug)]
 pub enum Text {
     /// Known at compile time.
@@ -18,7 +18,7 @@ pub enum Text {
     Shared(Arc<str>),
 }
 
-/// Equal where they read the same: a text that came back from disk is no longer static.
+/// Compares the text, because a text that was read from disk is no longer static.
 impl PartialEq for Text {
     fn eq(&self, other: &Self) -> bool {
         let (a, b) = (self.as_str(), other.as_str());
@@ -68,12 +68,12 @@ impl<'de> Deserialize<'de> for Text {
     }
 }
 
-/// File and line, as a status tells it. Made once a transition, not once a cycle.
+/// File and line, for a status. Created once per transition, not once per cycle.
 fn source_line(location: &Location<'_>) -> Arc<str> {
     format!("{}:{}", location.file(), location.line()).into()
 }
 
-/// What a status says of commands. It changes when a command arrives, not when a cycle is run.
+/// The part of a status about commands. It changes when a command arrives, not with every cycle.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Obeyed {
     pub(crate) command: String,
@@ -82,12 +82,12 @@ pub(crate) struct Obeyed {
     pub(crate) commander: String,
     pub(crate) supervisor_serial: u64,
     pub(crate) refused: Option<rcs::Refusal>,
-    /// The owner's last command was refused: the text and the source line of the `ERROR` that is shown until it sends
-    /// one that is accepted.
+    /// If the owner's last command was refused: text and source line of the `ERROR` that is shown until a command is
+    /// accepted.
     pub(crate) rejected: Option<(Text, Arc<str>)>,
 }
 
-/// All that a status says but for time and cycle: the statuses of many cycles share it.
+/// Everything in a status except time and cycle; the statuses of many cycles share it.
 #[derive(Debug)]
 struct StatusContent {
     process: Arc<str>,
@@ -97,12 +97,12 @@ struct StatusContent {
     source_line: Arc<str>,
     faults: u64,
     last_fault: Text,
-    /// Encoded: what stands before the cycle in the message, and what stands behind it. Made when a status is encoded.
+    /// Encoded fields before and after the cycle. Created when a status is first encoded.
     encoded: OnceLock<[Vec<u8>; 2]>,
 }
 
 impl Clone for StatusContent {
-    /// For a change: what was encoded no longer holds.
+    /// Used for a change, so the encoded fields are not copied.
     fn clone(&self) -> Self {
         Self {
             process: Arc::clone(&self.process),
@@ -140,7 +140,7 @@ impl StatusContent {
         }
     }
 
-    /// The fields behind the cycle, added to `head`.
+    /// Appends the fields after the cycle to `head`.
     fn with_tail(&self, head: rcs::Status) -> rcs::Status {
         let obeyed = &*self.obeyed;
         rcs::Status {
@@ -160,7 +160,7 @@ impl StatusContent {
     }
 }
 
-/// What a process says of itself, kept from cycle to cycle.
+/// The status of a process, kept from cycle to cycle.
 #[derive(Clone, Debug)]
 pub(crate) struct StatusCell {
     content: Arc<StatusContent>,
@@ -211,7 +211,7 @@ impl StatusCell {
         &self.content.process
     }
 
-    /// What it says of commands, to be changed.
+    /// The part about commands, to change it.
     pub(crate) fn obeyed_mut(&mut self) -> &mut Obeyed {
         Arc::make_mut(&mut self.content_mut().obeyed)
     }
@@ -222,12 +222,12 @@ impl StatusCell {
         content
     }
 
-    /// The state that is shown.
+    /// The state in the status.
     pub(crate) fn state(&self) -> rcs::ProcessState {
         self.content.shown_state()
     }
 
-    /// What the process itself says, whatever is shown.
+    /// The state that the process itself has set.
     pub(crate) fn text(&self) -> &str {
         self.content.text.as_str()
     }
@@ -256,13 +256,13 @@ impl StatusCell {
         content.last_fault = text;
     }
 
-    /// The status as a message at that time; it costs a reference count until someone looks at it.
+    /// The status as a message; it costs one reference count until it is accessed.
     pub(crate) fn record(&self, now: Stamp) -> StatusRecord {
         StatusRecord { now, cell: self.clone() }
     }
 }
 
-/// A status that becomes an [`rcs::Status`] when someone looks at it.
+/// A status that is converted to an [`rcs::Status`] at the first access.
 #[derive(Clone, Debug)]
 pub(crate) struct StatusRecord {
     now: Stamp,
@@ -276,12 +276,12 @@ impl DeferredSource<rcs::Status> for StatusRecord {
         rcs::Status { timestamp: Some(self.now.to_proto()), cycle, ..content.with_tail(content.head()) }
     }
 
-    /// The same bytes as those of the message, in the order of its fields.
+    /// Encodes it directly; the bytes equal those of the message, because the fields are in the same order.
     fn encode(&self) -> Vec<u8> {
         let [head, tail] = self.cell.content.encoded();
         let time = rcs::Status { timestamp: Some(self.now.to_proto()), ..rcs::Status::default() };
         let cycle = rcs::Status { cycle: self.cell.cycle, ..rcs::Status::default() };
-        // Time and cycle take 27 bytes at most.
+        // Time and cycle take at most 27 bytes.
         let mut bytes = Vec::with_capacity(27 + head.len() + tail.len());
         time.encode_raw(&mut bytes);
         bytes.extend_from_slice(head);
@@ -292,14 +292,14 @@ impl DeferredSource<rcs::Status> for StatusRecord {
 }
 
 impl StatusRecord {
-    /// The record that became this status.
+    /// The content of this status.
     pub(crate) fn from_status(status: &rcs::Status) -> Self {
         let now = status.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or_default();
         Self { now, cell: StatusCell::from_status(status) }
     }
 }
 
-/// [`StatusCell`] as it is written to disk: what the process says, and the refusal that hides it.
+/// [`StatusCell`] in its form on disk: what the process has set, and the refusal that hides it.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct StatusOnDisk {
     status: Vec<u8>,

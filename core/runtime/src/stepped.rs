@@ -1,8 +1,8 @@
 //! The stepped executor: one event after another in simulated time.
 //!
-//! Events are ordered by time; at one instant the log's messages come first, in file order, then output that becomes
-//! visible now, then cycles by rank. The result depends on the inputs, the stack, the parameters and the seed alone.
-//! A cycle whose output shows later computes meanwhile on other threads, where there are any.
+//! Events are ordered by time. At the same time, messages of the log come first, in file order, then output that
+//! becomes visible, then cycles by rank. The result depends on the inputs, the stack, the parameters and the seed
+//! alone. A cycle with a latency computes on another thread until its output is due, if there is one.
 
 use crate::error::RunError;
 use crate::feed::Feed;
@@ -21,23 +21,23 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::sync::{Arc, OnceLock};
 
-/// A cycle whose latency is shorter computes on the executor's own thread: handing it over would take longer.
+/// A cycle with a shorter latency computes on the executor's own thread, because handing it over would take longer.
 const WORTH_SENDING_NS: u64 = 1_000_000;
 
-/// What one event was.
+/// What an event was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Happened {
-    /// A message of the log was given to the stack.
+    /// A message of the log was fed into the stack.
     Input,
     /// A process started a cycle, whose output becomes visible later.
     Started(usize),
-    /// A cycle of a process ended: what it wrote, and its status, are visible now.
+    /// A cycle of a process ended: its output and its status are visible now.
     Cycle(usize),
-    /// An event of a recorded journal was given again.
+    /// An event of a recorded journal was repeated.
     Written,
 }
 
-/// An event that is still to come.
+/// A future event.
 #[derive(Clone)]
 pub(crate) struct Event {
     pub(crate) time: Stamp,
@@ -48,13 +48,13 @@ pub(crate) struct Event {
 
 #[derive(Clone)]
 pub(crate) enum EventKind {
-    /// Output that becomes visible, and when its cycle started.
+    /// Output becomes visible; the time is the start of its cycle.
     Publish {
         started: Stamp,
         output: PendingOutput,
     },
     Cycle,
-    /// The event of a live run's journal that was taken at this time.
+    /// An event of a live run's journal, which was accepted at this time.
     Write,
 }
 
@@ -83,7 +83,7 @@ impl PartialOrd for Event {
 }
 
 impl Ord for Event {
-    /// The earliest is the greatest: a [`BinaryHeap`] gives it first.
+    /// Reversed: a [`BinaryHeap`] returns the greatest first.
     fn cmp(&self, other: &Self) -> Ordering {
         other.key().cmp(&self.key())
     }
@@ -100,9 +100,9 @@ pub struct Stepped {
     pub(crate) queue: BinaryHeap<Event>,
     pub(crate) feed: Option<Feed>,
     pub(crate) tallies: Option<Tallies>,
-    /// Cycles and journal of a live run that is run again; `None` on the nominal schedule.
+    /// Cycles and journal of a live run that is repeated; `None` for the nominal schedule.
     script: Option<Script>,
-    /// The journal of a recorded stepped run that is run again.
+    /// The journal of a recorded stepped run that is repeated.
     journal: Repeated,
     pool: Arc<Pool>,
     workers: Option<Workers>,
@@ -110,7 +110,7 @@ pub struct Stepped {
 }
 
 impl Stepped {
-    /// A stack that is about to run, from the start of `log` where it reads one, else from time 0.
+    /// A run before its start, on `log` if the stack reads one, else from time 0.
     pub fn new(plan: Arc<Plan>, log: Option<&Log>, options: RunOptions) -> Result<Self, RunError> {
         let machine = Machine::new(plan, options.seed)?;
         let (feed, log_identity) = match log {
@@ -135,7 +135,7 @@ impl Stepped {
         Ok(stepped)
     }
 
-    /// A live run, about to be run again: its cycles instead of the nominal ones, and what came from outside meanwhile.
+    /// A live run to be repeated: with its recorded cycles instead of the nominal ones, and its journal.
     pub(crate) fn on_schedule(
         plan: Arc<Plan>,
         options: RunOptions,
@@ -172,14 +172,14 @@ impl Stepped {
         }
     }
 
-    /// The next cycle of a recorded schedule comes into the queue.
+    /// Adds the next cycle of a recorded schedule to the queue.
     fn schedule_next_cycle(&mut self, after: Stamp) {
         if let Some(cycle) = self.script.as_ref().and_then(|script| script.cycle_after(after)) {
             self.schedule_cycle(cycle.node, cycle.start);
         }
     }
 
-    /// The next event of a recorded journal comes into the queue.
+    /// Adds the next event of a recorded journal to the queue.
     fn schedule_next_event(&mut self, after: Stamp) {
         if let Some(time) = self.script.as_ref().and_then(|script| script.event_after(after)) {
             self.order += 1;
@@ -187,7 +187,7 @@ impl Stepped {
         }
     }
 
-    /// Writes what every run begins with. To be called once, after taps have been added and before the first event.
+    /// Writes the first messages of every run. To be called once, after adding taps and before the first event.
     pub fn begin(&mut self) -> Result<(), RunError> {
         self.machine.begin(self.start, &self.options, self.script.is_some())?;
         let start = self.start;
@@ -202,7 +202,7 @@ impl Stepped {
         self.queue.push(Event { time, rank: rank as u32, order: self.order, kind: EventKind::Cycle });
     }
 
-    /// Time of the next event; `None` where nothing is left to do.
+    /// Time of the next event; `None` if there is none.
     pub fn next_time(&mut self) -> Result<Option<Stamp>, RunError> {
         let queued = self.queue.peek().map(|event| event.time);
         let input = match &mut self.feed {
@@ -215,7 +215,7 @@ impl Stepped {
         })
     }
 
-    /// Does the next event; `None` where nothing is left to do.
+    /// Executes the next event; `None` if there is none.
     pub fn advance(&mut self) -> Result<Option<Happened>, RunError> {
         if let Some(refused) = self.take_due() {
             self.report(self.now, &refused.to_string());
@@ -249,7 +249,7 @@ impl Stepped {
         let index = event.rank as usize;
         match event.kind {
             EventKind::Publish { started, output } => {
-                // Done with its cycle, if not before.
+                // Waits for its cycle if that is still computing.
                 let node = self.machine.nodes[index].get();
                 let output =
                     Arc::try_unwrap(output).map_or_else(|shared| shared.get().cloned(), OnceLock::into_inner);
@@ -280,7 +280,7 @@ impl Stepped {
         }
     }
 
-    /// A cycle of the process of that rank, from its capture on.
+    /// Starts a cycle of the process with that rank: captures its inputs.
     fn cycle(&mut self, index: usize, now: Stamp) -> Happened {
         let slot = &mut self.machine.nodes[index];
         let node = slot.get();
@@ -319,18 +319,18 @@ impl Stepped {
         happened
     }
 
-    /// When a run on a log has done everything that the log can cause: its end, and one cycle of every process after it.
+    /// End of a run on a log: the end of the log, and one more cycle of every process.
     pub fn horizon(&self) -> Option<Stamp> {
         self.feed.as_ref().map(|feed| feed.range.1.after_ns(self.slack_ns()))
     }
 
-    /// What a message can cause is done by this time after it: one cycle of every process, two seconds at most.
+    /// Greatest time after a message in which it can have an effect: one cycle of every process, at most two seconds.
     fn slack_ns(&self) -> u64 {
         let cycles = self.plan().processes.iter().map(|process| process.period_ns + process.latency_ns);
         cycles.sum::<u64>().min(2_000_000_000)
     }
 
-    /// Does everything up to and with `until`, and says whether anything is left after that.
+    /// Executes everything up to and including `until`; returns whether anything is left after that.
     pub fn run_until(&mut self, until: Stamp) -> Result<bool, RunError> {
         loop {
             match self.next_time()? {
@@ -342,19 +342,19 @@ impl Stepped {
         }
     }
 
-    /// Takes an event from outside, now, and gives it back with its place.
+    /// Accepts an external event now, and returns it with its position.
     pub fn take(&mut self, event: ExternalEvent) -> Result<ExternalEvent, RunError> {
         let event = event.at(EventPlace { events: self.events, time: self.now });
         self.machine.take(event.clone())?;
         Ok(event)
     }
 
-    /// Gives a recorded journal to be taken again, each event in its place.
+    /// Sets a recorded journal to be repeated, each event at its position.
     pub(crate) fn repeat(&mut self, journal: Journal) {
         self.journal = Repeated::new(journal);
     }
 
-    /// Takes again what a recorded journal says of this very point; the first event that is refused.
+    /// Repeats the journalled events of this point; returns the first one that is refused.
     pub(crate) fn take_due(&mut self) -> Option<Refused> {
         let mut refused = None;
         while let Some(event) = self.journal.next_at(self.events) {
@@ -366,18 +366,18 @@ impl Stepped {
         refused
     }
 
-    /// Takes an event of a session's journal again, in the place that it had.
+    /// Accepts an event of a session's journal again, at its position.
     pub(crate) fn retake(&mut self, event: ExternalEvent) -> Result<(), RunError> {
-        // What was taken then is not refused now.
+        // It was accepted before, so it is not refused now.
         self.machine.take(event)
     }
 
-    /// The run has been put elsewhere: what a recorded journal says of there is taken again.
+    /// Called after the run has been moved: the journalled events of its new position are repeated.
     pub(crate) fn rewind(&mut self) {
         self.journal.rewind();
     }
 
-    /// Says of a cycle of a recorded schedule what the live run said: what it saw, and when.
+    /// Publishes the record of a repeated cycle as the live run did: its inputs and its times.
     fn record_cycle(&mut self, index: usize, started: Stamp, ended: Stamp) {
         let node = self.machine.nodes[index].get();
         let record = rcs::CycleRecord {
@@ -390,17 +390,17 @@ impl Stepped {
         self.write_runtime(names::SCHEDULE, ended, AnyMessage::new(record));
     }
 
-    /// Whether a cycle computes beside the executor: a snapshot would wait for it.
+    /// Whether a cycle is computing on another thread; a snapshot would wait for it.
     pub(crate) fn is_computing(&self) -> bool {
         self.machine.nodes.iter().any(Slot::is_computing)
     }
 
-    /// How much of its past a session of this run keeps, and where.
+    /// Limits for the past of a session of this run.
     pub(crate) fn past_options(&self) -> &crate::history::PastOptions {
         &self.options.past
     }
 
-    /// Whether an event from outside would be taken; nothing is changed.
+    /// Whether an external event would be accepted; changes nothing.
     pub(crate) fn check_event(&self, event: &ExternalEvent) -> Result<(), RunError> {
         self.machine.check(event.clone())?;
         let buffer = self.machine.buffer(&event.buffer)?;
@@ -416,7 +416,8 @@ impl Stepped {
         .into())
     }
 
-    /// Says that the run goes on as another one from here, which left `parent`; the event that says so again.
+    /// Announces that the run continues as another one, which branched from `parent`; returns the event of the
+    /// announcement.
     pub(crate) fn begin_branch(&mut self, parent: &str) -> Result<ExternalEvent, RunError> {
         let told = self.machine.buffer(names::RUN)?.latest();
         let info = told.and_then(|sample| sample.message.to::<rcs::RunInfo>()).unwrap_or_default();
@@ -427,7 +428,7 @@ impl Stepped {
         Ok(event)
     }
 
-    /// Tells a person of something, through `/runtime/log`.
+    /// Reports a text in `/runtime/log`.
     fn report(&mut self, time: Stamp, text: &str) {
         let message = foxglove::Log {
             timestamp: Some(time.to_proto()),
@@ -458,7 +459,7 @@ impl Stepped {
         &self.machine.buffers
     }
 
-    /// What runs.
+    /// The plan.
     pub fn plan(&self) -> &Arc<Plan> {
         &self.machine.plan
     }
@@ -473,7 +474,7 @@ impl Stepped {
         self.start
     }
 
-    /// How many events have been done: names a moment exactly.
+    /// Number of events executed, which identifies a moment exactly.
     pub fn events(&self) -> u64 {
         self.events
     }

@@ -1,4 +1,4 @@
-//! What a run has done so far: cycles, messages, and a hash of everything that was written.
+//! Summary of a run: cycles, messages, and a hash of everything that was written.
 
 use crate::node::Node;
 use crate::stack::{ProcessPlan, names};
@@ -8,10 +8,10 @@ use rcs_bus::{Buffer, Sample};
 use rcs_msg::rcs;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What was written to each buffer so far, in the order of the plan.
+/// Counts what is written to each buffer, in the order of the plan.
 pub(crate) type Tallies = Arc<Mutex<Vec<Tally>>>;
 
-/// What was written to one buffer so far.
+/// Counts what is written to one buffer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Tally {
     hash: [u8; 32],
@@ -36,14 +36,15 @@ impl Tally {
 
 /// Measured durations of one process's cycles.
 ///
-/// Reading the clock twice takes a fifth of the shortest cycle. So of a process that is cheap one cycle in [`SAMPLED`] is
-/// measured, after as many at the beginning; after one that took [`CHEAP_NS`], the next [`WATCHED`] are measured, too. A
-/// process that does something in one cycle of many is so measured in all of them, and one that was interrupted once by
+/// Two clock readings take a fifth of the time of the shortest cycle. So for a cheap process one cycle in [`SAMPLED`]
+/// is measured, after that many at the beginning; after a cycle that took [`CHEAP_NS`], the next [`WATCHED`] cycles are
+/// measured, too. Thus a process that works in one cycle of many is measured in all of them, and an interruption by the
+/// system does not cause measurements of all later cycles.
 /// the system is not for good.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct CycleTimes {
     begun: u64,
-    /// All cycles before that one are measured.
+    /// All cycles before this one are measured.
     watched_until: u64,
     measured: u64,
     total_ns: u64,
@@ -51,22 +52,22 @@ pub(crate) struct CycleTimes {
     overruns: u64,
 }
 
-/// A process that takes less is cheap.
+/// A process whose cycles take less is cheap.
 const CHEAP_NS: u64 = 10_000;
-/// For so many cycles a process is watched after one that was not cheap.
+/// Number of cycles that are measured after one that was not cheap.
 const WATCHED: u64 = 1000;
-/// A prime, so that what works in every fourth cycle, say, is met.
+/// A prime, so that a process that works in every fourth cycle, for example, is sampled in all phases.
 const SAMPLED: u64 = 17;
 
 impl CycleTimes {
-    /// Whether the cycle that begins is to be measured.
+    /// Whether to measure the cycle that begins.
     pub(crate) fn begin(&mut self) -> bool {
         let is_due = self.begun < self.watched_until.max(SAMPLED) || self.begun.is_multiple_of(SAMPLED);
         self.begun += 1;
         is_due
     }
 
-    /// Mean of those that were measured.
+    /// Mean of the measured durations.
     fn mean_us(&self) -> f64 {
         self.total_ns as f64 * 1e-3 / self.measured.max(1) as f64
     }
@@ -102,7 +103,7 @@ pub(crate) fn tap_tallies(buffers: &[Arc<Buffer>]) -> Tallies {
 }
 
 impl Stepped {
-    /// What is known of the time that cycles take, without waiting for those that compute.
+    /// The durations known so far; does not wait for cycles that are computing.
     pub(crate) fn timing(&self) -> rcs::Timing {
         let timing = |(slot, process): (&Slot, &ProcessPlan)| {
             let times = slot.times();
@@ -130,7 +131,7 @@ impl Stepped {
         self.machine().nodes.iter().map(|slot| slot.look(summary)).collect()
     }
 
-    /// What the run has done so far.
+    /// The summary of the run so far.
     pub fn summary(&self) -> Summary {
         let tallies = self
             .tallies
@@ -191,7 +192,7 @@ fn hex(hash: &[u8; 32]) -> String {
     blake3::Hash::from_bytes(*hash).to_hex()[..16].to_owned()
 }
 
-/// What a run has done so far.
+/// Summary of a run so far.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
     /// Simulated seconds since the start.
@@ -200,39 +201,39 @@ pub struct Summary {
     pub processes: Vec<ProcessSummary>,
     /// Buffers, by name.
     pub buffers: Vec<BufferSummary>,
-    /// Hash of all buffers but `/runtime/timing`; `None` where the run does not hash.
+    /// Hash of all buffers except `/runtime/timing`; `None` if hashing is off.
     pub hash: Option<String>,
 }
 
-/// What a process has done so far. Durations are measured, and differ from run to run; of a process whose cycles take
-/// microseconds, only some are.
+/// Summary of a process. Durations are measured and differ from run to run; for a process whose cycles take
+/// microseconds, only some cycles are measured.
 #[derive(Clone, Debug)]
 pub struct ProcessSummary {
     /// Its name.
     pub name: String,
     /// Its state.
     pub state: rcs::ProcessState,
-    /// Cycles done.
+    /// Number of cycles.
     pub cycles: u64,
     /// Mean duration of a cycle.
     pub mean_us: f64,
-    /// Longest duration of a cycle.
+    /// Longest measured duration of a cycle.
     pub max_us: f64,
-    /// Cycles that took longer than the period.
+    /// Number of cycles that took longer than the period.
     pub overruns: u64,
 }
 
-/// What a buffer has held so far.
+/// Summary of a buffer.
 #[derive(Clone, Debug)]
 pub struct BufferSummary {
     /// Its name.
     pub name: String,
     /// Type of its messages.
     pub schema: String,
-    /// Messages written.
+    /// Number of messages written.
     pub messages: u64,
-    /// Bytes of all of them; `None` where the run does not hash.
+    /// Their total size, bytes; `None` if hashing is off.
     pub bytes: Option<u64>,
-    /// Hash of all of them, 16 hexadecimal digits; `None` where the run does not hash.
+    /// Their hash, 16 hexadecimal digits; `None` if hashing is off.
     pub hash: Option<String>,
 }

@@ -1,9 +1,10 @@
-//! Cycles that compute beside the executor.
+//! Cycles that compute in parallel with the executor.
 //!
-//! A cycle sees what was captured when it started, and what it writes shows after its latency. In between nothing can
-//! depend on it. So its process is handed to a thread of the [`Workers`] together with what it captured, and is taken
-//! back where it is needed: where its output becomes visible, at its next capture, for a snapshot, for a summary. The
-//! order of captures and publications is the executor's alone, so the bits are the same on any number of threads.
+//! A cycle uses the inputs that were captured at its start, and its output becomes visible after its latency. Nothing
+//! can depend on it in between. So its node is handed to a thread of the [`Workers`] together with the captured inputs,
+//! and returned when it is needed: when its output becomes visible, at its next capture, for a snapshot, for a summary.
+//! Only the executor decides the order of captures and publications, so the results are the same with any number of
+//! threads.
 
 use crate::cycle::Staged;
 use crate::node::{Node, Output};
@@ -17,10 +18,10 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-/// What a cycle will have written once it is done.
+/// The output of a cycle, available when it has ended.
 pub(crate) type PendingOutput = Arc<OnceLock<Output>>;
 
-/// The place of a node: here, or with the workers for a cycle.
+/// Location of a node: with the executor, or with the workers for a cycle.
 pub(crate) struct Slot(Mutex<Inner>);
 
 struct Inner {
@@ -35,7 +36,7 @@ enum Place {
 }
 
 impl Inner {
-    /// The node, once its cycle is done.
+    /// The node; waits for its cycle.
     fn settle(&mut self) -> &mut Node {
         if let Place::Away(job) = &self.place {
             let (node, took_ns) = job.finish();
@@ -65,12 +66,12 @@ impl Slot {
         }))
     }
 
-    /// The node, once its cycle is done.
+    /// The node; waits for its cycle.
     pub(crate) fn get(&mut self) -> &mut Node {
         self.inner().settle()
     }
 
-    /// Looks at the node and its measured times, once its cycle is done.
+    /// Reads the node and its measured times; waits for its cycle.
     pub(crate) fn look<R>(&self, f: impl FnOnce(&Node, &CycleTimes) -> R) -> R {
         let mut inner = lock(&self.0);
         inner.settle();
@@ -80,7 +81,7 @@ impl Slot {
         f(node, times)
     }
 
-    /// Whether its cycle is not done.
+    /// Whether its cycle is computing.
     pub(crate) fn is_computing(&self) -> bool {
         match &lock(&self.0).place {
             Place::Here(_) => false,
@@ -88,7 +89,7 @@ impl Slot {
         }
     }
 
-    /// Measured times of the cycles that are known to be done: waits for none.
+    /// Measured times of the cycles known to have ended; does not wait.
     pub(crate) fn times(&self) -> CycleTimes {
         lock(&self.0).times
     }
@@ -101,7 +102,7 @@ impl Slot {
         }
     }
 
-    /// Runs here the cycle for which the node has captured its inputs. What it writes waits in the node.
+    /// Runs the cycle for which the node has captured its inputs on this thread. The output stays in the node.
     pub(crate) fn run(&mut self, now: Stamp, pool: &Pool) -> &mut Node {
         let inner = self.inner();
         let is_measured = inner.times.begin();
@@ -110,7 +111,7 @@ impl Slot {
         inner.settle()
     }
 
-    /// Lets the workers run the cycle for which the node has captured its inputs. `due` orders it among the others.
+    /// Hands the cycle for which the node has captured its inputs to the workers. `due` is its priority.
     pub(crate) fn send(&mut self, workers: &Workers, work: CycleWork, due: (Stamp, u64)) {
         let inner = self.inner();
         inner.settle();
@@ -132,7 +133,7 @@ impl Slot {
     }
 }
 
-/// One cycle, and how long it took where that is wanted.
+/// Runs one cycle; returns its duration if that is to be measured.
 fn run(node: &mut Node, now: Stamp, pool: &Pool, is_measured: bool) -> Option<u64> {
     let clock = is_measured.then(Instant::now);
     node.run(now, pool);
@@ -141,23 +142,23 @@ fn run(node: &mut Node, now: Stamp, pool: &Pool, is_measured: bool) -> Option<u6
 
 /// One cycle of a node.
 pub(crate) struct CycleWork {
-    /// When it started.
+    /// Start time of the cycle.
     pub(crate) now: Stamp,
-    /// Where what it writes goes.
+    /// Receives the output.
     pub(crate) output: PendingOutput,
-    /// Whether what it writes will be looked at as bytes: then it is encoded beside the executor, too.
+    /// Whether the output will be encoded: then it is encoded on this thread, too.
     pub(crate) encode: bool,
 }
 
 impl CycleWork {
-    /// Keeps the promise of what the cycle that has just been run will publish.
+    /// Passes on the output of the cycle that has just run.
     pub(crate) fn keep(&self, node: &mut Node) {
         let output = node.take_output(self.now);
         if self.encode {
-            // A value that does not encode is the executor's to find, like one that is written at once.
+            // If a value cannot be encoded, the executor reports it, as for a value that is written at once.
             let _ = catch_unwind(AssertUnwindSafe(|| output.staged.iter().for_each(Staged::encode)));
         }
-        // It is kept once: a cycle runs once.
+        // Set once, because a cycle runs once.
         let _ = self.output.set(output);
     }
 }
@@ -173,14 +174,14 @@ struct Job {
 enum JobState {
     Waiting(Box<Node>),
     Running,
-    /// And how long it took, where it was measured.
+    /// With its duration, if it was measured.
     Done(Box<Node>, Option<u64>),
-    /// The executor has its node again, or not yet given it.
+    /// The executor has taken the node back, or has not handed it over yet.
     Taken,
 }
 
 impl Job {
-    /// Runs the cycle where no one has begun with it.
+    /// Runs the cycle if no other thread has started it.
     fn run(&self) {
         let mut state = lock(&self.state);
         let mut node = match std::mem::replace(&mut *state, JobState::Running) {
@@ -197,7 +198,7 @@ impl Job {
         self.done.notify_all();
     }
 
-    /// The node after its cycle: computed here where no worker has begun with it.
+    /// The node after its cycle, which runs on this thread if no worker has started it.
     fn finish(&self) -> (Box<Node>, Option<u64>) {
         self.run();
         let mut state = lock(&self.state);
@@ -211,7 +212,7 @@ impl Job {
     }
 }
 
-/// Threads that run cycles, those first whose output shows first.
+/// Threads that run cycles, those with the earliest output first.
 pub(crate) struct Workers {
     shared: Arc<Shared>,
     pool: Arc<Pool>,
@@ -250,14 +251,14 @@ impl PartialOrd for Queued {
 }
 
 impl Ord for Queued {
-    /// The earliest is the greatest: a [`BinaryHeap`] gives it first.
+    /// Reversed: a [`BinaryHeap`] returns the greatest first.
     fn cmp(&self, other: &Self) -> Ordering {
         other.due.cmp(&self.due)
     }
 }
 
 impl Workers {
-    /// As many threads as the pool has; `None` where that is one, or where none can be had.
+    /// As many threads as the pool has; `None` if that is one, or if no thread can be created.
     pub(crate) fn new(pool: &Arc<Pool>) -> Option<Self> {
         if pool.threads() < 2 {
             return None;
@@ -307,6 +308,6 @@ fn work(shared: &Shared) {
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // Nothing is left half done where a thread panics: a process's panic is caught in its cycle.
+    // A panic of a thread leaves no inconsistent state, because a process's panic is caught in its cycle.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

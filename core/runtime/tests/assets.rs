@@ -1,4 +1,4 @@
-//! Files that a stack names, the course that brings them, and the ground truth that no one may read.
+//! Files that a stack names, the course that provides them, and the ground truth, which only some processes may read.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -10,7 +10,7 @@ use rcs_runtime::{
 use rcs_testkit::proto::FileParams;
 use serde::{Deserialize, Serialize};
 
-/// A process whose parameters are files, and which writes ground truth.
+/// A process whose parameters are files, and that writes ground truth.
 #[derive(Clone, Serialize, Deserialize)]
 struct World;
 
@@ -71,7 +71,7 @@ impl Process for Robot {
 
 const PLUGINS: &[ProcessType] = &[ProcessType::of::<World>(), ProcessType::of::<Robot>()];
 
-/// A shelf of files, `kind/name`.
+/// Files in memory, by `kind/name`.
 struct Shelf;
 
 impl Assets for Shelf {

@@ -1,4 +1,5 @@
-//! RCS's contract of commands: what is accepted, what is refused, by whom, and what a supervisor sees of it.
+//! RCS's contract of commands: which commands are accepted or refused, from whom, and how a supervisor sees its
+//! children.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -15,7 +16,7 @@ use rcs_testkit::proto::CounterParams;
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex};
 
-/// Runs its counter, then tells it `ADD` in every cycle; writes (state of the child, whether it obeys another).
+/// Sends its counter `RUN`, then `ADD` in every cycle; writes (state of the child, whether it obeys another commander).
 #[derive(Clone, Serialize, Deserialize)]
 struct Boss;
 
@@ -78,7 +79,7 @@ impl Process for Boss {
     }
 }
 
-/// Sends commands to whoever its output is wired to.
+/// Sends commands to the process to which its output is wired.
 #[derive(Clone, Serialize, Deserialize)]
 struct Meddler;
 
@@ -107,7 +108,7 @@ impl Process for Meddler {
     }
 }
 
-/// Is done in its first cycle, and never says anything again.
+/// Sets its status to done in its first cycle, and never changes it.
 #[derive(Clone, Serialize, Deserialize)]
 struct Quiet {
     said: bool,
@@ -179,7 +180,7 @@ fn stepped(stack: &str) -> Stepped {
     Stepped::new(plan(stack).unwrap(), None, options).unwrap()
 }
 
-/// A run that is commanded by hand.
+/// A run whose commands come from the test.
 struct Bench {
     session: Session,
     now_s: f64,
@@ -201,7 +202,7 @@ impl Bench {
         self.session.write(write).unwrap();
     }
 
-    /// Sends a command of the operator's, and returns the status a tenth of a second later.
+    /// Sends a command of the operator, and returns the status a tenth of a second later.
     fn send(&mut self, process: &str, command: rcs::Command) -> rcs::Status {
         self.serial += 1;
         self.write(process, rcs::Command { serial: self.serial, ..command });
@@ -355,7 +356,7 @@ fn an_old_serial_is_refused_and_changes_nothing() {
 
 #[test]
 fn the_operators_halt_does_not_vanish_under_the_orders_of_a_supervisor() {
-    // The supervisor tells its child something five times in every one of its cycles.
+    // The supervisor sends its child five commands in every one of its cycles.
     for at_s in [0.5, 0.501, 0.519, 0.549] {
         let mut bench = Bench::new(BOSS);
         bench.forward(at_s);
@@ -467,7 +468,7 @@ fn what_was_told_survives_in_memory_and_on_disk() {
     let through = |halt: bool| {
         let mut bench = Bench::new(BOSS);
         bench.forward(0.505);
-        // The operator's word waits in the mailbox, or has been taken and refused the supervisor's.
+        // The operator's command is still unread, or it has been accepted and the supervisor's command refused.
         bench.write("counter", rcs::Command { serial: 1, name: "JUMP".to_owned(), ..Default::default() });
         if halt {
             bench.forward(0.2);

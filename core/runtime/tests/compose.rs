@@ -1,4 +1,4 @@
-//! Stacks made of parts.
+//! Composition of stacks from parts.
 
 use rcs_runtime::{Asset, Assets, StackFile};
 

@@ -1,4 +1,4 @@
-//! Contracts of edits: checked when they are set, listed while they last, and a message always passes.
+//! Overrides: they are checked when they are set and listed while they last, and a message always passes.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -102,7 +102,7 @@ fn an_edit_expires_and_an_edit_waits_for_its_cycle() {
     assert_eq!(z(&run), 42.0);
     run.run_until(seconds(0.25)).unwrap();
     assert_eq!((z(&run), listed(&run).len()), (5.0, 0));
-    // Cycle 31 of the counter starts at 0.3 s; its output shows 3 ms later.
+    // Cycle 31 of the counter starts at 0.3 s; its output becomes visible 3 ms later.
     let once = rcs::Override {
         mode: rcs::r#override::Mode::Once.into(),
         due_process: "counter".to_owned(),

@@ -1,4 +1,4 @@
-//! Contracts of journal, replay and comparison: a recorded run can be repeated, and what differs is named.
+//! Journal, replay and comparison: a recorded run can be repeated, and a difference is named.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -38,7 +38,8 @@ fn hold(path: &str, value: &str) -> ExternalEvent {
     ExternalEvent::operator("/runtime/override", AnyMessage::new(message))
 }
 
-/// Two seconds of a counter and an adder in which an operator changes a parameter and edits a field; gives the hash.
+/// Two seconds of a counter and an adder in which an operator changes a parameter and overrides a field; returns the
+/// hash.
 fn record(path: &Path, what: RecordWhat) -> String {
     let mut run = stepped(PAIR, hashing());
     let options = RecordOptions { lossless: true, build: "test".to_owned(), what, replace: false };
@@ -60,7 +61,7 @@ fn folder() -> (tempfile::TempDir, PathBuf) {
     (folder, path)
 }
 
-/// Repeats a recording: the hash and the first difference.
+/// Repeats a recording: returns the hash and the first difference.
 fn repeat(log: &Log) -> (String, Option<Difference>) {
     let recorded = RecordedRun::read(log, PLUGINS).unwrap();
     let plan = recorded.plan(PLUGINS).unwrap();
@@ -70,7 +71,7 @@ fn repeat(log: &Log) -> (String, Option<Difference>) {
     (hash_of(replay.run()), replay.first().cloned())
 }
 
-/// Copies a recording, with some messages changed.
+/// Copies a recording with some messages changed.
 fn copy(from: &Log, to: &Path, change: impl FnMut(&str, u32, &mut Vec<u8>)) {
     rcs_testkit::logs::copy_changed(from, to, change).unwrap();
 }
@@ -123,7 +124,7 @@ fn a_byte_changed_in_one_recorded_message_is_found_and_named() {
     let same = folder.path().join("same.mcap");
     copy(&log, &same, |_, _, _| {});
     assert_eq!(diff(&log, &Log::open(&same).unwrap()).unwrap(), None, "a copy agrees");
-    // Vector3: tags and doubles; byte 1 to 8 are x.
+    // Vector3: tags and doubles; bytes 1 to 8 are x.
     copy(&log, &changed, |topic, sequence, data| {
         if topic == "/counter/count" && sequence == 70 {
             data[4] ^= 1;
@@ -246,7 +247,7 @@ fn a_live_run_with_a_sensor_an_edit_and_a_command_replays_to_its_own_hash() {
         "{PAIR}\n[[input]]\nbuffer = \"/in\"\ntopic = \"/sensor\"\n\n[[process]]\nname = \"second\"\n\
          plugin = \"adder\"\nsupervisor = \"viewer\"\ninputs = {{ input = \"/in\" }}\n"
     );
-    // Tables of buffers end the file.
+    // The tables of buffers are at the end of the file.
     let (buffers, rest) = (stack.find("[buffers").unwrap(), stack.find("[[input]]").unwrap());
     let stack = format!("{}{}{}", &stack[..buffers], &stack[rest..], &stack[buffers..rest]);
     let plan = plan(&stack).unwrap();
@@ -277,7 +278,7 @@ fn a_live_run_with_a_sensor_an_edit_and_a_command_replays_to_its_own_hash() {
     assert_eq!(stopped.recording.unwrap().dropped, 0);
     let log = Log::open(&path).unwrap();
     assert_eq!(repeat(&log), (stopped.summary.hash.unwrap(), None));
-    // Without one of its cycles the schedule has a gap, and what comes after it is not repeated.
+    // Without one of its cycles the schedule has a gap, and the run is repeated only up to it.
     let bad = folder.path().join("bad.mcap");
     copy(&log, &bad, |topic, sequence, data| {
         if topic == "/runtime/schedule" && sequence == 30 {

@@ -1,4 +1,4 @@
-//! Contracts of latencies: a cycle ends when it has published, and until then it computes beside others.
+//! Latencies: a cycle ends when it has published, and until then it computes in parallel with others.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -19,7 +19,7 @@ use std::time::Duration;
 static BEGUN: Mutex<[u32; 2]> = Mutex::new([0; 2]);
 static CHANGED: Condvar = Condvar::new();
 
-/// Says that a cycle has begun, and whether `wanted` comes to hold before it gives up.
+/// Records that a cycle has begun, and waits for `wanted` with a timeout; returns whether it became true.
 fn meet(who: usize, wanted: impl Fn([u32; 2]) -> bool) -> bool {
     let mut begun = BEGUN.lock().unwrap();
     begun[who] += 1;
@@ -64,7 +64,7 @@ macro_rules! meets {
     };
 }
 
-// The slow one's only cycle waits for the third of the quick one, which begins 20 ms later.
+// The only cycle of the slow process waits for the third one of the quick process, which begins 20 ms later.
 meets!(Slow, "slow", 0, |begun| begun[1] >= 3);
 meets!(Quick, "quick", 1, |begun| begun[0] >= 1);
 
@@ -139,7 +139,7 @@ fn a_latency_longer_than_the_period_keeps_the_order_and_goes_on_from_a_snapshot(
         let options = RunOptions { threads, hash: true, ..RunOptions::default() };
         let mut run = stepped(&stack, options.clone());
         run.begin().unwrap();
-        // Three cycles are done whose output is not visible yet.
+        // Three cycles have computed whose output is not visible yet.
         run.run_until(seconds(0.5)).unwrap();
         let bytes = run.snapshot().to_bytes().unwrap();
         run.run_until(seconds(1.0)).unwrap();

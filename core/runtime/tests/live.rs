@@ -1,4 +1,4 @@
-//! What a live run does when something takes long, hangs or panics. Nothing here depends on how fast the computer is.
+//! Live runs with processes that take long, hang or panic. These tests do not depend on the speed of the computer.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -35,7 +35,7 @@ fn status(live: &Live, process: &str) -> rcs::Status {
     newest.and_then(|sample| sample.message.to()).unwrap_or_default()
 }
 
-/// Whether [`Hanging`] may go on.
+/// Whether [`Hanging`] may continue.
 static RELEASED: AtomicBool = AtomicBool::new(false);
 
 /// Its third cycle lasts until it is released.
@@ -74,7 +74,7 @@ impl Process for Hanging {
     }
 }
 
-/// How many checks of [`Picky`] have begun, and whether they may end.
+/// The number of checks of [`Picky`] that have begun, and whether they may end.
 static CHECKS: AtomicU32 = AtomicU32::new(0);
 static CHECKED: AtomicBool = AtomicBool::new(true);
 
@@ -204,10 +204,10 @@ fn waking_waiting_and_computing_are_told_for_every_process() {
     live.stop().unwrap();
 }
 
-/// Whether [`Stuck`] may go on.
+/// Whether [`Stuck`] may continue.
 static FREED: AtomicBool = AtomicBool::new(false);
 
-/// Its third cycle lasts until it is freed.
+/// Its third cycle lasts until it is released.
 #[derive(Clone, Serialize, Deserialize)]
 struct Stuck {
     cycles: u32,
@@ -306,7 +306,7 @@ as = "child"
     let plugins = [ProcessType::of::<Watcher>(), ProcessType::of::<Stuck>()];
     let file = StackFile::parse("test.toml", STACK).unwrap();
     let plan = Arc::new(Plan::new(file, &plugins, &[]).unwrap());
-    // The watchdog, which would speak for the child, comes later.
+    // The watchdog, which would report on behalf of the child, is later.
     let options = LiveOptions { hang_limit: PATIENCE * 2, ..LiveOptions::default() };
     let live = Live::start(plan, &options).unwrap();
     let seen: Arc<Mutex<Vec<(Stamp, bool)>>> = Arc::default();

@@ -1,4 +1,4 @@
-//! How a driver keeps a source beside the clock, and what a hand on a control does.
+//! How a driver keeps a source at the pace of the clock, and how held controls work.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_mins(1);
 /// What was written: buffer, time of the source, x.
 type Written = Arc<Mutex<Vec<(String, Stamp, f64)>>>;
 
-/// A source without an end that takes `cost` seconds of the clock for a second of its own.
+/// A source without an end that needs `cost` seconds of the clock for one of its own seconds.
 struct Busy {
     now: Stamp,
     cost: f64,
@@ -105,7 +105,7 @@ fn a_source_that_cannot_keep_up_falls_behind_says_so_and_stays_responsive() {
     let slow = wait(&driver, "a lag of a second", |frame| frame.playback.lag_s > 1.0);
     let achieved = slow.playback.achieved.unwrap();
     assert!(achieved < 0.5, "a quarter of real time at most, got {achieved}");
-    // The work that is waiting has not grown with the lag: a pause takes effect at once.
+    // The outstanding work has not grown with the delay: a pause takes effect at once.
     let asked = Instant::now();
     driver.send(Control::Pause);
     wait(&driver, "the pause", |frame| !frame.playback.playing);
@@ -123,7 +123,7 @@ fn as_fast_as_it_goes_leaves_the_clock_behind() {
     assert_eq!(fast.playback.lag_s, 0.0);
 }
 
-/// Holds /hand at `x`, fifty milliseconds of the source from one message to the next.
+/// Holds /hand at `x`, with fifty milliseconds of the source between messages.
 fn hand(x: f64) -> HeldControl {
     HeldControl {
         buffer: "/hand".to_owned(),
@@ -179,7 +179,7 @@ fn nothing_is_written_while_time_stands() {
     assert!(written.lock().unwrap().is_empty());
 }
 
-/// A source whose seeks last until they are cancelled, and which panics in a step.
+/// A source whose seeks last until they are cancelled, and whose steps panic.
 struct Slow {
     busy: Busy,
     seeks: Arc<Mutex<u32>>,
@@ -238,7 +238,7 @@ fn an_emergency_stop_ends_a_seek_and_goes_before_everything_that_waits() {
     while *seeks.lock().unwrap() == 0 {
         assert!(start.elapsed() < PATIENCE, "the seek never began");
     }
-    // None of these is done while the seek goes on.
+    // None of these is executed during the seek.
     driver.send(write("/other", AnyMessage::new(foxglove::Vector3::default())));
     driver.send(Control::Seek(Stamp(2)));
     driver.send(Control::Speed(2.0));
@@ -269,7 +269,7 @@ fn a_panic_of_the_source_shows_in_the_frame_and_nothing_plays_any_more() {
     let error = frame.playback.error.as_deref().unwrap();
     assert_eq!(error, "the source has ended: its thread panicked: a step too far");
     assert!(!frame.playback.playing && frame.generation > before && driver.busy().is_none());
-    // What is asked of it now goes nowhere, and the error stays.
+    // Further requests have no effect, and the error stays.
     driver.send(Control::Play);
     driver.send(write("/stop", stop()));
     assert_eq!(driver.frame().playback.error.as_deref(), Some(error));

@@ -1,5 +1,5 @@
-//! What may be relied on of a run's past: it is looked at without being run again, costs no more than it may, survives
-//! what can go wrong with a disk, and no run of it is ever lost.
+//! Guarantees of a run's past: viewing does not execute anything, its budgets hold, it survives disk errors, and no run
+//! is ever lost.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -18,11 +18,11 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-/// Walks along x as fast as its parameter says, and says where it is.
+/// Moves along x at the speed of its parameter, and publishes its position.
 #[derive(Clone, Serialize, Deserialize)]
 struct Walker {
     x: f64,
-    /// Something that takes place in a snapshot.
+    /// A large value, so that a snapshot has a size.
     ballast: Arc<Vec<u8>>,
 }
 
@@ -109,18 +109,18 @@ fn x_of(frame: &Frame) -> f64 {
     topic.get::<foxglove::Odometry>().unwrap().pose.unwrap().position.unwrap().x
 }
 
-/// Every topic's newest message, encoded, and how many there were.
+/// The newest message of every topic, encoded, and the number of messages.
 fn content(frame: &Frame) -> Vec<(String, u64, Option<Vec<u8>>)> {
     let of = |topic: &rcs_runtime::source::Topic| {
         assert!(!topic.pending, "{} is still to come", topic.name);
         let bytes = topic.latest.as_ref().map(|sample| sample.message.bytes().to_vec());
         (topic.name.to_string(), topic.messages, bytes)
     };
-    // Measured time differs from run to run.
+    // Measured times differ from run to run.
     frame.topics.iter().filter(|topic| !topic.name.contains("timing")).map(of).collect()
 }
 
-/// What a run shows that goes straight to a time.
+/// What a run shows after going directly to a time.
 fn straight(to: Stamp) -> Vec<(String, u64, Option<Vec<u8>>)> {
     let mut source = walk(PastOptions::default());
     source.seek(to, &Task::default()).unwrap();
@@ -280,7 +280,7 @@ fn tracks_and_topics_follow_the_run_after_the_first_branch_and_after_the_second(
     assert_eq!(track(&mut source), first);
     let runs = source.frame().runs.all;
     let left: Vec<_> = runs.iter().map(|run| run.branched_from.map(|(from, at)| (from.run, at))).collect();
-    // The second branch leaves the first one's run, at a moment that is the first run's, too.
+    // The second branch leaves the first branch's run, at a moment that the first run has, too.
     assert_eq!(left, [None, Some((RunId(0), seconds(4.0))), Some((RunId(1), seconds(4.0)))]);
 }
 
@@ -332,11 +332,11 @@ fn the_moment_before_a_write_can_be_gone_to_and_undo_goes_on_without_it() {
     assert_eq!(params(&session), 2, "what every run begins with, and the first write");
     session.forward_until(seconds(2.0), &task).unwrap();
     assert_eq!((params(&session), session.now()), (2, seconds(2.0)));
-    // The run with both is there still.
+    // The run with both writes still exists.
     session.switch_to(RunId(0)).unwrap();
     session.forward_until(seconds(2.5), &task).unwrap();
     assert_eq!(params(&session), 3);
-    // A write in the past begins a run; taking it back goes to the run that it left.
+    // A write in the past begins a run; undoing it returns to the run that it branched from.
     session.go_to_time(seconds(1.5), &task).unwrap();
     write(&mut session, 30.0);
     assert_eq!(session.moment().run, RunId(2));
@@ -373,7 +373,7 @@ fn saving_what_was_restored_gives_the_same_bytes_and_each_message_once() {
     other.restore(&Snapshot::from_bytes(&bytes).unwrap()).unwrap();
     assert_eq!(other.snapshot().to_bytes().unwrap(), bytes);
 
-    // The image lies in its buffer alone; a reader that joins does not make it two.
+    // Only its buffer refers to the image; a new reader does not duplicate it.
     let mut run = Stepped::new(walk_plan(), None, RunOptions::default()).unwrap();
     run.begin().unwrap();
     run.run_until(seconds(1.0)).unwrap();
@@ -418,7 +418,7 @@ queue = 8
     assert!(source.info().problems.is_empty(), "{:?}", source.info().problems);
 }
 
-/// Not a test by itself: the program that is killed in the next one, which runs, keeps a past on disk, and records.
+/// Not a test by itself: the program that the next test kills. It runs, stores a past on disk, and records.
 #[test]
 fn a_program_that_is_killed() {
     let Some(folder) = std::env::var_os("OCU_TEST_KILLED_IN").map(std::path::PathBuf::from) else { return };
@@ -429,7 +429,7 @@ fn a_program_that_is_killed() {
     let _recording = Recording::start(&path, run.plan(), run.buffers(), &record).unwrap();
     let mut session = Session::new(run).unwrap();
     let task = Task::default();
-    // A minute at once, so that there is something on disk; then in step with the clock.
+    // A minute at once, so that something is on disk; then at the pace of the clock.
     session.forward_until(seconds(60.0), &task).unwrap();
     let clock = std::time::Instant::now();
     loop {

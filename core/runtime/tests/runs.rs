@@ -1,4 +1,4 @@
-//! Contracts of the executors: one result, however it was reached.
+//! Executors: the result does not depend on how it was reached.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -40,7 +40,7 @@ fn a_run_resumed_from_a_snapshot_ends_like_one_that_went_through() {
     let mut whole = stepped(PAIR, hashing(1));
     whole.begin().unwrap();
     whole.run_until(seconds(1.0)).unwrap();
-    // Between a cycle and its output becoming visible: something is on its way.
+    // Between a cycle and its output becoming visible, so that output is outstanding.
     whole.run_until(seconds(1.001)).unwrap();
     let snapshot = whole.snapshot();
     let bytes = snapshot.to_bytes().unwrap();

@@ -1,4 +1,4 @@
-//! What a window may rely on of the sources and of the thread that drives them.
+//! Guarantees of sources, and of the thread that drives them, to a window.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -78,7 +78,7 @@ fn a_seek_shows_the_newest_message_of_every_topic_whichever_way_it_came() {
 
 #[test]
 fn after_a_jump_a_topic_shows_the_rate_of_the_seconds_before_not_the_mean_of_the_log() {
-    // 20 Hz for ten seconds, then 1 Hz; the other topic falls silent.
+    // 20 Hz for ten seconds, then 1 Hz; the other topic stops.
     let often = (0..200).map(|i| f64::from(i) * 0.05);
     let seldom = (10..60).map(f64::from);
     let both = often.clone().chain(seldom).map(|time| (time, "/both", 0.0));
@@ -164,7 +164,7 @@ inputs = { input = \"/in\" }
     assert_eq!(frame.status(adder).unwrap().state(), rcs::ProcessState::Exec);
 }
 
-/// Waits until a frame fulfils a condition; frames come only when something has changed.
+/// Waits until a frame fulfils a condition; there are new frames only when something has changed.
 fn wait(driver: &Driver, wakes: &Receiver<()>, what: &str, is: impl Fn(&Frame) -> bool) -> Arc<Frame> {
     let deadline = Instant::now() + Duration::from_mins(1);
     loop {
@@ -173,7 +173,7 @@ fn wait(driver: &Driver, wakes: &Receiver<()>, what: &str, is: impl Fn(&Frame) -
             return frame;
         }
         assert!(Instant::now() < deadline, "waited a minute for {what}");
-        // A wake may have come before this call: the frame is looked at again either way.
+        // The source may have been woken before this call, so the frame is checked in any case.
         let _ = wakes.recv_timeout(Duration::from_millis(20));
     }
 }

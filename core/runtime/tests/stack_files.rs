@@ -122,7 +122,7 @@ fn parameters_nest_and_repeat_and_what_is_wrong_in_them_has_its_own_line() {
     );
     let params: rcs_testkit::proto::CounterParams = plan.unwrap().processes[0].params.to().unwrap();
     let mount = params.mount.unwrap();
-    // What is not named is at its default: the group's own, or the field's.
+    // Fields that are not named have their defaults: the group's own, or the field's.
     assert_eq!((mount.x_m, mount.yaw_deg, mount.height_m, mount.fixed), (3.0, 90.0, 1.0, true));
     let steps: Vec<_> = params.steps.iter().map(|step| (step.name.as_str(), step.weight)).collect();
     assert_eq!(steps, [("a", 0.5), ("one", 0.25)]);
@@ -217,7 +217,7 @@ fn a_queue_for_orders_is_not_for_a_stack_to_say() {
 }
 
 proptest! {
-    /// No text makes the reader panic.
+    /// No text causes a panic of the parser.
     #[test]
     fn any_text_is_read_or_refused(start in 0..PAIR.len(), length in 0..40_usize, new in ".{0,12}") {
         let end = (start + length).min(PAIR.len());
@@ -226,7 +226,7 @@ proptest! {
     }
 }
 
-/// Calls a vector a map.
+/// Publishes a vector as a map.
 #[derive(Clone, serde::Serialize, serde::Deserialize)]
 struct Mislabelled;
 

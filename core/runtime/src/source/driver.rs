@@ -1,8 +1,8 @@
-//! A source on a thread of its own: paced, stepped and written to by messages, looked at through frames.
+//! Runs a source on a separate thread: paces, steps and writes it as requested by messages; views read its frames.
 //!
-//! What is asked of it is done in turn, but for an emergency stop, which has a lane of its own: it ends the work that is
-//! going on, goes before everything that waits, and takes away the seeks and steps that wait. Which messages those are
-//! follows from their type.
+//! Requests are processed in order, except emergency stops, which have priority: an emergency stop ends the current
+//! work, is written before everything that waits, and discards the seeks and steps that wait. It is recognised by its
+//! message type.
 
 use super::frame::{Frame, Playback};
 use super::held::{HeldControl, HeldControls};
@@ -17,18 +17,18 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// What an operator asks of a source.
+/// Requests to a source.
 #[derive(Clone, Debug)]
 pub enum Control {
-    /// Let time run.
+    /// Play.
     Play,
-    /// Stop time.
+    /// Pause.
     Pause,
-    /// Seconds of the source a second; infinite is as fast as it goes.
+    /// Seconds of the source per second of the clock; infinite for as fast as possible.
     Speed(f64),
-    /// Start again at the end.
+    /// Whether to start again at the end.
     Loop(bool),
-    /// Go to a time.
+    /// Seek to a time.
     Seek(Stamp),
     /// Go one step.
     Step(Step),
@@ -39,29 +39,30 @@ pub enum Control {
         /// The message.
         message: AnyMessage,
     },
-    /// Go to another run of what runs.
+    /// Go to another run of the stack.
     SwitchRun(crate::RunId),
-    /// Take the last write back: go on from before it, in a run of its own.
+    /// Undo the last write: continue from before it, in another run.
     Undo,
-    /// Write a message again and again while time runs. To be said anew at least every [`HeldControl::LEASE`] while it is
-    /// held: otherwise the hand lets go.
+    /// Write a message repeatedly while the source plays. To be repeated at least every [`HeldControl::LEASE`] while
+    /// the control is held; otherwise the control is released.
     Hold(HeldControl),
-    /// Let go of what is held, and write a last message.
+    /// Release a held control, and write a last message.
     LetGo(HeldControl),
-    /// Stop long work.
+    /// Cancel long work.
     Cancel,
 }
 
 /// Time between frames while playing.
 const FRAME: Duration = Duration::from_millis(16);
-/// Work between two frames, at most (but for a single step of the source that takes longer): the window stays alive.
+/// Greatest duration of work between two frames (except for a single step of the source that takes longer), so that the
+/// window stays responsive.
 const BUDGET: Duration = Duration::from_millis(24);
-/// Playing goes this far into a gap of a recording, and then jumps to its end.
+/// Playing continues this far into a gap of a recording, and then jumps to its end.
 const IN_A_GAP_NS: u64 = 1_000_000_000;
-/// Slower than this, background work shows what it has found so far.
+/// Least time between frames that show the results of background work.
 const SHOW_IDLE: Duration = Duration::from_millis(250);
 
-/// A source on a thread of its own. Dropping it ends the thread.
+/// A source on a separate thread. Dropping it ends the thread.
 pub struct Driver {
     shared: Arc<Shared>,
     controls: Option<Sender<Control>>,
@@ -70,7 +71,7 @@ pub struct Driver {
 
 struct Shared {
     frame: Mutex<Arc<Frame>>,
-    /// The work that is going on.
+    /// The work in progress.
     task: Mutex<Option<(Arc<Task>, Instant)>>,
     /// Emergency stops that have not been written yet, oldest first.
     urgent: Mutex<VecDeque<(String, AnyMessage)>>,
@@ -95,7 +96,7 @@ impl Shared {
         *self.frame.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(frame);
     }
 
-    /// The last frame, with what ended the source.
+    /// The last frame, with the error that ended the source.
     fn show_end(&self, text: &str) {
         *self.task() = None;
         let last = Arc::clone(&self.frame.lock().unwrap_or_else(PoisonError::into_inner));
@@ -105,7 +106,7 @@ impl Shared {
 }
 
 impl Driver {
-    /// Takes a source over. `wake` is called whenever there is a new frame.
+    /// Starts the thread of a source. `wake` is called for every new frame.
     pub fn spawn(mut source: Box<dyn Source>, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
         let shared = Arc::new(Shared {
             frame: Mutex::new(Arc::new(source.frame())),
@@ -125,7 +126,7 @@ impl Driver {
                 controls: &receiver,
                 pending: VecDeque::new(),
             };
-            // Whoever looks must see that nothing moves any more, and why.
+            // The frame must show that the source has stopped, and why.
             if let Err(panic) = catch_unwind(AssertUnwindSafe(|| pacer.run())) {
                 let text = format!("the source has ended: its thread panicked: {}", panic_text(&*panic));
                 tracing::error!("{text}");
@@ -141,7 +142,7 @@ impl Driver {
         Arc::clone(&self.shared.frame.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// How far long work is, 0 to 1; `None` where there is none that a person would notice.
+    /// Progress of long work, 0 to 1; `None` if there is none that a user would notice.
     pub fn busy(&self) -> Option<f64> {
         let task = self.shared.task();
         task.as_ref()
@@ -149,26 +150,26 @@ impl Driver {
             .map(|(task, _)| task.fraction())
     }
 
-    /// Asks something of the source. [`Control::Cancel`] and an emergency stop act at once, everything else in turn.
+    /// Sends a request. [`Control::Cancel`] and an emergency stop act at once, all others in order.
     pub fn send(&self, control: Control) {
         let control = match control {
             Control::Cancel => return self.shared.cancel_task(),
             Control::Write { buffer, message } if is_emergency_stop(&message) => {
                 self.shared.urgent().push_back((buffer, message));
                 self.shared.cancel_task();
-                // Wakes the thread, wherever it waits.
+                // Wakes the thread wherever it waits.
                 Control::Cancel
             }
             other => other,
         };
-        // A thread that has ended by a panic has said so in its last frame.
+        // If the thread has panicked, its last frame says so.
         if let Some(controls) = &self.controls {
             let _ = controls.send(control);
         }
     }
 }
 
-/// Whether nothing may be done before this message is written.
+/// Whether this message has priority over everything else.
 fn is_emergency_stop(message: &AnyMessage) -> bool {
     message.is_a(schema_of::<rcs::EmergencyStop>())
 }
@@ -191,7 +192,7 @@ struct DriverLoop<'a, W> {
     pace: Pace,
     hands: HeldControls,
     controls: &'a Receiver<Control>,
-    /// What was asked and is still to be done, oldest first.
+    /// The outstanding requests, oldest first.
     pending: VecDeque<Control>,
 }
 
@@ -255,7 +256,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
         (self.wake)();
     }
 
-    /// Writes the emergency stops that have been sent, and then takes the seeks and steps away that wait.
+    /// Writes the emergency stops that have been sent, then discards waiting seeks and steps.
     fn write_urgent(&mut self) {
         let urgent = std::mem::take(&mut *self.shared.urgent());
         if urgent.is_empty() {
@@ -325,13 +326,13 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 self.hands.let_go(&held.buffer);
                 self.source.write(&held.buffer, (held.make)(self.source.now()))
             }
-            // It has acted already, in `Driver::send`.
+            // Already handled in `Driver::send`.
             Control::Cancel => return,
         };
         self.playback.error = result.err().map(|error| error.to_string());
     }
 
-    /// Time begins anew from where the source stands.
+    /// Restarts the pace at the current position of the source.
     fn restart(&mut self) {
         self.pace.restart(self.playback.speed);
         (self.playback.lag_s, self.playback.achieved) = (0.0, None);
@@ -344,7 +345,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
         moved
     }
 
-    /// Goes to where the clock says, or as far as the budget allows.
+    /// Advances the source to the time of the clock, or as far as the budget allows.
     fn play_on(&mut self, start: Instant) {
         self.hands.drop_lapsed(start);
         let info = self.source.info();
@@ -393,7 +394,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
             let to = target.min(piece).min(self.hands.next_due().unwrap_or(Stamp::MAX));
             let began = Instant::now();
             match self.work(|source, task| source.seek(to, task)) {
-                // An emergency stop has cut in: it is written where the source stands now.
+                // An emergency stop has interrupted: it is written at the current position of the source.
                 Err(SourceError::Cancelled) if !self.shared.urgent().is_empty() => continue,
                 done => done?,
             }
@@ -401,20 +402,20 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 self.pace.piece_took(began.elapsed(), BUDGET);
             }
             if self.source.now() <= now {
-                // Nothing is left to do: a run that has ended.
+                // Nothing is left to do: the run has ended.
                 return Ok(());
             }
         }
     }
 
-    /// Does work that may take long, and lets the window see how far it is and stop it.
+    /// Does work that may take long, with progress that the window can show and cancel.
     fn work(
         &mut self,
         f: impl FnOnce(&mut dyn Source, &Task) -> Result<(), SourceError>,
     ) -> Result<(), SourceError> {
         let task = Arc::new(Task::default());
         *self.shared.task() = Some((Arc::clone(&task), Instant::now()));
-        // One that was sent before there was a task to cancel.
+        // A cancellation that was sent before the task existed.
         if !self.shared.urgent().is_empty() {
             task.cancel();
         }
@@ -424,7 +425,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
     }
 }
 
-/// Of several seeks in a row only the last matters: a person drags the time.
+/// Of several consecutive seeks only the last is executed, because users drag the timeline.
 fn drop_overtaken_seeks(controls: &mut VecDeque<Control>) {
     let is_seek = |control: &Control| matches!(control, Control::Seek(_));
     let overtaken: Vec<bool> = (0..controls.len())

@@ -1,4 +1,4 @@
-//! One moment of a source, as the views see it.
+//! Frames: one moment of a source, as the views see it.
 
 use crate::history::{Moment, RunId, RunSummary};
 use crate::role::{ROLE, Role};
@@ -10,83 +10,83 @@ use rcs_msg::{AnyMessage, Payload, Schema, Stamp, rcs};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
-/// Which kind of thing is looked at.
+/// Kind of a source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SourceKind {
-    /// A recording, as it is.
+    /// A recording without a stack.
     Log,
-    /// A stack, run on a recording.
+    /// A stack that replays a recording.
     Replay,
-    /// A stack, run on nothing but itself.
+    /// A stack without a recording.
     Stack,
 }
 
-/// What a source is.
+/// Description of a source.
 #[derive(Clone, Debug)]
 pub struct SourceInfo {
-    /// Which kind of thing.
+    /// Its kind.
     pub kind: SourceKind,
-    /// Name for a person: the file's or the stack's.
+    /// Name as shown: that of the file or of the stack.
     pub title: String,
-    /// Full path or description, for hovering.
+    /// Full path or description, for the tooltip.
     pub detail: String,
-    /// First moment.
+    /// Start time.
     pub start: Stamp,
-    /// Last moment; `None` where it has no end.
+    /// End time; `None` if it has no end.
     pub end: Option<Stamp>,
-    /// What is wrong with it, a line each: what was lost, which topics cannot be decoded.
+    /// Problems, one line each: losses, topics that cannot be decoded.
     pub problems: Vec<String>,
-    /// Where there is nothing for a long time, ascending: playing jumps over it.
+    /// Long periods without messages, ascending; playing jumps over them.
     pub gaps: Vec<Gap>,
 }
 
-/// The run that a topic is of. Two are shown side by side and never mixed.
+/// The run of a topic. Recorded and computed topics are shown side by side and never mixed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum RunTag {
     /// Read from the recording.
     Recorded,
-    /// Made by the stack that runs now, in that run of it.
+    /// Computed by the stack, in this run of it.
     Run(RunId),
 }
 
 impl RunTag {
-    /// The first run of what runs now.
+    /// The first run of the stack.
     pub const FIRST: Self = Self::Run(RunId(0));
 
-    /// Whether it was read from the recording.
+    /// Whether the topic was read from the recording.
     pub fn is_recorded(self) -> bool {
         self == Self::Recorded
     }
 }
 
-/// One buffer, as the views see it at one moment.
+/// One topic, as the views see it at one moment.
 #[derive(Clone, Debug)]
 pub struct Topic {
     /// Name of the buffer: `/wm1/map`.
     pub name: Arc<str>,
-    /// The run that it is of.
+    /// Its run.
     pub run: RunTag,
-    /// Type of its messages as they are stored.
+    /// Type of its messages as stored.
     pub schema: Arc<Schema>,
     /// `rcs.role`, `rcs.overlay_of`, `rcs.palette`, ….
     pub metadata: Arc<BTreeMap<String, String>>,
-    /// Process that writes it; empty where that is not known.
+    /// Process that writes it; empty if unknown.
     pub writer: Arc<str>,
-    /// Messages up to now (a stack) or in all (a log).
+    /// Number of messages up to now (stack) or in total (log).
     pub messages: u64,
-    /// Messages a second over the last seconds before the newest message; `None` where there are fewer than two.
+    /// Messages per second over the last seconds before the newest message; `None` for fewer than two messages.
     pub hz: Option<f64>,
-    /// Why its messages cannot be read; `None` where they can.
+    /// Why its messages cannot be read; `None` if they can.
     pub undecodable: Option<Arc<str>>,
     /// Newest message at this moment.
     pub latest: Option<Sample>,
-    /// Whether `latest` is older than that: the right one is being computed again, because it was not kept.
+    /// Whether `latest` is outdated: the right message was not kept and is being computed again.
     pub pending: bool,
     pub(crate) canonical: Arc<OnceLock<Option<AnyMessage>>>,
 }
 
 impl Topic {
-    /// A topic of which nothing is known yet but its name and type.
+    /// A topic of which only name and type are known.
     pub fn new(name: &str, run: RunTag, schema: Arc<Schema>) -> Self {
         Self {
             name: name.into(),
@@ -111,38 +111,38 @@ impl Topic {
         self
     }
 
-    /// The newest message as the canonical type that its schema converts to (a ROS 2 image as a
-    /// `foxglove.RawImage`, …); converted at most once. `None` where there is none.
+    /// The newest message converted to the canonical type of its schema (a ROS 2 image to a `foxglove.RawImage`, …);
+    /// converted at most once. `None` if there is none.
     pub fn canonical(&self) -> Option<&AnyMessage> {
         self.canonical.get_or_init(|| canonical(&self.latest.as_ref()?.message)).as_ref()
     }
 
-    /// The newest message, if it is (or converts to) a `T`.
+    /// The newest message, if it is a `T` or converts to one.
     pub fn get<T: Payload>(&self) -> Option<&T> {
         self.canonical()?.get()
     }
 
-    /// What its messages are for; `None` where that is not said, or by a name that is not known here.
+    /// Role of its messages; `None` if it has none, or one that is not known.
     pub fn role(&self) -> Option<Role> {
         self.role_name().parse().ok()
     }
 
-    /// `rcs.role` as it is written, or "".
+    /// `rcs.role` as stored, or "".
     pub fn role_name(&self) -> &str {
         self.metadata.get(ROLE).map_or("", String::as_str)
     }
 
-    /// What the values of its label images mean; none where that is not said.
+    /// Classes of its label images; empty if it has none.
     pub fn classes(&self) -> Vec<LabelClass> {
         self.metadata.get(CLASSES).map(|text| classes_from_json(text)).unwrap_or_default()
     }
 
-    /// Whether it holds the ground truth of a simulation: nothing that a robot could know.
+    /// Whether it contains the ground truth of a simulation, which a robot cannot know.
     pub fn is_ground_truth(&self) -> bool {
         self.metadata.contains_key(crate::stack::TRUTH)
     }
 
-    /// Name of the type that views ask for: the canonical one where there is one, else the schema's own.
+    /// Name of the type that views request: the canonical one if there is one, else that of the schema.
     pub fn type_name(&self) -> &str {
         rcs_msg::canonical_name(&self.schema).unwrap_or_else(|| self.schema.name())
     }
@@ -153,7 +153,7 @@ impl Topic {
     }
 }
 
-/// The message as its canonical type; typed messages are canonical already.
+/// Converts the message to its canonical type; typed messages are canonical.
 pub(crate) fn canonical(message: &AnyMessage) -> Option<AnyMessage> {
     if message.is_typed() {
         return Some(message.clone());
@@ -161,36 +161,35 @@ pub(crate) fn canonical(message: &AnyMessage) -> Option<AnyMessage> {
     rcs_msg::canonical(&message.schema(), &message.bytes())?.ok()
 }
 
-/// Where something has been: every position of a pose-like topic, in the topic's own frame.
+/// A track: every position of a topic with poses, in the topic's own frame.
 #[derive(Clone, Debug, Default)]
 pub struct Track {
-    /// Topic that it was read from.
+    /// The topic.
     pub topic: Arc<str>,
-    /// Coordinate frame; `wgs84` where the points are degrees of longitude and latitude, and metres of altitude.
+    /// Coordinate frame; `wgs84` if the points are longitude and latitude in degrees and altitude in metres.
     pub frame_id: String,
     /// Times, ascending.
     pub stamps: Vec<Stamp>,
-    /// Position and yaw (x, y, z in m, yaw in rad; yaw NaN where it is not known), one for each time.
+    /// Position and yaw (x, y, z in m, yaw in rad; NaN if the yaw is unknown), one per time.
     pub points: Vec<[f64; 4]>,
 }
 
-/// How a driver plays a source.
+/// State of playing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Playback {
-    /// Whether time runs.
+    /// Whether the source plays.
     pub playing: bool,
-    /// Seconds of the source a second that are asked for; infinite is as fast as it goes.
+    /// Requested seconds of the source per second of the clock; infinite for as fast as possible.
     pub speed: f64,
-    /// Seconds of the source a second as measured over the last half second; `None` until there is such a time.
+    /// Measured seconds of the source per second over the last half second; `None` until enough time has passed.
     pub achieved: Option<f64>,
-    /// Start again at the end.
+    /// Whether to start again at the end.
     pub looping: bool,
-    /// How far long work is, 0 to 1; `None` where there is none.
+    /// Progress of long work, 0 to 1; `None` if there is none.
     pub busy: Option<f64>,
-    /// The last thing that could not be done.
+    /// The last request that failed.
     pub error: Option<String>,
-    /// How far playing is behind the clock since it was started, in seconds of the source. What a source could not do
-    /// in time is not caught up with.
+    /// Delay relative to the clock since playing started, in seconds of the source. Lost time is not caught up with.
     pub lag_s: f64,
 }
 
@@ -208,61 +207,61 @@ impl Default for Playback {
     }
 }
 
-/// The runs of what runs now, and where in them the moment lies.
+/// The runs of a stack, and the viewed moment.
 #[derive(Clone, Debug, Default)]
 pub struct Runs {
     /// All runs, in the order in which they began. Empty for a recording.
     pub all: Arc<[RunSummary]>,
-    /// The moment that is shown.
+    /// The viewed moment.
     pub moment: Moment,
-    /// Whether nothing that was done lies ahead of it.
+    /// Whether the viewed moment is the end of what was executed.
     pub is_at_end: bool,
-    /// How far that is that is computed again for this moment, 0 to 1; `None` where everything was kept.
+    /// Progress of recomputing what this moment needs, 0 to 1; `None` if everything was kept.
     pub filling: Option<f64>,
 }
 
 impl Runs {
-    /// The run that is shown.
+    /// The viewed run.
     pub fn current(&self) -> RunId {
         self.moment.run
     }
 }
 
-/// Everything that can be known of a source at one moment.
+/// Everything that is known of a source at one moment.
 #[derive(Clone, Debug)]
 pub struct Frame {
-    /// Differs from frame to frame.
+    /// Unique for each frame.
     pub generation: u64,
-    /// What is looked at.
+    /// Description of the source.
     pub info: Arc<SourceInfo>,
-    /// The moment.
+    /// The viewed time.
     pub now: Stamp,
     /// All topics, by name and run.
     pub topics: Arc<[Topic]>,
     /// All processes, in the order of the stack file.
     pub processes: Arc<[rcs::ProcessInfo]>,
-    /// Every track that is known so far, over the whole log, by topic.
+    /// Every track known so far, over the whole log, by topic.
     pub tracks: Arc<BTreeMap<Arc<str>, Arc<Track>>>,
-    /// Transforms up to now; static ones of the whole log.
+    /// Transforms up to now; static transforms of the whole log.
     pub transforms: Arc<TransformTree>,
-    /// The runs of what runs now.
+    /// The runs of the stack.
     pub runs: Runs,
-    /// How it is played.
+    /// State of playing.
     pub playback: Playback,
 }
 
 impl Frame {
-    /// The topic of that name; the one that is made now where it was recorded, too.
+    /// The topic with this name; the computed one if it exists in both.
     pub fn topic(&self, name: &str) -> Option<&Topic> {
         self.topics.iter().filter(|topic| &*topic.name == name).max_by_key(|topic| topic.run)
     }
 
-    /// The topic of that name and run.
+    /// The topic with this name and run.
     pub fn topic_of(&self, name: &str, run: RunTag) -> Option<&Topic> {
         self.topics.iter().find(|topic| &*topic.name == name && topic.run == run)
     }
 
-    /// All topics whose messages are, or convert to, that type.
+    /// All topics whose messages have this type or convert to it.
     pub fn topics_of_type<'a>(&'a self, type_name: &'a str) -> impl Iterator<Item = &'a Topic> {
         self.topics.iter().filter(move |topic| topic.type_name() == type_name)
     }

@@ -1,23 +1,23 @@
-//! A control that is held: a message that is written again and again while someone holds a key, a button or a stick.
+//! Held controls: messages that are written repeatedly while the user holds a key, a button or a stick.
 
 use rcs_msg::{AnyMessage, Stamp};
 use std::fmt;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What is held.
+/// A held control.
 #[derive(Clone)]
 pub struct HeldControl {
     /// Name of the buffer.
     pub buffer: String,
-    /// Time of the source from one message to the next, in nanoseconds; at least a millisecond.
+    /// Time of the source between messages, in nanoseconds; at least a millisecond.
     pub every_ns: u64,
-    /// Makes the message for a time of the source.
+    /// Creates the message for a time of the source.
     pub make: Arc<dyn Fn(Stamp) -> AnyMessage + Send + Sync>,
 }
 
 impl HeldControl {
-    /// Without a word from whoever holds it, it is let go after this long: a window that hangs drives nothing.
+    /// A control that is not renewed is released after this time, so that a hung window does not drive the vehicle.
     pub const LEASE: Duration = Duration::from_millis(600);
 }
 
@@ -27,21 +27,21 @@ impl fmt::Debug for HeldControl {
     }
 }
 
-/// All that is held now, a buffer once.
+/// All held controls, at most one per buffer.
 #[derive(Debug, Default)]
 pub(super) struct HeldControls(Vec<Entry>);
 
 #[derive(Debug)]
 struct Entry {
     held: HeldControl,
-    /// When someone last said that it is held.
+    /// Time of the last renewal.
     renewed: Instant,
     /// When the next message is due.
     due: Stamp,
 }
 
 impl HeldControls {
-    /// Takes hold, or holds on; another value than before is due at once.
+    /// Adds or renews a control; if its value has changed, it is due at once.
     pub(super) fn hold(&mut self, held: HeldControl, clock: Instant, now: Stamp) {
         match self.0.iter_mut().find(|entry| entry.held.buffer == held.buffer) {
             Some(entry) => {
@@ -54,17 +54,17 @@ impl HeldControls {
         }
     }
 
-    /// Lets go.
+    /// Releases a control.
     pub(super) fn let_go(&mut self, buffer: &str) {
         self.0.retain(|entry| entry.held.buffer != buffer);
     }
 
-    /// Lets go of what nobody has spoken for.
+    /// Releases the controls that have not been renewed in time.
     pub(super) fn drop_lapsed(&mut self, clock: Instant) {
         self.0.retain(|entry| clock.saturating_duration_since(entry.renewed) <= HeldControl::LEASE);
     }
 
-    /// The source went to another time: what is due is due from there.
+    /// After a seek: controls are due from the new time on.
     pub(super) fn moved(&mut self, now: Stamp) {
         for entry in &mut self.0 {
             entry.due = now;

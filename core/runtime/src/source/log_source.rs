@@ -1,4 +1,4 @@
-//! A log, as it is.
+//! A log without a stack.
 
 use super::frame::{Frame, Playback, Runs, SourceInfo, SourceKind};
 use super::log_view::{LogView, opening_time};
@@ -9,14 +9,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// A log, as it is: nothing runs.
+/// A log without a stack: nothing runs.
 pub struct LogSource {
     view: LogView,
     info: Arc<SourceInfo>,
     processes: Arc<[rcs::ProcessInfo]>,
-    /// Everything up to and with this is shown.
+    /// Everything up to and including this time is shown.
     place: MessagePosition,
-    /// Problems of the log that `info` holds.
+    /// Number of problems of the log in `info`.
     told_problems: usize,
     generation: u64,
 }
@@ -27,7 +27,7 @@ impl LogSource {
         Self::new(&Log::open(path)?)
     }
 
-    /// Stands at the start of a log, or at its first image where that comes shortly after.
+    /// Positioned at the start of a log, or at its first image if that is shortly after.
     pub fn new(log: &Log) -> Result<Self, SourceError> {
         let mut view = LogView::new(log, &BTreeMap::new());
         let info = Arc::new(info_of(log, SourceKind::Log));
@@ -39,7 +39,7 @@ impl LogSource {
     }
 }
 
-/// What a source on a log says of itself.
+/// Description of a source on a log.
 pub(crate) fn info_of(log: &Log, kind: SourceKind) -> SourceInfo {
     let info = log.info();
     let name =
@@ -94,7 +94,7 @@ impl Source for LogSource {
         let (ids, back) = match step {
             Step::Message { topic, back } => (topic.as_ref().map(|name| self.view.topic_ids(name)), *back),
             Step::Cycle { process, back } => {
-                // In a recording a cycle ends where its status was written.
+                // In a recording a cycle ends when its status was written.
                 let named = |info: &&rcs::ProcessInfo| process.as_ref().is_none_or(|name| *name == info.name);
                 let infos = self.processes.iter().filter(named);
                 let ids: Vec<_> = infos.flat_map(|info| self.view.topic_ids(&info.status_buffer)).collect();
@@ -131,7 +131,7 @@ impl Source for LogSource {
 }
 
 impl LogSource {
-    /// What reading has met since the log was opened joins what is wrong with it.
+    /// Adds the problems that were found since the log was opened.
     fn tell_problems(&mut self) {
         let told = self.told_problems;
         let problems = self.view.log().problems();
@@ -148,7 +148,7 @@ impl LogSource {
     }
 }
 
-/// The next (or previous) message of any of `topics`, or of all.
+/// The next (or previous) message of any of `topics`, or of all topics.
 pub(crate) fn neighbour(
     log: &Log,
     topics: Option<&[rcs_log::TopicId]>,

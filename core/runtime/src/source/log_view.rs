@@ -1,4 +1,4 @@
-//! The topics of a log at one moment, and what is read from it in the background.
+//! The topics of a log at one moment, and background reading of the log.
 
 use super::frame::{RunTag, Topic, Track};
 use super::rates::{LastTimes, WINDOW_NS};
@@ -12,27 +12,27 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// Types whose messages are something to look at.
+/// Types whose messages have something to show.
 const IMAGE_TYPES: [&str; 4] =
     ["foxglove.RawImage", "foxglove.CompressedImage", "foxglove.PointCloud", "foxglove.Grid"];
-/// A log that shows nothing at its very start is opened at its first image, if that comes this soon.
+/// A log without an image at its start is opened at its first image, if that is within this time.
 const FIRST_IMAGE_NS: u64 = 1_000_000_000;
-/// A jump by more than this looks everything up afresh instead of reading all that lies between.
+/// A longer jump looks up all topics instead of reading everything in between.
 const JUMP_NS: u64 = 2_000_000_000;
-/// How long one piece of background work may take.
+/// Greatest duration of one piece of background work.
 const PIECE: Duration = Duration::from_millis(8);
 
 /// The topics of a log at one moment.
 pub(crate) struct LogView {
     log: Log,
     pub(crate) topics: Vec<Topic>,
-    /// The mean rate of each topic over the whole log: shown where fewer than two messages came lately.
+    /// The mean rate of each topic over the whole log; shown if there were fewer than two recent messages.
     means: Vec<Option<f64>>,
-    /// When the last messages of each topic came.
+    /// Times of the last messages of each topic.
     times: Vec<LastTimes>,
     by_id: BTreeMap<TopicId, usize>,
     shown: Option<MessagePosition>,
-    /// Puts together what was stored as key frames and deltas: one topic, as it was while it ran.
+    /// Reassembles messages that were stored as key frames and deltas, so that they appear as one topic.
     reassembly: Reassembly,
     cursor: Cursor,
     ahead: Option<LogMessage>,
@@ -44,7 +44,7 @@ pub(crate) struct LogView {
 }
 
 impl LogView {
-    /// A view of all topics; those in `wired` go by the name of the buffer that they fill.
+    /// A view of all topics; those in `wired` have the name of the buffer that they feed.
     pub(crate) fn new(log: &Log, wired: &BTreeMap<String, Arc<str>>) -> Self {
         let info = log.info();
         let (mut topics, mut means) = (Vec::new(), Vec::new());
@@ -58,7 +58,7 @@ impl LogView {
             let deltas = reassembly.deltas_of(topic.id).and_then(|id| info.topic(id));
             let messages = topic.messages + deltas.map_or(0, |deltas| deltas.messages);
             let mean = topic.hz + deltas.map_or(0.0, |deltas| deltas.hz);
-            // One message has no rate.
+            // A single message has no rate.
             let mean = (messages > 1 && mean > 0.0).then_some(mean);
             means.push(mean);
             topics.push(Topic {
@@ -108,13 +108,13 @@ impl LogView {
         &self.log
     }
 
-    /// The channels of the log that carry the topic of that name; its deltas are among them.
+    /// The channels of the log with the topic of that name, including its deltas.
     pub(crate) fn topic_ids(&self, name: &str) -> Vec<TopicId> {
         let keys = self.log.info().topics_named(name).map(|topic| topic.id);
         keys.flat_map(|id| [Some(id), self.reassembly.deltas_of(id)]).flatten().collect()
     }
 
-    /// Shows everything up to and with `to`.
+    /// Shows everything up to and including `to`.
     pub(crate) fn go_to(&mut self, to: MessagePosition) -> Result<(), SourceError> {
         match self.shown {
             Some(shown) if to >= shown && to.time.0 - shown.time.0 <= JUMP_NS => {}
@@ -138,7 +138,7 @@ impl LogView {
         }
     }
 
-    /// Shows everything before `time`, and makes ready to read on from there.
+    /// Shows everything before `time`, and positions the cursor there.
     fn look_up_before(&mut self, time: Stamp) -> Result<(), SourceError> {
         for (index, topic) in self.topics.iter_mut().enumerate() {
             topic.latest = None;
@@ -162,7 +162,7 @@ impl LogView {
         Ok(())
     }
 
-    /// The rates that reading on to `time` would have measured.
+    /// Looks up the rates that would have been measured by reading up to `time`.
     fn look_up_rates(&mut self, time: Stamp) -> Result<(), SourceError> {
         let mut found = vec![Vec::new(); self.topics.len()];
         for (id, times) in self.log.times_before(time, time.before_ns(WINDOW_NS))? {
@@ -217,7 +217,7 @@ impl LogView {
         }
     }
 
-    /// Reads poses and transforms for a few milliseconds; `true` where some are left.
+    /// Reads poses and transforms for a few milliseconds; `true` if some are left.
     pub(crate) fn idle(&mut self) -> bool {
         let Some(cursor) = &mut self.background else { return false };
         let until = Instant::now() + PIECE;
@@ -233,7 +233,7 @@ impl LogView {
                         self.tracks.take(&topic.name, message.log_time, &message_out, is_static);
                     }
                 }
-                // A chunk that cannot be read has been told by the log; the cursor goes on behind it.
+                // The log has reported chunks that cannot be read; the cursor continues after them.
                 Some(Err(_)) => {}
                 None => more = false,
             }
@@ -241,7 +241,7 @@ impl LogView {
         if !more {
             self.background = None;
         }
-        // Sharing copies: do it when there is half as much again, and at the end.
+        // Sharing copies the tracks, so it is done when they have grown by half, and at the end.
         if !more || self.tracks.len() > self.shared_len + self.shared_len / 2 + 64 {
             self.shared_len = self.tracks.len();
             self.shared_tracks = Arc::new(self.tracks.share());
@@ -250,7 +250,7 @@ impl LogView {
         more
     }
 
-    /// Every process that the log tells of.
+    /// All processes that the log describes.
     pub(crate) fn processes(&self) -> Result<Arc<[rcs::ProcessInfo]>, SourceError> {
         let ids = self.topic_ids(crate::stack::names::PROCESSES);
         if ids.is_empty() {
@@ -268,7 +268,7 @@ impl LogView {
     }
 }
 
-/// Where a person begins to look: at the start of the log, or at its first image shortly after.
+/// The initial time: the start of the log, or its first image if that is shortly after.
 pub(crate) fn opening_time(log: &Log) -> Result<Stamp, SourceError> {
     let info = log.info();
     let is_image = |schema| rcs_msg::canonical_name(schema).is_some_and(|name| IMAGE_TYPES.contains(&name));
@@ -283,12 +283,12 @@ pub(crate) fn opening_time(log: &Log) -> Result<Stamp, SourceError> {
     Ok(first.map_or(info.start, |message| message.log_time))
 }
 
-/// Transforms of this topic hold for the whole log, by ROS's convention.
+/// Transforms on this topic are static, by ROS's convention.
 fn is_static_topic(log: &Log, id: TopicId) -> bool {
     log.info().topic(id).is_some_and(|topic| topic.name.ends_with("/tf_static"))
 }
 
-/// A source's `idle` work, done to its end.
+/// Runs the `idle` work of a source to its end.
 pub fn finish_idle(source: &mut dyn Source) {
     while source.idle() {}
 }

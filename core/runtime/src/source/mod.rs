@@ -1,7 +1,8 @@
-//! What the window looks at: a running stack, a log, a log through a stack, or a remote robot. All answer [`Source`].
+//! Sources: what the window shows. A running stack, a log, a stack that replays a log, or a remote robot; all implement
+//! [`Source`].
 //!
-//! A view gets a [`Frame`]: everything that can be known at one moment, shared and immutable. It can neither slow nor
-//! stop the source. [`Driver`] runs a source on a thread of its own, paces it, and publishes frames.
+//! A view gets a [`Frame`]: everything that is known at one moment, shared and immutable. A view can neither slow nor
+//! stop the source. [`Driver`] runs a source on a separate thread, paces it, and publishes frames.
 
 mod driver;
 mod frame;
@@ -30,45 +31,45 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 /// One step of the timeline.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// To the next (or previous) message.
+    /// To the next or previous message.
     Message {
-        /// Of this topic; of any where none is named.
+        /// Of this topic; `None` for any topic.
         topic: Option<String>,
-        /// The previous one.
+        /// Whether to the previous one.
         back: bool,
     },
-    /// To the end of the next (or previous) cycle.
+    /// To the end of the next or previous cycle.
     Cycle {
-        /// Of this process; of any where none is named.
+        /// Of this process; `None` for any process.
         process: Option<String>,
-        /// The previous one.
+        /// Whether to the previous one.
         back: bool,
     },
-    /// By a time, forward or back.
+    /// By a duration, forward or back.
     Time {
-        /// Nanoseconds; negative goes back.
+        /// Nanoseconds; negative for back.
         ns: i64,
     },
 }
 
-/// Why a source could not do what it was asked.
+/// Why a source could not fulfil a request.
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
     /// The log could not be read.
     #[error(transparent)]
     Log(#[from] rcs_log::LogError),
-    /// The stack could not run on.
+    /// The stack could not continue.
     #[error(transparent)]
     Run(#[from] crate::RunError),
-    /// The operator stopped it.
+    /// The operator cancelled it.
     #[error("stopped on request")]
     Cancelled,
-    /// This kind of source cannot do that.
+    /// This kind of source does not support it.
     #[error("{0}")]
     Unsupported(String),
 }
 
-/// Progress of long work, and the wish to stop it. Shared between the source's thread and the window.
+/// Progress and cancellation of long work. Shared between the source's thread and the window.
 #[derive(Debug, Default)]
 pub struct Task {
     permille: AtomicU32,
@@ -76,55 +77,55 @@ pub struct Task {
 }
 
 impl Task {
-    /// Says how far the work is, 0 to 1.
+    /// Sets the progress, 0 to 1.
     pub fn report(&self, fraction: f64) {
         self.permille.store((fraction.clamp(0.0, 1.0) * 1000.0) as u32, Ordering::Relaxed);
     }
 
-    /// How far the work is, 0 to 1.
+    /// The progress, 0 to 1.
     pub fn fraction(&self) -> f64 {
         f64::from(self.permille.load(Ordering::Relaxed)) / 1000.0
     }
 
-    /// Asks the work to stop.
+    /// Requests cancellation.
     pub fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Whether someone asked the work to stop.
+    /// Whether cancellation was requested.
     pub fn is_cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
     }
 
-    /// An error if someone asked the work to stop.
+    /// An error if cancellation was requested.
     pub fn check(&self) -> Result<(), SourceError> {
         if self.is_cancelled() { Err(SourceError::Cancelled) } else { Ok(()) }
     }
 }
 
-/// What the window looks at. Calls may take long; they run on a [`Driver`]'s thread.
+/// A source. Calls may take long; they run on the thread of a [`Driver`].
 pub trait Source: Send {
-    /// What it is, and its time range.
+    /// Its description and time range.
     fn info(&self) -> std::sync::Arc<SourceInfo>;
-    /// Where it stands.
+    /// Its current time.
     fn now(&self) -> Stamp;
-    /// All that can be known at this moment. Cheap: nothing large is copied.
+    /// Everything known at this moment. Cheap: nothing large is copied.
     fn frame(&mut self) -> Frame;
-    /// Goes to a time, forward or back.
+    /// Seeks to a time, forward or back.
     fn seek(&mut self, to: Stamp, task: &Task) -> Result<(), SourceError>;
-    /// Goes one step; `false` where there is none.
+    /// Goes one step; `false` if there is none.
     fn step(&mut self, step: &Step, task: &Task) -> Result<bool, SourceError>;
-    /// An operator's write: a command, a parameter message, an edited message.
+    /// A write of the operator: a command, a parameter message, an edited message.
     fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError>;
     /// Goes to another of its runs.
     fn switch_run(&mut self, run: crate::RunId) -> Result<(), SourceError> {
         Err(SourceError::Unsupported(format!("there is no {run}: nothing runs here")))
     }
-    /// Goes to the moment before the last write, and on from there without it; `false` where there was none.
+    /// Undoes the last write: goes to the moment before it and continues from there; `false` if there is none.
     fn undo(&mut self) -> Result<bool, SourceError> {
         Err(SourceError::Unsupported("nothing was written that could be taken back".to_owned()))
     }
-    /// Work that may be done while nothing else is asked, in small pieces (tracks, for example); `true` if some is left.
+    /// Background work in small pieces (for example tracks), while there are no requests; `true` if some is left.
     fn idle(&mut self) -> bool {
         false
     }

@@ -1,36 +1,36 @@
-//! Where a source should stand by the clock, and how far it is behind.
+//! Pacing: where a source should be according to the clock, and how far it is behind.
 
 use rcs_msg::Stamp;
 use std::time::{Duration, Instant};
 
-/// What a source may fall behind and still catch up, in seconds of the clock. More than that is given up: a vehicle
-/// that someone drives must not race through the time of a stall.
+/// Greatest delay that a source catches up with, in seconds of the clock. A greater delay is given up, because a
+/// vehicle that someone drives must not race through the time of a stall.
 const CATCH_UP_S: f64 = 0.25;
-/// The achieved speed is measured over at least this long.
+/// Least time over which the achieved speed is measured.
 const MEASURED_OVER: Duration = Duration::from_millis(500);
-/// Pieces of work start here, and grow and shrink with how long they take.
+/// Initial size of pieces of work; it adapts to how long they take.
 const FIRST_PIECE_NS: u64 = 20_000_000;
 const PIECES_NS: std::ops::RangeInclusive<u64> = 1_000_000..=10_000_000_000;
 
-/// Paces a source against the clock. Moments of the clock are handed in, so that tests have a clock of their own.
+/// Paces a source by the clock. Clock times are arguments, so that tests can use their own.
 #[derive(Debug)]
 pub(super) struct Pace {
-    /// Seconds of the source a second; infinite is as fast as it goes.
+    /// Seconds of the source per second of the clock; infinite for as fast as possible.
     speed: f64,
-    /// A moment of the clock, and where the source belongs then.
+    /// A clock time, and the target time of the source at that time.
     anchor: Option<(Instant, Stamp)>,
     /// Time of the source that will not be caught up with, in seconds.
     given_up_s: f64,
     lag_s: f64,
-    /// Where the achieved speed is measured from.
+    /// Start of the measurement of the achieved speed.
     measured: Option<(Instant, Stamp)>,
     achieved: Option<f64>,
-    /// How much is done at once.
+    /// Size of the next piece of work.
     piece_ns: u64,
 }
 
 impl Pace {
-    /// Not playing yet.
+    /// A pace for a source that is not playing yet.
     pub(super) fn new() -> Self {
         Self {
             speed: 1.0,
@@ -43,12 +43,12 @@ impl Pace {
         }
     }
 
-    /// Begins anew from where the source stands: it was stopped, moved, or its speed changes.
+    /// Restarts at the current time of the source: after a pause, a seek, or a change of speed.
     pub(super) fn restart(&mut self, speed: f64) {
         *self = Self { speed, piece_ns: self.piece_ns, ..Self::new() };
     }
 
-    /// Where the source should be now. What it cannot catch up with is given up here.
+    /// Target time of the source now. Gives up what it cannot catch up with.
     pub(super) fn target(&mut self, clock: Instant, now: Stamp) -> Stamp {
         self.measured.get_or_insert((clock, now));
         if self.speed.is_infinite() {
@@ -67,7 +67,7 @@ impl Pace {
         reachable
     }
 
-    /// The source stands at `now`; it should stand at `target`.
+    /// Updates the pace: the source is at `now`; its target is `target`.
     pub(super) fn arrived(&mut self, clock: Instant, now: Stamp, target: Stamp) {
         if !self.speed.is_infinite() {
             self.lag_s = self.given_up_s + target.seconds_since(now).max(0.0);
@@ -81,22 +81,22 @@ impl Pace {
         }
     }
 
-    /// How far the source is behind the clock since it was last started, in its own seconds.
+    /// Delay of the source relative to the clock since it was last started, in its own seconds.
     pub(super) fn lag_s(&self) -> f64 {
         self.lag_s
     }
 
-    /// Seconds of the source a second, as measured; `None` until it has played for a moment.
+    /// Measured seconds of the source per second; `None` until it has played for a moment.
     pub(super) fn achieved(&self) -> Option<f64> {
         self.achieved
     }
 
-    /// How much of the source's time to do at once.
+    /// How much time of the source to process at once.
     pub(super) fn piece_ns(&self) -> u64 {
         self.piece_ns
     }
 
-    /// A whole piece took that long: the next ones are such that a few fit into `budget`.
+    /// Adapts the size of the pieces to the duration of the last one, so that several fit into `budget`.
     pub(super) fn piece_took(&mut self, took: Duration, budget: Duration) {
         let next = if took > budget / 2 {
             self.piece_ns / 2
@@ -148,7 +148,7 @@ mod tests {
         }
         assert!((pace.lag_s() - 5.0).abs() < 0.05, "{}", pace.lag_s());
         assert!((pace.achieved().unwrap() - 0.5).abs() < 0.02);
-        // Fast again: it goes on at speed 1, and says what it lost.
+        // Then fast again: it continues at speed 1 and reports the lost time.
         let (from, since) = (now, start + seconds(10.0));
         for i in 1..=50 {
             let clock = since + seconds(f64::from(i) * 0.02);

@@ -1,5 +1,5 @@
-//! How often messages come: measured over the last seconds before the newest one, so that a topic that has fallen
-//! silent is known by its age within a few of its periods, however long it has been silent or the run has lasted.
+//! Rates of messages: measured over the last seconds before the newest message, so that a topic that has stopped is
+//! recognised by its age within a few of its periods, however long it has been silent or the run has lasted.
 
 use crate::history::RunSummary;
 use crate::stepped::Stepped;
@@ -8,14 +8,14 @@ use rcs_msg::Stamp;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A rate is measured over this much time before the newest message; over two messages where they are further apart.
+/// A rate is measured over this time before the newest message; over two messages if they are farther apart.
 pub(super) const WINDOW_NS: u64 = 2_000_000_000;
-/// Most messages that are looked at: enough for a mean, however fast they come.
+/// Greatest number of messages that are used, which is enough for a mean at any rate.
 const MOST: usize = 64;
-/// Times are kept in steps of 0.1 ms, which lasts for five days.
+/// Times have a resolution of 0.1 ms, with which the range is five days.
 const STEP_NS: u64 = 100_000;
 
-/// Messages a second, from the times of the last ones, newest first; `None` where there are fewer than two.
+/// Messages per second, from the times of the last ones, newest first; `None` for fewer than two.
 fn rate_hz(newest_first: impl Iterator<Item = u64>) -> Option<f64> {
     let mut times = newest_first.take(MOST);
     let newest = times.next()?;
@@ -31,27 +31,27 @@ fn rate_hz(newest_first: impl Iterator<Item = u64>) -> Option<f64> {
     (age > 0).then(|| f64::from(count) * 1e9 / age as f64)
 }
 
-/// When each message of a buffer came in one run, by its sequence, in steps since the start.
+/// Times of the messages of a buffer in one run, by sequence, in steps since the start.
 #[derive(Clone, Debug, Default)]
 struct MessageTimes(Vec<u32>);
 
 impl MessageTimes {
-    /// Takes in that the message of that sequence (from 1) came at `since_start_ns`. What is known stays: a run that is
-    /// done again is the same.
+    /// Records that the message with this sequence (from 1) was written at `since_start_ns`. Known times are kept,
+    /// because a part of a run that is executed again is the same.
     fn take(&mut self, sequence: u64, since_start_ns: u64) {
         if sequence as usize > self.0.len() {
-            // Messages that nobody has seen came at the latest with this one.
+            // Messages that were not seen were written at this time at the latest.
             self.0.resize(sequence as usize, steps(since_start_ns));
         }
     }
 
-    /// The times of a run that leaves this one.
+    /// The times for a run that branches from this one.
     fn fork(&self, since_start_ns: u64) -> Self {
         let kept = self.0.partition_point(|&time| time <= steps(since_start_ns));
         Self(self.0[..kept].to_vec())
     }
 
-    /// The rate at the message of that sequence.
+    /// The rate at the message with this sequence.
     fn rate_hz(&self, newest: u64) -> Option<f64> {
         let known = &self.0[..self.0.len().min(newest as usize)];
         rate_hz(known.iter().rev().map(|&time| u64::from(time) * STEP_NS))
@@ -62,7 +62,7 @@ fn steps(since_start_ns: u64) -> u32 {
     u32::try_from(since_start_ns / STEP_NS).unwrap_or(u32::MAX)
 }
 
-/// When the messages of each buffer came, in every run of what runs.
+/// Times of the messages of each buffer, in every run of the stack.
 pub(super) struct RunTimes {
     start: Stamp,
     inner: Arc<Mutex<Inner>>,
@@ -75,7 +75,7 @@ struct Inner {
 }
 
 impl RunTimes {
-    /// Notes when each message of each buffer comes.
+    /// Records the time of each message of each buffer.
     pub(super) fn tap(run: &Stepped) -> Self {
         let start = run.start();
         let first = vec![MessageTimes::default(); run.buffers().len()];
@@ -95,7 +95,8 @@ impl RunTimes {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What is written from now on is of that run. A run that is new begins with what it shares with the one it left.
+    /// Sets the run of what is written from now on. A new run begins with what it shares with the one that it branched
+    /// from.
     pub(super) fn follow(&self, runs: &[RunSummary], current: usize) {
         let mut inner = self.lock();
         for run in &runs[inner.runs.len().min(runs.len())..] {
@@ -111,14 +112,14 @@ impl RunTimes {
         inner.current = current;
     }
 
-    /// The rate of a buffer at its message of that sequence, in the current run.
+    /// The rate of a buffer at its message with this sequence, in the current run.
     pub(super) fn rate_hz(&self, buffer: usize, newest: u64) -> Option<f64> {
         let inner = self.lock();
         inner.runs[inner.current][buffer].rate_hz(newest)
     }
 }
 
-/// Times of the last messages of a topic that is read from a log.
+/// Times of the last messages of a topic of a log.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LastTimes(VecDeque<Stamp>);
 
@@ -134,7 +135,7 @@ impl LastTimes {
         self.0.clear();
     }
 
-    /// Begins with what came before, newest first.
+    /// Initialises it with earlier times, newest first.
     pub(crate) fn begin_with(&mut self, newest_first: &[Stamp]) {
         self.0 = newest_first.iter().take(MOST).rev().copied().collect();
     }
@@ -162,7 +163,7 @@ mod tests {
     #[test]
     fn the_rate_is_that_of_the_last_seconds() {
         assert_eq!(rate((0..100).map(|i| i * 20)), Some(50.0));
-        // Once a second for a while, then 20 times a second.
+        // Once per second for a while, then 20 times per second.
         let times = (0..10).map(|i| i * 1000).chain((0..100).map(|i| 10_000 + i * 50));
         assert_eq!(rate(times), Some(20.0));
     }

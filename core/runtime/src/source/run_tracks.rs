@@ -1,4 +1,4 @@
-//! The tracks of every run of what runs: where its vehicle has been in each.
+//! The tracks of every run of a stack.
 
 use super::canonical;
 use super::frame::Track;
@@ -19,7 +19,7 @@ struct Inner {
 }
 
 impl RunTracks {
-    /// Every position that a process writes becomes part of the current run's tracks.
+    /// Adds every position that a process writes to the current run's tracks.
     pub(crate) fn tap(run: &Stepped) -> Self {
         let all = Self(Arc::new(Mutex::new(Inner { runs: vec![Tracks::default()], current: 0 })));
         for &index in run.plan().processes.iter().flat_map(|process| &process.outputs) {
@@ -42,7 +42,8 @@ impl RunTracks {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What is written from now on is of that run. A run that is new begins with what it shares with the one it left.
+    /// Sets the run of what is written from now on. A new run begins with what it shares with the one that it branched
+    /// from.
     pub(crate) fn follow(&self, runs: &[RunSummary], current: usize) {
         let mut inner = self.lock();
         for run in &runs[inner.runs.len().min(runs.len())..] {

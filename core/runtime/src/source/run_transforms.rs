@@ -1,4 +1,4 @@
-//! Where a running stack's frames are to each other, from what its buffers say.
+//! Transforms between the frames of a running stack, from its buffers.
 
 use super::tracks::{is_transform_type, pose_of, to_pose};
 use rcs_geom::TransformTree;
@@ -6,13 +6,13 @@ use rcs_msg::{AnyMessage, Stamp, foxglove};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// What is drawn now was acquired in the last seconds: older poses are not needed.
+/// What is drawn was acquired in the last seconds, so older poses are not needed.
 const HISTORY_NS: u64 = 10_000_000_000;
 
-/// Transforms up to the moment that is shown.
+/// Transforms up to the viewed moment.
 pub(crate) struct RunTransforms {
     tree: TransformTree,
-    /// Frames that a transform message places: odometry of the same frame then says nothing.
+    /// Frames that have a transform message; odometry of these frames is ignored.
     told: BTreeSet<String>,
     shared: Option<Arc<TransformTree>>,
 }
@@ -24,12 +24,12 @@ impl Default for RunTransforms {
 }
 
 impl RunTransforms {
-    /// Whether a message of this type can say where a frame is.
+    /// Whether messages of this type can give the pose of a frame.
     pub(crate) fn takes(type_name: &str) -> bool {
         is_transform_type(type_name) || type_name == "foxglove.Odometry"
     }
 
-    /// Takes a canonical message that came at `log_time`; `is_static` holds for transform messages alone.
+    /// Adds a canonical message with this log time; `is_static` applies to transform messages only.
     pub(crate) fn take(&mut self, log_time: Stamp, message: &AnyMessage, is_static: bool) {
         self.shared = None;
         if let Some(list) = message.get::<foxglove::FrameTransforms>() {
@@ -41,7 +41,7 @@ impl RunTransforms {
             let Some(pose) = odometry.pose.as_ref().and_then(to_pose) else { return };
             if !parent.is_empty() && !child.is_empty() && !self.told.contains(child) {
                 let time = odometry.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
-                // Two estimates of one vehicle: the first that came places it, the other is a track only.
+                // Two estimates of one vehicle: the first one gives its pose, the other is a track only.
                 let _ = self.tree.insert(parent, child, time.0, pose);
             }
         }
@@ -60,18 +60,18 @@ impl RunTransforms {
             let time = transform.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
             self.tree.insert(parent, child, time.0, pose)
         };
-        // A loop, a second parent, or a number that is no number: the frame stays where it was.
+        // A loop, a second parent, or a number that is not finite: the pose of the frame does not change.
         if place().is_ok() && !self.told.contains(child) {
             self.told.insert(child.clone());
         }
     }
 
-    /// Begins anew: the run went back.
+    /// Starts again, because the run went back.
     pub(crate) fn clear(&mut self) {
         *self = Self::default();
     }
 
-    /// The transforms as they are now.
+    /// The current transforms.
     pub(crate) fn share(&mut self) -> Arc<TransformTree> {
         Arc::clone(self.shared.get_or_insert_with(|| Arc::new(self.tree.clone())))
     }

@@ -1,4 +1,4 @@
-//! A stack that runs: on a log, or on nothing but itself. What was recorded and what is made now stand side by side.
+//! A stack as a source, with or without a log. Recorded and computed topics are shown side by side.
 
 use super::frame::{Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic};
 use super::log_source::info_of;
@@ -22,45 +22,45 @@ use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
-/// Going on by less than this through what was thinned out runs it again at once: time runs, or a person steps.
+/// A forward move by less than this through dropped messages executes them at once, because the source plays or steps.
 const STEP_NS: u64 = 500_000_000;
-/// After a jump, poses of this time before are looked for, where they are in memory.
+/// After a jump, poses of this time before are used if they are in memory.
 const POSES_NS: u64 = 1_000_000_000;
 
-/// A stack that runs, forward and back.
+/// A stack that can go forward and back.
 pub struct StackSource {
     pub(super) session: Session,
     pub(super) recorded: Option<LogView>,
-    /// Topics of the log that fill a buffer: shown once, as that buffer.
+    /// Topics of the log that feed a buffer: each is shown once, as that buffer.
     wired: BTreeMap<String, Arc<str>>,
     info: Arc<SourceInfo>,
     processes: Arc<[rcs::ProcessInfo]>,
-    /// One topic a buffer, in the order of the plan.
+    /// One topic per buffer, in the order of the plan.
     topics: Vec<Topic>,
     tracks: RunTracks,
     times: RunTimes,
     transforms: RunTransforms,
-    /// The moment that `transforms` is of; `None` where it is to be made anew.
+    /// The moment of `transforms`; `None` if they must be computed again.
     placed: Option<crate::Moment>,
-    /// Buffers that say where frames are, and whether what they say holds at all times.
+    /// Buffers that give poses of frames, and whether these are static.
     placing: Vec<(usize, bool)>,
-    /// Where the operator stands: at an event of the run, or later where nothing has happened since.
+    /// The viewed time: that of an event of the run, or later if nothing has happened since.
     pub(super) now: Stamp,
     runs: Arc<[crate::RunSummary]>,
     problems: usize,
-    /// Problems of the log that are told already.
+    /// Number of problems of the log that have been reported.
     log_problems: usize,
     generation: u64,
 }
 
 impl StackSource {
-    /// A stack at its start, on a log where it reads one.
+    /// A stack at its start, on a log if it reads one.
     pub fn new(plan: Arc<Plan>, log: Option<&Log>, options: RunOptions) -> Result<Self, SourceError> {
         Self::of(Stepped::new(plan, log, options)?, log, None)
     }
 
-    /// A recorded run, computed again from its journal (and its schedule, where it was live): what its recording does
-    /// not hold is there, too. What comes from outside now comes in addition to what was recorded.
+    /// A recorded run, computed again from its journal (and its schedule, if it was live), so that it includes what was
+    /// not recorded. External events are accepted in addition to the recorded ones.
     pub fn repeating(
         recorded: &RecordedRun,
         plan: &Arc<Plan>,
@@ -98,7 +98,7 @@ impl StackSource {
             None => plan.file.name().to_owned(),
         };
         if let Some(horizon) = run.horizon() {
-            // Behind the log's end, until its processes have taken the last messages.
+            // It runs beyond the log's end, until its processes have handled the last messages.
             info.end = Some(horizon);
         }
         if let Some(recorded) = recorded {
@@ -135,9 +135,9 @@ impl StackSource {
             generation: 0,
         };
         source.follow_runs();
-        // What the log holds at its first moment (or at its first image, shortly after) is there at once.
+        // The first frame shows what the log has at its start (or at its first image, if that is shortly after).
         let opening = match log {
-            // A log of one instant: what the processes make of it is what there is to see.
+            // In a log with a single time, the output of the processes is what there is to show.
             Some(log) if log.info().start == log.info().end => source.last(),
             Some(log) => opening_time(log)?,
             None => now,
@@ -151,7 +151,7 @@ impl StackSource {
         &self.session
     }
 
-    /// Up to where there is anything to do.
+    /// Time up to which there is anything to do.
     pub(super) fn last(&self) -> Stamp {
         self.info.end.unwrap_or(Stamp::MAX)
     }
@@ -166,7 +166,7 @@ impl StackSource {
         }
     }
 
-    /// Takes note of runs that have begun, and of the one that is shown.
+    /// Updates the list of runs, and the viewed one.
     fn follow_runs(&mut self) {
         let current = self.session.moment().run;
         let tag = RunTag::Run(current);
@@ -178,7 +178,7 @@ impl StackSource {
         }
     }
 
-    /// Brings the transforms to the moment that is shown: by what was written since, or anew after a jump.
+    /// Updates the transforms to the viewed moment: from what was written since, or completely after a jump.
     fn place(&mut self) {
         let at = self.session.cursor();
         let moment = self.session.moment();
@@ -199,7 +199,7 @@ impl StackSource {
             let before = self.session.now().before_ns(POSES_NS);
             let from = crate::history::Point::after(self.session.events_at(before).min(at.event));
             self.session.since(from, &buffers, &mut |buffer, sample| samples.push((buffer, sample.clone())));
-            // What was written longer ago and holds still.
+            // Older messages that are still valid.
             let mut old = Vec::new();
             for &buffer in &buffers {
                 if !samples.iter().any(|(other, _)| *other == buffer) {
@@ -238,7 +238,7 @@ impl StackSource {
         }
     }
 
-    /// What the past could not keep or read back is told with the source.
+    /// The source reports what the past could not store or read.
     fn tell_problems(&mut self) {
         let problems = self.session.problems();
         if problems.len() > self.problems {
@@ -246,7 +246,7 @@ impl StackSource {
             info.problems.extend_from_slice(&problems[self.problems..]);
             self.problems = problems.len();
         }
-        // What reading the log has met since it was opened.
+        // Problems of the log that were found since it was opened.
         let problems = self.recorded.as_ref().map(|view| view.log().problems()).unwrap_or_default();
         if problems.len() > self.log_problems {
             let told = std::mem::replace(&mut self.log_problems, problems.len());
@@ -255,7 +255,7 @@ impl StackSource {
     }
 }
 
-/// The buffers that say where frames are, and whether what they say holds at all times.
+/// The buffers that give poses of frames, and whether these are static.
 fn placing(plan: &Plan) -> Vec<(usize, bool)> {
     let mut placing: Vec<(usize, bool)> = Vec::new();
     for process in &plan.processes {
@@ -325,7 +325,7 @@ impl Source for StackSource {
             self.session.look_at_end();
             self.session.forward_until(to, task).map(|_| ())
         };
-        // Stopped on the way: stand where the run stands.
+        // Cancelled on the way: the source is where the run is.
         let now = if done.is_ok() { to } else { self.session.now() };
         self.arrived(now)?;
         done
@@ -356,7 +356,7 @@ impl Source for StackSource {
 
     fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError> {
         self.session.write(ExternalEvent::operator(buffer, message)).map_err(|error| match error {
-            // What the operator asked for does not fit: nothing has changed.
+            // The operator's request was refused: nothing has changed.
             RunError::Refused(text) => SourceError::Unsupported(text),
             other => SourceError::Run(other),
         })?;

@@ -1,4 +1,4 @@
-//! Steps of a stack that runs: through what was done already by looking, and past its end by running.
+//! Steps of a stack: by viewing what was executed already, and by executing beyond its end.
 
 use super::log_source::neighbour;
 use super::stack_source::StackSource;
@@ -8,7 +8,7 @@ use crate::stepped::Happened;
 use rcs_log::MessagePosition;
 
 impl StackSource {
-    /// Looks at a point that was found; `false` where none was.
+    /// Moves the view to a point if one was found; `false` if not.
     fn look(&mut self, found: Option<Point>) -> bool {
         if let Some(point) = found {
             self.session.look(point);
@@ -46,7 +46,7 @@ impl StackSource {
         if let Some(buffer) = self.buffer_of(topic) {
             if back {
                 let before = self.session.message_before(buffer);
-                // The moment before the first message is no step: nothing would be there to look at.
+                // The moment before the first message is not a step, because it has nothing to show.
                 return Ok(self.look(before));
             }
             if let Some(after) = self.session.message_after(buffer) {

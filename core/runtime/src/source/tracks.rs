@@ -1,4 +1,4 @@
-//! Where things have been: positions of pose-like messages, and the transforms of a log.
+//! Tracks: positions from messages with poses, and the transforms of a log.
 
 use super::frame::Track;
 use rcs_geom::{DVec3, Pose, TransformTree};
@@ -6,7 +6,7 @@ use rcs_msg::{AnyMessage, Stamp, foxglove};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Types whose messages say where something is.
+/// Types of messages with a pose.
 const POSE_TYPES: [&str; 3] = ["foxglove.Odometry", "foxglove.PoseInFrame", "foxglove.LocationFix"];
 const TRANSFORM_TYPES: [&str; 2] = ["foxglove.FrameTransforms", "foxglove.FrameTransform"];
 
@@ -21,23 +21,23 @@ pub(crate) fn is_transform_type(name: &str) -> bool {
 /// Tracks and transforms that grow message by message.
 #[derive(Default)]
 pub(crate) struct Tracks {
-    /// Shared with the frames, and copied where one of them still looks at it.
+    /// Shared with the frames, and copied on write.
     by_topic: BTreeMap<Arc<str>, Arc<Track>>,
     tree: TransformTree,
-    /// Transforms that odometry implies, used where no message says them.
+    /// Transforms implied by odometry, used if no message gives them.
     implied: TransformTree,
     has_transforms: bool,
 }
 
 impl Tracks {
-    /// Takes a canonical message that came at `log_time` on `topic`.
+    /// Adds a canonical message with this log time on `topic`.
     pub(crate) fn take(&mut self, topic: &Arc<str>, log_time: Stamp, message: &AnyMessage, is_static: bool) {
         if let Some(odometry) = message.get::<foxglove::Odometry>() {
             if let Some(pose) = odometry.pose.as_ref().and_then(to_pose) {
                 self.push(topic, &odometry.frame_id, log_time, pose.translation, pose.yaw());
                 let time = odometry.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
                 if !odometry.frame_id.is_empty() && !odometry.body_frame_id.is_empty() {
-                    // A loop or a number that is no number: the track above still shows it.
+                    // A loop or a number that is not finite: the track still shows it.
                     let _ = self.implied.insert(&odometry.frame_id, &odometry.body_frame_id, time.0, pose);
                 }
             }
@@ -63,7 +63,7 @@ impl Tracks {
         let track = self.by_topic.entry(Arc::clone(topic)).or_insert_with(|| {
             Arc::new(Track { topic: Arc::clone(topic), frame_id: frame_id.to_owned(), ..Track::default() })
         });
-        // A run that goes forward again after going back says nothing new.
+        // After going back, a run that goes forward again adds nothing new.
         if track.stamps.last().is_none_or(|&last| time > last) {
             let track = Arc::make_mut(track);
             track.stamps.push(time);
@@ -86,7 +86,7 @@ impl Tracks {
         self.has_transforms |= taken.is_ok();
     }
 
-    /// The tracks of a run that leaves this one at `time`.
+    /// The tracks for a run that branches from this one at `time`.
     pub(crate) fn fork(&self, time: Stamp) -> Self {
         let cut = |(topic, track): (&Arc<str>, &Arc<Track>)| {
             let keep = track.stamps.partition_point(|&stamp| stamp <= time);
@@ -101,7 +101,7 @@ impl Tracks {
         Self { by_topic: self.by_topic.iter().map(cut).collect(), ..Self::default() }
     }
 
-    /// How many positions there are.
+    /// Number of positions.
     pub(crate) fn len(&self) -> usize {
         self.by_topic.values().map(|track| track.stamps.len()).sum()
     }
@@ -111,7 +111,7 @@ impl Tracks {
         self.by_topic.clone()
     }
 
-    /// All transforms; those that odometry implies only where no message says any.
+    /// All transforms, shared; those implied by odometry only if no message gives any.
     pub(crate) fn tree(&self) -> TransformTree {
         if self.has_transforms { self.tree.clone() } else { self.implied.clone() }
     }
@@ -121,7 +121,7 @@ pub(crate) fn to_pose(pose: &foxglove::Pose) -> Option<Pose> {
     pose_of(pose.position.as_ref()?, pose.orientation.as_ref()?)
 }
 
-/// A rigid transform; `None` where a number is none, or the rotation is no rotation.
+/// A rigid transform; `None` if a number is not finite or the rotation is not valid.
 pub(crate) fn pose_of(translation: &foxglove::Vector3, rotation: &foxglove::Quaternion) -> Option<Pose> {
     let translation = [translation.x, translation.y, translation.z];
     Pose::from_parts(translation, [rotation.x, rotation.y, rotation.z, rotation.w]).ok()

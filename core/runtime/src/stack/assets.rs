@@ -1,25 +1,25 @@
-//! The files that a stack names beside itself: worlds, vehicles, courses, models.
+//! Files that a stack names: worlds, vehicles, courses, models.
 
 use super::error::StackError;
 use super::file::StackFile;
 
-/// The text of a file that a stack names.
+/// The content of a file that a stack names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Asset {
-    /// File as errors name it.
+    /// Name of the file in errors.
     pub file: String,
     /// The whole text.
     pub text: String,
 }
 
-/// Where the files come from that a stack names: the program's own, or a disk.
+/// Source of the files that a stack names: those in the program, or a disk.
 pub trait Assets {
-    /// The file of a kind (`world`, `vehicle`, `course`, `models`) and name; what is wrong, where there is none. A path
-    /// is relative to the file `beside`, which names it; to where the program runs, where that is empty.
+    /// The file with this kind (`world`, `vehicle`, `course`, `models`) and name; an error if there is none. A path is
+    /// relative to the file `beside`, which names it; if that is empty, to the working directory.
     fn read(&self, kind: &str, name: &str, beside: &str) -> Result<Asset, String>;
 }
 
-/// No files: a stack that names one is refused.
+/// No files: a stack that names a file is refused.
 #[derive(Clone, Copy, Debug)]
 pub struct NoAssets;
 
@@ -29,7 +29,7 @@ impl Assets for NoAssets {
     }
 }
 
-/// The course of a run: a file that may name other files by their kind, like `world = "meadow"`.
+/// The course of a run: a file that can name other files by their kind, such as `world = "meadow"`.
 #[derive(Clone, Debug)]
 pub(super) struct Course {
     asset: Asset,
@@ -37,7 +37,7 @@ pub(super) struct Course {
 }
 
 impl Course {
-    /// The course that `name` (a command line's), or else the stack, asks for.
+    /// The course with the name from the command line, else that of the stack.
     pub(super) fn read(
         file: &StackFile,
         name: Option<&str>,
@@ -61,7 +61,7 @@ impl Course {
         Ok(Some(Self { asset, table }))
     }
 
-    /// The file of a kind that comes with the course: itself, or one that it names.
+    /// The file of a kind that belongs to the course: the course itself, or one that it names.
     pub(super) fn asset(&self, kind: &str, assets: &dyn Assets) -> Result<Option<Asset>, StackError> {
         if kind == "course" {
             return Ok(Some(self.asset.clone()));

@@ -1,4 +1,4 @@
-//! From a stack file's entries to what will run: every mistake is found here, with its line.
+//! Converts the entries of a stack file to a plan: finds every mistake, and reports it with its line.
 
 use super::error::{StackError, one_of};
 use super::family;
@@ -13,18 +13,18 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use toml::Spanned;
 
-/// Channel metadata of buffers that hold the ground truth of a simulation.
+/// Key of the channel metadata of buffers with the ground truth of a simulation.
 pub(crate) const TRUTH: &str = "rcs.ground_truth";
-/// How many commands wait for a process.
+/// Length of a process's command queue.
 const COMMANDS: usize = 32;
-/// This computer: the only host so far.
+/// The local computer, which is the only host so far.
 const LOCAL: &str = "local";
-/// Orders that a buffer keeps to be looked at after they were read.
+/// Number of orders that a buffer keeps after they were read, for viewing.
 const ORDERS: usize = 8;
-/// Buffers that the operator writes.
+/// Prefix of the buffers that the operator writes.
 const OPERATOR: &str = "/operator/";
 
-/// What has been found out so far.
+/// Intermediate state of the conversion.
 pub(super) struct Builder<'a> {
     file: &'a StackFile,
     buffers: Vec<BufferPlan>,
@@ -94,12 +94,13 @@ impl<'a> Builder<'a> {
                 });
             }
         }
-        // A process's own buffers come first, so that a wire of another type to one of them is what is refused.
+        // The buffers of processes come first, so that an error about a conflicting type names the wire and not the
+        // process.
         for spanned in entries {
             let name = spanned.get_ref().name.get_ref();
             let command = format!("/{name}/command");
             let index = self.buffer(&command, &spanned.span(), schema_of::<rcs::Command>())?;
-            // No command replaces another before it is read, and one that finds no place is refused to who sends it.
+            // A command is never replaced before it is read; if the queue is full, its sender gets an error.
             self.buffers[index].spec.mode = Mode::Queue { depth: COMMANDS, overflow: Overflow::Refuse };
             self.buffer(&format!("/{name}/status"), &spanned.span(), schema_of::<rcs::Status>())?;
         }
@@ -160,7 +161,7 @@ impl<'a> Builder<'a> {
             self.check_role(file, name, def, index, &buffer.span())?;
             let mut metadata = def.metadata.clone();
             if let Some(port) = metadata.get("rcs.overlay_of") {
-                // The port names what the overlay lies on; a view needs the buffer.
+                // The port names another port; views need the name of its buffer.
                 let base = wired(&entry.inputs, port).or_else(|| wired(&entry.outputs, port));
                 let own =
                     || output_defs.iter().any(|def| def.name == port).then(|| format!("/{name}/{port}"));
@@ -206,7 +207,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Refuses a role that messages of this type cannot play, and two roles for one buffer.
+    /// Refuses a role that does not suit the messages' type, and two roles for one buffer.
     fn check_role(
         &self,
         file: &StackFile,
@@ -268,7 +269,7 @@ impl<'a> Builder<'a> {
             );
             return Err(file.error(&supervisor.span(), message));
         };
-        // Follow the chain of supervisors: it must end at the viewer's.
+        // The chain of supervisors must end at the viewer.
         let mut above = parent;
         for _ in 0..entries.len() {
             match entries[above].get_ref().supervisor.as_ref().map(Spanned::get_ref) {
@@ -319,8 +320,8 @@ impl<'a> Builder<'a> {
         Ok(inputs)
     }
 
-    /// Every buffer that a process reads is written by someone, and the ground truth is read by no one who must find it
-    /// out.
+    /// Checks that every buffer that a process reads has a writer, and that only processes that may do so read the
+    /// ground truth.
     fn check_wiring(&self, inputs: &[InputPlan], processes: &[ProcessPlan]) -> Result<(), StackError> {
         for (process, entry) in processes.iter().zip(&self.file.content.processes) {
             for (def, buffer) in process.kind.inputs().iter().zip(&process.inputs) {
@@ -336,7 +337,7 @@ impl<'a> Builder<'a> {
                     let wire = wired(&entry.get_ref().inputs, def.name);
                     return Err(self.file.error(&wire.map_or(entry.span(), Spanned::span), message));
                 }
-                // What the operator says is written by a window, or by nobody.
+                // The operator's buffers need no writer in the stack.
                 if spec.name.starts_with(OPERATOR) {
                     continue;
                 }
@@ -381,7 +382,7 @@ impl<'a> Builder<'a> {
                 let message = format!("there is no buffer {}; expected {names}", name.get_ref());
                 return Err(file.error(&name.span(), message));
             };
-            // Who may write it has been checked with the wiring.
+            // The writers were checked with the wiring.
             let BufferEntry { queue, overflow, record, record_hz, writers: _ } = spanned.get_ref();
             let plan = &mut self.buffers[index];
             let depth = queue.as_ref().map(Spanned::span).or(overflow.as_ref().map(Spanned::span));
@@ -449,7 +450,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// The buffer of that name, made if it is new; an error where it holds another type.
+    /// The buffer with this name, created if it is new; an error if it has another type.
     fn buffer(
         &mut self,
         name: &str,
@@ -491,8 +492,8 @@ impl<'a> Builder<'a> {
     }
 }
 
-/// How much a buffer keeps where the stack does not say it. Of what a person or a supervisor orders no message may be
-/// replaced by a later one before it was read: that follows from the type, whatever a stack says.
+/// Default mode of a buffer. An order of an operator or a supervisor must not be replaced before it is read. This
+/// follows from the message type, whatever the stack says.
 fn mode_of(schema: &Schema) -> Mode {
     let is_order = [schema_of::<rcs::EmergencyStop>(), schema_of::<rcs::Command>()]
         .iter()
@@ -517,7 +518,7 @@ fn check_ports(file: &StackFile, what: &str, wires: &Wires, defs: &[PortDef]) ->
     }
 }
 
-/// Whether a buffer holds the commands to a process.
+/// Whether a buffer contains the commands for a process.
 fn is_command(file: &StackFile, buffer: &str) -> bool {
     let process = buffer.strip_prefix('/').and_then(|rest| rest.strip_suffix("/command"));
     file.content.processes.iter().any(|entry| Some(entry.get_ref().name.get_ref().as_str()) == process)

@@ -1,12 +1,12 @@
-//! What is wrong with a stack file, and where.
+//! Errors in stack files.
 
 use std::ops::Range;
 
-/// What is wrong with a stack file: `path:line: what, and what was expected`.
+/// An error in a stack file: `path:line: what is wrong, and what was expected`.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{file}:{line}: {message}")]
 pub struct StackError {
-    /// File as it was named.
+    /// Name of the file.
     pub file: String,
     /// Line, from 1.
     pub line: usize,
@@ -29,7 +29,7 @@ impl StackError {
     }
 }
 
-/// `a`, `b` or `c`, for saying what was expected.
+/// `a`, `b` or `c`, for error texts.
 pub(crate) fn one_of<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let names: Vec<_> = names.into_iter().collect();
     match names.as_slice() {

@@ -1,4 +1,4 @@
-//! Supervisors and children: who commands whom, checked against what each can do.
+//! Supervisors and children: assigns children to supervisors, and checks that they fit.
 
 use super::error::{StackError, one_of};
 use super::file::{ProcessEntry, StackFile, VIEWER};
@@ -6,7 +6,7 @@ use super::plan::{ChildPlan, ProcessPlan};
 use crate::children::ChildDef;
 use toml::Spanned;
 
-/// Gives every supervisor its children; an error where it does not serve one, or lacks one.
+/// Assigns to every supervisor its children; an error if a child does not fit, or a mandatory one is missing.
 pub(super) fn join(file: &StackFile, processes: &mut [ProcessPlan]) -> Result<(), StackError> {
     for (index, entry) in file.content.processes.iter().enumerate() {
         let Some(parent) = processes[index].supervisor else { continue };
@@ -82,7 +82,7 @@ fn slot_of(
     }
 }
 
-/// A command that a supervisor sends and the process does not obey, or not with those parameters.
+/// A command of a supervisor that the process does not obey, or obeys with other parameters.
 fn missing_command(def: &ChildDef, child: &ProcessPlan) -> Option<String> {
     let obeys = child.kind.commands();
     let serves = |wanted: &crate::command::CommandDef| {

@@ -1,4 +1,4 @@
-//! The text of a stack file as values that know where they stand.
+//! The content of a stack file; values keep their position in the text.
 
 use super::assets::{Assets, NoAssets};
 use super::compose::{Origin, compose};
@@ -11,15 +11,15 @@ use std::fmt;
 use std::ops::Range;
 use toml::Spanned;
 
-/// The supervisor that is built into the window: it commands `RUN` at the start, and what the operator says.
+/// The supervisor that is built into the window: it sends `RUN` at the start, and the operator's commands.
 pub const VIEWER: &str = "viewer";
 
-/// A stack file, read but not yet checked against the plugins.
+/// A stack file that has been parsed but not yet checked against the plugins.
 #[derive(Clone, Debug)]
 pub struct StackFile {
-    /// File as it was named.
+    /// Name of the file.
     pub file: String,
-    /// The whole text, with every part in its place.
+    /// The complete text, with all includes inserted.
     pub text: String,
     pub(crate) content: Content,
     origins: Vec<Origin>,
@@ -32,9 +32,10 @@ pub(crate) struct Content {
     pub(crate) name: Spanned<String>,
     #[serde(default)]
     pub(crate) description: String,
-    /// Course of a simulation: parameters that are the text of a course, or of a file that it names, come from it.
+    /// Course of a simulation: it provides the parameters that are the text of a course, or of a file that the course
+    /// names.
     pub(crate) course: Option<Spanned<String>>,
-    /// How long the operator keeps the authority over a process without a command to it.
+    /// How long the operator keeps the authority over a process without sending a command.
     pub(crate) authority_s: Option<Spanned<f64>>,
     #[serde(default, rename = "input")]
     pub(crate) inputs: Vec<Spanned<InputEntry>>,
@@ -48,14 +49,14 @@ pub(crate) struct Content {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputEntry {
-    /// Buffer that it fills.
+    /// The buffer that it feeds.
     pub buffer: Spanned<String>,
     /// Topic of the log.
     pub topic: Spanned<String>,
-    /// Type of the buffer, where no process reads it: `foxglove.Odometry`.
+    /// Type of the buffer, if no process reads it: `foxglove.Odometry`.
     #[serde(rename = "type")]
     pub type_name: Option<Spanned<String>>,
-    /// Its messages hold for the whole log and are all given at its start; `/tf_static` is so by itself.
+    /// Whether its messages are valid for the whole log and are given at its start; always true for `/tf_static`.
     #[serde(default, rename = "static")]
     pub is_static: bool,
 }
@@ -64,37 +65,38 @@ pub struct InputEntry {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProcessEntry {
-    /// Its name, once in a stack.
+    /// Its name, unique in the stack.
     pub name: Spanned<String>,
-    /// Plugin that defines it.
+    /// The plugin that defines it.
     pub plugin: Spanned<String>,
-    /// Who commands it; absent is an error that says what to write.
+    /// Its supervisor; if it is missing, the error says what to write.
     pub supervisor: Option<Spanned<String>>,
-    /// Which of its supervisor's children it is; by its name or its plugin's where it is absent, else one of any number.
+    /// Which of its supervisor's children it is; by default the one with its name or its plugin's name, else one of a
+    /// set.
     #[serde(rename = "as")]
     pub child: Option<Spanned<String>>,
-    /// Computer that it runs on: `local`, the only one so far.
+    /// Computer on which it runs: `local`, which is the only one so far.
     pub host: Option<Spanned<String>>,
-    /// How the operating system schedules it in a live run; `normal` where it is absent.
+    /// How the operating system schedules it in a live run; default `normal`.
     pub class: Option<Spanned<Class>>,
-    /// Threads that it computes on in a live run: those of every process that names the same pool.
+    /// Pool of threads on which it computes in a live run; processes that name the same pool share it.
     pub pool: Option<Spanned<String>>,
-    /// Time from cycle to cycle; the plugin's where it is absent.
+    /// Period of its cycles; default: that of the plugin.
     pub period_ms: Option<Spanned<f64>>,
     /// Time from the start of a cycle until its output is visible.
     pub latency_ms: Option<Spanned<f64>>,
     /// Buffers of the input ports.
     #[serde(default)]
     pub inputs: BTreeMap<Spanned<String>, Spanned<String>>,
-    /// Buffers of the output ports; `/<process>/<port>` where one is absent.
+    /// Buffers of the output ports; default `/<process>/<port>`.
     #[serde(default)]
     pub outputs: BTreeMap<Spanned<String>, Spanned<String>>,
-    /// Parameters; the default where one is absent.
+    /// Parameters; those that are missing have their defaults.
     #[serde(default)]
     pub params: BTreeMap<Spanned<String>, Spanned<ParamEntry>>,
 }
 
-/// The value of a parameter; what lies within a table or a list knows where it stands, too.
+/// The value of a parameter; values within a table or a list keep their positions, too.
 #[derive(Clone, Debug)]
 pub enum ParamEntry {
     /// A number, a text, `true` or `false`.
@@ -107,7 +109,7 @@ pub enum ParamEntry {
 
 impl<'de> Deserialize<'de> for ParamEntry {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        // An untagged enum would be read through a buffer, which forgets where things stand.
+        // serde buffers the input of an untagged enum, which loses positions.
         deserializer.deserialize_any(ParamVisitor)
     }
 }
@@ -158,17 +160,17 @@ impl<'de> Visitor<'de> for ParamVisitor {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
-    /// Before everything else: short cycles that must not be late. Computes on its own thread unless it has a pool.
+    /// Before all others: short cycles that must not be late. Computes on its own thread unless it has a pool.
     Realtime,
-    /// Before what is in the background.
+    /// The default: before background processes.
     #[default]
     Normal,
-    /// When nothing else wants to run.
+    /// When nothing else needs the processor.
     Background,
 }
 
 impl Class {
-    /// Its name in a stack file.
+    /// The name in a stack file.
     pub fn name(self) -> &'static str {
         match self {
             Class::Realtime => "realtime",
@@ -182,15 +184,15 @@ impl Class {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BufferEntry {
-    /// Depth of the queue; latest only where it is absent.
+    /// Length of the queue; by default the buffer keeps the latest message only.
     pub queue: Option<Spanned<usize>>,
-    /// What happens when a reader falls behind.
+    /// What happens if a reader falls behind.
     pub overflow: Option<Spanned<OverflowEntry>>,
-    /// Whether it is recorded; `true` where it is absent.
+    /// Whether it is recorded; default `true`.
     pub record: Option<bool>,
-    /// Messages recorded a second, at most; all of them where it is absent.
+    /// Greatest number of messages recorded per second; by default all are.
     pub record_hz: Option<Spanned<f64>>,
-    /// Who may write it; one writer where it is absent.
+    /// Who may write it; by default a single writer.
     pub writers: Option<WritersEntry>,
 }
 
@@ -200,15 +202,15 @@ pub struct BufferEntry {
 pub enum WritersEntry {
     /// One process, or one topic of the log.
     One,
-    /// Any number: readers tell them apart by the header, or need not.
+    /// Any number of writers, which readers distinguish by the header if necessary.
     Many,
 }
 
-/// What happens when a reader falls behind.
+/// What happens if a reader falls behind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OverflowEntry {
-    /// The oldest message goes.
+    /// The oldest message is dropped.
     DropOldest,
     /// The write is refused.
     Refuse,
@@ -218,12 +220,12 @@ impl StackFile {
     /// The version of the format that this program reads and writes.
     pub const FORMAT: u32 = 1;
 
-    /// Reads the text of a stack file that includes no other; `file` is how errors name it.
+    /// Parses the text of a stack file without includes; errors name it `file`.
     pub fn parse(file: &str, text: &str) -> Result<Self, StackError> {
         Self::compose(file, text, &NoAssets)
     }
 
-    /// Reads the text of a stack file and of the parts that it includes; `file` is how errors name it.
+    /// Parses the text of a stack file and of the parts that it includes; errors name it `file`.
     pub fn compose(file: &str, text: &str, assets: &dyn Assets) -> Result<Self, StackError> {
         let composed = compose(file, text, assets)?;
         let text = composed.text;
@@ -247,12 +249,12 @@ impl StackFile {
         self.content.name.get_ref()
     }
 
-    /// What it is for.
+    /// Its description.
     pub fn description(&self) -> &str {
         &self.content.description
     }
 
-    /// The course that it runs where no one says another.
+    /// The course that it runs by default.
     pub fn course(&self) -> Option<&str> {
         self.content.course.as_ref().map(|course| course.get_ref().as_str())
     }
@@ -266,19 +268,19 @@ impl StackFile {
         located(&self.origins, &self.file, &self.text, span, message)
     }
 
-    /// Where a byte range of the text came from.
+    /// Origin of a byte range of the text.
     pub(crate) fn origin(&self, span: &Range<usize>) -> Origin {
         let StackError { file, line, .. } = self.error(span, "");
         Origin { file, line }
     }
 
-    /// Where each line of [`StackFile::text`] came from.
+    /// Origin of each line of [`StackFile::text`].
     pub fn origins(&self) -> &[Origin] {
         &self.origins
     }
 }
 
-/// An error at a byte range of a composed text, told where its line came from.
+/// An error at a byte range of a composed text, reported at the line's origin.
 fn located(
     origins: &[Origin],
     file: &str,

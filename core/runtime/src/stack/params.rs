@@ -1,4 +1,4 @@
-//! The parameters of a process: the stack's, the course's, the command line's.
+//! Parameters of a process: from the stack, the course and the command line.
 
 use super::assets::{Asset, Assets, Course};
 use super::error::{StackError, one_of};
@@ -10,24 +10,24 @@ use rcs_msg::{AnyMessage, FieldPath, Value, rcs};
 use std::sync::Arc;
 use toml::Spanned;
 
-/// What is given beside a stack file when it is checked.
+/// Options for checking a stack file.
 #[derive(Clone, Copy)]
 pub struct PlanOptions<'a> {
-    /// Parameters that count more than the stack's: `(process.field, value)`.
+    /// Parameters that override those of the stack: `(process.field, value)`.
     pub overrides: &'a [(String, String)],
-    /// Course that counts more than the stack's.
+    /// Course that overrides the stack's.
     pub course: Option<&'a str>,
-    /// Where the files come from that are named.
+    /// Source of the files that are named.
     pub assets: &'a dyn Assets,
 }
 
-/// Makes parameter messages, and remembers the files that went into them.
+/// Creates parameter messages, and collects the files that they contain.
 pub(super) struct ParamReader<'a> {
     pub(super) file: &'a StackFile,
     pub(super) options: PlanOptions<'a>,
     pub(super) course: Option<Course>,
     pub(super) assets: Vec<Asset>,
-    /// Whole messages, of a recorded run: nothing else is looked at.
+    /// Complete messages of a recorded run; if present, nothing else is used.
     given: Option<&'a [rcs::InitialParams]>,
 }
 
@@ -43,7 +43,7 @@ impl<'a> ParamReader<'a> {
         Ok(Self { file, options, course, assets: Vec::new(), given: None })
     }
 
-    /// The parameters of a recorded run, as they were.
+    /// The parameters of a recorded run.
     pub(super) fn given(
         file: &'a StackFile,
         given: &'a [rcs::InitialParams],
@@ -103,7 +103,7 @@ impl<'a> ParamReader<'a> {
         Ok(message)
     }
 
-    /// Sets a parameter, entry by entry, so that what is wrong is said of its own line.
+    /// Sets a parameter entry by entry, so that an error is reported at its own line.
     fn put(
         &mut self,
         process: &str,
@@ -126,7 +126,7 @@ impl<'a> ParamReader<'a> {
             (ParamEntry::List(items), ParamKind::List) => match plain(items) {
                 Some(list) if !items.is_empty() => list,
                 _ => {
-                    // As many elements at their defaults, then what is said of each.
+                    // Creates the elements with their defaults, then sets the given fields of each.
                     let elements = Value::List(vec![Value::Message(Vec::new()); items.len()]);
                     params::set_param(values, name, &elements).map_err(|error| at(error.to_string()))?;
                     for (index, item) in items.iter().enumerate() {
@@ -146,14 +146,14 @@ impl<'a> ParamReader<'a> {
                 text
             }
             (ParamEntry::Plain(value), _) => value.clone(),
-            // The error says what is expected in its place.
+            // The error says what is expected instead.
             (ParamEntry::List(_), _) => Value::List(Vec::new()),
             (ParamEntry::Table(_), _) => Value::Message(Vec::new()),
         };
         params::set_param(values, name, &value).map_err(|error| at(error.to_string()))
     }
 
-    /// Recorded parameters with those of the command line laid over them.
+    /// Recorded parameters, overlaid with those of the command line.
     fn with_overrides(
         &self,
         name: &str,
@@ -183,7 +183,7 @@ impl<'a> ParamReader<'a> {
         Ok(message)
     }
 
-    /// The value that `${vehicle.wheels.track_m}` names: a key of a file of the course.
+    /// The value that `${vehicle.wheels.track_m}` names: a key in a file of the course.
     fn referenced(&mut self, text: &str) -> Result<Value, String> {
         let path = text.trim_start_matches("${").trim_end_matches('}');
         let (kind, key) = path.split_once('.').unwrap_or((path, ""));
@@ -223,7 +223,7 @@ impl<'a> ParamReader<'a> {
         Ok(value)
     }
 
-    /// Sets what comes with the course: the course itself, and the files that it names.
+    /// Sets the parameters that come with the course: the course itself, and the files that it names.
     fn take_course(&mut self, files: &[FileField], values: &mut DynamicMessage) -> Result<(), StackError> {
         let Some(course) = &self.course else { return Ok(()) };
         for file in files {
@@ -239,7 +239,7 @@ impl<'a> ParamReader<'a> {
         Ok(())
     }
 
-    /// Where a process found something wrong: `field: line N, …` is said of the file that the field holds.
+    /// Origin of an error that a process reports: `field: line N, …` refers to the file that the field contains.
     fn blame(
         &self,
         entry: &ProcessEntry,
@@ -261,12 +261,12 @@ impl<'a> ParamReader<'a> {
     }
 }
 
-/// Whether a text names a value of another file: `${vehicle.wheels.track_m}`.
+/// Whether a text names a value in another file: `${vehicle.wheels.track_m}`.
 fn is_reference(text: &str) -> bool {
     text.starts_with("${") && text.ends_with('}')
 }
 
-/// Files outside of lists, by the path of the field that holds each.
+/// Files outside of lists, by the path of their field.
 fn file_fields(specs: &[ParamSpec], within: &str) -> Vec<FileField> {
     let mut files = Vec::new();
     for spec in specs {
@@ -284,7 +284,7 @@ fn find<'f>(files: &'f [FileField], field: &str) -> Option<&'f FileField> {
     files.iter().find(|file| file.field == field)
 }
 
-/// The text that a field holds, as a path leads to it.
+/// The text of the field at a path.
 fn text_at(message: &DynamicMessage, path: &str) -> Option<String> {
     let (name, rest) = path.split_once('.').map_or((path, None), |(name, rest)| (name, Some(rest)));
     let value = message.get_field_by_name(name)?;
@@ -294,7 +294,7 @@ fn text_at(message: &DynamicMessage, path: &str) -> Option<String> {
     }
 }
 
-/// A list whose elements are plain values.
+/// A list of plain values.
 fn plain(items: &[Spanned<ParamEntry>]) -> Option<Value> {
     let item = |item: &Spanned<ParamEntry>| match item.get_ref() {
         ParamEntry::Plain(value) => Some(value.clone()),

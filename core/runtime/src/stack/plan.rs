@@ -1,4 +1,4 @@
-//! A stack file checked against the plugins: what will run, and nothing else can go wrong with the wiring.
+//! Plans: a stack file that has been checked against the plugins, so that its wiring has no errors.
 
 use super::assets::NoAssets;
 use super::builder::Builder;
@@ -13,62 +13,62 @@ use rcs_bus::BufferSpec;
 use rcs_msg::{AnyMessage, DeltaCodec, rcs};
 use std::sync::Arc;
 
-/// What a stack runs: indices lead into [`Plan::buffers`] and [`Plan::processes`].
+/// What a stack runs. Indices refer to [`Plan::buffers`] and [`Plan::processes`].
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// The file that it was made from.
+    /// The stack file.
     pub file: StackFile,
-    /// Hash of the text of the file and of all parameters, the texts of files among them, 16 hexadecimal digits.
+    /// Hash of the text of the file and of all parameters, including the texts of files, 16 hexadecimal digits.
     pub hash: String,
     /// Topics of the log that it reads.
     pub inputs: Vec<InputPlan>,
-    /// Processes, in the order of the file, which is their rank.
+    /// Processes in the order of the file, which is their rank.
     pub processes: Vec<ProcessPlan>,
-    /// All buffers, the runtime's own among them.
+    /// All buffers, including those of the runtime.
     pub buffers: Vec<BufferPlan>,
-    /// How long the operator keeps the authority over a process without a command to it.
+    /// How long the operator keeps the authority over a process without sending a command.
     pub authority_ns: u64,
 }
 
-/// A topic of the log and the buffer that it fills.
+/// A topic of the log and the buffer that it feeds.
 #[derive(Clone, Debug)]
 pub struct InputPlan {
     /// Topic of the log.
     pub topic: String,
-    /// Buffer that it fills.
+    /// The buffer.
     pub buffer: usize,
-    /// Given whole at the start.
+    /// Whether all of it is given at the start.
     pub is_static: bool,
-    /// Where the topic is named.
+    /// Position of the topic in the text.
     pub(crate) origin: Origin,
 }
 
-/// A process with everything that it needs.
+/// A process with its wiring and parameters.
 #[derive(Clone, Debug)]
 pub struct ProcessPlan {
-    /// Name, once in a stack.
+    /// Name, unique in the stack.
     pub name: Arc<str>,
     /// Its type.
     pub kind: ProcessType,
-    /// Process that commands it; `None` for the built-in viewer's.
+    /// The process that commands it; `None` for the viewer.
     pub supervisor: Option<usize>,
-    /// Processes that it commands, by the children that it declares, then in the order of the file.
+    /// The processes that it commands, by its declared children, then in the order of the file.
     pub children: Vec<ChildPlan>,
-    /// Computer that it runs on.
+    /// Computer on which it runs.
     pub host: String,
     /// How the operating system schedules it in a live run.
     pub class: Class,
-    /// Pool of threads that it computes on in a live run; that of its class where there is none.
+    /// Pool of threads on which it computes in a live run; `None` for that of its class.
     pub pool: Option<String>,
-    /// Time from cycle to cycle.
+    /// Period of its cycles.
     pub period_ns: u64,
     /// Time from the start of a cycle until its output is visible.
     pub latency_ns: u64,
-    /// Buffer of each input port; `None` where an optional one is not wired.
+    /// Buffer of each input port; `None` if an optional one is not wired.
     pub inputs: Vec<Option<usize>>,
     /// Buffer of each output port.
     pub outputs: Vec<usize>,
-    /// Parameters, defaults filled in.
+    /// Parameters, including defaults.
     pub params: AnyMessage,
     /// Buffer of commands to it.
     pub command_buffer: usize,
@@ -81,7 +81,7 @@ pub struct ProcessPlan {
 /// A child of a process.
 #[derive(Clone, Copy, Debug)]
 pub struct ChildPlan {
-    /// Which of the children that the process declares.
+    /// Which of the declared children it is.
     pub slot: usize,
     /// The process.
     pub process: usize,
@@ -94,13 +94,13 @@ pub struct BufferPlan {
     pub spec: BufferSpec,
     /// Whether it is recorded.
     pub record: bool,
-    /// Messages recorded a second, at most.
+    /// Greatest number of messages recorded per second.
     pub record_hz: Option<f64>,
-    /// How it is recorded where not message by message.
+    /// The codec by which it is recorded; `None` if every message is recorded as it is.
     pub codec: Option<&'static dyn DeltaCodec>,
 }
 
-/// Buffers of the runtime itself.
+/// Names of the runtime's own buffers.
 pub(crate) mod names {
     pub(crate) const RUN: &str = "/runtime/run";
     pub(crate) const PROCESSES: &str = "/runtime/processes";
@@ -110,9 +110,9 @@ pub(crate) mod names {
     pub(crate) const OVERRIDE: &str = "/runtime/override";
     /// The overrides in force.
     pub(crate) const OVERRIDES: &str = "/runtime/overrides";
-    /// What came from outside, in order.
+    /// The journal.
     pub(crate) const JOURNAL: &str = "/runtime/journal";
-    /// What all of these begin with.
+    /// Prefix of all of these.
     pub(crate) const OWN: &str = "/runtime/";
 }
 
@@ -126,7 +126,7 @@ impl Plan {
         Self::with(file, plugins, &PlanOptions { overrides, course: None, assets: &NoAssets })
     }
 
-    /// Checks a stack file against the list of plugins, with everything that may be given beside it.
+    /// Checks a stack file against the list of plugins, with all options.
     pub fn with(
         file: StackFile,
         plugins: &[ProcessType],
@@ -140,8 +140,8 @@ impl Plan {
         Ok(Self { file, hash, inputs, processes, buffers, authority_ns })
     }
 
-    /// The stack that a recorded run had, from the text and the parameters in its identity; files are read for
-    /// overrides of parameters alone. A course is among the parameters.
+    /// The stack of a recorded run, from the text and the parameters in its identity. Files are read only for overrides
+    /// of parameters; a course is one of the parameters.
     pub fn of_run(
         run: &rcs::RunInfo,
         plugins: &[ProcessType],
@@ -156,7 +156,7 @@ impl Plan {
         Ok(Self { file, hash, inputs, processes, buffers, authority_ns })
     }
 
-    /// The parameters that every process begins with, as the identity of a run holds them.
+    /// The parameters of every process at the start, in the form of a run's identity.
     pub(crate) fn initial_params(&self) -> Vec<rcs::InitialParams> {
         let of = |process: &ProcessPlan| rcs::InitialParams {
             process: process.name.to_string(),
@@ -166,7 +166,7 @@ impl Plan {
         self.processes.iter().map(of).collect()
     }
 
-    /// The messages that tell a window of the processes: recorded with every log, sent to every link.
+    /// Messages that describe the processes to a window: recorded in every log, sent to every link.
     pub fn process_infos(&self) -> Vec<rcs::ProcessInfo> {
         let buffer = |index: usize| self.buffers[index].spec.name.clone();
         let port = |def: PortDef, index: Option<usize>| rcs::PortInfo {
@@ -216,7 +216,7 @@ impl Plan {
         self.processes.iter().enumerate().map(info).collect()
     }
 
-    /// Checks that a log has every topic that the stack reads, in a form that converts to what its readers want.
+    /// Checks that a log has every topic that the stack reads, in a type that converts to that of its readers.
     pub fn check_log(&self, log: &rcs_log::LogInfo) -> Result<(), StackError> {
         for input in &self.inputs {
             let error = |message: String| StackError {
@@ -246,7 +246,7 @@ impl Plan {
     }
 }
 
-/// Hash of everything that a stack begins with: its text, and every parameter wherever it comes from.
+/// Hash of the text and of every parameter, whatever its origin.
 fn hash_of(file: &StackFile, processes: &[ProcessPlan]) -> String {
     let mut hasher = blake3::Hasher::new();
     let mut part = |bytes: &[u8]| {
@@ -261,7 +261,7 @@ fn hash_of(file: &StackFile, processes: &[ProcessPlan]) -> String {
     hasher.finalize().to_hex()[..16].to_owned()
 }
 
-/// The stack's `authority_s`, or 10 s.
+/// The stack's `authority_s`; default 10 s.
 fn authority_ns(file: &StackFile) -> Result<u64, StackError> {
     let Some(seconds) = &file.content.authority_s else { return Ok(10_000_000_000) };
     if !(0.1..=3600.0).contains(seconds.get_ref()) {

@@ -1,4 +1,4 @@
-//! What processes of a stack share, and must say so: buffers with several writers, pools of threads.
+//! Checks what processes of a stack share: buffers with several writers, and pools of threads.
 
 use super::error::StackError;
 use super::file::{BufferEntry, Class, StackFile, WritersEntry};
@@ -7,8 +7,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use toml::Spanned;
 
-/// Refuses a buffer with a second writer where the stack does not allow it, and a pool whose threads would have to be
-/// of two classes.
+/// Refuses a buffer with a second writer unless the stack allows it, and a pool whose processes have different classes.
 pub(super) fn check(
     file: &StackFile,
     buffers: &[BufferPlan],

@@ -15,14 +15,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 rcs_runtime::commands! {
-    /// What a counter obeys.
+    /// The commands of a counter.
     pub enum CounterCommand {
         Clear = "CLEAR": "Starts again.",
         Add(CounterParams) = "ADD": "Adds `publish_hz` to the count.",
     }
 }
 
-/// Writes (count, a random number, its parameter `publish_hz`); `CLEAR` starts the count again.
+/// Writes (count, a random number, its parameter `publish_hz`); `CLEAR` restarts the count.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct Counter {
     count: u64,
@@ -62,7 +62,7 @@ impl Process for Counter {
     }
 }
 
-/// Adds up what it reads, on the pool, and keeps all of it.
+/// Sums its inputs on the pool, and stores all of them.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct Adder {
     all: Arc<Vec<f64>>,
@@ -115,7 +115,7 @@ impl Process for Adder {
     }
 }
 
-/// Panics in its third cycle, after it has written.
+/// Panics in its third cycle, after writing.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct Fragile {
     cycles: u32,
@@ -190,7 +190,7 @@ pub fn newest<T: Payload>(run: &Stepped, buffer: &str) -> T {
     run.bus().get(buffer).unwrap().latest().unwrap().message.to().unwrap()
 }
 
-/// A log of vectors: `(seconds, topic, x)`, in the order given.
+/// A log of vectors: `(seconds, topic, x)`, in the given order.
 pub fn write_log(path: &Path, messages: &[(f64, &str, f64)]) {
     let mut writer = LogWriter::create(path, WriterOptions::default()).unwrap();
     let mut channels = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! The arguments of a part: declared by it, given by the file that includes it, put into its texts.
+//! Arguments of a part: declared by the part, given by the file that includes it, substituted in the part's texts.
 
 use super::blocks::Block;
 use super::{StackError, one_of};
@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 #[derive(Default)]
 pub(super) struct Arguments(BTreeMap<String, toml::Value>);
 
-/// Who has to mend what is wrong with the arguments of an include.
+/// The files to name in errors about the arguments of an include.
 pub(super) enum Problem {
     /// The part.
     InPart(StackError),
@@ -17,7 +17,7 @@ pub(super) enum Problem {
     InInclude(String),
 }
 
-/// The part of a stack file that declares arguments.
+/// The section of a stack file that declares arguments.
 #[derive(Deserialize)]
 struct Declarations {
     #[serde(default)]
@@ -32,7 +32,7 @@ struct Declaration {
 }
 
 impl Arguments {
-    /// The arguments that a part declares, with the values that are given, or its defaults.
+    /// The arguments that a part declares, with the given values or the defaults.
     pub(super) fn of(
         file: &str,
         text: &str,
@@ -59,7 +59,7 @@ impl Arguments {
         Ok(Self(values))
     }
 
-    /// Puts the values into the texts of a block.
+    /// Substitutes the values in the texts of a block.
     pub(super) fn fill(&self, block: &mut Block) -> Result<(), StackError> {
         for line in &mut block.lines {
             if line.text.trim_start().starts_with('#') || !line.text.contains("${") {
@@ -84,7 +84,7 @@ impl Arguments {
             let name = &rest[start + 2..start + length];
             let after = &rest[start + length + 1..];
             if name.contains('.') {
-                // A value of another file, like ${vehicle.wheels.track_m}: looked up when parameters are read.
+                // A value from another file, such as ${vehicle.wheels.track_m}: looked up when parameters are read.
                 filled.push_str(&rest[..=start + length]);
                 rest = after;
                 continue;
@@ -95,7 +95,7 @@ impl Arguments {
                     one_of(self.0.keys().map(String::as_str))
                 ));
             };
-            // Where the whole text is the argument, it takes the argument's type.
+            // A text that is only an argument takes the type of the argument.
             if let (Some(before), Some(after)) = (rest[..start].strip_suffix('"'), after.strip_prefix('"')) {
                 filled.push_str(before);
                 filled.push_str(&value.to_string());

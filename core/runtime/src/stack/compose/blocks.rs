@@ -1,44 +1,45 @@
-//! The text of a stack file as blocks: what stands between two headers, each line with its place.
+//! The text of a stack file as blocks: the lines between two headers, each line with its origin.
 
 use super::{Origin, StackError};
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 
-/// A line of a stack file and where it came from.
+/// A line of a stack file and its origin.
 #[derive(Clone, Debug)]
 pub(super) struct Line {
     pub(super) text: String,
     pub(super) origin: Origin,
 }
 
-/// A header, what follows it, and the comment right above it. A process keeps the tables of its ports and parameters.
+/// A header, the lines that follow it, and the comment directly above it. A block of a process includes the tables of
+/// its ports and parameters.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
-    /// The header without white space; empty for what comes before the first.
+    /// The header without white space; empty for the lines before the first header.
     pub(super) header: String,
-    /// At least one line, but for an empty head.
+    /// At least one line, except for an empty first block.
     pub(super) lines: Vec<Line>,
 }
 
 impl Block {
-    /// Reads the header again, after the texts of the block have been changed.
+    /// Parses the header again, after the texts of the block have been changed.
     pub(super) fn read_header(&mut self) {
         if let Some(header) = self.lines.iter().find_map(|line| header_of(&line.text)) {
             self.header = header;
         }
     }
 
-    /// Whether it is a table, or an element of an array, at this key.
+    /// Whether it is a table, or an element of an array of tables, with this key.
     pub(super) fn is(&self, key: &str) -> bool {
         first_key(&self.header) == key
     }
 
-    /// Whether it is what comes before the first header: name, description, course.
+    /// Whether it is the first block, before any header: name, description, course.
     pub(super) fn is_head(&self) -> bool {
         self.header.is_empty()
     }
 
-    /// Where its header stands.
+    /// Origin of its header.
     pub(super) fn origin(&self) -> &Origin {
         let header = self.lines.iter().find(|line| line.text.trim_start().starts_with('['));
         &header.unwrap_or(&self.lines[0]).origin
@@ -48,7 +49,7 @@ impl Block {
         self.lines.iter().flat_map(|line| [line.text.as_str(), "\n"]).collect()
     }
 
-    /// The block as a value, which stands at `key`, in an array or not.
+    /// Parses the block as a value at `key`, in an array or not.
     pub(super) fn parse<T: DeserializeOwned>(&self, key: &str) -> Result<T, StackError> {
         let text = self.text();
         let error = |error: &toml::de::Error| {
@@ -72,7 +73,7 @@ impl Block {
     }
 }
 
-/// `process` of `[[process]]` and of `[process.params]`.
+/// `process` for `[[process]]` and for `[process.params]`.
 fn first_key(header: &str) -> &str {
     let inner = header.trim_matches(['[', ']']);
     inner.split('.').next().unwrap_or_default().trim_matches('"')
@@ -114,7 +115,7 @@ fn push(blocks: &mut [Block], line: Line) {
     }
 }
 
-/// Takes the comment at the end of the last block, which is about the next one.
+/// Removes the comment at the end of the last block, which belongs to the next one.
 fn comment_above(blocks: &mut [Block]) -> Vec<Line> {
     let Some(last) = blocks.last_mut() else { return Vec::new() };
     let is_comment = |line: &Line| line.text.trim_start().starts_with('#');
@@ -122,7 +123,7 @@ fn comment_above(blocks: &mut [Block]) -> Vec<Line> {
     last.lines.split_off(last.lines.len() - comment)
 }
 
-/// The header that a line is, without white space.
+/// The header in a line, without white space; `None` if the line is not a header.
 fn header_of(line: &str) -> Option<String> {
     let line = line.trim();
     if !line.starts_with('[') {
@@ -139,11 +140,11 @@ fn header_of(line: &str) -> Option<String> {
     Some(header.chars().filter(|c| !c.is_whitespace()).collect())
 }
 
-/// Whether a line begins inside an array, an inline table or a text of several lines.
+/// Whether a line begins inside of an array, an inline table or a multi-line text.
 #[derive(Default)]
 struct Scanner {
     depth: usize,
-    /// The three quotes that end a text of several lines.
+    /// The quotes that end a multi-line text.
     text: Option<&'static str>,
 }
 

@@ -1,11 +1,11 @@
-//! `[change.<process>]`: other values for a process that came with an include.
+//! `[change.<process>]`: changes the keys of a process from an include.
 
 use super::blocks::{Block, Line};
 use super::{Origin, StackError, one_of};
 use std::collections::BTreeMap;
 use toml::{Table, Value};
 
-/// Carries out every `[change.<process>]`, in the order of the files.
+/// Applies every `[change.<process>]`, in the order of the files.
 pub(super) fn apply(blocks: &mut Vec<Block>) -> Result<(), StackError> {
     let (changes, mut others): (Vec<_>, Vec<_>) = blocks.drain(..).partition(|block| block.is("change"));
     for change in changes {
@@ -38,7 +38,7 @@ fn names(blocks: &[Block]) -> Vec<Option<String>> {
     blocks.iter().map(name).collect()
 }
 
-/// The process with the changed keys, a line each.
+/// The process with the changed keys, one line each.
 fn rewritten(process: &Block, old: &Table, change: &Block, new: &Table) -> Block {
     let mut block = Block { header: process.header.clone(), lines: Vec::new() };
     block.lines.push(Line { text: "[[process]]".to_owned(), origin: process.origin().clone() });
@@ -77,7 +77,7 @@ fn quoted(key: &str) -> String {
     if bare && !key.is_empty() { key.to_owned() } else { Value::from(key).to_string() }
 }
 
-/// Where a block gives a key; its header where the key stands in an inline table.
+/// Origin of a key in a block; that of the header if the key is in an inline table.
 fn place(block: &Block, key: &str) -> Origin {
     let gives = |line: &&Line| {
         let text = line.text.trim_start();

@@ -1,20 +1,20 @@
-//! Stacks made of parts: `[[include]]` puts another stack file in place, `[change.<process>]` changes a process that came
-//! with one.
+//! Composition of stacks: `[[include]]` inserts another stack file, and `[change.<process>]` changes a process of an
+//! include.
 //!
-//! Composition works on the text. Its result is the text of one stack file without includes, which is what is checked,
-//! hashed and recorded, and for each line of it the file and line that it came from.
+//! Composition works on text. Its result is the text of one stack file without includes, which is checked, hashed and
+//! recorded, and for each of its lines the file and line of origin.
 //!
 //! ```toml
 //! [[include]]
 //! part = "stereo_pair"           # a bundled part by name, or a file by path
-//! with = { side = "left" }       # the arguments that the part declares
+//! with = { side = "left" }       # values of the part's arguments
 //!
 //! [change.obstacles_left]        # keys of a process; tables are merged key by key
 //! params = { max_range_m = 16.0 }
 //! ```
 //!
-//! A part declares its arguments, and uses them in any text: `name = "stereo_${side}"`. A text that is nothing but an
-//! argument takes its type: `max_range_m = "${range_m}"`.
+//! A part declares its arguments, and uses them in any text: `name = "stereo_${side}"`. A text that is only an argument
+//! takes the type of the argument: `max_range_m = "${range_m}"`.
 //!
 //! ```toml
 //! [arguments]
@@ -34,23 +34,23 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use toml::Spanned;
 
-/// Includes within includes, at most.
+/// Greatest depth of nested includes.
 const DEPTH: usize = 8;
 
-/// Where a line of a composed stack came from.
+/// Origin of a line of a composed stack.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Origin {
-    /// File, as errors name it.
+    /// Name of the file in errors.
     pub file: String,
     /// Line in it, from 1.
     pub line: usize,
 }
 
-/// A stack file with its parts put in place.
+/// A composed stack file.
 #[derive(Clone, Debug)]
 pub(crate) struct Composed {
     pub(crate) text: String,
-    /// One for each line of the text.
+    /// Origins, one per line of the text.
     pub(crate) origins: Vec<Origin>,
 }
 
@@ -63,7 +63,7 @@ struct Include {
     with: BTreeMap<String, toml::Value>,
 }
 
-/// Puts the parts of a stack file in place. A file without includes and changes is left as it is.
+/// Composes a stack file. A file without includes and changes is not modified.
 pub(crate) fn compose(file: &str, text: &str, assets: &dyn Assets) -> Result<Composed, StackError> {
     let mut blocks = expand(file, text, &Arguments::default(), assets, &mut vec![file.to_owned()])?;
     change::apply(&mut blocks)?;
@@ -80,7 +80,7 @@ pub(crate) fn compose(file: &str, text: &str, assets: &dyn Assets) -> Result<Com
     Ok(composed)
 }
 
-/// The blocks of a file, with those of the parts in the place of each include. `above` are the files that include it.
+/// The blocks of a file, with each include replaced by those of its part. `above` are the files that include it.
 fn expand(
     file: &str,
     text: &str,
@@ -88,7 +88,7 @@ fn expand(
     assets: &dyn Assets,
     above: &mut Vec<String>,
 ) -> Result<Vec<Block>, StackError> {
-    // The text is sound before arguments are put in: they stand in texts.
+    // The text must be valid before arguments are substituted, because they are inside of texts.
     toml::from_str::<toml::Table>(text).map_err(|error| {
         StackError::at(file, text, &error.span().unwrap_or(0..0), error.message().trim().to_owned())
     })?;
@@ -132,12 +132,12 @@ fn included(block: &Block, assets: &dyn Assets, above: &mut Vec<String>) -> Resu
     above.push(asset.file.clone());
     let mut blocks = expand(&asset.file, &asset.text, &arguments, assets, above)?;
     above.pop();
-    // What a part says of itself is not said of the stack.
+    // Name and description of a part do not apply to the stack.
     blocks.retain(|block| !block.is_head());
     Ok(blocks)
 }
 
-/// Of several blocks for one buffer the last counts: the file that includes comes after its parts.
+/// Of several blocks for one buffer the last counts, because a file comes after the parts that it includes.
 fn keep_last_of_each_buffer(blocks: Vec<Block>) -> Vec<Block> {
     let mut last: BTreeMap<String, usize> = BTreeMap::new();
     for (index, block) in blocks.iter().enumerate() {
