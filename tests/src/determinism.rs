@@ -148,7 +148,7 @@ fn the_sample_goes_on_from_any_moment() {
     let sample = bundled::plan_of("sample");
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sample.mcap");
-    // What the drive of `ocu sample` gives to the topics that the stack reads.
+    // The part of the drive of `ocu sample` that the stack reads.
     let drive = bundled::plan_from_text("sample_drive.toml", DRIVE);
     let mut run = Stepped::new(Arc::clone(&drive), None, RunOptions::default()).unwrap();
     let topics = sample.inputs.iter().map(|input| input.topic.clone()).collect();
