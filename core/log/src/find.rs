@@ -63,7 +63,9 @@ impl Log {
                 break;
             }
         }
-        times.values_mut().for_each(|times| times.sort_unstable_by(|a, b| b.cmp(a)));
+        for times in times.values_mut() {
+            times.sort_unstable_by(|a, b| b.cmp(a));
+        }
         Ok(times)
     }
 
