@@ -10,7 +10,7 @@ use std::io::Write;
 pub fn diff(args: &DiffArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
     let (first, second) = (Log::open(&args.first)?, Log::open(&args.second)?);
     let comparison = Comparison::new(rcs_runtime::diff(&first, &second)?.as_ref());
-    // What reading has met is among them: deltas that could not be put together, and were not compared.
+    // Includes damage found while reading, such as map deltas that could not be applied and were not compared.
     for (log, path) in [(&first, &args.first), (&second, &args.second)] {
         for problem in log.problems() {
             tracing::warn!("{problem}: {}", path.display());

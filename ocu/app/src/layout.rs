@@ -188,11 +188,11 @@ struct Flaw {
 
 enum Near {
     Text(String),
-    /// The number in front of a tile.
+    /// The share of a tile.
     Share(f32),
 }
 
-/// The line of the tile with that share: the number behind a bracket, however it is written.
+/// Line of the tile with this share, which is the number after a bracket in any notation.
 fn line_of_share(text: &str, share: f32) -> usize {
     let is_it = |&(at, _): &(usize, char)| {
         let rest = &text[at + 1..];

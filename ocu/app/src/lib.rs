@@ -177,7 +177,7 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
     })
 }
 
-/// Whether a recording was refused before anything of it was written.
+/// Whether a recording was refused before anything was written.
 fn is_refused_output(error: &LogError) -> bool {
     matches!(error, LogError::Exists { .. } | LogError::Busy { .. })
 }
