@@ -75,14 +75,14 @@ fn key(message: &LogMessage) -> u64 {
 }
 
 fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
-    Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?))
+    Some(u64::from_le_bytes(bytes.get(at..at.checked_add(8)?)?.try_into().ok()?))
 }
 
 /// Offsets of the starts and ends of the records of a sound log.
 fn records(bytes: &[u8]) -> Vec<(usize, u8)> {
     let (mut at, mut found) = (8, Vec::new());
-    while let (Some(&op), Some(length)) = (bytes.get(at), u64_at(bytes, at + 1)) {
-        if at + 8 >= bytes.len() || op == 0 {
+    while let (Some(&op), Some(length)) = (bytes.get(at), u64_at(bytes, at.saturating_add(1))) {
+        if at + 9 > bytes.len() || op == 0 {
             break;
         }
         found.push((at, op));
