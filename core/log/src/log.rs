@@ -264,7 +264,7 @@ impl Log {
         Ok(loaded)
     }
 
-    fn report(&self, index: u32, damage: &Damage, salvaged: u64) -> Result<(), LogError> {
+    pub(crate) fn report(&self, index: u32, damage: &Damage, salvaged: u64) -> Result<(), LogError> {
         let segment = &self.0.segments[index as usize];
         if self.0.found.lock().unwrap_or_else(PoisonError::into_inner).reported.contains(&index) {
             return Ok(());

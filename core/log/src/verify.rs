@@ -10,6 +10,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Greatest number of problems of one kind that are described.
 const MOST_TOLD: usize = 20;
+/// Larger messages are not decoded: as a tree one can be many times its size.
+const LARGEST_DECODED: usize = 32 << 20;
 /// Larger message indexes are not read.
 const INDEX_LIMIT: u64 = 64 << 20;
 
@@ -38,9 +40,10 @@ impl Log {
         let total = inner.source.length();
         for (index, segment) in inner.segments.iter().enumerate() {
             progress(segment.start, total);
-            // Damage is counted when it is read.
-            self.load(index as u32)?;
             let decoded = decode(&inner.source, segment)?;
+            if let Some(damage) = &decoded.damage {
+                self.report(index as u32, damage, decoded.messages.len() as u64)?;
+            }
             found.segments += 1;
             for message in &decoded.messages {
                 *counts.entry(TopicId(message.channel)).or_insert(0) += 1;
@@ -134,6 +137,9 @@ impl Log {
             let id = TopicId(message.channel);
             let Some(topic) = self.info().topic(id).filter(|topic| topic.decodable) else { continue };
             let Some((_, body)) = decoded.record(message.offset) else { continue };
+            if body.len() > LARGEST_DECODED {
+                continue;
+            }
             if let Err(error) = topic.schema.value(&body.slice(MESSAGE_HEAD.min(body.len())..)) {
                 found.undecodable.entry(id).or_insert_with(|| (0, error.to_string())).0 += 1;
             }

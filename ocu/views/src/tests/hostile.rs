@@ -96,17 +96,6 @@ fn check(kind: &str, frame: &Frame, what: &str) {
     panic!("{kind}, {what}: a frame takes {best:?}");
 }
 
-/// Peak memory of this process, bytes; 0 where the system does not report it.
-fn peak_bytes() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok()).unwrap_or(0) * 1024
-}
-
-fn check_memory() {
-    assert!(peak_bytes() < 300 << 20, "{} bytes", peak_bytes());
-}
-
 #[test]
 fn every_view_stands_any_number_in_all_fields_at_once() {
     for frame in [samples::full(), samples::driving()] {
@@ -119,7 +108,6 @@ fn every_view_stands_any_number_in_all_fields_at_once() {
             }
         }
     }
-    check_memory();
 }
 
 #[test]
@@ -140,7 +128,6 @@ fn the_map_and_the_camera_stand_any_number_in_each_field_alone() {
             }
         }
     }
-    check_memory();
 }
 
 #[test]
@@ -165,5 +152,4 @@ fn every_view_stands_clouds_and_tracks_with_places_that_cannot_be() {
             check(view_type.kind, &frame, &format!("places at {number:e}"));
         }
     }
-    check_memory();
 }
