@@ -2,11 +2,10 @@
 
 use rcs_geom::DVec2;
 
-use crate::class::{Class, Surface};
+use crate::class::Surface;
 use crate::spec::WorldSpec;
 use crate::terrain::{CELL_M, Lattice};
 use crate::thing::Thing;
-use crate::world::World;
 
 /// Size of a ground truth cell, m.
 pub const TRUTH_CELL_M: f64 = 0.2;
@@ -15,27 +14,13 @@ const SAMPLES: usize = 2;
 /// Greatest slope that a vehicle can climb, as a tangent over a ground truth cell: 35°.
 const STEEP: f64 = 0.7;
 
-/// Ground truth of one cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TruthCell {
-    /// Class of the thing that covers the middle of the cell, else of its surface.
-    pub class: Class,
-    /// Height of the soil, m.
-    pub ground_height_m: f64,
-    /// Height of the vegetation, or of the thing that covers it, above the soil, m.
-    pub cover_height_m: f64,
-    /// Whether the cell is covered by a solid thing, foliage, a steep face (of a ditch or a ledge) or vegetation that
-    /// does not give way.
-    pub blocked: bool,
-}
-
 /// The blocked cells, and the distance to them.
 pub(crate) struct DriveMap {
-    size: [usize; 2],
+    pub(crate) size: [usize; 2],
     /// Index of the thing in a cell plus 1; 0 for none.
-    thing: Vec<u16>,
+    pub(crate) thing: Vec<u16>,
     /// Distance from the middle of a cell to that of the nearest blocked cell, m.
-    distance_m: Vec<f32>,
+    pub(crate) distance_m: Vec<f32>,
 }
 
 impl DriveMap {
@@ -142,52 +127,6 @@ impl Envelope {
             let away = place as f64 - foot as f64;
             *value = self.values[foot] + away * away;
         }
-    }
-}
-
-impl World {
-    /// Columns and rows of the ground truth; the first cell is at the lower left corner of the bounds.
-    pub fn truth_size(&self) -> [usize; 2] {
-        self.inner.drive.size
-    }
-
-    /// Ground truth of a cell. `None` outside of the bounds.
-    pub fn truth_cell(&self, column: usize, row: usize) -> Option<TruthCell> {
-        let drive = &self.inner.drive;
-        if column >= drive.size[0] || row >= drive.size[1] {
-            return None;
-        }
-        let index = row * drive.size[0] + column;
-        let at = self.bounds_m()[0] + (DVec2::new(column as f64, row as f64) + 0.5) * TRUTH_CELL_M;
-        let ground = self.ground(at);
-        let thing =
-            drive.thing[index].checked_sub(1).and_then(|number| self.things().get(usize::from(number)));
-        Some(TruthCell {
-            class: thing.map_or(ground.surface.class(), |thing| thing.kind.class()),
-            ground_height_m: ground.height_m,
-            cover_height_m: thing.map_or(ground.vegetation_height_m, |thing| thing.height_m),
-            blocked: drive.distance_m[index] == 0.0,
-        })
-    }
-
-    /// Distance from the cell at a position to the nearest blocked cell, m; 0 in a blocked cell and outside of the
-    /// bounds. It is measured between cell centres, so it differs from the distance between outlines by at most 0.15 m.
-    pub fn clearance_m(&self, xy: DVec2) -> f64 {
-        let drive = &self.inner.drive;
-        let [low, high] = self.bounds_m();
-        if !(xy.cmpge(low).all() && xy.cmplt(high).all()) {
-            return 0.0;
-        }
-        let cell = (xy - low) / TRUTH_CELL_M;
-        let column = (cell.x as usize).min(drive.size[0] - 1);
-        let row = (cell.y as usize).min(drive.size[1] - 1);
-        f64::from(drive.distance_m[row * drive.size[0] + column])
-    }
-
-    /// Whether anything blocked is closer to a position than `clearance_m`.
-    pub fn blocked(&self, xy: DVec2, clearance_m: f64) -> bool {
-        let clearance = self.clearance_m(xy);
-        clearance == 0.0 || clearance < clearance_m
     }
 }
 

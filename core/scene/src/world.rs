@@ -11,11 +11,11 @@ use crate::heightfield::HeightField;
 use crate::looks::Looks;
 use crate::read::SceneError;
 use crate::shape::Shape;
+use crate::shape_grid::ShapeGrid;
 use crate::spec::WorldSpec;
 use crate::surface::Material;
 use crate::terrain::{CELL_M, Lattice};
 use crate::thing::Thing;
-use crate::trace::ShapeGrid;
 
 /// A simulated world. Immutable; a clone shares everything.
 #[derive(Clone)]
