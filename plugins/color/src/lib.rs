@@ -72,6 +72,7 @@ pub mod histogram;
 pub mod image;
 pub mod models;
 mod output;
+mod ports;
 mod process;
 pub mod region;
 mod settings;

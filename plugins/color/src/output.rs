@@ -4,7 +4,7 @@ use crate::cost_map::{CameraPlacement, CostMap, Ground};
 use crate::engine::{Permission, Seen};
 use crate::image::{HEIGHT, WIDTH};
 use crate::models::Learned;
-use crate::process::Ports;
+use crate::ports::Ports;
 use crate::proto::{ColorLearning, ColorModelsParams};
 use crate::settings::extrinsics;
 use glam::DVec2;

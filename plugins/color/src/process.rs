@@ -7,14 +7,15 @@ use crate::file::to_message;
 use crate::gate::{Odometer, SampleView, obstacle_in_sample};
 use crate::image::{Image, ImageSizeError};
 use crate::output::{annotation, learning, permission, send_costs, text_of};
-use crate::proto::{ColorLearning, ColorModels, ColorModelsParams, ColorStats};
+use crate::ports::Ports;
+use crate::proto::{ColorLearning, ColorModelsParams, ColorStats};
 use crate::region::{first_background, rays, spans};
 use crate::settings::{extrinsics, files, initial_engine, initial_models, rectangle, settings};
 use glam::DVec3;
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{CameraCalibration, Grid, ImageAnnotations, RawImage};
-use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
+use rcs_msg::foxglove::{CameraCalibration, RawImage};
+use rcs_runtime::{Cycle, Msg, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
     Axes, ImageCheck, ImageFault, Localizer, LocalizerError, OnItsSide, PosePorts, camera_of, upright,
 };
@@ -51,21 +52,6 @@ pub struct ColorModelLearner {
     loaded: u64,
     learns: bool,
     models_sent: Option<Stamp>,
-}
-
-/// Ports of [`ColorModelLearner`].
-#[derive(Debug)]
-pub struct Ports {
-    image: In<RawImage>,
-    calibration: In<CameraCalibration>,
-    poses: PosePorts,
-    map: In<Grid>,
-    pub(crate) probability: Out<RawImage>,
-    sample: Out<ImageAnnotations>,
-    pub(crate) cost: Out<Grid>,
-    pub(crate) cost_wide: Out<Grid>,
-    models: Out<ColorModels>,
-    stats: Out<ColorStats>,
 }
 
 /// Why an image was skipped.

@@ -3,7 +3,7 @@
 //! Columns are independent of each other, so they are processed in strips, in any order and on any number of threads;
 //! the results of the strips are added in a fixed order.
 
-use crate::ground_map::{GROUND_CELL_M, GroundMap};
+use crate::ground_map::{GROUND_CELL_M, GroundMap, GroundVote};
 use crate::negative::{Hole, HoleScan, NegativeParams};
 use crate::scan::{ColumnScan, Label, ScanParams, ScanPoint, Start};
 use glam::DVec3;
@@ -81,19 +81,6 @@ pub struct CellVote {
     pub obstacle: Heights,
     /// Sums of red, green and blue over all of these pixels; 0 for columns without colours.
     pub colour: [u32; 3],
-}
-
-/// The vote of consecutive pixels of one column for one cell of the ground map.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct GroundVote {
-    /// Cell of [`GROUND_CELL_M`]: floor(position / cell size), x and y.
-    pub cell: [i32; 2],
-    /// Number of ground pixels.
-    pub pixels: u32,
-    /// Sum of their heights relative to the sensor, m.
-    pub height_sum: f32,
-    /// Number of hole borders.
-    pub borders: u32,
 }
 
 /// A pixel at the border of a negative obstacle ("hole").

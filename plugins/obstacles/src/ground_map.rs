@@ -5,7 +5,6 @@
 //! found a border in the same cell, and when such cells adjoin over the minimum length. Each frame that sees ground in
 //! a cell and no border removes one vote for a border.
 
-use crate::columns::GroundVote;
 use rcs_geom::{CellIndex, GridError, ScrollGrid};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -26,6 +25,19 @@ pub struct GroundCell {
     pub borders: u16,
     /// When it was last seen, ns; 0 for never.
     pub seen_ns: u64,
+}
+
+/// The vote of consecutive pixels of one column for one cell of the ground map.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GroundVote {
+    /// Cell of [`GROUND_CELL_M`]: floor(position / cell size), x and y.
+    pub cell: [i32; 2],
+    /// Number of ground pixels.
+    pub pixels: u32,
+    /// Sum of their heights relative to the sensor, m.
+    pub height_sum: f32,
+    /// Number of hole borders.
+    pub borders: u32,
 }
 
 /// Maximum weight of a mean relative to new pixels.

@@ -1,9 +1,8 @@
 //! Contacts of the vehicle with objects: the bumper in front is a spring with switches, the rest of the body is rigid.
 
-use crate::drive::Motion;
+use crate::drive::{Motion, STEP_S};
 use crate::spec::VehicleSpec;
 use crate::terrain::{Terrain, Touch, UprightBox};
-use crate::vehicle::STEP_S;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 

@@ -11,6 +11,9 @@
 use crate::spec::VehicleSpec;
 use serde::{Deserialize, Serialize};
 
+/// Length of a step, s: 10 ms.
+pub const STEP_S: f64 = 0.01;
+
 /// Number of passes over the wheels; each solves motor and traction of a wheel exactly.
 const PASSES: usize = 8;
 /// Below this speed slip is not proportional to the wheel's speed, m/s.

@@ -6,6 +6,7 @@
 //! slides.
 
 use crate::contact::{Contact, Contacts};
+pub use crate::drive::STEP_S;
 use crate::drive::{Drive, Load, Motion, slip_of, step_differential, step_steered};
 use crate::spec::VehicleSpec;
 use crate::terrain::Terrain;
@@ -13,9 +14,6 @@ use glam::{DVec2, DVec3};
 use rcs_geom::{Pose, wrap_angle};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
-
-/// Length of a step, s: 10 ms.
-pub const STEP_S: f64 = 0.01;
 /// Length of a step, ns.
 pub const STEP_NS: u64 = 10_000_000;
 /// Substeps of the drive per step.
