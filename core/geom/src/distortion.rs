@@ -3,7 +3,7 @@
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use crate::CameraError;
+use crate::camera_error::CameraError;
 
 /// Lens distortion. It maps normalised coordinates x/z, y/z (dimensionless); the parameters are in the order of ROS and
 /// Foxglove.

@@ -31,6 +31,7 @@
 //! system.
 
 mod camera;
+mod camera_error;
 mod distortion;
 pub mod geodesy;
 mod pose;
@@ -38,7 +39,8 @@ mod rectify;
 mod scroll_grid;
 mod transform_tree;
 
-pub use camera::{CameraError, PinholeCamera};
+pub use camera::PinholeCamera;
+pub use camera_error::CameraError;
 pub use distortion::Distortion;
 pub use geodesy::{Enu, GeodesyError, Geodetic, Utm};
 pub use glam::{DMat3, DQuat, DVec2, DVec3};

@@ -3,7 +3,30 @@
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
-use crate::{Label, MAX_COST, UNKNOWN_COST};
+use crate::{MAX_COST, OBSTACLE_COST, UNKNOWN_COST};
+
+/// The class of a cell, from its surest source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Label {
+    /// No source has evidence.
+    #[default]
+    Unknown = 0,
+    /// Cost below [`OBSTACLE_COST`].
+    Ground = 1,
+    /// Cost of at least [`OBSTACLE_COST`].
+    Obstacle = 2,
+}
+
+impl Label {
+    /// The class of a cost.
+    pub const fn of_cost(cost: u8) -> Label {
+        match cost {
+            0..OBSTACLE_COST => Label::Ground,
+            OBSTACLE_COST..=MAX_COST => Label::Obstacle,
+            _ => Label::Unknown,
+        }
+    }
+}
 
 /// How much one vote changes a confidence. The papers say "a predefined constant" without giving its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

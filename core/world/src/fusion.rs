@@ -3,7 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Evidence, MAX_COST, OBSTACLE_COST, Source, UNKNOWN_COST};
+use crate::cell::{Evidence, Label};
+use crate::{MAX_COST, OBSTACLE_COST, Source, UNKNOWN_COST};
 
 /// How the evidence of a source enters the fusion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -125,29 +126,6 @@ pub(crate) struct Placed {
     /// Its weight where it is absent (0), and where it is present.
     weights: [f64; 2],
     overrides: bool,
-}
-
-/// The class of a cell, from its surest source.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Label {
-    /// No source has evidence.
-    #[default]
-    Unknown = 0,
-    /// Cost below [`OBSTACLE_COST`].
-    Ground = 1,
-    /// Cost of at least [`OBSTACLE_COST`].
-    Obstacle = 2,
-}
-
-impl Label {
-    /// The class of a cost.
-    pub const fn of_cost(cost: u8) -> Label {
-        match cost {
-            0..OBSTACLE_COST => Label::Ground,
-            OBSTACLE_COST..=MAX_COST => Label::Obstacle,
-            _ => Label::Unknown,
-        }
-    }
 }
 
 /// The result of the fusion of a cell.

@@ -26,18 +26,8 @@ use rcs_msg::foxglove::{self, Grid, PackedElementField, Quaternion, Vector2, Vec
 
 use crate::columns::{HEIGHT_PARTS, columns, source_number};
 use crate::grid_view::{GridViewError, NumericType};
-use crate::{Cell, Evidence, Fused, GridView, HeightStats, Map, SIDE, Source, Sources, Weights};
-
-/// What the message of a map contains.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MapOptions {
-    /// The sources of the stack.
-    pub sources: Sources,
-    /// Whether it contains heights, which take 41 bytes per cell.
-    pub heights: bool,
-    /// Weights of the fused fields.
-    pub weights: Weights,
-}
+use crate::options::MapOptions;
+use crate::{Cell, Evidence, Fused, GridView, HeightStats, Map, SIDE, Source};
 
 /// Why a grid is not one of our maps.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

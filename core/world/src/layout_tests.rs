@@ -2,7 +2,7 @@ use proptest::prelude::*;
 use rcs_msg::foxglove::Vector2;
 
 use super::*;
-use crate::{GridView, UNKNOWN_COST, VoteRule, fuse_grid};
+use crate::{GridView, Sources, UNKNOWN_COST, VoteRule, Weights, fuse_grid};
 
 fn options(sources: Sources) -> MapOptions {
     let weights = Weights::default().with(Source::TERRAIN, 0.3).with(Source::COLOR, 2.0);

@@ -36,15 +36,17 @@ mod grid_view;
 mod layout;
 mod map;
 mod message;
+mod options;
 mod source;
 
-pub use cell::{Cell, Evidence, HeightStats, VoteRule};
+pub use cell::{Cell, Evidence, HeightStats, Label, VoteRule};
 pub use delta::{KEY_FRAME_NS, MAP_CODEC, MapCodec};
-pub use fusion::{Fused, Label, SourceKind, Weighted, Weights, WeightsError, fuse};
+pub use fusion::{Fused, SourceKind, Weighted, Weights, WeightsError, fuse};
 pub use grid_view::{Field, GridView, GridViewError, NumericType, fuse_grid};
-pub use layout::{MapGridError, MapOptions};
+pub use layout::MapGridError;
 pub use map::{CELL_SIZE_M, Map, SIDE, WIDE_CELL_SIZE_M};
 pub use message::MapMessage;
+pub use options::MapOptions;
 pub use source::{Source, SourceNameError, Sources};
 
 /// The highest cost.

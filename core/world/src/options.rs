@@ -1,0 +1,14 @@
+//! What the message of a map contains.
+
+use crate::{Sources, Weights};
+
+/// What the message of a map contains.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapOptions {
+    /// The sources of the stack.
+    pub sources: Sources,
+    /// Whether it contains heights, which take 41 bytes per cell.
+    pub heights: bool,
+    /// Weights of the fused fields.
+    pub weights: Weights,
+}
