@@ -1,6 +1,9 @@
 //! Messages whose type is known at run time.
 
-use crate::schema::{MessageEncoding, Schema};
+use crate::definition::MessageEncoding;
+use crate::reader::DecodeError;
+use crate::schema::Schema;
+use crate::value::Value;
 use bytes::Bytes;
 use std::any::{Any, TypeId};
 use std::sync::{Arc, OnceLock};
@@ -293,6 +296,11 @@ impl AnyMessage {
     /// Whether [`AnyMessage::get`] returns a `T`. Does not convert a deferred message.
     pub fn holds<T: Payload>(&self) -> bool {
         self.0.value_type() == Some(TypeId::of::<T>())
+    }
+
+    /// The message as a tree.
+    pub fn value(&self) -> Result<Value, DecodeError> {
+        self.schema().value(&self.bytes())
     }
 
     /// Whether both refer to the same message in memory.

@@ -1,5 +1,6 @@
 //! Changes of a value in place.
 
+use crate::packed::Scalar;
 use crate::path::{FieldPath, Segment};
 use crate::value::{PathError, Value, no_field, out_of_range, upto};
 
@@ -90,14 +91,24 @@ fn set_number(value: &mut Value, index: usize, new: &Value) -> Result<(), &'stat
             Ok(())
         }
         Value::Packed(packed) => {
-            if packed.set(index, new) {
-                Ok(())
-            } else {
-                Err("a number that fits the array's type")
-            }
+            let fits = scalar(new).is_some_and(|number| packed.set(index, number));
+            if fits { Ok(()) } else { Err("a number that fits the array's type") }
         }
         _ => Ok(()),
     }
+}
+
+/// The value as an element of packed numbers.
+fn scalar(value: &Value) -> Option<Scalar> {
+    Some(match *value {
+        Value::Bool(v) => Scalar::Bool(v),
+        Value::Int(v) => Scalar::Int(v),
+        Value::Uint(v) => Scalar::Uint(v),
+        Value::Float(v) => Scalar::Float(v),
+        // Arrays of floating-point numbers take it as a number; all others refuse it.
+        Value::Enum { number, .. } => Scalar::Float(number.into()),
+        _ => return None,
+    })
 }
 
 /// Converts `new` to the kind of `old`; if it does not fit, the kinds found and expected.

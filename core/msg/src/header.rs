@@ -2,7 +2,7 @@
 
 use crate::any::AnyMessage;
 use crate::foxglove::FrameTransforms;
-use crate::schema::{Known, registry};
+use crate::registry::{Known, registry};
 use crate::time::Stamp;
 use crate::value::Value;
 use prost_types::Timestamp;

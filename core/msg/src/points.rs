@@ -2,7 +2,7 @@
 
 use crate::foxglove::packed_element_field::NumericType;
 use crate::foxglove::{PackedElementField, PointCloud};
-use crate::packed::Number;
+use crate::packed::{Number, Scalar};
 use glam::DVec3;
 
 /// One point of a cloud.
@@ -133,7 +133,7 @@ impl At {
         {
             return f64::from(f32::from_le_bytes(bytes));
         }
-        self.number.read(bytes, false).and_then(|value| value.as_f64()).unwrap_or(f64::NAN)
+        self.number.read(bytes, false).map_or(f64::NAN, Scalar::as_f64)
     }
 
     fn channel(self, point: &[u8]) -> u8 {

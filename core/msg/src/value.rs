@@ -1,6 +1,6 @@
 //! Messages of any encoding as a tree.
 
-use crate::packed::Packed;
+use crate::packed::{Packed, Scalar};
 use crate::path::{FieldPath, Segment};
 use crate::time::Stamp;
 use bytes::Bytes;
@@ -36,6 +36,17 @@ pub enum Value {
     Packed(Packed),
     /// Named fields, in the order of the schema; of several with the same name the last counts.
     Message(Vec<(String, Value)>),
+}
+
+impl From<Scalar> for Value {
+    fn from(number: Scalar) -> Self {
+        match number {
+            Scalar::Bool(v) => Self::Bool(v),
+            Scalar::Int(v) => Self::Int(v),
+            Scalar::Uint(v) => Self::Uint(v),
+            Scalar::Float(v) => Self::Float(v),
+        }
+    }
 }
 
 /// Why a path does not lead to a value.
@@ -222,7 +233,7 @@ impl Value {
     pub fn item(&self, index: usize) -> Option<Cow<'_, Value>> {
         match self {
             Value::List(list) => list.get(index).map(Cow::Borrowed),
-            Value::Packed(packed) => packed.get(index).map(Cow::Owned),
+            Value::Packed(packed) => packed.get(index).map(|number| Cow::Owned(number.into())),
             Value::Bytes(bytes) => bytes.get(index).map(|byte| Cow::Owned(Value::Uint(u64::from(*byte)))),
             _ => None,
         }

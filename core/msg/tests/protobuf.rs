@@ -41,7 +41,7 @@ fn equal(a: &Value, b: &Value) -> bool {
     match (a, b) {
         (Value::Float(a), Value::Float(b)) => a == b || (a.is_nan() && b.is_nan()),
         (Value::Packed(a), Value::Packed(b)) => {
-            a.len() == b.len() && a.iter().zip(b.iter()).all(|(a, b)| equal(&a, &b))
+            a.len() == b.len() && a.iter().zip(b.iter()).all(|(a, b)| equal(&a.into(), &b.into()))
         }
         (Value::List(a), Value::List(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| equal(a, b)),
         (Value::Message(a), Value::Message(b)) => {

@@ -25,10 +25,12 @@ mod navigation;
 mod pose;
 
 use crate::any::AnyMessage;
+use crate::definition::MessageEncoding;
 use crate::guard::guarded;
 use crate::reader::Reader;
 use crate::reader::cdr::{CdrError, Cursor};
-use crate::schema::{Known, MessageEncoding, Schema, registry};
+use crate::registry::{Known, registry};
+use crate::schema::Schema;
 use bytes::Bytes;
 use prost_types::Timestamp;
 

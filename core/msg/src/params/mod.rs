@@ -212,7 +212,7 @@ fn check_value(
             let shown = message_value(&shown);
             let got = match shown.field(name) {
                 Some(Value::List(items)) => items.first().map(show),
-                Some(Value::Packed(packed)) => packed.iter().next().as_ref().map(show),
+                Some(Value::Packed(packed)) => packed.iter().next().map(|number| show(&number.into())),
                 got => got.map(show),
             };
             Err(refused(path, got.unwrap_or_default(), spec))
@@ -306,7 +306,7 @@ fn list(
 ) -> Result<Reflected, ParamError> {
     let items = match value {
         Value::List(items) => items.clone(),
-        Value::Packed(packed) => packed.iter().collect(),
+        Value::Packed(packed) => packed.iter().map(Value::from).collect(),
         other => return Err(refused(path, show(other), spec)),
     };
     if !spec.accepts_count(items.len()) {

@@ -1,7 +1,7 @@
 //! ROS 2's Common Data Representation (plain XCDR version 1): a bounds-checked cursor, and a reader by layout.
 
 use super::rosmsg::{Count, Element, Field, Layout};
-use crate::packed::{Number, Packed};
+use crate::packed::{Number, Packed, Scalar};
 use crate::value::Value;
 use bytes::Bytes;
 
@@ -225,7 +225,7 @@ impl Decoder<'_> {
         Ok(match element {
             Element::Number(number) => {
                 let bytes = self.cursor.numbers(number, 1)?;
-                number.read(bytes, self.cursor.big_endian()).unwrap_or(Value::Null)
+                number.read(bytes, self.cursor.big_endian()).map_or(Value::Null, Value::from)
             }
             Element::Text => Value::Text(self.cursor.string()?),
             Element::WideText => {
@@ -234,8 +234,8 @@ impl Decoder<'_> {
                     self.cursor.big_endian(),
                     Bytes::copy_from_slice(self.cursor.wide_text()?),
                 );
-                let units: Vec<u16> =
-                    characters.iter().map(|unit| unit.as_i64().map_or(0, |unit| unit as u16)).collect();
+                let unit = |unit| if let Scalar::Uint(unit) = unit { unit as u16 } else { 0 };
+                let units: Vec<u16> = characters.iter().map(unit).collect();
                 Value::Text(String::from_utf16_lossy(&units))
             }
             Element::Message(index) => self.message(self.layout.message(index))?,

@@ -6,9 +6,9 @@ mod json;
 pub(crate) mod protobuf;
 pub(crate) mod rosmsg;
 
-use crate::any::AnyMessage;
+use crate::definition::{Definition, MessageEncoding};
+use crate::descriptors;
 use crate::guard::guarded;
-use crate::schema::{MessageEncoding, Schema, registry};
 use crate::value::Value;
 use bytes::Bytes;
 use prost_reflect::{DescriptorPool, MessageDescriptor};
@@ -73,94 +73,55 @@ pub(crate) enum Reader {
 
 impl Reader {
     /// Makes the reader, or says why there is none. It never panics, whatever the schema contains.
-    pub(crate) fn new(schema: &Schema) -> Result<Self, DecodeError> {
+    pub(crate) fn new(schema: &Definition) -> Result<Self, DecodeError> {
         let fail = |reason: String| DecodeError::NoReader {
-            schema: schema.name().to_owned(),
-            encoding: schema.message_encoding().name().to_owned(),
+            schema: schema.name.clone(),
+            encoding: schema.message_encoding.name().to_owned(),
             reason,
         };
         guarded(|| Self::of(schema, fail)).unwrap_or_else(|reason| Err(fail(reason)))
     }
 
-    fn of(schema: &Schema, fail: impl Fn(String) -> DecodeError) -> Result<Self, DecodeError> {
-        match schema.message_encoding() {
+    fn of(schema: &Definition, fail: impl Fn(String) -> DecodeError) -> Result<Self, DecodeError> {
+        match &schema.message_encoding {
             MessageEncoding::Protobuf => descriptor(schema).map(Self::Protobuf).map_err(fail),
-            MessageEncoding::Cdr if schema.schema_encoding() == "ros2msg" => {
-                let text = std::str::from_utf8(schema.data())
+            MessageEncoding::Cdr if schema.schema_encoding == "ros2msg" => {
+                let text = std::str::from_utf8(&schema.data)
                     .map_err(|_| fail("its definition is no text".into()))?;
-                let layout = Layout::parse(schema.name(), text).map_err(|error| fail(error.to_string()))?;
+                let layout = Layout::parse(&schema.name, text).map_err(|error| fail(error.to_string()))?;
                 Ok(Self::Cdr(layout.into()))
             }
             MessageEncoding::Cdr => {
-                let got = schema.schema_encoding();
+                let got = &schema.schema_encoding;
                 Err(fail(format!("its definition is in {got:?}, expected \"ros2msg\"")))
             }
             MessageEncoding::Json => Ok(Self::Json),
             MessageEncoding::Other(_) => Err(fail("expected protobuf, cdr or json".to_owned())),
         }
     }
+
+    /// A message as a tree; an error says why it does not decode. It never panics, whatever the message contains.
+    pub(crate) fn read(&self, bytes: &Bytes) -> Result<Value, String> {
+        guarded(|| match self {
+            Self::Protobuf(descriptor) => protobuf::decode(descriptor, bytes),
+            Self::Cdr(layout) => cdr::decode(layout, bytes).map_err(|error| error.to_string()),
+            Self::Json => json::decode(bytes),
+        })
+        .and_then(|value| value)
+    }
 }
 
 /// The descriptor in a schema: the registered one if the schema is registered, so that no second pool is built.
-fn descriptor(schema: &Schema) -> Result<MessageDescriptor, String> {
-    if schema.schema_encoding() != "protobuf" {
-        return Err(format!("its schema is in {:?}, expected \"protobuf\"", schema.schema_encoding()));
+fn descriptor(schema: &Definition) -> Result<MessageDescriptor, String> {
+    if schema.schema_encoding != "protobuf" {
+        return Err(format!("its schema is in {:?}, expected \"protobuf\"", schema.schema_encoding));
     }
-    let ours = registry().schema(schema.name()).is_some_and(|ours| ours.data() == schema.data());
-    if let Some(descriptor) = registry().descriptor(schema.name()).filter(|_| ours) {
+    if let Some(descriptor) = descriptors::registered(&schema.name, &schema.data) {
         return Ok(descriptor);
     }
-    let rewritten = editions::without_editions(schema.data())?;
-    let data = rewritten.map_or_else(|| schema.data().clone(), Bytes::from);
+    let rewritten = editions::without_editions(&schema.data)?;
+    let data = rewritten.map_or_else(|| schema.data.clone(), Bytes::from);
     let pool = DescriptorPool::decode(data)
         .map_err(|error| format!("its descriptor set does not decode: {error}"))?;
-    pool.get_message_by_name(schema.name()).ok_or_else(|| "its descriptor set does not define it".to_owned())
-}
-
-impl Schema {
-    /// Whether messages of this schema can be read; the error says why not.
-    pub fn decodable(&self) -> Result<(), DecodeError> {
-        self.reader().map(|_| ())
-    }
-
-    /// The message as a tree. Large arrays share `bytes`.
-    pub fn value(&self, bytes: &Bytes) -> Result<Value, DecodeError> {
-        let reader = self.reader()?;
-        let value = guarded(|| match reader {
-            Reader::Protobuf(descriptor) => protobuf::decode(descriptor, bytes),
-            Reader::Cdr(layout) => cdr::decode(layout, bytes).map_err(|error| error.to_string()),
-            Reader::Json => json::decode(bytes),
-        });
-        value.and_then(|value| value).map_err(|reason| self.malformed(reason))
-    }
-
-    /// Encodes a tree. Fields that are absent or not named keep their defaults. Protobuf only.
-    pub fn encode(&self, value: &Value) -> Result<Bytes, EncodeError> {
-        match self.reader() {
-            Ok(Reader::Protobuf(descriptor)) => protobuf::encode(descriptor, value),
-            _ => Err(EncodeError::NoWriter {
-                schema: self.name().to_owned(),
-                encoding: self.message_encoding().name().to_owned(),
-            }),
-        }
-    }
-
-    /// The protobuf descriptor, if the messages are protobuf.
-    pub fn descriptor(&self) -> Option<&MessageDescriptor> {
-        match self.reader() {
-            Ok(Reader::Protobuf(descriptor)) => Some(descriptor),
-            _ => None,
-        }
-    }
-
-    pub(crate) fn malformed(&self, reason: impl Into<String>) -> DecodeError {
-        DecodeError::Malformed { schema: self.name().to_owned(), reason: reason.into() }
-    }
-}
-
-impl AnyMessage {
-    /// The message as a tree.
-    pub fn value(&self) -> Result<Value, DecodeError> {
-        self.schema().value(&self.bytes())
-    }
+    pool.get_message_by_name(&schema.name).ok_or_else(|| "its descriptor set does not define it".to_owned())
 }

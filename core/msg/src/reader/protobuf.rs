@@ -20,7 +20,7 @@ pub(super) fn decode(descriptor: &MessageDescriptor, bytes: &Bytes) -> Result<Va
 }
 
 /// Writes a message.
-pub(super) fn encode(descriptor: &MessageDescriptor, value: &Value) -> Result<Bytes, EncodeError> {
+pub(crate) fn encode(descriptor: &MessageDescriptor, value: &Value) -> Result<Bytes, EncodeError> {
     Ok(dynamic(descriptor, value, &FieldPath::root())?.encode_to_vec().into())
 }
 
@@ -158,7 +158,8 @@ pub(crate) fn reflect_field(
             list.iter().enumerate().map(|(i, item)| reflect(&field.kind(), item, &path.index(i))).collect()
         }
         Value::Packed(packed) => {
-            packed.iter().enumerate().map(|(i, item)| reflect(&field.kind(), &item, &path.index(i))).collect()
+            let items = packed.iter().map(Value::from).enumerate();
+            items.map(|(i, item)| reflect(&field.kind(), &item, &path.index(i))).collect()
         }
         _ => return Err(mismatch(value, "a list", path)),
     };

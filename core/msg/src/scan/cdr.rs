@@ -1,6 +1,7 @@
 //! The scanner for ROS 2 CDR: skips what lies before the field, reads it, and stops.
 
 use super::{Fail, ScanError};
+use crate::packed::Scalar;
 use crate::path::{FieldPath, Segment};
 use crate::reader::cdr::{CdrError, Cursor};
 use crate::reader::rosmsg::{Count, Element, Field, Layout};
@@ -99,7 +100,7 @@ impl Plan {
             if let Element::Number(number) = field.element {
                 let numbers = cursor.numbers(number, step.index + 1)?;
                 let bytes = &numbers[step.index * number.size()..];
-                return Ok(number.read(bytes, cursor.big_endian()).and_then(|value| value.as_f64()));
+                return Ok(number.read(bytes, cursor.big_endian()).map(Scalar::as_f64));
             }
             for _ in 0..step.index {
                 cursor.skip_element(&self.layout, field.element)?;

@@ -143,7 +143,7 @@ pub(super) fn short(value: &Value) -> String {
             count => format!("{} elements", format::count(count as u64)),
         },
         Value::Packed(packed) => {
-            let shown: Vec<_> = packed.iter().take(6).map(|value| short(&value)).collect();
+            let shown: Vec<_> = packed.iter().take(6).map(|number| short(&number.into())).collect();
             let rest = if packed.len() > shown.len() { ", …" } else { "" };
             let count = format::count(packed.len() as u64);
             if packed.is_empty() {

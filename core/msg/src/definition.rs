@@ -1,0 +1,50 @@
+//! What defines a type of messages, as a log holds it.
+
+use bytes::Bytes;
+
+/// Encoding of the bytes of a message.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum MessageEncoding {
+    /// Protocol buffers.
+    Protobuf,
+    /// ROS 2's Common Data Representation.
+    Cdr,
+    /// JSON text.
+    Json,
+    /// Any other encoding, by its name in the log: its messages are listed and shown as undecodable.
+    Other(String),
+}
+
+impl MessageEncoding {
+    /// Name of this encoding in MCAP's registry.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Protobuf => "protobuf",
+            Self::Cdr => "cdr",
+            Self::Json => "json",
+            Self::Other(name) => name,
+        }
+    }
+
+    /// The encoding with this name.
+    pub fn from_name(name: &str) -> Self {
+        match name {
+            "protobuf" => Self::Protobuf,
+            "cdr" => Self::Cdr,
+            "json" => Self::Json,
+            other => Self::Other(other.to_owned()),
+        }
+    }
+}
+
+/// The definition of a type of messages: what a [`Schema`](crate::Schema) holds, and what a reader is made from.
+#[derive(Debug)]
+pub(crate) struct Definition {
+    /// Full name: `foxglove.Grid`, `sensor_msgs/msg/Image`.
+    pub(crate) name: String,
+    pub(crate) message_encoding: MessageEncoding,
+    /// Encoding of `data`.
+    pub(crate) schema_encoding: String,
+    /// A file descriptor set, a ROS message definition, a JSON schema.
+    pub(crate) data: Bytes,
+}
