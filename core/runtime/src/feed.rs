@@ -1,17 +1,14 @@
 //! Feeds the messages of a log into a stack: converted to canonical types, in the order of the log.
 
+use crate::conversion::{COMPRESSED, RAW, canonical};
 use crate::error::RunError;
 use crate::history::LogRef;
 use crate::machine::Machine;
-use crate::source::canonical;
 use rcs_bus::{Draft, Writer, WriterId};
 use rcs_log::{Cursor, CursorOptions, Gap, Log, LogMessage, Position, Reassembly, TopicId};
 use rcs_msg::foxglove::CompressedImage;
-use rcs_msg::{AnyMessage, Schema, Stamp, header_stamp};
+use rcs_msg::{AnyMessage, Stamp, header_stamp};
 use std::collections::BTreeMap;
-
-const RAW: &str = "foxglove.RawImage";
-const COMPRESSED: &str = "foxglove.CompressedImage";
 
 /// Reads the topics of a stack's inputs and writes their messages into its buffers.
 pub(crate) struct Feed {
@@ -33,15 +30,6 @@ pub(crate) struct Feed {
     fixed: Vec<LogMessage>,
     /// The last message that was fed.
     given: Option<LogRef>,
-}
-
-/// A log's message converted to the type of a buffer; `None` if it does not decode.
-pub(crate) fn for_buffer(raw: &AnyMessage, wanted: &Schema) -> Option<AnyMessage> {
-    let message = canonical(raw)?;
-    match message.get::<CompressedImage>().filter(|_| wanted.name() == RAW) {
-        Some(image) => rcs_msg::image::decompress(image).ok().map(AnyMessage::new),
-        None => Some(message),
-    }
 }
 
 /// A message that could not be fed into the stack.
@@ -92,11 +80,6 @@ impl Feed {
         let Some(gap) = self.gaps.iter().find(is_in) else { return time };
         let period_ns = period_ns.max(1);
         time.after_ns((gap.to.0 - time.0).div_ceil(period_ns).saturating_mul(period_ns))
-    }
-
-    /// Whether a topic of canonical type `got` can feed a buffer of type `wanted`; compressed images are decoded.
-    pub(crate) fn converts(got: &str, wanted: &str) -> bool {
-        got == wanted || (got == COMPRESSED && wanted == RAW)
     }
 
     /// Feeds the messages that are valid for the whole log.

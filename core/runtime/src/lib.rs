@@ -73,6 +73,7 @@
 mod children;
 mod command;
 mod compare;
+mod conversion;
 mod cycle;
 mod error;
 mod feed;

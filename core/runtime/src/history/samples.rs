@@ -97,7 +97,7 @@ fn from_log(log: Option<&Log>, wanted: LogRef, schema: &Schema) -> io::Result<An
     let found = found.ok_or_else(lost)?;
     let topic = log.info().topic(found.topic).ok_or_else(lost)?;
     let raw = AnyMessage::encoded(Arc::clone(&topic.schema), found.data);
-    crate::feed::for_buffer(&raw, schema).ok_or_else(lost)
+    crate::conversion::for_buffer(&raw, schema).ok_or_else(lost)
 }
 
 /// One message of a buffer, and when it was written.

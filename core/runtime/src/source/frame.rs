@@ -1,5 +1,6 @@
 //! Frames: one moment of a source, as the views see it.
 
+use crate::conversion::canonical;
 use crate::history::{Moment, RunId, RunSummary};
 use crate::role::{ROLE, Role};
 use rcs_bus::Sample;
@@ -151,14 +152,6 @@ impl Topic {
     pub fn age_s(&self, now: Stamp) -> Option<f64> {
         Some(now.seconds_since(self.latest.as_ref()?.header.log_time))
     }
-}
-
-/// Converts the message to its canonical type; typed messages are canonical.
-pub(crate) fn canonical(message: &AnyMessage) -> Option<AnyMessage> {
-    if message.is_typed() {
-        return Some(message.clone());
-    }
-    rcs_msg::canonical(&message.schema(), &message.bytes())?.ok()
 }
 
 /// A track: every position of a topic with poses, in the topic's own frame.

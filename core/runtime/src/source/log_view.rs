@@ -3,7 +3,8 @@
 use super::frame::{RunTag, Topic, Track};
 use super::rates::{LastTimes, WINDOW_NS};
 use super::tracks::{Tracks, is_pose_type, is_transform_type};
-use super::{Source, SourceError, canonical};
+use super::{Source, SourceError};
+use crate::conversion::canonical;
 use rcs_bus::{Header, Sample, WriterId};
 use rcs_geom::TransformTree;
 use rcs_log::{Cursor, CursorOptions, Log, LogMessage, MessagePosition, Reassembled, Reassembly, TopicId};

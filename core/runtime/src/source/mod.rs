@@ -18,7 +18,6 @@ mod stack_steps;
 mod tracks;
 
 pub use driver::{Control, Driver};
-pub(crate) use frame::canonical;
 pub use frame::{Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic, Track};
 pub use held::HeldControl;
 pub use log_source::LogSource;

@@ -1,8 +1,8 @@
 //! The tracks of every run of a stack.
 
-use super::canonical;
 use super::frame::Track;
 use super::tracks::{Tracks, is_pose_type};
+use crate::conversion::canonical;
 use crate::history::RunSummary;
 use crate::stepped::Stepped;
 use rcs_bus::Sample;

@@ -4,7 +4,7 @@ use super::error::{StackError, one_of};
 use super::family;
 use super::file::{BufferEntry, Class, OverflowEntry, ProcessEntry, StackFile, VIEWER};
 use super::params::ParamReader;
-use super::plan::{BufferPlan, InputPlan, ProcessPlan, names};
+use super::plan::{BufferPlan, InputPlan, ProcessPlan, TRUTH, names};
 use crate::process::{PortDef, ProcessType};
 use crate::role::{ROLE, Role};
 use rcs_bus::{BufferSpec, Mode, Overflow};
@@ -13,8 +13,6 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use toml::Spanned;
 
-/// Key of the channel metadata of buffers with the ground truth of a simulation.
-pub(crate) const TRUTH: &str = "rcs.ground_truth";
 /// Length of a process's command queue.
 const COMMANDS: usize = 32;
 /// The local computer, which is the only host so far.

@@ -41,14 +41,14 @@
 mod assets;
 mod builder;
 mod compose;
+mod construct;
+mod course;
 mod error;
 mod family;
 mod file;
 mod params;
 mod plan;
 mod sharing;
-
-pub(crate) use builder::TRUTH;
 
 pub use assets::{Asset, Assets, NoAssets};
 pub use compose::Origin;
@@ -57,5 +57,5 @@ pub use file::{
     BufferEntry, Class, InputEntry, OverflowEntry, ParamEntry, ProcessEntry, StackFile, VIEWER, WritersEntry,
 };
 pub use params::PlanOptions;
-pub(crate) use plan::names;
 pub use plan::{BufferPlan, ChildPlan, InputPlan, Plan, ProcessPlan};
+pub(crate) use plan::{TRUTH, names};

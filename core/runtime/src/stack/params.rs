@@ -1,6 +1,7 @@
 //! Parameters of a process: from the stack, the course and the command line.
 
-use super::assets::{Asset, Assets, Course};
+use super::assets::{Asset, Assets};
+use super::course::Course;
 use super::error::{StackError, one_of};
 use super::file::{ParamEntry, ProcessEntry, StackFile};
 use crate::process::ProcessType;

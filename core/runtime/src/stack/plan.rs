@@ -1,13 +1,10 @@
 //! Plans: a stack file that has been checked against the plugins, so that its wiring has no errors.
 
-use super::assets::NoAssets;
-use super::builder::Builder;
 use super::compose::Origin;
 use super::error::{StackError, one_of};
 use super::file::{Class, StackFile, VIEWER};
-use super::params::{ParamReader, PlanOptions};
 use crate::command::{BUILT_IN, CommandDef};
-use crate::feed::Feed;
+use crate::conversion::converts;
 use crate::process::{PortDef, ProcessType};
 use rcs_bus::BufferSpec;
 use rcs_msg::{AnyMessage, DeltaCodec, rcs};
@@ -100,6 +97,9 @@ pub struct BufferPlan {
     pub codec: Option<&'static dyn DeltaCodec>,
 }
 
+/// Key of the channel metadata of buffers with the ground truth of a simulation.
+pub(crate) const TRUTH: &str = "rcs.ground_truth";
+
 /// Names of the runtime's own buffers.
 pub(crate) mod names {
     pub(crate) const RUN: &str = "/runtime/run";
@@ -117,45 +117,6 @@ pub(crate) mod names {
 }
 
 impl Plan {
-    /// Checks a stack file against the list of plugins, with overrides of parameters: `(process.field, value)`.
-    pub fn new(
-        file: StackFile,
-        plugins: &[ProcessType],
-        overrides: &[(String, String)],
-    ) -> Result<Self, StackError> {
-        Self::with(file, plugins, &PlanOptions { overrides, course: None, assets: &NoAssets })
-    }
-
-    /// Checks a stack file against the list of plugins, with all options.
-    pub fn with(
-        file: StackFile,
-        plugins: &[ProcessType],
-        options: &PlanOptions<'_>,
-    ) -> Result<Self, StackError> {
-        let mut params = ParamReader::new(&file, *options)?;
-        plugins.iter().for_each(ProcessType::register);
-        let authority_ns = authority_ns(&file)?;
-        let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
-        let hash = hash_of(&file, &processes);
-        Ok(Self { file, hash, inputs, processes, buffers, authority_ns })
-    }
-
-    /// The stack of a recorded run, from the text and the parameters in its identity. Files are read only for overrides
-    /// of parameters; a course is one of the parameters.
-    pub fn of_run(
-        run: &rcs::RunInfo,
-        plugins: &[ProcessType],
-        options: &PlanOptions<'_>,
-    ) -> Result<Self, StackError> {
-        let file = StackFile::parse(&format!("{} (recorded)", run.stack), &run.stack_text)?;
-        let mut params = ParamReader::given(&file, &run.params, *options);
-        plugins.iter().for_each(ProcessType::register);
-        let authority_ns = authority_ns(&file)?;
-        let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
-        let hash = hash_of(&file, &processes);
-        Ok(Self { file, hash, inputs, processes, buffers, authority_ns })
-    }
-
     /// The parameters of every process at the start, in the form of a run's identity.
     pub(crate) fn initial_params(&self) -> Vec<rcs::InitialParams> {
         let of = |process: &ProcessPlan| rcs::InitialParams {
@@ -233,7 +194,7 @@ impl Plan {
             };
             let wanted = self.buffers[input.buffer].spec.schema.name();
             let got = rcs_msg::canonical_name(&topic.schema);
-            if !got.is_some_and(|got| Feed::converts(got, wanted)) {
+            if !got.is_some_and(|got| converts(got, wanted)) {
                 return Err(error(format!(
                     "topic {} holds {} ({}), which is not read as {wanted}",
                     input.topic,
@@ -244,29 +205,4 @@ impl Plan {
         }
         Ok(())
     }
-}
-
-/// Hash of the text and of every parameter, whatever its origin.
-fn hash_of(file: &StackFile, processes: &[ProcessPlan]) -> String {
-    let mut hasher = blake3::Hasher::new();
-    let mut part = |bytes: &[u8]| {
-        hasher.update(&(bytes.len() as u64).to_le_bytes());
-        hasher.update(bytes);
-    };
-    part(file.text.as_bytes());
-    for process in processes {
-        part(process.name.as_bytes());
-        part(&process.params.bytes());
-    }
-    hasher.finalize().to_hex()[..16].to_owned()
-}
-
-/// The stack's `authority_s`; default 10 s.
-fn authority_ns(file: &StackFile) -> Result<u64, StackError> {
-    let Some(seconds) = &file.content.authority_s else { return Ok(10_000_000_000) };
-    if !(0.1..=3600.0).contains(seconds.get_ref()) {
-        let message = format!("{} s is out of range; expected 0.1 to 3600", seconds.get_ref());
-        return Err(file.error(&seconds.span(), message));
-    }
-    Ok((seconds.get_ref() * 1e9).round() as u64)
 }
