@@ -1,7 +1,6 @@
 //! Files named by stacks: bundled ones by name, others by path.
 
 use crate::bundled;
-use crate::layout::looks_like_path;
 use rcs_runtime::{Asset, Assets};
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -60,4 +59,9 @@ impl Assets for ProgramAssets {
         let names = bundled::names(kind).join(", ");
         Err(format!("no bundled {kind} is called {name:?}; expected {names} or a file"))
     }
+}
+
+/// Whether an argument is a path rather than the name of a bundled file.
+pub(crate) fn looks_like_path(spec: &str) -> bool {
+    spec.contains(['/', '\\', '.']) || Path::new(spec).exists()
 }

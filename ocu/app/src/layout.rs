@@ -12,7 +12,7 @@
 //! )
 //! ```
 
-use crate::assets::read_text;
+use crate::assets::{looks_like_path, read_text};
 use crate::bundled;
 use ocu_views::{SavedState, view_type};
 use rcs_runtime::source::{Frame, SourceKind};
@@ -247,11 +247,6 @@ impl Node {
 fn line_of(text: &str, near: &str) -> usize {
     let before = text.find(near).map_or("", |at| &text[..at]);
     1 + before.matches('\n').count()
-}
-
-/// Whether an argument is a path rather than the name of a bundled file.
-pub(crate) fn looks_like_path(spec: &str) -> bool {
-    spec.contains(['/', '\\', '.']) || Path::new(spec).exists()
 }
 
 /// Folder of the program's persistent data: `$XDG_DATA_HOME/ocu` or `~/.local/share/ocu`.

@@ -2,8 +2,6 @@
 
 use crate::cli::WindowArgs;
 use crate::past_args::PastArgs;
-use crate::stacks;
-use rcs_runtime::source::Source;
 use std::path::{Path, PathBuf};
 
 /// What to open.
@@ -71,11 +69,6 @@ impl Request {
             },
             (None, None) => String::new(),
         }
-    }
-
-    /// Opens the source. This may take long: do not call it on the window's thread.
-    pub fn open(&self) -> anyhow::Result<Box<dyn Source>> {
-        stacks::open(self)
     }
 }
 

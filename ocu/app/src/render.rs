@@ -45,7 +45,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
 
 /// The state of a source `at_s` seconds after its start, including its complete tracks.
 pub fn frame_at(request: &Request, at_s: f64) -> anyhow::Result<Frame> {
-    let mut source = request.open()?;
+    let mut source = crate::stacks::open(request)?;
     let info = source.info();
     let at = info.start.after_ns((at_s * 1e9).round() as u64);
     if let Some(end) = info.end

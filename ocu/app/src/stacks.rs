@@ -1,8 +1,7 @@
 //! The bundled stacks, and sources made from stacks.
 
-use crate::assets::{ProgramAssets, read_text};
+use crate::assets::{ProgramAssets, looks_like_path, read_text};
 use crate::bundled;
-use crate::layout::looks_like_path;
 use crate::open::Request;
 use crate::usage;
 use anyhow::Context as _;

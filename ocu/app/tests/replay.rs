@@ -126,7 +126,7 @@ fn a_run_on_a_log_replays_on_a_copy_of_it_and_refuses_another() {
     check(&["--log", &copy, "--param", &format!("{process}.nothing=1")], &["nothing"]);
     // A recording with only the journal opens as the run itself; the log is found in the same folder by its content.
     let request = ocu_app::open::Request { log: Some(out.clone().into()), ..Default::default() };
-    let mut source = request.open().unwrap();
+    let mut source = ocu_app::stacks::open(&request).unwrap();
     let end = source.info().end.unwrap();
     source.seek(end, &rcs_runtime::source::Task::default()).unwrap();
     let frame = source.frame();

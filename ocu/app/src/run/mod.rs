@@ -5,8 +5,8 @@ mod live;
 mod replay;
 mod report;
 
+use crate::assets::looks_like_path;
 use crate::cli::{RunArgs, Save};
-use crate::layout::looks_like_path;
 use crate::output::{self, Files};
 use crate::runs::{self, RunReport};
 use crate::{BUILD, Ended, stacks, usage};

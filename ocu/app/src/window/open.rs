@@ -52,7 +52,7 @@ impl Opener {
         let (sender, receiver) = channel();
         let (ctx, what) = (self.ctx.clone(), request.clone());
         let spawned = thread::Builder::new().name("open".to_owned()).spawn(move || {
-            let opened = guarded(|| what.open());
+            let opened = guarded(|| crate::stacks::open(&what));
             let opened = opened.unwrap_or_else(|said| Err(anyhow::anyhow!("it cannot be opened: {said}")));
             // Fails if the request has been dropped.
             let _ = sender.send(opened);
