@@ -5,10 +5,8 @@
 //! status echoes the serial of the last command, so that an old `DONE` is never taken for a new one, and it is silent
 //! if there was no status for several of its periods.
 
-use crate::command::{CommandDef, CommandSet, NoCommands, Order};
-use crate::cycle::{Cycle, Staged};
-use crate::stack::Plan;
-use rcs_msg::{AnyMessage, Stamp, rcs};
+use crate::command::{CommandDef, NoCommands};
+use rcs_msg::{Stamp, rcs};
 use serde::{Deserialize, Serialize};
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -31,15 +29,15 @@ pub struct ChildDef {
 /// Handle of a child whose own commands are `C`.
 #[derive(Debug)]
 pub struct Child<C> {
-    slot: usize,
-    place: usize,
+    pub(crate) slot: usize,
+    pub(crate) place: usize,
     commands: PhantomData<fn(C)>,
 }
 
 /// Handle of any number of children whose own commands are `C`.
 #[derive(Debug)]
 pub struct Children<C = NoCommands> {
-    slot: usize,
+    pub(crate) slot: usize,
     commands: PhantomData<fn(C)>,
 }
 
@@ -97,27 +95,37 @@ pub struct ChildReport {
 /// The children of a node: where their statuses and commands are, and what was sent to them.
 #[derive(Default)]
 pub(crate) struct ChildLinks {
-    me: Arc<str>,
-    links: Vec<Link>,
+    pub(crate) me: Arc<str>,
+    pub(crate) links: Vec<Link>,
     pub(crate) state: ChildLinksState,
 }
 
-struct Link {
-    slot: usize,
-    name: Arc<str>,
+/// One child of a node.
+pub(crate) struct Link {
+    pub(crate) slot: usize,
+    pub(crate) name: Arc<str>,
     /// Index among the inputs of the node, and among its outputs.
-    input: usize,
-    output: usize,
-    silent_ns: u64,
+    pub(crate) input: usize,
+    pub(crate) output: usize,
+    pub(crate) silent_ns: u64,
+}
+
+impl Link {
+    /// A child whose status is one of the node's inputs and whose commands are one of the outputs.
+    pub(crate) fn new(slot: usize, name: Arc<str>, at: [usize; 2], period_ns: u64, latency_ns: u64) -> Self {
+        let [input, output] = at;
+        let silent_ns = (SILENT_PERIODS * period_ns + latency_ns).max(SILENT_NS);
+        Self { slot, name, input, output, silent_ns }
+    }
 }
 
 /// State of a node concerning its children: part of a snapshot.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct ChildLinksState {
     /// Serial of the last command to each child.
-    sent: Vec<u64>,
+    pub(crate) sent: Vec<u64>,
     /// Time of the first cycle, from which on a child without any status counts as silent.
-    since: Option<Stamp>,
+    pub(crate) since: Option<Stamp>,
 }
 
 /// A child is silent after this many of its periods, and at least after this time.
@@ -125,23 +133,9 @@ const SILENT_PERIODS: u64 = 5;
 const SILENT_NS: u64 = 500_000_000;
 
 impl ChildLinks {
-    /// The children of a process of the plan. Their statuses are its inputs after its ports, and their commands its
-    /// outputs.
-    pub(crate) fn new(plan: &Plan, process: usize) -> Self {
-        let process = &plan.processes[process];
-        let link = |(index, child): (usize, &crate::stack::ChildPlan)| {
-            let of = &plan.processes[child.process];
-            Link {
-                slot: child.slot,
-                name: Arc::clone(&of.name),
-                input: process.inputs.len() + index,
-                output: process.outputs.len() + index,
-                silent_ns: (SILENT_PERIODS * of.period_ns + of.latency_ns).max(SILENT_NS),
-            }
-        };
-        let links: Vec<_> = process.children.iter().enumerate().map(link).collect();
+    pub(crate) fn new(me: Arc<str>, links: Vec<Link>) -> Self {
         let state = ChildLinksState { sent: vec![0; links.len()], since: None };
-        Self { me: Arc::clone(&process.name), links, state }
+        Self { me, links, state }
     }
 
     pub(crate) fn begin_cycle(&mut self, now: Stamp) {
@@ -150,25 +144,25 @@ impl ChildLinks {
         }
     }
 
-    fn index(&self, slot: usize, place: usize) -> Option<usize> {
+    pub(crate) fn index(&self, slot: usize, place: usize) -> Option<usize> {
         let mut of_slot = self.links.iter().enumerate().filter(|(_, link)| link.slot == slot);
         of_slot.nth(place).map(|(index, _)| index)
     }
 
     /// The refusal of the last command sent, if the child cannot obey it.
-    fn refusal<'s>(&self, status: &'s rcs::Status, sent: u64) -> Option<&'s rcs::Refusal> {
+    pub(crate) fn refusal<'s>(&self, status: &'s rcs::Status, sent: u64) -> Option<&'s rcs::Refusal> {
         let ours = |refused: &&rcs::Refusal| refused.serial == sent && *refused.writer == *self.me;
         status.refused.as_ref().filter(|refused| sent > 0 && !refused.no_authority && ours(refused))
     }
 
     /// Whether it obeys another commander, who has the authority over it, or had it when the last command arrived.
-    fn obeys_another(&self, status: &rcs::Status, sent: u64) -> bool {
+    pub(crate) fn obeys_another(&self, status: &rcs::Status, sent: u64) -> bool {
         let another = |name: &str| !name.is_empty() && *name != *self.me;
         another(&status.commander) && (another(&status.owner) || status.supervisor_serial >= sent)
     }
 
     /// State of a child that is not silent.
-    fn state_of(&self, index: usize, status: Option<&rcs::Status>) -> ChildState {
+    pub(crate) fn state_of(&self, index: usize, status: Option<&rcs::Status>) -> ChildState {
         let sent = self.state.sent[index];
         let Some(status) = status else {
             return if sent > 0 { ChildState::Exec } else { ChildState::Uninitialized };
@@ -186,71 +180,6 @@ impl ChildLinks {
             rcs::ProcessState::Done => ChildState::Done,
             rcs::ProcessState::Error => ChildState::Error,
         }
-    }
-}
-
-impl Cycle<'_> {
-    /// The children of a handle for a set.
-    pub fn members<C>(&self, children: &Children<C>) -> impl Iterator<Item = Child<C>> + use<C> {
-        let slot = children.slot;
-        let count = self.child_links.links.iter().filter(|link| link.slot == slot).count();
-        (0..count).map(move |place| Child::new(slot, place))
-    }
-
-    /// Sends a command to a child; `false` if the stack assigns no such child. The command becomes visible with the
-    /// other output of the cycle.
-    pub fn send<C: CommandSet>(&mut self, child: &Child<C>, order: impl Into<Order<C>>) -> bool {
-        let Some(index) = self.child_links.index(child.slot, child.place) else { return false };
-        let serial = &mut self.child_links.state.sent[index];
-        *serial += 1;
-        let message = AnyMessage::new(order.into().message(*serial, self.now));
-        let output = self.child_links.links[index].output;
-        self.staged.push(Staged { output, acq_time: self.now, message });
-        true
-    }
-
-    /// State of a child; `None` if the stack assigns no such child.
-    pub fn child_state<C>(&self, child: &Child<C>) -> Option<ChildState> {
-        let index = self.child_links.index(child.slot, child.place)?;
-        Some(self.judge(index, self.status_of(index)))
-    }
-
-    /// State of a child with the reason; `None` if the stack assigns no such child.
-    pub fn child<C>(&self, child: &Child<C>) -> Option<ChildReport> {
-        let index = self.child_links.index(child.slot, child.place)?;
-        let (link, sent) = (&self.child_links.links[index], self.child_links.state.sent[index]);
-        let status = self.status_of(index);
-        let state = self.judge(index, status);
-        let refusal = status.and_then(|status| self.child_links.refusal(status, sent));
-        let text = match (state, refusal, status) {
-            (ChildState::Silent, ..) => "posts no status".to_owned(),
-            (_, Some(refusal), _) => format!("refused {}: {}", refusal.command, refusal.reason),
-            (_, _, Some(status)) if status.supervisor_serial >= sent => status.state_text.clone(),
-            _ => "has not answered yet".to_owned(),
-        };
-        Some(ChildReport {
-            name: Arc::clone(&link.name),
-            state,
-            text,
-            is_ours: status.is_some_and(|status| *status.owner == *self.child_links.me),
-            obeys_another: status
-                .filter(|status| self.child_links.obeys_another(status, sent))
-                .map(|status| status.commander.clone()),
-        })
-    }
-
-    fn status_of(&self, index: usize) -> Option<&rcs::Status> {
-        self.inputs[self.child_links.links[index].input].latest.as_ref()?.message.get()
-    }
-
-    fn judge(&self, index: usize, status: Option<&rcs::Status>) -> ChildState {
-        let link = &self.child_links.links[index];
-        let heard = self.inputs[link.input].latest.as_ref().map(|sample| sample.header.log_time);
-        let heard = heard.or(self.child_links.state.since).unwrap_or(self.now);
-        if self.now >= heard.after_ns(link.silent_ns) {
-            return ChildState::Silent;
-        }
-        self.child_links.state_of(index, status)
     }
 }
 

@@ -29,6 +29,12 @@ pub trait CommandSet: Clone + Send + Sync + 'static {
     fn encode(&self) -> Encoded;
 }
 
+/// A type with commands of its own: every [`Process`](crate::Process).
+pub trait Obeys {
+    /// Its own commands.
+    type Own: CommandSet;
+}
+
 /// A command that a process obeys.
 #[derive(Clone, Copy, Debug)]
 pub struct CommandDef {
@@ -241,3 +247,6 @@ pub const BUILT_IN: &[CommandDef] = &[
 
 /// Decodes a command into the process's own enum.
 pub(crate) type Typed = Arc<dyn Any + Send + Sync>;
+
+/// Decodes a message to a command of one type of process; an error says what is wrong with the message.
+pub(crate) type Decode = fn(&rcs::Command) -> Result<Typed, String>;

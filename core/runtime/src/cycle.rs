@@ -1,8 +1,9 @@
 //! The context of one cycle of a process.
 
-use crate::children::ChildLinks;
+use crate::children::{Child, ChildLinks, ChildReport, ChildState, Children};
+use crate::command::{CommandSet, Obeys, Order};
 use crate::pool::Pool;
-use crate::process::{In, Out, Process};
+use crate::ports::{In, Out};
 use crate::register::Register;
 use crate::status::{StatusCell, Text};
 use rand_chacha::ChaCha8Rng;
@@ -11,6 +12,7 @@ use rcs_msg::{AnyMessage, DeferredSource, Payload, Stamp, rcs};
 use std::collections::VecDeque;
 use std::marker::PhantomData;
 use std::ops::Deref;
+use std::sync::Arc;
 
 /// The context of one cycle: the inputs at its start, and all operations of a process.
 ///
@@ -147,12 +149,12 @@ impl Cycle<'_> {
 
     /// The next of the process's own commands since its last cycle; to be called repeatedly. Commands that are not read
     /// in this cycle are not returned again, but the last one stays in force: [`Cycle::command`].
-    pub fn next_command<P: Process>(&mut self) -> Option<P::Command> {
-        self.register.next()?.downcast_ref::<P::Command>().cloned()
+    pub fn next_command<P: Obeys>(&mut self) -> Option<P::Own> {
+        self.register.next()?.downcast_ref::<P::Own>().cloned()
     }
 
     /// The process's own command in force: the last one since `RUN`.
-    pub fn command<P: Process>(&self) -> Option<&P::Command> {
+    pub fn command<P: Obeys>(&self) -> Option<&P::Own> {
         self.register.standing()?.downcast_ref()
     }
 
@@ -192,5 +194,68 @@ impl Cycle<'_> {
     /// Threads for parallel work.
     pub fn pool(&self) -> &Pool {
         self.pool
+    }
+
+    /// The children of a handle for a set.
+    pub fn members<C>(&self, children: &Children<C>) -> impl Iterator<Item = Child<C>> + use<C> {
+        let slot = children.slot;
+        let count = self.child_links.links.iter().filter(|link| link.slot == slot).count();
+        (0..count).map(move |place| Child::new(slot, place))
+    }
+
+    /// Sends a command to a child; `false` if the stack assigns no such child. The command becomes visible with the
+    /// other output of the cycle.
+    pub fn send<C: CommandSet>(&mut self, child: &Child<C>, order: impl Into<Order<C>>) -> bool {
+        let Some(index) = self.child_links.index(child.slot, child.place) else { return false };
+        let serial = &mut self.child_links.state.sent[index];
+        *serial += 1;
+        let message = AnyMessage::new(order.into().message(*serial, self.now));
+        let output = self.child_links.links[index].output;
+        self.staged.push(Staged { output, acq_time: self.now, message });
+        true
+    }
+
+    /// State of a child; `None` if the stack assigns no such child.
+    pub fn child_state<C>(&self, child: &Child<C>) -> Option<ChildState> {
+        let index = self.child_links.index(child.slot, child.place)?;
+        Some(self.judge(index, self.status_of(index)))
+    }
+
+    /// State of a child with the reason; `None` if the stack assigns no such child.
+    pub fn child<C>(&self, child: &Child<C>) -> Option<ChildReport> {
+        let index = self.child_links.index(child.slot, child.place)?;
+        let (link, sent) = (&self.child_links.links[index], self.child_links.state.sent[index]);
+        let status = self.status_of(index);
+        let state = self.judge(index, status);
+        let refusal = status.and_then(|status| self.child_links.refusal(status, sent));
+        let text = match (state, refusal, status) {
+            (ChildState::Silent, ..) => "posts no status".to_owned(),
+            (_, Some(refusal), _) => format!("refused {}: {}", refusal.command, refusal.reason),
+            (_, _, Some(status)) if status.supervisor_serial >= sent => status.state_text.clone(),
+            _ => "has not answered yet".to_owned(),
+        };
+        Some(ChildReport {
+            name: Arc::clone(&link.name),
+            state,
+            text,
+            is_ours: status.is_some_and(|status| *status.owner == *self.child_links.me),
+            obeys_another: status
+                .filter(|status| self.child_links.obeys_another(status, sent))
+                .map(|status| status.commander.clone()),
+        })
+    }
+
+    fn status_of(&self, index: usize) -> Option<&rcs::Status> {
+        self.inputs[self.child_links.links[index].input].latest.as_ref()?.message.get()
+    }
+
+    fn judge(&self, index: usize, status: Option<&rcs::Status>) -> ChildState {
+        let link = &self.child_links.links[index];
+        let heard = self.inputs[link.input].latest.as_ref().map(|sample| sample.header.log_time);
+        let heard = heard.or(self.child_links.state.since).unwrap_or(self.now);
+        if self.now >= heard.after_ns(link.silent_ns) {
+            return ChildState::Silent;
+        }
+        self.child_links.state_of(index, status)
     }
 }

@@ -2,14 +2,13 @@
 
 use crate::error::RunError;
 use crate::journal::ExternalEvent;
-use crate::node::Node;
+use crate::node::{Node, check_params};
 use crate::options::RunOptions;
 use crate::overrides::{Change, OverrideTable};
 use crate::stack::{Plan, ProcessPlan, names};
 use crate::workers::Slot;
-use prost_reflect::DynamicMessage;
 use rcs_bus::{Buffer, Draft, OverrideValue, WriterId};
-use rcs_msg::{AnyMessage, Stamp, params, rcs};
+use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::sync::Arc;
 
 /// An external event that has been checked and can take effect at once.
@@ -164,13 +163,4 @@ impl Machine {
         }
         Ok(())
     }
-}
-
-/// Refuses parameters that are NaN or out of range; the error contains the range.
-pub(crate) fn check_params(message: &AnyMessage) -> Result<(), String> {
-    let schema = message.schema();
-    let Some(descriptor) = schema.descriptor() else { return Ok(()) };
-    let message =
-        DynamicMessage::decode(descriptor.clone(), message.bytes()).map_err(|error| error.to_string())?;
-    params::check(&message).map_err(|error| error.to_string())
 }

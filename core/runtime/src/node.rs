@@ -1,17 +1,17 @@
 //! A process with its ports: captures inputs, runs one cycle, publishes its output. Both executors use it.
 
-use crate::children::{ChildLinks, ChildLinksState};
+use crate::children::{ChildLinks, ChildLinksState, Link};
 use crate::cycle::{Cycle, InputView, Staged};
-use crate::machine::check_params;
 use crate::pool::Pool;
 use crate::process::{Body, SavedState};
 use crate::register::{CommandOutcome, CommandSources, Phase, Register};
-use crate::stack::Plan;
+use crate::stack::{ChildPlan, Plan, ProcessPlan};
 use crate::status::{StatusCell, StatusRecord};
+use prost_reflect::DynamicMessage;
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
 use rcs_bus::{Buffer, Draft, Reader, Sample, Writer, WriterId};
-use rcs_msg::{AnyMessage, Stamp, rcs};
+use rcs_msg::{AnyMessage, Stamp, params, rcs};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -146,7 +146,7 @@ impl Node {
                 names: Arc::clone(names),
             },
             register: Register::default(),
-            child_links: ChildLinks::new(plan, index),
+            child_links: links_of(plan, process),
             panicked: false,
             rng: ChaCha8Rng::from_seed(*hash.as_bytes()),
             seed: *hash.as_bytes(),
@@ -209,7 +209,8 @@ impl Node {
     }
 
     fn take_command(&mut self, sample: &Sample) {
-        let outcome = self.register.take(sample, &self.sources, &self.kind, self.panicked, &mut self.status);
+        let outcome =
+            self.register.take(sample, &self.sources, self.kind.decoder(), self.panicked, &mut self.status);
         if outcome == CommandOutcome::Reset {
             // The new state is created from the newest parameters.
             for message in std::mem::take(&mut self.new_params) {
@@ -334,7 +335,7 @@ impl Node {
         self.status = state.status.clone();
         self.register = state.register.clone();
         self.register
-            .decode(&self.kind)
+            .decode(self.kind.decoder())
             .map_err(|error| format!("the commands of {} do not decode: {error}", self.status.process()))?;
         self.child_links.state = state.child_links.clone();
         self.panicked = state.panicked;
@@ -344,6 +345,26 @@ impl Node {
         self.new_messages.set();
         Ok(())
     }
+}
+
+/// Links to the children of a process of the plan. The statuses of the children follow its own inputs, commands to them
+/// its own outputs.
+fn links_of(plan: &Plan, process: &ProcessPlan) -> ChildLinks {
+    let link = |(index, child): (usize, &ChildPlan)| {
+        let of = &plan.processes[child.process];
+        let (input, output) = (process.inputs.len() + index, process.outputs.len() + index);
+        Link::new(child.slot, Arc::clone(&of.name), [input, output], of.period_ns, of.latency_ns)
+    };
+    ChildLinks::new(Arc::clone(&process.name), process.children.iter().enumerate().map(link).collect())
+}
+
+/// Refuses parameters that are NaN or out of range; the error contains the range.
+pub(crate) fn check_params(message: &AnyMessage) -> Result<(), String> {
+    let schema = message.schema();
+    let Some(descriptor) = schema.descriptor() else { return Ok(()) };
+    let message =
+        DynamicMessage::decode(descriptor.clone(), message.bytes()).map_err(|error| error.to_string())?;
+    params::check(&message).map_err(|error| error.to_string())
 }
 
 /// The text of a panic.

@@ -15,8 +15,7 @@
 //! command is accepted. An accepted command is echoed together with `EXEC` in the next status, before the process can
 //! report anything else.
 
-use crate::command::{HALT, INIT, RELEASE, RUN, TAKE, Typed, no_parameters};
-use crate::process::ProcessType;
+use crate::command::{Decode, HALT, INIT, RELEASE, RUN, TAKE, Typed, no_parameters};
 use crate::status::StatusCell;
 use rcs_bus::{Sample, WriterId};
 use rcs_msg::{Stamp, rcs};
@@ -166,7 +165,7 @@ impl Register {
         &mut self,
         sample: &Sample,
         sources: &CommandSources,
-        kind: &ProcessType,
+        decode: Decode,
         panicked: bool,
         status: &mut StatusCell,
     ) -> CommandOutcome {
@@ -203,7 +202,7 @@ impl Register {
         obeyed.command.clone_from(&command.name);
         obeyed.commander.clone_from(&writer);
         obeyed.echo_serial = command.serial;
-        match self.accept(&command, kind, panicked, status.text()) {
+        match self.accept(&command, decode, panicked, status.text()) {
             Ok(outcome) => {
                 self.is_new = true;
                 status.obeyed_mut().rejected = None;
@@ -252,7 +251,7 @@ impl Register {
     fn accept(
         &mut self,
         command: &rcs::Command,
-        kind: &ProcessType,
+        decode: Decode,
         panicked: bool,
         state_text: &str,
     ) -> Result<CommandOutcome, String> {
@@ -268,7 +267,7 @@ impl Register {
                 no_parameters(command)?;
                 None
             }
-            None => Some(kind.decode(command)?),
+            None => Some(decode(command)?),
         };
         if panicked && phase != Some(Phase::Init) {
             return Err(format!("{name} needs a process that works; this one {state_text}; expected INIT"));
@@ -295,10 +294,10 @@ impl Register {
     }
 
     /// Decodes the commands of a register from disk; an error if they belong to another kind of process.
-    pub(crate) fn decode(&mut self, kind: &ProcessType) -> Result<(), String> {
+    pub(crate) fn decode(&mut self, decode: Decode) -> Result<(), String> {
         for accepted in self.pending.iter_mut().chain(&mut self.standing) {
             if accepted.typed.is_none() {
-                accepted.typed = Some(kind.decode(&accepted.message)?);
+                accepted.typed = Some(decode(&accepted.message)?);
             }
         }
         Ok(())

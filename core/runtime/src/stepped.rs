@@ -8,18 +8,19 @@ use crate::error::RunError;
 use crate::feed::Feed;
 use crate::journal::{EventPlace, ExternalEvent, Journal};
 use crate::machine::{CheckedEvent, Machine};
+use crate::node::Node;
 use crate::options::RunOptions;
 use crate::pool::Pool;
 use crate::script::{Refused, Repeated, ScheduledCycle, Script};
-use crate::stack::{Plan, names};
-use crate::summary::{Tallies, tap_tallies};
+use crate::stack::{Plan, ProcessPlan, names};
+use crate::summary::{BufferSummary, CycleTimes, ProcessSummary, Summary, Tallies, summary_of, tap_tallies};
 use crate::workers::{CycleWork, PendingOutput, Slot, Workers};
 use rcs_bus::{Buffer, Bus, Draft, WriterId};
 use rcs_log::Log;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, OnceLock, PoisonError};
 
 /// A cycle with a shorter latency computes on the executor's own thread, because handing it over would take longer.
 const WORTH_SENDING_NS: u64 = 1_000_000;
@@ -447,6 +448,46 @@ impl Stepped {
                 tracing::warn!("{error}");
             }
         }
+    }
+
+    /// The durations known so far; does not wait for cycles that are computing.
+    pub(crate) fn timing(&self) -> rcs::Timing {
+        let timing = |(slot, process): (&Slot, &ProcessPlan)| {
+            let times = slot.times();
+            rcs::ProcessTiming {
+                process: process.name.to_string(),
+                cycles: times.begun,
+                mean_us: times.mean_us(),
+                max_us: times.max_us(),
+                overruns: times.overruns,
+                ..rcs::ProcessTiming::default()
+            }
+        };
+        rcs::Timing {
+            timestamp: Some(self.now.to_proto()),
+            processes: self.machine().nodes.iter().zip(&self.plan().processes).map(timing).collect(),
+            lag_s: 0.0,
+        }
+    }
+
+    pub(crate) fn process_summaries(&self) -> Vec<ProcessSummary> {
+        let summary = |node: &Node, times: &CycleTimes| {
+            let status = node.status();
+            ProcessSummary::new(status.process(), status.state(), status.cycle, times)
+        };
+        self.machine().nodes.iter().map(|slot| slot.look(summary)).collect()
+    }
+
+    /// The summary of the run so far.
+    pub fn summary(&self) -> Summary {
+        let tallies = self
+            .tallies
+            .as_ref()
+            .map(|tallies| tallies.lock().unwrap_or_else(PoisonError::into_inner).clone());
+        let of =
+            |(index, buffer)| BufferSummary::new(buffer, tallies.as_ref().map(|tallies| &tallies[index]));
+        let buffers = self.machine().buffers.iter().enumerate().map(of).collect();
+        summary_of(self.now.seconds_since(self.start), self.process_summaries(), buffers)
     }
 
     /// The run's buffers.

@@ -1,9 +1,6 @@
 //! Summary of a run: cycles, messages, and a hash of everything that was written.
 
-use crate::node::Node;
-use crate::stack::{ProcessPlan, names};
-use crate::stepped::Stepped;
-use crate::workers::Slot;
+use crate::stack::names;
 use rcs_bus::{Buffer, Sample};
 use rcs_msg::rcs;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -43,13 +40,13 @@ impl Tally {
 /// the system is not for good.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct CycleTimes {
-    begun: u64,
+    pub(crate) begun: u64,
     /// All cycles before this one are measured.
     watched_until: u64,
     measured: u64,
     total_ns: u64,
     max_ns: u64,
-    overruns: u64,
+    pub(crate) overruns: u64,
 }
 
 /// A process whose cycles take less is cheap.
@@ -68,11 +65,11 @@ impl CycleTimes {
     }
 
     /// Mean of the measured durations.
-    fn mean_us(&self) -> f64 {
+    pub(crate) fn mean_us(&self) -> f64 {
         self.total_ns as f64 * 1e-3 / self.measured.max(1) as f64
     }
 
-    fn max_us(&self) -> f64 {
+    pub(crate) fn max_us(&self) -> f64 {
         self.max_ns as f64 * 1e-3
     }
 
@@ -100,48 +97,6 @@ pub(crate) fn tap_tallies(buffers: &[Arc<Buffer>]) -> Tallies {
         }));
     }
     tallies
-}
-
-impl Stepped {
-    /// The durations known so far; does not wait for cycles that are computing.
-    pub(crate) fn timing(&self) -> rcs::Timing {
-        let timing = |(slot, process): (&Slot, &ProcessPlan)| {
-            let times = slot.times();
-            rcs::ProcessTiming {
-                process: process.name.to_string(),
-                cycles: times.begun,
-                mean_us: times.mean_us(),
-                max_us: times.max_us(),
-                overruns: times.overruns,
-                ..rcs::ProcessTiming::default()
-            }
-        };
-        rcs::Timing {
-            timestamp: Some(self.now.to_proto()),
-            processes: self.machine().nodes.iter().zip(&self.plan().processes).map(timing).collect(),
-            lag_s: 0.0,
-        }
-    }
-
-    pub(crate) fn process_summaries(&self) -> Vec<ProcessSummary> {
-        let summary = |node: &Node, times: &CycleTimes| {
-            let status = node.status();
-            ProcessSummary::new(status.process(), status.state(), status.cycle, times)
-        };
-        self.machine().nodes.iter().map(|slot| slot.look(summary)).collect()
-    }
-
-    /// The summary of the run so far.
-    pub fn summary(&self) -> Summary {
-        let tallies = self
-            .tallies
-            .as_ref()
-            .map(|tallies| tallies.lock().unwrap_or_else(PoisonError::into_inner).clone());
-        let of =
-            |(index, buffer)| BufferSummary::new(buffer, tallies.as_ref().map(|tallies| &tallies[index]));
-        let buffers = self.machine().buffers.iter().enumerate().map(of).collect();
-        summary_of(self.now.seconds_since(self.start), self.process_summaries(), buffers)
-    }
 }
 
 /// A summary with the buffers by name and the hash of all of them.
