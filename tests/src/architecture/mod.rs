@@ -3,6 +3,7 @@
 //! Every rule is a function from its input to a list of violations. Each rule also has a test with a violation that it
 //! must find, because a rule that cannot fail protects nothing.
 
+mod circles;
 mod code;
 mod dependencies;
 mod lists;
