@@ -17,7 +17,7 @@
 //! let mut bench = Setup::new(stack, &[my_plugin]).bench();
 //! bench.cycles(100, 3);
 //! let status: rcs::Status = bench.latest("/p/status");
-//! assert_eq!((status.heartbeat, bench.faults("p").0), (3, 0));
+//! assert_eq!((status.cycle, bench.faults("p").0), (3, 0));
 //! # }
 //! ```
 
