@@ -1,4 +1,4 @@
-//! What can be wrong with a calibration.
+//! Errors in calibrations and images.
 
 /// Why calibration numbers do not describe a camera, or why an image does not belong to it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -10,9 +10,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Greatest number of problems of one kind that are described.
 const MOST_TOLD: usize = 20;
-/// Larger messages are not decoded: as a tree one can be many times its size.
+/// Greatest size of messages that are decoded: as a tree a message can take many times its size.
 const LARGEST_DECODED: usize = 32 << 20;
-/// Larger message indexes are not read.
+/// Greatest size of message indexes that are read.
 const INDEX_LIMIT: u64 = 64 << 20;
 
 /// Result of checking a complete log.

@@ -1,4 +1,4 @@
-//! What defines a type of messages, as a log holds it.
+//! Definitions of message types, as stored in logs.
 
 use bytes::Bytes;
 
@@ -37,7 +37,7 @@ impl MessageEncoding {
     }
 }
 
-/// The definition of a type of messages: what a [`Schema`](crate::Schema) holds, and what a reader is made from.
+/// The definition of a message type: the content of a [`Schema`](crate::Schema), from which a reader is made.
 #[derive(Debug)]
 pub(crate) struct Definition {
     /// Full name: `foxglove.Grid`, `sensor_msgs/msg/Image`.

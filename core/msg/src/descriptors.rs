@@ -1,11 +1,12 @@
-//! Descriptors of the messages in the registry: a schema of a log that is one of them needs no pool of its own.
+//! Descriptors of the registered messages, so that a log's schema of a registered type needs no descriptor pool of its
+//! own.
 
 use bytes::Bytes;
 use prost_reflect::MessageDescriptor;
 use std::collections::BTreeMap;
 use std::sync::{LazyLock, PoisonError, RwLock, RwLockReadGuard};
 
-/// A message type with its descriptor and with the file descriptor set that logs hold of it.
+/// A message type with its descriptor, and the file descriptor set that logs contain for it.
 #[derive(Clone)]
 pub(crate) struct Described {
     pub(crate) descriptor: MessageDescriptor,
@@ -14,7 +15,7 @@ pub(crate) struct Described {
 
 type ByName = BTreeMap<String, Described>;
 
-/// By full name; those of this crate from the start.
+/// By full name; those of this crate are there from the start.
 static REGISTERED: LazyLock<RwLock<ByName>> = LazyLock::new(|| {
     let own = crate::messages::BUNDLE.described().iter();
     let own = own.map(|described| (described.descriptor.full_name().to_owned(), described.clone()));
@@ -25,7 +26,7 @@ fn read() -> RwLockReadGuard<'static, ByName> {
     REGISTERED.read().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Adds types; one that is there already stays.
+/// Adds types; types that are already there do not change.
 pub(crate) fn add(types: &[Described]) {
     let mut registered = REGISTERED.write().unwrap_or_else(PoisonError::into_inner);
     for described in types {
@@ -33,12 +34,12 @@ pub(crate) fn add(types: &[Described]) {
     }
 }
 
-/// The descriptor of that name, if `data` is what defines it.
+/// The descriptor with this name, if `data` is its definition.
 pub(crate) fn registered(name: &str, data: &Bytes) -> Option<MessageDescriptor> {
     read().get(name).filter(|known| known.data == data).map(|known| known.descriptor.clone())
 }
 
-/// The descriptor of that name.
+/// The descriptor with this name.
 pub(crate) fn named(name: &str) -> Option<MessageDescriptor> {
     read().get(name).map(|known| known.descriptor.clone())
 }

@@ -105,7 +105,7 @@ fn scalar(value: &Value) -> Option<Scalar> {
         Value::Int(v) => Scalar::Int(v),
         Value::Uint(v) => Scalar::Uint(v),
         Value::Float(v) => Scalar::Float(v),
-        // Arrays of floating-point numbers take it as a number; all others refuse it.
+        // Arrays of floating-point numbers accept it as a number; all others refuse it.
         Value::Enum { number, .. } => Scalar::Float(number.into()),
         _ => return None,
     })

@@ -99,7 +99,7 @@ pub enum Scalar {
 }
 
 impl Scalar {
-    /// The number, rounded where it needs more than 53 bits; a boolean is 0 or 1.
+    /// The number, rounded if it needs more than 53 bits; a boolean is 0 or 1.
     pub fn as_f64(self) -> f64 {
         match self {
             Self::Bool(v) => f64::from(u8::from(v)),

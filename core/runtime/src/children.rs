@@ -111,7 +111,7 @@ pub(crate) struct Link {
 }
 
 impl Link {
-    /// A child whose status is one of the node's inputs and whose commands are one of the outputs.
+    /// Adds a child whose status is one of the node's inputs, and whose commands are one of its outputs.
     pub(crate) fn new(slot: usize, name: Arc<str>, at: [usize; 2], period_ns: u64, latency_ns: u64) -> Self {
         let [input, output] = at;
         let silent_ns = (SILENT_PERIODS * period_ns + latency_ns).max(SILENT_NS);

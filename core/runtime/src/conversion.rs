@@ -1,4 +1,4 @@
-//! Conversion of messages of a log to the types of buffers.
+//! Converts messages of a log to the types of buffers.
 
 use rcs_msg::foxglove::CompressedImage;
 use rcs_msg::{AnyMessage, Schema};

@@ -165,8 +165,8 @@ impl<T> OutBuilder<'_, T> {
         self.with("rcs.overlay_of", port)
     }
 
-    /// Marks the output as ground truth of a simulation: only processes with [`ProcessDef::reads_ground_truth`](crate::ProcessDef::reads_ground_truth) may
-    /// read it.
+    /// Marks the output as ground truth of a simulation: only processes with
+    /// [`ProcessDef::reads_ground_truth`](crate::ProcessDef::reads_ground_truth) may read it.
     #[must_use]
     pub fn truth(self) -> Self {
         self.with("rcs.ground_truth", "true")

@@ -1,4 +1,4 @@
-//! What the message of a map contains.
+//! Options of a map's message.
 
 use crate::{Sources, Weights};
 

@@ -1,32 +1,32 @@
-//! No circles between the files of a crate: a reader who begins at any file meets no file that needs the one it began
-//! with.
+//! Dependencies between the files of a crate have no cycles, so that every file can be read without the files that use
+//! it.
 //!
 //! A file depends on another one if a path in it leads there: in a `use`, or in the code (`crate::a::b`, `super::b`, a
-//! child module's `b::c`). A path to a name that a module imports from elsewhere leads to where the name comes from, so
-//! that `crate::Plan` is the file that defines `Plan`, not the crate's root. What a file imports only to pass it on
-//! (`pub use entry::Entry`) is no dependence of its own. Tests are left out.
+//! child module's `b::c`). A path to an imported name leads to the definition of the name, so that `crate::Plan` is the
+//! file that defines `Plan`, not the crate's root. A re-export (`pub use entry::Entry`) is not a dependency. Tests are
+//! excluded.
 //!
-//! What the rule does not see:
+//! The rule does not detect:
 //!
-//! - Methods: a call of one is no path. Two files with parts of one type's `impl` depend on each other unseen.
-//! - What a file uses of the modules that it lies in (`super::Session` in `history/fill.rs`): the file at the head of a
-//!   folder says what the files in it share. A circle that goes through it and through a third file is found.
-//! - What the crate's root defines itself, and imports with `*`.
+//! - Method calls, which are not paths. Two files with parts of one type's `impl` may depend on each other undetected.
+//! - What a file uses of its parent modules (`super::Session` in `history/fill.rs`), because the file at the head of a
+//!   folder contains what the files in it share. A cycle through it and a third file is detected.
+//! - Definitions of the crate's root, and imports with `*`.
 
 use super::assert_kept;
 use super::code::code_only;
 use super::tree::{Source, packages, sources};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A module as the names that lead to it from the crate's root.
+/// A module, as the path from the crate's root.
 type Module = Vec<String>;
 
-/// A path in a file: its names, and the name by which the file knows it where it is imported.
+/// A path in a file: its names and, if it is imported, the local name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Named {
     path: Vec<String>,
     alias: Option<String>,
-    /// Imported for others alone: the file itself does not use the name.
+    /// A re-export: the file itself does not use the name.
     is_passed_on: bool,
 }
 
@@ -37,7 +37,7 @@ struct File {
     paths: Vec<Named>,
 }
 
-/// Words and punctuation of code; `::` is one token.
+/// Words and punctuation of the code; `::` is one token.
 fn tokens(code: &str) -> Vec<&str> {
     let mut tokens = Vec::new();
     let mut rest = code.trim_start();
@@ -60,7 +60,7 @@ fn is_name(token: &str) -> bool {
     token.starts_with(|c: char| c.is_alphabetic() || c == '_')
 }
 
-/// The tree of a `use` that begins at `at`, below `above`; where it ends.
+/// Parses the tree of a `use` that begins at `at`, below `above`; returns its end.
 fn use_tree(tokens: &[&str], mut at: usize, above: &[String], found: &mut Vec<Named>) -> usize {
     let mut path = above.to_vec();
     loop {
@@ -94,7 +94,7 @@ fn use_tree(tokens: &[&str], mut at: usize, above: &[String], found: &mut Vec<Na
     at
 }
 
-/// Every path of two names or more in code, and everything that it imports.
+/// Every path of two names or more in the code, and all imports.
 fn paths(code: &str) -> Vec<Named> {
     let tokens = tokens(code);
     let mut found = Vec::new();
@@ -123,7 +123,7 @@ fn paths(code: &str) -> Vec<Named> {
     found
 }
 
-/// The text before the tests that end it, and the modules of it that are tests in files of their own.
+/// The text before the tests at its end, and those of its modules that are tests in separate files.
 fn without_tests(text: &str) -> (&str, Vec<String>) {
     let mut test_files = Vec::new();
     for (start, attribute) in text.match_indices("#[cfg(test)]\n") {
@@ -139,7 +139,7 @@ fn without_tests(text: &str) -> (&str, Vec<String>) {
     (text, test_files)
 }
 
-/// The files of a crate by their modules; `sources` are those below its `src`.
+/// The files of a crate by module; `sources` are the files below its `src`.
 fn files(src: &str, sources: &[Source]) -> BTreeMap<Module, File> {
     let mut tests = BTreeSet::new();
     let mut files = BTreeMap::new();
@@ -153,7 +153,7 @@ fn files(src: &str, sources: &[Source]) -> BTreeMap<Module, File> {
             if is_root(name) { Vec::new() } else { module.split('/').map(str::to_owned).collect() };
         let (text, test_files) = without_tests(&source.text);
         tests.extend(test_files.into_iter().map(|test| [module.clone(), vec![test]].concat()));
-        // A program's `main.rs` beside a library has that library's modules through its name alone.
+        // The `main.rs` of a program with a library uses the library's modules through the library's name only.
         if name == "main.rs" && files.contains_key(&Module::new()) {
             continue;
         }
@@ -167,7 +167,7 @@ fn files(src: &str, sources: &[Source]) -> BTreeMap<Module, File> {
     files
 }
 
-/// The module that a path in `from` leads to; `seen` are the imports that have been followed already.
+/// The module to which a path in `from` leads; `seen` are the imports that have been followed already.
 fn resolve(
     files: &BTreeMap<Module, File>,
     from: &Module,
@@ -203,14 +203,14 @@ fn resolve(
     module
 }
 
-/// Whether a path in a module begins within its crate.
+/// Whether a path in a module begins within the crate.
 fn leads_inside(files: &BTreeMap<Module, File>, module: &Module, path: &[String]) -> bool {
     let Some(first) = path.first() else { return false };
     let is_child = || files.contains_key(&[module.clone(), vec![first.clone()]].concat());
     ["crate", "super", "self"].contains(&first.as_str()) || is_child()
 }
 
-/// What each file of a crate depends on, each with the first path that says so.
+/// The dependencies of each file of a crate, each with the first path that causes it.
 fn dependencies(files: &BTreeMap<Module, File>) -> BTreeMap<&Module, BTreeMap<Module, String>> {
     let of = |(module, file): (&'_ Module, &'_ File)| {
         let mut found = BTreeMap::new();
@@ -226,7 +226,7 @@ fn dependencies(files: &BTreeMap<Module, File>) -> BTreeMap<&Module, BTreeMap<Mo
     files.iter().map(|entry| (entry.0, of(entry))).collect()
 }
 
-/// Every circle of a crate's files, with the dependencies that make it.
+/// Every cycle among a crate's files, with the dependencies that form it.
 fn circles(src: &str, sources: &[Source]) -> Vec<String> {
     let files = files(src, sources);
     let dependencies = dependencies(&files);

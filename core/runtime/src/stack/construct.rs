@@ -1,4 +1,4 @@
-//! Makes a plan: from a stack file and the list of plugins, or from the identity of a recorded run.
+//! Construction of plans: from a stack file and the list of plugins, or from the identity of a recorded run.
 
 use super::assets::NoAssets;
 use super::builder::Builder;
