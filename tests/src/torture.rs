@@ -174,7 +174,11 @@ fn ours(compress: bool) -> Bytes {
     let mut writer = LogWriter::with_sink(Box::new(sink.clone()), PathBuf::new(), options).expect("a writer");
     let schema = rcs_msg::registry().schema("foxglove.Pose").expect("a schema");
     let channels: Vec<_> = (0..3)
-        .map(|i| writer.add_channel(&format!("/{i}"), schema, &Default::default()).expect("a channel"))
+        .map(|i| {
+            writer
+                .add_channel(&format!("/{i}"), schema, &std::collections::BTreeMap::default())
+                .expect("a channel")
+        })
         .collect();
     let mut numbers = Numbers::of(0);
     for index in 0..3000 {
@@ -238,7 +242,7 @@ fn mutant(original: &Original, numbers: &mut Numbers) -> (Vec<u8>, Vec<(usize, u
         }
         3 => {
             let at = numbers.below(bytes.len());
-            let noise: Vec<u8> = (0..1 + numbers.below(2000)).map(|_| numbers.next() as u8).collect();
+            let noise: Vec<u8> = (0..=numbers.below(2000)).map(|_| numbers.next() as u8).collect();
             put(&mut bytes, &mut touched, at, &noise);
         }
         4 | 5 => {
@@ -249,7 +253,7 @@ fn mutant(original: &Original, numbers: &mut Numbers) -> (Vec<u8>, Vec<(usize, u
         }
         6 => {
             let at = 8 + numbers.below(bytes.len() - 8);
-            let noise: Vec<u8> = (0..1 + numbers.below(3000)).map(|_| numbers.next() as u8).collect();
+            let noise: Vec<u8> = (0..=numbers.below(3000)).map(|_| numbers.next() as u8).collect();
             bytes.splice(at..at, noise);
             touched.push((at.saturating_sub(1), at + 1));
         }

@@ -33,7 +33,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String, String> {
     FILES_READ.lock().unwrap_or_else(PoisonError::into_inner).insert(path.to_owned());
     String::from_utf8(bytes).map_err(|error| {
         let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        let line = good.iter().filter(|byte| **byte == b'\n').count() + 1;
+        let line = good.split(|byte| *byte == b'\n').count();
         format!("line {line} is no text in UTF-8")
     })
 }

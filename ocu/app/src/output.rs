@@ -166,7 +166,7 @@ mod tests {
         assert!(refused(false, other).unwrap().contains("exists already"));
         assert_eq!(refused(true, other), None);
         assert_eq!(refused(false, |dir| dir.join("new")), None);
-        assert!(refused(true, |dir| dir.to_owned()).unwrap().contains("a folder"));
+        assert!(refused(true, ToOwned::to_owned).unwrap().contains("a folder"));
         assert!(refused(true, |_| "/dev/null".into()).unwrap().contains("a device"));
         assert!(refused(true, |dir| dir.join("no/new")).unwrap().contains("a folder that is there"));
     }

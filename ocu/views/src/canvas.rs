@@ -79,6 +79,7 @@ impl Viewport {
 }
 
 /// Converts a screen coordinate and clamps it, so that sums of coordinates of huge shapes stay finite.
+#[expect(clippy::manual_clamp, reason = "`clamp` returns NaN for NaN; this returns a finite number")]
 fn on_screen(v: f64) -> f32 {
     const FAR: f64 = 1e6;
     v.max(-FAR).min(FAR) as f32

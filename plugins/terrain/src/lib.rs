@@ -36,7 +36,7 @@
 //! 3. A cell with enough points of one label becomes a model, or is merged with the model that it resembles.
 //! 4. Cells whose cost has changed are sent, with the obstacle fraction of their model where they have one.
 //! 5. Cells under the vehicle, and cells that the bumper hits, add experience (Albus 2006b, 3.6: learning by
-//!   experience).
+//!    experience).
 //!
 //! Unusable data are reported as a fault and skipped, and nothing is sent: an image of another size than its
 //! calibration; labels or depth of another size or time than every image; an image that is black, saturated or equal to

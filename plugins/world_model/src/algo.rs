@@ -24,7 +24,7 @@ pub struct VoteOrigin {
 pub struct Taken {
     /// Cells that took a vote.
     pub votes: u64,
-    /// VoteOrigin for cells outside of the map.
+    /// Votes for cells outside of the map.
     pub outside: u64,
 }
 

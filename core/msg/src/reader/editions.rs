@@ -169,11 +169,11 @@ fn settle(
     implicit: &mut bool,
 ) {
     let here = outer.with(features.options.and_then(|options| options.features));
-    let is_entry = message.options.as_ref().is_some_and(|options| options.map_entry());
+    let is_entry = message.options.as_ref().is_some_and(prost_types::MessageOptions::map_entry);
     let maps: Vec<String> = message
         .nested_type
         .iter()
-        .filter(|nested| nested.options.as_ref().is_some_and(|options| options.map_entry()))
+        .filter(|nested| nested.options.as_ref().is_some_and(prost_types::MessageOptions::map_entry))
         .map(|nested| format!(".{}", nested.name()))
         .collect();
     for (field, own) in message.field.iter_mut().zip(&features.field) {

@@ -18,6 +18,7 @@ use std::path::PathBuf;
                         computer, too; its recording repeats it with the same hash.\n\n\
                         --acts gives what an operator does, as a JSON list: [{\"at_s\": 1, \"buffer\": \
                         \"/operator/teleop\", \"message\": {\"speedMps\": 0.5}, \"every_s\": 0.05, \"until_s\": 3}].")]
+#[expect(clippy::struct_excessive_bools, reason = "each is an option of the command line")]
 pub struct RunArgs {
     /// Stack to run: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "STACK", required_unless_present = "replay")]

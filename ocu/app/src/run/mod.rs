@@ -85,7 +85,9 @@ fn check_files(args: &RunArgs) -> anyhow::Result<Files> {
     let named =
         [("the log", &args.log), ("the recording that is repeated", &args.replay), ("--acts", &args.acts)];
     for (what, path) in named {
-        path.iter().for_each(|path| files.reads(what, path));
+        if let Some(path) = path {
+            files.reads(what, path);
+        }
     }
     for (what, name) in [("the stack", &args.stack), ("the course", &args.course)] {
         name.iter().filter(|name| looks_like_path(name)).for_each(|name| files.reads(what, Path::new(name)));

@@ -30,15 +30,12 @@ fn put(value: &mut Value, number: f64, only: Option<usize>, seen: &mut usize) {
         Value::Uint(v) if is_next() => *v = number as u32 as u64,
         Value::Packed(packed) if is_next() => {
             let count = packed.len();
-            *packed = match packed.number() {
-                Number::F32 => {
-                    let bytes: Vec<u8> = (0..count).flat_map(|_| (number as f32).to_le_bytes()).collect();
-                    Packed::new(Number::F32, false, bytes.into())
-                }
-                _ => {
-                    let bytes: Vec<u8> = (0..count).flat_map(|_| number.to_le_bytes()).collect();
-                    Packed::new(Number::F64, false, bytes.into())
-                }
+            *packed = if packed.number() == Number::F32 {
+                let bytes: Vec<u8> = (0..count).flat_map(|_| (number as f32).to_le_bytes()).collect();
+                Packed::new(Number::F32, false, bytes.into())
+            } else {
+                let bytes: Vec<u8> = (0..count).flat_map(|_| number.to_le_bytes()).collect();
+                Packed::new(Number::F64, false, bytes.into())
             };
         }
         Value::Message(fields) => fields.iter_mut().for_each(|(_, value)| put(value, number, only, seen)),
