@@ -1,28 +1,28 @@
-//! How a cost map becomes votes (Albus 2006a, 4, Albus 2006b, 3.4).
+//! Conversion of cost maps to votes (Albus 2006a, 4, Albus 2006b, 3.4).
 
 use rcs_geom::{DVec2, DVec3};
 use rcs_msg::{Stamp, foxglove::Grid};
 use rcs_world::{Field, GridView, GridViewError, HeightStats, MAX_COST, Map, NumericType, Source, VoteRule};
 
-/// What every vote of a message has in common.
+/// Properties common to all votes of a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoteOrigin {
-    /// Who votes.
+    /// The voting source.
     pub source: Source,
-    /// Acquisition sequence of the message: provenance.
+    /// Sequence number of the message, stored as provenance.
     pub sequence: u32,
-    /// When it was sensed.
+    /// Acquisition time of the message.
     pub time: Stamp,
-    /// How much a vote counts.
+    /// Weight of a vote.
     pub rule: VoteRule,
     /// Ground heights that differ by less agree, m.
     pub height_tolerance_m: f32,
 }
 
-/// What a message did to the map.
+/// Result of a message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Taken {
-    /// Cells that took a vote.
+    /// Number of votes.
     pub votes: u64,
     /// Votes for cells outside of the map.
     pub outside: u64,
@@ -75,7 +75,7 @@ struct Heights<'a> {
 }
 
 impl<'a> Heights<'a> {
-    /// `None` where the grid lacks one of them.
+    /// `None` if the grid lacks one of them.
     fn find(view: &'a GridView<'a>, class: &str) -> Option<Heights<'a>> {
         let field = |number: &str| view.field(&format!("{class}.{number}")).ok();
         Some(Heights {
@@ -87,7 +87,7 @@ impl<'a> Heights<'a> {
         })
     }
 
-    /// Heights of a cell; none where a number is not finite.
+    /// Heights of a cell; the default if a number is not finite.
     fn get(&self, column: usize, row: usize) -> HeightStats {
         let number = |field: &Field<'_>| field.get(column, row).unwrap_or(f64::NAN);
         let (count, mean, variance) = (number(&self.count), number(&self.mean), number(&self.variance));
@@ -117,7 +117,7 @@ mod tests {
         VoteOrigin { source, sequence, time: Stamp(u64::from(sequence)), rule: RULE, height_tolerance_m: 0.2 }
     }
 
-    /// A cost map around (x, y) with one cost for every place of a list; the rest unknown.
+    /// A cost map around `centre` with the given costs at the given positions; all other cells are unknown.
     fn grid(centre: DVec2, source: Source, costs: &[(DVec2, u8)]) -> Grid {
         let mut map = Map::new(0.2).unwrap();
         map.recentre(centre).unwrap();

@@ -17,19 +17,39 @@
 //! | `vehicle` | out | `foxglove.PoseInFrame` | pose of the vehicle in the local frame, with each map |
 //! | `stats` | out | `rcs.WorldModelStats` | known and obstacle cells of the map |
 //!
-//! Period 50 ms: votes are taken at the sensors' rates; the map goes out 5 times a second. Command `CLEAR` forgets the
-//! map. State: the map (41 kB of shared tiles a snapshot where nothing changed), the last seconds of poses.
+//! Period 50 ms: votes are counted as cost maps arrive; the map is sent 5 times a second. Command `CLEAR` forgets the
+//! map. State: the map (41 kB of shared tiles per snapshot where nothing changed), the poses of the last seconds.
 //!
-//! Method: every cell of a cost map with a cost is one vote of its source for the ground under its middle. A vote for
-//! the class that the cell has raises that source's confidence by a constant, one against it lowers it (Oskard); the
-//! sources stay apart, and what goes out is fused by [`rcs_world::fuse`] with the weights of the parameters. The map
-//! scrolls so that the vehicle is in cell (100, 100). Rules and fields of the message: [`rcs_world`].
+//! It fuses costs. It does not interpret sensor data, which is the task of the sources, and it does not plan.
 //!
-//! The map goes out as [`rcs_world::MapMessage`], which shares its tiles with the process; it becomes a `foxglove.Grid`
-//! for those who do not know it, and is recorded as key frames and changed tiles.
+//! Method: a cell of a cost map that has a cost votes, for its source, on the ground under its centre. A vote that
+//! agrees with the class of the map's cell raises the confidence of that source by a constant; a vote that contradicts
+//! it lowers the confidence (Oskard 1988). The evidence of each source is kept separately, and the published cost is
+//! computed from it by [`rcs_world::fuse`] with the weights of the parameters. The map scrolls so that the vehicle
+//! stays in cell (100, 100). Voting rules and message fields: [`rcs_world`].
 //!
-//! A cost map that cannot be used (another frame, no `cost.<source>`, sizes that do not fit) is a fault and changes
-//! nothing.
+//! The map is sent as [`rcs_world::MapMessage`], which shares its tiles with the process. Readers that do not know that
+//! type receive a `foxglove.Grid`, and recordings contain key frames and changed tiles.
+//!
+//! An unusable cost map (wrong frame, no field `cost.<source>`, inconsistent sizes) is a fault and changes nothing.
+//!
+//! # Where to begin
+//!
+//! [`algo`] converts cost maps to votes; [`WorldModel`] connects it to ports and parameters. A new source of costs is a
+//! name in the parameters and a field `cost.<name>` in a cost map on the input `costs`.
+//!
+//! # Example
+//!
+//! ```
+//! use rcs_runtime::Process;
+//! use rcs_world_model::WorldModel;
+//! use rcs_world_model::proto::{WorldModelParams, WorldModelSource};
+//!
+//! let source = |name: &str| WorldModelSource { name: name.to_owned(), ..Default::default() };
+//! let with = |sources| WorldModelParams { sources, ..Default::default() };
+//! assert!(WorldModel::check(&with(vec![source("stereo"), source("sonar")])).is_ok());
+//! assert!(WorldModel::check(&with(vec![source("stereo"), source("stereo")])).is_err(), "listed twice");
+//! ```
 
 rcs_msg::messages!(
     /// Messages of this plugin alone, from `proto/`.

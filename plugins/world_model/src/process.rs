@@ -1,4 +1,5 @@
-//! The process `world_model`.
+//! The process `world_model`: reads cost maps and poses, and sends the map. Its port table is in the crate's
+//! documentation.
 
 use crate::algo::{VoteOrigin, take};
 use crate::proto::{WorldModelParams, WorldModelSource, WorldModelSourceKind, WorldModelStats};
@@ -12,10 +13,10 @@ use rcs_world::{
 };
 use serde::{Deserialize, Serialize};
 
-/// Side of a cell of WM1, m.
+/// Cell size of WM1, m.
 pub const CELL_SIZE_M: f64 = 0.2;
 
-/// State: the map, the last seconds of poses, and when it was last published.
+/// State: the map, the poses of the last seconds, and the time of the last published map.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct WorldModel {
     map: Map,
@@ -23,7 +24,7 @@ pub struct WorldModel {
     /// Sources that have voted since the start or the last `CLEAR`.
     seen: Sources,
     published: Option<Stamp>,
-    /// Acquisition time of what the map was last changed by.
+    /// Acquisition time of the last data that changed the map.
     changed: Stamp,
     votes: u64,
     scrolled: u64,
@@ -40,7 +41,7 @@ static NAMED_PORTS: [(Source, &str); 6] = [
 ];
 
 rcs_runtime::commands! {
-    /// What a [`WorldModel`] obeys.
+    /// Commands of [`WorldModel`].
     pub enum WorldModelCommand {
         Clear = "CLEAR": "Forget the whole map.",
     }
@@ -49,9 +50,9 @@ rcs_runtime::commands! {
 /// Ports of [`WorldModel`].
 #[derive(Debug)]
 pub struct Ports {
-    /// An input of cost maps for each source that comes with the program.
+    /// One input of cost maps per built-in source.
     named: Vec<(Source, In<Grid>)>,
-    /// Cost maps of whatever other sources the parameters list.
+    /// Cost maps of all other sources listed in the parameters.
     costs: In<Grid>,
     poses: PosePorts,
     map: Out<Grid>,
@@ -65,7 +66,7 @@ impl Process for WorldModel {
     type Command = WorldModelCommand;
     const DEF: ProcessDef = ProcessDef {
         plugin: "world_model",
-        summary: "WM1: fuses the costs that the sources see into one scrolling map",
+        summary: "WM1: fuses the costs of all sources into one scrolling map",
         period_ms: 50.0,
         latency_ms: 4.0,
         reads_ground_truth: false,
@@ -149,16 +150,16 @@ impl Process for WorldModel {
 }
 
 impl WorldModel {
-    /// Brings the map around the vehicle; it stays where it is while the pose is not known.
+    /// Centres the map on the vehicle; without a pose it stays in place.
     fn scroll(&mut self, params: &WorldModelParams, now: Stamp) -> Option<Pose> {
-        // A pose that is not known yet is no fault: before the first message there is none.
+        // An unknown pose is not a fault here: there is none before the first message.
         let pose = extrinsics(params).local_from_vehicle(&self.localizer, now).ok()?;
         let exposed = self.map.recentre(pose.translation.truncate())?;
         self.scrolled += exposed.len() as u64;
         Some(pose)
     }
 
-    /// Takes a cost map of one or more sources, told by its fields.
+    /// Votes for each source whose field the cost map contains.
     fn vote_for_each(
         &mut self,
         grid: &Msg<Grid>,
@@ -232,8 +233,8 @@ impl WorldModel {
         let now = cx.now();
         self.published = Some(now);
         let weights = listed.weights;
-        // Those that have voted, in the order of the list. The first is in the map from the start, so that the fields
-        // of a stack's only source do not come later.
+        // Sources that have voted, in the order of the list. The first source is always included, so that the fields of
+        // a stack's only source exist from the start.
         let order = weights.iter().map(|entry| entry.source);
         let first = order.clone().next();
         let sources = order.filter(|&source| Some(source) == first || self.seen.contains(source));
@@ -271,7 +272,7 @@ impl WorldModel {
     }
 }
 
-/// The sources of the parameters.
+/// The sources listed in the parameters.
 struct Listed {
     weights: Weights,
     /// In the same order.
@@ -279,13 +280,13 @@ struct Listed {
 }
 
 impl Listed {
-    /// The sources that the parameters list; where they list none, those that come with the program.
+    /// The sources listed in the parameters; the built-in ones if none is listed.
     fn of(params: &WorldModelParams) -> Listed {
         if params.sources.is_empty() {
             let rules = Source::BUNDLED.map(|source| (source, VoteRule::default())).into();
             return Listed { weights: Weights::default(), rules };
         }
-        // Names have been checked when the parameters were taken.
+        // Names were checked when the parameters were set.
         let named = params.sources.iter().filter_map(|entry| Some((Source::new(&entry.name).ok()?, entry)));
         let weighted = |(source, entry): (Source, &WorldModelSource)| {
             let kind = match entry.kind() {
@@ -307,7 +308,7 @@ impl Listed {
     }
 }
 
-/// Refuses names that cannot be, and sources that are listed twice.
+/// Refuses invalid names and sources that are listed twice.
 fn check_sources(params: &WorldModelParams) -> Result<(), String> {
     let mut names = Sources::default();
     for (place, entry) in params.sources.iter().enumerate() {
