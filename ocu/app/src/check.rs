@@ -1,4 +1,4 @@
-//! `ocu check`: everything that a recording says of itself, checked.
+//! `ocu check`: checks everything that a recording states about itself, and every message.
 
 use crate::cli::CheckArgs;
 use crate::plain::plain;
@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::io::{IsTerminal as _, Write};
 use std::time::{Duration, Instant};
 
-/// Progress is shown this often, from this long after the start on.
+/// Interval at which progress is shown, for the first time after one interval.
 const SHOW_EVERY: Duration = Duration::from_millis(500);
 
 /// `ocu check --json`.
@@ -36,7 +36,7 @@ impl From<rcs_log::Lost> for Lost {
     }
 }
 
-/// Reads the whole recording and prints what is wrong with it.
+/// Reads the whole recording and prints its problems.
 pub fn check(args: &CheckArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let log = stacks::open_log(&args.log)?;
     let began = Instant::now();
@@ -47,7 +47,7 @@ pub fn check(args: &CheckArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
             shown = Instant::now();
             let percent = done as f64 * 100.0 / total.max(1) as f64;
             let (done, total) = (format::bytes(done), format::bytes(total));
-            // Where progress cannot be shown, nothing is lost.
+            // Failing to show the progress does no harm.
             let _ = write!(std::io::stderr(), "\r{percent:3.0} %  {done} of {total} ");
         }
     })?;

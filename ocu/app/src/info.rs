@@ -1,4 +1,4 @@
-//! `ocu info`: what a recording holds, and what of it was lost.
+//! `ocu info`: describes the contents of a recording, and what of it was lost.
 
 use crate::check::Lost;
 use crate::cli::InfoArgs;
@@ -17,10 +17,10 @@ struct Report<'a> {
     start_ns: u64,
     end_ns: u64,
     duration_s: f64,
-    /// Read without a usable summary.
+    /// Whether it was read without a usable summary.
     recovered: bool,
     lost: Lost,
-    /// Chunks and runs of messages, and how many of them have been read and checked.
+    /// Number of chunks and message sequences, and how many of them have been read and checked.
     segments: u64,
     verified: u64,
     problems: &'a [String],
@@ -28,7 +28,7 @@ struct Report<'a> {
     topics: Vec<TopicReport<'a>>,
 }
 
-/// A time without messages.
+/// A period without messages.
 #[derive(Debug, Serialize)]
 struct GapReport {
     from_ns: u64,
@@ -45,7 +45,7 @@ struct TopicReport<'a> {
     decodable: bool,
 }
 
-/// Prints what the recording holds.
+/// Prints the description of a recording.
 pub fn info(args: &InfoArgs, out: &mut dyn Write) -> anyhow::Result<()> {
     let log = Log::open(&args.log)?;
     let info = log.info();
@@ -84,7 +84,7 @@ fn report(info: &LogInfo) -> Report<'_> {
     }
 }
 
-/// What has been checked, and what has not.
+/// What has been checked and what has not.
 fn verified(info: &LogInfo) -> String {
     if info.verified == info.segments {
         return "all of it, but for the messages' contents".to_owned();

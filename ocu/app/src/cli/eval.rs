@@ -8,14 +8,14 @@ pub(super) const EVAL_EXAMPLE: &str = "Examples:\n  \
     ocu eval stereo --left left.png --right right.png --truth disparity.pfm\n  \
     ocu eval color --image path_*.png --labels labels_*.png --ground-ids 1,4";
 
-/// The methods that can be measured.
+/// Methods that can be evaluated.
 #[derive(Debug, Subcommand)]
 pub enum EvalCommand {
     /// Disparities of a pair of images: quality against ground truth, density and time
     Stereo(EvalStereoArgs),
     /// Colour models of ground and background: quality against labelled images, and time
     Color(EvalColorArgs),
-    /// Label images of a recording, or of a stack that runs on it, against true ones
+    /// Label images of a recording, or of a stack that runs on it: quality against true ones
     Classify(EvalClassifyArgs),
 }
 
@@ -39,13 +39,13 @@ pub struct EvalStereoArgs {
     /// Right image, of the same size
     #[arg(long, value_name = "R")]
     pub right: PathBuf,
-    /// Calibration of both cameras, a TOML file; without it, the images are taken as rectified
+    /// Calibration of both cameras, a TOML file; without it, the images must be rectified
     #[arg(long, value_name = "C")]
     pub calib: Option<PathBuf>,
     /// True disparities of the (rectified) left image: PFM, 16-bit PNG in 1/256 pixel, or NPZ
     #[arg(long, value_name = "T")]
     pub truth: Option<PathBuf>,
-    /// Disparities that are tried, pixels: a multiple of 16, from 16 to 256
+    /// Number of disparities, pixels: a multiple of 16, from 16 to 256
     #[arg(long, value_name = "N", default_value_t = 64)]
     pub disparities: usize,
     /// Method
@@ -84,13 +84,13 @@ pub struct EvalColorArgs {
     /// A label image for each image, of the same size: grey PNG whose values are ids
     #[arg(long, value_name = "L", num_args = 1.., required = true)]
     pub labels: Vec<PathBuf>,
-    /// Ids that are ground
+    /// Ids of ground
     #[arg(long, value_name = "IDS", num_args = 1.., value_delimiter = ',', required = true)]
     pub ground_ids: Vec<u16>,
-    /// Ids that are not counted
+    /// Ids that are ignored
     #[arg(long, value_name = "IDS", num_args = 1.., value_delimiter = ',')]
     pub ignore_ids: Vec<u16>,
-    /// Models to begin with: the name of bundled ones, or a .json file
+    /// Initial models: the name of bundled ones, or a .json file
     #[arg(long, value_name = "F")]
     pub apriori: Vec<String>,
     /// Height of the horizon, percent of the image from the top
@@ -123,7 +123,7 @@ pub struct EvalClassifyArgs {
     /// Topic of the true label images, of the recording or of the stack
     #[arg(long, value_name = "T")]
     pub truth_topic: String,
-    /// Topic of the label images that are judged; by default the one whose palette is `classes`
+    /// Topic of the label images to evaluate; by default the one whose palette is `classes`
     #[arg(long, value_name = "TOPIC")]
     pub topic: Option<String>,
     /// Stack that makes the label images: the name of a bundled one, or a .toml file
@@ -138,10 +138,10 @@ pub struct EvalClassifyArgs {
     /// Parameter of a process, as process.field=value; may be given several times
     #[arg(long = "param", value_name = "P.F=V", value_parser = parse_param, requires = "stack")]
     pub params: Vec<Param>,
-    /// Stop the stack at this time, in seconds from its start
+    /// Time at which the stack is stopped, in seconds from its start
     #[arg(long, value_name = "T", value_parser = parse_seconds, requires = "stack")]
     pub until: Option<f64>,
-    /// Label images that were taken no farther apart than this belong together, seconds
+    /// Maximum time difference of label images that are compared, seconds
     #[arg(long, value_name = "S", default_value = "0.005", value_parser = parse_seconds)]
     pub tolerance: f64,
     /// Print the result as JSON

@@ -1,4 +1,4 @@
-//! The command line: every flag is defined here, once.
+//! The command line: all flags, each defined once.
 
 mod eval;
 mod recording;
@@ -33,7 +33,7 @@ use std::path::PathBuf;
                   Exit codes: 0 success, 1 the run failed, 2 wrong usage, 3 a recording that was read is damaged."
 )]
 pub struct Cli {
-    /// What to do; without one, the window opens.
+    /// What to do; by default the window is opened.
     #[command(subcommand)]
     pub command: Option<Command>,
     /// Arguments of the window.
@@ -41,27 +41,27 @@ pub struct Cli {
     pub window: WindowArgs,
 }
 
-/// The commands beside the window.
+/// The commands without a window.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Run a stack to its end, without a window
     Run(RunArgs),
-    /// Say whether two recordings agree, and where they first do not
+    /// Compare two recordings and report the first difference
     Diff(DiffArgs),
-    /// Say what a recording holds, and what of it was lost
+    /// Show what a recording contains, and what of it was lost
     Info(InfoArgs),
-    /// Check everything that a recording says of itself, and every message
+    /// Check a recording: its index, its checksums and every message
     Check(CheckArgs),
     /// Draw a layout at a time into a PNG; needs no display
     Render(RenderArgs),
-    /// Record a small simulated drive to look at
+    /// Record a short simulated drive, for a first look
     Sample(SampleArgs),
     /// Measure a method on your own data
     #[command(subcommand, after_help = EVAL_EXAMPLE)]
     Eval(EvalCommand),
     /// List the plugins, or the ports, parameters and commands of one
     Plugins(PluginsArgs),
-    /// Show a stack with its parts in place, or check it
+    /// Show a stack with its parts included, or check it
     #[command(subcommand, after_help = STACK_EXAMPLE)]
     Stack(StackCommand),
 }
@@ -83,15 +83,15 @@ pub struct WindowArgs {
     /// Layout to start with: the name of a bundled one, or a .ron file
     #[arg(long, short, value_name = "LAYOUT")]
     pub layout: Option<String>,
-    /// What draws the window; by default wgpu, or glow where the only graphics adapter is a software one
+    /// Graphics API of the window; by default wgpu, or glow if the only graphics adapter is a software one
     #[arg(long, value_enum)]
     pub renderer: Option<Renderer>,
-    /// How much of its past a run keeps
+    /// Limits of the history kept of a run
     #[command(flatten)]
     pub past: PastArgs,
 }
 
-/// What draws the window.
+/// Graphics API of the window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Renderer {
     /// Vulkan, through wgpu

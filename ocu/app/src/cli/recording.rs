@@ -12,7 +12,7 @@ use std::path::PathBuf;
 pub struct DiffArgs {
     /// Recording
     pub first: PathBuf,
-    /// Recording that is compared with it
+    /// Recording with which it is compared
     pub second: PathBuf,
     /// Print the result as JSON
     #[arg(long)]
@@ -66,19 +66,19 @@ pub struct RenderArgs {
     /// Layout to draw: the name of a bundled one, or a .ron file
     #[arg(long, short, value_name = "LAYOUT")]
     pub layout: String,
-    /// Moment to draw, in seconds from the log's start
+    /// Time to draw, in seconds from the start of the recording
     #[arg(long, value_name = "T", value_parser = parse_seconds)]
     pub at: f64,
-    /// Size of the picture in pixels: 1600x900
+    /// Size of the image in pixels: 1600x900
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Size,
     /// File to write
     #[arg(short, long, value_name = "PNG")]
     pub output: PathBuf,
-    /// Replace a file that is there already
+    /// Replace an existing file
     #[arg(long)]
     pub force: bool,
-    /// Light instead of dark colours
+    /// Use the light theme
     #[arg(long)]
     pub light: bool,
 }
@@ -92,7 +92,7 @@ pub struct SampleArgs {
     /// Length of the recording in seconds
     #[arg(long, value_name = "T", default_value = "20", value_parser = parse_duration)]
     pub duration: f64,
-    /// Replace a file that is there already
+    /// Replace an existing file
     #[arg(long)]
     pub force: bool,
 }

@@ -23,47 +23,47 @@ pub struct RunArgs {
     /// Stack to run: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "STACK", required_unless_present = "replay")]
     pub stack: Option<String>,
-    /// Recording that it reads
+    /// Recording that the stack reads
     #[arg(long)]
     pub log: Option<PathBuf>,
     /// Course that a simulation runs: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "COURSE")]
     pub course: Option<String>,
-    /// Runs of the course, with the seeds SEED, SEED + 1, …
+    /// Number of runs of the course, with the seeds SEED, SEED + 1, …
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub runs: u32,
     /// File to record the run to
     #[arg(long, value_name = "OUT", conflicts_with = "runs")]
     pub record: Option<PathBuf>,
-    /// What is recorded: all, journal (what came from outside; the rest is computed again when it is opened), or
-    /// buffers, separated by commas
+    /// What is recorded: all, journal (external inputs only; the rest is computed again when the recording is opened),
+    /// or buffers, separated by commas
     #[arg(long, value_name = "WHAT", requires = "record", value_parser = parse_what)]
     pub record_what: Option<RecordWhat>,
-    /// Replace files that are there already: with --record and --save
+    /// Replace existing files, with --record and --save
     #[arg(long)]
     pub force: bool,
-    /// Go on where the recording fails: when the disk is full, say
+    /// Continue the run when recording fails, as on a full disk
     #[arg(long, requires = "record")]
     pub keep_going: bool,
-    /// Repeat a recorded run, and compare it with what was recorded
+    /// Repeat a recorded run, and compare it with the recording
     #[arg(long, value_name = "FILE", conflicts_with_all = ["runs", "live", "acts"])]
     pub replay: Option<PathBuf>,
-    /// Run on the wall clock, a thread a process
+    /// Run in real time, with one thread per process
     #[arg(long, conflicts_with_all = ["runs", "log"])]
     pub live: bool,
-    /// What an operator does meanwhile, a JSON file
+    /// Actions of an operator during the run, a JSON file
     #[arg(long, value_name = "FILE")]
     pub acts: Option<PathBuf>,
     /// At the end, write the newest message of a buffer to a file, as JSON; may be given several times
     #[arg(long = "save", value_name = "BUFFER=FILE", value_parser = parse_save)]
     pub save: Vec<Save>,
-    /// Seed of the run's random numbers, 0 where it is not given
+    /// Seed of the run's random numbers, 0 by default
     #[arg(long)]
     pub seed: Option<u64>,
     /// Parameter of a process, as process.field=value; may be given several times
     #[arg(long = "param", value_name = "P.F=V", value_parser = parse_param)]
     pub params: Vec<Param>,
-    /// Stop at this time, in seconds from the log's start
+    /// Time at which the run is stopped, in seconds from the start of the recording
     #[arg(long, value_name = "T", value_parser = parse_seconds)]
     pub until: Option<f64>,
     /// Threads that processes may share, all of the machine's by default; the result does not depend on it

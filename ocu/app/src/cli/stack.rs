@@ -8,13 +8,13 @@ pub(super) const STACK_EXAMPLE: &str = "Examples:\n  \
     ocu stack show simulation\n  \
     ocu stack check my_stack.toml --log drive.mcap";
 
-/// What can be done with a stack file.
+/// Commands on stack files.
 #[derive(Debug, Subcommand)]
 pub enum StackCommand {
-    /// Print the stack with every part in its place, and where each line came from
+    /// Print the stack with its parts included, and the origin of each line
     #[command(after_help = "Example:\n  ocu stack show simulation")]
     Show(StackShowArgs),
-    /// Find everything that a run would refuse, and warn of what is probably not meant
+    /// Report everything that a run would refuse, and warn of probable mistakes
     #[command(after_help = "Example:\n  ocu stack check my_stack.toml --log drive.mcap")]
     Check(StackCheckArgs),
 }
@@ -24,7 +24,7 @@ pub enum StackCommand {
 pub struct StackShowArgs {
     /// Stack to show: the name of a bundled one, or a .toml file
     pub stack: String,
-    /// Without where each line came from: a stack file that runs by itself
+    /// Omit the origin of each line: prints a stack file that runs by itself
     #[arg(long)]
     pub plain: bool,
 }
@@ -34,7 +34,7 @@ pub struct StackShowArgs {
 pub struct StackCheckArgs {
     /// Stack to check: the name of a bundled one, or a .toml file
     pub stack: String,
-    /// Recording that it is to read
+    /// Recording that the stack is to read
     #[arg(long)]
     pub log: Option<PathBuf>,
     /// Course that a simulation runs: the name of a bundled one, or a .toml file
@@ -52,7 +52,7 @@ pub struct StackCheckArgs {
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "Examples:\n  ocu plugins\n  ocu plugins stereo\n  ocu plugins --json")]
 pub struct PluginsArgs {
-    /// Plugin to tell everything about
+    /// Plugin to describe in full
     pub name: Option<String>,
     /// Print the result as JSON
     #[arg(long)]

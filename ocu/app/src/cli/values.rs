@@ -23,12 +23,12 @@ pub struct Save {
     pub path: PathBuf,
 }
 
-/// Size of a picture in pixels.
+/// Size of an image in pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Size {
-    /// Pixels from left to right.
+    /// Width.
     pub width: u32,
-    /// Pixels from top to bottom.
+    /// Height.
     pub height: u32,
 }
 
@@ -69,7 +69,7 @@ pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The length of a recording that is made.
+/// Parses the length of a new recording.
 pub(super) fn parse_duration(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if (0.0..=86_400.0).contains(&seconds) => Ok(seconds),

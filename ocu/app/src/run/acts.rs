@@ -1,7 +1,7 @@
-//! What an operator does in a run without a window, from a file.
+//! Actions of an operator in a run without a window, read from a file.
 //!
-//! A JSON list: `[{"at_s": 1.5, "buffer": "/operator/teleop", "message": {"speed_mps": 0.5}, "every_s": 0.05,
-//! "until_s": 3}]`. A message is protobuf's JSON. Of a parameter message only those fields are given that change.
+//! The file is a JSON list: `[{"at_s": 1.5, "buffer": "/operator/teleop", "message": {"speed_mps": 0.5}, "every_s":
+//! 0.05, "until_s": 3}]`. Messages are in protobuf's JSON. A parameter message contains only the fields to change.
 
 use crate::assets::read_text;
 use crate::usage;
@@ -10,10 +10,10 @@ use rcs_runtime::{ExternalEvent, Plan, ProcessPlan};
 use serde::Deserialize;
 use std::path::Path;
 
-/// No file asks for more.
+/// Maximum number of actions.
 const MOST: usize = 1_000_000;
 
-/// One act, and when it is done.
+/// One action and its time.
 #[derive(Clone, Debug)]
 pub(super) struct Act {
     /// Nanoseconds from the start of the run.
@@ -22,7 +22,7 @@ pub(super) struct Act {
 }
 
 impl Act {
-    /// How errors name it.
+    /// Name of the action in errors.
     pub(super) fn name(&self) -> String {
         format!("what was to be written to {} at {} s", self.event.buffer, self.at_ns as f64 * 1e-9)
     }
@@ -35,13 +35,13 @@ struct Entry {
     at_s: f64,
     buffer: String,
     message: serde_json::Value,
-    /// Done again and again,
+    /// Period with which the action is repeated, s.
     every_s: Option<f64>,
-    /// until then.
+    /// End of the repetition, s.
     until_s: Option<f64>,
 }
 
-/// Reads a file of acts and checks them against the stack; in the order of their times.
+/// Reads a file of actions and checks them against the stack. Actions are sorted by time.
 pub(super) fn read(path: &Path, plan: &Plan) -> anyhow::Result<Vec<Act>> {
     let refused = |text: String| usage(format!("{text}: {}", path.display()));
     let text = read_text(path).map_err(|error| refused(format!("cannot read the acts: {error}")))?;
@@ -86,7 +86,7 @@ fn message(entry: &Entry, plan: &Plan) -> Result<AnyMessage, String> {
     }
 }
 
-/// A parameter message with some fields changed.
+/// A parameter message with the given fields changed.
 fn changed(params: &AnyMessage, fields: &serde_json::Value) -> Result<AnyMessage, String> {
     let fields = fields.as_object().ok_or("expected an object of fields as the message")?;
     let text = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);

@@ -1,4 +1,4 @@
-//! `ocu run --live`: a stack on threads, in real time, without a window.
+//! `ocu run --live`: runs a stack on threads in real time, without a window.
 
 use super::acts::Act;
 use super::report::{Outcome, Report};
@@ -13,10 +13,10 @@ use std::io::Write;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// The referee of a course is asked this often.
+/// Interval at which the referee is checked.
 const ASK_EVERY: Duration = Duration::from_millis(100);
 
-/// Runs the stack until `--until`, or until the referee of a course has decided, and prints what came of it.
+/// Runs the stack until `--until` or until the referee of a course has decided, and prints the report.
 pub(super) fn run(
     args: &RunArgs,
     plan: Arc<Plan>,
@@ -61,7 +61,7 @@ pub(super) fn run(
     Done { report, verdict: None, failure }.print(args.json, out)
 }
 
-/// Does what the operator does, each act at its time, until the end.
+/// Executes the actions of the operator, each at its time, until the end.
 fn drive(
     live: &Live,
     args: &RunArgs,

@@ -1,4 +1,4 @@
-//! `ocu run`: a stack to its end, in simulated time, on the wall clock, or as it was recorded; with a summary.
+//! `ocu run`: runs a stack to its end in simulated time, in real time, or as recorded, and prints a report.
 
 mod acts;
 mod live;
@@ -22,7 +22,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Runs the stack, as often as it was asked for, and prints what came of it.
+/// Runs the stack as often as requested, and prints the report.
 pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let files = check_files(args)?;
     if let Some(recording) = &args.replay {
@@ -79,7 +79,7 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     done.print(args.json, out)
 }
 
-/// The files that the arguments name; refuses outputs onto any of them, before anything is opened.
+/// Collects the files named by the arguments; refuses outputs onto any of them before anything is opened.
 fn check_files(args: &RunArgs) -> anyhow::Result<Files> {
     let mut files = Files::new(args.force);
     let named =
@@ -103,7 +103,7 @@ fn check_outputs(args: &RunArgs, mut files: Files) -> anyhow::Result<()> {
     args.save.iter().try_for_each(|save| files.writes(&format!("--save {}", save.buffer), &save.path))
 }
 
-/// Refuses outputs onto files that the stack or the course named.
+/// Refuses outputs onto files named by the stack or the course.
 fn check_assets(args: &RunArgs, mut files: Files) -> anyhow::Result<()> {
     for path in crate::assets::files_read() {
         files.reads("a file that the stack names", &path);
@@ -111,7 +111,7 @@ fn check_assets(args: &RunArgs, mut files: Files) -> anyhow::Result<()> {
     check_outputs(args, files)
 }
 
-/// The stack that the arguments name, with their course and parameters.
+/// The stack named by the arguments, with their course and parameters.
 fn plan(args: &RunArgs) -> anyhow::Result<Arc<Plan>> {
     let stack =
         args.stack.as_deref().ok_or_else(|| usage("expected --stack, or --replay with a recording"))?;
@@ -129,7 +129,7 @@ fn has_buffer(plan: &Plan, name: &str) -> bool {
     plan.buffers.iter().any(|buffer| buffer.spec.name == name)
 }
 
-/// Begins to record a stepped run, where that is asked for.
+/// Starts to record a stepped run, if requested.
 fn record(args: &RunArgs, run: &Stepped) -> anyhow::Result<Option<Recording>> {
     let Some(path) = &args.record else { return Ok(None) };
     let options =
@@ -137,12 +137,12 @@ fn record(args: &RunArgs, run: &Stepped) -> anyhow::Result<Option<Recording>> {
     Ok(Some(Recording::start(path, run.plan(), run.buffers(), &options)?))
 }
 
-/// What is recorded.
+/// What to record.
 fn what(args: &RunArgs) -> RecordWhat {
     args.record_what.clone().unwrap_or_default()
 }
 
-/// A stack that can be run.
+/// A stack that is ready to run.
 struct Ready<'a> {
     args: &'a RunArgs,
     plan: Arc<Plan>,
@@ -151,7 +151,7 @@ struct Ready<'a> {
     acts: Vec<Act>,
 }
 
-/// One run, done.
+/// A finished run.
 struct Done {
     report: Report,
     verdict: Option<RunReport>,
@@ -159,7 +159,7 @@ struct Done {
 }
 
 impl Done {
-    /// What came of a stepped run.
+    /// The report of a stepped run.
     fn new(
         run: &Stepped,
         args: &RunArgs,
@@ -214,8 +214,8 @@ impl Ready<'_> {
         Ok(Done::new(&run, self.args, Outcome::End, failure, self.log.as_ref(), (recording, clock, seed)))
     }
 
-    /// Runs until the recording has nothing more to cause, until `--until` after its start, or until the referee of a
-    /// course has decided; what the operator does is done on the way.
+    /// Runs until the recording has no more messages to process, until `--until`, or until the referee of a course has
+    /// decided; executes the actions of the operator on the way.
     fn to_the_end(&self, run: &mut Stepped, recording: Option<&Recording>) -> anyhow::Result<()> {
         run.begin()?;
         let until = self.args.until.map(|seconds| run.start().after_ns((seconds * 1e9).round() as u64));
@@ -243,7 +243,7 @@ impl Ready<'_> {
     }
 }
 
-/// Writes the newest messages of the buffers that `--save` names.
+/// Writes the newest messages of the buffers named by `--save`.
 fn save(run: &Stepped, args: &RunArgs) -> anyhow::Result<()> {
     for Save { buffer, path } in &args.save {
         let newest = run.buffers().iter().find(|candidate| candidate.name() == buffer);

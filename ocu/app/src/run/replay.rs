@@ -1,4 +1,4 @@
-//! `ocu run --replay`: a recorded run again, compared with what was recorded.
+//! `ocu run --replay`: repeats a recorded run and compares it with the recording.
 
 use super::report::{Comparison, Outcome};
 use super::{Done, check_assets, overrides, plan, record};
@@ -14,7 +14,7 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
 
-/// Repeats a recorded run and prints what `ocu run` prints, and whether it was as recorded.
+/// Repeats a recorded run, prints the report of `ocu run`, and whether it equals the recording.
 pub(super) fn run(
     args: &RunArgs,
     recording: &Path,

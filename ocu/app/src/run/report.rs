@@ -1,4 +1,4 @@
-//! What `ocu run` prints of a run, in whichever way it ran.
+//! The report of `ocu run`, for all kinds of runs.
 
 use crate::check::Lost;
 use crate::plain::plain;
@@ -16,9 +16,9 @@ use std::io::Write;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Outcome {
-    /// It ran as long as it was to: the recording ended, the course was decided, or the time of `--until` came.
+    /// It ended as planned: the recording ended, the course was decided, or the time of `--until` was reached.
     End,
-    /// A process ended in `ERROR`, or what was asked for could not be done to the end.
+    /// A process ended in `ERROR`, or the request could not be completed.
     Error,
 }
 
@@ -31,13 +31,13 @@ pub(super) struct Report {
     processes: Vec<ProcessReport>,
     buffers: Vec<BufferReport>,
     pub(super) hash: String,
-    /// What of the recording that was read could not be read.
+    /// Damage of the recording that was read.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) log: Option<LogDamage>,
-    /// Runs of a course, in order; the rest of the report is the last one's.
+    /// Runs of a course, in order; the rest of the report is about the last one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) runs: Vec<RunReport>,
-    /// With `--replay`: whether the run was as it was recorded.
+    /// With `--replay`: whether the run equals the recording.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) replay: Option<Comparison>,
 }
@@ -55,18 +55,18 @@ struct ProcessReport {
     live: Option<LiveTiming>,
 }
 
-/// How punctual a process of a live run was.
+/// Timing of a process in a live run.
 #[derive(Clone, Copy, Debug, Serialize)]
 struct LiveTiming {
-    /// From when a cycle was due until it had its inputs: 99 of 100 cycles were no later.
+    /// Time from when a cycle was due until it had read its inputs, 99th percentile.
     start_late_p99_ms: f64,
-    /// From when a cycle was due until its thread ran.
+    /// Time from when a cycle was due until its thread ran, 99th percentile.
     wake_late_p99_ms: f64,
-    /// Waiting for the lock of the run, to take inputs and to publish.
+    /// Time waiting for the lock of the run, to read inputs and to publish, 99th percentile.
     lock_wait_p99_ms: f64,
-    /// Cycles that did not take place because the one before was not done.
+    /// Number of cycles skipped because the previous one had not finished.
     missed: u64,
-    /// Those of them that would have taken place, had the lock been free.
+    /// Number of these that would not have been skipped without waiting for the lock.
     missed_by_lock: u64,
 }
 
@@ -87,7 +87,7 @@ pub(super) struct LogDamage {
 }
 
 impl LogDamage {
-    /// What opening and reading have met; `None` where it is nothing.
+    /// Damage found while opening and reading; `None` without damage.
     pub(super) fn of(log: &Log) -> Option<Self> {
         let (lost, problems) = (log.lost(), log.problems());
         let is_damaged = lost != rcs_log::Lost::default() || !problems.is_empty();
@@ -95,14 +95,14 @@ impl LogDamage {
     }
 }
 
-/// Whether two runs wrote the same: `ocu diff --json`, and `replay` of `ocu run --json`.
+/// Whether two runs have equal outputs, for `ocu diff --json` and for `replay` of `ocu run --json`.
 #[derive(Debug, Serialize)]
 pub(crate) struct Comparison {
     pub(crate) equal: bool,
     pub(crate) first: Option<First>,
 }
 
-/// The first message in which two runs differ.
+/// The first message that differs.
 #[derive(Debug, Serialize)]
 pub(crate) struct First {
     time_s: f64,
@@ -125,7 +125,7 @@ impl Comparison {
         Self { equal: first.is_none(), first }
     }
 
-    /// One line for a person.
+    /// One line of text.
     pub(crate) fn line(&self) -> String {
         match &self.first {
             None => "equal".to_owned(),
@@ -175,7 +175,7 @@ impl Report {
         }
     }
 
-    /// Adds what was measured of each process of a live run.
+    /// Adds the timing of each process of a live run.
     pub(super) fn with_timings(mut self, timings: &[ProcessTiming]) -> Self {
         for process in &mut self.processes {
             let timing = timings.iter().find(|timing| timing.process == process.name);
