@@ -83,7 +83,8 @@ pub(crate) struct Frame {
 }
 
 impl LearnerCamera {
-    /// Reads the inputs and returns the newest labels with their time, if they are new. Unusable data are reported under `name`.
+    /// Reads the inputs and returns the newest labels with their time, if they are new. Unusable data are reported under
+    /// `name`.
     pub(crate) fn read(
         &mut self,
         ports: &CameraPorts,

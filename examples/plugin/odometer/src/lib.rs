@@ -1,7 +1,7 @@
 //! Example of a plugin outside of the repository: adds up the distance driven by the vehicle.
 //!
-//! It shows ports, parameters and state of a process, not a good odometer: every jump of the pose counts as driven. Begin
-//! with [`Odometer`], whose `step` is the whole computation; `proto/odometer.proto` declares its parameters.
+//! It shows ports, parameters and state of a process, not a good odometer: every jump of the pose counts as driven.
+//! Begin with [`Odometer`], whose `step` is the whole computation; `proto/odometer.proto` declares its parameters.
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
