@@ -99,6 +99,7 @@ mod stack;
 mod status;
 mod stepped;
 mod summary;
+mod work;
 mod workers;
 
 pub use children::{Child, ChildDef, ChildReport, ChildState, Children};

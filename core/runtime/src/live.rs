@@ -242,7 +242,8 @@ impl Live {
         let now = self.now();
         let recording = self.recording.take().map(|recording| recording.finish_at(now)).transpose()?;
         let Machine { plan, buffers, .. } = &self.shared.machine;
-        let summary = self.tally.take().map(|tally| tally.finish(plan, buffers, self.start, now));
+        let work: Vec<_> = self.worker_states.iter().map(|state| state.work()).collect();
+        let summary = self.tally.take().map(|tally| tally.finish(plan, buffers, &work, (self.start, now)));
         Ok(Stopped { recording, hung, summary: summary.unwrap_or_default(), timings: self.timings() })
     }
 

@@ -3,7 +3,8 @@
 //! Hashing encodes every message, so it is done on a separate thread, and no process waits for it under the lock.
 
 use crate::stack::{Plan, names};
-use crate::summary::{BufferSummary, CycleTimes, ProcessSummary, Summary, Tally, summary_of};
+use crate::summary::{BufferSummary, CycleTimes, ProcessSummary, Said, Summary, Tally, summary_of};
+use crate::work::Work;
 use rcs_bus::{Buffer, Sample};
 use rcs_msg::{Stamp, rcs};
 use std::collections::BTreeMap;
@@ -41,24 +42,31 @@ impl LiveTally {
         Ok(Self { times, hashing })
     }
 
-    /// The summary, after the processes have ended.
-    pub(crate) fn finish(self, plan: &Plan, buffers: &[Arc<Buffer>], start: Stamp, now: Stamp) -> Summary {
+    /// What the run has done from `start` to `now`, after its processes have ended with this `work`, in the order of the
+    /// plan.
+    pub(crate) fn finish(
+        self,
+        plan: &Plan,
+        buffers: &[Arc<Buffer>],
+        work: &[Work],
+        (start, now): (Stamp, Stamp),
+    ) -> Summary {
         let tallies = self.hashing.and_then(|(sender, thread)| {
             // The thread can only be gone because it panicked, which joining it reports.
             let _ = sender.send(None);
             thread.join().ok()
         });
         let times = self.times.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let process = |process: &crate::stack::ProcessPlan| {
+        let process = |(process, work): (&crate::stack::ProcessPlan, &Work)| {
             let status = buffers[process.status_buffer].latest();
             let status = status.and_then(|sample| sample.message.to::<rcs::Status>()).unwrap_or_default();
             let times = times.get(&*process.name).copied().unwrap_or_default();
-            ProcessSummary::new(&process.name, status.state(), status.cycle, &times)
+            ProcessSummary::new(process, Said::from(status), &times, work)
         };
         let buffer = |(index, buffer): (usize, &Arc<Buffer>)| {
             BufferSummary::new(buffer, tallies.as_ref().map(|tallies: &Vec<Tally>| &tallies[index]))
         };
-        let processes = plan.processes.iter().map(process).collect();
+        let processes = plan.processes.iter().zip(work).map(process).collect();
         summary_of(now.seconds_since(start), processes, buffers.iter().enumerate().map(buffer).collect())
     }
 }

@@ -7,6 +7,7 @@ use crate::process::{Body, SavedState};
 use crate::register::{CommandOutcome, CommandSources, Phase, Register};
 use crate::stack::{ChildPlan, Plan, ProcessPlan};
 use crate::status::{StatusCell, StatusRecord};
+use crate::work::Work;
 use prost_reflect::DynamicMessage;
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
@@ -44,6 +45,9 @@ pub(crate) struct Node {
     seed: [u8; 32],
     staged: Vec<Staged>,
     scratch: Vec<Sample>,
+    work: Work,
+    /// Output ports; after them in `outputs` are the commands to children.
+    own_outputs: usize,
     /// A number that changes whenever the saved state may have changed, and never repeats.
     changes: u64,
 }
@@ -152,6 +156,8 @@ impl Node {
             seed: *hash.as_bytes(),
             staged: Vec::new(),
             scratch: Vec::new(),
+            work: Work::new(process.inputs.len()),
+            own_outputs: process.outputs.len(),
             changes: 0,
         })
     }
@@ -163,6 +169,11 @@ impl Node {
 
     pub(crate) fn status(&self) -> &StatusCell {
         &self.status
+    }
+
+    /// What it made of its inputs since it was made.
+    pub(crate) fn work(&self) -> &Work {
+        &self.work
     }
 
     /// Captures everything that is visible now: parameters, a command, and all unread inputs. A live run calls it under
@@ -177,11 +188,12 @@ impl Node {
                 self.take_command(&sample);
             }
         }
-        for (input, view) in self.inputs.iter_mut().zip(&mut self.views) {
+        for (index, (input, view)) in self.inputs.iter_mut().zip(&mut self.views).enumerate() {
             let Some(input) = input else { continue };
             view.missed = input.reader.drain_into(&mut self.scratch);
             if let Some(newest) = self.scratch.last() {
                 view.latest = Some(newest.clone());
+                self.work.arrived(index);
             }
             view.fresh.extend(self.scratch.drain(..));
             while view.fresh.len() > input.depth {
@@ -240,6 +252,7 @@ impl Node {
             return;
         }
         self.child_links.begin_cycle(now);
+        let faults = self.status.faults();
         let mut cycle = Cycle {
             now,
             inputs: &mut self.views,
@@ -256,6 +269,8 @@ impl Node {
             self.panicked(&*panic);
         }
         self.register.end_cycle();
+        let own = self.staged.iter().filter(|item| item.output < self.own_outputs);
+        self.work.end_cycle(self.status.faults() > faults, own.count());
     }
 
     /// The state may be half changed, so the process does not run until `INIT` creates it again, and nothing that it

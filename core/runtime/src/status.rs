@@ -232,6 +232,16 @@ impl StatusCell {
         self.content.text.as_str()
     }
 
+    /// Faults so far.
+    pub(crate) fn faults(&self) -> u64 {
+        self.content.faults
+    }
+
+    /// The last of them; empty where there was none.
+    pub(crate) fn last_fault(&self) -> &str {
+        self.content.last_fault.as_str()
+    }
+
     #[track_caller]
     pub(crate) fn set(&mut self, state: rcs::ProcessState, text: Text) {
         if state != self.content.state || text != self.content.text {

@@ -13,7 +13,9 @@ use crate::options::RunOptions;
 use crate::pool::Pool;
 use crate::script::{Refused, Repeated, ScheduledCycle, Script};
 use crate::stack::{Plan, ProcessPlan, names};
-use crate::summary::{BufferSummary, CycleTimes, ProcessSummary, Summary, Tallies, summary_of, tap_tallies};
+use crate::summary::{
+    BufferSummary, CycleTimes, ProcessSummary, Said, Summary, Tallies, summary_of, tap_tallies,
+};
 use crate::workers::{CycleWork, PendingOutput, Slot, Workers};
 use rcs_bus::{Buffer, Bus, Draft, WriterId};
 use rcs_log::Log;
@@ -471,11 +473,22 @@ impl Stepped {
     }
 
     pub(crate) fn process_summaries(&self) -> Vec<ProcessSummary> {
-        let summary = |node: &Node, times: &CycleTimes| {
+        let look = |node: &Node, times: &CycleTimes| {
             let status = node.status();
-            ProcessSummary::new(status.process(), status.state(), status.cycle, times)
+            let said = Said {
+                state: status.state(),
+                cycles: status.cycle,
+                faults: status.faults(),
+                last_fault: status.last_fault().to_owned(),
+            };
+            (said, node.work().clone(), *times)
         };
-        self.machine().nodes.iter().map(|slot| slot.look(summary)).collect()
+        let processes = self.machine().nodes.iter().zip(&self.plan().processes);
+        let of = |(slot, process): (&Slot, &ProcessPlan)| {
+            let (said, work, times) = slot.look(look);
+            ProcessSummary::new(process, said, &times, &work)
+        };
+        processes.map(of).collect()
     }
 
     /// The summary of the run so far.

@@ -1,6 +1,7 @@
 //! Summary of a run: cycles, messages, and a hash of everything that was written.
 
-use crate::stack::names;
+use crate::stack::{ProcessPlan, names};
+use crate::work::Work;
 use rcs_bus::{Buffer, Sample};
 use rcs_msg::rcs;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -118,15 +119,35 @@ pub(crate) fn summary_of(
     Summary { time_s, processes, buffers, hash }
 }
 
+/// What the last status of a process says.
+pub(crate) struct Said {
+    pub(crate) state: rcs::ProcessState,
+    pub(crate) cycles: u64,
+    pub(crate) faults: u64,
+    pub(crate) last_fault: String,
+}
+
+impl From<rcs::Status> for Said {
+    fn from(status: rcs::Status) -> Self {
+        let (state, cycles, faults) = (status.state(), status.cycle, status.faults);
+        Self { state, cycles, faults, last_fault: status.last_fault }
+    }
+}
+
 impl ProcessSummary {
-    pub(crate) fn new(name: &str, state: rcs::ProcessState, cycles: u64, times: &CycleTimes) -> Self {
+    pub(crate) fn new(process: &ProcessPlan, said: Said, times: &CycleTimes, work: &Work) -> Self {
+        let port = |index: usize| process.kind.inputs()[index].name.to_owned();
         Self {
-            name: name.to_owned(),
-            state,
-            cycles,
+            name: process.name.to_string(),
+            state: said.state,
+            cycles: said.cycles,
             mean_us: times.mean_us(),
             max_us: times.max_us(),
             overruns: times.overruns,
+            faults: said.faults,
+            last_fault: said.last_fault,
+            written: (!process.outputs.is_empty()).then(|| work.written()),
+            refused_input: work.refused_input().map(port),
         }
     }
 }
@@ -176,6 +197,14 @@ pub struct ProcessSummary {
     pub max_us: f64,
     /// Number of cycles that took longer than the period.
     pub overruns: u64,
+    /// Faults that it counted: inputs that it could not use.
+    pub faults: u64,
+    /// What the last of them was; empty where there was none.
+    pub last_fault: String,
+    /// Messages that it wrote to its output ports; `None` where it has no such port.
+    pub written: Option<u64>,
+    /// The input port each of whose messages came with a fault (two at least).
+    pub refused_input: Option<String>,
 }
 
 /// Summary of a buffer.

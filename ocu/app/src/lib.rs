@@ -8,7 +8,7 @@
 //! - [`main`](fn@main) executes a command line.
 //! - [`cli`]: all flags, each defined once.
 //! - [`window`]: the window; [`render`] draws the same contents without one.
-//! - [`run`], [`diff`], [`info`], [`check`], [`plugins`], [`stack_tool`], [`sample`], [`eval`]: the commands.
+//! - [`run`], [`diff`], [`info`], [`check`], [`latency`], [`plugins`], [`stack_tool`], [`sample`], [`eval`]: the commands.
 //! - [`bundled`]: the files that are compiled in; [`layout`], [`stacks`], [`assets`] read them.
 //!
 //! # Example
@@ -30,6 +30,7 @@ pub mod cli;
 pub mod diff;
 pub mod eval;
 pub mod info;
+pub mod latency;
 pub mod layout;
 pub mod offscreen;
 pub mod open;
@@ -139,6 +140,7 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
         Some(Command::Diff(args)) => diff::diff(args, out).map(Ended::from),
         Some(Command::Info(args)) => info::info(args, out).map(|()| Ended::Well),
         Some(Command::Check(args)) => check::check(args, out),
+        Some(Command::Latency(args)) => latency::latency(args, out).map(|()| Ended::Well),
         Some(Command::Render(args)) => render::render(args).map(|()| Ended::Well),
         Some(Command::Sample(args)) => sample::sample(args).map(|()| Ended::Well),
         Some(Command::Eval(command)) => eval::eval(command, out).map(|()| Ended::Well),

@@ -6,7 +6,7 @@ use crate::usage;
 use anyhow::Context as _;
 use rcs_msg::Value;
 use rcs_msg::params::{ParamKind, ParamSpec, specs};
-use rcs_runtime::{PortDef, ProcessType};
+use rcs_runtime::{BUILT_IN, PortDef, ProcessType};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -100,7 +100,7 @@ fn report(kind: &ProcessType) -> PluginReport {
     if let Some(descriptor) = kind.params_schema().descriptor() {
         list(&specs(descriptor), "", &mut params);
     }
-    let commands = kind.commands().iter();
+    let commands = BUILT_IN.iter().chain(kind.commands());
     PluginReport {
         name: def.plugin,
         summary: def.summary,

@@ -5,8 +5,9 @@ use crate::stacks;
 use anyhow::Context as _;
 use rcs_log::Log;
 use rcs_msg::Value;
-use rcs_msg::params::{ParamKind, specs};
-use rcs_runtime::{Plan, ProcessPlan};
+use rcs_msg::params::{ParamKind, ParamSpec, specs};
+use rcs_msg::rcs::PoseSource;
+use rcs_runtime::{Plan, PortDef, ProcessPlan};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -66,6 +67,7 @@ fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
             }
             findings.warnings.extend(unread_outputs(&plan));
             findings.warnings.extend(differing_frames(&plan));
+            findings.warnings.extend(plan.processes.iter().flat_map(unused_mounts));
         }
         Err(error) => findings.errors.push(crate::say(&error)),
     }
@@ -133,6 +135,46 @@ fn differing_frames(plan: &Plan) -> Vec<String> {
     warnings
 }
 
+/// Whether a process learns where its vehicle is: from what is wired, or because it is fixed.
+fn knows_its_pose(process: &ProcessPlan, tree: &Value, group: &str) -> bool {
+    let is_wired = |port: &PortDef, wire: &Option<usize>| {
+        wire.is_some() && ["odometry", "pose", "transforms"].contains(&port.name)
+    };
+    let source = format!(".{group}.source").parse().ok().and_then(|path| tree.get(&path).ok());
+    let fixed = PoseSource::PoseFixed as i32;
+    let is_fixed = matches!(source.as_deref(), Some(Value::Enum { number, .. }) if *number == fixed);
+    is_fixed || process.kind.inputs().iter().zip(&process.inputs).any(|(port, wire)| is_wired(port, wire))
+}
+
+/// Mounts of which something is set and that are not used, since transforms give the sensor's pose.
+fn unused_mounts(process: &ProcessPlan) -> Vec<String> {
+    let Some(descriptor) = process.params.schema().descriptor().cloned() else { return Vec::new() };
+    let Ok(tree) = process.params.value() else { return Vec::new() };
+    let mut warnings = Vec::new();
+    for group in specs(&descriptor).iter().filter(|spec| spec.kind == ParamKind::Group) {
+        let is_mount = ["fixed", "height_m"].map(|name| group.fields.iter().any(|field| field.name == name));
+        if is_mount != [true, true] {
+            continue;
+        }
+        let value = |field: &ParamSpec| {
+            let path = format!(".{}.{}", group.name, field.name).parse().ok()?;
+            tree.get(&path).ok().map(std::borrow::Cow::into_owned)
+        };
+        let is_fixed = |field: &&ParamSpec| field.name == "fixed" && value(field) == Some(Value::Bool(true));
+        let is_set = |field: &&ParamSpec| value(field).is_some_and(|value| value != field.default);
+        if let Some(set) = group.fields.iter().find(is_set)
+            && !group.fields.iter().any(|field| is_fixed(&field))
+        {
+            let (name, mount) = (&process.name, &group.name);
+            warnings.push(format!(
+                "{name}: {mount}.{} is set, but {mount}.fixed is not: transforms give the sensor's pose",
+                set.name
+            ));
+        }
+    }
+    warnings
+}
+
 /// The parameters of a process that name coordinate frames, by name.
 fn frames(process: &ProcessPlan) -> BTreeMap<String, String> {
     let mut frames = BTreeMap::new();
@@ -149,6 +191,11 @@ fn frames(process: &ProcessPlan) -> BTreeMap<String, String> {
     for spec in specs(&descriptor) {
         if spec.kind == ParamKind::Text && spec.name.ends_with("_frame") {
             take(&format!(".{}", spec.name), &spec.name);
+        }
+        // Where nothing tells the vehicle's pose, the names of its frames are not used.
+        let is_pose = spec.fields.iter().any(|field| field.name == "stream_frame");
+        if is_pose && !knows_its_pose(process, &tree, &spec.name) {
+            continue;
         }
         for inner in spec.fields.iter().filter(|_| spec.kind == ParamKind::Group) {
             if inner.kind == ParamKind::Text && inner.name.ends_with("_frame") {

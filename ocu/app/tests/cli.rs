@@ -2,38 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod common;
 
-/// Runs `ocu`; returns its exit code, output and errors.
-fn ocu(args: &[&str]) -> (i32, String, String) {
-    let Output { status, stdout, stderr } =
-        Command::new(env!("CARGO_BIN_EXE_ocu")).args(args).env_remove("DISPLAY").output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (status.code().unwrap_or(-1), text(stdout), text(stderr))
-}
-
-/// A recording of about two seconds in a folder of its own.
-fn recording() -> (tempfile::TempDir, PathBuf) {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("drive.mcap");
-    ocu_app::sample::write(&path, 2.0, false).unwrap();
-    (dir, path)
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
-
-fn json(text: &str) -> serde_json::Value {
-    serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"))
-}
-
-fn keys(value: &serde_json::Value) -> Vec<&str> {
-    let mut keys: Vec<&str> = value.as_object().unwrap().keys().map(String::as_str).collect();
-    keys.sort_unstable();
-    keys
-}
+use common::{json, keys, ocu, recording, text};
+use std::path::Path;
 
 #[test]
 fn info_says_what_a_recording_holds() {
@@ -101,8 +73,9 @@ fn run_as_json_has_exactly_the_agreed_keys_and_one_hash_for_any_number_of_thread
         json(&out)
     };
     let (one, two) = (run("1"), run("2"));
-    assert_eq!(keys(&one), ["buffers", "hash", "outcome", "processes", "time_s", "wall_s"]);
-    assert_eq!(keys(&one["processes"][0]), ["cycles", "max_us", "mean_us", "name", "overruns", "state"]);
+    assert_eq!(keys(&one), ["buffers", "hash", "outcome", "processes", "time_s", "wall_s", "warnings"]);
+    let process = ["cycles", "faults", "last_fault", "max_us", "mean_us", "name", "overruns", "state"];
+    assert_eq!(keys(&one["processes"][0]), process);
     assert_eq!(keys(&one["buffers"][0]), ["bytes", "hash", "messages", "name", "schema"]);
     assert_eq!(one["outcome"], "end");
     assert!(!one["hash"].as_str().unwrap().is_empty());
@@ -201,7 +174,7 @@ fn every_command_has_help_with_an_example() {
     let (code, out, _) = ocu(&["--help"]);
     assert_eq!(code, 0);
     assert!(out.contains("Examples:") && out.contains("Exit codes"), "{out}");
-    for command in ["run", "info", "render", "sample"] {
+    for command in ["run", "diff", "info", "latency", "render", "sample", "eval", "plugins", "stack"] {
         let (code, out, _) = ocu(&[command, "--help"]);
         assert_eq!(code, 0);
         assert!(out.contains("Example"), "{out}");

@@ -5,20 +5,25 @@
 //! | `image` | in, optional | `foxglove.RawImage` | colour image of the camera |
 //! | `points` | in | `foxglove.PointCloud` | points with the field `label`, m |
 //! | `calibration` | in | `foxglove.CameraCalibration` | calibration of the camera |
+//! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
+//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
 //! | `labels` | out | `foxglove.RawImage` | label of each pixel that a point falls on |
+//!
+//! Transforms that connect the points with the camera are enough. Otherwise the way leads over the vehicle: points in the
+//! local frame by the vehicle's pose (odometry, a pose stream, or fixed), the camera by its mount or by transforms.
 
 use crate::overlay::paint;
 use crate::proto::LabelOverlayParams;
 use glam::DVec3;
-use rcs_geom::{CameraError, PinholeCamera};
-use rcs_msg::PointsError;
+use rcs_geom::{CameraError, PinholeCamera, Pose};
 use rcs_msg::classes::OBSTACLE_CLASSES;
 use rcs_msg::foxglove::packed_element_field::NumericType;
-use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, PointCloud, RawImage};
+use rcs_msg::foxglove::{CameraCalibration, PointCloud, RawImage};
+use rcs_msg::{PointsError, Stamp};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Localizer, LocalizerError, camera_of, pose_of};
+use rcs_sense::{Axes, Localizer, LocalizerError, PosePorts, Site, camera_of, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// State: transforms and the camera.
@@ -33,8 +38,7 @@ pub struct LabelOverlay {
 pub struct Ports {
     points: In<PointCloud>,
     calibration: In<CameraCalibration>,
-    transforms: In<FrameTransforms>,
-    static_transforms: In<FrameTransforms>,
+    poses: PosePorts,
     labels: Out<RawImage>,
 }
 
@@ -71,8 +75,7 @@ impl Process for LabelOverlay {
         Ports {
             points: b.input("points", "points with the field `label`, m"),
             calibration: b.input("calibration", "calibration of the camera"),
-            transforms: b.optional_input("transforms", "transforms between frames at their times"),
-            static_transforms: b.optional_input("static_transforms", "transforms that hold at all times"),
+            poses: PosePorts::declare(b),
             labels: b
                 .output("labels", "label of each pixel that a point falls on")
                 .role(Role::Labels)
@@ -88,16 +91,8 @@ impl Process for LabelOverlay {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &LabelOverlayParams, cx: &mut Cycle<'_>) {
-        while let Some(message) = cx.read(&ports.static_transforms) {
-            if let Err(error) = self.localizer.add_transforms(&message, true) {
-                cx.fault(format!("{error}; skipped"));
-            }
-        }
-        while let Some(message) = cx.read(&ports.transforms) {
-            if let Err(error) = self.localizer.add_transforms(&message, false) {
-                cx.fault(format!("{error}; skipped"));
-            }
-        }
+        let site = Site::new(params.pose.as_ref(), params.mount.as_ref());
+        ports.poses.read(&mut self.localizer, site.frames, cx);
         if let Some(calibration) = cx.read_newest(&ports.calibration) {
             self.camera = match camera_of(&calibration) {
                 Ok(camera) => Some((calibration.frame_id.clone(), camera)),
@@ -112,7 +107,7 @@ impl Process for LabelOverlay {
             return;
         };
         cx.exec("paints labels");
-        match self.paint(&points, params) {
+        match self.paint(&points, params, site) {
             Ok(labels) => cx.write(&ports.labels, points.acq_time(), labels),
             Err(error) => cx.fault(format!("{error}; points skipped")),
         }
@@ -120,13 +115,17 @@ impl Process for LabelOverlay {
 }
 
 impl LabelOverlay {
-    fn paint(&self, message: &Msg<PointCloud>, params: &LabelOverlayParams) -> Result<RawImage, Unusable> {
+    fn paint(
+        &self,
+        message: &Msg<PointCloud>,
+        params: &LabelOverlayParams,
+        site: Site<'_>,
+    ) -> Result<RawImage, Unusable> {
         let (frame_id, camera) = self.camera.as_ref().ok_or(Unusable::NoCalibration)?;
         let offset = label_offset(message).ok_or(Unusable::NoLabel)?;
         let cloud = rcs_msg::points(message)?;
         let time = message.acq_time();
-        let optical_from_frame =
-            self.localizer.lookup(frame_id, &message.frame_id, time, params.max_age_s)?;
+        let optical_from_frame = self.optical_from_frame(site, frame_id, &message.frame_id, time)?;
         let optical_from_points = match &message.pose {
             Some(pose) => optical_from_frame * pose_of(Some(pose), &message.frame_id)?,
             None => optical_from_frame,
@@ -146,6 +145,27 @@ impl LabelOverlay {
             step: camera.width,
             data: data.into(),
         })
+    }
+
+    /// The frame of the points in that of the camera.
+    fn optical_from_frame(
+        &self,
+        site: Site<'_>,
+        camera: &str,
+        points: &str,
+        time: Stamp,
+    ) -> Result<Pose, LocalizerError> {
+        let direct = self.localizer.lookup(camera, points, time, site.max_age_s);
+        if let (None, Ok(pose)) = (site.vehicle_from_mount, direct) {
+            return Ok(pose);
+        }
+        let vehicle_from_points = if points == site.frames.local {
+            site.local_from_vehicle(&self.localizer, time)?.inverse()
+        } else {
+            self.localizer.lookup(site.frames.vehicle, points, time, site.max_age_s)?
+        };
+        let vehicle_from_optical = site.vehicle_from_sensor(&self.localizer, camera, Axes::Optical, time)?;
+        Ok(vehicle_from_optical.inverse() * vehicle_from_points)
     }
 }
 

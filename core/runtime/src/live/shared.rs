@@ -2,6 +2,7 @@
 
 use crate::journal::{EventPlace, ExternalEvent};
 use crate::machine::{CheckedEvent, Machine};
+use crate::work::Work;
 use rcs_bus::{Buffer, Draft, Writer, WriterId};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -84,12 +85,13 @@ pub(super) struct WorkerState {
     began_ns: AtomicU64,
     is_hung: AtomicBool,
     measured: Mutex<Measured>,
+    work: Mutex<Work>,
 }
 
 impl WorkerState {
     pub(super) fn new(name: Arc<str>, period: Duration, status: Arc<Buffer>) -> Self {
         let (began_ns, is_hung) = (AtomicU64::new(0), AtomicBool::new(false));
-        Self { name, period, status, began_ns, is_hung, measured: Mutex::default() }
+        Self { name, period, status, began_ns, is_hung, measured: Mutex::default(), work: Mutex::default() }
     }
 
     pub(super) fn begin_cycle(&self, shared: &Shared) {
@@ -114,6 +116,16 @@ impl WorkerState {
 
     pub(super) fn measured<R>(&self, f: impl FnOnce(&mut Measured) -> R) -> R {
         f(&mut self.measured.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// The process has done its last cycle, with this work.
+    pub(super) fn ended(&self, work: &Work) {
+        self.work.lock().unwrap_or_else(PoisonError::into_inner).clone_from(work);
+    }
+
+    /// What the process made of its inputs, once it has ended.
+    pub(super) fn work(&self) -> Work {
+        self.work.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Writes `ERROR` into the status of a process that cannot do so itself. Supervisors read statuses, so this is how

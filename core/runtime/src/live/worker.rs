@@ -74,5 +74,6 @@ impl Worker {
             let periods = state.measured(|measured| measured.add(&times, state.period));
             due += state.period * periods;
         }
+        state.ended(node.work());
     }
 }

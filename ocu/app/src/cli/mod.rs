@@ -7,7 +7,7 @@ mod stack;
 mod values;
 
 pub use eval::{EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalStereoArgs, StereoMethod};
-pub use recording::{CheckArgs, DiffArgs, InfoArgs, RenderArgs, SampleArgs};
+pub use recording::{CheckArgs, DiffArgs, InfoArgs, LatencyArgs, RenderArgs, SampleArgs};
 pub use run::RunArgs;
 pub use stack::{PluginsArgs, StackCheckArgs, StackCommand, StackShowArgs};
 pub use values::{Param, Save, Size};
@@ -52,6 +52,8 @@ pub enum Command {
     Info(InfoArgs),
     /// Check a recording: its index, its checksums and every message
     Check(CheckArgs),
+    /// Say how old the messages of a recording were when they became visible
+    Latency(LatencyArgs),
     /// Draw a layout at a time into a PNG; needs no display
     Render(RenderArgs),
     /// Record a short simulated drive, for a first look

@@ -1,4 +1,4 @@
-//! Commands on recordings: `ocu info`, `ocu check`, `ocu diff`, `ocu render`, `ocu sample`.
+//! Commands on recordings: `ocu info`, `ocu check`, `ocu latency`, `ocu diff`, `ocu render`, `ocu sample`.
 
 use super::values::{Size, parse_duration, parse_seconds, parse_size};
 use clap::Args;
@@ -38,6 +38,17 @@ pub struct InfoArgs {
                         is wrong with it.")]
 pub struct CheckArgs {
     /// Recording to check
+    pub log: PathBuf,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ocu latency`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Example:\n  ocu latency run.mcap --json")]
+pub struct LatencyArgs {
+    /// Recording of a run
     pub log: PathBuf,
     /// Print the result as JSON
     #[arg(long)]

@@ -66,6 +66,9 @@ pub struct RunArgs {
     /// Time at which the run is stopped, in seconds from the start of the recording
     #[arg(long, value_name = "T", value_parser = parse_seconds)]
     pub until: Option<f64>,
+    /// Fail where a process could use no message of an input, or wrote nothing
+    #[arg(long)]
+    pub fail_on_fault: bool,
     /// Threads that processes may share, all of the machine's by default; the result does not depend on it
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,

@@ -67,16 +67,20 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     let seed = args.seed.unwrap_or(0);
     let mut runs = Vec::new();
     let mut done = stack.run(seed)?;
+    let mut warnings = std::mem::take(&mut done.report.warnings);
     runs.extend(done.verdict.take());
     for more in 1..args.runs {
         if done.failure.is_some() {
             break;
         }
-        done = stack.run(seed + u64::from(more))?;
+        let seed = seed + u64::from(more);
+        done = stack.run(seed)?;
+        warnings.extend(done.report.warnings.drain(..).map(|warning| format!("seed {seed}: {warning}")));
         runs.extend(done.verdict.take());
     }
     done.report.runs = runs;
-    done.print(args.json, out)
+    done.report.warnings = warnings;
+    done.print(args, out)
 }
 
 /// Collects the files named by the arguments; refuses outputs onto any of them before anything is opened.
@@ -187,15 +191,16 @@ impl Done {
     }
 
     /// Prints the report. What went wrong is told whether or not anybody reads it.
-    fn print(self, json: bool, out: &mut dyn Write) -> anyhow::Result<Ended> {
-        let printed = crate::despite_closed_output(self.report.print(json, out));
+    fn print(self, args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
+        let report = self.report.judged(args.fail_on_fault);
+        let printed = crate::despite_closed_output(report.print(args.json, out));
         if let Some(error) = self.failure {
             return Err(error);
         }
         printed?;
-        Ok(match self.report.outcome {
+        Ok(match report.outcome {
             Outcome::Error => Ended::Failed,
-            Outcome::End if self.report.log.is_some() => Ended::Damaged,
+            Outcome::End if report.log.is_some() => Ended::Damaged,
             Outcome::End => Ended::Well,
         })
     }

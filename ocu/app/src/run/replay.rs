@@ -53,6 +53,6 @@ pub(super) fn run(
     let mut done = Done::new(run, args, Outcome::End, failure, log.as_ref(), (recording, clock, seed));
     done.report.runs.extend(done.verdict.take());
     done.report.replay = Some(comparison);
-    let ended = done.print(args.json, out)?;
+    let ended = done.print(args, out)?;
     Ok(if equal { ended } else { Ended::Failed })
 }

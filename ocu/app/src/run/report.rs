@@ -8,7 +8,7 @@ use anyhow::Context as _;
 use ocu_ui::format;
 use rcs_log::Log;
 use rcs_msg::rcs::{ProcessState, ProcessTiming};
-use rcs_runtime::{Difference, Summary};
+use rcs_runtime::{Difference, ProcessSummary, Summary};
 use serde::Serialize;
 use std::io::Write;
 
@@ -29,6 +29,8 @@ pub(super) struct Report {
     time_s: f64,
     wall_s: f64,
     processes: Vec<ProcessReport>,
+    /// Processes that did nothing useful, and why.
+    pub(super) warnings: Vec<String>,
     buffers: Vec<BufferReport>,
     pub(super) hash: String,
     /// Damage of the recording that was read.
@@ -50,6 +52,8 @@ struct ProcessReport {
     mean_us: f64,
     max_us: f64,
     overruns: u64,
+    faults: u64,
+    last_fault: String,
     /// With `--live`: how punctual it was.
     #[serde(flatten)]
     live: Option<LiveTiming>,
@@ -137,10 +141,23 @@ impl Comparison {
     }
 }
 
+/// A process that did nothing useful: each message of an input was a fault, or it wrote nothing.
+fn warning(process: &ProcessSummary) -> Option<String> {
+    let ProcessSummary { name, cycles, faults, last_fault, .. } = process;
+    let last = if last_fault.is_empty() { String::new() } else { format!("; the last one: {last_fault}") };
+    if let Some(input) = &process.refused_input {
+        return Some(format!("{name} could use no message of its input {input}: {faults} faults{last}"));
+    }
+    let is_silent = process.written == Some(0) && *cycles > 0;
+    is_silent.then(|| format!("{name} wrote nothing in {cycles} cycles, with {faults} faults{last}"))
+}
+
 impl Report {
     pub(super) fn new(summary: Summary, outcome: Outcome, wall_s: f64) -> Self {
         let failed = summary.processes.iter().any(|process| process.state == ProcessState::Error);
+        let warnings = summary.processes.iter().filter_map(warning).collect();
         Self {
+            warnings,
             outcome: if failed { Outcome::Error } else { outcome },
             time_s: summary.time_s,
             wall_s,
@@ -155,6 +172,8 @@ impl Report {
                     max_us: process.max_us,
                     overruns: process.overruns,
                     live: None,
+                    faults: process.faults,
+                    last_fault: process.last_fault,
                 })
                 .collect(),
             buffers: summary
@@ -186,6 +205,14 @@ impl Report {
                 missed: timing.missed,
                 missed_by_lock: timing.missed_by_lock,
             });
+        }
+        self
+    }
+
+    /// The same, as an error where there are warnings and `--fail-on-fault` is given.
+    pub(super) fn judged(mut self, fail_on_fault: bool) -> Self {
+        if fail_on_fault && !self.warnings.is_empty() {
+            self.outcome = Outcome::Error;
         }
         self
     }
@@ -225,6 +252,9 @@ impl Report {
             human_runs(&self.runs, out)?;
         }
         self.human_processes(out)?;
+        for warning in &self.warnings {
+            writeln!(out, "warning: {warning}")?;
+        }
         writeln!(out)?;
         self.human_buffers(out)
     }
@@ -248,6 +278,7 @@ impl Report {
                 ("by lock", Align::Right),
             ]);
         }
+        columns.extend([("faults", Align::Right), ("last fault", Align::Left)]);
         let mut table = Table::new(&columns);
         for process in &self.processes {
             let mut row = vec![
@@ -269,6 +300,7 @@ impl Report {
                     },
                 ));
             }
+            row.extend([process.faults.to_string(), process.last_fault.clone()]);
             table.row(row);
         }
         table.write(out)?;

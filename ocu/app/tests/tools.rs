@@ -1,0 +1,235 @@
+//! The commands that tell what is there and what went wrong: plugins, stacks, faults and latency.
+
+#![allow(clippy::unwrap_used, reason = "a test may fail")]
+
+mod common;
+
+use common::{json, keys, ocu, recording, text};
+use rcs_log::{LogWriter, WriteHeader, WriterOptions};
+use rcs_msg::{AnyMessage, Stamp, foxglove, schema_of};
+use std::path::{Path, PathBuf};
+
+fn strings(list: &serde_json::Value) -> Vec<&str> {
+    list.as_array().unwrap().iter().filter_map(serde_json::Value::as_str).collect()
+}
+
+/// Ten depth images of 4x2 pixels, and a stack that gives them to `obstacles` without a calibration.
+fn depth_without_calibration() -> (tempfile::TempDir, PathBuf, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    let (log, stack) = (dir.path().join("depth.mcap"), dir.path().join("mine.toml"));
+    let mut writer = LogWriter::create(&log, WriterOptions::default()).unwrap();
+    let depth = writer.add_channel("/depth", schema_of::<foxglove::RawImage>(), &Default::default()).unwrap();
+    for number in 1..=10_u32 {
+        let time = Stamp(u64::from(number) * 200_000_000);
+        let image = foxglove::RawImage {
+            timestamp: Some(time.to_proto()),
+            frame_id: "camera".to_owned(),
+            width: 4,
+            height: 2,
+            encoding: "16UC1".to_owned(),
+            step: 8,
+            data: vec![number as u8; 16].into(),
+        };
+        let header = WriteHeader { sequence: number, log_time: time, publish_time: time };
+        writer.write(depth, header, &AnyMessage::new(image).bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+    let text = "format = 1\nname = \"mine\"\n\n[[input]]\nbuffer = \"/depth\"\ntopic = \"/depth\"\n\n[[process]]\n\
+                name = \"obstacles\"\nplugin = \"obstacles\"\nsupervisor = \"viewer\"\ninputs = { depth = \"/depth\" }\n";
+    std::fs::write(&stack, text).unwrap();
+    (dir, log, stack)
+}
+
+#[test]
+fn a_process_that_can_use_none_of_its_messages_is_told_and_can_be_made_an_error() {
+    let (_dir, log, stack) = depth_without_calibration();
+    let run = ["run", "--stack", text(&stack), "--log", text(&log)];
+    let (code, out, errors) = ocu(&run);
+    assert_eq!(code, 0, "{errors}");
+    let warning = "warning: obstacles could use no message of its input depth: 10 faults; the last one: ";
+    assert!(out.contains(warning), "{out}");
+    let header = out.lines().find(|line| line.starts_with("process")).unwrap();
+    assert!(header.ends_with("faults  last fault"), "{out}");
+
+    let (code, out, errors) = ocu(&[&run[..], &["--fail-on-fault", "--json"]].concat());
+    assert_eq!(code, 1, "{errors}");
+    let report = json(&out);
+    assert_eq!(report["outcome"], "error");
+    assert_eq!(report["processes"][0]["faults"], 10);
+    assert!(report["processes"][0]["last_fault"].as_str().unwrap().contains("calibration"), "{out}");
+    assert_eq!(strings(&report["warnings"]).len(), 1, "{out}");
+}
+
+#[test]
+fn a_process_that_writes_nothing_is_told() {
+    let (dir, log, _) = depth_without_calibration();
+    let stack = dir.path().join("silent.toml");
+    let text_of = "format = 1\nname = \"silent\"\n[[input]]\nbuffer = \"/depth\"\ntopic = \"/depth\"\ntype = \"foxglove.RawImage\"\n[[process]]\n\
+                   name = \"obstacles\"\nplugin = \"obstacles\"\nsupervisor = \"viewer\"\n";
+    std::fs::write(&stack, text_of).unwrap();
+    let (code, out, _) = ocu(&["run", "--stack", text(&stack), "--log", text(&log), "--json"]);
+    assert_eq!(code, 0, "{out}");
+    let warnings = json(&out)["warnings"].clone();
+    assert!(strings(&warnings)[0].starts_with("obstacles wrote nothing in "), "{out}");
+}
+
+#[test]
+fn a_stack_that_works_is_no_error_with_fail_on_fault() {
+    let (_dir, path) = recording();
+    let (code, out, errors) =
+        ocu(&["run", "--stack", "sample", "--log", text(&path), "--fail-on-fault", "--json"]);
+    assert_eq!(code, 0, "{errors}{out}");
+    assert_eq!(strings(&json(&out)["warnings"]), [""; 0]);
+}
+
+/// A recording of the stack `sample`.
+fn recorded_run(dir: &Path, log: &Path) -> PathBuf {
+    let run = dir.join("run.mcap");
+    let (code, _, errors) = ocu(&["run", "--stack", "sample", "--log", text(log), "--record", text(&run)]);
+    assert_eq!(code, 0, "{errors}");
+    run
+}
+
+#[test]
+fn latency_tells_the_age_of_messages_and_each_hop_on_their_way() {
+    let (dir, log) = recording();
+    let run = recorded_run(dir.path(), &log);
+    let (code, out, errors) = ocu(&["latency", text(&run), "--json"]);
+    assert_eq!(code, 0, "{errors}");
+    let report = json(&out);
+    let buffers = report["buffers"].as_array().unwrap();
+    let buffer = |name: &str| buffers.iter().find(|buffer| buffer["buffer"] == name).unwrap();
+    let expected = ["buffer", "hops", "max_ms", "messages", "p50_ms", "p95_ms", "writer"];
+    assert_eq!(keys(buffer("/obstacles/cost")), expected);
+    assert_eq!(buffer("/obstacles/cost")["writer"], "obstacles");
+    let hop = |to: &str, from: &str| {
+        let hops = buffer(to)["hops"].as_array().unwrap();
+        hops.iter().find(|hop| hop["from"] == from).unwrap_or_else(|| panic!("{hops:?}")).clone()
+    };
+    let ms = |value: &serde_json::Value| value["p50_ms"].as_f64().unwrap();
+    let (stereo, obstacles) = (hop("/stereo/depth", "/camera/left"), hop("/obstacles/cost", "/stereo/depth"));
+    assert_eq!(keys(&stereo), ["from", "max_ms", "messages", "p50_ms", "p95_ms"]);
+    // Each takes its declared latency and what its phase adds; the ages add up.
+    assert!(ms(&stereo) > 0.0 && ms(&obstacles) > 0.0, "{out}");
+    let age = ms(buffer("/obstacles/cost"));
+    assert!((age - ms(&stereo) - ms(&obstacles)).abs() <= 50.0, "{out}");
+    // A map that is recorded as key frames and deltas is one buffer; commands and statuses are none of its business.
+    assert!(buffers.iter().all(|buffer| !buffer["buffer"].as_str().unwrap().contains("/delta")), "{out}");
+    assert!(buffers.iter().all(|buffer| !buffer["buffer"].as_str().unwrap().ends_with("/status")), "{out}");
+
+    let (code, out, _) = ocu(&["latency", text(&run)]);
+    assert!(code == 0 && out.contains("  from /stereo/depth"), "{out}");
+    // Any other log has ages, and no hops.
+    let (code, out, _) = ocu(&["latency", text(&log), "--json"]);
+    assert_eq!(code, 0);
+    let buffers = json(&out)["buffers"].clone();
+    assert!(buffers.as_array().unwrap().iter().any(|buffer| buffer["buffer"] == "/camera/left"), "{out}");
+}
+
+#[test]
+fn latency_tells_the_writers_of_a_shared_buffer_apart() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = dir.path().join("run.mcap");
+    let (code, _, errors) = ocu(&["run", "--stack", "simulation", "--until", "3", "--record", text(&run)]);
+    assert_eq!(code, 0, "{errors}");
+    let (code, out, errors) = ocu(&["latency", text(&run), "--json"]);
+    assert_eq!(code, 0, "{errors}");
+    let report = json(&out);
+    let cost = report["buffers"].as_array().unwrap().iter().filter(|b| b["buffer"] == "/obstacles/cost");
+    let writers: Vec<_> = cost.map(|buffer| buffer["writer"].as_str().unwrap()).collect();
+    assert_eq!(writers, ["obstacles_left", "obstacles_right"], "{out}");
+    assert!(!out.contains(" or "), "{out}");
+}
+
+#[test]
+fn plugins_are_listed_and_one_is_told_in_full() {
+    let (code, out, _) = ocu(&["plugins"]);
+    assert_eq!(code, 0);
+    assert!(out.lines().any(|line| line.starts_with("obstacles ")), "{out}");
+    let (code, out, _) = ocu(&["plugins", "obstacles"]);
+    assert_eq!(code, 0);
+    assert!(out.contains("max_range_m") && out.contains("1 to 200"), "{out}");
+    assert!(out.contains("foxglove.CameraCalibration") && out.contains("INIT"), "{out}");
+    let (code, out, _) = ocu(&["plugins", "obstacles", "--json"]);
+    assert_eq!(code, 0);
+    let report = json(&out);
+    let expected =
+        ["commands", "inputs", "name", "outputs", "params", "params_schema", "period_ms", "summary"];
+    assert_eq!(keys(&report), expected);
+    assert_eq!(keys(&report["inputs"][0]), ["help", "metadata", "name", "required", "schema"]);
+    let param = report["params"].as_array().unwrap().iter().find(|p| p["name"] == "max_range_m").unwrap();
+    assert_eq!((&param["unit"], param["min"].as_f64()), (&"m".into(), Some(1.0)), "{param}");
+    let all = json(&ocu(&["plugins", "--json"]).1);
+    assert!(all.as_array().unwrap().len() >= 15);
+    let (code, _, errors) = ocu(&["plugins", "obstacle"]);
+    assert!(code == 2 && errors.contains("expected classifier, "), "{errors}");
+}
+
+#[test]
+fn a_bundled_stack_is_shown_with_the_line_that_each_line_came_from() {
+    let (code, out, _) = ocu(&["stack", "show", "simulation"]);
+    assert_eq!(code, 0);
+    assert!(
+        out.contains("# assets/stacks/simulation.toml:") && out.contains("# assets/stacks/parts/"),
+        "{out}"
+    );
+    // Without them it is a stack file that runs by itself.
+    let (code, plain, _) = ocu(&["stack", "show", "sample", "--plain"]);
+    assert_eq!(code, 0);
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("plain.toml");
+    std::fs::write(&path, plain).unwrap();
+    let (code, out, _) = ocu(&["stack", "check", text(&path), "--json"]);
+    assert_eq!(code, 0, "{out}");
+}
+
+#[test]
+fn the_warnings_of_bundled_stacks_are_logs_that_are_not_given_and_costs_that_are_only_shown() {
+    for (name, _) in ocu_app::stacks::bundled() {
+        let (code, out, errors) = ocu(&["stack", "check", name, "--json"]);
+        assert_eq!(code, 0, "{name}: {errors}");
+        let report = json(&out);
+        let is_meant = |text: &&str| text.contains("--log") || text.ends_with("is read by no process");
+        let others: Vec<_> =
+            strings(&report["warnings"]).into_iter().filter(|text| !is_meant(text)).collect();
+        assert_eq!(others, [""; 0], "{name}");
+    }
+}
+
+#[test]
+fn a_check_tells_what_is_probably_not_meant() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("mine.toml");
+    let check = |text_of: &str| {
+        std::fs::write(&path, text_of).unwrap();
+        let (code, out, _) = ocu(&["stack", "check", text(&path), "--json"]);
+        (code, json(&out))
+    };
+    let stack = |mount: &str, frame: &str, cost: &str| {
+        format!(
+            "format = 1\nname = \"mine\"\n[[process]]\nname = \"obstacles\"\nplugin = \"obstacles\"\n\
+             supervisor = \"viewer\"\n[process.params]\nmount = {{ {mount} }}\npose = {{ source = \"POSE_FIXED\", local_frame = \"{frame}\" }}\n\
+             [[process]]\nname = \"wm1\"\nplugin = \"world_model\"\nsupervisor = \"viewer\"\n{cost}\
+             params = {{ pose = {{ source = \"POSE_FIXED\" }} }}\n"
+        )
+    };
+    let wired = "inputs = { stereo = \"/obstacles/cost\" }\n";
+    let (code, report) = check(&stack("fixed = true, height_m = 1.5", "local", wired));
+    assert_eq!((code, strings(&report["warnings"])), (0, vec![]));
+    for (text_of, warning) in [
+        (stack("height_m = 1.5", "local", wired), "obstacles: mount.height_m is set, but mount.fixed is not"),
+        (
+            stack("", "odom", wired),
+            "local_frame is \"local\" in wm1 and \"odom\" in obstacles, which it reads",
+        ),
+        (stack("", "local", ""), "/obstacles/cost of obstacles is read by no process"),
+    ] {
+        let (code, report) = check(&text_of);
+        let warnings = strings(&report["warnings"]);
+        assert_eq!(code, 0);
+        assert!(warnings.len() == 1 && warnings[0].contains(warning), "{warnings:?}");
+    }
+    let (code, report) = check(&stack("height_m = 99", "local", wired));
+    assert_eq!(code, 1);
+    assert!(strings(&report["errors"])[0].contains("mine.toml:8"), "{report}");
+}
