@@ -17,6 +17,22 @@ lint:
 test *ARGS:
     scripts/test {{ ARGS }}
 
+# Write the skeleton of a plugin: just new-plugin slope_cost.
+new-plugin NAME:
+    scripts/new-plugin {{ NAME }}
+
+# Write the skeleton of a view: just new-view event_log.
+new-view NAME:
+    scripts/new-view {{ NAME }}
+
+# Write docs/reference and the tables of the README anew.
+docs:
+    scripts/docs
+
+# Draw the pictures of the README anew.
+pictures:
+    scripts/pictures
+
 # Run one bench together with its peers: just bench runtime.
 bench NAME *ARGS:
     cargo bench --manifest-path benches/Cargo.toml --bench {{ NAME }} -- {{ ARGS }}

@@ -53,3 +53,34 @@ need_tools() {
     fi
     command -v cc >/dev/null || need_packages gcc libc6-dev
 }
+
+# camel NAME: slope_cost -> SlopeCost
+camel() { sed -E 's/(^|_)([a-z0-9])/\u\2/g' <<<"$1"; }
+
+# fill TEMPLATE FILE NAME TYPE: writes a template with the names in place.
+fill() {
+    local title="${3//_/ }"
+    mkdir -p "$(dirname "$2")"
+    sed -e "s/@name@/$3/g" -e "s/@snake@/$3/g" -e "s/@dashed@/${3//_/-}/g" -e "s/@Type@/$4/g" -e "s/@Title@/${title^}/g" \
+        "$1" >"$2"
+}
+
+# insert_after FILE PATTERN COUNT LINE: puts a line after the COUNT-th line that matches, before the first one for 0.
+insert_after() {
+    awk -v pattern="$2" -v count="$3" -v line="$4" '
+        $0 ~ pattern && count == 0 && !done { print line; done = 1 }
+        { print }
+        $0 ~ pattern && ++seen == count { print line; done = 1 }
+    ' "$1" >"$1.new"
+    mv "$1.new" "$1"
+}
+
+# insert_sorted FILE PATTERN LINE: puts a line among the first lines that match and follow each other, in their order.
+insert_sorted() {
+    LC_ALL=C awk -v pattern="$2" -v line="$3" '
+        $0 ~ pattern { inside = 1; if (!done && $0 > line) { print line; done = 1 } }
+        $0 !~ pattern && inside && !done { print line; done = 1 }
+        { print }
+    ' "$1" >"$1.new"
+    mv "$1.new" "$1"
+}

@@ -240,22 +240,54 @@ static_transforms = "/vehicle/static_transforms"
 
 #[test]
 fn a_ladar_and_an_overlay_go_on_from_any_moment() {
-    let plan = bundled::plan_from_text("rest.toml", REST);
+    let plan = bundled::plan_from_text("rest.toml", &rest());
     Case { plan, log: None, from_s: 0.0, until_s: 1.5 }.check(8);
 }
 
 #[test]
 fn every_plugin_goes_through_the_gate_without_a_recording() {
+    let mut run = run_elsewhere();
+    run.extend(plugins_of(&bundled::plan_from_text("rest.toml", &rest())));
+    let all: BTreeSet<_> = rcs_plugins::all().iter().map(|kind| kind.def().plugin).collect();
+    assert_eq!(run, all, "a new plugin belongs into a stack of this gate");
+}
+
+fn plugins_of(plan: &Plan) -> impl Iterator<Item = &'static str> {
+    plan.processes.iter().map(|process| process.kind.def().plugin)
+}
+
+/// Plugins of the bundled simulations.
+fn run_elsewhere() -> BTreeSet<&'static str> {
     let plans = [
         bundled::plan("truth_driver", "corridor", &[]),
         bundled::plan("simulation", "meadow", &[]),
         bundled::plan("learning", "mulch_path", &[]),
-        bundled::plan_from_text("rest.toml", REST),
     ];
-    let run: BTreeSet<_> =
-        plans.iter().flat_map(|plan| &plan.processes).map(|process| process.kind.def().plugin).collect();
-    let all: BTreeSet<_> = rcs_plugins::all().iter().map(|kind| kind.def().plugin).collect();
-    assert_eq!(run, all, "a new plugin belongs into a stack of this gate");
+    plans.iter().flat_map(|plan| plugins_of(plan)).collect()
+}
+
+/// [`REST`], and every plugin that is in no stack yet: each required input reads a buffer of its type, or waits for an
+/// operator. A new plugin is therefore in the gate from its first day; a stack of its own makes it do more there.
+fn rest() -> String {
+    let plan = bundled::plan_from_text("rest.toml", REST);
+    let mut known = run_elsewhere();
+    known.extend(plugins_of(&plan));
+    let mut text = REST.to_owned();
+    for kind in rcs_plugins::all().iter().filter(|kind| !known.contains(kind.def().plugin)) {
+        let name = kind.def().plugin;
+        let wire = |port: &rcs_runtime::PortDef| {
+            let of_type = |buffer: &&rcs_runtime::BufferPlan| buffer.spec.schema.name() == port.schema.name();
+            let waits = format!("/operator/{name}/{}", port.name);
+            let buffer = plan.buffers.iter().find(of_type).map_or(waits, |buffer| buffer.spec.name.clone());
+            format!("{} = \"{buffer}\"", port.name)
+        };
+        let wires: Vec<_> = kind.inputs().iter().filter(|port| port.required).map(wire).collect();
+        text += &format!(
+            "\n[[process]]\nname = \"{name}\"\nplugin = \"{name}\"\nsupervisor = \"viewer\"\ninputs = {{ {} }}\n",
+            wires.join(", ")
+        );
+    }
+    text
 }
 
 #[test]

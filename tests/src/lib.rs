@@ -13,6 +13,8 @@ mod golden;
 #[cfg(test)]
 mod open_sources;
 #[cfg(test)]
+mod pages;
+#[cfg(test)]
 mod random_input;
 #[cfg(test)]
 mod recorded_maps;

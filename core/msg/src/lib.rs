@@ -31,6 +31,7 @@
 //! ```
 
 mod any;
+pub mod channel;
 pub mod classes;
 mod convert;
 mod definition;

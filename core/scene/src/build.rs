@@ -142,54 +142,9 @@ fn build(b: &mut Builder<'_>) {
     let (r, h, l, w) = (size.radius_m, size.height_m, 0.5 * size.length_m, 0.5 * size.width_m);
     let mut dice = Dice::new(b.thing.number ^ 0x51AB);
     match b.thing.kind {
-        ThingKind::Tree => {
-            b.column(Class::Trunk, BARK, [0.0, 0.0], r, [-ROOT_M, 0.7 * h]);
-            let crown = size.crown_radius_m;
-            b.add(
-                Form::Ellipsoid,
-                Class::Crown,
-                CROWN,
-                [0.0, 0.0, 0.68 * h],
-                [0.8 * crown, 0.8 * crown, 0.32 * h],
-                0.09,
-            );
-            for lump in 0..4 {
-                let side =
-                    [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]][lump].map(|v: f64| v * 0.5 * crown);
-                let up = h * dice.between([0.52, 0.78]);
-                let half = [0.5 * crown, 0.5 * crown, dice.between([0.12, 0.17]) * h];
-                b.add(Form::Ellipsoid, Class::Crown, CROWN, [side[0], side[1], up], half, 0.09);
-            }
-        }
-        ThingKind::Bush => {
-            b.add(
-                Form::Ellipsoid,
-                Class::Bush,
-                BUSH,
-                [0.0, 0.0, 0.45 * h],
-                [0.85 * r, 0.85 * r, 0.55 * h],
-                0.045,
-            );
-            for side in [[1.0, 0.3], [-0.6, 0.8], [-0.3, -0.9]] {
-                let shift = side.map(|v: f64| v * 0.45 * r);
-                let up = dice.between([0.3, 0.5]) * h;
-                b.add(
-                    Form::Ellipsoid,
-                    Class::Bush,
-                    BUSH,
-                    [shift[0], shift[1], up],
-                    [0.52 * r, 0.52 * r, 0.42 * h],
-                    0.045,
-                );
-            }
-        }
-        ThingKind::Hedge => {
-            b.add(Form::Box, Class::Bush, BUSH, [0.0, 0.0, 0.5 * h - 0.1], [l, 0.85 * w, 0.5 * h], 0.045);
-            for part in [-0.66, 0.0, 0.66] {
-                let middle = [part * l, dice.between([-0.1, 0.1]) * w, dice.between([0.62, 0.72]) * h];
-                b.add(Form::Ellipsoid, Class::Bush, BUSH, middle, [0.45 * l, w, 0.36 * h], 0.045);
-            }
-        }
+        ThingKind::Tree => tree(b, &mut dice),
+        ThingKind::Bush => bush(b, &mut dice),
+        ThingKind::Hedge => hedge(b, &mut dice),
         ThingKind::Boulder => {
             // Half of the ellipsoid is in the ground, so that it is steepest and widest at the ground.
             b.solid(Form::Ellipsoid, Class::Boulder, STONE, [0.0; 3], [r, dice.between([0.7, 1.0]) * r, h]);
@@ -222,26 +177,71 @@ fn build(b: &mut Builder<'_>) {
             b.solid(Form::Box, Class::Shed, ROOF, [0.0, 0.0, 0.93 * h], [l + 0.2, w + 0.2, 0.07 * h]);
             b.solid(Form::Box, Class::Shed, TIMBER, [-l, 0.0, 0.4 * h], [0.02, 0.45, 0.4 * h]);
         }
-        ThingKind::Person => {
-            let s = h / 1.75;
-            for side in [-0.1, 0.1] {
-                b.column(Class::Person, TROUSERS, [0.0, side * s], 0.075 * s, [-0.05, 0.85 * s]);
-                b.column(Class::Person, JACKET, [0.0, 2.5 * side * s], 0.05 * s, [0.8 * s, 1.42 * s]);
-            }
-            b.solid(
-                Form::Ellipsoid,
-                Class::Person,
-                JACKET,
-                [0.0, 0.0, 1.14 * s],
-                [0.13 * s, 0.22 * s, 0.36 * s],
-            );
-            b.solid(
-                Form::Ellipsoid,
-                Class::Person,
-                SKIN,
-                [0.0, 0.0, 1.61 * s],
-                [0.1 * s, 0.085 * s, 0.14 * s],
-            );
-        }
+        ThingKind::Person => person(b),
     }
+}
+
+/// A trunk and a crown of lumps.
+fn tree(b: &mut Builder<'_>, dice: &mut Dice) {
+    let size = b.thing.size;
+    let (r, h) = (size.radius_m, size.height_m);
+    b.column(Class::Trunk, BARK, [0.0, 0.0], r, [-ROOT_M, 0.7 * h]);
+    let crown = size.crown_radius_m;
+    b.add(
+        Form::Ellipsoid,
+        Class::Crown,
+        CROWN,
+        [0.0, 0.0, 0.68 * h],
+        [0.8 * crown, 0.8 * crown, 0.32 * h],
+        0.09,
+    );
+    for lump in 0..4 {
+        let side = [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]][lump].map(|v: f64| v * 0.5 * crown);
+        let up = h * dice.between([0.52, 0.78]);
+        let half = [0.5 * crown, 0.5 * crown, dice.between([0.12, 0.17]) * h];
+        b.add(Form::Ellipsoid, Class::Crown, CROWN, [side[0], side[1], up], half, 0.09);
+    }
+}
+
+/// Lumps on the ground.
+fn bush(b: &mut Builder<'_>, dice: &mut Dice) {
+    let size = b.thing.size;
+    let (r, h) = (size.radius_m, size.height_m);
+    b.add(Form::Ellipsoid, Class::Bush, BUSH, [0.0, 0.0, 0.45 * h], [0.85 * r, 0.85 * r, 0.55 * h], 0.045);
+    for side in [[1.0, 0.3], [-0.6, 0.8], [-0.3, -0.9]] {
+        let shift = side.map(|v: f64| v * 0.45 * r);
+        let up = dice.between([0.3, 0.5]) * h;
+        b.add(
+            Form::Ellipsoid,
+            Class::Bush,
+            BUSH,
+            [shift[0], shift[1], up],
+            [0.52 * r, 0.52 * r, 0.42 * h],
+            0.045,
+        );
+    }
+}
+
+/// A box of leaves with lumps on it.
+fn hedge(b: &mut Builder<'_>, dice: &mut Dice) {
+    let size = b.thing.size;
+    let (h, l, w) = (size.height_m, 0.5 * size.length_m, 0.5 * size.width_m);
+    b.add(Form::Box, Class::Bush, BUSH, [0.0, 0.0, 0.5 * h - 0.1], [l, 0.85 * w, 0.5 * h], 0.045);
+    for part in [-0.66, 0.0, 0.66] {
+        let middle = [part * l, dice.between([-0.1, 0.1]) * w, dice.between([0.62, 0.72]) * h];
+        b.add(Form::Ellipsoid, Class::Bush, BUSH, middle, [0.45 * l, w, 0.36 * h], 0.045);
+    }
+}
+
+/// Legs, arms, a trunk and a head.
+fn person(b: &mut Builder<'_>) {
+    let size = b.thing.size;
+    let h = size.height_m;
+    let s = h / 1.75;
+    for side in [-0.1, 0.1] {
+        b.column(Class::Person, TROUSERS, [0.0, side * s], 0.075 * s, [-0.05, 0.85 * s]);
+        b.column(Class::Person, JACKET, [0.0, 2.5 * side * s], 0.05 * s, [0.8 * s, 1.42 * s]);
+    }
+    b.solid(Form::Ellipsoid, Class::Person, JACKET, [0.0, 0.0, 1.14 * s], [0.13 * s, 0.22 * s, 0.36 * s]);
+    b.solid(Form::Ellipsoid, Class::Person, SKIN, [0.0, 0.0, 1.61 * s], [0.1 * s, 0.085 * s, 0.14 * s]);
 }

@@ -15,6 +15,7 @@ const ROW: f32 = 20.0;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 struct Saved {
+    /// What names must hold to be listed.
     search: String,
     /// Collapsed groups, by title.
     folded: BTreeSet<String>,

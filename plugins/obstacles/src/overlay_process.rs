@@ -23,7 +23,7 @@ use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{CameraCalibration, PointCloud, RawImage};
 use rcs_msg::{PointsError, Stamp};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, Localizer, LocalizerError, PosePorts, Site, camera_of, pose_of};
+use rcs_sense::{Axes, Extrinsics, Localizer, LocalizerError, PosePorts, camera_of, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// State: transforms and the camera.
@@ -91,8 +91,8 @@ impl Process for LabelOverlay {
     }
 
     fn cycle(&mut self, ports: &Ports, params: &LabelOverlayParams, cx: &mut Cycle<'_>) {
-        let site = Site::new(params.pose.as_ref(), params.mount.as_ref());
-        ports.poses.read(&mut self.localizer, site.frames, cx);
+        let extrinsics = Extrinsics::new(params.pose.as_ref(), params.mount.as_ref());
+        ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
         if let Some(calibration) = cx.read_newest(&ports.calibration) {
             self.camera = match camera_of(&calibration) {
                 Ok(camera) => Some((calibration.frame_id.clone(), camera)),
@@ -107,7 +107,7 @@ impl Process for LabelOverlay {
             return;
         };
         cx.exec("paints labels");
-        match self.paint(&points, params, site) {
+        match self.paint(&points, params, extrinsics) {
             Ok(labels) => cx.write(&ports.labels, points.acq_time(), labels),
             Err(error) => cx.fault(format!("{error}; points skipped")),
         }
@@ -119,13 +119,13 @@ impl LabelOverlay {
         &self,
         message: &Msg<PointCloud>,
         params: &LabelOverlayParams,
-        site: Site<'_>,
+        extrinsics: Extrinsics<'_>,
     ) -> Result<RawImage, Unusable> {
         let (frame_id, camera) = self.camera.as_ref().ok_or(Unusable::NoCalibration)?;
         let offset = label_offset(message).ok_or(Unusable::NoLabel)?;
         let cloud = rcs_msg::points(message)?;
         let time = message.acq_time();
-        let optical_from_frame = self.optical_from_frame(site, frame_id, &message.frame_id, time)?;
+        let optical_from_frame = self.optical_from_frame(extrinsics, frame_id, &message.frame_id, time)?;
         let optical_from_points = match &message.pose {
             Some(pose) => optical_from_frame * pose_of(Some(pose), &message.frame_id)?,
             None => optical_from_frame,
@@ -150,21 +150,22 @@ impl LabelOverlay {
     /// The frame of the points in that of the camera.
     fn optical_from_frame(
         &self,
-        site: Site<'_>,
+        extrinsics: Extrinsics<'_>,
         camera: &str,
         points: &str,
         time: Stamp,
     ) -> Result<Pose, LocalizerError> {
-        let direct = self.localizer.lookup(camera, points, time, site.max_age_s);
-        if let (None, Ok(pose)) = (site.vehicle_from_mount, direct) {
+        let direct = self.localizer.lookup(camera, points, time, extrinsics.max_age_s);
+        if let (None, Ok(pose)) = (extrinsics.vehicle_from_mount, direct) {
             return Ok(pose);
         }
-        let vehicle_from_points = if points == site.frames.local {
-            site.local_from_vehicle(&self.localizer, time)?.inverse()
+        let vehicle_from_points = if points == extrinsics.frames.local {
+            extrinsics.local_from_vehicle(&self.localizer, time)?.inverse()
         } else {
-            self.localizer.lookup(site.frames.vehicle, points, time, site.max_age_s)?
+            self.localizer.lookup(extrinsics.frames.vehicle, points, time, extrinsics.max_age_s)?
         };
-        let vehicle_from_optical = site.vehicle_from_sensor(&self.localizer, camera, Axes::Optical, time)?;
+        let vehicle_from_optical =
+            extrinsics.vehicle_from_sensor(&self.localizer, camera, Axes::Optical, time)?;
         Ok(vehicle_from_optical.inverse() * vehicle_from_points)
     }
 }

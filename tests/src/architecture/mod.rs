@@ -6,6 +6,7 @@
 mod circles;
 mod code;
 mod dependencies;
+mod licences;
 mod lists;
 mod port_tables;
 mod references;

@@ -80,9 +80,20 @@ pub(super) fn packages() -> Vec<Package> {
     let members = manifest["workspace"]["members"].as_array().expect("members are a list");
     members
         .iter()
-        .map(|member| member.as_str().expect("a member is a path"))
-        .map(|dir| Package::parse(dir, &read(&format!("{dir}/Cargo.toml"))))
+        .flat_map(|member| folders(member.as_str().expect("a member is a path")))
+        .map(|dir| Package::parse(&dir, &read(&format!("{dir}/Cargo.toml"))))
         .collect()
+}
+
+/// The folders that a member names, `core/*` all those in `core`.
+fn folders(member: &str) -> Vec<String> {
+    let Some(parent) = member.strip_suffix("/*") else { return vec![member.to_owned()] };
+    let entries = std::fs::read_dir(root().join(parent)).unwrap_or_else(|error| panic!("{parent}: {error}"));
+    let names = entries.map(|entry| entry.expect("a folder's entry can be read").file_name());
+    let paths = names.map(|name| format!("{parent}/{}", name.to_string_lossy()));
+    let mut packages: Vec<_> = paths.filter(|path| root().join(path).join("Cargo.toml").is_file()).collect();
+    packages.sort();
+    packages
 }
 
 /// A Rust source: path relative to the root, and text.

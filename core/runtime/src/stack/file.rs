@@ -28,8 +28,11 @@ pub struct StackFile {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Content {
+    /// Version of the format: 1.
     pub(crate) format: Spanned<u32>,
+    /// Name of the stack.
     pub(crate) name: Spanned<String>,
+    /// What it is for.
     #[serde(default)]
     pub(crate) description: String,
     /// Course of a simulation: it provides the parameters that are the text of a course, or of a file that the course
@@ -37,10 +40,13 @@ pub(crate) struct Content {
     pub(crate) course: Option<Spanned<String>>,
     /// How long the operator keeps the authority over a process without sending a command.
     pub(crate) authority_s: Option<Spanned<f64>>,
+    /// Topics of the log that it reads.
     #[serde(default, rename = "input")]
     pub(crate) inputs: Vec<Spanned<InputEntry>>,
+    /// The processes; their order is that of cycles that start at one instant.
     #[serde(default, rename = "process")]
     pub(crate) processes: Vec<Spanned<ProcessEntry>>,
+    /// What is special about buffers, by name.
     #[serde(default)]
     pub(crate) buffers: BTreeMap<Spanned<String>, Spanned<BufferEntry>>,
 }

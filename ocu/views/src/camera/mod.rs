@@ -38,7 +38,9 @@ impl Default for OverlayState {
 struct Saved {
     /// The image to show; the first one where none is named or the named one does not exist.
     topic: Option<TopicKey>,
+    /// Overlays that were changed by hand, by topic.
     overlays: BTreeMap<String, OverlayState>,
+    /// Colours of costs.
     palette: MapPalette,
     /// Size of one step of a depth image with whole numbers, m.
     depth_step_m: f64,

@@ -27,7 +27,9 @@ const INDENT: f32 = 16.0;
 struct Saved {
     /// The topic to show; `None` to follow the selection.
     pinned: Option<TopicKey>,
+    /// What names of fields must hold to be shown.
     search: String,
+    /// Paths of the fields that are unfolded.
     open: BTreeSet<String>,
 }
 

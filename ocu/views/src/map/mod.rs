@@ -50,7 +50,9 @@ impl Default for LayerState {
 struct Saved {
     /// Frame of the map; `None` to select one automatically.
     frame: Option<String>,
+    /// Colours of costs.
     palette: MapPalette,
+    /// Layers that were changed by hand, by topic.
     layers: BTreeMap<String, LayerState>,
     /// Whether tracks without a transform are aligned with another one by their first metres.
     align: bool,

@@ -27,7 +27,9 @@ struct Declarations {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Declaration {
+    /// One sentence that says what it is for.
     help: String,
+    /// Its value where an include gives none; without one, an include must.
     default: Option<toml::Value>,
 }
 

@@ -58,7 +58,9 @@ pub(crate) struct Composed {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Include {
+    /// Name of a bundled part, or path of a file.
     part: Spanned<String>,
+    /// Values of its arguments.
     #[serde(default)]
     with: BTreeMap<String, toml::Value>,
 }

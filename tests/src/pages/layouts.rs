@@ -1,0 +1,33 @@
+//! `docs/reference/layouts.md`: layouts, their tiles, and what each view keeps.
+
+use super::check_reference;
+use super::declarations::{fields, keys, variants, words};
+
+const FILE: &str = "ocu/app/src/layout.rs";
+
+/// Views that keep something, with the file of their `Saved`.
+const KEPT: [(&str, &str); 4] = [
+    ("camera", "ocu/views/src/camera/mod.rs"),
+    ("map", "ocu/views/src/map/mod.rs"),
+    ("buffers", "ocu/views/src/buffers.rs"),
+    ("fields", "ocu/views/src/fields/mod.rs"),
+];
+
+#[test]
+fn the_reference_of_layouts_is_made_from_what_reads_them() {
+    let mut text = "# Layouts\n\nRON files, made from the structures that a file is read into; `layouts/` holds those that \
+                    come with the program.\n\n```ron\nLayout(\n    version: 1,\n    name: \"two views\",\n    root: Row([\n        \
+                    (2.0, View(kind: \"camera\", state: { \"topic\": { \"name\": \"/camera/image\" } })),\n        \
+                    (1.0, Tabs(active: 0, tiles: [View(kind: \"map\"), View(kind: \"fields\")])),\n    ]),\n)\n```\n\n"
+        .to_owned();
+    text += &keys(&fields(FILE, "Layout"));
+    text += "## Tiles\n\nAs the source has them, in lower case: `Row`, `Column`, `Grid`, `Tabs`, `View`.\n\n";
+    let tiles: Vec<_> = variants(FILE, "Node").into_iter().filter(|item| !item.name.is_empty()).collect();
+    text += &words("tile", &tiles);
+    for (kind, file) in KEPT {
+        assert!(ocu_views::view_type(kind).is_some(), "there is a view {kind}");
+        text += &format!("## State of `{kind}`\n\n");
+        text += &keys(&fields(file, "Saved"));
+    }
+    check_reference("layouts", &format!("{}\n", text.trim_end()));
+}
