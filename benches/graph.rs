@@ -60,8 +60,13 @@ impl Process for Sink {
     type Params = rcs_msg::rcs::NoParams;
     type Ports = In<foxglove::Pose>;
     type Command = NoCommands;
-    const DEF: ProcessDef =
-        ProcessDef { plugin: "sink", summary: "Reads.", period_ms: 1.0, latency_ms: 0.0, reads_ground_truth: false };
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "sink",
+        summary: "Reads.",
+        period_ms: 1.0,
+        latency_ms: 0.0,
+        reads_ground_truth: false,
+    };
 
     fn ports(builder: &mut PortBuilder) -> In<foxglove::Pose> {
         builder.input("input", "Pose.")

@@ -37,9 +37,11 @@ fn column_scan(criterion: &mut Criterion) {
         let image = image.expect("a sound image");
         // Optical axes (right, down, forward) in the local frame (forward, left, up).
         let local_from_optical = DMat3::from_cols(-DVec3::Y, -DVec3::Z, DVec3::X);
-        let ground_plane = GroundPlane { below_origin: DVec3::new(0.0, 0.0, -HEIGHT_M), up: DVec3::Z, wheels_m: 0.4 };
+        let ground_plane =
+            GroundPlane { below_origin: DVec3::new(0.0, 0.0, -HEIGHT_M), up: DVec3::Z, wheels_m: 0.4 };
         let placement = Placement { sensor: DVec3::new(0.0, 0.0, HEIGHT_M), cell_size_m: 0.2 };
-        let survey = Survey { ground_plane, placement, scan: ScanParams::default(), negative: None, known: None };
+        let survey =
+            Survey { ground_plane, placement, scan: ScanParams::default(), negative: None, known: None };
 
         group.throughput(Throughput::Elements((width * height) as u64));
         group.bench_function(format!("{width}x{height}"), |bench| {

@@ -11,7 +11,7 @@ use rcs_runtime::{Asset, Assets, Plan, PlanOptions, ProcessType, RunOptions, Sta
 use rcs_sim::drive::Drive;
 use rcs_sim::scene::Scenery;
 use rcs_sim::spec::VehicleSpec;
-use rcs_sim::vehicle::{Vehicle, DriveCommand};
+use rcs_sim::vehicle::{DriveCommand, Vehicle};
 use rcs_sim::{SimCameras, SimVehicle};
 use std::sync::Arc;
 
@@ -83,7 +83,12 @@ fn simulation(criterion: &mut Criterion) {
 
     seconds(criterion, "vehicle", 100, VEHICLE);
     let rays = 4 * 5 * 320 * 240;
-    seconds(criterion, "four_cameras_320x240_5hz", rays, &format!("{VEHICLE}{}{}", cameras("left"), cameras("right")));
+    seconds(
+        criterion,
+        "four_cameras_320x240_5hz",
+        rays,
+        &format!("{VEHICLE}{}{}", cameras("left"), cameras("right")),
+    );
 
     let tractor = VehicleSpec::from_toml(TRACTOR).expect("a sound vehicle");
     let ladar = tractor.ladar("ladar_roof").expect("a ladar");

@@ -282,10 +282,11 @@ fn rest() -> String {
             format!("{} = \"{buffer}\"", port.name)
         };
         let wires: Vec<_> = kind.inputs().iter().filter(|port| port.required).map(wire).collect();
-        text += &format!(
+        let process = format!(
             "\n[[process]]\nname = \"{name}\"\nplugin = \"{name}\"\nsupervisor = \"viewer\"\ninputs = {{ {} }}\n",
             wires.join(", ")
         );
+        text.push_str(&process);
     }
     text
 }

@@ -93,7 +93,7 @@ struct Ages {
     seen: BTreeMap<String, BTreeMap<u64, u64>>,
     waiting: Vec<Waiting>,
     /// By buffer and writer.
-    ages: BTreeMap<(String, String), Vec<i64>>,
+    buffers: BTreeMap<(String, String), Vec<i64>>,
     /// By buffer, writer and input.
     hops: BTreeMap<(String, String, String), Vec<i64>>,
 }
@@ -197,7 +197,7 @@ impl Ages {
                 self.hops.entry(hop).or_default().push(since(shown_ns));
             }
         }
-        self.ages.entry((buffer, writer)).or_default().push(since(acq_ns));
+        self.buffers.entry((buffer, writer)).or_default().push(since(acq_ns));
     }
 
     fn report(&self) -> Report {
@@ -211,7 +211,7 @@ impl Ages {
             age: Spread::new(ages),
             hops: hops(key),
         };
-        Report { buffers: self.ages.iter().map(buffer).collect() }
+        Report { buffers: self.buffers.iter().map(buffer).collect() }
     }
 }
 

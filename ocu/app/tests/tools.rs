@@ -18,7 +18,9 @@ fn depth_without_calibration() -> (tempfile::TempDir, PathBuf, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let (log, stack) = (dir.path().join("depth.mcap"), dir.path().join("mine.toml"));
     let mut writer = LogWriter::create(&log, WriterOptions::default()).unwrap();
-    let depth = writer.add_channel("/depth", schema_of::<foxglove::RawImage>(), &Default::default()).unwrap();
+    let depth = writer
+        .add_channel("/depth", schema_of::<foxglove::RawImage>(), &std::collections::BTreeMap::default())
+        .unwrap();
     for number in 1..=10_u32 {
         let time = Stamp(u64::from(number) * 200_000_000);
         let image = foxglove::RawImage {

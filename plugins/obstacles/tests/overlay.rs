@@ -57,11 +57,11 @@ fn cloud(frame: &str) -> PointCloud {
 }
 
 /// At (2, 3, 0), looking along x: the point is 10 m ahead.
-fn vehicle() -> Option<Pose> {
-    Some(Pose {
+fn vehicle() -> Pose {
+    Pose {
         position: Some(Vector3 { x: 2.0, y: 3.0, z: 0.0 }),
         orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
-    })
+    }
 }
 
 fn assert_in_the_middle(bench: &Bench) {
@@ -75,7 +75,7 @@ fn assert_in_the_middle(bench: &Bench) {
 fn points_in_the_local_frame_come_into_the_camera_by_odometry() {
     let mut bench = bench(&[]);
     let frame_id = "local".to_owned();
-    bench.write("/operator/odometry", Odometry { frame_id, pose: vehicle(), ..Odometry::default() });
+    bench.write("/operator/odometry", Odometry { frame_id, pose: Some(vehicle()), ..Odometry::default() });
     bench.write("/operator/points", cloud("local"));
     bench.cycles(100, 3);
     assert_in_the_middle(&bench);
@@ -85,7 +85,7 @@ fn points_in_the_local_frame_come_into_the_camera_by_odometry() {
 fn points_in_the_local_frame_come_into_the_camera_by_a_pose_stream() {
     let mut bench = bench(&[]);
     let frame_id = "local".to_owned();
-    bench.write("/operator/pose", PoseInFrame { frame_id, pose: vehicle(), ..PoseInFrame::default() });
+    bench.write("/operator/pose", PoseInFrame { frame_id, pose: Some(vehicle()), ..PoseInFrame::default() });
     bench.write("/operator/points", cloud("local"));
     bench.cycles(100, 3);
     assert_in_the_middle(&bench);

@@ -26,7 +26,7 @@ fn the_reference_of_layouts_is_made_from_what_reads_them() {
     text += &words("tile", &tiles);
     for (kind, file) in KEPT {
         assert!(ocu_views::view_type(kind).is_some(), "there is a view {kind}");
-        text += &format!("## State of `{kind}`\n\n");
+        text += &["## State of `", kind, "`\n\n"].concat();
         text += &keys(&fields(file, "Saved"));
     }
     check_reference("layouts", &format!("{}\n", text.trim_end()));

@@ -2,14 +2,17 @@
 
 use super::proto::{Declared, declared};
 use super::{check_reference, code, path, read, table};
+use std::path::Path;
 
 /// The `.proto` files of a folder, by name.
 fn files(folder: &str) -> Vec<String> {
     let entries = std::fs::read_dir(path(folder)).unwrap_or_else(|error| panic!("{folder}: {error}"));
     let names =
         entries.map(|entry| entry.expect("it can be read").file_name().to_string_lossy().into_owned());
-    let mut files: Vec<_> =
-        names.filter(|name| name.ends_with(".proto")).map(|name| format!("{folder}/{name}")).collect();
+    let mut files: Vec<_> = names
+        .filter(|name| Path::new(name).extension().is_some_and(|end| end == "proto"))
+        .map(|name| format!("{folder}/{name}"))
+        .collect();
     files.sort();
     files
 }
@@ -28,7 +31,7 @@ fn plugin_folders() -> Vec<String> {
 fn section(message: &Declared) -> String {
     let mut text = format!("### {}\n\n", message.name);
     if !message.help.is_empty() {
-        text += &format!("{}\n\n", message.help);
+        text += &[&*message.help, "\n\n"].concat();
     }
     if message.entries.is_empty() {
         return text;
@@ -55,7 +58,7 @@ fn the_reference_of_messages_is_made_from_their_declarations() {
             let messages: Vec<_> =
                 declared(&read(&file)).into_iter().filter(|message| !message.is_parameters()).collect();
             if !messages.is_empty() {
-                text += &format!("## `{file}`\n\n");
+                text += &["## `", &*file, "`\n\n"].concat();
                 text.extend(messages.iter().map(section));
             }
         }

@@ -35,7 +35,7 @@ fn check(name: &str, expected: &str) {
     assert!(
         found == expected,
         "{name} is not what the definitions say, from line {} on; scripts/docs writes it anew",
-        differs().map_or_else(|| expected.lines().count().min(found.lines().count()), |line| line) + 1
+        differs().unwrap_or_else(|| expected.lines().count().min(found.lines().count())) + 1
     );
 }
 
