@@ -318,7 +318,8 @@ as = "child"
     }));
     wait("silence", || seen.lock().unwrap().last().is_some_and(|(_, silent)| *silent));
     let heard = live.bus().get("/stuck/status").unwrap().latest().unwrap().header.log_time;
-    assert_eq!(status(&live, "stuck").cycle, 2);
+    // It hangs in the cycle after that in which RUN has come, which on a busy machine may be a later one.
+    assert!(status(&live, "stuck").cycle >= 2);
     for (time, silent) in seen.lock().unwrap().iter().filter(|(time, _)| *time > heard) {
         assert_eq!(*silent, time.seconds_since(heard) >= 0.5, "{} s", time.seconds_since(heard));
     }
