@@ -20,7 +20,19 @@ impl Assets for Repository {
     }
 }
 
+/// Names of the bundled courses.
+#[allow(dead_code, reason = "an example includes this file, too")]
+pub(crate) fn courses() -> Vec<String> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/courses");
+    let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
+    let mut names: Vec<String> =
+        files.map(|file| file.file_stem().unwrap().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
 /// A bundled stack on a bundled course, with parameters `(process.field, value)`.
+#[allow(dead_code, reason = "an example includes this file, too")]
 pub(crate) fn plan(stack: &str, course: &str, params: &[(&str, &str)]) -> Arc<Plan> {
     let asset = Repository.read("stack", stack, "").unwrap();
     planned(&asset.file, &asset.text, Some(course), params)

@@ -7,6 +7,7 @@ use rcs_msg::{AnyMessage, Payload, Stamp};
 use rcs_runtime::source::Task;
 use rcs_runtime::{ExternalEvent, Plan, RunOptions, Session, Stepped};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The driver's stack on a course, with other parameter values.
 fn plan(course: &str, overrides: &[(&str, &str)]) -> Arc<Plan> {
@@ -52,38 +53,48 @@ fn check(course: &str) {
 }
 
 #[test]
-fn the_meadow_can_be_driven() {
-    check("meadow");
+fn every_course_can_be_driven() {
+    let courses = bundled::courses();
+    assert!(courses.len() >= 20, "{courses:?}");
+    // Two at a time.
+    let next = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                while let Some(course) = courses.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    check(course);
+                }
+            });
+        }
+    });
+}
+
+/// Time until the goal is reached, s; `None` if it is not.
+fn time_s(course: &str, weights: &[(&str, &str)]) -> Option<f64> {
+    let (run, _) = decide(&plan(course, weights), 0);
+    println!("{course} with {weights:?}: {run:?}");
+    assert_eq!(run.collisions, 0, "{run:?}");
+    (run.outcome() == CourseOutcome::CourseReached).then_some(run.time_s)
 }
 
 #[test]
-fn the_mulch_path_can_be_driven() {
-    check("mulch_path");
+fn on_soft_ground_following_the_path_pays() {
+    for course in ["soft_ground", "soft_ground_2"] {
+        let on = time_s(course, &[("truth_driver.vegetation_weight", "3")]).expect("the path is firm");
+        let beside =
+            time_s(course, &[("truth_driver.vegetation_weight", "0"), ("truth_driver.slip_weight", "0")]);
+        assert!(beside.is_none_or(|beside| on < 0.75 * beside), "{course}: {on} s, beside {beside:?} s");
+    }
 }
 
 #[test]
-fn the_dead_end_can_be_driven_around() {
-    check("dead_end");
-}
-
-#[test]
-fn the_tall_grass_can_be_driven() {
-    check("tall_grass");
-}
-
-#[test]
-fn the_hill_can_be_driven() {
-    check("hill");
-}
-
-#[test]
-fn the_corridor_can_be_driven() {
-    check("corridor");
-}
-
-#[test]
-fn the_transition_can_be_driven() {
-    check("transition");
+fn through_grass_that_gives_way_it_is_shorter_than_around_it() {
+    for course in ["thickets", "thickets_2"] {
+        let through = time_s(course, &[]).expect("grass gives way");
+        let around =
+            time_s(course, &[("truth_driver.vegetation_weight", "50")]).expect("there is a way around");
+        assert!(through < 0.8 * around, "{course}: {through} s, around {around} s");
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Draws a world: what a camera sees, and the world from above.
 //!
 //! ```text
-//! draw WORLD.toml OUT_PREFIX [x y yaw_deg [height_m pitch_deg [horizontal_fov_deg]]]
+//! draw WORLD.toml[,LOOK.toml] OUT_PREFIX [x y yaw_deg [height_m pitch_deg [horizontal_fov_deg]]]
 //! ```
 //!
 //! Writes `OUT_PREFIX_camera.png`, `_depth.png`, `_class.png` and `_above.png`.
@@ -9,7 +9,7 @@
 use std::error::Error;
 
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
-use rcs_scene::{CameraRays, ViewRows, World, render_rows};
+use rcs_scene::{CameraRays, Look, ViewRows, World, render_rows};
 
 struct Image {
     width: u32,
@@ -31,7 +31,7 @@ fn draw(world: &World, camera: &PinholeCamera, pose: &Pose) -> Image {
         class: &mut image.class,
         label: &mut label,
     };
-    render_rows(world, &CameraRays::new(camera), pose, 0..height as usize, &mut out);
+    render_rows(world, &CameraRays::new(camera), pose, 1.0, 0..height as usize, &mut out);
     image
 }
 
@@ -44,11 +44,19 @@ fn code_colour(code: u8) -> [u8; 3] {
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [world, prefix, numbers @ ..] = arguments.as_slice() else {
-        return Err("usage: draw WORLD.toml OUT_PREFIX [x y yaw_deg [height_m pitch_deg [fov_deg]]]".into());
+        return Err(
+            "usage: draw WORLD.toml[,LOOK.toml] OUT_PREFIX [x y yaw_deg [height_m pitch_deg [fov_deg]]]"
+                .into(),
+        );
     };
     let numbers: Vec<f64> = numbers.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
     let number = |at: usize, default: f64| numbers.get(at).copied().unwrap_or(default);
-    let world = World::from_toml(&std::fs::read_to_string(world)?)?;
+    let (world, look) = world.split_once(',').unwrap_or((world, ""));
+    let look = match look {
+        "" => None,
+        look => Some(Look::from_toml(&std::fs::read_to_string(look)?)?),
+    };
+    let world = World::with_look(&std::fs::read_to_string(world)?, look.as_ref())?;
 
     let at = DVec2::new(number(0, 10.0), number(1, 45.0));
     let camera = at.extend(world.height_m(at) + number(3, 0.9));

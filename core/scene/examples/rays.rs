@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                         least(20, || {
                             let (rgb, depth_m) = (&mut rgb[..], &mut depth_m[..]);
                             let mut out = ViewRows { rgb, depth_m, class: &mut class, label: &mut label };
-                            render_rows(&world, &rays, &pose, rows.clone(), &mut out);
+                            render_rows(&world, &rays, &pose, 1.0, rows.clone(), &mut out);
                         })
                     })
                     .sum();

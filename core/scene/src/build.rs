@@ -3,8 +3,9 @@
 use rcs_geom::DVec2;
 
 use crate::class::{Class, ThingKind};
+use crate::coat::{CoatKind, Coats};
 use crate::noise::{Dice, hash2};
-use crate::shape::{Coat, Form, Shape, Vec3};
+use crate::shape::{Form, Shape, Vec3};
 use crate::spec::{Placed, Placement, WorldSpec};
 use crate::terrain::{CELL_M, Lattice};
 use crate::thing::Thing;
@@ -70,31 +71,27 @@ fn along(placed: &Placed, path: &[DVec2], dice: &mut Dice, things: &mut Vec<Thin
     }
 }
 
-const BARK: Coat = Coat { colours: [[70.0, 58.0, 48.0], [118.0, 104.0, 90.0]], grain: [60.0, 14.0] };
-const TIMBER: Coat = Coat { colours: [[120.0, 96.0, 68.0], [168.0, 140.0, 104.0]], grain: [60.0, 6.0] };
-const CROWN: Coat = Coat { colours: [[40.0, 66.0, 30.0], [98.0, 118.0, 56.0]], grain: [50.0, 50.0] };
-const BUSH: Coat = Coat { colours: [[46.0, 72.0, 36.0], [108.0, 122.0, 62.0]], grain: [50.0, 50.0] };
-const STONE: Coat = Coat { colours: [[98.0, 96.0, 92.0], [164.0, 160.0, 152.0]], grain: [50.0, 50.0] };
-const STRAW: Coat = Coat { colours: [[164.0, 138.0, 78.0], [212.0, 188.0, 122.0]], grain: [18.0, 90.0] };
-const PLASTIC: Coat = Coat { colours: [[236.0, 88.0, 24.0], [250.0, 112.0, 40.0]], grain: [20.0, 20.0] };
-const PLANKS: Coat = Coat { colours: [[198.0, 194.0, 184.0], [224.0, 220.0, 210.0]], grain: [40.0, 3.0] };
-const ROOF: Coat = Coat { colours: [[96.0, 74.0, 66.0], [130.0, 104.0, 92.0]], grain: [30.0, 30.0] };
-const JACKET: Coat = Coat { colours: [[40.0, 52.0, 96.0], [62.0, 76.0, 124.0]], grain: [40.0, 40.0] };
-const TROUSERS: Coat = Coat { colours: [[52.0, 50.0, 48.0], [78.0, 74.0, 70.0]], grain: [40.0, 40.0] };
-const SKIN: Coat = Coat { colours: [[172.0, 128.0, 104.0], [204.0, 160.0, 134.0]], grain: [30.0, 30.0] };
-
 /// Adds the shapes of one thing.
 struct Builder<'t> {
     thing: &'t Thing,
     /// Position of the thing relative to the lattice's first sample, m.
     at: Vec3,
     turn: [f32; 2],
+    coats: &'t Coats,
     shapes: &'t mut Vec<Shape>,
 }
 
 impl Builder<'_> {
     /// A shape in the axes of the thing, its middle above the ground, m.
-    fn add(&mut self, form: Form, class: Class, coat: Coat, middle: [f64; 3], half: [f64; 3], leaf_m: f32) {
+    fn add(
+        &mut self,
+        form: Form,
+        class: Class,
+        coat: CoatKind,
+        middle: [f64; 3],
+        half: [f64; 3],
+        leaf_m: f32,
+    ) {
         let [c, s] = self.turn;
         let [x, y, z] = middle.map(|v| v as f32);
         self.shapes.push(Shape {
@@ -105,18 +102,18 @@ impl Builder<'_> {
             half: half.map(|v| v as f32),
             turn: self.turn,
             leaf_m,
-            coat,
+            coat: self.coats.of(coat),
             ground_m: self.at[2],
             thing_height_m: self.thing.height_m as f32,
         });
     }
 
-    fn solid(&mut self, form: Form, class: Class, coat: Coat, middle: [f64; 3], half: [f64; 3]) {
+    fn solid(&mut self, form: Form, class: Class, coat: CoatKind, middle: [f64; 3], half: [f64; 3]) {
         self.add(form, class, coat, middle, half, 0.0);
     }
 
     /// A vertical column between two heights.
-    fn column(&mut self, class: Class, coat: Coat, [x, y]: [f64; 2], radius: f64, [from, to]: [f64; 2]) {
+    fn column(&mut self, class: Class, coat: CoatKind, [x, y]: [f64; 2], radius: f64, [from, to]: [f64; 2]) {
         let half = [radius, radius, 0.5 * (to - from)];
         self.solid(Form::Column, class, coat, [x, y, 0.5 * (from + to)], half);
     }
@@ -126,13 +123,13 @@ impl Builder<'_> {
 const ROOT_M: f64 = 0.15;
 
 /// The shapes of all things; `low` is the lower left corner of the world's bounds.
-pub(crate) fn shapes(things: &[Thing], low: DVec2) -> Vec<Shape> {
+pub(crate) fn shapes(things: &[Thing], coats: &Coats, low: DVec2) -> Vec<Shape> {
     let mut shapes = Vec::new();
     for thing in things {
         let at = thing.position - low.extend(0.0);
         let turn = [libm::cos(thing.yaw_rad) as f32, libm::sin(thing.yaw_rad) as f32];
         let at = [at.x as f32, at.y as f32, at.z as f32];
-        build(&mut Builder { thing, at, turn, shapes: &mut shapes });
+        build(&mut Builder { thing, at, turn, coats, shapes: &mut shapes });
     }
     shapes
 }
@@ -147,35 +144,47 @@ fn build(b: &mut Builder<'_>) {
         ThingKind::Hedge => hedge(b, &mut dice),
         ThingKind::Boulder => {
             // Half of the ellipsoid is in the ground, so that it is steepest and widest at the ground.
-            b.solid(Form::Ellipsoid, Class::Boulder, STONE, [0.0; 3], [r, dice.between([0.7, 1.0]) * r, h]);
+            b.solid(
+                Form::Ellipsoid,
+                Class::Boulder,
+                CoatKind::Stone,
+                [0.0; 3],
+                [r, dice.between([0.7, 1.0]) * r, h],
+            );
         }
-        ThingKind::Log => b.solid(Form::Roll, Class::Log, BARK, [0.0, 0.0, r], [l, r, r]),
+        ThingKind::Log => b.solid(Form::Roll, Class::Log, CoatKind::Bark, [0.0, 0.0, r], [l, r, r]),
         ThingKind::HayBale => {
             b.solid(
                 Form::Box,
                 Class::HayBale,
-                STRAW,
+                CoatKind::Straw,
                 [0.0, 0.0, 0.5 * (h - ROOT_M)],
                 [l, w, 0.5 * (h + ROOT_M)],
             );
         }
-        ThingKind::Post => b.column(Class::Post, TIMBER, [0.0, 0.0], r, [-ROOT_M, h]),
+        ThingKind::Post => b.column(Class::Post, CoatKind::Timber, [0.0, 0.0], r, [-ROOT_M, h]),
         ThingKind::Fence => {
-            b.solid(Form::Mesh, Class::Fence, PLASTIC, [0.0, 0.0, 0.5 * h], [l, 0.01, 0.5 * h]);
-            b.column(Class::Fence, PLASTIC, [-l, 0.0], 0.02, [-ROOT_M, h]);
-            b.column(Class::Fence, PLASTIC, [l, 0.0], 0.02, [-ROOT_M, h]);
+            b.solid(Form::Mesh, Class::Fence, CoatKind::Plastic, [0.0, 0.0, 0.5 * h], [l, 0.01, 0.5 * h]);
+            b.column(Class::Fence, CoatKind::Plastic, [-l, 0.0], 0.02, [-ROOT_M, h]);
+            b.column(Class::Fence, CoatKind::Plastic, [l, 0.0], 0.02, [-ROOT_M, h]);
         }
         ThingKind::Shed => {
             let wall = 0.86 * h;
             b.solid(
                 Form::Box,
                 Class::Shed,
-                PLANKS,
+                CoatKind::Planks,
                 [0.0, 0.0, 0.5 * (wall - ROOT_M)],
                 [l, w, 0.5 * (wall + ROOT_M)],
             );
-            b.solid(Form::Box, Class::Shed, ROOF, [0.0, 0.0, 0.93 * h], [l + 0.2, w + 0.2, 0.07 * h]);
-            b.solid(Form::Box, Class::Shed, TIMBER, [-l, 0.0, 0.4 * h], [0.02, 0.45, 0.4 * h]);
+            b.solid(
+                Form::Box,
+                Class::Shed,
+                CoatKind::Roof,
+                [0.0, 0.0, 0.93 * h],
+                [l + 0.2, w + 0.2, 0.07 * h],
+            );
+            b.solid(Form::Box, Class::Shed, CoatKind::Timber, [-l, 0.0, 0.4 * h], [0.02, 0.45, 0.4 * h]);
         }
         ThingKind::Person => person(b),
     }
@@ -185,12 +194,12 @@ fn build(b: &mut Builder<'_>) {
 fn tree(b: &mut Builder<'_>, dice: &mut Dice) {
     let size = b.thing.size;
     let (r, h) = (size.radius_m, size.height_m);
-    b.column(Class::Trunk, BARK, [0.0, 0.0], r, [-ROOT_M, 0.7 * h]);
+    b.column(Class::Trunk, CoatKind::Bark, [0.0, 0.0], r, [-ROOT_M, 0.7 * h]);
     let crown = size.crown_radius_m;
     b.add(
         Form::Ellipsoid,
         Class::Crown,
-        CROWN,
+        CoatKind::Crown,
         [0.0, 0.0, 0.68 * h],
         [0.8 * crown, 0.8 * crown, 0.32 * h],
         0.09,
@@ -199,7 +208,7 @@ fn tree(b: &mut Builder<'_>, dice: &mut Dice) {
         let side = [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]][lump].map(|v: f64| v * 0.5 * crown);
         let up = h * dice.between([0.52, 0.78]);
         let half = [0.5 * crown, 0.5 * crown, dice.between([0.12, 0.17]) * h];
-        b.add(Form::Ellipsoid, Class::Crown, CROWN, [side[0], side[1], up], half, 0.09);
+        b.add(Form::Ellipsoid, Class::Crown, CoatKind::Crown, [side[0], side[1], up], half, 0.09);
     }
 }
 
@@ -207,14 +216,21 @@ fn tree(b: &mut Builder<'_>, dice: &mut Dice) {
 fn bush(b: &mut Builder<'_>, dice: &mut Dice) {
     let size = b.thing.size;
     let (r, h) = (size.radius_m, size.height_m);
-    b.add(Form::Ellipsoid, Class::Bush, BUSH, [0.0, 0.0, 0.45 * h], [0.85 * r, 0.85 * r, 0.55 * h], 0.045);
+    b.add(
+        Form::Ellipsoid,
+        Class::Bush,
+        CoatKind::Bush,
+        [0.0, 0.0, 0.45 * h],
+        [0.85 * r, 0.85 * r, 0.55 * h],
+        0.045,
+    );
     for side in [[1.0, 0.3], [-0.6, 0.8], [-0.3, -0.9]] {
         let shift = side.map(|v: f64| v * 0.45 * r);
         let up = dice.between([0.3, 0.5]) * h;
         b.add(
             Form::Ellipsoid,
             Class::Bush,
-            BUSH,
+            CoatKind::Bush,
             [shift[0], shift[1], up],
             [0.52 * r, 0.52 * r, 0.42 * h],
             0.045,
@@ -226,10 +242,10 @@ fn bush(b: &mut Builder<'_>, dice: &mut Dice) {
 fn hedge(b: &mut Builder<'_>, dice: &mut Dice) {
     let size = b.thing.size;
     let (h, l, w) = (size.height_m, 0.5 * size.length_m, 0.5 * size.width_m);
-    b.add(Form::Box, Class::Bush, BUSH, [0.0, 0.0, 0.5 * h - 0.1], [l, 0.85 * w, 0.5 * h], 0.045);
+    b.add(Form::Box, Class::Bush, CoatKind::Bush, [0.0, 0.0, 0.5 * h - 0.1], [l, 0.85 * w, 0.5 * h], 0.045);
     for part in [-0.66, 0.0, 0.66] {
         let middle = [part * l, dice.between([-0.1, 0.1]) * w, dice.between([0.62, 0.72]) * h];
-        b.add(Form::Ellipsoid, Class::Bush, BUSH, middle, [0.45 * l, w, 0.36 * h], 0.045);
+        b.add(Form::Ellipsoid, Class::Bush, CoatKind::Bush, middle, [0.45 * l, w, 0.36 * h], 0.045);
     }
 }
 
@@ -239,9 +255,21 @@ fn person(b: &mut Builder<'_>) {
     let h = size.height_m;
     let s = h / 1.75;
     for side in [-0.1, 0.1] {
-        b.column(Class::Person, TROUSERS, [0.0, side * s], 0.075 * s, [-0.05, 0.85 * s]);
-        b.column(Class::Person, JACKET, [0.0, 2.5 * side * s], 0.05 * s, [0.8 * s, 1.42 * s]);
+        b.column(Class::Person, CoatKind::Trousers, [0.0, side * s], 0.075 * s, [-0.05, 0.85 * s]);
+        b.column(Class::Person, CoatKind::Jacket, [0.0, 2.5 * side * s], 0.05 * s, [0.8 * s, 1.42 * s]);
     }
-    b.solid(Form::Ellipsoid, Class::Person, JACKET, [0.0, 0.0, 1.14 * s], [0.13 * s, 0.22 * s, 0.36 * s]);
-    b.solid(Form::Ellipsoid, Class::Person, SKIN, [0.0, 0.0, 1.61 * s], [0.1 * s, 0.085 * s, 0.14 * s]);
+    b.solid(
+        Form::Ellipsoid,
+        Class::Person,
+        CoatKind::Jacket,
+        [0.0, 0.0, 1.14 * s],
+        [0.13 * s, 0.22 * s, 0.36 * s],
+    );
+    b.solid(
+        Form::Ellipsoid,
+        Class::Person,
+        CoatKind::Skin,
+        [0.0, 0.0, 1.61 * s],
+        [0.1 * s, 0.085 * s, 0.14 * s],
+    );
 }

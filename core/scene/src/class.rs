@@ -22,11 +22,13 @@ pub enum Surface {
     Mud = 7,
     /// Fallen leaves under trees.
     LeafLitter = 8,
+    /// Brambles and saplings: woody growth that stops a vehicle.
+    Thicket = 9,
 }
 
 impl Surface {
     /// All surfaces, in the order of their codes.
-    pub const ALL: [Surface; 8] = [
+    pub const ALL: [Surface; 9] = [
         Surface::ShortGrass,
         Surface::TallGrass,
         Surface::TallWeeds,
@@ -35,6 +37,7 @@ impl Surface {
         Surface::Dirt,
         Surface::Mud,
         Surface::LeafLitter,
+        Surface::Thicket,
     ];
 
     /// The name in world files.
@@ -48,6 +51,7 @@ impl Surface {
             Surface::Dirt => "dirt",
             Surface::Mud => "mud",
             Surface::LeafLitter => "leaf_litter",
+            Surface::Thicket => "thicket",
         }
     }
 
@@ -66,6 +70,7 @@ impl Surface {
             6 => Surface::Dirt,
             7 => Surface::Mud,
             8 => Surface::LeafLitter,
+            9 => Surface::Thicket,
             _ => Surface::ShortGrass,
         }
     }
@@ -81,6 +86,7 @@ impl Surface {
             Surface::Dirt => Class::Dirt,
             Surface::Mud => Class::Mud,
             Surface::LeafLitter => Class::LeafLitter,
+            Surface::Thicket => Class::Thicket,
         }
     }
 }
@@ -185,6 +191,8 @@ pub enum Class {
     Mud = 7,
     /// [`Surface::LeafLitter`].
     LeafLitter = 8,
+    /// [`Surface::Thicket`]: the ground or a stem.
+    Thicket = 9,
     /// The trunk of a tree.
     Trunk = 16,
     /// The crown of a tree.
@@ -209,7 +217,7 @@ pub enum Class {
 
 impl Class {
     /// All classes, in the order of their codes.
-    pub const ALL: [Class; 19] = [
+    pub const ALL: [Class; 20] = [
         Class::Sky,
         Class::ShortGrass,
         Class::TallGrass,
@@ -219,6 +227,7 @@ impl Class {
         Class::Dirt,
         Class::Mud,
         Class::LeafLitter,
+        Class::Thicket,
         Class::Trunk,
         Class::Crown,
         Class::Bush,
@@ -243,6 +252,7 @@ impl Class {
             Class::Dirt => "dirt",
             Class::Mud => "mud",
             Class::LeafLitter => "leaf_litter",
+            Class::Thicket => "thicket",
             Class::Trunk => "trunk",
             Class::Crown => "crown",
             Class::Bush => "bush",
@@ -269,7 +279,7 @@ impl Class {
     /// Whether it is a surface or vegetation on one.
     pub const fn is_surface(self) -> bool {
         let code = self as u8;
-        code >= 1 && code <= 8
+        code >= 1 && code <= Surface::ALL.len() as u8
     }
 }
 

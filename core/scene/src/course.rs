@@ -6,6 +6,7 @@
 //! description = "trees and bushes on a meadow"
 //! world = "meadow"                # file of the world, by name or path
 //! vehicle = "lagr"                # optional: the file of the vehicle
+//! look = "dry_summer"             # optional: other colours and light for the world
 //! time_limit_s = 240
 //! goal_radius_m = 1.5
 //! start = { zone = 18, easting = 309030.0, northing = 4335020.0, heading_deg = 90.0 }
@@ -32,6 +33,8 @@ pub struct Course {
     pub world: String,
     /// File of the vehicle, by name or path, if the course names one.
     pub vehicle: Option<String>,
+    /// File of the look of the world, by name or path, if the course names one.
+    pub look: Option<String>,
     /// Position of the vehicle at the start.
     pub start: UtmPosition,
     /// Heading of the vehicle at the start, radians counter-clockwise from east.
@@ -82,16 +85,14 @@ impl Course {
     /// Parses a course file. Missing, unknown and out-of-range keys are refused with line and key.
     pub fn from_toml(text: &str) -> Result<Course, SceneError> {
         let mut table = Table::open(text)?;
-        let format = table.need_number("format", 0.0..=1.0e6)?;
-        if format != 1.0 {
-            return Err(table.error("format", format!("got {format}, expected 1")));
-        }
+        table.need_format(1.0)?;
         let name = table.need_text("name")?;
         let description = table.text("description")?.unwrap_or_default();
         let world = named(&mut table, "world")?.ok_or_else(|| {
             table.error("world", "is missing, expected the name of a world or the path of its file")
         })?;
         let vehicle = named(&mut table, "vehicle")?;
+        let look = named(&mut table, "look")?;
         let goal_radius_m = table.number_or("goal_radius_m", 1.5, 0.1..=100.0)?;
         let time_limit_s = table.need_number("time_limit_s", 1.0..=36_000.0)?;
         let (start, heading_deg) = place(&mut table, "start", true)?;
@@ -103,6 +104,7 @@ impl Course {
             description,
             world,
             vehicle,
+            look,
             start,
             start_heading_rad,
             goal,
@@ -196,6 +198,7 @@ northing = 4335120.0
         check("format = 1", "format = 2", "line 1, key \"format\": got 2, expected 1");
         check("world = \"meadow\"", "world = \"\"", "line 4, key \"world\": is empty");
         check("world = \"meadow\"\n", "", "key \"world\": is missing");
+        check("vehicle = \"lagr\"", "look = \" \"", "line 5, key \"look\": is empty");
         check("time_limit_s = 240", "time_limit_s = 0", "line 6, key \"time_limit_s\": got 0");
         check("time_limit_s = 240", "time_limit_s = nan", "line 6, key \"time_limit_s\"");
         check("goal_radius_m = 2.0", "goal_radius = 2.0", "line 7, key \"goal_radius\": is unknown");

@@ -39,7 +39,7 @@
 //! | top | `name`, `seed`, `bounds_m = [[x, y], [x, y]]`, `base` (a surface) |
 //! | `[origin]` | `zone`, `north`, `easting_m`, `northing_m`: UTM coordinates of the origin (0, 0) |
 //! | `[sun]` | `azimuth_deg`, `elevation_deg` |
-//! | `[surface.NAME]` | `traction`, `rolling_resistance`, `height_m`, `density_per_m`, `drag`, `passable`, `colour`, `second_colour` |
+//! | `[surface.NAME]` | `traction`, `rolling_resistance`, `slip_at_limit`, `height_m`, `density_per_m`, `drag`, `passable`, `colour`, `second_colour` |
 //! | `[[undulation]]` | `wavelength_m`, `amplitude_m` |
 //! | `[[hill]]` | `centre`, `radius_m`, `second_radius_m`, `yaw_deg`, `height_m` (negative for a hollow) |
 //! | `[[slope]]` | `from`, `to`, `rise_m` |
@@ -55,6 +55,8 @@
 //! Sizes are those of `radius_m`, `height_m`, `crown_radius_m`, `length_m` and `width_m` that the kind has.
 //! The names of surfaces and kinds are those of [`Surface`] and [`ThingKind`].
 //!
+//! Colours, light and sky of a world can be replaced by those of a file of its own, a [`Look`].
+//!
 //! # Determinism
 //!
 //! Everything follows from the text: noise and seeded lists are hashes of seed and position, the content of vegetation
@@ -63,10 +65,13 @@
 mod build;
 mod camera;
 mod class;
+mod coat;
 mod course;
 mod drive;
 mod ground_truth;
 mod heightfield;
+mod light;
+mod look;
 mod looks;
 mod noise;
 mod read;
@@ -90,9 +95,10 @@ pub use class::{COVER_M, Class, Label, SHORT_M, Surface, ThingKind};
 pub use course::{Course, UtmPosition, WrongZone};
 pub use drive::TRUTH_CELL_M;
 pub use ground_truth::TruthCell;
+pub use look::Look;
 pub use read::SceneError;
 pub use render::{CAMERA_RANGE_M, ViewRows, render_rows};
 pub use thing::{Outline, Thing};
-pub use touch::{Footprint, Touch};
+pub use touch::{Footprint, THICKET, Touch};
 pub use trace::Hit;
 pub use world::{Ground, World};

@@ -2,6 +2,7 @@
 
 use crate::class::Surface;
 use crate::heightfield::{FieldHit, HeightField};
+use crate::light::{Light, SHADE, Sky};
 use crate::noise::{add_noise, hash2, unit};
 use crate::shape::{Shape, Vec3, between, unit_length};
 use crate::spec::WorldSpec;
@@ -9,10 +10,12 @@ use crate::surface::Material;
 use crate::terrain::{CELL_M, Lattice};
 use crate::texture::{ONE, TEXEL_M, Texture, channels, detail, level_of, packed, rough};
 
-/// Light in the shade as a fraction of that on sunlit level ground.
-const SHADE: f32 = 0.42;
+/// Increase of the light in the shade when a cloud hides the sun: the cloud scatters part of it.
+const CLOUD_SHADE: f32 = 0.25;
 /// Spacing of the points of the outline of the distant trees.
 const SKYLINE: usize = 2048;
+/// Light on a leaf by its direction to the sun, in a world without a look.
+const LEAF_DIRECT: f32 = 0.35;
 const CELL: f32 = CELL_M as f32;
 
 /// Data that only colours need.
@@ -25,8 +28,13 @@ pub(crate) struct Looks {
     /// By surface code: two colours of stems.
     stems: [[Vec3; 2]; 16],
     sun: Vec3,
+    /// Light in the shade as a fraction of that on sunlit level ground.
+    shade: f32,
     /// Light on a face toward the sun, in addition to that in the shade.
     direct: f32,
+    /// The same on leaves, which let light through.
+    leaf_direct: f32,
+    sky: Sky,
     plain: Vec3,
     /// Slope of the view to the tops of the distant trees, around the horizon.
     skyline: Vec<f32>,
@@ -39,15 +47,18 @@ pub(crate) struct Seen {
     pub(crate) direction: Vec3,
     /// Width of the pixel, m.
     pub(crate) footprint_m: f32,
+    /// Share of the sun's light that the clouds let through: 1 under a clear sky.
+    pub(crate) sunlight: f32,
 }
 
 impl Looks {
     pub(crate) fn build(spec: &WorldSpec, lattice: &Lattice, shapes: &[Shape]) -> Looks {
-        let [azimuth, elevation] = spec.sun_rad;
+        let Light { sun_rad: [azimuth, elevation], shade } = spec.light;
+        let seed = spec.texture_seed;
         let flat = libm::cos(elevation);
         let sun =
             [flat * libm::cos(azimuth), flat * libm::sin(azimuth), libm::sin(elevation)].map(|v| v as f32);
-        let direct = (1.0 - SHADE) / sun[2];
+        let direct = (1.0 - shade) / sun[2];
         let lit = shadows(lattice, shapes, sun);
         let ground = bake(spec, lattice, &lit, sun, direct);
         let mut present = [false; 16];
@@ -60,24 +71,27 @@ impl Looks {
             let code = surface as usize;
             stems[code] = material.colours;
             if present[code] {
-                details[code] = Some(detail(material, spec.seed ^ code as u32));
+                details[code] = Some(detail(material, seed ^ code as u32));
             }
         }
         let mut skyline = vec![0.02_f32; SKYLINE];
         for (wavelength, amplitude) in [(190.0, 0.016), (60.0, 0.010), (14.0, 0.008), (5.0, 0.005)] {
-            add_noise(&mut skyline, SKYLINE, wavelength, amplitude, spec.seed ^ 0x51C7);
+            add_noise(&mut skyline, SKYLINE, wavelength, amplitude, seed ^ 0x51C7);
         }
         let plain = spec.materials[spec.base as usize - 1].mean_colour();
         Looks {
             ground,
             details,
-            rough: rough(spec.seed),
+            rough: rough(seed),
             stems,
             sun,
+            shade,
             direct,
+            leaf_direct: LEAF_DIRECT * ((1.0 - shade) / (1.0 - SHADE)),
+            sky: spec.sky,
             plain,
             skyline,
-            seed: spec.seed,
+            seed,
         }
     }
 
@@ -94,7 +108,13 @@ impl Looks {
         let longer = (1.0 / seen.direction[2].abs().max(1e-3)).min(16.0);
         let footprint2 = seen.footprint_m * seen.footprint_m * longer;
         let [u, v] = [seen.at[0] * (1.0 / CELL), seen.at[1] * (1.0 / CELL)];
-        let [r, g, b, _] = channels(self.ground.clamped(level_of(footprint2, CELL * CELL), u, v));
+        let [r, g, b, light] = channels(self.ground.clamped(level_of(footprint2, CELL * CELL), u, v));
+        let [r, g, b] = if seen.sunlight < 1.0 {
+            let dimmed = self.dimmed(light, seen.sunlight) / light.max(1.0);
+            [r * dimmed, g * dimmed, b * dimmed]
+        } else {
+            [r, g, b]
+        };
         let level = level_of(footprint2, TEXEL_M * TEXEL_M);
         if level > 3 {
             return [r, g, b];
@@ -128,7 +148,8 @@ impl Looks {
     fn stem(&self, field: &HeightField, hit: &FieldHit, seen: &Seen) -> Vec3 {
         let at = hit.cell[1] as usize * field.lattice.width + hit.cell[0] as usize;
         let [a, b] = &self.stems[usize::from(field.lattice.surface[at] & 15)];
-        let light = channels(self.ground.clamped(0, hit.cell[0] as f32, hit.cell[1] as f32))[3] * (1.0 / ONE);
+        let light = channels(self.ground.clamped(0, hit.cell[0] as f32, hit.cell[1] as f32))[3];
+        let light = if seen.sunlight < 1.0 { self.dimmed(light, seen.sunlight) } else { light } * (1.0 / ONE);
         let h = hash2(hit.cell[0] as i32, hit.cell[1] as i32, self.seed ^ 0x57E3);
         // Leaves along the stem, a few centimetres each.
         let leaf = hash2(h as i32, ((seen.at[2] + 64.0) * 28.0) as i32, self.seed);
@@ -153,12 +174,26 @@ impl Looks {
         between(a, b, part, brightness)
     }
 
+    /// Light in the shade when the clouds let this share of the sun's light through.
+    #[inline]
+    fn shaded(&self, sunlight: f32) -> f32 {
+        self.shade * (1.0 + CLOUD_SHADE * (1.0 - sunlight))
+    }
+
+    /// Light on the ground, where [`ONE`] means 1, when the clouds let this share of the sun's light through.
+    #[inline]
+    fn dimmed(&self, light: f32, sunlight: f32) -> f32 {
+        let shade = light.min(self.shade * ONE);
+        shade * (1.0 + CLOUD_SHADE * (1.0 - sunlight)) + (light - shade) * sunlight
+    }
+
     /// Colour of the plain beyond the world.
     pub(crate) fn plain(&self, seen: &Seen) -> Vec3 {
         let coarse = self.rough.wrapped(0, seen.at[0] * 0.5 + 4096.0, seen.at[1] * 0.5 + 4096.0);
         let fine = self.rough.wrapped(0, seen.at[0] * 4.0 + 4096.0, seen.at[1] * 4.0 + 4096.0);
         let brightness = 0.6 + (channels(coarse)[0] + channels(fine)[0]) * (0.2 / ONE);
-        self.plain.map(|v| v * brightness)
+        let light = self.shaded(seen.sunlight) + (1.0 - self.shade) * seen.sunlight;
+        self.plain.map(|v| v * brightness * light)
     }
 
     /// Colour of a thing.
@@ -172,13 +207,14 @@ impl Looks {
             let clear = (1.5 * shape.leaf_m / seen.footprint_m).min(1.0);
             let part = 0.5 + clear * (unit(h.wrapping_mul(0x9E37_79B1)) - 0.5);
             let fine = self.grey(shape, normal, seen);
-            let brightness = (SHADE + 0.35 * (1.0 + facing))
+            let brightness = (self.shaded(seen.sunlight) + self.leaf_direct * seen.sunlight * (1.0 + facing))
                 * (0.75 + clear * 0.4 * (unit(h.wrapping_mul(0x85EB_CA77)) - 0.5) + 0.35 * fine);
             return between(a, b, part, brightness);
         }
         let grey = self.grey(shape, normal, seen);
         // Faces that point upwards get more light from the sky.
-        let light = SHADE * (0.8 + 0.2 * normal[2]) + self.direct * facing.max(0.0);
+        let light = self.shaded(seen.sunlight) * (0.8 + 0.2 * normal[2])
+            + self.direct * seen.sunlight * facing.max(0.0);
         let light = light.min(1.25);
         between(a, b, grey, light)
     }
@@ -208,14 +244,15 @@ impl Looks {
         if z < self.skyline[place] {
             let h = hash2((around * 0.5) as i32, (z * 300.0 + 600.0) as i32, self.seed);
             let brightness = 0.8 + 0.4 * unit(h);
-            return [66.0, 82.0, 62.0].map(|v| v * brightness);
+            return self.sky.trees.map(|v| v * brightness);
         }
         let high = z.clamp(0.0, 1.0);
         let bow = 1.0 - (1.0 - high) * (1.0 - high);
         let plane = 40.0 / (high + 0.12);
         let cloud = channels(self.rough.wrapped(0, x * plane + 512.0, y * plane + 512.0))[0] - 120.0;
         let white = (cloud * (1.0 / 90.0)).clamp(0.0, 0.6) * (high * 4.0).min(1.0);
-        let blue = [206.0 - 96.0 * bow, 220.0 - 62.0 * bow, 234.0 - 16.0 * bow];
+        let Sky { zenith, horizon, .. } = &self.sky;
+        let blue = [0, 1, 2].map(|c| horizon[c] + (zenith[c] - horizon[c]) * bow);
         blue.map(|v| v + (246.0 - v) * white)
     }
 
@@ -280,16 +317,16 @@ fn soften(values: &mut [f32], width: usize) {
 
 /// Mean colour with light of every sample.
 fn bake(spec: &WorldSpec, lattice: &Lattice, lit: &[f32], sun: Vec3, direct: f32) -> Texture {
-    let width = lattice.width;
+    let (width, shade) = (lattice.width, spec.light.shade);
     let mut tint = vec![1.0_f32; lattice.z.len()];
     // Metres; all scales down to that of the samples, so that distant ground still has texture.
     for (wavelength, amplitude) in [(11.0, 0.10), (3.7, 0.09), (1.3, 0.08), (0.5, 0.08), (0.22, 0.07)] {
-        let seed = hash2((wavelength * 10.0) as i32, 0x71, spec.seed);
+        let seed = hash2((wavelength * 10.0) as i32, 0x71, spec.texture_seed);
         add_noise(&mut tint, width, wavelength / CELL, amplitude, seed);
     }
     let mut hue = vec![0.0_f32; lattice.z.len()];
-    add_noise(&mut hue, width, 5.0 / CELL, 0.05, spec.seed ^ 0x40E);
-    add_noise(&mut hue, width, 0.8 / CELL, 0.03, spec.seed ^ 0x40F);
+    add_noise(&mut hue, width, 5.0 / CELL, 0.05, spec.texture_seed ^ 0x40E);
+    add_noise(&mut hue, width, 0.8 / CELL, 0.03, spec.texture_seed ^ 0x40F);
     let colours: Vec<Vec3> = spec.materials.iter().map(Material::mean_colour).collect();
     let rows = lattice.z.len() / width;
     let mut texels = Vec::with_capacity(lattice.z.len());
@@ -304,8 +341,8 @@ fn bake(spec: &WorldSpec, lattice: &Lattice, lit: &[f32], sun: Vec3, direct: f32
             ];
             let normal = unit_length([-slope[0], -slope[1], 2.0 * CELL]);
             let facing = normal[0] * sun[0] + normal[1] * sun[1] + normal[2] * sun[2];
-            let light = SHADE * (0.4 + 0.6 * normal[2]) + direct * facing.max(0.0) * lit[at];
-            let [r, g, b] = colours[usize::from(lattice.surface[at]).clamp(1, 8) - 1];
+            let light = shade * (0.4 + 0.6 * normal[2]) + direct * facing.max(0.0) * lit[at];
+            let [r, g, b] = colours[usize::from(lattice.surface[at]).clamp(1, Surface::ALL.len()) - 1];
             let (bright, hue) = (light * tint[at], hue[at]);
             texels.push(packed([
                 r * bright * (1.0 + hue),

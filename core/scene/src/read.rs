@@ -134,6 +134,15 @@ impl<'t> Table<'t> {
         self.number(key, range)?.ok_or_else(|| self.missing(key, &expected))
     }
 
+    /// Refuses a file of another version of its format.
+    pub(crate) fn need_format(&mut self, expected: f64) -> Result<(), SceneError> {
+        let format = self.need_number("format", 0.0..=1.0e6)?;
+        if format == expected {
+            return Ok(());
+        }
+        Err(self.error("format", format!("got {format}, expected {expected}")))
+    }
+
     /// An integer.
     pub(crate) fn integer(
         &mut self,

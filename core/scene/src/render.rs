@@ -35,11 +35,13 @@ pub struct ViewRows<'a> {
     pub label: &'a mut [u8],
 }
 
-/// Renders some rows of a camera's image. Rows and pixels beyond the size of `out` are left out.
+/// Renders some rows of a camera's image. `sunlight` is the share of the sun's light that the clouds let through, 1
+/// under a clear sky. Rows and pixels beyond the size of `out` are left out.
 pub fn render_rows(
     world: &World,
     rays: &CameraRays,
     global_from_camera: &Pose,
+    sunlight: f32,
     rows: Range<usize>,
     out: &mut ViewRows<'_>,
 ) {
@@ -50,7 +52,7 @@ pub fn render_rows(
     if rows.is_empty() || !global_from_camera.is_finite() {
         return;
     }
-    let view = View::new(world, rays, global_from_camera);
+    let view = View::new(world, rays, global_from_camera, sunlight);
     let mut near = Vec::new();
     let mut nearer = Vec::new();
     for bundle_row in rows.start / BUNDLE..=(rows.end - 1) / BUNDLE {
@@ -83,6 +85,7 @@ struct View<'v> {
     turn: [Vec3; 3],
     reach: Vec<Ball>,
     passable: [bool; 16],
+    sunlight: f32,
 }
 
 /// The hit of a ray.
@@ -92,7 +95,7 @@ struct Found {
 }
 
 impl<'v> View<'v> {
-    fn new(world: &'v World, rays: &'v CameraRays, pose: &Pose) -> View<'v> {
+    fn new(world: &'v World, rays: &'v CameraRays, pose: &Pose, sunlight: f32) -> View<'v> {
         let inner = &*world.inner;
         let origin = world.local(pose.translation);
         let columns = pose.rotation_matrix().to_cols_array_2d();
@@ -110,7 +113,7 @@ impl<'v> View<'v> {
         let mut reach: Vec<Ball> = inner.shapes.iter().enumerate().map(ball).collect();
         // Near ones first, because what they hide need not be tested.
         reach.sort_by(|a, b| a.nearest_m.total_cmp(&b.nearest_m));
-        View { inner, rays, origin, turn, reach, passable }
+        View { inner, rays, origin, turn, reach, passable, sunlight: sunlight.clamp(0.0, 1.0) }
     }
 
     #[inline]
@@ -234,8 +237,12 @@ impl<'v> View<'v> {
     fn colour(&self, found: &Found, d: Vec3) -> Vec3 {
         let looks = &self.inner.looks;
         let Some(met) = found.met else { return looks.sky(d) };
-        let seen =
-            Seen { at: self.point(found.t, d), direction: d, footprint_m: found.t * self.rays.pixel_rad };
+        let seen = Seen {
+            at: self.point(found.t, d),
+            direction: d,
+            footprint_m: found.t * self.rays.pixel_rad,
+            sunlight: self.sunlight,
+        };
         let colour = match met {
             Met::Field(hit) => looks.field(&self.inner.field, &hit, &seen),
             Met::Shape(shape) => looks.shape(&self.inner.shapes[shape as usize], &seen),

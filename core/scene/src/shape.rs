@@ -5,6 +5,7 @@
 //! pair see the same leaves. The fence is a panel with holes.
 
 use crate::class::Class;
+use crate::coat::Coat;
 use crate::heightfield::{larger, smaller};
 use crate::noise::{hash3, unit};
 
@@ -21,15 +22,6 @@ pub(crate) enum Form {
     Box,
     /// A panel with holes in its own x-z plane.
     Mesh,
-}
-
-/// Appearance of a shape.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Coat {
-    /// The two colours of its texture, 0 to 255.
-    pub(crate) colours: [Vec3; 2],
-    /// Texture cells per metre horizontally and vertically; they differ for wood, which has grain.
-    pub(crate) grain: [f32; 2],
 }
 
 /// One shape of a thing.

@@ -3,6 +3,8 @@
 use rcs_geom::{DVec2, Utm};
 
 use crate::class::{Surface, ThingKind};
+use crate::coat::Coats;
+use crate::light::{Light, SHADE, Sky};
 use crate::read::{SceneError, Table};
 use crate::region::Region;
 use crate::surface::Material;
@@ -84,8 +86,11 @@ pub(crate) struct WorldSpec {
     pub(crate) placed: Vec<Placed>,
     /// Regions in which seeded lists place nothing.
     pub(crate) clear: Vec<Region>,
-    /// Azimuth of the sun counter-clockwise from east, and its elevation, rad.
-    pub(crate) sun_rad: [f64; 2],
+    pub(crate) light: Light,
+    pub(crate) sky: Sky,
+    pub(crate) coats: Coats,
+    /// Seed of the textures; that of the world without a look.
+    pub(crate) texture_seed: u32,
 }
 
 /// Greatest side of a world, m, which limits its grids to tens of megabytes.
@@ -127,7 +132,10 @@ impl WorldSpec {
             paints: Vec::new(),
             placed: Vec::new(),
             clear: Vec::new(),
-            sun_rad,
+            light: Light { sun_rad, shade: SHADE },
+            sky: Sky::default(),
+            coats: Coats::default(),
+            texture_seed: seed,
         };
         spec.read_terrain(&mut file)?;
         for mut table in file.tables("paint")? {

@@ -29,9 +29,11 @@ pub(crate) struct Material {
     pub(crate) height_m: f64,
     /// Probability of a hit per metre of a horizontal ray through the vegetation; 0 for a surface without stems.
     pub(crate) density_per_m: f64,
+    /// Slip at which the force of a wheel reaches the limit of traction; a larger one of the vehicle counts.
+    pub(crate) slip_at_limit: f64,
     /// Force needed to push through, as a fraction of the vehicle's weight.
     pub(crate) drag: f64,
-    /// Whether a vehicle can drive into it.
+    /// Whether a vehicle can drive into it; otherwise it stops a vehicle at its edge, like a solid thing.
     pub(crate) passable: bool,
 }
 
@@ -56,6 +58,7 @@ impl Material {
             rolling_resistance: 0.05,
             height_m: 0.0,
             density_per_m: 0.0,
+            slip_at_limit: 0.0,
             drag: 0.0,
             passable: true,
         };
@@ -117,6 +120,16 @@ impl Material {
                 rolling_resistance: 0.07,
                 ..bare
             },
+            Surface::Thicket => Material {
+                colours: [[52.0, 62.0, 36.0], [96.0, 92.0, 56.0]],
+                specks: specks(700.0, 0.05, 0.12, 0.035, 0.5),
+                traction: 0.6,
+                rolling_resistance: 0.12,
+                height_m: 1.1,
+                density_per_m: 4.5,
+                passable: false,
+                ..bare
+            },
         }
     }
 
@@ -128,6 +141,7 @@ impl Material {
         };
         change("traction", &mut self.traction, 0.0..=1.5)?;
         change("rolling_resistance", &mut self.rolling_resistance, 0.0..=1.0)?;
+        change("slip_at_limit", &mut self.slip_at_limit, 0.0..=0.95)?;
         change("height_m", &mut self.height_m, 0.0..=3.0)?;
         change("density_per_m", &mut self.density_per_m, 0.0..=MAX_DENSITY_PER_M)?;
         change("drag", &mut self.drag, 0.0..=2.0)?;

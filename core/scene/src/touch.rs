@@ -1,4 +1,5 @@
-//! Contacts of a vehicle: its rectangle against the solid outlines of things.
+//! Contacts of a vehicle: its rectangle against the solid outlines of things, and against vegetation that does not give
+//! way.
 
 use std::ops::RangeInclusive;
 
@@ -23,7 +24,7 @@ pub struct Footprint {
 /// A contact: a rectangle overlaps a thing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Touch {
-    /// Index of the thing.
+    /// Index of the thing, or [`THICKET`].
     pub thing: u32,
     /// The deepest point, at the middle of the common range of heights, m.
     pub point: DVec3,
@@ -32,6 +33,16 @@ pub struct Touch {
     /// Penetration depth along that direction, m.
     pub depth_m: f64,
 }
+
+/// Number of vegetation that does not give way, in contacts.
+pub const THICKET: u32 = u32::MAX - 1;
+/// Distance between the points of an outline at which vegetation is looked for, m: the size of a sample of the ground.
+const OUTLINE_STEP_M: f64 = 0.1;
+/// Radius around such a point within which the way out is looked for, m.
+const WAY_OUT_M: f64 = 0.2;
+/// Steps of that search, m, and directions.
+const WAY_OUT_STEP_M: f64 = 0.01;
+const WAYS: usize = 16;
 
 /// An oriented rectangle with its axes.
 struct Rectangle {
@@ -51,6 +62,20 @@ impl Rectangle {
 
     fn to_world(&self, own: DVec2) -> DVec2 {
         self.axis * own.x + self.axis.perp() * own.y
+    }
+
+    /// Points of its outline in its own axes, at most [`OUTLINE_STEP_M`] apart.
+    fn outline(&self) -> impl Iterator<Item = DVec2> + use<> {
+        let half = self.half;
+        let side = move |length: f64, place: fn(f64, f64, DVec2) -> DVec2| {
+            let parts = (2.0 * length / OUTLINE_STEP_M).ceil().max(1.0) as u32;
+            (0..=parts).flat_map(move |part| {
+                let along = length * (2.0 * f64::from(part) / f64::from(parts) - 1.0);
+                [-1.0, 1.0].map(|sign| place(along, sign, half))
+            })
+        };
+        side(half.x, |along, sign, half| DVec2::new(along, sign * half.y))
+            .chain(side(half.y, |along, sign, half| DVec2::new(sign * half.x, along)))
     }
 
     /// Half extent along a unit direction, m.
@@ -110,7 +135,8 @@ impl Rectangle {
 }
 
 impl World {
-    /// The solid things that overlap a vehicle's outline, in the order of their indices. `heights_m` are the heights of
+    /// The solid things that overlap a vehicle's outline, in the order of their indices, then the deepest place in
+    /// vegetation that does not give way. `heights_m` are the heights of
     /// the vehicle's lowest and highest part: things that are completely above or below are left out. Crowns and the
     /// outer foliage of bushes are not solid.
     pub fn touching(&self, footprint: &Footprint, heights_m: RangeInclusive<f64>) -> Vec<Touch> {
@@ -124,7 +150,51 @@ impl World {
         let low = self.bounds_m()[0];
         let near = self.inner.grid.things_near(body.middle - extent - low, body.middle + extent - low);
         let touch = |number: u32| touch(self.things().get(number as usize)?, &body, &heights_m);
-        near.into_iter().filter_map(touch).collect()
+        let mut touches: Vec<Touch> = near.into_iter().filter_map(touch).collect();
+        if self.inner.has_thickets {
+            touches.extend(self.thicket(&body, &heights_m));
+        }
+        touches
+    }
+
+    /// Where a rectangle is deepest in vegetation that does not give way; the middle of places that are equally deep.
+    fn thicket(&self, body: &Rectangle, heights_m: &RangeInclusive<f64>) -> Option<Touch> {
+        let mut touches: Vec<Touch> = Vec::new();
+        for own in body.outline() {
+            let place = body.middle + body.to_world(own);
+            let ground = self.ground(place);
+            let top = ground.height_m + ground.vegetation_height_m;
+            if ground.passable || top < *heights_m.start() || ground.height_m > *heights_m.end() {
+                continue;
+            }
+            let Some((normal, depth_m)) = self.way_out(place) else { continue };
+            let z = 0.5 * (ground.height_m.max(*heights_m.start()) + top.min(*heights_m.end()));
+            touches.push(Touch { thing: THICKET, point: place.extend(z), normal, depth_m });
+        }
+        let deepest = *touches.iter().max_by(|a, b| a.depth_m.total_cmp(&b.depth_m))?;
+        let equal = touches.iter().filter(|touch| {
+            touch.depth_m > deepest.depth_m - WAY_OUT_STEP_M && touch.normal.dot(deepest.normal) > 0.9
+        });
+        let (sum, count) =
+            equal.fold((DVec3::ZERO, 0.0), |(sum, count), touch| (sum + touch.point, count + 1.0));
+        Some(Touch { point: sum / count, ..deepest })
+    }
+
+    /// Direction and length of the way out of vegetation: away from the middle of what surrounds the place.
+    fn way_out(&self, place: DVec2) -> Option<(DVec2, f64)> {
+        let mut normal = DVec2::ZERO;
+        for way in 0..WAYS {
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * way as f64 / WAYS as f64);
+            let way = DVec2::new(cos, sin);
+            if self.ground(place + way * WAY_OUT_M).passable {
+                normal += way;
+            }
+        }
+        let normal = normal.try_normalize()?;
+        let steps = (2.0 * WAY_OUT_M / WAY_OUT_STEP_M) as usize;
+        let depths = (1..=steps).map(|step| step as f64 * WAY_OUT_STEP_M);
+        let depth_m = depths.into_iter().find(|&depth_m| self.ground(place + normal * depth_m).passable)?;
+        Some((normal, depth_m))
     }
 }
 

@@ -4,10 +4,11 @@ use proptest::prelude::*;
 use rcs_geom::{DVec2, DVec3, Distortion, PinholeCamera, Pose};
 
 use crate::class::Class;
+use crate::coat::Coat;
 use crate::heightfield::STEM_CLEAR_M;
 use crate::noise::Dice;
 use crate::render::{CAMERA_RANGE_M, ViewRows, render_rows};
-use crate::shape::{Coat, Form, Shape};
+use crate::shape::{Form, Shape};
 use crate::terrain::CELL_M;
 use crate::{CameraRays, Hit, World};
 
@@ -195,7 +196,7 @@ fn draw(world: &World, rays: &CameraRays, pose: &Pose, cuts: &[usize]) -> Image 
             class: &mut image.class[span.clone()],
             label: &mut image.label[span],
         };
-        render_rows(world, rays, pose, rows[0]..rows[1], &mut out);
+        render_rows(world, rays, pose, 1.0, rows[0]..rows[1], &mut out);
     }
     image
 }

@@ -8,6 +8,7 @@ use crate::build;
 use crate::class::Surface;
 use crate::drive::DriveMap;
 use crate::heightfield::HeightField;
+use crate::look::Look;
 use crate::looks::Looks;
 use crate::read::SceneError;
 use crate::shape::Shape;
@@ -34,6 +35,8 @@ pub(crate) struct Inner {
     pub(crate) grid: ShapeGrid,
     pub(crate) looks: Looks,
     pub(crate) drive: DriveMap,
+    /// Whether some vegetation does not give way.
+    pub(crate) has_thickets: bool,
 }
 
 /// Properties of the ground at a position.
@@ -49,6 +52,8 @@ pub struct Ground {
     pub traction: f64,
     /// Rolling resistance as a fraction of the load.
     pub rolling_resistance: f64,
+    /// Slip at which the force of a wheel reaches the limit of traction, at least.
+    pub slip_at_limit: f64,
     /// Height of the vegetation, m.
     pub vegetation_height_m: f64,
     /// Probability that a ray hits a stem, per metre along the ground, 1/m.
@@ -62,17 +67,39 @@ pub struct Ground {
 impl World {
     /// Parses a world file and computes the world; the crate's documentation lists the keys.
     pub fn from_toml(text: &str) -> Result<World, SceneError> {
-        let spec = WorldSpec::read(text)?;
+        World::with_look(text, None)
+    }
+
+    /// Like [`World::from_toml`], with other colours and light.
+    pub fn with_look(text: &str, look: Option<&Look>) -> Result<World, SceneError> {
+        let mut spec = WorldSpec::read(text)?;
+        if let Some(look) = look {
+            look.dress(&mut spec);
+        }
         let lattice = Lattice::build(&spec);
         let things = build::things(&spec, &lattice);
         let low = spec.bounds_m[0];
-        let shapes = build::shapes(&things, low);
+        let shapes = build::shapes(&things, &spec.coats, low);
         let looks = Looks::build(&spec, &lattice, &shapes);
         let grid = ShapeGrid::new(&shapes, &lattice);
         let drive = DriveMap::build(&spec, &lattice, &things);
+        let has_thickets =
+            lattice.surface.iter().any(|&code| !spec.materials[usize::from(code).max(1) - 1].passable);
         let field = HeightField::new(lattice, &spec.materials, spec.seed ^ 0x57E3);
         let WorldSpec { name, origin, bounds_m, materials, .. } = spec;
-        let inner = Inner { name, origin, bounds_m, materials, field, things, shapes, grid, looks, drive };
+        let inner = Inner {
+            name,
+            origin,
+            bounds_m,
+            materials,
+            field,
+            things,
+            shapes,
+            grid,
+            looks,
+            drive,
+            has_thickets,
+        };
         Ok(World { inner: Arc::new(inner) })
     }
 
@@ -122,6 +149,7 @@ impl World {
             surface,
             traction: material.traction,
             rolling_resistance: material.rolling_resistance,
+            slip_at_limit: material.slip_at_limit,
             vegetation_height_m: material.height_m,
             vegetation_density_per_m: material.density_per_m,
             vegetation_drag: material.drag,

@@ -1,12 +1,14 @@
-//! Guarantees of worlds to their users, and that the seven bundled ones can be driven.
+//! Guarantees of worlds to their users, and that the bundled ones can be driven.
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests")]
 
 use std::collections::VecDeque;
 
 use proptest::prelude::*;
-use rcs_geom::DVec2;
-use rcs_scene::{Footprint, Surface, TRUTH_CELL_M, ThingKind, World};
+use rcs_geom::{DVec2, PinholeCamera, Pose};
+use rcs_scene::{
+    CameraRays, Course, Footprint, Look, Surface, TRUTH_CELL_M, ThingKind, ViewRows, World, render_rows,
+};
 
 const PLAIN: &str = "name = \"p\"\nbounds_m = [[0, 0], [40, 30]]\norigin = { zone = 18, easting_m = 308000, northing_m = 4333000 }\n";
 
@@ -125,9 +127,33 @@ fn a_body_touches_the_solid_part_of_things_and_is_told_the_way_out() {
     }
 }
 
+/// The text of a bundled file.
+fn asset(folder: &str, name: &str) -> String {
+    let path = format!("{}/../../assets/{folder}/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    std::fs::read_to_string(path).unwrap()
+}
+
+/// Names of the bundled files in a folder.
+fn names(folder: &str) -> Vec<String> {
+    let path = format!("{}/../../assets/{folder}", env!("CARGO_MANIFEST_DIR"));
+    let files = std::fs::read_dir(path).unwrap().map(|file| file.unwrap().path());
+    let mut names: Vec<String> =
+        files.map(|file| file.file_stem().unwrap().to_str().unwrap().to_owned()).collect();
+    names.sort();
+    names
+}
+
 fn bundled(name: &str) -> World {
-    let path = format!("{}/../../assets/worlds/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-    World::from_toml(&std::fs::read_to_string(path).unwrap()).unwrap()
+    World::from_toml(&asset("worlds", name)).unwrap()
+}
+
+/// A bundled course, its world in its look, and its start and goal.
+fn bundled_course(name: &str) -> (Course, World, [DVec2; 2]) {
+    let course = Course::from_toml(&asset("courses", name)).unwrap();
+    let look = course.look.as_ref().map(|look| Look::from_toml(&asset("looks", look)).unwrap());
+    let world = World::with_look(&asset("worlds", &course.world), look.as_ref()).unwrap();
+    let ends = [course.start, course.goal].map(|end| end.in_world(&world.origin()).unwrap());
+    (course, world, ends)
 }
 
 /// Least length of a path with a clearance, over neighbouring cells, m.
@@ -164,21 +190,91 @@ fn way_m(world: &World, clearance_m: f64, start: DVec2, goal: DVec2) -> Option<f
     None
 }
 
-const NAMES: [&str; 7] = ["corridor", "dead_end", "hill", "meadow", "mulch_path", "tall_grass", "transition"];
-
 #[test]
-fn each_of_our_worlds_can_be_driven_from_west_to_east_in_four_minutes() {
-    for name in NAMES {
-        let world = bundled(name);
-        assert_eq!(world.name(), name);
+fn each_course_can_be_driven_in_four_minutes() {
+    for name in names("courses") {
+        let (course, world, [start, goal]) = bundled_course(&name);
+        assert_eq!((course.name.as_str(), world.name()), (name.as_str(), course.world.as_str()));
         let place = world.origin().to_geodetic();
         assert!(
             (place.latitude_deg - 39.13).abs() < 0.02 && (place.longitude_deg + 77.22).abs() < 0.02,
             "{place:?}"
         );
+        assert!(!world.blocked(start, 1.0) && !world.blocked(goal, 1.0), "{name}");
         // A path of steps along the axes is up to 41 % longer than the straight one.
-        let way = way_m(&world, 0.6, DVec2::new(10.0, 45.0), DVec2::new(110.0, 45.0));
+        let way = way_m(&world, 0.6, start, goal);
         assert!(way.is_some_and(|way| way < 240.0), "{name}: {way:?}");
+    }
+}
+
+#[test]
+fn each_world_has_a_second_look_with_other_colours_light_and_start_and_the_same_truth() {
+    for name in names("worlds") {
+        let (first, plain, [start, _]) = bundled_course(&name);
+        let (second, dressed, [other_start, _]) = bundled_course(&format!("{name}_2"));
+        assert_eq!((&first.world, first.look.is_none()), (&second.world, true));
+        assert!(second.look.is_some() && start.distance(other_start) > 2.0, "{name}");
+        let camera = PinholeCamera::from_horizontal_fov([96, 72], 1.2).unwrap();
+        let body = Pose::from_rpy(start.extend(plain.height_m(start) + 0.9), 0.0, 0.2, 0.0);
+        let [before, after] = [&plain, &dressed].map(|world| view(world, &camera, &body));
+        assert_eq!((before.1, before.2), (after.1, after.2), "{name}: depths and classes");
+        // Mean colours of the ground, the lower half of the image.
+        let mean = |rgb: &[u8], channel: usize| {
+            let values = rgb[rgb.len() / 2..].chunks_exact(3).map(|rgb| f64::from(rgb[channel]));
+            values.sum::<f64>() / (rgb.len() / 6) as f64
+        };
+        let change: f64 =
+            (0..3).map(|channel| (mean(&before.0, channel) - mean(&after.0, channel)).abs()).sum();
+        assert!(change > 25.0, "{name}: the colours change by {change:.0}");
+        let truth = |world: &World| -> Vec<_> {
+            let [columns, rows] = world.truth_size();
+            (0..rows)
+                .step_by(7)
+                .flat_map(|row| (0..columns).map(move |c| (c, row)))
+                .map(|(c, row)| world.truth_cell(c, row))
+                .collect()
+        };
+        assert_eq!(truth(&plain), truth(&dressed), "{name}");
+    }
+}
+
+/// Colours, bits of the depths, and classes of a view.
+fn view(world: &World, camera: &PinholeCamera, global_from_body: &Pose) -> (Vec<u8>, Vec<u32>, Vec<u8>) {
+    let pixels = (camera.width * camera.height) as usize;
+    let (mut rgb, mut depth_m) = (vec![0; 3 * pixels], vec![0.0; pixels]);
+    let (mut class, mut label) = (vec![0; pixels], vec![0; pixels]);
+    let mut out = ViewRows { rgb: &mut rgb, depth_m: &mut depth_m, class: &mut class, label: &mut label };
+    let pose = *global_from_body * Pose::body_from_optical();
+    render_rows(world, &CameraRays::new(camera), &pose, 1.0, 0..camera.height as usize, &mut out);
+    (rgb, depth_m.into_iter().map(f32::to_bits).collect(), class)
+}
+
+#[test]
+fn worlds_that_reward_learning_ask_what_they_should() {
+    let (start, goal) = (DVec2::new(10.0, 45.0), DVec2::new(110.0, 45.0));
+    // Beside the path of the soft ground there is mud, then growth; on the path there is neither.
+    let soft = bundled("soft_ground");
+    let straight: Vec<Surface> =
+        (10..110).map(|x| soft.ground(DVec2::new(f64::from(x), 45.0)).surface).collect();
+    let metres = |surface: Surface| straight.iter().filter(|&&at| at == surface).count();
+    assert!(metres(Surface::Mud) > 15 && metres(Surface::TallWeeds) > 15, "{straight:?}");
+    assert!(metres(Surface::Thicket) > 5);
+    // Around the field of thickets the way is longer by half; through the grass it is not.
+    let field = bundled("thickets");
+    let through = way_m(&field, 0.6, start, goal).unwrap();
+    assert!(through < 145.0, "{through}");
+    let grass = field.ground(DVec2::new(53.0, 45.0));
+    assert!(grass.surface == Surface::TallGrass && grass.passable);
+    let thicket = field.ground(DVec2::new(43.0, 45.0));
+    assert!(thicket.surface == Surface::Thicket && !thicket.passable);
+    // No way leads out of the ends of the wrong branches, except back.
+    let forks = bundled("wrong_branches");
+    for (end, beyond) in
+        [([45.0, 62.0], [58.0, 62.0]), ([44.0, 45.0], [58.0, 45.0]), ([82.0, 45.0], [93.0, 45.0])]
+    {
+        let (end, beyond) = (DVec2::from_array(end), DVec2::from_array(beyond));
+        let way = way_m(&forks, 0.5, end, beyond).unwrap();
+        assert!(way > 3.0 * end.distance(beyond), "{end}: {way}");
     }
 }
 

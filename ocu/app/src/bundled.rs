@@ -11,6 +11,7 @@ const FOLDERS: &[(&str, &str)] = &[
     ("world", "worlds"),
     ("vehicle", "vehicles"),
     ("course", "courses"),
+    ("look", "looks"),
     ("models", "models"),
     ("stack", "stacks"),
     ("part", "stacks/parts"),
@@ -34,7 +35,7 @@ impl Bundled {
     }
 }
 
-/// The bundled files of a kind (`world`, `vehicle`, `course`, `models`, `stack`, `part`, `layout`), sorted by name.
+/// The bundled files of a kind (`world`, `vehicle`, `course`, `look`, `models`, `stack`, `part`, `layout`), sorted by name.
 pub fn files(kind: &str) -> impl Iterator<Item = Bundled> {
     let known = FOLDERS.iter().find(|(known, _)| *known == kind);
     let (folder, dir) = match kind {

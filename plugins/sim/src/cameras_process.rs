@@ -13,18 +13,21 @@
 //! | `ground_truth_class` | out | `foxglove.RawImage` | class of the left camera's pixels, mono8 |
 //!
 //! Period 50 ms; images at the rate of the vehicle file, with the time of the pose from which they were taken. The
-//! cameras of a pair are parallel, so R is the identity. State: the time of the last pose. The world and the rays of
-//! the pixels are not part of the state: after a snapshot they are computed again from the parameters.
+//! cameras of a pair are parallel, so R is the identity. A vehicle file can turn and shift the cameras from what their
+//! calibration says, and stamp images wrongly; ground truth is always that of the image as it was taken. State: the time
+//! of the last pose, the exposure, and how the cameras are turned. The world and the rays of the pixels are not part of
+//! the state: after a snapshot they are computed again from the parameters.
 //!
 //! Cost: one ray per pixel. The strips of rows are fixed and noise is a hash of the pixel, so the result is the same
 //! bit for bit with any number of threads.
 
+use crate::camera_condition::{Condition, stamped};
+use crate::clouds::sunlight;
 use crate::exposure::{Exposure, Sensor, encoding_of, thermal};
 use crate::proto::SimCamerasParams;
-use crate::scene::{Texts, check_world, read_vehicle, read_world};
-use crate::sensors::{is_due, normal};
-use crate::spec::{CameraKind, CameraSpec};
-use rand_core::RngCore;
+use crate::scene::{Texts, check_world, read_look, read_vehicle, read_world};
+use crate::sensors::is_due;
+use crate::spec::{CameraKind, CameraSpec, CloudsSpec};
 use rcs_geom::{Distortion, PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::classes::OBSTACLE_CLASSES;
@@ -39,10 +42,11 @@ use std::sync::Arc;
 /// Rows per strip: a multiple of the renderer's ray bundles, and small enough to occupy several threads.
 const STRIP_ROWS: usize = 48;
 
-/// State: the time of the last pose.
+/// State: the time of the last pose, and the condition of the cameras.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct SimCameras {
     last: Option<Stamp>,
+    condition: Option<Condition>,
     #[serde(skip)]
     cameras: Option<Arc<CameraSet>>,
 }
@@ -67,7 +71,10 @@ struct CameraSet {
     lens: PinholeCamera,
     rate_hz: f64,
     world: World,
+    /// Rays of all cameras, unless the right one has its own.
     rays: CameraRays,
+    right_rays: Option<CameraRays>,
+    clouds: Option<CloudsSpec>,
     sensor: Sensor,
 }
 
@@ -148,6 +155,7 @@ impl Process for SimCameras {
 
     fn check(params: &SimCamerasParams) -> Result<(), String> {
         CameraSet::camera(params)?;
+        read_look(&params.look)?;
         check_world(&params.world).map(|_| ())
     }
 
@@ -175,7 +183,10 @@ impl Process for SimCameras {
             return;
         }
         match pose_of(state.pose.as_ref(), "vehicle") {
-            Ok(global_from_vehicle) => cameras.take(&global_from_vehicle, time, ports, params, cx),
+            Ok(global_from_vehicle) => {
+                let condition = self.condition.get_or_insert_with(|| Condition::new(&cameras.spec, cx.rng()));
+                cameras.take(&global_from_vehicle, condition, time, ports, params, cx);
+            }
             Err(error) => cx.fault(format!("{error}; image skipped")),
         }
     }
@@ -194,7 +205,7 @@ impl SimCameras {
 
 impl CameraSet {
     /// The camera named by the parameters, and its lens.
-    fn camera(params: &SimCamerasParams) -> Result<(CameraSpec, PinholeCamera), String> {
+    fn camera(params: &SimCamerasParams) -> Result<(CameraSpec, PinholeCamera, Option<CloudsSpec>), String> {
         let vehicle = read_vehicle(&params.vehicle)?;
         let Some(spec) = vehicle.camera(&params.pair) else {
             let names: Vec<&str> = vehicle.cameras.iter().map(|camera| camera.name.as_str()).collect();
@@ -204,18 +215,25 @@ impl CameraSet {
                 names.join(", ")
             ));
         };
-        Ok((spec.clone(), lens_of(spec, params)?))
+        Ok((spec.clone(), lens_of(spec, params)?, vehicle.clouds))
     }
 
     fn new(params: &SimCamerasParams) -> Result<CameraSet, String> {
-        let (spec, lens) = CameraSet::camera(params)?;
-        let world = read_world(&params.world)?;
+        let (spec, lens, clouds) = CameraSet::camera(params)?;
+        let world = read_world(&params.world, &params.look)?;
         let size = [lens.width as usize, lens.height as usize];
         Ok(CameraSet {
-            texts: Texts::of(&[&params.world, &params.vehicle]),
-            params: SimCamerasParams { world: String::new(), vehicle: String::new(), ..params.clone() },
+            texts: Texts::of(&[&params.world, &params.vehicle, &params.look]),
+            params: SimCamerasParams {
+                world: String::new(),
+                vehicle: String::new(),
+                look: String::new(),
+                ..params.clone()
+            },
             rate_hz: if params.rate_hz > 0.0 { params.rate_hz } else { spec.rate_hz },
             rays: CameraRays::new(&lens),
+            right_rays: lowered(&spec, &lens)?.map(|lens| CameraRays::new(&lens)),
+            clouds,
             sensor: Sensor::new(&spec, size),
             spec,
             lens,
@@ -229,20 +247,29 @@ impl CameraSet {
             && own.width_px == params.width_px
             && own.rate_hz == params.rate_hz
             && own.distortion == params.distortion;
-        same && self.texts.are(&[&params.world, &params.vehicle])
+        same && self.texts.are(&[&params.world, &params.vehicle, &params.look])
     }
 
     /// Renders and sends the images of all cameras.
     fn take(
         &self,
         global_from_vehicle: &Pose,
+        condition: &mut Condition,
         time: Stamp,
         ports: &Ports,
         params: &SimCamerasParams,
         cx: &mut Cycle<'_>,
     ) {
-        let exposures = self.exposures(cx);
-        let views = self.draw(global_from_vehicle, params.noise.then_some(&exposures), cx.pool());
+        let exposures = condition.exposures(&self.spec, cx.rng());
+        let sunlight = self.clouds.map_or(1.0, |clouds| sunlight(&clouds, time) as f32);
+        let poses = [0, 1].map(|side| {
+            *global_from_vehicle * self.spec.vehicle_from_camera(side) * condition.camera_from_turned(side)
+        });
+        let views = self.draw(&poses, sunlight, params.noise.then_some(&exposures), cx.pool());
+        if params.noise {
+            condition.control(&self.spec, &views[0].pixels, time);
+        }
+        let time = stamped(&self.spec, time, cx.rng());
         let (channels, encoding) = encoding_of(self.spec.kind);
         let [width, height] = [self.lens.width, self.lens.height];
         let image = |side: usize, encoding: &str, bytes: u32, data: Vec<u8>| RawImage {
@@ -266,18 +293,16 @@ impl CameraSet {
         }
     }
 
-    /// Exposures of the cameras in this frame: equal for both, except for the difference between their sensors.
-    fn exposures(&self, cx: &mut Cycle<'_>) -> [Exposure; 2] {
-        let frame = 1.0 + self.spec.exposure_noise * normal(cx.rng());
-        let differ = 0.5 * self.spec.camera_difference * normal(cx.rng());
-        [1.0, -1.0].map(|sign| Exposure { gain: frame * (1.0 + sign * differ), key: cx.rng().next_u64() })
-    }
-
     /// Renders the views of all cameras, strip by strip.
-    fn draw(&self, global_from_vehicle: &Pose, exposures: Option<&[Exposure; 2]>, pool: &Pool) -> Vec<View> {
+    fn draw(
+        &self,
+        poses: &[Pose; 2],
+        sunlight: f32,
+        exposures: Option<&[Exposure; 2]>,
+        pool: &Pool,
+    ) -> Vec<View> {
         let (width, height) = (self.rays.width(), self.rays.height());
         let pixels = width * height;
-        let poses = [0, 1].map(|side| *global_from_vehicle * self.spec.vehicle_from_camera(side));
         let mut views: Vec<View> = (0..self.spec.cameras())
             .map(|_| View {
                 pixels: vec![0; 3 * pixels],
@@ -304,7 +329,8 @@ impl CameraSet {
         pool.for_each_chunk_mut(&mut strips, 1, |_, strips| {
             for strip in strips {
                 let rows = strip.first_row..(strip.first_row + STRIP_ROWS).min(height);
-                render_rows(&self.world, &self.rays, &poses[strip.side], rows, &mut strip.out);
+                let rays = self.right_rays.as_ref().filter(|_| strip.side == 1).unwrap_or(&self.rays);
+                render_rows(&self.world, rays, &poses[strip.side], sunlight, rows, &mut strip.out);
                 if self.spec.kind != CameraKind::Infrared
                     && let Some(exposures) = exposures
                 {
@@ -363,4 +389,16 @@ fn lens_of(spec: &CameraSpec, params: &SimCamerasParams) -> Result<PinholeCamera
             .map_err(|error| format!("distortion: {error}"))?;
     }
     Ok(lens)
+}
+
+/// The lens of the right camera, if its image is lower than its calibration says.
+fn lowered(spec: &CameraSpec, lens: &PinholeCamera) -> Result<Option<PinholeCamera>, String> {
+    if spec.vertical_offset_px == 0.0 {
+        return Ok(None);
+    }
+    let offset_px = spec.vertical_offset_px * f64::from(lens.height) / f64::from(spec.lens.height);
+    let size = [lens.width, lens.height];
+    PinholeCamera::new(size, [lens.fx, lens.fy], [lens.cx, lens.cy + offset_px], lens.distortion.clone())
+        .map(Some)
+        .map_err(|error| format!("vertical_offset_px: {error}"))
 }

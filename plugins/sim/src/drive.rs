@@ -6,7 +6,8 @@
 //! traction of a wheel are solved exactly as one block.
 //!
 //! Traction: slip grows in proportion to the force up to `slip_at_limit`, where the force reaches its maximum `traction
-//! · load`. Slip therefore depends on surface, slope, plants and motor torque.
+//! · load`. On soft ground `slip_at_limit` is larger than on firm ground, so that rolling resistance and plants cost
+//! speed there. Slip therefore depends on surface, slope, plants and motor torque.
 
 use crate::spec::VehicleSpec;
 use serde::{Deserialize, Serialize};
@@ -50,6 +51,8 @@ pub struct Motion {
 pub struct Load {
     /// Maximum traction of the left and the right driven wheel, N.
     pub grip_n: [f64; 2],
+    /// Slip at which the left and the right driven wheel reach it.
+    pub slip_at_limit: [f64; 2],
     /// Gravity and spring forces along the vehicle's x axis, N.
     pub push_n: f64,
     /// Maximum resisting force against rolling in either direction: rolling resistance and plants, N.
@@ -130,7 +133,8 @@ pub fn step_differential(spec: &VehicleSpec, motion: &mut Motion, load: &Load, d
             grip_limit,
             rim_kg: spec.wheels.rim_mass_kg,
             give: 1.0 / mass + arm * arm / inertia,
-            slip: spec.wheels.slip_at_limit * rim_mps.abs().max(CREEP_MPS) / grip_limit,
+            slip: spec.wheels.slip_at_limit.max(load.slip_at_limit[side]) * rim_mps.abs().max(CREEP_MPS)
+                / grip_limit,
         }
     });
     let mut speed = motion.speed_mps + load.push_n / mass * dt_s;
@@ -174,6 +178,7 @@ pub fn step_steered(
     let rim_mps = 0.5 * (motion.rim_mps[0] + motion.rim_mps[1]);
     let [wanted_mps, force] = motor_goal(spec, drive, 0, rim_mps, dt_s);
     let grip_limit = (2.0 * load.grip_n[0].min(load.grip_n[1]) * dt_s).max(1e-9);
+    let slip_at_limit = load.slip_at_limit[0].max(load.slip_at_limit[1]);
     let axle = Wheel {
         rim_mps,
         wanted_mps,
@@ -181,7 +186,7 @@ pub fn step_steered(
         grip_limit,
         rim_kg: 2.0 * spec.wheels.rim_mass_kg,
         give: 1.0 / mass,
-        slip: spec.wheels.slip_at_limit * rim_mps.abs().max(CREEP_MPS) / grip_limit,
+        slip: spec.wheels.slip_at_limit.max(slip_at_limit) * rim_mps.abs().max(CREEP_MPS) / grip_limit,
     };
     let mut speed = motion.speed_mps + load.push_n / mass * dt_s;
     let (mut traction, mut held, mut rim) = (0.0, 0.0, rim_mps);

@@ -3,7 +3,7 @@
 //! Noise is a hash of the frame's key and the pixel, so that a strip of an image does not depend on which thread
 //! computes it.
 
-use crate::spec::{CameraKind, CameraSpec};
+use crate::spec::{CameraKind, CameraSpec, ExposureControl};
 use rcs_scene::Class;
 
 /// Exposure of one camera in one frame.
@@ -85,13 +85,23 @@ impl Sensor {
     }
 }
 
+impl ExposureControl {
+    /// The exposure gain of the next frame, from that of a frame, its pixels, and the time between them, s.
+    pub fn next_gain(&self, gain: f64, pixels: &[u8], elapsed_s: f64) -> f64 {
+        let sum: u64 = pixels.iter().map(|&level| u64::from(level)).sum();
+        let mean = (sum as f64 / pixels.len().max(1) as f64).max(1.0);
+        let part = 1.0 - libm::exp(-elapsed_s / self.response_s.max(1e-3));
+        (gain * libm::pow(self.target / mean, part)).clamp(1.0 / self.max_gain, self.max_gain)
+    }
+}
+
 /// Grey level in a thermal image: living and sunlit objects are warm, plants cool, the sky is cold; the brightness
 /// of a surface adds texture.
 pub fn thermal(class: u8, rgb: [u8; 3]) -> u8 {
     let warmth: i32 = match Class::from_code(class) {
         None | Some(Class::Sky) => 10,
         Some(Class::Person) => 225,
-        Some(Class::TallGrass | Class::TallWeeds | Class::Crown | Class::Bush) => 85,
+        Some(Class::TallGrass | Class::TallWeeds | Class::Thicket | Class::Crown | Class::Bush) => 85,
         Some(Class::ShortGrass | Class::Trunk) => 100,
         Some(Class::Mud | Class::LeafLitter) => 110,
         Some(Class::Dirt | Class::Mulch | Class::WhiteLime) => 140,
@@ -155,6 +165,26 @@ mod tests {
         }
         assert_eq!(whole, strips);
         assert_ne!(exposed(&spec, 100, 1), exposed(&spec, 100, 2));
+    }
+
+    #[test]
+    fn exposure_control_brings_the_mean_to_its_target_and_has_limits() {
+        let control = ExposureControl { target: 120.0, response_s: 0.5, max_gain: 3.0 };
+        let settled = |light: f64| {
+            let mut gain = 1.0;
+            for _ in 0..40 {
+                let level = (light * gain).min(255.0) as u8;
+                gain = control.next_gain(gain, &[level; 30], 0.2);
+            }
+            gain
+        };
+        for light in [60.0, 120.0, 200.0] {
+            assert!((settled(light) * light / 120.0 - 1.0).abs() < 0.02, "{light}: {}", settled(light));
+        }
+        assert_eq!((settled(10.0), settled(1.0)), (3.0, 3.0));
+        // After one time constant 1 − 1/e of the logarithm of the error is gone.
+        let gain = control.next_gain(1.0, &[60; 30], 0.5);
+        assert!((libm::log2(gain) - (1.0 - libm::exp(-1.0))).abs() < 1e-12, "{gain}");
     }
 
     #[test]

@@ -145,7 +145,7 @@ impl Scanner {
 
     fn new(params: &SimLadarParams) -> Result<Scanner, String> {
         let spec = Scanner::ladar(params)?;
-        let world = read_world(&params.world)?;
+        let world = read_world(&params.world, "")?;
         let texts = Texts::of(&[&params.world, &params.vehicle]);
         Ok(Scanner { texts, name: params.ladar.clone(), spec, world })
     }
@@ -223,7 +223,12 @@ impl Scanner {
 fn remission(class: Class) -> f32 {
     match class {
         Class::Sky => 0.0,
-        Class::ShortGrass | Class::TallGrass | Class::TallWeeds | Class::Crown | Class::Bush => 0.65,
+        Class::ShortGrass
+        | Class::TallGrass
+        | Class::TallWeeds
+        | Class::Thicket
+        | Class::Crown
+        | Class::Bush => 0.65,
         Class::WhiteLime | Class::HayBale | Class::Shed => 0.75,
         Class::Fence | Class::Person => 0.55,
         Class::Mulch | Class::LeafLitter | Class::Trunk | Class::Log | Class::Post => 0.4,

@@ -34,7 +34,7 @@
 //!
 //! - [`spec`]: the vehicle file, which contains everything that distinguishes one vehicle from another.
 //! - [`vehicle`], [`drive`], [`contact`]: the motion. [`terrain`] is the interface to a world, [`scene`] implements it.
-//! - [`sensors`], [`exposure`]: sensor models with their errors.
+//! - [`sensors`], [`exposure`], [`clouds`]: sensor models with their errors, and the light.
 //! - [`commands`]: which commands are obeyed. [`referee`]: the progress of a course.
 //!
 //! # Limits
@@ -65,7 +65,9 @@ rcs_msg::messages!(
     pub mod proto
 );
 
+pub mod camera_condition;
 pub mod cameras_process;
+pub mod clouds;
 pub mod commands;
 pub mod contact;
 pub mod drive;

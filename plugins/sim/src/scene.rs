@@ -6,7 +6,7 @@ use crate::spec::VehicleSpec;
 use crate::terrain::{Patch, Terrain, Touch, UprightBox};
 use glam::{DVec2, DVec3};
 use rcs_geom::{GeodesyError, Geodetic, Utm};
-use rcs_scene::{Course, Footprint, ThingKind, World};
+use rcs_scene::{Course, Footprint, Look, Surface, THICKET, ThingKind, World};
 
 /// A simulated world, with the queries of the dynamics.
 #[derive(Clone, Debug)]
@@ -20,7 +20,7 @@ pub struct Scenery {
 impl Scenery {
     /// Reads a world file.
     pub fn from_toml(text: &str) -> Result<Scenery, String> {
-        let world = read_world(text)?;
+        let world = read_world(text, "")?;
         let is_tree = |thing: &&rcs_scene::Thing| thing.kind == ThingKind::Tree;
         let trees = world.things().iter().filter(is_tree).map(|tree| tree.position.truncate()).collect();
         Ok(Scenery { world, trees })
@@ -41,6 +41,7 @@ impl Terrain for Scenery {
             height_m: ground.height_m,
             traction: ground.traction,
             rolling_resistance: ground.rolling_resistance,
+            slip_at_limit: ground.slip_at_limit,
             plant_drag: ground.vegetation_drag,
         }
     }
@@ -82,7 +83,11 @@ impl Terrain for Scenery {
     }
 
     fn kind(&self, thing: u32) -> &str {
-        self.world.things().get(thing as usize).map_or("ground", |thing| thing.kind.name())
+        match self.world.things().get(thing as usize) {
+            Some(thing) => thing.kind.name(),
+            None if thing == THICKET => Surface::Thicket.name(),
+            None => "ground",
+        }
     }
 }
 
@@ -117,10 +122,19 @@ pub(crate) fn read_vehicle(text: &str) -> Result<VehicleSpec, String> {
     VehicleSpec::from_toml(text).map_err(|error| format!("vehicle: {error}"))
 }
 
-/// Parses a world file and computes the world.
-pub(crate) fn read_world(text: &str) -> Result<World, String> {
+/// Parses a world file and computes the world, with the colours of a look unless that is empty.
+pub(crate) fn read_world(text: &str, look: &str) -> Result<World, String> {
     check_world(text)?;
-    World::from_toml(text).map_err(|error| format!("world: {error}"))
+    let look = read_look(look)?;
+    World::with_look(text, look.as_ref()).map_err(|error| format!("world: {error}"))
+}
+
+/// Parses a file of a look; none if it is empty.
+pub(crate) fn read_look(text: &str) -> Result<Option<Look>, String> {
+    if text.is_empty() {
+        return Ok(None);
+    }
+    Look::from_toml(text).map(Some).map_err(|error| format!("look: {error}"))
 }
 
 /// Parses a world file without computing the world: its origin and its corners.

@@ -11,6 +11,8 @@ pub struct Patch {
     pub traction: f64,
     /// Rolling resistance: force per weight.
     pub rolling_resistance: f64,
+    /// Slip at which the force of a wheel reaches the limit of traction, at least.
+    pub slip_at_limit: f64,
     /// Resistance of plants: force per weight of the vehicle.
     pub plant_drag: f64,
 }

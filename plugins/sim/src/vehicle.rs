@@ -70,6 +70,7 @@ pub struct DriveCommand {
 struct GroundContact {
     heights_m: [f64; 3],
     traction: [f64; 2],
+    slip_at_limit: [f64; 2],
     rolling: f64,
     plant_drag: f64,
     /// Whether a wheel is blocked by a step that it cannot climb.
@@ -178,6 +179,7 @@ impl Vehicle {
         GroundContact {
             heights_m: [driven[0], driven[1], 0.5 * (others[0] + others[1])],
             traction: [patches[0].traction, patches[1].traction],
+            slip_at_limit: [patches[0].slip_at_limit, patches[1].slip_at_limit],
             rolling: 0.5 * (patches[0].rolling_resistance + patches[1].rolling_resistance),
             plant_drag: 0.5 * (patches[0].plant_drag + patches[1].plant_drag),
             blocked: blocked && self.motion.speed_mps != 0.0,
@@ -264,6 +266,7 @@ impl Vehicle {
         let plants = ground_contact.plant_drag * weight;
         let load = Load {
             grip_n,
+            slip_at_limit: ground_contact.slip_at_limit,
             push_n: weight * libm::sin(pitch) - self.contacts.spring_n(),
             hold_n: rolling + plants,
             // Plants on both sides of the body resist a turn with a lever arm of a quarter of its width.

@@ -27,7 +27,7 @@ fn draw(world: &World, lens: &PinholeCamera, global_from_camera: &Pose) -> View 
         class: &mut view.class,
         label: &mut label,
     };
-    render_rows(world, &CameraRays::new(lens), global_from_camera, 0..lens.height as usize, &mut out);
+    render_rows(world, &CameraRays::new(lens), global_from_camera, 1.0, 0..lens.height as usize, &mut out);
     view
 }
 

@@ -11,7 +11,7 @@ pub struct Asset {
 
 /// Source of the files that a stack names: those in the program, or a disk.
 pub trait Assets {
-    /// The file with this kind (`world`, `vehicle`, `course`, `models`) and name; an error if there is none. A path is
+    /// The file with this kind (`world`, `vehicle`, `course`, `look`, `models`) and name; an error if there is none. A path is
     /// relative to the file `beside`, which names it; if that is empty, to the working directory.
     fn read(&self, kind: &str, name: &str, beside: &str) -> Result<Asset, String>;
 }

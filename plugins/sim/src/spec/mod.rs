@@ -3,7 +3,6 @@
 //! An invalid file is refused with line, key, the value found and what was expected; unknown keys are refused. Lengths
 //! are in metres, positions in the vehicle frame: origin on the ground midway between the driven wheels, x forward, y
 //! left, z up.
-//! left, z up.
 
 mod parse;
 mod reader;
@@ -11,7 +10,8 @@ mod sensors;
 
 pub use reader::FileError;
 pub use sensors::{
-    CameraKind, CameraSpec, DopplerSpec, EncoderSpec, GpsSpec, InertialSpec, InfraredSpec, LadarSpec, Mount,
+    CameraKind, CameraSpec, CloudsSpec, DopplerSpec, EncoderSpec, ExposureControl, GpsSpec, InertialSpec,
+    InfraredSpec, LadarSpec, Mount,
 };
 
 /// The contents of a vehicle file.
@@ -45,6 +45,8 @@ pub struct VehicleSpec {
     pub cameras: Vec<CameraSpec>,
     /// Scanning ladars.
     pub ladars: Vec<LadarSpec>,
+    /// Passing clouds, which the cameras see. They are in this file because it says all that disturbs the images.
+    pub clouds: Option<CloudsSpec>,
 }
 
 /// Mass and dimensions of the body; lengths in m.

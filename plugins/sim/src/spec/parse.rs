@@ -26,6 +26,7 @@ pub(super) fn vehicle(file: &Section<'_>) -> Result<VehicleSpec, FileError> {
         infrared: file.tables("infrared", sensors::infrared)?,
         cameras: file.tables("camera", sensors::camera)?,
         ladars: file.tables("ladar", sensors::ladar)?,
+        clouds: file.optional_table("clouds", sensors::clouds)?,
     };
     let groups = [
         ("infrared", spec.infrared.iter().map(|sensor| &sensor.name).collect::<Vec<_>>()),

@@ -77,6 +77,11 @@ impl<'a> Section<'a> {
         self.error(key, format_args!("is of type {}, expected {expected}", value.type_str()))
     }
 
+    /// Whether a key is present.
+    pub(crate) fn has(&self, key: &'static str) -> bool {
+        self.get(key).is_some()
+    }
+
     /// A number within a range.
     pub(crate) fn number(&self, key: &'static str, range: RangeInclusive<f64>) -> Result<f64, FileError> {
         let expected = format!("a number from {} to {}", range.start(), range.end());

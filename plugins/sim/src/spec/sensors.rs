@@ -140,6 +140,38 @@ pub struct CameraSpec {
     pub shot_noise: f64,
     /// Share of light lost at the image corners.
     pub vignette: f64,
+    /// Angle by which each camera is turned from what its calibration says, about an axis drawn once per run, rad.
+    pub calibration_error_rad: f64,
+    /// Distance by which the right image of a pair is lower than its calibration says, pixels of the raw image.
+    pub vertical_offset_px: f64,
+    /// Maximum error of the time stamps of images, s.
+    pub stamp_jitter_s: f64,
+    /// Exposure control; without it the exposure is constant.
+    pub exposure_control: Option<ExposureControl>,
+}
+
+/// Exposure control of a camera or pair: it brings the mean grey level of the left image to a target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExposureControl {
+    /// Mean grey level that it keeps, 0 to 255.
+    pub target: f64,
+    /// Time constant, s.
+    pub response_s: f64,
+    /// Maximum factor between its exposure and the normal one, in both directions.
+    pub max_gain: f64,
+}
+
+/// Passing clouds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CloudsSpec {
+    /// Share of time under clouds.
+    pub cover: f64,
+    /// Mean time from cloud to cloud, s.
+    pub period_s: f64,
+    /// Share of the sun's light that passes a cloud.
+    pub least_sunlight: f64,
+    /// Seed of the times.
+    pub seed: u32,
 }
 
 /// A scanning ladar: horizontal lines of rays that sweep vertically.
@@ -311,6 +343,30 @@ pub(super) fn camera(t: &Section<'_>) -> Result<CameraSpec, FileError> {
         dark_noise: t.number("dark_noise", 0.0..=50.0)?,
         shot_noise: t.number("shot_noise", 0.0..=50.0)?,
         vignette: t.number_or("vignette", 0.0..=1.0, 0.0)?,
+        calibration_error_rad: t.number_or("calibration_error_deg", 0.0..=5.0, 0.0)?.to_radians(),
+        vertical_offset_px: match kind {
+            CameraKind::Stereo => t.number_or("vertical_offset_px", -20.0..=20.0, 0.0)?,
+            CameraKind::Color | CameraKind::Infrared => 0.0,
+        },
+        stamp_jitter_s: 1e-3 * t.number_or("stamp_jitter_ms", 0.0..=20.0, 0.0)?,
+        exposure_control: t.optional_table("exposure_control", exposure_control)?,
+    })
+}
+
+fn exposure_control(t: &Section<'_>) -> Result<ExposureControl, FileError> {
+    Ok(ExposureControl {
+        target: t.number("target", 10.0..=245.0)?,
+        response_s: t.number("response_s", 0.0..=60.0)?,
+        max_gain: t.number("max_gain", 1.0..=16.0)?,
+    })
+}
+
+pub(super) fn clouds(t: &Section<'_>) -> Result<CloudsSpec, FileError> {
+    Ok(CloudsSpec {
+        cover: t.number("cover", 0.0..=1.0)?,
+        period_s: t.number("period_s", 1.0..=3600.0)?,
+        least_sunlight: t.number("least_sunlight", 0.0..=1.0)?,
+        seed: if t.has("seed") { t.count("seed", 0..=u32::MAX)? } else { 0 },
     })
 }
 

@@ -87,6 +87,7 @@ impl Terrain for Plane {
             height_m: at.x * self.slope_x + at.y * self.slope_y + ledge,
             traction: self.traction,
             rolling_resistance: self.rolling_resistance,
+            slip_at_limit: 0.0,
             plant_drag: 0.0,
         }
     }
