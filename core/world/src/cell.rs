@@ -108,6 +108,13 @@ impl Default for Evidence {
     }
 }
 
+/// Steps of a published height in a metre. A power of two, so that rounded heights are exact.
+pub(crate) const HEIGHTS_PER_M: f32 = 1024.0;
+/// Published heights of at least this, metres, are not rounded: their floats are not finer than the steps.
+pub(crate) const ROUNDED_BELOW_M: f32 = 8192.0;
+/// Low bits of a published variance that are 0.
+pub(crate) const VARIANCE_SHIFT: u32 = 15;
+
 /// Running statistics of heights, metres, by Welford's formula (Chan's for merging), which avoids large sums.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HeightStats {
@@ -158,6 +165,25 @@ impl HeightStats {
             min: self.min.min(other.min),
             max: self.max.max(other.max),
         };
+    }
+
+    /// The statistics as a message states them, so that recordings compress well: heights rounded to 1/1024 m (below
+    /// [`ROUNDED_BELOW_M`]; larger ones are unchanged), the variance to eight binary digits after the first, downwards.
+    /// A sensor's noise is larger. Rounding twice changes nothing.
+    #[must_use]
+    pub(crate) fn rounded(self) -> HeightStats {
+        let height = |value: f32| {
+            let small = value.abs() < ROUNDED_BELOW_M;
+            // The sum makes a negative zero positive, since a number of steps has no negative zero.
+            if small { (value * HEIGHTS_PER_M).round() / HEIGHTS_PER_M + 0.0 } else { value }
+        };
+        HeightStats {
+            count: self.count,
+            mean: height(self.mean),
+            variance: f32::from_bits(self.variance.to_bits() >> VARIANCE_SHIFT << VARIANCE_SHIFT),
+            min: height(self.min),
+            max: height(self.max),
+        }
     }
 
     /// Standard deviation, metres; 0 without heights.

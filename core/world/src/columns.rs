@@ -143,6 +143,7 @@ pub(crate) fn source_number(fused: &Fused, options: &MapOptions) -> u8 {
 }
 
 fn height(stats: &HeightStats, part: usize) -> f64 {
+    let stats = stats.rounded();
     let known = |value: f32| if stats.count == 0 { f64::NAN } else { f64::from(value) };
     match part {
         0 => known(stats.mean),

@@ -15,6 +15,7 @@ use rcs_msg::foxglove::Grid;
 use rcs_msg::rcs::{MapColumn, MapDelta, MapWeight};
 use rcs_msg::{AnyMessage, DeltaCodec, DeltaDecoder, DeltaEncoder, Schema, Stamp, Stored, schema_of};
 
+use crate::cell::{HEIGHTS_PER_M, ROUNDED_BELOW_M, VARIANCE_SHIFT};
 use crate::columns::HEIGHT_PARTS;
 use crate::{Cell, Evidence, HeightStats, Map, MapMessage, MapOptions, Source, SourceKind, Weighted};
 
@@ -329,8 +330,8 @@ impl StoredColumn {
             StoredColumn::Sequence(source) => evidence(map, source, place).sequence.into(),
             StoredColumn::Cost(source) => evidence(map, source, place).cost.into(),
             StoredColumn::Confidence(source) => evidence(map, source, place).confidence.into(),
-            StoredColumn::Ground(part) => height(&cell().ground, part).into(),
-            StoredColumn::Obstacle(part) => height(&cell().obstacle, part).into(),
+            StoredColumn::Ground(part) => height(&cell().ground, part),
+            StoredColumn::Obstacle(part) => height(&cell().obstacle, part),
             StoredColumn::ElevationConfidence => cell().elevation_confidence.into(),
         }
     }
@@ -358,32 +359,50 @@ impl StoredColumn {
     fn set_ground(self, cell: &mut Cell, value: u64) {
         match self {
             StoredColumn::Updated => cell.updated = Stamp(value),
-            StoredColumn::Ground(part) => set_height(&mut cell.ground, part, value as u32),
-            StoredColumn::Obstacle(part) => set_height(&mut cell.obstacle, part, value as u32),
+            StoredColumn::Ground(part) => set_height(&mut cell.ground, part, value),
+            StoredColumn::Obstacle(part) => set_height(&mut cell.obstacle, part, value),
             _ => cell.elevation_confidence = value as u8,
         }
     }
 }
 
-fn height(stats: &HeightStats, part: usize) -> u32 {
+/// A part of rounded statistics as an integer. Successive heights of a cell give integers that are close together.
+fn height(stats: &HeightStats, part: usize) -> u64 {
+    let stats = stats.rounded();
     match part {
-        0 => stats.mean.to_bits(),
-        1 => stats.variance.to_bits(),
-        2 => stats.min.to_bits(),
-        3 => stats.max.to_bits(),
-        _ => stats.count,
+        0 => height_code(stats.mean),
+        1 => (stats.variance.to_bits() >> VARIANCE_SHIFT).into(),
+        2 => height_code(stats.min),
+        3 => height_code(stats.max),
+        _ => stats.count.into(),
     }
 }
 
-fn set_height(stats: &mut HeightStats, part: usize, value: u32) {
+fn set_height(stats: &mut HeightStats, part: usize, value: u64) {
     match part {
-        0 => stats.mean = f32::from_bits(value),
-        1 => stats.variance = f32::from_bits(value),
-        2 => stats.min = f32::from_bits(value),
-        3 => stats.max = f32::from_bits(value),
-        _ => stats.count = value,
+        0 => stats.mean = height_of(value),
+        1 => stats.variance = f32::from_bits((value as u32) << VARIANCE_SHIFT),
+        2 => stats.min = height_of(value),
+        3 => stats.max = height_of(value),
+        _ => stats.count = value as u32,
     }
 }
+
+/// A rounded height as the number of its steps; one that is not rounded as its bits, with bit 32 set.
+fn height_code(height_m: f32) -> u64 {
+    let small = height_m.abs() < ROUNDED_BELOW_M;
+    if small { (height_m * HEIGHTS_PER_M) as i64 as u64 } else { UNROUNDED | u64::from(height_m.to_bits()) }
+}
+
+fn height_of(code: u64) -> f32 {
+    match code as i64 {
+        steps if steps < UNROUNDED as i64 => steps as f32 / HEIGHTS_PER_M,
+        _ => f32::from_bits(code as u32),
+    }
+}
+
+/// Bit of a code that holds the bits of a float.
+const UNROUNDED: u64 = 1 << 32;
 
 fn zigzag(value: i64) -> u64 {
     ((value << 1) ^ (value >> 63)) as u64

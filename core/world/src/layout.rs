@@ -8,7 +8,7 @@
 //! | --- | --- | --- |
 //! | `updated_s`, `updated_ns` | `UINT32` | acquisition time of the last change: seconds and nanoseconds; both 0 is never |
 //! | `seq.<source>` | `UINT32` | acquisition sequence that last changed the evidence of the source |
-//! | `ground.mean`, `.variance`, `.min`, `.max` | `FLOAT32` | ground height, m and m², NaN without; only with heights |
+//! | `ground.mean`, `.variance`, `.min`, `.max` | `FLOAT32` | ground height, m and m², NaN without; only with heights, rounded to 1/1024 m and to 1/256 of the variance |
 //! | `ground.count` | `UINT32` | number of heights |
 //! | `obstacle.…` | | the same for obstacle points |
 //! | `cost`, `confidence` | `UINT8` | fused with the map's weights: 0–250, 255 unknown; 0–255 |
@@ -164,7 +164,7 @@ fn write(mut data: &mut [u8], cell: &Cell, evidence: &[Evidence], fused: &Fused,
         data.put_u32_le(said.sequence);
     }
     if options.heights {
-        for stats in [&cell.ground, &cell.obstacle] {
+        for stats in [cell.ground.rounded(), cell.obstacle.rounded()] {
             let known = |v: f32| if stats.count == 0 { f32::NAN } else { v };
             for value in [stats.mean, stats.variance, stats.min, stats.max] {
                 data.put_f32_le(known(value));

@@ -36,7 +36,12 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
     #[test]
     fn a_map_comes_back_from_its_grid(seed: u64, x in -1e5..1e5_f64, y in -1e5..1e5_f64) {
-        let map = voted(seed, 3000, DVec2::new(x, y));
+        let mut map = voted(seed, 3000, DVec2::new(x, y));
+        // A message has rounded heights.
+        for index in map.grid().bounds().iter() {
+            let cell = map.cell_mut(index).unwrap();
+            (cell.ground, cell.obstacle) = (cell.ground.rounded(), cell.obstacle.rounded());
+        }
         let grid = map.to_grid("local", Stamp(5), &options(Sources::bundled()));
         let back = Map::from_grid(&grid).unwrap();
         prop_assert_eq!(back.grid().bounds(), map.grid().bounds());

@@ -8,7 +8,8 @@ use rcs_msg::{AnyMessage, DeferredSource, Stamp};
 use crate::{Map, MapOptions};
 
 /// A published map. A clone shares its tiles. Converting it to a `foxglove.Grid` writes all 40 401 cells, so that is
-/// left to the readers that need the message.
+/// left to the readers that need the message. The message, also through [`GridView`](crate::GridView), states heights
+/// rounded to 1/1024 m and variances to eight binary digits; the cells of the map have them exactly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapMessage {
     /// The cells.
