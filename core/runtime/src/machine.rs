@@ -88,7 +88,7 @@ impl Machine {
             |process: &ProcessPlan| self.plan.buffers[process.params_buffer].spec.name == *event.buffer;
         if let Some(process) = self.plan.processes.iter().find(|process| is_params(process)) {
             check_params(&event.message)
-                .and_then(|()| process.kind.check(&event.message))
+                .and_then(|()| process.kind.check(&event.message, &self.plan.files))
                 .map_err(|error| RunError::Refused(format!("{}: {error}", event.buffer)))?;
         }
         let is_override = &*event.buffer == names::OVERRIDE;
@@ -123,8 +123,9 @@ impl Machine {
         let Change::Set { index, new, .. } = change else { return Ok(()) };
         let OverrideValue::Message(message) = &new.value else { return Ok(()) };
         let process = self.plan.processes.iter().find(|process| process.params_buffer == *index);
-        let checked = process
-            .map_or(Ok(()), |process| check_params(message).and_then(|()| process.kind.check(message)));
+        let checked = process.map_or(Ok(()), |process| {
+            check_params(message).and_then(|()| process.kind.check(message, &self.plan.files))
+        });
         let name = &self.plan.buffers[*index].spec.name;
         checked.map_err(|error| RunError::Refused(format!("the override of {name}: {error}")))
     }
@@ -139,6 +140,7 @@ impl Machine {
             build: options.build.clone(),
             log: options.log_identity.clone(),
             params: self.plan.initial_params(),
+            files: self.plan.files.to_proto(),
             live,
             ..rcs::RunInfo::default()
         };

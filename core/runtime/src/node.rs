@@ -133,7 +133,7 @@ impl Node {
         Some(Self {
             period_ns: process.period_ns,
             latency_ns: process.latency_ns,
-            body: process.kind.make(&process.params)?,
+            body: process.kind.make(&process.params, &plan.files)?,
             kind: process.kind,
             views: vec![InputView::default(); inputs.len()],
             inputs,
@@ -213,10 +213,8 @@ impl Node {
     }
 
     fn take_params(&mut self, message: &AnyMessage) {
-        if let Err(error) = check_params(message) {
+        if let Err(error) = check_params(message).and_then(|()| self.body.set_params(message)) {
             self.status.fault(format!("parameters refused: {error}").into());
-        } else if !self.body.set_params(message) {
-            self.status.fault("parameters of another process refused".into());
         }
     }
 

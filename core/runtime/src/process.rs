@@ -6,6 +6,7 @@
 use crate::children::ChildDef;
 use crate::command::{CommandDef, CommandSet, Decode, Obeys, Typed};
 use crate::cycle::Cycle;
+use crate::files::FileTable;
 use crate::ports::{PortBuilder, PortDef};
 use crate::register::Phase;
 use rcs_msg::{AnyMessage, DeltaCodec, Payload, Schema, schema_of};
@@ -82,7 +83,7 @@ pub struct ProcessType {
     commands: &'static [CommandDef],
     decode: Decode,
     check: fn(&AnyMessage) -> Result<(), String>,
-    make: fn(&AnyMessage) -> Option<Box<dyn Body>>,
+    make: fn(&AnyMessage, &FileTable) -> Option<Box<dyn Body>>,
 }
 
 impl ProcessType {
@@ -103,11 +104,11 @@ impl ProcessType {
                     message.to().ok_or_else(|| format!("expected a {}", schema_of::<P::Params>().name()))?;
                 P::check(&params)
             },
-            make: |message| {
-                let params: P::Params = message.to()?;
-                let ports = P::ports(&mut PortBuilder::default());
-                let state = P::new(&params);
-                Some(Box::new(Runner { state, params: Arc::new(params), ports: Arc::new(ports) }))
+            make: |message, files| {
+                let params = Params::read(message, files).ok()?;
+                let ports = Arc::new(P::ports(&mut PortBuilder::default()));
+                let state = P::new(&params.typed);
+                Some(Box::new(Runner::<P> { state, params, ports, files: files.clone() }))
             },
         }
     }
@@ -154,13 +155,13 @@ impl ProcessType {
     }
 
     /// Whether the process itself accepts these parameters.
-    pub(crate) fn check(&self, params: &AnyMessage) -> Result<(), String> {
-        (self.check)(params)
+    pub(crate) fn check(&self, params: &AnyMessage, files: &FileTable) -> Result<(), String> {
+        (self.check)(&files.resolve(params)?)
     }
 
-    /// A new process; `None` if the message does not have the type of its parameters.
-    pub(crate) fn make(&self, params: &AnyMessage) -> Option<Box<dyn Body>> {
-        (self.make)(params)
+    /// A new process; `None` if the message does not have the type of its parameters or names a file that is missing.
+    pub(crate) fn make(&self, params: &AnyMessage, files: &FileTable) -> Option<Box<dyn Body>> {
+        (self.make)(params, files)
     }
 }
 
@@ -187,8 +188,8 @@ pub(crate) trait Body: Send + Sync {
     fn cycle(&mut self, phase: Phase, cx: &mut Cycle<'_>);
     /// Creates the state again from the parameters.
     fn reset(&mut self);
-    /// Sets new parameters; `false` if they have another type.
-    fn set_params(&mut self, params: &AnyMessage) -> bool;
+    /// Sets new parameters; an error if they have another type or name a file that is missing.
+    fn set_params(&mut self, params: &AnyMessage) -> Result<(), String>;
     fn save(&self) -> Arc<dyn SavedState>;
     /// Restores a state of [`Body::save`]; `false` if it belongs to another kind of process.
     fn restore(&mut self, saved: &dyn SavedState) -> bool;
@@ -202,20 +203,41 @@ pub(crate) trait SavedState: Send + Sync {
     fn as_any(&self) -> &dyn Any;
 }
 
+/// Parameters as they were received, and as the process reads them.
+struct Params<T> {
+    message: AnyMessage,
+    typed: Arc<T>,
+}
+
+impl<T: Payload> Params<T> {
+    fn read(message: &AnyMessage, files: &FileTable) -> Result<Self, String> {
+        let typed = files.resolve(message)?.to::<T>().ok_or("parameters of another process")?;
+        Ok(Self { message: message.clone(), typed: Arc::new(typed) })
+    }
+}
+
+impl<T> Clone for Params<T> {
+    fn clone(&self) -> Self {
+        Self { message: self.message.clone(), typed: Arc::clone(&self.typed) }
+    }
+}
+
 struct Runner<P: Process> {
     state: P,
-    params: Arc<P::Params>,
+    params: Params<P::Params>,
     ports: Arc<P::Ports>,
+    files: FileTable,
 }
 
 struct Saved<P: Process> {
     state: P,
-    params: Arc<P::Params>,
+    params: Params<P::Params>,
 }
 
 impl<P: Process> Body for Runner<P> {
     fn cycle(&mut self, phase: Phase, cx: &mut Cycle<'_>) {
-        let Self { state, params, ports } = self;
+        let Self { state, params, ports, .. } = self;
+        let params = &*params.typed;
         match phase {
             Phase::Uninitialized => {}
             Phase::Init => state.init(ports, params, cx),
@@ -225,28 +247,23 @@ impl<P: Process> Body for Runner<P> {
     }
 
     fn reset(&mut self) {
-        self.state = P::new(&self.params);
+        self.state = P::new(&self.params.typed);
     }
 
-    fn set_params(&mut self, params: &AnyMessage) -> bool {
-        match params.to::<P::Params>() {
-            Some(params) => {
-                self.params = Arc::new(params);
-                true
-            }
-            None => false,
-        }
+    fn set_params(&mut self, params: &AnyMessage) -> Result<(), String> {
+        self.params = Params::read(params, &self.files)?;
+        Ok(())
     }
 
     fn save(&self) -> Arc<dyn SavedState> {
-        Arc::new(Saved { state: self.state.clone(), params: Arc::clone(&self.params) })
+        Arc::new(Saved { state: self.state.clone(), params: self.params.clone() })
     }
 
     fn restore(&mut self, saved: &dyn SavedState) -> bool {
         match saved.as_any().downcast_ref::<Saved<P>>() {
             Some(saved) => {
                 self.state = saved.state.clone();
-                self.params = Arc::clone(&saved.params);
+                self.params = saved.params.clone();
                 true
             }
             None => false,
@@ -255,17 +272,17 @@ impl<P: Process> Body for Runner<P> {
 
     fn restore_encoded(&mut self, bytes: &[u8]) -> Result<(), postcard::Error> {
         let (state, params): (P, Vec<u8>) = postcard::from_bytes(bytes)?;
-        let params = <P::Params as prost::Message>::decode(params.as_slice())
-            .map_err(|_| postcard::Error::DeserializeBadEncoding)?;
+        let message = AnyMessage::encoded(Arc::clone(schema_of::<P::Params>()), params.into());
+        let params = Params::read(&message, &self.files);
+        self.params = params.map_err(|_| postcard::Error::DeserializeBadEncoding)?;
         self.state = state;
-        self.params = Arc::new(params);
         Ok(())
     }
 }
 
 impl<P: Process> SavedState for Saved<P> {
     fn encode(&self) -> Result<Vec<u8>, postcard::Error> {
-        postcard::to_stdvec(&(&self.state, prost::Message::encode_to_vec(&*self.params)))
+        postcard::to_stdvec(&(&self.state, self.params.message.bytes().to_vec()))
     }
 
     fn as_any(&self) -> &dyn Any {

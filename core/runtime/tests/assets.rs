@@ -95,8 +95,13 @@ fn plan(course: Option<&str>, text: &str, overrides: &[(String, String)]) -> Res
     Plan::with(file, PLUGINS, &options).map_err(|error| error.to_string())
 }
 
+/// The parameters as the process reads them.
+fn params_of(plan: &Plan) -> FileParams {
+    plan.files.resolve(&plan.processes[0].params).unwrap().to().unwrap()
+}
+
 fn world_of(plan: &Plan) -> String {
-    plan.processes[0].params.to::<FileParams>().unwrap().world
+    params_of(plan).world
 }
 
 fn stack(head: &str, params: &str, robot: &str) -> String {
@@ -113,9 +118,31 @@ fn robot(pose: &str) -> String {
 }
 
 #[test]
-fn a_parameter_that_is_a_file_holds_its_text() {
+fn a_parameter_names_a_file_by_its_content_and_its_process_reads_the_text() {
     let plan = plan(None, &stack("", "world = \"steep\"", ""), &[]).unwrap();
+    let named = plan.processes[0].params.to::<FileParams>().unwrap().world;
+    assert_eq!(named, format!("blake3:{}", blake3::hash(b"hills = 9\n").to_hex()));
+    assert_eq!(plan.files.get(&named).unwrap().file, "worlds/steep.toml");
     assert_eq!(world_of(&plan), "hills = 9\n");
+}
+
+#[test]
+fn a_recorded_run_has_each_file_once_and_a_changed_text_is_missed() {
+    let world = "[[process]]\nname = \"other\"\nplugin = \"world\"\nsupervisor = \"viewer\"\nparams = { world = \"flat\" }\n";
+    let plan = plan(None, &stack("", "world = \"flat\"", world), &[]).unwrap();
+    let mut run = Stepped::new(std::sync::Arc::new(plan.clone()), None, RunOptions::default()).unwrap();
+    run.begin().unwrap();
+    let info = run.bus().get("/runtime/run").unwrap().latest().unwrap().message.to::<rcs::RunInfo>().unwrap();
+    assert_eq!(info.files, [rcs::RunFile { kind: "world".to_owned(), text: "hills = 0\n".to_owned() }]);
+
+    let options = PlanOptions { overrides: &[], course: None, assets: &rcs_runtime::NoAssets };
+    let again = Plan::of_run(&info, PLUGINS, &options).unwrap();
+    assert_eq!((world_of(&again), again.hash), (world_of(&plan), plan.hash));
+
+    let mut changed = info;
+    changed.files[0].text.push(' ');
+    let error = Plan::of_run(&changed, PLUGINS, &options).unwrap_err().to_string();
+    assert!(error.contains("recorded parameters of vehicle: world: the run has no file blake3:"), "{error}");
 }
 
 #[test]
@@ -123,10 +150,7 @@ fn a_course_brings_its_world_and_the_command_line_counts_most() {
     let text = stack("course = \"easy\"", "world = \"steep\"", "");
     let own = plan(None, &text, &[]).unwrap();
     assert_eq!(world_of(&own), "hills = 0\n");
-    assert_eq!(
-        own.processes[0].params.to::<FileParams>().unwrap().course,
-        "name = \"easy\"\nworld = \"flat\"\n"
-    );
+    assert_eq!(params_of(&own).course, "name = \"easy\"\nworld = \"flat\"\n");
     let param = [("vehicle.world".to_owned(), "steep".to_owned())];
     assert_eq!(world_of(&plan(Some("easy"), &text, &param).unwrap()), "hills = 9\n");
 }
@@ -182,4 +206,9 @@ fn parameters_that_a_process_refuses_are_refused_while_it_runs() {
     let write = rcs_runtime::ExternalEvent::operator("/vehicle/params", rcs_msg::AnyMessage::new(params));
     let error = session.write(write).unwrap_err().to_string();
     assert!(error.contains("got bad, expected good"), "{error}");
+
+    let params = FileParams { world: "blake3:0".to_owned(), ..rcs_msg::params::default() };
+    let write = rcs_runtime::ExternalEvent::operator("/vehicle/params", rcs_msg::AnyMessage::new(params));
+    let error = session.write(write).unwrap_err().to_string();
+    assert!(error.contains("/vehicle/params: world: the run has no file blake3:0"), "{error}");
 }

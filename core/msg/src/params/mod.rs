@@ -153,6 +153,62 @@ pub fn with_params<'a>(
     Ok(AnyMessage::encoded(Arc::clone(&schema), prost::Message::encode_to_vec(&values).into()))
 }
 
+/// Whether a parameter of the message, at any depth, is a file.
+pub fn has_files(descriptor: &MessageDescriptor) -> bool {
+    have_files(&specs(descriptor))
+}
+
+fn have_files(specs: &[ParamSpec]) -> bool {
+    specs.iter().any(|spec| spec.file.is_some() || have_files(&spec.fields))
+}
+
+/// Calls `visit` with the path and the text of each parameter that is a file, at any depth; `visit` may replace the
+/// text. Stops at the first error.
+pub fn visit_file_texts<E>(
+    message: &mut DynamicMessage,
+    visit: &mut impl FnMut(&str, &mut String) -> Result<(), E>,
+) -> Result<(), E> {
+    let specs = specs(&message.descriptor());
+    visit_files(message, &specs, &FieldPath::root(), visit)
+}
+
+fn visit_files<E>(
+    message: &mut DynamicMessage,
+    specs: &[ParamSpec],
+    at: &FieldPath,
+    visit: &mut impl FnMut(&str, &mut String) -> Result<(), E>,
+) -> Result<(), E> {
+    for spec in specs.iter().filter(|spec| spec.file.is_some() || have_files(&spec.fields)) {
+        if !message.has_field_by_name(&spec.name) {
+            continue;
+        }
+        let path = at.field(spec.name.as_str());
+        let Some(value) = message.get_field_by_name_mut(&spec.name) else { continue };
+        match value {
+            Reflected::List(items) => {
+                for (index, item) in items.iter_mut().enumerate() {
+                    visit_file(item, spec, &path.index(index), visit)?;
+                }
+            }
+            one => visit_file(one, spec, &path, visit)?,
+        }
+    }
+    Ok(())
+}
+
+fn visit_file<E>(
+    value: &mut Reflected,
+    spec: &ParamSpec,
+    at: &FieldPath,
+    visit: &mut impl FnMut(&str, &mut String) -> Result<(), E>,
+) -> Result<(), E> {
+    match value {
+        Reflected::String(text) if spec.file.is_some() => visit(at.to_string().trim_start_matches('.'), text),
+        Reflected::Message(group) => visit_files(group, &spec.fields, at, visit),
+        _ => Ok(()),
+    }
+}
+
 /// Whether every parameter of a message is accepted: for messages that arrive complete.
 pub fn check(message: &DynamicMessage) -> Result<(), ParamError> {
     check_at(message, &FieldPath::root())

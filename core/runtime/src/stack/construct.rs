@@ -30,7 +30,8 @@ impl Plan {
         let authority_ns = authority_ns(&file)?;
         let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
         let hash = hash_of(&file, &processes);
-        Ok(Self { file, hash, inputs, processes, buffers, authority_ns })
+        let files = params.files;
+        Ok(Self { file, hash, inputs, processes, buffers, files, authority_ns })
     }
 
     /// The stack of a recorded run, from the text and the parameters in its identity. Files are read only for overrides
@@ -41,12 +42,13 @@ impl Plan {
         options: &PlanOptions<'_>,
     ) -> Result<Self, StackError> {
         let file = StackFile::parse(&format!("{} (recorded)", run.stack), &run.stack_text)?;
-        let mut params = ParamReader::given(&file, &run.params, *options);
+        let mut params = ParamReader::given(&file, run, *options);
         plugins.iter().for_each(ProcessType::register);
         let authority_ns = authority_ns(&file)?;
         let (inputs, processes, buffers) = Builder::new(&file).build(plugins, &mut params)?;
         let hash = hash_of(&file, &processes);
-        Ok(Self { file, hash, inputs, processes, buffers, authority_ns })
+        let files = params.files;
+        Ok(Self { file, hash, inputs, processes, buffers, files, authority_ns })
     }
 }
 

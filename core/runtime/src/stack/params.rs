@@ -4,6 +4,7 @@ use super::assets::{Asset, Assets};
 use super::course::Course;
 use super::error::{StackError, one_of};
 use super::file::{ParamEntry, ProcessEntry, StackFile};
+use crate::files::FileTable;
 use crate::process::ProcessType;
 use prost_reflect::{DynamicMessage, MessageDescriptor, ReflectMessage};
 use rcs_msg::params::{self, ParamKind, ParamSpec};
@@ -22,17 +23,17 @@ pub struct PlanOptions<'a> {
     pub assets: &'a dyn Assets,
 }
 
-/// Creates parameter messages, and collects the files that they contain.
+/// Creates parameter messages, and collects the files that they name.
 pub(super) struct ParamReader<'a> {
     pub(super) file: &'a StackFile,
     pub(super) options: PlanOptions<'a>,
     pub(super) course: Option<Course>,
-    pub(super) assets: Vec<Asset>,
+    pub(super) files: FileTable,
     /// Complete messages of a recorded run; if present, nothing else is used.
     given: Option<&'a [rcs::InitialParams]>,
 }
 
-/// A parameter that is the text of a file: kind of the file, path of the field.
+/// A parameter that names a file: kind of the file, path of the field.
 struct FileField {
     kind: String,
     field: String,
@@ -41,16 +42,12 @@ struct FileField {
 impl<'a> ParamReader<'a> {
     pub(super) fn new(file: &'a StackFile, options: PlanOptions<'a>) -> Result<Self, StackError> {
         let course = Course::read(file, options.course, options.assets)?;
-        Ok(Self { file, options, course, assets: Vec::new(), given: None })
+        Ok(Self { file, options, course, files: FileTable::default(), given: None })
     }
 
     /// The parameters of a recorded run.
-    pub(super) fn given(
-        file: &'a StackFile,
-        given: &'a [rcs::InitialParams],
-        options: PlanOptions<'a>,
-    ) -> Self {
-        Self { file, options, course: None, assets: Vec::new(), given: Some(given) }
+    pub(super) fn given(file: &'a StackFile, run: &'a rcs::RunInfo, options: PlanOptions<'a>) -> Self {
+        Self { file, options, course: None, files: FileTable::of_run(run), given: Some(&run.params) }
     }
 
     pub(super) fn read(
@@ -71,7 +68,8 @@ impl<'a> ParamReader<'a> {
             let error = |text: String| self.file.error(&entry.name.span(), text);
             let message = message
                 .ok_or_else(|| error(format!("the recording holds no {} of {name}", schema.name())))?;
-            kind.check(&message).map_err(|text| error(format!("recorded parameters of {name}: {text}")))?;
+            kind.check(&message, &self.files)
+                .map_err(|text| error(format!("recorded parameters of {name}: {text}")))?;
             return self.with_overrides(name, message, descriptor);
         }
         let files = file_fields(&params::specs(descriptor), "");
@@ -94,13 +92,12 @@ impl<'a> ParamReader<'a> {
             let mut text = text.clone();
             if let (ParamKind::Text, Some(kind)) = (spec.kind, &spec.file) {
                 let asset = self.options.assets.read(kind, &text, "").map_err(error)?;
-                text.clone_from(&asset.text);
-                self.assets.push(asset);
+                text = self.take_file(kind, &asset);
             }
             params::set_param_text(&mut values, field, &text).map_err(|e| error(e.to_string()))?;
         }
         let message = AnyMessage::encoded(Arc::clone(schema), prost::Message::encode_to_vec(&values).into());
-        kind.check(&message).map_err(|error| self.blame(entry, &files, &values, error))?;
+        kind.check(&message, &self.files).map_err(|error| self.blame(entry, &files, &values, error))?;
         Ok(message)
     }
 
@@ -142,9 +139,7 @@ impl<'a> ParamReader<'a> {
             (ParamEntry::Plain(Value::Text(named)), ParamKind::Text) if spec.file.is_some() => {
                 let kind = spec.file.as_deref().unwrap_or_default();
                 let asset = self.options.assets.read(kind, named, &self.file.file).map_err(at)?;
-                let text = Value::Text(asset.text.clone());
-                self.assets.push(asset);
-                text
+                Value::Text(self.take_file(kind, &asset))
             }
             (ParamEntry::Plain(value), _) => value.clone(),
             // The error says what is expected instead.
@@ -156,7 +151,7 @@ impl<'a> ParamReader<'a> {
 
     /// Recorded parameters, overlaid with those of the command line.
     fn with_overrides(
-        &self,
+        &mut self,
         name: &str,
         message: AnyMessage,
         descriptor: &MessageDescriptor,
@@ -174,7 +169,8 @@ impl<'a> ParamReader<'a> {
             let spec = params::find(descriptor, field).map_err(|refused| error(refused.to_string()))?;
             let text = match (spec.kind, &spec.file) {
                 (ParamKind::Text, Some(kind)) => {
-                    self.options.assets.read(kind, text, "").map_err(error)?.text
+                    let asset = self.options.assets.read(kind, text, "").map_err(error)?;
+                    self.take_file(kind, &asset)
                 }
                 _ => text.clone(),
             };
@@ -220,27 +216,30 @@ impl<'a> ParamReader<'a> {
                 ));
             }
         };
-        self.assets.push(asset);
         Ok(value)
     }
 
     /// Sets the parameters that come with the course: the course itself, and the files that it names.
     fn take_course(&mut self, files: &[FileField], values: &mut DynamicMessage) -> Result<(), StackError> {
-        let Some(course) = &self.course else { return Ok(()) };
         for file in files {
+            let Some(course) = &self.course else { return Ok(()) };
             let Some(asset) = course.asset(&file.kind, self.options.assets)? else { continue };
-            let text = Value::Text(asset.text.clone());
-            params::set_param(values, &file.field, &text).map_err(|error| StackError {
+            let name = Value::Text(self.take_file(&file.kind, &asset));
+            params::set_param(values, &file.field, &name).map_err(|error| StackError {
                 file: asset.file.clone(),
                 line: 1,
                 message: error.to_string(),
             })?;
-            self.assets.push(asset);
         }
         Ok(())
     }
 
-    /// Origin of an error that a process reports: `field: line N, …` refers to the file that the field contains.
+    /// Adds a file to the run's; returns the name by which parameters refer to it.
+    fn take_file(&mut self, kind: &str, asset: &Asset) -> String {
+        self.files.insert(kind, &asset.file, &asset.text)
+    }
+
+    /// Origin of an error that a process reports: `field: line N, …` refers to the file that the field names.
     fn blame(
         &self,
         entry: &ProcessEntry,
@@ -253,8 +252,7 @@ impl<'a> ParamReader<'a> {
             let digits = rest.find(|c: char| !c.is_ascii_digit())?;
             let line = rest[..digits].parse().ok()?;
             let file = find(files, field)?;
-            let text = text_at(values, &file.field)?;
-            let asset = self.assets.iter().find(|asset| asset.text == text)?;
+            let asset = self.files.get(&text_at(values, &file.field)?)?;
             let message = rest[digits..].trim_start_matches([',', ':', ' ']).to_owned();
             Some(StackError { file: asset.file.clone(), line, message })
         };

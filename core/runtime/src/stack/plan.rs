@@ -5,6 +5,7 @@ use super::error::{StackError, one_of};
 use super::file::{Class, StackFile, VIEWER};
 use crate::command::{BUILT_IN, CommandDef};
 use crate::conversion::converts;
+use crate::files::FileTable;
 use crate::ports::PortDef;
 use crate::process::ProcessType;
 use rcs_bus::BufferSpec;
@@ -16,7 +17,7 @@ use std::sync::Arc;
 pub struct Plan {
     /// The stack file.
     pub file: StackFile,
-    /// Hash of the text of the file and of all parameters, including the texts of files, 16 hexadecimal digits.
+    /// Hash of the text of the file and of all parameters, which name files by their content, 16 hexadecimal digits.
     pub hash: String,
     /// Topics of the log that it reads.
     pub inputs: Vec<InputPlan>,
@@ -24,6 +25,8 @@ pub struct Plan {
     pub processes: Vec<ProcessPlan>,
     /// All buffers, including those of the runtime.
     pub buffers: Vec<BufferPlan>,
+    /// The files that parameters name.
+    pub files: FileTable,
     /// How long the operator keeps the authority over a process without sending a command.
     pub authority_ns: u64,
 }
@@ -66,7 +69,7 @@ pub struct ProcessPlan {
     pub inputs: Vec<Option<usize>>,
     /// Buffer of each output port.
     pub outputs: Vec<usize>,
-    /// Parameters, including defaults.
+    /// Parameters, including defaults; files are named ([`FileTable::resolve`]).
     pub params: AnyMessage,
     /// Buffer of commands to it.
     pub command_buffer: usize,
