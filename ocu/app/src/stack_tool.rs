@@ -7,7 +7,7 @@ use rcs_log::Log;
 use rcs_msg::Value;
 use rcs_msg::params::{ParamKind, ParamSpec, specs};
 use rcs_msg::rcs::PoseSource;
-use rcs_runtime::{Plan, PortDef, ProcessPlan};
+use rcs_runtime::{Plan, PortDef, ProcessPlan, Role};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -44,6 +44,8 @@ struct Findings {
     errors: Vec<String>,
     /// What is valid but probably a mistake.
     warnings: Vec<String>,
+    /// Outputs that no process reads: they are only shown and recorded.
+    unread: Vec<String>,
 }
 
 fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
@@ -65,7 +67,9 @@ fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
                     .push(format!("it reads {} of a recording, which --log would check", input.topic)),
                 (None, None) => {}
             }
-            findings.warnings.extend(unread_outputs(&plan));
+            findings.warnings.extend(useless_outputs(&plan));
+            let unread = unread_outputs(&plan).into_iter();
+            findings.unread = unread.map(|(_, _, buffer)| plan.buffers[buffer].spec.name.clone()).collect();
             findings.warnings.extend(differing_frames(&plan));
             findings.warnings.extend(plan.processes.iter().flat_map(unused_mounts));
         }
@@ -81,6 +85,13 @@ fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
         for warning in &findings.warnings {
             writeln!(out, "warning: {warning}")?;
         }
+        if !findings.unread.is_empty() {
+            let count = findings.unread.len();
+            writeln!(
+                out,
+                "{count} outputs are only shown and recorded: no process reads them (--json lists them)"
+            )?;
+        }
         if findings.errors.is_empty() && findings.warnings.is_empty() {
             writeln!(out, "{}: nothing is wrong with it", args.stack)?;
         }
@@ -88,29 +99,41 @@ fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
     Ok(findings.errors.is_empty())
 }
 
-/// Outputs that no process reads although a process of the stack could read their type.
-fn unread_outputs(plan: &Plan) -> Vec<String> {
-    let reads = |buffer: usize| plan.processes.iter().any(|process| process.inputs.contains(&Some(buffer)));
-    let wanted = |schema: &str| {
-        plan.processes.iter().any(|process| {
-            let defs = process.kind.inputs();
-            defs.iter().zip(&process.inputs).any(|(def, wire)| wire.is_none() && def.schema.name() == schema)
-        })
+/// Outputs that no process reads, in the order of the stack.
+fn unread_outputs(plan: &Plan) -> Vec<(&ProcessPlan, PortDef, usize)> {
+    let is_read = |buffer: usize| plan.processes.iter().any(|reader| reader.inputs.contains(&Some(buffer)));
+    let outputs = plan.processes.iter().flat_map(|process| {
+        let ports = process.kind.outputs().into_iter().zip(&process.outputs);
+        ports.map(move |(def, &buffer)| (process, def, buffer))
+    });
+    outputs.filter(|(_, _, buffer)| !is_read(*buffer)).collect()
+}
+
+/// A warning for each output that only processes can use and that none reads: commands, and costs and paths where
+/// another process has an input for them that is not wired. The window shows other outputs.
+fn useless_outputs(plan: &Plan) -> Vec<String> {
+    let warning = |(process, def, buffer): (&ProcessPlan, PortDef, usize)| {
+        let spec = &plan.buffers[buffer].spec;
+        let role = def.metadata.get("rcs.role").and_then(|name| name.parse::<Role>().ok());
+        let unwired = plan.processes.iter().filter(|reader| reader.name != process.name).find_map(|reader| {
+            let defs = reader.kind.inputs();
+            let unwired = |(input, wire): &(&PortDef, &Option<usize>)| {
+                wire.is_none() && input.schema.name() == spec.schema.name()
+            };
+            let (input, _) = defs.iter().zip(&reader.inputs).find(unwired)?;
+            Some(format!("; the input {} of {} is not wired", input.name, reader.name))
+        });
+        let is_useless = match role? {
+            Role::Command => true,
+            // Costs per pixel are drawn on the camera's image; costs per cell are for a world model.
+            Role::Cost => unwired.is_some() && spec.schema.name() == "foxglove.Grid",
+            Role::Path => unwired.is_some(),
+            _ => false,
+        };
+        let unwired = unwired.unwrap_or_default();
+        is_useless.then(|| format!("{} of {} is read by no process{unwired}", spec.name, process.name))
     };
-    let mut warnings = Vec::new();
-    for process in &plan.processes {
-        for (def, &buffer) in process.kind.outputs().iter().zip(&process.outputs) {
-            let spec = &plan.buffers[buffer].spec;
-            // Outputs with another role are read by the window. A cost map is useful only to a world model.
-            if !reads(buffer)
-                && def.metadata.get("rcs.role").is_some_and(|role| role == "cost")
-                && wanted(spec.schema.name())
-            {
-                warnings.push(format!("{} of {} is read by no process", spec.name, process.name));
-            }
-        }
-    }
-    warnings
+    unread_outputs(plan).into_iter().filter_map(warning).collect()
 }
 
 /// Frame parameters with the same name but different values in two connected processes.

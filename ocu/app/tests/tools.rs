@@ -191,7 +191,9 @@ fn the_warnings_of_bundled_stacks_are_logs_that_are_not_given_and_costs_that_are
         let (code, out, errors) = ocu(&["stack", "check", name, "--json"]);
         assert_eq!(code, 0, "{name}: {errors}");
         let report = json(&out);
-        let is_meant = |text: &&str| text.contains("--log") || text.ends_with("is read by no process");
+        let is_meant = |text: &&str| {
+            text.contains("--log") || text.contains("/cost") && text.contains("is read by no process")
+        };
         let others: Vec<_> =
             strings(&report["warnings"]).into_iter().filter(|text| !is_meant(text)).collect();
         assert_eq!(others, [""; 0], "{name}");
@@ -224,12 +226,17 @@ fn a_check_tells_what_is_probably_not_meant() {
             stack("", "odom", wired),
             "local_frame is \"local\" in wm1 and \"odom\" in obstacles, which it reads",
         ),
-        (stack("", "local", ""), "/obstacles/cost of obstacles is read by no process"),
+        (
+            stack("", "local", ""),
+            "/obstacles/cost of obstacles is read by no process; the input stereo of wm1 is not wired",
+        ),
     ] {
         let (code, report) = check(&text_of);
         let warnings = strings(&report["warnings"]);
         assert_eq!(code, 0);
         assert!(warnings.len() == 1 && warnings[0].contains(warning), "{warnings:?}");
+        let is_unread = strings(&report["unread"]).contains(&"/obstacles/cost");
+        assert_eq!(is_unread, warning.contains("read by no process"), "{report}");
     }
     let (code, report) = check(&stack("height_m = 99", "local", wired));
     assert_eq!(code, 1);
