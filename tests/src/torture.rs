@@ -6,13 +6,14 @@
 //! mutant. `just torture` runs all mutants and prints the figures; the tests run some of them.
 
 use bytes::Bytes;
-use rcs_log::{CursorOptions, Log, LogMessage, LogWriter, Lost, Sink, WriteHeader, WriterOptions};
+use rcs_log::{CursorOptions, Log, LogMessage, LogWriter, Lost, WriteHeader, WriterOptions};
 use rcs_msg::Stamp;
+use rcs_testkit::logs::SharedSink;
 use std::collections::BTreeSet;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Number of mutants of `just torture`, and of a test run.
@@ -155,25 +156,9 @@ fn originals() -> Option<Vec<Original>> {
     Some(originals)
 }
 
-#[derive(Clone, Default)]
-struct Shared(Arc<Mutex<Vec<u8>>>);
-
-impl std::io::Write for Shared {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
-impl Sink for Shared {}
-
 /// A recording of three topics, from our own writer.
 fn ours(compress: bool) -> Bytes {
-    let sink = Shared::default();
+    let sink = SharedSink::default();
     let options = WriterOptions { compress, chunk_bytes: 4000, ..WriterOptions::default() };
     let mut writer = LogWriter::with_sink(Box::new(sink.clone()), PathBuf::new(), options).expect("a writer");
     let schema = rcs_msg::registry().schema("foxglove.Pose").expect("a schema");
@@ -192,8 +177,7 @@ fn ours(compress: bool) -> Bytes {
         writer.write(channels[index % 3], header, &data).expect("a message");
     }
     writer.finish().expect("a summary");
-    let bytes = sink.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    bytes.into()
+    sink.snapshot().into()
 }
 
 /// A harmful value in place of another number.

@@ -122,6 +122,38 @@ impl Head {
     }
 }
 
+/// Where in a log records of this opcode may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Section {
+    /// At its start.
+    Start,
+    /// Before the end of the data.
+    Data,
+    /// In the data, and again in the summary.
+    Both,
+    /// After the data.
+    Summary,
+}
+
+impl Section {
+    /// The section of an opcode, by the table of records in the MCAP specification.
+    pub(crate) fn of(opcode: u8) -> Self {
+        match opcode {
+            op::HEADER => Self::Start,
+            op::MESSAGE | op::CHUNK | op::MESSAGE_INDEX | op::ATTACHMENT | op::METADATA | op::DATA_END => {
+                Self::Data
+            }
+            op::CHUNK_INDEX
+            | op::ATTACHMENT_INDEX
+            | op::STATISTICS
+            | op::METADATA_INDEX
+            | op::SUMMARY_OFFSET
+            | op::FOOTER => Self::Summary,
+            _ => Self::Both,
+        }
+    }
+}
+
 /// Number of messages in a message index, from the start of its body.
 pub(crate) fn indexed_messages(front: &[u8]) -> Option<(u16, u64)> {
     let mut fields = Fields(front);
@@ -164,6 +196,21 @@ impl ChunkHead {
     /// Whether the compressed data end within a body of this length.
     pub(crate) fn fits(&self, body: u64) -> bool {
         (self.front as u64).checked_add(self.compressed).is_some_and(|end| end <= body)
+    }
+
+    /// Whether the header has the form that writers produce.
+    pub(crate) fn is_known(&self) -> bool {
+        let is_compression = match self.compression.as_str() {
+            "" => self.compressed == self.uncompressed && self.compressed > 0,
+            name => matches!(name, "zstd" | "lz4"),
+        };
+        is_compression && self.first <= self.last
+    }
+
+    /// Whether a body of this length is a chunk, whatever the opcode of its record: the sizes in a known header fill
+    /// the body exactly. Bodies of other records do not.
+    pub(crate) fn fills(&self, body: u64) -> bool {
+        self.is_known() && (self.front as u64).checked_add(self.compressed) == Some(body)
     }
 
     /// The stated times, unless they are those of a chunk that was never closed: all ones, or zero.

@@ -6,7 +6,7 @@
 use crate::check::{check_chunks, settle_undefined};
 use crate::error::LogError;
 use crate::info::Lost;
-use crate::record::{ChunkHead, HEAD, Head, MAGIC, MessageHead, PROBE, indexed_messages, op};
+use crate::record::{ChunkHead, HEAD, Head, MAGIC, MessageHead, PROBE, Section, indexed_messages, op};
 use crate::segment::Segment;
 use crate::source::{Source, Window};
 use crate::summary::{Contents, Summary, body_of, counts_of};
@@ -63,6 +63,10 @@ struct Hops<'a> {
     /// Whether there are compressed chunks, and messages outside of chunks.
     compressed: bool,
     loose: bool,
+    /// Whether the end of the data has been passed.
+    data_ended: bool,
+    /// Number of records where the format has none of their kind; opcode and offset of the first one.
+    misplaced: Option<(u64, u8, u64)>,
 }
 
 /// Which records a search may stop at.
@@ -103,6 +107,8 @@ impl<'a> Hops<'a> {
             indexed: BTreeMap::new(),
             compressed: false,
             loose: false,
+            data_ended: false,
+            misplaced: None,
         }
     }
 
@@ -115,8 +121,8 @@ impl<'a> Hops<'a> {
                 continue;
             }
             let front = self.window.get(at, PROBE)?;
-            let head = Head::read(front);
             let body = &front[HEAD.min(front.len())..];
+            let head = Head::read(front).map(|head| as_chunk(head, body));
             let plausible = head.filter(|head| head.plausible(body) && head.length() <= length - at);
             at = match plausible {
                 Some(head) => self.hop(head, at)?,
@@ -124,7 +130,27 @@ impl<'a> Hops<'a> {
             };
         }
         self.close_run();
+        if let Some((count, op, first)) = self.misplaced {
+            self.contents.problems.add(format!(
+                "{count} records are where no record of their kind can be, the first at byte {first}, of opcode {op:#04x}"
+            ));
+        }
         Ok(())
+    }
+
+    /// Counts a record that is in the wrong section: a damaged opcode turns a message into a statement of the summary,
+    /// for example.
+    fn note_section(&mut self, op: u8, at: u64) {
+        let fits = match Section::of(op) {
+            Section::Start => at == MAGIC.len() as u64,
+            Section::Data => !self.data_ended,
+            Section::Both => true,
+            Section::Summary => self.data_ended,
+        };
+        self.data_ended |= op == op::DATA_END;
+        if !fits {
+            self.misplaced.get_or_insert((0, op, at)).0 += 1;
+        }
     }
 
     /// Processes the record at `at`, unless its length turns out to be wrong. Returns where to continue.
@@ -144,6 +170,7 @@ impl<'a> Hops<'a> {
                 return Ok(next);
             }
         }
+        self.note_section(head.op, at);
         match head.op {
             op::MESSAGE => self.message(at, end)?,
             op::CHUNK => self.chunk(at, end)?,
@@ -156,6 +183,8 @@ impl<'a> Hops<'a> {
                     None => self.lost.messages += count,
                 }
             }
+            // A second header is damage, which has been reported.
+            op::HEADER if at != MAGIC.len() as u64 => {}
             _ => {
                 if matches!(head.op, op::ATTACHMENT | op::DATA_END) {
                     self.close_run();
@@ -322,18 +351,15 @@ impl<'a> Hops<'a> {
         if !head.plausible(body) {
             return Ok(false);
         }
-        if head.op == op::CHUNK && ChunkHead::read(body).is_some_and(|chunk| is_known(&chunk)) {
+        if head.op == op::CHUNK && ChunkHead::read(body).is_some_and(|chunk| chunk.is_known()) {
             return Ok(true);
         }
         Ok(head.length() <= length - at && self.record_follows(at + head.length())?)
     }
 }
 
-/// Whether a chunk's header has the form that writers produce, and cannot be anything else.
-fn is_known(chunk: &ChunkHead) -> bool {
-    let is_compression = match chunk.compression.as_str() {
-        "" => chunk.compressed == chunk.uncompressed && chunk.compressed > 0,
-        name => matches!(name, "zstd" | "lz4"),
-    };
-    is_compression && chunk.first <= chunk.last
+/// The head of the record with this body; that of a chunk if the body is one. Reading the chunk reports its opcode.
+fn as_chunk(head: Head, body: &[u8]) -> Head {
+    let is_chunk = head.op != op::CHUNK && ChunkHead::read(body).is_some_and(|chunk| chunk.fills(head.body));
+    if is_chunk { Head { op: op::CHUNK, ..head } } else { head }
 }

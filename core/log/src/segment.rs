@@ -129,7 +129,7 @@ fn decode_chunk(source: &Source, segment: &Segment) -> Result<Decoded, LogError>
     let (Some(outer), Some(chunk)) = (Head::read(&front), ChunkHead::read(body)) else {
         return Ok(lost(segment.length, "a chunk whose header does not parse".to_owned()));
     };
-    if outer.op != op::CHUNK {
+    if outer.op != op::CHUNK && !chunk.fills(outer.body) {
         return Ok(lost(
             segment.length,
             format!("expected a chunk, got a record of opcode {:#04x}", outer.op),
@@ -147,6 +147,9 @@ fn decode_chunk(source: &Source, segment: &Segment) -> Result<Decoded, LogError>
     let unpacked = unpack(source, &chunk, data_start, data_end, expected as usize)?;
 
     let mut reasons = Vec::new();
+    if outer.op != op::CHUNK {
+        reasons.push(format!("expected opcode {:#04x}, got {:#04x}", op::CHUNK, outer.op));
+    }
     if !whole {
         reasons.push(
             if unclosed { "a chunk that was never closed" } else { "a chunk that is cut off" }.to_owned(),

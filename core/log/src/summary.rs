@@ -3,7 +3,7 @@
 use crate::catalog::{ATTACHMENT_PROBE, BODY_LIMIT, Catalog, Problems};
 use crate::error::LogError;
 use crate::parse;
-use crate::record::{Fields, HEAD, Head, MAGIC, PROBE, indexed_messages, op};
+use crate::record::{Fields, HEAD, Head, MAGIC, PROBE, Section, indexed_messages, op};
 use crate::segment::Segment;
 use crate::source::{Source, Window};
 use bytes::Bytes;
@@ -217,6 +217,12 @@ fn between(
         };
         if matches!(head.op, op::MESSAGE | op::CHUNK) {
             return Ok(Err(format!("the index leaves out messages at byte {at}")));
+        }
+        if Section::of(head.op) == Section::Summary {
+            return Ok(Err(format!(
+                "there is a record of opcode {:#04x} among the data at byte {at}",
+                head.op
+            )));
         }
         let body = body_of(window.source(), head, at)?;
         if let Err(problem) = contents.catalog.take(head, at, &body) {

@@ -1,17 +1,55 @@
 //! Logs that tests write for themselves.
 
-use rcs_log::{CursorOptions, Log, LogError, LogWriter, WriteHeader, WriterOptions};
+use rcs_log::{CursorOptions, Log, LogError, LogWriter, Sink, WriteHeader, WriterOptions};
 use rcs_msg::{AnyMessage, Schema, Stamp, foxglove, registry};
 use std::collections::BTreeMap;
+use std::io::{self, Write};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A destination in memory: its bytes remain when the writer is dropped, and it is full at a given size.
+#[derive(Clone, Debug, Default)]
+pub struct SharedSink {
+    bytes: Arc<Mutex<Vec<u8>>>,
+    room: Option<usize>,
+}
+
+impl SharedSink {
+    /// A sink that takes `room` bytes, and then refuses writes like a full disk.
+    pub fn with_room(room: usize) -> Self {
+        Self { bytes: Arc::default(), room: Some(room) }
+    }
+
+    /// The bytes written so far.
+    pub fn snapshot(&self) -> Vec<u8> {
+        self.bytes.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Write for SharedSink {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let mut held = self.bytes.lock().unwrap_or_else(PoisonError::into_inner);
+        let room = self.room.map_or(usize::MAX, |room| room.saturating_sub(held.len()));
+        if room == 0 {
+            return Err(io::ErrorKind::StorageFull.into());
+        }
+        let count = bytes.len().min(room);
+        held.extend_from_slice(&bytes[..count]);
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Sink for SharedSink {}
 
 /// A log in memory with these topics and messages: time, topic, message. The acquisition time of a message is also its
 /// log time.
 ///
 /// # Panics
 /// If the log cannot be written, or the topic of a message is not in the log.
-/// Where the log cannot be written, or a message is for no topic of the log.
 pub fn hand_made<'a>(
     topics: &[(&str, &Arc<Schema>)],
     messages: impl IntoIterator<Item = (Stamp, &'a str, &'a AnyMessage)>,

@@ -1,12 +1,11 @@
 //! Helpers of the tests.
 
 use bytes::Bytes;
-use rcs_log::{ChannelId, CursorOptions, Log, LogMessage, LogWriter, Sink, WriteHeader, WriterOptions};
+use rcs_log::{ChannelId, CursorOptions, Log, LogMessage, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::{MessageEncoding, Schema, Stamp};
+pub(crate) use rcs_testkit::logs::SharedSink;
 use std::collections::BTreeMap;
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
 
 /// Every message, in the cursor's order; a failed read fails the test.
 pub(crate) fn read_all(log: &Log) -> Vec<LogMessage> {
@@ -51,38 +50,6 @@ impl Numbers {
     }
 }
 
-/// A sink whose bytes the test can read, and that fails on request.
-#[derive(Clone, Default)]
-pub(crate) struct SharedSink {
-    pub(crate) bytes: Arc<Mutex<Vec<u8>>>,
-    pub(crate) room: Option<usize>,
-}
-
-impl Write for SharedSink {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let mut held = self.bytes.lock().unwrap();
-        let room = self.room.map_or(usize::MAX, |room| room.saturating_sub(held.len()));
-        if room == 0 {
-            return Err(io::ErrorKind::StorageFull.into());
-        }
-        let count = bytes.len().min(room);
-        held.extend_from_slice(&bytes[..count]);
-        Ok(count)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-impl Sink for SharedSink {}
-
-impl SharedSink {
-    pub(crate) fn snapshot(&self) -> Bytes {
-        Bytes::from(self.bytes.lock().unwrap().clone())
-    }
-}
-
 pub(crate) fn schema() -> Schema {
     Schema::new(
         "test.Text",
@@ -118,5 +85,5 @@ pub(crate) fn log_of(messages: &[(usize, u64, usize)], options: WriterOptions) -
         writer.write(channels[topic], header(index, time), &vec![index as u8; size]).unwrap();
     }
     writer.finish().unwrap();
-    sink.snapshot()
+    sink.snapshot().into()
 }

@@ -22,6 +22,7 @@ fn records(log: &[u8]) -> Vec<(usize, u8)> {
     found
 }
 
+const MESSAGE: u8 = 0x05;
 const CHUNK: u8 = 0x06;
 const MESSAGE_INDEX: u8 = 0x07;
 const DATA_END: u8 = 0x0f;
@@ -201,7 +202,7 @@ fn damage_in_a_large_indexed_log_is_told_when_it_is_met() {
         writer.write(channels[0], header(index, index as u64), &vec![index as u8; 1 << 20]).unwrap();
     }
     writer.finish().unwrap();
-    let mut bytes = sink.snapshot().to_vec();
+    let mut bytes = sink.snapshot();
     let chunks: Vec<usize> =
         records(&bytes).iter().filter(|(_, op)| *op == CHUNK).map(|(at, _)| *at).collect();
     let middle = chunks[chunks.len() / 2];
@@ -302,4 +303,79 @@ proptest! {
             }
         }
     }
+}
+
+/// The log with the opcode at `at` changed, without its index.
+fn with_opcode(log: &[u8], at: usize, opcode: u8) -> Log {
+    let mut damaged = log.to_vec();
+    damaged[at] = opcode;
+    let data_end = records(log).iter().find(|(_, op)| *op == DATA_END).unwrap().0;
+    damaged.truncate(data_end);
+    Log::from_bytes(damaged.into()).unwrap()
+}
+
+#[test]
+fn a_chunk_with_the_opcode_of_another_record_is_read_as_a_chunk_and_reported() {
+    let messages: Vec<(usize, u64, usize)> = (0..100).map(|index| (0, 1000 + index, 40)).collect();
+    for compress in [false, true] {
+        let options = WriterOptions { compress, chunk_bytes: 1000, ..WriterOptions::default() };
+        let bytes = log_of(&messages, options);
+        let expected = plain(read_all(&Log::from_bytes(bytes.clone()).unwrap()));
+        let chunks = records(&bytes).into_iter().filter(|(_, op)| *op == CHUNK);
+        let (first, middle) = (chunks.clone().next().unwrap().0, chunks.clone().nth(2).unwrap().0);
+        for at in [first, middle] {
+            for opcode in (1..=0x0f).chain([0x80, 0xff]).filter(|opcode| *opcode != CHUNK) {
+                let log = with_opcode(&bytes, at, opcode);
+                let problems = &log.info().problems;
+                let text = format!("got {opcode:#04x}");
+                assert!(
+                    problems.iter().any(|problem| problem.contains(&text)),
+                    "{opcode:#04x}: {problems:?}"
+                );
+                assert_eq!(plain(read_all(&log)), expected, "{opcode:#04x}: {problems:?}");
+                let mut damaged = bytes.to_vec();
+                damaged[at] = opcode;
+                let indexed = Log::from_bytes(damaged.into()).unwrap();
+                assert_eq!(plain(read_all(&indexed)), expected, "{opcode:#04x}, with its index");
+                assert!(!indexed.info().problems.is_empty(), "{opcode:#04x}, with its index");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_record_in_the_wrong_section_is_reported() {
+    let messages: Vec<(usize, u64, usize)> = (0..20).map(|index| (0, 1000 + index, 80)).collect();
+    // Without chunks: the records of the only chunk, as the records of the file.
+    let bytes = log_of(&messages, WriterOptions { compress: false, ..WriterOptions::default() });
+    let chunk = records(&bytes).iter().find(|(_, op)| *op == CHUNK).unwrap().0;
+    let contents = u64::from_le_bytes(bytes[chunk + 25..chunk + 33].try_into().unwrap()) as usize;
+    let data = chunk + 9 + 40;
+    let loose: Vec<u8> = bytes[..chunk].iter().chain(&bytes[data..data + contents]).copied().collect();
+    let sound = Log::from_bytes(loose.clone().into()).unwrap();
+    assert_eq!((sound.info().messages, sound.info().problems.len()), (20, 1), "{:?}", sound.info().problems);
+    let places = records(&loose);
+    let places = places.iter().filter(|(_, op)| *op == MESSAGE).map(|(at, _)| *at);
+    // Kinds whose bodies a message can be: header, footer, and records of the summary.
+    for (at, opcode) in places.flat_map(|at| [0x02, 0x08, 0x0a, 0x0b, 0x0d, 0x0e].map(|opcode| (at, opcode)))
+    {
+        let mut damaged = loose.clone();
+        damaged[at] = opcode;
+        let log = Log::from_bytes(damaged.into()).unwrap();
+        let problems = &log.info().problems;
+        assert_eq!(log.info().messages, 19, "{opcode:#04x} at {at}: {problems:?}");
+        assert!(problems.len() > 1, "{opcode:#04x} at {at}: {problems:?}");
+    }
+    // After the end of the data there are no messages.
+    let first = records(&loose).iter().find(|(_, op)| *op == MESSAGE).unwrap().0;
+    let mut early = loose[..first].to_vec();
+    early.extend([DATA_END, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+    early.extend(&loose[first..]);
+    let log = Log::from_bytes(early.into()).unwrap();
+    assert_eq!(log.info().messages, 20);
+    assert!(
+        log.info().problems.iter().any(|problem| problem.starts_with("20 records")),
+        "{:?}",
+        log.info().problems
+    );
 }

@@ -40,7 +40,11 @@ fn a_lossless_recording_holds_every_message_of_every_thread() {
     handle.attach("stack.toml", "text/plain", Stamp(0), Bytes::from_static(b"text"));
     handle.metadata("note", BTreeMap::new());
     handle.flush();
-    assert_eq!(Log::from_bytes(sink.snapshot()).unwrap().info().messages, 1000, "flushed means readable");
+    assert_eq!(
+        Log::from_bytes(sink.snapshot().into()).unwrap().info().messages,
+        1000,
+        "flushed means readable"
+    );
     let status = recorder.finish().unwrap();
     assert_eq!((status.written, status.dropped, status.queued), (1000, 0, 0));
     assert_eq!(status.bytes, sink.snapshot().len() as u64);
@@ -48,7 +52,7 @@ fn a_lossless_recording_holds_every_message_of_every_thread() {
         !handle.write(rcs_log::ChannelId(0), header(0, 0), Bytes::new()),
         "an ended recording takes nothing"
     );
-    let log = Log::from_bytes(sink.snapshot()).unwrap();
+    let log = Log::from_bytes(sink.snapshot().into()).unwrap();
     assert!(!log.info().recovered);
     assert_eq!(log.info().topics.len(), 4);
     assert!(log.info().topics.iter().all(|topic| topic.messages == 250));
@@ -100,12 +104,12 @@ fn a_live_recording_on_a_stuck_disk_drops_counts_and_never_waits() {
     gate.1.notify_all();
     let status = recorder.finish().unwrap();
     assert_eq!((status.written, status.dropped), (taken as u64, 500 - taken as u64));
-    assert_eq!(Log::from_bytes(sink.snapshot()).unwrap().info().messages, taken as u64);
+    assert_eq!(Log::from_bytes(sink.snapshot().into()).unwrap().info().messages, taken as u64);
 }
 
 #[test]
 fn a_full_disk_shows_in_the_status_and_a_lossless_recording_does_not_hang() {
-    let sink = SharedSink { room: Some(3000), ..SharedSink::default() };
+    let sink = SharedSink::with_room(3000);
     let recorder = start(Box::new(sink.clone()), RecorderMode::Lossless, 2);
     let handle = recorder.handle();
     let channel = handle.add_channel("/0", &Arc::new(schema()), BTreeMap::new()).unwrap();
@@ -119,7 +123,7 @@ fn a_full_disk_shows_in_the_status_and_a_lossless_recording_does_not_hang() {
     assert_eq!(status.written + status.dropped, 500, "{status:?}");
     let error = recorder.finish().unwrap_err();
     assert!(matches!(error, LogError::Write { .. }), "{error}");
-    let log = Log::from_bytes(sink.snapshot()).unwrap();
+    let log = Log::from_bytes(sink.snapshot().into()).unwrap();
     let order: Vec<u32> = read_all(&log).iter().map(|message| message.sequence).collect();
     assert!(order.len() > 5, "{}", order.len());
     assert!(order.iter().copied().eq(0..order.len() as u32));

@@ -70,7 +70,7 @@ fn a_damaged_attachment_is_refused_by_its_checksum() {
     let (mut writer, _) = writer(&sink, WriterOptions::default(), 0);
     writer.attach("stack.toml", "text/plain", Stamp(3), b"the text of the stack").unwrap();
     writer.finish().unwrap();
-    let mut bytes = sink.snapshot().to_vec();
+    let mut bytes = sink.snapshot();
     let at = bytes.windows(8).position(|window| window == b"the text").unwrap();
     bytes[at] ^= 1;
     let log = Log::from_bytes(bytes.into()).unwrap();
@@ -104,7 +104,7 @@ fn a_kill_at_any_moment_loses_at_most_the_last_second() {
         let now = now_ms.load(Ordering::Relaxed);
         writer.write(channels[0], header(index, now * 1_000_000), b"x").unwrap();
         written_ms.push(now);
-        let log = Log::from_bytes(sink.snapshot()).unwrap();
+        let log = Log::from_bytes(sink.snapshot().into()).unwrap();
         let old = written_ms.iter().filter(|&&at| at + 1000 <= now).count() as u64;
         assert!(log.info().messages >= old, "{} of {old} messages at {now} ms", log.info().messages);
         assert_eq!(log.info().lost.bytes, 0, "a flushed log ends at a record");
@@ -114,14 +114,14 @@ fn a_kill_at_any_moment_loses_at_most_the_last_second() {
     assert!(wait <= Duration::from_secs(1));
     now_ms.fetch_add(wait.as_millis() as u64, Ordering::Relaxed);
     assert!(writer.flush_if_due().unwrap());
-    assert_eq!(Log::from_bytes(sink.snapshot()).unwrap().info().messages, 200);
+    assert_eq!(Log::from_bytes(sink.snapshot().into()).unwrap().info().messages, 200);
 }
 
 #[test]
 fn a_full_disk_is_reported_and_what_was_written_stays_readable() {
     let mut recovered_before = 0;
     for room in (120..20_000).step_by(331) {
-        let sink = SharedSink { room: Some(room), ..SharedSink::default() };
+        let sink = SharedSink::with_room(room);
         let options = WriterOptions { chunk_bytes: 1000, compress: false, ..WriterOptions::default() };
         let started = LogWriter::with_sink(Box::new(sink.clone()), "full.mcap".into(), options);
         let Ok(mut writer) = started else {
@@ -140,7 +140,7 @@ fn a_full_disk_is_reported_and_what_was_written_stays_readable() {
         assert!(error.to_string().contains("full.mcap"), "{error}");
         assert!(writer.flush().is_err(), "after an error nothing more is written");
         assert!(writer.finish().is_err());
-        let log = Log::from_bytes(sink.snapshot()).unwrap();
+        let log = Log::from_bytes(sink.snapshot().into()).unwrap();
         let order: Vec<u32> = read_all(&log).iter().map(|message| message.sequence).collect();
         assert!(order.iter().copied().eq(0..order.len() as u32));
         assert!(order.len() >= recovered_before, "more room, fewer messages: {room}");
@@ -157,5 +157,5 @@ fn a_message_of_an_unknown_channel_is_refused_and_the_log_goes_on() {
     assert!(matches!(error, LogError::Refused { .. }), "{error}");
     writer.write(channels[0], header(1, 0), b"x").unwrap();
     writer.finish().unwrap();
-    assert_eq!(Log::from_bytes(sink.snapshot()).unwrap().info().messages, 1);
+    assert_eq!(Log::from_bytes(sink.snapshot().into()).unwrap().info().messages, 1);
 }
