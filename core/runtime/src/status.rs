@@ -122,13 +122,18 @@ impl StatusContent {
         if self.obeyed.rejected.is_some() { rcs::ProcessState::Error } else { self.state }
     }
 
+    /// The text about the shown state, and the source line that set it.
+    fn shown_text(&self) -> (&Text, &Arc<str>) {
+        match &self.obeyed.rejected {
+            Some((text, source_line)) => (text, source_line),
+            None => (&self.text, &self.source_line),
+        }
+    }
+
     /// The fields before the cycle, without the time.
     fn head(&self) -> rcs::Status {
         let obeyed = &*self.obeyed;
-        let (text, source_line) = match &obeyed.rejected {
-            Some((text, source_line)) => (text, source_line),
-            None => (&self.text, &self.source_line),
-        };
+        let (text, source_line) = self.shown_text();
         rcs::Status {
             process: self.process.to_string(),
             command: obeyed.command.clone(),
@@ -225,6 +230,11 @@ impl StatusCell {
     /// The state in the status.
     pub(crate) fn state(&self) -> rcs::ProcessState {
         self.content.shown_state()
+    }
+
+    /// What the status says about its state.
+    pub(crate) fn shown_text(&self) -> &str {
+        self.content.shown_text().0.as_str()
     }
 
     /// The state that the process itself has set.

@@ -477,6 +477,7 @@ impl Stepped {
             let status = node.status();
             let said = Said {
                 state: status.state(),
+                state_text: status.shown_text().to_owned(),
                 cycles: status.cycle,
                 faults: status.faults(),
                 last_fault: status.last_fault().to_owned(),

@@ -122,6 +122,7 @@ pub(crate) fn summary_of(
 /// What the last status of a process says.
 pub(crate) struct Said {
     pub(crate) state: rcs::ProcessState,
+    pub(crate) state_text: String,
     pub(crate) cycles: u64,
     pub(crate) faults: u64,
     pub(crate) last_fault: String,
@@ -130,7 +131,7 @@ pub(crate) struct Said {
 impl From<rcs::Status> for Said {
     fn from(status: rcs::Status) -> Self {
         let (state, cycles, faults) = (status.state(), status.cycle, status.faults);
-        Self { state, cycles, faults, last_fault: status.last_fault }
+        Self { state, state_text: status.state_text, cycles, faults, last_fault: status.last_fault }
     }
 }
 
@@ -140,6 +141,7 @@ impl ProcessSummary {
         Self {
             name: process.name.to_string(),
             state: said.state,
+            state_text: said.state_text,
             cycles: said.cycles,
             mean_us: times.mean_us(),
             max_us: times.max_us(),
@@ -189,6 +191,8 @@ pub struct ProcessSummary {
     pub name: String,
     /// Its state.
     pub state: rcs::ProcessState,
+    /// What its status says about the state: for `ERROR`, the reason.
+    pub state_text: String,
     /// Number of cycles.
     pub cycles: u64,
     /// Mean duration of a cycle.

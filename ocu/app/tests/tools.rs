@@ -63,6 +63,28 @@ fn a_process_that_can_use_none_of_its_messages_is_told_and_can_be_made_an_error(
 }
 
 #[test]
+fn the_report_says_why_a_process_is_in_error() {
+    // No course has a way that is as wide.
+    let run = ["run", "--stack", "truth_driver", "--course", "corridor", "--until", "1", "--param"];
+    let run = [&run[..], &["truth_driver.vehicle_width_m=5"]].concat();
+    let (code, out, errors) = ocu(&run);
+    assert_eq!(code, 1, "{out}{errors}");
+    assert!(out.contains("error: truth_driver is in ERROR: no way leads to the goal with "), "{out}");
+
+    let (code, out, errors) = ocu(&[&run[..], &["--json"]].concat());
+    assert_eq!(code, 1, "{out}{errors}");
+    let report = json(&out);
+    assert_eq!(report["outcome"], "error");
+    let processes = report["processes"].as_array().unwrap();
+    for process in processes {
+        let error = process["error"].as_str().unwrap_or_default();
+        assert_eq!(process["state"] == "ERROR", !error.is_empty(), "{process}");
+    }
+    let driver = processes.iter().find(|process| process["name"] == "truth_driver").unwrap();
+    assert!(driver["error"].as_str().unwrap().starts_with("no way leads to the goal"), "{driver}");
+}
+
+#[test]
 fn a_process_that_writes_nothing_is_told() {
     let (dir, log, _) = depth_without_calibration();
     let stack = dir.path().join("silent.toml");

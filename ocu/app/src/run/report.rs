@@ -48,6 +48,9 @@ pub(super) struct Report {
 struct ProcessReport {
     name: String,
     state: &'static str,
+    /// Why it is in `ERROR`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<String>,
     cycles: u64,
     mean_us: f64,
     max_us: f64,
@@ -167,6 +170,7 @@ impl Report {
                 .map(|process| ProcessReport {
                     name: process.name,
                     state: process.state.as_str_name(),
+                    error: (process.state == ProcessState::Error).then_some(process.state_text),
                     cycles: process.cycles,
                     mean_us: process.mean_us,
                     max_us: process.max_us,
@@ -252,6 +256,9 @@ impl Report {
             human_runs(&self.runs, out)?;
         }
         self.human_processes(out)?;
+        for (name, error) in self.processes.iter().filter_map(|it| Some((&it.name, it.error.as_ref()?))) {
+            writeln!(out, "error: {name} is in ERROR: {}", plain(error))?;
+        }
         for warning in &self.warnings {
             writeln!(out, "warning: {warning}")?;
         }
