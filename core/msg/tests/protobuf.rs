@@ -5,7 +5,9 @@ mod support;
 use bytes::Bytes;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use rcs_msg::{FieldScanner, Schema, Value, canonical, header_frame, header_stamp, registry};
+use rcs_msg::{
+    FieldScanner, MessageEncoding, Schema, Value, canonical, header_frame, header_stamp, registry,
+};
 use std::sync::{Arc, LazyLock};
 use support::{Entropy, message, odd_schemas, path};
 
@@ -170,4 +172,71 @@ fn a_path_that_cannot_be_plotted_is_refused() {
         let error = FieldScanner::new(schema, &path.parse().expect(path)).expect_err(path);
         assert_eq!(error.to_string(), expect);
     }
+}
+
+/// Descriptor sets from Google's compiler, and a message that its library wrote.
+const EDITIONS: [(&str, &[u8]); 2] = [
+    ("2023", include_bytes!("editions/all_2023.binpb")),
+    ("2024", include_bytes!("editions/all_2024.binpb")),
+];
+const READING: &[u8] = include_bytes!("editions/reading.bin");
+
+#[test]
+fn a_message_of_an_edition_decodes_as_the_library_wrote_it() {
+    let expected = [
+        (".stamp.seconds", 1_700_000_000.0),
+        (".stamp.nanos", 5.0),
+        (".count", 3.0),
+        (".ranges_m[1]", 2.5),
+        (".offsets[0]", -1.0),
+        (".leg.length_m", 0.5),
+        (".leg.ticks[1]", 8.0),
+        (".legs[1].length_m", 2.25),
+        (".costs.a", 2.5),
+        (".serial", 99.0),
+        (".open", 1.0),
+        (".opens[1]", 0.0),
+        (".data.@length", 2.0),
+        (".closed", 2.0),
+        (".closeds[1]", 2.0),
+    ];
+    for (edition, set) in EDITIONS {
+        let data = Bytes::from_static(set);
+        let schema = Arc::new(Schema::new("all.Reading", MessageEncoding::Protobuf, "protobuf", data));
+        schema.decodable().unwrap_or_else(|error| panic!("{edition}: {error}"));
+        let message = Bytes::from_static(READING);
+        let value = schema.value(&message).unwrap_or_else(|error| panic!("{edition}: {error}"));
+        for (path, number) in expected {
+            let field = path.parse().expect(path);
+            let got = value.get(&field).ok().and_then(|value| value.as_f64());
+            assert_eq!(got, Some(number), "{edition}: {path} of {value:?}");
+            if let Ok(scanner) = FieldScanner::new(&schema, &field) {
+                assert_eq!(scanner.scan(&message), Ok(Some(number)), "{edition}: {path}");
+            }
+        }
+        let at = |path: &str| value.get(&path.parse().expect(path)).expect(path).into_owned();
+        assert_eq!(at(".frame_id").as_text(), Some("laser"), "{edition}");
+        assert_eq!(at(".implicit.b").as_text(), Some("x"), "{edition}");
+        // Without presence a field that was not written is zero; with it, the field is absent.
+        assert_eq!(at(".implicit.a"), Value::Int(0), "{edition}");
+        assert_eq!(at(".implicit.c"), Value::Bool(false), "{edition}: written, although it is the default");
+        for absent in [".topic", ".other", ".x"] {
+            assert_eq!(at(absent), Value::Null, "{edition}: {absent}");
+        }
+        assert_eq!(at(".needed"), Value::Bool(false), "{edition}");
+        let again = schema.encode(&value).unwrap_or_else(|error| panic!("{edition}: {error}"));
+        assert_eq!(schema.value(&again).expect("it reads"), value, "{edition}");
+    }
+}
+
+#[test]
+fn an_edition_that_is_not_known_is_refused_by_its_number() {
+    let (_, set) = EDITIONS[1];
+    // Field 14 of a file: the edition, as the number 1001.
+    let at = set.windows(3).rposition(|bytes| bytes == [0x70, 0xe9, 0x07]).expect("it names its edition");
+    let mut later = set.to_vec();
+    later[at + 1..at + 3].copy_from_slice(&[0xea, 0x07]);
+    let schema = Schema::new("all.Reading", MessageEncoding::Protobuf, "protobuf", later.into());
+    let error = schema.decodable().expect_err("an edition of the future").to_string();
+    assert!(error.contains("1002") && error.contains("expected 1000 (2023) or 1001 (2024)"), "{error}");
 }
