@@ -1,5 +1,6 @@
 //! Decodes images of any encoding to colours, values (such as depth) or labels.
 
+use crate::clip::is_place;
 use egui::{Color32, ColorImage};
 use ocu_ui::palette::{self, Classes, MapPalette};
 use rcs_msg::AnyMessage;
@@ -72,12 +73,19 @@ impl DecodedImage {
     pub(crate) fn value_range(&self) -> Option<[f32; 2]> {
         let Pixels::Values { values, .. } = &self.pixels else { return None };
         let stride = (values.len() / 20_000).max(1);
-        let mut sample: Vec<f32> = values.iter().step_by(stride).copied().filter(|v| v.is_finite()).collect();
+        let mut sample: Vec<f32> =
+            values.iter().step_by(stride).copied().filter(|v| is_place(&[f64::from(*v)])).collect();
         sample.sort_by(f32::total_cmp);
         let at = |fraction: f32| {
             sample.get(((sample.len().saturating_sub(1)) as f32 * fraction) as usize).copied()
         };
         Some([at(0.02)?, at(0.98)?])
+    }
+
+    /// Number of finite values that cannot be: some scanners report the largest number for a missing return.
+    pub(crate) fn implausible(&self) -> usize {
+        let Pixels::Values { values, .. } = &self.pixels else { return 0 };
+        values.iter().filter(|v| v.is_finite() && !is_place(&[f64::from(**v)])).count()
     }
 
     /// Paints a texture of at most `most` pixels per side; `range` is the colour range of values.
@@ -143,6 +151,17 @@ mod tests {
         let depth = decoded("16UC1", 2, 1, &[0, 1, 2, 1]).unwrap();
         assert_eq!(depth.pixels, Pixels::Values { values: vec![256.0, 258.0], whole: true });
         assert_eq!(depth.value_range(), Some([256.0, 256.0]));
+        assert_eq!(depth.implausible(), 0);
+    }
+
+    #[test]
+    fn values_that_cannot_be_are_counted_and_do_not_widen_the_range() {
+        let values = [1.0, f32::MAX, -f32::MAX, f32::NAN, f32::INFINITY, 1e9, 3.0, 2.0];
+        let bytes: Vec<u8> = values.iter().flat_map(|v: &f32| v.to_le_bytes()).collect();
+        let image = decoded("32FC1", 8, 1, &bytes).unwrap();
+        assert_eq!(image.implausible(), 3);
+        let [low, high] = image.value_range().unwrap();
+        assert!(1.0 <= low && high <= 3.0, "{low} {high}");
     }
 
     #[test]

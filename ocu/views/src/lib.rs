@@ -21,6 +21,7 @@
 //! view.load(&saved).unwrap();
 //! ```
 
+mod badge;
 mod buffers;
 mod camera;
 mod canvas;

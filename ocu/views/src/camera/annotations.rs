@@ -13,14 +13,18 @@ const MOST_LETTERS: usize = 200;
 /// Lengths on the screen are clamped to this, because more would not be visible.
 const LONGEST: f64 = 1e5;
 
-/// Draws all shapes; their coordinates are pixels of the image, measured from the corner of its first pixel.
+/// Coordinates and lengths beyond this cannot be those of an image, px.
+const FARTHEST_PX: f64 = 1e6;
+
+/// Draws all shapes; their coordinates are pixels of the image, measured from the corner of its first pixel. Returns the
+/// number of points and lengths that cannot be, which are left out. A coordinate that is NaN is an absent one.
 pub(super) fn paint(
     painter: &Painter,
     shapes: &ImageAnnotations,
     viewport: Viewport,
     canvas: Rect,
     opacity: f32,
-) {
+) -> usize {
     // Twice the opacity of other overlays, because lines cover little of the image.
     let opacity = (opacity * 2.0).min(1.0);
     let look = Look { viewport, canvas, opacity };
@@ -50,6 +54,18 @@ pub(super) fn paint(
         painter.rect_filled(plate, 0.0, look.fill(text.background_color));
         painter.galley(plate.min, galley, color);
     }
+    implausible(shapes)
+}
+
+fn implausible(shapes: &ImageAnnotations) -> usize {
+    let beyond = |value: f64| value.abs() > FARTHEST_PX;
+    let point = |point: &Point2| beyond(point.x) || beyond(point.y);
+    let points = shapes.points.iter().flat_map(|annotation| &annotation.points).take(MOST_POINTS);
+    let circles = shapes.circles.iter().take(MOST_POINTS);
+    let circle =
+        |it: &&foxglove::CircleAnnotation| beyond(it.diameter) || it.position.as_ref().is_some_and(point);
+    let texts = shapes.texts.iter().take(MOST_POINTS).filter_map(|text| text.position.as_ref());
+    points.chain(texts).filter(|it| point(it)).count() + circles.filter(circle).count()
 }
 
 /// Position on the screen, and opacity.
@@ -60,10 +76,10 @@ struct Look {
 }
 
 impl Look {
-    /// `None` where a coordinate is not finite.
+    /// `None` where a coordinate cannot be.
     fn at(&self, point: &Point2) -> Option<Pos2> {
-        let finite = point.x.is_finite() && point.y.is_finite();
-        finite.then(|| self.viewport.to_screen(self.canvas, [point.x, point.y]))
+        let is_place = point.x.abs() <= FARTHEST_PX && point.y.abs() <= FARTHEST_PX;
+        is_place.then(|| self.viewport.to_screen(self.canvas, [point.x, point.y]))
     }
 
     fn length(&self, pixels: f64) -> f32 {

@@ -111,6 +111,8 @@ pub(super) struct Layer {
     decoded: Option<Result<DecodedImage, String>>,
     /// The 2nd and 98th percentile of the values, in the image's own unit.
     range: Option<[f32; 2]>,
+    /// Number of implausible values.
+    implausible: usize,
     texture: CachedTexture<(SameMessage, Tint, TextureOptions, u64)>,
 }
 
@@ -127,6 +129,7 @@ impl Layer {
         };
         if self.message.as_ref() != Some(&message) {
             let decoded = decode(&message.0);
+            self.implausible = decoded.as_ref().map_or(0, DecodedImage::implausible);
             self.range = decoded.as_ref().ok().and_then(DecodedImage::value_range);
             self.decoded = Some(decoded);
             self.message = Some(message);
@@ -136,6 +139,11 @@ impl Layer {
     /// The decoded image; `None` before the first message, an error where it cannot be shown.
     pub(super) fn state(&self) -> Result<Option<&DecodedImage>, &String> {
         self.decoded.as_ref().map(Result::as_ref).transpose()
+    }
+
+    /// Number of values of the image that cannot be.
+    pub(super) fn implausible(&self) -> usize {
+        self.implausible
     }
 
     /// The decoded image, if any.

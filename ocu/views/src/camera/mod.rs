@@ -8,6 +8,7 @@ mod annotations;
 mod layer;
 mod overlays;
 
+use crate::badge;
 use crate::canvas::Viewport;
 use crate::view::{SavedState, TopicKey, View, ViewContext, rate_hz};
 use egui::{Align2, Rect, Response, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
@@ -173,6 +174,7 @@ impl Camera {
             painter.image(texture, rect, uv, egui::Color32::WHITE);
         }
         let mut shown = Vec::new();
+        let mut implausible = vec![(self.layers[&*topic.name].implausible(), &*topic.name)];
         for overlay in overlays {
             let state = self.overlay_state(overlay, overlays);
             if !state.shown {
@@ -181,11 +183,13 @@ impl Camera {
             if let Some(shapes) = overlay.get() {
                 // Overlays are clipped to the image.
                 let inside = painter.with_clip_rect(painter.clip_rect().intersect(rect));
-                annotations::paint(&inside, shapes, viewport, canvas, state.opacity);
+                let count = annotations::paint(&inside, shapes, viewport, canvas, state.opacity);
+                implausible.push((count, &*overlay.name));
                 continue;
             }
             let layer = self.layers.entry(overlay.name.to_string()).or_default();
             layer.update(overlay);
+            implausible.push((layer.implausible(), &*overlay.name));
             let tint = layer::tint(overlay, self.saved.palette);
             if let Some(texture) =
                 layer.texture(ui.ctx(), &tint, TextureOptions::NEAREST, self.saved.depth_step_m)
@@ -198,6 +202,7 @@ impl Camera {
         if age_s > stale::limit_s(rate_hz(topic)).unwrap_or(2.0) {
             stale::cover(ui, rect.intersect(canvas), age_s);
         }
+        badge::implausible(ui, canvas, "values", implausible);
         self.legends(ui, canvas, topic, &shown);
         self.read_out(ui, canvas, &response, viewport, topic, &shown);
     }

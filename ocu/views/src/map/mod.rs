@@ -12,6 +12,7 @@ mod paint;
 mod panel;
 mod track;
 
+use crate::badge;
 use crate::canvas::Viewport;
 use crate::clip::{Near, is_place};
 use crate::texture::{Cached, CachedTexture, SameMessage};
@@ -276,7 +277,7 @@ impl Map {
 
     /// Shows the number of implausible points in the visible layers, which are left out of the fitted region.
     fn far_badge(&mut self, ui: &Ui, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) {
-        let mut texts = Vec::new();
+        let mut counts = Vec::new();
         for layer in shown {
             let pose = layers::map_from_layer(frame, map, layer);
             let far = match (layer.kind, pose) {
@@ -301,24 +302,9 @@ impl Map {
                 }
                 (_, Err(_)) => 0,
             };
-            if far > 0 {
-                texts.push(format!("{far} of {}", layer.name));
-            }
+            counts.push((far, layer.name.as_str()));
         }
-        if texts.is_empty() {
-            return;
-        }
-        let more = texts.len().saturating_sub(3);
-        texts.truncate(3);
-        let more = if more > 0 { format!(", and {more} more layers") } else { String::new() };
-        let text =
-            format!("{}  places that cannot be: {}{more}", icons::ICON_WARNING.codepoint, texts.join(", "));
-        let painter = ui.painter_at(canvas);
-        let galley = painter.layout_no_wrap(text, egui::FontId::proportional(12.0), tokens(ui).warning);
-        let at = canvas.center_top() + Vec2::new(-galley.size().x / 2.0, 44.0);
-        let plate = Rect::from_min_size(at, galley.size()).expand2(Vec2::new(6.0, 2.0));
-        painter.rect_filled(plate, 2.0, tokens(ui).surface[3].gamma_multiply(0.92));
-        painter.galley(at, galley, tokens(ui).warning);
+        badge::implausible(ui, canvas, "places", counts);
     }
 
     /// Current position of the first visible track.

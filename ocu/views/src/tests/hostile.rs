@@ -4,10 +4,15 @@ use super::{Shown, harness};
 use crate::samples;
 use crate::views::all;
 use egui::{Theme, Vec2};
+use egui_kittest::Harness;
 use rcs_bus::Sample;
+use rcs_msg::foxglove::RawImage;
 use rcs_msg::{AnyMessage, Number, Packed, Value};
 use rcs_runtime::source::{Frame, Topic, Track};
+use std::collections::BTreeMap;
+use std::process::Command;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 /// From the smallest to the largest, and non-finite values.
@@ -18,45 +23,81 @@ const MOST_VERTICES: usize = 400_000;
 /// Maximum time of a frame, as the best of a few.
 const FRAME: Duration = Duration::from_millis(50);
 
-/// Replaces all numbers of a tree, or only the one with index `only`; counts them in `seen`.
-fn put(value: &mut Value, number: f64, only: Option<usize>, seen: &mut usize) {
-    let mut is_next = || {
-        *seen += 1;
-        only.is_none_or(|only| only + 1 == *seen)
-    };
+/// Values for each field alone: one that vanishes, one that overflows as a square, and what is no number.
+const VALUES_ALONE: [f64; 4] = [1e-30, f32::MAX as f64, f64::NEG_INFINITY, f64::NAN];
+/// Maximum memory of a process that shows one view with all of these values.
+const MOST_BYTES: u64 = 300 << 20;
+
+/// Visits all numbers of a tree, with their paths without indices. Bytes are one number: pixels, cells, points.
+fn numbers(value: &mut Value, path: &str, visit: &mut impl FnMut(&str, &mut Value)) {
     match value {
-        Value::Float(v) if is_next() => *v = number,
-        Value::Int(v) if is_next() => *v = number as i32 as i64,
-        Value::Uint(v) if is_next() => *v = number as u32 as u64,
-        Value::Packed(packed) if is_next() => {
-            let count = packed.len();
-            *packed = if packed.number() == Number::F32 {
-                let bytes: Vec<u8> = (0..count).flat_map(|_| (number as f32).to_le_bytes()).collect();
-                Packed::new(Number::F32, false, bytes.into())
-            } else {
-                let bytes: Vec<u8> = (0..count).flat_map(|_| number.to_le_bytes()).collect();
-                Packed::new(Number::F64, false, bytes.into())
-            };
+        Value::Message(fields) => {
+            for (name, value) in fields {
+                numbers(value, &format!("{path}.{name}"), visit);
+            }
         }
-        Value::Message(fields) => fields.iter_mut().for_each(|(_, value)| put(value, number, only, seen)),
-        Value::List(list) => list.iter_mut().for_each(|value| put(value, number, only, seen)),
+        Value::List(list) => list.iter_mut().for_each(|value| numbers(value, &format!("{path}[]"), visit)),
+        Value::Null | Value::Bool(_) | Value::Text(_) => {}
+        number => visit(path, number),
+    }
+}
+
+/// Replaces a number by another of its kind.
+fn replace(value: &mut Value, number: f64) {
+    let repeated =
+        |bytes: &[u8], count: usize| bytes.iter().copied().cycle().take(count).collect::<Vec<u8>>();
+    match value {
+        Value::Float(v) => *v = number,
+        Value::Int(v) => *v = number as i32 as i64,
+        Value::Uint(v) => *v = number as u32 as u64,
+        Value::Enum { number: v, .. } => *v = number as i32,
+        Value::Bytes(bytes) => *bytes = repeated(&(number as f32).to_le_bytes(), bytes.len()).into(),
+        Value::Packed(packed) => {
+            let kind = packed.number();
+            let data = match kind {
+                Number::F32 => repeated(&(number as f32).to_le_bytes(), packed.len() * 4),
+                _ => repeated(&number.to_le_bytes(), packed.len() * 8),
+            };
+            *packed = Packed::new(if kind == Number::F32 { kind } else { Number::F64 }, false, data.into());
+        }
         _ => {}
     }
 }
 
-/// The topic with the number in its message (unchanged where it cannot represent it), and the number of possible
-/// positions.
-fn changed(topic: &Topic, number: f64, only: Option<usize>) -> (Topic, usize) {
-    let mut seen = 0;
-    let mut topic = topic.clone();
-    let Some(sample) = topic.latest.clone() else { return (topic, 0) };
-    let Ok(mut value) = sample.message.value() else { return (topic, 0) };
-    put(&mut value, number, only, &mut seen);
+/// The topic with `number` in place of all numbers of its message, or of the one with this index; the topic itself if
+/// the message cannot be written like that.
+fn changed(topic: &Topic, number: f64, only: Option<usize>) -> Topic {
+    let Some(sample) = topic.latest.clone() else { return topic.clone() };
+    let Ok(mut value) = sample.message.value() else { return topic.clone() };
+    let mut index = 0;
+    numbers(&mut value, "", &mut |_, value| {
+        if only.is_none_or(|only| only == index) {
+            replace(value, number);
+        }
+        index += 1;
+    });
     let schema = sample.message.schema();
-    if let Ok(bytes) = schema.encode(&value) {
-        topic = topic.with_latest(Sample { message: AnyMessage::encoded(schema, bytes), ..sample });
-    }
-    (topic, seen)
+    let Ok(bytes) = schema.encode(&value) else { return topic.clone() };
+    topic.clone().with_latest(Sample { message: AnyMessage::encoded(schema, bytes), ..sample })
+}
+
+/// Indices of the numbers of a topic's message: the first and the last with each path, so that every field is among
+/// them, and both ends of every list.
+fn fields(topic: &Topic) -> Vec<(String, usize)> {
+    let Some(Ok(mut value)) = topic.latest.as_ref().map(|sample| sample.message.value()) else {
+        return Vec::new();
+    };
+    let mut places: BTreeMap<String, (usize, usize)> = BTreeMap::new();
+    let mut index = 0;
+    numbers(&mut value, "", &mut |path, _| {
+        places.entry(path.to_owned()).or_insert((index, index)).1 = index;
+        index += 1;
+    });
+    let both = |(path, (first, last)): (String, (usize, usize))| {
+        let last = (last != first).then(|| (path.clone(), last));
+        std::iter::once((path, first)).chain(last)
+    };
+    places.into_iter().flat_map(both).collect()
 }
 
 fn with_topic(frame: &Frame, index: usize, topic: Topic) -> Frame {
@@ -65,11 +106,17 @@ fn with_topic(frame: &Frame, index: usize, topic: Topic) -> Frame {
     Frame { topics: topics.into(), ..frame.clone() }
 }
 
-/// Shows a view of the frame, and checks the number of vertices and the time.
-fn check(kind: &str, frame: &Frame, what: &str) {
-    let shown = Shown::new(kind, frame.clone());
-    let mut harness = harness(shown, Vec2::new(640.0, 420.0), Theme::Dark);
-    harness.run_steps(3);
+/// A view that is shown.
+fn shown(kind: &str, frame: &Frame) -> Harness<'static, Shown> {
+    let mut harness = harness(Shown::new(kind, frame.clone()), Vec2::new(640.0, 420.0), Theme::Dark);
+    harness.step();
+    harness
+}
+
+/// Shows another frame, and checks the number of vertices and the time.
+fn check(kind: &str, harness: &mut Harness<'static, Shown>, frame: &Frame, what: &str) {
+    harness.state_mut().frame = frame.clone();
+    harness.run_steps(2);
     let shapes = harness.output().shapes.clone();
     let vertices: usize = harness
         .ctx
@@ -93,38 +140,123 @@ fn check(kind: &str, frame: &Frame, what: &str) {
     panic!("{kind}, {what}: a frame takes {best:?}");
 }
 
+/// The texts that a view paints.
+fn texts(harness: &Harness<'static, Shown>) -> Vec<String> {
+    fn of(shape: &egui::Shape, found: &mut Vec<String>) {
+        match shape {
+            egui::Shape::Vec(shapes) => shapes.iter().for_each(|shape| of(shape, found)),
+            egui::Shape::Text(text) => found.push(text.galley.text().to_owned()),
+            _ => {}
+        }
+    }
+    let mut found = Vec::new();
+    harness.output().shapes.iter().for_each(|clipped| of(&clipped.shape, &mut found));
+    found
+}
+
 #[test]
 fn every_view_stands_any_number_in_all_fields_at_once() {
     for frame in [samples::full(), samples::driving()] {
-        for number in VALUES {
-            let topics: Vec<Topic> =
-                frame.topics.iter().map(|topic| changed(topic, number, None).0).collect();
-            let frame = Frame { topics: topics.into(), ..frame.clone() };
-            for view_type in all() {
-                check(view_type.kind, &frame, &format!("{number:e} in every field"));
+        for view_type in all() {
+            let mut harness = shown(view_type.kind, &frame);
+            for number in VALUES {
+                let topics: Vec<Topic> =
+                    frame.topics.iter().map(|topic| changed(topic, number, None)).collect();
+                let frame = Frame { topics: topics.into(), ..frame.clone() };
+                check(view_type.kind, &mut harness, &frame, &format!("{number:e} in every field"));
             }
         }
     }
 }
 
+/// The name of the view that a process of its own shows.
+const VIEW: &str = "OCU_TEST_VIEW";
+
 #[test]
-fn the_map_and_the_camera_stand_any_number_in_each_field_alone() {
+#[ignore = "run for each view by the next test"]
+fn one_view_stands_any_number_in_each_field_alone() {
+    let Ok(kind) = std::env::var(VIEW) else { return };
     for frame in [samples::full(), samples::driving()] {
+        let mut harness = shown(&kind, &frame);
         for (index, topic) in frame.topics.iter().enumerate() {
-            // Messages with thousands of numbers are tested with all replaced at once, and with the first ones.
-            let (_, count) = changed(topic, 0.0, None);
-            for field in 0..count.min(24) {
-                for number in [1e-30, f64::from(f32::MAX), f64::NAN] {
-                    let (topic, _) = changed(topic, number, Some(field));
-                    let name = topic.name.to_string();
-                    let frame = with_topic(&frame, index, topic);
-                    for kind in ["map", "camera"] {
-                        check(kind, &frame, &format!("{number:e} in field {field} of {name}"));
-                    }
-                }
+            // The view of fields shows the selected topic.
+            harness.state_mut().selection.topic = Some(crate::TopicKey::of(topic));
+            for (field, number) in
+                fields(topic).iter().flat_map(|field| VALUES_ALONE.map(|number| (field, number)))
+            {
+                let frame = with_topic(&frame, index, changed(topic, number, Some(field.1)));
+                check(&kind, &mut harness, &frame, &format!("{number:e} in {} of {}", field.0, topic.name));
             }
         }
     }
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap_or_default();
+    let peak = peak.split_whitespace().next().and_then(|kb| kb.parse::<u64>().ok()).unwrap_or(0) * 1024;
+    eprintln!("{kind}: {} MB at most", peak >> 20);
+    assert!(peak < MOST_BYTES, "{kind}: {peak} bytes");
+}
+
+#[test]
+fn every_view_stands_any_number_in_each_field_alone_within_its_memory() {
+    let program = std::env::current_exe().expect("the program of the tests");
+    let shown = |kind: &str| {
+        let test = "tests::hostile::one_view_stands_any_number_in_each_field_alone";
+        let arguments = ["--ignored", "--exact", "--nocapture", test];
+        let output = Command::new(&program).args(arguments).env(VIEW, kind).output().expect("it runs");
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{kind}: {errors}");
+        assert!(errors.contains(&format!("{kind}: ")), "{kind} was not shown: {errors}");
+    };
+    // Two at a time, because each of them uses one processor.
+    let next = AtomicUsize::new(0);
+    let work = || {
+        while let Some(view_type) = all().get(next.fetch_add(1, Ordering::Relaxed)) {
+            shown(view_type.kind);
+        }
+    };
+    std::thread::scope(|scope| {
+        let other = scope.spawn(work);
+        work();
+        other.join().expect("no view failed");
+    });
+}
+
+#[test]
+fn values_that_cannot_be_have_a_badge_on_the_map_and_on_the_camera() {
+    let full = samples::full();
+    let at = |frame: &Frame, name: &str| frame.topics.iter().position(|topic| &*topic.name == name).unwrap();
+    let said = |kind: &str, frame: &Frame| {
+        let mut harness = shown(kind, frame);
+        harness.run_steps(2);
+        texts(&harness).into_iter().find(|text| text.contains("that cannot be"))
+    };
+    for (kind, frame) in [("map", &full), ("camera", &full), ("camera", &samples::driving())] {
+        assert_eq!(said(kind, frame), None, "{kind}, without such values");
+    }
+    let cloud = samples::topic("/lidar/points", 10.0, 0.1, samples::cloud(&[[1.0; 3], [f32::MAX, 0.0, 0.0]]));
+    let text = said("map", &with_topic(&full, at(&full, "/lidar/points"), cloud)).expect("a badge");
+    assert!(text.ends_with("places that cannot be: 1 of /lidar/points"), "{text}");
+
+    let ranges: Vec<u8> = [2.0, f32::MAX, 3.0, f32::NAN].iter().flat_map(|v: &f32| v.to_le_bytes()).collect();
+    let ranges = RawImage {
+        width: 2,
+        height: 2,
+        encoding: "32FC1".into(),
+        step: 8,
+        data: ranges.into(),
+        ..RawImage::default()
+    };
+    let only = Frame { topics: [samples::topic("/depth", 5.0, 0.1, ranges)].into(), ..samples::empty() };
+    let text = said("camera", &only).expect("a badge");
+    assert!(text.ends_with("values that cannot be: 1 of /depth"), "{text}");
+
+    let driving = samples::driving();
+    let shapes = at(&driving, "/color/shapes");
+    let (_, field) =
+        fields(&driving.topics[shapes]).into_iter().find(|it| it.0 == ".points[].points[].x").unwrap();
+    let far = changed(&driving.topics[shapes], 1e30, Some(field));
+    let text = said("camera", &with_topic(&driving, shapes, far)).expect("a badge");
+    assert!(text.ends_with("values that cannot be: 1 of /color/shapes"), "{text}");
 }
 
 #[test]
@@ -146,7 +278,8 @@ fn every_view_stands_clouds_and_tracks_with_places_that_cannot_be() {
         }
         frame.tracks = Arc::new(tracks);
         for view_type in all() {
-            check(view_type.kind, &frame, &format!("places at {number:e}"));
+            let mut harness = shown(view_type.kind, &frame);
+            check(view_type.kind, &mut harness, &frame, &format!("places at {number:e}"));
         }
     }
 }
