@@ -200,6 +200,38 @@ fn a_driver_plays_to_the_end_and_starts_again_from_there() {
 }
 
 #[test]
+fn playing_jumps_over_a_gap_of_decades_and_misses_no_message() {
+    const LATE_S: f64 = 1.7e9;
+    let (source, _folder) =
+        log_source(&[(0.0, "/a", 1.0), (0.5, "/a", 2.0), (LATE_S, "/b", 3.0), (LATE_S + 0.5, "/a", 4.0)]);
+    let (driver, wakes) = drive(source);
+    let mut seen = Vec::new();
+    let mut times = Vec::new();
+    driver.send(Control::Speed(5.0));
+    driver.send(Control::Play);
+    let deadline = Instant::now() + Duration::from_mins(1);
+    loop {
+        let frame = driver.frame();
+        let state = (x_of(&frame, "/a"), x_of(&frame, "/b"));
+        if seen.last() != Some(&state) {
+            seen.push(state);
+        }
+        times.push(frame.now);
+        if frame.now == seconds(LATE_S + 0.5) && !frame.playback.playing {
+            assert_eq!(frame.playback.error, None);
+            break;
+        }
+        assert!(Instant::now() < deadline, "a gap is not jumped: at {:?}", frame.now);
+        let _ = wakes.recv_timeout(Duration::from_millis(5));
+    }
+    // Playing goes a little into the gap, and no further.
+    let within = |time: &&rcs_msg::Stamp| **time > seconds(60.0) && **time < seconds(LATE_S);
+    assert_eq!(times.iter().find(within), None);
+    assert_eq!(seen.last(), Some(&(Some(4.0), Some(3.0))), "{seen:?}");
+    assert!(seen.contains(&(Some(2.0), None)), "shown before the gap: {seen:?}");
+}
+
+#[test]
 fn a_driver_that_is_paused_makes_no_frames() {
     let (source, _folder) = log_source(&[(0.0, "/a", 1.0), (1.0, "/a", 2.0)]);
     let (driver, wakes) = drive(source);

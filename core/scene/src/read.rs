@@ -26,7 +26,9 @@ pub(crate) const COORDINATE_M: RangeInclusive<f64> = -1.0e4..=1.0e4;
 
 struct Entry<'t> {
     key: Cow<'t, str>,
-    line: usize,
+    /// Offset of the key. Its line is counted for an error only, because counting the line of every key takes time
+    /// proportional to the square of the size.
+    at: usize,
     value: Option<Spanned<DeValue<'t>>>,
 }
 
@@ -34,7 +36,8 @@ struct Entry<'t> {
 pub(crate) struct Table<'t> {
     text: &'t str,
     path: String,
-    line: usize,
+    /// Offset of its first byte.
+    at: usize,
     entries: Vec<Entry<'t>>,
     asked: Vec<&'static str>,
 }
@@ -56,21 +59,22 @@ impl<'t> Table<'t> {
             key: duplicate_key(text, &error).unwrap_or_default().to_owned(),
             message: error.message().to_owned(),
         })?;
-        Ok(Table::of(text, String::new(), 1, table.into_inner()))
+        Ok(Table::of(text, String::new(), 0, table.into_inner()))
     }
 
-    fn of(text: &'t str, path: String, line: usize, table: DeTable<'t>) -> Table<'t> {
+    fn of(text: &'t str, path: String, at: usize, table: DeTable<'t>) -> Table<'t> {
         let entry = |(key, value): (Spanned<Cow<'t, str>>, Spanned<DeValue<'t>>)| Entry {
-            line: line_of(text, key.span().start),
+            at: key.span().start,
             key: key.into_inner(),
             value: Some(value),
         };
-        Table { text, path, line, entries: table.into_iter().map(entry).collect(), asked: Vec::new() }
+        Table { text, path, at, entries: table.into_iter().map(entry).collect(), asked: Vec::new() }
     }
 
     /// An error at a key of this table, or at the table if it has no such key.
     pub(crate) fn error(&self, key: &str, message: impl Into<String>) -> SceneError {
-        let line = self.entries.iter().find(|entry| entry.key == key).map_or(self.line, |entry| entry.line);
+        let at = self.entries.iter().find(|entry| entry.key == key).map_or(self.at, |entry| entry.at);
+        let line = line_of(self.text, at);
         let key = if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) };
         SceneError { line, key, message: message.into() }
     }
@@ -285,10 +289,10 @@ impl<'t> Table<'t> {
     }
 
     fn child(&self, key: &str, value: Spanned<DeValue<'t>>) -> Result<Table<'t>, SceneError> {
-        let line = line_of(self.text, value.span().start);
+        let at = value.span().start;
         let path = if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) };
         match value.into_inner() {
-            DeValue::Table(table) => Ok(Table::of(self.text, path, line, table)),
+            DeValue::Table(table) => Ok(Table::of(self.text, path, at, table)),
             other => Err(self.error(key, format!("got a {}, expected a table", other.type_str()))),
         }
     }

@@ -10,7 +10,7 @@ use crate::process::ProcessType;
 use crate::role::{ROLE, Role};
 use rcs_bus::{BufferSpec, Mode, Overflow};
 use rcs_msg::{Payload, Schema, foxglove, rcs, schema_of};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use toml::Spanned;
 
@@ -59,7 +59,8 @@ impl<'a> Builder<'a> {
     ) -> Result<Vec<ProcessPlan>, StackError> {
         let file = self.file;
         let entries = &file.content.processes;
-        for (index, entry) in entries.iter().enumerate() {
+        let mut taken = BTreeSet::new();
+        for entry in entries {
             let name = &entry.get_ref().name;
             if !is_name(name.get_ref()) {
                 return Err(file.error(
@@ -70,7 +71,7 @@ impl<'a> Builder<'a> {
                     ),
                 ));
             }
-            if entries[..index].iter().any(|other| other.get_ref().name.get_ref() == name.get_ref()) {
+            if !taken.insert(name.get_ref()) {
                 return Err(
                     file.error(&name.span(), format!("there are two processes named {}", name.get_ref()))
                 );

@@ -23,6 +23,8 @@ pub struct StackFile {
     pub text: String,
     pub(crate) content: Content,
     origins: Vec<Origin>,
+    /// Offset of each line of the text.
+    lines: Vec<usize>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -239,7 +241,9 @@ impl StackFile {
             let span = error.span().unwrap_or(0..0);
             located(&composed.origins, file, &text, &span, error.message().trim())
         })?;
-        let stack = Self { file: file.to_owned(), text, content, origins: composed.origins };
+        let newlines = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
+        let lines = std::iter::once(0).chain(newlines.map(|(at, _)| at + 1)).collect();
+        let stack = Self { file: file.to_owned(), text, content, origins: composed.origins, lines };
         let format = &stack.content.format;
         if *format.get_ref() != Self::FORMAT {
             return Err(stack.error(
@@ -276,8 +280,9 @@ impl StackFile {
 
     /// Origin of a byte range of the text.
     pub(crate) fn origin(&self, span: &Range<usize>) -> Origin {
-        let StackError { file, line, .. } = self.error(span, "");
-        Origin { file, line }
+        let line = self.lines.partition_point(|start| *start <= span.start);
+        let own = || Origin { file: self.file.clone(), line };
+        self.origins.get(line.saturating_sub(1)).cloned().unwrap_or_else(own)
     }
 
     /// Origin of each line of [`StackFile::text`].

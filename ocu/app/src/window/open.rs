@@ -49,10 +49,15 @@ impl Opener {
 
     /// Starts to open a source; a previous request is dropped.
     pub(super) fn open(&mut self, request: Request) {
+        self.open_by(request, crate::stacks::open);
+    }
+
+    /// Like [`Opener::open`], with the function that opens.
+    fn open_by(&mut self, request: Request, open: impl FnOnce(&Request) -> Opened + Send + 'static) {
         let (sender, receiver) = channel();
         let (ctx, what) = (self.ctx.clone(), request.clone());
         let spawned = thread::Builder::new().name("open".to_owned()).spawn(move || {
-            let opened = guarded(|| crate::stacks::open(&what));
+            let opened = guarded(|| open(&what));
             let opened = opened.unwrap_or_else(|said| Err(anyhow::anyhow!("it cannot be opened: {said}")));
             // Fails if the request has been dropped.
             let _ = sender.send(opened);
@@ -281,6 +286,32 @@ pub(super) fn waiting(ui: &mut egui::Ui, title: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_panic_while_opening_is_a_failure_with_its_words_and_another_source_can_be_opened() {
+        let mut opener = Opener::new(&egui::Context::default(), None);
+        let request = Request { log: Some("hostile.mcap".into()), ..Request::default() };
+        let outcome = |opener: &mut Opener| {
+            let began = Instant::now();
+            loop {
+                match opener.poll() {
+                    Some(Outcome::Failed(text)) => return text,
+                    Some(Outcome::Opened(..)) => panic!("it opened"),
+                    None => assert!(began.elapsed() < Duration::from_mins(1), "no answer"),
+                }
+                thread::yield_now();
+            }
+        };
+        opener.open_by(request.clone(), |request| panic!("a bad byte in {}", request.title()));
+        assert_eq!(opener.opening().as_deref(), Some("hostile.mcap"));
+        assert_eq!(
+            outcome(&mut opener),
+            "it cannot be opened: its reader failed: a bad byte in hostile.mcap"
+        );
+        assert_eq!(opener.opening(), None);
+        opener.open_by(request, |_| Err(anyhow::anyhow!("another reason")));
+        assert_eq!(outcome(&mut opener), "another reason");
+    }
 
     #[test]
     fn recent_recordings_are_kept_newest_first_and_once() {

@@ -8,10 +8,11 @@ use toml::{Table, Value};
 /// Applies every `[change.<process>]`, in the order of the files.
 pub(super) fn apply(blocks: &mut Vec<Block>) -> Result<(), StackError> {
     let (changes, mut others): (Vec<_>, Vec<_>) = blocks.drain(..).partition(|block| block.is("change"));
+    // A change keeps the name of its process.
+    let names = if changes.is_empty() { Vec::new() } else { names(&others) };
     for change in changes {
         let wanted: BTreeMap<String, Table> = change.parse("change")?;
         for (name, keys) in wanted {
-            let names = names(&others);
             let Some(index) = names.iter().position(|known| known.as_deref() == Some(&*name)) else {
                 let names = one_of(names.iter().flatten().map(String::as_str));
                 return Err(change.error(
