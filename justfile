@@ -48,9 +48,8 @@ torture:
 
 # Run what takes too long for every change: the damaged recordings, and ten minutes of each fuzz target.
 nightly: torture
-    for target in log_reader field_scanner cdr schema payload scene_file stack_file; do just fuzz $target 600; done
+    for target in fuzz/fuzz_targets/*.rs; do just fuzz "$(basename "$target" .rs)" 600; done
 
-# Fuzz one target for a minute: just fuzz log_reader. Needs a nightly toolchain and cargo-fuzz.
+# Fuzz one target for a minute: just fuzz log_reader. Needs cargo-fuzz; without a nightly toolchain, the stable one is used without sanitizers.
 fuzz TARGET SECONDS="60":
-    mkdir -p fuzz/corpus/{{ TARGET }}
-    cargo +nightly fuzz run --fuzz-dir fuzz {{ TARGET }} fuzz/corpus/{{ TARGET }} fuzz/seeds/{{ TARGET }} -- -max_total_time={{ SECONDS }}
+    scripts/fuzz {{ TARGET }} {{ SECONDS }}

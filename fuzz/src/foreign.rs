@@ -62,24 +62,30 @@ pub fn payload(input: &[u8]) {
     let _ = rcs_msg::to_json(&message);
 }
 
-/// A world or a course is parsed, or refused with an error text.
+/// A world, a course or a vehicle is parsed, or refused with an error text and a line of the file.
 ///
 /// # Panics
 /// If that does not hold.
 pub fn scene_file(input: &[u8]) {
     let (choice, rest) = split(input);
-    let base = [WORLD, COURSE][usize::from(choice) % 2];
+    let base = [WORLD, COURSE, VEHICLE][usize::from(choice) % 3];
     let text = if choice >= 128 { rest.to_vec() } else { edited(base.as_bytes(), rest) };
     let text = String::from_utf8_lossy(&text);
-    let error = match choice % 2 {
-        0 => rcs_scene::World::from_toml(&text).err().map(|error| error.to_string()),
-        _ => rcs_scene::Course::from_toml(&text).err().map(|error| error.to_string()),
+    let scene = |error: rcs_scene::SceneError| (error.line, error.to_string());
+    let error = match choice % 3 {
+        0 => rcs_scene::World::from_toml(&text).err().map(scene),
+        1 => rcs_scene::Course::from_toml(&text).err().map(scene),
+        _ => rcs_sim::spec::VehicleSpec::from_toml(&text).err().map(|error| (error.line, error.reason)),
     };
-    assert!(error.is_none_or(|error| !error.is_empty()), "a refusal without words");
+    let Some((line, words)) = error else { return };
+    assert!(!words.is_empty(), "a refusal without words");
+    let lines = text.split('\n').count();
+    assert!((1..=lines).contains(&line), "line {line} of {lines}: {words}");
 }
 
 const WORLD: &str = include_str!("../../assets/worlds/meadow.toml");
 const COURSE: &str = include_str!("../../assets/courses/meadow.toml");
+const VEHICLE: &str = include_str!("../../assets/vehicles/lagr.toml");
 
 /// Name, encoding and data of valid schemas.
 static SCHEMAS: LazyLock<Vec<(&str, &str, Vec<u8>)>> = LazyLock::new(|| {

@@ -2,19 +2,23 @@
 //!
 //! An input is either used as it is, or as a list of edits of a valid file: most random bytes are refused early, and
 //! edited files get further. Besides panics, each target checks properties of the result.
+//!
+//! `app.rs` is a module of the target `app_file` alone, because it needs the crates of the window.
 
 pub mod foreign;
+pub mod recorded;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::{Arc, LazyLock, Mutex, PoisonError};
+use std::sync::{Arc, LazyLock};
 
 use bytes::Bytes;
-use rcs_log::{CursorOptions, Log, LogWriter, Sink, WriteHeader, WriterOptions};
+use rcs_log::{CursorOptions, Log, LogWriter, WriteHeader, WriterOptions};
 use rcs_msg::{
     AnyMessage, FieldPath, FieldScanner, MessageEncoding, Schema, Stamp, Value, canonical, foxglove, rcs,
 };
 use rcs_runtime::{Plan, StackFile};
+use rcs_testkit::logs::SharedSink;
 
 /// A log opens or is refused. Messages are in order and can be found again by their position.
 ///
@@ -111,12 +115,13 @@ pub fn stack_file(input: &[u8]) {
     }
 }
 
-fn split(input: &[u8]) -> (u8, &[u8]) {
+/// The first byte, 0 if there is none, and the others.
+pub fn split(input: &[u8]) -> (u8, &[u8]) {
     input.split_first().map_or((0, input), |(first, rest)| (*first, rest))
 }
 
 /// Applies the changes in `edits` to `base`: four bytes each, position (two), kind and value.
-fn edited(base: &[u8], edits: &[u8]) -> Vec<u8> {
+pub fn edited(base: &[u8], edits: &[u8]) -> Vec<u8> {
     let mut bytes = base.to_vec();
     for edit in edits.chunks_exact(4) {
         let at = usize::from(u16::from_le_bytes([edit[0], edit[1]])) % (bytes.len() + 1);
@@ -350,25 +355,8 @@ record_hz = 5.0
 /// A valid log, without and with compression, small enough that two bytes can address every position.
 static LOGS: LazyLock<[Vec<u8>; 2]> = LazyLock::new(|| [log(false), log(true)]);
 
-/// The destination of a log: bytes that remain when the writer is dropped.
-#[derive(Clone, Default)]
-struct Shared(Arc<Mutex<Vec<u8>>>);
-
-impl std::io::Write for Shared {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
-impl Sink for Shared {}
-
 fn log(compress: bool) -> Vec<u8> {
-    let shared = Shared::default();
+    let sink = SharedSink::default();
     let options = WriterOptions {
         compress,
         chunk_bytes: 400,
@@ -376,7 +364,7 @@ fn log(compress: bool) -> Vec<u8> {
         ..WriterOptions::default()
     };
     let write = || -> Result<(), rcs_log::LogError> {
-        let mut writer = LogWriter::with_sink(Box::new(shared.clone()), PathBuf::new(), options)?;
+        let mut writer = LogWriter::with_sink(Box::new(sink.clone()), PathBuf::new(), options)?;
         let json = Schema::new("note", MessageEncoding::Json, "jsonschema", Bytes::from_static(b"{}"));
         let metadata = BTreeMap::from([("rcs.role".to_owned(), "path".to_owned())]);
         let channels =
@@ -395,7 +383,7 @@ fn log(compress: bool) -> Vec<u8> {
         writer.finish()
     };
     write().expect("memory takes every write");
-    let bytes = shared.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let bytes = sink.snapshot();
     assert!(bytes.len() < 1 << 16, "{} bytes: two bytes do not reach every place", bytes.len());
     bytes
 }

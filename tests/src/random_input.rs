@@ -7,6 +7,10 @@ use proptest::prelude::*;
 #[allow(unreachable_pub, reason = "the fuzz targets see the same file as a crate of its own")]
 mod targets;
 
+#[path = "../../fuzz/src/app.rs"]
+#[allow(unreachable_pub, reason = "the fuzz target sees the same file as a module of its own")]
+mod app;
+
 /// Inputs with many bytes that are zero, small or equal, like lengths and field numbers.
 fn input() -> impl Strategy<Value = Vec<u8>> {
     let byte = prop_oneof![any::<u8>(), 0..8_u8, Just(255)];
@@ -47,8 +51,18 @@ proptest! {
     }
 
     #[test]
-    fn a_world_or_a_course_is_read_or_refused_with_words(input in input()) {
+    fn a_world_a_course_or_a_vehicle_is_read_or_refused_with_its_line(input in input()) {
         targets::foreign::scene_file(&input);
+    }
+
+    #[test]
+    fn a_recorded_run_is_read_or_refused_with_words(input in input()) {
+        targets::recorded::journal(&input);
+    }
+
+    #[test]
+    fn a_layout_or_a_list_of_actions_is_read_or_refused_with_words(input in input()) {
+        app::app_file(&input);
     }
 }
 
@@ -56,7 +70,7 @@ proptest! {
 #[test]
 fn the_seeds_of_every_fuzz_target_pass_it() {
     type Target = (&'static str, fn(&[u8]));
-    const TARGETS: [Target; 7] = [
+    const TARGETS: [Target; 9] = [
         ("log_reader", targets::log_reader),
         ("field_scanner", targets::field_scanner),
         ("cdr", targets::cdr),
@@ -64,6 +78,8 @@ fn the_seeds_of_every_fuzz_target_pass_it() {
         ("schema", targets::foreign::schema),
         ("payload", targets::foreign::payload),
         ("scene_file", targets::foreign::scene_file),
+        ("journal", targets::recorded::journal),
+        ("app_file", app::app_file),
     ];
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/seeds");
     for (name, target) in TARGETS {

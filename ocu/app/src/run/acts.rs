@@ -15,10 +15,11 @@ const MOST: usize = 1_000_000;
 
 /// One action and its time.
 #[derive(Clone, Debug)]
-pub(super) struct Act {
+pub struct Act {
     /// Nanoseconds from the start of the run.
-    pub(super) at_ns: u64,
-    pub(super) event: ExternalEvent,
+    pub at_ns: u64,
+    /// What is written.
+    pub event: ExternalEvent,
 }
 
 impl Act {
@@ -45,11 +46,16 @@ struct Entry {
 pub(super) fn read(path: &Path, plan: &Plan) -> anyhow::Result<Vec<Act>> {
     let refused = |text: String| usage(format!("{text}: {}", path.display()));
     let text = read_text(path).map_err(|error| refused(format!("cannot read the acts: {error}")))?;
+    parse(&text, plan).map_err(refused)
+}
+
+/// The actions in a text, sorted by time; an error says which one is wrong.
+pub fn parse(text: &str, plan: &Plan) -> Result<Vec<Act>, String> {
     let entries: Vec<Entry> =
-        serde_json::from_str(&text).map_err(|error| refused(format!("the acts cannot be read: {error}")))?;
+        serde_json::from_str(text).map_err(|error| format!("the acts cannot be read: {error}"))?;
     let mut acts = Vec::new();
     for (number, entry) in entries.into_iter().enumerate() {
-        let refused = |text: String| refused(format!("act {}: {text}", number + 1));
+        let refused = |text: String| format!("act {}: {text}", number + 1);
         let seconds = |value: f64, what: &str| {
             let good = value.is_finite() && (0.0..=1e6).contains(&value);
             good.then(|| (value * 1e9).round() as u64)

@@ -1,6 +1,6 @@
 //! `ocu run`: runs a stack to its end in simulated time, in real time, or as recorded, and prints a report.
 
-mod acts;
+pub mod acts;
 mod live;
 mod replay;
 mod report;
