@@ -184,7 +184,8 @@ fn a_run_on_every_hostile_recording_comes_back_and_says_what_it_could_not_read()
     };
     for path in recordings(&data) {
         let name = path.file_name().unwrap().to_str().unwrap();
-        let done = ocu(&["run", "--stack", stack(name), "--log", text(&path), "--json"]);
+        let run = ["run", "--stack", stack(name), "--log", text(&path), "--json"];
+        let done = ocu(&run).within(MOST_TIME, MOST_BYTES);
         // Most have none of the topics that a stack reads, which is refused.
         let expected: &[i32] = match name {
             "husky_onebit_624587.mcap" | "stat_max.mcap" | "del1000_tradr_chunk1.mcap" => &[3],
@@ -350,4 +351,75 @@ fn a_closed_standard_output_hides_no_error() {
     drop(child.stdout.take());
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Runs `ocu` with an upper limit of the size of files, where a write fails as on a full disk.
+fn ocu_on_a_small_disk(kilobytes: u32, args: &[&str]) -> Option<Done> {
+    // Without the signal, a write beyond the limit is an error. The shell hands both over to the program.
+    let script = "trap '' XFSZ; ulimit -f \"$1\" || exit 99; shift; exec \"$@\"";
+    let blocks = (u64::from(kilobytes) * 1024 / 512).to_string();
+    let began = Instant::now();
+    let output = Command::new("sh")
+        .args(["-c", script, "sh", &blocks, env!("CARGO_BIN_EXE_ocu")])
+        .args(args)
+        .env_remove("DISPLAY")
+        .output();
+    let output = match output {
+        Ok(output) if output.status.code() != Some(99) => output,
+        _ => {
+            eprintln!("skipped: the size of files cannot be limited here");
+            return None;
+        }
+    };
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    let (code, took) = (output.status.code().unwrap_or(-1), began.elapsed());
+    Some(Done { code, out: text(output.stdout), errors: text(output.stderr), took, peak: 0 })
+}
+
+#[test]
+fn a_full_disk_ends_the_run_at_once_and_leaves_a_readable_recording() {
+    let dir = tempfile::tempdir().unwrap();
+    let record = dir.path().join("full.mcap");
+    let run = ["run", "--stack", "simulation", "--json", "--record", text(&record)];
+    // The stack records about 14 MB in a second: 4 MB are full long before the end.
+    let Some(done) = ocu_on_a_small_disk(4096, &[&run[..], &["--until", "10"]].concat()) else { return };
+    assert_eq!(done.code, 1, "{}{}", done.out, done.errors);
+    assert!(done.errors.contains("full.mcap") && done.errors.contains("byte"), "{}", done.errors);
+    let report = done.json();
+    assert_eq!(report["outcome"], "error");
+    let ran_s = report["time_s"].as_f64().unwrap();
+    assert!(ran_s < 3.0, "it goes on until {ran_s} s");
+    let size = record.metadata().unwrap().len();
+    assert!((3_000_000..=4096 * 1024).contains(&size), "{size} bytes");
+    let info = ocu(&["info", text(&record), "--json"]).json();
+    assert!(info["messages"].as_u64().unwrap() > 100, "{info}");
+    assert_eq!(info["recovered"], true);
+
+    // With --keep-going the run is complete, and the failure is reported nevertheless.
+    std::fs::remove_file(&record).unwrap();
+    let keep = [&run[..], &["--until", "2", "--keep-going"]].concat();
+    let done = ocu_on_a_small_disk(4096, &keep).unwrap();
+    assert_eq!(done.code, 1, "{}{}", done.out, done.errors);
+    assert!((done.json()["time_s"].as_f64().unwrap() - 2.0).abs() < 0.1, "{}", done.out);
+    assert!(done.errors.contains("full.mcap"), "{}", done.errors);
+}
+
+#[test]
+fn a_full_disk_is_reported_by_every_command_that_writes() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = dir.path().join("drive.mcap");
+    ocu_app::sample::write(&log, 1.0, false).unwrap();
+    let out = |name: &str| dir.path().join(name);
+    let (sample, png, json) = (out("sample.mcap"), out("a.png"), out("a.json"));
+    let save = format!("/wm1/map={}", json.display());
+    let commands: [&[&str]; 3] = [
+        &["sample", text(&sample), "--duration", "1"],
+        &["render", text(&log), "--layout", "default", "--at", "0.5", "--size", "800x450", "-o", text(&png)],
+        &["run", "--stack", "sample", "--log", text(&log), "--save", &save],
+    ];
+    for command in commands {
+        let Some(done) = ocu_on_a_small_disk(8, command) else { return };
+        assert_eq!(done.code, 1, "{command:?}: {}{}", done.out, done.errors);
+        assert!(done.errors.contains(text(dir.path())), "{command:?} names its file: {}", done.errors);
+    }
 }
