@@ -3,7 +3,7 @@
 use crate::canvas::Viewport;
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke};
 use rcs_msg::foxglove::points_annotation::Type;
-use rcs_msg::foxglove::{self, ImageAnnotations, Point2, PointsAnnotation};
+use rcs_msg::foxglove::{self, CircleAnnotation, ImageAnnotations, Point2, PointsAnnotation};
 
 /// Maximum number of points drawn for one message, so that a message of millions does not block the window.
 const MOST_POINTS: usize = 20_000;
@@ -34,7 +34,7 @@ pub(super) fn paint(
         left -= count;
         look.points(painter, annotation, count);
     }
-    for circle in shapes.circles.iter().take(left) {
+    for circle in shapes.circles.iter().take(left).filter(|circle| !beyond(circle.diameter)) {
         let Some(center) = circle.position.as_ref().and_then(|point| look.at(point)) else { continue };
         let radius = look.length(circle.diameter / 2.0);
         painter.circle(
@@ -57,15 +57,19 @@ pub(super) fn paint(
     implausible(shapes)
 }
 
+/// Whether a coordinate or a length is finite or infinite, and cannot be.
+fn beyond(pixels: f64) -> bool {
+    pixels.abs() > FARTHEST_PX
+}
+
 fn implausible(shapes: &ImageAnnotations) -> usize {
-    let beyond = |value: f64| value.abs() > FARTHEST_PX;
     let point = |point: &Point2| beyond(point.x) || beyond(point.y);
     let points = shapes.points.iter().flat_map(|annotation| &annotation.points).take(MOST_POINTS);
-    let circles = shapes.circles.iter().take(MOST_POINTS);
-    let circle =
-        |it: &&foxglove::CircleAnnotation| beyond(it.diameter) || it.position.as_ref().is_some_and(point);
     let texts = shapes.texts.iter().take(MOST_POINTS).filter_map(|text| text.position.as_ref());
-    points.chain(texts).filter(|it| point(it)).count() + circles.filter(circle).count()
+    let circle =
+        |circle: &&CircleAnnotation| beyond(circle.diameter) || circle.position.as_ref().is_some_and(point);
+    let circles = shapes.circles.iter().take(MOST_POINTS).filter(circle);
+    points.chain(texts).filter(|it| point(it)).count() + circles.count()
 }
 
 /// Position on the screen, and opacity.
