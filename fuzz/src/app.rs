@@ -16,29 +16,35 @@ pub fn app_file(input: &[u8]) {
     let base = &bases[usize::from(choice) % bases.len()];
     let text = if choice >= 128 { rest.to_vec() } else { edited(base.as_bytes(), rest) };
     let text = String::from_utf8_lossy(&text);
-    if base.starts_with('[') { actions(&text) } else { layout(&text) }
+    let error = if base.starts_with('[') { actions(&text) } else { layout(&text) };
+    let Some(words) = error else { return };
+    assert!(!words.is_empty(), "a refusal without words");
+    assert!(choice >= 128 || !rest.is_empty(), "a base file has an error: {words}");
 }
 
-fn layout(text: &str) {
+/// Why a layout is refused.
+fn layout(text: &str) -> Option<String> {
     let lines = text.split('\n').count();
     match Layout::parse("layout.ron", text) {
         Ok(layout) => {
             let saved = layout.to_text().expect("a layout has a text");
             let again = Layout::parse("saved.ron", &saved);
             assert_eq!(again.as_ref(), Ok(&layout), "saved as\n{saved}");
+            None
         }
         Err(error) => {
             assert!((1..=lines).contains(&error.line), "line {} of {lines}: {error}", error.line);
-            assert!(!error.message.is_empty(), "a refusal without words");
+            Some(error.message)
         }
     }
 }
 
-fn actions(text: &str) {
-    match acts::parse(text, &PLAN) {
-        Ok(acts) => assert!(acts.is_sorted_by_key(|act| act.at_ns), "actions are not in order"),
-        Err(error) => assert!(!error.is_empty(), "a refusal without words"),
-    }
+/// Why actions are refused.
+fn actions(text: &str) -> Option<String> {
+    let acts = acts::parse(text, &PLAN);
+    let in_order = acts.as_ref().is_ok_and(|acts| acts.is_sorted_by_key(|act| act.at_ns));
+    assert!(acts.is_err() || in_order, "actions are not in order");
+    acts.err()
 }
 
 /// A stack with a process that the operator can command, drive and change.

@@ -62,22 +62,30 @@ pub fn payload(input: &[u8]) {
     let _ = rcs_msg::to_json(&message);
 }
 
-/// A world, a course or a vehicle is parsed, or refused with an error text and a line of the file.
+/// A world, a course or a vehicle is parsed, or refused with an error text and a line of the file. A small world is also
+/// computed.
 ///
 /// # Panics
 /// If that does not hold.
 pub fn scene_file(input: &[u8]) {
     let (choice, rest) = split(input);
-    let base = [WORLD, COURSE, VEHICLE][usize::from(choice) % 3];
+    let base = [WORLD, COURSE, VEHICLE, SMALL_WORLD][usize::from(choice) % 4];
     let text = if choice >= 128 { rest.to_vec() } else { edited(base.as_bytes(), rest) };
     let text = String::from_utf8_lossy(&text);
     let scene = |error: rcs_scene::SceneError| (error.line, error.to_string());
-    let error = match choice % 3 {
-        0 => rcs_scene::World::from_toml(&text).err().map(scene),
+    let error = match choice % 4 {
         1 => rcs_scene::Course::from_toml(&text).err().map(scene),
-        _ => rcs_sim::spec::VehicleSpec::from_toml(&text).err().map(|error| (error.line, error.reason)),
+        2 => rcs_sim::spec::VehicleSpec::from_toml(&text).err().map(|error| (error.line, error.reason)),
+        _ => match rcs_scene::World::check(&text) {
+            // Computing a large world takes a second.
+            Ok((_, [low, high])) if (high - low).max_element() <= 20.0 => {
+                rcs_scene::World::from_toml(&text).err().map(scene)
+            }
+            checked => checked.err().map(scene),
+        },
     };
     let Some((line, words)) = error else { return };
+    assert!(choice >= 128 || !rest.is_empty(), "a base file has an error: {words}");
     assert!(!words.is_empty(), "a refusal without words");
     let lines = text.split('\n').count();
     assert!((1..=lines).contains(&line), "line {line} of {lines}: {words}");
@@ -86,6 +94,61 @@ pub fn scene_file(input: &[u8]) {
 const WORLD: &str = include_str!("../../assets/worlds/meadow.toml");
 const COURSE: &str = include_str!("../../assets/courses/meadow.toml");
 const VEHICLE: &str = include_str!("../../assets/vehicles/lagr.toml");
+
+/// A world of 12 m with something of every kind.
+const SMALL_WORLD: &str = r#"name = "small"
+seed = 3
+bounds_m = [[0, 0], [12, 12]]
+base = "short_grass"
+
+[origin]
+zone = 18
+north = true
+easting_m = 308200.0
+northing_m = 4333600.0
+
+[sun]
+azimuth_deg = 215
+elevation_deg = 48
+
+[[undulation]]
+wavelength_m = 11
+amplitude_m = 0.12
+
+[[ditch]]
+path = [[2, 2], [4, 3]]
+width_m = 0.4
+depth_m = 0.4
+
+[[paint]]
+surface = "dirt"
+circle = [6, 6, 1.4]
+edge_m = 0.8
+
+[[thing]]
+kind = "log"
+at = [8, 4.2]
+yaw_deg = 75
+length_m = 1.0
+radius_m = 0.17
+
+[[line]]
+kind = "hedge"
+path = [[1, 9], [4, 10], [9, 9]]
+height_m = [1.4, 1.8]
+width_m = 0.9
+
+[[clear]]
+circle = [10, 5, 1]
+
+[[scatter]]
+kind = "bush"
+count = 2
+spacing_m = 2
+polygon = [[1, 1], [11, 1], [11, 11], [1, 11]]
+radius_m = [0.4, 0.6]
+height_m = [0.6, 0.7]
+"#;
 
 /// Name, encoding and data of valid schemas.
 static SCHEMAS: LazyLock<Vec<(&str, &str, Vec<u8>)>> = LazyLock::new(|| {

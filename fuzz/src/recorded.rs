@@ -33,6 +33,10 @@ pub fn journal(input: &[u8]) {
         Ok(plan) => plan,
         Err(error) => return words(error),
     };
+    assert!(
+        !rest.is_empty() || choice >= 128 || run.check(&plan, None).is_ok(),
+        "the recorded run is not its own"
+    );
     run.check(&plan, None).map_or_else(words, drop);
     let options = RunOptions { threads: 1, ..RunOptions::default() };
     run.stepped(&plan, None, options).map_or_else(words, drop);
