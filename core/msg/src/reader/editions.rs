@@ -8,7 +8,10 @@
 
 use prost::Message;
 use prost_types::field_descriptor_proto::{Label, Type};
-use prost_types::{DescriptorProto, FieldDescriptorProto, FieldOptions, FileDescriptorSet};
+use prost_types::{
+    DescriptorProto, EnumDescriptorProto, EnumValueDescriptorProto, FieldDescriptorProto, FieldOptions,
+    FileDescriptorSet,
+};
 
 /// Values of `google.protobuf.Edition`.
 const EDITION_2023: i32 = 1000;
@@ -151,10 +154,15 @@ pub(super) fn without_editions(set: &[u8]) -> Result<Option<Vec<u8>>, String> {
         for (message, features) in file.message_type.iter_mut().zip(&features.message_type) {
             settle(message, features, of_file, &mut implicit);
         }
-        if !implicit {
-            for message in &mut file.message_type {
+        for message in &mut file.message_type {
+            if implicit {
+                nested_zero_first(message);
+            } else {
                 forget_optional(message);
             }
+        }
+        if implicit {
+            file.enum_type.iter_mut().for_each(zero_first);
         }
         file.syntax = Some(if implicit { "proto3" } else { "proto2" }.to_owned());
     }
@@ -213,6 +221,24 @@ fn settle_field(field: &mut FieldDescriptorProto, features: Resolved, of_map: bo
     } else {
         field.proto3_optional = Some(true);
     }
+}
+
+/// In proto3 the first value of an enumeration is 0; a closed enumeration of an edition may begin with another one, or
+/// have no value 0. Fields of such a type have presence, so the first value is never used as a default.
+fn zero_first(choices: &mut EnumDescriptorProto) {
+    match choices.value.iter().position(|value| value.number() == 0) {
+        Some(at) => choices.value[..=at].rotate_right(1),
+        None => {
+            let name = format!("{}__0", choices.name());
+            let zero = EnumValueDescriptorProto { name: Some(name), number: Some(0), options: None };
+            choices.value.insert(0, zero);
+        }
+    }
+}
+
+fn nested_zero_first(message: &mut DescriptorProto) {
+    message.enum_type.iter_mut().for_each(zero_first);
+    message.nested_type.iter_mut().for_each(nested_zero_first);
 }
 
 /// In proto2 every field has presence, so `proto3_optional` is removed.
