@@ -90,14 +90,19 @@ fn kind(kind: std::fs::FileType) -> &'static str {
     }
 }
 
-/// Writes a complete file. With `force` it may replace an existing one, which stays in place until the new one is
+/// Writes a complete file, or none. With `force` it may replace an existing one, which stays in place until the new one is
 /// complete.
 pub(crate) fn write(path: &Path, bytes: &[u8], force: bool) -> anyhow::Result<()> {
     let attempt = || {
         let mut new = OpenOptions::new();
         new.write(true).create_new(true);
         if !(force && path.exists()) {
-            return new.open(path)?.write_all(bytes);
+            let written = new.open(path)?.write_all(bytes);
+            if written.is_err() {
+                // A part of a file looks like a file.
+                let _ = std::fs::remove_file(path);
+            }
+            return written;
         }
         let target = path.canonicalize()?;
         let name = target.file_name().unwrap_or_default().to_string_lossy().into_owned();

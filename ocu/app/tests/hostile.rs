@@ -422,4 +422,5 @@ fn a_full_disk_is_reported_by_every_command_that_writes() {
         assert_eq!(done.code, 1, "{command:?}: {}{}", done.out, done.errors);
         assert!(done.errors.contains(text(dir.path())), "{command:?} names its file: {}", done.errors);
     }
+    assert!(!png.exists() && !json.exists(), "a part of a file was left");
 }
