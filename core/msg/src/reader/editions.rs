@@ -226,13 +226,12 @@ fn settle_field(field: &mut FieldDescriptorProto, features: Resolved, of_map: bo
 /// In proto3 the first value of an enumeration is 0; a closed enumeration of an edition may begin with another one, or
 /// have no value 0. Fields of such a type have presence, so the first value is never used as a default.
 fn zero_first(choices: &mut EnumDescriptorProto) {
-    match choices.value.iter().position(|value| value.number() == 0) {
-        Some(at) => choices.value[..=at].rotate_right(1),
-        None => {
-            let name = format!("{}__0", choices.name());
-            let zero = EnumValueDescriptorProto { name: Some(name), number: Some(0), options: None };
-            choices.value.insert(0, zero);
-        }
+    if let Some(at) = choices.value.iter().position(|value| value.number() == 0) {
+        choices.value[..=at].rotate_right(1);
+    } else {
+        let name = format!("{}__0", choices.name());
+        let zero = EnumValueDescriptorProto { name: Some(name), number: Some(0), options: None };
+        choices.value.insert(0, zero);
     }
 }
 
