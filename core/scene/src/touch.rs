@@ -192,8 +192,8 @@ impl World {
         }
         let normal = normal.try_normalize()?;
         let steps = (2.0 * WAY_OUT_M / WAY_OUT_STEP_M) as usize;
-        let depths = (1..=steps).map(|step| step as f64 * WAY_OUT_STEP_M);
-        let depth_m = depths.into_iter().find(|&depth_m| self.ground(place + normal * depth_m).passable)?;
+        let mut depths_m = (1..=steps).map(|step| step as f64 * WAY_OUT_STEP_M);
+        let depth_m = depths_m.find(|&depth_m| self.ground(place + normal * depth_m).passable)?;
         Some((normal, depth_m))
     }
 }

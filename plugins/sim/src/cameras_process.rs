@@ -398,7 +398,7 @@ fn lowered(spec: &CameraSpec, lens: &PinholeCamera) -> Result<Option<PinholeCame
     }
     let offset_px = spec.vertical_offset_px * f64::from(lens.height) / f64::from(spec.lens.height);
     let size = [lens.width, lens.height];
-    PinholeCamera::new(size, [lens.fx, lens.fy], [lens.cx, lens.cy + offset_px], lens.distortion.clone())
+    PinholeCamera::new(size, [lens.fx, lens.fy], [lens.cx, lens.cy + offset_px], lens.distortion)
         .map(Some)
         .map_err(|error| format!("vertical_offset_px: {error}"))
 }
