@@ -1,9 +1,9 @@
 //! `ocu eval`: quality and speed of a method on the user's own data.
 
 use crate::assets::ProgramAssets;
-use crate::cli::{EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalStereoArgs, StereoMethod};
+use crate::cli::{EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalPlanArgs, EvalStereoArgs, StereoMethod};
 use crate::{stacks, usage};
-use rcs_eval::{ClassReport, EvalError, classify, color, stereo};
+use rcs_eval::{ClassReport, EvalError, classify, color, plan, stereo};
 use rcs_runtime::RunOptions;
 use rcs_stereo::Method;
 use serde::Serialize;
@@ -15,6 +15,7 @@ pub fn eval(command: &EvalCommand, out: &mut dyn Write) -> anyhow::Result<()> {
     match command {
         EvalCommand::Classify(args) => print(&classes(args)?, args.json, out),
         EvalCommand::Color(args) => print(&colors(args).map_err(told)?, args.json, out),
+        EvalCommand::Plan(args) => print(&paths(args).map_err(told)?, args.json, out),
         EvalCommand::Stereo(args) => print(&disparities(args).map_err(told)?, args.json, out),
     }
 }
@@ -49,6 +50,10 @@ fn disparities(args: &EvalStereoArgs) -> Result<stereo::Report, EvalError> {
         disparities: args.disparities,
         threads: usize::from(args.threads),
     })
+}
+
+fn paths(args: &EvalPlanArgs) -> Result<plan::Report, EvalError> {
+    plan::measure(&plan::Job { map: &args.map, scenarios: &args.scen })
 }
 
 fn colors(args: &EvalColorArgs) -> Result<ClassReport, EvalError> {

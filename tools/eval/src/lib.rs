@@ -1,9 +1,10 @@
-//! Evaluates perception methods on data of one's own, for accuracy and speed: the implementation of `ocu eval`.
+//! Evaluates perception and planning on data of one's own, for accuracy and speed: the implementation of `ocu eval`.
 //!
 //! | module | evaluates | against |
 //! | --- | --- | --- |
 //! | [`stereo`] | disparities of one pair of images | a disparity image: PFM, 16-bit PNG or NPZ |
 //! | [`color`] | ground and obstacles by the colour models | label images |
+//! | [`plan`] | the planner's search on maps of MovingAI | the optimal lengths of their scenarios |
 //! | [`classify`] | label images of a recording, or of a stack that runs | label images of the same times |
 //!
 //! Each module has a `Job`, which says what is evaluated, and functions that return a report. A report is text by
@@ -24,6 +25,7 @@ pub mod classify;
 pub mod color;
 mod disparity_file;
 mod error;
+pub mod plan;
 mod report;
 pub mod stereo;
 

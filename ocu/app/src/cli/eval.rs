@@ -15,6 +15,8 @@ pub enum EvalCommand {
     Stereo(EvalStereoArgs),
     /// Colour models of ground and background: quality against labelled images, and time
     Color(EvalColorArgs),
+    /// Paths on a map of MovingAI: lengths against the optimal ones, and time
+    Plan(EvalPlanArgs),
     /// Label images of a recording, or of a stack that runs on it: quality against true ones
     Classify(EvalClassifyArgs),
 }
@@ -144,6 +146,26 @@ pub struct EvalClassifyArgs {
     /// Maximum time difference of label images that are compared, seconds
     #[arg(long, value_name = "S", default_value = "0.005", value_parser = parse_seconds)]
     pub tolerance: f64,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ocu eval plan`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Example:\n  ocu eval plan --map arena.map --scen arena.map.scen --json\n\n\
+                        Every scenario is searched once, by the search of the process `planner`. A step costs 1, a \
+                        diagonal one the square root of 2 and only where both cells beside it are free. Cells . G S \
+                        are free, @ O T W blocked. cost_ratio_max is the greatest ratio of a length to the optimal \
+                        one of the file; null where nothing was solved. Times are of one search on one thread, with \
+                        the copy of the map, without reading the files.")]
+pub struct EvalPlanArgs {
+    /// Map: a .map file of MovingAI
+    #[arg(long, value_name = "M")]
+    pub map: PathBuf,
+    /// Scenarios of the map: a .scen file of MovingAI
+    #[arg(long, value_name = "S")]
+    pub scen: PathBuf,
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,

@@ -1,0 +1,63 @@
+//! The planner: the cheapest path over the world model's map (Albus 2006a, 5, Albus 2006b, 3.5).
+//!
+//! | port | direction | type | what |
+//! | --- | --- | --- | --- |
+//! | `map` | in | `foxglove.Grid` | the world model's map: field cost, local frame |
+//! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
+//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
+//! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
+//! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
+//! | `path` | out | `foxglove.PosesInFrame` | cells of the path from the vehicle to the goal or to the map's edge, local frame; none to stop |
+//! | `plan` | out | `rcs.Plan` | the path with the terms of its cost, and the cheapest path elsewhere with its |
+//!
+//! Period 50 ms; it plans when a new map or goal has come. Command `PLAN_TO` sets the goal, in the local frame. Cost: 2
+//! searches of at most a millisecond, and the costs of the map. State: the goal, the poses of the last seconds.
+//!
+//! It plans for a point with the room of a vehicle on one map. It does not steer: that is the task of the follower,
+//! which knows the vehicle's motion. It does not remember: what it has not on the map it takes for unknown.
+//!
+//! # Why here and not there
+//!
+//! Each step of `plan` has the terms of its cost ([`terrain`]), and so has the cheapest path that stays away from the
+//! middle of the one chosen; `reason` says what that one would cost more, term by term.
+//!
+//! # When there is no path
+//!
+//! The status is `ERROR` with the reason, and the path sent has no poses, so that the vehicle stops: no pose or one that
+//! is too old, a map that is too old or cannot be used, a goal inside of an obstacle, no way. It plans again as soon as
+//! the reason is gone. If the goal's cell alone is blocked, it plans to the nearest free one within `goal_radius_m`, and
+//! says so. A goal outside of the map is planned to over the edge that suits, with all cells outside taken for unknown.
+//!
+//! # Where to begin
+//!
+//! [`costs`]: the grid of costs; [`search`]: A* with eight neighbours; [`terrain`]: what a cell costs; [`plan`]: the plan
+//! with its terms; [`AStarPlanner`] connects them to ports and parameters.
+//!
+//! ```
+//! use rcs_planner::costs::{BLOCKED, CostGrid};
+//! use rcs_planner::search::{Path, Place, Search};
+//!
+//! // Three by two cells; the upper middle one is blocked.
+//! let costs = CostGrid::new(3, 2, vec![1, BLOCKED, 1, 1, 1, 1])?;
+//! let (mut search, mut path) = (Search::default(), Path::default());
+//! search.path(&costs, Place::new(0, 0), Place::new(2, 0), 1, &mut path)?;
+//! assert_eq!((path.cells.len(), path.cost), (5, 4.0), "no diagonal step past a blocked corner");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+rcs_msg::messages!(
+    /// Messages of this plugin alone, from `proto/`.
+    pub mod proto
+);
+
+pub mod clearance;
+pub mod costs;
+mod place;
+pub mod plan;
+mod process;
+mod queue;
+pub mod search;
+mod settings;
+pub mod terrain;
+
+pub use process::{AStarPlanner, PlannerCommand};

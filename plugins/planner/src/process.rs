@@ -1,0 +1,335 @@
+//! The process `planner`: reads the map and the vehicle's pose, and sends the path. Its port table is in the crate's
+//! documentation.
+
+use crate::plan::{Candidate, NoPlan, Plan, Planner, Step, Task};
+use crate::proto;
+use crate::proto::{PlannerGoal, PlannerParams};
+use crate::settings::{check_costs, rules_of};
+use crate::terrain::{Rules, Sensed, Terms};
+use rcs_geom::{DVec2, Pose};
+use rcs_msg::foxglove::{Grid, PosesInFrame};
+use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
+use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message};
+use rcs_world::{GridView, NumericType, OBSTACLE_COST, Source};
+use serde::{Deserialize, Serialize};
+
+rcs_runtime::commands! {
+    /// Commands of [`AStarPlanner`].
+    pub enum PlannerCommand {
+        PlanTo(PlannerGoal) = "PLAN_TO": "Plan paths to this place from now on.",
+    }
+}
+
+/// State: the goal, the poses of the last seconds, and what was planned last. The map is not part of it.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct AStarPlanner {
+    localizer: Localizer,
+    /// Local frame, m.
+    goal: Option<(f64, f64)>,
+    /// Sequence of the map and goal of the last plan.
+    planned: Option<(u64, (f64, f64))>,
+    plans: u64,
+    /// The result of the last plan: an error, or what the path is like.
+    told: Told,
+    #[serde(skip)]
+    memory: Memory,
+}
+
+/// The state of planning, as the status tells it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+enum Told {
+    #[default]
+    Nothing,
+    Path(String),
+    NoPath(String),
+}
+
+/// Memory that every plan overwrites: a copy begins with none.
+#[derive(Debug, Default)]
+struct Memory {
+    planner: Planner,
+    sensed: Sensed,
+    costs: Vec<u8>,
+    confidences: Vec<u8>,
+}
+
+impl Clone for Memory {
+    fn clone(&self) -> Self {
+        Memory::default()
+    }
+}
+
+/// Ports of [`AStarPlanner`].
+#[derive(Debug)]
+pub struct Ports {
+    map: In<Grid>,
+    poses: PosePorts,
+    path: Out<PosesInFrame>,
+    plan: Out<proto::Plan>,
+}
+
+impl Process for AStarPlanner {
+    type Params = PlannerParams;
+    type Ports = Ports;
+    type Command = PlannerCommand;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "planner",
+        summary: "A* planner: the cheapest path over the map to a goal, and why it is that one",
+        period_ms: 50.0,
+        latency_ms: 4.0,
+        reads_ground_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        Ports {
+            map: b.input("map", "the world model's map: field cost, local frame"),
+            poses: PosePorts::declare(b),
+            path: b
+                .output("path", "cells of the path from the vehicle to the goal or to the map's edge, local frame; none to stop")
+                .role(Role::Path)
+                .build(),
+            plan: b
+                .output("plan", "the path with the terms of its cost, and the cheapest path elsewhere with its")
+                .role(Role::Stats)
+                .build(),
+        }
+    }
+
+    fn check(params: &PlannerParams) -> Result<(), String> {
+        check_costs(params.costs.as_ref())
+    }
+
+    fn new(_params: &PlannerParams) -> Self {
+        Self::default()
+    }
+
+    fn cycle(&mut self, ports: &Ports, params: &PlannerParams, cx: &mut Cycle<'_>) {
+        let extrinsics = Extrinsics::new(params.pose.as_ref(), None);
+        ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
+        while let Some(command) = cx.next_command::<Self>() {
+            let PlannerCommand::PlanTo(goal) = command;
+            self.goal = Some((goal.x_m, goal.y_m));
+        }
+        let Some(goal) = self.goal else {
+            cx.exec("waits for a goal");
+            return;
+        };
+        let now = cx.now();
+        let Some(map) = cx.latest(&ports.map) else {
+            cx.exec("waits for a map");
+            return;
+        };
+        let vehicle = match extrinsics.local_from_vehicle(&self.localizer, now) {
+            Ok(vehicle) => vehicle,
+            Err(error) => {
+                self.planned = None;
+                return self.stop(ports, params, format!("pose: {error}"), cx);
+            }
+        };
+        let age_s = now.seconds_since(map.acq_time());
+        if age_s > params.map_timeout_s {
+            let limit_s = params.map_timeout_s;
+            self.planned = None;
+            return self.stop(
+                ports,
+                params,
+                format!("the map is {age_s:.1} s old, expected at most {limit_s} s"),
+                cx,
+            );
+        }
+        let at_goal = vehicle.translation.truncate().distance(DVec2::from(goal)) <= params.goal_radius_m;
+        if at_goal {
+            self.planned = None;
+            self.send_none(ports, params, "the vehicle is at the goal", cx);
+            cx.done("at the goal");
+            return;
+        }
+        let key = (map.header().sequence, goal);
+        if self.planned != Some(key) {
+            self.planned = Some(key);
+            self.plan(ports, params, &map, &vehicle, cx);
+        }
+        match &self.told {
+            Told::Nothing => cx.exec("plans"),
+            Told::Path(text) => cx.exec(text.clone()),
+            Told::NoPath(text) => cx.error(text.clone()),
+        }
+    }
+
+    fn halt(&mut self, ports: &Ports, params: &PlannerParams, cx: &mut Cycle<'_>) {
+        if cx.is_new_command() {
+            self.goal = None;
+            self.planned = None;
+            self.send_none(ports, params, "halted", cx);
+        }
+        cx.done("halted");
+    }
+}
+
+impl AStarPlanner {
+    fn plan(
+        &mut self,
+        ports: &Ports,
+        params: &PlannerParams,
+        map: &Msg<Grid>,
+        vehicle: &Pose,
+        cx: &mut Cycle<'_>,
+    ) {
+        let local = Extrinsics::new(params.pose.as_ref(), None).frames.local;
+        if let Err(error) = self.memory.read(map, local) {
+            cx.fault(format!("map: {error}"));
+            return self.stop(ports, params, format!("the map cannot be used: {error}"), cx);
+        }
+        let goal = DVec2::from(self.goal.unwrap_or_default());
+        let task = Task {
+            sensed: &self.memory.sensed,
+            vehicle,
+            goal,
+            goal_radius_m: params.goal_radius_m,
+            alternative_m: params.alternative_m,
+        };
+        self.plans += 1;
+        match self.memory.planner.plan(&task, &rules(params)) {
+            Ok(plan) => self.send(ports, local, goal, &plan, cx),
+            Err(error @ (NoPlan::Map(_) | NoPlan::OffTheMap(_))) => {
+                cx.fault(error.to_string());
+                self.stop(ports, params, error.to_string(), cx);
+            }
+            Err(error) => self.stop(ports, params, error.to_string(), cx),
+        }
+    }
+
+    fn send(&mut self, ports: &Ports, local: &str, goal: DVec2, plan: &Plan, cx: &mut Cycle<'_>) {
+        let now = cx.now();
+        let reason = plan.reason();
+        let chosen = &plan.chosen;
+        let path = PosesInFrame {
+            timestamp: Some(now.to_proto()),
+            frame_id: local.to_owned(),
+            poses: along(&chosen.steps).map(|pose| pose_message(&pose)).collect(),
+        };
+        cx.write(&ports.path, now, path);
+        let message = proto::Plan {
+            timestamp: Some(now.to_proto()),
+            frame_id: local.to_owned(),
+            goal_x_m: goal.x,
+            goal_y_m: goal.y,
+            chosen: Some(candidate(chosen)),
+            rejected: plan.rejected.as_ref().map(candidate),
+            reason: reason.clone(),
+            expanded: plan.expanded,
+            plans: self.plans,
+        };
+        cx.write(&ports.plan, now, message);
+        let beside = plan.short_of_goal_m;
+        let blocked = if beside > 0.0 {
+            format!("the goal is blocked, plans to {beside:.1} m beside it; ")
+        } else {
+            String::new()
+        };
+        self.told = Told::Path(format!("{blocked}path of {:.1} m; {reason}", chosen.length_m));
+    }
+
+    /// No path may be driven, and why.
+    fn stop(&mut self, ports: &Ports, params: &PlannerParams, why: String, cx: &mut Cycle<'_>) {
+        self.send_none(ports, params, &why, cx);
+        cx.error(why.clone());
+        self.told = Told::NoPath(why);
+    }
+
+    /// Sends a path without poses, so that nobody follows the one before.
+    fn send_none(&self, ports: &Ports, params: &PlannerParams, why: &str, cx: &mut Cycle<'_>) {
+        let now = cx.now();
+        let frame_id = Extrinsics::new(params.pose.as_ref(), None).frames.local.to_owned();
+        let timestamp = Some(now.to_proto());
+        cx.write(&ports.path, now, PosesInFrame { timestamp, frame_id: frame_id.clone(), poses: Vec::new() });
+        let (goal_x_m, goal_y_m) = self.goal.unwrap_or_default();
+        let plans = self.plans;
+        let plan = proto::Plan {
+            timestamp,
+            frame_id,
+            goal_x_m,
+            goal_y_m,
+            reason: why.to_owned(),
+            plans,
+            ..Default::default()
+        };
+        cx.write(&ports.plan, now, plan);
+    }
+}
+
+impl Memory {
+    /// Reads the fused costs of a map, and where the bumper hit.
+    fn read(&mut self, map: &Msg<Grid>, local: &str) -> Result<(), String> {
+        let view = GridView::of(map.message()).map_err(|error| error.to_string())?;
+        let (size, corner) = (view.cell_size_m(), view.frame_from_grid());
+        if view.frame_id() != local {
+            return Err(format!("frame is {:?}, expected {local:?}", view.frame_id()));
+        }
+        if size.x != size.y || corner.rotation.w.abs() < 1.0 - 1e-9 {
+            let turned = if size.x == size.y { "turned" } else { "not square" };
+            return Err(format!(
+                "cells of {} m by {} m are {turned}, expected square ones along the axes",
+                size.x, size.y
+            ));
+        }
+        let byte = |name: &str| view.field_of(name, NumericType::Uint8);
+        byte("cost").map_err(|error| error.to_string())?.bytes_into(&mut self.sensed.fused);
+        self.sensed.columns = view.columns();
+        self.sensed.cell_size_m = size.x;
+        self.sensed.corner = corner.translation.truncate();
+        self.sensed.bumped.clear();
+        let bumper = Source::BUMPER;
+        if let (Ok(cost), Ok(confidence)) = (byte(&format!("cost.{bumper}")), byte(&format!("conf.{bumper}")))
+        {
+            cost.bytes_into(&mut self.costs);
+            confidence.bytes_into(&mut self.confidences);
+            let hit = |(&cost, &confidence): (&u8, &u8)| {
+                confidence > 0 && (OBSTACLE_COST..=rcs_world::MAX_COST).contains(&cost)
+            };
+            self.sensed.bumped.extend(self.costs.iter().zip(&self.confidences).map(hit));
+        }
+        Ok(())
+    }
+}
+
+/// The cells of a path as poses that look along it.
+fn along(steps: &[Step]) -> impl Iterator<Item = Pose> {
+    (0..steps.len()).map(|at| {
+        let (from, to) = if at + 1 < steps.len() { (at, at + 1) } else { (at.saturating_sub(1), at) };
+        let direction = steps[to].at - steps[from].at;
+        let yaw_rad = if direction == DVec2::ZERO { 0.0 } else { libm::atan2(direction.y, direction.x) };
+        Pose::from_xy_yaw(steps[at].at.x, steps[at].at.y, yaw_rad)
+    })
+}
+
+fn candidate(candidate: &Candidate) -> proto::PlanCandidate {
+    let step = |step: &Step| proto::PlanStep {
+        x_m: step.at.x as f32,
+        y_m: step.at.y as f32,
+        cost: step.cost as f32,
+        terms: Some(terms(&step.terms)),
+    };
+    proto::PlanCandidate {
+        steps: candidate.steps.iter().map(step).collect(),
+        length_m: candidate.length_m,
+        cost: candidate.cost,
+        terms: Some(terms(&candidate.terms)),
+        beyond_cost: candidate.beyond_cost,
+    }
+}
+
+fn terms(terms: &Terms) -> proto::PlanTerms {
+    let Terms { terrain, clearance, heading, relief } = *terms;
+    proto::PlanTerms { terrain, clearance, heading, relief }
+}
+
+fn rules(params: &PlannerParams) -> Rules {
+    Rules {
+        heading: params.heading_preference,
+        heading_range_m: params.heading_range_m,
+        relief_range_m: params.relief_range_m,
+        relief_cost: params.relief_cost as u8,
+        ..rules_of(params.costs.as_ref())
+    }
+}

@@ -1,0 +1,274 @@
+//! What it costs to enter a cell: the terms that a planner's cost consists of.
+//!
+//! Albus 2006a, 5: the planner "takes a 201 x 201 enumerated terrain grid, classifies the grid, and translates it into a
+//! grid of costs of the same size. In most cases the cost is simply looked up in a small table"; "costs are lowered for
+//! cells directly in front of the vehicle and increased behind the vehicle". Albus 2006b, 3.5: "by lowering costs of
+//! unknown obstacles near the vehicle, it does not hesitate to move".
+//!
+//! A cell's cost is the sum of four terms, limited to 1 to 250:
+//!
+//! | term | what |
+//! | --- | --- |
+//! | terrain | from the table, by the fused cost of the cell; another entry for unknown cells |
+//! | clearance | grows towards obstacles, from the desired clearance to the least one, with the square of what lacks |
+//! | heading | less ahead of the vehicle, more behind it; fades with the distance from it |
+//! | relief | negative: near the vehicle an unknown cell is taken for clear, and what is blocked for passable at a high cost |
+//!
+//! A cell is blocked if the table blocks it, or if the vehicle standing there would touch such a cell. What the bumper
+//! hit is blocked without relief. The papers name no values; here they are parameters.
+
+use crate::clearance::{Clearance, MAX_BOUND};
+use crate::costs::{BLOCKED, CostGrid, CostGridError, MAX_COST};
+use crate::place::Place;
+use rcs_geom::{DVec2, Pose};
+use rcs_world::UNKNOWN_COST;
+
+/// The rules of cost; see the parameters of the process.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rules {
+    /// The table: the highest fused cost of each class of terrain, and its cost; [`BLOCKED`] for none. Ascending; fused
+    /// costs above the last one are blocked.
+    pub table: Vec<(u8, u8)>,
+    /// Cost of unknown cells.
+    pub unknown: u8,
+    /// Half the width of the vehicle and the least distance beside it, m.
+    pub least_room_m: f64,
+    /// Half the width and the desired distance beside it, m.
+    pub wish_room_m: f64,
+    /// Clearance term at the least room.
+    pub clearance: f64,
+    /// Share of the terrain's cost that it loses straight ahead of the vehicle, and gains behind it.
+    pub heading: f64,
+    /// Distance from the vehicle at which the heading no longer counts, m.
+    pub heading_range_m: f64,
+    /// Distance from the vehicle up to which there is relief, m.
+    pub relief_range_m: f64,
+    /// Cost of a cell that would be blocked without relief.
+    pub relief_cost: u8,
+}
+
+/// The terms of the cost of a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Terms {
+    /// From the table.
+    pub terrain: f32,
+    /// Nearness of obstacles.
+    pub clearance: f32,
+    /// Ahead of the vehicle or behind it.
+    pub heading: f32,
+    /// Relief near the vehicle.
+    pub relief: f32,
+}
+
+impl Terms {
+    /// Their sum.
+    pub fn total(&self) -> f32 {
+        self.terrain + self.clearance + self.heading + self.relief
+    }
+
+    /// The same terms for a step of a length, added to others.
+    #[must_use]
+    pub fn plus(self, other: Terms, length: f32) -> Terms {
+        Terms {
+            terrain: self.terrain + other.terrain * length,
+            clearance: self.clearance + other.clearance * length,
+            heading: self.heading + other.heading * length,
+            relief: self.relief + other.relief * length,
+        }
+    }
+}
+
+/// Why a cell cannot be entered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Obstruction {
+    /// There is an obstacle in it.
+    Obstacle,
+    /// The vehicle does not fit between the obstacles beside it.
+    TooNarrow,
+}
+
+/// The fused map that costs are made from.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sensed {
+    /// Cells per row.
+    pub columns: usize,
+    /// Size of a cell, m.
+    pub cell_size_m: f64,
+    /// South-west corner in the map's frame, m.
+    pub corner: DVec2,
+    /// Fused costs by rows: 0 to 250, or 255 for unknown.
+    pub fused: Vec<u8>,
+    /// Whether the bumper hit something in the cell; empty if no cell was hit.
+    pub bumped: Vec<bool>,
+}
+
+impl Sensed {
+    /// The cell at a position, m; it may lie outside of the map. `None` for positions that are no numbers or too far
+    /// away.
+    pub fn place(&self, position: DVec2) -> Option<Place> {
+        let cells = ((position - self.corner) / self.cell_size_m).floor();
+        let near = |at: f64| at.abs() < f64::from(i32::MAX / 4);
+        (near(cells.x) && near(cells.y)).then(|| Place::new(cells.x as i32, cells.y as i32))
+    }
+
+    /// The centre of a cell, m.
+    pub fn centre(&self, place: Place) -> DVec2 {
+        self.corner + (DVec2::new(f64::from(place.column), f64::from(place.row)) + 0.5) * self.cell_size_m
+    }
+
+    fn index(&self, place: Place) -> usize {
+        place.row as usize * self.columns + place.column as usize
+    }
+}
+
+/// The costs of a map around a vehicle, and the memory for them.
+#[derive(Clone, Debug, Default)]
+pub struct Terrain {
+    is_obstacle: Vec<bool>,
+    room: Clearance,
+    /// Clearance term by squared distance to the nearest obstacle, cells²; `None` where the vehicle does not fit.
+    by_room: Vec<Option<f32>>,
+    /// Terrain term by fused cost; `None` where blocked.
+    by_cost: Vec<Option<f32>>,
+    squared: Vec<u16>,
+}
+
+impl Terrain {
+    /// The grid of costs for a vehicle at a pose (map's frame).
+    pub fn costs(
+        &mut self,
+        sensed: &Sensed,
+        vehicle: &Pose,
+        rules: &Rules,
+    ) -> Result<CostGrid, CostGridError> {
+        self.by_cost.clear();
+        self.by_cost.extend((0..=255).map(|fused| looked_up(fused, rules)));
+        self.is_obstacle.clear();
+        self.is_obstacle.extend(sensed.fused.iter().map(|&cost| self.by_cost[usize::from(cost)].is_none()));
+        for (obstacle, _) in self.is_obstacle.iter_mut().zip(&sensed.bumped).filter(|(_, bumped)| **bumped) {
+            *obstacle = true;
+        }
+        let bound = (rules.wish_room_m / sensed.cell_size_m).ceil().clamp(1.0, MAX_BOUND as f64) as usize;
+        self.by_room.clear();
+        self.by_room.extend((0..=(bound + 1) * (bound + 1)).map(|squared| {
+            // An obstacle reaches to the border of its cell.
+            let room_m = (libm::sqrt(squared as f64) - 0.5) * sensed.cell_size_m;
+            let lacks = (rules.wish_room_m - room_m) / (rules.wish_room_m - rules.least_room_m).max(1e-9);
+            let lacks = lacks.clamp(0.0, 1.0);
+            (room_m >= rules.least_room_m || squared > bound * bound)
+                .then_some((rules.clearance * lacks * lacks) as f32)
+        }));
+        self.squared.clear();
+        self.squared.extend_from_slice(self.room.squared(sensed.columns, &self.is_obstacle, bound));
+        let mut cells: Vec<u8> = sensed
+            .fused
+            .iter()
+            .zip(&self.squared)
+            .map(|(&fused, &squared)| {
+                let terms = self.by_cost[usize::from(fused)].zip(self.by_room[usize::from(squared)]);
+                terms.map_or(BLOCKED, |(terrain, clearance)| limited(terrain + clearance))
+            })
+            .collect();
+        self.near_the_vehicle(sensed, vehicle, rules, &mut cells);
+        CostGrid::new(sensed.columns, cells.len() / sensed.columns.max(1), cells)
+    }
+
+    /// Costs of the cells that have a heading term or relief.
+    fn near_the_vehicle(&self, sensed: &Sensed, vehicle: &Pose, rules: &Rules, cells: &mut [u8]) {
+        let range_m = rules.heading_range_m.max(rules.relief_range_m);
+        let reach = (range_m / sensed.cell_size_m).ceil().min(1000.0) as i32;
+        let Some(middle) = sensed.place(vehicle.translation.truncate()) else { return };
+        let rows = (cells.len() / sensed.columns.max(1)) as i32;
+        let span = |at: i32, end: i32| (at - reach).max(0)..(at + reach + 1).min(end);
+        for row in span(middle.row, rows) {
+            for column in span(middle.column, sensed.columns as i32) {
+                let place = Place::new(column, row);
+                cells[sensed.index(place)] = match self.terms(sensed, place, vehicle, rules) {
+                    Ok(terms) => limited(terms.total()),
+                    Err(_) => BLOCKED,
+                };
+            }
+        }
+    }
+
+    /// The terms of a cell of the map for which the costs were made last.
+    pub fn terms(
+        &self,
+        sensed: &Sensed,
+        place: Place,
+        vehicle: &Pose,
+        rules: &Rules,
+    ) -> Result<Terms, Obstruction> {
+        let index = sensed.index(place);
+        let fused = sensed.fused[index];
+        let from_vehicle = sensed.centre(place) - vehicle.translation.truncate();
+        let distance_m = from_vehicle.length();
+        let relieved = distance_m <= rules.relief_range_m;
+        let bumped = sensed.bumped.get(index).is_some_and(|&bumped| bumped);
+        let terrain = self.by_cost[usize::from(fused)].filter(|_| !bumped);
+        let clearance = self.by_room[usize::from(self.squared[index])];
+        let (terrain, clearance) = match (terrain, clearance) {
+            (Some(terrain), Some(clearance)) => (terrain, clearance),
+            (None, _) if bumped || !relieved => return Err(Obstruction::Obstacle),
+            (Some(_), None) if !relieved => return Err(Obstruction::TooNarrow),
+            _ => {
+                let full = f32::from(MAX_COST);
+                return Ok(Terms {
+                    terrain: full,
+                    relief: f32::from(rules.relief_cost) - full,
+                    ..Terms::default()
+                });
+            }
+        };
+        let clear = self.by_cost[0].unwrap_or(terrain);
+        let relief = if relieved && fused == UNKNOWN_COST { (clear - terrain).min(0.0) } else { 0.0 };
+        Ok(Terms {
+            terrain,
+            clearance,
+            heading: heading(terrain + relief, from_vehicle, vehicle, rules),
+            relief,
+        })
+    }
+
+    /// The nearest cell that is not blocked within a distance of a position, m; ties go to the first by rows.
+    pub fn nearest_free(sensed: &Sensed, costs: &CostGrid, position: DVec2, within_m: f64) -> Option<Place> {
+        let middle = sensed.place(position)?;
+        let reach = (within_m / sensed.cell_size_m).ceil().min(1000.0) as i32;
+        let around = -reach..=reach;
+        let places = around
+            .clone()
+            .flat_map(|dr| around.clone().map(move |dc| Place::new(middle.column + dc, middle.row + dr)));
+        let free = places.filter(|&place| costs.get(place).is_some_and(|cost| cost != BLOCKED));
+        let distances = free.map(|place| (sensed.centre(place).distance(position), place));
+        let near = distances.filter(|&(distance_m, place)| distance_m <= within_m || place == middle);
+        near.reduce(|best, other| if other.0 < best.0 { other } else { best }).map(|(_, place)| place)
+    }
+}
+
+fn looked_up(fused: u8, rules: &Rules) -> Option<f32> {
+    if fused > MAX_COST {
+        return (rules.unknown != BLOCKED).then_some(f32::from(rules.unknown));
+    }
+    let row = rules.table.iter().find(|&&(up_to, _)| fused <= up_to);
+    row.filter(|&&(_, cost)| cost != BLOCKED).map(|&(_, cost)| f32::from(cost))
+}
+
+/// The heading term of a cell with this terrain term.
+fn heading(terrain: f32, from_vehicle: DVec2, vehicle: &Pose, rules: &Rules) -> f32 {
+    let distance_m = from_vehicle.length();
+    if distance_m < 1e-9 || distance_m >= rules.heading_range_m {
+        return 0.0;
+    }
+    let ahead = vehicle.rotate(rcs_geom::DVec3::X).truncate();
+    let along = from_vehicle.dot(ahead) / (distance_m * ahead.length().max(1e-9));
+    let fades = 1.0 - distance_m / rules.heading_range_m;
+    -(f64::from(terrain) * rules.heading * along * fades) as f32
+}
+
+fn limited(cost: f32) -> u8 {
+    (cost + 0.5).clamp(1.0, f32::from(MAX_COST)) as u8
+}
+
+#[cfg(test)]
+#[path = "terrain_tests.rs"]
+mod tests;

@@ -1,0 +1,125 @@
+//! Small maps.
+
+use super::*;
+
+fn rules() -> Rules {
+    Rules {
+        table: vec![(30, 10), (124, 60)],
+        unknown: 20,
+        least_room_m: 0.4,
+        wish_room_m: 1.0,
+        clearance: 40.0,
+        heading: 0.5,
+        heading_range_m: 2.0,
+        relief_range_m: 0.0,
+        relief_cost: 200,
+    }
+}
+
+/// 41×41 cells of 0.2 m of this fused cost, around (0, 0).
+fn sensed(fused: u8) -> Sensed {
+    Sensed {
+        columns: 41,
+        cell_size_m: 0.2,
+        corner: DVec2::splat(-4.1),
+        fused: vec![fused; 41 * 41],
+        bumped: Vec::new(),
+    }
+}
+
+fn at(x_m: f64, y_m: f64) -> Place {
+    sensed(0).place(DVec2::new(x_m, y_m)).unwrap()
+}
+
+fn with_obstacle(x_m: f64, y_m: f64) -> Sensed {
+    let mut sensed = sensed(0);
+    let index = sensed.index(at(x_m, y_m));
+    sensed.fused[index] = 250;
+    sensed
+}
+
+const FAR: f64 = 100.0;
+
+fn costs(sensed: &Sensed, vehicle: &Pose, rules: &Rules) -> (Terrain, CostGrid) {
+    let mut terrain = Terrain::default();
+    let costs = terrain.costs(sensed, vehicle, rules).unwrap();
+    (terrain, costs)
+}
+
+#[test]
+fn costs_are_looked_up_in_the_table_and_unknown_cells_have_an_entry() {
+    let away = Pose::from_xy_yaw(FAR, FAR, 0.0);
+    for (fused, expected) in
+        [(0, 10), (30, 10), (31, 60), (124, 60), (125, BLOCKED), (250, BLOCKED), (255, 20)]
+    {
+        let (_, costs) = costs(&sensed(fused), &away, &rules());
+        assert_eq!(costs.get(at(1.0, 2.0)), Some(expected), "{fused}");
+    }
+}
+
+#[test]
+fn near_an_obstacle_the_vehicle_does_not_fit_and_then_pays_for_clearance() {
+    let sensed = with_obstacle(0.0, 0.0);
+    let away = Pose::from_xy_yaw(FAR, FAR, 0.0);
+    let (terrain, costs) = costs(&sensed, &away, &rules());
+    let cost = |x_m| costs.get(at(x_m, 0.0)).unwrap();
+    assert_eq!([cost(0.0), cost(0.2), cost(0.4)], [BLOCKED; 3], "the obstacle reaches 0.1 m");
+    assert_eq!(cost(0.6), 10 + 28, "0.1 m more than the least room: (1 - 1/6)² of 40");
+    assert!(cost(0.8) < cost(0.6) && cost(1.2) == 10);
+    assert_eq!(terrain.terms(&sensed, at(0.0, 0.0), &away, &rules()), Err(Obstruction::Obstacle));
+    assert_eq!(terrain.terms(&sensed, at(0.4, 0.0), &away, &rules()), Err(Obstruction::TooNarrow));
+}
+
+#[test]
+fn what_lies_ahead_of_the_vehicle_is_cheaper_than_what_lies_behind() {
+    let sensed = sensed(100);
+    let vehicle = Pose::from_xy_yaw(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+    let (_, costs) = costs(&sensed, &vehicle, &rules());
+    let cost = |x_m, y_m| costs.get(at(x_m, y_m)).unwrap();
+    assert_eq!(cost(0.0, 1.0), 60 - 15, "half of the range: a quarter of the cost");
+    assert_eq!(cost(0.0, -1.0), 60 + 15);
+    assert_eq!([cost(1.0, 0.0), cost(0.0, 2.0), cost(0.0, 3.0)], [60; 3]);
+}
+
+#[test]
+fn near_the_vehicle_unknown_is_clear_and_obstacles_can_be_left_but_not_what_the_bumper_hit() {
+    let relieving = Rules { relief_range_m: 1.0, heading: 0.0, ..rules() };
+    let vehicle = Pose::from_xy_yaw(0.1, 0.1, 0.0);
+    let (_, costs_unknown) = costs(&sensed(255), &vehicle, &relieving);
+    assert_eq!(costs_unknown.get(at(0.5, 0.0)), Some(10));
+    assert_eq!(costs_unknown.get(at(2.0, 0.0)), Some(20));
+    let mut sensed = with_obstacle(0.5, 0.0);
+    let (_, before) = costs(&sensed, &vehicle, &relieving);
+    assert_eq!((before.get(at(0.5, 0.0)), before.get(at(0.15, 0.0))), (Some(200), Some(200)));
+    sensed.bumped = vec![false; sensed.fused.len()];
+    let index = sensed.index(at(0.5, 0.0));
+    sensed.bumped[index] = true;
+    let (terrain, after) = costs(&sensed, &vehicle, &relieving);
+    assert_eq!((after.get(at(0.5, 0.0)), after.get(at(0.15, 0.0))), (Some(BLOCKED), Some(200)));
+    assert_eq!(terrain.terms(&sensed, at(0.5, 0.0), &vehicle, &relieving), Err(Obstruction::Obstacle));
+}
+
+#[test]
+fn the_terms_of_every_cell_add_up_to_its_cost() {
+    let mut sensed = with_obstacle(-1.0, 1.0);
+    sensed.fused.iter_mut().step_by(7).for_each(|fused| *fused = 255);
+    let rules = Rules { relief_range_m: 0.8, ..rules() };
+    let vehicle = Pose::from_xy_yaw(-0.4, 0.6, 2.0);
+    let (terrain, costs) = costs(&sensed, &vehicle, &rules);
+    for index in 0..sensed.fused.len() {
+        let place = Place::new((index % 41) as i32, (index / 41) as i32);
+        let cost = terrain.terms(&sensed, place, &vehicle, &rules).map(|terms| limited(terms.total()));
+        assert_eq!(costs.get(place), Some(cost.unwrap_or(BLOCKED)), "{place:?}");
+    }
+}
+
+#[test]
+fn the_nearest_free_cell_is_found_within_the_distance() {
+    let sensed = with_obstacle(0.0, 0.0);
+    let (_, costs) = costs(&sensed, &Pose::from_xy_yaw(FAR, FAR, 0.0), &rules());
+    let near = |x_m, within_m| Terrain::nearest_free(&sensed, &costs, DVec2::new(x_m, 0.05), within_m);
+    assert_eq!(near(0.0, 0.3), None);
+    assert_eq!(near(0.1, 0.8), Some(at(0.4, 0.4)));
+    assert_eq!(near(2.0, 0.0), Some(at(2.0, 0.0)));
+    assert_eq!(near(f64::NAN, 1.0), None);
+}

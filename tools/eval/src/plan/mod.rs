@@ -1,0 +1,104 @@
+//! Evaluates the planner's search on the maps and scenarios of MovingAI (Sturtevant 2012): lengths of paths against the
+//! optimal ones, and times.
+//!
+//! A step to a neighbour costs 1, a diagonal one √2 and only where both cells beside it are free, as the optimal lengths
+//! of the scenarios assume.
+
+mod files;
+
+use crate::EvalError;
+use files::{Scenario, read_map, read_scenarios};
+use rcs_planner::costs::CostGrid;
+use rcs_planner::search::{NoPath, Path as Found, Search};
+use serde::Serialize;
+use std::fmt;
+use std::path::Path;
+use std::time::Instant;
+
+/// What is evaluated.
+#[derive(Clone, Copy, Debug)]
+pub struct Job<'a> {
+    /// The map, a `.map` file.
+    pub map: &'a Path,
+    /// Its scenarios, a `.scen` file.
+    pub scenarios: &'a Path,
+}
+
+/// The figures.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Number of scenarios.
+    pub scenarios: usize,
+    /// Number of those for which a path was found.
+    pub solved: usize,
+    /// Greatest ratio of the length found to the optimal one; `None` (null in JSON) if no path was found.
+    pub cost_ratio_max: Option<f64>,
+    /// Lowest ratio: below 1 by more than the rounding of the file, a path is not a valid one.
+    pub cost_ratio_min: Option<f64>,
+    /// Greatest difference from the optimal length, cells.
+    pub cost_error_max: Option<f64>,
+    /// Median time of a search, ms.
+    pub ms_median: f64,
+    /// Longest time of a search, ms.
+    pub ms_max: f64,
+}
+
+/// Searches a path for every scenario, once.
+pub fn measure(job: &Job<'_>) -> Result<Report, EvalError> {
+    let map = read_map(job.map)?;
+    let scenarios = read_scenarios(job.scenarios, &map)?;
+    let mut search = Search::default();
+    let mut found = Found::default();
+    let mut times_ms = Vec::with_capacity(scenarios.len());
+    let mut lengths = Vec::with_capacity(scenarios.len());
+    // The first search allocates the memory that all others use.
+    let _ = find(&mut search, &map, &scenarios[0], &mut found);
+    for scenario in &scenarios {
+        let start = Instant::now();
+        let result = find(&mut search, &map, scenario, &mut found);
+        times_ms.push(start.elapsed().as_secs_f64() * 1e3);
+        lengths.push(result.is_ok().then_some((found.cost, scenario.optimal)));
+    }
+    times_ms.sort_by(f64::total_cmp);
+    let solved = || lengths.iter().flatten();
+    let ratios = || solved().map(|&(length, optimal)| ratio(length, optimal));
+    Ok(Report {
+        scenarios: scenarios.len(),
+        solved: solved().count(),
+        cost_ratio_max: ratios().reduce(f64::max),
+        cost_ratio_min: ratios().reduce(f64::min),
+        cost_error_max: solved().map(|(length, optimal)| (length - optimal).abs()).reduce(f64::max),
+        ms_median: times_ms[times_ms.len() / 2],
+        ms_max: times_ms[times_ms.len() - 1],
+    })
+}
+
+fn find(search: &mut Search, map: &CostGrid, scenario: &Scenario, found: &mut Found) -> Result<(), NoPath> {
+    // The start of a scenario must be free like every other cell of its path.
+    if map.get(scenario.start) == Some(rcs_planner::costs::BLOCKED) {
+        return Err(NoPath::NotConnected);
+    }
+    search.path(map, scenario.start, scenario.goal, 1, found)
+}
+
+/// Ratio of the lengths; a path from a cell to itself has none, and counts as 1.
+fn ratio(length: f64, optimal: f64) -> f64 {
+    if length == optimal { 1.0 } else { length / optimal }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(out, "  {:8} of {} scenarios solved", self.solved, self.scenarios)?;
+        if let (Some(max), Some(min), Some(error)) =
+            (self.cost_ratio_max, self.cost_ratio_min, self.cost_error_max)
+        {
+            writeln!(out, "  {max:8.6} greatest ratio of a length to the optimal one, least {min:.6}")?;
+            writeln!(out, "  {error:8.6} greatest difference, cells")?;
+        }
+        writeln!(out, "  {:8.3} ms a search, median; {:.3} ms longest", self.ms_median, self.ms_max)
+    }
+}
+
+#[cfg(test)]
+#[path = "plan_tests.rs"]
+mod tests;
