@@ -1,9 +1,11 @@
 //! `ocu eval`: quality and speed of a method on the user's own data.
 
 use crate::assets::ProgramAssets;
-use crate::cli::{EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalPlanArgs, EvalStereoArgs, StereoMethod};
+use crate::cli::{
+    EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalObstaclesArgs, EvalPlanArgs, EvalStereoArgs, StereoMethod,
+};
 use crate::{stacks, usage};
-use rcs_eval::{ClassReport, EvalError, classify, color, plan, stereo};
+use rcs_eval::{ClassReport, EvalError, classify, color, obstacles, plan, stereo};
 use rcs_runtime::RunOptions;
 use rcs_stereo::Method;
 use serde::Serialize;
@@ -16,6 +18,7 @@ pub fn eval(command: &EvalCommand, out: &mut dyn Write) -> anyhow::Result<()> {
         EvalCommand::Classify(args) => print(&classes(args)?, args.json, out),
         EvalCommand::Color(args) => print(&colors(args).map_err(told)?, args.json, out),
         EvalCommand::Plan(args) => print(&paths(args).map_err(told)?, args.json, out),
+        EvalCommand::Obstacles(args) => print(&arcs(args)?, args.json, out),
         EvalCommand::Stereo(args) => print(&disparities(args).map_err(told)?, args.json, out),
     }
 }
@@ -91,4 +94,20 @@ fn classes(args: &EvalClassifyArgs) -> anyhow::Result<ClassReport> {
         until_s: args.until,
     };
     classify::stack(&job, run).map_err(told)
+}
+
+fn arcs(args: &EvalObstaclesArgs) -> anyhow::Result<obstacles::Report> {
+    let job = obstacles::Job {
+        map: args.map.clone(),
+        true_map: args.truth_map.clone(),
+        true_pose: args.truth_pose.clone(),
+        pose: args.pose.clone(),
+        settings: obstacles::Settings {
+            width_m: args.width,
+            front_m: args.front,
+            tolerance_m: args.tolerance,
+            ..obstacles::Settings::default()
+        },
+    };
+    obstacles::recording(&job, &stacks::open_log(&args.run)?).map_err(told)
 }

@@ -269,6 +269,26 @@ fn eval_stereo_reaches_its_bars_on_motorcycle() {
     }
 }
 
+#[test]
+fn eval_obstacles_judges_the_maps_of_a_recorded_simulation() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = text(&dir.path().join("run.mcap")).to_owned();
+    let (code, _, errors) =
+        ocu(&["run", "--stack", "simulation", "--course", "meadow", "--until", "2", "--record", &run]);
+    assert_eq!(code, 0, "{errors}");
+    let (code, out, errors) = ocu(&["eval", "obstacles", &run, "--json"]);
+    assert_eq!(code, 0, "{errors}");
+    let report = json(&out);
+    assert_eq!(keys(&report), ["arcs", "driven_m", "layers", "maps", "things"]);
+    assert!(report["maps"].as_u64().unwrap() >= 1, "{out}");
+    let names: Vec<_> = report["layers"].as_array().unwrap().iter().map(|layer| &layer["name"]).collect();
+    assert_eq!(names[..2], ["fused", "stereo"]);
+    let (code, out, _) = ocu(&["eval", "obstacles", &run]);
+    assert!(code == 0 && out.contains("arcs of 3 m") && out.contains("free called blocked"), "{out}");
+    let (code, _, errors) = ocu(&["eval", "obstacles", &run, "--map", "/nowhere"]);
+    assert!(code == 2 && errors.contains("no topic /nowhere"), "{errors}");
+}
+
 /// A brown path (label 7) in green grass (1) under a sky (2), and a strip of no label (255); image and label files.
 fn labelled_path(dir: &Path, name: &str, seed: u32) -> [String; 2] {
     let class = |x: u32, y: u32| match y {

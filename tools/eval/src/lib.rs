@@ -5,6 +5,7 @@
 //! | [`stereo`] | disparities of one pair of images | a disparity image: PFM, 16-bit PNG or NPZ |
 //! | [`color`] | ground and obstacles by the colour models | label images |
 //! | [`plan`] | the planner's search on maps of MovingAI | the optimal lengths of their scenarios |
+//! | [`obstacles`] | arcs called free or blocked by the maps of a recording | the true map of the simulation |
 //! | [`classify`] | label images of a recording, or of a stack that runs | label images of the same times |
 //!
 //! Each module has a `Job`, which says what is evaluated, and functions that return a report. A report is text by
@@ -26,6 +27,7 @@ pub mod color;
 mod disparity_file;
 mod error;
 pub mod plan;
+pub mod obstacles;
 mod report;
 pub mod stereo;
 

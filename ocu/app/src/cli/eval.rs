@@ -19,6 +19,8 @@ pub enum EvalCommand {
     Plan(EvalPlanArgs),
     /// Label images of a recording, or of a stack that runs on it: quality against true ones
     Classify(EvalClassifyArgs),
+    /// Maps of a recording: whether vehicle-wide arcs are called free or blocked as they truly are
+    Obstacles(EvalObstaclesArgs),
 }
 
 /// `ocu eval stereo`
@@ -169,6 +171,58 @@ pub struct EvalPlanArgs {
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// `ocu eval obstacles`
+#[derive(Debug, Clone, Args)]
+#[command(
+    after_help = "Examples:\n  ocu run --stack learning --course meadow --until 60 --record run.mcap\n  \
+                        ocu eval obstacles run.mcap --json\n\n\
+                        Arcs of 3 m and 5 m leave the front of the vehicle at each map, once per 0.1 m driven. One is \
+                        truly blocked if a cell that the true map calls blocked lies under the vehicle's width, and \
+                        truly free if none lies within the tolerance around it either; arcs between the two are not \
+                        counted. An arc is called blocked if a cell under the vehicle's width has a cost of 125 or \
+                        more; for a truly blocked arc a cell within the tolerance suffices. An arc that is not called \
+                        blocked and of which the fused map knows less than 90 % is not judged. Each source alone is \
+                        judged on the same arcs; what it does not know blocks nothing.\n\n\
+                        A thing is in the way while it is the first true thing on an arc. It is late if it was in the \
+                        way from at least 2 m, came nearer, and did not block an arc at 2 m or more. Long things are \
+                        counted in parts of about 1.5 m."
+)]
+pub struct EvalObstaclesArgs {
+    /// Recording with maps, the true map and the true pose of the vehicle
+    #[arg(value_name = "RUN")]
+    pub run: PathBuf,
+    /// Topic of the maps; by default the one whose role is map
+    #[arg(long, value_name = "TOPIC")]
+    pub map: Option<String>,
+    /// Topic of the vehicle's poses in the frame of the maps; by default all whose role is pose
+    #[arg(long, value_name = "TOPIC")]
+    pub pose: Option<String>,
+    /// Topic of the true map, a grid with the field `blocked`; by default the one marked as ground truth
+    #[arg(long, value_name = "TOPIC")]
+    pub truth_map: Option<String>,
+    /// Topic of the true poses of the vehicle; by default the one marked as ground truth
+    #[arg(long, value_name = "TOPIC")]
+    pub truth_pose: Option<String>,
+    /// Width of the vehicle, m
+    #[arg(long, value_name = "M", default_value_t = 0.7, value_parser = parse_metres)]
+    pub width: f64,
+    /// Distance of the vehicle's front ahead of the origin of its frame, m
+    #[arg(long, value_name = "M", default_value_t = 0.24, value_parser = parse_metres)]
+    pub front: f64,
+    /// Tolerance around things, m
+    #[arg(long, value_name = "M", default_value_t = 0.2, value_parser = parse_metres)]
+    pub tolerance: f64,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A length from 0 to 10 m.
+fn parse_metres(text: &str) -> Result<f64, String> {
+    let metres: f64 = text.parse().map_err(|_| format!("{text:?} is no number"))?;
+    (0.0..=10.0).contains(&metres).then_some(metres).ok_or_else(|| format!("{metres} m, expected 0 to 10 m"))
 }
 
 /// How disparities are found.

@@ -6,7 +6,9 @@ mod run;
 mod stack;
 mod values;
 
-pub use eval::{EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalPlanArgs, EvalStereoArgs, StereoMethod};
+pub use eval::{
+    EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalObstaclesArgs, EvalPlanArgs, EvalStereoArgs, StereoMethod,
+};
 pub use recording::{CheckArgs, DiffArgs, InfoArgs, LatencyArgs, RenderArgs, SampleArgs};
 pub use run::RunArgs;
 pub use stack::{PluginsArgs, StackCheckArgs, StackCommand, StackShowArgs};

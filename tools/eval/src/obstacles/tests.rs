@@ -1,0 +1,147 @@
+use super::*;
+use rcs_geom::DVec2;
+use rcs_world::{CELL_SIZE_M, Map, MapOptions, SIDE, Source, Sources, VoteRule, Weights};
+
+/// A true map of 201×201 cells of 0.2 m whose corner is at (-20, -20), with blocked cells, and others of class 19.
+pub(super) fn true_map(blocked: &[[usize; 2]], boulders: &[[usize; 2]]) -> Grid {
+    use rcs_msg::foxglove::packed_element_field::NumericType;
+    use rcs_msg::foxglove::{PackedElementField, Vector2, Vector3};
+    let mut data = vec![0; SIDE * SIDE * 2];
+    for (cells, class) in [(blocked, 0), (boulders, 19)] {
+        for [x, y] in cells {
+            let at = 2 * (y * SIDE + x);
+            (data[at], data[at + 1]) = (class, 1);
+        }
+    }
+    let field = |name: &str, offset| PackedElementField {
+        name: name.to_owned(),
+        offset,
+        r#type: NumericType::Uint8.into(),
+    };
+    Grid {
+        frame_id: "global".to_owned(),
+        pose: Some(foxglove::Pose {
+            position: Some(Vector3 { x: -20.0, y: -20.0, z: 0.0 }),
+            orientation: None,
+        }),
+        column_count: SIDE as u32,
+        cell_size: Some(Vector2 { x: CELL_SIZE_M, y: CELL_SIZE_M }),
+        row_stride: 2 * SIDE as u32,
+        cell_stride: 2,
+        fields: vec![field("class", 0), field("blocked", 1)],
+        data: data.into(),
+        ..Grid::default()
+    }
+}
+
+/// A map whose cells within 8 m are free by stereo but for the given places, at which they are obstacles.
+fn map(obstacles: &[DVec2]) -> Grid {
+    let mut map = Map::new(CELL_SIZE_M).unwrap();
+    let full = VoteRule { rise: 255, fall: 255, max: 255 };
+    for index in map.grid().bounds().iter() {
+        let middle = map.grid().middle_of(index);
+        if middle.length() > 8.0 {
+            continue;
+        }
+        let hit = obstacles.iter().any(|place| (*place - middle).abs().max_element() < 0.1);
+        map.vote(index, Source::STEREO, if hit { 250 } else { 0 }, 1, Stamp(1), full);
+    }
+    let sources: Sources = [Source::STEREO, Source::COLOR].into_iter().collect();
+    map.to_grid("local", Stamp(1), &MapOptions { sources, heights: false, weights: Weights::default() })
+}
+
+/// One straight arc of 3 m, judged once at the origin.
+fn judged(truth: Grid, grid: &Grid, yaw_rad: f64) -> Report {
+    let settings = Settings { lengths_m: vec![3.0], arcs: 1, ..Settings::default() };
+    let mut judge = Judge::new(&settings);
+    judge.take_truth(truth).unwrap();
+    judge.take_true_pose(Stamp(1), Pose::from_xy_yaw(0.0, 0.0, yaw_rad));
+    judge.take_pose(Stamp(1), Pose::IDENTITY);
+    judge.take_map(Stamp(1), &GridView::new(grid).unwrap()).unwrap();
+    judge.report().unwrap()
+}
+
+/// The cell of the true map at a position, m.
+fn cell(x: f64, y: f64) -> [usize; 2] {
+    [x, y].map(|v| ((v + 20.0) / CELL_SIZE_M).floor() as usize)
+}
+
+#[test]
+fn arcs_are_free_or_blocked_by_what_lies_under_the_width_of_the_vehicle() {
+    let check = |thing: Option<[f64; 2]>, seen: Option<[f64; 2]>, expected: [Option<f64>; 2]| {
+        let cells: Vec<_> = thing.map(|[x, y]| cell(x, y)).into_iter().collect();
+        let places: Vec<_> = seen.map(DVec2::from_array).into_iter().collect();
+        let report = judged(true_map(&[], &cells), &map(&places), 0.0);
+        let shares = report.shares(FUSED, 3.0).unwrap();
+        let got = [shares.free_called_blocked_pct, shares.blocked_called_free_pct];
+        assert_eq!(got, expected, "{thing:?} {seen:?}: {report}");
+        assert_eq!(report.shares("stereo", 3.0), Some(shares), "the only source");
+    };
+    let (ahead, beside, beyond) = ([2.1, 0.1], [2.1, 0.9], [3.9, 0.1]);
+    check(None, None, [Some(0.0), None]);
+    check(None, Some(ahead), [Some(100.0), None]);
+    check(None, Some(beside), [Some(0.0), None]);
+    check(None, Some(beyond), [Some(0.0), None]);
+    check(Some(ahead), None, [None, Some(100.0)]);
+    check(Some(ahead), Some(ahead), [None, Some(0.0)]);
+    check(Some(beyond), None, [Some(0.0), None]);
+    // The thing grazes the arc within the tolerance: the arc is not counted.
+    check(Some([2.1, 0.5]), None, [None, None]);
+}
+
+#[test]
+fn an_arc_of_which_little_is_known_is_not_judged_and_a_source_alone_is_judged_on_the_same_arcs() {
+    let empty = Map::new(CELL_SIZE_M).unwrap();
+    let sources: Sources = [Source::STEREO].into_iter().collect();
+    let options = MapOptions { sources, heights: false, weights: Weights::default() };
+    let report = judged(true_map(&[], &[]), &empty.to_grid("local", Stamp(1), &options), 0.0);
+    assert_eq!((report.arcs[0].free, report.arcs[0].unknown), (0, [1, 0]));
+    assert_eq!(report.shares(FUSED, 3.0).unwrap().free_called_blocked_pct, None);
+    // Colour has no vote: alone, it blocks nothing.
+    let report = judged(true_map(&[], &[cell(2.1, 0.1)]), &map(&[DVec2::new(2.1, 0.1)]), 0.0);
+    let missed = |layer: &str| report.shares(layer, 3.0).unwrap().blocked_called_free_pct;
+    assert_eq!((missed(FUSED), missed("color")), (Some(0.0), Some(100.0)));
+}
+
+#[test]
+fn the_true_map_is_read_with_the_true_pose() {
+    // The vehicle truly heads north; its local frame says east.
+    let truth = || true_map(&[], &[cell(0.1, 2.1)]);
+    let seen = judged(truth(), &map(&[DVec2::new(2.1, 0.1)]), std::f64::consts::FRAC_PI_2);
+    assert_eq!(seen.shares(FUSED, 3.0).unwrap().blocked_called_free_pct, Some(0.0), "{seen}");
+}
+
+#[test]
+fn a_thing_is_late_if_it_was_in_the_way_from_far_and_blocked_only_when_near() {
+    let thing = [2.7, 0.1];
+    let truth = true_map(&[], &[cell(thing[0], thing[1])]);
+    let settings = Settings { lengths_m: vec![3.0], arcs: 1, ..Settings::default() };
+    let late = |first_seen_step: usize| {
+        let mut judge = Judge::new(&settings);
+        judge.take_truth(truth.clone()).unwrap();
+        for step in 0..8 {
+            let pose = Pose::from_xy_yaw(0.25 * step as f64, 0.0, 0.0);
+            let time = Stamp(1 + step as u64 * 500_000_000);
+            judge.take_true_pose(time, pose);
+            judge.take_pose(time, pose);
+            let seen: &[DVec2] = if step >= first_seen_step { &[DVec2::new(2.7, 0.1)] } else { &[] };
+            judge.take_map(time, &GridView::new(&map(seen)).unwrap()).unwrap();
+        }
+        let report = judge.report().unwrap();
+        assert_eq!((report.things.len(), report.things[0].kind.as_str()), (1, "boulder"));
+        let block = report.things[0].first_blocks.iter().find(|block| block.layer == FUSED).unwrap().clone();
+        let expected_m = 2.7 - settings.front_m - 0.25 * first_seen_step as f64;
+        assert!((block.distance_m - expected_m).abs() < 0.11, "{block:?}");
+        assert!((block.time_s - 0.5 * first_seen_step as f64).abs() < 1e-6);
+        let text = report.to_string();
+        assert_eq!(text.contains("LATE"), report.things[0].is_late(FUSED), "{text}");
+        report.layers[0].late_things
+    };
+    assert_eq!([late(0), late(4)], [0, 1]);
+}
+
+#[test]
+fn without_truth_the_error_says_what_is_missing() {
+    let judge = Judge::new(&Settings::default());
+    assert!(judge.report().unwrap_err().to_string().contains("expected a true map"));
+}
