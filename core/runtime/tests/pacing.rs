@@ -56,10 +56,12 @@ impl Source for Busy {
             now: self.now,
             topics: Arc::new([]),
             processes: Arc::new([]),
-            tracks: Arc::default(),
+            tracks: Arc::new([]),
             transforms: Arc::new(TransformTree::new()),
             runs: Runs::default(),
             playback: Playback::default(),
+            beside: Arc::new([]),
+            is_beside: false,
         }
     }
 

@@ -259,8 +259,9 @@ fn tracks_and_topics_follow_the_run_after_the_first_branch_and_after_the_second(
     let task = Task::default();
     let track = |source: &mut StackSource| {
         let frame = source.frame();
-        let track = Arc::clone(&frame.tracks["/walker/odometry"]);
-        (track.stamps.len(), track.points.last().unwrap()[0], x_of(&frame), frame.runs.current())
+        let shown = frame.runs.current();
+        let track = &frame.track("/walker/odometry", RunTag::Run(shown)).unwrap().points;
+        (track.len(), track.last().unwrap().position_m[0], x_of(&frame), shown)
     };
     source.seek(seconds(10.0), &task).unwrap();
     let first = track(&mut source);
@@ -282,6 +283,35 @@ fn tracks_and_topics_follow_the_run_after_the_first_branch_and_after_the_second(
     let left: Vec<_> = runs.iter().map(|run| run.branched_from.map(|(from, at)| (from.run, at))).collect();
     // The second branch leaves the first branch's run, at a moment that the first run has, too.
     assert_eq!(left, [None, Some((RunId(0), seconds(4.0))), Some((RunId(1), seconds(4.0)))]);
+}
+
+#[test]
+fn several_runs_are_shown_at_one_moment_and_writing_goes_to_the_viewed_one() {
+    let mut source = walk(PastOptions::default());
+    let task = Task::default();
+    source.seek(seconds(10.0), &task).unwrap();
+    source.seek(seconds(4.0), &task).unwrap();
+    set_speed(&mut source, 10.0);
+    source.seek(seconds(20.0), &task).unwrap();
+    source.watch(&[RunId(0), RunId(1), RunId(7)]);
+    for time in [20.0, 9.0, 5.0] {
+        source.seek(seconds(time), &task).unwrap();
+        finish_idle(&mut source);
+        let frame = source.frame();
+        assert_eq!(frame.beside.len(), 1, "the viewed run is not beside itself, and there is no run 7");
+        let own = frame.of_run(Some(RunId(1))).unwrap();
+        let left = frame.of_run(Some(RunId(0))).unwrap();
+        assert!(!own.is_beside && left.is_beside);
+        assert_eq!(left.now, seconds(time.min(10.0)), "the run that was left ended at 10 s");
+        let (now, x) = (left.now, x_of(left));
+        assert!(left.topics.iter().all(|topic| topic.run == RunTag::Run(RunId(0)) && !topic.pending));
+        // The reference: going there.
+        source.switch_run(RunId(0)).unwrap();
+        source.seek(now, &task).unwrap();
+        finish_idle(&mut source);
+        assert_eq!(x_of(&source.frame()), x, "{time}");
+        source.switch_run(RunId(1)).unwrap();
+    }
 }
 
 #[test]

@@ -14,7 +14,7 @@
 
 use crate::assets::{looks_like_path, read_text};
 use crate::bundled;
-use ocu_views::{SavedState, view_type};
+use ocu_views::{RunChoice, SavedState, view_type};
 use rcs_runtime::source::{Frame, SourceKind};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -68,7 +68,17 @@ pub enum Node {
         /// Its saved state.
         #[serde(default)]
         state: SavedState,
+        /// The run that it shows; the viewed one by default.
+        #[serde(default, skip_serializing_if = "is_shown_run")]
+        run: RunChoice,
+        /// Identity in this window, so that a change of the arrangement keeps the view; 0 for a new one.
+        #[serde(skip)]
+        id: u64,
     },
+}
+
+fn is_shown_run(run: &RunChoice) -> bool {
+    *run == RunChoice::Shown
 }
 
 /// An error in a layout file: `file:line: what was found and what was expected`.
@@ -229,7 +239,7 @@ impl Node {
                     format!("no view is of kind {kind:?}; expected one of {}", known.join(", ")),
                 )
             }
-            Self::View { kind, state } => {
+            Self::View { kind, state, .. } => {
                 let Some(view_type) = view_type(kind) else { return Ok(()) };
                 match (view_type.make)().load(state) {
                     Err(error) if !state.is_null() => flaw(

@@ -42,6 +42,7 @@ pub mod render;
 pub mod run;
 mod runs;
 pub mod sample;
+pub mod stack_edit;
 pub mod stack_tool;
 pub mod stacks;
 mod table;

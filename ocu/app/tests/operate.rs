@@ -3,7 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
 use egui::Key;
-use egui_kittest::{Harness, kittest::Queryable};
+use egui_kittest::Harness;
+use egui_kittest::kittest::{NodeT, Queryable};
 use ocu_app::open::Request;
 use ocu_app::window::{Options, Window};
 use rcs_msg::rcs;
@@ -89,17 +90,105 @@ fn keys_drive_while_they_are_held_and_the_vehicle_stands_when_they_are_let_go() 
     wait_until(&mut harness, "the vehicle to obey", |frame| {
         vehicle(frame).is_some_and(|vehicle| vehicle.wanted_speed_mps == 1.0 && !vehicle.stopped)
     });
-    harness.key_down(Key::ArrowLeft);
+    harness.key_down(Key::A);
     wait_until(&mut harness, "a turn to the left", |frame| {
         command(frame).is_some_and(|[_, turn]| turn > 0.5)
     });
-    harness.key_up(Key::ArrowLeft);
+    harness.key_up(Key::A);
     harness.key_up(Key::W);
     wait_until(&mut harness, "a last command", |frame| command(frame) == Some([0.0, 0.0]));
     wait_until(&mut harness, "the vehicle to stand", |frame| {
         vehicle(frame).is_some_and(|vehicle| vehicle.left_command_mps == 0.0 && vehicle.refused == 0)
     });
-    assert!(frame(&harness).unwrap().playback.playing, "the arrow did not step");
+    assert!(frame(&harness).unwrap().playback.playing);
+}
+
+#[test]
+fn an_arrow_steps_and_never_drives() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    harness.key_down(Key::ArrowUp);
+    harness.key_press(Key::ArrowRight);
+    wait_until(&mut harness, "the step, which pauses", |frame| !frame.playback.playing);
+    harness.run_steps(5);
+    assert_eq!(command(&frame(&harness).unwrap()), None);
+}
+
+#[test]
+fn a_release_starts_no_motion_while_a_key_is_held() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "forward", |frame| command(frame) == Some([1.0, 0.0]));
+    harness.key_press(Key::Escape);
+    wait_until(&mut harness, "the vehicle's word", |frame| {
+        vehicle(frame).is_some_and(|vehicle| vehicle.emergency_stopped)
+    });
+    wait_until(&mut harness, "a last command", |frame| command(frame) == Some([0.0, 0.0]));
+    harness.run_steps(3);
+    // W is still held: the button says why it does nothing.
+    let release = harness.get_by_label_contains("Release");
+    assert!(release.accesskit_node().is_disabled());
+    release.click();
+    harness.run_steps(5);
+    assert!(vehicle(&frame(&harness).unwrap()).unwrap().emergency_stopped);
+    harness.key_up(Key::W);
+    harness.run_steps(3);
+    harness.get_by_label_contains("Release").click();
+    // Pressed again before the vehicle confirms: it must be let go once more.
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "the release", |frame| {
+        vehicle(frame).is_some_and(|vehicle| !vehicle.emergency_stopped)
+    });
+    let released_s = frame(&harness).unwrap().time_s();
+    wait_until(&mut harness, "a while", |frame| frame.time_s() > released_s + 0.5);
+    assert_eq!(command(&frame(&harness).unwrap()), Some([0.0, 0.0]), "a held key drives nothing");
+    harness.key_up(Key::W);
+    harness.run_steps(3);
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "forward again", |frame| command(frame) == Some([1.0, 0.0]));
+}
+
+#[test]
+fn escape_stops_and_cancels_nothing_where_a_vehicle_can_be_stopped() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    harness.get_by_label("Buffers").click();
+    harness.step();
+    harness.get_by_label("Search buffers").focus();
+    harness.step();
+    harness.get_by_label("Search buffers").type_text("vehicle");
+    harness.run_steps(3);
+    harness.key_press(Key::Escape);
+    wait_until(&mut harness, "the vehicle's word", |frame| {
+        vehicle(frame).is_some_and(|vehicle| vehicle.emergency_stopped)
+    });
+    harness.run_steps(2);
+    let field = harness.get_by_label("Search buffers");
+    assert_eq!(field.accesskit_node().value().as_deref(), Some("vehicle"), "the search is as it was");
+    assert!(field.accesskit_node().is_focused());
+    // The palette opens, and Escape does not close it; its own key does.
+    harness.key_press_modifiers(egui::Modifiers::COMMAND, Key::K);
+    harness.run_steps(2);
+    harness.key_press(Key::Escape);
+    harness.run_steps(2);
+    assert!(harness.query_by_label("Find a command").is_some());
+    harness.key_press_modifiers(egui::Modifiers::COMMAND, Key::Period);
+    harness.run_steps(2);
+    assert!(harness.query_by_label("Find a command").is_none());
+}
+
+#[test]
+fn the_place_of_the_stop_does_not_change_with_its_state() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    let clear = harness.get_by_label("Emergency stop: STOP").rect();
+    harness.key_press(Key::Escape);
+    wait_until(&mut harness, "the vehicle's word", |frame| {
+        vehicle(frame).is_some_and(|vehicle| vehicle.emergency_stopped)
+    });
+    harness.run_steps(2);
+    assert_eq!(harness.get_by_label("Emergency stop: STOPPED").rect(), clear);
 }
 
 #[test]

@@ -39,6 +39,8 @@ pub struct Tokens {
     pub stop: Color32,
     /// Text on [`Tokens::stop`].
     pub on_stop: Color32,
+    /// Text on [`Tokens::warning`].
+    pub on_warning: Color32,
     /// Unknown values.
     pub unknown: Color32,
     /// Outdated values.
@@ -66,6 +68,7 @@ const DARK: Tokens = Tokens {
     error: rgb(0xff_6b63),
     stop: rgb(0xc4_2b24),
     on_stop: rgb(0xff_ffff),
+    on_warning: rgb(0x0c_0f11),
     unknown: rgb(0x6b_777d),
     stale: rgb(0x9d_8f7a),
     series: [
@@ -94,6 +97,7 @@ const LIGHT: Tokens = Tokens {
     error: rgb(0xc4_2b24),
     stop: rgb(0xc4_2b24),
     on_stop: rgb(0xff_ffff),
+    on_warning: rgb(0xff_ffff),
     unknown: rgb(0x7c_888e),
     stale: rgb(0x7a_6a50),
     series: [
@@ -248,6 +252,7 @@ mod tests {
                 }
             }
             assert!(contrast(tokens.on_stop, tokens.stop) >= 4.5);
+            assert!(contrast(tokens.on_warning, tokens.warning) >= 4.5);
             for color in [tokens.ok, tokens.warning, tokens.error, tokens.accent, tokens.stale] {
                 let contrast = contrast(color, tokens.panel());
                 assert!(contrast >= 4.5, "{color:?}, dark {}: {contrast}", tokens.dark);

@@ -23,6 +23,17 @@ impl Viewport {
         Self { center: [f64::midpoint(min[0], max[0]), f64::midpoint(min[1], max[1])], scale, y_up }
     }
 
+    /// Whether it can be drawn: a stored one may have been changed by hand.
+    pub(crate) fn is_valid(&self) -> bool {
+        self.scale.is_finite() && self.scale > 0.0 && self.center.iter().all(|v| v.is_finite())
+    }
+
+    /// Whether both show a common part of the plane.
+    pub(crate) fn meets(self, other: Self, canvas: Rect) -> bool {
+        let ((a_min, a_max), (b_min, b_max)) = (self.bounds(canvas), other.bounds(canvas));
+        (0..2).all(|axis| a_min[axis] < b_max[axis] && b_min[axis] < a_max[axis])
+    }
+
     fn down(self) -> f64 {
         if self.y_up { -1.0 } else { 1.0 }
     }

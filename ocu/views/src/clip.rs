@@ -30,9 +30,12 @@ pub(crate) struct Near {
 }
 
 impl Near {
+    /// Number of points that are enough to derive it from.
+    pub(crate) const SAMPLE: usize = 5_000;
+
     /// Derived from median and spread of the points; for many points, of a sample.
     pub(crate) fn of(points: impl ExactSizeIterator<Item = [f64; 2]>) -> Self {
-        let every = (points.len() / 5_000).max(1);
+        let every = (points.len() / Self::SAMPLE).max(1);
         let sample: Vec<[f64; 2]> = points.step_by(every).filter(|point| is_place(point)).collect();
         let along = |axis: usize| {
             let mut values: Vec<f64> = sample.iter().map(|point| point[axis]).collect();

@@ -3,7 +3,7 @@
 //! Keys are handled by the window. The view adds buttons on the screen, and shows commanded and measured motion, why
 //! the vehicle is stopped, and the results of the referee.
 
-use crate::operator::{self, DriveSettings, Hand, Inputs};
+use crate::operator::{self, DriveLimits, DriveSettings, Hand, Inputs};
 use crate::view::{View, ViewContext, rate_hz};
 use egui::{
     Color32, CornerRadius, FontId, Rect, Role, ScrollArea, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
@@ -88,17 +88,26 @@ fn pad(ui: &mut Ui, cx: &mut ViewContext<'_>, teleop: &str) {
     let note = |ui: &mut Ui, text: &str, color: Color32| {
         ui.add(egui::Label::new(egui::RichText::new(text).small().color(color)).wrap());
     };
-    if playing {
-        note(ui, "Hold arrow keys or W A S D; with shift, slowly.", weak);
+    if cx.selection.let_go_first && playing {
+        note(ui, "Let go of the controls first: nothing drives until they are neutral.", tokens(ui).warning);
+    } else if playing {
+        note(ui, "Hold W A S D; with shift, slowly.", weak);
     } else {
         note(ui, "Time stands: play (space) to drive.", tokens(ui).warning);
     }
     ui.add_space(2.0);
+    let limits = DriveLimits::of(cx.frame);
     let settings = &mut cx.selection.drive;
+    let within = settings.within(limits);
     ui.spacing_mut().slider_width = 56.0;
-    slider(ui, "Speed", &mut settings.speed_mps, 0.1..=3.0, " m/s");
-    let mut degrees = settings.turn_radps.to_degrees().round();
-    if slider(ui, "Turn", &mut degrees, 5.0..=90.0, " °/s") {
+    // The vehicle refuses what is faster than its limits, so nothing faster is offered.
+    let mut speed_mps = within.speed_mps;
+    if slider(ui, "Speed", &mut speed_mps, 0.1_f64.min(limits.speed_mps)..=limits.speed_mps, " m/s") {
+        settings.speed_mps = speed_mps;
+    }
+    let most = limits.turn_radps.to_degrees().floor().max(1.0);
+    let mut degrees = within.turn_radps.to_degrees().round().min(most);
+    if slider(ui, "Turn", &mut degrees, 5.0_f64.min(most)..=most, " °/s") {
         settings.turn_radps = degrees.to_radians();
     }
     if *settings != DriveSettings::default() && ui.small_button("Usual speeds").clicked() {
@@ -183,24 +192,27 @@ fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, 
     };
     ui.horizontal(|ui| {
         widgets::tag(ui, &word, color);
-        if !status.stop_reason.is_empty() && !old && !status.emergency_stopped {
-            ui.add(egui::Label::new(&status.stop_reason).truncate()).on_hover_text(&status.stop_reason);
-        }
     });
+    if !status.stop_reason.is_empty() && !old && !status.emergency_stopped {
+        ui.add(egui::Label::new(&status.stop_reason).wrap());
+    }
     let person = inputs.teleop.as_deref().and_then(|teleop| commanded(frame, teleop));
-    let turn = |radps: f64| format!("{:6.1}", radps.to_degrees() + 0.0);
+    // Rounded first, so that a small negative number is not shown as "-0.0".
+    let turn = |radps: f64| format!("{:6.1}", (radps.to_degrees() * 10.0).round() / 10.0 + 0.0);
     let wanted_turn = person.and_then(|command| command.yaw_rate_radps).map_or("     –".to_owned(), turn);
     let ink = if old { tokens.stale } else { tokens.text };
     let row = |ui: &mut Ui, name: &str, wanted: String, measured: String, unit: &str| {
         name_value(ui, NAMES, name, mono(format!("{wanted}  {measured} {unit}")).color(ink));
     };
     name_value(ui, NAMES, "", mono("wanted    now").color(tokens.weak));
-    let speeds = [status.wanted_speed_mps, status.speed_mps].map(|speed| format!("{:6.2}", speed + 0.0));
-    let [wanted, now] = speeds;
+    let speed = |mps: f64| format!("{:6.2}", (mps * 100.0).round() / 100.0 + 0.0);
+    let [wanted, now] = [status.wanted_speed_mps, status.speed_mps].map(speed);
     row(ui, "Speed", wanted, now, "m/s");
     row(ui, "Turn", wanted_turn, turn(status.yaw_rate_radps), "°/s");
-    let [roll, pitch] = [status.roll_rad, status.pitch_rad].map(turn);
-    row(ui, "Roll, pitch", roll, pitch, "°");
+    // Measured only: nobody wants an attitude.
+    let dash = || "     –".to_owned();
+    row(ui, "Roll", dash(), turn(status.roll_rad), "°");
+    row(ui, "Pitch", dash(), turn(status.pitch_rad), "°");
     let who = match person {
         Some(_) => "you",
         None if status.stopped => "nobody",
@@ -208,9 +220,10 @@ fn motion(ui: &mut Ui, frame: &Frame, inputs: &Inputs, vehicle: Option<(&Topic, 
     };
     name_value(ui, NAMES, "Driven by", egui::RichText::new(who));
     if status.refused > 0 {
-        let text = format!("{}  {}", status.refused, status.last_refusal);
-        let value = egui::RichText::new(&text).color(tokens.warning);
-        name_value(ui, NAMES, "Refused", value).on_hover_text(text);
+        let times = if status.refused == 1 { "once".to_owned() } else { format!("{} times", status.refused) };
+        name_value(ui, NAMES, "Refused", egui::RichText::new(times).color(tokens.warning));
+        let reason = egui::RichText::new(&status.last_refusal).color(tokens.warning);
+        ui.add(egui::Label::new(reason).wrap());
     }
 }
 

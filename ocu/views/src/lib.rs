@@ -39,8 +39,11 @@ mod samples;
 mod tests;
 mod texture;
 mod toolbar;
+mod tuning;
 mod view;
 mod views;
 
-pub use view::{HoverPoint, RunChoice, SavedState, Selection, TopicKey, View, ViewContext, ViewType, show};
+pub use view::{
+    HoverPoint, Preview, RunChoice, SavedState, Selection, TopicKey, View, ViewContext, ViewType, Wish, show,
+};
 pub use views::{all, view_type};

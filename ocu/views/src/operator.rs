@@ -24,9 +24,9 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// The inputs in a frame; none where no stack runs.
+    /// The inputs in a frame; none where no stack runs, and in a run beside the viewed one.
     pub fn of(frame: &Frame) -> Self {
-        if frame.info.kind == SourceKind::Log {
+        if frame.info.kind == SourceKind::Log || frame.is_beside {
             return Self::default();
         }
         let is_written = |buffer: &str| {
@@ -93,6 +93,29 @@ pub struct DriveSettings {
     pub turn_radps: f64,
 }
 
+/// Limits of drive commands, as the vehicle states them; the defaults where it states none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriveLimits {
+    /// Speed, m/s.
+    pub speed_mps: f64,
+    /// Turn rate, rad/s.
+    pub turn_radps: f64,
+}
+
+impl DriveLimits {
+    /// The limits in a frame.
+    pub fn of(frame: &Frame) -> Self {
+        let status = vehicle(frame).map(|(_, status)| status);
+        let stated = |limit: fn(&rcs::VehicleStatus) -> f64, usual: f64| {
+            status.map(limit).filter(|limit| limit.is_finite() && *limit > 0.0).unwrap_or(usual)
+        };
+        Self {
+            speed_mps: stated(|status| status.max_speed_mps, 1.0),
+            turn_radps: stated(|status| status.max_yaw_rate_radps, std::f64::consts::FRAC_PI_4),
+        }
+    }
+}
+
 impl Default for DriveSettings {
     fn default() -> Self {
         Self { speed_mps: 1.0, turn_radps: std::f64::consts::FRAC_PI_4 }
@@ -100,6 +123,15 @@ impl Default for DriveSettings {
 }
 
 impl DriveSettings {
+    /// The same speeds, but none that the vehicle would refuse.
+    #[must_use]
+    pub fn within(self, limits: DriveLimits) -> Self {
+        Self {
+            speed_mps: self.speed_mps.min(limits.speed_mps),
+            turn_radps: self.turn_radps.min(limits.turn_radps),
+        }
+    }
+
     /// Speed (m/s) and turn rate (rad/s, counter-clockwise) for a deflection.
     pub fn wanted(&self, hand: Hand) -> [f64; 2] {
         let part = if hand.slow { SLOW } else { 1.0 };
@@ -155,6 +187,17 @@ mod tests {
         let [speed, turn] = settings.wanted(hand(1.0, -1.0, true));
         assert!((speed - 0.6).abs() < 1e-12 && (turn + 0.3).abs() < 1e-12);
         assert_eq!(hand(1.0, 1.0, false).with(hand(1.0, -1.0, true)), hand(1.0, 0.0, true));
+    }
+
+    #[test]
+    fn nothing_is_commanded_that_the_vehicle_would_refuse() {
+        let settings = DriveSettings { speed_mps: 3.0, turn_radps: 2.0 };
+        let frame = samples::driving();
+        let limits = DriveLimits::of(&frame);
+        assert_eq!(limits, DriveLimits { speed_mps: 1.3, turn_radps: 1.2 });
+        assert_eq!(settings.within(limits).wanted(Hand { forward: 1.0, left: 1.0, slow: false }), [1.3, 1.2]);
+        assert_eq!(DriveSettings::default().within(limits), DriveSettings::default());
+        assert_eq!(DriveLimits::of(&samples::full()).speed_mps, 1.0, "nothing is stated");
     }
 
     #[test]

@@ -5,17 +5,18 @@ mod driving;
 
 pub(crate) use driving::driving;
 use rcs_bus::{Header, Sample, WriterId};
-use rcs_geom::{DVec2, DVec3, Pose, TransformTree};
+use rcs_geom::{DVec2, DVec3, Enu, Geodetic, Pose, TransformTree};
 use rcs_msg::classes::{CLASSES, OBSTACLE_CLASSES, classes_to_json};
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{
-    self, CompressedImage, Grid, PackedElementField, PointCloud, PosesInFrame, RawImage,
+    self, CompressedImage, Grid, PackedElementField, PointCloud, PoseInFrame, PosesInFrame, RawImage,
 };
 use rcs_msg::rcs::{Command, ProcessInfo, ProcessState, Status};
 use rcs_msg::{AnyMessage, MessageEncoding, Payload, Schema, Stamp, schema_of};
-use rcs_runtime::source::{Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic, Track};
+use rcs_runtime::source::{
+    Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic, Track, TrackPoint, WGS84,
+};
 use rcs_world::{Map, MapOptions, Source, Sources, VoteRule, Weights};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The current time of the samples, 12.5 s after their start.
@@ -39,10 +40,12 @@ pub(crate) fn empty() -> Frame {
         now: NOW,
         topics: Arc::new([]),
         processes: Arc::new([]),
-        tracks: Arc::default(),
+        tracks: Arc::new([]),
         transforms: Arc::new(TransformTree::new()),
         runs: Runs::default(),
         playback: Playback::default(),
+        beside: Arc::new([]),
+        is_beside: false,
     }
 }
 
@@ -88,6 +91,7 @@ pub(crate) fn full() -> Frame {
         with_metadata(topic("/obstacles/labels", 5.0, 0.1, label_image(48, 32)), "obstacles", &labels),
         with_metadata(topic("/wm1/map", 5.0, 0.2, world_map()), "wm1", &[("rcs.role", "map")]),
         topic("/lidar/points", 10.0, 0.1, cloud(&ring(500))),
+        topic("/pose", 10.0, 0.05, pose_on_track(124)),
         with_metadata(topic("/planner/path", 5.0, 0.3, path()), "planner", &[("rcs.role", "path")]),
         with_metadata(
             topic("/obstacles/status", 5.0, 0.1, status("RUN", ProcessState::Exec)),
@@ -133,12 +137,7 @@ pub(crate) fn full() -> Frame {
     Frame {
         topics: topics.into(),
         processes: processes.into(),
-        tracks: Arc::new(
-            tracks
-                .into_iter()
-                .map(|track| (Arc::clone(&track.topic), Arc::new(track)))
-                .collect::<BTreeMap<_, _>>(),
-        ),
+        tracks: tracks.into(),
         transforms: Arc::new(tree),
         ..empty()
     }
@@ -306,31 +305,43 @@ fn curve(i: usize) -> [f64; 2] {
 
 fn track(topic: &str, frame_id: &str, turn_rad: f64) -> Track {
     let (sin, cos) = turn_rad.sin_cos();
-    let point = |i: usize| {
+    let place = |i: usize| {
         let [x, y] = curve(i);
-        [cos * x - sin * y, sin * x + cos * y, 0.0, f64::NAN]
+        [cos * x - sin * y, sin * x + cos * y, 0.0]
     };
     Track {
         topic: topic.into(),
+        run: RunTag::FIRST,
         frame_id: frame_id.into(),
-        stamps: stamps(),
-        points: (0..200).map(point).collect(),
+        origin: None,
+        points: (0..200).map(|i| point(i, place(i))).collect(),
     }
 }
 
 fn degrees(topic: &str) -> Track {
-    let point = |i: usize| {
+    let origin = Enu::new(Geodetic::new(48.0, 8.0, 120.0).unwrap());
+    let place = |i: usize| {
         let [east, north] = curve(i);
-        [8.0 + east / 74_600.0, 48.0 + north / 111_200.0, 120.0, f64::NAN]
+        let fix = Geodetic::new(48.0 + north / 111_200.0, 8.0 + east / 74_600.0, 120.0).unwrap();
+        origin.enu_from_geodetic(&fix).to_array()
     };
     Track {
         topic: topic.into(),
-        frame_id: "wgs84".into(),
-        stamps: stamps(),
-        points: (0..200).map(point).collect(),
+        run: RunTag::FIRST,
+        frame_id: WGS84.into(),
+        origin: Some(origin),
+        points: (0..200).map(|i| point(i, place(i))).collect(),
     }
 }
 
-fn stamps() -> Vec<Stamp> {
-    (0..200).map(|i| START.after_ns(i * 100_000_000)).collect()
+fn point(i: usize, position_m: [f64; 3]) -> TrackPoint {
+    TrackPoint { stamp: START.after_ns(i as u64 * 100_000_000), position_m, yaw_rad: f64::NAN }
+}
+
+/// The message of a pose on a track: an arrow of the vehicle.
+fn pose_on_track(i: usize) -> PoseInFrame {
+    let [x, y] = curve(i);
+    let position = Some(foxglove::Vector3 { x, y, z: 0.0 });
+    let pose = Some(foxglove::Pose { position, orientation: None });
+    PoseInFrame { frame_id: "local".into(), pose, ..PoseInFrame::default() }
 }

@@ -1,15 +1,16 @@
 //! A small synthetic frame of a running simulation, for the tests of the views.
 
-use super::{NOW, cloud, empty, grid, image, label_image, topic, track, with_metadata};
+use super::{NOW, cloud, empty, grid, image, label_image, pose_on_track, topic, track, with_metadata};
 use rcs_msg::classes::{CLASSES, OBSTACLE_CLASSES, classes_to_json};
 use rcs_msg::foxglove::points_annotation::Type;
 use rcs_msg::foxglove::{
     CircleAnnotation, Color, ImageAnnotations, Point2, PointsAnnotation, PoseInFrame, TextAnnotation, Vector3,
 };
-use rcs_msg::rcs::{CourseRun, DriveCommand, EmergencyStop, PortInfo, ProcessInfo, VehicleStatus};
+use rcs_msg::rcs::{
+    CourseRun, DriveCommand, EmergencyStop, PortInfo, ProcessInfo, SpeedLimit, VehicleStatus,
+};
 use rcs_msg::{Schema, schema_of};
 use rcs_runtime::source::{Frame, RunTag, Runs, SourceInfo, SourceKind, Topic};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A frame of a running stack: a moving vehicle, its course, shapes on an image, and ground truth.
@@ -31,8 +32,10 @@ pub(crate) fn driving() -> Frame {
         ),
         with_metadata(topic("/vehicle/goal", 1.0, 0.3, goal()), "vehicle", &[("rcs.role", "goal")]),
         topic("/camera/points", 5.0, 0.1, cloud(&[[1.0, 2.0, 0.1]])),
+        topic("/localization/local", 50.0, 0.01, pose_on_track(125)),
         topic("/vehicle/run", 5.0, 0.1, run()),
         topic("/vehicle_interface/vehicle", 50.0, 0.02, status()),
+        topic("/vehicle_interface/params", 0.0, 12.0, SpeedLimit { max_speed_mps: 1.0 }),
         topic("/operator/teleop", 20.0, 0.04, command()),
         Topic::new("/operator/emergency_stop", RunTag::FIRST, Arc::clone(schema_of::<EmergencyStop>())),
     ];
@@ -47,6 +50,8 @@ pub(crate) fn driving() -> Frame {
     let vehicle_interface = ProcessInfo {
         name: "vehicle_interface".into(),
         supervisor: "viewer".into(),
+        // Any message with the options of parameters will do.
+        params_buffer: "/vehicle_interface/params".into(),
         inputs: vec![
             port("drive", "/driver/drive", schema_of::<DriveCommand>(), ""),
             port("teleop", "/operator/teleop", schema_of::<DriveCommand>(), "teleoperation"),
@@ -70,12 +75,7 @@ pub(crate) fn driving() -> Frame {
         now: NOW,
         topics: topics.into(),
         processes: [vehicle_interface, driver].into(),
-        tracks: Arc::new(
-            tracks
-                .into_iter()
-                .map(|track| (Arc::clone(&track.topic), Arc::new(track)))
-                .collect::<BTreeMap<_, _>>(),
-        ),
+        tracks: tracks.into(),
         runs: Runs::default(),
         playback,
         ..nothing
@@ -103,6 +103,8 @@ fn status() -> VehicleStatus {
         pitch_rad: 0.05,
         wanted_speed_mps: 1.0,
         refused: 2,
+        max_speed_mps: 1.3,
+        max_yaw_rate_radps: 1.2,
         last_refusal: "speed of 9 m/s; expected at most 1.3".into(),
         ..VehicleStatus::default()
     }

@@ -3,6 +3,7 @@
 use crate::operator::{DriveSettings, Hand};
 use egui::Ui;
 use ocu_ui::tokens;
+use rcs_msg::AnyMessage;
 use rcs_runtime::RunId;
 use rcs_runtime::source::{Control, Frame, RunTag, Topic};
 use serde::{Deserialize, Serialize};
@@ -19,6 +20,25 @@ pub enum RunChoice {
     Recorded,
     /// The run with this number.
     Run(u32),
+}
+
+impl RunChoice {
+    /// The run, if it is not the one being shown.
+    pub fn id(self) -> Option<RunId> {
+        match self {
+            Self::Run(run) => Some(RunId(run)),
+            Self::Shown | Self::Recorded => None,
+        }
+    }
+
+    /// Name in lists.
+    pub fn name(self) -> String {
+        match self {
+            Self::Shown => "the viewed run".to_owned(),
+            Self::Recorded => "the recording".to_owned(),
+            Self::Run(run) => RunId(run).to_string(),
+        }
+    }
 }
 
 /// Identifies a topic in layouts, in selections and while dragging.
@@ -104,11 +124,42 @@ pub struct Selection {
     pub process: Option<Arc<str>>,
     /// The position under the pointer; the window clears it before each pass.
     pub hovered: Option<HoverPoint>,
+    /// Parameters that are being edited; views show their effect before they are sent.
+    pub preview: Option<Preview>,
     /// Deflection of the drive controls; the window sets it from the keys before each pass, and sends the command after
     /// it.
     pub hand: Hand,
+    /// Whether the drive controls act only after they have been let go; the window sets it.
+    pub let_go_first: bool,
     /// Speeds of manual driving.
     pub drive: DriveSettings,
+}
+
+/// Parameters that are being edited and are not in force yet.
+#[derive(Clone, Debug)]
+pub struct Preview {
+    /// The process to which they belong.
+    pub process: Arc<str>,
+    /// The complete parameters.
+    pub params: AnyMessage,
+}
+
+impl PartialEq for Preview {
+    fn eq(&self, other: &Self) -> bool {
+        self.process == other.process && self.params.same(&other.params)
+    }
+}
+
+/// What a view asks of the window, beyond requests to the source.
+#[derive(Clone, Debug)]
+pub enum Wish {
+    /// Write these parameters of a process into the stack file, after showing the difference.
+    SaveParams {
+        /// The process.
+        process: Arc<str>,
+        /// Its complete parameters.
+        params: AnyMessage,
+    },
 }
 
 /// The input and output of a view in one pass.
@@ -119,6 +170,8 @@ pub struct ViewContext<'a> {
     pub controls: &'a mut Vec<Control>,
     /// The selection; any view may change it.
     pub selection: &'a mut Selection,
+    /// What the window is asked for; it is carried out after the pass.
+    pub wishes: &'a mut Vec<Wish>,
 }
 
 /// The part of a view's state that a layout stores. Caches (textures, decoded images) are not included.

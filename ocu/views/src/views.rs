@@ -42,6 +42,12 @@ pub fn all() -> &'static [ViewType] {
             icons::ICON_SPORTS_ESPORTS,
             "Manual driving, and the progress of the course.",
         ),
+        entry::<crate::tuning::Tuning>(
+            "tuning",
+            "Tuning",
+            icons::ICON_TUNE,
+            "The parameters of a process: change, preview, send, compare, save.",
+        ),
     ];
     VIEWS
 }

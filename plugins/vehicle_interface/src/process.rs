@@ -220,7 +220,7 @@ impl VehicleInterface {
         let dt_s = self.last_cycle.map_or(0.0, |last| cx.now().seconds_since(last).clamp(0.0, 0.1));
         self.last_cycle = Some(cx.now());
         let wheels = self.ramps.step(decision.aim, &drive(params), dt_s);
-        self.send(ports, &decision, wheels, cx);
+        self.send(ports, &decision, wheels, &limits, cx);
         wheels
     }
 
@@ -342,7 +342,7 @@ impl VehicleInterface {
         Decision { aim, wanted_speed_mps: request.speed_mps, stop_reason }
     }
 
-    fn send(&self, ports: &Ports, decision: &Decision, wheels: Wheels, cx: &mut Cycle<'_>) {
+    fn send(&self, ports: &Ports, decision: &Decision, wheels: Wheels, limits: &Limits, cx: &mut Cycle<'_>) {
         let now = cx.now();
         let command = WheelCommand {
             timestamp: Some(now.to_proto()),
@@ -370,6 +370,8 @@ impl VehicleInterface {
             right_a: sensed.right_a,
             bumper_left: sensed.bumper_left,
             bumper_right: sensed.bumper_right,
+            max_speed_mps: limits.speed_mps,
+            max_yaw_rate_radps: limits.yaw_rate_radps,
         };
         cx.write(&ports.vehicle, now, status);
         if decision.stop_reason.is_empty() {

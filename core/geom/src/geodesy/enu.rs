@@ -1,7 +1,9 @@
 //! Earth-centred coordinates and the local east-north-up frame.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
+
+use crate::Pose;
 
 use super::{FLATTENING, Geodetic, SEMI_MAJOR_AXIS_M};
 
@@ -70,6 +72,11 @@ impl Enu {
         self.origin
     }
 
+    /// The pose of this frame in earth-centred coordinates.
+    pub fn ecef_from_enu(&self) -> Pose {
+        Pose::new(DQuat::from_mat3(&self.axes_ecef), self.origin_ecef)
+    }
+
     /// A position as east, north, up, metres.
     pub fn enu_from_geodetic(&self, place: &Geodetic) -> DVec3 {
         self.axes_ecef.transpose() * (ecef_from_geodetic(place) - self.origin_ecef)
@@ -86,6 +93,17 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn two_local_frames_differ_by_a_rigid_transform() {
+        let [a, b] = [(48.0, 8.0, 120.0), (48.1, 8.2, 400.0)].map(|(latitude, longitude, altitude)| {
+            Enu::new(Geodetic::new(latitude, longitude, altitude).unwrap())
+        });
+        let place = Geodetic::new(48.05, 8.1, 0.0).unwrap();
+        let a_from_b = a.ecef_from_enu().inverse() * b.ecef_from_enu();
+        let difference = a_from_b * b.enu_from_geodetic(&place) - a.enu_from_geodetic(&place);
+        assert!(difference.length() < 1e-6, "{difference}");
+    }
 
     proptest! {
         #[test]

@@ -46,6 +46,8 @@ pub struct ParamSpec {
     /// Kind of the file whose content the text is: `world`, `vehicle`, `course`, `models`. A stack gives the file's
     /// name.
     pub file: Option<String>,
+    /// What the parameter is to windows (`rcs.role` of `options.proto`); empty if it is nothing special.
+    pub role: String,
     /// Numbers and names of the choices.
     pub choices: Vec<(i32, String)>,
     /// Parameters of a group, or of one element of a list of messages. A list of plain values has one field without a
@@ -118,6 +120,7 @@ fn spec_at(field: &FieldDescriptor, depth: usize) -> Option<ParamSpec> {
         default: Value::Null,
         help: text("help").unwrap_or_default(),
         file: text("file"),
+        role: text("role").unwrap_or_default(),
         choices,
         fields,
     };

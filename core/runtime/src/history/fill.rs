@@ -1,6 +1,6 @@
 //! Viewing the past, and recomputing what is no longer kept.
 
-use super::runs::Run;
+use super::runs::{Moment, Run, RunId};
 use super::samples::{Entry, Point, Samples, Stored};
 use super::{Session, Shown};
 use crate::error::RunError;
@@ -224,6 +224,32 @@ impl Session {
                 Shown { sample: None, pending: true }
             }
         }
+    }
+
+    /// The moment of another run at a time, and its time: the end of that run, if it ended before.
+    pub(crate) fn moment_in(&self, run: RunId, time: Stamp) -> (Moment, Stamp) {
+        let known = &self.runs[run.0 as usize];
+        let place = known.line.partition_point(|&stretch| self.stretches[stretch].start <= time);
+        let event = self.stretches[known.line[place.saturating_sub(1)]].events_at(time);
+        let at = known.settled(event).min(known.end);
+        (Moment { run, event: at.event, write: at.write }, time.min(known.end_time))
+    }
+
+    /// The newest message of a buffer at a moment of any run, as far as it was kept; nothing is computed again for it.
+    pub(crate) fn latest_in(&mut self, at: Moment, buffer: usize) -> Shown {
+        let run = &self.runs[at.run.0 as usize];
+        let stretch = run.line[run.place_of(&self.stretches, at.event)];
+        let at = Point { event: at.event, write: at.write };
+        let entry = if self.is_on_tape(stretch, at) {
+            self.tape.samples().latest(buffer, at).cloned()
+        } else if self.load(stretch) {
+            let samples = self.stretches[stretch].samples.memory.as_ref();
+            samples.and_then(|samples| samples.latest(buffer, at).cloned())
+        } else {
+            return Shown { sample: None, pending: true };
+        };
+        let sample = entry.and_then(|entry| entry.sample(self.log().as_ref()).ok());
+        Shown { sample, pending: false }
     }
 
     fn log(&self) -> Option<Log> {

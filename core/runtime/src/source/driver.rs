@@ -43,6 +43,8 @@ pub enum Control {
     SwitchRun(crate::RunId),
     /// Undo the last write: continue from before it, in another run.
     Undo,
+    /// Show the same moment of these runs beside the viewed one.
+    Watch(Vec<crate::RunId>),
     /// Write a message repeatedly while the source plays. To be repeated at least every [`HeldControl::LEASE`] while
     /// the control is held; otherwise the control is released.
     Hold(HeldControl),
@@ -172,6 +174,13 @@ impl Driver {
 /// Whether this message has priority over everything else.
 fn is_emergency_stop(message: &AnyMessage) -> bool {
     message.is_a(schema_of::<rcs::EmergencyStop>())
+}
+
+impl Driver {
+    /// Ends the thread without waiting for it: the source ends its current work, and is dropped there.
+    pub fn close(mut self) {
+        self.thread = None;
+    }
 }
 
 impl Drop for Driver {
@@ -316,6 +325,10 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 let moved = self.source.undo().map(|_| ());
                 self.hands.moved(self.source.now());
                 moved
+            }
+            Control::Watch(runs) => {
+                self.source.watch(&runs);
+                return;
             }
             Control::Write { buffer, message } => self.source.write(&buffer, message),
             Control::Hold(held) => {

@@ -1,5 +1,6 @@
 //! Frames: one moment of a source, as the views see it.
 
+use super::tracks::Track;
 use crate::conversion::canonical;
 use crate::history::{Moment, RunId, RunSummary};
 use crate::role::{ROLE, Role};
@@ -154,19 +155,6 @@ impl Topic {
     }
 }
 
-/// A track: every position of a topic with poses, in the topic's own frame.
-#[derive(Clone, Debug, Default)]
-pub struct Track {
-    /// The topic.
-    pub topic: Arc<str>,
-    /// Coordinate frame; `wgs84` if the points are longitude and latitude in degrees and altitude in metres.
-    pub frame_id: String,
-    /// Times, ascending.
-    pub stamps: Vec<Stamp>,
-    /// Position and yaw (x, y, z in m, yaw in rad; NaN if the yaw is unknown), one per time.
-    pub points: Vec<[f64; 4]>,
-}
-
 /// State of playing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Playback {
@@ -233,17 +221,31 @@ pub struct Frame {
     pub topics: Arc<[Topic]>,
     /// All processes, in the order of the stack file.
     pub processes: Arc<[rcs::ProcessInfo]>,
-    /// Every track known so far, over the whole log, by topic.
-    pub tracks: Arc<BTreeMap<Arc<str>, Arc<Track>>>,
+    /// Every track known so far, over the whole log and in every run, by run and topic.
+    pub tracks: Arc<[Track]>,
     /// Transforms up to now; static transforms of the whole log.
     pub transforms: Arc<TransformTree>,
     /// The runs of the stack.
     pub runs: Runs,
     /// State of playing.
     pub playback: Playback,
+    /// The same moment in other runs, as far as they were requested ([`super::Control::Watch`]), by run.
+    pub beside: Arc<[Arc<Frame>]>,
+    /// Whether it is of a run beside the viewed one, to which nothing can be written.
+    pub is_beside: bool,
 }
 
 impl Frame {
+    /// The frame of a run: this one for `None` and for the viewed run. `None` if it is not known.
+    pub fn of_run(&self, run: Option<RunId>) -> Option<&Frame> {
+        match run {
+            Some(run) if run != self.runs.current() => {
+                self.beside.iter().find(|frame| frame.runs.current() == run).map(|frame| &**frame)
+            }
+            _ => Some(self),
+        }
+    }
+
     /// The topic with this name; the computed one if it exists in both.
     pub fn topic(&self, name: &str) -> Option<&Topic> {
         self.topics.iter().filter(|topic| &*topic.name == name).max_by_key(|topic| topic.run)
@@ -257,6 +259,11 @@ impl Frame {
     /// All topics whose messages have this type or convert to it.
     pub fn topics_of_type<'a>(&'a self, type_name: &'a str) -> impl Iterator<Item = &'a Topic> {
         self.topics.iter().filter(move |topic| topic.type_name() == type_name)
+    }
+
+    /// The track of this topic in this run.
+    pub fn track(&self, topic: &str, run: RunTag) -> Option<&Track> {
+        self.tracks.iter().find(|track| &*track.topic == topic && track.run == run)
     }
 
     /// Seconds since the start of the source.

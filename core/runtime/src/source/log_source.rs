@@ -78,10 +78,12 @@ impl Source for LogSource {
             now: self.place.time,
             topics: self.view.topics.clone().into(),
             processes: Arc::clone(&self.processes),
-            tracks: Arc::clone(&self.view.shared_tracks),
+            tracks: self.view.tracks().collect(),
             transforms: Arc::clone(&self.view.shared_tree),
             runs: Runs::default(),
             playback: Playback::default(),
+            beside: Arc::new([]),
+            is_beside: false,
         }
     }
 

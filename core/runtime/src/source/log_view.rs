@@ -1,8 +1,8 @@
 //! The topics of a log at one moment, and background reading of the log.
 
-use super::frame::{RunTag, Topic, Track};
+use super::frame::{RunTag, Topic};
 use super::rates::{LastTimes, WINDOW_NS};
-use super::tracks::{Tracks, is_pose_type, is_transform_type};
+use super::tracks::{Track, Tracks, is_pose_type, is_transform_type};
 use super::{Source, SourceError};
 use crate::conversion::canonical;
 use rcs_bus::{Header, Sample, WriterId};
@@ -40,7 +40,6 @@ pub(crate) struct LogView {
     background: Option<Cursor>,
     tracks: Tracks,
     shared_len: usize,
-    pub(crate) shared_tracks: Arc<BTreeMap<Arc<str>, Arc<Track>>>,
     pub(crate) shared_tree: Arc<TransformTree>,
 }
 
@@ -100,7 +99,6 @@ impl LogView {
             background,
             tracks: Tracks::default(),
             shared_len: 0,
-            shared_tracks: Arc::default(),
             shared_tree: Arc::default(),
         }
     }
@@ -242,13 +240,17 @@ impl LogView {
         if !more {
             self.background = None;
         }
-        // Sharing copies the tracks, so it is done when they have grown by half, and at the end.
+        // Sharing copies the transforms, so it is done when there are half as many more, and at the end.
         if !more || self.tracks.len() > self.shared_len + self.shared_len / 2 + 64 {
             self.shared_len = self.tracks.len();
-            self.shared_tracks = Arc::new(self.tracks.share());
             self.shared_tree = Arc::new(self.tracks.tree());
         }
         more
+    }
+
+    /// The tracks of the log, as far as they have been read.
+    pub(crate) fn tracks(&self) -> impl Iterator<Item = Track> + '_ {
+        self.tracks.read(RunTag::Recorded)
     }
 
     /// All processes that the log describes.

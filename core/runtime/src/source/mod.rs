@@ -13,16 +13,19 @@ mod pace;
 mod rates;
 mod run_tracks;
 mod run_transforms;
+mod series;
 mod stack_source;
 mod stack_steps;
 mod tracks;
 
 pub use driver::{Control, Driver};
-pub use frame::{Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic, Track};
+pub use frame::{Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic};
 pub use held::HeldControl;
 pub use log_source::LogSource;
 pub use log_view::finish_idle;
+pub use series::{Part, Record, Series, SeriesWriter};
 pub use stack_source::StackSource;
+pub use tracks::{Place, Position, Track, TrackBounds, TrackPoint, WGS84};
 
 use rcs_msg::{AnyMessage, Stamp};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -124,6 +127,8 @@ pub trait Source: Send {
     fn undo(&mut self) -> Result<bool, SourceError> {
         Err(SourceError::Unsupported("nothing was written that could be taken back".to_owned()))
     }
+    /// Sets the runs that [`Frame::beside`] shows, apart from the viewed one.
+    fn watch(&mut self, _runs: &[crate::RunId]) {}
     /// Background work in small pieces (for example tracks), while there are no requests; `true` if some is left.
     fn idle(&mut self) -> bool {
         false

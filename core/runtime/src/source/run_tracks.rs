@@ -1,12 +1,11 @@
 //! The tracks of every run of a stack.
 
-use super::frame::Track;
-use super::tracks::{Tracks, is_pose_type};
+use super::frame::RunTag;
+use super::tracks::{Track, Tracks, is_pose_type};
 use crate::conversion::canonical;
-use crate::history::RunSummary;
+use crate::history::{RunId, RunSummary};
 use crate::stepped::Stepped;
 use rcs_bus::Sample;
-use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The tracks of every run.
@@ -56,9 +55,10 @@ impl RunTracks {
         inner.current = current;
     }
 
-    /// The tracks of the current run.
-    pub(crate) fn share(&self) -> BTreeMap<Arc<str>, Arc<Track>> {
+    /// The tracks of every run.
+    pub(crate) fn read(&self) -> Vec<Track> {
         let inner = self.lock();
-        inner.runs[inner.current].share()
+        let runs = (0..).map(|run| RunTag::Run(RunId(run))).zip(&inner.runs);
+        runs.flat_map(|(run, tracks)| tracks.read(run)).collect()
     }
 }

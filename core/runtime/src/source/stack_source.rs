@@ -48,6 +48,8 @@ pub struct StackSource {
     /// The viewed time: that of an event of the run, or later if nothing has happened since.
     pub(super) now: Stamp,
     runs: Arc<[crate::RunSummary]>,
+    /// Runs that are shown beside the viewed one.
+    watched: Vec<RunId>,
     problems: usize,
     /// Number of problems of the log that have been reported.
     log_problems: usize,
@@ -131,6 +133,7 @@ impl StackSource {
             placing,
             now,
             runs: Arc::new([]),
+            watched: Vec::new(),
             problems: 0,
             log_problems: log.map_or(0, |log| log.info().problems.len()),
             generation: 0,
@@ -239,6 +242,27 @@ impl StackSource {
         }
     }
 
+    /// The same moment in the runs that are watched.
+    fn beside(&mut self, frame: &Frame, unwired: &[Topic]) -> Arc<[Arc<Frame>]> {
+        let current = self.session.moment().run;
+        let mut watched = self.watched.clone();
+        watched.retain(|&run| run != current && self.runs.iter().any(|known| known.id == run));
+        let frames = watched.into_iter().map(|run| {
+            let (at, time) = self.session.moment_in(run, self.now);
+            let own = self.topics.iter().enumerate().map(|(buffer, topic)| {
+                let shown = self.session.latest_in(at, buffer);
+                let mut topic = Topic { run: RunTag::Run(run), pending: shown.pending, ..topic.clone() };
+                (topic.latest, topic.canonical) = (shown.sample, Arc::default());
+                topic
+            });
+            let own: Vec<Topic> = own.collect();
+            let runs = Runs { moment: at, is_at_end: true, filling: None, ..frame.runs.clone() };
+            let topics = unwired.iter().cloned().chain(own).collect();
+            Arc::new(Frame { now: time, topics, runs, is_beside: true, ..frame.clone() })
+        });
+        frames.collect()
+    }
+
     /// The source reports what the past could not store or read.
     fn tell_problems(&mut self) {
         let problems = self.session.problems();
@@ -290,17 +314,17 @@ impl Source for StackSource {
         let recorded_topics = recorded.map_or(&[][..], |view| &view.topics).iter();
         let unwired =
             recorded_topics.filter(|topic| !self.wired.values().any(|buffer| *buffer == topic.name));
-        let topics = unwired.chain(&self.topics).cloned().collect();
-        let mut tracks: BTreeMap<_, _> =
-            recorded.map(|view| (*view.shared_tracks).clone()).unwrap_or_default();
-        tracks.extend(self.tracks.share());
-        Frame {
+        let unwired: Vec<Topic> = unwired.cloned().collect();
+        let topics = unwired.iter().chain(&self.topics).cloned().collect();
+        let recorded_tracks = recorded.into_iter().flat_map(LogView::tracks);
+        let tracks = recorded_tracks.chain(self.tracks.read()).collect();
+        let mut frame = Frame {
             generation: self.generation,
             info: Arc::clone(&self.info),
             now: self.now,
             topics,
             processes: Arc::clone(&self.processes),
-            tracks: Arc::new(tracks),
+            tracks,
             transforms: match recorded {
                 Some(view) => Arc::clone(&view.shared_tree),
                 None => self.transforms.share(),
@@ -312,7 +336,15 @@ impl Source for StackSource {
                 filling: self.session.fill_progress(),
             },
             playback: Playback::default(),
-        }
+            beside: Arc::new([]),
+            is_beside: false,
+        };
+        frame.beside = self.beside(&frame, &unwired);
+        frame
+    }
+
+    fn watch(&mut self, runs: &[RunId]) {
+        self.watched = runs.to_vec();
     }
 
     fn seek(&mut self, to: Stamp, task: &Task) -> Result<(), SourceError> {

@@ -1,7 +1,8 @@
 //! Tracks: positions from messages with poses, and the transforms of a log.
 
-use super::frame::Track;
-use rcs_geom::{DVec3, Pose, TransformTree};
+use super::frame::RunTag;
+use super::series::{Record, Series, SeriesWriter};
+use rcs_geom::{DVec3, Enu, Geodetic, Pose, TransformTree};
 use rcs_msg::{AnyMessage, Stamp, foxglove};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,6 +10,8 @@ use std::sync::Arc;
 /// Types of messages with a pose.
 const POSE_TYPES: [&str; 3] = ["foxglove.Odometry", "foxglove.PoseInFrame", "foxglove.LocationFix"];
 const TRANSFORM_TYPES: [&str; 2] = ["foxglove.FrameTransforms", "foxglove.FrameTransform"];
+/// Coordinate frame of geodetic positions.
+pub const WGS84: &str = "wgs84";
 
 pub(crate) fn is_pose_type(name: &str) -> bool {
     POSE_TYPES.contains(&name)
@@ -18,11 +21,121 @@ pub(crate) fn is_transform_type(name: &str) -> bool {
     TRANSFORM_TYPES.contains(&name)
 }
 
+/// One position of a track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackPoint {
+    /// Log time.
+    pub stamp: Stamp,
+    /// Position, m: x, y, z in the track's frame, or east, north, up of its [`Track::origin`].
+    pub position_m: [f64; 3],
+    /// Heading, rad; NaN if it is unknown.
+    pub yaw_rad: f64,
+}
+
+/// The box that contains consecutive positions; numbers that are not finite are left out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackBounds {
+    /// Least coordinates, m.
+    pub min_m: [f64; 3],
+    /// Greatest coordinates, m.
+    pub max_m: [f64; 3],
+}
+
+impl Record for TrackPoint {
+    type Summary = TrackBounds;
+
+    fn stamp(&self) -> Stamp {
+        self.stamp
+    }
+
+    fn summary(&self) -> TrackBounds {
+        TrackBounds { min_m: self.position_m, max_m: self.position_m }
+    }
+
+    fn join(a: TrackBounds, b: TrackBounds) -> TrackBounds {
+        // `f64::min` and `f64::max` prefer a number to NaN.
+        TrackBounds {
+            min_m: std::array::from_fn(|axis| a.min_m[axis].min(b.min_m[axis])),
+            max_m: std::array::from_fn(|axis| a.max_m[axis].max(b.max_m[axis])),
+        }
+    }
+}
+
+/// A track: every position of a topic with poses.
+#[derive(Clone, Debug)]
+pub struct Track {
+    /// The topic.
+    pub topic: Arc<str>,
+    /// Its run.
+    pub run: RunTag,
+    /// Coordinate frame; [`WGS84`] for geodetic positions.
+    pub frame_id: Arc<str>,
+    /// The local frame of geodetic positions: that of the first fix.
+    pub origin: Option<Enu>,
+    /// Its positions.
+    pub points: Series<TrackPoint>,
+}
+
+/// The position of a message with a pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place<'a> {
+    /// Coordinate frame.
+    pub frame_id: &'a str,
+    /// Where it is.
+    pub position: Position,
+    /// Heading, rad; NaN if it is unknown.
+    pub yaw_rad: f64,
+}
+
+/// A position in a frame, or on the Earth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Position {
+    /// x, y, z in m.
+    Local(DVec3),
+    /// Latitude, longitude, altitude.
+    Geodetic(Geodetic),
+}
+
+impl Position {
+    /// In metres: in its own frame, or in the local frame of a geodetic track.
+    pub fn metres(&self, origin: Option<&Enu>) -> DVec3 {
+        match (self, origin) {
+            (Self::Local(position), _) => *position,
+            (Self::Geodetic(place), Some(origin)) => origin.enu_from_geodetic(place),
+            (Self::Geodetic(_), None) => DVec3::NAN,
+        }
+    }
+}
+
+impl<'a> Place<'a> {
+    /// The place that a canonical message states; `None` for other messages and for impossible poses.
+    pub fn of(message: &'a AnyMessage) -> Option<Self> {
+        let local = |frame_id: &'a str, pose: &Option<foxglove::Pose>| {
+            let pose = pose.as_ref().and_then(to_pose)?;
+            Some(Self { frame_id, position: Position::Local(pose.translation), yaw_rad: pose.yaw() })
+        };
+        if let Some(odometry) = message.get::<foxglove::Odometry>() {
+            local(&odometry.frame_id, &odometry.pose)
+        } else if let Some(stamped) = message.get::<foxglove::PoseInFrame>() {
+            local(&stamped.frame_id, &stamped.pose)
+        } else {
+            let fix = message.get::<foxglove::LocationFix>()?;
+            let place = Geodetic::new(fix.latitude, fix.longitude, fix.altitude).ok()?;
+            Some(Self { frame_id: WGS84, position: Position::Geodetic(place), yaw_rad: f64::NAN })
+        }
+    }
+}
+
+struct Growing {
+    frame_id: Arc<str>,
+    origin: Option<Enu>,
+    points: SeriesWriter<TrackPoint>,
+}
+
 /// Tracks and transforms that grow message by message.
 #[derive(Default)]
 pub(crate) struct Tracks {
-    /// Shared with the frames, and copied on write.
-    by_topic: BTreeMap<Arc<str>, Arc<Track>>,
+    by_topic: BTreeMap<Arc<str>, Growing>,
     tree: TransformTree,
     /// Transforms implied by odometry, used if no message gives them.
     implied: TransformTree,
@@ -32,23 +145,18 @@ pub(crate) struct Tracks {
 impl Tracks {
     /// Adds a canonical message with this log time on `topic`.
     pub(crate) fn take(&mut self, topic: &Arc<str>, log_time: Stamp, message: &AnyMessage, is_static: bool) {
+        if let Some(place) = Place::of(message) {
+            self.push(topic, log_time, &place);
+        }
         if let Some(odometry) = message.get::<foxglove::Odometry>() {
-            if let Some(pose) = odometry.pose.as_ref().and_then(to_pose) {
-                self.push(topic, &odometry.frame_id, log_time, pose.translation, pose.yaw());
+            let (parent, child) = (&odometry.frame_id, &odometry.body_frame_id);
+            if let Some(pose) = odometry.pose.as_ref().and_then(to_pose)
+                && !parent.is_empty()
+                && !child.is_empty()
+            {
                 let time = odometry.timestamp.as_ref().and_then(Stamp::from_proto).unwrap_or(log_time);
-                if !odometry.frame_id.is_empty() && !odometry.body_frame_id.is_empty() {
-                    // A loop or a number that is not finite: the track still shows it.
-                    let _ = self.implied.insert(&odometry.frame_id, &odometry.body_frame_id, time.0, pose);
-                }
-            }
-        } else if let Some(stamped) = message.get::<foxglove::PoseInFrame>() {
-            if let Some(pose) = stamped.pose.as_ref().and_then(to_pose) {
-                self.push(topic, &stamped.frame_id, log_time, pose.translation, pose.yaw());
-            }
-        } else if let Some(fix) = message.get::<foxglove::LocationFix>() {
-            let position = DVec3::new(fix.longitude, fix.latitude, fix.altitude);
-            if fix.longitude.is_finite() && fix.latitude.is_finite() {
-                self.push(topic, "wgs84", log_time, position, f64::NAN);
+                // A loop or a number that is not finite: the track still shows it.
+                let _ = self.implied.insert(parent, child, time.0, pose);
             }
         } else if let Some(list) = message.get::<foxglove::FrameTransforms>() {
             for transform in &list.transforms {
@@ -59,16 +167,17 @@ impl Tracks {
         }
     }
 
-    fn push(&mut self, topic: &Arc<str>, frame_id: &str, time: Stamp, position: DVec3, yaw: f64) {
-        let track = self.by_topic.entry(Arc::clone(topic)).or_insert_with(|| {
-            Arc::new(Track { topic: Arc::clone(topic), frame_id: frame_id.to_owned(), ..Track::default() })
+    fn push(&mut self, topic: &Arc<str>, stamp: Stamp, place: &Place<'_>) {
+        let track = self.by_topic.entry(Arc::clone(topic)).or_insert_with(|| Growing {
+            frame_id: place.frame_id.into(),
+            origin: match &place.position {
+                Position::Geodetic(first) => Some(Enu::new(*first)),
+                Position::Local(_) => None,
+            },
+            points: SeriesWriter::default(),
         });
-        // After going back, a run that goes forward again adds nothing new.
-        if track.stamps.last().is_none_or(|&last| time > last) {
-            let track = Arc::make_mut(track);
-            track.stamps.push(time);
-            track.points.push([position.x, position.y, position.z, yaw]);
-        }
+        let position_m = place.position.metres(track.origin.as_ref()).to_array();
+        track.points.push(TrackPoint { stamp, position_m, yaw_rad: place.yaw_rad });
     }
 
     fn transform(&mut self, transform: &foxglove::FrameTransform, log_time: Stamp, is_static: bool) {
@@ -88,27 +197,27 @@ impl Tracks {
 
     /// The tracks for a run that branches from this one at `time`.
     pub(crate) fn fork(&self, time: Stamp) -> Self {
-        let cut = |(topic, track): (&Arc<str>, &Arc<Track>)| {
-            let keep = track.stamps.partition_point(|&stamp| stamp <= time);
-            let track = Track {
-                topic: Arc::clone(&track.topic),
-                frame_id: track.frame_id.clone(),
-                stamps: track.stamps[..keep].to_vec(),
-                points: track.points[..keep].to_vec(),
-            };
-            (Arc::clone(topic), Arc::new(track))
+        let fork = |(topic, track): (&Arc<str>, &Growing)| {
+            let (frame_id, points) = (Arc::clone(&track.frame_id), track.points.fork(time));
+            (Arc::clone(topic), Growing { frame_id, origin: track.origin, points })
         };
-        Self { by_topic: self.by_topic.iter().map(cut).collect(), ..Self::default() }
+        Self { by_topic: self.by_topic.iter().map(fork).collect(), ..Self::default() }
     }
 
     /// Number of positions.
     pub(crate) fn len(&self) -> usize {
-        self.by_topic.values().map(|track| track.stamps.len()).sum()
+        self.by_topic.values().map(|track| track.points.read().len()).sum()
     }
 
-    /// All tracks, shared.
-    pub(crate) fn share(&self) -> BTreeMap<Arc<str>, Arc<Track>> {
-        self.by_topic.clone()
+    /// All tracks up to now, as those of a run.
+    pub(crate) fn read(&self, run: RunTag) -> impl Iterator<Item = Track> + '_ {
+        self.by_topic.iter().map(move |(topic, track)| Track {
+            topic: Arc::clone(topic),
+            run,
+            frame_id: Arc::clone(&track.frame_id),
+            origin: track.origin,
+            points: track.points.read(),
+        })
     }
 
     /// All transforms, shared; those implied by odometry only if no message gives any.

@@ -1,18 +1,24 @@
 //! The contents of the window.
 
-use super::keys::{self, Action};
+use super::commands::{Command, Needs};
+use super::document::Document;
+use super::keymap::Keymap;
 use super::layout_store::LayoutStore;
 use super::notices::Notices;
 use super::open::{self, Invited, Opener, Outcome};
-use super::operate::Operating;
+use super::operate::{Operating, StopState};
+use super::palette::{Choice, KeyList, Palette};
+use super::save_params::{SaveParams, Saved};
 use super::timeline::Timeline;
 use super::top_bar::{self, TopBarAction};
 use super::tree::{Workspace, view_menu};
+use crate::bundled;
 use crate::layout::Layout;
 use crate::open::Request;
 use crate::say;
 use ocu_ui::{icons, tokens, widgets};
-use ocu_views::{Selection, View, ViewContext};
+use ocu_views::{Selection, View, ViewContext, Wish};
+use rcs_runtime::RunId;
 use rcs_runtime::source::{Control, Driver, Frame, Source, SourceKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -51,6 +57,17 @@ impl Shown {
     }
 }
 
+/// Whether the user chose the layout, which then stays until another one suits the source.
+#[derive(Debug, PartialEq)]
+enum Chosen {
+    /// It was selected to suit the source.
+    Nothing,
+    /// Before anything was open.
+    BeforeOpening,
+    /// When the layout with this name suited the source.
+    For(String),
+}
+
 /// The window's contents and their state.
 pub struct Window {
     ctx: egui::Context,
@@ -65,16 +82,22 @@ pub struct Window {
     operating: Operating,
     opener: Opener,
     notices: Notices,
-    help_open: bool,
+    keymap: Keymap,
+    key_list: KeyList,
+    palette: Palette,
+    save_params: Option<SaveParams>,
     layout_store: LayoutStore,
-    /// Whether the user chose the layout; otherwise it is selected to suit the source.
-    is_layout_chosen: bool,
+    document: Document,
+    chosen: Chosen,
+    /// The runs that the source was last asked to show beside the viewed one.
+    watched: Vec<RunId>,
 }
 
 impl Window {
     /// A window that starts to open the source in `options`. `ocu_ui::install` must have been called on the context.
     pub fn new(ctx: &egui::Context, options: Options) -> Self {
         let Options { request, layout, data_dir } = options;
+        let (keymap, wrong_keys) = Keymap::load(data_dir.as_ref().map(|dir| dir.join("keys.ron")));
         let mut window = Self {
             ctx: ctx.clone(),
             shown: Shown::Nothing,
@@ -87,10 +110,18 @@ impl Window {
             operating: Operating::default(),
             opener: Opener::new(ctx, data_dir.as_deref()),
             notices: Notices::default(),
-            help_open: false,
+            keymap,
+            key_list: KeyList::default(),
+            palette: Palette::default(),
+            save_params: None,
             layout_store: LayoutStore::new(data_dir.as_ref().map(|dir| dir.join("layouts"))),
-            is_layout_chosen: false,
+            document: Document::default(),
+            chosen: Chosen::Nothing,
+            watched: Vec::new(),
         };
+        if let Some(error) = wrong_keys {
+            window.notices.error(error);
+        }
         if let Some(layout) = layout {
             window.choose(&layout);
         }
@@ -129,7 +160,10 @@ impl Window {
             // A stack has nothing to show until it runs.
             driver.send(Control::Play);
         }
-        self.shown = Shown::Live(driver);
+        if let Shown::Live(old) = std::mem::replace(&mut self.shown, Shown::Live(driver)) {
+            old.close();
+        }
+        self.watched.clear();
         self.current = request;
         self.timeline.forget();
         self.operating.forget();
@@ -137,10 +171,18 @@ impl Window {
         self.selection = Selection { drive: self.selection.drive, ..Selection::default() };
     }
 
-    /// Stores the arrangement for the next start.
+    /// Stores the arrangement for the next start, and waits until that is done.
     pub fn keep_layout(&mut self) {
-        if let Some(workspace) = &self.workspace {
-            self.layout_store.keep(&workspace.layout(self.buffers_open), &mut self.notices);
+        self.record_layout();
+        self.layout_store.finish();
+    }
+
+    /// Records the arrangement after an action of the user, for undo and for the next start.
+    fn record_layout(&mut self) {
+        let Some(workspace) = &self.workspace else { return };
+        let layout = workspace.layout(self.buffers_open);
+        if self.document.record(&layout) {
+            self.layout_store.keep(&layout);
         }
     }
 
@@ -150,11 +192,12 @@ impl Window {
         self.take_dropped(ui);
         let frame = self.shown.frame();
         let mut controls = Vec::new();
-        self.take_keys(ui, frame.as_deref(), &mut controls);
-        self.selection.hovered = None;
         let live = frame.as_deref().filter(|_| matches!(self.shown, Shown::Live(_)));
-        self.selection.hand =
-            live.map(|frame| self.operating.take_keys(ui, frame, &mut controls)).unwrap_or_default();
+        let stops = live.is_some_and(|frame| self.operating.stop_state(frame) != StopState::None);
+        let acted = self.take_keys(ui.ctx(), stops, frame.as_deref(), &mut controls);
+        self.selection.hovered = None;
+        self.selection.let_go_first = self.operating.is_blocked();
+        self.selection.hand = live.map(|frame| self.operating.take_keys(ui, frame)).unwrap_or_default();
 
         let fill = tokens(ui).panel();
         let bar = egui::Frame::new().fill(fill).inner_margin(egui::Margin::symmetric(8, 4));
@@ -175,10 +218,26 @@ impl Window {
         if let Some(path) = self.opener.ui(ui) {
             self.open_path(&path);
         }
-        self.help_ui(ui);
+        self.key_list_ui(ui);
+        match self.save_params.as_mut().map(|dialog| dialog.ui(ui.ctx())) {
+            None | Some(Saved::Open) => {}
+            Some(Saved::Cancelled) => self.save_params = None,
+            Some(Saved::Written(path)) => {
+                self.save_params = None;
+                // From now on this is the stack that runs: it has these parameters.
+                self.current.stack = Some(path.display().to_string());
+            }
+        }
+        self.palette_ui(ui, frame.as_deref(), &mut controls);
+        show_focus(ui.ctx(), stops);
 
         if let (Shown::Live(driver), Some(frame)) = (&self.shown, &frame) {
             self.operating.finish(ui, frame, &self.selection, &mut controls);
+            let runs = self.workspace.as_ref().map(Workspace::runs).unwrap_or_default();
+            if runs != self.watched {
+                controls.push(Control::Watch(runs.clone()));
+                self.watched = runs;
+            }
             // Repaint while the source works, or may have started to, to show the progress.
             if !controls.is_empty() || driver.busy().is_some() {
                 self.ctx.request_repaint_after(LOOK_AGAIN);
@@ -187,9 +246,10 @@ impl Window {
                 driver.send(control);
             }
         }
-        if self.layout_store.is_due() {
-            self.keep_layout();
+        if acted || may_have_changed(ui) {
+            self.record_layout();
         }
+        self.layout_store.report(&mut self.notices);
     }
 
     fn top(&self, ui: &mut egui::Ui, frame: Option<&Frame>) -> Vec<TopBarAction> {
@@ -202,7 +262,10 @@ impl Window {
             recent: self.opener.recent(),
             buffers_open: self.buffers_open,
             layout_name,
+            own_layouts: self.layout_store.own_names(),
+            keymap: &self.keymap,
             stop: frame.map(|frame| self.operating.stop_state(frame)).unwrap_or_default(),
+            pushed: self.operating.is_pushed(),
         };
         top_bar::ui(ui, &state)
     }
@@ -210,7 +273,8 @@ impl Window {
     fn source_ui(&mut self, ui: &mut egui::Ui, frame: &Frame, bar: egui::Frame, controls: &mut Vec<Control>) {
         let bottom = egui::Panel::bottom("timeline").frame(bar).resizable(false);
         bottom.show(ui, |ui| self.timeline.ui(ui, frame, controls));
-        let mut cx = ViewContext { frame, controls, selection: &mut self.selection };
+        let mut wishes = Vec::new();
+        let mut cx = ViewContext { frame, controls, selection: &mut self.selection, wishes: &mut wishes };
         if let Some(buffers) = self.buffers.as_mut().filter(|_| self.buffers_open) {
             let panel = egui::Frame::new().fill(tokens(ui).panel());
             let left =
@@ -237,6 +301,9 @@ impl Window {
                 });
             }
         });
+        for Wish::SaveParams { process, params } in wishes {
+            self.save_params = Some(SaveParams::new(&self.current, &process, &params));
+        }
     }
 
     fn empty_ui(&mut self, ui: &mut egui::Ui) {
@@ -256,13 +323,32 @@ impl Window {
         }
     }
 
-    fn help_ui(&mut self, ui: &egui::Ui) {
-        egui::Window::new("Keys")
-            .open(&mut self.help_open)
-            .collapsible(false)
-            .resizable(false)
-            .anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO)
-            .show(ui.ctx(), keys::list);
+    fn key_list_ui(&mut self, ui: &egui::Ui) {
+        if self.key_list.is_open() {
+            self.key_list.ui(ui.ctx(), &mut self.keymap);
+        }
+    }
+
+    fn palette_ui(&mut self, ui: &egui::Ui, frame: Option<&Frame>, controls: &mut Vec<Control>) {
+        if !self.palette.is_open() {
+            return;
+        }
+        let layouts = bundled::names("layout").into_iter().map(str::to_owned);
+        let layouts: Vec<String> = layouts.chain(self.layout_store.own_names().iter().cloned()).collect();
+        let state = frame.map(|frame| (frame.info.kind, self.operating.stop_state(frame)));
+        let can = |needs| match needs {
+            Needs::Nothing => true,
+            Needs::Source => state.is_some(),
+            Needs::Stack => state.is_some_and(|(kind, _)| kind != SourceKind::Log),
+            Needs::Vehicle => state.is_some_and(|(_, stop)| stop != StopState::None),
+        };
+        match self.palette.ui(ui.ctx(), &self.keymap, &layouts, can) {
+            Some(Choice::Command(command)) => self.run(command, frame, controls),
+            Some(Choice::View(view_type)) => self.perform(TopBarAction::AddView(view_type), frame, controls),
+            Some(Choice::Layout(name)) => self.perform(TopBarAction::Layout(name), frame, controls),
+            None => return,
+        }
+        self.record_layout();
     }
 
     /// Shows a source that has been opened since the last pass.
@@ -296,15 +382,66 @@ impl Window {
         }
     }
 
-    fn take_keys(&mut self, ui: &egui::Ui, frame: Option<&Frame>, controls: &mut Vec<Control>) {
-        for action in keys::pressed(ui) {
-            match (action, frame) {
-                (Action::Open, _) => self.opener.ask(),
-                (Action::Help, _) => self.help_open = !self.help_open,
-                // While time runs, the arrow keys drive.
-                (action, Some(frame)) if action.is_arrow() && Operating::drives(frame) => {}
-                (action, Some(frame)) => controls.extend(self.timeline.key(action, frame, &self.selection)),
-                (_, None) => {}
+    /// Carries out the commands of the keys that were pressed; returns whether there was any.
+    fn take_keys(
+        &mut self,
+        ctx: &egui::Context,
+        stops: bool,
+        frame: Option<&Frame>,
+        controls: &mut Vec<Control>,
+    ) -> bool {
+        self.key_list.take_key(ctx, &mut self.keymap);
+        let commands = self.keymap.pressed(ctx, stops);
+        for &command in &commands {
+            self.run(command, frame, controls);
+        }
+        !commands.is_empty()
+    }
+
+    /// Carries out a command.
+    fn run(&mut self, command: Command, frame: Option<&Frame>, controls: &mut Vec<Control>) {
+        match command {
+            Command::EmergencyStop => {
+                if let Some(frame) = frame {
+                    self.operating.emergency_stop(frame, true, controls);
+                }
+            }
+            Command::Cancel => cancel(&self.ctx),
+            Command::Open => self.opener.ask(),
+            Command::Keys => self.key_list.toggle(),
+            Command::Palette => self.palette.toggle(),
+            Command::Restart => self.perform(TopBarAction::Restart, frame, controls),
+            Command::TakeBack => controls.push(Control::Undo),
+            Command::Buffers => self.buffers_open = !self.buffers_open,
+            Command::Theme => self.perform(TopBarAction::ToggleTheme, frame, controls),
+            Command::FittingLayout => self.perform(TopBarAction::FittingLayout, frame, controls),
+            Command::ResetLayout => {
+                let name = self.workspace.as_ref().map(|workspace| workspace.name().to_owned());
+                match name.as_deref().and_then(Layout::bundled) {
+                    Some(Ok(layout)) => self.arrange(&layout),
+                    Some(Err(error)) => self.notices.error(error.to_string()),
+                    None => self.notices.error("this layout is your own; expected one that comes with OCU"),
+                }
+            }
+            Command::UndoLayout => {
+                if let Some(layout) = self.document.undo() {
+                    self.arrange(&layout);
+                }
+            }
+            Command::RedoLayout => {
+                if let Some(layout) = self.document.redo() {
+                    self.arrange(&layout);
+                }
+            }
+            Command::PlayPause
+            | Command::Step { .. }
+            | Command::StepCycle { .. }
+            | Command::StepSecond { .. }
+            | Command::ToStart
+            | Command::ToEnd
+            | Command::Loop => {
+                controls
+                    .extend(frame.and_then(|frame| self.timeline.command(command, frame, &self.selection)));
             }
         }
     }
@@ -335,16 +472,28 @@ impl Window {
                 // This pass was laid out with the old colours.
                 self.ctx.request_repaint();
             }
-            TopBarAction::Help => self.help_open = !self.help_open,
+            TopBarAction::Help => self.key_list.toggle(),
+            TopBarAction::Palette => self.palette.toggle(),
+            TopBarAction::Run(command) => self.run(command, frame, controls),
             TopBarAction::AddView(view_type) => {
                 self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty())).add(view_type);
             }
-            TopBarAction::Layout(name) => match Layout::named(&name) {
-                Ok(layout) => self.choose(&layout),
-                Err(error) => self.notices.error(say(&error)),
-            },
+            TopBarAction::Layout(name) => {
+                // As the user last arranged it; how it comes is a command of its own.
+                let kept = self.layout_store.load(&name, &mut self.notices);
+                match kept.map_or_else(|| Layout::named(&name), Ok) {
+                    Ok(layout) => self.choose(&layout),
+                    Err(error) => self.notices.error(say(&error)),
+                }
+            }
+            TopBarAction::SaveLayout(name) => {
+                if let Some(workspace) = &mut self.workspace {
+                    workspace.rename(name);
+                }
+                self.record_layout();
+            }
             TopBarAction::FittingLayout => {
-                self.is_layout_chosen = false;
+                self.chosen = Chosen::Nothing;
                 if let Some(frame) = frame {
                     self.arrange_for(frame);
                 }
@@ -360,25 +509,96 @@ impl Window {
 
     /// Applies a layout chosen by the user.
     fn choose(&mut self, layout: &Layout) {
-        self.keep_layout();
-        self.is_layout_chosen = true;
+        self.record_layout();
+        self.chosen = match self.frame() {
+            Some(frame) => Chosen::For(Layout::for_content(&frame).name),
+            None => Chosen::BeforeOpening,
+        };
         self.arrange(layout);
     }
 
-    /// Applies the layout that suits the source, as the user last arranged it.
+    /// Applies the layout that suits the source, as the user last arranged it. One that the user chose stays for
+    /// sources of the same kind.
     fn arrange_for(&mut self, frame: &Frame) {
         let fitting = Layout::for_content(frame);
-        let stays =
-            self.workspace.as_ref().is_some_and(|now| self.is_layout_chosen || now.name() == fitting.name);
+        if self.chosen == Chosen::BeforeOpening {
+            self.chosen = Chosen::For(fitting.name.clone());
+        }
+        let is_chosen = matches!(&self.chosen, Chosen::For(suited) if *suited == fitting.name);
+        let stays = self.workspace.as_ref().is_some_and(|now| is_chosen || now.name() == fitting.name);
         if !stays {
-            self.keep_layout();
+            self.chosen = Chosen::Nothing;
+            self.record_layout();
             let kept = self.layout_store.load(&fitting.name, &mut self.notices);
             self.arrange(&kept.unwrap_or(fitting));
         }
     }
 
+    /// Goes to an arrangement; views that are in both stay.
     fn arrange(&mut self, layout: &Layout) {
         self.buffers_open = layout.buffers;
-        self.workspace = Some(Workspace::new(layout));
+        match &mut self.workspace {
+            Some(workspace) => workspace.apply(layout),
+            None => self.workspace = Some(Workspace::new(layout)),
+        }
+        self.record_layout();
     }
+}
+
+/// Whether the user did something in this pass that may have changed the arrangement.
+fn may_have_changed(ui: &egui::Ui) -> bool {
+    ui.input(|input| {
+        let acts = |event: &egui::Event| {
+            matches!(
+                event,
+                egui::Event::Key { .. }
+                    | egui::Event::Text(_)
+                    | egui::Event::MouseWheel { .. }
+                    | egui::Event::PointerButton { pressed: false, .. }
+                    | egui::Event::AccessKitActionRequest(_)
+            )
+        };
+        input.events.iter().any(acts)
+    })
+}
+
+/// Does what Escape does where nothing can be stopped: closes menus and dialogs, and leaves a field.
+fn cancel(ctx: &egui::Context) {
+    ctx.memory_mut(|memory| {
+        if let Some(id) = memory.focused() {
+            memory.surrender_focus(id);
+        }
+    });
+    egui::Popup::close_all(ctx);
+    ctx.input_mut(|input| {
+        input.events.push(egui::Event::Key {
+            key: egui::Key::Escape,
+            physical_key: None,
+            pressed: true,
+            repeat: false,
+            modifiers: egui::Modifiers::NONE,
+        });
+    });
+}
+
+/// Marks the widget that has the keyboard focus. Where Escape stops a vehicle, it does not also take the focus away.
+fn show_focus(ctx: &egui::Context, stops: bool) {
+    let Some(id) = ctx.memory(egui::Memory::focused) else { return };
+    if stops {
+        let keeps = egui::EventFilter {
+            escape: true,
+            horizontal_arrows: ctx.text_edit_focused(),
+            vertical_arrows: ctx.text_edit_focused(),
+            tab: false,
+        };
+        ctx.memory_mut(|memory| memory.set_focus_lock_filter(id, keeps));
+    }
+    if ctx.text_edit_focused() {
+        return;
+    }
+    let Some(response) = ctx.read_response(id) else { return };
+    let accent = ocu_ui::tokens_of(ctx.theme()).accent;
+    let painter = ctx.layer_painter(egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("focus")));
+    let rect = response.rect.expand(2.0);
+    painter.rect_stroke(rect, 4.0, egui::Stroke::new(2.0, accent), egui::StrokeKind::Inside);
 }

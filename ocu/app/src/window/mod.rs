@@ -5,13 +5,19 @@
 
 mod app;
 mod body;
+mod commands;
+mod document;
 mod joystick;
-mod keys;
+mod keymap;
 mod layout_store;
 mod notices;
 mod open;
 mod operate;
+mod palette;
+mod save_params;
 mod scale;
+mod shortcut;
+mod stop_button;
 mod timeline;
 mod top_bar;
 mod tree;

@@ -3,7 +3,7 @@
 use super::joystick::Joystick;
 use egui::Key;
 use ocu_views::Selection;
-use ocu_views::operator::{self, Hand, Inputs};
+use ocu_views::operator::{self, DriveLimits, Hand, Inputs};
 use rcs_runtime::source::{Control, Frame, HeldControl};
 use std::time::{Duration, Instant};
 
@@ -48,26 +48,33 @@ pub(super) struct Operating {
     held: Option<([f64; 2], HeldControl)>,
     asked: Option<Asked>,
     joystick: Joystick,
+    /// Whether the controls must be neutral before they drive: after a stop, a pause, and at the start.
+    wait_for_neutral: bool,
+    /// Whether a control was deflected in the last pass.
+    pushed: bool,
 }
 
 impl Operating {
-    /// Whether manual driving is possible now: a stack that expects commands of an operator is running.
-    pub(super) fn drives(frame: &Frame) -> bool {
-        frame.playback.playing && Inputs::of(frame).teleop.is_some()
-    }
-
     /// Resets the state for another source.
     pub(super) fn forget(&mut self) {
         (self.held, self.asked) = (None, None);
+        (self.wait_for_neutral, self.pushed) = (true, false);
     }
 
-    /// The deflection from keys and joystick. Escape requests an emergency stop.
-    pub(super) fn take_keys(&mut self, ui: &egui::Ui, frame: &Frame, controls: &mut Vec<Control>) -> Hand {
+    /// Whether a control is deflected that must be let go before anything drives.
+    pub(super) fn is_blocked(&self) -> bool {
+        self.wait_for_neutral && self.pushed
+    }
+
+    /// Whether a control is deflected.
+    pub(super) fn is_pushed(&self) -> bool {
+        self.pushed
+    }
+
+    /// The deflection from keys and joystick.
+    pub(super) fn take_keys(&mut self, ui: &egui::Ui, frame: &Frame) -> Hand {
         let inputs = Inputs::of(frame);
-        if inputs.emergency_stop.is_some() && ui.input(|input| input.key_pressed(Key::Escape)) {
-            self.emergency_stop(frame, true, controls);
-        }
-        if inputs.teleop.is_none() || !frame.playback.playing {
+        if inputs.teleop.is_none() {
             return Hand::default();
         }
         self.joystick.start(ui.ctx());
@@ -119,14 +126,20 @@ impl Operating {
                 }
             }
         }
-        let teleop = Inputs::of(frame).teleop.filter(|_| frame.playback.playing && selection.hand.pushes());
+        let inputs = Inputs::of(frame);
+        let may_drive =
+            frame.playback.playing && matches!(self.stop_state(frame), StopState::None | StopState::Clear);
+        self.pushed = selection.hand.pushes();
+        // Releasing a stop, or letting time run, must not start motion because a control is still deflected.
+        self.wait_for_neutral = !may_drive || (self.wait_for_neutral && self.pushed);
+        let teleop = inputs.teleop.filter(|_| self.pushed && !self.wait_for_neutral);
         let Some(teleop) = teleop else {
             if let Some((_, held)) = self.held.take() {
                 controls.push(Control::LetGo(operator::drive(&held.buffer, [0.0; 2])));
             }
             return;
         };
-        let wanted = selection.drive.wanted(selection.hand);
+        let wanted = selection.drive.within(DriveLimits::of(frame)).wanted(selection.hand);
         let held = match &self.held {
             Some((same, held)) if *same == wanted && *held.buffer == *teleop => held.clone(),
             _ => operator::drive(&teleop, wanted),
@@ -149,22 +162,18 @@ fn send(frame: &Frame, active: bool, controls: &mut Vec<Control>) {
     }
 }
 
-/// The deflection from held keys: letters unless text is being typed, arrows unless they move the keyboard focus.
+/// The deflection from held keys; none while text is typed. Arrow keys never drive: they step.
 fn keys(ui: &egui::Ui) -> Hand {
-    let letters = !ui.ctx().text_edit_focused();
-    let arrows = !ui.ctx().egui_wants_keyboard_input();
+    if ui.ctx().text_edit_focused() {
+        return Hand::default();
+    }
     ui.input(|input| {
         if input.modifiers.command || input.modifiers.alt {
             return Hand::default();
         }
-        let down = |letter: Key, arrow: Key| {
-            (letters && input.key_down(letter)) || (arrows && input.key_down(arrow))
+        let axis = |plus: Key, minus: Key| {
+            f64::from(i8::from(input.key_down(plus)) - i8::from(input.key_down(minus)))
         };
-        let axis = |plus: bool, minus: bool| f64::from(i8::from(plus) - i8::from(minus));
-        Hand {
-            forward: axis(down(Key::W, Key::ArrowUp), down(Key::S, Key::ArrowDown)),
-            left: axis(down(Key::A, Key::ArrowLeft), down(Key::D, Key::ArrowRight)),
-            slow: input.modifiers.shift,
-        }
+        Hand { forward: axis(Key::W, Key::S), left: axis(Key::A, Key::D), slow: input.modifiers.shift }
     })
 }

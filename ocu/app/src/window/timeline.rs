@@ -1,6 +1,6 @@
 //! The timeline at the bottom of the window: the current time, and playback controls.
 
-use super::keys::Action;
+use super::commands::Command;
 use super::scale::Scale;
 use crate::time::date_and_time;
 use egui::{Rect, Role, Sense, Stroke, WidgetInfo};
@@ -68,27 +68,27 @@ impl Timeline {
         (self.asked, self.furthest) = (None, Stamp(0));
     }
 
-    /// The control for a key's action.
-    pub(super) fn key(&self, action: Action, frame: &Frame, selection: &Selection) -> Option<Control> {
+    /// The control for a command about time; `None` for other commands.
+    pub(super) fn command(&self, command: Command, frame: &Frame, selection: &Selection) -> Option<Control> {
         let playback = &frame.playback;
-        Some(match action {
-            Action::PlayPause if playback.playing => Control::Pause,
-            Action::PlayPause => Control::Play,
-            Action::Step { back } => Control::Step(self.unit.step(back)),
-            Action::StepCycle { back } => {
+        Some(match command {
+            Command::PlayPause if playback.playing => Control::Pause,
+            Command::PlayPause => Control::Play,
+            Command::Step { back } => Control::Step(self.unit.step(back)),
+            Command::StepCycle { back } => {
                 let process = match &self.unit {
                     Unit::Cycle(process) => process.clone(),
                     _ => selection.process.as_ref().map(ToString::to_string),
                 };
                 Control::Step(Step::Cycle { process, back })
             }
-            Action::StepSecond { back } => {
+            Command::StepSecond { back } => {
                 Control::Step(Step::Time { ns: if back { -SECOND_NS } else { SECOND_NS } })
             }
-            Action::ToStart => Control::Seek(frame.info.start),
-            Action::ToEnd => Control::Seek(frame.info.end.unwrap_or(self.furthest)),
-            Action::Loop => Control::Loop(!playback.looping),
-            Action::Open | Action::Help => return None,
+            Command::ToStart => Control::Seek(frame.info.start),
+            Command::ToEnd => Control::Seek(frame.info.end.unwrap_or(self.furthest)),
+            Command::Loop => Control::Loop(!playback.looping),
+            _ => return None,
         })
     }
 

@@ -1,9 +1,12 @@
 //! The bar at the top of the window: the open source, its state, and actions.
 
+use super::commands::{Command, entry_of};
+use super::keymap::Keymap;
 use super::open::recent_button;
 use super::operate::StopState;
 use super::tree::view_menu;
 use crate::bundled;
+use crate::layout::Layout;
 use crate::open::Request;
 use crate::stacks;
 use ocu_ui::{icons, tokens, widgets};
@@ -23,7 +26,12 @@ pub(super) struct State<'a> {
     pub(super) recent: &'a [PathBuf],
     pub(super) buffers_open: bool,
     pub(super) layout_name: &'a str,
+    /// The user's layouts that are none of the bundled ones.
+    pub(super) own_layouts: &'a [String],
+    pub(super) keymap: &'a Keymap,
     pub(super) stop: StopState,
+    /// Whether a control of manual driving is deflected.
+    pub(super) pushed: bool,
 }
 
 /// An action requested by the user.
@@ -44,7 +52,12 @@ pub(super) enum TopBarAction {
     Help,
     AddView(&'static ViewType),
     Layout(String),
+    /// Keep the arrangement under this name.
+    SaveLayout(String),
     FittingLayout,
+    Palette,
+    /// Carry out a command of the table.
+    Run(Command),
 }
 
 /// Paints the bar.
@@ -63,7 +76,9 @@ pub(super) fn ui(ui: &mut egui::Ui, state: &State<'_>) -> Vec<TopBarAction> {
 }
 
 fn right(ui: &mut egui::Ui, state: &State<'_>, actions: &mut Vec<TopBarAction>) {
-    stop(ui, state.stop, actions);
+    if let Some(active) = super::stop_button::ui(ui, state.stop, state.pushed) {
+        actions.push(TopBarAction::EmergencyStop(active));
+    }
     let (icon, name) = if ui.visuals().dark_mode {
         (icons::ICON_LIGHT_MODE, "Light colours")
     } else {
@@ -75,23 +90,15 @@ fn right(ui: &mut egui::Ui, state: &State<'_>, actions: &mut Vec<TopBarAction>) 
     if widgets::icon_button(ui, icons::ICON_KEYBOARD, "List the keys").clicked() {
         actions.push(TopBarAction::Help);
     }
+    let text = format!("Find a command ({})", state.keymap.text(Command::Palette));
+    if widgets::icon_button(ui, icons::ICON_SEARCH, &text).clicked() {
+        actions.push(TopBarAction::Palette);
+    }
     let toggle = widgets::icon_button_of(ui, icons::ICON_VIEW_SIDEBAR, "Buffers", state.buffers_open, true);
     if toggle.clicked() {
         actions.push(TopBarAction::ToggleBuffers);
     }
-    ui.menu_button(format!("{}  Layout", icons::ICON_DASHBOARD.codepoint), |ui| {
-        for name in bundled::names("layout") {
-            if ui.selectable_label(name == state.layout_name, name).clicked() {
-                actions.push(TopBarAction::Layout(name.to_owned()));
-                ui.close();
-            }
-        }
-        ui.separator();
-        if ui.add_enabled(state.frame.is_some(), egui::Button::new("What fits the source")).clicked() {
-            actions.push(TopBarAction::FittingLayout);
-            ui.close();
-        }
-    });
+    layout_menu(ui, state, actions);
     ui.menu_button(format!("{}  View", icons::ICON_ADD.codepoint), |ui| {
         if let Some(view_type) = view_menu(ui) {
             actions.push(TopBarAction::AddView(view_type));
@@ -99,41 +106,56 @@ fn right(ui: &mut egui::Ui, state: &State<'_>, actions: &mut Vec<TopBarAction>) 
     });
 }
 
-/// The emergency stop button: one click sets it, another one releases it, and the vehicle confirms both.
-fn stop(ui: &mut egui::Ui, state: StopState, actions: &mut Vec<TopBarAction>) {
-    let tokens = tokens(ui);
-    let (text, action) = match state {
-        StopState::None => return,
-        StopState::Clear => ("STOP", true),
-        StopState::Asked { active: true, late: false } => ("STOPPING…", true),
-        StopState::Asked { late: true, .. } => ("NOT CONFIRMED", true),
-        StopState::Asked { active: false, .. } => ("RELEASING…", true),
-        StopState::Stopped => ("STOPPED", false),
-    };
-    let name = format!("Emergency stop: {text}");
-    let text = egui::RichText::new(format!("{}  {text}", icons::ICON_DANGEROUS.codepoint)).strong();
-    let button =
-        egui::Button::new(text.color(tokens.on_stop)).fill(tokens.stop).min_size(egui::vec2(136.0, 20.0));
-    let response = ui.add(button);
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
-    let hover = match state {
-        StopState::Stopped => {
-            "The vehicle says that it is stopped. Release it with the button beside this one."
+/// Menu of the layouts: those that come with the program, the user's own, and what can be done with them.
+fn layout_menu(ui: &mut egui::Ui, state: &State<'_>, actions: &mut Vec<TopBarAction>) {
+    let config = egui::containers::menu::MenuConfig::new()
+        .close_behavior(egui::PopupCloseBehavior::CloseOnClickOutside);
+    let text = format!("{}  Layout", icons::ICON_DASHBOARD.codepoint);
+    egui::containers::menu::MenuButton::new(text).config(config).ui(ui, |ui| {
+        ui.set_min_width(200.0);
+        let mut choice = |ui: &mut egui::Ui, name: &str| {
+            if ui.selectable_label(name == state.layout_name, name).clicked() {
+                actions.push(TopBarAction::Layout(name.to_owned()));
+                ui.close();
+            }
+        };
+        bundled::names("layout").into_iter().for_each(|name| choice(ui, name));
+        if !state.own_layouts.is_empty() {
+            ui.separator();
+            state.own_layouts.iter().for_each(|name| choice(ui, name));
         }
-        StopState::Asked { .. } => "Sent; the vehicle has not said yet that it obeys. Press to stop.",
-        _ => "Emergency stop (Esc)",
-    };
-    if response.on_hover_text(hover).clicked() && action {
-        actions.push(TopBarAction::EmergencyStop(true));
-    }
-    if state == StopState::Stopped {
-        let release = egui::Button::new(format!("{}  Release", icons::ICON_LOCK_OPEN.codepoint));
-        let release = ui.add(release).on_hover_text("Let the vehicle move again");
-        if release.clicked() {
-            actions.push(TopBarAction::EmergencyStop(false));
+        ui.separator();
+        let needed = [
+            (Command::FittingLayout, state.frame.is_some()),
+            (Command::ResetLayout, Layout::bundled(state.layout_name).is_some()),
+            (Command::UndoLayout, true),
+            (Command::RedoLayout, true),
+        ];
+        for (command, can) in needed {
+            let Some(entry) = entry_of(command) else { continue };
+            let button = egui::Button::new(entry.name).shortcut_text(state.keymap.text(command));
+            if ui.add_enabled(can, button).clicked() {
+                actions.push(TopBarAction::Run(command));
+                ui.close();
+            }
         }
-    }
-    ui.separator();
+        ui.separator();
+        let id = ui.scope_id().with("layout name");
+        let mut name: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
+        ui.horizontal(|ui| {
+            let edit =
+                egui::TextEdit::singleline(&mut name).hint_text("a name of your own").desired_width(120.0);
+            let edit = ui.add(edit);
+            ui.ctx().accesskit_node_builder(edit.id, |node| node.set_label("Name of the layout"));
+            let is_free = !name.trim().is_empty() && Layout::bundled(name.trim()).is_none();
+            if ui.add_enabled(is_free, egui::Button::new("Keep as")).clicked() {
+                actions.push(TopBarAction::SaveLayout(name.trim().to_owned()));
+                name.clear();
+                ui.close();
+            }
+        });
+        ui.data_mut(|data| data.insert_temp(id, name));
+    });
 }
 
 /// Course and seed of a simulation, and a button to restart it.

@@ -1,32 +1,60 @@
 //! The views in the middle of the window, in tiles and tabs that the user arranges.
 
+use super::document::VIEWPORT;
 use crate::layout::{Layout, Node, VERSION};
 use egui_tiles::{Container, Linear, LinearDir, Tabs, Tile, TileId, Tiles, Tree};
-use ocu_ui::{icons, tokens};
-use ocu_views::{View, ViewContext, ViewType, view_type};
+use ocu_ui::{icons, tokens, widgets};
+use ocu_views::{RunChoice, SavedState, View, ViewContext, ViewType, view_type};
+use rcs_runtime::RunId;
+use std::collections::BTreeMap;
 
 /// One view in its tile.
 struct Pane {
+    /// Identity in this window.
+    id: u64,
     view_type: &'static ViewType,
     view: Box<dyn View>,
+    /// The run that it shows.
+    run: RunChoice,
 }
 
 /// The tiles and their views.
 pub(super) struct Workspace {
     tree: Tree<Pane>,
     name: String,
+    /// The id of the next view.
+    next_id: u64,
+    /// The view that was used last, beside which new ones open.
+    focused: Option<u64>,
 }
 
 impl Workspace {
     /// Creates the views of a layout.
     pub(super) fn new(layout: &Layout) -> Self {
+        let tree = Tree::empty(id());
+        let mut workspace = Self { tree, name: String::new(), next_id: 1, focused: None };
+        workspace.apply(layout);
+        workspace
+    }
+
+    /// Goes to another arrangement. Views that are in both stay as they are, and keep where they look.
+    pub(super) fn apply(&mut self, layout: &Layout) {
+        let old = std::mem::replace(&mut self.tree, Tree::empty(id()));
+        let panes =
+            old.tiles.iter().filter_map(|(tile, content)| matches!(content, Tile::Pane(_)).then_some(*tile));
+        let panes: Vec<TileId> = panes.collect();
+        let mut old_tiles = old.tiles;
+        let taken = panes.into_iter().filter_map(|tile| match old_tiles.remove(tile) {
+            Some(Tile::Pane(pane)) => Some((pane.id, pane)),
+            _ => None,
+        });
+        let mut maker = Maker { old: taken.collect(), next_id: self.next_id };
         let mut tiles = Tiles::default();
-        let root = insert(&mut tiles, &layout.root);
-        let tree = match root {
-            Some(root) => Tree::new(id(), root, tiles),
-            None => Tree::empty(id()),
-        };
-        Self { tree, name: layout.name.clone() }
+        if let Some(root) = maker.insert(&mut tiles, &layout.root) {
+            self.tree = Tree::new(id(), root, tiles);
+        }
+        self.next_id = maker.next_id;
+        self.name.clone_from(&layout.name);
     }
 
     /// The current arrangement as a layout.
@@ -45,28 +73,90 @@ impl Workspace {
         &self.name
     }
 
+    /// Gives the arrangement another name.
+    pub(super) fn rename(&mut self, name: String) {
+        self.name = name;
+    }
+
+    /// The runs that views show beside the viewed one.
+    pub(super) fn runs(&self) -> Vec<RunId> {
+        let panes = self.tree.tiles.tiles().filter_map(|tile| match tile {
+            Tile::Pane(Pane { run: RunChoice::Run(run), .. }) => Some(RunId(*run)),
+            _ => None,
+        });
+        let mut runs: Vec<RunId> = panes.collect();
+        runs.sort_unstable();
+        runs.dedup();
+        runs
+    }
+
     /// Whether there is no view.
     pub(super) fn is_empty(&self) -> bool {
         !self.tree.tiles.tiles().any(|tile| matches!(tile, Tile::Pane(_)))
     }
 
-    /// Adds a view at the right of all others.
+    fn pane(&mut self, view_type: &'static ViewType) -> Pane {
+        let id = self.next_id;
+        self.next_id += 1;
+        self.focused = Some(id);
+        Pane { id, view_type, view: (view_type.make)(), run: RunChoice::Shown }
+    }
+
+    /// The tile of the view that was used last.
+    fn focused_tile(&self) -> Option<TileId> {
+        let wanted = self.focused?;
+        let panes = self.tree.tiles.iter();
+        panes
+            .filter(|(_, tile)| matches!(tile, Tile::Pane(pane) if pane.id == wanted))
+            .map(|(id, _)| *id)
+            .find(|&id| self.tree.is_visible(id))
+    }
+
+    /// Adds a view beside the one that was used last, along its longer side; without one, at the right of all others.
     pub(super) fn add(&mut self, view_type: &'static ViewType) {
-        let pane = self.tree.tiles.insert_pane(Pane { view_type, view: (view_type.make)() });
+        let beside = self.focused_tile().map(|pane| self.tree.tiles.parent_of(pane).unwrap_or(pane));
+        let pane = self.pane(view_type);
+        let pane = self.tree.tiles.insert_pane(pane);
         let added = self.tree.tiles.insert_tab_tile(vec![pane]);
         let Some(root) = self.tree.root().filter(|_| !self.is_alone(added)) else {
             self.tree = Tree::new(id(), added, std::mem::take(&mut self.tree.tiles));
             return;
         };
-        let row = match self.tree.tiles.get(root) {
-            Some(Tile::Container(Container::Linear(linear))) if linear.dir == LinearDir::Horizontal => root,
-            _ => {
-                let row = self.tree.tiles.insert_horizontal_tile(vec![root]);
-                self.tree.root = Some(row);
-                row
+        let beside = beside.unwrap_or(root);
+        let size = self.tree.tiles.rect(beside).map_or(egui::vec2(2.0, 1.0), |rect| rect.size());
+        let dir = if size.x >= size.y { LinearDir::Horizontal } else { LinearDir::Vertical };
+        if let Some(parent) = self.tree.tiles.parent_of(beside)
+            && let Some(Tile::Container(Container::Linear(linear))) = self.tree.tiles.get_mut(parent)
+            && linear.dir == dir
+        {
+            // Both share the place that the one had.
+            let share = linear.shares[beside] / 2.0;
+            linear.shares.set_share(beside, share);
+            linear.shares.set_share(added, share);
+            let index = linear.children.iter().position(|&child| child == beside);
+            linear.children.insert(index.map_or(linear.children.len(), |index| index + 1), added);
+            return;
+        }
+        let parent = self.tree.tiles.parent_of(beside);
+        let both = self.tree.tiles.insert_container(Linear::new(dir, vec![beside, added]));
+        match parent.and_then(|parent| self.tree.tiles.get_mut(parent)) {
+            Some(Tile::Container(Container::Linear(linear))) => {
+                let share = linear.shares[beside];
+                linear.shares.set_share(both, share);
+                replace(&mut linear.children, beside, both);
             }
-        };
-        self.tree.move_tile_to_container(added, row, usize::MAX, false);
+            Some(Tile::Container(Container::Tabs(tabs))) => {
+                let was_active = tabs.is_active(beside);
+                replace(&mut tabs.children, beside, both);
+                if was_active {
+                    tabs.set_active(both);
+                }
+            }
+            Some(Tile::Container(Container::Grid(grid))) => {
+                grid.replace_at(grid.children().position(|&child| child == beside).unwrap_or(0), both);
+            }
+            _ => self.tree.root = Some(both),
+        }
     }
 
     /// Whether `added` is the only pane.
@@ -77,16 +167,28 @@ impl Workspace {
 
     /// Paints all views.
     pub(super) fn ui(&mut self, ui: &mut egui::Ui, cx: &mut ViewContext<'_>) {
-        let mut behavior = Behavior { cx, add: None };
+        let mut behavior = Behavior { cx, add: None, focused: self.focused, run: None };
         self.tree.ui(&mut behavior, ui);
-        if let Some((tabs, view_type)) = behavior.add {
-            let pane = self.tree.tiles.insert_pane(Pane { view_type, view: (view_type.make)() });
+        let Behavior { add, focused, run, .. } = behavior;
+        self.focused = focused;
+        if let Some((tile, run)) = run
+            && let Some(Tile::Pane(pane)) = self.tree.tiles.get_mut(tile)
+        {
+            pane.run = run;
+        }
+        if let Some((tabs, view_type)) = add {
+            let pane = self.pane(view_type);
+            let pane = self.tree.tiles.insert_pane(pane);
             if let Some(Tile::Container(Container::Tabs(tabs))) = self.tree.tiles.get_mut(tabs) {
                 tabs.add_child(pane);
                 tabs.set_active(pane);
             }
         }
     }
+}
+
+fn replace(children: &mut [TileId], old: TileId, new: TileId) {
+    children.iter_mut().filter(|child| **child == old).for_each(|child| *child = new);
 }
 
 /// A menu of all kinds of views; returns the chosen one.
@@ -106,21 +208,81 @@ struct Behavior<'a, 'b> {
     cx: &'a mut ViewContext<'b>,
     /// A view to add, and the tabs to which it is added.
     add: Option<(TileId, &'static ViewType)>,
+    /// The view that was used last.
+    focused: Option<u64>,
+    /// A view that is to show another run.
+    run: Option<(TileId, RunChoice)>,
 }
 
 impl egui_tiles::Behavior<Pane> for Behavior<'_, '_> {
     fn pane_ui(&mut self, ui: &mut egui::Ui, id: TileId, pane: &mut Pane) -> egui_tiles::UiResponse {
+        let area = ui.available_rect_before_wrap();
         ui.push_id(id, |ui| {
             egui::Frame::new().fill(tokens(ui).panel()).show(ui, |ui| {
                 ui.set_min_size(ui.available_size());
-                ocu_views::show(pane.view.as_mut(), ui, self.cx);
+                let frame = self.cx.frame;
+                let Some(frame) = frame.of_run(pane.run.id()) else {
+                    let hint = "Right-click the tab to choose a run of this source.";
+                    let title = format!("There is no {}", pane.run.name());
+                    return widgets::empty(ui, icons::ICON_CALL_SPLIT, &title, hint);
+                };
+                let ViewContext { controls, selection, wishes, .. } = &mut *self.cx;
+                let mut cx = ViewContext { frame, controls, selection, wishes };
+                ocu_views::show(pane.view.as_mut(), ui, &mut cx);
             });
         });
+        let is_used = ui.input(|input| input.pointer.any_pressed()) && ui.rect_contains_pointer(area);
+        if is_used {
+            self.focused = Some(pane.id);
+        }
         egui_tiles::UiResponse::None
     }
 
     fn tab_title_for_pane(&mut self, pane: &Pane) -> egui::WidgetText {
-        pane.view.title(self.cx.frame).into()
+        let frame = self.cx.frame.of_run(pane.run.id()).unwrap_or(self.cx.frame);
+        let title = pane.view.title(frame);
+        match pane.run {
+            RunChoice::Shown => title.into(),
+            run => format!("{title} · {}", run.name()).into(),
+        }
+    }
+
+    fn on_tab_button(
+        &mut self,
+        tiles: &mut Tiles<Pane>,
+        tile: TileId,
+        button: egui::Response,
+    ) -> egui::Response {
+        let Some(Tile::Pane(pane)) = tiles.get(tile) else { return button };
+        let runs = &self.cx.frame.runs.all;
+        if runs.len() > 1 || pane.run != RunChoice::Shown {
+            button.context_menu(|ui| {
+                ui.label(egui::RichText::new("Run that it shows").small().color(tokens(ui).weak));
+                let shown = std::iter::once(RunChoice::Shown);
+                for run in shown.chain(runs.iter().map(|run| RunChoice::Run(run.id.0))) {
+                    if ui.selectable_label(pane.run == run, run.name()).clicked() {
+                        self.run = Some((tile, run));
+                        ui.close();
+                    }
+                }
+            });
+        }
+        button
+    }
+
+    fn tab_text_color(
+        &self,
+        visuals: &egui::Visuals,
+        tiles: &Tiles<Pane>,
+        tile: TileId,
+        state: &egui_tiles::TabState,
+    ) -> egui::Color32 {
+        let is_focused = matches!(tiles.get(tile), Some(Tile::Pane(pane)) if Some(pane.id) == self.focused);
+        match (state.active, is_focused) {
+            (true, true) => visuals.strong_text_color(),
+            (true, false) => visuals.text_color(),
+            _ => visuals.weak_text_color(),
+        }
     }
 
     fn is_tab_closable(&self, _tiles: &Tiles<Pane>, _id: TileId) -> bool {
@@ -175,45 +337,75 @@ fn id() -> egui::Id {
     egui::Id::unique("workspace")
 }
 
-/// Adds the views of a node as tiles; `None` for a container without views.
-fn insert(tiles: &mut Tiles<Pane>, node: &Node) -> Option<TileId> {
-    let linear = |tiles: &mut Tiles<Pane>, dir: LinearDir, parts: &[(f32, Node)]| {
-        let parts: Vec<(f32, TileId)> =
-            parts.iter().filter_map(|(share, node)| Some((*share, insert(tiles, node)?))).collect();
+/// Makes tiles from the nodes of a layout.
+struct Maker {
+    /// Views of the previous arrangement, by id.
+    old: BTreeMap<u64, Pane>,
+    next_id: u64,
+}
+
+impl Maker {
+    /// Adds the views of a node as tiles; `None` for a container without views.
+    fn insert(&mut self, tiles: &mut Tiles<Pane>, node: &Node) -> Option<TileId> {
+        match node {
+            Node::Row(parts) => self.linear(tiles, LinearDir::Horizontal, parts),
+            Node::Column(parts) => self.linear(tiles, LinearDir::Vertical, parts),
+            Node::Grid(nodes) => {
+                let ids: Vec<TileId> = nodes.iter().filter_map(|node| self.insert(tiles, node)).collect();
+                (!ids.is_empty()).then(|| tiles.insert_grid_tile(ids))
+            }
+            Node::Tabs { active, tiles: nodes } => {
+                let ids: Vec<Option<TileId>> = nodes.iter().map(|node| self.insert(tiles, node)).collect();
+                let seen = ids.get(*active).copied().flatten();
+                let mut tabs = Tabs::new(ids.into_iter().flatten().collect());
+                if let Some(seen) = seen {
+                    tabs.set_active(seen);
+                }
+                (!tabs.children.is_empty()).then(|| tiles.insert_container(tabs))
+            }
+            Node::View { kind, state, run, id } => {
+                let pane = self.pane(kind, state, *run, *id)?;
+                let pane = tiles.insert_pane(pane);
+                Some(tiles.insert_tab_tile(vec![pane]))
+            }
+        }
+    }
+
+    fn linear(&mut self, tiles: &mut Tiles<Pane>, dir: LinearDir, parts: &[(f32, Node)]) -> Option<TileId> {
+        let parts = parts.iter().filter_map(|(share, node)| Some((*share, self.insert(tiles, node)?)));
+        let parts: Vec<(f32, TileId)> = parts.collect();
         let mut linear = Linear::new(dir, parts.iter().map(|&(_, id)| id).collect());
         for &(share, id) in &parts {
             linear.shares.set_share(id, share);
         }
         (!parts.is_empty()).then(|| tiles.insert_container(linear))
-    };
-    match node {
-        Node::Row(parts) => linear(tiles, LinearDir::Horizontal, parts),
-        Node::Column(parts) => linear(tiles, LinearDir::Vertical, parts),
-        Node::Grid(nodes) => {
-            let ids: Vec<TileId> = nodes.iter().filter_map(|node| insert(tiles, node)).collect();
-            (!ids.is_empty()).then(|| tiles.insert_grid_tile(ids))
+    }
+
+    /// A view of the previous arrangement, or a new one.
+    fn pane(&mut self, kind: &str, state: &SavedState, run: RunChoice, id: u64) -> Option<Pane> {
+        // The layout has been checked before, so the kind is known and the state is valid.
+        let view_type = view_type(kind)?;
+        let kept = self.old.remove(&id).filter(|pane| pane.view_type.kind == kind);
+        let is_kept = kept.is_some();
+        let mut pane = kept.unwrap_or_else(|| {
+            // A view that comes back, by undo, has its old id.
+            let id = if id == 0 { self.next_id } else { id };
+            self.next_id = self.next_id.max(id + 1);
+            Pane { id, view_type, view: (view_type.make)(), run }
+        });
+        pane.run = run;
+        let now = pane.view.save();
+        let mut state = state.clone();
+        if is_kept && let (Some(fields), Some(looks_at)) = (state.as_object_mut(), now.get(VIEWPORT)) {
+            fields.insert(VIEWPORT.to_owned(), looks_at.clone());
         }
-        Node::Tabs { active, tiles: nodes } => {
-            let ids: Vec<Option<TileId>> = nodes.iter().map(|node| insert(tiles, node)).collect();
-            let seen = ids.get(*active).copied().flatten();
-            let mut tabs = Tabs::new(ids.into_iter().flatten().collect());
-            if let Some(seen) = seen {
-                tabs.set_active(seen);
-            }
-            (!tabs.children.is_empty()).then(|| tiles.insert_container(tabs))
+        if now != state
+            && let Err(error) = pane.view.load(&state)
+            && !state.is_null()
+        {
+            tracing::warn!("the saved state of a view does not fit, so it starts anew: {error}: {kind}");
         }
-        Node::View { kind, state } => {
-            // The layout has been checked before, so the kind is known and the state is valid.
-            let view_type = view_type(kind)?;
-            let mut view = (view_type.make)();
-            if let Err(error) = view.load(state)
-                && !state.is_null()
-            {
-                tracing::warn!("the saved state of a view does not fit, so it starts anew: {error}: {kind}");
-            }
-            let pane = tiles.insert_pane(Pane { view_type, view });
-            Some(tiles.insert_tab_tile(vec![pane]))
-        }
+        Some(pane)
     }
 }
 
@@ -221,7 +413,12 @@ fn insert(tiles: &mut Tiles<Pane>, node: &Node) -> Option<TileId> {
 fn extract(tiles: &Tiles<Pane>, id: TileId) -> Option<Node> {
     let container = match tiles.get(id)? {
         Tile::Pane(pane) => {
-            return Some(Node::View { kind: pane.view_type.kind.to_owned(), state: pane.view.save() });
+            return Some(Node::View {
+                kind: pane.view_type.kind.to_owned(),
+                state: pane.view.save(),
+                run: pane.run,
+                id: pane.id,
+            });
         }
         Tile::Container(container) => container,
     };
@@ -278,5 +475,61 @@ mod tests {
         workspace.add(view_type);
         let Node::Row(parts) = workspace.layout(true).root else { panic!("expected a row") };
         assert_eq!(parts.len(), 2);
+    }
+
+    fn view(kind: &str, id: u64) -> Node {
+        Node::View { kind: kind.into(), state: SavedState::Null, run: RunChoice::Shown, id }
+    }
+
+    #[test]
+    fn a_view_opens_beside_the_one_that_was_used_and_takes_half_of_its_place() {
+        let root = Node::Row(vec![(3.0, view("map", 0)), (1.0, view("camera", 0))]);
+        let mut workspace = Workspace::new(&Layout { root, ..Layout::empty() });
+        workspace.focused = Some(1);
+        workspace.add(view_type("fields").unwrap());
+        let Node::Row(parts) = workspace.layout(true).root else { panic!("expected a row") };
+        let kinds: Vec<_> = parts
+            .iter()
+            .map(|(share, node)| match node {
+                Node::View { kind, .. } => (kind.as_str(), share.round() as i32),
+                _ => panic!("expected views"),
+            })
+            .collect();
+        assert_eq!(kinds, [("map", 38), ("fields", 38), ("camera", 25)]);
+    }
+
+    #[test]
+    fn views_that_are_in_both_arrangements_are_the_same_and_keep_where_they_look() {
+        let mut workspace = Workspace::new(&Layout {
+            root: Node::Row(vec![(1.0, view("map", 0)), (1.0, view("camera", 0))]),
+            ..Layout::empty()
+        });
+        let before = workspace.layout(true);
+        let address = |workspace: &Workspace, id: u64| {
+            let panes = workspace.tree.tiles.tiles().filter_map(|tile| match tile {
+                Tile::Pane(pane) if pane.id == id => Some(std::ptr::from_ref(&*pane.view).addr()),
+                _ => None,
+            });
+            panes.last()
+        };
+        let map = address(&workspace, 1);
+        assert!(map.is_some());
+        let only = Layout { root: view("map", 1), ..before.clone() };
+        workspace.apply(&only);
+        assert_eq!(address(&workspace, 1), map);
+        workspace.apply(&before);
+        assert_eq!(address(&workspace, 1), map, "undo has kept it");
+        assert_eq!(workspace.layout(true), before);
+    }
+
+    #[test]
+    fn a_view_may_be_bound_to_a_run_which_layouts_store() {
+        let bound = Node::View { kind: "map".into(), state: SavedState::Null, run: RunChoice::Run(3), id: 0 };
+        let root = Node::Row(vec![(1.0, bound), (1.0, view("map", 0))]);
+        let layout = Workspace::new(&Layout { root, ..Layout::empty() }).layout(true);
+        let text = layout.to_text().unwrap();
+        assert_eq!(text.matches("run:").count(), 1, "{text}");
+        let workspace = Workspace::new(&Layout::parse("again", &text).unwrap());
+        assert_eq!(workspace.runs(), [RunId(3)]);
     }
 }

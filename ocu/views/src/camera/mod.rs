@@ -45,11 +45,19 @@ struct Saved {
     palette: MapPalette,
     /// Size of one step of a depth image with whole numbers, m.
     depth_step_m: f64,
+    /// Where it looks; `None` to fit the image to the canvas.
+    viewport: Option<Viewport>,
 }
 
 impl Default for Saved {
     fn default() -> Self {
-        Self { topic: None, overlays: BTreeMap::new(), palette: MapPalette::default(), depth_step_m: 0.001 }
+        Self {
+            topic: None,
+            overlays: BTreeMap::new(),
+            palette: MapPalette::default(),
+            depth_step_m: 0.001,
+            viewport: None,
+        }
     }
 }
 
@@ -58,8 +66,6 @@ impl Default for Saved {
 pub(crate) struct Camera {
     saved: Saved,
     layers: BTreeMap<String, Layer>,
-    /// `None` to fit the image to the canvas.
-    viewport: Option<Viewport>,
 }
 
 impl View for Camera {
@@ -73,7 +79,7 @@ impl View for Camera {
 
     fn drop_topic(&mut self, topic: &Topic) {
         self.saved.topic = Some(TopicKey::of(topic));
-        self.viewport = None;
+        self.saved.viewport = None;
     }
 
     fn save(&self) -> SavedState {
@@ -129,13 +135,13 @@ impl Camera {
             }
             crate::toolbar::at_right(ui, |ui| {
                 if widgets::icon_button(ui, icons::ICON_FIT_SCREEN, "Fit the image").clicked() {
-                    self.viewport = None;
+                    self.saved.viewport = None;
                 }
             });
         });
         if let Some(key) = chosen {
             self.saved.topic = Some(key);
-            self.viewport = None;
+            self.saved.viewport = None;
         }
     }
 
@@ -154,12 +160,14 @@ impl Camera {
         };
         let (width, height) = (image.width as f64, image.height as f64);
         let fitted = Viewport::fit([0.0, 0.0], [width, height], canvas, 0.0, false);
-        let mut viewport = self.viewport.unwrap_or(fitted);
+        // A stored viewport may be one of another image.
+        let stored = self.saved.viewport.filter(|at| at.is_valid() && at.meets(fitted, canvas));
+        let mut viewport = stored.unwrap_or(fitted);
         if viewport.interact(ui, &response, [fitted.scale * 0.2, fitted.scale.max(1.0) * 64.0], true) {
-            self.viewport = Some(viewport);
+            self.saved.viewport = Some(viewport);
         }
         if response.double_clicked() {
-            self.viewport = None;
+            self.saved.viewport = None;
         }
         let rect = Rect::from_two_pos(
             viewport.to_screen(canvas, [0.0, 0.0]),

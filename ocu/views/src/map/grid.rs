@@ -87,12 +87,20 @@ impl<'a> Cells<'a> {
         Some([at(0.02)?, at(0.98)?])
     }
 
-    /// One pixel per cell, row 0 first.
-    pub(super) fn paint(&self, shade: &Shade, palette: MapPalette, range: Option<[f64; 2]>) -> ColorImage {
+    /// One pixel per cell, row 0 first. With `weights`, the fused cost is that of these weights.
+    pub(super) fn paint(
+        &self,
+        shade: &Shade,
+        palette: MapPalette,
+        range: Option<[f64; 2]>,
+        weights: Option<&Weights>,
+    ) -> ColorImage {
         let costs: [Color32; 256] = std::array::from_fn(|cost| palette.cost(cost as u8));
         let mut bytes = Vec::new();
-        let fused =
-            matches!(shade, Shade::Fused) && fuse_grid(&self.0, &Weights::default(), &mut bytes).is_ok();
+        let equal = Weights::default();
+        let weights =
+            weights.filter(|_| shade.is_fused()).or(matches!(shade, Shade::Fused).then_some(&equal));
+        let fused = weights.is_some_and(|weights| fuse_grid(&self.0, weights, &mut bytes).is_ok());
         let field = self.0.field(shade.name()).ok();
         let pixels: Vec<Color32> = match field {
             _ if fused => bytes.iter().map(|cost| costs[usize::from(*cost)]).collect(),
@@ -129,6 +137,11 @@ impl Shade {
         }
     }
 
+    /// Whether it is the fused cost, of whatever weights.
+    pub(super) fn is_fused(&self) -> bool {
+        matches!(self, Self::Fused) || self.name() == "cost"
+    }
+
     /// Whether it is a cost.
     pub(super) fn is_cost(&self) -> bool {
         matches!(self, Self::Fused) || is_cost(self.name())
@@ -162,7 +175,7 @@ mod tests {
         let grid = AnyMessage::new(samples::grid(4, 3));
         let cells = Cells::new(&grid).unwrap();
         for shade in [Shade::Field("cost.stereo".into()), Shade::Fused] {
-            let image = cells.paint(&shade, MapPalette::Papers, None);
+            let image = cells.paint(&shade, MapPalette::Papers, None, None);
             assert_eq!(image.size, [4, 3]);
             for (i, pixel) in image.pixels.iter().enumerate() {
                 assert_eq!(*pixel, MapPalette::Papers.cost(samples::cost(i % 4, i / 4)), "{shade:?}");
@@ -188,9 +201,17 @@ mod tests {
             let choices = cells.choices();
             assert!(choices.contains(&Shade::Field("cost.radar".into())), "{choices:?}");
             assert_eq!(cells.read("cost.radar", [100, 100]), Some(200.0));
-            let pixel = |shade: &Shade| cells.paint(shade, MapPalette::Papers, None).pixels[100 * 201 + 100];
+            let pixel =
+                |shade: &Shade| cells.paint(shade, MapPalette::Papers, None, None).pixels[100 * 201 + 100];
             assert_eq!(pixel(&Shade::Field("cost.radar".into())), MapPalette::Papers.cost(200));
             assert_eq!(pixel(&Shade::Fused), MapPalette::Papers.cost(150));
+            // With weights that are being edited, the map's own fused cost follows them.
+            let edited = Weights::default().with(radar, 0.0);
+            let image = cells.paint(&Shade::Field("cost".into()), MapPalette::Papers, None, Some(&edited));
+            assert_eq!(image.pixels[100 * 201 + 100], MapPalette::Papers.cost(100));
+            let image =
+                cells.paint(&Shade::Field("cost.radar".into()), MapPalette::Papers, None, Some(&edited));
+            assert_eq!(image.pixels[100 * 201 + 100], MapPalette::Papers.cost(200));
         }
     }
 

@@ -1,8 +1,8 @@
 //! Readout of the position under the pointer: coordinates, all fields of the cell, and the frame from which they come.
 
+use super::Map;
 use super::grid::Cells;
 use super::layers::{self, Kind, Layer};
-use super::{Map, track};
 use crate::canvas::Viewport;
 use crate::view::{HoverPoint, ViewContext};
 use egui::{Align2, Rect, Response, RichText, Stroke, Ui};
@@ -10,7 +10,7 @@ use ocu_ui::widgets::mono;
 use ocu_ui::{format, legend, tokens};
 use rcs_geom::DVec3;
 use rcs_msg::Stamp;
-use rcs_runtime::source::Frame;
+use rcs_runtime::source::{Frame, WGS84};
 use rcs_world::Label;
 use std::collections::BTreeSet;
 
@@ -58,7 +58,7 @@ impl Map {
         legend::plate(ui, canvas, Align2::RIGHT_BOTTOM, |ui| {
             ui.style_mut().interaction.selectable_labels = false;
             ui.label(mono(format!("x {x:8.2} m  y {y:8.2} m")));
-            if let Some(enu) = self.tracks.enu.as_ref().filter(|_| map == track::WGS84) {
+            if let Some(enu) = self.tracks.enu.as_ref().filter(|_| map == WGS84) {
                 let place = enu.geodetic_from_enu(DVec3::new(x, y, 0.0));
                 ui.label(mono(format!("{:11.6}°  {:11.6}°", place.latitude_deg, place.longitude_deg)));
             }

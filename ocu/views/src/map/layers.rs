@@ -1,8 +1,7 @@
 //! The layers of a map: everything in a frame that lies in a plane, and its pose.
 
 use super::grid::frame_of;
-use super::track::{Alignment, Placed, WGS84, local_enu};
-use crate::clip::Near;
+use super::track::{Aligned, Alignment, Judged, Plane, course};
 use crate::texture::SameMessage;
 use crate::view::rate_hz;
 use ocu_ui::stale::is_stale;
@@ -10,9 +9,8 @@ use rcs_geom::{Enu, Pose, TransformError};
 use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
 use rcs_msg::{AnyMessage, Stamp};
 use rcs_runtime::Role;
-use rcs_runtime::source::{Frame, Topic, Track};
+use rcs_runtime::source::{Frame, Place, RunTag, Topic, Track, WGS84};
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// Content of a layer.
 #[derive(Clone, Copy)]
@@ -26,7 +24,12 @@ pub(super) enum Kind<'a> {
     /// A goal.
     Goal(&'a PoseInFrame),
     /// The track of a moving object.
-    Track(&'a Arc<Track>),
+    Track {
+        /// The track.
+        track: &'a Track,
+        /// Whether it is that of the run from which this one branched.
+        is_ghost: bool,
+    },
 }
 
 /// One layer.
@@ -106,16 +109,37 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
             _ => {}
         }
     }
-    let tracks = frame.tracks.values().filter(|track| !track.points.is_empty()).map(|track| Layer {
-        name: track.topic.to_string(),
-        kind: Kind::Track(track),
-        frame_id: &track.frame_id,
-        stamp: frame.now,
-        topic: frame.topic(&track.topic),
-    });
-    let tracks = tracks.filter(|layer| !layer.topic.is_some_and(is_goal));
+    let tracks = tracks(frame);
     let mut layers: Vec<_> = grids.into_iter().chain(clouds).chain(paths).chain(tracks).collect();
     layers.sort_by_key(Layer::is_ground_truth);
+    layers
+}
+
+/// The tracks of the recording, of the viewed run, and of the run from which it branched, which lies below the others.
+fn tracks(frame: &Frame) -> Vec<Layer<'_>> {
+    let current = frame.runs.current();
+    let summary = frame.runs.all.iter().find(|run| run.id == current);
+    let parent = summary.and_then(|run| run.branched_from).map(|(moment, _)| RunTag::Run(moment.run));
+    let mut layers = Vec::new();
+    for track in frame.tracks.iter().filter(|track| !track.points.is_empty()) {
+        let is_ghost = Some(track.run) == parent;
+        if !is_ghost && track.run != RunTag::Run(current) && !track.run.is_recorded() {
+            continue;
+        }
+        let topic = frame.topic_of(&track.topic, track.run).or_else(|| frame.topic(&track.topic));
+        if topic.is_some_and(is_goal) {
+            continue;
+        }
+        let twice = || frame.track(&track.topic, RunTag::Run(current)).is_some();
+        let name = match track.run {
+            RunTag::Run(run) if is_ghost => format!("{} ({run})", track.topic),
+            RunTag::Recorded if twice() => format!("{} (recorded)", track.topic),
+            _ => track.topic.to_string(),
+        };
+        let kind = Kind::Track { track, is_ghost };
+        layers.push(Layer { name, kind, frame_id: &track.frame_id, stamp: frame.now, topic });
+    }
+    layers.sort_by_key(|layer| !matches!(layer.kind, Kind::Track { is_ghost: true, .. }));
     layers
 }
 
@@ -131,16 +155,22 @@ pub(super) fn frames<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Vec<&'a str>
     frames
 }
 
-/// The default frame of a map: that of a grid, otherwise the local east-north-up frame where positions are geodetic,
-/// otherwise that of a track, otherwise the root above the first cloud.
+/// The default frame of a map: of the frames of grids, geodetic positions and tracks the one in which most layers are
+/// drawn, in this order where several draw as many; otherwise the root above the first cloud.
 pub(super) fn default_frame<'a>(frame: &'a Frame, layers: &[Layer<'a>]) -> Option<&'a str> {
-    let find =
-        |is: &dyn Fn(&Layer<'_>) -> bool| layers.iter().find(|layer| !layer.is_ground_truth() && is(layer));
-    let grid = find(&|layer| matches!(layer.kind, Kind::Grid(_)));
-    let degrees = find(&|layer| layer.frame_id == WGS84);
-    let track = find(&|layer| matches!(layer.kind, Kind::Track(_)));
-    if let Some(layer) = grid.or(degrees).or(track) {
-        return Some(layer.frame_id);
+    let own = || layers.iter().filter(|layer| !layer.is_ground_truth());
+    let rank = |layer: &Layer<'_>| match layer.kind {
+        Kind::Grid(_) => Some(2),
+        _ if layer.frame_id == WGS84 => Some(1),
+        Kind::Track { is_ghost: false, .. } => Some(0),
+        _ => None,
+    };
+    let drawn = |map: &str| own().filter(|layer| map_from_layer(frame, map, layer).is_ok()).count();
+    let candidates = own().filter_map(|layer| Some((rank(layer)?, layer.frame_id)));
+    // The first of several equal ones: `max_by_key` returns the last.
+    let candidates: Vec<_> = candidates.collect();
+    if let Some((_, best)) = candidates.iter().rev().max_by_key(|(rank, name)| (drawn(name), *rank)) {
+        return Some(*best);
     }
     let mut root = layers.first()?.frame_id;
     for _ in 0..64 {
@@ -178,48 +208,33 @@ pub(super) fn map_from_layer(frame: &Frame, map: &str, layer: &Layer<'_>) -> Res
     })
 }
 
-/// A track ready to be drawn.
+/// How a track lies on the map.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PlacedTrack {
-    /// Its points in the plane of the map.
-    pub(super) placed: Placed,
+    /// Pose of the track's positions in the plane of the map; `None` if it cannot be drawn.
+    pub(super) map_from_track: Option<Pose>,
     /// How it was aligned with another track, where no transform gives its pose.
     pub(super) alignment: Option<Alignment>,
     /// Why it cannot be drawn.
     pub(super) error: Option<String>,
-    /// Bounds of its plausible points; `None` while there are no points.
-    pub(super) near: Option<Near>,
-    /// Number of its implausible points.
-    pub(super) far: usize,
+    /// Which of its positions are plausible.
+    pub(super) judged: Judged,
+    aligned: Aligned,
 }
 
 impl PlacedTrack {
-    /// Determines which of its points are plausible.
-    fn judged(mut self) -> Self {
-        let points = || self.placed.points.iter().map(|p| [p[0], p[1]]);
-        let near = Near::of(points());
-        self.far = points().filter(|point| !near.has(*point)).count();
-        self.near = Some(near);
-        self
+    /// Transform into the plane of the map.
+    pub(super) fn plane(&self) -> Option<Plane> {
+        self.map_from_track.map(Plane::new)
     }
 }
 
-#[derive(PartialEq)]
-struct Key {
-    map: String,
-    align: bool,
-    /// Address, length and transform of each track. The cache keeps the tracks alive, so an address identifies a track.
-    tracks: Vec<(usize, usize, Result<Pose, String>)>,
-}
-
-/// All tracks in the plane of the map, computed again when one of them or the map's frame changes.
+/// All tracks in the plane of the map. The cost of an update does not depend on their length.
 #[derive(Default)]
 pub(super) struct Tracks {
-    key: Option<Key>,
-    alive: Vec<Arc<Track>>,
-    /// Tracks by topic.
+    /// By name of the layer.
     pub(super) placed: BTreeMap<String, PlacedTrack>,
-    /// Local frame for geodetic positions.
+    /// Local frame of geodetic positions on the map.
     pub(super) enu: Option<Enu>,
 }
 
@@ -229,55 +244,78 @@ impl Tracks {
         let tracks: Vec<_> = layers
             .iter()
             .filter_map(|layer| match layer.kind {
-                Kind::Track(track) => Some((layer, track, map_from_layer(frame, map, layer))),
+                Kind::Track { track, .. } => Some((layer, track, map_from_layer(frame, map, layer))),
                 _ => None,
             })
             .collect();
-        let key = Key {
-            map: map.to_owned(),
-            align,
-            tracks: tracks
-                .iter()
-                .map(|(_, track, pose)| (Arc::as_ptr(track) as usize, track.points.len(), pose.clone()))
-                .collect(),
-        };
-        if self.key.as_ref() == Some(&key) {
-            return;
-        }
-        self.enu = tracks
-            .iter()
-            .find(|(_, track, _)| track.frame_id == WGS84)
-            .and_then(|(_, track, _)| local_enu(track));
-        self.alive = tracks.iter().map(|(_, track, _)| Arc::clone(track)).collect();
-        self.placed.clear();
-        let place = |track: &Track, pose: &Pose| {
-            let enu = self.enu.as_ref().filter(|_| track.frame_id == WGS84);
-            Placed::new(track, enu, pose)
-        };
+        self.placed.retain(|name, _| tracks.iter().any(|(layer, ..)| layer.name == *name));
+        self.enu = tracks.iter().find_map(|(_, track, _)| track.origin);
         for (layer, track, pose) in &tracks {
-            if let Ok(pose) = pose {
-                let placed = PlacedTrack { placed: place(track, pose), ..PlacedTrack::default() };
-                self.placed.insert(layer.name.clone(), placed.judged());
+            let map_from_origin = self.map_from_origin(track);
+            let placed = self.placed.entry(layer.name.clone()).or_default();
+            placed.judged.update(&track.points);
+            (placed.alignment, placed.error) = (None, pose.as_ref().err().cloned());
+            placed.map_from_track = pose.as_ref().ok().map(|&pose| pose * map_from_origin);
+        }
+        // Rounded, so that the choice seldom changes while tracks grow.
+        let reference = tracks
+            .iter()
+            .filter(|(.., pose)| pose.is_ok())
+            .max_by_key(|(_, track, _)| track.points.len().next_power_of_two())
+            .and_then(|(layer, track, _)| Some((self.placed.get(&layer.name)?.map_from_track?, *track)));
+        let Some((map_from_reference, reference)) = reference.filter(|_| align) else { return };
+        for (layer, track, _) in tracks.iter().filter(|(.., pose)| pose.is_err()) {
+            let Some(placed) = self.placed.get_mut(&layer.name) else { continue };
+            placed.aligned.update(&track.points, &reference.points);
+            placed.alignment = placed.aligned.alignment;
+            if let Some(alignment) = &placed.alignment {
+                placed.map_from_track = Some(map_from_reference * alignment.pose());
+                placed.error = None;
             }
         }
-        let reference = self
-            .placed
-            .values()
-            .max_by_key(|track| track.placed.points.len())
-            .map(|track| track.placed.clone());
-        for (layer, track, pose) in &tracks {
-            let Err(error) = pose else { continue };
-            let loose = place(track, &Pose::IDENTITY);
-            let alignment = reference.as_ref().filter(|_| align).and_then(|reference| loose.align(reference));
-            let placed = match alignment {
-                Some(alignment) => {
-                    let placed = loose.aligned(&alignment);
-                    PlacedTrack { placed, alignment: Some(alignment), ..PlacedTrack::default() }.judged()
-                }
-                None => PlacedTrack { error: Some(error.clone()), ..PlacedTrack::default() },
-            };
-            self.placed.insert(layer.name.clone(), placed);
+    }
+
+    /// Pose of the local frame of a geodetic track in that of the map; the identity for other tracks.
+    fn map_from_origin(&self, track: &Track) -> Pose {
+        match (&self.enu, &track.origin) {
+            (Some(map), Some(origin)) => map.ecef_from_enu().inverse() * origin.ecef_from_enu(),
+            _ => Pose::IDENTITY,
         }
-        self.key = Some(key);
+    }
+
+    /// Position and heading of what a track belongs to, on the map: from the newest message, never from the track,
+    /// which may be read later or belong to another run. `None` without a message or a transform.
+    pub(super) fn here(&self, frame: &Frame, layer: &Layer<'_>) -> Option<[f64; 3]> {
+        let Kind::Track { track, is_ghost: false } = layer.kind else { return None };
+        let map_from_track = self.placed.get(&layer.name)?.map_from_track?;
+        let place =
+            Place::of(layer.topic?.canonical()?).filter(|place| *place.frame_id == *track.frame_id)?;
+        let p = map_from_track * place.position.metres(track.origin.as_ref());
+        let yaw_rad = if place.yaw_rad.is_nan() {
+            course(&track.points, track.points.count_until(frame.now).saturating_sub(1))
+        } else {
+            place.yaw_rad
+        };
+        p.is_finite().then_some([p.x, p.y, yaw_rad + map_from_track.yaw()])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+
+    #[test]
+    fn the_frame_of_the_map_is_the_one_that_draws_most() {
+        let mut frame = samples::full();
+        let chosen = |frame: &Frame| default_frame(frame, &layers(frame)).map(str::to_owned);
+        assert_eq!(chosen(&frame).as_deref(), Some("local"));
+        // Without the grid, degrees would draw one track, and the local frame three layers.
+        frame.topics = frame.topics.iter().filter(|topic| &*topic.name != "/wm1/map").cloned().collect();
+        assert_eq!(chosen(&frame).as_deref(), Some("local"));
+        frame.tracks =
+            frame.tracks.iter().filter(|track| track.frame_id.as_ref() == WGS84).cloned().collect();
+        frame.topics = std::sync::Arc::new([]);
+        assert_eq!(chosen(&frame).as_deref(), Some(WGS84));
     }
 }

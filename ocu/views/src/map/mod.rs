@@ -16,7 +16,8 @@ use crate::badge;
 use crate::canvas::Viewport;
 use crate::clip::{Near, is_place};
 use crate::texture::{Cached, CachedTexture, SameMessage};
-use crate::view::{SavedState, View, ViewContext};
+use crate::tuning::weights;
+use crate::view::{Preview, SavedState, View, ViewContext};
 use cloud::Cloud;
 use egui::{Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 use grid::Cells;
@@ -25,8 +26,10 @@ use ocu_ui::legend::{self, round_step};
 use ocu_ui::palette::MapPalette;
 use ocu_ui::{icons, tokens, widgets};
 use rcs_geom::Pose;
+use rcs_msg::Stamp;
 use rcs_msg::foxglove::PointCloud;
-use rcs_runtime::source::{Frame, SourceKind, Topic};
+use rcs_runtime::source::{Frame, SourceKind, Topic, WGS84};
+use rcs_world::Weights;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -59,6 +62,8 @@ struct Saved {
     align: bool,
     /// Whether the layer panel is open; `None` to open it where there is room.
     panel: Option<bool>,
+    /// Where it looks; `None` to fit everything.
+    viewport: Option<Viewport>,
 }
 
 impl Default for Saved {
@@ -69,12 +74,13 @@ impl Default for Saved {
             layers: BTreeMap::new(),
             align: true,
             panel: None,
+            viewport: None,
         }
     }
 }
 
 /// Key of a grid's texture.
-type GridKey = (SameMessage, String, MapPalette);
+type GridKey = (SameMessage, String, MapPalette, Option<Weights>);
 /// Key of a cloud's points: the message, and its pose in the map's frame.
 type CloudKey = (SameMessage, Pose);
 
@@ -82,16 +88,18 @@ type CloudKey = (SameMessage, Pose);
 #[derive(Default)]
 pub(crate) struct Map {
     saved: Saved,
-    /// `None` to fit everything.
-    viewport: Option<Viewport>,
     /// End points of the measuring line, in the map's frame.
     measured: Option<[[f64; 2]; 2]>,
     measuring: bool,
     tracks: Tracks,
+    /// Title and start of the source to which the viewport belongs.
+    looked_at: Option<(String, Stamp)>,
     /// Map frame in the previous pass.
     frame_id: String,
     /// Whether the layers in the previous pass contained a fused map.
     fused: bool,
+    /// A process, and fusion weights of it that are being edited.
+    preview: Option<(Preview, Weights)>,
     grids: BTreeMap<String, (CachedTexture<GridKey>, Option<[f64; 2]>)>,
     clouds: BTreeMap<String, CloudLayer>,
 }
@@ -144,6 +152,7 @@ impl View for Map {
         };
         map.clone_into(&mut self.frame_id);
         self.fused = layers.iter().any(Layer::is_map);
+        self.follow_preview(cx.selection.preview.as_ref());
         self.tracks.update(cx.frame, map, &layers, self.saved.align);
         let roomy = ui.available_width() >= 560.0;
         self.toolbar(ui, map, &frames, roomy);
@@ -170,7 +179,7 @@ impl Map {
                     for frame in frames {
                         if ui.selectable_label(*frame == map, layers::frame_label(frame)).clicked() {
                             self.saved.frame = Some((*frame).to_owned());
-                            self.viewport = None;
+                            self.saved.viewport = None;
                             self.measured = None;
                         }
                     }
@@ -200,10 +209,24 @@ impl Map {
                     self.measured = None;
                 }
                 if widgets::icon_button(ui, icons::ICON_FIT_SCREEN, "Fit everything").clicked() {
-                    self.viewport = None;
+                    self.saved.viewport = None;
                 }
             });
         });
+    }
+
+    /// Takes the fusion weights that are being edited, if they changed.
+    fn follow_preview(&mut self, preview: Option<&Preview>) {
+        if self.preview.as_ref().map(|(known, _)| known) != preview {
+            self.preview = preview.and_then(|preview| Some((preview.clone(), weights(&preview.params)?)));
+        }
+    }
+
+    /// The weights that are being edited of the process that writes a layer.
+    fn edited_weights(&self, layer: &Layer<'_>) -> Option<&Weights> {
+        let (preview, weights) = self.preview.as_ref()?;
+        let writer = &layer.topic?.writer;
+        (layer.is_map() && *writer == preview.process).then_some(weights)
     }
 
     /// Settings of a layer. Initially ground truth is off, and so are the sources of a fused map.
@@ -227,15 +250,16 @@ impl Map {
         response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Map"));
         ui.painter().rect_filled(canvas, 0.0, tokens(ui).canvas());
         let shown: Vec<_> = layers.iter().filter(|layer| self.state(layer).shown).collect();
-        let mut viewport = match self.viewport {
+        self.check_viewport(cx.frame, map, &shown, canvas);
+        let mut viewport = match self.saved.viewport {
             Some(viewport) => viewport,
             None => self.fitted(cx.frame, map, &shown, canvas),
         };
         if viewport.interact(ui, &response, [0.01, 5000.0], !self.measuring) {
-            self.viewport = Some(viewport);
+            self.saved.viewport = Some(viewport);
         }
         if response.double_clicked() {
-            self.viewport = None;
+            self.saved.viewport = None;
         }
         self.measure(&response, viewport, canvas);
 
@@ -258,7 +282,7 @@ impl Map {
             let color = tokens(ui).series(panel::series(layers, index));
             match (layer.kind, place(layer)) {
                 (Kind::Path(path), Ok(pose)) => paint::path(&painter, path, &pose, viewport, canvas, color),
-                (Kind::Track(_), _) => self.paint_track(&painter, layer, cx, viewport, canvas, color),
+                (Kind::Track { .. }, _) => self.paint_track(ui, layer, cx.frame, viewport, canvas, color),
                 (Kind::Goal(goal), Ok(pose)) => {
                     paint::goal(ui, goal, &pose, self.here(cx.frame, &shown), viewport, canvas);
                 }
@@ -266,13 +290,30 @@ impl Map {
             }
         }
         self.far_badge(ui, cx.frame, map, &shown, canvas);
+        if shown.iter().any(|layer| self.edited_weights(layer).is_some()) {
+            paint::badge(ui, canvas, 20.0, icons::ICON_TUNE, "preview: edited weights, not sent");
+        }
         self.paint_measured(ui, viewport, canvas);
         Self::point_at(ui, cx, map, &response, viewport, canvas);
         legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 32.0), viewport.scale);
-        paint::north(ui, canvas.left_top() + Vec2::new(20.0, 24.0), map == track::WGS84);
+        paint::north(ui, canvas.left_top() + Vec2::new(20.0, 24.0), map == WGS84);
         self.legend(ui, cx.frame, layers, &shown, canvas, listed);
         let pointer = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
         self.read_out(ui, cx.frame, map, &shown, pointer, canvas);
+    }
+
+    /// A stored viewport may be one of another source: where it shows nothing of this one, everything is fitted.
+    fn check_viewport(&mut self, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) {
+        let source = (frame.info.title.clone(), frame.info.start);
+        if self.looked_at.as_ref() == Some(&source) {
+            return;
+        }
+        if let Some(viewport) = self.saved.viewport
+            && !(viewport.is_valid() && viewport.meets(self.fitted(frame, map, shown, canvas), canvas))
+        {
+            self.saved.viewport = None;
+        }
+        self.looked_at = Some(source);
     }
 
     /// Shows the number of implausible points in the visible layers, which are left out of the fitted region.
@@ -281,7 +322,9 @@ impl Map {
         for layer in shown {
             let pose = layers::map_from_layer(frame, map, layer);
             let far = match (layer.kind, pose) {
-                (Kind::Track(_), _) => self.tracks.placed.get(&layer.name).map_or(0, |track| track.far),
+                (Kind::Track { .. }, _) => {
+                    self.tracks.placed.get(&layer.name).map_or(0, |track| track.judged.far)
+                }
                 (Kind::Grid(grid), Ok(pose)) => {
                     let corners = Cells::new(grid).map(|cells| cells.corners()).unwrap_or_default();
                     usize::from(!corners.iter().all(|p| is_place(&(pose * *p).to_array())))
@@ -309,11 +352,8 @@ impl Map {
 
     /// Current position of the first visible track.
     fn here(&self, frame: &Frame, shown: &[&Layer<'_>]) -> Option<[f64; 3]> {
-        let tracks =
-            shown.iter().filter(|layer| matches!(layer.kind, Kind::Track(_)) && !layer.is_ground_truth());
-        tracks
-            .filter_map(|layer| self.tracks.placed.get(&layer.name))
-            .find_map(|track| track.placed.at(frame.now))
+        let mut layers = shown.iter().filter(|layer| !layer.is_ground_truth());
+        layers.find_map(|layer| self.tracks.here(frame, layer))
     }
 
     /// A viewport that shows all layers. Its borders are rounded, so that it does not drift while things move.
@@ -348,10 +388,12 @@ impl Map {
                         add(max);
                     }
                 }
-                (Kind::Track(_), _) => {
+                (Kind::Track { .. }, _) => {
                     let Some(track) = self.tracks.placed.get(&layer.name) else { continue };
-                    let points = track.placed.points.iter().map(|p| [p[0], p[1]]);
-                    points.filter(|p| track.near.is_none_or(|near| near.has(*p))).for_each(&mut add);
+                    if let Some((min, max)) = track.plane().and_then(|plane| track.judged.extent(&plane)) {
+                        add(min);
+                        add(max);
+                    }
                 }
                 _ => {}
             }

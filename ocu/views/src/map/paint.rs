@@ -2,10 +2,10 @@
 
 use super::Map;
 use super::grid::Cells;
-use super::layers::Layer;
+use super::layers::{Kind, Layer, PlacedTrack};
+use super::track::line;
 use crate::canvas::Viewport;
 use crate::clip::{self, is_place};
-use crate::view::ViewContext;
 use egui::{
     Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Response, Shape, Stroke, TextureOptions, Ui, Vec2,
 };
@@ -14,6 +14,8 @@ use ocu_ui::{format, stale, tokens};
 use rcs_geom::Pose;
 use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
 use rcs_msg::{AnyMessage, Stamp};
+use rcs_runtime::source::Frame;
+use std::ops::Range;
 
 impl Map {
     /// Paints a grid as a textured quadrilateral; the texture is rebuilt when message or appearance changes.
@@ -32,11 +34,12 @@ impl Map {
         let (Ok(cells), Some(message)) = (Cells::new(grid), layer.message()) else { return };
         let Some(shade) = cells.shade(self.state(layer).shade.as_deref()) else { return };
         let palette = self.saved.palette;
+        let weights = self.edited_weights(layer).filter(|_| shade.is_fused()).cloned();
         let (texture, range) = self.grids.entry(layer.name.clone()).or_default();
-        let key = (message, shade.name().to_owned(), palette);
+        let key = (message, shade.name().to_owned(), palette, weights.clone());
         let make = || {
             *range = cells.range(&shade);
-            Some(cells.paint(&shade, palette, *range))
+            Some(cells.paint(&shade, palette, *range, weights.as_ref()))
         };
         let Some(texture) = texture.get(ui.ctx(), key, TextureOptions::NEAREST, make) else { return };
         let mut bounds = Rect::NOTHING;
@@ -90,32 +93,44 @@ impl Map {
         ui.painter_at(canvas).image(texture.id(), Rect::from_min_size(canvas.min, size), uv, color);
     }
 
-    /// Paints a track: past in full colour, future thin and weak, and the current position.
+    /// Paints a track: past in full colour, future thin and weak, and the current position, hollow if it is outdated.
+    /// Of the run from which this one branched, only what differs is painted.
     pub(super) fn paint_track(
         &self,
-        painter: &Painter,
+        ui: &Ui,
         layer: &Layer<'_>,
-        cx: &ViewContext<'_>,
+        frame: &Frame,
         viewport: Viewport,
         canvas: Rect,
         color: Color32,
     ) {
-        let Some(track) = self.tracks.placed.get(&layer.name) else { return };
-        let opacity = self.state(layer).opacity;
-        let (color, track) = (color.gamma_multiply(opacity), &track.placed);
-        let now = track.stamps.partition_point(|stamp| *stamp <= cx.frame.now);
-        let here = track.at(cx.frame.now);
-        let plane = |points: &[[f64; 3]]| points.iter().map(|p| [p[0], p[1]]).collect::<Vec<_>>();
-        let draw = |points: Vec<[f64; 2]>, stroke: Stroke| {
-            let parts = clip::line(points.into_iter(), viewport, canvas);
+        let Kind::Track { track, is_ghost } = layer.kind else { return };
+        let Some(plane) = self.tracks.placed.get(&layer.name).and_then(PlacedTrack::plane) else { return };
+        let painter = ui.painter_at(canvas);
+        let color = color.gamma_multiply(self.state(layer).opacity);
+        let draw = |range: Range<usize>, end: Option<[f64; 2]>, stroke: Stroke| {
+            let points = line(&track.points, range, &plane, viewport, canvas).into_iter().chain(end);
+            let parts = clip::line(points, viewport, canvas);
             painter.extend(parts.into_iter().map(|part| Shape::line(part, stroke)));
         };
-        let mut driven = plane(&track.points[..now]);
-        driven.extend(here.map(|p| [p[0], p[1]]));
-        draw(plane(&track.points[now.saturating_sub(1)..]), Stroke::new(1.0, color.gamma_multiply(0.4)));
-        draw(driven, Stroke::new(2.0, color));
+        let weak = Stroke::new(1.0, color.gamma_multiply(0.4));
+        if is_ghost {
+            let current = frame.runs.all.iter().find(|run| run.id == frame.runs.current());
+            let branch =
+                current.and_then(|run| run.branched_from).map_or(0, |(_, at)| track.points.count_until(at));
+            return draw(branch.saturating_sub(1)..track.points.len(), None, weak);
+        }
+        let now = track.points.count_until(frame.now);
+        let here = self.tracks.here(frame, layer);
+        draw(now.saturating_sub(1)..track.points.len(), None, weak);
+        draw(0..now, here.map(|[x, y, _]| [x, y]), Stroke::new(2.0, color));
         if let Some([x, y, yaw]) = here {
-            vehicle(painter, viewport.to_screen(canvas, [x, y]), yaw, color);
+            let at = viewport.to_screen(canvas, [x, y]);
+            if layer.is_stale(frame.now) {
+                vehicle(&painter, at, yaw, tokens(ui).stale, false);
+            } else {
+                vehicle(&painter, at, yaw, color, true);
+            }
         }
     }
 
@@ -152,6 +167,17 @@ impl Map {
         painter.rect_filled(plate, 2.0, tokens.surface[3].gamma_multiply(0.92));
         painter.galley(at, galley, tokens.strong);
     }
+}
+
+/// A note at the top of the canvas, `down` points below its edge.
+pub(super) fn badge(ui: &Ui, canvas: Rect, down: f32, icon: ocu_ui::Icon, text: &str) {
+    let (tokens, painter) = (tokens(ui), ui.painter_at(canvas));
+    let text = format!("{}  {text}", icon.codepoint);
+    let galley = painter.layout_no_wrap(text, FontId::proportional(12.0), tokens.warning);
+    let at = canvas.center_top() + Vec2::new(-galley.size().x / 2.0, down);
+    let plate = Rect::from_min_size(at, galley.size()).expand2(Vec2::new(6.0, 2.0));
+    painter.rect_filled(plate, 2.0, tokens.surface[3].gamma_multiply(0.92));
+    painter.galley(at, galley, tokens.warning);
 }
 
 /// A planned path.
@@ -225,11 +251,13 @@ pub(super) fn goal(
     painter.galley(place.min, galley, ink);
 }
 
-/// An arrow at position and heading; a disc where the heading is unknown.
-fn vehicle(painter: &Painter, at: Pos2, yaw: f64, color: Color32) {
-    let edge = Stroke::new(1.5, Color32::from_black_alpha(200));
+/// An arrow at position and heading; a disc where the heading is unknown. It is filled if the position is current.
+fn vehicle(painter: &Painter, at: Pos2, yaw: f64, color: Color32, is_current: bool) {
+    let edge =
+        if is_current { Stroke::new(1.5, Color32::from_black_alpha(200)) } else { Stroke::new(1.5, color) };
+    let fill = if is_current { color } else { Color32::TRANSPARENT };
     if !yaw.is_finite() {
-        painter.circle(at, 5.0, color, edge);
+        painter.circle(at, 5.0, fill, edge);
         return;
     }
     let forward = Vec2::new(yaw.cos() as f32, -yaw.sin() as f32);
@@ -237,8 +265,8 @@ fn vehicle(painter: &Painter, at: Pos2, yaw: f64, color: Color32) {
     let (nose, tail) = (at + forward * 11.0, at - forward * 7.0);
     // Two triangles, because an arrowhead with a notch is not convex.
     let notch = at - forward * 3.0;
-    painter.add(Shape::convex_polygon(vec![nose, tail + left, notch], color, Stroke::NONE));
-    painter.add(Shape::convex_polygon(vec![nose, notch, tail - left], color, Stroke::NONE));
+    painter.add(Shape::convex_polygon(vec![nose, tail + left, notch], fill, Stroke::NONE));
+    painter.add(Shape::convex_polygon(vec![nose, notch, tail - left], fill, Stroke::NONE));
     painter.add(Shape::closed_line(vec![nose, tail + left, notch, tail - left], edge));
 }
 

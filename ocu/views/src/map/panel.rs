@@ -9,7 +9,7 @@ use rcs_runtime::source::Frame;
 
 /// Index of a layer's line colour; only lines have colours of their own.
 pub(super) fn series(layers: &[Layer<'_>], index: usize) -> usize {
-    layers[..index].iter().filter(|layer| matches!(layer.kind, Kind::Track(_) | Kind::Path(_))).count()
+    layers[..index].iter().filter(|layer| matches!(layer.kind, Kind::Track { .. } | Kind::Path(_))).count()
 }
 
 impl Map {
@@ -32,14 +32,14 @@ impl Map {
                 let before = state.clone();
                 if let Some(frame) = self.layer(ui, frame, map, layers, index, &mut state) {
                     self.saved.frame = Some(frame);
-                    self.viewport = None;
+                    self.saved.viewport = None;
                 }
                 if state != before {
                     self.saved.layers.insert(layer.name.clone(), state);
                 }
                 ui.add_space(4.0);
             }
-            if layers.iter().any(|layer| matches!(layer.kind, Kind::Track(_))) {
+            if layers.iter().any(|layer| matches!(layer.kind, Kind::Track { .. })) {
                 ui.separator();
                 ui.checkbox(&mut self.saved.align, "Align loose tracks at their start").on_hover_text(format!(
                     "A track that no transform connects to the map is turned and shifted onto another one, \
@@ -67,10 +67,10 @@ impl Map {
             Kind::Cloud(_) => icons::ICON_GRAIN,
             Kind::Path(_) => icons::ICON_ROUTE,
             Kind::Goal(_) => icons::ICON_FLAG,
-            Kind::Track(_) => icons::ICON_TIMELINE,
+            Kind::Track { .. } => icons::ICON_TIMELINE,
         };
         let color = match layer.kind {
-            Kind::Path(_) | Kind::Track(_) => tokens.series(series(layers, index)),
+            Kind::Path(_) | Kind::Track { .. } => tokens.series(series(layers, index)),
             _ => tokens.weak,
         };
         ui.horizontal(|ui| {
@@ -101,7 +101,7 @@ impl Map {
         }
         let placed = self.tracks.placed.get(&layer.name);
         match (layer.kind, layers::map_from_layer(frame, map, layer)) {
-            (Kind::Track(_), Err(_)) if placed.is_some_and(|track| track.alignment.is_some()) => {
+            (Kind::Track { .. }, Err(_)) if placed.is_some_and(|track| track.alignment.is_some()) => {
                 if let Some(alignment) = placed.and_then(|track| track.alignment) {
                     let rms = format::metres(alignment.rms_m, 2);
                     note(ui, format!("aligned at its start, {rms} off"), tokens.warning);
@@ -117,7 +117,7 @@ impl Map {
                     }
                 });
             }
-            (Kind::Path(_) | Kind::Goal(_) | Kind::Track(_), _) if layer.frame_id != map => {
+            (Kind::Path(_) | Kind::Goal(_) | Kind::Track { .. }, _) if layer.frame_id != map => {
                 note(ui, format!("in {}", layers::frame_label(layer.frame_id)), tokens.weak);
             }
             _ => {}
@@ -163,7 +163,7 @@ impl Map {
         // Lines are omitted if the layer panel lists them, or if the map is too small.
         let named = !listed
             && (!colored || canvas.height() >= 400.0)
-            && shown.iter().any(|layer| matches!(layer.kind, Kind::Path(_) | Kind::Track(_)));
+            && shown.iter().any(|layer| matches!(layer.kind, Kind::Path(_) | Kind::Track { .. }));
         if !colored && !named {
             return;
         }
@@ -203,7 +203,7 @@ impl Map {
                         ui.label(RichText::new(format!("{}  height", layer.name)).small());
                         legend::band(ui, 96.0, &low, &high, palette::even);
                     }
-                    Kind::Path(_) | Kind::Goal(_) | Kind::Track(_) => {}
+                    Kind::Path(_) | Kind::Goal(_) | Kind::Track { .. } => {}
                 }
             }
             if costs {
@@ -213,7 +213,7 @@ impl Map {
                 let drawn = shown.iter().any(|shown| shown.name == layer.name);
                 let placed = self.tracks.placed.get(&layer.name);
                 let visible = match layer.kind {
-                    Kind::Track(_) => placed.is_some_and(|track| track.error.is_none()),
+                    Kind::Track { .. } => placed.is_some_and(|track| track.error.is_none()),
                     Kind::Path(_) => true,
                     _ => false,
                 };

@@ -1,21 +1,180 @@
-//! Tracks in the plane of the map: transformed, or aligned with another track where no transform exists.
+//! Tracks in the plane of the map: their parts that are visible, implausible positions in them, and their alignment
+//! with another track where no transform exists.
+//!
+//! Nothing here reads a whole track in every pass: tracks grow for hours, and the cost of a frame must not.
 
-use rcs_geom::{DVec3, Enu, Geodetic, Pose};
+use crate::canvas::Viewport;
+use crate::clip::{Near, is_place};
+use egui::Rect;
+use rcs_geom::{DMat3, DVec2, DVec3, Pose};
 use rcs_msg::Stamp;
-use rcs_runtime::source::Track;
+use rcs_runtime::source::{Part, Series, TrackBounds, TrackPoint};
+use std::ops::{ControlFlow, Range};
 
-/// Frame of geodetic tracks.
-pub(super) const WGS84: &str = "wgs84";
 /// Length of the first part of a track that is used for alignment, m.
 pub(super) const ALIGN_LENGTH_M: f64 = 40.0;
+/// Parts of a track that are smaller than this are one position for the alignment, m.
+const AT_REST_M: f64 = 0.05;
+/// Greatest number of parts that are drawn of a track, of its past and its future each.
+const MOST_PARTS: usize = 6_000;
+/// Number of parts from which the extent of a track is determined.
+const FIT_PARTS: usize = 512;
+/// A part that is smaller than this is drawn as one line, screen points.
+const FINE: f64 = 1.5;
 
-/// A track in the plane of the map.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Placed {
-    /// Times in ascending order.
-    pub(super) stamps: Vec<Stamp>,
-    /// x and y, m, and yaw, rad (NaN where unknown), for each time.
-    pub(super) points: Vec<[f64; 3]>,
+/// Transforms positions and boxes of a track into the plane of the map.
+#[derive(Clone, Copy)]
+pub(super) struct Plane {
+    map_from_track: Pose,
+    /// Absolute values of the rotation matrix.
+    spread: DMat3,
+}
+
+impl Plane {
+    pub(super) fn new(map_from_track: Pose) -> Self {
+        let rotation = map_from_track.rotation_matrix();
+        let spread = DMat3::from_cols(rotation.x_axis.abs(), rotation.y_axis.abs(), rotation.z_axis.abs());
+        Self { map_from_track, spread }
+    }
+
+    /// A position on the map.
+    pub(super) fn point(&self, position_m: [f64; 3]) -> [f64; 2] {
+        let p = self.map_from_track * DVec3::from_array(position_m);
+        [p.x, p.y]
+    }
+
+    /// The box around a box, on the map.
+    fn bounds(&self, bounds: &TrackBounds) -> (DVec2, DVec2) {
+        let (min, max) = (DVec3::from_array(bounds.min_m), DVec3::from_array(bounds.max_m));
+        let middle = (self.map_from_track * (min + (max - min) / 2.0)).truncate();
+        let half = (self.spread * ((max - min) / 2.0)).truncate();
+        (middle - half, middle + half)
+    }
+}
+
+/// The line of a part of a track, with as many points as the canvas needs.
+pub(super) fn line(
+    points: &Series<TrackPoint>,
+    range: Range<usize>,
+    plane: &Plane,
+    viewport: Viewport,
+    canvas: Rect,
+) -> Vec<[f64; 2]> {
+    let (low, high) = viewport.bounds(canvas);
+    let is_fine = |part: &Part<TrackPoint>| {
+        let (min, max) = plane.bounds(&part.summary);
+        let is_outside = max.x < low[0] || min.x > high[0] || max.y < low[1] || min.y > high[1];
+        is_outside || (max - min).max_element() * viewport.scale <= FINE
+    };
+    let mut line = Vec::new();
+    for part in points.parts(range, MOST_PARTS, is_fine) {
+        line.push(plane.point(part.first.position_m));
+        if !part.is_record() {
+            line.push(plane.point(part.last.position_m));
+        }
+    }
+    line
+}
+
+/// Direction of motion at a record of a track: to the next position at half a metre distance, otherwise from the last
+/// one; NaN if there is none.
+pub(super) fn course(points: &Series<TrackPoint>, index: usize) -> f64 {
+    let Some(here) = points.get(index) else { return f64::NAN };
+    let (mut ahead, mut behind) = (None, None);
+    let away = |point: &TrackPoint| {
+        let [x, y] = [0, 1].map(|axis| point.position_m[axis] - here.position_m[axis]);
+        (x.hypot(y) > 0.5).then_some([x, y])
+    };
+    points.each(index..index + 500, |point| ahead = ahead.or_else(|| away(point)));
+    points.each(index.saturating_sub(500)..index, |point| behind = away(point).or(behind));
+    match (ahead, behind) {
+        (Some([x, y]), _) => y.atan2(x),
+        (None, Some([x, y])) => (-y).atan2(-x),
+        (None, None) => f64::NAN,
+    }
+}
+
+/// Interpolated position of a track at a time; `None` before its first record, and the last one after its end.
+fn at(points: &Series<TrackPoint>, time: Stamp) -> Option<[f64; 2]> {
+    let after = points.count_until(time);
+    let before = points.get(after.checked_sub(1)?)?;
+    let next = points.get(after).unwrap_or(before);
+    let span = next.stamp.seconds_since(before.stamp);
+    let part = if span > 0.0 { time.seconds_since(before.stamp) / span } else { 0.0 };
+    Some([0, 1].map(|axis| {
+        let (from, to) = (before.position_m[axis], next.position_m[axis]);
+        from + (to - from) * part
+    }))
+}
+
+/// Which positions of a track are plausible, kept up to date as it grows.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Judged {
+    points: Series<TrackPoint>,
+    /// Bounds of the plausible positions, in the track's frame.
+    near: Option<Near>,
+    /// Number of records from which `near` was derived.
+    known: usize,
+    /// Number of records that have been judged.
+    seen: usize,
+    /// Number of implausible ones.
+    pub(super) far: usize,
+}
+
+impl Judged {
+    /// Judges what has been appended. All records are judged again when a quarter was added, so that the cost of a
+    /// record is the same however long the track is.
+    pub(super) fn update(&mut self, points: &Series<TrackPoint>) {
+        if !self.points.same(points) || points.len() < self.seen {
+            *self = Self::default();
+        }
+        self.points = points.clone();
+        if self.near.is_none() || points.len() > self.known + self.known / 4 + 64 {
+            let sample = points.sample(Near::SAMPLE);
+            let near = Near::of(sample.iter().map(|point| [point.position_m[0], point.position_m[1]]));
+            (self.near, self.known, self.seen, self.far) = (Some(near), points.len(), 0, 0);
+        }
+        let Some(near) = self.near else { return };
+        let inside = |bounds: &TrackBounds| {
+            [bounds.min_m, bounds.max_m].iter().all(|corner| near.has([corner[0], corner[1]]))
+        };
+        points.walk(
+            self.seen..points.len(),
+            |part| inside(&part.summary),
+            |part| {
+                // Bounds leave out what is not a number.
+                self.far += usize::from(part.is_record() && !inside(&part.summary));
+                ControlFlow::Continue(())
+            },
+        );
+        self.seen = points.len();
+    }
+
+    /// The extent of the plausible positions on the map.
+    pub(super) fn extent(&self, plane: &Plane) -> Option<([f64; 2], [f64; 2])> {
+        let near = self.near?;
+        let mut extent: Option<(DVec2, DVec2)> = None;
+        let mut add = |(min, max): (DVec2, DVec2)| {
+            if is_place(&[min.x, min.y, max.x, max.y]) {
+                let (low, high) = extent.unwrap_or((min, max));
+                extent = Some((low.min(min), high.max(max)));
+            }
+        };
+        for part in self.points.parts(0..self.points.len(), FIT_PARTS, |_| false) {
+            let corners = [part.summary.min_m, part.summary.max_m];
+            if corners.iter().all(|corner| near.has([corner[0], corner[1]])) {
+                add(plane.bounds(&part.summary));
+                continue;
+            }
+            for point in [part.first, part.last].map(|point| point.position_m) {
+                if near.has([point[0], point[1]]) {
+                    let p = DVec2::from_array(plane.point(point));
+                    add((p, p));
+                }
+            }
+        }
+        extent.map(|(min, max)| (min.to_array(), max.to_array()))
+    }
 }
 
 /// A rotation and a translation in the plane that align one track with another.
@@ -34,188 +193,94 @@ impl Alignment {
         let (sin, cos) = self.yaw_rad.sin_cos();
         [cos * x - sin * y + self.translation_m[0], sin * x + cos * y + self.translation_m[1]]
     }
+
+    /// As a pose of the aligned track in the frame of the other one.
+    pub(super) fn pose(&self) -> Pose {
+        Pose::from_xy_yaw(self.translation_m[0], self.translation_m[1], self.yaw_rad)
+    }
 }
 
-/// Local east-north-up frame at the first fix of a geodetic track.
-pub(super) fn local_enu(track: &Track) -> Option<Enu> {
-    let [longitude, latitude, altitude, _] =
-        *track.points.iter().find(|p| p[..3].iter().all(|v| v.is_finite()))?;
-    Geodetic::new(latitude, longitude, altitude).ok().map(Enu::new)
+/// The alignment of one track with another, computed again while the part that it uses grows.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Aligned {
+    tracks: Option<[Series<TrackPoint>; 2]>,
+    /// Whether the part that is used will not change any more.
+    is_final: bool,
+    pub(super) alignment: Option<Alignment>,
 }
 
-impl Placed {
-    /// Transforms a track into the map's frame; a geodetic one through `enu` first.
-    pub(super) fn new(track: &Track, enu: Option<&Enu>, map_from_track: &Pose) -> Self {
-        let mut placed = Self::default();
-        let yaw = map_from_track.yaw();
-        for (stamp, &[a, b, c, heading]) in track.stamps.iter().zip(&track.points) {
-            let point = match enu {
-                Some(enu) => match Geodetic::new(b, a, c) {
-                    Ok(place) => enu.enu_from_geodetic(&place),
-                    Err(_) => continue,
-                },
-                None => DVec3::new(a, b, c),
-            };
-            let point = *map_from_track * point;
-            if point.is_finite() {
-                placed.stamps.push(*stamp);
-                placed.points.push([point.x, point.y, heading + yaw]);
+impl Aligned {
+    /// Aligns `track` with `reference`.
+    pub(super) fn update(&mut self, track: &Series<TrackPoint>, reference: &Series<TrackPoint>) {
+        let now = [track, reference];
+        if let Some(known) = &self.tracks
+            && known.iter().zip(now).all(|(known, now)| known.same(now) && known.len() <= now.len())
+        {
+            let grown = |(known, now): (&Series<_>, &Series<_>)| now.len() > known.len() + known.len() / 8;
+            if self.is_final || !known.iter().zip(now).any(grown) {
+                return;
             }
         }
-        placed
+        self.tracks = Some(now.map(Clone::clone));
+        (self.alignment, self.is_final) = align(track, reference);
     }
+}
 
-    /// Interpolated position and yaw at a time; `None` before the first point, and the last point after the end.
-    pub(super) fn at(&self, time: Stamp) -> Option<[f64; 3]> {
-        let after = self.stamps.partition_point(|stamp| *stamp <= time);
-        let before = after.checked_sub(1)?;
-        let (from, to) = (self.points[before], *self.points.get(after).unwrap_or(&self.points[before]));
-        let span = self.stamps.get(after).map_or(0.0, |stamp| stamp.seconds_since(self.stamps[before]));
-        let part = if span > 0.0 { time.seconds_since(self.stamps[before]) / span } else { 0.0 };
-        let between = |a: f64, b: f64| a + (b - a) * part;
-        let yaw = if from[2].is_nan() { self.course(before) } else { from[2] };
-        Some([between(from[0], to[0]), between(from[1], to[1]), yaw])
-    }
-
-    /// Direction of motion at a point: to the next point at half a metre distance, otherwise from the last one.
-    fn course(&self, index: usize) -> f64 {
-        let here = self.points[index];
-        let far = |p: &&[f64; 3]| (p[0] - here[0]).hypot(p[1] - here[1]) > 0.5;
-        let ahead = self.points[index..].iter().take(500).find(far);
-        let behind = self.points[..index].iter().rev().take(500).find(far);
-        match (ahead, behind) {
-            (Some(p), _) => (p[1] - here[1]).atan2(p[0] - here[0]),
-            (None, Some(p)) => (here[1] - p[1]).atan2(here[0] - p[0]),
-            (None, None) => f64::NAN,
-        }
-    }
-
-    /// The rotation and translation that align the first part of this track with `reference` by least squares. `None`
-    /// if they have no time in common, or hardly move.
-    pub(super) fn align(&self, reference: &Placed) -> Option<Alignment> {
-        let first = *self.stamps.first()?.max(reference.stamps.first()?);
-        let last = *self.stamps.last()?.min(reference.stamps.last()?);
-        let mut pairs: Vec<([f64; 2], [f64; 2])> = Vec::new();
-        let mut length_m = 0.0;
-        for (stamp, point) in self.stamps.iter().zip(&self.points) {
-            if *stamp < first || *stamp > last {
-                continue;
-            }
-            let Some([x, y, _]) = reference.at(*stamp) else { continue };
+/// The rotation and translation that align the first part of a track with `reference` by least squares, and whether
+/// later records cannot change it. `None` if they have no time in common, or hardly move.
+fn align(track: &Series<TrackPoint>, reference: &Series<TrackPoint>) -> (Option<Alignment>, bool) {
+    let ends = |points: &Series<TrackPoint>| Some([points.get(0)?.stamp, points.last()?.stamp]);
+    let (Some(own), Some(other)) = (ends(track), ends(reference)) else { return (None, false) };
+    let (first, last) = (own[0].max(other[0]), own[1].min(other[1]));
+    let mut pairs: Vec<([f64; 2], [f64; 2])> = Vec::new();
+    let mut length_m = 0.0;
+    track.walk(
+        track.count_until(first.before_ns(1))..track.count_until(last),
+        |part| (0..2).all(|axis| part.summary.max_m[axis] - part.summary.min_m[axis] <= AT_REST_M),
+        |part| {
+            let Some([x, y]) = at(reference, part.first.stamp) else { return ControlFlow::Continue(()) };
             if let Some(([last_x, last_y], _)) = pairs.last() {
                 length_m += f64::hypot(x - last_x, y - last_y);
             }
-            pairs.push(([x, y], [point[0], point[1]]));
-            if length_m > ALIGN_LENGTH_M {
-                break;
-            }
-        }
-        if pairs.len() < 3 || length_m < 1.0 {
-            return None;
-        }
-        let n = pairs.len() as f64;
-        let (mut to, mut from) = ([0.0; 2], [0.0; 2]);
-        for (a, b) in &pairs {
-            for axis in 0..2 {
-                to[axis] += a[axis] / n;
-                from[axis] += b[axis] / n;
-            }
-        }
-        let (mut cross, mut dot) = (0.0_f64, 0.0_f64);
-        for (a, b) in &pairs {
-            let (a, b) = ([a[0] - to[0], a[1] - to[1]], [b[0] - from[0], b[1] - from[1]]);
-            cross += b[0] * a[1] - b[1] * a[0];
-            dot += b[0] * a[0] + b[1] * a[1];
-        }
-        let yaw_rad = cross.atan2(dot);
-        let turned = Alignment { yaw_rad, translation_m: [0.0; 2], rms_m: 0.0 }.apply(from);
-        let mut alignment =
-            Alignment { yaw_rad, translation_m: [to[0] - turned[0], to[1] - turned[1]], rms_m: 0.0 };
-        let squares = pairs.iter().map(|(a, b)| {
-            let b = alignment.apply(*b);
-            (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)
-        });
-        alignment.rms_m = (squares.sum::<f64>() / n).sqrt();
-        Some(alignment)
+            pairs.push(([x, y], [part.first.position_m[0], part.first.position_m[1]]));
+            if length_m > ALIGN_LENGTH_M { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        },
+    );
+    let is_final = length_m > ALIGN_LENGTH_M;
+    if pairs.len() < 3 || length_m < 1.0 {
+        return (None, is_final);
     }
+    (Some(least_squares(&pairs)), is_final)
+}
 
-    /// The track after an alignment.
-    pub(super) fn aligned(mut self, alignment: &Alignment) -> Self {
-        for point in &mut self.points {
-            let [x, y] = alignment.apply([point[0], point[1]]);
-            *point = [x, y, point[2] + alignment.yaw_rad];
+/// The rotation and translation that bring the second points nearest to the first ones.
+fn least_squares(pairs: &[([f64; 2], [f64; 2])]) -> Alignment {
+    let n = pairs.len() as f64;
+    let (mut to, mut from) = ([0.0; 2], [0.0; 2]);
+    for (a, b) in pairs {
+        for axis in 0..2 {
+            to[axis] += a[axis] / n;
+            from[axis] += b[axis] / n;
         }
-        self
     }
+    let (mut cross, mut dot) = (0.0_f64, 0.0_f64);
+    for (a, b) in pairs {
+        let (a, b) = ([a[0] - to[0], a[1] - to[1]], [b[0] - from[0], b[1] - from[1]]);
+        cross += b[0] * a[1] - b[1] * a[0];
+        dot += b[0] * a[0] + b[1] * a[1];
+    }
+    let yaw_rad = cross.atan2(dot);
+    let turned = Alignment { yaw_rad, translation_m: [0.0; 2], rms_m: 0.0 }.apply(from);
+    let mut alignment =
+        Alignment { yaw_rad, translation_m: [to[0] - turned[0], to[1] - turned[1]], rms_m: 0.0 };
+    let squares = pairs.iter().map(|(a, b)| {
+        let b = alignment.apply(*b);
+        (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)
+    });
+    alignment.rms_m = (squares.sum::<f64>() / n).sqrt();
+    alignment
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn curve(count: usize, rotation_rad: f64, translation: [f64; 2]) -> Track {
-        let (sin, cos) = rotation_rad.sin_cos();
-        let point = |i: usize| {
-            let t = i as f64 * 0.1;
-            let (x, y) = (t, 5.0 * (t / 7.0).sin());
-            [cos * x - sin * y + translation[0], sin * x + cos * y + translation[1], 0.0, f64::NAN]
-        };
-        Track {
-            stamps: (0..count).map(|i| Stamp(i as u64 * 100_000_000)).collect(),
-            points: (0..count).map(point).collect(),
-            ..Track::default()
-        }
-    }
-
-    #[test]
-    fn an_alignment_undoes_a_turn_and_a_shift() {
-        let reference = Placed::new(&curve(1000, 0.0, [0.0; 2]), None, &Pose::IDENTITY);
-        let moved = Placed::new(&curve(1000, 1.1, [30.0, -4.0]), None, &Pose::IDENTITY);
-        let alignment = moved.align(&reference).unwrap();
-        assert!((alignment.yaw_rad + 1.1).abs() < 1e-9 && alignment.rms_m < 1e-9);
-        let back = moved.aligned(&alignment);
-        let worst = back
-            .points
-            .iter()
-            .zip(&reference.points)
-            .map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]))
-            .fold(0.0, f64::max);
-        assert!(worst < 1e-6, "{worst}");
-    }
-
-    #[test]
-    fn tracks_that_share_no_time_or_stand_still_are_not_aligned() {
-        let reference = Placed::new(&curve(1000, 0.0, [0.0; 2]), None, &Pose::IDENTITY);
-        let mut later = reference.clone();
-        later.stamps.iter_mut().for_each(|stamp| *stamp = stamp.after_ns(1_000_000_000_000));
-        assert_eq!(later.align(&reference), None);
-        let standing = Placed { points: vec![[1.0, 1.0, 0.0]; 1000], ..reference.clone() };
-        assert_eq!(reference.align(&standing), None);
-        assert_eq!(Placed::default().align(&reference), None);
-    }
-
-    #[test]
-    fn between_two_points_a_track_is_on_the_line_and_looks_where_it_goes() {
-        let track = Placed {
-            stamps: vec![Stamp(0), Stamp(10), Stamp(20)],
-            points: vec![[0.0, 0.0, f64::NAN], [0.0, 2.0, f64::NAN], [0.0, 4.0, f64::NAN]],
-        };
-        let [x, y, yaw] = track.at(Stamp(5)).unwrap();
-        assert!(x == 0.0 && y == 1.0 && (yaw - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
-        assert_eq!(track.at(Stamp(99)).map(|p| p[1]), Some(4.0));
-        assert_eq!(Placed::default().at(Stamp(5)), None);
-    }
-
-    #[test]
-    fn a_degree_of_latitude_is_111_km_to_the_north() {
-        let track = Track {
-            frame_id: WGS84.into(),
-            stamps: vec![Stamp(0), Stamp(1)],
-            points: vec![[8.0, 48.0, 100.0, f64::NAN], [8.0, 48.001, 100.0, f64::NAN]],
-            ..Track::default()
-        };
-        let enu = local_enu(&track).unwrap();
-        let placed = Placed::new(&track, Some(&enu), &Pose::IDENTITY);
-        assert!(placed.points[0][0].abs() < 1e-6 && (placed.points[1][1] - 111.2).abs() < 0.3);
-    }
-}
+#[path = "track_tests.rs"]
+mod tests;

@@ -8,6 +8,9 @@ use egui::accesskit::{Role, Toggled};
 use egui::{Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
+use rcs_msg::rcs;
+use rcs_runtime::source::{Control, SourceInfo, SourceKind};
+use std::sync::Arc;
 
 fn shown(kind: &str) -> Harness<'static, Shown> {
     let mut harness = harness(Shown::new(kind, samples::full()), Vec2::new(900.0, 560.0), Theme::Dark);
@@ -291,4 +294,72 @@ fn the_drive_view_says_how_the_vehicle_and_the_course_stand() {
     for text in ["0:42.3 of 4:00.0", "63.9 m", "expected at most 1.3"] {
         assert!(harness.query_by_label_contains(text).is_some(), "{text}");
     }
+}
+
+/// The written messages of a buffer.
+fn written(harness: &Harness<'_, Shown>, buffer: &str) -> Vec<f64> {
+    let controls = harness.state().controls.iter();
+    let messages = controls.filter_map(|control| match control {
+        Control::Write { buffer: to, message } if to == buffer => message.to::<rcs::SpeedLimit>(),
+        _ => None,
+    });
+    messages.map(|limit| limit.max_speed_mps).collect()
+}
+
+#[test]
+fn a_changed_parameter_is_previewed_sent_as_one_message_and_taken_back() {
+    let params = "/vehicle_interface/params";
+    let mut harness = driving("tuning");
+    assert!(harness.get_by_label_contains("Send").accesskit_node().is_disabled(), "nothing is changed");
+    harness.get_by_label("Default of max_speed_mps: 0.5").click();
+    harness.run();
+    let preview = harness.state().selection.preview.clone().unwrap();
+    assert_eq!(&*preview.process, "vehicle_interface");
+    assert_eq!(preview.params.to::<rcs::SpeedLimit>().unwrap().max_speed_mps, 0.5);
+    assert!(written(&harness, params).is_empty(), "a preview sends nothing");
+    harness.get_by_label_contains("Send 1").click();
+    harness.run();
+    assert_eq!(written(&harness, params), [0.5]);
+
+    // The source confirms: nothing is left to send, and the change can be taken back.
+    let limit = samples::topic(params, 0.0, 0.1, rcs::SpeedLimit { max_speed_mps: 0.5 });
+    let topics = harness.state().frame.topics.iter().map(|topic| match &*topic.name {
+        name if name == params => limit.clone(),
+        _ => topic.clone(),
+    });
+    harness.state_mut().frame.topics = topics.collect();
+    harness.run();
+    assert_eq!(harness.state().selection.preview, None);
+    assert!(harness.get_by_label_contains("Send").accesskit_node().is_disabled());
+    harness.get_by_label_contains("Undo").click();
+    harness.run();
+    assert_eq!(written(&harness, params), [0.5, 1.0]);
+}
+
+#[test]
+fn two_sets_of_parameters_are_kept_and_switched_between() {
+    let params = "/vehicle_interface/params";
+    let mut harness = driving("tuning");
+    harness.get_by_label("Parameters A").click();
+    harness.run();
+    harness.get_by_label("Default of max_speed_mps: 0.5").click();
+    harness.run();
+    harness.get_by_label("Parameters B").click();
+    harness.run();
+    assert!(written(&harness, params).is_empty(), "keeping sends nothing");
+    harness.get_by_label("Parameters B").click();
+    harness.run();
+    assert_eq!(written(&harness, params), [0.5]);
+}
+
+#[test]
+fn parameters_of_a_recording_are_shown_and_previewed_and_cannot_be_sent() {
+    let mut harness = driving("tuning");
+    let info = SourceInfo { kind: SourceKind::Log, ..(*harness.state().frame.info).clone() };
+    harness.state_mut().frame.info = Arc::new(info);
+    harness.get_by_label("Default of max_speed_mps: 0.5").click();
+    harness.run();
+    assert!(harness.state().selection.preview.is_some());
+    assert!(harness.get_by_label_contains("Send 1").accesskit_node().is_disabled());
+    assert!(harness.query_by_label_contains("run a stack on it").is_some());
 }

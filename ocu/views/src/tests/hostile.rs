@@ -270,13 +270,15 @@ fn every_view_stands_clouds_and_tracks_with_places_that_cannot_be() {
         let cloud = samples::topic("/lidar/points", 10.0, 0.1, samples::cloud(&points));
         let index = frame.topics.iter().position(|topic| &*topic.name == "/lidar/points").unwrap();
         frame = with_topic(&frame, index, cloud);
-        let mut tracks = (*frame.tracks).clone();
-        for track in tracks.values_mut() {
-            let points = track.points.iter().enumerate();
-            let points = points.map(|(i, p)| if i % 7 == 3 { [number, p[1], number, number] } else { *p });
-            *track = Arc::new(Track { points: points.collect(), ..(**track).clone() });
-        }
-        frame.tracks = Arc::new(tracks);
+        let tracks = frame.tracks.iter().map(|track| {
+            let mut points = Vec::new();
+            track.points.each(0..track.points.len(), |point| points.push(*point));
+            for point in points.iter_mut().skip(3).step_by(7) {
+                (point.position_m, point.yaw_rad) = ([number, point.position_m[1], number], number);
+            }
+            Track { points: points.into_iter().collect(), ..track.clone() }
+        });
+        frame.tracks = tracks.collect();
         for view_type in all() {
             let mut harness = shown(view_type.kind, &frame);
             check(view_type.kind, &mut harness, &frame, &format!("places at {number:e}"));

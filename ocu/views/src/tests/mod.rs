@@ -5,7 +5,7 @@ mod hostile;
 mod pictures;
 
 use crate::samples;
-use crate::view::{Selection, View, ViewContext, show};
+use crate::view::{Selection, View, ViewContext, Wish, show};
 use crate::views::{all, view_type};
 use egui::{Theme, Vec2};
 use egui_kittest::Harness;
@@ -17,12 +17,13 @@ struct Shown {
     frame: Frame,
     selection: Selection,
     controls: Vec<Control>,
+    wishes: Vec<Wish>,
 }
 
 impl Shown {
     fn new(kind: &str, frame: Frame) -> Self {
         let view = (view_type(kind).expect(kind).make)();
-        Self { view, frame, selection: Selection::default(), controls: Vec::new() }
+        Self { view, frame, selection: Selection::default(), controls: Vec::new(), wishes: Vec::new() }
     }
 }
 
@@ -37,8 +38,8 @@ fn harness(shown: Shown, size: Vec2, theme: Theme) -> Harness<'static, Shown> {
             |ui, shown: &mut Shown| {
                 let panel = ocu_ui::tokens(ui).panel();
                 ui.painter().rect_filled(ui.max_rect(), 0.0, panel);
-                let Shown { view, frame, selection, controls } = shown;
-                show(view.as_mut(), ui, &mut ViewContext { frame, controls, selection });
+                let Shown { view, frame, selection, controls, wishes } = shown;
+                show(view.as_mut(), ui, &mut ViewContext { frame, controls, selection, wishes });
             },
             shown,
         )

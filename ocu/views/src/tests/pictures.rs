@@ -64,3 +64,8 @@ fn buffers_light() {
 fn hierarchy_dark() {
     check("hierarchy", Theme::Dark);
 }
+
+#[test]
+fn tuning_dark() {
+    check_frame("tuning", samples::driving(), "tuning", Theme::Dark);
+}

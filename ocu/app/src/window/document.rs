@@ -1,0 +1,109 @@
+//! The document of the window: which views are where, with undo and redo.
+//!
+//! Views have stable ids, so that going to another state keeps those that are in both, with their textures. Where a
+//! view looks (its viewport) is stored, but is no step of its own: undo brings back what was arranged, not what was
+//! looked at.
+
+use crate::layout::{Layout, Node};
+
+/// Number of steps that are kept.
+const MOST: usize = 100;
+/// Field of a view's state that is no step of its own.
+pub(super) const VIEWPORT: &str = "viewport";
+
+/// The arrangement and its history.
+#[derive(Debug, Default)]
+pub(super) struct Document {
+    now: Option<Layout>,
+    past: Vec<Layout>,
+    future: Vec<Layout>,
+}
+
+impl Document {
+    /// Records the arrangement after an action; returns whether it differs from the last one.
+    pub(super) fn record(&mut self, layout: &Layout) -> bool {
+        let Some(now) = &self.now else {
+            self.now = Some(layout.clone());
+            return false;
+        };
+        if now == layout {
+            return false;
+        }
+        if without_viewports(now) != without_viewports(layout) {
+            self.past.push(now.clone());
+            let surplus = self.past.len().saturating_sub(MOST);
+            self.past.drain(..surplus);
+            self.future.clear();
+        }
+        self.now = Some(layout.clone());
+        true
+    }
+
+    /// The arrangement before the last step.
+    pub(super) fn undo(&mut self) -> Option<Layout> {
+        let before = self.past.pop()?;
+        self.future.extend(self.now.replace(before.clone()));
+        Some(before)
+    }
+
+    /// The arrangement after the step that was undone last.
+    pub(super) fn redo(&mut self) -> Option<Layout> {
+        let after = self.future.pop()?;
+        self.past.extend(self.now.replace(after.clone()));
+        Some(after)
+    }
+}
+
+fn without_viewports(layout: &Layout) -> Layout {
+    fn strip(node: &mut Node) {
+        match node {
+            Node::Row(parts) | Node::Column(parts) => parts.iter_mut().for_each(|(_, node)| strip(node)),
+            Node::Grid(nodes) | Node::Tabs { tiles: nodes, .. } => nodes.iter_mut().for_each(strip),
+            Node::View { state, .. } => {
+                if let Some(fields) = state.as_object_mut() {
+                    fields.remove(VIEWPORT);
+                }
+            }
+        }
+    }
+    let mut layout = layout.clone();
+    strip(&mut layout.root);
+    layout
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn layout(buffers: bool, state: serde_json::Value) -> Layout {
+        let view = Node::View { kind: "map".into(), state, run: ocu_views::RunChoice::Shown, id: 1 };
+        Layout { buffers, root: view, ..Layout::empty() }
+    }
+
+    #[test]
+    fn steps_are_undone_and_redone_and_a_new_one_forgets_what_was_undone() {
+        let states: Vec<Layout> = (0..4).map(|i| layout(i % 2 == 0, json!({ "n": i }))).collect();
+        let mut document = Document::default();
+        assert!(!document.record(&states[0]), "the first is no step");
+        assert!(document.record(&states[1]) && document.record(&states[2]));
+        assert!(!document.record(&states[2]));
+        assert_eq!(document.undo().as_ref(), Some(&states[1]));
+        assert_eq!(document.undo().as_ref(), Some(&states[0]));
+        assert_eq!(document.undo(), None);
+        assert_eq!(document.redo().as_ref(), Some(&states[1]));
+        assert!(document.record(&states[3]));
+        assert_eq!(document.redo(), None);
+        assert_eq!(document.undo().as_ref(), Some(&states[1]));
+    }
+
+    #[test]
+    fn where_a_view_looks_is_stored_and_is_no_step() {
+        let mut document = Document::default();
+        document.record(&layout(true, json!({ "n": 0, "viewport": 1 })));
+        assert!(document.record(&layout(true, json!({ "n": 0, "viewport": 2 }))));
+        assert_eq!(document.undo(), None);
+        document.record(&layout(true, json!({ "n": 1, "viewport": 3 })));
+        assert_eq!(document.undo(), Some(layout(true, json!({ "n": 0, "viewport": 2 }))));
+    }
+}

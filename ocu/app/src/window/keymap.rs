@@ -1,0 +1,184 @@
+//! The keys of the commands: the defaults, and what the user has changed, in a file of its own.
+//!
+//! One rule says what a key means where several things could use it:
+//! - Escape stops the vehicle where there is one that can be stopped, and then does nothing else; elsewhere it closes
+//!   menus and dialogs and leaves fields.
+//! - While a text is typed, only keys that cannot be typed act.
+//! - A widget with the keyboard focus keeps the keys that operate it (space, enter, tab, arrows, home, end).
+
+use super::commands::{COMMANDS, Command, Entry};
+use super::shortcut::Shortcut;
+use crate::layout::write_whole;
+use egui::{Event, Key};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// The keys of all commands.
+#[derive(Debug, Default)]
+pub(super) struct Keymap {
+    /// The keys that differ from the defaults, by the command's name in files.
+    changed: BTreeMap<String, Vec<Shortcut>>,
+    file: Option<PathBuf>,
+}
+
+impl Keymap {
+    /// Reads the user's keys; also an error for what cannot be used.
+    pub(super) fn load(file: Option<PathBuf>) -> (Self, Option<String>) {
+        let mut keymap = Self { file, ..Self::default() };
+        let Some(path) = keymap.file.clone().filter(|path| path.exists()) else { return (keymap, None) };
+        let shown = path.display().to_string();
+        let read = crate::assets::read_text(&path);
+        let error = match read.and_then(|text| parse(&text)) {
+            Ok(changed) => {
+                keymap.changed = changed;
+                None
+            }
+            Err(error) => Some(format!("the keys that were changed cannot be used: {error}: {shown}")),
+        };
+        (keymap, error)
+    }
+
+    /// The keys of a command.
+    pub(super) fn keys<'a>(&'a self, entry: &'a Entry) -> &'a [Shortcut] {
+        self.changed.get(entry.id).map_or(entry.keys, Vec::as_slice)
+    }
+
+    /// The first key of a command as text; empty if it has none.
+    pub(super) fn text(&self, command: Command) -> String {
+        let entry = super::commands::entry_of(command);
+        let first = entry.and_then(|entry| self.keys(entry).first());
+        first.map(ToString::to_string).unwrap_or_default()
+    }
+
+    /// The command with this key.
+    pub(super) fn owner(&self, shortcut: Shortcut) -> Option<&'static Entry> {
+        COMMANDS.iter().find(|entry| self.keys(entry).contains(&shortcut))
+    }
+
+    /// Whether anything differs from the defaults.
+    pub(super) fn is_changed(&self) -> bool {
+        !self.changed.is_empty()
+    }
+
+    /// Gives a command one key, which another command loses. The emergency stop keeps its key.
+    pub(super) fn set(&mut self, entry: &Entry, shortcut: Shortcut) -> Result<(), String> {
+        if entry.command == Command::EmergencyStop || shortcut.key == Key::Escape {
+            return Err("the emergency stop keeps esc, and esc stays its key".to_owned());
+        }
+        if [Key::W, Key::A, Key::S, Key::D].contains(&shortcut.key) && !shortcut.is_untypable() {
+            return Err(format!("{shortcut} drives"));
+        }
+        if let Some(owner) = self.owner(shortcut).filter(|owner| owner.id != entry.id) {
+            let rest = self.keys(owner).iter().copied().filter(|key| *key != shortcut).collect();
+            self.changed.insert(owner.id.to_owned(), rest);
+        }
+        self.changed.insert(entry.id.to_owned(), vec![shortcut]);
+        self.save()
+    }
+
+    /// Returns to the defaults.
+    pub(super) fn reset(&mut self) -> Result<(), String> {
+        self.changed.clear();
+        self.save()
+    }
+
+    fn save(&self) -> Result<(), String> {
+        let Some(path) = &self.file else { return Ok(()) };
+        let texts = |keys: &Vec<Shortcut>| keys.iter().map(ToString::to_string).collect::<Vec<_>>();
+        let changed: BTreeMap<&String, Vec<String>> =
+            self.changed.iter().map(|(id, keys)| (id, texts(keys))).collect();
+        let text = ron::ser::to_string_pretty(&changed, ron::ser::PrettyConfig::new());
+        let text = text.map_err(|error| error.to_string())?;
+        write_whole(path, &(text + "\n")).map_err(|error| error.to_string())
+    }
+
+    /// The commands of the keys that were pressed in this pass; their events are consumed. `stops` says whether there
+    /// is a vehicle that Escape stops.
+    pub(super) fn pressed(&self, ctx: &egui::Context, stops: bool) -> Vec<Command> {
+        let types = ctx.text_edit_focused();
+        let has_focus = ctx.memory(|memory| memory.focused().is_some());
+        let mut commands = Vec::new();
+        ctx.input_mut(|input| {
+            input.events.retain(|event| {
+                let Event::Key { key, pressed: true, modifiers, repeat, .. } = event else { return true };
+                // The modifiers of this event are used: with slow passes they may have been released by now.
+                if *key == Key::Escape {
+                    if stops {
+                        commands.push(Command::EmergencyStop);
+                    }
+                    return !stops;
+                }
+                let found = COMMANDS.iter().find_map(|entry| {
+                    let mut keys = self.keys(entry).iter().copied();
+                    Some((entry, keys.find(|keys| keys.is(*modifiers, *key))?))
+                });
+                let Some((entry, shortcut)) = found else { return true };
+                if (types && !shortcut.is_untypable()) || (has_focus && shortcut.belongs_to_focus()) {
+                    return true;
+                }
+                let repeats = matches!(
+                    entry.command,
+                    Command::Step { .. } | Command::StepCycle { .. } | Command::StepSecond { .. }
+                );
+                if !repeat || repeats {
+                    commands.push(entry.command);
+                }
+                false
+            });
+        });
+        commands
+    }
+}
+
+fn parse(text: &str) -> Result<BTreeMap<String, Vec<Shortcut>>, String> {
+    let read: BTreeMap<String, Vec<String>> = ron::from_str(text).map_err(|error| error.to_string())?;
+    let mut changed = BTreeMap::new();
+    for (id, keys) in read {
+        if !COMMANDS.iter().any(|entry| entry.id == id) {
+            return Err(format!("no command is called {id:?}"));
+        }
+        let keys = keys.iter().map(|key| Shortcut::parse(key)).collect::<Result<Vec<_>, _>>()?;
+        changed.insert(id, keys);
+    }
+    Ok(changed)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::super::commands::entry_of;
+    use super::*;
+
+    #[test]
+    fn changed_keys_survive_a_restart_and_the_old_owner_loses_its_key() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = Some(dir.path().join("keys.ron"));
+        let (mut keymap, error) = Keymap::load(file.clone());
+        assert_eq!(error, None);
+        let (play, looped) = (entry_of(Command::PlayPause).unwrap(), entry_of(Command::Loop).unwrap());
+        keymap.set(play, Shortcut::parse("L").unwrap()).unwrap();
+        let (again, error) = Keymap::load(file.clone());
+        assert_eq!(error, None);
+        assert_eq!((again.text(Command::PlayPause), again.text(Command::Loop)), ("L".into(), String::new()));
+        assert_eq!(again.owner(Shortcut::parse("L").unwrap()).map(|entry| entry.id), Some(play.id));
+        keymap.reset().unwrap();
+        assert_eq!(Keymap::load(file.clone()).0.keys(looped), looped.keys);
+
+        for (text, part) in [("{\"fly\": [\"L\"]}", "fly"), ("{\"play\": [\"hyper\"]}", "hyper"), ("}", "")] {
+            std::fs::write(file.as_ref().unwrap(), text).unwrap();
+            let (keymap, error) = Keymap::load(file.clone());
+            assert!(error.unwrap().contains(part) && !keymap.is_changed());
+        }
+    }
+
+    #[test]
+    fn the_keys_of_stopping_and_driving_are_nobody_elses() {
+        let mut keymap = Keymap::default();
+        let play = entry_of(Command::PlayPause).unwrap();
+        for keys in ["esc", "W", "shift D"] {
+            assert!(keymap.set(play, Shortcut::parse(keys).unwrap()).is_err(), "{keys}");
+        }
+        let stop = entry_of(Command::EmergencyStop).unwrap();
+        assert!(keymap.set(stop, Shortcut::parse("F9").unwrap()).is_err());
+    }
+}

@@ -1,0 +1,246 @@
+//! The palette, in which a command, a view or a layout is found by its name, and the list of keys, in which they can be
+//! changed.
+
+use super::commands::{COMMANDS, Command, Entry, Group, HELD, Needs};
+use super::keymap::Keymap;
+use super::shortcut::Shortcut;
+use egui::{Align2, Event, Key, RichText, ScrollArea, TextEdit, Vec2};
+use ocu_ui::{tokens, widgets};
+use ocu_views::ViewType;
+
+/// What can be chosen in the palette.
+#[derive(Clone)]
+pub(super) enum Choice {
+    Command(Command),
+    View(&'static ViewType),
+    Layout(String),
+}
+
+/// The palette, while it is open.
+#[derive(Debug, Default)]
+pub(super) struct Palette {
+    open: bool,
+    text: String,
+    /// Index of the marked line.
+    marked: usize,
+    fresh: bool,
+}
+
+impl Palette {
+    pub(super) fn toggle(&mut self) {
+        *self = Self { open: !self.open, fresh: true, ..Self::default() };
+    }
+
+    pub(super) fn close(&mut self) {
+        self.open = false;
+    }
+
+    pub(super) fn is_open(&self) -> bool {
+        self.open
+    }
+
+    /// Paints the palette; returns what was chosen. `can` says whether what a command needs is there.
+    pub(super) fn ui(
+        &mut self,
+        ctx: &egui::Context,
+        keymap: &Keymap,
+        layouts: &[String],
+        can: impl Fn(Needs) -> bool,
+    ) -> Option<Choice> {
+        if !self.open {
+            return None;
+        }
+        let wanted = self.text.to_lowercase();
+        let fits = |name: &str| wanted.split_whitespace().all(|word| name.to_lowercase().contains(word));
+        let mut lines: Vec<(String, String, Choice)> = Vec::new();
+        for entry in COMMANDS.iter().filter(|entry| can(entry.needs) && entry.command != Command::Palette) {
+            lines.push((entry.name.to_owned(), keymap.text(entry.command), Choice::Command(entry.command)));
+        }
+        for view_type in ocu_views::all() {
+            lines.push((format!("View: {}", view_type.name), String::new(), Choice::View(view_type)));
+        }
+        for name in layouts {
+            lines.push((format!("Layout: {name}"), String::new(), Choice::Layout(name.clone())));
+        }
+        lines.retain(|(name, ..)| fits(name));
+        self.marked = self.marked.min(lines.len().saturating_sub(1));
+        let mut chosen = None;
+        let frame = egui::Frame::popup(&ctx.global_style()).inner_margin(egui::Margin::same(8));
+        egui::Area::new(egui::Id::unique("palette"))
+            .order(egui::Order::Foreground)
+            .anchor(Align2::CENTER_TOP, Vec2::new(0.0, 64.0))
+            .show(ctx, |ui| {
+                frame.show(ui, |ui| {
+                    ui.set_width(420.0);
+                    let moved = ui.input_mut(|input| {
+                        let down = input.consume_key(egui::Modifiers::NONE, Key::ArrowDown);
+                        let up = input.consume_key(egui::Modifiers::NONE, Key::ArrowUp);
+                        isize::from(down) - isize::from(up)
+                    });
+                    let last = lines.len().saturating_sub(1);
+                    self.marked = self.marked.saturating_add_signed(moved).min(last);
+                    let entered = ui.input(|input| input.key_pressed(Key::Enter));
+                    let edit = TextEdit::singleline(&mut self.text)
+                        .hint_text("Find a command, a view or a layout")
+                        .desired_width(f32::INFINITY);
+                    let response = ui.add(edit);
+                    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Find a command"));
+                    if std::mem::take(&mut self.fresh) {
+                        response.request_focus();
+                    }
+                    if response.changed() {
+                        self.marked = 0;
+                    }
+                    ui.add_space(4.0);
+                    ScrollArea::vertical().max_height(320.0).show(ui, |ui| {
+                        for (index, (name, keys, choice)) in lines.iter().enumerate() {
+                            let is_marked = index == self.marked;
+                            let response = line(ui, name, keys, is_marked);
+                            if is_marked && moved != 0 {
+                                response.scroll_to_me(None);
+                            }
+                            if response.clicked() || (entered && is_marked) {
+                                chosen = Some(choice.clone());
+                            }
+                        }
+                    });
+                    if lines.is_empty() {
+                        ui.label(RichText::new("Nothing has this name.").color(tokens(ui).weak));
+                    }
+                });
+            });
+        let escaped = ctx.input(|input| input.key_pressed(Key::Escape));
+        if chosen.is_some() || escaped {
+            self.open = false;
+        }
+        chosen
+    }
+}
+
+/// A line of the palette: a name, and keys at the right.
+fn line(ui: &mut egui::Ui, name: &str, keys: &str, is_marked: bool) -> egui::Response {
+    let tokens = tokens(ui);
+    let (rect, response) =
+        ui.allocate_exact_size(Vec2::new(ui.available_width(), 22.0), egui::Sense::click());
+    response.widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, true, is_marked, name));
+    if is_marked || response.hovered() {
+        let fill = if is_marked { tokens.selected } else { tokens.surface[2] };
+        ui.painter().rect_filled(rect, 3.0, fill);
+    }
+    let inner = rect.shrink2(Vec2::new(8.0, 0.0));
+    let font = egui::TextStyle::Body.resolve(ui.style());
+    let ink = if is_marked { tokens.strong } else { tokens.text };
+    widgets::cell(ui, inner, egui::Align::Min, name, font, ink);
+    let small = egui::TextStyle::Monospace.resolve(ui.style());
+    let ink = if is_marked { tokens.text } else { tokens.weak };
+    widgets::cell(ui, inner, egui::Align::Max, keys, small, ink);
+    response
+}
+
+/// The list of keys, while it is open.
+#[derive(Debug, Default)]
+pub(super) struct KeyList {
+    open: bool,
+    /// The command whose key is being changed.
+    changing: Option<&'static str>,
+    /// Why the last change was not possible.
+    refused: Option<String>,
+}
+
+impl KeyList {
+    pub(super) fn toggle(&mut self) {
+        *self = Self { open: !self.open, ..Self::default() };
+    }
+
+    pub(super) fn close(&mut self) {
+        *self = Self::default();
+    }
+
+    pub(super) fn is_open(&self) -> bool {
+        self.open
+    }
+
+    /// Takes the next key for the command that is being changed. Called before the keys of commands are.
+    pub(super) fn take_key(&mut self, ctx: &egui::Context, keymap: &mut Keymap) {
+        let entry = self.changing.and_then(|id| COMMANDS.iter().find(|entry| entry.id == id));
+        let Some(entry) = entry else { return };
+        let pressed = ctx.input_mut(|input| {
+            let press = input.events.iter().position(
+                |event| matches!(event, Event::Key { pressed: true, key, .. } if *key != Key::Escape),
+            )?;
+            match input.events.remove(press) {
+                Event::Key { key, modifiers, .. } => Some(Shortcut::of_press(modifiers, key)),
+                _ => None,
+            }
+        });
+        if let Some(shortcut) = pressed {
+            self.refused = keymap.set(entry, shortcut).err();
+            self.changing = None;
+        }
+    }
+
+    /// Paints the list.
+    pub(super) fn ui(&mut self, ctx: &egui::Context, keymap: &mut Keymap) {
+        let mut open = self.open;
+        egui::Window::new("Keys")
+            .open(&mut open)
+            .collapsible(false)
+            .resizable(false)
+            .anchor(Align2::CENTER_CENTER, Vec2::ZERO)
+            .show(ctx, |ui| self.list(ui, keymap));
+        self.open = open && !ctx.input(|input| input.key_pressed(Key::Escape));
+        if !self.open {
+            self.close();
+        }
+    }
+
+    fn list(&mut self, ui: &mut egui::Ui, keymap: &mut Keymap) {
+        let weak = tokens(ui).weak;
+        egui::Grid::new("keys").num_columns(2).spacing([16.0, 3.0]).show(ui, |ui| {
+            for group in Group::ALL {
+                ui.label(RichText::new(group.name()).small().color(weak));
+                ui.end_row();
+                for entry in COMMANDS.iter().filter(|entry| entry.group == group) {
+                    self.row(ui, keymap, entry);
+                }
+                if group == Group::Safety {
+                    for (keys, help) in HELD {
+                        ui.label(widgets::mono(*keys));
+                        ui.label(*help);
+                        ui.end_row();
+                    }
+                }
+            }
+        });
+        ui.add_space(4.0);
+        match (&self.refused, self.changing) {
+            (Some(refused), _) => ui.colored_label(tokens(ui).warning, refused),
+            (None, Some(_)) => ui.label("Press the new key."),
+            (None, None) => ui.label(RichText::new("Click a key to change it.").small().color(weak)),
+        };
+        if keymap.is_changed() && ui.small_button("The usual keys").clicked() {
+            self.refused = keymap.reset().err();
+        }
+    }
+
+    fn row(&mut self, ui: &mut egui::Ui, keymap: &Keymap, entry: &'static Entry) {
+        let is_changing = self.changing == Some(entry.id);
+        let text = match keymap.text(entry.command) {
+            _ if is_changing => "…".to_owned(),
+            keys if keys.is_empty() => "–".to_owned(),
+            keys => keys,
+        };
+        let button = egui::Button::selectable(is_changing, widgets::mono(text.clone()))
+            .min_size(Vec2::new(96.0, 18.0));
+        let response = ui.add_enabled(entry.command != Command::EmergencyStop, button);
+        response.widget_info(|| {
+            egui::WidgetInfo::labeled(egui::Role::Button, true, format!("Key of {}: {text}", entry.name))
+        });
+        if response.clicked() {
+            self.changing = if is_changing { None } else { Some(entry.id) };
+            self.refused = None;
+        }
+        ui.label(entry.name);
+        ui.end_row();
+    }
+}

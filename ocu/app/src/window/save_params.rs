@@ -1,0 +1,127 @@
+//! Saving parameters to the stack file: the difference is shown first, and written when the user says so.
+
+use crate::layout::write_whole;
+use crate::open::Request;
+use crate::{bundled, say, stack_edit};
+use egui::{RichText, ScrollArea};
+use ocu_ui::{tokens, widgets};
+use rcs_msg::AnyMessage;
+use similar::{ChangeTag, TextDiff};
+use std::path::{Path, PathBuf};
+
+/// The dialog, while it is open.
+pub(super) struct SaveParams {
+    process: String,
+    /// Name of the file, which the user may change.
+    file: String,
+    /// The text of the stack before and after, or why it cannot be written.
+    edit: Result<(String, String), String>,
+    /// Why the last attempt to write failed.
+    failed: Option<String>,
+}
+
+/// What became of the dialog.
+pub(super) enum Saved {
+    Open,
+    Cancelled,
+    Written(PathBuf),
+}
+
+impl SaveParams {
+    /// Prepares to write parameters into the stack that runs.
+    pub(super) fn new(current: &Request, process: &str, params: &AnyMessage) -> Self {
+        let prepared = prepare(current, process, params).map_err(|error| say(&error));
+        let (file, edit) = match prepared {
+            Ok((file, old, new)) => (file, Ok((old, new))),
+            Err(error) => (String::new(), Err(error)),
+        };
+        Self { process: process.to_owned(), file, edit, failed: None }
+    }
+
+    /// Paints the dialog.
+    pub(super) fn ui(&mut self, ctx: &egui::Context) -> Saved {
+        let (mut open, mut saved) = (true, Saved::Open);
+        egui::Window::new(format!("Save the parameters of {}", self.process))
+            .collapsible(false)
+            .resizable(true)
+            .default_width(560.0)
+            .anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO)
+            .open(&mut open)
+            .show(ctx, |ui| {
+                let (old, new) = match &self.edit {
+                    Ok(both) => both,
+                    Err(error) => {
+                        ui.add(egui::Label::new(RichText::new(error).color(tokens(ui).error)).wrap());
+                        return;
+                    }
+                };
+                difference(ui, old, new);
+                ui.add_space(4.0);
+                ui.horizontal(|ui| {
+                    let label = ui.label("File");
+                    ui.add(egui::TextEdit::singleline(&mut self.file).desired_width(360.0))
+                        .labelled_by(label.id);
+                    let path = PathBuf::from(self.file.trim());
+                    let verb = if path.exists() { "Replace" } else { "Write" };
+                    let can = old != new && !self.file.trim().is_empty();
+                    if ui.add_enabled(can, egui::Button::new(verb)).clicked() {
+                        match write_whole(&path, new) {
+                            Ok(()) => saved = Saved::Written(path),
+                            Err(error) => self.failed = Some(say(&error)),
+                        }
+                    }
+                });
+                if let Some(failed) = &self.failed {
+                    ui.colored_label(tokens(ui).error, failed);
+                }
+            });
+        let escaped = ctx.input(|input| input.key_pressed(egui::Key::Escape));
+        if matches!(saved, Saved::Open) && (!open || escaped) {
+            return Saved::Cancelled;
+        }
+        saved
+    }
+}
+
+/// The file to write, and the text of the stack before and after.
+fn prepare(
+    current: &Request,
+    process: &str,
+    params: &AnyMessage,
+) -> anyhow::Result<(String, String, String)> {
+    let Some(spec) = &current.stack else {
+        anyhow::bail!("nothing runs here from a stack file, so there is none to write to");
+    };
+    let (file, text) = match bundled::file("stack", spec) {
+        // A bundled stack is part of the program: what differs becomes a file of the user's.
+        Some(bundled) => (format!("{spec}.toml"), bundled.text.to_owned()),
+        None => (spec.clone(), crate::assets::read_text(Path::new(spec)).map_err(anyhow::Error::msg)?),
+    };
+    let new = stack_edit::with_params(&file, &text, current.course.as_deref(), process, params)?;
+    Ok((file, text, new))
+}
+
+/// The changed lines with three lines around them: marked by sign and colour.
+fn difference(ui: &mut egui::Ui, old: &str, new: &str) {
+    let tokens = tokens(ui);
+    if old == new {
+        ui.label("The stack file says the same already.");
+        return;
+    }
+    let diff = TextDiff::from_lines(old, new);
+    ScrollArea::vertical().max_height(320.0).show(ui, |ui| {
+        ui.spacing_mut().item_spacing.y = 0.0;
+        for group in diff.grouped_ops(3) {
+            for change in group.iter().flat_map(|op| diff.iter_changes(op)) {
+                let (sign, color) = match change.tag() {
+                    ChangeTag::Delete => ('−', tokens.error),
+                    ChangeTag::Insert => ('+', tokens.ok),
+                    ChangeTag::Equal => (' ', tokens.weak),
+                };
+                let text = format!("{sign} {}", change.value().trim_end());
+                ui.add(egui::Label::new(widgets::mono(text).color(color)).extend());
+            }
+            ui.add_space(6.0);
+        }
+    });
+}

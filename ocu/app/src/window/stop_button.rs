@@ -1,0 +1,111 @@
+//! The emergency stop in the top bar. It has a fixed place and size, and each of its states has a look of its own:
+//! colour, shape and word.
+
+use super::operate::StopState;
+use egui::{Color32, Rect, Role, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo};
+use ocu_ui::{Icon, icons, stale, tokens, widgets};
+
+/// Size of the button, and of the button that releases the stop, which keeps its place when it is not shown.
+const STOP: Vec2 = Vec2::new(148.0, 24.0);
+const RELEASE: Vec2 = Vec2::new(96.0, 24.0);
+
+/// How a state looks.
+struct Look {
+    word: &'static str,
+    icon: Icon,
+    fill: Color32,
+    ink: Color32,
+    edge: Stroke,
+    /// Whether the request has not been confirmed.
+    is_open: bool,
+    help: &'static str,
+}
+
+impl Look {
+    fn of(ui: &Ui, state: StopState) -> Option<Self> {
+        let tokens = tokens(ui);
+        Some(match state {
+            StopState::None => return None,
+            StopState::Clear => Self {
+                word: "STOP",
+                icon: icons::ICON_DANGEROUS,
+                fill: tokens.stop,
+                ink: tokens.on_stop,
+                edge: Stroke::NONE,
+                is_open: false,
+                help: "Emergency stop (Esc)",
+            },
+            StopState::Asked { active, late } => Self {
+                word: match (active, late) {
+                    (_, true) => "NOT CONFIRMED",
+                    (true, false) => "STOPPING…",
+                    (false, false) => "RELEASING…",
+                },
+                icon: if late { icons::ICON_ERROR } else { icons::ICON_HOURGLASS_TOP },
+                fill: tokens.warning,
+                ink: tokens.on_warning,
+                edge: Stroke::NONE,
+                is_open: true,
+                help: "Sent; the vehicle has not said yet that it obeys. Press to stop.",
+            },
+            StopState::Stopped => Self {
+                word: "STOPPED",
+                icon: icons::ICON_LOCK,
+                fill: tokens.surface[0],
+                ink: tokens.strong,
+                edge: Stroke::new(2.0, tokens.error),
+                is_open: false,
+                help: "The vehicle says that it is stopped. Release it with the button beside this one.",
+            },
+        })
+    }
+}
+
+/// Paints the buttons from right to left; returns whether a stop (`true`) or its release (`false`) is requested.
+/// Nothing is released while a control is deflected (`pushed`), because a release must not start motion.
+pub(super) fn ui(ui: &mut Ui, state: StopState, pushed: bool) -> Option<bool> {
+    let look = Look::of(ui, state)?;
+    let mut wish = None;
+    let (rect, response) = ui.allocate_exact_size(STOP, Sense::click());
+    response
+        .widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Emergency stop: {}", look.word)));
+    paint(ui, rect, &look, response.hovered());
+    if response.on_hover_text(look.help).clicked() && state != StopState::Stopped {
+        wish = Some(true);
+    }
+    let (place, _) = ui.allocate_exact_size(RELEASE, Sense::hover());
+    if state == StopState::Stopped {
+        let button =
+            egui::Button::new(format!("{}  Release", icons::ICON_LOCK_OPEN.codepoint)).min_size(RELEASE);
+        let release = ui.new_child(egui::UiBuilder::new().max_rect(place)).add_enabled(!pushed, button);
+        let release = release
+            .on_hover_text("Let the vehicle move again")
+            .on_disabled_hover_text("Let go of the controls first: a release must not start motion.");
+        if release.clicked() {
+            wish = Some(false);
+        }
+    }
+    ui.separator();
+    wish
+}
+
+fn paint(ui: &Ui, rect: Rect, look: &Look, hovered: bool) {
+    let painter = ui.painter_at(rect.expand(1.0));
+    let fill = if hovered { look.fill.lerp_to_gamma(look.ink, 0.12) } else { look.fill };
+    painter.rect(rect, 3.0, fill, look.edge, StrokeKind::Inside);
+    let font = egui::FontId::proportional(13.0);
+    let galley = painter.layout_no_wrap(look.word.to_owned(), font, look.ink);
+    let left = rect.center().x - (galley.size().x + 24.0) / 2.0;
+    if look.is_open {
+        // Hatched beside the text, so that the colour is not the only difference.
+        for part in [
+            Rect::from_min_max(rect.min, egui::pos2(left - 4.0, rect.bottom())),
+            Rect::from_min_max(egui::pos2(left + galley.size().x + 28.0, rect.top()), rect.max),
+        ] {
+            stale::hatch(&painter, part.shrink2(Vec2::new(2.0, 0.0)), look.ink.gamma_multiply(0.6));
+        }
+    }
+    widgets::icon_at(&painter, egui::pos2(left + 8.0, rect.center().y + 1.0), look.icon, 16.0, look.ink);
+    let at = egui::pos2(left + 24.0, rect.center().y - galley.size().y / 2.0);
+    painter.galley(at, galley, look.ink);
+}

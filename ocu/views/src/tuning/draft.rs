@@ -1,0 +1,192 @@
+//! Edited parameters of one process: the changes that were not sent, what they replaced, and the kept sets A and B.
+
+use rcs_msg::params::{ParamKind, ParamSpec, specs, with_params};
+use rcs_msg::{AnyMessage, FieldPath, Value};
+use rcs_world::{Source, SourceKind, Weighted, Weights};
+use std::collections::BTreeMap;
+
+/// Number of messages that can be taken back.
+const MOST: usize = 50;
+
+/// The edited parameters of a process.
+#[derive(Default)]
+pub(super) struct Draft {
+    /// The changes that were not sent: path and text.
+    changes: BTreeMap<String, String>,
+    /// The parameters with the changes, and those that they change.
+    made: Option<(AnyMessage, AnyMessage)>,
+    /// The parameters that were replaced, oldest first.
+    replaced: Vec<AnyMessage>,
+    kept: [Option<AnyMessage>; 2],
+    /// Why the last change was refused.
+    refused: Option<String>,
+    /// Number of the process's faults when something was sent last.
+    faults_before: Option<u64>,
+    /// What the parameters are.
+    specs: Vec<ParamSpec>,
+}
+
+impl Draft {
+    /// Drops changes that are in force by now.
+    pub(super) fn follow(&mut self, in_force: &AnyMessage, now: &Value) {
+        let is_done = |path: &str, text: &str| {
+            let at = path.parse::<FieldPath>().ok();
+            let value = at.as_ref().and_then(|at| now.get(at).ok());
+            value.is_some_and(|value| same(&value, text))
+        };
+        let before = self.changes.len();
+        self.changes.retain(|path, text| !is_done(path, text));
+        let is_other = self.made.as_ref().is_some_and(|(of, _)| !of.same(in_force));
+        if before != self.changes.len() || is_other {
+            self.made = None;
+        }
+        if self.made.is_none() && self.is_changed() {
+            // A change that does not fit any more is shown as refused when it is sent.
+            let _ = self.make(in_force);
+        }
+        if self.specs.is_empty() {
+            self.specs = in_force.schema().descriptor().map(specs).unwrap_or_default();
+        }
+    }
+
+    /// What the parameters are.
+    pub(super) fn specs(&self) -> &[ParamSpec] {
+        &self.specs
+    }
+
+    /// Changes a parameter; a refused change is not kept, and its reason is shown.
+    pub(super) fn set(&mut self, in_force: &AnyMessage, path: &str, text: String) {
+        let old = self.changes.insert(path.to_owned(), text);
+        self.made = None;
+        match self.make(in_force) {
+            Ok(_) => self.refused = None,
+            Err(error) => {
+                self.refused = Some(error);
+                match old {
+                    Some(old) => self.changes.insert(path.to_owned(), old),
+                    None => self.changes.remove(path),
+                };
+            }
+        }
+    }
+
+    fn make(&mut self, in_force: &AnyMessage) -> Result<AnyMessage, String> {
+        if let Some((_, made)) = self.made.as_ref().filter(|(of, _)| of.same(in_force)) {
+            return Ok(made.clone());
+        }
+        let changes = self.changes.iter().map(|(path, text)| (path.as_str(), text.as_str()));
+        let made = with_params(in_force, changes).map_err(|error| error.to_string())?;
+        self.made = Some((in_force.clone(), made.clone()));
+        Ok(made)
+    }
+
+    /// The parameters with the changes.
+    pub(super) fn message(&self, in_force: &AnyMessage) -> AnyMessage {
+        if self.changes.is_empty() {
+            return in_force.clone();
+        }
+        let made = self.made.as_ref().filter(|(of, _)| of.same(in_force)).map(|(_, made)| made.clone());
+        let changes = || self.changes.iter().map(|(path, text)| (path.as_str(), text.as_str()));
+        made.or_else(|| with_params(in_force, changes()).ok()).unwrap_or_else(|| in_force.clone())
+    }
+
+    pub(super) fn is_changed(&self) -> bool {
+        !self.changes.is_empty()
+    }
+
+    /// Number of parameters that were changed and not sent.
+    pub(super) fn count(&self) -> usize {
+        self.changes.len()
+    }
+
+    pub(super) fn discard(&mut self) {
+        self.changes.clear();
+        (self.made, self.refused) = (None, None);
+    }
+
+    /// Something is sent that replaces `in_force`.
+    pub(super) fn sent(&mut self, in_force: &AnyMessage) {
+        self.replaced.push(in_force.clone());
+        let surplus = self.replaced.len().saturating_sub(MOST);
+        self.replaced.drain(..surplus);
+    }
+
+    pub(super) fn can_undo(&self) -> bool {
+        !self.replaced.is_empty()
+    }
+
+    /// The parameters that the last message replaced.
+    pub(super) fn undo(&mut self) -> Option<AnyMessage> {
+        self.discard();
+        self.replaced.pop()
+    }
+
+    pub(super) fn kept(&self, slot: usize) -> Option<&AnyMessage> {
+        self.kept.get(slot)?.as_ref()
+    }
+
+    pub(super) fn keep(&mut self, slot: usize, params: AnyMessage) {
+        self.kept[slot] = Some(params);
+    }
+
+    pub(super) fn forget_kept(&mut self) {
+        self.kept = [None, None];
+    }
+
+    pub(super) fn refused(&self) -> Option<&str> {
+        self.refused.as_deref()
+    }
+
+    /// Number of the process's faults before the last message, if one was sent.
+    pub(super) fn faults_before(&self) -> Option<u64> {
+        self.faults_before
+    }
+
+    /// Counts the process's faults from now on.
+    pub(super) fn count_faults(&mut self, faults: u64) {
+        self.faults_before = Some(faults);
+    }
+}
+
+/// Whether a text means this value.
+fn same(value: &Value, text: &str) -> bool {
+    match (value.as_f64(), text.trim().parse::<f64>()) {
+        (Some(a), Ok(b)) => a == b,
+        _ => text_of(value).is_some_and(|value| value == text),
+    }
+}
+
+/// The weights in the parameters of a process that fuses cost sources, found by the roles of its parameters; `None` for
+/// other processes.
+pub(crate) fn weights(params: &AnyMessage) -> Option<Weights> {
+    let specs = specs(params.schema().descriptor()?);
+    let (list, [name, weight, kind]) =
+        specs.iter().filter(|spec| spec.kind == ParamKind::List).find_map(|spec| {
+            let field =
+                |role: &str| spec.fields.iter().find(|field| field.role == role).map(|field| &field.name);
+            Some((&spec.name, [field("source")?, field("source_weight")?, field("source_kind")?]))
+        })?;
+    let value = params.value().ok()?;
+    let Value::List(items) = value.field(list)? else { return None };
+    let weighted = |item: &Value| {
+        let source = Source::new(item.field(name)?.as_text()?).ok()?;
+        let overrides = item.field(kind).and_then(Value::as_i64).is_some_and(|kind| kind != 0);
+        let kind = if overrides { SourceKind::Override } else { SourceKind::Range };
+        let weight = item.field(weight).and_then(Value::as_f64).unwrap_or(0.0) as f32;
+        Some(Weighted { source, weight, kind })
+    };
+    Some(items.iter().filter_map(weighted).collect())
+}
+
+/// A plain value as text that is read back as the same value; `None` for others.
+pub(super) fn text_of(value: &Value) -> Option<String> {
+    Some(match value {
+        Value::Bool(on) => on.to_string(),
+        Value::Int(number) => number.to_string(),
+        Value::Uint(number) => number.to_string(),
+        Value::Float(number) => number.to_string(),
+        Value::Text(text) => text.clone(),
+        Value::Enum { name, .. } => name.clone(),
+        _ => return None,
+    })
+}

@@ -1,0 +1,314 @@
+//! Tuning view: the parameters of any process as typed controls. Changes are shown by other views before they are sent
+//! (fusion weights fuse the shown map again), sent as one message, taken back, kept as A and B to switch between, and
+//! saved to the stack file.
+
+mod controls;
+mod draft;
+
+use crate::view::{Preview, SavedState, View, ViewContext, Wish};
+use controls::Row;
+use draft::Draft;
+use egui::{RichText, Role, ScrollArea, Ui, WidgetInfo};
+use ocu_ui::{icons, tokens, widgets};
+use rcs_msg::params::ParamSpec;
+use rcs_msg::{AnyMessage, rcs};
+use rcs_runtime::source::{Control, Frame, SourceKind};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+pub(crate) use draft::weights;
+
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+struct Saved {
+    /// The process; the selected one, or the one that fuses maps, where none is named.
+    process: Option<String>,
+    /// What names or help must hold to be listed.
+    search: String,
+    /// Whether each change is sent when the control is let go.
+    at_once: bool,
+}
+
+/// The tuning view.
+#[derive(Default)]
+pub(crate) struct Tuning {
+    saved: Saved,
+    /// Edited parameters, by process.
+    drafts: BTreeMap<String, Draft>,
+    /// Address of a list of processes, and the process of it that fuses maps, or has parameters at all.
+    usual: Option<(usize, String)>,
+}
+
+impl View for Tuning {
+    fn title(&self, frame: &Frame) -> String {
+        let process =
+            self.saved.process.as_ref().filter(|name| tunable(frame).any(|info| info.name == **name));
+        process.map_or_else(|| "Tuning".to_owned(), |name| format!("Tuning {name}"))
+    }
+
+    fn save(&self) -> SavedState {
+        serde_json::to_value(&self.saved).unwrap_or_default()
+    }
+
+    fn load(&mut self, saved: &SavedState) -> Result<(), serde_json::Error> {
+        self.saved = serde_json::from_value(saved.clone())?;
+        Ok(())
+    }
+
+    fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
+        let chosen = self.chosen(cx).map(|info| (info, in_force(cx.frame, info)));
+        let Some((info, Some(in_force))) = chosen else {
+            let hint = "A stack has parameters: run one, on a recording or in a simulation. \
+                        A recording of a stack shows those with which it ran.";
+            return widgets::empty(ui, icons::ICON_TUNE, "No parameters here", hint);
+        };
+        self.toolbar(ui, cx.frame, info);
+        let Ok(now) = in_force.value() else {
+            let text = format!("The parameters of {} cannot be read", info.name);
+            return widgets::empty(ui, icons::ICON_ERROR, &text, &info.params_schema);
+        };
+        let draft = self.drafts.entry(info.name.clone()).or_default();
+        draft.follow(&in_force, &now);
+        let may_send = refusal(cx.frame).is_none();
+        let changed = draft.is_changed();
+        actions(ui, cx, info, draft, &in_force, self.saved.at_once);
+        notes(ui, cx.frame, info, draft);
+        let specs = draft.specs().to_vec();
+        let value = draft.message(&in_force).value().unwrap_or(now.clone());
+        let search = self.saved.search.trim().to_lowercase();
+        let mut edits = Vec::new();
+        let mut let_go = false;
+        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            ui.add_space(4.0);
+            let mut rows =
+                controls::Rows { search: &search, now: &now, edits: &mut edits, let_go: &mut let_go };
+            for spec in &specs {
+                let row = Row { spec, path: spec.name.clone(), value: value.field(&spec.name) };
+                rows.ui(ui, &row, 0);
+            }
+            if rows_are_hidden(&specs, &search) {
+                ui.label(RichText::new("No parameter has this in its name or help.").color(tokens(ui).weak));
+            }
+        });
+        for (path, text) in edits {
+            draft.set(&in_force, &path, text);
+        }
+        if self.saved.at_once && let_go && may_send && draft.is_changed() {
+            send(cx, info, draft, &in_force);
+        }
+        self.preview(ui, cx, info, &in_force, changed);
+    }
+}
+
+impl Tuning {
+    /// The process whose parameters are shown.
+    fn chosen<'a>(&mut self, cx: &ViewContext<'a>) -> Option<&'a rcs::ProcessInfo> {
+        let frame = cx.frame;
+        let named = |name: &str| tunable(frame).find(|info| info.name == name);
+        let chosen = self.saved.process.as_deref().and_then(named);
+        if let Some(info) = chosen.or_else(|| cx.selection.process.as_deref().and_then(named)) {
+            return Some(info);
+        }
+        let list = frame.processes.as_ptr().addr();
+        if let Some((of, name)) = &self.usual
+            && *of == list
+            && let Some(info) = named(name)
+        {
+            return Some(info);
+        }
+        let fuses =
+            |info: &&rcs::ProcessInfo| in_force(frame, info).is_some_and(|params| weights(&params).is_some());
+        let info = tunable(frame).find(fuses).or_else(|| tunable(frame).next())?;
+        self.usual = Some((list, info.name.clone()));
+        Some(info)
+    }
+
+    fn toolbar(&mut self, ui: &mut Ui, frame: &Frame, shown: &rcs::ProcessInfo) {
+        crate::toolbar::row(ui, |ui| {
+            let combo = egui::ComboBox::from_id_salt("process").selected_text(&shown.name).width(128.0);
+            let combo = combo.show_ui(ui, |ui| {
+                for info in tunable(frame) {
+                    let label = ui.selectable_label(info.name == shown.name, &info.name);
+                    if label.on_hover_text(&info.summary).clicked() {
+                        self.saved.process = Some(info.name.clone());
+                    }
+                }
+            });
+            combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Process"));
+            let help = "At once: each change goes out when its control is let go";
+            widgets::icon_toggle(ui, icons::ICON_BOLT, help, &mut self.saved.at_once);
+            widgets::search(ui, &mut self.saved.search, "Search parameters");
+        });
+    }
+
+    /// Tells other views what is being edited.
+    fn preview(
+        &self,
+        ui: &Ui,
+        cx: &mut ViewContext<'_>,
+        info: &rcs::ProcessInfo,
+        in_force: &AnyMessage,
+        changed: bool,
+    ) {
+        let Some(draft) = self.drafts.get(&info.name) else { return };
+        let preview = draft
+            .is_changed()
+            .then(|| Preview { process: info.name.as_str().into(), params: draft.message(in_force) });
+        let is_own = cx.selection.preview.as_ref().is_none_or(|shown| *shown.process == *info.name);
+        if (preview.is_some() || (is_own && changed != draft.is_changed()) || (is_own && preview.is_none()))
+            && cx.selection.preview != preview
+        {
+            cx.selection.preview = preview;
+            // Views that were painted before this one show it in the next pass.
+            ui.ctx().request_repaint();
+        }
+    }
+}
+
+/// The processes that have parameters, in the order of the stack.
+fn tunable(frame: &Frame) -> impl Iterator<Item = &rcs::ProcessInfo> {
+    frame.processes.iter().filter(|info| {
+        in_force(frame, info).is_some_and(|params| {
+            params.schema().descriptor().is_some_and(|descriptor| descriptor.fields().len() > 0)
+        })
+    })
+}
+
+/// The newest parameters of a process.
+fn in_force(frame: &Frame, info: &rcs::ProcessInfo) -> Option<AnyMessage> {
+    if info.params_buffer.is_empty() {
+        return None;
+    }
+    frame.topic(&info.params_buffer)?.canonical().cloned()
+}
+
+/// Why nothing can be sent now; `None` if it can.
+fn refusal(frame: &Frame) -> Option<&'static str> {
+    if frame.is_beside {
+        Some("This view shows a run beside the viewed one, which cannot be changed.")
+    } else if frame.info.kind == SourceKind::Log {
+        Some("A recording cannot be changed: run a stack on it. The preview works.")
+    } else {
+        None
+    }
+}
+
+fn send(cx: &mut ViewContext<'_>, info: &rcs::ProcessInfo, draft: &mut Draft, in_force: &AnyMessage) {
+    let message = draft.message(in_force);
+    draft.sent(in_force);
+    draft.count_faults(cx.frame.status(info).map_or(0, |status| status.faults));
+    cx.controls.push(Control::Write { buffer: info.params_buffer.clone(), message });
+}
+
+/// Send, take back, A and B, save.
+fn actions(
+    ui: &mut Ui,
+    cx: &mut ViewContext<'_>,
+    info: &rcs::ProcessInfo,
+    draft: &mut Draft,
+    in_force: &AnyMessage,
+    at_once: bool,
+) {
+    let refused = refusal(cx.frame);
+    let why = refused.unwrap_or("Nothing has been changed.");
+    let write = |cx: &mut ViewContext<'_>, message: AnyMessage| {
+        cx.controls.push(Control::Write { buffer: info.params_buffer.clone(), message });
+    };
+    ui.add_space(4.0);
+    ui.horizontal_wrapped(|ui| {
+        ui.add_space(8.0);
+        let can = refused.is_none() && draft.is_changed();
+        let text = match draft.count() {
+            0 => "Send".to_owned(),
+            count => format!("Send {count}"),
+        };
+        let button = egui::Button::new(format!("{}  {text}", icons::ICON_SEND.codepoint))
+            .min_size(egui::vec2(84.0, 20.0));
+        let response = ui.add_enabled(can, button).on_disabled_hover_text(why);
+        if response.on_hover_text("Send all changes as one message, which is recorded").clicked() {
+            send(cx, info, draft, in_force);
+        }
+        let drop = ui.add_enabled(draft.is_changed(), egui::Button::new("Discard"));
+        if drop.on_hover_text("Forget the changes that were not sent").clicked() {
+            draft.discard();
+        }
+        let can_undo = refused.is_none() && draft.can_undo();
+        let undo =
+            ui.add_enabled(can_undo, egui::Button::new(format!("{}  Undo", icons::ICON_UNDO.codepoint)));
+        if undo.on_hover_text("Send the parameters from before the last change").clicked()
+            && let Some(before) = draft.undo()
+        {
+            write(cx, before);
+        }
+        ui.separator();
+        for (slot, name) in ["A", "B"].into_iter().enumerate() {
+            let kept = draft.kept(slot).cloned();
+            let is_on = kept.as_ref().is_some_and(|kept| kept.bytes() == in_force.bytes());
+            let button = egui::Button::selectable(is_on, name).min_size(egui::vec2(24.0, 20.0));
+            let can = kept.is_none() || refused.is_none();
+            let response = ui.add_enabled(can, button);
+            response
+                .widget_info(|| WidgetInfo::selected(Role::Button, can, is_on, format!("Parameters {name}")));
+            let help = match &kept {
+                None => format!("Keep what is shown as {name}"),
+                Some(_) if is_on => format!("{name} is in force"),
+                Some(_) => format!("Send {name}"),
+            };
+            if response.on_hover_text(help).clicked() {
+                match kept {
+                    None => draft.keep(slot, draft.message(in_force)),
+                    Some(kept) if !is_on => {
+                        draft.discard();
+                        draft.sent(in_force);
+                        write(cx, kept);
+                    }
+                    Some(_) => {}
+                }
+            }
+        }
+        let any = (0..2).any(|slot| draft.kept(slot).is_some());
+        if any && widgets::icon_button(ui, icons::ICON_CLOSE, "Forget A and B").clicked() {
+            draft.forget_kept();
+        }
+        ui.separator();
+        let save = ui.button(format!("{}  Save…", icons::ICON_SAVE.codepoint));
+        let help = "Write these parameters into the stack file; the difference is shown first";
+        if save.on_hover_text(help).clicked() {
+            let params = draft.message(in_force);
+            cx.wishes.push(Wish::SaveParams { process: info.name.as_str().into(), params });
+        }
+        if at_once {
+            ui.label(RichText::new("sends at once").small().color(tokens(ui).warning));
+        }
+    });
+}
+
+/// What the user must know: why nothing can be sent, that a branch begins, what was refused.
+fn notes(ui: &mut Ui, frame: &Frame, info: &rcs::ProcessInfo, draft: &Draft) {
+    let tokens = tokens(ui);
+    let mut note = |text: String, color| {
+        ui.horizontal(|ui| {
+            ui.add_space(8.0);
+            ui.add(egui::Label::new(RichText::new(text).small().color(color)).wrap());
+        });
+    };
+    if let Some(refused) = refusal(frame) {
+        note(refused.to_owned(), tokens.weak);
+    } else if !frame.runs.is_at_end && draft.is_changed() {
+        let text = "Sending here begins another run: what was driven after this moment is kept, and drawn beside it.";
+        note(text.to_owned(), tokens.warning);
+    }
+    if let Some(refused) = draft.refused() {
+        note(refused.to_owned(), tokens.error);
+    }
+    if let Some(status) = frame.status(info)
+        && draft.faults_before().is_some_and(|before| status.faults > before)
+    {
+        note(format!("{}: {}", info.name, status.last_fault), tokens.error);
+    }
+}
+
+/// Whether a search hides every parameter.
+fn rows_are_hidden(specs: &[ParamSpec], search: &str) -> bool {
+    !specs.iter().any(|spec| controls::is_found(spec, search))
+}
