@@ -84,7 +84,9 @@ proptest! {
         heights in prop::collection::vec(prop_oneof![-30.0..30.0_f32, -1e-3..1e-3_f32, -1e5..1e5_f32, any::<f32>()], 1..20)
     ) {
         let mut stats = HeightStats::default();
-        heights.iter().for_each(|&height| stats.add(height));
+        for height in heights {
+            stats.add(height);
+        }
         let rounded = stats.rounded();
         prop_assert_eq!(rounded.rounded(), rounded);
         for (exact, rounded) in [(stats.mean, rounded.mean), (stats.min, rounded.min), (stats.max, rounded.max)] {

@@ -2,7 +2,8 @@
 
 use crate::assets::ProgramAssets;
 use crate::cli::{
-    EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalObstaclesArgs, EvalPlanArgs, EvalStereoArgs, StereoMethod,
+    EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalObstaclesArgs, EvalPlanArgs, EvalStereoArgs,
+    StereoMethod,
 };
 use crate::{stacks, usage};
 use rcs_eval::{ClassReport, EvalError, classify, color, obstacles, plan, stereo};

@@ -77,6 +77,7 @@ pub enum Node {
     },
 }
 
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
 fn is_shown_run(run: &RunChoice) -> bool {
     *run == RunChoice::Shown
 }

@@ -71,7 +71,7 @@ const UNREACHED: u32 = u32::MAX;
 /// The eight directions: counter-clockwise, 0 along x. Odd ones are diagonal.
 const STEPS: [(i32, i32); 8] = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
 const fn length(direction: usize) -> u32 {
-    if direction % 2 == 0 { STRAIGHT } else { DIAGONAL }
+    if direction.is_multiple_of(2) { STRAIGHT } else { DIAGONAL }
 }
 
 /// Where a search ends, and how far that is at least.

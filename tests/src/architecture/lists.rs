@@ -90,6 +90,7 @@ fn a_parameter_without_help_unit_or_range_is_found() {
         default: rcs_msg::Value::Float(1.0),
         help: "How fast.".to_owned(),
         file: None,
+        role: String::new(),
         choices: Vec::new(),
         fields: Vec::new(),
     };

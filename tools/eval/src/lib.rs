@@ -26,8 +26,8 @@ pub mod classify;
 pub mod color;
 mod disparity_file;
 mod error;
-pub mod plan;
 pub mod obstacles;
+pub mod plan;
 mod report;
 pub mod stereo;
 

@@ -7,7 +7,8 @@ mod stack;
 mod values;
 
 pub use eval::{
-    EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalObstaclesArgs, EvalPlanArgs, EvalStereoArgs, StereoMethod,
+    EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalObstaclesArgs, EvalPlanArgs, EvalStereoArgs,
+    StereoMethod,
 };
 pub use recording::{CheckArgs, DiffArgs, InfoArgs, LatencyArgs, RenderArgs, SampleArgs};
 pub use run::RunArgs;

@@ -31,10 +31,6 @@ impl Palette {
         *self = Self { open: !self.open, fresh: true, ..Self::default() };
     }
 
-    pub(super) fn close(&mut self) {
-        self.open = false;
-    }
-
     pub(super) fn is_open(&self) -> bool {
         self.open
     }

@@ -28,17 +28,17 @@ impl Shortcut {
 
     /// Whether a press of `key` with these modifiers is meant. The modifiers must be exactly these, so that a shifted
     /// arrow is not a plain one.
-    pub(super) fn is(&self, modifiers: Modifiers, key: Key) -> bool {
+    pub(super) fn is(self, modifiers: Modifiers, key: Key) -> bool {
         self.key == key && modifiers.matches_exact(self.modifiers)
     }
 
     /// Whether it cannot be typed into a field of text.
-    pub(super) fn is_untypable(&self) -> bool {
+    pub(super) fn is_untypable(self) -> bool {
         self.modifiers.command || self.modifiers.ctrl || self.modifiers.alt || is_function_key(self.key)
     }
 
     /// Whether a button with the keyboard focus uses it.
-    pub(super) fn belongs_to_focus(&self) -> bool {
+    pub(super) fn belongs_to_focus(self) -> bool {
         const KEYS: [Key; 9] = [
             Key::Space,
             Key::Enter,

@@ -95,7 +95,7 @@ fn paint(ui: &Ui, rect: Rect, look: &Look, hovered: bool) {
     painter.rect(rect, 3.0, fill, look.edge, StrokeKind::Inside);
     let font = egui::FontId::proportional(13.0);
     let galley = painter.layout_no_wrap(look.word.to_owned(), font, look.ink);
-    let left = rect.center().x - (galley.size().x + 24.0) / 2.0;
+    let left = rect.center().x - 0.5 * (galley.size().x + 24.0);
     if look.is_open {
         // Hatched beside the text, so that the colour is not the only difference.
         for part in [

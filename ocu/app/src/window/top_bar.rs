@@ -119,7 +119,9 @@ fn layout_menu(ui: &mut egui::Ui, state: &State<'_>, actions: &mut Vec<TopBarAct
                 ui.close();
             }
         };
-        bundled::names("layout").into_iter().for_each(|name| choice(ui, name));
+        for name in bundled::names("layout") {
+            choice(ui, name);
+        }
         if !state.own_layouts.is_empty() {
             ui.separator();
             state.own_layouts.iter().for_each(|name| choice(ui, name));

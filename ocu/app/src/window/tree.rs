@@ -153,7 +153,8 @@ impl Workspace {
                 }
             }
             Some(Tile::Container(Container::Grid(grid))) => {
-                grid.replace_at(grid.children().position(|&child| child == beside).unwrap_or(0), both);
+                let at = grid.children().position(|&child| child == beside).unwrap_or(0);
+                let _replaced = grid.replace_at(at, both);
             }
             _ => self.tree.root = Some(both),
         }

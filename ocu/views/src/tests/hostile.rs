@@ -11,7 +11,6 @@ use rcs_msg::{AnyMessage, Number, Packed, Value};
 use rcs_runtime::source::{Frame, Topic, Track};
 use std::collections::BTreeMap;
 use std::process::Command;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 

@@ -20,7 +20,7 @@ impl Arc {
 
     /// Distance along the arc to the point of it that is nearest to a position of the vehicle frame, and the distance
     /// from there, m.
-    pub(crate) fn locate(&self, place: DVec2) -> [f64; 2] {
+    pub(crate) fn locate(self, place: DVec2) -> [f64; 2] {
         let k = self.curvature_per_m;
         if k.abs() < 1e-9 {
             return [place.x, place.y.abs()];
@@ -46,6 +46,7 @@ pub(crate) struct Covered {
 
 /// What is swept: the width of the vehicle, the part of each arc, and the tolerance around both.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(clippy::struct_field_names, reason = "the postfix is the unit")]
 pub(crate) struct Sweep {
     pub(crate) half_width_m: f64,
     /// From the front of the vehicle to the end of the longest arc.

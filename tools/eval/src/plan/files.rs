@@ -41,8 +41,8 @@ impl<'a> Lines<'a> {
 fn read(path: &Path) -> Result<String, EvalError> {
     let bytes = std::fs::read(path).map_err(|error| EvalError::read(path, error))?;
     String::from_utf8(bytes).map_err(|error| {
-        let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
+        let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = valid.split(|&byte| byte == b'\n').count();
         EvalError::refused(format!("{}, line {line}: not text, expected a file of MovingAI", path.display()))
     })
 }
