@@ -107,7 +107,7 @@ impl DriveLimits {
     pub fn of(frame: &Frame) -> Self {
         let status = vehicle(frame).map(|(_, status)| status);
         let stated = |limit: fn(&rcs::VehicleStatus) -> f64, usual: f64| {
-            status.map(limit).filter(|limit| limit.is_finite() && *limit > 0.0).unwrap_or(usual)
+            status.map(limit).filter(|limit| (0.01..=100.0).contains(limit)).unwrap_or(usual)
         };
         Self {
             speed_mps: stated(|status| status.max_speed_mps, 1.0),

@@ -1,5 +1,6 @@
 //! Frames: one moment of a source, as the views see it.
 
+use super::run_tag::RunTag;
 use super::tracks::Track;
 use crate::conversion::canonical;
 use crate::history::{Moment, RunId, RunSummary};
@@ -40,25 +41,6 @@ pub struct SourceInfo {
     pub problems: Vec<String>,
     /// Long periods without messages, ascending; playing jumps over them.
     pub gaps: Vec<Gap>,
-}
-
-/// The run of a topic. Recorded and computed topics are shown side by side and never mixed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum RunTag {
-    /// Read from the recording.
-    Recorded,
-    /// Computed by the stack, in this run of it.
-    Run(RunId),
-}
-
-impl RunTag {
-    /// The first run of the stack.
-    pub const FIRST: Self = Self::Run(RunId(0));
-
-    /// Whether the topic was read from the recording.
-    pub fn is_recorded(self) -> bool {
-        self == Self::Recorded
-    }
 }
 
 /// One topic, as the views see it at one moment.

@@ -1,7 +1,8 @@
 //! The topics of a log at one moment, and background reading of the log.
 
-use super::frame::{RunTag, Topic};
+use super::frame::Topic;
 use super::rates::{LastTimes, WINDOW_NS};
+use super::run_tag::RunTag;
 use super::tracks::{Track, Tracks, is_pose_type, is_transform_type};
 use super::{Source, SourceError};
 use crate::conversion::canonical;

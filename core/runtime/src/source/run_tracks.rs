@@ -1,6 +1,6 @@
 //! The tracks of every run of a stack.
 
-use super::frame::RunTag;
+use super::run_tag::RunTag;
 use super::tracks::{Track, Tracks, is_pose_type};
 use crate::conversion::canonical;
 use crate::history::{RunId, RunSummary};

@@ -328,6 +328,8 @@ fn children<T: Record>(
 fn part<T: Record>(store: &Store<T>, level: usize, from: usize, to: usize) -> Part<T> {
     let (first, last) = (*store.get(from), *store.get(to - 1));
     let summary = match level {
+        // A part that the range cuts down to one record is judged by that record, not by its whole node.
+        _ if to == from + 1 => first.summary(),
         0 => first.summary(),
         level => store.levels[level - 1][from / FAN.pow(level as u32)],
     };

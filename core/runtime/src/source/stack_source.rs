@@ -1,9 +1,10 @@
 //! A stack as a source, with or without a log. Recorded and computed topics are shown side by side.
 
-use super::frame::{Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic};
+use super::frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic};
 use super::log_source::info_of;
 use super::log_view::{LogView, opening_time};
 use super::rates::RunTimes;
+use super::run_tag::RunTag;
 use super::run_tracks::RunTracks;
 use super::run_transforms::RunTransforms;
 use super::{Source, SourceError, Step, Task};

@@ -41,7 +41,11 @@ impl StackSource {
     ) -> Result<bool, SourceError> {
         let last = self.last();
         let Some(topic) = topic else {
-            return self.step_event(back, task, |what| what == Happened::Input);
+            // Without a recording, messages come from the cycles; there may never be an input to step to.
+            let is_closed = self.recorded.is_none();
+            return self.step_event(back, task, |what| {
+                what == Happened::Input || (is_closed && matches!(what, Happened::Cycle(_)))
+            });
         };
         if let Some(buffer) = self.buffer_of(topic) {
             if back {

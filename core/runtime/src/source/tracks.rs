@@ -1,6 +1,6 @@
 //! Tracks: positions from messages with poses, and the transforms of a log.
 
-use super::frame::RunTag;
+use super::run_tag::RunTag;
 use super::series::{Record, Series, SeriesWriter};
 use rcs_geom::{DVec3, Enu, Geodetic, Pose, TransformTree};
 use rcs_msg::{AnyMessage, Stamp, foxglove};

@@ -7,6 +7,7 @@ mod app;
 mod body;
 mod commands;
 mod document;
+mod focus;
 mod joystick;
 mod keymap;
 mod layout_store;

@@ -68,7 +68,7 @@ impl Shortcut {
                         Key::ALL
                             .iter()
                             .copied()
-                            .find(|key| key.name().eq_ignore_ascii_case(word) || key.symbol_or_name() == word)
+                            .find(|key| key.name().eq_ignore_ascii_case(word) || shown(*key) == word)
                     });
                     let found = found.ok_or_else(|| format!("no key is called {word:?}, in {text:?}"))?;
                     if key.replace(found).is_some() {
@@ -97,13 +97,23 @@ impl fmt::Display for Shortcut {
                 f.write_str(name)?;
             }
         }
-        match self.key {
-            Key::Escape => f.write_str("esc"),
-            Key::Space => f.write_str("space"),
-            Key::Home => f.write_str("home"),
-            Key::End => f.write_str("end"),
-            key => f.write_str(key.symbol_or_name()),
-        }
+        f.write_str(shown(self.key))
+    }
+}
+
+/// A key as it is written in menus and in the file of shortcuts. The monospaced font has no glyphs for the triangles
+/// that egui uses for arrow keys.
+fn shown(key: Key) -> &'static str {
+    match key {
+        Key::Escape => "esc",
+        Key::Space => "space",
+        Key::Home => "home",
+        Key::End => "end",
+        Key::ArrowLeft => "←",
+        Key::ArrowRight => "→",
+        Key::ArrowUp => "↑",
+        Key::ArrowDown => "↓",
+        key => key.symbol_or_name(),
     }
 }
 

@@ -357,6 +357,8 @@ fn parameters_of_a_recording_are_shown_and_previewed_and_cannot_be_sent() {
     let mut harness = driving("tuning");
     let info = SourceInfo { kind: SourceKind::Log, ..(*harness.state().frame.info).clone() };
     harness.state_mut().frame.info = Arc::new(info);
+    // The note says that nothing can be sent, and moves the rows.
+    harness.run();
     harness.get_by_label("Default of max_speed_mps: 0.5").click();
     harness.run();
     assert!(harness.state().selection.preview.is_some());
