@@ -11,6 +11,10 @@ mod determinism;
 #[cfg(test)]
 mod golden;
 #[cfg(test)]
+mod judged;
+#[cfg(test)]
+mod map_bars;
+#[cfg(test)]
 mod open_sources;
 #[cfg(test)]
 mod pages;

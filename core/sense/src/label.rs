@@ -16,7 +16,7 @@ pub enum ObstacleLabel {
     ShortObstacle = 3,
     /// 1.5 m or more above the local ground: the vehicle fits under it.
     Cover = 4,
-    /// Too far away for a reliable range.
+    /// Too far away for a reliable range, or to tell whether it rises by more than a short obstacle.
     TooFar = 5,
 }
 

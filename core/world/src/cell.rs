@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{MAX_COST, OBSTACLE_COST, UNKNOWN_COST};
 
-/// The class of a cell, from its surest source.
+/// The class of a cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Label {
     /// No source has evidence.
@@ -28,76 +28,141 @@ impl Label {
     }
 }
 
-/// How much one vote changes a confidence. The papers say "a predefined constant" without giving its value.
+/// How votes change the confidences of a source in a cell. The papers say "a predefined constant" without giving its
+/// value; the bound of ground is ours, so that an obstacle wins soon over ground that was seen for long.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VoteRule {
-    /// Added by a vote for the current class of the cell, and the confidence of a cell after its first vote; at least
-    /// 1.
+    /// Added to the confidence of the vote's class by a vote of full worth; at least 1.
     pub rise: u8,
-    /// Subtracted by a vote for the other class.
+    /// Subtracted from the confidence of the other class by a vote of full worth.
     pub fall: u8,
-    /// Greatest confidence that votes can reach; at least 1.
+    /// Greatest confidence in an obstacle that votes of full worth reach; at least 1.
     pub max: u8,
+    /// Greatest confidence in ground that votes of full worth reach; at least 1.
+    pub ground_max: u8,
 }
 
 impl Default for VoteRule {
-    /// 13 votes to full confidence, which is 2.6 s at stereo's 5 Hz, and as many to lose it.
+    /// Ground is certain after four votes (0.8 s at stereo's 5 Hz), and loses to an obstacle at the second vote against
+    /// it.
     fn default() -> Self {
-        VoteRule { rise: 20, fall: 20, max: 255 }
+        VoteRule { rise: 20, fall: 20, max: 200, ground_max: 80 }
     }
 }
 
-/// The evidence of one source about a cell.
+impl VoteRule {
+    /// The greatest confidence of a class.
+    fn bound(self, class: Label) -> u8 {
+        if class == Label::Obstacle { self.max.max(1) } else { self.ground_max.max(1) }
+    }
+}
+
+/// One vote of a source for a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Vote {
+    /// 0 to 250; a vote of another cost is ignored.
+    pub cost: u8,
+    /// How much it counts, from its pixels and its range noise: 255 is a full vote, 0 none.
+    pub worth: u8,
+}
+
+impl From<u8> for Vote {
+    /// A vote of full worth.
+    fn from(cost: u8) -> Vote {
+        Vote { cost, worth: u8::MAX }
+    }
+}
+
+impl Vote {
+    /// Its part of a full vote, 0 to 255: its worth, less the nearer its cost is to the border of the classes. A vote for
+    /// an obstacle keeps half of its worth there, because half of the cell is one.
+    fn part(self) -> u32 {
+        let least = if Label::of_cost(self.cost) == Label::Obstacle { OBSTACLE_COST.div_ceil(2) } else { 0 };
+        let from_border = u32::from(self.cost.abs_diff(OBSTACLE_COST).max(least));
+        (u32::from(self.worth) * from_border).div_ceil(u32::from(OBSTACLE_COST)).min(255)
+    }
+}
+
+/// The part of a number, rounded up.
+fn part_of(number: u8, part: u32) -> u8 {
+    (u32::from(number) * part).div_ceil(255).min(255) as u8
+}
+
+/// The evidence of one source about a cell: a confidence for each class, and a cost of the class that has more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Evidence {
-    /// 0 to 250, or 255 for unknown.
+    /// 0 to 250, or 255 for unknown. Its class is the one of the greater confidence.
     pub cost: u8,
-    /// 0 to 255; 0 is unknown.
+    /// Confidence of the class of the cost, 0 to 255; 0 is unknown.
     pub confidence: u8,
+    /// Confidence of the other class; never more than `confidence`.
+    pub against: u8,
+    /// How far experience backs the cost, 0 to 255: driven over, bumped into, or known beforehand. Only of sources that
+    /// learn.
+    pub backing: u8,
     /// Acquisition sequence of the message that last changed it.
     pub sequence: u32,
 }
 
 impl Evidence {
     /// No vote yet.
-    pub const NONE: Evidence = Evidence { cost: UNKNOWN_COST, confidence: 0, sequence: 0 };
+    pub const NONE: Evidence =
+        Evidence { cost: UNKNOWN_COST, confidence: 0, against: 0, backing: 0, sequence: 0 };
 
-    /// Updates the evidence with a vote of a cost (a cost above 250 is ignored). [`Label::of_cost`] gives the class of
-    /// a cost.
+    /// Updates the evidence with a vote (Oskard 1988). [`Label::of_cost`] gives the class of a cost.
     ///
-    /// - Unknown: takes the vote's cost, with confidence `rise`.
-    /// - Same class: confidence rises by `rise`, up to `max`. The cost moves towards the vote's by the fraction `rise /
-    ///   (confidence + rise)`, which approximates the mean over votes, and by at least 1.
-    /// - Other class: confidence falls by `fall`; the cost stays. When the confidence reaches 0, the vote's class takes
-    ///   over as if the cell had been unknown.
+    /// The vote counts by its part p of a full vote: its worth, times the distance of its cost from the border of the
+    /// classes. The confidence of its class rises by p·`rise`, up to p times the bound of the class, and that of the
+    /// other class falls by p·`fall`. A confidence above the bound, from better votes, stays.
+    ///
+    /// The cost belongs to the class with the greater confidence; obstacle on a tie. When the class changes, or nothing
+    /// was known, the cost is that of the vote. A vote for the class of the cost moves it towards the vote's by the
+    /// fraction p·`rise` / (confidence + p·`rise`), which approximates the mean over votes, and by at least 1.
     #[must_use]
-    pub fn voted(self, cost: u8, sequence: u32, rule: VoteRule) -> Evidence {
-        if cost > MAX_COST {
+    pub fn voted(self, vote: impl Into<Vote>, sequence: u32, rule: VoteRule) -> Evidence {
+        let vote: Vote = vote.into();
+        let part = vote.part();
+        if vote.cost > MAX_COST || part == 0 {
             return self;
         }
-        let (max, rise) = (rule.max.max(1), rule.rise.max(1).min(rule.max.max(1)));
-        let fresh = Evidence { cost, confidence: rise, sequence };
+        let class = Label::of_cost(vote.cost);
+        let bound = part_of(rule.bound(class), part);
+        let (rise, fall) = (part_of(rule.rise.max(1), part).min(bound), part_of(rule.fall, part));
+        let raised = |confidence: u8| confidence.saturating_add(rise).min(bound.max(confidence));
         if self.confidence == 0 || self.cost > MAX_COST {
-            return fresh;
+            return Evidence { cost: vote.cost, confidence: rise, sequence, ..Evidence::NONE };
         }
-        if Label::of_cost(self.cost) != Label::of_cost(cost) {
-            return match self.confidence.saturating_sub(rule.fall) {
-                0 => fresh,
-                confidence => Evidence { confidence, sequence, ..self },
+        if Label::of_cost(self.cost) != class {
+            let [own, other] = [self.confidence.saturating_sub(fall), raised(self.against)];
+            let wins = other > own || (other == own && class == Label::Obstacle);
+            return if wins {
+                Evidence { cost: vote.cost, confidence: other, against: own, backing: 0, sequence }
+            } else {
+                Evidence { confidence: own, against: other, sequence, ..self }
             };
         }
-        let (held, rise_weight) = (i32::from(self.confidence), i32::from(rise));
-        let difference = i32::from(cost) - i32::from(self.cost);
+        let (held, weight) = (i32::from(self.confidence), i32::from(rise));
+        let difference = i32::from(vote.cost) - i32::from(self.cost);
         // Integer arithmetic, so that results do not depend on rounding modes. The class stays the same, because the
         // new cost lies between two costs of that class.
-        let step = difference * rise_weight / (held + rise_weight);
+        let step = difference * weight / (held + weight);
         let step = if step == 0 { difference.signum() } else { step };
         Evidence {
             cost: (i32::from(self.cost) + step) as u8,
-            // A confidence above `max`, from before the rule was changed, stays.
-            confidence: self.confidence.saturating_add(rise).min(max.max(self.confidence)),
+            confidence: raised(self.confidence),
+            against: self.against.saturating_sub(fall),
+            backing: self.backing,
             sequence,
+        }
+    }
+
+    /// The evidence after both confidences have faded by an amount; unknown where nothing is left.
+    #[must_use]
+    pub fn faded(self, amount: u8) -> Evidence {
+        match self.confidence.saturating_sub(amount) {
+            0 => Evidence::NONE,
+            confidence => Evidence { confidence, against: self.against.saturating_sub(amount), ..self },
         }
     }
 }
@@ -244,7 +309,7 @@ mod tests {
 
     use super::*;
 
-    const RULE: VoteRule = VoteRule { rise: 30, fall: 20, max: 255 };
+    const RULE: VoteRule = VoteRule { rise: 30, fall: 20, max: 255, ground_max: 80 };
 
     fn voted(votes: &[u8]) -> Evidence {
         (1..)
@@ -253,28 +318,64 @@ mod tests {
     }
 
     #[test]
-    fn votes_for_a_class_raise_its_confidence_by_a_constant_up_to_the_bound() {
-        let confidences: Vec<u8> = (1..=10).map(|n| voted(&vec![200; n]).confidence).collect();
-        assert_eq!(confidences, [30, 60, 90, 120, 150, 180, 210, 240, 255, 255]);
-        assert_eq!(voted(&[200; 10]).cost, 200);
-        assert_eq!(voted(&[200; 10]).sequence, 10);
+    fn votes_for_a_class_raise_its_confidence_by_a_constant_up_to_the_bound_of_the_class() {
+        let confidences = |cost: u8| (1..=10).map(|n| voted(&vec![cost; n]).confidence).collect::<Vec<u8>>();
+        assert_eq!(confidences(250), [30, 60, 90, 120, 150, 180, 210, 240, 255, 255]);
+        assert_eq!(confidences(0), [30, 60, 80, 80, 80, 80, 80, 80, 80, 80]);
+        assert_eq!((voted(&[250; 10]).cost, voted(&[250; 10]).sequence), (250, 10));
+        assert_eq!(Evidence { confidence: 200, ..voted(&[0]) }.voted(0, 6, RULE).confidence, 200);
     }
 
     #[test]
-    fn a_rule_may_bound_the_confidence_that_its_votes_lead_to() {
-        let rule = VoteRule { max: 70, ..RULE };
-        let evidence = (1..=5).fold(Evidence::NONE, |evidence, n| evidence.voted(200, n, rule));
-        assert_eq!(evidence.confidence, 70);
-        assert_eq!(Evidence { confidence: 200, ..evidence }.voted(200, 6, rule).confidence, 200);
+    fn ground_seen_for_long_loses_to_an_obstacle_within_three_frames() {
+        let rule = VoteRule::default();
+        let ground = (0..100).fold(Evidence::NONE, |evidence, n| evidence.voted(0, n, rule));
+        let frames = (1..100).find(|&frames| {
+            let seen = (0..frames).fold(ground, |evidence, n| evidence.voted(250, n, rule));
+            Label::of_cost(seen.cost) == Label::Obstacle
+        });
+        assert!(frames.unwrap() <= 3, "{frames:?}");
     }
 
     #[test]
-    fn votes_against_lower_it_by_a_constant_until_the_class_changes() {
-        let steps: Vec<(u8, u8)> = (0..=4)
-            .map(|n| voted(&[vec![200; 2], vec![0; n]].concat()))
-            .map(|evidence| (evidence.cost, evidence.confidence))
+    fn votes_against_raise_the_other_class_until_it_wins() {
+        let steps: Vec<[u8; 3]> = (0..=3)
+            .map(|n| voted(&[vec![250; 3], vec![0; n]].concat()))
+            .map(|evidence| [evidence.cost, evidence.confidence, evidence.against])
             .collect();
-        assert_eq!(steps, [(200, 60), (200, 40), (200, 20), (0, 30), (0, 60)]);
+        assert_eq!(steps, [[250, 90, 0], [250, 70, 30], [0, 60, 50], [0, 80, 30]]);
+        // On a tie the obstacle wins.
+        let even = VoteRule { rise: 20, fall: 20, max: 80, ground_max: 80 };
+        let tie =
+            [0, 250, 0, 250].iter().fold(Evidence::NONE, |evidence, &cost| evidence.voted(cost, 1, even));
+        assert_eq!([tie.cost, tie.confidence], [250, 20]);
+    }
+
+    #[test]
+    fn a_vote_counts_by_its_worth_and_by_its_distance_from_the_border_of_the_classes() {
+        let check = |cost: u8, worth: u8, votes: u32, expected: u8| {
+            let vote = Vote { cost, worth };
+            let evidence = (0..votes).fold(Evidence::NONE, |evidence, n| evidence.voted(vote, n, RULE));
+            assert_eq!(evidence.confidence, expected, "{vote:?}");
+        };
+        check(250, 255, 1, 30);
+        check(250, 51, 1, 6);
+        check(250, 51, 100, 51);
+        check(0, 51, 100, 16);
+        // Ground counts by its distance from the border, an obstacle by half of a vote at least.
+        check(100, 255, 1, 6);
+        check(100, 255, 100, 16);
+        check(125, 255, 1, 16);
+        check(150, 255, 100, 129);
+        check(250, 0, 100, 0);
+    }
+
+    #[test]
+    fn what_is_not_seen_again_fades_to_unknown() {
+        let seen = voted(&[250, 250, 0]);
+        assert_eq!([seen.confidence, seen.against], [40, 30]);
+        assert_eq!([seen.faded(35).confidence, seen.faded(35).against], [5, 0]);
+        assert_eq!(seen.faded(40), Evidence::NONE);
     }
 
     #[test]
@@ -285,22 +386,24 @@ mod tests {
 
     #[test]
     fn agreeing_costs_are_averaged_over_the_first_votes() {
-        // 100, then (100·30 + 40·30)/60 = 70, then 70 + (100 − 70)/3 = 80.
-        assert_eq!(voted(&[100, 40]).cost, 70);
-        assert_eq!(voted(&[100, 40, 100]).cost, 80);
+        // 250, then towards 200 by 18 / (30 + 18): a vote of 200 is 0.6 of a full one.
+        assert_eq!(voted(&[250, 200]).cost, 232);
+        assert_eq!(voted(&[0, 0, 0]).cost, 0);
     }
 
     proptest! {
         #[test]
         fn any_votes_keep_the_bounds_and_a_steady_source_wins(
-            votes in prop::collection::vec(any::<u8>(), 0..80), last in 0..=MAX_COST, rise in 0..=255_u8, fall in 1..=255_u8,
+            votes in prop::collection::vec((any::<u8>(), any::<u8>()), 0..80), last in 0..=MAX_COST,
+            rise in 0..=255_u8, fall in 1..=255_u8, ground_max in 0..=255_u8,
         ) {
-            let rule = VoteRule { rise, fall, max: 255 };
+            let rule = VoteRule { rise, fall, max: 255, ground_max };
             let mut evidence = Evidence::NONE;
-            for (i, cost) in (0..).zip(votes) {
-                evidence = evidence.voted(cost, i, rule);
+            for (i, (cost, worth)) in (0..).zip(votes) {
+                evidence = evidence.voted(Vote { cost, worth }, i, rule);
                 prop_assert_eq!(evidence.confidence == 0, evidence.cost == UNKNOWN_COST);
                 prop_assert!(evidence.cost <= MAX_COST || evidence.cost == UNKNOWN_COST);
+                prop_assert!(evidence.against <= evidence.confidence);
             }
             for i in 0..1000 {
                 evidence = evidence.voted(last, i, rule);

@@ -24,6 +24,8 @@ pub(crate) enum Column {
     SurestSource,
     Cost(Source),
     Confidence(Source),
+    Against(Source),
+    Backing(Source),
     ElevationConfidence,
 }
 
@@ -56,6 +58,8 @@ pub(crate) fn columns(options: &MapOptions) -> Vec<(String, NumericType, Column)
     for source in sources() {
         list.push((format!("cost.{source}"), NumericType::Uint8, Column::Cost(source)));
         list.push((format!("conf.{source}"), NumericType::Uint8, Column::Confidence(source)));
+        list.push((format!("against.{source}"), NumericType::Uint8, Column::Against(source)));
+        list.push((format!("backing.{source}"), NumericType::Uint8, Column::Backing(source)));
     }
     if options.heights {
         list.push(("conf.elevation".to_owned(), NumericType::Uint8, Column::ElevationConfidence));
@@ -98,7 +102,11 @@ impl Column {
 
     fn source(self) -> Option<Source> {
         match self {
-            Column::Sequence(source) | Column::Cost(source) | Column::Confidence(source) => Some(source),
+            Column::Sequence(source)
+            | Column::Cost(source)
+            | Column::Confidence(source)
+            | Column::Against(source)
+            | Column::Backing(source) => Some(source),
             _ => None,
         }
     }
@@ -111,6 +119,8 @@ impl Column {
         match self {
             Column::Sequence(_) => f64::from(evidence.sequence),
             Column::Cost(_) => f64::from(evidence.cost),
+            Column::Against(_) => f64::from(evidence.against),
+            Column::Backing(_) => f64::from(evidence.backing),
             _ => f64::from(evidence.confidence),
         }
     }

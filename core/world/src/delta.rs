@@ -17,7 +17,9 @@ use rcs_msg::{AnyMessage, DeltaCodec, DeltaDecoder, DeltaEncoder, Schema, Stamp,
 
 use crate::cell::{HEIGHTS_PER_M, ROUNDED_BELOW_M, VARIANCE_SHIFT};
 use crate::columns::HEIGHT_PARTS;
-use crate::{Cell, Evidence, HeightStats, Map, MapMessage, MapOptions, Source, SourceKind, Weighted};
+use crate::{
+    Cell, Evidence, HeightStats, Map, MapMessage, MapOptions, Source, SourceKind, Weighted, Weights,
+};
 
 /// A key frame is stored when the last one is this old. Reading from any time starts at a key frame and applies the
 /// deltas after it.
@@ -125,6 +127,7 @@ fn difference(last: &Last, message: &MapMessage) -> MapDelta {
         heights: message.options.heights,
         sources: message.options.sources.iter().map(|source| source.name().to_owned()).collect(),
         weights: message.options.weights.iter().map(stored_weight).collect(),
+        least_evidence: message.options.weights.least_evidence,
         tiles,
         cells,
         columns,
@@ -231,13 +234,19 @@ impl DeltaDecoder for Decoder {
 fn applied(mut map: Map, delta: &MapDelta) -> Result<MapMessage, String> {
     let source = |name: &String| name.parse::<Source>().map_err(|error| error.to_string());
     let weighted = |stored: &MapWeight| {
-        let kind = if stored.overrides { SourceKind::Override } else { SourceKind::Range };
+        let kind = match (stored.overrides, stored.learned) {
+            (true, _) => SourceKind::Override,
+            (false, true) => SourceKind::Learned,
+            (false, false) => SourceKind::Range,
+        };
         Ok(Weighted { source: source(&stored.name)?, weight: stored.weight, kind })
     };
+    let mut weights = delta.weights.iter().map(weighted).collect::<Result<Weights, String>>()?;
+    weights.least_evidence = delta.least_evidence;
     let options = MapOptions {
         sources: delta.sources.iter().map(source).collect::<Result<_, String>>()?,
         heights: delta.heights,
-        weights: delta.weights.iter().map(weighted).collect::<Result<_, String>>()?,
+        weights,
     };
     let count = map.grid().tile_count();
     let tiles: Vec<usize> = delta.tiles.iter().map(|&tile| tile as usize).collect();
@@ -281,7 +290,8 @@ fn applied(mut map: Map, delta: &MapDelta) -> Result<MapMessage, String> {
 
 fn stored_weight(entry: Weighted) -> MapWeight {
     let overrides = entry.kind == SourceKind::Override;
-    MapWeight { name: entry.source.name().to_owned(), weight: entry.weight, overrides }
+    let learned = entry.kind == SourceKind::Learned;
+    MapWeight { name: entry.source.name().to_owned(), weight: entry.weight, overrides, learned }
 }
 
 /// One number of a cell in a delta. Numbers that follow from others are not stored.
@@ -291,6 +301,8 @@ enum StoredColumn {
     Sequence(Source),
     Cost(Source),
     Confidence(Source),
+    Against(Source),
+    Backing(Source),
     Ground(usize),
     Obstacle(usize),
     ElevationConfidence,
@@ -302,6 +314,8 @@ fn stored_columns(options: &MapOptions) -> impl Iterator<Item = (String, StoredC
             (format!("seq.{source}"), StoredColumn::Sequence(source)),
             (format!("cost.{source}"), StoredColumn::Cost(source)),
             (format!("conf.{source}"), StoredColumn::Confidence(source)),
+            (format!("against.{source}"), StoredColumn::Against(source)),
+            (format!("backing.{source}"), StoredColumn::Backing(source)),
         ]
     };
     let sources: Vec<_> = options.sources.iter().flat_map(of_source).collect();
@@ -330,6 +344,8 @@ impl StoredColumn {
             StoredColumn::Sequence(source) => evidence(map, source, place).sequence.into(),
             StoredColumn::Cost(source) => evidence(map, source, place).cost.into(),
             StoredColumn::Confidence(source) => evidence(map, source, place).confidence.into(),
+            StoredColumn::Against(source) => evidence(map, source, place).against.into(),
+            StoredColumn::Backing(source) => evidence(map, source, place).backing.into(),
             StoredColumn::Ground(part) => height(&cell().ground, part),
             StoredColumn::Obstacle(part) => height(&cell().obstacle, part),
             StoredColumn::ElevationConfidence => cell().elevation_confidence.into(),
@@ -340,7 +356,9 @@ impl StoredColumn {
         let source = match self {
             StoredColumn::Sequence(source)
             | StoredColumn::Cost(source)
-            | StoredColumn::Confidence(source) => source,
+            | StoredColumn::Confidence(source)
+            | StoredColumn::Against(source)
+            | StoredColumn::Backing(source) => source,
             of_ground => {
                 if let Some(cell) = map.grid_mut().tile_mut(tile).get_mut(at) {
                     of_ground.set_ground(cell, value);
@@ -352,6 +370,8 @@ impl StoredColumn {
         match self {
             StoredColumn::Sequence(_) => evidence.sequence = value as u32,
             StoredColumn::Cost(_) => evidence.cost = value as u8,
+            StoredColumn::Against(_) => evidence.against = value as u8,
+            StoredColumn::Backing(_) => evidence.backing = value as u8,
             _ => evidence.confidence = value as u8,
         }
     }

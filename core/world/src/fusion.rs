@@ -10,12 +10,15 @@ use crate::{MAX_COST, OBSTACLE_COST, Source, UNKNOWN_COST};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SourceKind {
-    /// Its cost enters the weighted mean.
+    /// A sensor of shape or distance: of several, the one with the highest cost counts.
     #[default]
     Range,
-    /// A hit of it (a cost of at least [`OBSTACLE_COST`]) is taken as it is, whatever the other sources say: the
-    /// bumper. Its lower costs are ignored.
+    /// A touch: its obstacles are taken as they are, whatever the other sources say, and where there is none, what it
+    /// has driven over is free.
     Override,
+    /// A judgement by appearance: it enters the mean with the range sensors, and lowers their cost only as far as
+    /// experience backs it ([`Evidence::backing`]).
+    Learned,
 }
 
 /// A source and its weight.
@@ -23,26 +26,37 @@ pub enum SourceKind {
 pub struct Weighted {
     /// The source.
     pub source: Source,
-    /// Only the ratios of weights matter; the weight of a source of kind [`SourceKind::Override`] is ignored.
+    /// Its confidences count by it: `W` of the papers. That of a source of kind [`SourceKind::Override`] is ignored.
     pub weight: f32,
     /// How its evidence is used.
     pub kind: SourceKind,
 }
 
 /// Weights of the sources: `W_s`, `W_l`, `W_c` of the papers, for any number of sources. The order decides ties. A
-/// source that is not listed has weight 1 and comes after those that are.
+/// source that is not listed is a range sensor of weight 1 and comes after those that are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Weights(Vec<Weighted>);
+pub struct Weights {
+    entries: Vec<Weighted>,
+    /// Cells with less evidence (the sum of weight times confidence) are unknown.
+    pub least_evidence: f32,
+}
+
+/// Evidence below which a cell is unknown, by default: a fifth of a full vote of a sensor with weight 1, which is what
+/// stereo's first sight of a thing at 5 m is worth.
+const LEAST_EVIDENCE: f32 = 4.0;
 
 impl Default for Weights {
-    /// The bundled sources have equal weights, and the bumper overrides. The papers give no values.
+    /// The bundled sources have equal weights, the bumper overrides, and what is judged by colour or texture is
+    /// learned. The papers give no values.
     fn default() -> Self {
+        let kind = |source| match source {
+            Source::BUMPER => SourceKind::Override,
+            Source::COLOR | Source::TERRAIN | Source::CLASSIFIER => SourceKind::Learned,
+            _ => SourceKind::Range,
+        };
         Source::BUNDLED
             .into_iter()
-            .map(|source| {
-                let kind = if source == Source::BUMPER { SourceKind::Override } else { SourceKind::Range };
-                Weighted { source, weight: 1.0, kind }
-            })
+            .map(|source| Weighted { source, weight: 1.0, kind: kind(source) })
             .collect()
     }
 }
@@ -56,7 +70,7 @@ impl FromIterator<Weighted> for Weights {
                 list.push(entry);
             }
         }
-        Weights(list)
+        Weights { entries: list, least_evidence: LEAST_EVIDENCE }
     }
 }
 
@@ -71,61 +85,78 @@ pub struct WeightsError {
 impl Weights {
     /// The entries, in their order.
     pub fn iter(&self) -> impl Iterator<Item = Weighted> + Clone + use<'_> {
-        self.0.iter().copied()
+        self.entries.iter().copied()
     }
 
     /// Weight and kind of a source.
     pub fn get(&self, source: Source) -> Weighted {
-        let listed = self.0.iter().find(|entry| entry.source == source);
+        let listed = self.entries.iter().find(|entry| entry.source == source);
         listed.copied().unwrap_or(Weighted { source, weight: 1.0, kind: SourceKind::Range })
     }
 
     /// The same weights with another weight for one source.
     #[must_use]
     pub fn with(mut self, source: Source, weight: f32) -> Weights {
-        match self.0.iter_mut().find(|entry| entry.source == source) {
+        match self.entries.iter_mut().find(|entry| entry.source == source) {
             Some(entry) => entry.weight = weight,
-            None => self.0.push(Weighted { source, weight, kind: SourceKind::Range }),
+            None => self.entries.push(Weighted { source, weight, kind: SourceKind::Range }),
         }
         self
     }
 
     /// Refuses NaN, infinity and negative weights. [`fuse`] treats them as 0.
     pub fn check(&self) -> Result<(), WeightsError> {
-        match self.0.iter().find(|entry| !(entry.weight.is_finite() && entry.weight >= 0.0)) {
+        match self.entries.iter().find(|entry| !(entry.weight.is_finite() && entry.weight >= 0.0)) {
             Some(entry) => Err(WeightsError { source_name: entry.source, value: entry.weight }),
             None => Ok(()),
         }
     }
 
     /// These sources in the order of fusion, each with its index in `sources`.
-    pub(crate) fn placed(&self, sources: impl IntoIterator<Item = Source>) -> Vec<Placed> {
-        let rank = |source| self.0.iter().position(|entry| entry.source == source).unwrap_or(usize::MAX);
+    pub(crate) fn placed(&self, sources: impl IntoIterator<Item = Source>) -> Layers {
+        let rank =
+            |source| self.entries.iter().position(|entry| entry.source == source).unwrap_or(usize::MAX);
         let mut placed: Vec<Placed> = sources
             .into_iter()
             .enumerate()
             .map(|(place, source)| {
                 let Weighted { weight, kind, .. } = self.get(source);
-                let overrides = kind == SourceKind::Override;
-                let weight = f64::from(weight);
-                let weight = if weight > 0.0 && weight.is_finite() && !overrides { weight } else { 0.0 };
-                Placed { place, source, weights: [0.0, weight], overrides }
+                let weight = if weight > 0.0 && weight.is_finite() { weight } else { 0.0 };
+                Placed {
+                    place,
+                    source,
+                    weight: if kind == SourceKind::Override { 1.0 } else { weight },
+                    kind,
+                }
             })
             .collect();
-        placed.sort_by_key(|entry| rank(entry.source));
-        placed
+        let order = |kind| match kind {
+            SourceKind::Override => 0,
+            SourceKind::Range => 1,
+            SourceKind::Learned => 2,
+        };
+        placed.sort_by_key(|entry| (order(entry.kind), rank(entry.source)));
+        let least =
+            if self.least_evidence.is_finite() { self.least_evidence.max(f32::MIN_POSITIVE) } else { 0.0 };
+        Layers { placed, least }
     }
+}
+
+/// Sources prepared for fusion, by kind: touch, range, learned.
+#[derive(Clone, Debug)]
+pub(crate) struct Layers {
+    placed: Vec<Placed>,
+    least: f32,
 }
 
 /// A source prepared for fusion.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Placed {
+struct Placed {
     /// Its index in the caller's list.
     place: usize,
     source: Source,
-    /// Its weight where it is absent (0), and where it is present.
-    weights: [f64; 2],
-    overrides: bool,
+    weight: f32,
+    kind: SourceKind,
 }
 
 /// The result of the fusion of a cell.
@@ -133,11 +164,11 @@ pub(crate) struct Placed {
 pub struct Fused {
     /// 0 to 250, or 255 for unknown.
     pub cost: u8,
-    /// The class according to the surest source. Near the class boundary it may differ from the class of the mean cost.
+    /// The class of the cost.
     pub label: Label,
-    /// The surest source; `None` if the cell is unknown.
+    /// The source with the most evidence for the class; `None` if the cell is unknown.
     pub source: Option<Source>,
-    /// The confidence of the surest source.
+    /// The confidence of that source.
     pub confidence: u8,
 }
 
@@ -145,75 +176,143 @@ impl Fused {
     /// The result for a cell without evidence.
     pub const UNKNOWN: Fused =
         Fused { cost: UNKNOWN_COST, label: Label::Unknown, source: None, confidence: 0 };
+
+    fn of(cost: u8, source: Source, confidence: u8) -> Fused {
+        Fused { cost, label: Label::of_cost(cost), source: Some(source), confidence }
+    }
 }
 
-/// Fuses a cell from the cost and confidence of each source.
+/// Fuses a cell from the evidence of each source (Albus 2006a, 4; Albus 2006b, 3.4).
 ///
-/// - A source is present if its confidence is above 0, its cost at most 250 and its weight above 0.
-/// - Cost = Σ Wᵢ·Costᵢ / Σ Wᵢ over the sources present, rounded to nearest (half up); so the weights are renormalised
-///   over the sources present. If none is present, the result is unknown, not 0.
-/// - A hit of an overriding source (confidence above 0, cost at least [`OBSTACLE_COST`]) gives its own cost and
-///   confidence as the result; of several hits, the one with the highest cost. Without a hit, an overriding source has
-///   no influence.
-/// - The label is that of the source with the highest confidence; on a tie, the first source in the order of the
-///   weights.
+/// A source is present if its confidence cᵢ is above 0, its cost at most 250 and its weight Wᵢ above 0. The first of
+/// these rules that applies gives the result:
 ///
-/// Confidence does not weight the cost: the papers' equation has the weights alone.
-pub fn fuse(said: &[(Source, u8, u8)], weights: &Weights) -> Fused {
-    let layers = weights.placed(said.iter().map(|&(source, ..)| source));
-    Fuser::new(&layers).fuse(|place| {
-        let (_, cost, confidence) = said[place];
-        Evidence { cost, confidence, sequence: 0 }
-    })
+/// 1. The obstacles of overriding sources: the one with the highest cost is the result.
+/// 2. What an overriding source has driven over: its cost is the result.
+/// 3. Cost = Σ Wᵢ·cᵢ·Costᵢ / Σ Wᵢ·cᵢ, rounded to nearest, over these sources:
+///    - the range sensor with the highest cost (of equal ones the surer), with the evidence W·c of all range sensors
+///      together: they do not average each other away. It counts by the part 1 − b, where b is the greatest backing of
+///      a learned source;
+///    - learned sources. One with a lower cost than the range sensor's counts by the part b of its own backing alone.
+///
+/// Below the least evidence (Σ Wᵢ·cᵢ, before that of the range sensors is reduced) the cell is unknown, which is not 0.
+///
+/// The label is the class of the cost. The papers' equation has the weights alone; their text says that the confidences
+/// "are used as a cost factor", which is the factor cᵢ here.
+pub fn fuse(said: &[(Source, Evidence)], weights: &Weights) -> Fused {
+    let layers = weights.placed(said.iter().map(|&(source, _)| source));
+    Fuser::new(&layers).fuse(|place| said[place].1)
 }
 
 /// [`fuse`] with weights that have been looked up, for complete maps.
 #[derive(Clone, Copy)]
 pub(crate) struct Fuser<'a> {
-    layers: &'a [Placed],
+    touches: &'a [Placed],
+    ranges: &'a [Placed],
+    learned: &'a [Placed],
+    least: f32,
+}
+
+/// A source that counts in a cell.
+#[derive(Clone, Copy)]
+struct Counted {
+    source: Source,
+    cost: u8,
+    confidence: u8,
+    evidence: f32,
 }
 
 impl<'a> Fuser<'a> {
-    pub(crate) fn new(layers: &'a [Placed]) -> Fuser<'a> {
-        Fuser { layers }
+    pub(crate) fn new(layers: &'a Layers) -> Fuser<'a> {
+        let placed = &layers.placed;
+        let first =
+            |kind| placed.partition_point(|entry| entry.kind == SourceKind::Override || entry.kind == kind);
+        let (ranges, learned) = (first(SourceKind::Override), first(SourceKind::Range));
+        Fuser {
+            touches: &placed[..ranges],
+            ranges: &placed[ranges..learned],
+            learned: &placed[learned..],
+            least: layers.least,
+        }
     }
 
     /// The rule itself, given the evidence at each index.
     #[inline]
     pub(crate) fn fuse(&self, said: impl Fn(usize) -> Evidence) -> Fused {
-        let (mut sum, mut total) = (0.0, 0.0);
-        let (mut highest, mut surest) = (0, None);
-        let mut hit: Option<Fused> = None;
-        for layer in self.layers {
-            let Evidence { cost, confidence, .. } = said(layer.place);
-            // Absent sources add zeros instead of being skipped, because the processor cannot predict that branch.
-            let known = u8::from(confidence > 0) & u8::from(cost <= MAX_COST);
-            let weight = layer.weights[usize::from(known)];
-            sum += weight * f64::from(cost);
-            total += weight;
-            let counted = if weight > 0.0 { confidence } else { 0 };
-            if counted > highest {
-                (highest, surest) = (counted, Some((layer.source, cost)));
-            }
-            if layer.overrides
-                && known == 1
-                && cost >= OBSTACLE_COST
-                && hit.is_none_or(|other| cost > other.cost)
-            {
-                let source = Some(layer.source);
-                hit = Some(Fused { cost, label: Label::Obstacle, source, confidence });
+        if let Some(touch) = self.touch(&said) {
+            return touch;
+        }
+        let (mut range, mut seen): (Option<Counted>, f32) = (None, 0.0);
+        for layer in self.ranges {
+            let Some(next) = layer.counted(said(layer.place)) else { continue };
+            seen += next.evidence;
+            if range.is_none_or(|best| (next.cost, next.evidence) > (best.cost, best.evidence)) {
+                range = Some(next);
             }
         }
-        if let Some(hit) = hit {
-            return hit;
+        let range_cost = range.map_or(0, |range| range.cost);
+        // Of each class the source with the most evidence; sums over the learned sources.
+        let mut most: [Option<Counted>; 2] = [None; 2];
+        let (mut sum, mut total, mut backed) = (0.0, 0.0, 0.0_f32);
+        for layer in self.learned {
+            let evidence = said(layer.place);
+            let Some(mut next) = layer.counted(evidence) else { continue };
+            let backing = f32::from(evidence.backing) / 255.0;
+            backed = backed.max(backing);
+            if next.cost < range_cost {
+                next.evidence *= backing;
+            }
+            sum += next.evidence * f32::from(next.cost);
+            total += next.evidence;
+            note(&mut most, next);
         }
-        let Some((source, surest_cost)) = surest.filter(|_| total != 0.0) else { return Fused::UNKNOWN };
-        Fused {
-            cost: (sum / total + 0.5) as u8,
-            label: Label::of_cost(surest_cost),
-            source: Some(source),
-            confidence: highest,
+        if total + seen < self.least {
+            return Fused::UNKNOWN;
         }
+        if let Some(mut range) = range {
+            range.evidence = seen * (1.0 - backed);
+            sum += range.evidence * f32::from(range.cost);
+            total += range.evidence;
+            note(&mut most, range);
+        }
+        if total <= 0.0 {
+            return Fused::UNKNOWN;
+        }
+        let cost = (sum / total + 0.5) as u8;
+        let [free, obstacle] = most;
+        let first = if cost >= OBSTACLE_COST { obstacle.or(free) } else { free.or(obstacle) };
+        first.map_or(Fused::UNKNOWN, |first| Fused::of(cost, first.source, first.confidence))
+    }
+
+    /// What was touched: the obstacle with the highest cost, else what was driven over.
+    fn touch(&self, said: &impl Fn(usize) -> Evidence) -> Option<Fused> {
+        let mut touched: Option<Counted> = None;
+        for layer in self.touches {
+            let Some(next) = layer.counted(said(layer.place)) else { continue };
+            if touched.is_none_or(|best| next.cost > best.cost) {
+                touched = Some(next);
+            }
+        }
+        touched.map(|touch| Fused::of(touch.cost, touch.source, touch.confidence))
+    }
+}
+
+impl Placed {
+    #[inline]
+    fn counted(&self, evidence: Evidence) -> Option<Counted> {
+        let Evidence { cost, confidence, .. } = evidence;
+        let is_present = confidence > 0 && cost <= MAX_COST && self.weight > 0.0;
+        let counted =
+            Counted { source: self.source, cost, confidence, evidence: self.weight * f32::from(confidence) };
+        is_present.then_some(counted)
+    }
+}
+
+#[inline]
+fn note(most: &mut [Option<Counted>; 2], next: Counted) {
+    let class = &mut most[usize::from(next.cost >= OBSTACLE_COST)];
+    if next.evidence > 0.0 && class.is_none_or(|best| next.evidence > best.evidence) {
+        *class = Some(next);
     }
 }
 

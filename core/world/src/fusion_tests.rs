@@ -2,42 +2,59 @@ use proptest::prelude::*;
 
 use super::*;
 
-const RANGES: [Source; 5] =
-    [Source::STEREO, Source::COLOR, Source::TERRAIN, Source::CLASSIFIER, Source::INFRARED];
+/// Evidence without backing.
+fn plain(cost: u8, confidence: u8) -> Evidence {
+    Evidence { cost, confidence, ..Evidence::NONE }
+}
 
-fn said(costs: [u8; 6], confidences: [u8; 6]) -> Vec<(Source, u8, u8)> {
-    (0..6).map(|i| (Source::BUNDLED[i], costs[i], confidences[i])).collect()
+fn said(costs: [u8; 6], confidences: [u8; 6], backings: [u8; 6]) -> Vec<(Source, Evidence)> {
+    let evidence = |i: usize| Evidence { backing: backings[i], ..plain(costs[i], confidences[i]) };
+    (0..6).map(|i| (Source::BUNDLED[i], evidence(i))).collect()
 }
 
 fn fuse_six(costs: [u8; 6], confidences: [u8; 6], weights: &Weights) -> Fused {
-    fuse(&said(costs, confidences), weights)
+    fuse(&said(costs, confidences, [0; 6]), weights)
 }
 
 fn place(source: Source) -> usize {
     Source::BUNDLED.iter().position(|&other| other == source).unwrap()
 }
 
-/// Reference: the rule step by step from its definition, over lists.
-fn reference_fuse(costs: [u8; 6], confs: [u8; 6], weights: &Weights) -> (Option<f64>, Option<Source>) {
-    let bumper = place(Source::BUMPER);
-    if confs[bumper] != 0 && costs[bumper] >= OBSTACLE_COST && costs[bumper] != 255 && costs[bumper] <= 250 {
-        return (Some(f64::from(costs[bumper])), Some(Source::BUMPER));
-    }
+/// Reference: the rules step by step from their definition, over lists; the exact cost.
+fn reference_fuse(said: &[(Source, Evidence)], weights: &Weights) -> Option<f64> {
     let weight = |source: Source| f64::from(weights.get(source).weight);
-    let present: Vec<Source> = RANGES
-        .into_iter()
-        .filter(|&s| confs[place(s)] != 0 && costs[place(s)] <= 250 && weight(s) > 0.0)
-        .collect();
-    let total: f64 = present.iter().map(|&s| weight(s)).sum();
-    let cost = present.iter().map(|&s| weight(s) / total * f64::from(costs[place(s)])).sum();
-    let mut by_confidence = present.clone();
-    by_confidence.sort_by_key(|&s| std::cmp::Reverse(confs[place(s)])); // stable: the first wins a tie
-    (by_confidence.first().map(|_| cost), by_confidence.first().copied())
+    let of = |kind: SourceKind| {
+        let present = said.iter().filter(move |(source, evidence)| {
+            let counts = weight(*source) > 0.0 || kind == SourceKind::Override;
+            weights.get(*source).kind == kind && evidence.confidence > 0 && evidence.cost <= 250 && counts
+        });
+        present.copied().collect::<Vec<_>>()
+    };
+    if let Some(touch) = of(SourceKind::Override).iter().map(|(_, evidence)| evidence.cost).max() {
+        return Some(f64::from(touch));
+    }
+    let evidence = |(source, said): &(Source, Evidence)| weight(*source) * f64::from(said.confidence);
+    let ranges = of(SourceKind::Range);
+    let highest = ranges.iter().map(|(_, said)| said.cost).max();
+    let seen: f64 = ranges.iter().map(&evidence).sum();
+    let learned = of(SourceKind::Learned);
+    let backing = |(_, said): &(Source, Evidence)| f64::from(said.backing) / 255.0;
+    let factor = |entry: &(Source, Evidence)| {
+        if highest.is_some_and(|highest| entry.1.cost < highest) { backing(entry) } else { 1.0 }
+    };
+    let total: f64 = learned.iter().map(|entry| evidence(entry) * factor(entry)).sum();
+    if seen + total < f64::from(weights.least_evidence) {
+        return None;
+    }
+    let sum: f64 = learned.iter().map(|e| evidence(e) * factor(e) * f64::from(e.1.cost)).sum();
+    let rest = seen * (1.0 - learned.iter().map(backing).fold(0.0, f64::max));
+    let all = total + rest;
+    (all > 1e-6).then(|| (sum + rest * f64::from(highest.unwrap_or(0))) / all)
 }
 
 fn weights() -> impl Strategy<Value = Weights> {
-    prop::array::uniform5(prop_oneof![Just(0.0_f32), 0.0..2.0_f32, Just(1.0)]).prop_map(|values| {
-        let entries = RANGES.into_iter().zip(values);
+    prop::array::uniform6(prop_oneof![Just(0.0_f32), 0.01..2.0_f32, Just(1.0)]).prop_map(|values| {
+        let entries = Source::BUNDLED.into_iter().zip(values);
         entries.fold(Weights::default(), |weights, (source, weight)| weights.with(source, weight))
     })
 }
@@ -48,38 +65,33 @@ fn confidences() -> impl Strategy<Value = [u8; 6]> {
 
 proptest! {
     #[test]
-    fn fusion_equals_the_reference(costs: [u8; 6], confs in confidences(), weights in weights()) {
-        let fused = fuse_six(costs, confs, &weights);
-        let (cost, source) = reference_fuse(costs, confs, &weights);
-        prop_assert_eq!(fused.source, source);
-        if let Some(cost) = cost {
-            prop_assert!((f64::from(fused.cost) - cost).abs() <= 0.5 + 1e-9, "{fused:?} {cost}");
+    fn fusion_equals_the_reference(costs: [u8; 6], confs in confidences(), backings in confidences(), weights in weights()) {
+        let said = said(costs, confs, backings);
+        let fused = fuse(&said, &weights);
+        if let Some(cost) = reference_fuse(&said, &weights) {
+            prop_assert!((f64::from(fused.cost) - cost).abs() <= 0.51, "{fused:?} {cost}");
         } else {
             prop_assert_eq!(fused, Fused::UNKNOWN);
         }
-        if let Some(source) = source {
+        prop_assert_eq!(fused.label, Label::of_cost(fused.cost), "one rule for the label");
+        if let Some(source) = fused.source {
             prop_assert_eq!(fused.confidence, confs[place(source)]);
-            prop_assert_eq!(fused.label, Label::of_cost(costs[place(source)]));
+            prop_assert_eq!(Label::of_cost(costs[place(source)]), fused.label);
         }
     }
 
     #[test]
-    fn only_the_ratios_of_weights_matter(costs: [u8; 6], confs in confidences(), weights in weights()) {
-        let double = weights.iter().map(|entry| Weighted { weight: entry.weight * 2.0, ..entry }).collect();
-        prop_assert_eq!(fuse_six(costs, confs, &weights), fuse_six(costs, confs, &double));
-    }
-
-    #[test]
-    fn one_source_alone_gives_its_own_cost(cost in 0..=MAX_COST, conf in 1..=255_u8, weight in 0.01..10.0_f32) {
-        let fused = fuse(&[(Source::TERRAIN, cost, conf)], &Weights::default().with(Source::TERRAIN, weight));
+    fn one_source_alone_gives_its_own_cost(cost in 0..=MAX_COST, conf in 4..=255_u8) {
+        let fused = fuse(&[(Source::TERRAIN, plain(cost, conf))], &Weights::default());
         prop_assert_eq!((fused.cost, fused.source, fused.confidence), (cost, Some(Source::TERRAIN), conf));
     }
 
     #[test]
-    fn the_order_in_which_sources_are_given_does_not_matter(costs: [u8; 6], confs in confidences(), weights in weights(), turn in 0..6_usize) {
-        let mut turned = said(costs, confs);
+    fn the_order_in_which_sources_are_given_does_not_matter(costs: [u8; 6], confs in confidences(), backings in confidences(), weights in weights(), turn in 0..6_usize) {
+        let straight = said(costs, confs, backings);
+        let mut turned = straight.clone();
         turned.rotate_left(turn);
-        prop_assert_eq!(fuse(&turned, &weights), fuse_six(costs, confs, &weights));
+        prop_assert_eq!(fuse(&turned, &weights), fuse(&straight, &weights));
     }
 }
 
@@ -88,33 +100,73 @@ fn nothing_seen_is_unknown_and_not_free() {
     assert_eq!(fuse(&[], &Weights::default()), Fused::UNKNOWN);
     assert_eq!(fuse_six([0; 6], [0; 6], &Weights::default()), Fused::UNKNOWN);
     assert_eq!(fuse_six([UNKNOWN_COST; 6], [255; 6], &Weights::default()), Fused::UNKNOWN);
-    let none = Weights::default().iter().map(|entry| Weighted { weight: 0.0, ..entry }).collect();
-    assert_eq!(fuse_six([0; 6], [9; 6], &none), Fused::UNKNOWN);
+    let none: Weights = Weights::default()
+        .iter()
+        .filter(|entry| entry.kind != SourceKind::Override)
+        .map(|entry| Weighted { weight: 0.0, ..entry })
+        .collect();
+    let but_bumper: Vec<_> =
+        said([0; 6], [9; 6], [0; 6]).into_iter().filter(|(source, _)| *source != Source::BUMPER).collect();
+    assert_eq!(fuse(&but_bumper, &none), Fused::UNKNOWN);
 }
 
 #[test]
-fn a_bumper_hit_overrides_and_a_bumper_that_is_free_does_not() {
-    let (mut costs, mut confs, bumper) = ([10; 6], [200; 6], place(Source::BUMPER));
-    (costs[bumper], confs[bumper]) = (250, 1);
-    let fused = fuse_six(costs, confs, &Weights::default());
-    assert_eq!((fused.cost, fused.source), (250, Some(Source::BUMPER)));
-    costs[bumper] = 0;
-    assert_eq!(fuse_six(costs, confs, &Weights::default()).cost, 10);
-    confs = [0; 6];
-    confs[bumper] = 255;
-    assert_eq!(fuse_six(costs, confs, &Weights::default()), Fused::UNKNOWN);
+fn little_evidence_is_unknown() {
+    let known = |conf: u8, weight: f32| {
+        let weights = Weights::default().with(Source::COLOR, weight);
+        fuse(&[(Source::COLOR, plain(250, conf))], &weights).label
+    };
+    assert_eq!([known(3, 1.0), known(4, 1.0)], [Label::Unknown, Label::Obstacle]);
+    assert_eq!([known(15, 0.2), known(25, 0.2)], [Label::Unknown, Label::Obstacle]);
 }
 
 #[test]
-fn a_source_that_nobody_knew_of_counts_like_any_other() {
+fn a_touch_comes_first_then_what_was_driven_over_then_the_rest() {
+    let bumper = place(Source::BUMPER);
+    let check = |bumper_cost: u8, bumper_conf: u8, expected: (u8, Source)| {
+        let (mut costs, mut confs) = ([240; 6], [200; 6]);
+        (costs[bumper], confs[bumper]) = (bumper_cost, bumper_conf);
+        let fused = fuse_six(costs, confs, &Weights::default());
+        assert_eq!((fused.cost, fused.source), (expected.0, Some(expected.1)));
+    };
+    check(250, 1, (250, Source::BUMPER));
+    check(0, 1, (0, Source::BUMPER));
+    check(0, 0, (240, Source::STEREO));
+}
+
+#[test]
+fn range_sensors_do_not_average_each_other_away() {
+    // The infrared sensor sees the fence through which stereo sees the grass.
+    let fence = [(Source::STEREO, plain(0, 80)), (Source::INFRARED, plain(250, 40))];
+    assert_eq!(fuse(&fence, &Weights::default().with(Source::INFRARED, 0.3)).cost, 250);
+}
+
+#[test]
+fn what_was_learned_lowers_geometry_only_as_far_as_experience_backs_it() {
+    let check = |backing: u8, low: u8, high: u8| {
+        let learned = Evidence { backing, ..plain(20, 80) };
+        let fused =
+            fuse(&[(Source::STEREO, plain(250, 200)), (Source::TERRAIN, learned)], &Weights::default());
+        assert!((low..=high).contains(&fused.cost), "backing {backing}: {fused:?}");
+    };
+    check(0, 250, 250);
+    check(255, 20, 20);
+    check(128, 150, 220);
+    // It raises a cost without backing, by its weight and confidence alone.
+    let said = [(Source::STEREO, plain(0, 80)), (Source::COLOR, plain(250, 80))];
+    assert_eq!(fuse(&said, &Weights::default()).cost, 125);
+    assert_eq!(fuse(&said, &Weights::default().with(Source::COLOR, 0.25)).cost, 50);
+}
+
+#[test]
+fn a_source_that_nobody_knew_of_is_a_range_sensor_of_weight_one() {
     let radar = Source::new("radar").unwrap();
-    let said = [(Source::STEREO, 100, 50), (radar, 200, 60)];
-    assert_eq!(fuse(&said, &Weights::default()).cost, 150);
-    let fused = fuse(&said, &Weights::default().with(radar, 3.0));
-    assert_eq!((fused.cost, fused.source), (175, Some(radar)));
-    let overriding: Weights =
-        [Weighted { source: radar, weight: 1.0, kind: SourceKind::Override }].into_iter().collect();
-    assert_eq!(fuse(&said, &overriding).cost, 200);
+    let said = [(Source::STEREO, plain(100, 50)), (radar, plain(200, 60))];
+    assert_eq!(fuse(&said, &Weights::default()).cost, 200);
+    let learned: Weights =
+        [Weighted { source: radar, weight: 0.5, kind: SourceKind::Learned }].into_iter().collect();
+    let fused = fuse(&said, &learned);
+    assert_eq!((fused.cost, fused.source), (138, Some(radar)), "(100·50 + 200·30) / 80");
 }
 
 #[test]
@@ -126,5 +178,7 @@ fn weights_that_cannot_be_are_refused_by_name_and_count_as_none() {
     );
     assert!(Weights::default().with(Source::STEREO, -1.0).check().is_err());
     assert!(Weights::default().check().is_ok());
-    assert_eq!(fuse_six([80; 6], [5; 6], &bad.with(Source::COLOR, f32::INFINITY)).cost, 80);
+    let mut confs = [15; 6];
+    confs[place(Source::BUMPER)] = 0;
+    assert_eq!(fuse_six([80; 6], confs, &bad.with(Source::COLOR, f32::INFINITY)).cost, 80);
 }

@@ -342,8 +342,8 @@ impl Field<'_> {
 }
 
 /// Fuses the cells of a received grid with these weights, by rows, into an existing buffer: one cost per byte, 255
-/// unknown. The sources are those with fields `cost.<source>` and `conf.<source>`, both `UINT8`. The rule is
-/// [`crate::fuse`].
+/// unknown. The sources are those with fields `cost.<source>` and `conf.<source>`, both `UINT8`; a field
+/// `backing.<source>` may follow. The rule is [`crate::fuse`].
 pub fn fuse_grid(view: &GridView<'_>, weights: &Weights, costs: &mut Vec<u8>) -> Result<(), GridViewError> {
     costs.clear();
     costs.reserve(view.columns * view.rows);
@@ -358,7 +358,8 @@ pub fn fuse_grid(view: &GridView<'_>, weights: &Weights, costs: &mut Vec<u8>) ->
             |field: Field<'_>| if let FieldLocation::Offset(offset) = field.place { offset } else { 0 };
         let cost_at = view.field_of(&format!("cost.{source}"), NumericType::Uint8).map(offset)?;
         let confidence_at = view.field_of(&format!("conf.{source}"), NumericType::Uint8).map(offset)?;
-        places.push((cost_at, confidence_at));
+        let backing_at = view.field_of(&format!("backing.{source}"), NumericType::Uint8).map(offset).ok();
+        places.push((cost_at, confidence_at, backing_at));
     }
     if places.is_empty() {
         return Err(GridViewError::NoSources);
@@ -367,8 +368,9 @@ pub fn fuse_grid(view: &GridView<'_>, weights: &Weights, costs: &mut Vec<u8>) ->
     let fuser = Fuser::new(&layers);
     costs.extend(view.bytes().map(|cell| {
         let said = |place: usize| {
-            let (cost_at, confidence_at) = places[place];
-            Evidence { cost: cell[cost_at], confidence: cell[confidence_at], sequence: 0 }
+            let (cost_at, confidence_at, backing_at) = places[place];
+            let backing = backing_at.map_or(0, |at| cell[at]);
+            Evidence { cost: cell[cost_at], confidence: cell[confidence_at], backing, ..Evidence::NONE }
         };
         fuser.fuse(said).cost
     }));

@@ -57,9 +57,16 @@ fn fields_are_read_by_name_at_their_strides() {
 #[test]
 fn a_cell_without_confidence_is_unknown_when_fused() {
     let grid = grid();
-    let mut costs = Vec::new();
-    fuse_grid(&GridView::new(&grid).unwrap(), &Weights::default(), &mut costs).unwrap();
-    assert_eq!(costs, [255, 1, 2, 255, 11, 12]);
+    let fused = |least_evidence: f32| {
+        let mut costs = Vec::new();
+        let mut weights = Weights::default();
+        weights.least_evidence = least_evidence;
+        fuse_grid(&GridView::new(&grid).unwrap(), &weights, &mut costs).unwrap();
+        costs
+    };
+    assert_eq!(fused(0.0), [255, 1, 2, 255, 11, 12]);
+    // The confidences are 0, 1 and 2.
+    assert_eq!(fused(2.0), [255, 255, 2, 255, 255, 12]);
 }
 
 #[test]

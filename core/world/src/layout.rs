@@ -12,9 +12,11 @@
 //! | `ground.count` | `UINT32` | number of heights |
 //! | `obstacle.…` | | the same for obstacle points |
 //! | `cost`, `confidence` | `UINT8` | fused with the map's weights: 0–250, 255 unknown; 0–255 |
-//! | `label` | `UINT8` | 0 unknown, 1 ground, 2 obstacle: the class by the surest source |
-//! | `source` | `UINT8` | the surest source: its index, from 0, among the `cost.<source>` of the message; 255 none |
+//! | `label` | `UINT8` | 0 unknown, 1 ground, 2 obstacle: the class of the cost |
+//! | `source` | `UINT8` | the source with the most evidence for it: its index, from 0, among the `cost.<source>`; 255 none |
 //! | `cost.<source>`, `conf.<source>` | `UINT8` | 0–250, 255 unknown; 0–255 |
+//! | `against.<source>` | `UINT8` | the confidence of the other class |
+//! | `backing.<source>` | `UINT8` | how far experience backs the cost: 0–255 |
 //! | `conf.elevation` | `UINT8` | confidence of the heights; only with heights |
 //!
 //! `<source>` stands for each source of the stack. The cell is padded to a multiple of 4 bytes.
@@ -174,7 +176,7 @@ fn write(mut data: &mut [u8], cell: &Cell, evidence: &[Evidence], fused: &Fused,
     }
     data.put_slice(&[fused.cost, fused.confidence, fused.label as u8, source_number(fused, options)]);
     for said in evidence {
-        data.put_slice(&[said.cost, said.confidence]);
+        data.put_slice(&[said.cost, said.confidence, said.against, said.backing]);
     }
     if options.heights {
         data.put_u8(cell.elevation_confidence);
@@ -200,8 +202,10 @@ impl Columns {
         for source in view.sources().iter() {
             let cost = column(&format!("cost.{source}"), NumericType::Uint8)?;
             let confidence = column(&format!("conf.{source}"), NumericType::Uint8)?;
+            let against = column(&format!("against.{source}"), NumericType::Uint8)?;
+            let backing = column(&format!("backing.{source}"), NumericType::Uint8)?;
             let sequence = column(&format!("seq.{source}"), NumericType::Uint32)?;
-            evidence.push(EvidenceColumns { source, cost, confidence, sequence });
+            evidence.push(EvidenceColumns { source, cost, confidence, against, backing, sequence });
         }
         let mut heights: [[Vec<f64>; 5]; 2] = Default::default();
         for (class, columns) in ["ground", "obstacle"].into_iter().zip(&mut heights) {
@@ -243,15 +247,20 @@ struct EvidenceColumns {
     source: Source,
     cost: Vec<f64>,
     confidence: Vec<f64>,
+    against: Vec<f64>,
+    backing: Vec<f64>,
     sequence: Vec<f64>,
 }
 
 impl EvidenceColumns {
     /// Its evidence about a cell; `None` if there is none.
     fn at(&self, at: usize) -> Option<Evidence> {
+        let confidence = number(&self.confidence, at, 0.0) as u8;
         let evidence = Evidence {
             cost: number(&self.cost, at, 255.0) as u8,
-            confidence: number(&self.confidence, at, 0.0) as u8,
+            confidence,
+            against: (number(&self.against, at, 0.0) as u8).min(confidence),
+            backing: number(&self.backing, at, 0.0) as u8,
             sequence: number(&self.sequence, at, 0.0) as u32,
         };
         (evidence.confidence > 0 && evidence.cost <= crate::MAX_COST).then_some(evidence)

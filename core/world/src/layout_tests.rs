@@ -113,9 +113,9 @@ fn only_sources_of_the_stack_are_written() {
     assert_eq!(
         plain,
         "updated_s updated_ns seq.stereo seq.bumper cost confidence label source \
-         cost.stereo conf.stereo cost.bumper conf.bumper"
+         cost.stereo conf.stereo against.stereo backing.stereo cost.bumper conf.bumper against.bumper backing.bumper"
     );
-    assert_eq!(stride, 24);
+    assert_eq!(stride, 28);
     assert!(
         names(true)
             .0

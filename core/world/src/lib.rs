@@ -1,7 +1,7 @@
 //! The world-model map, its message layout and the fusion rule (Albus 2006a, 4, Albus 2006b, 3.4).
 //!
 //! - [`Source`]: a source of costs, by name; [`Sources`]: those of a map. The set is open.
-//! - [`Cell`], [`Evidence`], [`VoteRule`]: the state of a cell, and how a measurement updates it.
+//! - [`Cell`], [`Evidence`], [`Vote`], [`VoteRule`]: the state of a cell, and how a measurement updates it.
 //! - [`fuse`]: the rule that computes one cost from the evidence of all sources. The world-model plugin and the
 //!   window's tuning view both call it, so that an operator sees the effect of new weights before sending them.
 //! - [`Map`]: 201×201 cells around the vehicle; converts to and from a `foxglove.Grid`.
@@ -39,7 +39,7 @@ mod message;
 mod options;
 mod source;
 
-pub use cell::{Cell, Evidence, HeightStats, Label, VoteRule};
+pub use cell::{Cell, Evidence, HeightStats, Label, Vote, VoteRule};
 pub use delta::{KEY_FRAME_NS, MAP_CODEC, MapCodec};
 pub use fusion::{Fused, SourceKind, Weighted, Weights, WeightsError, fuse};
 pub use grid_view::{Field, GridView, GridViewError, NumericType, fuse_grid};

@@ -4,8 +4,8 @@ use rcs_geom::{CellIndex, DVec2, Exposed, GridError, ScrollGrid};
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
-use crate::fusion::{Fuser, Placed};
-use crate::{Cell, Evidence, Fused, Source, Sources, VoteRule, Weights};
+use crate::fusion::{Fuser, Layers};
+use crate::{Cell, Evidence, Fused, MAX_COST, Source, Sources, Vote, VoteRule, Weights};
 
 /// Cells per side, so that the vehicle is in cell (100, 100).
 pub const SIDE: usize = 201;
@@ -121,21 +121,65 @@ impl Map {
         &mut self,
         index: CellIndex,
         source: Source,
-        cost: u8,
+        vote: impl Into<Vote>,
         sequence: u32,
         time: Stamp,
         rule: VoteRule,
     ) -> bool {
-        if !self.grid.contains(index) || cost > crate::MAX_COST {
+        let vote: Vote = vote.into();
+        if !self.grid.contains(index) || vote.cost > MAX_COST {
             return self.grid.contains(index);
         }
         if let Some(evidence) = self.layer_mut(source).get_mut(index) {
-            *evidence = evidence.voted(cost, sequence, rule);
+            *evidence = evidence.voted(vote, sequence, rule);
         }
+        self.touch(index, time);
+        true
+    }
+
+    /// Replaces all evidence of a source by its own statement: that of the listed cells, and none elsewhere. Cells
+    /// outside of the map are left out. Cells whose evidence stays the same but for its sequence are not written.
+    pub fn state(&mut self, source: Source, cells: &[(CellIndex, Evidence)], time: Stamp) {
+        let bounds = self.grid.bounds();
+        let slot = |index: CellIndex| {
+            let [column, row] = [index.x - bounds.south_west.x, index.y - bounds.south_west.y];
+            (row * SIDE as i64 + column) as usize
+        };
+        let mut stated = vec![Evidence::NONE; SIDE * SIDE];
+        for (index, evidence) in cells.iter().filter(|(index, _)| bounds.contains(*index)) {
+            let is_known = evidence.confidence > 0 && evidence.cost <= MAX_COST;
+            stated[slot(*index)] = if is_known { *evidence } else { Evidence::NONE };
+        }
+        let layer = self.layer_mut(source);
+        let mut changed = Vec::new();
+        for (index, now) in bounds.iter().zip(stated) {
+            let held = layer.get(index).copied().unwrap_or_default();
+            if (Evidence { sequence: held.sequence, ..now }) != held
+                && let Some(evidence) = layer.get_mut(index)
+            {
+                *evidence = now;
+                changed.push(index);
+            }
+        }
+        for index in changed {
+            self.touch(index, time);
+        }
+    }
+
+    /// Lets all evidence of a source fade by an amount, see [`Evidence::faded`].
+    pub fn fade(&mut self, source: Source, amount: u8) {
+        let Some((_, layer)) = self.layers.iter_mut().find(|(name, _)| *name == source) else { return };
+        for tile in 0..layer.tile_count() {
+            if amount > 0 && layer.tile(tile).iter().any(|evidence| evidence.confidence > 0) {
+                layer.tile_mut(tile).iter_mut().for_each(|evidence| *evidence = evidence.faded(amount));
+            }
+        }
+    }
+
+    fn touch(&mut self, index: CellIndex, time: Stamp) {
         if let Some(cell) = self.grid.get_mut(index) {
             cell.updated = cell.updated.max(time);
         }
-        true
     }
 
     /// The fused result of a cell; unknown outside of the map.
@@ -162,7 +206,7 @@ impl Map {
         });
     }
 
-    fn placed(&self, weights: &Weights) -> Vec<Placed> {
+    fn placed(&self, weights: &Weights) -> Layers {
         weights.placed(self.layers.iter().map(|&(source, _)| source))
     }
 

@@ -245,6 +245,7 @@ pub(crate) fn grid(columns: usize, rows: usize) -> Grid {
 fn world_map() -> Grid {
     let mut map = Map::new(0.2).unwrap();
     let (sources, time) = (Sources::from_iter([Source::STEREO]), NOW.before_ns(400_000_000));
+    let surely = VoteRule { rise: 255, max: 255, ground_max: 255, ..VoteRule::default() };
     for (row, column) in (0..201).flat_map(|row| (0..201).map(move |column| (row, column))) {
         let (x, y) = ((f64::from(column) - 100.0) * 0.2 + 0.1, (f64::from(row) - 100.0) * 0.2 + 0.1);
         // Seen area: a fan ahead of the vehicle, and the driven track.
@@ -259,7 +260,7 @@ fn world_map() -> Grid {
         };
         if x > -3.0 && x.hypot(y) < 17.0 && road.abs() < 9.0 {
             let index = map.grid().cell_at(DVec2::new(x, y)).unwrap();
-            map.vote(index, Source::STEREO, cost, 7, time, VoteRule::default());
+            map.vote(index, Source::STEREO, cost, 7, time, surely);
         }
     }
     map.to_grid("local", time, &MapOptions { sources, heights: false, weights: Weights::default() })

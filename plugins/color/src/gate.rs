@@ -3,7 +3,8 @@
 //!
 //! Difference from the paper: only obstacles that were seen by their shape or touched (stereo, infrared, bumper) count.
 //! If costs of the colour models counted too, ground of a new colour would remain an obstacle in the sample, and a
-//! vehicle that drives on it could never learn it. For a map without these sources the fused cost is used.
+//! vehicle that drives on it could never learn it. What the fused cost calls free does not count either: experience has
+//! shown that it gives way. For a map without these sources the fused cost alone is used.
 
 use crate::histogram::Span;
 use crate::region::{Rectangle, contains};
@@ -76,11 +77,13 @@ pub struct SampleView<'a> {
 pub fn obstacle_in_sample(map: &GridView<'_>, view: &SampleView<'_>) -> bool {
     let solid: Vec<Field<'_>> = SOLID.iter().filter_map(|name| map.field(name).ok()).collect();
     let fields = if solid.is_empty() { map.field("cost").into_iter().collect() } else { solid };
+    let fused = map.field("cost").ok();
     let is_obstacle = |column: usize, row: usize| {
-        let costs = fields.iter().filter_map(|field| field.get(column, row));
-        costs
-            .filter(|&cost| cost <= f64::from(MAX_COST))
-            .any(|cost| Label::of_cost(cost as u8) == Label::Obstacle)
+        let is = |field: &Field<'_>| {
+            let cost = field.get(column, row).filter(|&cost| cost <= f64::from(MAX_COST));
+            cost.is_some_and(|cost| Label::of_cost(cost as u8) == Label::Obstacle)
+        };
+        fields.iter().any(is) && fused.as_ref().is_none_or(is)
     };
     let ground = map.field("ground.mean").ok();
     let top = map.field("obstacle.max").ok();
@@ -153,7 +156,7 @@ mod tests {
     use rcs_msg::foxglove::Grid;
     use rcs_world::{HeightStats, Map, MapOptions, Source, Sources, VoteRule, Weights};
 
-    const RULE: VoteRule = VoteRule { rise: 60, fall: 20, max: 255 };
+    const RULE: VoteRule = VoteRule { rise: 60, fall: 20, max: 255, ground_max: 255 };
 
     /// A map with one obstacle cell of this height, from this source.
     fn map_with(place: DVec2, height_m: f32, source: Source, cost: u8) -> Grid {

@@ -6,8 +6,13 @@
 //! what the vehicle fits under says nothing about the ground, and a tree crown would lower the cost of its trunk. A
 //! cell with the border of a negative obstacle has the highest cost, even where ground is seen in it, because the
 //! ground ends there.
+//!
+//! What is said about a cell is worth as much as its pixels and the range noise let it be: the share of its pixels in
+//! those that make it certain (at most 1), divided by 1 + (σ/cell size)², where σ is the standard deviation of a range
+//! at the distance of the cell. A border of a negative obstacle was found in several columns, and is worth a full vote.
 
 use crate::columns::{Heights, Strip};
+use glam::DVec3;
 use rcs_geom::CellIndex;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
@@ -75,6 +80,17 @@ impl Cell {
         }
     }
 
+    /// How much its cost counts, 0 to 255, in a cell at this distance (m) from the sensor.
+    fn worth(&self, distance_m: f64, certainty: &Certainty) -> u8 {
+        if self.negative {
+            return u8::MAX;
+        }
+        let pixels = f64::from(self.ground.count + self.obstacle.count);
+        let part = (pixels / f64::from(certainty.pixels.max(1))).min(1.0);
+        let noise_in_cells = certainty.noise_per_m2 * distance_m * distance_m / CELL_SIZE_M;
+        (255.0 * part / (1.0 + noise_in_cells * noise_in_cells)).round() as u8
+    }
+
     /// Mean red, green, blue, and 255 for opaque; all 0 without coloured pixels.
     fn colour(&self) -> [u8; 4] {
         let count = u64::from(self.ground.count + self.obstacle.count);
@@ -86,25 +102,36 @@ impl Cell {
     }
 }
 
+/// What makes the cost of a cell certain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Certainty {
+    /// Fewer pixels give a cell no cost.
+    pub min_pixels: u32,
+    /// From this number of pixels on, a cell is as certain as its range noise allows.
+    pub pixels: u32,
+    /// Standard deviation of a range, divided by the square of the range, 1/m; 0 for sensors without that noise.
+    pub noise_per_m2: f64,
+}
+
 /// Sums over all cells for one range image.
 #[derive(Clone, Debug)]
 pub struct CostMap {
     frame: GridFrame,
-    sensor_z: f64,
-    min_pixels: u32,
+    sensor: DVec3,
+    certainty: Certainty,
     cells: Vec<Cell>,
 }
 
 impl CostMap {
-    /// Adds up the results of the strips in their order. `centre` is the vehicle's cell, `sensor_z` the height of the
+    /// Adds up the results of the strips in their order. `centre` is the vehicle's cell, `sensor` the position of the
     /// sensor in the local frame (m), `negative` the cells with borders of negative obstacles. Cells outside of the
     /// window are ignored.
     pub fn new(
         strips: &[Strip],
         negative: &BTreeSet<CellIndex>,
         centre: CellIndex,
-        sensor_z: f64,
-        min_pixels: u32,
+        sensor: DVec3,
+        certainty: Certainty,
     ) -> CostMap {
         let half = (SIDE / 2) as i64;
         let frame =
@@ -125,28 +152,32 @@ impl CostMap {
                 cells[at].negative = true;
             }
         }
-        CostMap { frame, sensor_z, min_pixels: min_pixels.max(1), cells }
+        let certainty = Certainty { min_pixels: certainty.min_pixels.max(1), ..certainty };
+        CostMap { frame, sensor, certainty, cells }
     }
 
     /// Costs in row order from the south-west corner.
     pub fn costs(&self) -> impl Iterator<Item = u8> + '_ {
-        self.cells.iter().map(|cell| cell.cost(self.min_pixels))
+        self.cells.iter().map(|cell| cell.cost(self.certainty.min_pixels))
     }
 
     /// Converts to a message. Its fields are named as in the world model's maps. For `ground` and `obstacle`: `.mean`
     /// (m), `.variance` (m²), `.min` and `.max` (m) of the heights in the local frame (f32, NaN without pixels) and
-    /// `.count` (u32, number of pixels). Then `cost.stereo` (u8), and the mean `red`, `green` and `blue` with `alpha`
-    /// 255, or four zeros without colours (u8).
+    /// `.count` (u32, number of pixels). Then `cost.stereo` and `worth.stereo` (u8), and the mean `red`, `green` and
+    /// `blue` with `alpha` 255, or four zeros without colours (u8).
     pub fn to_grid(&self, frame_id: &str, time: Stamp) -> Grid {
         let mut data = Vec::with_capacity(self.cells.len() * CELL_STRIDE);
-        for cell in &self.cells {
+        for (at, cell) in self.cells.iter().enumerate() {
             for sums in [&cell.ground, &cell.obstacle] {
-                for value in sums.statistics(self.sensor_z) {
+                for value in sums.statistics(self.sensor.z) {
                     data.extend_from_slice(&value.to_le_bytes());
                 }
                 data.extend_from_slice(&sums.count.to_le_bytes());
             }
-            data.extend_from_slice(&[cell.cost(self.min_pixels), 0, 0, 0]);
+            let middle = self.frame.middle(at % self.frame.side, at / self.frame.side);
+            let distance_m = (middle - self.sensor.truncate()).length();
+            let worth = cell.worth(distance_m, &self.certainty);
+            data.extend_from_slice(&[cell.cost(self.certainty.min_pixels), worth, 0, 0]);
             data.extend_from_slice(&cell.colour());
         }
         self.frame.message(frame_id, time, fields(), CELL_STRIDE, data)
@@ -170,11 +201,18 @@ fn fields() -> Vec<PackedElementField> {
         offset: 4 * i as u32,
         r#type: kind.into(),
     };
+    let worth = PackedElementField {
+        name: format!("worth.{}", Source::STEREO),
+        offset: WORTH_OFFSET,
+        r#type: NumericType::Uint8.into(),
+    };
     let colours = (COLOUR_OFFSET..).zip(["red", "green", "blue", "alpha"]).map(|(offset, name)| {
         PackedElementField { name: name.to_owned(), offset, r#type: NumericType::Uint8.into() }
     });
-    all.enumerate().map(field).chain(colours).collect()
+    all.enumerate().map(field).chain([worth]).chain(colours).collect()
 }
 
+/// Offset of the worth in a cell, after the cost.
+const WORTH_OFFSET: u32 = COLOUR_OFFSET - 3;
 /// Offset of the colour in a cell.
 const COLOUR_OFFSET: u32 = CELL_STRIDE as u32 - 4;

@@ -1,5 +1,6 @@
 //! Conversion of parameters to the units of the algorithms: tangents, nanoseconds, limits in metres.
 
+use crate::cost_map::Certainty;
 use crate::ground_map::BorderRule;
 use crate::negative::NegativeParams;
 use crate::proto::ObstaclesParams;
@@ -30,6 +31,17 @@ pub(crate) fn scan_params(params: &ObstaclesParams, camera: Option<&PinholeCamer
         surface_span_m: params.surface_span_m as f32,
         wheels_tolerance_m: params.wheels_tolerance_m as f32,
     }
+}
+
+/// `camera` is that of a depth image, if one was used.
+pub(crate) fn certainty(params: &ObstaclesParams, camera: Option<&PinholeCamera>) -> Certainty {
+    let noise_per_m2 = match camera {
+        Some(camera) if params.baseline_m > 0.0 => {
+            params.disparity_noise_px / (camera.fx * params.baseline_m)
+        }
+        _ => 0.0,
+    };
+    Certainty { min_pixels: params.min_pixels, pixels: params.certain_pixels, noise_per_m2 }
 }
 
 /// The largest range that is used.

@@ -6,7 +6,7 @@ use crate::columns::{KnownGround, Strip, Survey};
 use crate::cost_map::CostMap;
 use crate::depth_image::{DepthError, DepthImage, Rays, label_image, scan_strip};
 use crate::ground_map::GroundMap;
-use crate::params::{border_rule, extrinsics, negative_params, scan_params};
+use crate::params::{border_rule, certainty, extrinsics, negative_params, scan_params};
 use crate::proto::{ObstacleStats, ObstaclesParams};
 use crate::results::{count, labelled_cloud, stats};
 use crate::scan::Label;
@@ -288,8 +288,9 @@ impl Obstacles {
             return Err(Unusable::Empty { points });
         }
         let (negative, negative_cells) = self.mark_negative(strips, sensor_pose, time, params);
-        let sensor_z = sensor_pose.placement.sensor.z;
-        let map = CostMap::new(strips, &negative_cells, sensor_pose.centre, sensor_z, params.min_pixels);
+        let sensor = sensor_pose.placement.sensor;
+        let certainty = certainty(params, self.camera.as_ref());
+        let map = CostMap::new(strips, &negative_cells, sensor_pose.centre, sensor, certainty);
         let stats = ObstacleStats {
             negative,
             negative_cells: negative_cells.len() as u64,

@@ -17,9 +17,11 @@
 //! surface itself where that continues without a jump (for a steep bank).
 //!
 //! What the paper leaves open: noise increases `d` in proportion to range. A run of consecutive obstacle points is
-//! short only as a whole, and a run that noise alone could have raised is short. A point below the expected ground is
-//! ground, because negative obstacles are the task of another module. The exception is a steep face that starts there
-//! beyond a gap: its foot is hidden, and the heights of its points are measured from its lowest visible point.
+//! short only as a whole. What rises above the short height, but no more than noise alone could raise it, is neither
+//! ground, nor short, nor an obstacle: such a point, or such a run, is too far to tell, and votes for nothing. A point
+//! below the expected ground is ground, because negative obstacles are the task of another module. The exception is a
+//! steep face that starts there beyond a gap: its foot is hidden, and the heights of its points are measured from its
+//! lowest visible point.
 
 use crate::level::Level;
 pub use rcs_sense::ObstacleLabel as Label;
@@ -184,10 +186,11 @@ impl ColumnScan {
                 } else {
                     (ground.1, params.slope_limit)
                 };
-                let within = point.z <= height + slack + tolerance + steepest * ahead;
+                let expected = height + slack + steepest * ahead;
+                let within = point.z <= expected + tolerance;
                 if within && (!lost || surface(points, i, params) == Surface::Shallow) {
                     end_run(&mut run, i, params, labels);
-                    labels[i] = Label::Ground;
+                    labels[i] = ground_label(point.z - expected, params);
                     lost = false;
                     let reach = slack + params.slope_limit * ahead;
                     slack = 0.0;
@@ -215,7 +218,7 @@ impl ColumnScan {
                 // ground.
                 let low = ahead > params.gap_m && point.z < base - tolerance;
                 if !low || surface(points, i, params) != Surface::Steep {
-                    labels[i] = Label::Ground;
+                    labels[i] = ground_label(point.z - base, params);
                     continue;
                 }
                 end_run(&mut run, i, params, labels);
@@ -250,15 +253,24 @@ impl ColumnScan {
     }
 }
 
-/// Ends a run before point `end`. If none of it rises higher than the short height plus the noise of its top and of the
-/// ground below it, the whole run is short.
+/// Label of a point that rises no more above the highest expected ground than noise can: too far to tell where the rise
+/// is more than short.
+fn ground_label(rise_m: f32, params: &ScanParams) -> Label {
+    if rise_m > params.short_height_m.max(params.min_rise_m) { Label::TooFar } else { Label::Ground }
+}
+
+/// Ends a run before point `end`. If none of it rises higher than the short height, the whole run is short. If it rises
+/// higher, but by no more than the noise of its top and of the ground below it could add, the sensor cannot tell what it
+/// is at that range, and the whole run is too far.
 fn end_run(run: &mut Option<Run>, end: usize, params: &ScanParams, labels: &mut [Label]) {
     if let Some(run) = run.take()
         && run.max_rise < params.short_height_m + 2.0 * params.rise_noise * run.range
     {
+        let is_short = run.max_rise < params.short_height_m;
+        let label_of_run = if is_short { Label::ShortObstacle } else { Label::TooFar };
         for label in &mut labels[run.first..end] {
             if *label == Label::Obstacle {
-                *label = Label::ShortObstacle;
+                *label = label_of_run;
             }
         }
     }

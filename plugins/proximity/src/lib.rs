@@ -11,7 +11,7 @@
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
-//! | `bumper_cost` | out | `foxglove.Grid` | field cost.bumper: 250 where the bumper hit, 0 under the vehicle, local frame |
+//! | `bumper_cost` | out | `foxglove.Grid` | field cost.bumper: 250 where the bumper hit, 0 under the vehicle unless its wheels slip, local frame |
 //! | `infrared_cost` | out | `foxglove.Grid` | field cost.infrared: cones of the infrared sensors, local frame |
 //! | `slip` | out | `rcs.SlipReport` | slip of the wheels, 0 to 1, and load of the motors |
 //!
@@ -45,7 +45,7 @@
 //! let body =
 //!     Body { bumper_x_m: 0.24, bumper_width_m: 0.66, bumper_depth_m: 0.2, rear_x_m: -0.72, width_m: 0.6 };
 //! let (left, right) = (true, false);
-//! let costs = bumper_costs(&Pose::IDENTITY, &body, left, right);
+//! let costs = bumper_costs(&Pose::IDENTITY, &body, left, right, true);
 //! assert_eq!(costs.at(DVec2::new(0.3, 0.1)), Some(250), "in front of the pressed switch");
 //! assert_eq!(costs.at(DVec2::new(-0.3, 0.1)), Some(0), "under the vehicle");
 //! ```

@@ -44,15 +44,18 @@ pub struct RayRules {
     pub noise_m: f64,
 }
 
-/// Marks the ground under the vehicle as free and the cells at pressed switches as obstacles.
-pub fn bumper_costs(map_from_vehicle: &Pose, body: &Body, left: bool, right: bool) -> CostGrid {
+/// Marks the ground under the vehicle as free if it drives there without slipping, and the cells at pressed switches as
+/// obstacles.
+pub fn bumper_costs(map_from_vehicle: &Pose, body: &Body, left: bool, right: bool, drives: bool) -> CostGrid {
     let place = |x: f64, y: f64| (*map_from_vehicle * DVec3::new(x, y, 0.0)).truncate();
     let mut costs = costs_around(map_from_vehicle.translation.truncate());
     let half = body.width_m / 2.0;
     let corner = place(body.rear_x_m, -half);
     let along = place(body.bumper_x_m, -half) - corner;
     let across = place(body.rear_x_m, half) - corner;
-    mark_rectangle(&mut costs, corner, along, across, 0);
+    if drives {
+        mark_rectangle(&mut costs, corner, along, across, 0);
+    }
     let reach = body.bumper_width_m / 2.0;
     for (is_pressed, from_m, to_m) in [(left, 0.0, reach), (right, -reach, 0.0)] {
         if !is_pressed {
@@ -104,21 +107,29 @@ mod tests {
     fn a_hit_marks_the_cells_at_the_pressed_half_of_the_bumper() {
         // The vehicle faces north at (10, 20).
         let pose = Pose::from_xy_yaw(10.0, 20.0, std::f64::consts::FRAC_PI_2);
-        let left = bumper_costs(&pose, &BODY, true, false);
+        let left = bumper_costs(&pose, &BODY, true, false, true);
         assert_eq!(left.at(DVec2::new(9.85, 20.3)), Some(250), "left of the middle is west");
         assert_eq!(left.at(DVec2::new(10.25, 20.5)), None);
         assert_eq!(left.at(DVec2::new(10.0, 19.7)), Some(0), "under the vehicle");
-        let right = bumper_costs(&pose, &BODY, false, true);
+        let right = bumper_costs(&pose, &BODY, false, true, true);
         assert_eq!((right.at(DVec2::new(10.15, 20.3)), right.at(DVec2::new(9.75, 20.5))), (Some(250), None));
-        let both = bumper_costs(&pose, &BODY, true, true);
+        let both = bumper_costs(&pose, &BODY, true, true, true);
         assert!(both.at(DVec2::new(9.85, 20.3)).is_some() && both.at(DVec2::new(10.15, 20.3)).is_some());
+    }
+
+    #[test]
+    fn a_vehicle_whose_wheels_slip_does_not_know_what_is_under_it() {
+        let pose = Pose::from_xy_yaw(10.0, 20.0, 0.3);
+        let slips = bumper_costs(&pose, &BODY, true, false, false);
+        assert_eq!(slips.count_from(0), slips.count_from(250));
+        assert!(slips.count_from(250) > 0, "a hit is still a hit");
     }
 
     #[test]
     fn without_a_hit_the_ground_under_the_vehicle_is_free_and_nothing_else_is_told() {
         for tenth in 0..63 {
             let pose = Pose::from_xy_yaw(-3.3, 4.7, f64::from(tenth) * 0.1);
-            let costs = bumper_costs(&pose, &BODY, false, false);
+            let costs = bumper_costs(&pose, &BODY, false, false, true);
             assert_eq!(costs.count_from(1), 0);
             // 0.96 m by 0.6 m are 14.4 cells; the number of centres inside depends on the angle.
             assert!((10..=20).contains(&costs.count_from(0)), "{}", costs.count_from(0));

@@ -2,12 +2,14 @@
 //! is in the crate's documentation.
 
 use crate::near::{Body, Ray, RayRules, bumper_costs, infrared_costs};
-use crate::proto::{ProximityParams, SlipReport, TractionState};
+use crate::proto::ProximityParams;
 use crate::traction::{Inertial, Rules, State, Traction};
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::Grid;
-use rcs_msg::rcs::{Bumper, Imu, MotorCurrents, RangeReading, RangeReadings, WheelEncoders};
+use rcs_msg::rcs::{
+    Bumper, Imu, MotorCurrents, RangeReading, RangeReadings, SlipReport, TractionState, WheelEncoders,
+};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Axes, Extrinsics, Localizer, PosePorts};
 use rcs_world::Source;
@@ -66,7 +68,7 @@ impl Process for Proximity {
             bumper_cost: b
                 .output(
                     "bumper_cost",
-                    "field cost.bumper: 250 where the bumper hit, 0 under the vehicle, local frame",
+                    "field cost.bumper: 250 where the bumper hit, 0 under the vehicle unless its wheels slip, local frame",
                 )
                 .role(Role::Cost)
                 .palette("cost")
@@ -148,7 +150,9 @@ impl Proximity {
             rear_x_m: params.rear_x_m,
             width_m: params.vehicle_width_m,
         };
-        let costs = bumper_costs(&pose, &body, bumper.left, bumper.right);
+        // Where the wheels slip, the vehicle is not where odometry says, and what is under it says nothing.
+        let slips = matches!(self.traction.state, State::Spins | State::Stalled);
+        let costs = bumper_costs(&pose, &body, bumper.left, bumper.right, !slips);
         let grid = costs.into_message(Source::BUMPER, extrinsics(params).frames.local, time);
         cx.write(&ports.bumper_cost, time, grid);
     }

@@ -190,8 +190,8 @@ fn spinning_wheels_are_reported_from_encoders_and_inertial_readings() {
         bench.odometry();
         bench.cycle();
     }
-    let report: rcs_proximity::proto::SlipReport = bench.latest("/proximity/slip");
-    assert_eq!(report.state(), rcs_proximity::proto::TractionState::TractionSpins);
+    let report: rcs_msg::rcs::SlipReport = bench.latest("/proximity/slip");
+    assert_eq!(report.state(), rcs_msg::rcs::TractionState::TractionSpins);
     assert!(report.slip > 0.5 && report.wheel_speed_mps == 1.0, "{report:?}");
     assert_eq!((report.spin_count, report.left_a, report.right_a), (1, 4.0, 5.0));
     let imu = rcs::Imu {

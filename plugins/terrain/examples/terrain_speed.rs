@@ -85,7 +85,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let gathered: Vec<_> =
             (0..strips(height)).map(|strip| gather(&frame, strip, &window, 30.0, &ratios)).collect();
         map.learn(&join(&gathered, window.side), &rules);
-        map.changed();
     });
     let points: u64 = map.models.models.iter().map(|model| model.terrain.points()).sum::<u64>() / 31;
     println!(

@@ -98,7 +98,7 @@ impl Matcher {
         let (mut signatures, mut costs) = (Vec::new(), Vec::new());
         for model in set.models.iter().filter(used) {
             // Always true: a model comes from a cell with points.
-            if let Some(fraction) = model.terrain.obstacle_fraction() {
+            if let Some(fraction) = model.obstacle_fraction() {
                 signatures.push(weights.signature(&model.terrain.histograms));
                 costs.push(cost(fraction));
             }

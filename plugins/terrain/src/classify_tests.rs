@@ -80,7 +80,7 @@ fn reference_class(
         sum
     };
     let best = set.models.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
-    let fraction = best.terrain.obstacle_fraction().unwrap();
+    let fraction = best.obstacle_fraction().unwrap();
     let cost = (fraction * 250.0).round() as u8;
     match distance(best) {
         far if far > max => Class::Unclassified,

@@ -3,16 +3,18 @@
 use crate::appearance::{MatchWeights, RatioBins};
 use crate::camera::{CameraPorts, Frame, LearnerCamera, learned_port};
 use crate::frame::join;
-use crate::map::{Learned, Patch, TerrainMap};
+use crate::map::{Judgement, Learned, Patch, TerrainMap};
 use crate::models::{ModelRules, ModelSet, models_of_text};
 use crate::proto::{TerrainCamera, TerrainCameras, TerrainLearnerParams, TerrainModels, TerrainStats};
 use crate::unusable::Unusable;
+use rcs_geom::CellIndex;
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{Grid, RawImage};
-use rcs_msg::rcs::Bumper;
+use rcs_msg::foxglove::packed_element_field::NumericType;
+use rcs_msg::foxglove::{Grid, PackedElementField, RawImage};
+use rcs_msg::rcs::{Bumper, SlipReport, TractionState};
 use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, CELL_SIZE_M, CostGrid, Extrinsics, GridFrame, Localizer, PosePorts};
-use rcs_world::{SIDE, Source};
+use rcs_sense::{Axes, CELL_SIZE_M, Extrinsics, GridFrame, Localizer, PosePorts};
+use rcs_world::{SIDE, Source, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -23,7 +25,8 @@ rcs_runtime::commands! {
     }
 }
 
-/// State: poses, the last images of the cameras, and one map with its models for each learned set.
+/// State: poses, the last images of the cameras, whether the wheels slip, and one map with its models for each learned
+/// set.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TerrainLearner {
     localizer: Localizer,
@@ -34,6 +37,8 @@ pub struct TerrainLearner {
     begun: Option<Stamp>,
     /// Which bumper switches are pressed.
     pressed: [bool; 2],
+    /// Whether the wheels spin or a motor is stalled, by the last report.
+    slips: bool,
     #[serde(skip)]
     ratios: Option<Arc<RatioBins>>,
 }
@@ -44,6 +49,7 @@ pub struct Ports {
     left: CameraPorts,
     right: CameraPorts,
     bumper: In<Bumper>,
+    slip: In<SlipReport>,
     poses: PosePorts,
     cost: Out<Grid>,
     models: [Out<TerrainModels>; 2],
@@ -71,9 +77,13 @@ impl Process for TerrainLearner {
             left: CameraPorts::left(b),
             right: CameraPorts::right(b),
             bumper: b.optional_input("bumper", "switches of the bumper"),
+            slip: b.optional_input("slip", "slip of the wheels; while they slip, driving teaches nothing"),
             poses: PosePorts::declare(b),
             cost: b
-                .output("cost", "changed cells of 201x201 of 0.2 m: field cost.terrain, local frame")
+                .output(
+                    "cost",
+                    "all known cells of 201x201 of 0.2 m: fields cost.terrain, conf.terrain and backing.terrain, local frame",
+                )
                 .role(Role::Cost)
                 .palette("cost")
                 .build(),
@@ -113,6 +123,7 @@ impl Process for TerrainLearner {
             maps: maps(params),
             begun: None,
             pressed: [false; 2],
+            slips: false,
             ratios: None,
         }
     }
@@ -177,8 +188,8 @@ impl TerrainLearner {
         let ratios = self.ratios(params);
         let set = side.min(self.maps.len() - 1);
         let refusal = self.refusal(time, params);
+        self.maps.iter_mut().for_each(|map| map.recentre(local_from_vehicle.translation.truncate()));
         let map = &mut self.maps[set];
-        map.recentre(local_from_vehicle.translation.truncate());
         let mut learned = Learned::default();
         if refusal.is_none() {
             let local_from_camera = local_from_vehicle * vehicle_from_camera;
@@ -199,7 +210,7 @@ impl TerrainLearner {
             cells_with_model,
             models: map.models.models.len() as u64,
             left_out: learned.left_out,
-            sent: map.changes().len() as u64,
+            sent: map.judgements(rules).1.iter().flatten().count() as u64,
             driven,
             bumped,
         };
@@ -248,8 +259,13 @@ impl TerrainLearner {
                 Err(error) => cx.fault(format!("bumper: {error}; hit skipped")),
             }
         }
-        // Without a pose no cell can be found; frames report it.
+        if let Some(report) = cx.read_newest(&ports.slip) {
+            self.slips =
+                matches!(report.state(), TractionState::TractionSpins | TractionState::TractionStalled);
+        }
+        // Without a pose no cell can be found; frames report it. A vehicle whose wheels slip is not where odometry says.
         if !extrinsics.fixed_pose
+            && !self.slips
             && let Ok(pose) = extrinsics.local_from_vehicle(&self.localizer, cx.now())
         {
             let outline = Patch { x: [-params.rear_m, params.front_m], y: [-half, half] };
@@ -258,9 +274,9 @@ impl TerrainLearner {
         self.maps.iter().zip(before).any(|(map, before)| map.experienced() != before)
     }
 
-    /// Sends changed cells and all models.
+    /// Sends what is known of all cells, and all models.
     fn send(
-        &mut self,
+        &self,
         time: Stamp,
         params: &TerrainLearnerParams,
         rules: &ModelRules,
@@ -272,20 +288,13 @@ impl TerrainLearner {
             TerrainCameras::TerrainCombined => [TerrainCamera::Both; 2],
             TerrainCameras::TerrainSeparate => [TerrainCamera::Left, TerrainCamera::Right],
         };
-        for (set, map) in self.maps.iter_mut().enumerate() {
+        for (set, map) in self.maps.iter().enumerate() {
             let mut models = map.models.to_message(cameras[set], params.ratio_span_octaves, &rules.weights);
             models.timestamp = Some(time.to_proto());
             cx.write(&ports.models[set], time, models);
-            if let Some((south_west, costs)) = map.changed() {
-                let frame = GridFrame { south_west, side: SIDE, cell_size_m: CELL_SIZE_M };
-                let grid = CostGrid::of(frame, costs);
-                let local = extrinsics(params).frames.local;
-                let message = grid.map(|grid| grid.into_message(Source::TERRAIN, local, time));
-                if let Some(message) = message {
-                    cx.write(&ports.cost, time, message);
-                }
-            }
         }
+        let maps: Vec<_> = self.maps.iter().map(|map| map.judgements(rules)).collect();
+        cx.write(&ports.cost, time, statement(&maps, extrinsics(params).frames.local, time));
     }
 
     /// Reports a camera that has fallen behind the other one, once until it has caught up.
@@ -361,6 +370,29 @@ fn maps(params: &TerrainLearnerParams) -> Vec<TerrainMap> {
         }
     };
     sets.into_iter().map(map_with).collect()
+}
+
+/// A statement of everything that is known, for the world model. Of several maps, which have the same window, the one
+/// that is surer of a cell counts; of equal ones, the higher cost.
+fn statement(maps: &[(CellIndex, Vec<Option<Judgement>>)], local: &str, time: Stamp) -> Grid {
+    let mut data = [UNKNOWN_COST, 0, 0].repeat(SIDE * SIDE);
+    let south_west = maps.first().map_or(CellIndex::new(0, 0), |(south_west, _)| *south_west);
+    for (_, judgements) in maps.iter().filter(|(corner, _)| *corner == south_west) {
+        for (cell, judgement) in data.chunks_exact_mut(3).zip(judgements) {
+            let Some(Judgement { cost, confidence, backing }) = *judgement else { continue };
+            if (confidence, cost) > (cell[1], if cell[1] == 0 { 0 } else { cell[0] }) {
+                cell.copy_from_slice(&[cost, confidence, backing]);
+            }
+        }
+    }
+    let field = |(offset, name): (u32, &str)| PackedElementField {
+        name: format!("{name}.{}", Source::TERRAIN),
+        offset,
+        r#type: NumericType::Uint8.into(),
+    };
+    let fields = (0..).zip(["cost", "conf", "backing"]).map(field).collect();
+    let frame = GridFrame { south_west, side: SIDE, cell_size_m: CELL_SIZE_M };
+    frame.message(local, time, fields, 3, data)
 }
 
 fn empty_map() -> TerrainMap {

@@ -14,11 +14,12 @@
 //! | `right_depth` | in, optional | `foxglove.RawImage` | depth of its pixels along the optical axis, m |
 //! | `right_calibration` | in, optional | `foxglove.CameraCalibration` | calibration of the right camera's image |
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper |
+//! | `slip` | in, optional | `rcs.SlipReport` | slip of the wheels; while they slip, driving teaches nothing |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
-//! | `cost` | out | `foxglove.Grid` | changed cells of 201x201 of 0.2 m: field cost.terrain, local frame |
+//! | `cost` | out | `foxglove.Grid` | all known cells of 201x201 of 0.2 m: fields cost.terrain, conf.terrain and backing.terrain, local frame |
 //! | `models` | out | `rcs.TerrainModels` | models of the left camera, or of both |
 //! | `models_right` | out | `rcs.TerrainModels` | models of the right camera, where it has its own |
 //! | `learned_left` | out | `foxglove.RawImage` | pixels that were learned from, with their label |
@@ -34,7 +35,9 @@
 //! 1. Nothing is learned while the vehicle turns fast or stands.
 //! 2. Each labelled point is added to its cell of a north-up map of 201×201 cells of 0.2 m.
 //! 3. A cell with enough points of one label becomes a model, or is merged with the model that it resembles.
-//! 4. Cells whose cost has changed are sent, with the obstacle fraction of their model where they have one.
+//! 4. All known cells are sent, with the obstacle fraction of their model where they have one, and how far experience
+//!    backs it. The paper sends changed cells only; here a message is a state that replaces the previous one, so that a
+//!    message lost, or a world model cleared, loses nothing.
 //! 5. Cells under the vehicle, and cells that the bumper hits, add experience (Albus 2006b, 3.6: learning by
 //!    experience).
 //!

@@ -2,20 +2,22 @@
 //! 2006a, 3.2).
 //!
 //! A cell that is ready gives all its points to a model. From then on each new point of the cell also goes to the
-//! model, until the cell is no longer pure; then the model keeps its points and the cell has a cost of its own. Cells
-//! that scroll off the map are forgotten.
+//! model, until the cell is no longer pure; then the model keeps its points. A cell that is not pure, or has few points,
+//! can resemble a model: it gives it no points, but shares its experience. Cells that scroll off the map are forgotten.
 //!
-//! The paper does not give the weight of experience. Here a cell that is driven over gains `driven_gain` ground points
-//! for each of its points (or for the minimum number of points of a model, if that is more), and so does its model. The
-//! weight of experience relative to range is then independent of the camera's resolution. A cell gains points when it
-//! comes under the vehicle, not while it stays there. Hits of the bumper add obstacle points in the same way.
+//! The paper does not give the weight of experience. Here both what is seen and what is experienced are counted in
+//! cells, so that their ratio depends neither on the resolution of the camera nor on how long something was looked at:
+//! a cell that is driven over gains `driven_gain` cells of ground, and so does the model that it belongs to or
+//! resembles; one that resembles none becomes a model, pure or not. What was seen of a model counts as at most
+//! [`SEEN_CELLS`](crate::models::SEEN_CELLS) cells. A cell gains when it comes under the vehicle, not while it stays
+//! there. Hits of the bumper add cells of obstacle in the same way.
 
 use crate::frame::Window;
-use crate::models::{ModelRules, ModelSet, Terrain};
+use crate::models::{Model, ModelRules, ModelSet, Terrain};
 use glam::{DVec2, DVec3};
 use rcs_geom::{CellIndex, GridError, Pose, ScrollGrid};
 use rcs_sense::CELL_SIZE_M;
-use rcs_world::{MAX_COST, SIDE, UNKNOWN_COST};
+use rcs_world::{MAX_COST, SIDE};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -28,8 +30,10 @@ pub const SQUEEZED: usize = 64;
 pub struct Cell {
     /// Sums of its points and its experience.
     pub terrain: Terrain,
-    /// Number of its model.
+    /// Number of the model that it belongs to, or that it resembles.
     pub model: Option<u32>,
+    /// Whether its points are part of that model.
+    pub is_part: bool,
 }
 
 /// A rectangle on the ground under or in front of the vehicle, vehicle frame, m: x forward, y left.
@@ -61,12 +65,44 @@ pub struct Learned {
     pub left_out: u64,
 }
 
+/// What is known of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Judgement {
+    /// 0 to 250.
+    pub cost: u8,
+    /// How sure it is, 0 to [`SURE`]: less with few points and no experience.
+    pub confidence: u8,
+    /// How far experience backs it, 0 to 255.
+    pub backing: u8,
+}
+
+/// Confidence of a judgement on a cell with enough points: that of a sensor which is sure of ground, so that the weight
+/// of the source alone says how much it counts beside one.
+pub const SURE: u8 = 80;
+
+impl Judgement {
+    fn of(cell: &Cell, model: Option<&Model>, rules: &ModelRules) -> Option<Judgement> {
+        let model = model.filter(|model| cell.is_part || model.terrain.experience() > 0);
+        let fraction = match model {
+            Some(model) => model.obstacle_fraction()?,
+            None => cell.terrain.obstacle_fraction(1)?,
+        };
+        let is_experienced = cell.terrain.experience() > 0;
+        let backing = if is_experienced { 1.0 } else { model.map_or(0.0, Model::backing) };
+        let seen = cell.terrain.points() as f64 / rules.min_points.max(1) as f64;
+        let part = if is_experienced { 1.0 } else { seen.min(1.0) };
+        Some(Judgement {
+            cost: (f64::from(MAX_COST) * fraction).round() as u8,
+            confidence: (f64::from(SURE) * part).ceil() as u8,
+            backing: (255.0 * backing).round() as u8,
+        })
+    }
+}
+
 /// The learning map and its models.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TerrainMap {
     cells: ScrollGrid<Option<Arc<Cell>>>,
-    /// Cost of each cell that was last sent.
-    sent: ScrollGrid<u8>,
     /// The models of the cells.
     pub models: ModelSet,
     /// Cells under the vehicle in the previous update.
@@ -80,7 +116,6 @@ impl TerrainMap {
     pub fn new(models: ModelSet) -> Result<TerrainMap, GridError> {
         Ok(TerrainMap {
             cells: ScrollGrid::new(SIDE, CELL_SIZE_M, None)?,
-            sent: ScrollGrid::new(SIDE, CELL_SIZE_M, UNKNOWN_COST)?,
             models,
             under: Vec::new(),
             experienced: [0; 2],
@@ -91,7 +126,6 @@ impl TerrainMap {
     pub fn recentre(&mut self, place: DVec2) {
         if let Some(centre) = self.cells.cell_at(place) {
             self.cells.recentre(centre);
-            self.sent.recentre(centre);
         }
     }
 
@@ -124,7 +158,7 @@ impl TerrainMap {
         // The current number of each model that existed before the frame, and the models that cells have joined in this
         // frame.
         let mut numbers: Vec<u32> = (0..self.models.models.len() as u32).collect();
-        let mut joined: Vec<(CellIndex, u32)> = Vec::new();
+        let mut joined: Vec<(CellIndex, u32, bool)> = Vec::new();
         let mut squeezed = 0;
         let south_west = self.cells.bounds().south_west;
         for (place, new) in points {
@@ -137,21 +171,23 @@ impl TerrainMap {
             learned.obstacle += new.obstacle;
             let number = cell.model.and_then(|before| numbers.get(before as usize)).map(|&now| now as usize);
             if !rules.is_ready(&cell.terrain) {
-                cell.model = None;
-            } else if let Some(number) = number
+                let alike = self.models.alike(&cell.terrain, rules, &signatures);
+                (cell.model, cell.is_part) = (None, false);
+                joined.extend(alike.map(|number| (index, number as u32, false)));
+            } else if let Some(number) = number.filter(|_| cell.is_part)
                 && let Some(model) = self.models.models.get_mut(number)
             {
                 model.terrain.merge(new);
                 signatures[number] = rules.weights.signature(&model.terrain.histograms);
             } else if let Some(number) = self.models.take(&cell.terrain, 1, rules, &mut signatures) {
-                joined.push((index, number as u32));
+                joined.push((index, number as u32, true));
             } else if squeezed < SQUEEZED
                 && let Some([kept, freed]) = self.models.squeeze_in(&cell.terrain, rules, &mut signatures)
             {
                 squeezed += 1;
-                let renamed = joined.iter_mut().map(|(_, number)| number).chain(&mut numbers);
+                let renamed = joined.iter_mut().map(|(_, number, _)| number).chain(&mut numbers);
                 renamed.filter(|number| **number == freed as u32).for_each(|number| *number = kept as u32);
-                joined.push((index, freed as u32));
+                joined.push((index, freed as u32, true));
             } else {
                 learned.left_out += 1;
             }
@@ -159,9 +195,10 @@ impl TerrainMap {
         if squeezed > 0 {
             self.rename(&numbers);
         }
-        for (index, number) in joined {
+        for (index, number, is_part) in joined {
             if let Some(Some(cell)) = self.cells.get_mut(index) {
-                Arc::make_mut(cell).model = Some(number);
+                let cell = Arc::make_mut(cell);
+                (cell.model, cell.is_part) = (Some(number), is_part);
             }
         }
         learned
@@ -180,7 +217,7 @@ impl TerrainMap {
         }
     }
 
-    /// Adds ground points to cells that have come under the vehicle since the last call (learning by experience).
+    /// Adds ground to cells that have come under the vehicle since the last call (learning by experience).
     pub fn drive(&mut self, local_from_vehicle: &Pose, outline: &Patch, gain: f64, rules: &ModelRules) {
         let under = self.covered(local_from_vehicle, outline);
         let fresh: Vec<CellIndex> =
@@ -189,18 +226,26 @@ impl TerrainMap {
         self.under = under;
     }
 
-    /// Adds obstacle points to the cells of a patch that the bumper hit.
+    /// Adds obstacles to the cells of a patch that the bumper hit.
     pub fn bump(&mut self, local_from_vehicle: &Pose, patch: &Patch, gain: f64, rules: &ModelRules) {
         let hit = self.covered(local_from_vehicle, patch);
         self.experience(&hit, Experience::Bumped, gain, rules);
     }
 
     fn experience(&mut self, cells: &[CellIndex], what: Experience, gain: f64, rules: &ModelRules) {
+        let mut signatures = self.models.signatures(&rules.weights);
+        let gained = gain.round() as u64;
         for &index in cells {
             let Some(slot) = self.cells.get_mut(index) else { continue };
             let cell = Arc::make_mut(slot.get_or_insert_default());
-            let points = cell.terrain.points().max(rules.min_points);
-            let gained = (points as f64 * gain).round() as u64;
+            if cell.model.is_none() {
+                cell.model = self.models.alike(&cell.terrain, rules, &signatures).map(|number| number as u32);
+            }
+            if cell.model.is_none() && rules.is_seen(&cell.terrain) {
+                // Nothing is like it yet: what is experienced here shall reach what looks like it.
+                let number = self.models.take(&cell.terrain, 1, rules, &mut signatures);
+                (cell.model, cell.is_part) = (number.map(|number| number as u32), number.is_some());
+            }
             let model = cell.model.and_then(|number| self.models.models.get_mut(number as usize));
             for terrain in [Some(&mut cell.terrain), model.map(|m| &mut m.terrain)].into_iter().flatten() {
                 let count = match what {
@@ -240,60 +285,29 @@ impl TerrainMap {
         covered
     }
 
-    /// Cost of a cell (step 5): the obstacle fraction of its model, or its own where it has none, scaled to 0 to 250.
-    pub fn cost(&self, cell: &Cell) -> u8 {
+    /// What is known of a cell (step 5): the obstacle fraction of its model, where it belongs to one or where experience
+    /// backs one that it resembles; else its own. The fraction is scaled to 0 to 250. `None` where nothing is known.
+    pub fn judge(&self, cell: &Cell, rules: &ModelRules) -> Option<Judgement> {
         let model = cell.model.and_then(|number| self.models.models.get(number as usize));
-        let terrain = model.map_or(&cell.terrain, |model| &model.terrain);
-        match terrain.obstacle_fraction() {
-            Some(fraction) => (f64::from(MAX_COST) * fraction).round() as u8,
-            None => UNKNOWN_COST,
-        }
+        Judgement::of(cell, model, rules)
     }
 
-    /// Costs of the cells whose cost differs from the one last sent, 255 for all others, in row order from the
-    /// south-west corner; the index of that corner cell comes first. `None` if no cell has changed.
-    pub fn changed(&mut self) -> Option<(CellIndex, Vec<u8>)> {
-        let changes = self.changes();
-        if changes.is_empty() {
-            return None;
-        }
-        let bounds = self.cells.bounds();
-        let mut costs = vec![UNKNOWN_COST; SIDE * SIDE];
-        for (place, cost) in changes {
-            costs[place] = cost;
-            let index = bounds.south_west.offset((place % SIDE) as i64, (place / SIDE) as i64);
-            if let Some(sent) = self.sent.get_mut(index) {
-                *sent = cost;
-            }
-        }
-        Some((bounds.south_west, costs))
-    }
-
-    /// Index and cost of each cell that [`TerrainMap::changed`] would return.
-    pub fn changes(&self) -> Vec<(usize, u8)> {
-        let own = |terrain: &Terrain| self.cost(&Cell { terrain: *terrain, model: None });
-        let model_costs: Vec<u8> = self.models.models.iter().map(|model| own(&model.terrain)).collect();
-        let mut changes = Vec::new();
-        self.cells.for_each_run(|first, index, cells| {
-            for (at, cell) in cells.iter().enumerate() {
-                let Some(cell) = cell else { continue };
-                let of_model = cell.model.and_then(|number| model_costs.get(number as usize));
-                let cost = of_model.copied().unwrap_or_else(|| own(&cell.terrain));
-                if self.sent.get(index.offset(at as i64, 0)).is_some_and(|&sent| sent != cost) {
-                    changes.push((first + at, cost));
-                }
-            }
+    /// The south-west corner cell, and what is known of each cell, in row order from there.
+    pub fn judgements(&self, rules: &ModelRules) -> (CellIndex, Vec<Option<Judgement>>) {
+        let mut judgements = Vec::with_capacity(SIDE * SIDE);
+        self.cells.for_each_run(|_, _, cells| {
+            judgements.extend(cells.iter().map(|cell| self.judge(cell.as_deref()?, rules)));
         });
-        changes
+        (self.cells.bounds().south_west, judgements)
     }
 
-    /// Number of cells with points or experience, and number of cells with a model.
+    /// Number of cells with points or experience, and number of cells that are part of a model.
     pub fn counts(&self) -> [u64; 2] {
         let mut counts = [0; 2];
         self.cells.for_each_run(|_, _, cells| {
             for cell in cells.iter().flatten() {
                 counts[0] += 1;
-                counts[1] += u64::from(cell.model.is_some());
+                counts[1] += u64::from(cell.is_part);
             }
         });
         counts

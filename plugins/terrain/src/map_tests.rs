@@ -22,6 +22,15 @@ fn place(x: i64, y: i64) -> u32 {
     ((y + 100) * 201 + x + 100) as u32
 }
 
+/// The judgement on a known cell, and its cost.
+fn judgement(map: &TerrainMap, index: CellIndex) -> Judgement {
+    map.judge(map.get(index).unwrap(), &RULES).unwrap()
+}
+
+fn cost(map: &TerrainMap, index: CellIndex) -> u8 {
+    judgement(map, index).cost
+}
+
 fn learn_scene(map: &mut TerrainMap, scene: &Scene) -> Learned {
     let window = map.window();
     let ratios = RatioBins::new(1.0);
@@ -35,8 +44,7 @@ fn grass_and_planks_become_models_of_their_own() {
     let mut map = empty();
     let learned = learn_scene(&mut map, &Scene::new([320, 240], Pose::IDENTITY, 5.0, 3.0, 1));
     assert!(learned.ground > 20_000 && learned.obstacle > 10_000, "{learned:?}");
-    let fractions: Vec<_> =
-        map.models.models.iter().map(|m| m.terrain.obstacle_fraction().unwrap()).collect();
+    let fractions: Vec<_> = map.models.models.iter().map(|m| m.obstacle_fraction().unwrap()).collect();
     assert!(fractions.iter().any(|&f| f < 0.05) && fractions.iter().any(|&f| f > 0.95), "{fractions:?}");
     assert!(fractions.iter().all(|&f| !(0.05..=0.95).contains(&f)), "{fractions:?}");
     assert!(fractions.len() <= 6, "two textures made {} models", fractions.len());
@@ -55,7 +63,8 @@ fn a_cell_joins_a_model_when_it_is_ready_and_leaves_it_when_it_is_no_longer_pure
     map.learn(&[(at, terrain(0, 10, 1))], &RULES);
     assert_eq!((map.models.models[0].terrain.ground, map.models.models[0].terrain.obstacle), (50, 1));
     map.learn(&[(at, terrain(0, 0, 10))], &RULES);
-    assert_eq!(map.get(index).unwrap().model, None, "not pure");
+    let cell = map.get(index).unwrap();
+    assert_eq!((cell.model, cell.is_part), (Some(0), false), "not pure, but still like it");
     assert_eq!(map.models.models[0].terrain.obstacle, 1, "the model keeps what it has");
 }
 
@@ -63,78 +72,108 @@ fn a_cell_joins_a_model_when_it_is_ready_and_leaves_it_when_it_is_no_longer_pure
 fn what_is_learned_in_one_region_reaches_others_that_look_like_it() {
     let mut map = empty();
     map.learn(&[(place(0, 5), terrain(7, 0, 100)), (place(50, 5), terrain(7, 100, 0))], &RULES);
-    let costs = [CellIndex::new(0, 5), CellIndex::new(50, 5)].map(|i| map.cost(map.get(i).unwrap()));
+    let costs = [CellIndex::new(0, 5), CellIndex::new(50, 5)].map(|i| cost(&map, i));
     assert_eq!(costs, [125, 125], "both cells have the model's cost");
     map.learn(&[(place(-5, 5), terrain(0o70007, 5, 15))], &RULES);
     let own = map.get(CellIndex::new(-5, 5)).unwrap();
-    assert_eq!((own.model, map.cost(own)), (None, 188), "a cell without a model speaks for itself");
+    assert_eq!(
+        (own.model, cost(&map, CellIndex::new(-5, 5))),
+        (None, 188),
+        "a cell without a model speaks for itself"
+    );
 }
 
 #[test]
-fn only_cells_whose_cost_has_changed_are_sent() {
+fn judgements_hold_every_known_cell_with_its_confidence() {
     let mut map = empty();
     map.learn(&[(place(0, 5), terrain(7, 100, 0)), (place(9, 9), terrain(0o7000, 3, 1))], &RULES);
-    let known = |costs: &[u8]| -> Vec<(usize, u8)> {
-        costs.iter().copied().enumerate().filter(|&(_, cost)| cost != UNKNOWN_COST).collect()
+    let known = |map: &TerrainMap| -> Vec<(usize, u8, u8)> {
+        let (corner, judgements) = map.judgements(&RULES);
+        assert_eq!((corner, judgements.len()), (CellIndex::new(-100, -100), SIDE * SIDE));
+        let known = judgements.iter().enumerate().filter_map(|(at, judgement)| Some((at, (*judgement)?)));
+        known.map(|(at, judgement)| (at, judgement.cost, judgement.confidence)).collect()
     };
-    let (corner, costs) = map.changed().unwrap();
-    assert_eq!(corner, CellIndex::new(-100, -100));
-    assert_eq!(known(&costs), [(place(0, 5) as usize, 0), (place(9, 9) as usize, 63)]);
-    assert_eq!(map.changed(), None, "nothing has changed");
-    map.learn(&[(place(9, 9), terrain(0o7000, 0, 4))], &RULES);
-    assert_eq!(known(&map.changed().unwrap().1), [(place(9, 9) as usize, 156)]);
+    // Four of the forty points that make a cell certain.
+    let expected = [(place(0, 5) as usize, 0, SURE), (place(9, 9) as usize, 63, SURE / 10)];
+    assert_eq!(known(&map), expected);
     // A change of a model changes all its cells.
     map.learn(&[(place(-9, 9), terrain(7, 0, 300))], &RULES);
-    let costs = map.changed().unwrap().1;
-    assert_eq!(known(&costs), [(place(0, 5) as usize, 188), (place(-9, 9) as usize, 188)]);
+    assert_eq!([cost(&map, CellIndex::new(0, 5)), cost(&map, CellIndex::new(-9, 9))], [188, 188]);
 }
 
-#[test]
-fn driving_over_what_looked_like_obstacles_makes_them_cheaper_everywhere() {
-    let mut map = empty();
-    let weeds: Vec<_> = (0..20).map(|x| (place(x, 0), terrain(7, 0, 100))).collect();
-    map.learn(&weeds, &RULES);
-    let far = CellIndex::new(19, 0);
-    assert_eq!(map.cost(map.get(far).unwrap()), 250);
+/// Drives east from cell 0, one cell per step.
+fn drive(map: &mut TerrainMap, steps: std::ops::Range<i32>) {
     let outline = Patch { x: [-0.35, 0.35], y: [-0.25, 0.25] };
-    let mut last = 250;
-    for step in 0..10 {
+    for step in steps {
         let pose = Pose::from_translation(DVec3::new(0.1 + 0.2 * f64::from(step), 0.1, 0.0));
-        map.drive(&pose, &outline, 3.0, &RULES);
-        let cost = map.cost(map.get(far).unwrap());
-        assert!(cost < last, "step {step}: {cost} after {last}");
-        last = cost;
+        map.drive(&pose, &outline, 5.0, &RULES);
         // A vehicle that stays in place adds nothing more.
         let before = map.clone();
-        map.drive(&pose, &outline, 3.0, &RULES);
-        assert_eq!(map, before);
+        map.drive(&pose, &outline, 5.0, &RULES);
+        assert_eq!(*map, before);
     }
-    // Eleven of twenty cells were driven over: 2000 obstacle points against 3300 points of driving.
-    assert_eq!(map.models.models[0].terrain.driven, 3 * 1100);
-    assert_eq!(last, (250.0_f64 * 2000.0 / 5300.0).round() as u8);
-    // Cells beside the row are driven over, too, and known to be free although they were never seen.
-    let beside = map.get(CellIndex::new(0, 1)).unwrap();
-    assert_eq!((beside.terrain.driven, map.cost(beside)), (3 * 40, 0));
 }
 
 #[test]
-fn a_hit_of_the_bumper_makes_what_was_hit_and_all_that_looks_like_it_dearer() {
+fn driving_over_what_looked_like_obstacles_makes_them_cheap_everywhere() {
     let mut map = empty();
-    map.learn(&[(place(3, 0), terrain(7, 100, 0)), (place(30, 30), terrain(7, 100, 0))], &RULES);
-    let pose = Pose::from_xy_yaw(0.1, 0.1, 0.0);
-    map.bump(&pose, &Patch { x: [0.5, 0.7], y: [-0.1, 0.1] }, 10.0, &RULES);
-    assert_eq!(map.get(CellIndex::new(3, 0)).unwrap().terrain.bumped, 1000);
-    assert_eq!(map.experienced(), [0, 1]);
-    let elsewhere = map.get(CellIndex::new(30, 30)).unwrap();
-    assert_eq!(elsewhere.terrain.bumped, 0);
-    assert_eq!(map.cost(elsewhere), (250.0_f64 * 1000.0 / 1200.0).round() as u8);
+    // However many points were seen of it, a model counts as at most 20 cells.
+    let weeds: Vec<_> = (0..60).map(|x| (place(x, 0), terrain(7, 0, 1000))).collect();
+    map.learn(&weeds, &RULES);
+    let far = CellIndex::new(59, 0);
+    assert_eq!(judgement(&map, far), Judgement { cost: 250, confidence: SURE, backing: 0 });
+    let mut last = 250;
+    for step in 0..10 {
+        drive(&mut map, step..step + 1);
+        assert!(cost(&map, far) < last, "step {step}");
+        last = cost(&map, far);
+    }
+    // Eleven cells of the row were driven over, each worth five: 20 cells of obstacle against 55 of driving.
+    assert_eq!(map.models.models[0].terrain.driven, 55);
+    assert_eq!(judgement(&map, far), Judgement { cost: 67, confidence: SURE, backing: 255 });
+    // Cells beside the row are driven over, too, and known to be free although they were never seen.
+    assert_eq!(judgement(&map, CellIndex::new(0, 1)), Judgement { cost: 0, confidence: SURE, backing: 255 });
+}
+
+#[test]
+fn experience_reaches_cells_that_are_not_pure() {
+    let mut map = empty();
+    let mixed: Vec<_> = (0..60).map(|x| (place(x, 0), terrain(7, 40, 60))).collect();
+    map.learn(&mixed, &RULES);
+    let far = CellIndex::new(59, 0);
+    assert_eq!((map.get(far).unwrap().model, cost(&map, far)), (None, 150));
+    // The first cell that is driven over becomes a model; the cells ahead resemble it when they are seen again.
+    drive(&mut map, 0..10);
+    map.learn(&[(place(59, 0), terrain(7, 4, 6))], &RULES);
+    let cell = map.get(far).unwrap();
+    assert_eq!((cell.model, cell.is_part), (Some(0), false));
+    let judgement = judgement(&map, far);
+    assert!(judgement.cost < 60 && judgement.backing == 255, "{judgement:?}");
+    assert_eq!(map.models.models[0].terrain.points(), 100, "its points are those of the first cell alone");
+}
+
+#[test]
+fn one_bump_keeps_what_was_hit_and_all_that_looks_like_it_above_200() {
+    for (ground, obstacle) in [(0, 100), (100, 0)] {
+        let mut map = empty();
+        let cells: Vec<_> = (0..60).map(|x| (place(x, 0), terrain(7, ground, obstacle))).collect();
+        map.learn(&cells, &RULES);
+        let pose = Pose::from_xy_yaw(0.1, 0.1, 0.0);
+        // The bumper hits on both sides: three cells of the row lie within its reach.
+        map.bump(&pose, &Patch { x: [0.3, 0.9], y: [-0.1, 0.1] }, 30.0, &RULES);
+        assert_eq!(map.experienced(), [0, 3]);
+        let elsewhere = judgement(&map, CellIndex::new(50, 0));
+        // Range says the same of what it called an obstacle; ground that was bumped into needs the backing.
+        let backing = if ground > 0 { 255 } else { 0 };
+        assert!(elsewhere.cost > 200 && elsewhere.backing == backing, "{elsewhere:?}");
+        assert_eq!(map.get(CellIndex::new(50, 0)).unwrap().terrain.bumped, 0);
+    }
 }
 
 #[test]
 fn scrolling_keeps_cells_as_they_are_and_forgets_what_leaves() {
     let mut map = empty();
     learn_scene(&mut map, &Scene::new([320, 240], Pose::IDENTITY, 6.0, 3.0, 2));
-    map.changed();
     let before: Vec<(CellIndex, Cell)> = map.iter().map(|(index, cell)| (index, cell.clone())).collect();
     assert!(before.len() > 500);
     map.recentre(DVec2::new(13.0, 17.0));
@@ -142,7 +181,6 @@ fn scrolling_keeps_cells_as_they_are_and_forgets_what_leaves() {
     let expected: Vec<_> = before.into_iter().filter(|(index, _)| index.x >= -35 && index.y >= -15).collect();
     assert!(!expected.is_empty());
     assert_eq!(kept, expected);
-    assert_eq!(map.changed(), None, "what was sent is remembered, too");
     map.recentre(DVec2::new(500.0, 0.0));
     assert_eq!(map.counts(), [0, 0]);
     map.recentre(DVec2::new(f64::NAN, 0.0));
@@ -190,7 +228,7 @@ fn a_full_set_makes_room_by_merging_what_is_most_alike_and_keeps_its_obstacles()
     assert_eq!((numbers.len(), map.models.models.len()), (4, 4));
     let points = |number: u32| map.models.models[number as usize].terrain.points();
     assert_eq!([points(model(0)), points(model(4))], [280, 100]);
-    assert_eq!(map.cost(map.get(CellIndex::new(3, 0)).unwrap()), 250, "the obstacle is still one");
+    assert_eq!(cost(&map, CellIndex::new(3, 0)), 250, "the obstacle is still one");
     // Every point of every cell is in its model.
     let in_models: u64 = map.models.models.iter().map(|model| model.terrain.points()).sum();
     assert_eq!(in_models, map.iter().map(|(_, cell)| cell.terrain.points()).sum::<u64>());

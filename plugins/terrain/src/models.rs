@@ -14,11 +14,18 @@ pub struct Terrain {
     pub ground: u64,
     /// Points labelled obstacle from range.
     pub obstacle: u64,
-    /// Ground points added by driving over it.
+    /// Experience of ground: cells driven over, times the gain of driving.
     pub driven: u64,
-    /// Obstacle points added by bumper hits.
+    /// Experience of obstacles: cells hit by the bumper, times the gain of the bumper.
     pub bumped: u64,
 }
+
+/// What was seen of a model from range counts as at most this many cells, however long it was looked at, so that
+/// experience of a few metres outweighs it.
+pub const SEEN_CELLS: u64 = 20;
+
+/// Least number of points with which a cell can be said to resemble a model.
+pub const ALIKE_POINTS: u64 = 8;
 
 impl Terrain {
     /// Number of points labelled from range.
@@ -31,12 +38,20 @@ impl Terrain {
         self.ground.max(self.obstacle) as f64 / self.points().max(1) as f64
     }
 
-    /// `N_obstacle / (N_ground + N_obstacle)`, including experience (the paper calls this traversability). `None` where
+    /// Experience of both kinds, in cells.
+    pub fn experience(&self) -> u64 {
+        self.driven.saturating_add(self.bumped)
+    }
+
+    /// `N_obstacle / (N_ground + N_obstacle)` (the paper calls this traversability), in cells: its points from range
+    /// are `seen` cells with the share of obstacles among them, to which experience adds its cells. `None` where
     /// nothing is known.
-    pub fn obstacle_fraction(&self) -> Option<f64> {
-        let obstacle = self.obstacle.saturating_add(self.bumped);
-        let all = obstacle.saturating_add(self.ground).saturating_add(self.driven);
-        (all > 0).then(|| obstacle as f64 / all as f64)
+    pub fn obstacle_fraction(&self, seen: u64) -> Option<f64> {
+        let points = self.points();
+        let seen = if points > 0 { seen as f64 } else { 0.0 };
+        let obstacle = seen * self.obstacle as f64 / points.max(1) as f64 + self.bumped as f64;
+        let all = seen + self.experience() as f64;
+        (all > 0.0).then(|| obstacle / all)
     }
 
     /// Adds all points of another.
@@ -58,6 +73,26 @@ pub struct Model {
     pub cells: u64,
 }
 
+impl Model {
+    /// The obstacle fraction of what looks like it, see [`Terrain::obstacle_fraction`]; what was seen counts as its
+    /// cells, at most [`SEEN_CELLS`]. `None` where nothing is known.
+    pub fn obstacle_fraction(&self) -> Option<f64> {
+        self.terrain.obstacle_fraction(self.cells.clamp(1, SEEN_CELLS))
+    }
+
+    /// How far experience backs its obstacle fraction against what range says, 0 to 1: fully once the experience that
+    /// contradicts range outweighs all that was seen. Driving contradicts as far as range called the model an obstacle,
+    /// a bump as far as it called it ground. So driving over ground that range calls ground backs nothing: it says
+    /// nothing about an obstacle that stands on such ground.
+    pub fn backing(&self) -> f64 {
+        let share = |cells: u64| (cells as f64 / SEEN_CELLS as f64).min(1.0);
+        let obstacle = self.terrain.obstacle as f64 / self.terrain.points().max(1) as f64;
+        let driven = share(self.terrain.driven) * (2.0 * obstacle).min(1.0);
+        let bumped = share(self.terrain.bumped) * (2.0 * (1.0 - obstacle)).min(1.0);
+        driven.max(bumped)
+    }
+}
+
 /// Rules for cells to become models.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelRules {
@@ -76,7 +111,12 @@ pub struct ModelRules {
 impl ModelRules {
     /// Whether a cell can become a model.
     pub fn is_ready(&self, cell: &Terrain) -> bool {
-        cell.points() >= self.min_points && cell.purity() >= self.min_purity
+        self.is_seen(cell) && cell.purity() >= self.min_purity
+    }
+
+    /// Whether a cell has enough points to be compared with models.
+    pub fn is_seen(&self, cell: &Terrain) -> bool {
+        cell.points() >= self.min_points
     }
 }
 
@@ -174,6 +214,16 @@ impl ModelSet {
         }
     }
 
+    /// The model that a cell resembles most, if it is near enough for its number of points: the histogram of n points
+    /// differs from the distribution that they come from by up to 1/n (the expectation of the squared difference).
+    pub fn alike(&self, cell: &Terrain, rules: &ModelRules, signatures: &[Signature]) -> Option<usize> {
+        if cell.points() < ALIKE_POINTS {
+            return None;
+        }
+        let (best, distance) = rules.weights.signature(&cell.histograms).best(signatures)?;
+        (distance <= rules.merge_distance + 1.0 / cell.points() as f32).then_some(best)
+    }
+
     /// Makes room for one more model by merging the two most similar models. Returns the index of the merged model,
     /// then the freed index; `None` if no two models are of the same kind. Only two models with the same classification
     /// (ground or obstacle) by range and experience are merged, so that a full set does not lose its obstacles among
@@ -182,7 +232,7 @@ impl ModelSet {
     /// The paper does not say what happens with many kinds of terrain; without this rule the first cells of a frame
     /// would occupy all places.
     fn make_room(&mut self, signatures: &mut [Signature], rules: &ModelRules) -> Option<[usize; 2]> {
-        let is_obstacle = |model: &Model| model.terrain.obstacle_fraction().is_some_and(|f| f >= 0.5);
+        let is_obstacle = |model: &Model| model.obstacle_fraction().is_some_and(|f| f >= 0.5);
         let kinds: Vec<bool> = self.models.iter().map(is_obstacle).collect();
         let mut best: Option<([usize; 2], f32)> = None;
         for (b, signature) in signatures.iter().enumerate() {
@@ -294,7 +344,7 @@ fn model_message(model: &Model) -> TerrainModel {
         bumped: terrain.bumped,
         cells: model.cells,
         contrast: terrain.histograms.contrast(),
-        obstacle_fraction: terrain.obstacle_fraction().unwrap_or(0.0),
+        obstacle_fraction: model.obstacle_fraction().unwrap_or(0.0),
     }
 }
 

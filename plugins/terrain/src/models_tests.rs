@@ -51,20 +51,31 @@ fn cells_that_look_alike_merge_and_others_become_models_until_there_is_no_room()
     assert_eq!(take(&mut set, &cell(0o22222, 60, 0)), Some(2));
     assert_eq!(set.models.len(), 3);
     assert_eq!(set.models[0].cells, 2);
-    assert_eq!(set.models[0].terrain.obstacle_fraction(), Some(0.75));
+    assert_eq!(set.models[0].obstacle_fraction(), Some(0.75));
     assert_eq!(set.models[0].terrain.histograms.points(), 400);
 }
 
 #[test]
-fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts() {
-    let mut terrain = Terrain::default();
-    assert_eq!(terrain.obstacle_fraction(), None);
-    terrain.obstacle = 100;
-    assert_eq!(terrain.obstacle_fraction(), Some(1.0));
-    terrain.driven = 300;
-    assert_eq!(terrain.obstacle_fraction(), Some(0.25));
-    terrain.bumped = 400;
-    assert_eq!(terrain.obstacle_fraction(), Some(0.625));
+fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts_in_cells() {
+    let mut model = Model { terrain: Terrain::default(), cells: 1000 };
+    assert_eq!((model.obstacle_fraction(), model.backing()), (None, 0.0));
+    model.terrain.obstacle = 1_000_000;
+    assert_eq!(model.obstacle_fraction(), Some(1.0));
+    model.terrain.driven = 3 * SEEN_CELLS;
+    assert_eq!((model.obstacle_fraction(), model.backing()), (Some(0.25), 1.0));
+    model.terrain.bumped = 4 * SEEN_CELLS;
+    assert_eq!(model.obstacle_fraction(), Some(0.625));
+    let few = Model { terrain: Terrain { driven: 5, ..cell(0, 0, 100) }, cells: 5 };
+    assert_eq!((few.obstacle_fraction(), few.backing()), (Some(0.5), 0.25));
+    // Experience that agrees with range backs nothing.
+    let backing = |ground, obstacle, driven, bumped| {
+        Model { terrain: Terrain { driven, bumped, ..cell(0, ground, obstacle) }, cells: 5 }.backing()
+    };
+    assert_eq!(
+        [backing(100, 0, 1000, 0), backing(0, 100, 0, 1000), backing(100, 0, 0, 1000)],
+        [0.0, 0.0, 1.0]
+    );
+    assert_eq!(backing(75, 25, 1000, 0), 0.5);
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! Conversion of cost maps to votes (Albus 2006a, 4, Albus 2006b, 3.4).
 
-use rcs_geom::{DVec2, DVec3};
+use crate::resample::{Resampled, resampled};
 use rcs_msg::{Stamp, foxglove::Grid};
-use rcs_world::{Field, GridView, GridViewError, HeightStats, MAX_COST, Map, NumericType, Source, VoteRule};
+use rcs_world::{GridViewError, Map, Source, VoteRule};
 
 /// Properties common to all votes of a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,96 +22,49 @@ pub struct VoteOrigin {
 /// Result of a message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Taken {
-    /// Number of votes.
+    /// Number of cells that received a vote or a statement.
     pub votes: u64,
-    /// Votes for cells outside of the map.
+    /// Cells of the message outside of the map.
     pub outside: u64,
 }
 
-/// Lets every cell of a cost map with a cost vote for the map's cell in which its middle lies. The grid's frame is the
-/// map's. Its field `cost.<source>` (u8, 0–250, 255 unknown) is asked for; heights are taken where it has them
-/// (`ground.mean` and the others of [`Map::to_grid`]).
+/// Takes a cost map of a source. The grid's frame is the map's; its field `cost.<source>` (u8, 0–250, 255 unknown) is
+/// needed. Cells of other sizes or turned ones are resampled, see [`resampled`].
+///
+/// - Each cell of the map that has a cost in the message receives one vote, of the worth `worth.<source>` (u8, 255 for a
+///   full vote) if the message has that field.
+/// - A message with the field `conf.<source>` states the evidence instead (a learned map): it replaces everything that
+///   was known of the source, with the confidence `conf.<source>` and the backing `backing.<source>`.
+///
+/// Heights are taken where the message has them (`ground.mean` and the others of [`Map::to_grid`]).
 pub fn take(map: &mut Map, grid: &Grid, origin: &VoteOrigin) -> Result<Taken, GridViewError> {
-    let view = GridView::new(grid)?;
-    let costs = view.field_of(&format!("cost.{}", origin.source), NumericType::Uint8)?;
-    let ground = Heights::find(&view, "ground");
-    let obstacle = Heights::find(&view, "obstacle");
-    let map_from_grid = view.frame_from_grid();
-    let size = view.cell_size_m();
-    let mut taken = Taken::default();
-    for row in 0..view.rows() {
-        for column in 0..view.columns() {
-            let Some(cost) = costs.get(column, row).map(|cost| cost as u8).filter(|&cost| cost <= MAX_COST)
-            else {
-                continue;
-            };
-            let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) * size;
-            let place = (map_from_grid * DVec3::new(middle.x, middle.y, 0.0)).truncate();
-            let Some(index) = map.grid().cell_at(place).filter(|&index| map.grid().contains(index)) else {
-                taken.outside += 1;
-                continue;
-            };
-            map.vote(index, origin.source, cost, origin.sequence, origin.time, origin.rule);
-            let heights =
-                |of: &Option<Heights<'_>>| of.as_ref().map(|h| h.get(column, row)).unwrap_or_default();
-            let tolerance = origin.height_tolerance_m;
-            if let Some(cell) = map.cell_mut(index) {
-                let (ground, obstacle) = (heights(&ground), heights(&obstacle));
-                cell.observe_heights(&ground, &obstacle, tolerance, origin.time, origin.rule);
-            }
-            taken.votes += 1;
+    let Resampled { cells, is_state, outside } = resampled(grid, origin.source, map.grid())?;
+    if is_state {
+        let stated: Vec<_> =
+            cells.iter().map(|sensed| (sensed.cell, sensed.stated(origin.sequence))).collect();
+        map.state(origin.source, &stated, origin.time);
+    }
+    for sensed in &cells {
+        if !is_state {
+            map.vote(sensed.cell, origin.source, sensed.vote, origin.sequence, origin.time, origin.rule);
+        }
+        let [ground, obstacle] = &sensed.heights;
+        if (ground.count > 0 || obstacle.count > 0)
+            && let Some(cell) = map.cell_mut(sensed.cell)
+        {
+            cell.observe_heights(ground, obstacle, origin.height_tolerance_m, origin.time, origin.rule);
         }
     }
-    Ok(taken)
-}
-
-/// Fields with the heights of one class.
-struct Heights<'a> {
-    count: Field<'a>,
-    mean: Field<'a>,
-    variance: Field<'a>,
-    min: Field<'a>,
-    max: Field<'a>,
-}
-
-impl<'a> Heights<'a> {
-    /// `None` if the grid lacks one of them.
-    fn find(view: &'a GridView<'a>, class: &str) -> Option<Heights<'a>> {
-        let field = |number: &str| view.field(&format!("{class}.{number}")).ok();
-        Some(Heights {
-            count: field("count")?,
-            mean: field("mean")?,
-            variance: field("variance")?,
-            min: field("min")?,
-            max: field("max")?,
-        })
-    }
-
-    /// Heights of a cell; the default if a number is not finite.
-    fn get(&self, column: usize, row: usize) -> HeightStats {
-        let number = |field: &Field<'_>| field.get(column, row).unwrap_or(f64::NAN);
-        let (count, mean, variance) = (number(&self.count), number(&self.mean), number(&self.variance));
-        let (min, max) = (number(&self.min), number(&self.max));
-        let finite = [count, mean, variance, min, max].iter().all(|value| value.is_finite());
-        if !finite || count < 1.0 || variance < 0.0 {
-            return HeightStats::default();
-        }
-        HeightStats {
-            count: count as u32,
-            mean: mean as f32,
-            variance: variance as f32,
-            min: min as f32,
-            max: max as f32,
-        }
-    }
+    Ok(Taken { votes: cells.len() as u64, outside })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rcs_world::{MapOptions, Sources, Weights};
+    use rcs_geom::DVec2;
+    use rcs_world::{Evidence, MapOptions, Sources, Weights};
 
-    const RULE: VoteRule = VoteRule { rise: 30, fall: 20, max: 255 };
+    const RULE: VoteRule = VoteRule { rise: 30, fall: 20, max: 255, ground_max: 80 };
 
     fn origin(source: Source, sequence: u32) -> VoteOrigin {
         VoteOrigin { source, sequence, time: Stamp(u64::from(sequence)), rule: RULE, height_tolerance_m: 0.2 }
@@ -119,6 +72,13 @@ mod tests {
 
     /// A cost map around `centre` with the given costs at the given positions; all other cells are unknown.
     fn grid(centre: DVec2, source: Source, costs: &[(DVec2, u8)]) -> Grid {
+        let mut grid = statement(centre, source, costs);
+        grid.fields.retain(|field| field.name.starts_with("cost"));
+        grid
+    }
+
+    /// The same with the confidence of one vote.
+    fn statement(centre: DVec2, source: Source, costs: &[(DVec2, u8)]) -> Grid {
         let mut map = Map::new(0.2).unwrap();
         map.recentre(centre).unwrap();
         for &(place, cost) in costs {
@@ -161,6 +121,26 @@ mod tests {
         let before = map.clone();
         let message = grid(DVec2::ZERO, Source::COLOR, &[(DVec2::ZERO, 250)]);
         assert!(take(&mut map, &message, &origin(Source::STEREO, 1)).is_err());
+        assert_eq!(map, before);
+    }
+
+    #[test]
+    fn a_state_replaces_what_was_known_of_its_source_alone() {
+        let [a, b] = [DVec2::new(1.1, 0.1), DVec2::new(2.1, 0.1)];
+        let mut map = Map::new(0.2).unwrap();
+        let said = |map: &Map, source, place| map.evidence(source, map.grid().cell_at(place).unwrap());
+        take(&mut map, &grid(DVec2::ZERO, Source::STEREO, &[(a, 250)]), &origin(Source::STEREO, 1)).unwrap();
+        for (sequence, costs) in [(1, [(a, 250), (b, 250)]), (2, [(b, 10), (b, 10)])] {
+            let message = statement(DVec2::ZERO, Source::TERRAIN, &costs);
+            take(&mut map, &message, &origin(Source::TERRAIN, sequence)).unwrap();
+        }
+        assert_eq!(said(&map, Source::TERRAIN, a), Evidence::NONE);
+        assert_eq!((said(&map, Source::TERRAIN, b).cost, said(&map, Source::TERRAIN, b).sequence), (10, 2));
+        assert_eq!(said(&map, Source::STEREO, a).cost, 250);
+        // The same statement again changes nothing, not even the sequence.
+        let before = map.clone();
+        let again = statement(DVec2::ZERO, Source::TERRAIN, &[(b, 10), (b, 10)]);
+        take(&mut map, &again, &origin(Source::TERRAIN, 3)).unwrap();
         assert_eq!(map, before);
     }
 }

@@ -15,17 +15,19 @@
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
 //! | `map` | out | `foxglove.Grid` | 201x201 cells of 0.2 m around the vehicle, local frame |
 //! | `vehicle` | out | `foxglove.PoseInFrame` | pose of the vehicle in the local frame, with each map |
-//! | `stats` | out | `rcs.WorldModelStats` | known and obstacle cells of the map |
+//! | `stats` | out | `rcs.WorldModelStats` | known and obstacle cells of the map, and the age of each source |
 //!
 //! Period 50 ms: votes are counted as cost maps arrive; the map is sent 5 times a second. Command `CLEAR` forgets the
 //! map. State: the map (41 kB of shared tiles per snapshot where nothing changed), the poses of the last seconds.
 //!
 //! It fuses costs. It does not interpret sensor data, which is the task of the sources, and it does not plan.
 //!
-//! Method: a cell of a cost map that has a cost votes, for its source, on the ground under its centre. A vote that
-//! agrees with the class of the map's cell raises the confidence of that source by a constant; a vote that contradicts
-//! it lowers the confidence (Oskard 1988). The evidence of each source is kept separately, and the published cost is
-//! computed from it by [`rcs_world::fuse`] with the weights of the parameters. The map scrolls so that the vehicle
+//! Method: each cost map gives each cell of the map at most one vote for its source; cells of other sizes are
+//! resampled. A vote raises the confidence of that source in the class of the vote and lowers that in the other class,
+//! by constants and within bounds (Oskard 1988); ground's bound is low, so that an obstacle wins over ground that was
+//! seen for long. A source that keeps a map of its own (learned terrain) states its evidence instead, and replaces what
+//! was known of it. What is not seen again fades. The evidence of each source is kept separately, and the published cost
+//! is computed from it by [`rcs_world::fuse`] with the weights of the parameters. The map scrolls so that the vehicle
 //! stays in cell (100, 100). Voting rules and message fields: [`rcs_world`].
 //!
 //! The map is sent as [`rcs_world::MapMessage`], which shares its tiles with the process. Readers that do not know that
@@ -35,7 +37,7 @@
 //!
 //! # Where to begin
 //!
-//! [`algo`] converts cost maps to votes; [`WorldModel`] connects it to ports and parameters. A new source of costs is a
+//! [`resample`] and [`algo`] convert cost maps to votes; [`WorldModel`] connects it to ports and parameters. A new source of costs is a
 //! name in the parameters and a field `cost.<name>` in a cost map on the input `costs`.
 //!
 //! # Example
@@ -58,5 +60,7 @@ rcs_msg::messages!(
 
 pub mod algo;
 mod process;
+pub mod resample;
+mod sources;
 
 pub use process::{CELL_SIZE_M, WorldModel, WorldModelCommand};

@@ -2,32 +2,44 @@
 //! documentation.
 
 use crate::algo::{VoteOrigin, take};
-use crate::proto::{WorldModelParams, WorldModelSource, WorldModelSourceKind, WorldModelStats};
+use crate::proto::{WorldModelParams, WorldModelSourceStats, WorldModelStats};
+use crate::sources::{Listed, check_sources};
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message};
-use rcs_world::{
-    Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, SourceKind, Sources, VoteRule, Weighted, Weights,
-};
+use rcs_world::{Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, Sources};
 use serde::{Deserialize, Serialize};
 
 /// Cell size of WM1, m.
 pub const CELL_SIZE_M: f64 = 0.2;
 
-/// State: the map, the poses of the last seconds, and the time of the last published map.
+/// State: the map, the poses of the last seconds, what each source has contributed, and when the map was last published
+/// and faded.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct WorldModel {
     map: Map,
     localizer: Localizer,
     /// Sources that have voted since the start or the last `CLEAR`.
     seen: Sources,
+    contributions: Vec<Contribution>,
     published: Option<Stamp>,
+    faded: Option<Stamp>,
     /// Acquisition time of the last data that changed the map.
     changed: Stamp,
-    votes: u64,
     scrolled: u64,
+}
+
+/// What a source has contributed since the start.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct Contribution {
+    source: Source,
+    votes: u64,
+    /// Acquisition time of its newest data.
+    newest: Stamp,
+    /// The part of its fading that is less than one step of confidence.
+    fading: f64,
 }
 
 /// The input of each source that comes with the program.
@@ -93,7 +105,10 @@ impl Process for WorldModel {
                 .output("vehicle", "pose of the vehicle in the local frame, with each map")
                 .role(Role::Pose)
                 .build(),
-            stats: b.output("stats", "known and obstacle cells of the map").role(Role::Stats).build(),
+            stats: b
+                .output("stats", "known and obstacle cells of the map, and the age of each source")
+                .role(Role::Stats)
+                .build(),
         }
     }
 
@@ -107,9 +122,10 @@ impl Process for WorldModel {
             map: Map::new(CELL_SIZE_M).expect("the size of WM1 is valid"),
             localizer: Localizer::default(),
             seen: Sources::default(),
+            contributions: Vec::new(),
             published: None,
+            faded: None,
             changed: Stamp(0),
-            votes: 0,
             scrolled: 0,
         }
     }
@@ -138,6 +154,7 @@ impl Process for WorldModel {
                 cx.fault(format!("{fault}; cost map skipped"));
             }
         }
+        self.fade(params, &listed, cx.now());
         if self.is_due(params, cx.now()) {
             self.publish(ports, params, listed, vehicle, cx);
         }
@@ -210,8 +227,35 @@ impl WorldModel {
         self.map = map;
         self.seen.insert(source);
         self.changed = self.changed.max(origin.time);
-        self.votes += taken.votes;
+        let contribution = self.contribution(source);
+        contribution.votes += taken.votes;
+        contribution.newest = contribution.newest.max(origin.time);
         Ok(())
+    }
+
+    fn contribution(&mut self, source: Source) -> &mut Contribution {
+        let place = self.contributions.iter().position(|entry| entry.source == source);
+        let place = place.unwrap_or_else(|| {
+            self.contributions.push(Contribution { source, votes: 0, newest: Stamp(0), fading: 0.0 });
+            self.contributions.len() - 1
+        });
+        &mut self.contributions[place]
+    }
+
+    /// Lets the evidence of each source fade, once per period.
+    fn fade(&mut self, params: &WorldModelParams, listed: &Listed, now: Stamp) {
+        let last = *self.faded.get_or_insert(now);
+        let elapsed_s = now.seconds_since(last);
+        if elapsed_s < params.fade_period_s.max(0.1) {
+            return;
+        }
+        self.faded = Some(now);
+        for contribution in &mut self.contributions {
+            contribution.fading += listed.fade_per_s(contribution.source) * elapsed_s;
+            let amount = contribution.fading.clamp(0.0, 255.0) as u8;
+            contribution.fading -= f64::from(amount);
+            self.map.fade(contribution.source, amount);
+        }
     }
 
     fn is_due(&self, params: &WorldModelParams, now: Stamp) -> bool {
@@ -232,6 +276,14 @@ impl WorldModel {
         }
         let now = cx.now();
         self.published = Some(now);
+        let contribution = |source: Source| self.contributions.iter().find(|entry| entry.source == source);
+        let source_stats = |entry: &Contribution| WorldModelSourceStats {
+            name: entry.source.to_string(),
+            votes: entry.votes,
+            age_s: now.seconds_since(entry.newest),
+        };
+        let stats_by_source =
+            listed.weights.iter().filter_map(|entry| contribution(entry.source)).map(source_stats).collect();
         let weights = listed.weights;
         // Sources that have voted, in the order of the list. The first source is always included, so that the fields of
         // a stack's only source exist from the start.
@@ -265,60 +317,12 @@ impl WorldModel {
             timestamp: Some(now.to_proto()),
             known,
             obstacle,
-            votes: self.votes,
+            votes: self.contributions.iter().map(|entry| entry.votes).sum(),
             scrolled: self.scrolled,
+            source: stats_by_source,
         };
         cx.write(&ports.stats, acq_time, stats);
     }
-}
-
-/// The sources listed in the parameters.
-struct Listed {
-    weights: Weights,
-    /// In the same order.
-    rules: Vec<(Source, VoteRule)>,
-}
-
-impl Listed {
-    /// The sources listed in the parameters; the built-in ones if none is listed.
-    fn of(params: &WorldModelParams) -> Listed {
-        if params.sources.is_empty() {
-            let rules = Source::BUNDLED.map(|source| (source, VoteRule::default())).into();
-            return Listed { weights: Weights::default(), rules };
-        }
-        // Names were checked when the parameters were set.
-        let named = params.sources.iter().filter_map(|entry| Some((Source::new(&entry.name).ok()?, entry)));
-        let weighted = |(source, entry): (Source, &WorldModelSource)| {
-            let kind = match entry.kind() {
-                WorldModelSourceKind::SourceRange => SourceKind::Range,
-                WorldModelSourceKind::SourceOverride => SourceKind::Override,
-            };
-            Weighted { source, weight: entry.weight as f32, kind }
-        };
-        let byte = |value: u32| value.min(255) as u8;
-        let rule = |(source, entry): (Source, &WorldModelSource)| {
-            let (rise, fall) = (byte(entry.gain_up), byte(entry.gain_down));
-            (source, VoteRule { rise, fall, max: byte(entry.max_confidence) })
-        };
-        Listed { weights: named.clone().map(weighted).collect(), rules: named.map(rule).collect() }
-    }
-
-    fn rule(&self, source: Source) -> Option<VoteRule> {
-        self.rules.iter().find(|(name, _)| *name == source).map(|&(_, rule)| rule)
-    }
-}
-
-/// Refuses invalid names and sources that are listed twice.
-fn check_sources(params: &WorldModelParams) -> Result<(), String> {
-    let mut names = Sources::default();
-    for (place, entry) in params.sources.iter().enumerate() {
-        let source = Source::new(&entry.name).map_err(|error| format!("sources[{place}].name: {error}"))?;
-        if names.contains(source) {
-            return Err(format!("sources[{place}].name: {source} is listed twice"));
-        }
-        names.insert(source);
-    }
-    Ok(())
 }
 
 fn extrinsics(params: &WorldModelParams) -> Extrinsics<'_> {

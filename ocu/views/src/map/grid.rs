@@ -204,7 +204,8 @@ mod tests {
             let pixel =
                 |shade: &Shade| cells.paint(shade, MapPalette::Papers, None, None).pixels[100 * 201 + 100];
             assert_eq!(pixel(&Shade::Field("cost.radar".into())), MapPalette::Papers.cost(200));
-            assert_eq!(pixel(&Shade::Fused), MapPalette::Papers.cost(150));
+            // Both are range sensors: the higher cost counts.
+            assert_eq!(pixel(&Shade::Fused), MapPalette::Papers.cost(200));
             // With weights that are being edited, the map's own fused cost follows them.
             let edited = Weights::default().with(radar, 0.0);
             let image = cells.paint(&Shade::Field("cost".into()), MapPalette::Papers, None, Some(&edited));

@@ -37,7 +37,7 @@ pub(super) fn true_map(blocked: &[[usize; 2]], boulders: &[[usize; 2]]) -> Grid 
 /// A map whose cells within 8 m are free by stereo but for the given places, at which they are obstacles.
 fn map(obstacles: &[DVec2]) -> Grid {
     let mut map = Map::new(CELL_SIZE_M).unwrap();
-    let full = VoteRule { rise: 255, fall: 255, max: 255 };
+    let full = VoteRule { rise: 255, fall: 255, max: 255, ..VoteRule::default() };
     for index in map.grid().bounds().iter() {
         let middle = map.grid().middle_of(index);
         if middle.length() > 8.0 {

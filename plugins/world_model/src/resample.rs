@@ -1,0 +1,235 @@
+//! The cells of a cost map, gathered by the cells of the map that receives them.
+
+use rcs_geom::{CellIndex, DVec2, DVec3, ScrollGrid};
+use rcs_msg::foxglove::Grid;
+use rcs_world::{Evidence, Field, GridView, GridViewError, HeightStats, MAX_COST, NumericType, Source, Vote};
+
+/// What one message says about one cell of the receiving map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensed {
+    /// The cell.
+    pub cell: CellIndex,
+    /// Its one vote.
+    pub vote: Vote,
+    /// The source's own confidence and backing; for messages that state evidence.
+    pub confidence: u8,
+    /// See [`Evidence::backing`].
+    pub backing: u8,
+    /// Heights of ground and of obstacles.
+    pub heights: [HeightStats; 2],
+}
+
+/// A message by cells of the receiving map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Resampled {
+    /// In the order of the cells, each once.
+    pub cells: Vec<Sensed>,
+    /// Whether the message states the evidence of its source, by the field `conf.<source>`.
+    pub is_state: bool,
+    /// Cells of the message with a cost that lie outside of the receiving map.
+    pub outside: u64,
+}
+
+/// Reads the costs of a source from a cost map in the frame of `grid`.
+///
+/// A cell of the message belongs to the cell of the map in which its middle lies. Where its cells are larger than the
+/// map's, it belongs to all cells of the map whose middles lie in it. Several cells of the message in one cell of the
+/// map are one: the one with the highest cost counts, because what blocks a part of a cell blocks the cell; their
+/// heights are merged.
+pub fn resampled<T: Clone>(
+    message: &Grid,
+    source: Source,
+    grid: &ScrollGrid<T>,
+) -> Result<Resampled, GridViewError> {
+    let view = GridView::new(message)?;
+    let byte = |name: &str| match view.field_of(&format!("{name}.{source}"), NumericType::Uint8) {
+        Ok(field) => Ok(Some(field)),
+        Err(GridViewError::Missing { .. }) => Ok(None),
+        Err(error) => Err(error),
+    };
+    let costs = view.field_of(&format!("cost.{source}"), NumericType::Uint8)?;
+    let (worth, confidence, backing) = (byte("worth")?, byte("conf")?, byte("backing")?);
+    let heights = ["ground", "obstacle"].map(|class| Heights::find(&view, class));
+    let is_large = view.cell_size_m().min_element() > grid.cell_size_m() * (1.0 + 1e-9);
+    let mut list: Vec<Sensed> = Vec::new();
+    let mut outside = 0;
+    let mut costs_by_row = Vec::new();
+    costs.bytes_into(&mut costs_by_row);
+    for (at, &cost) in costs_by_row.iter().enumerate() {
+        if cost > MAX_COST {
+            continue;
+        }
+        let [column, row] = [at % view.columns(), at / view.columns()];
+        let number = |field: &Option<Field<'_>>, otherwise: u8| {
+            field.as_ref().and_then(|field| field.get(column, row)).map_or(otherwise, |value| value as u8)
+        };
+        let sensed = Sensed {
+            cell: CellIndex::new(0, 0),
+            vote: Vote { cost, worth: number(&worth, u8::MAX) },
+            confidence: number(&confidence, u8::MAX),
+            backing: number(&backing, 0),
+            heights: [0, 1]
+                .map(|class| heights[class].as_ref().map(|h| h.get(column, row)).unwrap_or_default()),
+        };
+        let before = list.len();
+        let targets = targets(&view, [column, row], is_large, grid);
+        list.extend(targets.into_iter().map(|cell| Sensed { cell, ..sensed }));
+        outside += u64::from(list.len() == before);
+    }
+    Ok(Resampled { cells: merged(list), is_state: confidence.is_some(), outside })
+}
+
+impl Sensed {
+    /// The evidence that a message of this sequence states.
+    pub fn stated(&self, sequence: u32) -> Evidence {
+        let Sensed { confidence, backing, .. } = *self;
+        Evidence { cost: self.vote.cost, confidence, against: 0, backing, sequence }
+    }
+}
+
+/// The cells of the map to which a cell of the message belongs.
+fn targets<T: Clone>(
+    view: &GridView<'_>,
+    [column, row]: [usize; 2],
+    is_large: bool,
+    grid: &ScrollGrid<T>,
+) -> Vec<CellIndex> {
+    let size = view.cell_size_m();
+    let place = |u: f64, v: f64| {
+        let at = DVec2::new(column as f64 + u, row as f64 + v) * size;
+        (view.frame_from_grid() * DVec3::new(at.x, at.y, 0.0)).truncate()
+    };
+    let inside = |index: &CellIndex| grid.contains(*index);
+    if !is_large {
+        return grid.cell_at(place(0.5, 0.5)).filter(inside).into_iter().collect();
+    }
+    let corners = [place(0.0, 0.0), place(1.0, 0.0), place(0.0, 1.0), place(1.0, 1.0)];
+    let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min);
+    let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max);
+    let (Some(low), Some(high)) = (grid.cell_at(low), grid.cell_at(high)) else { return Vec::new() };
+    let grid_from_frame = view.frame_from_grid().inverse();
+    let is_mine = |index: &CellIndex| {
+        let middle = (grid_from_frame * grid.middle_of(*index).extend(0.0)).truncate() / size;
+        middle.floor() == DVec2::new(column as f64, row as f64)
+    };
+    let cells = (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| CellIndex::new(x, y)));
+    cells.filter(inside).filter(is_mine).collect()
+}
+
+/// One entry per cell, in the order of the cells.
+fn merged(mut list: Vec<Sensed>) -> Vec<Sensed> {
+    list.sort_by_key(|sensed| (sensed.cell.y, sensed.cell.x));
+    list.dedup_by(|next, kept| {
+        let same = next.cell == kept.cell;
+        if same {
+            for (kept, next) in kept.heights.iter_mut().zip(&next.heights) {
+                kept.merge(next);
+            }
+            let order = |sensed: &Sensed| (sensed.vote.cost, sensed.vote.worth);
+            if order(next) > order(kept) {
+                *kept = Sensed { heights: kept.heights, ..*next };
+            }
+        }
+        same
+    });
+    list
+}
+
+/// Fields with the heights of one class.
+struct Heights<'a> {
+    count: Field<'a>,
+    mean: Field<'a>,
+    variance: Field<'a>,
+    min: Field<'a>,
+    max: Field<'a>,
+}
+
+impl<'a> Heights<'a> {
+    /// `None` if the grid lacks one of them.
+    fn find(view: &'a GridView<'a>, class: &str) -> Option<Heights<'a>> {
+        let field = |number: &str| view.field(&format!("{class}.{number}")).ok();
+        Some(Heights {
+            count: field("count")?,
+            mean: field("mean")?,
+            variance: field("variance")?,
+            min: field("min")?,
+            max: field("max")?,
+        })
+    }
+
+    /// Heights of a cell; the default if a number is not finite.
+    fn get(&self, column: usize, row: usize) -> HeightStats {
+        let number = |field: &Field<'_>| field.get(column, row).unwrap_or(f64::NAN);
+        let (count, mean, variance) = (number(&self.count), number(&self.mean), number(&self.variance));
+        let (min, max) = (number(&self.min), number(&self.max));
+        let finite = [count, mean, variance, min, max].iter().all(|value| value.is_finite());
+        if !finite || count < 1.0 || variance < 0.0 {
+            return HeightStats::default();
+        }
+        HeightStats {
+            count: count as u32,
+            mean: mean as f32,
+            variance: variance as f32,
+            min: min as f32,
+            max: max as f32,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_msg::Stamp;
+    use rcs_world::{Map, MapOptions, Sources, VoteRule, Weights};
+
+    const FULL: VoteRule = VoteRule { rise: 255, fall: 255, max: 255, ground_max: 255 };
+
+    /// A cost map with cells of this size around the origin, with these costs.
+    fn message(cell_size_m: f64, costs: &[([f64; 2], u8)]) -> Grid {
+        let mut map = Map::new(cell_size_m).unwrap();
+        for &(place, cost) in costs {
+            let index = map.grid().cell_at(DVec2::from_array(place)).unwrap();
+            map.vote(index, Source::STEREO, cost, 1, Stamp(1), FULL);
+        }
+        let sources: Sources = [Source::STEREO].into_iter().collect();
+        let options = MapOptions { sources, heights: false, weights: Weights::default() };
+        let mut grid = map.to_grid("local", Stamp(1), &options);
+        // A cost map of a sensor has no confidence.
+        grid.fields.retain(|field| field.name.starts_with("cost"));
+        grid
+    }
+
+    fn received(cell_size_m: f64, message: &Grid) -> Vec<([i64; 2], u8)> {
+        let map = Map::new(cell_size_m).unwrap();
+        let resampled = resampled(message, Source::STEREO, map.grid()).unwrap();
+        resampled.cells.iter().map(|sensed| ([sensed.cell.x, sensed.cell.y], sensed.vote.cost)).collect()
+    }
+
+    #[test]
+    fn nine_small_cells_are_one_vote_for_the_large_cell_around_them() {
+        let small = message(0.2, &[([0.1, 0.1], 0), ([0.3, 0.1], 240), ([0.5, 0.5], 10), ([0.7, 0.1], 20)]);
+        assert_eq!(received(0.6, &small), [([0, 0], 240), ([1, 0], 20)]);
+        assert_eq!(received(0.2, &small).len(), 4);
+    }
+
+    #[test]
+    fn a_large_cell_is_a_vote_for_each_small_cell_in_it() {
+        let cells = received(0.2, &message(0.6, &[([-0.1, 0.1], 90)]));
+        let expected: Vec<_> = (0..3).flat_map(|y| (-3..0).map(move |x| ([x, y], 90))).collect();
+        assert_eq!(cells, expected);
+    }
+
+    #[test]
+    fn a_turned_cost_map_lands_on_the_same_ground() {
+        use rcs_msg::foxglove::{Pose, Quaternion, Vector3};
+        let mut turned = message(0.2, &[([2.1, 0.1], 250)]);
+        // Turned by 90 degrees about the frame's origin: its corner goes from (x, y) to (-y, x).
+        let corner = turned.pose.unwrap().position.unwrap();
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        turned.pose = Some(Pose {
+            position: Some(Vector3 { x: -corner.y, y: corner.x, z: 0.0 }),
+            orientation: Some(Quaternion { x: 0.0, y: 0.0, z: half, w: half }),
+        });
+        assert_eq!(received(0.2, &turned), [([-1, 10], 250)]);
+    }
+}
