@@ -229,12 +229,18 @@ impl Map {
         (layer.is_map() && *writer == preview.process).then_some(weights)
     }
 
-    /// Settings of a layer. Initially ground truth is off, and so are the sources of a fused map.
+    /// Settings of a layer. Initially ground truth is off, and so are the sources of a fused map. The track of an
+    /// earlier run is shown where that of the viewed run is.
     fn state(&self, layer: &Layer<'_>) -> LayerState {
         let shown = !(layer.is_ground_truth() || (self.fused && layer.is_part_of_a_map()));
         let opacity = if layer.is_ground_truth() && matches!(layer.kind, Kind::Grid(_)) { 0.5 } else { 1.0 };
         let usual = LayerState { shown, opacity, ..LayerState::default() };
-        self.saved.layers.get(&layer.name).cloned().unwrap_or(usual)
+        let own = self.saved.layers.get(&layer.name);
+        let of_topic = match &layer.kind {
+            Kind::Track { track, .. } => self.saved.layers.get(&*track.topic),
+            _ => None,
+        };
+        own.or(of_topic).cloned().unwrap_or(usual)
     }
 
     fn canvas(
