@@ -3,9 +3,13 @@
 
 use crate::bundled;
 use rcs_log::Log;
-use rcs_msg::Stamp;
 use rcs_msg::rcs::CourseRun;
-use rcs_runtime::{ExternalEvent, Plan, RecordOptions, RecordWhat, Recording, RunOptions, Snapshot, Stepped};
+use rcs_msg::{AnyMessage, Stamp, rcs};
+use rcs_planner::PlannerCommand;
+use rcs_planner::proto::PlannerGoal;
+use rcs_runtime::{
+    CommandSet as _, ExternalEvent, Plan, RecordOptions, RecordWhat, Recording, RunOptions, Snapshot, Stepped,
+};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
@@ -35,6 +39,14 @@ impl Case<'_> {
     fn begun(&self, threads: usize) -> Stepped {
         let mut run = self.fresh(threads);
         run.begin().unwrap();
+        if self.plan.processes.iter().any(|process| &*process.name == "planner") {
+            let order = PlannerCommand::PlanTo(PlannerGoal { x_m: 9.0, y_m: 4.0 }).encode();
+            let (parameters_schema, parameters) = order.parameters;
+            let (name, parameters) = (order.name.to_owned(), parameters.into());
+            let command =
+                rcs::Command { serial: 100, name, parameters_schema, parameters, ..rcs::Command::default() };
+            run.take(ExternalEvent::operator("/planner/command", AnyMessage::new(command))).unwrap();
+        }
         run
     }
 
@@ -238,6 +250,18 @@ points = "/obstacles/points"
 image = "/cameras/left"
 calibration = "/cameras/left_calibration"
 static_transforms = "/vehicle/static_transforms"
+
+[[process]]
+name = "wm1"
+plugin = "world_model"
+supervisor = "viewer"
+inputs = { stereo = "/obstacles/cost", odometry = "/localization/local" }
+
+[[process]]
+name = "planner"
+plugin = "planner"
+supervisor = "viewer"
+inputs = { map = "/wm1/map", odometry = "/localization/local" }
 "#;
 
 #[test]
@@ -278,7 +302,11 @@ fn rest() -> String {
     for kind in rcs_plugins::all().iter().filter(|kind| !known.contains(kind.def().plugin)) {
         let name = kind.def().plugin;
         let wire = |port: &rcs_runtime::PortDef| {
-            let of_type = |buffer: &&rcs_runtime::BufferPlan| buffer.spec.schema.name() == port.schema.name();
+            let of_type = |buffer: &&rcs_runtime::BufferPlan| {
+                let is_truth = buffer.spec.metadata.contains_key("rcs.ground_truth");
+                buffer.spec.schema.name() == port.schema.name()
+                    && (!is_truth || kind.def().reads_ground_truth)
+            };
             let waits = format!("/operator/{name}/{}", port.name);
             let buffer = plan.buffers.iter().find(of_type).map_or(waits, |buffer| buffer.spec.name.clone());
             format!("{} = \"{buffer}\"", port.name)

@@ -25,6 +25,7 @@ pub fn all() -> &'static [ProcessType] {
         ProcessType::of::<rcs_obstacles::LabelOverlay>(),
         ProcessType::of::<rcs_localization::Localization>(),
         ProcessType::of::<rcs_obstacles::Obstacles>(),
+        ProcessType::of::<rcs_planner::AStarPlanner>(),
         ProcessType::of::<rcs_proximity::Proximity>(),
         ProcessType::of::<rcs_sim::SimCameras>(),
         ProcessType::of::<rcs_sim::SimLadar>(),
