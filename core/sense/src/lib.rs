@@ -7,6 +7,7 @@
 //!   define them.
 //! - [`ImageCheck`]: whether an image is usable: its size, its exposure, and that the camera is not frozen.
 //! - [`CostGrid`], [`GridFrame`]: cost maps for the world model.
+//! - [`Origin`]: the origin of the global frame on the earth.
 //! - [`ObstacleLabel`]: codes of the pixels of obstacle label images.
 //!
 //! The crate is above the runtime and below the plugins. It contains no algorithm of a single plugin: those are in
@@ -31,6 +32,7 @@ mod extrinsics;
 mod image_check;
 mod label;
 mod localizer;
+mod origin;
 mod pose_ports;
 
 pub use cost_grid::{CostGrid, GridFrame, cost_field};
@@ -38,6 +40,7 @@ pub use extrinsics::{Axes, Extrinsics, MIN_UPRIGHT, OnItsSide, camera_of, uprigh
 pub use image_check::{ImageCheck, ImageFault, check_exposure, check_size, fingerprint, luma, size_of};
 pub use label::ObstacleLabel;
 pub use localizer::{FrameNames, Localizer, LocalizerError, pose_message, pose_of};
+pub use origin::Origin;
 pub use pose_ports::PosePorts;
 
 pub use rcs_world::{CELL_SIZE_M, WIDE_CELL_SIZE_M};

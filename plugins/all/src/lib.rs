@@ -35,6 +35,8 @@ pub fn all() -> &'static [ProcessType] {
         ProcessType::of::<rcs_terrain::TerrainLearner>(),
         ProcessType::of::<rcs_truth_driver::TruthDriver>(),
         ProcessType::of::<rcs_vehicle_interface::VehicleInterface>(),
+        ProcessType::of::<rcs_planner::WaypointFollower>(),
+        ProcessType::of::<rcs_planner::WaypointGenerator>(),
         ProcessType::of::<rcs_world_model::WorldModel>(),
     ];
     ALL

@@ -25,7 +25,7 @@
 //! - [`attitude`]: roll, pitch and yaw by a complementary filter of gyros and accelerometers.
 //! - [`fixes`]: which fixes are accepted, and with what weight.
 //! - [`wheels`]: distance rolled by the wheels, and whether the vehicle stands.
-//! - [`origin`]: the global frame on the earth.
+//! - [`rcs_sense::Origin`]: the global frame on the earth.
 //!
 //! The local estimate starts at (0, 0, 0) with the heading of the inertial sensor's compass, or of a parameter. It
 //! measures distance by the wheels alone, so wheel slip makes it too long without any correction; the global estimate
@@ -62,7 +62,6 @@ rcs_msg::messages!(
 
 pub mod attitude;
 pub mod fixes;
-pub mod origin;
 pub mod planar;
 mod process;
 pub mod wheels;

@@ -3,7 +3,6 @@
 
 use crate::attitude::{Attitude, AttitudeSettings};
 use crate::fixes::{GateSettings, GlobalEstimate, Position as Fixed, Verdict};
-use crate::origin::Origin;
 use crate::planar::{MotionNoise, Planar};
 use crate::proto::LocalizationParams;
 use crate::wheels::{FASTEST_MPS, Rolled, Wheels};
@@ -15,7 +14,7 @@ use rcs_msg::foxglove::{
 };
 use rcs_msg::rcs::{GroundSpeed, Imu, WheelEncoders};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{pose_message, pose_of};
+use rcs_sense::{Origin, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// Wheel slip depends on the ground, so its error is correlated along the way: over this length it is one error, m.

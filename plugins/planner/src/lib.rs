@@ -1,4 +1,7 @@
-//! The planner: the cheapest path over the world model's map (Albus 2006a, 5, Albus 2006b, 3.5).
+//! Behavior generation above the vehicle interface: planner, waypoint generator and waypoint follower (Albus 2006a, 5,
+//! Albus 2006b, 3.5).
+//!
+//! # `planner`
 //!
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
@@ -28,10 +31,45 @@
 //! the reason is gone. If the goal's cell alone is blocked, it plans to the nearest free one within `goal_radius_m`, and
 //! says so. A goal outside of the map is planned to over the edge that suits, with all cells outside taken for unknown.
 //!
+//! # `waypoint_generator`
+//!
+//! | port | direction | type | what |
+//! | --- | --- | --- | --- |
+//! | `path` | in | `foxglove.PosesInFrame` | the planner's path, local frame |
+//! | `transforms` | in | `foxglove.FrameTransforms` | the local frame in the global frame |
+//! | `waypoints` | out | `foxglove.PosesInFrame` | waypoints along the path, local frame; none to stand |
+//! | `goal` | out | `foxglove.PoseInFrame` | the goal in the local frame |
+//!
+//! Period 50 ms. It supervises a planner and a follower: passes `INIT`, `RUN` and `HALT` on to both, and has the planner
+//! plan to the goal ([`goal`]) wherever that moves in the local frame. Command `GO_TO` gives another goal. Without a goal,
+//! and with one in another UTM zone, it is in `ERROR`, and there are no waypoints. State: the frames, and what the planner
+//! was told.
+//!
+//! # `waypoint_follower`
+//!
+//! | port | direction | type | what |
+//! | --- | --- | --- | --- |
+//! | `waypoints` | in | `foxglove.PosesInFrame` | waypoints of the path, local frame; none to stand |
+//! | `map` | in | `foxglove.Grid` | the world model's map: field cost, local frame |
+//! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper; after a hit the vehicle backs up |
+//! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
+//! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
+//! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
+//! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
+//! | `drive` | out | `rcs.DriveCommand` | speed, m/s, and turn rate, rad/s |
+//! | `arc` | out | `foxglove.PosesInFrame` | the arc that is driven, local frame |
+//! | `arcs` | out | `rcs.ArcChoice` | the arcs that were considered, with the terms of their scores |
+//!
+//! Period 50 ms; `drive` every cycle. It drives to the first major turning point of the waypoints ([`waypoints`]) on the
+//! best of a list of arcs ([`arcs`]). It stands, and says so, without a recent path, map or pose, and where no arc is
+//! free. Of the papers' custom behaviors it has REVERSE FROM BUMPER HIT; the others are not there yet. State: the
+//! waypoints, the poses of the last seconds, the last arc.
+//!
 //! # Where to begin
 //!
 //! [`costs`]: the grid of costs; [`search`]: A* with eight neighbours; [`terrain`]: what a cell costs; [`plan`]: the plan
-//! with its terms; [`AStarPlanner`] connects them to ports and parameters.
+//! with its terms; [`arcs`]: the choice of an arc. [`AStarPlanner`], [`WaypointGenerator`] and [`WaypointFollower`]
+//! connect them to ports and parameters.
 //!
 //! ```
 //! use rcs_planner::costs::{BLOCKED, CostGrid};
@@ -50,8 +88,13 @@ rcs_msg::messages!(
     pub mod proto
 );
 
+pub mod arcs;
 pub mod clearance;
 pub mod costs;
+mod follower_process;
+mod generator_process;
+pub mod goal;
+mod map_reader;
 mod place;
 pub mod plan;
 mod process;
@@ -59,5 +102,8 @@ mod queue;
 pub mod search;
 mod settings;
 pub mod terrain;
+pub mod waypoints;
 
+pub use follower_process::WaypointFollower;
+pub use generator_process::{WaypointGenerator, WaypointGeneratorCommand};
 pub use process::{AStarPlanner, PlannerCommand};

@@ -1,16 +1,16 @@
 //! The process `planner`: reads the map and the vehicle's pose, and sends the path. Its port table is in the crate's
 //! documentation.
 
+use crate::map_reader::MapReader;
 use crate::plan::{Candidate, NoPlan, Plan, Planner, Step, Task};
 use crate::proto;
 use crate::proto::{PlannerGoal, PlannerParams};
 use crate::settings::{check_costs, rules_of};
-use crate::terrain::{Rules, Sensed, Terms};
+use crate::terrain::{Rules, Terms};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::{Grid, PosesInFrame};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message};
-use rcs_world::{GridView, NumericType, OBSTACLE_COST, Source};
 use serde::{Deserialize, Serialize};
 
 rcs_runtime::commands! {
@@ -48,9 +48,7 @@ enum Told {
 #[derive(Debug, Default)]
 struct Memory {
     planner: Planner,
-    sensed: Sensed,
-    costs: Vec<u8>,
-    confidences: Vec<u8>,
+    reader: MapReader,
 }
 
 impl Clone for Memory {
@@ -176,13 +174,13 @@ impl AStarPlanner {
         cx: &mut Cycle<'_>,
     ) {
         let local = Extrinsics::new(params.pose.as_ref(), None).frames.local;
-        if let Err(error) = self.memory.read(map, local) {
+        if let Err(error) = self.memory.reader.read(map, local) {
             cx.fault(format!("map: {error}"));
             return self.stop(ports, params, format!("the map cannot be used: {error}"), cx);
         }
         let goal = DVec2::from(self.goal.unwrap_or_default());
         let task = Task {
-            sensed: &self.memory.sensed,
+            sensed: &self.memory.reader.sensed,
             vehicle,
             goal,
             goal_radius_m: params.goal_radius_m,
@@ -255,41 +253,6 @@ impl AStarPlanner {
             ..Default::default()
         };
         cx.write(&ports.plan, now, plan);
-    }
-}
-
-impl Memory {
-    /// Reads the fused costs of a map, and where the bumper hit.
-    fn read(&mut self, map: &Msg<Grid>, local: &str) -> Result<(), String> {
-        let view = GridView::of(map.message()).map_err(|error| error.to_string())?;
-        let (size, corner) = (view.cell_size_m(), view.frame_from_grid());
-        if view.frame_id() != local {
-            return Err(format!("frame is {:?}, expected {local:?}", view.frame_id()));
-        }
-        if size.x != size.y || corner.rotation.w.abs() < 1.0 - 1e-9 {
-            let turned = if size.x == size.y { "turned" } else { "not square" };
-            return Err(format!(
-                "cells of {} m by {} m are {turned}, expected square ones along the axes",
-                size.x, size.y
-            ));
-        }
-        let byte = |name: &str| view.field_of(name, NumericType::Uint8);
-        byte("cost").map_err(|error| error.to_string())?.bytes_into(&mut self.sensed.fused);
-        self.sensed.columns = view.columns();
-        self.sensed.cell_size_m = size.x;
-        self.sensed.corner = corner.translation.truncate();
-        self.sensed.bumped.clear();
-        let bumper = Source::BUMPER;
-        if let (Ok(cost), Ok(confidence)) = (byte(&format!("cost.{bumper}")), byte(&format!("conf.{bumper}")))
-        {
-            cost.bytes_into(&mut self.costs);
-            confidence.bytes_into(&mut self.confidences);
-            let hit = |(&cost, &confidence): (&u8, &u8)| {
-                confidence > 0 && (OBSTACLE_COST..=rcs_world::MAX_COST).contains(&cost)
-            };
-            self.sensed.bumped.extend(self.costs.iter().zip(&self.confidences).map(hit));
-        }
-        Ok(())
     }
 }
 

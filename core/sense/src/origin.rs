@@ -1,7 +1,6 @@
 //! The origin of the global frame, and conversion of geodetic positions to that frame.
 
-use glam::DVec3;
-use rcs_geom::{GeodesyError, Geodetic, Utm};
+use rcs_geom::{DVec3, GeodesyError, Geodetic, Utm};
 use serde::{Deserialize, Serialize};
 
 /// Origin of the frame `global`: a position in UTM. The axes of the frame are easting and northing; its height 0 is the

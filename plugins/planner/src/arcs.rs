@@ -1,0 +1,255 @@
+//! Which of a preset list of arcs the vehicle drives: the choice of the waypoint follower.
+//!
+//! Albus 2006a, 5: "The waypoint follower searches a preset list of possible paths starting at the current position and
+//! chooses the one that gets the best score. The score represents a compromise between getting close to the turning
+//! point, staying far away from obstacles and higher cost areas, and keeping the speed up by avoiding turns."
+//!
+//! An arc has a constant curvature, forward or backward, or is a turn on the spot. It is followed over the grid of costs
+//! until its length, or until a blocked cell. Its score is a sum of terms, and the lowest one wins:
+//!
+//! | term | what |
+//! | --- | --- |
+//! | goal | metres by which its end is not nearer to the target than the start could get |
+//! | heading | angle at its end between the vehicle's heading and the direction of the target |
+//! | cost | mean cost of the cells under it, as a share of the highest one |
+//! | turn | curvature, 1/m, and a fixed amount for a turn on the spot or backward motion |
+//! | change | difference of its curvature from that of the arc before |
+//! | short | share of it that is not free |
+//!
+//! The papers give neither the list nor the weights; here they are parameters.
+
+use crate::costs::{BLOCKED, CostGrid, MAX_COST};
+use crate::terrain::Sensed;
+use rcs_geom::{DVec2, Pose, wrap_angle};
+
+/// How the vehicle moves along an arc.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Motion {
+    /// Ahead.
+    Forward,
+    /// Back.
+    Backward,
+    /// A turn to the left.
+    TurnLeft,
+    /// A turn to the right.
+    TurnRight,
+}
+
+/// An arc of the list.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arc {
+    /// How the vehicle moves.
+    pub motion: Motion,
+    /// Positive to the left of the motion ahead, 1/m; 0 for a turn on the spot.
+    pub curvature_per_m: f64,
+}
+
+/// The rules of the choice; see the parameters of the process.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rules {
+    /// Length of an arc, m.
+    pub length_m: f64,
+    /// Greatest curvature, 1/m, and number of arcs on each side.
+    pub max_curvature_per_m: f64,
+    /// Number of arcs on each side of the straight one.
+    pub per_side: u32,
+    /// Arcs with a shorter free part are not driven, m.
+    pub least_free_m: f64,
+    /// Distance from the vehicle up to which blocked cells can be left, if the vehicle stands in one, m.
+    pub escape_m: f64,
+    /// How far behind the origin of its frame the vehicle's tail swings when it turns on the spot, m.
+    pub tail_m: f64,
+    /// Weights of the terms.
+    pub weights: Weights,
+}
+
+/// Weights of the terms of a score.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Weights {
+    /// Per metre not gained.
+    pub goal: f64,
+    /// Per radian.
+    pub heading: f64,
+    /// For the highest cost.
+    pub cost: f64,
+    /// Per curvature, 1/m.
+    pub turn: f64,
+    /// For a turn on the spot, and for backward motion.
+    pub not_forward: f64,
+    /// Per difference of curvature, 1/m.
+    pub change: f64,
+    /// For an arc without any free part.
+    pub short: f64,
+}
+
+/// An arc with its score.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scored {
+    /// The arc.
+    pub arc: Arc,
+    /// Length that is free, m; for a turn on the spot 0.
+    pub free_m: f64,
+    /// Mean cost under it, 0 to 1.
+    pub mean_cost: f64,
+    /// The terms with their weights: goal, heading, cost, turn, change, short.
+    pub terms: [f64; 6],
+    /// Whether it may be driven.
+    pub open: bool,
+}
+
+impl Scored {
+    /// Sum of the terms.
+    pub fn total(&self) -> f64 {
+        self.terms.iter().sum()
+    }
+}
+
+/// Distance between the places of an arc that are looked up, m.
+const SAMPLE_M: f64 = 0.1;
+/// Angle by which a turn on the spot is looked ahead, rad.
+const TURN_RAD: f64 = 0.8;
+
+/// The list, in the order in which ties are broken.
+pub fn list(rules: &Rules) -> Vec<Arc> {
+    let forward = |curvature_per_m| Arc { motion: Motion::Forward, curvature_per_m };
+    let mut arcs = vec![forward(0.0)];
+    for at in 1..=rules.per_side {
+        // Denser near the straight one, where a small difference matters far ahead.
+        let share = f64::from(at) / f64::from(rules.per_side);
+        let curvature = rules.max_curvature_per_m * share * f64::midpoint(share, 1.0);
+        arcs.extend([forward(curvature), forward(-curvature)]);
+    }
+    let turn = |motion| Arc { motion, curvature_per_m: 0.0 };
+    arcs.extend([turn(Motion::TurnLeft), turn(Motion::TurnRight), turn(Motion::Backward)]);
+    for side in [1.0, -1.0] {
+        arcs.push(Arc { motion: Motion::Backward, curvature_per_m: side * 0.5 * rules.max_curvature_per_m });
+    }
+    arcs
+}
+
+/// Pose after a distance along an arc, m; for a turn on the spot after an angle, rad.
+pub fn pose_at(start: (DVec2, f64), arc: Arc, along: f64) -> (DVec2, f64) {
+    let (position, yaw) = start;
+    let (distance, turned) = match arc.motion {
+        Motion::Forward => (along, arc.curvature_per_m * along),
+        Motion::Backward => (-along, -arc.curvature_per_m * along),
+        Motion::TurnLeft => return (position, wrap_angle(yaw + along)),
+        Motion::TurnRight => return (position, wrap_angle(yaw - along)),
+    };
+    // The chord has the direction of the middle of the arc.
+    let half = turned / 2.0;
+    let chord = if half.abs() < 1e-6 { distance } else { distance * libm::sin(half) / half };
+    let direction = yaw + half;
+    let moved = DVec2::new(libm::cos(direction), libm::sin(direction)) * chord;
+    (position + moved, wrap_angle(yaw + turned))
+}
+
+/// What the arcs are scored on.
+#[derive(Clone, Copy, Debug)]
+pub struct Scene<'a> {
+    /// The map, for its geometry.
+    pub sensed: &'a Sensed,
+    /// Costs for the vehicle's width.
+    pub costs: &'a CostGrid,
+    /// Pose of the vehicle, map's frame.
+    pub vehicle: &'a Pose,
+    /// The turning point, map's frame, m.
+    pub target: DVec2,
+    /// Curvature of the arc before, 1/m.
+    pub before_per_m: f64,
+}
+
+impl Scene<'_> {
+    /// Scores an arc.
+    pub fn score(&self, arc: Arc, rules: &Rules) -> Scored {
+        let start = (self.vehicle.translation.truncate(), self.vehicle.yaw());
+        let away_m = start.0.distance(self.target);
+        let on_the_spot = matches!(arc.motion, Motion::TurnLeft | Motion::TurnRight);
+        let length_m = match arc.motion {
+            Motion::Forward => rules.length_m.min(away_m.max(2.0 * SAMPLE_M)),
+            Motion::Backward => (rules.length_m / 3.0).max(SAMPLE_M),
+            Motion::TurnLeft | Motion::TurnRight => 0.0,
+        };
+        let (free_m, mean_cost) =
+            if on_the_spot { self.turned(start, arc, rules) } else { self.followed(start, arc, length_m, rules) };
+        let end = pose_at(start, arc, if on_the_spot { self.turns_by(start, arc) } else { free_m });
+        let towards = self.target - end.0;
+        let off_rad = if towards.length() < SAMPLE_M {
+            0.0
+        } else {
+            wrap_angle(libm::atan2(towards.y, towards.x) - end.1).abs()
+        };
+        let gained_m = away_m - towards.length();
+        let weights = &rules.weights;
+        let bend = arc.curvature_per_m.abs();
+        let fixed = if arc.motion == Motion::Forward { 0.0 } else { weights.not_forward };
+        let signed = if arc.motion == Motion::Forward { arc.curvature_per_m } else { 0.0 };
+        let open = if on_the_spot { free_m > 0.0 } else { free_m >= rules.least_free_m.min(length_m) };
+        let lacks = if on_the_spot { 0.0 } else { 1.0 - free_m / length_m };
+        let terms = [
+            weights.goal * (rules.length_m.min(away_m) - gained_m),
+            weights.heading * off_rad,
+            weights.cost * mean_cost,
+            weights.turn * bend + fixed,
+            weights.change * (signed - self.before_per_m).abs(),
+            weights.short * lacks,
+        ];
+        Scored { arc, free_m: if on_the_spot { 0.0 } else { free_m }, mean_cost, terms, open }
+    }
+
+    /// Angle by which a turn on the spot turns: to the target, but no farther than is looked ahead.
+    fn turns_by(&self, start: (DVec2, f64), arc: Arc) -> f64 {
+        let towards = self.target - start.0;
+        let off = wrap_angle(libm::atan2(towards.y, towards.x) - start.1);
+        let wanted = if arc.motion == Motion::TurnLeft { off } else { -off };
+        wanted.clamp(0.0, TURN_RAD)
+    }
+
+    /// Free length and mean cost of an arc.
+    fn followed(&self, start: (DVec2, f64), arc: Arc, length_m: f64, rules: &Rules) -> (f64, f64) {
+        let escapes = self.cost(start.0) == BLOCKED;
+        let samples = (length_m / SAMPLE_M).ceil().max(1.0) as u32;
+        let mut sum = 0.0;
+        for sample in 1..=samples {
+            let along_m = length_m.min(f64::from(sample) * SAMPLE_M);
+            let cost = self.cost(pose_at(start, arc, along_m).0);
+            if cost == BLOCKED && !(escapes && along_m <= rules.escape_m) {
+                let before = f64::from(sample - 1);
+                return (before * SAMPLE_M, if sample > 1 { sum / before } else { 1.0 });
+            }
+            sum += f64::from(cost.min(MAX_COST)) / f64::from(MAX_COST);
+        }
+        (length_m, sum / f64::from(samples))
+    }
+
+    /// 1 if the tail can swing, else 0; and the mean cost under it.
+    fn turned(&self, start: (DVec2, f64), arc: Arc, rules: &Rules) -> (f64, f64) {
+        let mut sum = 0.0;
+        for part in 1..=4 {
+            let (position, yaw) = pose_at(start, arc, TURN_RAD * f64::from(part) / 4.0);
+            let tail = position - DVec2::new(libm::cos(yaw), libm::sin(yaw)) * rules.tail_m;
+            let cost = self.cost(tail);
+            if cost == BLOCKED {
+                return (0.0, 1.0);
+            }
+            sum += f64::from(cost) / f64::from(MAX_COST);
+        }
+        (1.0, sum / 4.0)
+    }
+
+    /// Cost at a position; blocked outside of the map.
+    fn cost(&self, position: DVec2) -> u8 {
+        self.sensed.place(position).and_then(|place| self.costs.get(place)).unwrap_or(BLOCKED)
+    }
+}
+
+/// The arc with the lowest score among those that may be driven; the first of several.
+pub fn best(scored: &[Scored]) -> Option<usize> {
+    let open = scored.iter().enumerate().filter(|(_, scored)| scored.open);
+    let found = open.reduce(|best, other| if other.1.total() < best.1.total() { other } else { best });
+    found.map(|(at, _)| at)
+}
+
+#[cfg(test)]
+#[path = "arcs_tests.rs"]
+mod tests;

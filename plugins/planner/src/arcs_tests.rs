@@ -1,0 +1,95 @@
+//! Choices on small maps.
+
+use super::*;
+
+const RULES: Rules = Rules {
+    length_m: 3.0,
+    max_curvature_per_m: 1.5,
+    per_side: 10,
+    least_free_m: 0.5,
+    escape_m: 0.5,
+    tail_m: 0.5,
+    weights: Weights { goal: 1.0, heading: 0.5, cost: 3.0, turn: 0.1, not_forward: 1.5, change: 0.1, short: 4.0 },
+};
+
+/// 61×61 cells of 0.2 m around (0, 0).
+fn scene(cost: impl Fn(DVec2) -> u8) -> (Sensed, CostGrid) {
+    let mut sensed = Sensed { columns: 61, cell_size_m: 0.2, corner: DVec2::splat(-6.1), ..Sensed::default() };
+    sensed.fused = vec![0; 61 * 61];
+    let centre = |at: usize| (at as f64 - 30.0) * 0.2;
+    let cells = (0..61 * 61).map(|at| cost(DVec2::new(centre(at % 61), centre(at / 61)))).collect();
+    (sensed, CostGrid::new(61, 61, cells).unwrap())
+}
+
+fn chosen(cost: impl Fn(DVec2) -> u8, yaw_rad: f64, target: DVec2) -> Option<Scored> {
+    let (sensed, costs) = scene(cost);
+    let vehicle = Pose::from_xy_yaw(0.0, 0.0, yaw_rad);
+    let scene = Scene { sensed: &sensed, costs: &costs, vehicle: &vehicle, target, before_per_m: 0.0 };
+    let scored: Vec<Scored> = list(&RULES).into_iter().map(|arc| scene.score(arc, &RULES)).collect();
+    best(&scored).map(|at| scored[at])
+}
+
+#[test]
+fn on_free_ground_it_drives_straight_or_bends_to_the_target() {
+    let free = |_| 10;
+    assert_eq!(chosen(free, 0.0, DVec2::new(4.0, 0.0)).unwrap().arc.curvature_per_m, 0.0);
+    let left = chosen(free, 0.0, DVec2::new(3.0, 1.5)).unwrap().arc;
+    assert!(left.motion == Motion::Forward && left.curvature_per_m > 0.1, "{left:?}");
+    let right = chosen(free, 1.0, DVec2::new(3.0, 1.5)).unwrap().arc;
+    assert!(right.curvature_per_m < -0.1, "{right:?}");
+}
+
+#[test]
+fn it_turns_on_the_spot_to_a_target_behind_it() {
+    let arc = chosen(|_| 10, 0.0, DVec2::new(-4.0, 1.0)).unwrap().arc;
+    assert_eq!(arc.motion, Motion::TurnLeft);
+}
+
+#[test]
+fn it_bends_around_an_obstacle() {
+    let ahead =
+        |at: DVec2| if (at.x - 2.0).abs() < 0.4 && (-2.0..0.5).contains(&at.y) { BLOCKED } else { 10 };
+    let arc = chosen(ahead, 0.0, DVec2::new(4.0, 0.0)).unwrap();
+    assert!(arc.arc.curvature_per_m > 0.1, "{arc:?}");
+    assert!(arc.mean_cost < 0.2 && arc.free_m > 1.9, "{arc:?}");
+}
+
+#[test]
+fn of_two_ways_it_takes_the_cheaper_ground() {
+    let right_is_dear = |at: DVec2| if at.y < 0.5 && at.x > 0.8 { 200 } else { 10 };
+    let arc = chosen(right_is_dear, 0.3, DVec2::new(3.0, 0.9)).unwrap().arc;
+    assert!(arc.motion == Motion::Forward && arc.curvature_per_m >= 0.0, "{arc:?}");
+}
+
+#[test]
+fn before_a_wall_it_goes_back_and_without_any_way_nowhere() {
+    let wall = |at: DVec2| if at.x > 0.3 || (at.x > -1.5 && at.y.abs() > 0.3) { BLOCKED } else { 10 };
+    assert_eq!(chosen(wall, 0.0, DVec2::new(4.0, 0.0)).unwrap().arc.motion, Motion::Backward);
+    assert_eq!(chosen(|_| BLOCKED, 0.0, DVec2::new(4.0, 0.0)).map(|arc| arc.open), None);
+}
+
+#[test]
+fn a_vehicle_in_a_blocked_cell_can_leave_it() {
+    let arc = chosen(|at| if at.length() < 0.35 { BLOCKED } else { 10 }, 0.0, DVec2::new(4.0, 0.0)).unwrap();
+    assert!(arc.arc.motion == Motion::Forward && arc.free_m > 2.9, "{arc:?}");
+}
+
+#[test]
+fn poses_along_arcs_are_those_of_small_steps() {
+    let start = (DVec2::new(1.0, 2.0), 0.7);
+    for arc in list(&RULES) {
+        let (mut position, mut yaw) = start;
+        let (sign, turns) = match arc.motion {
+            Motion::Forward => (1.0, 1.0),
+            Motion::Backward => (-1.0, -1.0),
+            Motion::TurnLeft | Motion::TurnRight => continue,
+        };
+        for _ in 0..20_000 {
+            yaw += turns * arc.curvature_per_m * 0.5e-4;
+            position += DVec2::new(libm::cos(yaw), libm::sin(yaw)) * sign * 1e-4;
+            yaw += turns * arc.curvature_per_m * 0.5e-4;
+        }
+        let (end, heading) = pose_at(start, arc, 2.0);
+        assert!(end.distance(position) < 1e-6 && wrap_angle(heading - yaw).abs() < 1e-6, "{arc:?}");
+    }
+}
