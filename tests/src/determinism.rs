@@ -39,7 +39,8 @@ impl Case<'_> {
     fn begun(&self, threads: usize) -> Stepped {
         let mut run = self.fresh(threads);
         run.begin().unwrap();
-        if self.plan.processes.iter().any(|process| &*process.name == "planner") {
+        let of_viewer = |process: &rcs_runtime::ProcessPlan| process.supervisor.is_none();
+        if self.plan.processes.iter().any(|process| &*process.name == "planner" && of_viewer(process)) {
             let order = PlannerCommand::PlanTo(PlannerGoal { x_m: 9.0, y_m: 4.0 }).encode();
             let (parameters_schema, parameters) = order.parameters;
             let (name, parameters) = (order.name.to_owned(), parameters.into());
@@ -131,6 +132,11 @@ fn the_truth_driver_goes_on_from_any_moment() {
 #[test]
 fn the_simulation_goes_on_from_any_moment() {
     check_course("simulation", "meadow", [0.0, 1.5], 2);
+}
+
+#[test]
+fn a_robot_that_drives_by_what_it_sees_goes_on_from_any_moment() {
+    check_course("lagr_stereo_only", "meadow", [0.5, 3.0], 10);
 }
 
 #[test]
@@ -288,6 +294,7 @@ fn run_elsewhere() -> BTreeSet<&'static str> {
         bundled::plan("truth_driver", "corridor", &[]),
         bundled::plan("simulation", "meadow", &[]),
         bundled::plan("learning", "mulch_path", &[]),
+        bundled::plan("lagr_stereo_only", "meadow", &[]),
     ];
     plans.iter().flat_map(|plan| plugins_of(plan)).collect()
 }
@@ -326,6 +333,7 @@ fn every_bundled_stack_goes_through_the_gate() {
     let checked: BTreeSet<_> = [
         "forest_robot",
         "husky",
+        "lagr_stereo_only",
         "learning",
         "range_camera",
         "sample",

@@ -9,7 +9,7 @@
 //!
 //! | term | what |
 //! | --- | --- |
-//! | goal | metres by which its end is not nearer to the target than the start could get |
+//! | goal | metres by which its end is not nearer to the target than the start could get; backward motion gains none |
 //! | heading | angle at its end between the vehicle's heading and the direction of the target |
 //! | cost | mean cost of the cells under it, as a share of the highest one |
 //! | turn | curvature, 1/m, and a fixed amount for a turn on the spot or backward motion |
@@ -170,8 +170,11 @@ impl Scene<'_> {
             Motion::Backward => (rules.length_m / 3.0).max(SAMPLE_M),
             Motion::TurnLeft | Motion::TurnRight => 0.0,
         };
-        let (free_m, mean_cost) =
-            if on_the_spot { self.turned(start, arc, rules) } else { self.followed(start, arc, length_m, rules) };
+        let (free_m, mean_cost) = if on_the_spot {
+            self.turned(start, arc, rules)
+        } else {
+            self.followed(start, arc, length_m, rules)
+        };
         let end = pose_at(start, arc, if on_the_spot { self.turns_by(start, arc) } else { free_m });
         let towards = self.target - end.0;
         let off_rad = if towards.length() < SAMPLE_M {
@@ -180,6 +183,8 @@ impl Scene<'_> {
             wrap_angle(libm::atan2(towards.y, towards.x) - end.1).abs()
         };
         let gained_m = away_m - towards.length();
+        // The vehicle sees nothing behind it: driving back is a way out, and no way to the target.
+        let gained_m = if arc.motion == Motion::Backward { gained_m.min(0.0) } else { gained_m };
         let weights = &rules.weights;
         let bend = arc.curvature_per_m.abs();
         let fixed = if arc.motion == Motion::Forward { 0.0 } else { weights.not_forward };
@@ -207,19 +212,22 @@ impl Scene<'_> {
 
     /// Free length and mean cost of an arc.
     fn followed(&self, start: (DVec2, f64), arc: Arc, length_m: f64, rules: &Rules) -> (f64, f64) {
-        let escapes = self.cost(start.0) == BLOCKED;
         let samples = (length_m / SAMPLE_M).ceil().max(1.0) as u32;
         let mut sum = 0.0;
+        // Whether a cell that is not blocked has been reached; a blocked cell can be left, but not entered.
+        let mut is_out = self.cost(start.0) != BLOCKED;
         for sample in 1..=samples {
             let along_m = length_m.min(f64::from(sample) * SAMPLE_M);
             let cost = self.cost(pose_at(start, arc, along_m).0);
-            if cost == BLOCKED && !(escapes && along_m <= rules.escape_m) {
-                let before = f64::from(sample - 1);
-                return (before * SAMPLE_M, if sample > 1 { sum / before } else { 1.0 });
+            if cost != BLOCKED {
+                is_out = true;
+            } else if is_out || along_m > rules.escape_m {
+                let before = if is_out { f64::from(sample - 1) } else { 0.0 };
+                return (before * SAMPLE_M, if before > 0.0 { sum / before } else { 1.0 });
             }
             sum += f64::from(cost.min(MAX_COST)) / f64::from(MAX_COST);
         }
-        (length_m, sum / f64::from(samples))
+        if is_out { (length_m, sum / f64::from(samples)) } else { (0.0, 1.0) }
     }
 
     /// 1 if the tail can swing, else 0; and the mean cost under it.

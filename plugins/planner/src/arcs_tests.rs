@@ -9,12 +9,21 @@ const RULES: Rules = Rules {
     least_free_m: 0.5,
     escape_m: 0.5,
     tail_m: 0.5,
-    weights: Weights { goal: 1.0, heading: 0.5, cost: 3.0, turn: 0.1, not_forward: 1.5, change: 0.1, short: 4.0 },
+    weights: Weights {
+        goal: 1.0,
+        heading: 0.5,
+        cost: 3.0,
+        turn: 0.1,
+        not_forward: 1.5,
+        change: 0.1,
+        short: 4.0,
+    },
 };
 
 /// 61×61 cells of 0.2 m around (0, 0).
 fn scene(cost: impl Fn(DVec2) -> u8) -> (Sensed, CostGrid) {
-    let mut sensed = Sensed { columns: 61, cell_size_m: 0.2, corner: DVec2::splat(-6.1), ..Sensed::default() };
+    let mut sensed =
+        Sensed { columns: 61, cell_size_m: 0.2, corner: DVec2::splat(-6.1), ..Sensed::default() };
     sensed.fused = vec![0; 61 * 61];
     let centre = |at: usize| (at as f64 - 30.0) * 0.2;
     let cells = (0..61 * 61).map(|at| cost(DVec2::new(centre(at % 61), centre(at / 61)))).collect();
@@ -40,9 +49,12 @@ fn on_free_ground_it_drives_straight_or_bends_to_the_target() {
 }
 
 #[test]
-fn it_turns_on_the_spot_to_a_target_behind_it() {
-    let arc = chosen(|_| 10, 0.0, DVec2::new(-4.0, 1.0)).unwrap().arc;
+fn where_there_is_no_room_for_a_bend_it_turns_on_the_spot_to_a_target_behind_it() {
+    let strip = |at: DVec2| if at.y.abs() > 0.8 { BLOCKED } else { 10 };
+    let arc = chosen(strip, 0.0, DVec2::new(-4.0, 0.5)).unwrap().arc;
     assert_eq!(arc.motion, Motion::TurnLeft);
+    let arc = chosen(|_| 10, 0.0, DVec2::new(-4.0, 0.5)).unwrap().arc;
+    assert!(arc.motion == Motion::Forward && arc.curvature_per_m > 1.0, "{arc:?}");
 }
 
 #[test]

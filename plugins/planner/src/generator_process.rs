@@ -60,7 +60,10 @@ impl Process for WaypointGenerator {
         Ports {
             path: b.input("path", "the planner's path, local frame"),
             transforms: b.input("transforms", "the local frame in the global frame"),
-            waypoints: b.output("waypoints", "waypoints along the path, local frame; none to stand").role(Role::Path).build(),
+            waypoints: b
+                .output("waypoints", "waypoints along the path, local frame; none to stand")
+                .role(Role::Path)
+                .build(),
             goal: b.output("goal", "the goal in the local frame").role(Role::Goal).build(),
             planner: b.optional_child("planner", "what plans the path"),
             follower: b.optional_child("follower", "what drives along the waypoints"),
@@ -133,17 +136,18 @@ impl Process for WaypointGenerator {
 }
 
 impl WaypointGenerator {
+    /// The newest transform is used until there is another one: the frames drift slowly.
     fn take_transforms(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
+        let mut at = self.global_from_local.map(|(_, at)| at);
         while let Some(message) = cx.read(&ports.transforms) {
-            if let Err(error) = self.frames.add_transforms(&message, false) {
-                cx.fault(format!("transforms: {error}; skipped"));
-                continue;
+            match self.frames.add_transforms(&message, false) {
+                Ok(()) => at = Some(message.acq_time()),
+                Err(error) => cx.fault(format!("transforms: {error}; skipped")),
             }
-            let now = cx.now();
-            // The newest transform is used until there is another one: the frames drift slowly.
-            if let Ok(pose) = self.frames.lookup(&params.global_frame, &params.local_frame, now, f64::INFINITY) {
-                self.global_from_local = Some((pose, message.acq_time()));
-            }
+        }
+        let (global, local) = (&params.global_frame, &params.local_frame);
+        if let Ok(pose) = self.frames.lookup(global, local, cx.now(), f64::INFINITY) {
+            self.global_from_local = Some((pose, at.unwrap_or(cx.now())));
         }
     }
 
@@ -151,7 +155,9 @@ impl WaypointGenerator {
     fn goal(&self, params: &WaypointGeneratorParams) -> Result<DVec2, String> {
         let goal = match self.commanded {
             Some((zone, easting_m, northing_m)) => Goal { zone: Some(zone), easting_m, northing_m },
-            None if params.goal.is_empty() => return Err("there is no goal: expected a goal file, or GO_TO".to_owned()),
+            None if params.goal.is_empty() => {
+                return Err("there is no goal: expected a goal file, or GO_TO".to_owned());
+            }
             None => Goal::from_toml(&params.goal).map_err(|error| format!("goal: {error}"))?,
         };
         if params.world.is_empty() {

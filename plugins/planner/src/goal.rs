@@ -126,7 +126,10 @@ mod tests {
             ("a = 1\ngoal = [", "line 2, "),
             ("", "line 1, key \"goal\": expected a table"),
             ("\n[goal]\neasting = 1.0\n", "line 2, key \"northing\": got nothing"),
-            ("[goal]\neasting = -1.0\nnorthing = 1.0\n", "line 1, key \"easting\": got -1.0, expected metres"),
+            (
+                "[goal]\neasting = -1.0\nnorthing = 1.0\n",
+                "line 1, key \"easting\": got -1.0, expected metres",
+            ),
             ("[goal]\neasting = 'x'\nnorthing = 1.0\n", "line 1, key \"easting\": got \"x\""),
             ("[goal]\nzone = 61\neasting = 1.0\nnorthing = 1.0\n", "line 1, key \"goal.zone\": got 61"),
             ("[goal]\neasting = nan\nnorthing = 1.0\n", "line 1, key \"easting\": got nan"),
