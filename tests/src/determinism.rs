@@ -41,7 +41,8 @@ impl Case<'_> {
         run.begin().unwrap();
         let of_viewer = |process: &rcs_runtime::ProcessPlan| process.supervisor.is_none();
         if self.plan.processes.iter().any(|process| &*process.name == "planner" && of_viewer(process)) {
-            let order = PlannerCommand::PlanTo(PlannerGoal { x_m: 9.0, y_m: 4.0 }).encode();
+            let order =
+                PlannerCommand::PlanTo(PlannerGoal { x_m: 9.0, y_m: 4.0, route: Vec::new() }).encode();
             let (parameters_schema, parameters) = order.parameters;
             let (name, parameters) = (order.name.to_owned(), parameters.into());
             let command =

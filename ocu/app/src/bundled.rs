@@ -13,6 +13,7 @@ const FOLDERS: &[(&str, &str)] = &[
     ("course", "courses"),
     ("look", "looks"),
     ("models", "models"),
+    ("mode", "modes"),
     ("stack", "stacks"),
     ("part", "stacks/parts"),
 ];
@@ -35,7 +36,7 @@ impl Bundled {
     }
 }
 
-/// The bundled files of a kind (`world`, `vehicle`, `course`, `look`, `models`, `stack`, `part`, `layout`), sorted by name.
+/// The bundled files of a kind (`world`, `vehicle`, `course`, `look`, `models`, `mode`, `stack`, `part`, `layout`), sorted by name.
 pub fn files(kind: &str) -> impl Iterator<Item = Bundled> {
     let known = FOLDERS.iter().find(|(known, _)| *known == kind);
     let (folder, dir) = match kind {

@@ -1,43 +1,49 @@
 //! The process `waypoint_follower`: reads waypoints, the map and the vehicle's pose, and drives. Its port table is in
 //! the crate's documentation.
 
-use crate::arcs::{self, Arc, Motion, Scene, Scored, Weights};
-use crate::costs::CostGrid;
-use crate::map_reader::MapReader;
-use crate::proto::{ArcChoice, ScoredArc, WaypointFollowerParams, scored_arc};
-use crate::settings::{check_costs, rules_of};
-use crate::terrain::{Rules, Terrain};
+use crate::arcs::{self, Arc, Motion, Scene, Scored};
+use crate::follower_costs::Costs;
+use crate::modes::{Action, Mode, Modes, Obstacles, Table, Towards, Transition};
+use crate::motion::{Style, arc_rules, message, poses_along, reversed, shaken, speeds};
+use crate::proto::{ArcChoice, ModeEvent, Plan, PlanState, WaypointFollowerParams};
+use crate::settings::check_costs;
+use crate::signals::Watch;
 use crate::waypoints::turning_point;
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{Grid, PosesInFrame};
-use rcs_msg::rcs::{Bumper, DriveCommand};
-use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message, pose_of};
+use rcs_msg::foxglove::{Grid, PoseInFrame, PosesInFrame};
+use rcs_msg::rcs::{Bumper, DriveCommand, SlipReport};
+use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
+use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_of};
 use serde::{Deserialize, Serialize};
 
-/// State: the waypoints, the poses of the last seconds, the last arc, and whether the vehicle backs up.
+/// State: the waypoints, the goal, the poses of the last seconds, the last arc, and the active mode.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct WaypointFollower {
     localizer: Localizer,
     /// Local frame, m.
     waypoints: Vec<(f64, f64)>,
     path_at: Option<Stamp>,
+    /// Local frame, m.
+    goal: Option<(f64, f64)>,
+    /// Whether the planner has found no way to the goal.
+    no_way: bool,
     /// Curvature of the arc before, 1/m.
     before_per_m: f64,
-    /// Where and when the bumper was hit.
-    backs_up: Option<((f64, f64), Stamp)>,
+    modes: Modes,
+    watch: Watch,
+    /// What SHAKE does, m/s and rad/s, and since when.
+    shakes: Option<([f64; 2], Stamp)>,
     #[serde(skip)]
     memory: Memory,
 }
 
-/// What follows from the newest map: a copy begins with nothing, and makes it again.
+/// What follows from the newest map and from the parameters: a copy begins with nothing, and makes it again.
 #[derive(Debug, Default)]
 struct Memory {
-    reader: MapReader,
-    terrain: Terrain,
-    /// Costs, with the sequence of their map and their rules.
-    costs: Option<(u64, Rules, CostGrid)>,
+    costs: Costs,
+    /// The table of modes, with its text.
+    table: Option<(String, Table)>,
 }
 
 impl Clone for Memory {
@@ -51,11 +57,16 @@ impl Clone for Memory {
 pub struct Ports {
     waypoints: In<PosesInFrame>,
     map: In<Grid>,
+    sensed: In<Grid>,
+    goal: In<PoseInFrame>,
+    plan: In<Plan>,
     bumper: In<Bumper>,
+    slip: In<SlipReport>,
     poses: PosePorts,
     drive: Out<DriveCommand>,
     arc: Out<PosesInFrame>,
     arcs: Out<ArcChoice>,
+    modes: Out<ModeEvent>,
 }
 
 impl Process for WaypointFollower {
@@ -74,7 +85,14 @@ impl Process for WaypointFollower {
         Ports {
             waypoints: b.input("waypoints", "waypoints of the path, local frame; none to stand"),
             map: b.input("map", "the world model's map: field cost, local frame"),
-            bumper: b.optional_input("bumper", "switches of the bumper; after a hit the vehicle backs up"),
+            sensed: b.optional_input(
+                "sensed",
+                "costs from the sensors that must not stop: it stands without recent ones",
+            ),
+            goal: b.optional_input("goal", "the goal, local frame: for modes that drive straight to it"),
+            plan: b.optional_input("plan", "the plan: for modes that begin when there is no way"),
+            bumper: b.optional_input("bumper", "switches of the bumper, for modes"),
+            slip: b.optional_input("slip", "slip of the wheels and load of the motors, for modes"),
             poses: PosePorts::declare(b),
             drive: b.output("drive", "speed, m/s, and turn rate, rad/s").role(Role::Command).build(),
             arc: b.output("arc", "the arc that is driven, local frame").role(Role::Path).build(),
@@ -82,11 +100,18 @@ impl Process for WaypointFollower {
                 .output("arcs", "the arcs that were considered, with the terms of their scores")
                 .role(Role::Stats)
                 .build(),
+            modes: b.output("modes", "each change of mode, with its reason").role(Role::Stats).build(),
         }
     }
 
     fn check(params: &WaypointFollowerParams) -> Result<(), String> {
-        check_costs(params.costs.as_ref())
+        check_costs(params.costs.as_ref())?;
+        if params.weight_goal == 0.0 && params.weight_heading == 0.0 {
+            return Err(
+                "weight_goal and weight_heading: both are 0, so that no arc leads anywhere".to_owned()
+            );
+        }
+        table_of(&params.modes).map(|_| ())
     }
 
     fn new(_params: &WaypointFollowerParams) -> Self {
@@ -95,8 +120,10 @@ impl Process for WaypointFollower {
 
     fn cycle(&mut self, ports: &Ports, params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
         let extrinsics = Extrinsics::new(params.pose.as_ref(), None);
+        let local = extrinsics.frames.local;
         ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
-        self.take_waypoints(ports, extrinsics.frames.local, cx);
+        self.take_waypoints(ports, local, cx);
+        let pressed = self.take_signals(ports, local, cx);
         let now = cx.now();
         let Some(path_at) = self.path_at else {
             send(ports, 0.0, 0.0, cx);
@@ -104,37 +131,32 @@ impl Process for WaypointFollower {
         };
         let vehicle = match extrinsics.local_from_vehicle(&self.localizer, now) {
             Ok(vehicle) => vehicle,
-            Err(error) => return stand(ports, format!("pose: {error}"), cx),
+            Err(error) => return self.stand(ports, format!("pose: {error}"), cx),
         };
         let too_old = |what: &str, at: Stamp, limit_s: f64| {
             let age_s = now.seconds_since(at);
             (age_s > limit_s).then(|| format!("{what} is {age_s:.1} s old, expected at most {limit_s} s"))
         };
         if let Some(why) = too_old("the path", path_at, params.path_timeout_s) {
-            return stand(ports, why, cx);
+            return self.stand(ports, why, cx);
         }
-        if self.is_backing_up(ports, &vehicle, params, cx) {
-            send(ports, -params.min_speed_mps, 0.0, cx);
-            return cx.exec("backs up from what the bumper hit");
-        }
-        let position = vehicle.translation.truncate();
-        let waypoints: Vec<DVec2> = self.waypoints.iter().copied().map(DVec2::from).collect();
-        let range = [params.least_target_m, params.most_target_m.max(params.least_target_m)];
-        let Some(target) = turning_point(&waypoints, position, params.turning_tolerance_m, range) else {
-            send(ports, 0.0, 0.0, cx);
-            return cx.exec("there is no path: stands");
-        };
         let Some(map) = cx.latest(&ports.map) else {
-            return stand(ports, "there is no map".to_owned(), cx);
+            return self.stand(ports, "there is no map".to_owned(), cx);
         };
         if let Some(why) = too_old("the map", map.acq_time(), params.map_timeout_s) {
-            return stand(ports, why, cx);
+            return self.stand(ports, why, cx);
         }
-        if let Err(error) = self.memory.take(&map, extrinsics.frames.local, params) {
+        if let Some(sensed) = cx.latest(&ports.sensed)
+            && let Some(why) = too_old("what is sensed", sensed.acq_time(), params.sense_timeout_s)
+        {
+            return self.stand(ports, why, cx);
+        }
+        if let Err(error) = self.memory.costs.take(&map, local, params.costs.as_ref()) {
             cx.fault(format!("map: {error}"));
-            return stand(ports, format!("the map cannot be used: {error}"), cx);
+            return self.stand(ports, format!("the map cannot be used: {error}"), cx);
         }
-        self.drive(ports, params, &vehicle, target, cx);
+        let mode = self.choose_mode(ports, params, &vehicle, pressed, cx);
+        self.act(ports, params, &vehicle, mode.as_ref(), cx);
     }
 
     fn init(&mut self, ports: &Ports, _params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
@@ -144,7 +166,10 @@ impl Process for WaypointFollower {
 
     fn halt(&mut self, ports: &Ports, _params: &WaypointFollowerParams, cx: &mut Cycle<'_>) {
         self.path_at = None;
-        self.backs_up = None;
+        self.goal = None;
+        self.no_way = false;
+        self.modes.clear();
+        self.watch = Watch::default();
         send(ports, 0.0, 0.0, cx);
         cx.done("halted");
     }
@@ -167,110 +192,183 @@ impl WaypointFollower {
         }
     }
 
-    /// Whether the vehicle is on its way back from something that the bumper hit.
-    fn is_backing_up(
-        &mut self,
-        ports: &Ports,
-        vehicle: &Pose,
-        params: &WaypointFollowerParams,
-        cx: &mut Cycle<'_>,
-    ) -> bool {
-        let (now, position) = (cx.now(), vehicle.translation.truncate());
+    /// Reads what modes depend on; returns whether the bumper was hit.
+    fn take_signals(&mut self, ports: &Ports, local: &str, cx: &mut Cycle<'_>) -> bool {
+        if let Some(goal) = cx.read_newest(&ports.goal) {
+            let pose = pose_of(goal.pose.as_ref(), &goal.frame_id).ok().filter(|_| goal.frame_id == local);
+            self.goal = pose.map(|pose| (pose.translation.x, pose.translation.y));
+        }
+        if let Some(plan) = cx.read_newest(&ports.plan) {
+            self.no_way = plan.state() == PlanState::PlanNoWay;
+        }
+        if let Some(report) = cx.read_newest(&ports.slip) {
+            self.watch.take_slip(&report, report.acq_time());
+        }
         let mut pressed = false;
         while let Some(bumper) = cx.read(&ports.bumper) {
             pressed |= bumper.left || bumper.right;
         }
-        if pressed && params.reverse_m > 0.0 && self.backs_up.is_none() {
-            self.backs_up = Some(((position.x, position.y), now));
-        }
-        if let Some((hit, since)) = self.backs_up {
-            let away_m = position.distance(DVec2::from(hit));
-            if away_m >= params.reverse_m || now.seconds_since(since) >= params.reverse_s {
-                self.backs_up = None;
-            }
-        }
-        self.backs_up.is_some()
+        pressed
     }
 
-    fn drive(
+    /// The mode from now on; `None` for none.
+    fn choose_mode(
         &mut self,
         ports: &Ports,
         params: &WaypointFollowerParams,
         vehicle: &Pose,
-        target: DVec2,
+        pressed: bool,
+        cx: &mut Cycle<'_>,
+    ) -> Option<Mode> {
+        if self.memory.table.as_ref().is_none_or(|(text, _)| *text != params.modes) {
+            let table = table_of(&params.modes).unwrap_or_default();
+            self.memory.table = Some((params.modes.clone(), table));
+        }
+        let (_, table) = self.memory.table.as_ref()?;
+        let (now, position) = (cx.now(), vehicle.translation.truncate());
+        let began = self.modes.active().map(|(_, began)| began);
+        let room_m = self.memory.costs.room_m(position);
+        let signals = self.watch.signals(vehicle, pressed, room_m, began, now);
+        if let Some(Transition { from, to, reason }) = self.modes.step(table, &signals, now) {
+            self.watch.begin(position);
+            self.shakes = None;
+            let timestamp = Some(now.to_proto());
+            let event = ModeEvent { timestamp, from, to, reason, begun: self.modes.begun() };
+            cx.write(&ports.modes, now, event);
+        }
+        let (at, _) = self.modes.active()?;
+        table.modes.get(at).cloned()
+    }
+
+    /// Drives as the mode says.
+    fn act(
+        &mut self,
+        ports: &Ports,
+        params: &WaypointFollowerParams,
+        vehicle: &Pose,
+        mode: Option<&Mode>,
         cx: &mut Cycle<'_>,
     ) {
-        let Some((.., costs)) = &self.memory.costs else { return };
-        let rules = rules(params);
+        let position = vehicle.translation.truncate();
+        let waypoints: Vec<DVec2> = self.waypoints.iter().copied().map(DVec2::from).collect();
+        let range = [params.least_target_m, params.most_target_m.max(params.least_target_m)];
+        let turning = turning_point(&waypoints, position, params.turning_tolerance_m, range);
+        let goal = self.goal.map(DVec2::from);
+        let target = match mode.map(|mode| mode.towards) {
+            Some(Towards::Goal) => goal.or(turning),
+            _ => turning,
+        };
+        let style = Style::new(params, mode);
+        let obstacles = mode.map_or(Obstacles::Map, |mode| mode.obstacles);
+        let Some(costs) = self.memory.costs.of(obstacles) else { return };
         let before_per_m = self.before_per_m;
-        let scene = Scene { sensed: &self.memory.reader.sensed, costs, vehicle, target, before_per_m };
+        // The actions REVERSE and SHAKE need no target; arcs backward are scored all the same.
+        let scene = Scene {
+            sensed: self.memory.costs.sensed(),
+            costs,
+            vehicle,
+            target: target.unwrap_or(position),
+            before_per_m,
+        };
+        let rules = arc_rules(params, mode);
         let scored: Vec<Scored> =
             arcs::list(&rules).into_iter().map(|arc| scene.score(arc, &rules)).collect();
-        let best = arcs::best(&scored);
-        let (speed_mps, yaw_rate_radps) = best.map_or((0.0, 0.0), |at| speeds(&scored[at], params));
+        let (chosen, [speed_mps, yaw_rate_radps]) = match mode.map(|mode| mode.action) {
+            None | Some(Action::Follow) => {
+                let best = target.and_then(|_| arcs::best(&scored));
+                (best, best.map_or([0.0; 2], |at| speeds(&scored[at], &style)))
+            }
+            Some(Action::Reverse) => reversed(&scored, &style, self.modes.begun()),
+            Some(Action::Shake) => {
+                let now = cx.now();
+                let began = self.modes.active().map_or(now, |(_, began)| began);
+                (None, shaken(&mut self.shakes, &style, now.seconds_since(began), now, cx.rng()))
+            }
+        };
+        if obstacles == Obstacles::Map && mode.is_none_or(|mode| mode.action == Action::Follow) {
+            let no_arc = target.is_some() && chosen.is_none();
+            self.watch.take_blocked(self.no_way || no_arc, cx.now());
+        } else {
+            self.watch.take_blocked(self.no_way, cx.now());
+        }
+        self.watch.take_order(speed_mps, position, cx.now());
         send(ports, speed_mps, yaw_rate_radps, cx);
+        self.before_per_m = match chosen.map(|at| scored[at].arc) {
+            Some(Arc { motion: Motion::Forward, curvature_per_m }) => curvature_per_m,
+            _ => 0.0,
+        };
+        self.publish(
+            ports,
+            params,
+            vehicle,
+            target,
+            (&scored, chosen),
+            [speed_mps, yaw_rate_radps],
+            mode,
+            cx,
+        );
+        cx.exec(told(mode, target, chosen.map(|at| scored[at].arc.motion)));
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "all that a message about one cycle consists of")]
+    fn publish(
+        &self,
+        ports: &Ports,
+        params: &WaypointFollowerParams,
+        vehicle: &Pose,
+        target: Option<DVec2>,
+        (scored, chosen): (&[Scored], Option<usize>),
+        [speed_mps, yaw_rate_radps]: [f64; 2],
+        mode: Option<&Mode>,
+        cx: &mut Cycle<'_>,
+    ) {
         let now = cx.now();
         let frame_id = Extrinsics::new(params.pose.as_ref(), None).frames.local.to_owned();
         let timestamp = Some(now.to_proto());
-        let poses = best.map(|at| along(&scored[at], vehicle)).unwrap_or_default();
+        let poses = chosen.map(|at| poses_along(&scored[at], vehicle)).unwrap_or_default();
         cx.write(&ports.arc, now, PosesInFrame { timestamp, frame_id: frame_id.clone(), poses });
         let choice = ArcChoice {
             timestamp,
             frame_id,
-            target_x_m: target.x,
-            target_y_m: target.y,
+            target_x_m: target.map_or(0.0, |target| target.x),
+            target_y_m: target.map_or(0.0, |target| target.y),
             arcs: scored.iter().map(message).collect(),
-            chosen: best.map(|at| at as u32),
+            chosen: chosen.map(|at| at as u32),
             speed_mps,
             yaw_rate_radps,
+            mode: mode.map_or(String::new(), |mode| mode.name.clone()),
         };
         cx.write(&ports.arcs, now, choice);
-        self.before_per_m = match best.map(|at| scored[at].arc) {
-            Some(Arc { motion: Motion::Forward, curvature_per_m }) => curvature_per_m,
-            _ => 0.0,
-        };
-        match best.map(|at| scored[at].arc.motion) {
-            Some(Motion::Forward) => cx.exec("drives"),
-            Some(Motion::Backward) => cx.exec("drives back"),
-            Some(Motion::TurnLeft | Motion::TurnRight) => cx.exec("turns on the spot"),
-            None => cx.exec("no arc is free: stands"),
-        }
+    }
+
+    /// Stops the vehicle, and says why.
+    fn stand(&mut self, ports: &Ports, why: String, cx: &mut Cycle<'_>) {
+        send(ports, 0.0, 0.0, cx);
+        self.watch.take_order(0.0, DVec2::ZERO, cx.now());
+        self.watch.take_blocked(false, cx.now());
+        cx.error(why);
     }
 }
 
-impl Memory {
-    /// Makes the costs of a map, if they are not those of the last one.
-    fn take(&mut self, map: &Msg<Grid>, local: &str, params: &WaypointFollowerParams) -> Result<(), String> {
-        let (sequence, rules) = (map.header().sequence, rules_of(params.costs.as_ref()));
-        if self.costs.as_ref().is_some_and(|(known, by, _)| (*known, by) == (sequence, &rules)) {
-            return Ok(());
-        }
-        self.costs = None;
-        self.reader.read(map, local)?;
-        // Without heading and relief, costs do not depend on the vehicle's pose.
-        let costs = self.terrain.costs(&self.reader.sensed, &Pose::IDENTITY, &rules);
-        self.costs = Some((sequence, rules, costs.map_err(|error| error.to_string())?));
-        Ok(())
-    }
+/// One line about this cycle, for the status.
+fn told(mode: Option<&Mode>, target: Option<DVec2>, motion: Option<Motion>) -> String {
+    let does = match (target, motion) {
+        (_, Some(Motion::Forward)) => "drives",
+        (_, Some(Motion::Backward)) => "drives back",
+        (_, Some(Motion::TurnLeft | Motion::TurnRight)) => "turns on the spot",
+        (_, None) if mode.is_some_and(|mode| mode.action == Action::Shake) => "moves to get free",
+        (None, None) => "there is no path: stands",
+        (Some(_), None) => "no arc is free: stands",
+    };
+    mode.map_or(does.to_owned(), |mode| format!("{}: {does}", mode.name))
 }
 
-/// Speed along an arc, m/s, and turn rate, rad/s.
-fn speeds(chosen: &Scored, params: &WaypointFollowerParams) -> (f64, f64) {
-    let Arc { motion, curvature_per_m } = chosen.arc;
-    let (least, turn) = (params.min_speed_mps.min(params.max_speed_mps), params.max_yaw_rate_radps);
-    match motion {
-        Motion::TurnLeft => (0.0, turn),
-        Motion::TurnRight => (0.0, -turn),
-        Motion::Backward => (-least, curvature_per_m * -least),
-        Motion::Forward => {
-            let braking_m = (chosen.free_m - params.stop_margin_m).max(0.0);
-            let stops = libm::sqrt(2.0 * params.braking_mps2 * braking_m);
-            let bends = turn / curvature_per_m.abs().max(1e-6);
-            let slowed = params.max_speed_mps * (1.0 - params.cost_slowdown * chosen.mean_cost);
-            let speed_mps = slowed.min(stops).min(bends).max(least.min(bends));
-            (speed_mps, curvature_per_m * speed_mps)
-        }
+/// The table of a file; an empty one without a file.
+fn table_of(text: &str) -> Result<Table, String> {
+    if text.is_empty() {
+        return Ok(Table::default());
     }
+    Table::parse(text).map_err(|error| format!("modes: {error}"))
 }
 
 fn send(ports: &Ports, speed_mps: f64, yaw_rate_radps: f64, cx: &mut Cycle<'_>) {
@@ -278,62 +376,4 @@ fn send(ports: &Ports, speed_mps: f64, yaw_rate_radps: f64, cx: &mut Cycle<'_>) 
     let timestamp = Some(now.to_proto());
     let yaw_rate_radps = Some(yaw_rate_radps);
     cx.write(&ports.drive, now, DriveCommand { timestamp, heading_rad: 0.0, speed_mps, yaw_rate_radps });
-}
-
-/// Stops the vehicle, and says why.
-fn stand(ports: &Ports, why: String, cx: &mut Cycle<'_>) {
-    send(ports, 0.0, 0.0, cx);
-    cx.error(why);
-}
-
-/// Poses along an arc, every 0.2 m.
-fn along(chosen: &Scored, vehicle: &Pose) -> Vec<rcs_msg::foxglove::Pose> {
-    let start = (vehicle.translation.truncate(), vehicle.yaw());
-    let steps = (chosen.free_m / 0.2) as u32;
-    let distances = (0..=steps).map(|step| f64::from(step) * 0.2);
-    let poses = distances.map(|along| arcs::pose_at(start, chosen.arc, along));
-    poses.map(|(at, yaw)| pose_message(&Pose::from_xy_yaw(at.x, at.y, yaw))).collect()
-}
-
-fn message(scored: &Scored) -> ScoredArc {
-    let motion = match scored.arc.motion {
-        Motion::Forward => scored_arc::Motion::Forward,
-        Motion::Backward => scored_arc::Motion::Backward,
-        Motion::TurnLeft => scored_arc::Motion::TurnLeft,
-        Motion::TurnRight => scored_arc::Motion::TurnRight,
-    };
-    let [goal, heading, cost, turn, change, short] = scored.terms.map(|term| term as f32);
-    ScoredArc {
-        motion: motion.into(),
-        curvature_per_m: scored.arc.curvature_per_m as f32,
-        free_m: scored.free_m as f32,
-        goal,
-        heading,
-        cost,
-        turn,
-        change,
-        short,
-        total: scored.total() as f32,
-        open: scored.open,
-    }
-}
-
-fn rules(params: &WaypointFollowerParams) -> arcs::Rules {
-    arcs::Rules {
-        length_m: params.arc_length_m,
-        max_curvature_per_m: params.max_curvature_per_m,
-        per_side: params.arcs_per_side,
-        least_free_m: params.least_free_m,
-        escape_m: params.escape_m,
-        tail_m: params.tail_m,
-        weights: Weights {
-            goal: params.weight_goal,
-            heading: params.weight_heading,
-            cost: params.weight_cost,
-            turn: params.weight_turn,
-            not_forward: params.weight_not_forward,
-            change: params.weight_change,
-            short: params.weight_short,
-        },
-    }
 }

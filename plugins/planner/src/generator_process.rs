@@ -3,16 +3,21 @@
 
 use crate::goal::Goal;
 use crate::process::PlannerCommand;
-use crate::proto::{PlannerGoal, UtmGoal, WaypointGeneratorParams};
+use crate::proto::{PlanPoint, PlannerGoal, Route, UtmGoal, WaypointGeneratorParams};
+use crate::route;
 use crate::waypoints::spaced;
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{FrameTransforms, PoseInFrame, PosesInFrame};
+use rcs_msg::foxglove::{FrameTransforms, Odometry, PoseInFrame, PosesInFrame};
 use rcs_runtime::{
     Child, ChildReport, ChildState, Cycle, In, NoCommands, Order, Out, PortBuilder, Process, ProcessDef, Role,
 };
 use rcs_sense::{Localizer, Origin, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
+
+/// Distance between the points of the track, m, and their greatest number.
+const TRACK_STEP_M: f64 = 0.5;
+const MOST_TRACK: usize = 20_000;
 
 rcs_runtime::commands! {
     /// Commands of [`WaypointGenerator`].
@@ -31,6 +36,16 @@ pub struct WaypointGenerator {
     commanded: Option<(u8, f64, f64)>,
     /// What the planner was told, local frame, m.
     told: Option<(f64, f64)>,
+    /// Where the vehicle was, global frame, m.
+    track: Vec<(f64, f64)>,
+    /// When the vehicle set out.
+    began: Option<Stamp>,
+    /// When the route was sent last.
+    sent: Option<Stamp>,
+    /// Why the route of the parameters was not used.
+    refused_route: Option<String>,
+    /// Standard deviation of the vehicle's position in the global frame, m; 0 if unknown.
+    error_m: f64,
 }
 
 /// Ports of [`WaypointGenerator`].
@@ -38,8 +53,10 @@ pub struct WaypointGenerator {
 pub struct Ports {
     path: In<PosesInFrame>,
     transforms: In<FrameTransforms>,
+    global: In<Odometry>,
     waypoints: Out<PosesInFrame>,
     goal: Out<PoseInFrame>,
+    route: Out<Route>,
     planner: Child<PlannerCommand>,
     follower: Child<NoCommands>,
 }
@@ -60,11 +77,19 @@ impl Process for WaypointGenerator {
         Ports {
             path: b.input("path", "the planner's path, local frame"),
             transforms: b.input("transforms", "the local frame in the global frame"),
+            global: b.optional_input("global", "pose of the vehicle in the global frame, for its covariance"),
             waypoints: b
                 .output("waypoints", "waypoints along the path, local frame; none to stand")
                 .role(Role::Path)
                 .build(),
             goal: b.output("goal", "the goal in the local frame").role(Role::Goal).build(),
+            route: b
+                .output(
+                    "route",
+                    "path memory: the way to the goal without loops and excursions, UTM; near the goal",
+                )
+                .role(Role::Stats)
+                .build(),
             planner: b.optional_child("planner", "what plans the path"),
             follower: b.optional_child("follower", "what drives along the waypoints"),
         }
@@ -77,6 +102,7 @@ impl Process for WaypointGenerator {
         if !params.goal.is_empty() {
             Goal::from_toml(&params.goal).map_err(|error| format!("goal: {error}"))?;
         }
+        route::parse(&params.route).map_err(|error| format!("route: {error}"))?;
         Ok(())
     }
 
@@ -96,12 +122,21 @@ impl Process for WaypointGenerator {
         while let Some(command) = cx.next_command::<Self>() {
             let WaypointGeneratorCommand::GoTo(goal) = command;
             self.commanded = Some((goal.zone as u8, goal.easting_m, goal.northing_m));
+            self.told = None;
         }
         self.take_transforms(ports, params, cx);
+        if let Some(odometry) = cx.read_newest(&ports.global) {
+            self.error_m = position_error_m(&odometry);
+            self.take_position(&odometry, cx);
+        }
         send_waypoints(ports, params, cx);
         let goal = match self.goal(params) {
             Ok(goal) => goal,
             Err(why) => {
+                // The planner must not go on planning to another goal.
+                if self.told.take().is_some() {
+                    cx.send(&ports.planner, Order::Halt);
+                }
                 send_none(ports, params, cx);
                 return cx.error(why);
             }
@@ -111,9 +146,17 @@ impl Process for WaypointGenerator {
         };
         let local = global_from_local.inverse() * goal.extend(0.0);
         let local = DVec2::new(local.x, local.y);
+        if let Some(why) = self.doubt(local, params) {
+            send_none(ports, params, cx);
+            return cx.error(why);
+        }
         let moved = self.told.is_none_or(|told| local.distance(DVec2::from(told)) > params.resend_m);
         if moved {
-            let order = PlannerCommand::PlanTo(PlannerGoal { x_m: local.x, y_m: local.y });
+            let route = self.remembered(params, goal, &global_from_local);
+            if let Some(why) = &self.refused_route {
+                cx.fault(format!("route: {why}; not used"));
+            }
+            let order = PlannerCommand::PlanTo(PlannerGoal { x_m: local.x, y_m: local.y, route });
             cx.send(&ports.planner, order);
             self.told = Some((local.x, local.y));
             let now = cx.now();
@@ -122,6 +165,7 @@ impl Process for WaypointGenerator {
             cx.write(&ports.goal, now, PoseInFrame { timestamp: Some(now.to_proto()), frame_id, pose });
         }
         let age_s = cx.now().seconds_since(at);
+        self.send_route(ports, params, goal, cx);
         tell(ports, (age_s > params.transform_timeout_s).then_some(age_s), cx);
     }
 
@@ -151,6 +195,75 @@ impl WaypointGenerator {
         }
     }
 
+    /// Adds a position to the track.
+    fn take_position(&mut self, odometry: &Odometry, cx: &mut Cycle<'_>) {
+        let Ok(pose) = pose_of(odometry.pose.as_ref(), &odometry.frame_id) else { return };
+        let at = pose.translation.truncate();
+        let step_m = self.track.last().map_or(f64::INFINITY, |&last| at.distance(DVec2::from(last)));
+        if step_m >= TRACK_STEP_M && self.track.len() < MOST_TRACK {
+            self.began.get_or_insert(cx.now());
+            self.track.push((at.x, at.y));
+        }
+    }
+
+    /// The route of the parameters in the local frame, if it leads to the goal (global frame, m).
+    fn remembered(
+        &mut self,
+        params: &WaypointGeneratorParams,
+        goal: DVec2,
+        global_from_local: &Pose,
+    ) -> Vec<PlanPoint> {
+        self.refused_route = None;
+        let Ok(Some(route)) = route::parse(&params.route) else { return Vec::new() };
+        let Ok(origin) = Origin::from_toml(&params.world) else { return Vec::new() };
+        match route::in_global(&route, &origin.0, goal, params.route_goal_m) {
+            Ok(points) => {
+                let local_from_global = global_from_local.inverse();
+                let local = points.iter().map(|point| local_from_global * point.extend(0.0));
+                local.map(|at| PlanPoint { x_m: at.x, y_m: at.y }).collect()
+            }
+            Err(error) => {
+                self.refused_route = Some(error.to_string());
+                Vec::new()
+            }
+        }
+    }
+
+    /// Sends the route once a second while the vehicle is near the goal (global frame, m): a run ends when the goal is
+    /// reached, which this process may not live to see.
+    fn send_route(
+        &mut self,
+        ports: &Ports,
+        params: &WaypointGeneratorParams,
+        goal: DVec2,
+        cx: &mut Cycle<'_>,
+    ) {
+        let now = cx.now();
+        let (Some(began), Some(&at)) = (self.began, self.track.last()) else { return };
+        let is_due = self.sent.is_none_or(|sent| now.seconds_since(sent) >= 1.0);
+        if !is_due || goal.distance(DVec2::from(at)) > params.route_goal_m {
+            return;
+        }
+        let Ok(origin) = Origin::from_toml(&params.world) else { return };
+        let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
+        let time_s = now.seconds_since(began);
+        self.sent = Some(now);
+        cx.write(&ports.route, now, route::to_message(&track, params.same_place_m, &origin.0, time_s));
+    }
+
+    /// Why the vehicle should not drive to where the goal now is in the local frame, m.
+    fn doubt(&self, local: DVec2, params: &WaypointGeneratorParams) -> Option<String> {
+        let by_m = self.told.map_or(0.0, |told| local.distance(DVec2::from(told)));
+        if by_m > params.jump_m {
+            return Some(format!(
+                "the goal has jumped by {by_m:.1} m in the local frame: stands until it is back, RUN or GO_TO"
+            ));
+        }
+        let (error_m, limit_m) = (self.error_m, params.max_error_m);
+        (error_m > limit_m)
+            .then(|| format!("the position is known to {error_m:.1} m, expected at most {limit_m} m: stands"))
+    }
+
     /// The goal in the global frame, m.
     fn goal(&self, params: &WaypointGeneratorParams) -> Result<DVec2, String> {
         let goal = match self.commanded {
@@ -166,6 +279,13 @@ impl WaypointGenerator {
         let origin = Origin::from_toml(&params.world).map_err(|error| format!("world: {error}"))?;
         goal.in_global(&origin.0).map_err(|error| error.to_string())
     }
+}
+
+/// Standard deviation of a position, m: the greater one of east and north. 0 without a covariance.
+fn position_error_m(odometry: &Odometry) -> f64 {
+    let variance = |at: usize| odometry.pose_covariance.get(at).copied().filter(|value| value.is_finite());
+    let greatest = variance(0).unwrap_or(0.0).max(variance(7).unwrap_or(0.0));
+    greatest.max(0.0).sqrt()
 }
 
 /// Sends an order to both children when this process has got it, and to one that the operator gives back. Returns

@@ -27,9 +27,9 @@
 //! # When there is no path
 //!
 //! The status is `ERROR` with the reason, and the path sent has no poses, so that the vehicle stops: no pose or one that
-//! is too old, a map that is too old or cannot be used, a goal inside of an obstacle, no way. It plans again as soon as
-//! the reason is gone. If the goal's cell alone is blocked, it plans to the nearest free one within `goal_radius_m`, and
-//! says so. A goal outside of the map is planned to over the edge that suits, with all cells outside taken for unknown.
+//! is too old, a map that is too old, cannot be used or knows nothing around the vehicle, a goal inside of an obstacle, no way. It plans again as soon as
+//! the reason is gone. If the goal's cell is blocked, it plans to the nearest free one within `approach_m`, and says so;
+//! arrived there, it is in `ERROR` if the goal is still blocked and farther away than `goal_radius_m`. A goal outside of the map is planned to over the edge that suits, with all cells outside taken for unknown.
 //!
 //! # `waypoint_generator`
 //!
@@ -37,13 +37,17 @@
 //! | --- | --- | --- | --- |
 //! | `path` | in | `foxglove.PosesInFrame` | the planner's path, local frame |
 //! | `transforms` | in | `foxglove.FrameTransforms` | the local frame in the global frame |
+//! | `global` | in, optional | `foxglove.Odometry` | pose of the vehicle in the global frame, for its covariance |
 //! | `waypoints` | out | `foxglove.PosesInFrame` | waypoints along the path, local frame; none to stand |
 //! | `goal` | out | `foxglove.PoseInFrame` | the goal in the local frame |
+//! | `route` | out | `rcs.Route` | path memory: the way to the goal without loops and excursions, UTM; near the goal |
 //!
 //! Period 50 ms. It supervises a planner and a follower: passes `INIT`, `RUN` and `HALT` on to both, and has the planner
-//! plan to the goal ([`goal`]) wherever that moves in the local frame. Command `GO_TO` gives another goal. Without a goal,
-//! and with one in another UTM zone, it is in `ERROR`, and there are no waypoints. State: the frames, and what the planner
-//! was told.
+//! plan to the goal ([`goal`]) wherever that moves in the local frame. Command `GO_TO` gives another goal. The route of a run ([`route`]) is
+//! a parameter of the next one, and the planner makes the cells along it cheaper. There
+//! are no waypoints, and it is in `ERROR`, without a goal, with one in another UTM zone, while the position is not known
+//! well enough, and when the goal has jumped in the local frame. State: the frames, what the planner
+//! was told, and the track.
 //!
 //! # `waypoint_follower`
 //!
@@ -51,7 +55,11 @@
 //! | --- | --- | --- | --- |
 //! | `waypoints` | in | `foxglove.PosesInFrame` | waypoints of the path, local frame; none to stand |
 //! | `map` | in | `foxglove.Grid` | the world model's map: field cost, local frame |
-//! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper; after a hit the vehicle backs up |
+//! | `sensed` | in, optional | `foxglove.Grid` | costs from the sensors that must not stop: it stands without recent ones |
+//! | `goal` | in, optional | `foxglove.PoseInFrame` | the goal, local frame: for modes that drive straight to it |
+//! | `plan` | in, optional | `rcs.Plan` | the plan: for modes that begin when there is no way |
+//! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper, for modes |
+//! | `slip` | in, optional | `rcs.SlipReport` | slip of the wheels and load of the motors, for modes |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
@@ -59,11 +67,12 @@
 //! | `drive` | out | `rcs.DriveCommand` | speed, m/s, and turn rate, rad/s |
 //! | `arc` | out | `foxglove.PosesInFrame` | the arc that is driven, local frame |
 //! | `arcs` | out | `rcs.ArcChoice` | the arcs that were considered, with the terms of their scores |
+//! | `modes` | out | `rcs.ModeEvent` | each change of mode, with its reason |
 //!
 //! Period 50 ms; `drive` every cycle. It drives to the first major turning point of the waypoints ([`waypoints`]) on the
 //! best of a list of arcs ([`arcs`]). It stands, and says so, without a recent path, map or pose, and where no arc is
-//! free. Of the papers' custom behaviors it has REVERSE FROM BUMPER HIT; the others are not there yet. State: the
-//! waypoints, the poses of the last seconds, the last arc.
+//! free. The papers' custom behaviors are a table in a file ([`modes`]); without a file there are none. State: the
+//! waypoints, the goal, the poses of the last seconds, the last arc, the active mode.
 //!
 //! # Where to begin
 //!
@@ -91,16 +100,21 @@ rcs_msg::messages!(
 pub mod arcs;
 pub mod clearance;
 pub mod costs;
+mod follower_costs;
 mod follower_process;
 mod generator_process;
 pub mod goal;
 mod map_reader;
+pub mod modes;
+mod motion;
 mod place;
 pub mod plan;
 mod process;
 mod queue;
+pub mod route;
 pub mod search;
 mod settings;
+mod signals;
 pub mod terrain;
 pub mod waypoints;
 

@@ -15,7 +15,9 @@ pub struct Task<'a> {
     /// Position of the goal in the map's frame, m.
     pub goal: DVec2,
     /// If the goal's cell is blocked, the nearest free one within this distance is planned to, m.
-    pub goal_radius_m: f64,
+    pub approach_m: f64,
+    /// A way that was driven before, map's frame, m; empty for none.
+    pub route: &'a [DVec2],
     /// How far the rejected path stays from the middle half of the chosen one, m.
     pub alternative_m: f64,
 }
@@ -98,9 +100,9 @@ const FARTHEST_SIDES: f64 = 20.0;
 impl Planner {
     /// Plans.
     pub fn plan(&mut self, task: &Task<'_>, rules: &Rules) -> Result<Plan, NoPlan> {
-        let Task { sensed, vehicle, goal, goal_radius_m, .. } = *task;
+        let Task { sensed, vehicle, goal, approach_m, .. } = *task;
         let position = vehicle.translation.truncate();
-        let mut costs = self.terrain.costs(sensed, vehicle, rules)?;
+        let mut costs = self.terrain.costs(sensed, vehicle, task.route, rules)?;
         let start = sensed.place(position).filter(|&place| costs.contains(place));
         let start = start.ok_or(NoPlan::OffTheMap(position))?;
         let side_m = sensed.cell_size_m * costs.columns().max(costs.rows()) as f64;
@@ -108,8 +110,8 @@ impl Planner {
         let mut end = sensed.place(position + towards).ok_or(NoPlan::TooFar(goal))?;
         let mut short_of_goal_m = 0.0;
         if costs.get(end) == Some(BLOCKED) {
-            let free = Terrain::nearest_free(sensed, &costs, goal, goal_radius_m);
-            end = free.ok_or(NoPlan::GoalBlocked { goal, within_m: goal_radius_m })?;
+            let free = Terrain::nearest_free(sensed, &costs, goal, approach_m);
+            end = free.ok_or(NoPlan::GoalBlocked { goal, within_m: approach_m })?;
             short_of_goal_m = sensed.centre(end).distance(goal);
         }
         self.search.path(&costs, start, end, rules.unknown, &mut self.path).map_err(NoPlan::NoPath)?;
@@ -181,6 +183,7 @@ impl Plan {
             ("clearance", theirs.terms.clearance - ours.terms.clearance),
             ("heading", theirs.terms.heading - ours.terms.heading),
             ("relief", theirs.terms.relief - ours.terms.relief),
+            ("memory", theirs.terms.memory - ours.terms.memory),
             ("beyond the map", (theirs.beyond_cost - ours.beyond_cost) as f32),
         ];
         let told = differences.iter().filter(|(_, by)| by.abs() >= 0.5);
@@ -202,12 +205,15 @@ mod tests {
         Rules {
             table: vec![(124, 10)],
             unknown: 20,
+            half_width_m: 0.35,
             least_room_m: 0.4,
             wish_room_m: 1.0,
             clearance: 40.0,
             heading: 0.0,
             heading_range_m: 0.0,
             relief_range_m: 0.0,
+            route: 0.0,
+            route_range_m: 2.0,
             relief_cost: 200,
         }
     }
@@ -232,7 +238,7 @@ mod tests {
 
     fn plan(sensed: &Sensed, goal: DVec2) -> Result<Plan, NoPlan> {
         let vehicle = Pose::from_xy_yaw(0.05, 0.05, 0.0);
-        let task = Task { sensed, vehicle: &vehicle, goal, goal_radius_m: 0.5, alternative_m: 1.5 };
+        let task = Task { sensed, vehicle: &vehicle, goal, approach_m: 0.5, route: &[], alternative_m: 1.5 };
         Planner::default().plan(&task, &rules())
     }
 

@@ -4,7 +4,7 @@
 use crate::map_reader::MapReader;
 use crate::plan::{Candidate, NoPlan, Plan, Planner, Step, Task};
 use crate::proto;
-use crate::proto::{PlannerGoal, PlannerParams};
+use crate::proto::{PlanState, PlannerGoal, PlannerParams};
 use crate::settings::{check_costs, rules_of};
 use crate::terrain::{Rules, Terms};
 use rcs_geom::{DVec2, Pose};
@@ -12,6 +12,9 @@ use rcs_msg::foxglove::{Grid, PosesInFrame};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message};
 use serde::{Deserialize, Serialize};
+
+/// Distance from the vehicle within which some of the map must be known, m.
+const KNOWN_WITHIN_M: f64 = 3.0;
 
 rcs_runtime::commands! {
     /// Commands of [`AStarPlanner`].
@@ -26,6 +29,8 @@ pub struct AStarPlanner {
     localizer: Localizer,
     /// Local frame, m.
     goal: Option<(f64, f64)>,
+    /// A way to the goal that was driven before, local frame, m.
+    route: Vec<(f64, f64)>,
     /// Sequence of the map and goal of the last plan.
     planned: Option<(u64, (f64, f64))>,
     plans: u64,
@@ -107,6 +112,7 @@ impl Process for AStarPlanner {
         while let Some(command) = cx.next_command::<Self>() {
             let PlannerCommand::PlanTo(goal) = command;
             self.goal = Some((goal.x_m, goal.y_m));
+            self.route = goal.route.iter().map(|point| (point.x_m, point.y_m)).collect();
         }
         let Some(goal) = self.goal else {
             cx.exec("waits for a goal");
@@ -138,7 +144,7 @@ impl Process for AStarPlanner {
         let at_goal = vehicle.translation.truncate().distance(DVec2::from(goal)) <= params.goal_radius_m;
         if at_goal {
             self.planned = None;
-            self.send_none(ports, params, "the vehicle is at the goal", cx);
+            self.send_none(ports, params, PlanState::PlanAtGoal, "the vehicle is at the goal", cx);
             cx.done("at the goal");
             return;
         }
@@ -158,7 +164,7 @@ impl Process for AStarPlanner {
         if cx.is_new_command() {
             self.goal = None;
             self.planned = None;
-            self.send_none(ports, params, "halted", cx);
+            self.send_none(ports, params, PlanState::PlanNone, "halted", cx);
         }
         cx.done("halted");
     }
@@ -178,17 +184,38 @@ impl AStarPlanner {
             cx.fault(format!("map: {error}"));
             return self.stop(ports, params, format!("the map cannot be used: {error}"), cx);
         }
+        let known = self.memory.reader.sensed.known_share(vehicle.translation.truncate(), KNOWN_WITHIN_M);
+        if known < params.least_known {
+            let (known, least) = (known * 100.0, params.least_known * 100.0);
+            let why = format!(
+                "{known:.1} % of the map within {KNOWN_WITHIN_M} m is known, expected at least {least:.1} %"
+            );
+            return self.stop(ports, params, why, cx);
+        }
         let goal = DVec2::from(self.goal.unwrap_or_default());
+        let route: Vec<DVec2> = self.route.iter().copied().map(DVec2::from).collect();
         let task = Task {
             sensed: &self.memory.reader.sensed,
             vehicle,
             goal,
-            goal_radius_m: params.goal_radius_m,
+            approach_m: params.approach_m.max(params.goal_radius_m),
+            route: &route,
             alternative_m: params.alternative_m,
         };
         self.plans += 1;
         match self.memory.planner.plan(&task, &rules(params)) {
+            Ok(plan) if is_beside_the_goal(&plan, vehicle, params) => {
+                let left_m = plan.short_of_goal_m;
+                let why = format!("the goal is inside of an obstacle: stands {left_m:.1} m beside it");
+                self.stop_for(ports, params, PlanState::PlanGoalBlocked, why, cx);
+            }
             Ok(plan) => self.send(ports, local, goal, &plan, cx),
+            Err(error @ NoPlan::GoalBlocked { .. }) => {
+                self.stop_for(ports, params, PlanState::PlanGoalBlocked, error.to_string(), cx);
+            }
+            Err(error @ NoPlan::NoPath(_)) => {
+                self.stop_for(ports, params, PlanState::PlanNoWay, error.to_string(), cx);
+            }
             Err(error @ (NoPlan::Map(_) | NoPlan::OffTheMap(_))) => {
                 cx.fault(error.to_string());
                 self.stop(ports, params, error.to_string(), cx);
@@ -217,6 +244,7 @@ impl AStarPlanner {
             reason: reason.clone(),
             expanded: plan.expanded,
             plans: self.plans,
+            state: PlanState::PlanPath.into(),
         };
         cx.write(&ports.plan, now, message);
         let beside = plan.short_of_goal_m;
@@ -230,13 +258,31 @@ impl AStarPlanner {
 
     /// No path may be driven, and why.
     fn stop(&mut self, ports: &Ports, params: &PlannerParams, why: String, cx: &mut Cycle<'_>) {
-        self.send_none(ports, params, &why, cx);
+        self.stop_for(ports, params, PlanState::PlanUnusable, why, cx);
+    }
+
+    fn stop_for(
+        &mut self,
+        ports: &Ports,
+        params: &PlannerParams,
+        state: PlanState,
+        why: String,
+        cx: &mut Cycle<'_>,
+    ) {
+        self.send_none(ports, params, state, &why, cx);
         cx.error(why.clone());
         self.told = Told::NoPath(why);
     }
 
     /// Sends a path without poses, so that nobody follows the one before.
-    fn send_none(&self, ports: &Ports, params: &PlannerParams, why: &str, cx: &mut Cycle<'_>) {
+    fn send_none(
+        &self,
+        ports: &Ports,
+        params: &PlannerParams,
+        state: PlanState,
+        why: &str,
+        cx: &mut Cycle<'_>,
+    ) {
         let now = cx.now();
         let frame_id = Extrinsics::new(params.pose.as_ref(), None).frames.local.to_owned();
         let timestamp = Some(now.to_proto());
@@ -250,10 +296,18 @@ impl AStarPlanner {
             goal_y_m,
             reason: why.to_owned(),
             plans,
+            state: state.into(),
             ..Default::default()
         };
         cx.write(&ports.plan, now, plan);
     }
+}
+
+/// Whether the vehicle is where a path to a blocked goal ends, and that is not near enough.
+fn is_beside_the_goal(plan: &Plan, vehicle: &Pose, params: &PlannerParams) -> bool {
+    let end = plan.chosen.steps.last().map(|step| step.at);
+    let arrived = end.is_some_and(|end| end.distance(vehicle.translation.truncate()) <= params.goal_radius_m);
+    arrived && plan.short_of_goal_m > params.goal_radius_m
 }
 
 /// The cells of a path as poses that look along it.
@@ -283,8 +337,8 @@ fn candidate(candidate: &Candidate) -> proto::PlanCandidate {
 }
 
 fn terms(terms: &Terms) -> proto::PlanTerms {
-    let Terms { terrain, clearance, heading, relief } = *terms;
-    proto::PlanTerms { terrain, clearance, heading, relief }
+    let Terms { terrain, clearance, heading, relief, memory } = *terms;
+    proto::PlanTerms { terrain, clearance, heading, relief, memory }
 }
 
 fn rules(params: &PlannerParams) -> Rules {
@@ -293,6 +347,8 @@ fn rules(params: &PlannerParams) -> Rules {
         heading_range_m: params.heading_range_m,
         relief_range_m: params.relief_range_m,
         relief_cost: params.relief_cost as u8,
+        route: params.route_preference,
+        route_range_m: params.route_range_m,
         ..rules_of(params.costs.as_ref())
     }
 }

@@ -25,12 +25,15 @@ pub(crate) fn rules_of(costs: Option<&TerrainCosts>) -> Rules {
     Rules {
         table: costs.table.iter().map(|class| (class.up_to as u8, class.cost as u8)).collect(),
         unknown: costs.unknown_cost as u8,
+        half_width_m: half_m,
         least_room_m: half_m + costs.clearance_m,
         wish_room_m: half_m + costs.wish_clearance_m.max(costs.clearance_m),
         clearance: costs.clearance_cost,
         heading: 0.0,
         heading_range_m: 0.0,
         relief_range_m: 0.0,
+        route: 0.0,
+        route_range_m: 0.0,
         relief_cost: crate::costs::MAX_COST,
     }
 }

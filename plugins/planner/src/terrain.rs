@@ -5,13 +5,14 @@
 //! cells directly in front of the vehicle and increased behind the vehicle". Albus 2006b, 3.5: "by lowering costs of
 //! unknown obstacles near the vehicle, it does not hesitate to move".
 //!
-//! A cell's cost is the sum of four terms, limited to 1 to 250:
+//! A cell's cost is the sum of five terms, limited to 1 to 250:
 //!
 //! | term | what |
 //! | --- | --- |
 //! | terrain | from the table, by the fused cost of the cell; another entry for unknown cells |
 //! | clearance | grows towards obstacles, from the desired clearance to the least one, with the square of what lacks |
 //! | heading | less ahead of the vehicle, more behind it; fades with the distance from it |
+//! | memory | negative: along a way that was driven before; a share of the terrain's cost that fades with the distance |
 //! | relief | negative: near the vehicle an unknown cell is taken for clear, and what is blocked for passable at a high cost |
 //!
 //! A cell is blocked if the table blocks it, or if the vehicle standing there would touch such a cell. What the bumper
@@ -31,6 +32,8 @@ pub struct Rules {
     pub table: Vec<(u8, u8)>,
     /// Cost of unknown cells.
     pub unknown: u8,
+    /// Half the width of the vehicle, m.
+    pub half_width_m: f64,
     /// Half the width of the vehicle and the least distance beside it, m.
     pub least_room_m: f64,
     /// Half the width and the desired distance beside it, m.
@@ -43,6 +46,10 @@ pub struct Rules {
     pub heading_range_m: f64,
     /// Distance from the vehicle up to which there is relief, m.
     pub relief_range_m: f64,
+    /// Share of the terrain's cost that a cell on a way that was driven before loses.
+    pub route: f64,
+    /// Distance from that way at which cells are no longer cheaper, m.
+    pub route_range_m: f64,
     /// Cost of a cell that would be blocked without relief.
     pub relief_cost: u8,
 }
@@ -58,12 +65,14 @@ pub struct Terms {
     pub heading: f32,
     /// Relief near the vehicle.
     pub relief: f32,
+    /// Along a way that was driven before.
+    pub memory: f32,
 }
 
 impl Terms {
     /// Their sum.
     pub fn total(&self) -> f32 {
-        self.terrain + self.clearance + self.heading + self.relief
+        self.terrain + self.clearance + self.heading + self.relief + self.memory
     }
 
     /// The same terms for a step of a length, added to others.
@@ -74,6 +83,7 @@ impl Terms {
             clearance: self.clearance + other.clearance * length,
             heading: self.heading + other.heading * length,
             relief: self.relief + other.relief * length,
+            memory: self.memory + other.memory * length,
         }
     }
 }
@@ -116,6 +126,25 @@ impl Sensed {
         self.corner + (DVec2::new(f64::from(place.column), f64::from(place.row)) + 0.5) * self.cell_size_m
     }
 
+    /// Share of the cells within a distance of a position that are on the map and known.
+    pub fn known_share(&self, position: DVec2, within_m: f64) -> f64 {
+        let Some(middle) = self.place(position) else { return 0.0 };
+        let reach = (within_m / self.cell_size_m).min(1000.0) as i32;
+        let rows = (self.fused.len() / self.columns.max(1)) as i32;
+        let (mut all, mut known) = (0_u32, 0_u32);
+        for row in middle.row - reach..=middle.row + reach {
+            for column in middle.column - reach..=middle.column + reach {
+                if (row - middle.row).pow(2) + (column - middle.column).pow(2) > reach * reach {
+                    continue;
+                }
+                all += 1;
+                let inside = (0..rows).contains(&row) && (0..self.columns as i32).contains(&column);
+                known += u32::from(inside && self.fused[self.index(Place::new(column, row))] != UNKNOWN_COST);
+            }
+        }
+        f64::from(known) / f64::from(all.max(1))
+    }
+
     fn index(&self, place: Place) -> usize {
         place.row as usize * self.columns + place.column as usize
     }
@@ -131,14 +160,17 @@ pub struct Terrain {
     /// Terrain term by fused cost; `None` where blocked.
     by_cost: Vec<Option<f32>>,
     squared: Vec<u16>,
+    /// Nearness of a way that was driven before: 1 on it, 0 out of its range; empty without one.
+    nearness: Vec<f32>,
 }
 
 impl Terrain {
-    /// The grid of costs for a vehicle at a pose (map's frame).
+    /// The grid of costs for a vehicle at a pose, with a way that was driven before (map's frame).
     pub fn costs(
         &mut self,
         sensed: &Sensed,
         vehicle: &Pose,
+        route: &[DVec2],
         rules: &Rules,
     ) -> Result<CostGrid, CostGridError> {
         self.by_cost.clear();
@@ -160,17 +192,50 @@ impl Terrain {
         }));
         self.squared.clear();
         self.squared.extend_from_slice(self.room.squared(sensed.columns, &self.is_obstacle, bound));
+        self.remember(sensed, route, rules);
         let mut cells: Vec<u8> = sensed
             .fused
             .iter()
             .zip(&self.squared)
-            .map(|(&fused, &squared)| {
+            .enumerate()
+            .map(|(at, (&fused, &squared))| {
                 let terms = self.by_cost[usize::from(fused)].zip(self.by_room[usize::from(squared)]);
-                terms.map_or(BLOCKED, |(terrain, clearance)| limited(terrain + clearance))
+                terms.map_or(BLOCKED, |(terrain, clearance)| {
+                    limited(terrain + clearance + self.memory(at, terrain, rules))
+                })
             })
             .collect();
         self.near_the_vehicle(sensed, vehicle, rules, &mut cells);
         CostGrid::new(sensed.columns, cells.len() / sensed.columns.max(1), cells)
+    }
+
+    /// Finds how near the cells are to a way that was driven before.
+    fn remember(&mut self, sensed: &Sensed, route: &[DVec2], rules: &Rules) {
+        self.nearness.clear();
+        if route.is_empty() || rules.route <= 0.0 || rules.route_range_m <= 0.0 {
+            return;
+        }
+        self.nearness.resize(sensed.fused.len(), 0.0);
+        let rows = sensed.fused.len() / sensed.columns.max(1);
+        let reach = (rules.route_range_m / sensed.cell_size_m).ceil().min(200.0) as i32;
+        for &at in route {
+            let Some(middle) = sensed.place(at) else { continue };
+            for row in (middle.row - reach).max(0)..(middle.row + reach + 1).min(rows as i32) {
+                for column in
+                    (middle.column - reach).max(0)..(middle.column + reach + 1).min(sensed.columns as i32)
+                {
+                    let place = Place::new(column, row);
+                    let near = 1.0 - sensed.centre(place).distance(at) / rules.route_range_m;
+                    let cell = &mut self.nearness[sensed.index(place)];
+                    *cell = cell.max(near as f32);
+                }
+            }
+        }
+    }
+
+    /// The memory term of a cell with this terrain term.
+    fn memory(&self, at: usize, terrain: f32, rules: &Rules) -> f32 {
+        self.nearness.get(at).map_or(0.0, |near| -(terrain * rules.route as f32 * near))
     }
 
     /// Costs of the cells that have a heading term or relief.
@@ -227,6 +292,21 @@ impl Terrain {
             clearance,
             heading: heading(terrain + relief, from_vehicle, vehicle, rules),
             relief,
+            memory: self.memory(index, terrain + relief, rules),
+        })
+    }
+
+    /// Distance from a position to the border of the nearest obstacle, m, on the map for which the costs were made last;
+    /// at most the desired room. The desired room outside of the map.
+    pub fn room_m(&self, sensed: &Sensed, position: DVec2, rules: &Rules) -> f64 {
+        let rows = self.squared.len() / sensed.columns.max(1);
+        let inside = |place: &Place| {
+            (0..sensed.columns as i32).contains(&place.column) && (0..rows as i32).contains(&place.row)
+        };
+        let place = sensed.place(position).filter(inside);
+        place.map_or(rules.wish_room_m, |place| {
+            let squared = f64::from(self.squared[sensed.index(place)]);
+            ((libm::sqrt(squared) - 0.5) * sensed.cell_size_m).clamp(0.0, rules.wish_room_m)
         })
     }
 

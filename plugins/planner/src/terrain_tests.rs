@@ -6,12 +6,15 @@ fn rules() -> Rules {
     Rules {
         table: vec![(30, 10), (124, 60)],
         unknown: 20,
+        half_width_m: 0.35,
         least_room_m: 0.4,
         wish_room_m: 1.0,
         clearance: 40.0,
         heading: 0.5,
         heading_range_m: 2.0,
         relief_range_m: 0.0,
+        route: 0.0,
+        route_range_m: 2.0,
         relief_cost: 200,
     }
 }
@@ -42,7 +45,7 @@ const FAR: f64 = 100.0;
 
 fn costs(sensed: &Sensed, vehicle: &Pose, rules: &Rules) -> (Terrain, CostGrid) {
     let mut terrain = Terrain::default();
-    let costs = terrain.costs(sensed, vehicle, rules).unwrap();
+    let costs = terrain.costs(sensed, vehicle, &[], rules).unwrap();
     (terrain, costs)
 }
 
@@ -83,7 +86,7 @@ fn what_lies_ahead_of_the_vehicle_is_cheaper_than_what_lies_behind() {
 
 #[test]
 fn near_the_vehicle_unknown_is_clear_and_obstacles_can_be_left_but_not_what_the_bumper_hit() {
-    let relieving = Rules { relief_range_m: 1.0, heading: 0.0, ..rules() };
+    let relieving = Rules { relief_range_m: 1.0, route: 0.0, route_range_m: 2.0, heading: 0.0, ..rules() };
     let vehicle = Pose::from_xy_yaw(0.1, 0.1, 0.0);
     let (_, costs_unknown) = costs(&sensed(255), &vehicle, &relieving);
     assert_eq!(costs_unknown.get(at(0.5, 0.0)), Some(10));
@@ -103,7 +106,7 @@ fn near_the_vehicle_unknown_is_clear_and_obstacles_can_be_left_but_not_what_the_
 fn the_terms_of_every_cell_add_up_to_its_cost() {
     let mut sensed = with_obstacle(-1.0, 1.0);
     sensed.fused.iter_mut().step_by(7).for_each(|fused| *fused = 255);
-    let rules = Rules { relief_range_m: 0.8, ..rules() };
+    let rules = Rules { relief_range_m: 0.8, route: 0.0, route_range_m: 2.0, ..rules() };
     let vehicle = Pose::from_xy_yaw(-0.4, 0.6, 2.0);
     let (terrain, costs) = costs(&sensed, &vehicle, &rules);
     for index in 0..sensed.fused.len() {

@@ -72,7 +72,7 @@ impl PlannerBench for Bench {
     }
 
     fn plan_to(&mut self, x_m: f64, y_m: f64) {
-        let encoded = PlannerCommand::PlanTo(PlannerGoal { x_m, y_m }).encode();
+        let encoded = PlannerCommand::PlanTo(PlannerGoal { x_m, y_m, route: Vec::new() }).encode();
         let (parameters_schema, parameters) = encoded.parameters;
         let serial = 1 + self.sent("/planner/command");
         let name = encoded.name.to_owned();
@@ -183,16 +183,25 @@ fn without_a_recent_map_or_pose_there_is_no_path() {
 fn a_goal_inside_of_an_obstacle_is_told_and_one_beside_it_is_planned_to() {
     let mut bench = Bench::start();
     bench.at(0.0, 0.0);
-    bench.map("local", |at| if at.distance(DVec2::new(10.0, 0.0)) < 2.0 { 250 } else { 0 });
+    bench.map("local", |at| if at.distance(DVec2::new(10.0, 0.0)) < 5.0 { 250 } else { 0 });
     bench.plan_to(10.0, 0.0);
     bench.cycle();
     let (state, text) = bench.status();
     assert!(state == ProcessState::Error && text.contains("is inside of an obstacle"), "{text}");
     assert!(bench.path().is_empty());
-    bench.plan_to(7.7, 0.0);
+    bench.plan_to(4.7, 0.0);
     bench.cycle();
     let (state, text) = bench.status();
     assert!(state == ProcessState::Exec && text.starts_with("the goal is blocked, plans to 0."), "{text}");
+    bench.plan_to(7.0, 0.0);
+    bench.cycle();
+    let (state, text) = bench.status();
+    assert!(state == ProcessState::Exec && text.starts_with("the goal is blocked, plans to 2."), "{text}");
+    bench.at(4.4, 0.0);
+    bench.map("local", |at| if at.distance(DVec2::new(10.0, 0.0)) < 5.0 { 250 } else { 0 });
+    bench.cycle();
+    let (state, text) = bench.status();
+    assert!(state == ProcessState::Error && text.contains("inside of an obstacle: stands 1.9 m beside it"), "{text}");
 }
 
 #[test]

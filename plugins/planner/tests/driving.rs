@@ -10,7 +10,7 @@ use rcs_msg::foxglove::{
 };
 use rcs_msg::rcs::ProcessState;
 use rcs_msg::{Stamp, rcs};
-use rcs_planner::proto::{ArcChoice, UtmGoal};
+use rcs_planner::proto::{ArcChoice, ModeEvent, UtmGoal};
 use rcs_planner::{AStarPlanner, WaypointFollower, WaypointGenerator, WaypointGeneratorCommand};
 use rcs_runtime::{CommandSet, ProcessType};
 use rcs_sense::pose_message;
@@ -24,7 +24,7 @@ name = "driver"
 name = "generator"
 plugin = "waypoint_generator"
 supervisor = "viewer"
-inputs = { path = "/planner/path", transforms = "/operator/transforms" }
+inputs = { path = "/planner/path", transforms = "/operator/transforms", global = "/operator/global" }
 
 [[process]]
 name = "planner"
@@ -40,6 +40,10 @@ supervisor = "generator"
 [process.inputs]
 waypoints = "/generator/waypoints"
 map = "/operator/map"
+sensed = "/operator/sensed"
+goal = "/generator/goal"
+plan = "/planner/plan"
+slip = "/operator/slip"
 bumper = "/operator/bumper"
 odometry = "/operator/odometry"
 "#;
@@ -54,6 +58,7 @@ impl rcs_runtime::Assets for Files {
     fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<rcs_runtime::Asset, String> {
         let text = match (kind, name) {
             ("world", _) => WORLD.to_owned(),
+            ("mode", _) => include_str!("../../../assets/modes/lagr.toml").to_owned(),
             (_, "far.toml") => GOAL.replace("18", "17"),
             _ => GOAL.to_owned(),
         };
@@ -72,18 +77,23 @@ fn plugins() -> [ProcessType; 3] {
 /// A bench with cycles of 50 ms; the local frame is the global one, moved by (2, 3) m.
 fn start(params: &[(&str, &str)]) -> Bench {
     let mut bench = Setup::new(STACK, &plugins()).params(params).assets(&Files).bench();
-    let transform = FrameTransform {
-        timestamp: Some(Stamp(1).to_proto()),
-        parent_frame_id: "global".to_owned(),
-        child_frame_id: "local".to_owned(),
-        translation: Some(Vector3 { x: 2.0, y: 3.0, z: 0.0 }),
-        rotation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
-    };
-    bench.write("/operator/transforms", FrameTransforms { transforms: vec![transform] });
+    place_local_frame(&mut bench, 2.0);
     bench
 }
 
-const FILES: [(&str, &str); 2] = [("generator.world", "w"), ("generator.goal", "g")];
+/// The local frame is the global one, moved by (x, 3) m.
+fn place_local_frame(bench: &mut Bench, x_m: f64) {
+    let transform = FrameTransform {
+        timestamp: Some(Stamp(bench.now_ms * 1_000_000 + 1).to_proto()),
+        parent_frame_id: "global".to_owned(),
+        child_frame_id: "local".to_owned(),
+        translation: Some(Vector3 { x: x_m, y: 3.0, z: 0.0 }),
+        rotation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
+    };
+    bench.write("/operator/transforms", FrameTransforms { transforms: vec![transform] });
+}
+
+const FILES: [(&str, &str); 3] = [("generator.world", "w"), ("generator.goal", "g"), ("follower.modes", "m")];
 
 /// Cycles at a pose with a fresh map.
 fn cycle(bench: &mut Bench, x_m: f64, yaw_rad: f64, cost: impl Fn(DVec2) -> u8, count: usize) {
@@ -217,4 +227,126 @@ fn no_goal_and_a_goal_in_another_zone_are_told_and_a_command_gives_another() {
     cycle(&mut bench, 0.0, 0.0, free, 6);
     let (state, text) = status(&bench, "generator");
     assert!(state == ProcessState::Error && text.contains("UTM zone 17, expected zone 18"), "{text}");
+}
+
+/// A ring of obstacles around the vehicle.
+fn ring(at: DVec2) -> u8 {
+    if (2.0..2.6).contains(&at.length()) { 250 } else { 0 }
+}
+
+fn mode(bench: &Bench) -> (String, String) {
+    let event: Option<ModeEvent> = bench.newest("/follower/modes");
+    event.map_or_else(Default::default, |event| (event.to, event.reason))
+}
+
+#[test]
+fn without_a_way_it_is_aggressive_for_a_while_and_says_why() {
+    let mut bench = start(&FILES);
+    cycle(&mut bench, 0.0, 0.0, ring, 60);
+    assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
+    let (state, text) = status(&bench, "planner");
+    assert!(state == ProcessState::Error && text.starts_with("no way to the goal"), "{text}");
+    cycle(&mut bench, 0.0, 0.0, ring, 40);
+    assert!(drive(&bench).0 > 0.2, "{}", story(&bench));
+    let (name, reason) = mode(&bench);
+    assert!(name == "AGGRESSIVE" && reason.starts_with("blocked_s is 4.0"), "{name}: {reason}");
+    cycle(&mut bench, 3.2, 0.0, ring, 2);
+    let (name, reason) = mode(&bench);
+    assert!(name.is_empty() && reason.starts_with("moved_m is 3.2"), "{name}: {reason}");
+}
+
+#[test]
+fn when_its_wheels_slip_it_reverses_and_shakes_itself_free() {
+    let mut bench = start(&FILES);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    for _ in 0..60 {
+        bench.write("/operator/slip", rcs::SlipReport { slip: 0.9, ..rcs::SlipReport::default() });
+        cycle(&mut bench, 0.0, 0.0, free, 1);
+    }
+    assert!(drive(&bench).0 < -0.3, "{}", story(&bench));
+    assert_eq!(mode(&bench).0, "SLIPPING");
+    let mut drives = Vec::new();
+    for _ in 0..5 {
+        cycle(&mut bench, 0.0, 0.0, free, 10);
+        drives.push(drive(&bench));
+    }
+    drives.dedup();
+    assert!(drives.len() >= 3, "{drives:?}");
+}
+
+#[test]
+fn a_goal_inside_of_an_obstacle_is_approached_and_it_stops_beside_it() {
+    let mut bench = start(&FILES);
+    let around_goal = |at: DVec2| if at.distance(DVec2::new(10.0, 0.0)) < 1.5 { 250 } else { 0 };
+    cycle(&mut bench, 0.0, 0.0, around_goal, 12);
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+    assert!(status(&bench, "planner").1.starts_with("the goal is blocked, plans to "), "{}", story(&bench));
+    cycle(&mut bench, 7.9, 0.0, around_goal, 200);
+    assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
+    let (state, text) = status(&bench, "generator");
+    assert!(state == ProcessState::Error && text.contains("inside of an obstacle: stands"), "{text}");
+    assert_eq!(mode(&bench).0, "", "no mode drives into it");
+}
+
+#[test]
+fn a_goal_that_jumps_stops_it_until_it_is_back() {
+    let mut bench = start(&FILES);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    place_local_frame(&mut bench, -18.0);
+    cycle(&mut bench, 0.0, 0.0, free, 3);
+    assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
+    let (state, text) = status(&bench, "generator");
+    assert!(state == ProcessState::Error && text.starts_with("the goal has jumped by 20.0 m"), "{text}");
+    place_local_frame(&mut bench, 2.1);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+}
+
+#[test]
+fn it_drives_on_without_fixes_while_its_position_is_known_well_enough() {
+    let mut bench = start(&FILES);
+    let global = |variance: f64| {
+        let mut covariance = vec![0.0; 36];
+        (covariance[0], covariance[7]) = (1.0, variance);
+        Odometry { frame_id: "global".to_owned(), pose_covariance: covariance, ..Odometry::default() }
+    };
+    bench.write("/operator/global", global(9.0));
+    // No transform comes for 30 s, as without fixes.
+    cycle(&mut bench, 0.0, 0.0, free, 600);
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+    assert!(status(&bench, "generator").1.contains("is 29.9 s old, and the goal stays"), "{}", story(&bench));
+    bench.write("/operator/global", global(25.0));
+    cycle(&mut bench, 0.0, 0.0, free, 3);
+    assert_eq!(drive(&bench), (0.0, 0.0));
+    let (state, text) = status(&bench, "generator");
+    let expected = "the position is known to 5.0 m, expected at most 4 m";
+    assert!(state == ProcessState::Error && text.starts_with(expected), "{text}");
+}
+
+#[test]
+fn when_its_sensor_stops_or_nothing_is_known_it_stands() {
+    let mut bench = start(&FILES);
+    bench.write("/operator/sensed", map(free));
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+    cycle(&mut bench, 0.0, 0.0, free, 20);
+    assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
+    let (state, text) = status(&bench, "follower");
+    assert!(state == ProcessState::Error && text.starts_with("what is sensed is 1."), "{text}");
+
+    let mut bench = start(&FILES);
+    cycle(&mut bench, 0.0, 0.0, |_| 255, 12);
+    assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
+    let (state, text) = status(&bench, "planner");
+    assert!(
+        state == ProcessState::Error && text.starts_with("0.0 % of the map within 3 m is known"),
+        "{text}"
+    );
+}
+
+#[test]
+fn weights_with_which_no_arc_leads_anywhere_are_refused() {
+    let params = [("follower.weight_goal", "0"), ("follower.weight_heading", "0")];
+    let error = Setup::new(STACK, &plugins()).params(&params).assets(&Files).plan().unwrap_err().to_string();
+    assert!(error.contains("weight_goal and weight_heading: both are 0"), "{error}");
 }

@@ -2,6 +2,7 @@
 
 pub mod acts;
 mod live;
+mod memory;
 mod replay;
 mod report;
 
@@ -12,6 +13,7 @@ use crate::runs::{self, RunReport};
 use crate::{BUILD, Ended, stacks, usage};
 use acts::Act;
 use anyhow::Context as _;
+use memory::Memory;
 use rcs_log::Log;
 use rcs_msg::Stamp;
 use rcs_runtime::{Plan, RecordOptions, RecordWhat, Recording, RunOptions, Stepped};
@@ -63,7 +65,8 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     if args.live {
         return live::run(args, plan, referee, &acts, out);
     }
-    let stack = Ready { args, plan, log, referee, acts };
+    let mut stack = Ready { args, plan, log, referee, acts };
+    let mut memory = Memory::default();
     let seed = args.seed.unwrap_or(0);
     let mut runs = Vec::new();
     let mut done = stack.run(seed)?;
@@ -74,6 +77,10 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
             break;
         }
         let seed = seed + u64::from(more);
+        memory.add(std::mem::take(&mut done.memory));
+        if let Some(name) = &args.stack {
+            stack.plan = memory.plan(name, args.course.as_deref(), &overrides(args))?;
+        }
         done = stack.run(seed)?;
         warnings.extend(done.report.warnings.drain(..).map(|warning| format!("seed {seed}: {warning}")));
         runs.extend(done.verdict.take());
@@ -160,6 +167,8 @@ struct Done {
     report: Report,
     verdict: Option<RunReport>,
     failure: Option<anyhow::Error>,
+    /// What the processes remember at the end.
+    memory: Memory,
 }
 
 impl Done {
@@ -187,7 +196,11 @@ impl Done {
         let verdict = runs::referee(run.plan())
             .and_then(|referee| runs::verdict(&run.buffers()[referee]))
             .map(|verdict| RunReport::new(seed, &verdict, report.hash.clone()));
-        Self { report, verdict, failure }
+        let memory = Memory::of(run).unwrap_or_else(|error| {
+            failure.get_or_insert(error);
+            Memory::default()
+        });
+        Self { report, verdict, failure, memory }
     }
 
     /// Prints the report. What went wrong is told whether or not anybody reads it.

@@ -1,0 +1,148 @@
+//! Speed and turn rate of the follower: along an arc, and of the actions of modes that follow none.
+
+use crate::arcs::{self, Arc, Motion, Scored, Weights};
+use crate::modes::Mode;
+use crate::proto::{ScoredArc, WaypointFollowerParams, scored_arc};
+use rand_core::RngCore;
+use rcs_geom::Pose;
+use rcs_msg::Stamp;
+use rcs_sense::pose_message;
+
+/// How fast the vehicle is driven: the parameters, changed by the mode.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Style {
+    max_speed_mps: f64,
+    min_speed_mps: f64,
+    max_yaw_rate_radps: f64,
+    /// Turn rate of the actions REVERSE and SHAKE.
+    mode_yaw_rate_radps: f64,
+    braking_mps2: f64,
+    stop_margin_m: f64,
+    cost_slowdown: f64,
+}
+
+impl Style {
+    pub(crate) fn new(params: &WaypointFollowerParams, mode: Option<&Mode>) -> Style {
+        let limit_mps = params.max_speed_mps;
+        let max_speed_mps = mode.and_then(|mode| mode.max_speed_mps).unwrap_or(limit_mps).min(limit_mps);
+        let min_speed_mps = mode.and_then(|mode| mode.min_speed_mps).unwrap_or(params.min_speed_mps);
+        Style {
+            max_speed_mps,
+            min_speed_mps: min_speed_mps.min(max_speed_mps),
+            max_yaw_rate_radps: params.max_yaw_rate_radps,
+            mode_yaw_rate_radps: mode
+                .map_or(0.0, |mode| mode.yaw_rate_radps.abs())
+                .min(params.max_yaw_rate_radps),
+            braking_mps2: params.braking_mps2,
+            stop_margin_m: params.stop_margin_m,
+            cost_slowdown: params.cost_slowdown,
+        }
+    }
+}
+
+/// Speed along an arc, m/s, and turn rate, rad/s.
+pub(crate) fn speeds(chosen: &Scored, style: &Style) -> [f64; 2] {
+    let Arc { motion, curvature_per_m } = chosen.arc;
+    let (least, turn) = (style.min_speed_mps, style.max_yaw_rate_radps);
+    match motion {
+        Motion::TurnLeft => [0.0, turn],
+        Motion::TurnRight => [0.0, -turn],
+        Motion::Backward => [-least, curvature_per_m * -least],
+        Motion::Forward => {
+            let braking_m = (chosen.free_m - style.stop_margin_m).max(0.0);
+            let stops = libm::sqrt(2.0 * style.braking_mps2 * braking_m);
+            let bends = turn / curvature_per_m.abs().max(1e-6);
+            let slowed = style.max_speed_mps * (1.0 - style.cost_slowdown * chosen.mean_cost);
+            let speed_mps = slowed.min(stops).min(bends).max(least.min(bends));
+            [speed_mps, curvature_per_m * speed_mps]
+        }
+    }
+}
+
+/// The action REVERSE: on the straight arc backward, or a bent one if that is not free; it turns to a side that
+/// alternates with the number of the mode. It stands if nothing behind the vehicle is free.
+pub(crate) fn reversed(scored: &[Scored], style: &Style, number: u32) -> (Option<usize>, [f64; 2]) {
+    let back = scored.iter().position(|scored| scored.arc.motion == Motion::Backward && scored.open);
+    let Some(at) = back else { return (None, [0.0; 2]) };
+    let side = if number.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let speed_mps = -style.max_speed_mps;
+    let bend = scored[at].arc.curvature_per_m;
+    let yaw_rate = if bend == 0.0 { side * style.mode_yaw_rate_radps } else { bend * speed_mps };
+    (Some(at), [speed_mps, yaw_rate])
+}
+
+/// The action SHAKE: backward for a second, then at random speeds and turn rates for half a second each.
+pub(crate) fn shaken(
+    shakes: &mut Option<([f64; 2], Stamp)>,
+    style: &Style,
+    since_s: f64,
+    now: Stamp,
+    rng: &mut impl RngCore,
+) -> [f64; 2] {
+    if since_s < 1.0 {
+        return [-style.max_speed_mps, 0.0];
+    }
+    if let Some((order, since)) = shakes
+        && now.seconds_since(*since) < 0.5
+    {
+        return *order;
+    }
+    let mut drawn = || f64::from(rng.next_u32()) / f64::from(u32::MAX) * 2.0 - 1.0;
+    let order = [drawn() * style.max_speed_mps, drawn() * style.mode_yaw_rate_radps];
+    *shakes = Some((order, now));
+    order
+}
+
+/// Poses along an arc, every 0.2 m.
+pub(crate) fn poses_along(chosen: &Scored, vehicle: &Pose) -> Vec<rcs_msg::foxglove::Pose> {
+    let start = (vehicle.translation.truncate(), vehicle.yaw());
+    let steps = (chosen.free_m / 0.2) as u32;
+    let distances = (0..=steps).map(|step| f64::from(step) * 0.2);
+    let poses = distances.map(|along| arcs::pose_at(start, chosen.arc, along));
+    poses.map(|(at, yaw)| pose_message(&Pose::from_xy_yaw(at.x, at.y, yaw))).collect()
+}
+
+/// An arc with its score as a message.
+pub(crate) fn message(scored: &Scored) -> ScoredArc {
+    let motion = match scored.arc.motion {
+        Motion::Forward => scored_arc::Motion::Forward,
+        Motion::Backward => scored_arc::Motion::Backward,
+        Motion::TurnLeft => scored_arc::Motion::TurnLeft,
+        Motion::TurnRight => scored_arc::Motion::TurnRight,
+    };
+    let [goal, heading, cost, turn, change, short] = scored.terms.map(|term| term as f32);
+    ScoredArc {
+        motion: motion.into(),
+        curvature_per_m: scored.arc.curvature_per_m as f32,
+        free_m: scored.free_m as f32,
+        goal,
+        heading,
+        cost,
+        turn,
+        change,
+        short,
+        total: scored.total() as f32,
+        open: scored.open,
+    }
+}
+
+/// The rules of the choice of an arc: the parameters, changed by the mode.
+pub(crate) fn arc_rules(params: &WaypointFollowerParams, mode: Option<&Mode>) -> arcs::Rules {
+    arcs::Rules {
+        length_m: params.arc_length_m,
+        max_curvature_per_m: params.max_curvature_per_m,
+        per_side: mode.and_then(|mode| mode.arcs_per_side).unwrap_or(params.arcs_per_side),
+        least_free_m: mode.and_then(|mode| mode.least_free_m).unwrap_or(params.least_free_m),
+        escape_m: params.escape_m,
+        tail_m: params.tail_m,
+        weights: Weights {
+            goal: params.weight_goal,
+            heading: params.weight_heading,
+            cost: params.weight_cost,
+            turn: params.weight_turn,
+            not_forward: params.weight_not_forward,
+            change: params.weight_change,
+            short: params.weight_short,
+        },
+    }
+}

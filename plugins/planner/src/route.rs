@@ -1,0 +1,175 @@
+//! Path memory: the track of a run, what is left of it after loops and excursions are cut, and its file.
+//!
+//! Albus 2006a, 5: after a run, "loops and excursions" are removed from the path, which is saved in global coordinates;
+//! the planner of the next run weighs it with the map rather than following it blindly.
+//!
+//! A loop ends where the track comes near a place where it was before; an excursion into a dead end ends where it comes
+//! back out. So both are cut by one rule: from each point, the track continues at the last later point that is near.
+
+use crate::goal::Goal;
+use crate::proto::{Route, RoutePoint};
+use rcs_geom::{DVec2, Utm};
+
+/// Version of the file.
+const FORMAT: u32 = 1;
+/// Greatest number of points of a route.
+const MOST_POINTS: usize = 20_000;
+
+/// Why a text is no route, or does not fit.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RouteError {
+    /// The text is not the JSON of a route.
+    #[error("{0}")]
+    Text(String),
+    /// The file has another version.
+    #[error("format is {0}, expected {FORMAT}")]
+    Format(u32),
+    /// A number is not finite, or there are too few or too many points.
+    #[error("{count} points, expected 2 to {MOST_POINTS} with finite coordinates")]
+    Points {
+        /// Number of points.
+        count: usize,
+    },
+    /// The route is in another zone than the global frame.
+    #[error("the route is in UTM zone {got}, expected zone {expected} of the global frame's origin")]
+    Zone {
+        /// Zone of the route.
+        got: u32,
+        /// Zone of the origin.
+        expected: u8,
+    },
+    /// The route leads elsewhere.
+    #[error("the route ends {distance_m:.1} m from the goal, expected at most {within_m} m")]
+    Goal {
+        /// Distance, m.
+        distance_m: f64,
+        /// Greatest accepted distance, m.
+        within_m: f64,
+    },
+}
+
+/// The points of a track without its loops and excursions. Points nearer than `near_m` count as the same place.
+pub fn cut(track: &[DVec2], near_m: f64) -> Vec<DVec2> {
+    let mut kept = Vec::new();
+    let mut at = 0;
+    while let Some(&point) = track.get(at) {
+        kept.push(point);
+        let back = track[at + 1..].iter().rposition(|later| later.distance(point) < near_m);
+        at = back.map_or(at + 1, |back| at + 1 + back);
+        if back.is_some() && at + 1 < track.len() {
+            // The point itself is near the one that is kept already.
+            at += 1;
+        }
+    }
+    kept
+}
+
+/// Length of a track, m.
+pub fn length_m(track: &[DVec2]) -> f64 {
+    track.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
+}
+
+/// The route of a track in the global frame with this origin.
+pub fn to_message(track: &[DVec2], near_m: f64, origin: &Utm, time_s: f64) -> Route {
+    let kept = cut(track, near_m);
+    let point =
+        |at: &DVec2| RoutePoint { easting_m: origin.easting_m + at.x, northing_m: origin.northing_m + at.y };
+    Route {
+        format: FORMAT,
+        zone: u32::from(origin.zone),
+        points: kept.iter().map(point).collect(),
+        length_m: length_m(&kept),
+        cut_m: length_m(track) - length_m(&kept),
+        time_s,
+    }
+}
+
+/// The route in a text; `None` for an empty one.
+pub fn parse(text: &str) -> Result<Option<Route>, RouteError> {
+    if text.trim().is_empty() {
+        return Ok(None);
+    }
+    let route: Route = rcs_msg::from_json(text).map_err(|error| RouteError::Text(error.to_string()))?;
+    if route.format != FORMAT {
+        return Err(RouteError::Format(route.format));
+    }
+    let count = route.points.len();
+    let finite = route.points.iter().all(|point| point.easting_m.is_finite() && point.northing_m.is_finite());
+    if !finite || !(2..=MOST_POINTS).contains(&count) {
+        return Err(RouteError::Points { count });
+    }
+    Ok(Some(route))
+}
+
+/// The points of a route in the global frame, m, if it leads to the goal.
+pub fn in_global(route: &Route, origin: &Utm, goal: DVec2, within_m: f64) -> Result<Vec<DVec2>, RouteError> {
+    if route.zone != u32::from(origin.zone) {
+        return Err(RouteError::Zone { got: route.zone, expected: origin.zone });
+    }
+    let global = |point: &RoutePoint| {
+        let goal = Goal { zone: None, easting_m: point.easting_m, northing_m: point.northing_m };
+        goal.in_global(origin).unwrap_or(DVec2::ZERO)
+    };
+    let points: Vec<DVec2> = route.points.iter().map(global).collect();
+    let distance_m = points.last().map_or(f64::INFINITY, |end| end.distance(goal));
+    if distance_m > within_m {
+        return Err(RouteError::Goal { distance_m, within_m });
+    }
+    Ok(points)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(from: (f64, f64), to: (f64, f64)) -> Vec<DVec2> {
+        let (from, to) = (DVec2::from(from), DVec2::from(to));
+        let count = (from.distance(to) / 0.5).round() as u32;
+        (0..count).map(|at| from.lerp(to, f64::from(at) / f64::from(count))).collect()
+    }
+
+    #[test]
+    fn excursions_and_loops_are_cut_and_what_leads_on_stays() {
+        // Ahead, 10 m into a dead end and back, ahead, a loop, and on.
+        let mut track = line((0.0, 0.0), (10.0, 0.0));
+        track.extend(line((10.0, 0.0), (10.0, 10.0)));
+        track.extend(line((10.2, 10.0), (10.2, 0.0)));
+        track.extend(line((10.2, 0.0), (20.0, 0.0)));
+        for step in 0..40 {
+            let angle = f64::from(step) / 40.0 * std::f64::consts::TAU;
+            track.push(DVec2::new(20.0 + 3.0 * angle.sin(), 3.0 - 3.0 * angle.cos()));
+        }
+        track.extend(line((20.0, 0.0), (30.0, 0.0)));
+        let kept = cut(&track, 1.0);
+        assert!((length_m(&kept) - 29.5).abs() < 1.0, "{} of {}", length_m(&kept), length_m(&track));
+        assert!(kept.iter().all(|point| point.y < 1.1), "{kept:?}");
+        assert_eq!((kept[0], kept.last()), (track[0], track.last()));
+        let straight = line((0.0, 0.0), (10.0, 0.0));
+        assert!((length_m(&cut(&straight, 0.4)) - length_m(&straight)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_route_is_read_again_and_refused_where_it_does_not_fit() {
+        let origin = Utm::new(18, true, 308_660.0, 4_333_755.0).unwrap();
+        let track = line((0.0, 0.0), (10.0, 0.0));
+        let route = to_message(&track, 0.4, &origin, 12.0);
+        let text = rcs_msg::to_json(&rcs_msg::AnyMessage::new(route.clone())).unwrap();
+        assert_eq!(parse(&text), Ok(Some(route.clone())));
+        assert_eq!(parse(" "), Ok(None));
+        let read = in_global(&route, &origin, DVec2::new(10.0, 0.0), 3.0).unwrap();
+        assert!(read[0].distance(DVec2::ZERO) < 1e-6 && read.len() == track.len());
+        let told = |result: Result<Vec<DVec2>, RouteError>| result.unwrap_err().to_string();
+        let elsewhere = in_global(&route, &origin, DVec2::new(40.0, 0.0), 3.0);
+        assert!(told(elsewhere).starts_with("the route ends 30."));
+        let zone = in_global(&Route { zone: 17, ..route.clone() }, &origin, DVec2::ZERO, 3.0);
+        assert!(told(zone).starts_with("the route is in UTM zone 17"));
+        for (route, expected) in [
+            (Route { format: 2, ..route.clone() }, "format is 2"),
+            (Route { points: Vec::new(), ..route }, "0 points"),
+        ] {
+            let text = rcs_msg::to_json(&rcs_msg::AnyMessage::new(route)).unwrap();
+            assert!(parse(&text).unwrap_err().to_string().starts_with(expected), "{text}");
+        }
+        assert!(matches!(parse("{"), Err(RouteError::Text(_))));
+    }
+}

@@ -1,0 +1,125 @@
+//! The signals of the table of modes, from what the follower receives and senses.
+
+use crate::modes::{Signal, Signals};
+use rcs_geom::{DVec2, Pose};
+use rcs_msg::Stamp;
+use rcs_msg::rcs::{SlipReport, TractionState};
+use serde::{Deserialize, Serialize};
+
+/// Motion by less than this within a time counts as none, m.
+const HARDLY_M: f64 = 0.15;
+/// A slip report that is older than this says nothing, s.
+const SLIP_TIMEOUT_S: f64 = 0.5;
+
+/// What the signals follow from, over time.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Watch {
+    /// Slip, whether a motor is stalled, current; and when.
+    traction: Option<([f64; 3], Stamp)>,
+    /// Since when there has been no path that can be driven.
+    blocked: Option<Stamp>,
+    /// Where and when the vehicle, told to move, was when it had moved last.
+    still: Option<((f64, f64), Stamp)>,
+    /// Where the mode began, m.
+    began: (f64, f64),
+}
+
+impl Watch {
+    pub(crate) fn take_slip(&mut self, report: &SlipReport, at: Stamp) {
+        let stalled = report.state() == TractionState::TractionStalled;
+        let amperes = report.left_a.abs().max(report.right_a.abs());
+        let values = [report.slip, f64::from(u8::from(stalled)), amperes];
+        if values.iter().all(|value| value.is_finite()) {
+            self.traction = Some((values, at));
+        }
+    }
+
+    /// Whether there is a path that can be driven.
+    pub(crate) fn take_blocked(&mut self, is_blocked: bool, now: Stamp) {
+        self.blocked = is_blocked.then(|| self.blocked.unwrap_or(now));
+    }
+
+    /// What the vehicle is told to do from now on, m/s and rad/s.
+    pub(crate) fn take_order(&mut self, speed_mps: f64, position: DVec2, now: Stamp) {
+        let moved = self.still.is_none_or(|(place, _)| position.distance(DVec2::from(place)) > HARDLY_M);
+        if speed_mps == 0.0 {
+            self.still = None;
+        } else if moved {
+            self.still = Some(((position.x, position.y), now));
+        }
+    }
+
+    /// A mode begins or ends here.
+    pub(crate) fn begin(&mut self, position: DVec2) {
+        self.began = (position.x, position.y);
+        self.still = None;
+    }
+
+    pub(crate) fn signals(
+        &self,
+        vehicle: &Pose,
+        pressed: bool,
+        room_m: f64,
+        mode_began: Option<Stamp>,
+        now: Stamp,
+    ) -> Signals {
+        let mut signals = [0.0; Signal::COUNT];
+        let mut set = |signal: Signal, value: f64| signals[signal as usize] = value;
+        let since = |at: Option<Stamp>| at.map_or(0.0, |at| now.seconds_since(at));
+        let recent = self.traction.filter(|(_, at)| now.seconds_since(*at) <= SLIP_TIMEOUT_S);
+        let [slip, stalled, amperes] = recent.map_or([0.0; 3], |(values, _)| values);
+        let [roll_rad, pitch_rad, _] = vehicle.rpy();
+        set(Signal::Bumper, f64::from(u8::from(pressed)));
+        set(Signal::Slip, slip);
+        set(Signal::Stalled, stalled);
+        set(Signal::MotorA, amperes);
+        set(Signal::ClimbDeg, -pitch_rad.to_degrees());
+        set(Signal::RollDeg, roll_rad.to_degrees().abs());
+        set(Signal::RoomM, room_m);
+        set(Signal::BlockedS, since(self.blocked));
+        set(Signal::StuckS, since(self.still.map(|(_, at)| at)));
+        let began = DVec2::from(self.began);
+        set(Signal::MovedM, mode_began.map_or(0.0, |_| vehicle.translation.truncate().distance(began)));
+        set(Signal::ModeS, since(mode_began));
+        signals
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn signals_count_times_and_distances() {
+        let at = |seconds: u64| Stamp(seconds * 1_000_000_000);
+        let mut watch = Watch::default();
+        watch.take_blocked(true, at(1));
+        watch.take_blocked(true, at(2));
+        watch.take_order(0.5, DVec2::ZERO, at(1));
+        watch.take_order(0.5, DVec2::new(0.1, 0.0), at(3));
+        watch.begin(DVec2::new(0.0, 1.0));
+        watch.take_order(0.5, DVec2::ZERO, at(3));
+        watch.take_slip(&SlipReport { slip: 0.7, left_a: -12.0, ..SlipReport::default() }, at(4));
+        let climbs = Pose::from_xy_yaw(0.0, 0.0, 0.0);
+        let signals = watch.signals(&climbs, true, 0.3, Some(at(2)), at(4));
+        let expected = [
+            (Signal::Bumper, 1.0),
+            (Signal::Slip, 0.7),
+            (Signal::MotorA, 12.0),
+            (Signal::BlockedS, 3.0),
+            (Signal::StuckS, 1.0),
+            (Signal::MovedM, 1.0),
+            (Signal::ModeS, 2.0),
+            (Signal::RoomM, 0.3),
+        ];
+        for (signal, value) in expected {
+            assert!((signals[signal as usize] - value).abs() < 1e-9, "{signal:?}: {signals:?}");
+        }
+        assert!(
+            watch.signals(&climbs, true, 0.3, None, at(6))[Signal::Slip as usize].abs() < 1e-9,
+            "too old"
+        );
+        watch.take_blocked(false, at(6));
+        assert!(watch.signals(&climbs, true, 0.3, None, at(6))[Signal::BlockedS as usize].abs() < 1e-9);
+    }
+}
