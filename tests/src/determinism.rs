@@ -141,6 +141,11 @@ fn a_robot_that_drives_by_what_it_sees_goes_on_from_any_moment() {
 }
 
 #[test]
+fn a_robot_that_learns_while_it_drives_goes_on_from_any_moment() {
+    check_course("lagr", "mulch_path", [0.5, 3.0], 11);
+}
+
+#[test]
 fn learning_goes_on_from_any_moment() {
     check_course("learning", "mulch_path", [0.5, 3.0], 3);
 }
@@ -334,6 +339,7 @@ fn every_bundled_stack_goes_through_the_gate() {
     let checked: BTreeSet<_> = [
         "forest_robot",
         "husky",
+        "lagr",
         "lagr_stereo_only",
         "learning",
         "range_camera",

@@ -201,7 +201,10 @@ fn a_goal_inside_of_an_obstacle_is_told_and_one_beside_it_is_planned_to() {
     bench.map("local", |at| if at.distance(DVec2::new(10.0, 0.0)) < 5.0 { 250 } else { 0 });
     bench.cycle();
     let (state, text) = bench.status();
-    assert!(state == ProcessState::Error && text.contains("inside of an obstacle: stands 1.9 m beside it"), "{text}");
+    assert!(
+        state == ProcessState::Error && text.contains("inside of an obstacle: stands 1.9 m beside it"),
+        "{text}"
+    );
 }
 
 #[test]
