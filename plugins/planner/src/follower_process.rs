@@ -297,48 +297,8 @@ impl WaypointFollower {
             Some(Arc { motion: Motion::Forward, curvature_per_m }) => curvature_per_m,
             _ => 0.0,
         };
-        self.publish(
-            ports,
-            params,
-            vehicle,
-            target,
-            (&scored, chosen),
-            [speed_mps, yaw_rate_radps],
-            mode,
-            cx,
-        );
+        publish(ports, params, vehicle, target, (&scored, chosen), [speed_mps, yaw_rate_radps], mode, cx);
         cx.exec(told(mode, target, chosen.map(|at| scored[at].arc.motion)));
-    }
-
-    #[expect(clippy::too_many_arguments, reason = "all that a message about one cycle consists of")]
-    fn publish(
-        &self,
-        ports: &Ports,
-        params: &WaypointFollowerParams,
-        vehicle: &Pose,
-        target: Option<DVec2>,
-        (scored, chosen): (&[Scored], Option<usize>),
-        [speed_mps, yaw_rate_radps]: [f64; 2],
-        mode: Option<&Mode>,
-        cx: &mut Cycle<'_>,
-    ) {
-        let now = cx.now();
-        let frame_id = Extrinsics::new(params.pose.as_ref(), None).frames.local.to_owned();
-        let timestamp = Some(now.to_proto());
-        let poses = chosen.map(|at| poses_along(&scored[at], vehicle)).unwrap_or_default();
-        cx.write(&ports.arc, now, PosesInFrame { timestamp, frame_id: frame_id.clone(), poses });
-        let choice = ArcChoice {
-            timestamp,
-            frame_id,
-            target_x_m: target.map_or(0.0, |target| target.x),
-            target_y_m: target.map_or(0.0, |target| target.y),
-            arcs: scored.iter().map(message).collect(),
-            chosen: chosen.map(|at| at as u32),
-            speed_mps,
-            yaw_rate_radps,
-            mode: mode.map_or(String::new(), |mode| mode.name.clone()),
-        };
-        cx.write(&ports.arcs, now, choice);
     }
 
     /// Stops the vehicle, and says why.
@@ -348,6 +308,36 @@ impl WaypointFollower {
         self.watch.take_blocked(false, cx.now());
         cx.error(why);
     }
+}
+
+#[expect(clippy::too_many_arguments, reason = "all that a message about one cycle consists of")]
+fn publish(
+    ports: &Ports,
+    params: &WaypointFollowerParams,
+    vehicle: &Pose,
+    target: Option<DVec2>,
+    (scored, chosen): (&[Scored], Option<usize>),
+    [speed_mps, yaw_rate_radps]: [f64; 2],
+    mode: Option<&Mode>,
+    cx: &mut Cycle<'_>,
+) {
+    let now = cx.now();
+    let frame_id = Extrinsics::new(params.pose.as_ref(), None).frames.local.to_owned();
+    let timestamp = Some(now.to_proto());
+    let poses = chosen.map(|at| poses_along(&scored[at], vehicle)).unwrap_or_default();
+    cx.write(&ports.arc, now, PosesInFrame { timestamp, frame_id: frame_id.clone(), poses });
+    let choice = ArcChoice {
+        timestamp,
+        frame_id,
+        target_x_m: target.map_or(0.0, |target| target.x),
+        target_y_m: target.map_or(0.0, |target| target.y),
+        arcs: scored.iter().map(message).collect(),
+        chosen: chosen.map(|at| at as u32),
+        speed_mps,
+        yaw_rate_radps,
+        mode: mode.map_or(String::new(), |mode| mode.name.clone()),
+    };
+    cx.write(&ports.arcs, now, choice);
 }
 
 /// One line about this cycle, for the status.

@@ -137,7 +137,7 @@ mod tests {
         track.extend(line((10.2, 0.0), (20.0, 0.0)));
         for step in 0..40 {
             let angle = f64::from(step) / 40.0 * std::f64::consts::TAU;
-            track.push(DVec2::new(20.0 + 3.0 * angle.sin(), 3.0 - 3.0 * angle.cos()));
+            track.push(DVec2::new(20.0 + 3.0 * libm::sin(angle), 3.0 - 3.0 * libm::cos(angle)));
         }
         track.extend(line((20.0, 0.0), (30.0, 0.0)));
         let kept = cut(&track, 1.0);
