@@ -57,6 +57,7 @@ impl Source for Busy {
             topics: Arc::new([]),
             processes: Arc::new([]),
             tracks: Arc::new([]),
+            events: Arc::new([]),
             transforms: Arc::new(TransformTree::new()),
             runs: Runs::default(),
             playback: Playback::default(),

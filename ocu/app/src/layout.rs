@@ -15,7 +15,6 @@
 use crate::assets::{looks_like_path, read_text};
 use crate::bundled;
 use ocu_views::{RunChoice, SavedState, view_type};
-use rcs_runtime::source::{Frame, SourceKind};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -159,30 +158,6 @@ impl Layout {
             "no bundled layout is called {spec:?}; expected {} or a .ron file",
             bundled::names("layout").join(", ")
         )))
-    }
-
-    /// The bundled layout that suits the content of a source.
-    pub fn for_content(frame: &Frame) -> Self {
-        let has = |types: &[&str]| frame.topics.iter().any(|topic| types.contains(&topic.type_name()));
-        let name = if frame.info.kind == SourceKind::Stack {
-            "simulation"
-        } else if !frame.processes.is_empty() {
-            "default"
-        } else if has(&["foxglove.RawImage", "foxglove.CompressedImage"]) {
-            "recording"
-        } else if has(&[
-            "foxglove.Odometry",
-            "foxglove.PoseInFrame",
-            "foxglove.LocationFix",
-            "foxglove.PointCloud",
-            "foxglove.Grid",
-            "foxglove.PosesInFrame",
-        ]) {
-            "tracks"
-        } else {
-            "fields"
-        };
-        Self::bundled(name).and_then(Result::ok).unwrap_or_else(Self::empty)
     }
 
     /// A layout without views.

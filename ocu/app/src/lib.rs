@@ -27,11 +27,13 @@ pub mod assets;
 pub mod bundled;
 pub mod check;
 pub mod cli;
+pub mod cut;
 pub mod diff;
 pub mod eval;
 pub mod info;
 pub mod latency;
 pub mod layout;
+mod layout_fit;
 pub mod offscreen;
 pub mod open;
 mod output;
@@ -141,6 +143,7 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
         Some(Command::Diff(args)) => diff::diff(args, out).map(Ended::from),
         Some(Command::Info(args)) => info::info(args, out).map(|()| Ended::Well),
         Some(Command::Check(args)) => check::check(args, out),
+        Some(Command::Cut(args)) => cut::cut(args, out),
         Some(Command::Latency(args)) => latency::latency(args, out).map(|()| Ended::Well),
         Some(Command::Render(args)) => render::render(args).map(|()| Ended::Well),
         Some(Command::Sample(args)) => sample::sample(args).map(|()| Ended::Well),

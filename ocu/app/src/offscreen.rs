@@ -146,10 +146,26 @@ impl Painter {
     }
 }
 
-/// Whether every graphics adapter is a software one, or there is none.
-pub fn only_software_adapters() -> bool {
+/// What draws on this machine, as far as Vulkan knows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Adapters {
+    /// No adapter was found; there may be one of OpenGL.
+    Unknown,
+    /// The processor draws.
+    Software,
+    /// There is a graphics processor.
+    Hardware,
+}
+
+/// Asks for the graphics adapters.
+pub fn adapters() -> Adapters {
     let adapters = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::VULKAN));
-    adapters.iter().all(|adapter| adapter.get_info().device_type == wgpu::DeviceType::Cpu)
+    let is_software = |adapter: &wgpu::Adapter| adapter.get_info().device_type == wgpu::DeviceType::Cpu;
+    match adapters.as_slice() {
+        [] => Adapters::Unknown,
+        all if all.iter().all(is_software) => Adapters::Software,
+        _ => Adapters::Hardware,
+    }
 }
 
 fn instance() -> wgpu::Instance {

@@ -308,7 +308,7 @@ fn the_arrangement_survives_a_restart_and_a_damaged_one_is_said() {
     first.get_by_label("Buffers").click();
     first.run_steps(2);
     first.state_mut().0.as_mut().unwrap().keep_layout();
-    let kept = dir.path().join("data/layouts/recording.ron");
+    let kept = dir.path().join("data/layouts/recording_with_2_cameras.ron");
     assert!(!Layout::load(&kept).unwrap().buffers, "the list of buffers was closed");
 
     std::fs::write(&kept, "Layout(version: 77)").unwrap();

@@ -8,12 +8,14 @@ pub fn clock(ns: u64) -> String {
     format!("{hours:02}:{minutes:02}:{seconds:02}.{:03}", ms % 1000)
 }
 
-/// Seconds since the start as `hh:mm:ss.mmm`, with a minus sign where negative.
+/// Seconds since the start as `hh:mm:ss.mmm`, with a minus sign where negative. Like [`clock`], it leaves out what is
+/// shorter than a millisecond, so that both show the same moment.
 pub fn elapsed(seconds: f64) -> String {
     if !seconds.is_finite() {
         return "--:--:--.---".to_owned();
     }
-    let ms = (seconds.abs() * 1e3).round() as u64;
+    // A whole number of milliseconds may be slightly too small in binary.
+    let ms = (seconds.abs() * 1e3 + 1e-3).floor() as u64;
     let sign = if seconds < 0.0 && ms > 0 { "-" } else { "" };
     format!("{sign}{:02}:{:02}:{:02}.{:03}", ms / 3_600_000, ms / 60_000 % 60, ms / 1000 % 60, ms % 1000)
 }

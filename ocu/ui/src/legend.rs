@@ -7,14 +7,17 @@ use egui::{
 
 /// A colour swatch and its name, as a row of a legend.
 pub fn swatch(ui: &mut Ui, color: Color32, name: &str) -> Response {
-    ui.horizontal(|ui| {
-        ui.spacing_mut().item_spacing.x = 4.0;
-        let (rect, _) = ui.allocate_exact_size(Vec2::splat(10.0), Sense::hover());
-        let line = Stroke::new(1.0, tokens(ui).line);
-        ui.painter().rect(rect, 1.0, color, line, StrokeKind::Inside);
-        ui.label(egui::RichText::new(name).small());
-    })
-    .response
+    let tokens = tokens(ui);
+    let font = egui::TextStyle::Small.resolve(ui.style());
+    let galley = ui.painter().layout_no_wrap(name.to_owned(), font, tokens.text);
+    // One widget, so that a wrapping row keeps colour and name together.
+    let size = Vec2::new(14.0 + galley.size().x, galley.size().y.max(14.0));
+    let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
+    let square = Rect::from_center_size(rect.left_center() + Vec2::new(5.0, 0.0), Vec2::splat(10.0));
+    ui.painter().rect(square, 1.0, color, Stroke::new(1.0, tokens.line), StrokeKind::Inside);
+    ui.painter().galley(rect.left_center() + Vec2::new(14.0, -galley.size().y / 2.0), galley, tokens.text);
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, name));
+    response
 }
 
 /// Several swatches in a wrapping row.
@@ -33,13 +36,20 @@ pub fn band(ui: &mut Ui, width: f32, low: &str, high: &str, color_at: impl Fn(f6
         ui.spacing_mut().item_spacing.x = 4.0;
         ui.label(egui::RichText::new(low).small());
         let (rect, _) = ui.allocate_exact_size(Vec2::new(width, 10.0), Sense::hover());
-        let steps = width.max(1.0) as usize;
-        let painter = ui.painter();
-        for i in 0..steps {
-            let left = rect.left() + i as f32;
-            let part = Rect::from_min_max(Pos2::new(left, rect.top()), Pos2::new(left + 1.0, rect.bottom()));
-            painter.rect_filled(part, 0.0, color_at(i as f64 / (steps - 1).max(1) as f64));
+        // One mesh: separate rectangles leave stripes where a point is no whole number of pixels.
+        let steps = (width / 2.0).max(1.0) as u32;
+        let mut mesh = egui::Mesh::default();
+        for i in 0..=steps {
+            let part = f64::from(i) / f64::from(steps);
+            let x = rect.left() + rect.width() * part as f32;
+            mesh.colored_vertex(Pos2::new(x, rect.top()), color_at(part));
+            mesh.colored_vertex(Pos2::new(x, rect.bottom()), color_at(part));
+            if i > 0 {
+                mesh.add_triangle(2 * i - 2, 2 * i - 1, 2 * i);
+                mesh.add_triangle(2 * i - 1, 2 * i, 2 * i + 1);
+            }
         }
+        ui.painter().add(mesh);
         ui.label(egui::RichText::new(high).small());
     });
 }

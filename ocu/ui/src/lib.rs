@@ -9,6 +9,7 @@
 //! - [`palette`]: colours of labels, costs, heights and ranges.
 //! - [`mod@format`]: numbers, times, ages and sizes as text of constant width.
 //! - [`stale`]: how an outdated value is marked.
+//! - [`bar`]: a bar that gives way where there is no room.
 //! - [`widgets`], [`legend`]: widgets shared by several views.
 //!
 //! # Example
@@ -22,6 +23,7 @@
 //! assert_eq!(palette.cost(UNKNOWN_COST), palette.unknown());
 //! ```
 
+pub mod bar;
 pub mod format;
 pub mod legend;
 pub mod palette;

@@ -9,7 +9,8 @@ pub fn limit_s(hz: f64) -> Option<f64> {
     (hz.is_finite() && hz > 0.0).then(|| (3.0 / hz).max(1.2))
 }
 
-/// Whether a value with this age and rate is outdated. A value that was sent only once never is.
+/// Whether a value with this age and rate is outdated. A value that was sent only once never is: nothing says when the
+/// next one is due.
 pub fn is_stale(age_s: f64, hz: f64) -> bool {
     limit_s(hz).is_some_and(|limit| age_s > limit)
 }

@@ -164,7 +164,10 @@ fn key(ui: &mut Ui, rect: Rect, icon: Icon, letter: &str, name: &str, lit: bool,
     let at = rect.center_bottom() - Vec2::new(0.0, 4.0);
     let weak = if lit || pressed { tokens.strong } else { tokens.weak };
     painter.text(at, egui::Align2::CENTER_BOTTOM, letter, FontId::proportional(10.0), weak);
-    response.on_hover_text(name);
+    // While time runs, a tooltip would cover the neighbouring buttons of a person who drives.
+    if !enabled {
+        response.on_hover_text(name);
+    }
     pressed
 }
 
@@ -246,7 +249,9 @@ fn course(ui: &mut Ui, run: &rcs::CourseRun) {
     let limit = (run.time_limit_s > 0.0).then(|| format!(" of {}", minutes(run.time_limit_s)));
     let time = minutes(run.time_s) + &limit.unwrap_or_default();
     name_value(ui, NAMES, "Time", mono(time));
-    name_value(ui, NAMES, "To the goal", mono(format!("{:6.1} m", run.remaining_m)));
+    name_value(ui, NAMES, "To the goal", mono(format!("{:6.1} m", run.remaining_m))).on_hover_text(
+        "From the true position, as the referee of the simulation has it. The map measures from the estimated one.",
+    );
     name_value(ui, NAMES, "Driven", mono(format!("{:6.1} m", run.distance_m)));
     let count = |ui: &mut Ui, name: &str, count: u32, bad: Color32| {
         let text = mono(format!("{count:4}")).color(if count > 0 { bad } else { tokens.text });

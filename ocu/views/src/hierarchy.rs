@@ -3,7 +3,7 @@
 //! The colour of a box and the word in it have the same meaning. The line to the supervisor is highlighted in red for a
 //! moment after a command, and brightened after a status.
 
-use crate::view::{View, ViewContext};
+use crate::view::{Hover, View, ViewContext};
 use egui::{Align, Color32, FontId, Pos2, Rect, Role, ScrollArea, Sense, Stroke, Ui, Vec2, WidgetInfo};
 use ocu_ui::{Tokens, format, icons, tokens, widgets};
 use rcs_msg::rcs::{Command, ProcessInfo, ProcessState, ProcessTiming, Status, Timing};
@@ -179,7 +179,12 @@ fn process_box(ui: &mut Ui, cx: &mut ViewContext<'_>, process: &ProcessInfo, rec
     if response.clicked() {
         cx.selection.process = Some(process.name.as_str().into());
     }
-    let edge = match (chosen, response.hovered()) {
+    if response.hovered() {
+        let process = Some(process.name.as_str().into());
+        cx.selection.hovered.set(Hover { process, ..Hover::default() });
+    }
+    let is_meant = cx.selection.hovered.get().process.as_deref() == Some(process.name.as_str());
+    let edge = match (chosen, response.hovered() || is_meant) {
         (true, _) => Stroke::new(2.0, tokens.accent),
         (_, true) => Stroke::new(1.0, tokens.text),
         _ => Stroke::new(1.0, tokens.line),

@@ -28,6 +28,7 @@ mod canvas;
 mod clip;
 mod drive;
 mod fields;
+mod frames;
 mod hierarchy;
 mod image;
 mod map;
@@ -37,13 +38,17 @@ mod pose;
 mod samples;
 #[cfg(test)]
 mod tests;
+mod text_log;
 mod texture;
+mod timing;
 mod toolbar;
 mod tuning;
 mod view;
 mod views;
 
+pub use camera::cameras;
 pub use view::{
-    HoverPoint, Preview, RunChoice, SavedState, Selection, TopicKey, View, ViewContext, ViewType, Wish, show,
+    Hover, HoverPoint, Hovers, Preview, RunChoice, SavedState, Selection, TopicKey, View, ViewContext,
+    ViewType, Wish, show,
 };
 pub use views::{all, view_type};

@@ -41,6 +41,7 @@ pub(crate) fn empty() -> Frame {
         topics: Arc::new([]),
         processes: Arc::new([]),
         tracks: Arc::new([]),
+        events: Arc::new([]),
         transforms: Arc::new(TransformTree::new()),
         runs: Runs::default(),
         playback: Playback::default(),
@@ -138,6 +139,7 @@ pub(crate) fn full() -> Frame {
         topics: topics.into(),
         processes: processes.into(),
         tracks: tracks.into(),
+        events: Arc::new([]),
         transforms: Arc::new(tree),
         ..empty()
     }

@@ -7,10 +7,13 @@ use rcs_msg::foxglove::{
     CircleAnnotation, Color, ImageAnnotations, Point2, PointsAnnotation, PoseInFrame, TextAnnotation, Vector3,
 };
 use rcs_msg::rcs::{
-    CourseRun, DriveCommand, EmergencyStop, PortInfo, ProcessInfo, SpeedLimit, VehicleStatus,
+    CourseRun, DriveCommand, EmergencyStop, PortInfo, ProcessInfo, ProcessTiming, SpeedLimit, Timing,
+    VehicleStatus,
 };
 use rcs_msg::{Schema, schema_of};
-use rcs_runtime::source::{Frame, RunTag, Runs, SourceInfo, SourceKind, Topic};
+use rcs_runtime::source::{
+    Event, EventKind, EventLevel, Events, Frame, RunTag, Runs, SourceInfo, SourceKind, Topic,
+};
 use std::sync::Arc;
 
 /// A frame of a running stack: a moving vehicle, its course, shapes on an image, and ground truth.
@@ -37,6 +40,7 @@ pub(crate) fn driving() -> Frame {
         topic("/vehicle_interface/vehicle", 50.0, 0.02, status()),
         topic("/vehicle_interface/params", 0.0, 12.0, SpeedLimit { max_speed_mps: 1.0 }),
         topic("/operator/teleop", 20.0, 0.04, command()),
+        topic("/runtime/timing", 1.0, 0.4, timing()),
         Topic::new("/operator/emergency_stop", RunTag::FIRST, Arc::clone(schema_of::<EmergencyStop>())),
     ];
     topics.sort_by(|a, b| a.name.cmp(&b.name));
@@ -50,6 +54,7 @@ pub(crate) fn driving() -> Frame {
     let vehicle_interface = ProcessInfo {
         name: "vehicle_interface".into(),
         supervisor: "viewer".into(),
+        period_ns: 20_000_000,
         // Any message with the options of parameters will do.
         params_buffer: "/vehicle_interface/params".into(),
         inputs: vec![
@@ -62,6 +67,7 @@ pub(crate) fn driving() -> Frame {
     let driver = ProcessInfo {
         name: "driver".into(),
         supervisor: "viewer".into(),
+        period_ns: 100_000_000,
         outputs: vec![port("drive", "/driver/drive", schema_of::<DriveCommand>(), "")],
         ..ProcessInfo::default()
     };
@@ -76,10 +82,54 @@ pub(crate) fn driving() -> Frame {
         topics: topics.into(),
         processes: [vehicle_interface, driver].into(),
         tracks: tracks.into(),
+        events: Arc::new([events()]),
         runs: Runs::default(),
         playback,
         ..nothing
     }
+}
+
+/// One event of each kind, in the past and in the future.
+fn events() -> Events {
+    let lines = [
+        (9.0, EventKind::Command, EventLevel::Info, "planner", "RUN (3)"),
+        (7.5, EventKind::Mode, EventLevel::Info, "planner", "EXEC · RUN · drives along the path"),
+        (
+            4.0,
+            EventKind::Error,
+            EventLevel::Warning,
+            "stereo",
+            "1 inputs not used: the images differ in size",
+        ),
+        (2.0, EventKind::Bumper, EventLevel::Warning, "/vehicle/status", "bumper hit, left"),
+        (1.0, EventKind::Operator, EventLevel::Info, "/operator/teleop", "drives by hand"),
+        (0.5, EventKind::Error, EventLevel::Error, "driver", "ERROR · RUN · no pose for 2 s"),
+        (-3.0, EventKind::Log, EventLevel::Info, "camera", "exposure is 12 ms"),
+    ];
+    let event = |(age_s, kind, level, source, text): (f64, _, _, &str, &str)| Event {
+        stamp: rcs_msg::Stamp((NOW.0 as f64 - age_s * 1e9) as u64),
+        kind,
+        level,
+        source: source.into(),
+        text: text.into(),
+    };
+    Events::of(RunTag::FIRST, lines.map(event))
+}
+
+/// A process that has time, and one that has not.
+fn timing() -> Timing {
+    let process = |process: &str, mean_us: f64, max_us: f64, overruns: u64| ProcessTiming {
+        process: process.into(),
+        cycles: 4_200,
+        mean_us,
+        max_us,
+        overruns,
+        wake_late_mean_us: mean_us * 0.2,
+        ..ProcessTiming::default()
+    };
+    let processes =
+        vec![process("vehicle_interface", 1_840.0, 7_300.0, 0), process("driver", 86_000.0, 131_000.0, 17)];
+    Timing { processes, ..Timing::default() }
 }
 
 fn run() -> CourseRun {

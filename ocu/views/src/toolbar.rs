@@ -2,12 +2,13 @@
 
 use crate::view::TopicKey;
 use egui::{Align, ComboBox, Layout, Role, Ui, Vec2, WidgetInfo};
+use ocu_ui::bar::{Bar, Form};
 use ocu_ui::palette::MapPalette;
 use ocu_ui::{legend, tokens};
 use rcs_runtime::source::{Frame, RunTag, Topic};
 
-/// A toolbar, 28 points high, with a line below.
-pub(crate) fn row(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
+/// A toolbar, 28 points high, with a line below. Its items change `cx`.
+pub(crate) fn show<C>(ui: &mut Ui, bar: Bar<'_, C>, cx: &mut C) {
     let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 28.0), egui::Sense::hover());
     let line = egui::Stroke::new(1.0, tokens(ui).line);
     ui.painter().hline(rect.x_range(), rect.bottom() - 0.5, line);
@@ -16,13 +17,8 @@ pub(crate) fn row(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
         .layout(Layout::left_to_right(Align::Center));
     let mut child = ui.new_child(builder);
     child.set_clip_rect(rect.intersect(ui.clip_rect()));
-    add(&mut child);
+    bar.show(&mut child, 24.0, cx);
     ui.add_space(-ui.spacing().item_spacing.y);
-}
-
-/// Adds controls at the right end of a toolbar.
-pub(crate) fn at_right(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
-    ui.with_layout(Layout::right_to_left(Align::Center), add);
 }
 
 /// Name of a topic, with its run where the same name exists both recorded and computed.
@@ -37,6 +33,7 @@ pub(crate) fn topic_label(frame: &Frame, topic: &Topic) -> String {
 /// A drop-down list of topics.
 pub(crate) fn topic_choice(
     ui: &mut Ui,
+    form: Form,
     frame: &Frame,
     name: &str,
     shown: Option<&Topic>,
@@ -44,7 +41,9 @@ pub(crate) fn topic_choice(
 ) -> Option<TopicKey> {
     let mut chosen = None;
     let text = shown.map_or_else(|| "choose a topic".to_owned(), |topic| topic_label(frame, topic));
-    let combo = ComboBox::from_id_salt(name).selected_text(text).width(160.0).show_ui(ui, |ui| {
+    let width = if form == Form::Short { 80.0 } else { 160.0 };
+    let combo = ComboBox::from_id_salt(name).selected_text(text).width(width).truncate();
+    let combo = combo.show_ui(ui, |ui| {
         let mut truth = false;
         for topic in topics {
             if topic.is_ground_truth() && !std::mem::replace(&mut truth, true) {

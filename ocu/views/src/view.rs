@@ -2,8 +2,8 @@
 
 use crate::operator::{DriveSettings, Hand};
 use egui::Ui;
-use ocu_ui::tokens;
-use rcs_msg::AnyMessage;
+use ocu_ui::{stale, tokens};
+use rcs_msg::{AnyMessage, Stamp};
 use rcs_runtime::RunId;
 use rcs_runtime::source::{Control, Frame, RunTag, Topic};
 use serde::{Deserialize, Serialize};
@@ -101,18 +101,74 @@ impl TopicKey {
     }
 }
 
+/// Whether the newest message of a topic is outdated: the one rule of all views.
+pub(crate) fn is_old(topic: &Topic, now: Stamp) -> bool {
+    topic.age_s(now).is_some_and(|age_s| stale::is_stale(age_s, rate_hz(topic)))
+}
+
 /// Last known rate of a topic; 0 where unknown, as for a single message.
 pub(crate) fn rate_hz(topic: &Topic) -> f64 {
     topic.hz.unwrap_or(0.0)
 }
 
-/// The position under the pointer in one view, which the other views mark.
+/// A position in a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HoverPoint {
     /// Coordinate frame of the position.
     pub frame_id: String,
     /// x, y, z, m; z is NaN where unknown.
     pub position_m: [f64; 3],
+}
+
+/// What is under the pointer, as one view says it; the other views mark what they show of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Hover {
+    /// The topic.
+    pub topic: Option<TopicKey>,
+    /// The process.
+    pub process: Option<Arc<str>>,
+    /// Path of a field of the topic.
+    pub field: Option<Arc<str>>,
+    /// Column and row of a cell of the topic.
+    pub cell: Option<[usize; 2]>,
+    /// Position in an image of the topic, pixels from its left upper corner.
+    pub pixel: Option<[f64; 2]>,
+    /// A position in space.
+    pub point: Option<HoverPoint>,
+    /// A time of the source.
+    pub time: Option<Stamp>,
+}
+
+/// What is hovered, in two phases: all views read what was said in the last pass, and say what holds in this one. So
+/// links work between all views, whichever is painted first.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Hovers {
+    last: Hover,
+    next: Hover,
+}
+
+impl Hovers {
+    /// What was hovered in the last pass.
+    pub fn get(&self) -> &Hover {
+        &self.last
+    }
+
+    /// Says what is hovered now.
+    pub fn set(&mut self, hover: Hover) {
+        self.next = hover;
+    }
+
+    /// What has been said in this pass.
+    pub fn said(&mut self) -> &mut Hover {
+        &mut self.next
+    }
+
+    /// Ends a pass; returns whether views have to be painted again.
+    pub fn turn(&mut self) -> bool {
+        let changed = self.next != self.last;
+        self.last = std::mem::take(&mut self.next);
+        changed
+    }
 }
 
 /// The user's selection, shared by all views.
@@ -122,8 +178,8 @@ pub struct Selection {
     pub topic: Option<TopicKey>,
     /// The process clicked last.
     pub process: Option<Arc<str>>,
-    /// The position under the pointer; the window clears it before each pass.
-    pub hovered: Option<HoverPoint>,
+    /// What is under the pointer; the window ends each pass with [`Hovers::turn`].
+    pub hovered: Hovers,
     /// Parameters that are being edited; views show their effect before they are sent.
     pub preview: Option<Preview>,
     /// Deflection of the drive controls; the window sets it from the keys before each pass, and sends the command after
@@ -160,6 +216,13 @@ pub enum Wish {
         /// Its complete parameters.
         params: AnyMessage,
     },
+    /// Show a topic.
+    Show {
+        /// The topic.
+        topic: TopicKey,
+        /// Whether it is drawn in a new view; otherwise its fields are listed.
+        drawn: bool,
+    },
 }
 
 /// The input and output of a view in one pass.
@@ -190,6 +253,11 @@ pub trait View {
         false
     }
 
+    /// Whether it shows whatever topic is selected.
+    fn shows_selection(&self) -> bool {
+        false
+    }
+
     /// Called when an accepted topic is dropped on the view.
     fn drop_topic(&mut self, _topic: &Topic) {}
 
@@ -206,7 +274,7 @@ pub trait View {
 }
 
 /// An entry of the list of views.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct ViewType {
     /// Name in layouts; it must never change.
     pub kind: &'static str,

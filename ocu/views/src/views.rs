@@ -48,6 +48,24 @@ pub fn all() -> &'static [ViewType] {
             icons::ICON_TUNE,
             "The parameters of a process: change, preview, send, compare, save.",
         ),
+        entry::<crate::text_log::TextLog>(
+            "log",
+            "Log",
+            icons::ICON_ARTICLE,
+            "What happened: messages, errors, commands, changes of mode, acts of the operator.",
+        ),
+        entry::<crate::timing::Timing>(
+            "timing",
+            "Timing",
+            icons::ICON_TIMER,
+            "The cycles of every process against its period.",
+        ),
+        entry::<crate::frames::Frames>(
+            "frames",
+            "Frames",
+            icons::ICON_3D_ROTATION,
+            "The tree of coordinate frames with their poses.",
+        ),
     ];
     VIEWS
 }

@@ -11,7 +11,9 @@ use super::{Source, SourceError, Step, Task};
 use crate::node::panic_text;
 use rcs_msg::{AnyMessage, Stamp, rcs, schema_of};
 use std::collections::VecDeque;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -54,8 +56,10 @@ pub enum Control {
     Cancel,
 }
 
-/// Time between frames while playing.
+/// Time between frames while playing, unless the window can draw only fewer ([`Driver::show_every`]).
 const FRAME: Duration = Duration::from_millis(16);
+/// Time between frames in which nothing but the clock has changed.
+const CLOCK: Duration = Duration::from_millis(200);
 /// Greatest duration of work between two frames (except for a single step of the source that takes longer), so that the
 /// window stays responsive.
 const BUDGET: Duration = Duration::from_millis(24);
@@ -77,9 +81,15 @@ struct Shared {
     task: Mutex<Option<(Arc<Task>, Instant)>>,
     /// Emergency stops that have not been written yet, oldest first.
     urgent: Mutex<VecDeque<(String, AnyMessage)>>,
+    /// Time between frames while playing, µs.
+    every_us: AtomicU64,
 }
 
 impl Shared {
+    fn every(&self) -> Duration {
+        Duration::from_micros(self.every_us.load(Ordering::Relaxed))
+    }
+
     fn task(&self) -> MutexGuard<'_, Option<(Arc<Task>, Instant)>> {
         self.task.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -114,6 +124,7 @@ impl Driver {
             frame: Mutex::new(Arc::new(source.frame())),
             task: Mutex::new(None),
             urgent: Mutex::default(),
+            every_us: AtomicU64::new(FRAME.as_micros() as u64),
         });
         let (controls, receiver) = channel();
         let theirs = Arc::clone(&shared);
@@ -127,6 +138,8 @@ impl Driver {
                 hands: HeldControls::default(),
                 controls: &receiver,
                 pending: VecDeque::new(),
+                is_behind: false,
+                woken: (Instant::now(), 0),
             };
             // The frame must show that the source has stopped, and why.
             if let Err(panic) = catch_unwind(AssertUnwindSafe(|| pacer.run())) {
@@ -150,6 +163,12 @@ impl Driver {
         task.as_ref()
             .filter(|(_, since)| since.elapsed() > Duration::from_millis(100))
             .map(|(task, _)| task.fraction())
+    }
+
+    /// Sets the time between frames while playing: no more frames are made than the window can draw.
+    pub fn show_every(&self, every: Duration) {
+        let us = every.max(FRAME).as_micros() as u64;
+        self.shared.every_us.store(us, Ordering::Relaxed);
     }
 
     /// Sends a request. [`Control::Cancel`] and an emergency stop act at once, all others in order.
@@ -203,16 +222,21 @@ struct DriverLoop<'a, W> {
     controls: &'a Receiver<Control>,
     /// The outstanding requests, oldest first.
     pending: VecDeque<Control>,
+    /// Whether the source has not reached the time of the clock.
+    is_behind: bool,
+    /// When the window was last woken, and the content that it was woken for.
+    woken: (Instant, u64),
 }
 
 impl<W: Fn()> DriverLoop<'_, W> {
     fn run(mut self) {
         let mut idle = true;
         let mut shown = Instant::now();
-        let mut worked = Duration::ZERO;
         loop {
-            let wait = if self.playback.playing {
-                FRAME.saturating_sub(worked)
+            let wait = if self.playback.playing && self.is_behind {
+                Duration::ZERO
+            } else if self.playback.playing {
+                self.shared.every().saturating_sub(shown.elapsed())
             } else if idle {
                 Duration::ZERO
             } else {
@@ -233,18 +257,18 @@ impl<W: Fn()> DriverLoop<'_, W> {
                     Err(TryRecvError::Disconnected) => return,
                 }
             }
+            // A request is answered at once; otherwise frames come no faster than they can be drawn.
+            let is_asked = changed;
             drop_overtaken_seeks(&mut self.pending);
             self.write_urgent();
             while let Some(control) = self.pending.pop_front() {
                 self.obey(control);
                 self.write_urgent();
             }
-            worked = Duration::ZERO;
             if self.playback.playing {
-                let start = Instant::now();
-                self.play_on(start);
-                worked = start.elapsed();
-                changed = true;
+                self.play_on(Instant::now());
+                let is_due = shown.elapsed() + Duration::from_millis(1) >= self.shared.every();
+                changed = is_asked || is_due || !self.playback.playing;
             } else if idle {
                 idle = self.source.idle();
                 if !idle || shown.elapsed() > SHOW_IDLE {
@@ -253,16 +277,22 @@ impl<W: Fn()> DriverLoop<'_, W> {
             }
             if changed {
                 shown = Instant::now();
-                self.show();
+                self.show(is_asked);
             }
         }
     }
 
-    fn show(&mut self) {
+    /// Publishes a frame, and wakes the window for it; for the clock alone, only a few times a second.
+    fn show(&mut self, is_asked: bool) {
         let mut frame = self.source.frame();
         frame.playback = self.playback.clone();
+        let content = content(&frame);
         self.shared.show(frame);
-        (self.wake)();
+        let (at, known) = self.woken;
+        if is_asked || !self.playback.playing || content != known || at.elapsed() >= CLOCK {
+            self.woken = (Instant::now(), content);
+            (self.wake)();
+        }
     }
 
     /// Writes the emergency stops that have been sent, then discards waiting seeks and steps.
@@ -378,6 +408,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
             self.playback.playing = false;
         }
         self.pace.arrived(Instant::now(), self.source.now(), target.min(end));
+        self.is_behind = self.source.now() < target.min(end);
         (self.playback.lag_s, self.playback.achieved) = (self.pace.lag_s(), self.pace.achieved());
         if self.source.now() < end {
             return;
@@ -436,6 +467,18 @@ impl<W: Fn()> DriverLoop<'_, W> {
         *self.shared.task() = None;
         result
     }
+}
+
+/// A number that differs where frames show different messages or states.
+fn content(frame: &Frame) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    for topic in frame.topics.iter() {
+        let newest = topic.latest.as_ref().map(|sample| (sample.header.log_time, sample.header.sequence));
+        (newest, topic.pending).hash(&mut hasher);
+    }
+    let run = frame.runs.current().0;
+    (frame.topics.len(), run, &frame.playback.error, frame.playback.playing).hash(&mut hasher);
+    hasher.finish()
 }
 
 /// Of several consecutive seeks only the last is executed, because users drag the timeline.

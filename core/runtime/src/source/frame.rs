@@ -1,5 +1,6 @@
 //! Frames: one moment of a source, as the views see it.
 
+use super::events::Events;
 use super::run_tag::RunTag;
 use super::tracks::Track;
 use crate::conversion::canonical;
@@ -205,6 +206,8 @@ pub struct Frame {
     pub processes: Arc<[rcs::ProcessInfo]>,
     /// Every track known so far, over the whole log and in every run, by run and topic.
     pub tracks: Arc<[Track]>,
+    /// The events of every run, over the whole log as far as it has been read.
+    pub events: Arc<[Events]>,
     /// Transforms up to now; static transforms of the whole log.
     pub transforms: Arc<TransformTree>,
     /// The runs of the stack.
@@ -246,6 +249,13 @@ impl Frame {
     /// The track of this topic in this run.
     pub fn track(&self, topic: &str, run: RunTag) -> Option<&Track> {
         self.tracks.iter().find(|track| &*track.topic == topic && track.run == run)
+    }
+
+    /// The events of the viewed run; those of the recording where nothing runs.
+    pub fn events(&self) -> Option<&Events> {
+        let current = RunTag::Run(self.runs.current());
+        let of = |run: RunTag| self.events.iter().find(|events| events.run == run);
+        of(current).filter(|events| !events.is_empty()).or_else(|| of(RunTag::Recorded))
     }
 
     /// Seconds since the start of the source.

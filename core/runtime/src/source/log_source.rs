@@ -79,6 +79,7 @@ impl Source for LogSource {
             topics: self.view.topics.clone().into(),
             processes: Arc::clone(&self.processes),
             tracks: self.view.tracks().collect(),
+            events: Arc::new([self.view.events()]),
             transforms: Arc::clone(&self.view.shared_tree),
             runs: Runs::default(),
             playback: Playback::default(),

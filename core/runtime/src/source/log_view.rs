@@ -1,5 +1,6 @@
 //! The topics of a log at one moment, and background reading of the log.
 
+use super::events::{EventWatch, Events, is_event_type};
 use super::frame::Topic;
 use super::rates::{LastTimes, WINDOW_NS};
 use super::run_tag::RunTag;
@@ -40,6 +41,7 @@ pub(crate) struct LogView {
     ahead: Option<LogMessage>,
     background: Option<Cursor>,
     tracks: Tracks,
+    events: EventWatch,
     shared_len: usize,
     pub(crate) shared_tree: Arc<TransformTree>,
 }
@@ -81,7 +83,7 @@ impl LogView {
             .iter()
             .filter(|topic| {
                 rcs_msg::canonical_name(&topic.schema)
-                    .is_some_and(|name| is_pose_type(name) || is_transform_type(name))
+                    .is_some_and(|name| is_pose_type(name) || is_transform_type(name) || is_event_type(name))
             })
             .map(|topic| topic.id)
             .collect();
@@ -99,6 +101,7 @@ impl LogView {
             ahead: None,
             background,
             tracks: Tracks::default(),
+            events: EventWatch::default(),
             shared_len: 0,
             shared_tree: Arc::default(),
         }
@@ -217,7 +220,7 @@ impl LogView {
         }
     }
 
-    /// Reads poses and transforms for a few milliseconds; `true` if some are left.
+    /// Reads poses, transforms and events for a few milliseconds; `true` if some are left.
     pub(crate) fn idle(&mut self) -> bool {
         let Some(cursor) = &mut self.background else { return false };
         let until = Instant::now() + PIECE;
@@ -230,6 +233,7 @@ impl LogView {
                     let raw = AnyMessage::encoded(Arc::clone(&topic.schema), message.data);
                     if let Some(message_out) = canonical(&raw) {
                         let is_static = is_static_topic(&self.log, message.topic);
+                        self.events.take(&topic.name, message.log_time, &message_out);
                         self.tracks.take(&topic.name, message.log_time, &message_out, is_static);
                     }
                 }
@@ -252,6 +256,11 @@ impl LogView {
     /// The tracks of the log, as far as they have been read.
     pub(crate) fn tracks(&self) -> impl Iterator<Item = Track> + '_ {
         self.tracks.read(RunTag::Recorded)
+    }
+
+    /// The events of the log, as far as they have been read.
+    pub(crate) fn events(&self) -> Events {
+        self.events.read(RunTag::Recorded)
     }
 
     /// All processes that the log describes.

@@ -5,12 +5,14 @@
 //! stop the source. [`Driver`] runs a source on a separate thread, paces it, and publishes frames.
 
 mod driver;
+mod events;
 mod frame;
 mod held;
 mod log_source;
 mod log_view;
 mod pace;
 mod rates;
+mod run_events;
 mod run_tag;
 mod run_tracks;
 mod run_transforms;
@@ -20,6 +22,7 @@ mod stack_steps;
 mod tracks;
 
 pub use driver::{Control, Driver};
+pub use events::{Event, EventKind, EventLevel, Events};
 pub use frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic};
 pub use held::HeldControl;
 pub use log_source::LogSource;

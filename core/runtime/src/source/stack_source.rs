@@ -4,6 +4,7 @@ use super::frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic};
 use super::log_source::info_of;
 use super::log_view::{LogView, opening_time};
 use super::rates::RunTimes;
+use super::run_events::RunEvents;
 use super::run_tag::RunTag;
 use super::run_tracks::RunTracks;
 use super::run_transforms::RunTransforms;
@@ -40,6 +41,7 @@ pub struct StackSource {
     /// One topic per buffer, in the order of the plan.
     topics: Vec<Topic>,
     tracks: RunTracks,
+    events: RunEvents,
     times: RunTimes,
     transforms: RunTransforms,
     /// The moment of `transforms`; `None` if they must be computed again.
@@ -77,6 +79,7 @@ impl StackSource {
     fn of(run: Stepped, log: Option<&Log>, recorded: Option<&RecordedRun>) -> Result<Self, SourceError> {
         let plan = Arc::clone(run.plan());
         let tracks = RunTracks::tap(&run);
+        let events = RunEvents::tap(&run);
         let times = RunTimes::tap(&run);
         let placing = placing(&plan);
         let topics = plan.buffers.iter().map(|buffer| Topic {
@@ -128,6 +131,7 @@ impl StackSource {
             processes,
             topics,
             tracks,
+            events,
             times,
             transforms: RunTransforms::default(),
             placed: None,
@@ -177,6 +181,7 @@ impl StackSource {
         let tag = RunTag::Run(current);
         self.runs = self.session.runs().into();
         self.tracks.follow(&self.runs, current.0 as usize);
+        self.events.follow(&self.runs, current.0 as usize);
         self.times.follow(&self.runs, current.0 as usize);
         if self.topics.first().is_some_and(|topic| topic.run != tag) {
             self.topics.iter_mut().for_each(|topic| topic.run = tag);
@@ -319,6 +324,7 @@ impl Source for StackSource {
         let topics = unwired.iter().chain(&self.topics).cloned().collect();
         let recorded_tracks = recorded.into_iter().flat_map(LogView::tracks);
         let tracks = recorded_tracks.chain(self.tracks.read()).collect();
+        let events = recorded.map(LogView::events).into_iter().chain(self.events.read()).collect();
         let mut frame = Frame {
             generation: self.generation,
             info: Arc::clone(&self.info),
@@ -326,6 +332,7 @@ impl Source for StackSource {
             topics,
             processes: Arc::clone(&self.processes),
             tracks,
+            events,
             transforms: match recorded {
                 Some(view) => Arc::clone(&view.shared_tree),
                 None => self.transforms.share(),

@@ -10,7 +10,7 @@ pub use eval::{
     EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalObstaclesArgs, EvalPlanArgs, EvalStereoArgs,
     StereoMethod,
 };
-pub use recording::{CheckArgs, DiffArgs, InfoArgs, LatencyArgs, RenderArgs, SampleArgs};
+pub use recording::{CheckArgs, CutArgs, DiffArgs, InfoArgs, LatencyArgs, RenderArgs, SampleArgs};
 pub use run::RunArgs;
 pub use stack::{PluginsArgs, StackCheckArgs, StackCommand, StackShowArgs};
 pub use values::{Param, Save, Size};
@@ -55,6 +55,8 @@ pub enum Command {
     Info(InfoArgs),
     /// Check a recording: its index, its checksums and every message
     Check(CheckArgs),
+    /// Write a range of a recording to a new one
+    Cut(CutArgs),
     /// Say how old the messages of a recording were when they became visible
     Latency(LatencyArgs),
     /// Draw a layout at a time into a PNG; needs no display

@@ -1,4 +1,4 @@
-//! Commands on recordings: `ocu info`, `ocu check`, `ocu latency`, `ocu diff`, `ocu render`, `ocu sample`.
+//! Commands on recordings: `ocu info`, `ocu check`, `ocu latency`, `ocu diff`, `ocu cut`, `ocu render`, `ocu sample`.
 
 use super::values::{Size, parse_duration, parse_seconds, parse_size};
 use clap::Args;
@@ -92,6 +92,28 @@ pub struct RenderArgs {
     /// Use the light theme
     #[arg(long)]
     pub light: bool,
+}
+
+/// `ocu cut`
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Example:\n  ocu cut drive.mcap --from 12.5 --to 20 -o part.mcap\n\n\
+                        Messages are copied byte for byte. What the range needs from before its start (transforms, \
+                        calibrations, parameters, the map) is carried to its start.")]
+pub struct CutArgs {
+    /// Recording to cut
+    pub log: PathBuf,
+    /// Start of the range, in seconds from the start of the recording
+    #[arg(long, value_name = "T", default_value = "0", value_parser = parse_seconds)]
+    pub from: f64,
+    /// End of the range, in seconds from the start of the recording; by default its end
+    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    pub to: Option<f64>,
+    /// File to write
+    #[arg(short, long, value_name = "LOG")]
+    pub output: PathBuf,
+    /// Replace an existing file
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// `ocu sample`

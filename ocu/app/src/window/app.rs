@@ -3,7 +3,7 @@
 use super::body::{Options, Window};
 use crate::cli::{Renderer, WindowArgs};
 use crate::layout::{Layout, data_dir};
-use crate::offscreen::only_software_adapters;
+use crate::offscreen::{Adapters, adapters};
 use crate::open::Request;
 use anyhow::anyhow;
 use std::time::Instant;
@@ -13,11 +13,11 @@ pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
     let started = Instant::now();
     let layout = args.layout.as_deref().map(Layout::named).transpose()?;
     let options = Options { request: Request::of(args), layout, data_dir: data_dir() };
-    let renderer = args.renderer.unwrap_or_else(|| {
-        // Software Vulkan draws a full window five times more slowly than software OpenGL.
-        if only_software_adapters() { Renderer::Glow } else { Renderer::Wgpu }
-    });
-    tracing::debug!("drawing with {renderer:?}");
+    let adapters = adapters();
+    // Software Vulkan draws a full window five times more slowly than software OpenGL.
+    let fitting = if adapters == Adapters::Hardware { Renderer::Wgpu } else { Renderer::Glow };
+    let renderer = args.renderer.unwrap_or(fitting);
+    tracing::debug!("drawing with {renderer:?}; graphics adapters: {adapters:?}");
     let native = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default()
             .with_title("OCU")
@@ -36,7 +36,10 @@ pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
         native,
         Box::new(move |creation| {
             ocu_ui::install(&creation.egui_ctx);
-            let window = Window::new(&creation.egui_ctx, options);
+            let mut window = Window::new(&creation.egui_ctx, options);
+            if adapters == Adapters::Software {
+                window.draws_in_software();
+            }
             Ok(Box::new(App { window, started, is_shown: false }))
         }),
     )

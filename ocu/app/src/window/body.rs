@@ -1,29 +1,33 @@
 //! The contents of the window.
 
-use super::commands::{Command, Needs};
+use super::bookmarks::Bookmarks;
+use super::commands::Needs;
 use super::document::Document;
-use super::focus::{cancel, show_focus};
+use super::focus::show_focus;
+use super::frames::FramePolicy;
 use super::keymap::Keymap;
 use super::layout_store::LayoutStore;
-use super::notices::Notices;
-use super::open::{self, Invited, Opener, Outcome};
+use super::leaving::Leaving;
+use super::notices::{Matter, Notices};
+use super::open::{self, Invited, Opener};
 use super::operate::{Operating, StopState};
 use super::palette::{Choice, KeyList, Palette};
 use super::save_params::{SaveParams, Saved};
 use super::timeline::Timeline;
-use super::top_bar::{self, TopBarAction};
+use super::top_bar;
+use super::top_state::{self, TopBarAction};
 use super::tree::{Workspace, view_menu};
 use crate::bundled;
 use crate::layout::Layout;
 use crate::open::Request;
-use crate::say;
 use ocu_ui::{icons, tokens, widgets};
 use ocu_views::{Selection, View, ViewContext, Wish};
+use rcs_msg::Stamp;
 use rcs_runtime::RunId;
 use rcs_runtime::source::{Control, Driver, Frame, Source, SourceKind};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Repaint interval while the progress of a long operation is shown.
 const LOOK_AGAIN: Duration = Duration::from_millis(150);
@@ -40,7 +44,7 @@ pub struct Options {
 }
 
 /// The source being shown.
-enum Shown {
+pub(super) enum Shown {
     Nothing,
     /// A source that can be played.
     Live(Driver),
@@ -60,7 +64,7 @@ impl Shown {
 
 /// Whether the user chose the layout, which then stays until another one suits the source.
 #[derive(Debug, PartialEq)]
-enum Chosen {
+pub(super) enum Chosen {
     /// It was selected to suit the source.
     Nothing,
     /// Before anything was open.
@@ -71,27 +75,35 @@ enum Chosen {
 
 /// The window's contents and their state.
 pub struct Window {
-    ctx: egui::Context,
-    shown: Shown,
+    pub(super) ctx: egui::Context,
+    pub(super) shown: Shown,
     /// The request of the open source.
-    current: Request,
-    workspace: Option<Workspace>,
-    buffers: Option<Box<dyn View>>,
-    buffers_open: bool,
-    selection: Selection,
-    timeline: Timeline,
-    operating: Operating,
-    opener: Opener,
-    notices: Notices,
-    keymap: Keymap,
-    key_list: KeyList,
-    palette: Palette,
-    save_params: Option<SaveParams>,
-    layout_store: LayoutStore,
-    document: Document,
-    chosen: Chosen,
+    pub(super) current: Request,
+    pub(super) workspace: Option<Workspace>,
+    pub(super) buffers: Option<Box<dyn View>>,
+    pub(super) buffers_open: bool,
+    pub(super) selection: Selection,
+    pub(super) timeline: Timeline,
+    pub(super) operating: Operating,
+    pub(super) opener: Opener,
+    pub(super) notices: Notices,
+    pub(super) keymap: Keymap,
+    pub(super) key_list: KeyList,
+    pub(super) palette: Palette,
+    pub(super) save_params: Option<SaveParams>,
+    pub(super) layout_store: LayoutStore,
+    pub(super) document: Document,
+    pub(super) chosen: Chosen,
     /// The runs that the source was last asked to show beside the viewed one.
-    watched: Vec<RunId>,
+    pub(super) watched: Vec<RunId>,
+    pub(super) frames: FramePolicy,
+    /// Number of runs of the source that the user knows of.
+    pub(super) known_runs: usize,
+    /// Alarms up to this time have been acknowledged.
+    pub(super) known_alarms: Stamp,
+    pub(super) marks: Bookmarks,
+    /// The question whether to leave a run.
+    pub(super) leaving: Option<Leaving>,
 }
 
 impl Window {
@@ -119,9 +131,14 @@ impl Window {
             document: Document::default(),
             chosen: Chosen::Nothing,
             watched: Vec::new(),
+            frames: FramePolicy::default(),
+            known_runs: 0,
+            known_alarms: Stamp(0),
+            leaving: None,
+            marks: Bookmarks::default(),
         };
         if let Some(error) = wrong_keys {
-            window.notices.error(error);
+            window.notices.error(Matter::Layout, error);
         }
         if let Some(layout) = layout {
             window.choose(&layout);
@@ -140,18 +157,26 @@ impl Window {
         window
     }
 
+    /// Says that the processor draws, so that fewer frames leave it to the stack.
+    pub fn draws_in_software(&mut self) {
+        self.frames = FramePolicy::software();
+    }
+
     /// The state of the source at the time being shown.
     pub fn frame(&self) -> Option<Arc<Frame>> {
         self.shown.frame()
     }
 
     /// Shows an open source in place of the previous one.
-    fn show_source(&mut self, request: Request, source: Box<dyn Source>) {
+    pub(super) fn show_source(&mut self, request: Request, source: Box<dyn Source>) {
         let ctx = self.ctx.clone();
-        let driver = match Driver::spawn(source, move || ctx.request_repaint()) {
+        // A repaint without a delay is done twice; a frame needs one.
+        let wake = move || ctx.request_repaint_after(Duration::from_millis(1));
+        let driver = match Driver::spawn(source, wake) {
             Ok(driver) => driver,
             Err(error) => {
-                return self.notices.error(format!("no thread to play {}: {error}", request.title()));
+                let text = format!("no thread to play {}: {error}", request.title());
+                return self.notices.error(Matter::Open, text);
             }
         };
         self.arrange_for(&driver.frame());
@@ -165,6 +190,8 @@ impl Window {
             old.close();
         }
         self.watched.clear();
+        (self.known_runs, self.known_alarms) = (0, Stamp(0));
+        self.marks = Bookmarks::of(request.log.as_deref());
         self.current = request;
         self.timeline.forget();
         self.operating.forget();
@@ -179,7 +206,7 @@ impl Window {
     }
 
     /// Records the arrangement after an action of the user, for undo and for the next start.
-    fn record_layout(&mut self) {
+    pub(super) fn record_layout(&mut self) {
         let Some(workspace) = &self.workspace else { return };
         let layout = workspace.layout(self.buffers_open);
         if self.document.record(&layout) {
@@ -196,7 +223,7 @@ impl Window {
         let live = frame.as_deref().filter(|_| matches!(self.shown, Shown::Live(_)));
         let stops = live.is_some_and(|frame| self.operating.stop_state(frame) != StopState::None);
         let acted = self.take_keys(ui.ctx(), stops, frame.as_deref(), &mut controls);
-        self.selection.hovered = None;
+        let chosen = (self.selection.topic.clone(), self.selection.process.clone());
         self.selection.let_go_first = self.operating.is_blocked();
         self.selection.hand = live.map(|frame| self.operating.take_keys(ui, frame)).unwrap_or_default();
 
@@ -206,6 +233,9 @@ impl Window {
         let actions = top.show(ui, |ui| self.top(ui, frame.as_deref())).inner;
         for action in actions {
             self.perform(action, frame.as_deref(), &mut controls);
+        }
+        if let Some(frame) = live {
+            self.tell_branch(frame);
         }
         let source_error = frame.as_ref().and_then(|frame| frame.playback.error.clone());
         if !self.notices.is_empty(source_error.as_deref()) {
@@ -220,6 +250,7 @@ impl Window {
             self.open_path(&path);
         }
         self.key_list_ui(ui);
+        self.leaving_ui(ui, &mut controls);
         match self.save_params.as_mut().map(|dialog| dialog.ui(ui.ctx())) {
             None | Some(Saved::Open) => {}
             Some(Saved::Cancelled) => self.save_params = None,
@@ -231,6 +262,11 @@ impl Window {
         }
         self.palette_ui(ui, frame.as_deref(), &mut controls);
         show_focus(ui.ctx(), stops);
+        // Views that were painted before the one that changed it follow in the next pass.
+        let turned = self.selection.hovered.turn();
+        if turned || chosen != (self.selection.topic.clone(), self.selection.process.clone()) {
+            ui.ctx().request_repaint();
+        }
 
         if let (Shown::Live(driver), Some(frame)) = (&self.shown, &frame) {
             self.operating.finish(ui, frame, &self.selection, &mut controls);
@@ -243,6 +279,7 @@ impl Window {
             if !controls.is_empty() || driver.busy().is_some() {
                 self.ctx.request_repaint_after(LOOK_AGAIN);
             }
+            driver.show_every(self.frames.every(Instant::now(), &frame.playback));
             for control in controls {
                 driver.send(control);
             }
@@ -250,14 +287,30 @@ impl Window {
         if acted || may_have_changed(ui) {
             self.record_layout();
         }
+        if let Some(failure) = self.marks.take_failure() {
+            self.notices.error(Matter::Open, failure);
+        }
         self.layout_store.report(&mut self.notices);
+    }
+
+    /// Says that another run has begun.
+    fn tell_branch(&mut self, frame: &Frame) {
+        let known = std::mem::replace(&mut self.known_runs, frame.runs.all.len());
+        let begun = frame.runs.all.get(known.max(1)..).and_then(<[_]>::last);
+        let Some((run, (from, at))) = begun.and_then(|run| Some((run, run.branched_from?))) else { return };
+        let at = ocu_ui::format::elapsed(at.seconds_since(frame.info.start));
+        let text = format!(
+            "{} begins at {at}. What {} did after that is kept: choose a run above, or right-click the tab of a view to \
+             show both side by side.",
+            run.id, from.run
+        );
+        self.notices.news(Matter::Run, text);
     }
 
     fn top(&self, ui: &mut egui::Ui, frame: Option<&Frame>) -> Vec<TopBarAction> {
         let layout_name = self.workspace.as_ref().map_or("", Workspace::name);
-        let state = top_bar::State {
+        let state = top_state::State {
             frame,
-            busy: if let Shown::Live(driver) = &self.shown { driver.busy() } else { None },
             current: &self.current,
             opening: self.opener.opening(),
             recent: self.opener.recent(),
@@ -267,19 +320,28 @@ impl Window {
             keymap: &self.keymap,
             stop: frame.map(|frame| self.operating.stop_state(frame)).unwrap_or_default(),
             pushed: self.operating.is_pushed(),
+            known_until: self.known_alarms,
         };
         top_bar::ui(ui, &state)
     }
 
     fn source_ui(&mut self, ui: &mut egui::Ui, frame: &Frame, bar: egui::Frame, controls: &mut Vec<Control>) {
         let bottom = egui::Panel::bottom("timeline").frame(bar).resizable(false);
-        bottom.show(ui, |ui| self.timeline.ui(ui, frame, controls));
+        let busy = if let Shown::Live(driver) = &self.shown { driver.busy() } else { None };
+        bottom.show(ui, |ui| {
+            let Self { timeline, selection, marks, .. } = self;
+            timeline.ui(ui, frame, &mut selection.hovered, busy, marks, controls);
+        });
         let mut wishes = Vec::new();
         let mut cx = ViewContext { frame, controls, selection: &mut self.selection, wishes: &mut wishes };
         if let Some(buffers) = self.buffers.as_mut().filter(|_| self.buffers_open) {
             let panel = egui::Frame::new().fill(tokens(ui).panel());
-            let left =
-                egui::Panel::left("buffers").frame(panel).default_size(300.0).size_range(180.0..=600.0);
+            // In a narrow window it takes at most half of the room.
+            let most = (0.5 * ui.available_width()).clamp(96.0, 600.0);
+            let left = egui::Panel::left("buffers")
+                .frame(panel)
+                .default_size(300.0_f32.min(most))
+                .size_range(most.min(180.0)..=most);
             left.show(ui, |ui| {
                 ui.push_id("buffers", |ui| ocu_views::show(buffers.as_mut(), ui, &mut cx));
             });
@@ -302,8 +364,17 @@ impl Window {
                 });
             }
         });
-        for Wish::SaveParams { process, params } in wishes {
-            self.save_params = Some(SaveParams::new(&self.current, &process, &params));
+        for wish in wishes {
+            match wish {
+                Wish::SaveParams { process, params } => {
+                    self.save_params = Some(SaveParams::new(&self.current, &process, &params));
+                }
+                Wish::Show { topic, drawn } => {
+                    let workspace = self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty()));
+                    workspace.show_topic(frame, &topic, drawn);
+                    ui.ctx().request_repaint();
+                }
+            }
         }
     }
 
@@ -348,199 +419,6 @@ impl Window {
             Some(Choice::View(view_type)) => self.perform(TopBarAction::AddView(view_type), frame, controls),
             Some(Choice::Layout(name)) => self.perform(TopBarAction::Layout(name), frame, controls),
             None => return,
-        }
-        self.record_layout();
-    }
-
-    /// Shows a source that has been opened since the last pass.
-    fn take_opened(&mut self) {
-        match self.opener.poll() {
-            Some(Outcome::Opened(request, source)) => self.show_source(request, source),
-            Some(Outcome::Failed(text)) => self.notices.error(text),
-            None => {}
-        }
-    }
-
-    fn take_dropped(&mut self, ui: &egui::Ui) {
-        let files = ui.input_mut(|input| std::mem::take(&mut input.raw.dropped_files));
-        if let [first, rest @ ..] = files.as_slice() {
-            if !rest.is_empty() {
-                self.notices
-                    .error(format!("{} files were dropped; one can be opened at a time", files.len()));
-            }
-            self.open_path(first.path());
-        }
-    }
-
-    /// Opens a recording, a stack or a layout.
-    fn open_path(&mut self, path: &Path) {
-        if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("ron")) {
-            return self.opener.open(Request::dropped(path, &self.current));
-        }
-        match Layout::load(path) {
-            Ok(layout) => self.choose(&layout),
-            Err(error) => self.notices.error(say(&error)),
-        }
-    }
-
-    /// Carries out the commands of the keys that were pressed; returns whether there was any.
-    fn take_keys(
-        &mut self,
-        ctx: &egui::Context,
-        stops: bool,
-        frame: Option<&Frame>,
-        controls: &mut Vec<Control>,
-    ) -> bool {
-        self.key_list.take_key(ctx, &mut self.keymap);
-        let commands = self.keymap.pressed(ctx, stops);
-        for &command in &commands {
-            self.run(command, frame, controls);
-        }
-        !commands.is_empty()
-    }
-
-    /// Carries out a command.
-    fn run(&mut self, command: Command, frame: Option<&Frame>, controls: &mut Vec<Control>) {
-        match command {
-            Command::EmergencyStop => {
-                if let Some(frame) = frame {
-                    self.operating.emergency_stop(frame, true, controls);
-                }
-            }
-            Command::Cancel => cancel(&self.ctx),
-            Command::Open => self.opener.ask(),
-            Command::Keys => self.key_list.toggle(),
-            Command::Palette => self.palette.toggle(),
-            Command::Restart => self.perform(TopBarAction::Restart, frame, controls),
-            Command::TakeBack => controls.push(Control::Undo),
-            Command::Buffers => self.buffers_open = !self.buffers_open,
-            Command::Theme => self.perform(TopBarAction::ToggleTheme, frame, controls),
-            Command::FittingLayout => self.perform(TopBarAction::FittingLayout, frame, controls),
-            Command::ResetLayout => {
-                let name = self.workspace.as_ref().map(|workspace| workspace.name().to_owned());
-                match name.as_deref().and_then(Layout::bundled) {
-                    Some(Ok(layout)) => self.arrange(&layout),
-                    Some(Err(error)) => self.notices.error(error.to_string()),
-                    None => self.notices.error("this layout is your own; expected one that comes with OCU"),
-                }
-            }
-            Command::UndoLayout => {
-                if let Some(layout) = self.document.undo() {
-                    self.arrange(&layout);
-                }
-            }
-            Command::RedoLayout => {
-                if let Some(layout) = self.document.redo() {
-                    self.arrange(&layout);
-                }
-            }
-            Command::PlayPause
-            | Command::Step { .. }
-            | Command::StepCycle { .. }
-            | Command::StepSecond { .. }
-            | Command::ToStart
-            | Command::ToEnd
-            | Command::Loop => {
-                controls
-                    .extend(frame.and_then(|frame| self.timeline.command(command, frame, &self.selection)));
-            }
-        }
-    }
-
-    fn perform(&mut self, action: TopBarAction, frame: Option<&Frame>, controls: &mut Vec<Control>) {
-        match action {
-            TopBarAction::Ask => self.opener.ask(),
-            TopBarAction::Open(request) => {
-                controls.extend(self.make_room());
-                self.opener.open(request);
-            }
-            TopBarAction::Restart => {
-                controls.extend(self.make_room());
-                self.opener.open(self.current.clone());
-            }
-            TopBarAction::EmergencyStop(active) => {
-                if let Some(frame) = frame {
-                    self.operating.emergency_stop(frame, active, controls);
-                }
-            }
-            TopBarAction::Cancel => controls.push(Control::Cancel),
-            TopBarAction::SwitchRun(run) => controls.push(Control::SwitchRun(run)),
-            TopBarAction::Undo => controls.push(Control::Undo),
-            TopBarAction::ToggleBuffers => self.buffers_open = !self.buffers_open,
-            TopBarAction::ToggleTheme => {
-                let dark = self.ctx.theme() == egui::Theme::Dark;
-                self.ctx.set_theme(if dark { egui::Theme::Light } else { egui::Theme::Dark });
-                // This pass was laid out with the old colours.
-                self.ctx.request_repaint();
-            }
-            TopBarAction::Help => self.key_list.toggle(),
-            TopBarAction::Palette => self.palette.toggle(),
-            TopBarAction::Run(command) => self.run(command, frame, controls),
-            TopBarAction::AddView(view_type) => {
-                self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty())).add(view_type);
-            }
-            TopBarAction::Layout(name) => {
-                // As the user last arranged it; how it comes is a command of its own.
-                let kept = self.layout_store.load(&name, &mut self.notices);
-                match kept.map_or_else(|| Layout::named(&name), Ok) {
-                    Ok(layout) => self.choose(&layout),
-                    Err(error) => self.notices.error(say(&error)),
-                }
-            }
-            TopBarAction::SaveLayout(name) => {
-                if let Some(workspace) = &mut self.workspace {
-                    workspace.rename(name);
-                }
-                self.record_layout();
-            }
-            TopBarAction::FittingLayout => {
-                self.chosen = Chosen::Nothing;
-                if let Some(frame) = frame {
-                    self.arrange_for(frame);
-                }
-            }
-        }
-    }
-
-    /// Pauses a running stack, which would slow down opening the next source.
-    fn make_room(&self) -> Option<Control> {
-        let is_stack = self.frame().is_some_and(|frame| frame.info.kind == SourceKind::Stack);
-        is_stack.then_some(Control::Pause)
-    }
-
-    /// Applies a layout chosen by the user.
-    fn choose(&mut self, layout: &Layout) {
-        self.record_layout();
-        self.chosen = match self.frame() {
-            Some(frame) => Chosen::For(Layout::for_content(&frame).name),
-            None => Chosen::BeforeOpening,
-        };
-        self.arrange(layout);
-    }
-
-    /// Applies the layout that suits the source, as the user last arranged it. One that the user chose stays for
-    /// sources of the same kind.
-    fn arrange_for(&mut self, frame: &Frame) {
-        let fitting = Layout::for_content(frame);
-        if self.chosen == Chosen::BeforeOpening {
-            self.chosen = Chosen::For(fitting.name.clone());
-        }
-        let is_chosen = matches!(&self.chosen, Chosen::For(suited) if *suited == fitting.name);
-        let stays = self.workspace.as_ref().is_some_and(|now| is_chosen || now.name() == fitting.name);
-        if !stays {
-            self.chosen = Chosen::Nothing;
-            self.record_layout();
-            let kept = self.layout_store.load(&fitting.name, &mut self.notices);
-            self.arrange(&kept.unwrap_or(fitting));
-        }
-    }
-
-    /// Goes to an arrangement; views that are in both stay.
-    fn arrange(&mut self, layout: &Layout) {
-        self.buffers_open = layout.buffers;
-        match &mut self.workspace {
-            Some(workspace) => workspace.apply(layout),
-            None => self.workspace = Some(Workspace::new(layout)),
         }
         self.record_layout();
     }

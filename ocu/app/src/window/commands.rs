@@ -19,6 +19,12 @@ pub(super) enum Command {
     StepSecond {
         back: bool,
     },
+    /// Go to the next event.
+    NextEvent {
+        back: bool,
+    },
+    /// Set a bookmark, or remove it.
+    Bookmark,
     ToStart,
     ToEnd,
     Loop,
@@ -147,6 +153,23 @@ pub(super) const COMMANDS: &[Entry] = {
             N::Source,
             &[key!(NONE Comma)],
         ),
+        entry(
+            C::NextEvent { back: false },
+            "next_event",
+            "To the next event",
+            Time,
+            N::Source,
+            &[key!(NONE N)],
+        ),
+        entry(
+            C::NextEvent { back: true },
+            "last_event",
+            "To the event before",
+            Time,
+            N::Source,
+            &[key!(SHIFT N)],
+        ),
+        entry(C::Bookmark, "bookmark", "Set a bookmark, or remove it", Time, N::Source, &[key!(NONE M)]),
         entry(C::ToStart, "start", "To the start", Time, N::Source, &[key!(NONE Home)]),
         entry(C::ToEnd, "end", "To the end", Time, N::Source, &[key!(NONE End)]),
         entry(C::Loop, "loop", "Start again at the end, or stop there", Time, N::Source, &[key!(NONE L)]),

@@ -1,7 +1,7 @@
 //! Storage of the user's arrangements: each layout as it was last arranged, in a file of its own, apart from the bundled
 //! ones. They are written after every change by a thread of their own, so that they survive a crash.
 
-use super::notices::Notices;
+use super::notices::{Matter, Notices};
 use crate::bundled;
 use crate::layout::Layout;
 use crate::say;
@@ -80,7 +80,8 @@ impl LayoutStore {
         match Layout::load(&path) {
             Ok(layout) => Some(layout),
             Err(error) => {
-                notices.error(format!("the arrangement that was kept cannot be used: {}", say(&error)));
+                let text = format!("the arrangement that was kept cannot be used: {}", say(&error));
+                notices.error(Matter::Layout, text);
                 None
             }
         }
@@ -111,7 +112,7 @@ impl LayoutStore {
     /// Reports what could not be written. The reason is said once: it does not change by itself.
     pub(super) fn report(&mut self, notices: &mut Notices) {
         if let Some(error) = self.writer.as_ref().and_then(|writer| writer.errors.try_recv().ok()) {
-            notices.error(error);
+            notices.error(Matter::Layout, error);
             self.folder = None;
         }
     }

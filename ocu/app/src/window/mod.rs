@@ -3,14 +3,19 @@
 //! [`Window`] contains everything except the system's window frame, so that tests and `ocu render` draw the same
 //! contents.
 
+mod actions;
 mod app;
 mod body;
+mod bookmarks;
 mod commands;
 mod document;
 mod focus;
+mod frames;
 mod joystick;
 mod keymap;
+mod lanes;
 mod layout_store;
+mod leaving;
 mod notices;
 mod open;
 mod operate;
@@ -21,6 +26,10 @@ mod shortcut;
 mod stop_button;
 mod timeline;
 mod top_bar;
+mod top_menus;
+mod top_state;
+mod top_tags;
+mod transport;
 mod tree;
 
 pub use app::run;

@@ -1,61 +1,105 @@
-//! Error messages, shown at the top of the window until they are dismissed.
+//! Messages at the top of the window. An error stays until it is dismissed or mended; a piece of news leaves by itself.
 
-use ocu_ui::{icons, tokens, widgets};
+use ocu_ui::{Icon, Tokens, icons, tokens, widgets};
+use std::time::{Duration, Instant};
 
 /// Maximum number of messages; older ones are dropped.
 const MOST: usize = 4;
+/// How long a piece of news is shown.
+const NEWS: Duration = Duration::from_secs(12);
+
+/// What a message is about: the next success in the same matter removes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Matter {
+    /// Opening a source.
+    Open,
+    /// Layouts and keys.
+    Layout,
+    /// The runs of the source.
+    Run,
+}
+
+#[derive(Debug)]
+struct Notice {
+    matter: Matter,
+    text: String,
+    /// When it leaves; `None` for an error.
+    until: Option<Instant>,
+}
 
 /// The current messages.
 #[derive(Debug, Default)]
 pub(super) struct Notices {
-    texts: Vec<String>,
+    notices: Vec<Notice>,
     /// The source's error that was dismissed; it is shown again when it changes.
     dismissed: Option<String>,
 }
 
 impl Notices {
     /// Adds an error, unless the same one is already shown.
-    pub(super) fn error(&mut self, text: impl Into<String>) {
-        let text = text.into();
-        self.texts.retain(|known| *known != text);
-        self.texts.push(text);
-        let surplus = self.texts.len().saturating_sub(MOST);
-        self.texts.drain(..surplus);
+    pub(super) fn error(&mut self, matter: Matter, text: impl Into<String>) {
+        self.add(Notice { matter, text: text.into(), until: None });
+    }
+
+    /// Adds a piece of news, in place of the last one in the same matter.
+    pub(super) fn news(&mut self, matter: Matter, text: impl Into<String>) {
+        self.notices.retain(|known| known.matter != matter || known.until.is_none());
+        self.add(Notice { matter, text: text.into(), until: Some(Instant::now() + NEWS) });
+    }
+
+    fn add(&mut self, notice: Notice) {
+        self.notices.retain(|known| known.text != notice.text);
+        self.notices.push(notice);
+        let surplus = self.notices.len().saturating_sub(MOST);
+        self.notices.drain(..surplus);
+    }
+
+    /// Removes what is said in a matter, because it has been mended.
+    pub(super) fn mended(&mut self, matter: Matter) {
+        self.notices.retain(|known| known.matter != matter);
     }
 
     /// Paints a line for each message, and for the source's own error.
     pub(super) fn ui(&mut self, ui: &mut egui::Ui, source_error: Option<&str>) {
+        let now = Instant::now();
+        if let Some(next) = self.notices.iter().filter_map(|notice| notice.until).min() {
+            ui.ctx().request_repaint_after(next.saturating_duration_since(now));
+        }
         let mut closed = None;
-        for (index, text) in self.texts.iter().enumerate() {
-            if line(ui, text) {
+        for (index, notice) in self.notices.iter().enumerate() {
+            if line(ui, &notice.text, notice.until.is_none()) {
                 closed = Some(index);
             }
         }
         if let Some(index) = closed {
-            self.texts.remove(index);
+            self.notices.remove(index);
         }
         match source_error {
             None => self.dismissed = None,
             Some(text) if self.dismissed.as_deref() == Some(text) => {}
             Some(text) => {
-                if line(ui, text) {
+                if line(ui, text, true) {
                     self.dismissed = Some(text.to_owned());
                 }
             }
         }
     }
 
-    /// Whether there is anything to show.
-    pub(super) fn is_empty(&self, source_error: Option<&str>) -> bool {
-        self.texts.is_empty() && (source_error.is_none() || self.dismissed.as_deref() == source_error)
+    /// Whether there is anything to show. Old news leave here.
+    pub(super) fn is_empty(&mut self, source_error: Option<&str>) -> bool {
+        let now = Instant::now();
+        self.notices.retain(|notice| notice.until.is_none_or(|until| until > now));
+        self.notices.is_empty() && (source_error.is_none() || self.dismissed.as_deref() == source_error)
     }
 }
 
 /// One line; returns whether it was dismissed.
-fn line(ui: &mut egui::Ui, text: &str) -> bool {
-    let error = tokens(ui).error;
+fn line(ui: &mut egui::Ui, text: &str, is_error: bool) -> bool {
+    let tokens: &Tokens = tokens(ui);
+    let (icon, color): (Icon, _) =
+        if is_error { (icons::ICON_ERROR, tokens.error) } else { (icons::ICON_INFO, tokens.accent) };
     ui.horizontal(|ui| {
-        ui.label(icons::ICON_ERROR.rich_text().size(16.0).color(error));
+        ui.label(icon.rich_text().size(16.0).color(color));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let closed = widgets::icon_button(ui, icons::ICON_CLOSE, "Dismiss").clicked();
             ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
@@ -66,4 +110,25 @@ fn line(ui: &mut egui::Ui, text: &str) -> bool {
         .inner
     })
     .inner
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_stays_until_its_matter_is_mended_and_news_replace_each_other() {
+        let mut notices = Notices::default();
+        notices.error(Matter::Open, "no such file: a.mcap");
+        notices.error(Matter::Open, "no such file: a.mcap");
+        notices.news(Matter::Run, "run 1 begins");
+        notices.news(Matter::Run, "run 2 begins");
+        assert_eq!(notices.notices.len(), 2);
+        notices.mended(Matter::Layout);
+        assert_eq!(notices.notices.len(), 2);
+        notices.mended(Matter::Open);
+        assert_eq!(notices.notices[0].text, "run 2 begins");
+        notices.notices[0].until = Some(Instant::now());
+        assert!(notices.is_empty(None) && !notices.is_empty(Some("the source has ended")));
+    }
 }

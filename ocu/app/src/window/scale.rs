@@ -24,13 +24,15 @@ struct Stretch {
 /// Mapping between time and the width of the bar.
 pub(super) struct Scale {
     rect: Rect,
-    start: Stamp,
+    /// The time that ticks and labels count from.
+    origin: Stamp,
     /// Periods in ascending order without holes; at least one.
     stretches: Vec<Stretch>,
 }
 
 impl Scale {
-    pub(super) fn new(rect: Rect, start: Stamp, end: Stamp, gaps: &[Gap]) -> Self {
+    /// A scale from `start` to `end`, whose labels count from `origin`.
+    pub(super) fn new(rect: Rect, origin: Stamp, [start, end]: [Stamp; 2], gaps: &[Gap]) -> Self {
         let inside: Vec<&Gap> = gaps.iter().filter(|gap| gap.from >= start && gap.to <= end).collect();
         let gap_part = GAP_PART.min(GAPS_PART / inside.len().max(1) as f64);
         let silent: u64 = inside.iter().map(|gap| gap.to.0 - gap.from.0).sum();
@@ -48,7 +50,12 @@ impl Scale {
             from = gap.to;
         }
         add(from, end.max(from), room * end.0.saturating_sub(from.0) as f64 / spoken, false);
-        Self { rect, start, stretches }
+        Self { rect, origin, stretches }
+    }
+
+    /// The times at both ends.
+    pub(super) fn range(&self) -> [Stamp; 2] {
+        [self.stretches[0].from, self.stretches[self.stretches.len() - 1].to]
     }
 
     /// Left end on the screen.
@@ -79,7 +86,7 @@ impl Scale {
     /// Paints the time under the pointer next to a line.
     pub(super) fn paint_pointer(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens, x: f32, to: Stamp) {
         painter.vline(x, self.rect.y_range(), Stroke::new(1.0, tokens.weak));
-        let text = format::elapsed(to.seconds_since(self.start));
+        let text = format::elapsed(to.seconds_since(self.origin));
         let galley = painter.layout_no_wrap(text, FontId::monospace(11.0), tokens.strong);
         let room = x + galley.size().x + 12.0 < self.rect.right();
         let left = if room { x + 4.0 } else { x - galley.size().x - 4.0 };
@@ -121,7 +128,7 @@ impl Scale {
         let spoken_s: f64 = spoken.clone().map(|it| it.to.seconds_since(it.from)).sum();
         let step_s = tick_step_s(spoken_s.max(1e-9), self.rect.width() / 96.0);
         for stretch in spoken {
-            let [first_s, last_s] = [stretch.from, stretch.to].map(|at| at.seconds_since(self.start));
+            let [first_s, last_s] = [stretch.from, stretch.to].map(|at| at.seconds_since(self.origin));
             let first = (first_s / step_s).ceil();
             let count = ((last_s / step_s).floor() - first).clamp(-1.0, 1000.0) as i64;
             for index in 0..=count {
@@ -131,7 +138,7 @@ impl Scale {
     }
 
     fn paint_tick(&self, painter: &egui::Painter, tokens: &ocu_ui::Tokens, time_s: f64, step_s: f64) {
-        let x = self.x(self.start.after_ns((time_s * 1e9) as u64));
+        let x = self.x(self.origin.after_ns((time_s * 1e9) as u64));
         let bottom = self.rect.bottom();
         painter.vline(x, (bottom - 6.0)..=bottom, Stroke::new(1.0, tokens.line));
         if x + 56.0 < self.rect.right() {
@@ -189,7 +196,7 @@ mod tests {
     #[test]
     fn the_bar_maps_both_ways() {
         let rect = Rect::from_min_size(egui::pos2(10.0, 0.0), egui::vec2(200.0, 20.0));
-        let scale = Scale::new(rect, Stamp(1_000), Stamp(2_001_000), &[]);
+        let scale = Scale::new(rect, Stamp(1_000), [Stamp(1_000), Stamp(2_001_000)], &[]);
         assert_eq!(scale.stamp(-5.0), Stamp(1_000));
         assert_eq!(scale.stamp(500.0), Stamp(2_001_000));
         let middle = scale.stamp(110.0);
@@ -203,7 +210,7 @@ mod tests {
         let rect = Rect::from_min_size(egui::pos2(0.0, 0.0), egui::vec2(1000.0, 20.0));
         let late = 1_700_000_000 * SECOND;
         let gap = Gap { from: Stamp(SECOND), to: Stamp(late) };
-        let scale = Scale::new(rect, Stamp(0), Stamp(late + 89 * SECOND), &[gap]);
+        let scale = Scale::new(rect, Stamp(0), [Stamp(0), Stamp(late + 89 * SECOND)], &[gap]);
         let width = scale.x(Stamp(late + 89 * SECOND)) - scale.x(Stamp(late));
         assert!(width > 900.0, "{width}");
         for seconds in [0, 1, 40, 89] {

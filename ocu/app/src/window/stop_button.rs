@@ -3,11 +3,15 @@
 
 use super::operate::StopState;
 use egui::{Color32, Rect, Role, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo};
+use ocu_ui::bar::Form;
 use ocu_ui::{Icon, icons, stale, tokens, widgets};
 
 /// Size of the button, and of the button that releases the stop, which keeps its place when it is not shown.
 const STOP: Vec2 = Vec2::new(148.0, 24.0);
 const RELEASE: Vec2 = Vec2::new(96.0, 24.0);
+/// The same in a narrow window.
+const SHORT_STOP: Vec2 = Vec2::new(132.0, 24.0);
+const SHORT_RELEASE: Vec2 = Vec2::new(28.0, 24.0);
 
 /// How a state looks.
 struct Look {
@@ -61,31 +65,33 @@ impl Look {
     }
 }
 
-/// Paints the buttons from right to left; returns whether a stop (`true`) or its release (`false`) is requested.
-/// Nothing is released while a control is deflected (`pushed`), because a release must not start motion.
-pub(super) fn ui(ui: &mut Ui, state: StopState, pushed: bool) -> Option<bool> {
+/// Paints the buttons; returns whether a stop (`true`) or its release (`false`) is requested. Nothing is released while
+/// a control is deflected (`pushed`), because a release must not start motion.
+pub(super) fn ui(ui: &mut Ui, form: Form, state: StopState, pushed: bool) -> Option<bool> {
     let look = Look::of(ui, state)?;
     let mut wish = None;
-    let (rect, response) = ui.allocate_exact_size(STOP, Sense::click());
+    let (stop, release) = if form == Form::Short { (SHORT_STOP, SHORT_RELEASE) } else { (STOP, RELEASE) };
+    let (place, _) = ui.allocate_exact_size(release, Sense::hover());
+    if state == StopState::Stopped {
+        let icon = icons::ICON_LOCK_OPEN.codepoint;
+        let text = if form == Form::Short { icon.to_owned() } else { format!("{icon}  Release") };
+        let button = egui::Button::new(text).min_size(release);
+        let release = ui.new_child(egui::UiBuilder::new().max_rect(place)).add_enabled(!pushed, button);
+        release.widget_info(|| WidgetInfo::labeled(Role::Button, !pushed, "Release"));
+        let release = release
+            .on_hover_text("Release the stop: let the vehicle move again")
+            .on_disabled_hover_text("Let go of the controls first: a release must not start motion.");
+        if release.clicked() {
+            wish = Some(false);
+        }
+    }
+    let (rect, response) = ui.allocate_exact_size(stop, Sense::click());
     response
         .widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Emergency stop: {}", look.word)));
     paint(ui, rect, &look, response.hovered());
     if response.on_hover_text(look.help).clicked() && state != StopState::Stopped {
         wish = Some(true);
     }
-    let (place, _) = ui.allocate_exact_size(RELEASE, Sense::hover());
-    if state == StopState::Stopped {
-        let button =
-            egui::Button::new(format!("{}  Release", icons::ICON_LOCK_OPEN.codepoint)).min_size(RELEASE);
-        let release = ui.new_child(egui::UiBuilder::new().max_rect(place)).add_enabled(!pushed, button);
-        let release = release
-            .on_hover_text("Let the vehicle move again")
-            .on_disabled_hover_text("Let go of the controls first: a release must not start motion.");
-        if release.clicked() {
-            wish = Some(false);
-        }
-    }
-    ui.separator();
     wish
 }
 

@@ -1,51 +1,21 @@
 //! The timeline at the bottom of the window: the current time, and playback controls.
 
+use super::bookmarks::Bookmarks;
 use super::commands::Command;
+use super::lanes;
 use super::scale::Scale;
-use crate::time::date_and_time;
+use super::transport::{self, Unit};
 use egui::{Rect, Role, Sense, Stroke, WidgetInfo};
-use ocu_ui::{format, icons, tokens, widgets};
-use ocu_views::Selection;
+use ocu_ui::{Tokens, tokens};
+use ocu_views::{Hover, Hovers, Selection};
 use rcs_msg::Stamp;
-use rcs_runtime::source::{Control, Frame, Step};
+use rcs_runtime::source::{Control, EventKind, Frame, Step};
 
-/// Selectable playback speeds.
-const SPEEDS: [f64; 10] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, f64::INFINITY];
 /// Height of the bar.
 const BAR: f32 = 28.0;
 const SECOND_NS: i64 = 1_000_000_000;
-
-/// Unit of a step.
-#[derive(Clone, Debug, PartialEq)]
-enum Unit {
-    /// A message of this topic, or of any.
-    Message(Option<String>),
-    /// A cycle of this process, or of any.
-    Cycle(Option<String>),
-    /// A time in milliseconds.
-    Time(i64),
-}
-
-impl Unit {
-    fn step(&self, back: bool) -> Step {
-        match self {
-            Self::Message(topic) => Step::Message { topic: topic.clone(), back },
-            Self::Cycle(process) => Step::Cycle { process: process.clone(), back },
-            Self::Time(ms) => Step::Time { ns: ms * 1_000_000 * if back { -1 } else { 1 } },
-        }
-    }
-
-    fn text(&self) -> String {
-        match self {
-            Self::Message(None) => "any message".to_owned(),
-            Self::Message(Some(topic)) => topic.clone(),
-            Self::Cycle(None) => "any cycle".to_owned(),
-            Self::Cycle(Some(process)) => format!("cycle of {process}"),
-            Self::Time(ms) if ms % 1000 == 0 => format!("{} s", ms / 1000),
-            Self::Time(ms) => format!("{ms} ms"),
-        }
-    }
-}
+/// The shortest period that the bar shows, ns.
+const LEAST_RANGE_NS: f64 = 1e6;
 
 /// State of the timeline.
 pub(super) struct Timeline {
@@ -54,18 +24,22 @@ pub(super) struct Timeline {
     asked: Option<Stamp>,
     /// The latest time reached by a source without an end.
     furthest: Stamp,
+    /// Where the user went, until the source is there.
+    going_to: Option<Stamp>,
+    /// What the bar shows; everything where `None`.
+    range: Option<[Stamp; 2]>,
 }
 
 impl Default for Timeline {
     fn default() -> Self {
-        Self { unit: Unit::Message(None), asked: None, furthest: Stamp(0) }
+        Self { unit: Unit::Message(None), asked: None, furthest: Stamp(0), going_to: None, range: None }
     }
 }
 
 impl Timeline {
     /// Resets the state for another source.
     pub(super) fn forget(&mut self) {
-        (self.asked, self.furthest) = (None, Stamp(0));
+        *self = Self { unit: self.unit.clone(), ..Self::default() };
     }
 
     /// The control for a command about time; `None` for other commands.
@@ -88,101 +62,45 @@ impl Timeline {
             Command::ToStart => Control::Seek(frame.info.start),
             Command::ToEnd => Control::Seek(frame.info.end.unwrap_or(self.furthest)),
             Command::Loop => Control::Loop(!playback.looping),
+            Command::NextEvent { back } => {
+                let wanted = &EventKind::ALL[..EventKind::ALL.len() - 1];
+                Control::Seek(frame.events()?.beside(frame.now, back, wanted)?.stamp)
+            }
             _ => return None,
         })
     }
 
     /// Paints the timeline.
-    pub(super) fn ui(&mut self, ui: &mut egui::Ui, frame: &Frame, controls: &mut Vec<Control>) {
-        ui.horizontal(|ui| {
-            self.transport(ui, frame, controls);
-            ui.separator();
-            clock(ui, frame);
-            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                state(ui, frame);
-            });
-        });
-        self.bar(ui, frame, controls);
-    }
-
-    fn transport(&mut self, ui: &mut egui::Ui, frame: &Frame, controls: &mut Vec<Control>) {
-        let playback = &frame.playback;
-        let back = self.unit.step(true);
-        if widgets::icon_button(ui, icons::ICON_SKIP_PREVIOUS, "Step back").clicked() {
-            controls.push(Control::Step(back));
+    pub(super) fn ui(
+        &mut self,
+        ui: &mut egui::Ui,
+        frame: &Frame,
+        hovers: &mut Hovers,
+        busy: Option<f64>,
+        marks: &mut Bookmarks,
+        controls: &mut Vec<Control>,
+    ) {
+        let zoomed = self.range.is_some();
+        if transport::ui(ui, frame, &mut self.unit, zoomed, busy, marks, controls) {
+            self.range = None;
         }
-        let (icon, name, control) = if playback.playing {
-            (icons::ICON_PAUSE, "Pause", Control::Pause)
-        } else {
-            (icons::ICON_PLAY_ARROW, "Play", Control::Play)
-        };
-        if widgets::icon_button_of(ui, icon, name, playback.playing, true).clicked() {
-            controls.push(control);
-        }
-        if widgets::icon_button(ui, icons::ICON_SKIP_NEXT, "Step forward").clicked() {
-            controls.push(Control::Step(self.unit.step(false)));
-        }
-        self.unit_menu(ui, frame);
-
-        let mut looping = playback.looping;
-        if widgets::icon_toggle(ui, icons::ICON_REPEAT, "Start again at the end", &mut looping).clicked() {
-            controls.push(Control::Loop(looping));
-        }
-        let mut speed = playback.speed;
-        let text = |speed: f64| {
-            if speed.is_infinite() { "max".to_owned() } else { format!("× {}", format::number(speed)) }
-        };
-        let shown = text(speed);
-        let combo =
-            egui::ComboBox::from_id_salt("speed").selected_text(shown).width(56.0).show_ui(ui, |ui| {
-                for choice in SPEEDS {
-                    ui.selectable_value(&mut speed, choice, text(choice));
-                }
-            });
-        combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Speed"));
-        combo.response.on_hover_text("Speed: seconds of the source a second; max is as fast as it goes");
-        if speed != playback.speed {
-            controls.push(Control::Speed(speed));
-        }
-    }
-
-    fn unit_menu(&mut self, ui: &mut egui::Ui, frame: &Frame) {
-        let shown = self.unit.text();
-        let combo = egui::ComboBox::from_id_salt("step unit").selected_text(shown).width(128.0).truncate();
-        let combo = combo.show_ui(ui, |ui| {
-            let mut choice = |ui: &mut egui::Ui, unit: Unit| {
-                let text = unit.text();
-                ui.selectable_value(&mut self.unit, unit, text);
-            };
-            choice(ui, Unit::Message(None));
-            if !frame.processes.is_empty() {
-                choice(ui, Unit::Cycle(None));
-                for process in frame.processes.iter() {
-                    choice(ui, Unit::Cycle(Some(process.name.clone())));
-                }
-            }
-            for ms in [100, 1000, 10_000] {
-                choice(ui, Unit::Time(ms));
-            }
-            ui.separator();
-            ui.label(egui::RichText::new("A message of").small().color(tokens(ui).weak));
-            let mut last = "";
-            // A topic that is both recorded and computed is listed once.
-            for topic in frame.topics.iter().filter(|topic| topic.messages > 0) {
-                if *topic.name != *last {
-                    choice(ui, Unit::Message(Some(topic.name.to_string())));
-                }
-                last = &topic.name;
-            }
-        });
-        combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "What a step is"));
-        combo.response.on_hover_text("What a step is (arrow keys; with shift, a cycle)");
+        self.bar(ui, frame, hovers, busy, marks, controls);
     }
 
     /// The bar: click or drag to go to a time.
-    fn bar(&mut self, ui: &mut egui::Ui, frame: &Frame, controls: &mut Vec<Control>) {
+    fn bar(
+        &mut self,
+        ui: &mut egui::Ui,
+        frame: &Frame,
+        hovers: &mut Hovers,
+        busy: Option<f64>,
+        marks: &Bookmarks,
+        controls: &mut Vec<Control>,
+    ) {
         let tokens = tokens(ui);
-        let size = egui::vec2(ui.available_width(), BAR);
+        let events = frame.events();
+        let lanes = lanes::height(events);
+        let size = egui::vec2(ui.available_width(), BAR + lanes);
         let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
         response.widget_info(|| {
             let mut info = WidgetInfo::labeled(Role::Slider, true, "Time");
@@ -198,36 +116,137 @@ impl Timeline {
             frame.info.start.after_ns(minutes * 60_000_000_000)
         });
         let inner = rect.shrink2(egui::vec2(8.0, 0.0));
-        let scale = Scale::new(inner, frame.info.start, end, &frame.info.gaps);
+        let whole = [frame.info.start, end];
+        self.follow(frame, whole);
+        let shown = self.range.unwrap_or(whole);
+        let scale = Scale::new(inner, frame.info.start, shown, &frame.info.gaps);
+        match zoomed(ui, &response, &scale, whole) {
+            None => {}
+            Some(Zoomed::Whole) => self.range = None,
+            Some(Zoomed::Part(range)) => self.range = Some(range),
+        }
+        let mark = events.and_then(|events| {
+            let place = Rect::from_min_size(
+                egui::pos2(inner.left(), rect.top() + 5.0),
+                egui::vec2(inner.width(), lanes),
+            );
+            lanes::paint(ui, events, place, &scale)
+        });
         scale.paint_ticks(&painter, tokens);
         scale.paint_gaps(&painter, tokens, rect);
         if frame.info.end.is_none() {
             scale.paint_unknown(&painter, tokens, rect, self.furthest);
         }
-        let x = scale.x(frame.now);
-        let done = Rect::from_min_max(egui::pos2(scale.left(), rect.top()), egui::pos2(x, rect.top() + 4.0));
-        painter.rect_filled(done, 0.0, tokens.selected);
-        painter.vline(x, rect.y_range(), Stroke::new(2.0, tokens.accent));
-        let head = [(-5.0, 0.0), (5.0, 0.0), (0.0, 6.0)].map(|(dx, dy)| egui::pos2(x + dx, rect.top() + dy));
-        painter.add(egui::Shape::convex_polygon(head.to_vec(), tokens.accent, Stroke::NONE));
+        marks.paint(ui, rect, &scale);
+        if let Some(range) = self.range {
+            paint_overview(&painter, tokens, rect, whole, range);
+        }
+        self.paint_now(&painter, tokens, &scale, rect, frame.now);
+        // A far moment may have to be computed: until it is there, its place has a hollow head.
+        self.going_to = self.going_to.filter(|to| busy.is_some() && *to != frame.now);
+        if let Some(to) = self.going_to {
+            let x = scale.x(to);
+            painter.vline(x, rect.y_range(), Stroke::new(1.0, tokens.accent));
+            let head =
+                [(-5.0, 0.0), (5.0, 0.0), (0.0, 6.0)].map(|(dx, dy)| egui::pos2(x + dx, rect.top() + dy));
+            painter.add(egui::Shape::closed_line(head.to_vec(), Stroke::new(1.0, tokens.accent)));
+        }
+        if let Some(time) = hovers.get().time.filter(|_| !response.hovered()) {
+            painter.vline(scale.x(time), rect.y_range(), Stroke::new(1.0, tokens.weak));
+        }
 
+        let response = match &mark {
+            Some(event) => response.on_hover_ui_at_pointer(|ui| lanes::describe(ui, event, frame.info.start)),
+            None => response,
+        };
         let Some(pointer) = response.hover_pos().or_else(|| response.interact_pointer_pos()) else {
             self.asked = None;
             return;
         };
-        let to = scale.stamp(pointer.x);
+        // A click on a mark goes to its very time.
+        let to =
+            mark.filter(|_| !response.dragged()).map_or_else(|| scale.stamp(pointer.x), |event| event.stamp);
         // The last move and the release may fall into one pass, and with slow passes so may the whole drag.
         let is_drag = response.dragged() || response.drag_stopped() || pressed_and_released_in(ui, rect);
         if response.clicked() || is_drag {
             if self.asked != Some(to) {
                 controls.push(Control::Seek(to));
-                self.asked = Some(to);
+                (self.asked, self.going_to) = (Some(to), Some(to));
             }
         } else {
             self.asked = None;
         }
+        hovers.set(Hover { time: Some(to), ..Hover::default() });
         scale.paint_pointer(&painter, tokens, pointer.x, to);
     }
+
+    /// Keeps the viewed time in a zoomed bar while time runs, and the range within the source.
+    fn follow(&mut self, frame: &Frame, whole: [Stamp; 2]) {
+        let Some([from, to]) = self.range else { return };
+        let width = to.0 - from.0;
+        let is_outside = frame.now < from || frame.now > to;
+        if frame.playback.playing && is_outside {
+            let from = frame.now.0.saturating_sub(width / 10).max(whole[0].0);
+            self.range = Some([Stamp(from), Stamp(from + width)]);
+        }
+    }
+
+    fn paint_now(&self, painter: &egui::Painter, tokens: &Tokens, scale: &Scale, rect: Rect, now: Stamp) {
+        let [from, to] = scale.range();
+        let x = scale.x(now);
+        let done = Rect::from_min_max(egui::pos2(scale.left(), rect.top()), egui::pos2(x, rect.top() + 4.0));
+        painter.rect_filled(done, 0.0, tokens.selected);
+        if self.range.is_some() && (now < from || now > to) {
+            return;
+        }
+        painter.vline(x, rect.y_range(), Stroke::new(2.0, tokens.accent));
+        let head = [(-5.0, 0.0), (5.0, 0.0), (0.0, 6.0)].map(|(dx, dy)| egui::pos2(x + dx, rect.top() + dy));
+        painter.add(egui::Shape::convex_polygon(head.to_vec(), tokens.accent, Stroke::NONE));
+    }
+}
+
+/// What the bar shows after a turn of the wheel.
+enum Zoomed {
+    Whole,
+    Part([Stamp; 2]),
+}
+
+/// What a turn of the wheel over the bar shows next: it zooms at the pointer, and shift (or a horizontal wheel) pans.
+/// `None` where it is not turned.
+fn zoomed(ui: &egui::Ui, response: &egui::Response, scale: &Scale, whole: [Stamp; 2]) -> Option<Zoomed> {
+    let pointer = response.hover_pos()?;
+    let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta(), input.zoom_delta()));
+    let [from, to] = scale.range();
+    let width = to.0.saturating_sub(from.0).max(1) as f64;
+    let factor = if pinch == 1.0 { (f64::from(scroll.y) * 0.005).exp() } else { f64::from(pinch) };
+    if factor == 1.0 && scroll.x == 0.0 {
+        return None;
+    }
+    let all = whole[1].0.saturating_sub(whole[0].0).max(1) as f64;
+    let next = (width / factor).max(LEAST_RANGE_NS);
+    if next >= all {
+        return Some(Zoomed::Whole);
+    }
+    // The time under the pointer keeps its place.
+    let at = scale.stamp(pointer.x).0 as f64;
+    let part = (at - from.0 as f64) / width;
+    let panned = f64::from(scroll.x) / f64::from(response.rect.width().max(1.0)) * next;
+    let start = (at - part * next - panned).clamp(whole[0].0 as f64, whole[1].0 as f64 - next);
+    Some(Zoomed::Part([Stamp(start as u64), Stamp((start + next) as u64)]))
+}
+
+/// Which part of the whole a zoomed bar shows, as a thin line at its top.
+fn paint_overview(
+    painter: &egui::Painter,
+    tokens: &Tokens,
+    rect: Rect,
+    whole: [Stamp; 2],
+    [from, to]: [Stamp; 2],
+) {
+    let all = whole[1].seconds_since(whole[0]).max(1e-9);
+    let x = |at: Stamp| rect.left() + rect.width() * (at.seconds_since(whole[0]) / all) as f32;
+    let line = Rect::from_x_y_ranges(x(from)..=x(to).max(x(from) + 2.0), rect.bottom() - 2.0..=rect.bottom());
+    painter.rect_filled(line, 0.0, tokens.accent);
 }
 
 /// Whether the pointer was pressed in `rect` and released since the last pass.
@@ -242,43 +261,4 @@ fn pressed_and_released_in(ui: &egui::Ui, rect: Rect) -> bool {
         let press = input.events.iter().position(|event| is_button(event, true));
         press.is_some_and(|press| input.events[press..].iter().any(|event| is_button(event, false)))
     })
-}
-
-/// The current time, since the start and absolute.
-fn clock(ui: &mut egui::Ui, frame: &Frame) {
-    let tokens = tokens(ui);
-    let now =
-        egui::RichText::new(format::elapsed(frame.time_s())).monospace().size(16.0).color(tokens.strong);
-    ui.label(now).on_hover_text("Time since the start");
-    if let Some(end) = frame.info.end {
-        let length = format::elapsed(end.seconds_since(frame.info.start));
-        ui.label(egui::RichText::new(format!("/ {length}")).monospace().color(tokens.weak));
-    }
-    ui.separator();
-    let absolute = egui::RichText::new(date_and_time(frame.now)).monospace().color(tokens.weak);
-    ui.label(absolute).on_hover_text(format!("{} ns", frame.now.0));
-}
-
-/// State of playback: its measured speed, and how far it lags behind the clock.
-fn state(ui: &mut egui::Ui, frame: &Frame) {
-    let tokens = tokens(ui);
-    let playback = &frame.playback;
-    if !playback.playing {
-        return;
-    }
-    let slow = playback.achieved.is_some_and(|achieved| achieved < 0.95 * playback.speed)
-        && playback.speed.is_finite();
-    if let Some(achieved) = playback.achieved {
-        let color = if slow { tokens.warning } else { tokens.weak };
-        let text = widgets::mono(format!("{achieved:6.2} × real time")).color(color);
-        ui.label(text).on_hover_text("Seconds of the source a second, over the last half second");
-    }
-    if playback.lag_s > 0.25 {
-        let text = format!("{} behind the clock", format::age(playback.lag_s));
-        let color = if slow { tokens.warning } else { tokens.weak };
-        widgets::tag(ui, &text, color).on_hover_text(
-            "What could not be done in time since playing began. It is not caught up with: time goes on at the speed \
-             that was asked for.",
-        );
-    }
 }

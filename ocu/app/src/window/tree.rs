@@ -4,8 +4,9 @@ use super::document::VIEWPORT;
 use crate::layout::{Layout, Node, VERSION};
 use egui_tiles::{Container, Linear, LinearDir, Tabs, Tile, TileId, Tiles, Tree};
 use ocu_ui::{icons, tokens, widgets};
-use ocu_views::{RunChoice, SavedState, View, ViewContext, ViewType, view_type};
+use ocu_views::{RunChoice, SavedState, TopicKey, View, ViewContext, ViewType, view_type};
 use rcs_runtime::RunId;
+use rcs_runtime::source::Frame;
 use std::collections::BTreeMap;
 
 /// One view in its tile.
@@ -157,6 +158,36 @@ impl Workspace {
                 let _replaced = grid.replace_at(at, both);
             }
             _ => self.tree.root = Some(both),
+        }
+    }
+
+    /// Shows a topic: `drawn` in a new view, or in one that lists the fields of what is selected, which comes to the
+    /// front, or opens.
+    pub(super) fn show_topic(&mut self, frame: &Frame, key: &TopicKey, drawn: bool) {
+        let draws = |view_type: &&ViewType| {
+            let view = (view_type.make)();
+            !view.shows_selection() && key.find(frame).is_some_and(|topic| view.accepts(topic))
+        };
+        if let Some(view_type) = ocu_views::all().iter().find(draws).filter(|_| drawn) {
+            self.add(view_type);
+            let added = self.focused;
+            let panes = self.tree.tiles.tiles_mut().filter_map(|tile| match tile {
+                Tile::Pane(pane) if Some(pane.id) == added => Some(pane),
+                _ => None,
+            });
+            if let Some(topic) = key.find(frame) {
+                panes.for_each(|pane| pane.view.drop_topic(topic));
+            }
+            return;
+        }
+        let follows = |tile: &Tile<Pane>| matches!(tile, Tile::Pane(pane) if pane.view.shows_selection());
+        if self.tree.active_tiles().iter().any(|id| self.tree.tiles.get(*id).is_some_and(follows)) {
+            return;
+        }
+        if !self.tree.make_active(|_, tile| follows(tile))
+            && let Some(view_type) = ocu_views::all().iter().find(|view| (view.make)().shows_selection())
+        {
+            self.add(view_type);
         }
     }
 

@@ -31,7 +31,7 @@ pub(super) fn look(topic: &Topic) -> Look {
 }
 
 /// Whether the image contains ranges: by its role, or by its encoding where a log has no role metadata.
-fn is_range(topic: &Topic) -> bool {
+pub(super) fn is_range(topic: &Topic) -> bool {
     match topic.role() {
         Some(role) => matches!(role, Role::Depth | Role::Disparity),
         None => topic.get::<RawImage>().is_some_and(|raw| matches!(&*raw.encoding, "16UC1" | "32FC1")),
@@ -66,14 +66,16 @@ pub(super) fn is_annotation(topic: &Topic) -> bool {
     topic.type_name() == "foxglove.ImageAnnotations"
 }
 
+/// Whether a topic says that it lies on this image.
+pub(super) fn lies_on(topic: &Topic, image: &Topic) -> bool {
+    topic.metadata.get("rcs.overlay_of").is_some_and(|name| **name == *image.name)
+}
+
 /// All images, in this order: those with overlays, other camera images, depth images, derived images, ground truth.
 pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
     let mut images: Vec<_> = frame.topics.iter().filter(|topic| is_image(topic)).collect();
-    let has_overlay = |image: &Topic| {
-        let lies_on =
-            |topic: &&Topic| topic.metadata.get("rcs.overlay_of").is_some_and(|name| **name == *image.name);
-        frame.topics.iter().filter(lies_on).any(|topic| !topic.is_ground_truth())
-    };
+    let has_overlay =
+        |image: &Topic| frame.topics.iter().any(|topic| lies_on(topic, image) && !topic.is_ground_truth());
     images.sort_by_key(|topic| match look(topic) {
         _ if topic.is_ground_truth() => 4,
         _ if has_overlay(topic) => 0,

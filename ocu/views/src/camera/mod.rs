@@ -10,9 +10,10 @@ mod overlays;
 
 use crate::badge;
 use crate::canvas::Viewport;
-use crate::view::{SavedState, TopicKey, View, ViewContext, rate_hz};
+use crate::view::{Hover, SavedState, TopicKey, View, ViewContext, is_old};
 use egui::{Align2, Rect, Response, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
 use layer::{Layer, Look};
+use ocu_ui::bar::{self, Bar, Fit, Form};
 use ocu_ui::palette::{self, MapPalette};
 use ocu_ui::widgets::{self, mono};
 use ocu_ui::{format, icons, legend, stale, tokens};
@@ -104,6 +105,19 @@ impl View for Camera {
     }
 }
 
+/// The cameras of a source, the most telling first: those with overlays where there are any, otherwise all.
+pub fn cameras(frame: &Frame) -> Vec<TopicKey> {
+    let is_camera = |topic: &&Topic| {
+        layer::look(topic) == Look::Image && !layer::is_range(topic) && !topic.is_ground_truth()
+    };
+    let images: Vec<_> = layer::images(frame).into_iter().filter(is_camera).collect();
+    let is_lain_on =
+        |image: &&Topic| layer::overlays(frame, image).iter().any(|overlay| layer::lies_on(overlay, image));
+    let with_overlays: Vec<_> = images.iter().copied().filter(|image| is_lain_on(image)).collect();
+    let chosen = if with_overlays.is_empty() { images } else { with_overlays };
+    chosen.into_iter().map(TopicKey::of).collect()
+}
+
 /// The image to show: the selected one, otherwise the first.
 fn base<'a>(saved: &Saved, frame: &'a Frame) -> Option<&'a Topic> {
     let chosen = saved.topic.as_ref().and_then(|key| key.find(frame)).filter(|topic| layer::is_image(topic));
@@ -113,32 +127,31 @@ fn base<'a>(saved: &Saved, frame: &'a Frame) -> Option<&'a Topic> {
 impl Camera {
     fn toolbar(&mut self, ui: &mut Ui, frame: &Frame, shown: &Topic) {
         let images = layer::images(frame);
-        let mut chosen = None;
-        crate::toolbar::row(ui, |ui| {
-            let font = egui::TextStyle::Button.resolve(ui.style());
-            let width: f32 = images
-                .iter()
-                .map(|topic| {
-                    let text = crate::toolbar::topic_label(frame, topic);
-                    ui.painter().layout_no_wrap(text, font.clone(), egui::Color32::WHITE).size().x + 24.0
-                })
-                .sum();
-            if width < ui.available_width() - 32.0 {
+        let mut bar: Bar<'_, (Option<TopicKey>, bool)> = Bar::new("toolbar");
+        // Tabs where they fit, else a list.
+        bar.left("images", Fit::Shrinks, |ui, form, (chosen, _)| {
+            if form == Form::Full {
                 for topic in &images {
                     let on = TopicKey::of(topic).is(shown);
                     if ui.selectable_label(on, crate::toolbar::topic_label(frame, topic)).clicked() {
-                        chosen = Some(TopicKey::of(topic));
+                        *chosen = Some(TopicKey::of(topic));
                     }
                 }
-            } else {
-                chosen = crate::toolbar::topic_choice(ui, frame, "Image", Some(shown), &images);
+            } else if let Some(key) =
+                crate::toolbar::topic_choice(ui, form, frame, "Image", Some(shown), &images)
+            {
+                *chosen = Some(key);
             }
-            crate::toolbar::at_right(ui, |ui| {
-                if widgets::icon_button(ui, icons::ICON_FIT_SCREEN, "Fit the image").clicked() {
-                    self.saved.viewport = None;
-                }
-            });
         });
+        bar.right("fit", Fit::Leaves(50), |ui, form, (_, fit)| {
+            *fit |= bar::tool(ui, form, icons::ICON_FIT_SCREEN, "Fit the image").clicked();
+        });
+        let mut wishes = (None, false);
+        crate::toolbar::show(ui, bar, &mut wishes);
+        let (chosen, fit) = wishes;
+        if fit {
+            self.saved.viewport = None;
+        }
         if let Some(key) = chosen {
             self.saved.topic = Some(key);
             self.saved.viewport = None;
@@ -206,19 +219,20 @@ impl Camera {
                 shown.push(*overlay);
             }
         }
-        let age_s = topic.age_s(cx.frame.now).unwrap_or(0.0);
-        if age_s > stale::limit_s(rate_hz(topic)).unwrap_or(2.0) {
-            stale::cover(ui, rect.intersect(canvas), age_s);
+        if is_old(topic, cx.frame.now) {
+            stale::cover(ui, rect.intersect(canvas), topic.age_s(cx.frame.now).unwrap_or(0.0));
         }
         badge::implausible(ui, canvas, "values", implausible);
         self.legends(ui, canvas, topic, &shown);
         self.read_out(ui, canvas, &response, viewport, topic, &shown);
+        point_at(ui, cx, topic, &response, viewport, canvas);
     }
 
     fn legends(&self, ui: &mut Ui, canvas: Rect, topic: &Topic, shown: &[&Topic]) {
         let roles: Vec<_> = std::iter::once(&topic).chain(shown).map(|topic| layer::look(topic)).collect();
         let range = self.layers.get(&*topic.name).and_then(|layer| layer.range_m(self.saved.depth_step_m));
-        if !roles.iter().any(|role| *role != Look::Image) && range.is_none() {
+        // Of a small image the legend would hide too much; the read-out names what is under the pointer.
+        if (!roles.iter().any(|role| *role != Look::Image) && range.is_none()) || canvas.height() < 180.0 {
             return;
         }
         legend::plate(ui, canvas, Align2::LEFT_BOTTOM, |ui| {
@@ -229,11 +243,8 @@ impl Camera {
             let labels =
                 std::iter::once(&topic).chain(shown).find(|topic| layer::look(topic) == Look::Labels);
             let classes = labels.map(|topic| layer::classes(topic)).unwrap_or_default();
-            ui.horizontal(|ui| {
-                for label in classes.legend() {
-                    legend::swatch(ui, label.color, &label.name);
-                }
-            });
+            ui.set_max_width((canvas.width() - 32.0).max(64.0));
+            legend::swatches(ui, classes.legend().iter().map(|label| (label.color, label.name.clone())));
             if roles.contains(&Look::Cost) {
                 crate::toolbar::cost_legend(ui, self.saved.palette);
             }
@@ -269,6 +280,28 @@ impl Camera {
                 ui.label(mono(text)).on_hover_text(&*topic.name);
             }
         });
+    }
+}
+
+/// Says which pixel is under the pointer, and marks the one that another view of the same image points at.
+fn point_at(
+    ui: &Ui,
+    cx: &mut ViewContext<'_>,
+    topic: &Topic,
+    response: &Response,
+    viewport: Viewport,
+    canvas: Rect,
+) {
+    let key = TopicKey::of(topic);
+    if let Some(at) = response.hover_pos() {
+        let pixel = Some(viewport.to_plane(canvas, at));
+        cx.selection.hovered.set(Hover { topic: Some(key), pixel, ..Hover::default() });
+        return;
+    }
+    let hover = cx.selection.hovered.get();
+    if let Some(pixel) = hover.pixel.filter(|_| hover.topic.as_ref() == Some(&key)) {
+        let stroke = egui::Stroke::new(1.5, tokens(ui).accent);
+        ui.painter_at(canvas).circle_stroke(viewport.to_screen(canvas, pixel), 6.0, stroke);
     }
 }
 

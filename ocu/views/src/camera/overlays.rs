@@ -4,13 +4,10 @@ use super::layer::{self, Layer};
 use super::{Camera, OverlayState};
 use crate::image::Pixels;
 use crate::view::rate_hz;
-use egui::containers::menu::{MenuButton, MenuConfig};
-use egui::{PopupCloseBehavior, Role, Ui, WidgetInfo};
+use egui::{Role, Ui, WidgetInfo};
+use ocu_ui::bar::{self, Bar, Fit, Form};
 use ocu_ui::{icons, tokens};
 use rcs_runtime::source::Topic;
-
-/// Width of a switch besides its name, in points: checkbox, slider, number and gaps.
-const SWITCH: f32 = 196.0;
 
 impl Camera {
     /// Initial settings of an overlay: only the first one is on, and ground truth is off.
@@ -29,42 +26,44 @@ impl Camera {
         if overlays.is_empty() && !whole {
             return;
         }
-        crate::toolbar::row(ui, |ui| {
-            let font = egui::TextStyle::Button.resolve(ui.style());
-            let width = |overlay: &&Topic| {
-                let galley =
-                    ui.painter().layout_no_wrap(overlay.name.to_string(), font.clone(), tokens(ui).text);
-                galley.size().x + SWITCH
-            };
-            // Overlays that do not fit in the row, and ground truth, are listed in a menu.
-            let truth = overlays.iter().any(|overlay| overlay.is_ground_truth());
-            if !truth && overlays.iter().map(width).sum::<f32>() <= ui.available_width() {
+        // Overlays that do not fit in the row, and ground truth, are listed in a menu.
+        let truth = overlays.iter().any(|overlay| overlay.is_ground_truth());
+        let mut bar: Bar<'_, Self> = Bar::new("overlays");
+        bar.left("overlays", Fit::Shrinks, |ui, form, view| {
+            if form == Form::Full && !truth {
                 for overlay in overlays {
-                    self.overlay_switch(ui, overlay, overlays);
+                    view.overlay_switch(ui, overlay, overlays);
                 }
             } else {
-                self.overlay_menu(ui, overlays);
-            }
-            for overlay in overlays.iter().filter(|overlay| self.overlay_state(overlay, overlays).shown) {
-                behind(ui, topic, overlay);
-            }
-            if whole {
-                self.depth_unit(ui);
+                view.overlay_menu(ui, form, overlays);
             }
         });
+        bar.left("behind", Fit::Leaves(20), |ui, _, view| {
+            for overlay in overlays.iter().filter(|overlay| view.overlay_state(overlay, overlays).shown) {
+                behind(ui, topic, overlay);
+            }
+        });
+        if whole {
+            bar.left("depth unit", Fit::Leaves(10), |ui, form, view| view.depth_unit(ui, form));
+        }
+        crate::toolbar::show(ui, bar, self);
     }
 
     /// All overlays in a menu, with ground truth at the end; the button names those that are on.
-    fn overlay_menu(&mut self, ui: &mut Ui, overlays: &[&Topic]) {
+    fn overlay_menu(&mut self, ui: &mut Ui, form: Form, overlays: &[&Topic]) {
         let on: Vec<&str> = overlays
             .iter()
             .filter(|overlay| self.overlay_state(overlay, overlays).shown)
             .map(|overlay| &*overlay.name)
             .collect();
-        let shown = if on.is_empty() { "none".to_owned() } else { on.join(", ") };
-        let text = format!("{}  Overlays: {shown}", icons::ICON_LAYERS.codepoint);
-        let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
-        let (response, _) = MenuButton::new(text).config(config).ui(ui, |ui| {
+        let shown = match (on.as_slice(), form) {
+            ([], _) => "none".to_owned(),
+            (on, Form::Short) => on.len().to_string(),
+            (on, _) => on.join(", "),
+        };
+        let text = format!("Overlays: {shown}");
+        let form = if form == Form::Short { Form::Full } else { form };
+        let response = bar::menu(ui, form, icons::ICON_LAYERS, &text, |ui| {
             let mut truth = false;
             egui::Grid::new("overlays").num_columns(2).show(ui, |ui| {
                 for overlay in overlays {
@@ -99,9 +98,11 @@ impl Camera {
         }
     }
 
-    fn depth_unit(&mut self, ui: &mut Ui) {
+    fn depth_unit(&mut self, ui: &mut Ui, form: Form) {
         let step = &mut self.saved.depth_step_m;
-        ui.label("Depth unit");
+        if form != Form::Short {
+            ui.label("Depth unit");
+        }
         let text = if *step == 1.0 / 256.0 { "1/256 m".to_owned() } else { format!("{} mm", *step * 1000.0) };
         let combo = egui::ComboBox::from_id_salt("depth step").selected_text(text).show_ui(ui, |ui| {
             ui.selectable_value(step, 0.001, "1 mm (ROS)");

@@ -6,11 +6,12 @@
 mod rows;
 
 use crate::texture::{Cached, SameMessage};
-use crate::view::{SavedState, TopicKey, View, ViewContext, rate_hz};
+use crate::view::{SavedState, Selection, TopicKey, View, ViewContext, rate_hz};
 use egui::text::LayoutJob;
 use egui::{
     Align, FontId, FontSelection, Pos2, Rect, RichText, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo,
 };
+use ocu_ui::bar::{self, Bar, Fit};
 use ocu_ui::widgets::{self, mono};
 use ocu_ui::{format, icons, stale, tokens};
 use rcs_msg::{AnyMessage, Value};
@@ -48,6 +49,10 @@ impl View for Fields {
 
     fn accepts(&self, _topic: &Topic) -> bool {
         true
+    }
+
+    fn shows_selection(&self) -> bool {
+        self.saved.pinned.is_none()
     }
 
     fn drop_topic(&mut self, topic: &Topic) {
@@ -98,7 +103,8 @@ impl View for Fields {
 
 impl Fields {
     fn topic<'a>(&mut self, cx: &ViewContext<'a>) -> Option<&'a Topic> {
-        let key = self.saved.pinned.as_ref().or(cx.selection.topic.as_ref()).or(self.last.as_ref())?.clone();
+        let chosen = self.saved.pinned.as_ref().or(cx.selection.topic.as_ref()).or(self.last.as_ref());
+        let Some(key) = chosen.cloned() else { return usual(cx.frame) };
         let topic = key.find(cx.frame);
         self.last = Some(key);
         topic
@@ -108,21 +114,35 @@ impl Fields {
         let frame = cx.frame;
         let mut topics: Vec<_> = frame.topics.iter().collect();
         topics.sort_by(|a, b| a.name.cmp(&b.name));
-        crate::toolbar::row(ui, |ui| {
-            let mut pinned = self.saved.pinned.is_some();
+        let mut bar: Bar<'_, (&mut Saved, &mut Selection)> = Bar::new("toolbar");
+        bar.left("keep", Fit::Leaves(10), |ui, form, (saved, _)| {
+            let mut pinned = saved.pinned.is_some();
             let name = if pinned { "Follow the selection again" } else { "Keep this buffer" };
-            if widgets::icon_toggle(ui, icons::ICON_KEEP, name, &mut pinned).clicked() {
-                self.saved.pinned = topic.filter(|_| pinned).map(TopicKey::of);
+            if bar::tool_toggle(ui, form, icons::ICON_KEEP, name, &mut pinned).clicked() {
+                saved.pinned = topic.filter(|_| pinned).map(TopicKey::of);
             }
-            if let Some(key) = crate::toolbar::topic_choice(ui, frame, "Buffer", topic, &topics) {
-                if self.saved.pinned.is_some() {
-                    self.saved.pinned = Some(key.clone());
-                }
-                cx.selection.topic = Some(key);
-            }
-            widgets::search(ui, &mut self.saved.search, "Search fields");
         });
+        bar.left("buffer", Fit::Stays, |ui, form, (saved, selection)| {
+            if let Some(key) = crate::toolbar::topic_choice(ui, form, frame, "Buffer", topic, &topics) {
+                if saved.pinned.is_some() {
+                    saved.pinned = Some(key.clone());
+                }
+                selection.topic = Some(key);
+            }
+        });
+        bar.left("search", Fit::Stretches(64.0), |ui, _, (saved, _)| {
+            widgets::search(ui, &mut saved.search, "Search fields");
+        });
+        crate::toolbar::show(ui, bar, &mut (&mut self.saved, &mut *cx.selection));
     }
+}
+
+/// What is shown until something is chosen: of the topics that can be read, the one with most messages.
+fn usual(frame: &Frame) -> Option<&Topic> {
+    let is_readable =
+        |topic: &&Topic| topic.undecodable.is_none() && topic.messages > 0 && !topic.is_ground_truth();
+    let readable = frame.topics.iter().filter(is_readable);
+    readable.max_by_key(|topic| (topic.latest.is_some(), topic.messages, std::cmp::Reverse(&topic.name)))
 }
 
 /// Sequence number, times, writer and type of the message.

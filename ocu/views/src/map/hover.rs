@@ -4,44 +4,59 @@ use super::Map;
 use super::grid::Cells;
 use super::layers::{self, Kind, Layer};
 use crate::canvas::Viewport;
-use crate::view::{HoverPoint, ViewContext};
+use crate::view::{Hover, HoverPoint, TopicKey, ViewContext};
 use egui::{Align2, Rect, Response, RichText, Stroke, Ui};
 use ocu_ui::widgets::mono;
 use ocu_ui::{format, legend, tokens};
 use rcs_geom::DVec3;
 use rcs_msg::Stamp;
-use rcs_runtime::source::{Frame, WGS84};
+use rcs_runtime::source::{Control, Frame, Topic, WGS84};
 use rcs_world::Label;
 use std::collections::BTreeSet;
 
+/// Distance from a track at which the pointer means it, screen points.
+const NEAR: f64 = 6.0;
+
 impl Map {
-    /// Shares the pointer's position with the other views, and marks positions shared by them.
+    /// Says what is under the pointer, and marks what other views say.
     pub(super) fn point_at(
+        &self,
         ui: &Ui,
         cx: &mut ViewContext<'_>,
         map: &str,
+        shown: &[&Layer<'_>],
         response: &Response,
         viewport: Viewport,
-        canvas: Rect,
     ) {
+        let canvas = response.rect;
         if let Some(at) = response.hover_pos() {
             let [x, y] = viewport.to_plane(canvas, at);
-            cx.selection.hovered =
-                Some(HoverPoint { frame_id: map.to_owned(), position_m: [x, y, f64::NAN] });
+            let point = HoverPoint { frame_id: map.to_owned(), position_m: [x, y, f64::NAN] };
+            let mut hover = Hover { point: Some(point), ..Hover::default() };
+            if let Some((topic, cell)) = top_cell(cx.frame, map, shown, [x, y]) {
+                (hover.topic, hover.cell) = (Some(TopicKey::of(topic)), Some(cell));
+            }
+            hover.time = self.tracks.time_at(shown, [x, y], NEAR / viewport.scale);
+            if let Some(time) = hover.time
+                && response.clicked()
+                && !self.measuring
+            {
+                cx.controls.push(Control::Seek(time));
+            }
+            cx.selection.hovered.set(hover);
             return;
         }
-        let Some(point) = cx.selection.hovered.as_ref() else { return };
-        let p = DVec3::from_array(point.position_m.map(|v| if v.is_nan() { 0.0 } else { v }));
-        let p = if point.frame_id == map {
-            p
-        } else {
-            let Ok(map_from_point) = cx.frame.transforms.lookup(map, &point.frame_id, cx.frame.now.0) else {
-                return;
-            };
-            map_from_point * p
-        };
-        let at = viewport.to_screen(canvas, [p.x, p.y]);
-        ui.painter_at(canvas).circle_stroke(at, 6.0, Stroke::new(1.5, tokens(ui).accent));
+        let hover = cx.selection.hovered.get();
+        let painter = ui.painter_at(canvas);
+        let stroke = Stroke::new(1.5, tokens(ui).accent);
+        if let Some(point) = hover.point.as_ref().and_then(|point| on_map(cx.frame, map, point)) {
+            painter.circle_stroke(viewport.to_screen(canvas, point), 6.0, stroke);
+        }
+        if let Some(time) = hover.time {
+            for place in self.tracks.places_at(shown, time) {
+                painter.circle_stroke(viewport.to_screen(canvas, place), 5.0, stroke);
+            }
+        }
     }
 
     /// The panel in the corner with the readout.
@@ -73,6 +88,32 @@ impl Map {
             }
         });
     }
+}
+
+/// A position of another view in the plane of the map.
+fn on_map(frame: &Frame, map: &str, point: &HoverPoint) -> Option<[f64; 2]> {
+    let p = DVec3::from_array(point.position_m.map(|v| if v.is_nan() { 0.0 } else { v }));
+    if point.frame_id == map {
+        return Some([p.x, p.y]);
+    }
+    let map_from_point = frame.transforms.lookup(map, &point.frame_id, frame.now.0).ok()?;
+    let p = map_from_point * p;
+    Some([p.x, p.y])
+}
+
+/// The cell under a position, of the uppermost grid that has one there.
+fn top_cell<'a>(
+    frame: &Frame,
+    map: &str,
+    shown: &[&Layer<'a>],
+    [x, y]: [f64; 2],
+) -> Option<(&'a Topic, [usize; 2])> {
+    shown.iter().rev().find_map(|layer| {
+        let Kind::Grid(grid) = layer.kind else { return None };
+        let cells = Cells::new(grid).ok()?;
+        let map_from_grid = layers::map_from_layer(frame, map, layer).ok()?;
+        Some((layer.topic?, cells.cell_at(map_from_grid.inverse() * DVec3::new(x, y, 0.0))?))
+    })
 }
 
 /// All fields of a cell: each cost with its confidence and source frame on one line.
@@ -124,11 +165,15 @@ fn cell_lines(ui: &mut Ui, frame: &Frame, layer: &Layer<'_>, cells: &Cells<'_>, 
     }
     let rest: Vec<_> = cells.names().filter(|name| !told.contains(*name)).collect();
     for pair in rest.chunks(2) {
-        let one =
-            |name: &str| format!("{name:<18} {:<10}", value(name).map(format::number).unwrap_or_default());
+        let one = |name: &str| format!("{name:<18} {:<10}", value(name).map(known).unwrap_or_default());
         let text = pair.iter().map(|name| one(name)).collect::<Vec<_>>().join(" ");
         ui.label(mono(text.trim_end()));
     }
+}
+
+/// A number of a cell; a dash where it is unknown.
+fn known(value: f64) -> String {
+    if value.is_nan() { "–".to_owned() } else { format::number(value) }
 }
 
 fn cost(value: f64) -> String {

@@ -1,10 +1,9 @@
 //! The layers of a map: everything in a frame that lies in a plane, and its pose.
 
 use super::grid::frame_of;
-use super::track::{Aligned, Alignment, Judged, Plane, course};
+use super::track::{Aligned, Alignment, Judged, Plane, course, nearest};
 use crate::texture::SameMessage;
-use crate::view::rate_hz;
-use ocu_ui::stale::is_stale;
+use crate::view::is_old;
 use rcs_geom::{Enu, Pose, TransformError};
 use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
 use rcs_msg::{AnyMessage, Stamp};
@@ -65,7 +64,7 @@ impl Layer<'_> {
 
     /// Whether it is outdated relative to its rate.
     pub(super) fn is_stale(&self, now: Stamp) -> bool {
-        self.topic.is_some_and(|topic| topic.age_s(now).is_some_and(|age_s| is_stale(age_s, rate_hz(topic))))
+        self.topic.is_some_and(|topic| is_old(topic, now))
     }
 
     /// The message that it shows; `None` for a track, which consists of many.
@@ -281,6 +280,25 @@ impl Tracks {
             (Some(map), Some(origin)) => map.ecef_from_enu().inverse() * origin.ecef_from_enu(),
             _ => Pose::IDENTITY,
         }
+    }
+
+    /// Time at which the nearest track passes a point of the map; `None` if none passes within `reach_m`.
+    pub(super) fn time_at(&self, shown: &[&Layer<'_>], point: [f64; 2], reach_m: f64) -> Option<Stamp> {
+        let found = shown.iter().filter_map(|layer| {
+            let Kind::Track { track, is_ghost: false } = layer.kind else { return None };
+            nearest(&track.points, &self.placed.get(&layer.name)?.plane()?, point, reach_m)
+        });
+        found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, time)| time)
+    }
+
+    /// Where the tracks are at a time, on the map.
+    pub(super) fn places_at(&self, shown: &[&Layer<'_>], time: Stamp) -> Vec<[f64; 2]> {
+        let place = |layer: &&Layer<'_>| {
+            let Kind::Track { track, is_ghost: false } = layer.kind else { return None };
+            let point = track.points.get(track.points.count_until(time).checked_sub(1)?)?;
+            Some(self.placed.get(&layer.name)?.plane()?.point(point.position_m))
+        };
+        shown.iter().filter_map(place).collect()
     }
 
     /// Position and heading of what a track belongs to, on the map: from the newest message, never from the track,

@@ -22,6 +22,7 @@ use cloud::Cloud;
 use egui::{Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 use grid::Cells;
 use layers::{Kind, Layer, Tracks};
+use ocu_ui::bar::{self, Bar, Fit, Form};
 use ocu_ui::legend::{self, round_step};
 use ocu_ui::palette::MapPalette;
 use ocu_ui::{icons, tokens, widgets};
@@ -171,48 +172,52 @@ impl View for Map {
 
 impl Map {
     fn toolbar(&mut self, ui: &mut Ui, map: &str, frames: &[&str], roomy: bool) {
-        crate::toolbar::row(ui, |ui| {
-            let text = layers::frame_label(map);
-            let combo = egui::ComboBox::from_id_salt("map frame").selected_text(text).width(160.0).show_ui(
-                ui,
-                |ui| {
-                    for frame in frames {
-                        if ui.selectable_label(*frame == map, layers::frame_label(frame)).clicked() {
-                            self.saved.frame = Some((*frame).to_owned());
-                            self.saved.viewport = None;
-                            self.measured = None;
-                        }
-                    }
-                },
-            );
-            combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Frame of the map"));
-            combo.response.on_hover_text("Frame that everything is drawn in");
-            crate::toolbar::at_right(ui, |ui| {
-                let mut listed = self.saved.panel.unwrap_or(roomy);
-                if widgets::icon_toggle(ui, icons::ICON_LAYERS, "Show the list of layers", &mut listed)
-                    .clicked()
-                {
-                    self.saved.panel = Some(listed);
-                }
-                let mut even = self.saved.palette == MapPalette::Even;
-                let name = "Even colours, for colour-blind people";
-                if widgets::icon_toggle(ui, icons::ICON_PALETTE, name, &mut even).clicked() {
-                    self.saved.palette = if even { MapPalette::Even } else { MapPalette::Papers };
-                }
-                let measure = widgets::icon_toggle(
-                    ui,
-                    icons::ICON_STRAIGHTEN,
-                    "Measure a distance",
-                    &mut self.measuring,
-                );
-                if measure.clicked() && !self.measuring {
+        let mut bar: Bar<'_, Self> = Bar::new("toolbar");
+        bar.left("frame", Fit::Leaves(60), |ui, form, view| view.frame_choice(ui, form, map, frames));
+        bar.right("fit", Fit::Leaves(50), |ui, form, view| {
+            if bar::tool(ui, form, icons::ICON_FIT_SCREEN, "Fit everything").clicked() {
+                view.saved.viewport = None;
+            }
+        });
+        bar.right("measure", Fit::Leaves(20), |ui, form, view| {
+            let name = "Measure a distance";
+            let measure = bar::tool_toggle(ui, form, icons::ICON_STRAIGHTEN, name, &mut view.measuring);
+            if measure.clicked() && !view.measuring {
+                view.measured = None;
+            }
+        });
+        bar.right("palette", Fit::Leaves(10), |ui, form, view| {
+            let mut even = view.saved.palette == MapPalette::Even;
+            let name = "Even colours, for colour-blind people";
+            if bar::tool_toggle(ui, form, icons::ICON_PALETTE, name, &mut even).clicked() {
+                view.saved.palette = if even { MapPalette::Even } else { MapPalette::Papers };
+            }
+        });
+        bar.right("layers", Fit::Leaves(70), |ui, form, view| {
+            let mut listed = view.saved.panel.unwrap_or(roomy);
+            let name = "Show the list of layers";
+            if bar::tool_toggle(ui, form, icons::ICON_LAYERS, name, &mut listed).clicked() {
+                view.saved.panel = Some(listed);
+            }
+        });
+        crate::toolbar::show(ui, bar, self);
+    }
+
+    fn frame_choice(&mut self, ui: &mut Ui, form: Form, map: &str, frames: &[&str]) {
+        let width = if form == Form::Short { 72.0 } else { 160.0 };
+        let text = layers::frame_label(map);
+        let combo = egui::ComboBox::from_id_salt("map frame").selected_text(text).width(width).truncate();
+        let combo = combo.show_ui(ui, |ui| {
+            for frame in frames {
+                if ui.selectable_label(*frame == map, layers::frame_label(frame)).clicked() {
+                    self.saved.frame = Some((*frame).to_owned());
+                    self.saved.viewport = None;
                     self.measured = None;
                 }
-                if widgets::icon_button(ui, icons::ICON_FIT_SCREEN, "Fit everything").clicked() {
-                    self.saved.viewport = None;
-                }
-            });
+            }
         });
+        combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Frame of the map"));
+        combo.response.on_hover_text("Frame that everything is drawn in");
     }
 
     /// Takes the fusion weights that are being edited, if they changed.
@@ -300,10 +305,13 @@ impl Map {
             paint::badge(ui, canvas, 20.0, icons::ICON_TUNE, "preview: edited weights, not sent");
         }
         self.paint_measured(ui, viewport, canvas);
-        Self::point_at(ui, cx, map, &response, viewport, canvas);
+        self.point_at(ui, cx, map, &shown, &response, viewport);
         legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 32.0), viewport.scale);
         paint::north(ui, canvas.left_top() + Vec2::new(20.0, 24.0), map == WGS84);
-        self.legend(ui, cx.frame, layers, &shown, canvas, listed);
+        // In a narrow map the read-out takes the place of the legend, and in a low one it would hide too much.
+        if canvas.height() >= 200.0 && (canvas.width() >= 560.0 || !response.hovered()) {
+            self.legend(ui, cx.frame, layers, &shown, canvas, listed);
+        }
         let pointer = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
         self.read_out(ui, cx.frame, map, &shown, pointer, canvas);
     }

@@ -94,6 +94,26 @@ pub(super) fn course(points: &Series<TrackPoint>, index: usize) -> f64 {
     }
 }
 
+/// Distance and time of the position of a track that is nearest to a point of the map, if any is within `reach_m`. The
+/// summaries of its parts leave out what is far away.
+pub(super) fn nearest(
+    points: &Series<TrackPoint>,
+    plane: &Plane,
+    point: [f64; 2],
+    reach_m: f64,
+) -> Option<(f64, Stamp)> {
+    let point = DVec2::from_array(point);
+    let is_far = |part: &Part<TrackPoint>| {
+        let (min, max) = plane.bounds(&part.summary);
+        (point - point.clamp(min, max)).length() > reach_m
+    };
+    let distance = |record: &TrackPoint| (DVec2::from_array(plane.point(record.position_m)) - point).length();
+    let parts = points.parts(0..points.len(), MOST_PARTS, is_far);
+    let near = parts.iter().filter(|part| !is_far(part)).flat_map(|part| [&part.first, &part.last]);
+    let found = near.map(|record| (distance(record), record.stamp));
+    found.filter(|(distance, _)| *distance <= reach_m).min_by(|a, b| a.0.total_cmp(&b.0))
+}
+
 /// Interpolated position of a track at a time; `None` before its first record, and the last one after its end.
 fn at(points: &Series<TrackPoint>, time: Stamp) -> Option<[f64; 2]> {
     let after = points.count_until(time);

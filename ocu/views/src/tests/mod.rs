@@ -40,6 +40,7 @@ fn harness(shown: Shown, size: Vec2, theme: Theme) -> Harness<'static, Shown> {
                 ui.painter().rect_filled(ui.max_rect(), 0.0, panel);
                 let Shown { view, frame, selection, controls, wishes } = shown;
                 show(view.as_mut(), ui, &mut ViewContext { frame, controls, selection, wishes });
+                selection.hovered.turn();
             },
             shown,
         )

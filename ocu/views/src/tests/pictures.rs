@@ -66,6 +66,31 @@ fn hierarchy_dark() {
 }
 
 #[test]
+fn buffers_of_a_drive_dark() {
+    check_frame("buffers_drive", samples::driving(), "buffers", Theme::Dark);
+}
+
+#[test]
+fn log_dark() {
+    check_frame("log", samples::driving(), "log", Theme::Dark);
+}
+
+#[test]
+fn timing_dark() {
+    check_frame("timing", samples::driving(), "timing", Theme::Dark);
+}
+
+#[test]
+fn frames_light() {
+    check("frames", Theme::Light);
+}
+
+#[test]
+fn fields_dark() {
+    check("fields", Theme::Dark);
+}
+
+#[test]
 fn tuning_dark() {
     check_frame("tuning", samples::driving(), "tuning", Theme::Dark);
 }

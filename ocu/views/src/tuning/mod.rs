@@ -9,6 +9,7 @@ use crate::view::{Preview, SavedState, View, ViewContext, Wish};
 use controls::Row;
 use draft::Draft;
 use egui::{RichText, Role, ScrollArea, Ui, WidgetInfo};
+use ocu_ui::bar::{self, Bar, Fit, Form};
 use ocu_ui::{icons, tokens, widgets};
 use rcs_msg::params::ParamSpec;
 use rcs_msg::{AnyMessage, rcs};
@@ -124,21 +125,28 @@ impl Tuning {
     }
 
     fn toolbar(&mut self, ui: &mut Ui, frame: &Frame, shown: &rcs::ProcessInfo) {
-        crate::toolbar::row(ui, |ui| {
-            let combo = egui::ComboBox::from_id_salt("process").selected_text(&shown.name).width(128.0);
-            let combo = combo.show_ui(ui, |ui| {
+        let mut bar: Bar<'_, Saved> = Bar::new("toolbar");
+        bar.left("process", Fit::Stays, |ui, form, saved| {
+            let width = if form == Form::Short { 72.0 } else { 128.0 };
+            let combo = egui::ComboBox::from_id_salt("process").selected_text(&shown.name).width(width);
+            let combo = combo.truncate().show_ui(ui, |ui| {
                 for info in tunable(frame) {
                     let label = ui.selectable_label(info.name == shown.name, &info.name);
                     if label.on_hover_text(&info.summary).clicked() {
-                        self.saved.process = Some(info.name.clone());
+                        saved.process = Some(info.name.clone());
                     }
                 }
             });
             combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Process"));
-            let help = "At once: each change goes out when its control is let go";
-            widgets::icon_toggle(ui, icons::ICON_BOLT, help, &mut self.saved.at_once);
-            widgets::search(ui, &mut self.saved.search, "Search parameters");
         });
+        bar.left("at once", Fit::Leaves(10), |ui, form, saved| {
+            let help = "At once: each change goes out when its control is let go";
+            bar::tool_toggle(ui, form, icons::ICON_BOLT, help, &mut saved.at_once);
+        });
+        bar.left("search", Fit::Stretches(64.0), |ui, _, saved| {
+            widgets::search(ui, &mut saved.search, "Search parameters");
+        });
+        crate::toolbar::show(ui, bar, &mut self.saved);
     }
 
     /// Tells other views what is being edited.

@@ -1,16 +1,24 @@
-//! Buffers view: every topic with its rate, age, size and type, grouped by the process that writes it.
+//! Buffers view: every topic with its rate, age, size and type, as a tree by name or grouped by the process that writes
+//! it.
 //!
-//! A click selects a topic (the fields view follows). A topic can be dragged onto any view that accepts it.
+//! A click shows a topic in the fields view, a double click in the view that draws it. A topic can be dragged onto any
+//! view that accepts it.
 
-use crate::view::{SavedState, TopicKey, View, ViewContext, rate_hz};
+mod rows;
+
+use crate::view::{Hover, SavedState, TopicKey, View, ViewContext, Wish, is_old, rate_hz};
 use egui::{Align, FontId, Rect, Role, ScrollArea, Sense, TextStyle, Ui, Vec2, WidgetInfo};
+use ocu_ui::bar::{self, Bar, Fit};
 use ocu_ui::{format, icons, stale, tokens, widgets};
-use rcs_runtime::source::{Frame, RunTag, SourceKind, Topic};
+use rcs_runtime::source::{Frame, Topic};
+use rows::Row;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 const ROW: f32 = 20.0;
+/// Indentation of a level of the tree.
+const INDENT: f32 = 12.0;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -19,6 +27,12 @@ struct Saved {
     search: String,
     /// Collapsed groups, by title.
     folded: BTreeSet<String>,
+    /// Whether topics are grouped by the process that writes them; otherwise they form a tree by name.
+    by_process: bool,
+    /// The column that they are sorted by.
+    sort: Column,
+    /// Whether they are sorted from the greatest to the least.
+    descending: bool,
 }
 
 /// The buffer list.
@@ -32,8 +46,11 @@ struct Columns {
     cells: Vec<(Column, f32)>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 enum Column {
+    #[default]
+    Name,
     Type,
     Role,
     Messages,
@@ -45,6 +62,7 @@ enum Column {
 impl Column {
     fn title(self) -> &'static str {
         match self {
+            Self::Name => "buffer",
             Self::Type => "type",
             Self::Role => "role",
             Self::Messages => "messages",
@@ -52,6 +70,14 @@ impl Column {
             Self::Rate => "rate",
             Self::Age => "age",
         }
+    }
+
+    fn is_number(self) -> bool {
+        !matches!(self, Self::Name | Self::Type | Self::Role)
+    }
+
+    fn align(self) -> Align {
+        if self.is_number() { Align::Max } else { Align::Min }
     }
 }
 
@@ -94,11 +120,6 @@ impl Columns {
     }
 }
 
-enum Row<'a> {
-    Group { title: String, count: usize },
-    Topic(&'a Topic),
-}
-
 impl View for Buffers {
     fn title(&self, _frame: &Frame) -> String {
         "Buffers".to_owned()
@@ -118,10 +139,16 @@ impl View for Buffers {
             let hint = "Open a log (drop it on the window) or a stack; its topics are listed here.";
             return widgets::empty(ui, icons::ICON_INBOX, "No buffers", hint);
         }
-        crate::toolbar::row(ui, |ui| {
-            widgets::search(ui, &mut self.saved.search, "Search buffers");
+        let mut bar: Bar<'_, Saved> = Bar::new("toolbar");
+        bar.left("search", Fit::Stretches(48.0), |ui, _, saved| {
+            widgets::search(ui, &mut saved.search, "Search buffers");
         });
-        let rows = self.rows(cx.frame);
+        bar.right("group", Fit::Leaves(10), |ui, form, saved| {
+            let name = "Group by the process that writes them";
+            bar::tool_toggle(ui, form, icons::ICON_ACCOUNT_TREE, name, &mut saved.by_process);
+        });
+        crate::toolbar::show(ui, bar, &mut self.saved);
+        let rows = rows::rows(&self.saved, cx.frame);
         if rows.is_empty() {
             let hint = format!(
                 "None of {} buffers has {:?} in its name or type.",
@@ -131,13 +158,13 @@ impl View for Buffers {
             return widgets::empty(ui, icons::ICON_SEARCH_OFF, "Nothing found", &hint);
         }
         let columns = Columns::of(ui.available_width());
-        header(ui, &columns);
+        self.header(ui, &columns);
         ui.spacing_mut().item_spacing.y = 0.0;
         ScrollArea::vertical().auto_shrink(false).show_rows(ui, ROW, rows.len(), |ui, range| {
             for row in &rows[range] {
                 match row {
-                    Row::Group { title, count } => self.group(ui, title, *count),
-                    Row::Topic(topic) => self::row(ui, cx, topic, &columns),
+                    Row::Group { key, title, depth, count } => self.group(ui, key, title, *depth, *count),
+                    Row::Topic { topic, name, depth } => self::row(ui, cx, topic, name, *depth, &columns),
                 }
             }
         });
@@ -145,88 +172,75 @@ impl View for Buffers {
 }
 
 impl Buffers {
-    fn rows<'a>(&self, frame: &'a Frame) -> Vec<Row<'a>> {
-        let search = self.saved.search.trim().to_lowercase();
-        let found = |topic: &&Topic| {
-            search.is_empty()
-                || topic.name.to_lowercase().contains(&search)
-                || topic.schema.name().to_lowercase().contains(&search)
-                || topic.writer.to_lowercase().contains(&search)
-        };
-        let rank = |writer: &str| {
-            // A topic with several writers is listed with the first of them.
-            let first = writer.split(", ").next();
-            frame.processes.iter().position(|process| Some(process.name.as_str()) == first)
-        };
-        let mut topics: Vec<_> = frame.topics.iter().filter(found).collect();
-        // Processes in the order of the stack, then topics without a writer, then recorded topics.
-        topics.sort_by_key(|topic| {
-            let recorded = topic.run.is_recorded();
-            (
-                recorded,
-                rank(&topic.writer).unwrap_or(usize::MAX),
-                Arc::clone(&topic.writer),
-                Arc::clone(&topic.name),
-            )
-        });
-        let mut rows = Vec::new();
-        for group in topics.chunk_by(|a, b| group_title(frame, a) == group_title(frame, b)) {
-            let title = group_title(frame, group[0]);
-            let open = !search.is_empty() || !self.saved.folded.contains(&title);
-            rows.push(Row::Group { title, count: group.len() });
-            if open {
-                rows.extend(group.iter().map(|topic| Row::Topic(topic)));
-            }
-        }
-        rows
-    }
-
-    fn group(&mut self, ui: &mut Ui, title: &str, count: usize) {
+    fn group(&mut self, ui: &mut Ui, key: &str, title: &str, depth: usize, count: usize) {
         let tokens = tokens(ui);
         let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click());
-        let open = !self.saved.folded.contains(title);
-        response.widget_info(|| WidgetInfo::selected(Role::Button, true, open, format!("Group {title}")));
-        ui.painter().rect_filled(rect, 0.0, tokens.surface[2].gamma_multiply(0.6));
+        let open = !self.saved.folded.contains(key);
+        response.widget_info(|| WidgetInfo::selected(Role::Button, true, open, format!("Group {key}")));
+        if depth == 0 {
+            ui.painter().rect_filled(rect, 0.0, tokens.surface[2].gamma_multiply(0.6));
+        }
+        if response.hovered() {
+            ui.painter().rect_filled(rect, 0.0, tokens.surface[2]);
+        }
+        let left = depth as f32 * INDENT;
         let icon = if open { icons::ICON_EXPAND_MORE } else { icons::ICON_CHEVRON_RIGHT };
-        widgets::icon_at(ui.painter(), rect.left_center() + Vec2::new(13.0, 0.0), icon, 14.0, tokens.weak);
-        let name = Rect::from_min_max(rect.min + Vec2::new(24.0, 0.0), rect.max - Vec2::new(48.0, 0.0));
+        let at = rect.left_center() + Vec2::new(left + 13.0, 0.0);
+        widgets::icon_at(ui.painter(), at, icon, 14.0, tokens.weak);
+        let name =
+            Rect::from_min_max(rect.min + Vec2::new(left + 24.0, 0.0), rect.max - Vec2::new(48.0, 0.0));
         widgets::cell(ui, name, Align::Min, title, FontId::proportional(12.0), tokens.text);
         let right = Rect::from_min_max(
             egui::Pos2::new(rect.right() - 48.0, rect.top()),
             rect.max - Vec2::new(8.0, 0.0),
         );
         widgets::cell(ui, right, Align::Max, &count.to_string(), FontId::proportional(11.0), tokens.weak);
-        if response.clicked() && !self.saved.folded.remove(title) {
-            self.saved.folded.insert(title.to_owned());
+        if response.clicked() && !self.saved.folded.remove(key) {
+            self.saved.folded.insert(key.to_owned());
         }
     }
-}
 
-fn group_title(frame: &Frame, topic: &Topic) -> String {
-    match (topic.run, &*topic.writer) {
-        (RunTag::Recorded, "") => "Recording".to_owned(),
-        (RunTag::Recorded, writer) => format!("{writer} (recorded)"),
-        (RunTag::Run(_), "") if frame.info.kind == SourceKind::Log => "Recording".to_owned(),
-        (RunTag::Run(_), "") => "Runtime and operator".to_owned(),
-        (RunTag::Run(_), writer) => writer.to_owned(),
+    /// The titles of the columns; a click sorts by one, another click in the other direction.
+    fn header(&mut self, ui: &mut Ui, columns: &Columns) {
+        let tokens = tokens(ui);
+        let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::hover());
+        let (name, cells) = columns.layout(rect);
+        let name = Rect::from_min_max(name.min + Vec2::new(24.0, 0.0), name.max);
+        for (column, cell) in std::iter::once((Column::Name, name)).chain(cells) {
+            let response = ui.interact(cell, ui.scope_id().with(column.title()), Sense::click());
+            let sorted = self.saved.sort == column;
+            let label = format!("Sort by {}", column.title());
+            response.widget_info(|| WidgetInfo::selected(Role::Button, true, sorted, &label));
+            let color = match (sorted, response.hovered()) {
+                (true, _) => tokens.text,
+                (false, true) => tokens.strong,
+                (false, false) => tokens.weak,
+            };
+            let mark = match (sorted, self.saved.descending) {
+                (false, _) => "",
+                (true, false) => icons::ICON_ARROW_UPWARD.codepoint,
+                (true, true) => icons::ICON_ARROW_DOWNWARD.codepoint,
+            };
+            let text = format!("{} {mark}", column.title());
+            let text = text.trim_end();
+            widgets::cell(ui, cell, column.align(), text, FontId::proportional(11.0), color);
+            if response.on_hover_text(label).clicked() {
+                self.saved.descending = if sorted { !self.saved.descending } else { column.is_number() };
+                self.saved.sort = column;
+            }
+        }
+        ui.add_space(-ui.spacing().item_spacing.y);
     }
 }
 
-fn header(ui: &mut Ui, columns: &Columns) {
-    let tokens = tokens(ui);
-    let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::hover());
-    let (name, cells) = columns.layout(rect);
-    let font = FontId::proportional(11.0);
-    let name = Rect::from_min_max(name.min + Vec2::new(24.0, 0.0), name.max);
-    widgets::cell(ui, name, Align::Min, "buffer", font.clone(), tokens.weak);
-    for (column, cell) in cells {
-        let align = if matches!(column, Column::Type | Column::Role) { Align::Min } else { Align::Max };
-        widgets::cell(ui, cell, align, column.title(), font.clone(), tokens.weak);
-    }
-    ui.add_space(-ui.spacing().item_spacing.y);
-}
-
-fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, columns: &Columns) {
+fn row(
+    ui: &mut Ui,
+    cx: &mut ViewContext<'_>,
+    topic: &Topic,
+    shown_name: &str,
+    depth: usize,
+    columns: &Columns,
+) {
     let tokens = tokens(ui);
     let key = TopicKey::of(topic);
     let chosen = cx.selection.topic.as_ref().is_some_and(|selected| selected.is(topic));
@@ -236,27 +250,46 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, columns: &Columns) 
     response.dnd_set_drag_payload(key.clone());
     if chosen {
         ui.painter().rect_filled(rect, 0.0, tokens.selected);
-    } else if response.hovered() {
+    } else if response.hovered() || is_meant(cx, topic, &key) {
         ui.painter().rect_filled(rect, 0.0, tokens.surface[2]);
     }
-    if response.clicked() {
-        cx.selection.topic = Some(key);
+    if response.hovered() {
+        let writer = Some(Arc::clone(&topic.writer)).filter(|writer| !writer.is_empty());
+        cx.selection.hovered.set(Hover { topic: Some(key.clone()), process: writer, ..Hover::default() });
     }
+    if response.clicked() {
+        cx.selection.topic = Some(key.clone());
+        cx.wishes.push(Wish::Show { topic: key.clone(), drawn: false });
+    }
+    if response.double_clicked() {
+        cx.wishes.push(Wish::Show { topic: key.clone(), drawn: true });
+    }
+    response.context_menu(|ui| {
+        if ui.button(format!("{}  Draw in a new view", icons::ICON_ADD.codepoint)).clicked() {
+            cx.wishes.push(Wish::Show { topic: key.clone(), drawn: true });
+            ui.close();
+        }
+        if ui.button(format!("{}  Copy the name", icons::ICON_CONTENT_COPY.codepoint)).clicked() {
+            ui.ctx().copy_text(topic.name.to_string());
+            ui.close();
+        }
+    });
 
     let age_s = topic.age_s(cx.frame.now);
-    let old = age_s.is_some_and(|age_s| stale::is_stale(age_s, rate_hz(topic)));
+    let old = is_old(topic, cx.frame.now);
     let (mut name, cells) = columns.layout(rect);
-    name.min.x += 24.0;
+    name.min.x += 24.0 + depth as f32 * INDENT;
     if let Some(icon) = topic.undecodable.as_ref().map(|_| icons::ICON_ERROR) {
         widgets::icon_at(ui.painter(), name.left_center() - Vec2::new(11.0, 0.0), icon, 13.0, tokens.warning);
     }
     let color = if topic.latest.is_none() { tokens.unknown } else { tokens.text };
     let font = TextStyle::Body.resolve(ui.style());
-    widgets::cell_keep_end(ui, name, &topic.name, font, color);
+    widgets::cell_keep_end(ui, name, shown_name, font, color);
     let small = FontId::proportional(11.0);
     let mono = FontId::monospace(11.5);
     for (column, cell) in cells {
         let text = match column {
+            Column::Name => continue,
             Column::Type => topic.schema.name().replace("/msg/", "/"),
             Column::Role => topic.role_name().to_owned(),
             Column::Messages => format::count(topic.messages),
@@ -280,6 +313,15 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, columns: &Columns) 
         }
     }
     response.on_hover_ui(|ui| details(ui, cx.frame, topic, old));
+}
+
+/// Whether another view points at the topic, or at the process that writes it.
+fn is_meant(cx: &ViewContext<'_>, topic: &Topic, key: &TopicKey) -> bool {
+    let hover = cx.selection.hovered.get();
+    match &hover.topic {
+        Some(meant) => meant == key,
+        None => hover.process.as_ref().is_some_and(|process| **process == *topic.writer),
+    }
 }
 
 /// Size of the newest message. A message that is not encoded yet is not encoded just for this.

@@ -1,0 +1,506 @@
+//! Events of a run or a recording: commands, changes of mode, errors, acts of the operator, bumper hits and log lines.
+//!
+//! The source's thread finds them in the messages as they are written (or, for a recording, as it is read in the
+//! background), and only appends. A frame refers to the events of each run with a length, so that a longer run makes no
+//! frame more expensive.
+
+use super::run_tag::RunTag;
+use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
+
+/// Types of messages in which events are found.
+const EVENT_TYPES: [&str; 7] = [
+    "rcs.Status",
+    "rcs.Command",
+    "rcs.EmergencyStop",
+    "rcs.JournalEvent",
+    "rcs.VehicleStatus",
+    "rcs.Bumper",
+    "foxglove.Log",
+];
+/// Driving by hand is one event until nothing was commanded for this time.
+const HAND_S: f64 = 1.0;
+/// A text of a state is an event again after it was not seen for this time.
+const QUIET_S: f64 = 10.0;
+/// Texts of states that are remembered of a process.
+const MOST_TEXTS: usize = 64;
+/// The writer of what the operator writes, in a journal.
+const OPERATOR: &str = "operator";
+
+pub(crate) fn is_event_type(name: &str) -> bool {
+    EVENT_TYPES.contains(&name)
+}
+
+/// What kind of event it is: its lane in the timeline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum EventKind {
+    /// A process failed, refused a command, or could not use an input.
+    Error,
+    /// The vehicle hit something.
+    Bumper,
+    /// The operator did something.
+    Operator,
+    /// A process received a command.
+    Command,
+    /// A process changed its state.
+    Mode,
+    /// A line of a log.
+    Log,
+}
+
+impl EventKind {
+    /// All kinds, the most important first.
+    pub const ALL: [Self; 6] =
+        [Self::Error, Self::Bumper, Self::Operator, Self::Command, Self::Mode, Self::Log];
+
+    /// Name in lists.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Error => "errors",
+            Self::Bumper => "bumper",
+            Self::Operator => "operator",
+            Self::Command => "commands",
+            Self::Mode => "modes",
+            Self::Log => "log",
+        }
+    }
+}
+
+/// How serious an event is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum EventLevel {
+    /// For information.
+    Info,
+    /// Something did not go as it should.
+    Warning,
+    /// Something failed.
+    Error,
+}
+
+/// One event.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// Log time of the message in which it was found.
+    pub stamp: Stamp,
+    /// Its kind.
+    pub kind: EventKind,
+    /// How serious it is.
+    pub level: EventLevel,
+    /// Who it is about: a process, a node, or the buffer.
+    pub source: Arc<str>,
+    /// What happened, in one line.
+    pub text: Arc<str>,
+}
+
+#[derive(Default)]
+struct Store {
+    all: Vec<Event>,
+    /// Indices of the events of each kind, in the order of [`EventKind::ALL`].
+    by_kind: [Vec<u32>; EventKind::ALL.len()],
+}
+
+impl Store {
+    fn push(&mut self, mut event: Event) {
+        // Events are ordered by time; one that is found late has the time of the last one.
+        event.stamp = self.all.last().map_or(event.stamp, |last| last.stamp.max(event.stamp));
+        let index = self.all.len() as u32;
+        self.by_kind[event.kind as usize].push(index);
+        self.all.push(event);
+    }
+}
+
+/// The events of a run up to a certain one, which do not change while others are appended.
+#[derive(Clone)]
+pub struct Events {
+    /// The run.
+    pub run: RunTag,
+    store: Arc<RwLock<Store>>,
+    len: usize,
+}
+
+impl fmt::Debug for Events {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Events({} of {:?})", self.len, self.run)
+    }
+}
+
+impl Events {
+    /// Events for tests.
+    pub fn of(run: RunTag, events: impl IntoIterator<Item = Event>) -> Self {
+        let mut store = Store::default();
+        for event in events {
+            store.push(event);
+        }
+        let len = store.all.len();
+        Self { run, store: Arc::new(RwLock::new(store)), len }
+    }
+
+    fn store(&self) -> RwLockReadGuard<'_, Store> {
+        self.store.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Number of events.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Whether both have the same events, apart from what was appended to one of them.
+    pub fn same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.store, &other.store)
+    }
+
+    /// An event.
+    pub fn get(&self, index: usize) -> Option<Event> {
+        self.store().all[..self.len].get(index).cloned()
+    }
+
+    /// Calls `take` for the events from an index on, with their indices.
+    pub fn each_from(&self, from: usize, mut take: impl FnMut(usize, &Event)) {
+        let store = self.store();
+        for (index, event) in store.all[..self.len].iter().enumerate().skip(from) {
+            take(index, event);
+        }
+    }
+
+    /// Number of events up to and including a time.
+    pub fn count_until(&self, time: Stamp) -> usize {
+        self.store().all[..self.len].partition_point(|event| event.stamp <= time)
+    }
+
+    /// Number of events of each kind, in the order of [`EventKind::ALL`].
+    pub fn counts(&self) -> [usize; EventKind::ALL.len()] {
+        let store = self.store();
+        std::array::from_fn(|kind| store.by_kind[kind].partition_point(|&index| (index as usize) < self.len))
+    }
+
+    /// For each pair of the times, which ascend: the first event of a kind that is later than the one (for the first
+    /// pair: not earlier) and not later than the next. The work depends on the number of times, not on that of events.
+    pub fn between(&self, kind: EventKind, times: &[Stamp]) -> Vec<Option<Event>> {
+        let store = self.store();
+        let indices = &store.by_kind[kind as usize];
+        let indices = &indices[..indices.partition_point(|&index| (index as usize) < self.len)];
+        let event = |at: usize| indices.get(at).map(|&index| &store.all[index as usize]);
+        let first = times.first().copied().unwrap_or_default();
+        let mut at = indices.partition_point(|&index| store.all[index as usize].stamp < first);
+        let found = times.windows(2).enumerate().map(|(number, pair)| {
+            let is_before = |&index: &u32| number > 0 && store.all[index as usize].stamp <= pair[0];
+            at += indices[at..].partition_point(is_before);
+            event(at).filter(|event| event.stamp <= pair[1]).cloned()
+        });
+        found.collect()
+    }
+
+    /// The last events of a kind up to and including a time, the latest first.
+    pub fn last_of(&self, kind: EventKind, until: Stamp, most: usize) -> Vec<Event> {
+        let store = self.store();
+        let indices = &store.by_kind[kind as usize];
+        let is_before =
+            |&index: &u32| (index as usize) < self.len && store.all[index as usize].stamp <= until;
+        let indices = &indices[..indices.partition_point(is_before)];
+        indices.iter().rev().take(most).map(|&index| store.all[index as usize].clone()).collect()
+    }
+
+    /// The next event after a time, or the last one before it, of one of these kinds.
+    pub fn beside(&self, time: Stamp, back: bool, kinds: &[EventKind]) -> Option<Event> {
+        let store = self.store();
+        let all = &store.all[..self.len];
+        let wanted = |event: &&Event| kinds.contains(&event.kind);
+        if back {
+            all[..all.partition_point(|event| event.stamp < time)].iter().rfind(wanted).cloned()
+        } else {
+            all[all.partition_point(|event| event.stamp <= time)..].iter().find(wanted).cloned()
+        }
+    }
+}
+
+/// What was last known of a topic, so that only changes are events.
+#[derive(Clone, Default)]
+struct Known {
+    state: Option<(i32, String)>,
+    /// Texts of states, without numbers, and when each was last seen.
+    texts: BTreeMap<String, Stamp>,
+    faults: u64,
+    refused: Option<(String, u64, String)>,
+    serial: Option<u64>,
+    is_stopped: Option<bool>,
+    refusals: u64,
+    bumper: [bool; 2],
+    driven: Option<Stamp>,
+}
+
+/// The events of one run, as they are found.
+#[derive(Default)]
+pub(crate) struct EventWatch {
+    store: Arc<RwLock<Store>>,
+    known: BTreeMap<Arc<str>, Known>,
+}
+
+impl EventWatch {
+    /// The events up to now.
+    pub(crate) fn read(&self, run: RunTag) -> Events {
+        let len = self.store.read().unwrap_or_else(PoisonError::into_inner).all.len();
+        Events { run, store: Arc::clone(&self.store), len }
+    }
+
+    /// The events of a run that branches from this one at `time`.
+    pub(crate) fn fork(&self, time: Stamp) -> Self {
+        let store = self.store.read().unwrap_or_else(PoisonError::into_inner);
+        let shared = store.all.iter().take_while(|event| event.stamp <= time).cloned();
+        let events = Events::of(RunTag::FIRST, shared);
+        Self { store: events.store, known: self.known.clone() }
+    }
+
+    /// Looks for events in a canonical message on `topic`.
+    pub(crate) fn take(&mut self, topic: &Arc<str>, stamp: Stamp, message: &AnyMessage) {
+        let known = self.known.entry(Arc::clone(topic)).or_default();
+        let mut found = Vec::new();
+        let mut add = |kind, level, source: &str, text: String| {
+            found.push(Event { stamp, kind, level, source: source.into(), text: text.into() });
+        };
+        if let Some(status) = message.get::<rcs::Status>() {
+            status_events(known, stamp, status, &mut add);
+        } else if let Some(command) = message.get::<rcs::Command>() {
+            if known.serial.replace(command.serial) != Some(command.serial) {
+                let text = format!("{} ({})", command.name, command.serial);
+                add(EventKind::Command, EventLevel::Info, topic, text);
+            }
+        } else if let Some(stop) = message.get::<rcs::EmergencyStop>() {
+            if known.is_stopped.replace(stop.active) != Some(stop.active) {
+                let text = if stop.active { "emergency stop" } else { "the emergency stop is released" };
+                add(EventKind::Operator, EventLevel::Warning, topic, text.to_owned());
+            }
+        } else if let Some(event) = message.get::<rcs::JournalEvent>() {
+            journal_events(known, stamp, event, &mut add);
+        } else if let Some(status) = message.get::<rcs::VehicleStatus>() {
+            if status.refused > known.refusals {
+                add(
+                    EventKind::Error,
+                    EventLevel::Warning,
+                    topic,
+                    format!("refused: {}", status.last_refusal),
+                );
+            }
+            known.refusals = status.refused;
+            bumper_events(known, [status.bumper_left, status.bumper_right], topic, &mut add);
+        } else if let Some(bumper) = message.get::<rcs::Bumper>() {
+            bumper_events(known, [bumper.left, bumper.right], topic, &mut add);
+        } else if let Some(log) = message.get::<foxglove::Log>() {
+            let level = match log.level() {
+                foxglove::log::Level::Error | foxglove::log::Level::Fatal => EventLevel::Error,
+                foxglove::log::Level::Warning => EventLevel::Warning,
+                _ => EventLevel::Info,
+            };
+            let source = if log.name.is_empty() { &**topic } else { &log.name };
+            add(EventKind::Log, level, source, log.message.clone());
+        }
+        if !found.is_empty() {
+            let mut store = self.store.write().unwrap_or_else(PoisonError::into_inner);
+            for event in found {
+                store.push(event);
+            }
+        }
+    }
+}
+
+fn status_events(
+    known: &mut Known,
+    stamp: Stamp,
+    status: &rcs::Status,
+    add: &mut impl FnMut(EventKind, EventLevel, &str, String),
+) {
+    let text = without_numbers(&status.state_text);
+    let same = known
+        .state
+        .as_ref()
+        .is_some_and(|(state, command)| *state == status.state && *command == status.command);
+    // A process that goes to and fro between two texts says nothing new.
+    let is_said = if let Some(last) = known.texts.get_mut(&text) {
+        stamp.seconds_since(std::mem::replace(last, stamp)) < QUIET_S
+    } else {
+        if known.texts.len() >= MOST_TEXTS {
+            known.texts.clear();
+        }
+        known.texts.insert(text, stamp);
+        false
+    };
+    if !same || !is_said {
+        known.state = Some((status.state, status.command.clone()));
+        let word = status.state().as_str_name();
+        let is_error = status.state() == rcs::ProcessState::Error;
+        let line = [word, &status.command, &status.state_text].into_iter().filter(|part| !part.is_empty());
+        let line = line.collect::<Vec<_>>().join(" · ");
+        if is_error {
+            add(EventKind::Error, EventLevel::Error, &status.process, line);
+        } else {
+            add(EventKind::Mode, EventLevel::Info, &status.process, line);
+        }
+    }
+    if known.faults == 0 && status.faults > 0 || status.faults >= known.faults.saturating_mul(2).max(1) {
+        // The first fault, and then each time that there are twice as many: a sensor may fail every cycle.
+        if status.faults > 0 {
+            let text = format!("{} inputs not used: {}", status.faults, status.last_fault);
+            add(EventKind::Error, EventLevel::Warning, &status.process, text);
+        }
+        known.faults = status.faults;
+    }
+    if let Some(refused) = status.refused.as_ref().filter(|refused| !refused.no_authority) {
+        let this = (refused.writer.clone(), refused.serial, refused.command.clone());
+        if known.refused.as_ref() != Some(&this) {
+            let text = format!("refused {} of {}: {}", refused.command, refused.writer, refused.reason);
+            add(EventKind::Error, EventLevel::Warning, &status.process, text);
+            known.refused = Some(this);
+        }
+    }
+}
+
+fn journal_events(
+    known: &mut Known,
+    stamp: Stamp,
+    event: &rcs::JournalEvent,
+    add: &mut impl FnMut(EventKind, EventLevel, &str, String),
+) {
+    if event.writer != OPERATOR {
+        return;
+    }
+    let text = match event.schema.as_str() {
+        // Found in the buffers themselves.
+        "rcs.EmergencyStop" | "rcs.Command" => return,
+        "rcs.DriveCommand" => {
+            let goes_on = known.driven.is_some_and(|last| stamp.seconds_since(last) < HAND_S);
+            known.driven = Some(stamp);
+            if goes_on {
+                return;
+            }
+            "drives by hand".to_owned()
+        }
+        schema => format!("writes {}", schema.rsplit('.').next().unwrap_or(schema)),
+    };
+    add(EventKind::Operator, EventLevel::Info, &event.buffer, text);
+}
+
+fn bumper_events(
+    known: &mut Known,
+    now: [bool; 2],
+    topic: &str,
+    add: &mut impl FnMut(EventKind, EventLevel, &str, String),
+) {
+    for (side, name) in ["left", "right"].into_iter().enumerate() {
+        if now[side] && !known.bumper[side] {
+            add(EventKind::Bumper, EventLevel::Warning, topic, format!("bumper hit, {name}"));
+        }
+    }
+    known.bumper = now;
+}
+
+/// The text of a state without its numbers, which change while the state does not.
+fn without_numbers(text: &str) -> String {
+    text.chars().filter(|c| !c.is_ascii_digit() && !matches!(c, '.' | '-' | '−')).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn status(state: rcs::ProcessState, text: &str, faults: u64) -> AnyMessage {
+        AnyMessage::new(rcs::Status {
+            process: "planner".into(),
+            command: "RUN".into(),
+            state: state.into(),
+            state_text: text.into(),
+            faults,
+            ..rcs::Status::default()
+        })
+    }
+
+    fn texts(events: &Events) -> Vec<String> {
+        let mut texts = Vec::new();
+        events.each_from(0, |_, event| texts.push(format!("{} {}", event.kind.name(), event.text)));
+        texts
+    }
+
+    #[test]
+    fn only_changes_of_a_state_are_events_and_numbers_in_its_text_are_none() {
+        let mut watch = EventWatch::default();
+        let topic: Arc<str> = "/planner/status".into();
+        let exec = rcs::ProcessState::Exec;
+        let messages = [
+            status(exec, "12.5 m to go", 0),
+            status(exec, "12.1 m to go", 0),
+            status(exec, "no path", 1),
+            status(exec, "11.9 m to go", 1),
+            status(exec, "no path", 2),
+            status(exec, "no path", 3),
+            status(rcs::ProcessState::Error, "", 3),
+        ];
+        for (second, message) in (0_u64..).zip(&messages) {
+            watch.take(&topic, Stamp(second * 1_000_000_000), message);
+        }
+        let events = watch.read(RunTag::FIRST);
+        assert_eq!(
+            texts(&events),
+            [
+                "modes EXEC · RUN · 12.5 m to go",
+                "modes EXEC · RUN · no path",
+                "errors 1 inputs not used: ",
+                "errors 2 inputs not used: ",
+                "errors ERROR · RUN",
+            ]
+        );
+        let fork = watch.fork(Stamp(3_000_000_000)).read(RunTag::FIRST);
+        assert_eq!(fork.len(), 3);
+        assert!(!fork.same(&events));
+    }
+
+    #[test]
+    fn an_operator_who_drives_is_one_event_until_a_pause() {
+        let mut watch = EventWatch::default();
+        let journal: Arc<str> = "/runtime/journal".into();
+        for tenth in [0, 1, 2, 3, 40, 41] {
+            let event = rcs::JournalEvent {
+                writer: OPERATOR.into(),
+                buffer: "/operator/drive".into(),
+                schema: "rcs.DriveCommand".into(),
+                ..rcs::JournalEvent::default()
+            };
+            watch.take(&journal, Stamp(tenth * 100_000_000), &AnyMessage::new(event));
+        }
+        assert_eq!(watch.read(RunTag::FIRST).len(), 2);
+    }
+
+    #[test]
+    fn events_are_found_by_time_by_kind_and_between_times() {
+        let event = |second: u64, kind| Event {
+            stamp: Stamp(second * 1_000_000_000),
+            kind,
+            level: EventLevel::Info,
+            source: "a".into(),
+            text: format!("{second}").into(),
+        };
+        let kinds = [EventKind::Mode, EventKind::Error];
+        let events = Events::of(RunTag::FIRST, (0..100).map(|i| event(i, kinds[(i % 2) as usize])));
+        assert_eq!(events.counts()[EventKind::Mode as usize], 50);
+        assert_eq!(events.count_until(Stamp(9_500_000_000)), 10);
+        let next = |at: u64, back| {
+            events
+                .beside(Stamp(at * 1_000_000_000), back, &[EventKind::Error])
+                .map(|event| event.text.to_string())
+        };
+        assert_eq!((next(3, false).as_deref(), next(3, true).as_deref()), (Some("5"), Some("1")));
+        assert_eq!((next(99, false), next(0, true)), (None, None));
+        let times: Vec<Stamp> = (0..=10).map(|i| Stamp(i * 10_000_000_000)).collect();
+        let at_the_start = events.between(EventKind::Mode, &times[..2]);
+        assert_eq!(at_the_start[0].as_ref().map(|event| event.stamp), Some(Stamp(0)));
+        let found = events.between(EventKind::Error, &times);
+        let first: Vec<_> =
+            found.iter().map(|event| event.as_ref().map(|event| event.text.to_string())).collect();
+        let reference: Vec<_> = (0..10).map(|i| Some(format!("{}", i * 10 + 1))).collect();
+        assert_eq!(first, reference);
+    }
+}

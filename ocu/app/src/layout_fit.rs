@@ -1,0 +1,184 @@
+//! The layout that fits what a source has: no view without anything to show, and every camera.
+
+use crate::layout::{Layout, Node};
+use ocu_views::{RunChoice, SavedState, TopicKey, cameras, operator};
+use rcs_runtime::source::{Frame, SourceKind, Topic};
+
+/// Most cameras that a layout shows at once.
+const MOST_CAMERAS: usize = 4;
+
+/// Types of messages that a map draws.
+const DRAWN: [&str; 6] = [
+    "foxglove.Odometry",
+    "foxglove.PoseInFrame",
+    "foxglove.LocationFix",
+    "foxglove.PointCloud",
+    "foxglove.Grid",
+    "foxglove.PosesInFrame",
+];
+
+/// The layout for a source: a bundled one whose views all have something to show, or one that is made for it.
+pub(crate) fn fitting(frame: &Frame) -> Layout {
+    let cameras = cameras(frame);
+    let is_drawn = |topic: &Topic| DRAWN.contains(&topic.type_name()) && !topic.is_ground_truth();
+    let has = Content {
+        map: frame.topics.iter().any(is_drawn),
+        vehicle: operator::Inputs::of(frame) != operator::Inputs::default(),
+        processes: !frame.processes.is_empty(),
+        cameras,
+    };
+    let bundled = has.bundled(frame).and_then(Layout::bundled).and_then(Result::ok);
+    if let Some(layout) = bundled.filter(|layout| names_only_what_is_there(&layout.root, frame)) {
+        return layout;
+    }
+    let root = match (has.pictures(), has.map) {
+        (Some(pictures), true) => {
+            let left = Node::Column(vec![(3.0, pictures), (2.0, has.rest(true))]);
+            Node::Row(vec![(5.0, left), (4.0, view("map"))])
+        }
+        (Some(pictures), false) => Node::Column(vec![(3.0, pictures), (2.0, has.rest(true))]),
+        // Without pictures the map is what is looked at.
+        (None, true) => Node::Row(vec![(3.0, view("map")), (2.0, has.rest(false))]),
+        (None, false) => has.rest(true),
+    };
+    // A person who drives looks at the vehicle, and opens the list when it is needed.
+    Layout { name: has.name(), buffers: !has.vehicle, root, ..Layout::empty() }
+}
+
+/// What a source has.
+struct Content {
+    cameras: Vec<TopicKey>,
+    map: bool,
+    vehicle: bool,
+    processes: bool,
+}
+
+impl Content {
+    /// The bundled layout that fits exactly.
+    fn bundled(&self, frame: &Frame) -> Option<&'static str> {
+        let images = self.cameras.len();
+        match (frame.info.kind, self.processes) {
+            (SourceKind::Stack, _) if self.vehicle && self.map && images > 0 => Some("simulation"),
+            (SourceKind::Stack, _) => None,
+            (_, true) if self.map && images == 1 => Some("default"),
+            (_, true) => None,
+            (_, false) => match (images, self.map) {
+                (0, true) => Some("tracks"),
+                (0, false) => Some("fields"),
+                (1, true) => Some("recording"),
+                _ => None,
+            },
+        }
+    }
+
+    /// The name of a layout that is made, under which it is kept as the person arranges it.
+    fn name(&self) -> String {
+        let base = match (self.vehicle, self.processes) {
+            (true, _) => "vehicle",
+            (false, true) => "processes",
+            (false, false) => "recording",
+        };
+        match self.cameras.len() {
+            0 => format!("{base} without cameras"),
+            1 => format!("{base} with a camera"),
+            count => format!("{base} with {count} cameras"),
+        }
+    }
+
+    /// The cameras, each in a view of its own.
+    fn pictures(&self) -> Option<Node> {
+        let camera = |key: &TopicKey| {
+            let state = serde_json::json!({ "topic": key });
+            Node::View { kind: "camera".to_owned(), state, run: RunChoice::Shown, id: 0 }
+        };
+        let mut views: Vec<Node> = self.cameras.iter().take(MOST_CAMERAS).map(camera).collect();
+        match views.len() {
+            0 => None,
+            1 => Some(views.remove(0)),
+            _ => Some(Node::Grid(views)),
+        }
+    }
+
+    /// The views of numbers and texts, side by side where they have the width.
+    fn rest(&self, is_wide: bool) -> Node {
+        let mut tabs = vec![view("fields")];
+        if self.processes {
+            tabs.splice(0..0, [view("hierarchy"), view("tuning"), view("log")]);
+        }
+        let tabs = if tabs.len() == 1 { tabs.remove(0) } else { Node::Tabs { active: 0, tiles: tabs } };
+        match (self.vehicle, is_wide) {
+            (false, _) => tabs,
+            (true, true) => Node::Row(vec![(1.0, view("drive")), (1.0, tabs)]),
+            (true, false) => Node::Column(vec![(1.0, view("drive")), (1.0, tabs)]),
+        }
+    }
+}
+
+/// Whether every topic that a view of the layout names exists.
+fn names_only_what_is_there(node: &Node, frame: &Frame) -> bool {
+    match node {
+        Node::Row(parts) | Node::Column(parts) => {
+            parts.iter().all(|(_, node)| names_only_what_is_there(node, frame))
+        }
+        Node::Grid(nodes) | Node::Tabs { tiles: nodes, .. } => {
+            nodes.iter().all(|node| names_only_what_is_there(node, frame))
+        }
+        Node::View { state, .. } => {
+            let name = state.pointer("/topic/name").and_then(serde_json::Value::as_str);
+            name.is_none_or(|name| frame.topic(name).is_some())
+        }
+    }
+}
+
+fn view(kind: &str) -> Node {
+    Node::View { kind: kind.to_owned(), state: SavedState::Null, run: RunChoice::Shown, id: 0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_msg::{foxglove, schema_of};
+    use rcs_runtime::source::RunTag;
+    use std::sync::Arc;
+
+    fn kinds(node: &Node) -> Vec<&str> {
+        match node {
+            Node::Row(parts) | Node::Column(parts) => {
+                parts.iter().flat_map(|(_, node)| kinds(node)).collect()
+            }
+            Node::Grid(nodes) | Node::Tabs { tiles: nodes, .. } => nodes.iter().flat_map(kinds).collect(),
+            Node::View { kind, .. } => vec![kind],
+        }
+    }
+
+    /// A log with so many cameras, perhaps with odometry.
+    fn log(images: usize, has_odometry: bool) -> Frame {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("drive.mcap");
+        crate::sample::write(&path, 0.5, false).unwrap();
+        let request = crate::open::Request { log: Some(path), ..crate::open::Request::default() };
+        let mut frame = crate::render::frame_at(&request, 0.0).unwrap();
+        let image = schema_of::<foxglove::CompressedImage>();
+        let topics =
+            (0..images).map(|i| Topic::new(&format!("/cam{i}"), RunTag::Recorded, Arc::clone(image)));
+        let odometry = schema_of::<foxglove::Odometry>();
+        let odometry = has_odometry.then(|| Topic::new("/odom", RunTag::Recorded, Arc::clone(odometry)));
+        frame.topics = topics.chain(odometry).collect();
+        frame.processes = Arc::new([]);
+        frame
+    }
+
+    #[test]
+    fn a_log_opens_with_every_camera_and_without_empty_views() {
+        for images in 0..7 {
+            for has_odometry in [false, true] {
+                let layout = fitting(&log(images, has_odometry));
+                let kinds = kinds(&layout.root);
+                let count = |wanted: &str| kinds.iter().filter(|kind| **kind == wanted).count();
+                assert_eq!(count("camera"), images.min(MOST_CAMERAS), "{images}: {kinds:?}");
+                assert_eq!(count("map"), usize::from(has_odometry), "{images}: {kinds:?}");
+                assert_eq!((count("fields"), count("hierarchy"), count("drive")), (1, 0, 0), "{kinds:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,249 @@
+//! What the window does on request: commands, actions of the bar at the top, files that are opened or dropped.
+
+use super::body::{Chosen, Window};
+use super::commands::Command;
+use super::focus::cancel;
+use super::leaving::{Answer, Leaving, lost_with};
+use super::notices::Matter;
+use super::open::Outcome;
+use super::top_state::TopBarAction;
+use super::tree::Workspace;
+use crate::layout::Layout;
+use crate::layout_fit::fitting;
+use crate::open::Request;
+use crate::say;
+use rcs_runtime::source::{Control, Frame, SourceKind};
+use std::path::Path;
+
+impl Window {
+    /// Shows a source that has been opened since the last pass.
+    pub(super) fn take_opened(&mut self) {
+        match self.opener.poll() {
+            Some(Outcome::Opened(request, source)) => {
+                self.notices.mended(Matter::Open);
+                self.notices.mended(Matter::Run);
+                self.show_source(request, source);
+            }
+            Some(Outcome::Failed(text)) => self.notices.error(Matter::Open, text),
+            None => {}
+        }
+    }
+
+    pub(super) fn take_dropped(&mut self, ui: &egui::Ui) {
+        let files = ui.input_mut(|input| std::mem::take(&mut input.raw.dropped_files));
+        if let [first, rest @ ..] = files.as_slice() {
+            if !rest.is_empty() {
+                let text = format!("{} files were dropped; one can be opened at a time", files.len());
+                self.notices.error(Matter::Open, text);
+            }
+            self.open_path(first.path());
+        }
+    }
+
+    /// Opens a recording, a stack or a layout.
+    pub(super) fn open_path(&mut self, path: &Path) {
+        if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("ron")) {
+            return self.opener.open(Request::dropped(path, &self.current));
+        }
+        match Layout::load(path) {
+            Ok(layout) => self.choose(&layout),
+            Err(error) => self.notices.error(Matter::Layout, say(&error)),
+        }
+    }
+
+    /// Carries out the commands of the keys that were pressed; returns whether there was any.
+    pub(super) fn take_keys(
+        &mut self,
+        ctx: &egui::Context,
+        stops: bool,
+        frame: Option<&Frame>,
+        controls: &mut Vec<Control>,
+    ) -> bool {
+        self.key_list.take_key(ctx, &mut self.keymap);
+        let commands = self.keymap.pressed(ctx, stops);
+        for &command in &commands {
+            self.run(command, frame, controls);
+        }
+        !commands.is_empty()
+    }
+
+    /// Carries out a command.
+    pub(super) fn run(&mut self, command: Command, frame: Option<&Frame>, controls: &mut Vec<Control>) {
+        match command {
+            Command::EmergencyStop => {
+                if let Some(frame) = frame {
+                    self.operating.emergency_stop(frame, true, controls);
+                }
+            }
+            Command::Bookmark => {
+                if let Some(frame) = frame {
+                    self.marks.toggle(frame.now);
+                }
+            }
+            Command::Cancel => cancel(&self.ctx),
+            Command::Open => self.opener.ask(),
+            Command::Keys => self.key_list.toggle(),
+            Command::Palette => self.palette.toggle(),
+            Command::Restart => self.perform(TopBarAction::Restart, frame, controls),
+            Command::TakeBack => controls.push(Control::Undo),
+            Command::Buffers => self.buffers_open = !self.buffers_open,
+            Command::Theme => self.perform(TopBarAction::ToggleTheme, frame, controls),
+            Command::FittingLayout => self.perform(TopBarAction::FittingLayout, frame, controls),
+            Command::ResetLayout => {
+                let name = self.workspace.as_ref().map(|workspace| workspace.name().to_owned());
+                let made = frame.map(fitting).filter(|layout| Some(&layout.name) == name.as_ref());
+                match name.as_deref().and_then(Layout::bundled).or(made.map(Ok)) {
+                    Some(Ok(layout)) => self.arrange(&layout),
+                    Some(Err(error)) => self.notices.error(Matter::Layout, error.to_string()),
+                    None => {
+                        let text = "this layout is your own; expected one that comes with OCU";
+                        self.notices.error(Matter::Layout, text);
+                    }
+                }
+            }
+            Command::UndoLayout => {
+                if let Some(layout) = self.document.undo() {
+                    self.arrange(&layout);
+                }
+            }
+            Command::RedoLayout => {
+                if let Some(layout) = self.document.redo() {
+                    self.arrange(&layout);
+                }
+            }
+            Command::PlayPause
+            | Command::Step { .. }
+            | Command::StepCycle { .. }
+            | Command::StepSecond { .. }
+            | Command::NextEvent { .. }
+            | Command::ToStart
+            | Command::ToEnd
+            | Command::Loop => {
+                controls
+                    .extend(frame.and_then(|frame| self.timeline.command(command, frame, &self.selection)));
+            }
+        }
+    }
+
+    pub(super) fn perform(
+        &mut self,
+        action: TopBarAction,
+        frame: Option<&Frame>,
+        controls: &mut Vec<Control>,
+    ) {
+        match action {
+            TopBarAction::Ask => self.opener.ask(),
+            TopBarAction::Open(request) => self.open_asking(request, controls),
+            TopBarAction::Restart => self.open_asking(self.current.clone(), controls),
+            TopBarAction::EmergencyStop(active) => {
+                if let Some(frame) = frame {
+                    self.operating.emergency_stop(frame, active, controls);
+                }
+            }
+            TopBarAction::Seek(time) => controls.push(Control::Seek(time)),
+            TopBarAction::Acknowledge(until) => self.known_alarms = until,
+            TopBarAction::SwitchRun(run) => controls.push(Control::SwitchRun(run)),
+            TopBarAction::Undo => controls.push(Control::Undo),
+            TopBarAction::ToggleBuffers => self.buffers_open = !self.buffers_open,
+            TopBarAction::ToggleTheme => {
+                let dark = self.ctx.theme() == egui::Theme::Dark;
+                self.ctx.set_theme(if dark { egui::Theme::Light } else { egui::Theme::Dark });
+                // This pass was laid out with the old colours.
+                self.ctx.request_repaint();
+            }
+            TopBarAction::Help => self.key_list.toggle(),
+            TopBarAction::Palette => self.palette.toggle(),
+            TopBarAction::Run(command) => self.run(command, frame, controls),
+            TopBarAction::AddView(view_type) => {
+                self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty())).add(view_type);
+            }
+            TopBarAction::Layout(name) => {
+                // As the user last arranged it; how it comes is a command of its own.
+                let kept = self.layout_store.load(&name, &mut self.notices);
+                match kept.map_or_else(|| Layout::named(&name), Ok) {
+                    Ok(layout) => self.choose(&layout),
+                    Err(error) => self.notices.error(Matter::Layout, say(&error)),
+                }
+            }
+            TopBarAction::SaveLayout(name) => {
+                if let Some(workspace) = &mut self.workspace {
+                    workspace.rename(name);
+                }
+                self.record_layout();
+            }
+            TopBarAction::FittingLayout => {
+                self.chosen = Chosen::Nothing;
+                if let Some(frame) = frame {
+                    self.arrange_for(frame);
+                }
+            }
+        }
+    }
+
+    /// Opens a source in place of this one; asks before where something would be lost.
+    pub(super) fn open_asking(&mut self, request: Request, controls: &mut Vec<Control>) {
+        let lost = self.frame().map_or(0, |frame| lost_with(&frame));
+        if lost > 0 {
+            self.leaving = Some(Leaving::new(request, lost));
+        } else {
+            controls.extend(self.make_room());
+            self.opener.open(request);
+        }
+    }
+
+    pub(super) fn leaving_ui(&mut self, ui: &egui::Ui, controls: &mut Vec<Control>) {
+        match self.leaving.as_ref().map(|leaving| leaving.ui(ui.ctx())) {
+            None | Some(Answer::Open) => {}
+            Some(Answer::Stay) => self.leaving = None,
+            Some(Answer::Leave(request)) => {
+                self.leaving = None;
+                controls.extend(self.make_room());
+                self.opener.open(request);
+            }
+        }
+    }
+
+    /// Pauses a running stack, which would slow down opening the next source.
+    pub(super) fn make_room(&self) -> Option<Control> {
+        let is_stack = self.frame().is_some_and(|frame| frame.info.kind == SourceKind::Stack);
+        is_stack.then_some(Control::Pause)
+    }
+
+    /// Applies a layout chosen by the user.
+    pub(super) fn choose(&mut self, layout: &Layout) {
+        self.notices.mended(Matter::Layout);
+        self.record_layout();
+        self.chosen = match self.frame() {
+            Some(frame) => Chosen::For(fitting(&frame).name),
+            None => Chosen::BeforeOpening,
+        };
+        self.arrange(layout);
+    }
+
+    /// Applies the layout that suits the source, as the user last arranged it. One that the user chose stays for
+    /// sources of the same kind.
+    pub(super) fn arrange_for(&mut self, frame: &Frame) {
+        let fitting = fitting(frame);
+        if self.chosen == Chosen::BeforeOpening {
+            self.chosen = Chosen::For(fitting.name.clone());
+        }
+        let is_chosen = matches!(&self.chosen, Chosen::For(suited) if *suited == fitting.name);
+        let stays = self.workspace.as_ref().is_some_and(|now| is_chosen || now.name() == fitting.name);
+        if !stays {
+            self.chosen = Chosen::Nothing;
+            self.record_layout();
+            let kept = self.layout_store.load(&fitting.name, &mut self.notices);
+            self.arrange(&kept.unwrap_or(fitting));
+        }
+    }
+
+    /// Goes to an arrangement; views that are in both stay.
+    pub(super) fn arrange(&mut self, layout: &Layout) {
+        self.buffers_open = layout.buffers;
+        match &mut self.workspace {
+            Some(workspace) => workspace.apply(layout),
+            None => self.workspace = Some(Workspace::new(layout)),
+        }
+        self.record_layout();
+    }
+}

@@ -1,0 +1,60 @@
+//! What the bar at the top shows, and what it asks for.
+
+use super::commands::Command;
+use super::keymap::Keymap;
+use super::operate::StopState;
+use crate::open::Request;
+use ocu_views::ViewType;
+use rcs_runtime::RunId;
+use rcs_runtime::source::Frame;
+use std::path::PathBuf;
+
+/// What the bar shows.
+pub(super) struct State<'a> {
+    pub(super) frame: Option<&'a Frame>,
+    pub(super) current: &'a Request,
+    pub(super) opening: Option<String>,
+    pub(super) recent: &'a [PathBuf],
+    pub(super) buffers_open: bool,
+    pub(super) layout_name: &'a str,
+    /// The user's layouts that are none of the bundled ones.
+    pub(super) own_layouts: &'a [String],
+    pub(super) keymap: &'a Keymap,
+    pub(super) stop: StopState,
+    /// Whether a control of manual driving is deflected.
+    pub(super) pushed: bool,
+    /// Alarms up to this time are known to the user.
+    pub(super) known_until: rcs_msg::Stamp,
+}
+
+/// An action requested by the user.
+pub(super) enum TopBarAction {
+    Ask,
+    Open(Request),
+    /// Restart the source.
+    Restart,
+    /// Set or release the emergency stop.
+    EmergencyStop(bool),
+    /// Go to a time.
+    Seek(rcs_msg::Stamp),
+    /// The alarms up to this time are known.
+    Acknowledge(rcs_msg::Stamp),
+    /// Show another run of the stack.
+    SwitchRun(RunId),
+    /// Undo the last write.
+    Undo,
+    ToggleBuffers,
+    ToggleTheme,
+    Help,
+    AddView(&'static ViewType),
+    Layout(String),
+    /// Keep the arrangement under this name.
+    SaveLayout(String),
+    FittingLayout,
+    Palette,
+    /// Carry out a command of the table.
+    Run(Command),
+}
+
+/// The actions of one pass.
+pub(super) type Actions = Vec<TopBarAction>;

@@ -1,0 +1,138 @@
+//! The state of the source in the bar at the top, in a few words each.
+
+use super::top_state::{Actions, State, TopBarAction};
+use ocu_ui::bar::{self, Form};
+use ocu_ui::{format, icons, tokens, widgets};
+use rcs_msg::rcs::ProcessState;
+use rcs_runtime::source::{EventKind, EventLevel, Frame, SourceKind, Topic};
+
+/// Who holds the authority after a command of the operator.
+const OPERATOR: &str = "operator";
+/// Most alarms that are listed.
+const MOST_ALARMS: usize = 12;
+
+/// The kind of the source in one word.
+pub(super) fn kind(frame: &Frame) -> &'static str {
+    match frame.info.kind {
+        SourceKind::Log => "LOG",
+        SourceKind::Replay => "REPLAY",
+        SourceKind::Stack if frame.topics.iter().any(Topic::is_ground_truth) => "SIMULATION",
+        SourceKind::Stack => "STACK",
+    }
+}
+
+/// What is wrong with the recording.
+pub(super) fn problems(ui: &mut egui::Ui, form: Form, frame: &Frame) {
+    let problems = &frame.info.problems;
+    let count = problems.len();
+    let text = format!("{count} {}", if count == 1 { "problem" } else { "problems" });
+    ui.visuals_mut().override_text_color = Some(tokens(ui).warning);
+    bar::menu(ui, form, icons::ICON_WARNING, &text, |ui| {
+        ui.set_max_width(480.0);
+        egui::ScrollArea::vertical().max_height(320.0).show(ui, |ui| {
+            for problem in problems {
+                ui.add(egui::Label::new(problem).wrap());
+            }
+        });
+    });
+}
+
+/// Who commands the processes: the operator, or the supervisor above them.
+pub(super) fn authority(ui: &mut egui::Ui, form: Form, frame: &Frame) {
+    let owners: Vec<&str> = frame
+        .processes
+        .iter()
+        .filter_map(|process| frame.status(process))
+        .map(|status| status.owner.as_str())
+        .filter(|owner| !owner.is_empty())
+        .collect();
+    let by_hand = owners.iter().filter(|owner| **owner == OPERATOR).count();
+    let (text, short, color) = match (by_hand, owners.len()) {
+        (_, 0) => return,
+        (0, _) => ("AUTONOMOUS".to_owned(), "AUTO", tokens(ui).text),
+        (count, all) if count == all => ("OPERATOR".to_owned(), "OP", tokens(ui).accent),
+        (count, _) => (format!("OPERATOR: {count} PROCESSES"), "OP", tokens(ui).accent),
+    };
+    let text = if form == Form::Short { short } else { &text };
+    widgets::tag(ui, text, color).on_hover_text(
+        "Who has the authority to command the processes: you, after a command of yours, or their supervisor",
+    );
+}
+
+/// The errors that the user has not acknowledged.
+pub(super) fn alarms(ui: &mut egui::Ui, form: Form, state: &State<'_>, frame: &Frame, actions: &mut Actions) {
+    let Some(events) = frame.events() else { return };
+    let mut errors = events.last_of(EventKind::Error, frame.now, MOST_ALARMS);
+    errors.retain(|event| event.level == EventLevel::Error && event.stamp > state.known_until);
+    if errors.is_empty() {
+        return;
+    }
+    let count = errors.len();
+    let more = if count == MOST_ALARMS { "+" } else { "" };
+    let text = format!("{count}{more} {}", if count == 1 { "alarm" } else { "alarms" });
+    ui.visuals_mut().override_text_color = Some(tokens(ui).error);
+    bar::menu(ui, form, icons::ICON_NOTIFICATIONS, &text, |ui| {
+        ui.set_max_width(480.0);
+        for event in &errors {
+            let time = format::elapsed(event.stamp.seconds_since(frame.info.start));
+            let line = format!("{time}  {}: {}", event.source, event.text);
+            if ui.add(egui::Button::new(line).truncate().frame(false)).clicked() {
+                actions.push(TopBarAction::Seek(event.stamp));
+                ui.close();
+            }
+        }
+        ui.separator();
+        if ui.button("Acknowledge all").clicked() {
+            actions.push(TopBarAction::Acknowledge(errors[0].stamp));
+            ui.close();
+        }
+    });
+}
+
+/// The source that is being opened.
+pub(super) fn opening(ui: &mut egui::Ui, form: Form, title: &str) {
+    let weak = tokens(ui).weak;
+    let icon = icons::ICON_HOURGLASS_TOP.rich_text().size(14.0).color(weak);
+    let text = format!("opening {title}");
+    if form == Form::Short {
+        ui.label(icon).on_hover_text(text);
+    } else {
+        ui.label(icon);
+        ui.label(egui::RichText::new(text).color(weak));
+    }
+}
+
+/// The state of the processes in one word.
+pub(super) fn run_state(ui: &mut egui::Ui, form: Form, frame: &Frame) {
+    let tokens = tokens(ui);
+    let states: Vec<Option<ProcessState>> = frame
+        .processes
+        .iter()
+        .map(|process| frame.status(process).map(rcs_msg::rcs::Status::state))
+        .collect();
+    let count = |state: ProcessState| states.iter().filter(|&&known| known == Some(state)).count();
+    let all = states.len();
+    let (errors, done) = (count(ProcessState::Error), count(ProcessState::Done));
+    let (text, color) = if errors > 0 {
+        (format!("{errors} of {all} ERROR"), tokens.error)
+    } else if states.iter().any(Option::is_none) {
+        ("NOT STARTED".to_owned(), tokens.unknown)
+    } else if done == all {
+        ("DONE".to_owned(), tokens.text)
+    } else {
+        (format!("{} of {all} EXEC", count(ProcessState::Exec)), tokens.ok)
+    };
+    let text = match form {
+        Form::Short => text.replace(" of ", "/").replace("NOT STARTED", "OFF"),
+        Form::Full | Form::Listed => text,
+    };
+    let names: Vec<String> = frame
+        .processes
+        .iter()
+        .zip(&states)
+        .map(|(process, state)| {
+            format!("{}: {}", process.name, state.map_or("no status yet", |state| state.as_str_name()))
+        })
+        .collect();
+    widgets::tag(ui, &text, color).on_hover_text(names.join("\n"));
+}

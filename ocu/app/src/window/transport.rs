@@ -1,0 +1,225 @@
+//! The controls of time above the timeline: play, steps, speed, and the clock.
+
+use super::bookmarks::Bookmarks;
+use crate::time::date_and_time;
+use egui::{Role, WidgetInfo};
+use ocu_ui::bar::{self, Bar, Fit, Form};
+use ocu_ui::{format, icons, tokens, widgets};
+use rcs_runtime::source::{Control, Frame, Step};
+
+/// Selectable playback speeds.
+const SPEEDS: [f64; 10] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, f64::INFINITY];
+/// Unit of a step.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Unit {
+    /// A message of this topic, or of any.
+    Message(Option<String>),
+    /// A cycle of this process, or of any.
+    Cycle(Option<String>),
+    /// A time in milliseconds.
+    Time(i64),
+}
+
+impl Unit {
+    pub(super) fn step(&self, back: bool) -> Step {
+        match self {
+            Self::Message(topic) => Step::Message { topic: topic.clone(), back },
+            Self::Cycle(process) => Step::Cycle { process: process.clone(), back },
+            Self::Time(ms) => Step::Time { ns: ms * 1_000_000 * if back { -1 } else { 1 } },
+        }
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Self::Message(None) => "any message".to_owned(),
+            Self::Message(Some(topic)) => topic.clone(),
+            Self::Cycle(None) => "any cycle".to_owned(),
+            Self::Cycle(Some(process)) => format!("cycle of {process}"),
+            Self::Time(ms) if ms % 1000 == 0 => format!("{} s", ms / 1000),
+            Self::Time(ms) => format!("{ms} ms"),
+        }
+    }
+}
+
+/// What the controls change.
+struct Acts<'a> {
+    unit: &'a mut Unit,
+    controls: &'a mut Vec<Control>,
+    marks: &'a mut Bookmarks,
+    /// Whether the whole time is to be shown again.
+    whole: bool,
+}
+
+/// Paints the controls; returns whether the whole time is to be shown again.
+pub(super) fn ui(
+    ui: &mut egui::Ui,
+    frame: &Frame,
+    unit: &mut Unit,
+    zoomed: bool,
+    busy: Option<f64>,
+    marks: &mut Bookmarks,
+    controls: &mut Vec<Control>,
+) -> bool {
+    let playback = &frame.playback;
+    let mut bar: Bar<'_, Acts<'_>> = Bar::new("transport");
+    bar.left("back", Fit::Leaves(80), |ui, form, acts| {
+        if bar::tool(ui, form, icons::ICON_SKIP_PREVIOUS, "Step back").clicked() {
+            acts.controls.push(Control::Step(acts.unit.step(true)));
+        }
+    });
+    bar.left("play", Fit::Stays, |ui, form, acts| {
+        let (icon, name, control) = if playback.playing {
+            (icons::ICON_PAUSE, "Pause", Control::Pause)
+        } else {
+            (icons::ICON_PLAY_ARROW, "Play", Control::Play)
+        };
+        if bar::tool_of(ui, form, icon, name, playback.playing, true).clicked() {
+            acts.controls.push(control);
+        }
+    });
+    bar.left("forward", Fit::Leaves(81), |ui, form, acts| {
+        if bar::tool(ui, form, icons::ICON_SKIP_NEXT, "Step forward").clicked() {
+            acts.controls.push(Control::Step(acts.unit.step(false)));
+        }
+    });
+    bar.left("unit", Fit::Leaves(30), |ui, form, acts| unit_menu(ui, form, frame, acts.unit));
+    bar.left("loop", Fit::Leaves(20), |ui, form, acts| {
+        let mut looping = playback.looping;
+        let name = "Start again at the end";
+        if bar::tool_toggle(ui, form, icons::ICON_REPEAT, name, &mut looping).clicked() {
+            acts.controls.push(Control::Loop(looping));
+        }
+    });
+    bar.left("speed", Fit::Leaves(40), |ui, _, acts| speed(ui, frame, acts.controls));
+    bar.left("bookmarks", Fit::Leaves(15), |ui, form, acts| acts.marks.menu(ui, form, frame, acts.controls));
+    bar.left("clock", Fit::Stays, |ui, form, _| {
+        bar::divider(ui, form);
+        if form == Form::Full {
+            ui.label(egui::RichText::new("elapsed").small().color(tokens(ui).weak));
+        }
+        let now = widgets::mono(format::elapsed(frame.time_s()));
+        let size = if form == Form::Short { 12.0 } else { 16.0 };
+        ui.label(now.size(size).color(tokens(ui).strong)).on_hover_text("Time since the start");
+    });
+    if let Some(end) = frame.info.end {
+        bar.left("length", Fit::Leaves(25), move |ui, _, _| {
+            let length = format::elapsed(end.seconds_since(frame.info.start));
+            let length = widgets::mono(format!("/ {length}")).color(tokens(ui).weak);
+            ui.label(length).on_hover_text("Length of the recording");
+        });
+    }
+    // A clock that starts at 0 would say the same again.
+    let is_dated = frame.info.start.0 > 0;
+    bar.left("date", Fit::Leaves(10), move |ui, form, _| {
+        if !is_dated {
+            return;
+        }
+        bar::divider(ui, form);
+        let date = widgets::mono(date_and_time(frame.now)).color(tokens(ui).weak);
+        ui.label(date).on_hover_text(format!("Time of the source: {} ns", frame.now.0));
+    });
+    if playback.playing {
+        state(&mut bar, frame);
+    }
+    // While time runs the source is always busy.
+    if let Some(fraction) = busy.filter(|_| !playback.playing) {
+        bar.right("busy", Fit::Leaves(120), move |ui, form, acts| {
+            let width = if form == Form::Short { 48.0 } else { 120.0 };
+            let progress = egui::ProgressBar::new(fraction as f32).desired_width(width).desired_height(14.0);
+            let text = format!("{:3.0} %", fraction * 100.0);
+            ui.add(progress.text(egui::RichText::new(text).small())).on_hover_text("Computing the moment");
+            if widgets::icon_button(ui, icons::ICON_CANCEL, "Stop this work").clicked() {
+                acts.controls.push(Control::Cancel);
+            }
+        });
+    }
+    if zoomed {
+        bar.right("whole", Fit::Leaves(90), |ui, form, acts| {
+            acts.whole |= bar::tool(ui, form, icons::ICON_ZOOM_OUT_MAP, "Show the whole time").clicked();
+        });
+    }
+    let mut acts = Acts { unit, controls, marks, whole: false };
+    bar.show(ui, 24.0, &mut acts);
+    acts.whole
+}
+
+fn speed(ui: &mut egui::Ui, frame: &Frame, controls: &mut Vec<Control>) {
+    let playback = &frame.playback;
+    let mut speed = playback.speed;
+    let text = |speed: f64| {
+        if speed.is_infinite() { "max".to_owned() } else { format!("× {}", format::number(speed)) }
+    };
+    let shown = text(speed);
+    let combo = egui::ComboBox::from_id_salt("speed").selected_text(shown).width(56.0).height(400.0).show_ui(
+        ui,
+        |ui| {
+            for choice in SPEEDS {
+                ui.selectable_value(&mut speed, choice, text(choice));
+            }
+        },
+    );
+    combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Speed"));
+    combo.response.on_hover_text("Speed: seconds of the source a second; max is as fast as it goes");
+    if speed != playback.speed {
+        controls.push(Control::Speed(speed));
+    }
+}
+
+fn unit_menu(ui: &mut egui::Ui, form: Form, frame: &Frame, unit: &mut Unit) {
+    let shown = unit.text();
+    let width = if form == Form::Short { 64.0 } else { 128.0 };
+    let combo = egui::ComboBox::from_id_salt("step unit").selected_text(shown).width(width).truncate();
+    let combo = combo.show_ui(ui, |ui| {
+        let mut choice = |ui: &mut egui::Ui, other: Unit| {
+            let text = other.text();
+            ui.selectable_value(unit, other, text);
+        };
+        choice(ui, Unit::Message(None));
+        if !frame.processes.is_empty() {
+            choice(ui, Unit::Cycle(None));
+            for process in frame.processes.iter() {
+                choice(ui, Unit::Cycle(Some(process.name.clone())));
+            }
+        }
+        for ms in [100, 1000, 10_000] {
+            choice(ui, Unit::Time(ms));
+        }
+        ui.separator();
+        ui.label(egui::RichText::new("A message of").small().color(tokens(ui).weak));
+        let mut last = "";
+        // A topic that is both recorded and computed is listed once.
+        for topic in frame.topics.iter().filter(|topic| topic.messages > 0) {
+            if *topic.name != *last {
+                choice(ui, Unit::Message(Some(topic.name.to_string())));
+            }
+            last = &topic.name;
+        }
+    });
+    combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "What a step is"));
+    combo.response.on_hover_text("What a step is (arrow keys; with shift, a cycle)");
+}
+
+/// State of playback: its measured speed, and how far it lags behind the clock.
+fn state<'a>(bar: &mut Bar<'a, Acts<'_>>, frame: &'a Frame) {
+    let playback = &frame.playback;
+    let slow = playback.achieved.is_some_and(|achieved| achieved < 0.95 * playback.speed)
+        && playback.speed.is_finite();
+    let color = move |ui: &egui::Ui| if slow { tokens(ui).warning } else { tokens(ui).weak };
+    if playback.lag_s > 0.25 {
+        bar.right("lag", Fit::Leaves(60), move |ui, form, _| {
+            let age = format::age(playback.lag_s);
+            let text = if form == Form::Short { format!("-{age}") } else { format!("{age} behind the clock") };
+            widgets::tag(ui, &text, color(ui)).on_hover_text(
+                "What could not be done in time since playing began. It is not caught up with: time goes on at the \
+                 speed that was asked for.",
+            );
+        });
+    }
+    if let Some(achieved) = playback.achieved {
+        bar.right("achieved", Fit::Leaves(50), move |ui, form, _| {
+            let unit = if form == Form::Short { "" } else { " × real time" };
+            ui.label(widgets::mono(format!("{achieved:6.2}{unit}")).color(color(ui)))
+                .on_hover_text("Seconds of the source a second, over the last half second");
+        });
+    }
+}

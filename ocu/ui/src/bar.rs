@@ -1,0 +1,346 @@
+//! A bar whose items know how much room there is: where not all of them fit, they take a short form, and then move into
+//! a menu at its end, the least important ones first. Nothing overprints and nothing is cut.
+//!
+//! Items at the left follow each other, items at the right keep their place at the right end. An item says how it gives
+//! way ([`Fit`]) and paints itself in the form that it is asked for ([`Form`]). Widths are those of the last time that
+//! an item was painted in a form; a pass that finds another width is painted again.
+
+use crate::{Icon, icons, tokens, widgets};
+use egui::containers::menu::{MenuButton, MenuConfig, SubMenuButton};
+use egui::{
+    Align, Button, Layout, PopupCloseBehavior, Pos2, Rect, Response, Role, Sense, TextWrapMode, Ui,
+    UiBuilder, Vec2, WidgetInfo,
+};
+use std::collections::BTreeMap;
+
+/// How an item is painted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Form {
+    /// In the bar, with its words.
+    Full,
+    /// In the bar, as short as it can be: an icon instead of a word.
+    Short,
+    /// A row of the menu at the end of the bar.
+    Listed,
+}
+
+/// How an item gives way where there is no room.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fit {
+    /// It becomes short before anything else gives way, and stays.
+    Shrinks,
+    /// It becomes short after everything else has given way, and stays.
+    Stays,
+    /// It becomes short, and then moves into the menu; items of lower worth go first.
+    Leaves(u8),
+    /// It takes the room that is left, and disappears below this width. It is the last one at the left.
+    Stretches(f32),
+}
+
+type Paint<'a, C> = Box<dyn FnMut(&mut Ui, Form, &mut C) + 'a>;
+
+struct Item<'a, C> {
+    name: &'static str,
+    fit: Fit,
+    at_right: bool,
+    paint: Paint<'a, C>,
+}
+
+/// A bar with its items. `C` is what they change.
+pub struct Bar<'a, C> {
+    name: &'static str,
+    items: Vec<Item<'a, C>>,
+}
+
+/// Widths of the items of a bar, by name and form.
+type Widths = BTreeMap<(&'static str, Form), f32>;
+
+/// Width of the button of the menu.
+const MORE: f32 = 24.0;
+
+impl<'a, C> Bar<'a, C> {
+    /// An empty bar; `name` is unique within its parent.
+    pub fn new(name: &'static str) -> Self {
+        Self { name, items: Vec::new() }
+    }
+
+    /// Adds an item after those at the left; `name` is unique within the bar.
+    pub fn left(&mut self, name: &'static str, fit: Fit, paint: impl FnMut(&mut Ui, Form, &mut C) + 'a) {
+        self.items.push(Item { name, fit, at_right: false, paint: Box::new(paint) });
+    }
+
+    /// Adds an item at the right end, after those that are there.
+    pub fn right(&mut self, name: &'static str, fit: Fit, paint: impl FnMut(&mut Ui, Form, &mut C) + 'a) {
+        self.items.push(Item { name, fit, at_right: true, paint: Box::new(paint) });
+    }
+
+    /// Paints the bar over the available width.
+    pub fn show(mut self, ui: &mut Ui, height: f32, cx: &mut C) {
+        let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), height), Sense::hover());
+        let id = ui.scope_id().with(("bar", self.name));
+        let gap = ui.spacing().item_spacing.x;
+        let known: Widths = ui.data(|data| data.get_temp(id)).unwrap_or_default();
+        let mut widths = known.clone();
+        let forms = forms(&self.shapes(&known), rect.width(), gap);
+        let width = |widths: &Widths, item: &Item<'a, C>, form: Form| {
+            widths.get(&(item.name, form)).copied().unwrap_or(0.0)
+        };
+
+        let mut listed: Vec<usize> = Vec::new();
+        let (mut left, mut right) = (rect.left(), rect.right());
+        // The places of those at the right follow from their last widths.
+        let mut places = vec![0.0; self.items.len()];
+        for (index, item) in self.items.iter().enumerate().rev().filter(|(_, item)| item.at_right) {
+            if let Some(form @ (Form::Full | Form::Short)) = forms[index] {
+                let width = width(&known, item, form);
+                right -= width;
+                places[index] = right;
+                right -= if width > 0.0 { gap } else { 0.0 };
+            }
+        }
+        let has_menu = forms.contains(&Some(Form::Listed));
+        if has_menu {
+            right -= MORE + gap;
+        }
+        for index in 0..self.items.len() {
+            let item = &mut self.items[index];
+            let form = match forms[index] {
+                None => continue,
+                Some(Form::Listed) => {
+                    listed.push(index);
+                    continue;
+                }
+                Some(form) => form,
+            };
+            let stretches = matches!(item.fit, Fit::Stretches(_));
+            let (from, to) = if item.at_right {
+                (places[index], places[index] + width(&known, item, form))
+            } else {
+                (left, right.max(left))
+            };
+            let place = Rect::from_min_max(Pos2::new(from, rect.top()), Pos2::new(to, rect.bottom()));
+            let builder = UiBuilder::new()
+                .id_salt(item.name)
+                .max_rect(place)
+                .layout(Layout::left_to_right(Align::Center));
+            let mut child = ui.new_child(builder);
+            child.set_clip_rect(place.expand2(Vec2::new(2.0, 2.0)).intersect(ui.clip_rect()));
+            let wrap = if stretches { TextWrapMode::Truncate } else { TextWrapMode::Extend };
+            child.style_mut().wrap_mode = Some(wrap);
+            (item.paint)(&mut child, form, cx);
+            let painted = child.min_rect().width().ceil();
+            if !stretches {
+                widths.insert((item.name, form), painted);
+            }
+            // An item with nothing to say takes no gap.
+            if !item.at_right && painted > 0.0 {
+                left += painted + gap;
+            }
+        }
+        if has_menu {
+            let place =
+                Rect::from_min_size(Pos2::new(right + gap, rect.top()), Vec2::new(MORE, rect.height()));
+            self.menu(ui, place, &listed, cx);
+        }
+        if widths != known {
+            ui.data_mut(|data| data.insert_temp(id, widths));
+            ui.ctx().request_discard("the items of a bar changed their widths");
+            ui.ctx().request_repaint();
+        }
+    }
+
+    /// The items that found no room.
+    fn menu(&mut self, ui: &mut Ui, place: Rect, listed: &[usize], cx: &mut C) {
+        let builder =
+            UiBuilder::new().id_salt("more").max_rect(place).layout(Layout::left_to_right(Align::Center));
+        let mut child = ui.new_child(builder);
+        child.spacing_mut().button_padding = Vec2::splat(2.0);
+        let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+        let text = icons::ICON_MORE_HORIZ.rich_text().size(16.0);
+        let (response, _) = MenuButton::new(text).config(config).ui(&mut child, |ui| {
+            ui.set_min_width(160.0);
+            for &index in listed {
+                let item = &mut self.items[index];
+                ui.push_id(item.name, |ui| (item.paint)(ui, Form::Listed, cx));
+            }
+        });
+        let name = "More of this bar";
+        response.widget_info(|| WidgetInfo::labeled(Role::Button, true, name));
+        response.on_hover_text(name);
+    }
+
+    fn shapes(&self, known: &Widths) -> Vec<Shape> {
+        let width = |item: &Item<'a, C>, form: Form| known.get(&(item.name, form)).copied();
+        let shape = |item: &Item<'a, C>| {
+            let full = width(item, Form::Full).unwrap_or(0.0);
+            // Unknown until it is painted so for the first time.
+            Shape { fit: item.fit, full, short: width(item, Form::Short).unwrap_or(0.0).min(full) }
+        };
+        self.items.iter().map(shape).collect()
+    }
+}
+
+/// What decides about the form of an item.
+#[derive(Clone, Copy, Debug)]
+struct Shape {
+    fit: Fit,
+    full: f32,
+    short: f32,
+}
+
+/// The form of each item of a bar with this width; `None` for an item that is not painted.
+fn forms(items: &[Shape], room: f32, gap: f32) -> Vec<Option<Form>> {
+    let mut forms = vec![Some(Form::Full); items.len()];
+    let needed = |forms: &[Option<Form>]| {
+        let mut sum = 0.0;
+        for (item, form) in items.iter().zip(forms) {
+            let width = match (form, item.fit) {
+                (Some(Form::Full | Form::Short), Fit::Stretches(least)) => least,
+                (Some(Form::Full), _) => item.full,
+                (Some(Form::Short), _) => item.short,
+                (Some(Form::Listed) | None, _) => 0.0,
+            };
+            sum += if width > 0.0 { width + gap } else { 0.0 };
+        }
+        let menu = if forms.contains(&Some(Form::Listed)) { MORE + gap } else { 0.0 };
+        sum - gap + menu
+    };
+    let worth = |index: &usize| match items[*index].fit {
+        Fit::Leaves(worth) => u16::from(worth),
+        Fit::Shrinks | Fit::Stays | Fit::Stretches(_) => u16::MAX,
+    };
+    let mut order: Vec<usize> = (0..items.len()).collect();
+    order.sort_by_key(worth);
+    // An item that has nothing to say takes no room, and would leave an empty menu.
+    let leaves = |index: &usize| matches!(items[*index].fit, Fit::Leaves(_)) && items[*index].full > 0.0;
+    let leaving = || order.iter().copied().filter(leaves);
+    let of = |fit: Fit| order.iter().copied().filter(move |&index| items[index].fit == fit);
+    let steps = of(Fit::Shrinks)
+        .map(|index| (index, Some(Form::Short)))
+        .chain(leaving().map(|index| (index, Some(Form::Short))))
+        .chain(leaving().map(|index| (index, Some(Form::Listed))))
+        .chain(of(Fit::Stays).map(|index| (index, Some(Form::Short))));
+    for (index, form) in steps {
+        if needed(&forms) <= room {
+            break;
+        }
+        forms[index] = form;
+    }
+    if needed(&forms) > room {
+        for (index, item) in items.iter().enumerate() {
+            if matches!(item.fit, Fit::Stretches(_)) {
+                forms[index] = None;
+            }
+        }
+    }
+    forms
+}
+
+/// A button of a bar: an icon with a name, which is written beside it in the menu.
+pub fn tool(ui: &mut Ui, form: Form, icon: Icon, name: &str) -> Response {
+    tool_of(ui, form, icon, name, false, true)
+}
+
+/// Like [`tool`], with a state, and perhaps disabled.
+pub fn tool_of(ui: &mut Ui, form: Form, icon: Icon, name: &str, on: bool, enabled: bool) -> Response {
+    if form != Form::Listed {
+        return widgets::icon_button_of(ui, icon, name, on, enabled);
+    }
+    let button = Button::selectable(on, format!("{}  {name}", icon.codepoint));
+    let response = ui.add_enabled(enabled, button);
+    response.widget_info(|| WidgetInfo::selected(Role::Button, enabled, on, name));
+    if response.clicked() {
+        ui.close();
+    }
+    response
+}
+
+/// Like [`tool`], which toggles a value.
+pub fn tool_toggle(ui: &mut Ui, form: Form, icon: Icon, name: &str, on: &mut bool) -> Response {
+    let response = tool_of(ui, form, icon, name, *on, true);
+    if response.clicked() {
+        *on = !*on;
+    }
+    response
+}
+
+/// A menu of a bar: an icon and a word; the icon alone where it is short.
+pub fn menu(ui: &mut Ui, form: Form, icon: Icon, name: &str, add: impl FnOnce(&mut Ui)) -> Response {
+    menu_of(ui, form, icon, name, name, add)
+}
+
+/// Like [`menu`], with a text that differs from its name.
+pub fn menu_of(
+    ui: &mut Ui,
+    form: Form,
+    icon: Icon,
+    text: &str,
+    name: &str,
+    add: impl FnOnce(&mut Ui),
+) -> Response {
+    let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+    let shown = match form {
+        Form::Short => icon.codepoint.to_owned(),
+        Form::Full | Form::Listed => format!("{}  {text}", icon.codepoint),
+    };
+    let (response, _) = if form == Form::Listed {
+        SubMenuButton::new(shown).config(config).ui(ui, add)
+    } else {
+        MenuButton::new(shown).config(config).ui(ui, add)
+    };
+    response.widget_info(|| WidgetInfo::labeled(Role::Button, true, name));
+    response
+}
+
+/// A thin line between groups of a bar; nothing in the menu.
+pub fn divider(ui: &mut Ui, form: Form) {
+    if form != Form::Listed {
+        let (rect, _) = ui.allocate_exact_size(Vec2::new(1.0, 16.0), Sense::hover());
+        ui.painter().rect_filled(rect, 0.0, tokens(ui).line);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shape(fit: Fit, full: f32, short: f32) -> Shape {
+        Shape { fit, full, short }
+    }
+
+    #[test]
+    fn items_become_short_then_move_into_the_menu_by_worth_and_what_stays_stays() {
+        use Form::{Full, Listed, Short};
+        let items = [
+            shape(Fit::Leaves(20), 80.0, 24.0),
+            shape(Fit::Leaves(10), 60.0, 24.0),
+            shape(Fit::Stretches(40.0), 0.0, 0.0),
+            shape(Fit::Stays, 100.0, 50.0),
+        ];
+        let silent = [shape(Fit::Leaves(1), 0.0, 0.0), shape(Fit::Stays, 100.0, 50.0)];
+        assert_eq!(forms(&silent, 60.0, 8.0), [Some(Full), Some(Short)], "no menu of nothing");
+        let at = |room: f32| forms(&items, room, 8.0);
+        assert_eq!(at(304.0), [Some(Full); 4]);
+        assert_eq!(at(303.0), [Some(Full), Some(Short), Some(Full), Some(Full)]);
+        assert_eq!(at(230.0), [Some(Short), Some(Short), Some(Full), Some(Full)]);
+        assert_eq!(at(200.0)[3], Some(Full), "what stays becomes short last");
+        assert_eq!(at(185.0), [Some(Listed), Some(Listed), Some(Full), Some(Full)]);
+        assert_eq!(at(140.0), [Some(Listed), Some(Listed), Some(Full), Some(Short)]);
+        assert_eq!(at(90.0), [Some(Listed), Some(Listed), None, Some(Short)]);
+        for room in 90..400 {
+            let forms = at(room as f32);
+            let width: f32 = items
+                .iter()
+                .zip(&forms)
+                .map(|(item, form)| match form {
+                    Some(Full) if matches!(item.fit, Fit::Stretches(_)) => 48.0,
+                    Some(Full) => item.full + 8.0,
+                    Some(Short) => item.short + 8.0,
+                    _ => 0.0,
+                })
+                .sum();
+            let menu = if forms.contains(&Some(Listed)) { MORE } else { -8.0 };
+            assert!(width + menu <= room as f32, "{room}: {forms:?}");
+        }
+    }
+}
