@@ -13,7 +13,7 @@
 //! | heading | angle at its end between the vehicle's heading and the direction of the target |
 //! | cost | mean cost of the cells under it, as a share of the highest one |
 //! | turn | curvature, 1/m, and a fixed amount for a turn on the spot or backward motion |
-//! | change | difference of its curvature from that of the arc before |
+//! | change | difference of its curvature from that of the arc before; a fixed amount for a turn on the spot to the other side |
 //! | short | share of it that is not free |
 //!
 //! The papers give neither the list nor the weights; here they are parameters.
@@ -157,6 +157,8 @@ pub struct Scene<'a> {
     pub target: DVec2,
     /// Curvature of the arc before, 1/m.
     pub before_per_m: f64,
+    /// The turn on the spot before, if the vehicle was turning.
+    pub turning: Option<Motion>,
 }
 
 impl Scene<'_> {
@@ -189,6 +191,8 @@ impl Scene<'_> {
         let bend = arc.curvature_per_m.abs();
         let fixed = if arc.motion == Motion::Forward { 0.0 } else { weights.not_forward };
         let signed = if arc.motion == Motion::Forward { arc.curvature_per_m } else { 0.0 };
+        // A vehicle that turns now to one side and now to the other never gets around.
+        let turns_back = on_the_spot && self.turning.is_some_and(|turning| turning != arc.motion);
         let open = if on_the_spot { free_m > 0.0 } else { free_m >= rules.least_free_m.min(length_m) };
         let lacks = if on_the_spot { 0.0 } else { 1.0 - free_m / length_m };
         let terms = [
@@ -196,7 +200,8 @@ impl Scene<'_> {
             weights.heading * off_rad,
             weights.cost * mean_cost,
             weights.turn * bend + fixed,
-            weights.change * (signed - self.before_per_m).abs(),
+            weights.change * (signed - self.before_per_m).abs()
+                + if turns_back { weights.not_forward } else { 0.0 },
             weights.short * lacks,
         ];
         Scored { arc, free_m: if on_the_spot { 0.0 } else { free_m }, mean_cost, terms, open }

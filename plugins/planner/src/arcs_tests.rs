@@ -33,7 +33,8 @@ fn scene(cost: impl Fn(DVec2) -> u8) -> (Sensed, CostGrid) {
 fn chosen(cost: impl Fn(DVec2) -> u8, yaw_rad: f64, target: DVec2) -> Option<Scored> {
     let (sensed, costs) = scene(cost);
     let vehicle = Pose::from_xy_yaw(0.0, 0.0, yaw_rad);
-    let scene = Scene { sensed: &sensed, costs: &costs, vehicle: &vehicle, target, before_per_m: 0.0 };
+    let scene =
+        Scene { sensed: &sensed, costs: &costs, vehicle: &vehicle, target, before_per_m: 0.0, turning: None };
     let scored: Vec<Scored> = list(&RULES).into_iter().map(|arc| scene.score(arc, &RULES)).collect();
     best(&scored).map(|at| scored[at])
 }

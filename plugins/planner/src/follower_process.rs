@@ -30,6 +30,8 @@ pub struct WaypointFollower {
     no_way: bool,
     /// Curvature of the arc before, 1/m.
     before_per_m: f64,
+    /// Whether the vehicle turned on the spot, to the left (1) or right (-1).
+    turning: i8,
     modes: Modes,
     watch: Watch,
     /// What SHAKE does, m/s and rad/s, and since when.
@@ -269,6 +271,11 @@ impl WaypointFollower {
             vehicle,
             target: target.unwrap_or(position),
             before_per_m,
+            turning: match self.turning {
+                1 => Some(Motion::TurnLeft),
+                -1 => Some(Motion::TurnRight),
+                _ => None,
+            },
         };
         let rules = arc_rules(params, mode);
         let scored: Vec<Scored> =
@@ -296,6 +303,12 @@ impl WaypointFollower {
         self.before_per_m = match chosen.map(|at| scored[at].arc) {
             Some(Arc { motion: Motion::Forward, curvature_per_m }) => curvature_per_m,
             _ => 0.0,
+        };
+        self.turning = match chosen.map(|at| scored[at].arc.motion) {
+            Some(Motion::TurnLeft) => 1,
+            Some(Motion::TurnRight) => -1,
+            Some(Motion::Forward) => 0,
+            Some(Motion::Backward) | None => self.turning,
         };
         publish(ports, params, vehicle, target, (&scored, chosen), [speed_mps, yaw_rate_radps], mode, cx);
         cx.exec(told(mode, target, chosen.map(|at| scored[at].arc.motion)));

@@ -207,6 +207,8 @@ mod tests {
             unknown: 20,
             half_width_m: 0.35,
             least_room_m: 0.4,
+            far_room_m: 0.4,
+            near_m: 4.0,
             wish_room_m: 1.0,
             clearance: 40.0,
             heading: 0.0,

@@ -343,6 +343,8 @@ fn terms(terms: &Terms) -> proto::PlanTerms {
 
 fn rules(params: &PlannerParams) -> Rules {
     Rules {
+        far_room_m: params.far_room_m,
+        near_m: params.near_m,
         heading: params.heading_preference,
         heading_range_m: params.heading_range_m,
         relief_range_m: params.relief_range_m,

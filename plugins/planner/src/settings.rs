@@ -27,6 +27,8 @@ pub(crate) fn rules_of(costs: Option<&TerrainCosts>) -> Rules {
         unknown: costs.unknown_cost as u8,
         half_width_m: half_m,
         least_room_m: half_m + costs.clearance_m,
+        far_room_m: half_m + costs.clearance_m,
+        near_m: f64::INFINITY,
         wish_room_m: half_m + costs.wish_clearance_m.max(costs.clearance_m),
         clearance: costs.clearance_cost,
         heading: 0.0,

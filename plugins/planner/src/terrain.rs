@@ -36,6 +36,10 @@ pub struct Rules {
     pub half_width_m: f64,
     /// Half the width of the vehicle and the least distance beside it, m.
     pub least_room_m: f64,
+    /// The same for cells farther from the vehicle than [`Rules::near_m`]: range noise thickens what is far away.
+    pub far_room_m: f64,
+    /// Distance from the vehicle from which on the far room counts, m.
+    pub near_m: f64,
     /// Half the width and the desired distance beside it, m.
     pub wish_room_m: f64,
     /// Clearance term at the least room.
@@ -157,6 +161,8 @@ pub struct Terrain {
     room: Clearance,
     /// Clearance term by squared distance to the nearest obstacle, cells²; `None` where the vehicle does not fit.
     by_room: Vec<Option<f32>>,
+    /// The same far from the vehicle.
+    by_far_room: Vec<Option<f32>>,
     /// Terrain term by fused cost; `None` where blocked.
     by_cost: Vec<Option<f32>>,
     squared: Vec<u16>,
@@ -181,15 +187,21 @@ impl Terrain {
             *obstacle = true;
         }
         let bound = (rules.wish_room_m / sensed.cell_size_m).ceil().clamp(1.0, MAX_BOUND as f64) as usize;
+        let by_room = |least_room_m: f64| {
+            move |squared: usize| {
+                // An obstacle reaches to the border of its cell.
+                let room_m = (libm::sqrt(squared as f64) - 0.5) * sensed.cell_size_m;
+                let lacks = (rules.wish_room_m - room_m) / (rules.wish_room_m - rules.least_room_m).max(1e-9);
+                let lacks = lacks.clamp(0.0, 1.0);
+                (room_m >= least_room_m || squared > bound * bound)
+                    .then_some((rules.clearance * lacks * lacks) as f32)
+            }
+        };
+        let squares = 0..=(bound + 1) * (bound + 1);
         self.by_room.clear();
-        self.by_room.extend((0..=(bound + 1) * (bound + 1)).map(|squared| {
-            // An obstacle reaches to the border of its cell.
-            let room_m = (libm::sqrt(squared as f64) - 0.5) * sensed.cell_size_m;
-            let lacks = (rules.wish_room_m - room_m) / (rules.wish_room_m - rules.least_room_m).max(1e-9);
-            let lacks = lacks.clamp(0.0, 1.0);
-            (room_m >= rules.least_room_m || squared > bound * bound)
-                .then_some((rules.clearance * lacks * lacks) as f32)
-        }));
+        self.by_room.extend(squares.clone().map(by_room(rules.least_room_m)));
+        self.by_far_room.clear();
+        self.by_far_room.extend(squares.map(by_room(rules.far_room_m.min(rules.least_room_m))));
         self.squared.clear();
         self.squared.extend_from_slice(self.room.squared(sensed.columns, &self.is_obstacle, bound));
         self.remember(sensed, route, rules);
@@ -199,7 +211,9 @@ impl Terrain {
             .zip(&self.squared)
             .enumerate()
             .map(|(at, (&fused, &squared))| {
-                let terms = self.by_cost[usize::from(fused)].zip(self.by_room[usize::from(squared)]);
+                let place = Place::new((at % sensed.columns) as i32, (at / sensed.columns) as i32);
+                let room = self.room_of(sensed, place, squared, vehicle, rules);
+                let terms = self.by_cost[usize::from(fused)].zip(room);
                 terms.map_or(BLOCKED, |(terrain, clearance)| {
                     limited(terrain + clearance + self.memory(at, terrain, rules))
                 })
@@ -207,6 +221,24 @@ impl Terrain {
             .collect();
         self.near_the_vehicle(sensed, vehicle, rules, &mut cells);
         CostGrid::new(sensed.columns, cells.len() / sensed.columns.max(1), cells)
+    }
+
+    /// The clearance term of a cell by its squared distance from the nearest obstacle; `None` where the vehicle does not
+    /// fit.
+    fn room_of(
+        &self,
+        sensed: &Sensed,
+        place: Place,
+        squared: u16,
+        vehicle: &Pose,
+        rules: &Rules,
+    ) -> Option<f32> {
+        let near = self.by_room[usize::from(squared)];
+        // Far cells differ only where the vehicle would not fit.
+        if near.is_some() || sensed.centre(place).distance(vehicle.translation.truncate()) <= rules.near_m {
+            return near;
+        }
+        self.by_far_room[usize::from(squared)]
     }
 
     /// Finds how near the cells are to a way that was driven before.
@@ -271,7 +303,7 @@ impl Terrain {
         let relieved = distance_m <= rules.relief_range_m;
         let bumped = sensed.bumped.get(index).is_some_and(|&bumped| bumped);
         let terrain = self.by_cost[usize::from(fused)].filter(|_| !bumped);
-        let clearance = self.by_room[usize::from(self.squared[index])];
+        let clearance = self.room_of(sensed, place, self.squared[index], vehicle, rules);
         let (terrain, clearance) = match (terrain, clearance) {
             (Some(terrain), Some(clearance)) => (terrain, clearance),
             (None, _) if bumped || !relieved => return Err(Obstruction::Obstacle),

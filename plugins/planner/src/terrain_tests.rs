@@ -8,6 +8,8 @@ fn rules() -> Rules {
         unknown: 20,
         half_width_m: 0.35,
         least_room_m: 0.4,
+        far_room_m: 0.4,
+        near_m: 4.0,
         wish_room_m: 1.0,
         clearance: 40.0,
         heading: 0.5,
@@ -125,4 +127,30 @@ fn the_nearest_free_cell_is_found_within_the_distance() {
     assert_eq!(near(0.1, 0.8), Some(at(0.4, 0.4)));
     assert_eq!(near(2.0, 0.0), Some(at(2.0, 0.0)));
     assert_eq!(near(f64::NAN, 1.0), None);
+}
+
+#[test]
+fn far_from_the_vehicle_a_narrower_gap_is_enough_and_as_dear_as_the_narrowest() {
+    let sensed = with_obstacle(0.0, 0.0);
+    let rules = Rules { far_room_m: 0.2, near_m: 2.0, clearance: 40.0, ..rules() };
+    for (vehicle_m, expected) in [(1.0, Some(BLOCKED)), (3.0, Some(50))] {
+        let vehicle = Pose::from_xy_yaw(vehicle_m, vehicle_m, 0.0);
+        let (terrain, costs) = costs(&sensed, &vehicle, &Rules { heading_range_m: 0.0, ..rules.clone() });
+        assert_eq!(costs.get(at(0.4, 0.0)), expected, "seen from {vehicle_m} m");
+        assert!(terrain.room_m(&sensed, DVec2::new(0.4, 0.0), &rules) < 0.4);
+        assert_eq!(costs.get(at(0.0, 0.0)), Some(BLOCKED), "the obstacle itself");
+    }
+}
+
+#[test]
+fn a_way_that_was_driven_before_is_cheaper_than_beside_it() {
+    let rules = Rules { route: 0.5, route_range_m: 1.0, heading_range_m: 0.0, ..rules() };
+    let away = Pose::from_xy_yaw(FAR, FAR, 0.0);
+    let mut terrain = Terrain::default();
+    let route: Vec<DVec2> = (0..20).map(|step| DVec2::new(f64::from(step) * 0.2 - 2.0, 0.0)).collect();
+    let costs = terrain.costs(&sensed(31), &away, &route, &rules).unwrap();
+    assert_eq!(costs.get(at(0.0, 0.0)), Some(30), "half of 60");
+    assert_eq!(costs.get(at(0.0, 2.0)), Some(60));
+    let terms = terrain.terms(&sensed(31), at(0.0, 0.0), &away, &rules).unwrap();
+    assert!((terms.memory + 30.0).abs() < 0.1, "{terms:?}");
 }

@@ -189,7 +189,7 @@ fn a_goal_inside_of_an_obstacle_is_told_and_one_beside_it_is_planned_to() {
     let (state, text) = bench.status();
     assert!(state == ProcessState::Error && text.contains("is inside of an obstacle"), "{text}");
     assert!(bench.path().is_empty());
-    bench.plan_to(4.7, 0.0);
+    bench.plan_to(4.9, 0.0);
     bench.cycle();
     let (state, text) = bench.status();
     assert!(state == ProcessState::Exec && text.starts_with("the goal is blocked, plans to 0."), "{text}");
