@@ -9,6 +9,7 @@
 //! | `--set wm1.sources[1].weight=0` | parameter of the stack; may be given several times |
 //! | `--seconds T`, `--seed N` | length and seed of simulated drives; default 45 s, seed 0 |
 //! | `--things` | lists each thing in the way, too |
+//! | `--docs docs/perception.md` | drives each course with the seeds 0 and 1, also without each source, and writes the tables of the page anew |
 //!
 //! In a recording, the world model and its parameters are those of the stack, and its inputs are the topics of the same
 //! names. Sources that read the map (the gate of the colour models) do not run again.
@@ -22,10 +23,11 @@ mod bundled;
 mod judged;
 
 use bundled::Repository;
-use judged::{TRUTH, replayed, simulated};
-use rcs_eval::obstacles::Report;
+use judged::{TRUTH, ablated, replayed, simulated};
+use rcs_eval::obstacles::{FUSED, Report};
 use rcs_log::Log;
 use rcs_runtime::{Assets, Plan, PlanOptions, StackFile};
+use rcs_world::Source;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -33,13 +35,14 @@ use std::sync::Arc;
 
 fn main() {
     let (mut overrides, mut drives, mut things) = (Vec::new(), Vec::new(), false);
-    let (mut stack, mut seconds, mut seed) = ("learning".to_owned(), 45.0, 0);
+    let (mut stack, mut seconds, mut seed, mut docs) = ("learning".to_owned(), 45.0, 0, None);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         let mut value = || arguments.next().unwrap_or_else(|| panic!("a value after {argument}"));
         match argument.as_str() {
             "--things" => things = true,
             "--stack" => stack = value(),
+            "--docs" => docs = Some(value()),
             "--seconds" => seconds = value().parse().unwrap(),
             "--seed" => seed = value().parse().unwrap(),
             "--set" => {
@@ -49,6 +52,12 @@ fn main() {
             }
             _ => drives.push(argument),
         }
+    }
+    if let Some(file) = docs {
+        let params: Vec<_> = overrides.iter().map(|(path, value)| (&**path, &**value)).collect();
+        return write_tables(Path::new(&file), &drives, |drive, seed| {
+            ablated(&stack, drive, seed, seconds, &params, &ABLATED)
+        });
     }
     println!(
         "| drive | layer | 3 m: free called blocked, % | blocked called free, % | 5 m | | late things |"
@@ -67,6 +76,66 @@ fn main() {
             println!("{report}");
         }
     }
+}
+
+/// Sources that are left out one by one.
+const ABLATED: [Source; 5] =
+    [Source::STEREO, Source::INFRARED, Source::COLOR, Source::TERRAIN, Source::CLASSIFIER];
+/// Lines of the page around what is written.
+const MARKS: [&str; 2] =
+    ["<!-- written by the example arcs: begin -->", "<!-- written by the example arcs: end -->"];
+
+/// Shares of one layer at 3 m and 5 m: truly free arcs called blocked, truly blocked arcs called free.
+fn shares(report: &Report, layer: &str) -> String {
+    let figure = |pct: Option<f64>| pct.map_or("–".to_owned(), |pct| format!("{pct:.1}"));
+    let at = |length_m: f64| report.shares(layer, length_m).unwrap();
+    let free = [3.0, 5.0].map(|length_m| figure(at(length_m).free_called_blocked_pct));
+    let blocked = [3.0, 5.0].map(|length_m| figure(at(length_m).blocked_called_free_pct));
+    format!("{} / {} \u{b7} {} / {}", free[0], free[1], blocked[0], blocked[1])
+}
+
+/// Writes the table of the courses, and that of the ablation, into a page. A line is written as soon as it is measured,
+/// so an interrupted run leaves what it has; courses that the page already has lines of are kept unless they are given.
+fn write_tables(file: &Path, drives: &[String], drive: impl Fn(&str, u64) -> (Report, Vec<Report>)) {
+    for course in drives {
+        for seed in [0, 1] {
+            let (report, without) = drive(course, seed);
+            let [arcs_3_m, _] = [0, 1].map(|i| report.arcs.get(i).copied().unwrap_or_default());
+            let late = report.layers.first().map_or(0, |layer| layer.late_things);
+            let mut line = format!(
+                "| {course} | {seed} | {} | {} | {} | {late} of {} | {} |",
+                arcs_3_m.free,
+                arcs_3_m.blocked,
+                shares(&report, FUSED),
+                report.things.len(),
+                shares(&report, "stereo"),
+            );
+            for report in &without {
+                write!(line, " {} |", shares(report, FUSED)).unwrap();
+            }
+            println!("{line}");
+            let text = std::fs::read_to_string(file).unwrap();
+            std::fs::write(file, with_line(&text, &format!("| {course} | {seed} |"), &line)).unwrap();
+        }
+    }
+}
+
+/// The page with a line of the table in place of the one that begins the same, or added in the order of their texts.
+fn with_line(text: &str, key: &str, line: &str) -> String {
+    let (before, rest) = text.split_once(MARKS[0]).expect("the page has the marks");
+    let (table, after) = rest.split_once(MARKS[1]).expect("the page has the marks");
+    let is_line =
+        |old: &&str| old.starts_with("| ") && !old.starts_with("| course") && !old.starts_with("| ---");
+    let mut lines: Vec<&str> = table.lines().filter(is_line).filter(|old| !old.starts_with(key)).collect();
+    lines.push(line);
+    lines.sort_unstable();
+    let names: Vec<String> = ABLATED.iter().map(|source| format!(" without {source} |")).collect();
+    let head = format!(
+        "| course | seed | free arcs | blocked arcs | fused | late things | stereo alone |{}",
+        names.concat()
+    );
+    let rule = format!("|{}", " --- |".repeat(7 + ABLATED.len()));
+    format!("{before}{}\n{head}\n{rule}\n{}\n{}{after}", MARKS[0], lines.join("\n"), MARKS[1])
 }
 
 fn print(name: &str, report: &Report) {

@@ -3,11 +3,11 @@
 use crate::bundled;
 use rcs_eval::obstacles::{Judge, Report, Settings};
 use rcs_log::Log;
-use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, Odometry, PoseInFrame};
+use rcs_msg::{AnyMessage, Stamp};
 use rcs_runtime::{Plan, RunOptions, Stepped};
 use rcs_sense::pose_of;
-use rcs_world::GridView;
+use rcs_world::{GridView, MapMessage, Source, Sources};
 use std::sync::Arc;
 
 /// Buffers of the simulation with ground truth.
@@ -22,20 +22,33 @@ pub(crate) fn simulated(
     seconds: f64,
     params: &[(&str, &str)],
 ) -> Report {
+    ablated(stack, course, seed, seconds, params, &[]).0
+}
+
+/// The same, and for each of these sources the fused map without it: the drive is the same, and its maps are fused anew
+/// with the weight of the source at 0.
+pub(crate) fn ablated(
+    stack: &str,
+    course: &str,
+    seed: u64,
+    seconds: f64,
+    params: &[(&str, &str)],
+    without: &[Source],
+) -> (Report, Vec<Report>) {
     let options = RunOptions { seed, ..RunOptions::default() };
-    judged(Stepped::new(bundled::plan(stack, course, params), None, options).unwrap(), seconds)
+    judged(Stepped::new(bundled::plan(stack, course, params), None, options).unwrap(), seconds, without)
 }
 
 /// Runs a plan on a log to its end.
 #[allow(dead_code, reason = "the tests simulate")]
 pub(crate) fn replayed(plan: Arc<Plan>, log: &Log) -> Report {
-    judged(Stepped::new(plan, Some(log), RunOptions::default()).unwrap(), f64::MAX)
+    judged(Stepped::new(plan, Some(log), RunOptions::default()).unwrap(), f64::MAX, &[]).0
 }
 
 /// Runs until so many seconds after the start or the end of the log, and judges each map of the process `wm1`.
-fn judged(mut run: Stepped, seconds: f64) -> Report {
+fn judged(mut run: Stepped, seconds: f64, without: &[Source]) -> (Report, Vec<Report>) {
     run.begin().unwrap();
-    let mut judge = Judge::new(&Settings::default());
+    let mut judges = vec![Judge::new(&Settings::default()); 1 + without.len()];
     let until = if seconds < 1e6 { Some(Stamp((seconds * 1e9) as u64)) } else { None };
     let end = run.horizon().or(until).unwrap();
     let names = [TRUTH[0].0, TRUTH[1].0, "/wm1/vehicle", "/wm1/map"];
@@ -52,20 +65,40 @@ fn judged(mut run: Stepped, seconds: f64) -> Report {
             let time =
                 |stamp: Option<&_>| stamp.and_then(Stamp::from_proto).unwrap_or(sample.header.acq_time);
             match place {
-                0 => judge.take_truth(sample.message.to::<Grid>().unwrap()).unwrap(),
+                0 => {
+                    let truth: Grid = sample.message.to().unwrap();
+                    judges.iter_mut().for_each(|judge| judge.take_truth(truth.clone()).unwrap());
+                }
                 1 => {
                     let pose: Odometry = sample.message.to().unwrap();
                     let time = time(pose.timestamp.as_ref());
-                    judge.take_true_pose(time, pose_of(pose.pose.as_ref(), "").unwrap());
+                    let pose = pose_of(pose.pose.as_ref(), "").unwrap();
+                    judges.iter_mut().for_each(|judge| judge.take_true_pose(time, pose));
                 }
                 2 => {
                     let pose: PoseInFrame = sample.message.to().unwrap();
                     let time = time(pose.timestamp.as_ref());
-                    judge.take_pose(time, pose_of(pose.pose.as_ref(), "").unwrap());
+                    let pose = pose_of(pose.pose.as_ref(), "").unwrap();
+                    judges.iter_mut().for_each(|judge| judge.take_pose(time, pose));
                 }
-                _ => judge.take_map(run.now(), &GridView::of(&sample.message).unwrap()).unwrap(),
+                _ => {
+                    judges[0].take_map(run.now(), &GridView::of(&sample.message).unwrap()).unwrap();
+                    for (judge, &source) in judges[1..].iter_mut().zip(without) {
+                        let map = fused_without(&sample.message, source);
+                        judge.take_map(run.now(), &GridView::of(&map).unwrap()).unwrap();
+                    }
+                }
             }
         }
     }
-    judge.report().unwrap()
+    let mut reports = judges.iter().map(|judge| judge.report().unwrap());
+    (reports.next().unwrap(), reports.collect())
+}
+
+/// A map fused without a source. Its message names no sources, so that only the fused map is judged.
+fn fused_without(message: &AnyMessage, source: Source) -> AnyMessage {
+    let mut map = message.source::<MapMessage>().unwrap().clone();
+    map.options.weights = map.options.weights.with(source, 0.0);
+    map.options.sources = Sources::default();
+    map.into_message()
 }

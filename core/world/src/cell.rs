@@ -65,12 +65,14 @@ pub struct Vote {
     pub cost: u8,
     /// How much it counts, from its pixels and its range noise: 255 is a full vote, 0 none.
     pub worth: u8,
+    /// How far experience backs it: see [`Evidence::backing`].
+    pub backing: u8,
 }
 
 impl From<u8> for Vote {
     /// A vote of full worth.
     fn from(cost: u8) -> Vote {
-        Vote { cost, worth: u8::MAX }
+        Vote { cost, worth: u8::MAX, backing: 0 }
     }
 }
 
@@ -118,7 +120,8 @@ impl Evidence {
     ///
     /// The cost belongs to the class with the greater confidence; obstacle on a tie. When the class changes, or nothing
     /// was known, the cost is that of the vote. A vote for the class of the cost moves it towards the vote's by the
-    /// fraction p·`rise` / (confidence + p·`rise`), which approximates the mean over votes, and by at least 1.
+    /// fraction p·`rise` / (confidence + p·`rise`), which approximates the mean over votes, and by at least 1; its
+    /// backing likewise.
     #[must_use]
     pub fn voted(self, vote: impl Into<Vote>, sequence: u32, rule: VoteRule) -> Evidence {
         let vote: Vote = vote.into();
@@ -131,28 +134,31 @@ impl Evidence {
         let (rise, fall) = (part_of(rule.rise.max(1), part).min(bound), part_of(rule.fall, part));
         let raised = |confidence: u8| confidence.saturating_add(rise).min(bound.max(confidence));
         if self.confidence == 0 || self.cost > MAX_COST {
-            return Evidence { cost: vote.cost, confidence: rise, sequence, ..Evidence::NONE };
+            let backing = vote.backing;
+            return Evidence { cost: vote.cost, confidence: rise, backing, sequence, ..Evidence::NONE };
         }
         if Label::of_cost(self.cost) != class {
             let [own, other] = [self.confidence.saturating_sub(fall), raised(self.against)];
             let wins = other > own || (other == own && class == Label::Obstacle);
             return if wins {
-                Evidence { cost: vote.cost, confidence: other, against: own, backing: 0, sequence }
+                Evidence { cost: vote.cost, confidence: other, against: own, backing: vote.backing, sequence }
             } else {
                 Evidence { confidence: own, against: other, sequence, ..self }
             };
         }
         let (held, weight) = (i32::from(self.confidence), i32::from(rise));
-        let difference = i32::from(vote.cost) - i32::from(self.cost);
         // Integer arithmetic, so that results do not depend on rounding modes. The class stays the same, because the
         // new cost lies between two costs of that class.
-        let step = difference * weight / (held + weight);
-        let step = if step == 0 { difference.signum() } else { step };
+        let moved = |from: u8, to: u8| {
+            let difference = i32::from(to) - i32::from(from);
+            let step = difference * weight / (held + weight);
+            (i32::from(from) + if step == 0 { difference.signum() } else { step }) as u8
+        };
         Evidence {
-            cost: (i32::from(self.cost) + step) as u8,
+            cost: moved(self.cost, vote.cost),
             confidence: raised(self.confidence),
             against: self.against.saturating_sub(fall),
-            backing: self.backing,
+            backing: moved(self.backing, vote.backing),
             sequence,
         }
     }
@@ -354,7 +360,7 @@ mod tests {
     #[test]
     fn a_vote_counts_by_its_worth_and_by_its_distance_from_the_border_of_the_classes() {
         let check = |cost: u8, worth: u8, votes: u32, expected: u8| {
-            let vote = Vote { cost, worth };
+            let vote = Vote { cost, worth, backing: 0 };
             let evidence = (0..votes).fold(Evidence::NONE, |evidence, n| evidence.voted(vote, n, RULE));
             assert_eq!(evidence.confidence, expected, "{vote:?}");
         };
@@ -368,6 +374,21 @@ mod tests {
         check(125, 255, 1, 16);
         check(150, 255, 100, 129);
         check(250, 0, 100, 0);
+    }
+
+    #[test]
+    fn the_backing_follows_the_votes_of_the_class() {
+        let known = Vote { backing: 200, ..Vote::from(250) };
+        let seen = Evidence::NONE.voted(known, 1, RULE);
+        assert_eq!(seen.backing, 200);
+        assert_eq!(seen.voted(250, 2, RULE).backing, 100);
+        let sure = seen.voted(known, 2, RULE).voted(known, 3, RULE);
+        assert_eq!(
+            [sure.voted(0, 4, RULE).cost, sure.voted(0, 4, RULE).backing],
+            [250, 200],
+            "ground does not win yet"
+        );
+        assert_eq!(voted(&[0, 0]).voted(known, 3, RULE).voted(known, 4, RULE).backing, 200);
     }
 
     #[test]
@@ -400,7 +421,7 @@ mod tests {
             let rule = VoteRule { rise, fall, max: 255, ground_max };
             let mut evidence = Evidence::NONE;
             for (i, (cost, worth)) in (0..).zip(votes) {
-                evidence = evidence.voted(Vote { cost, worth }, i, rule);
+                evidence = evidence.voted(Vote { cost, worth, backing: 0 }, i, rule);
                 prop_assert_eq!(evidence.confidence == 0, evidence.cost == UNKNOWN_COST);
                 prop_assert!(evidence.cost <= MAX_COST || evidence.cost == UNKNOWN_COST);
                 prop_assert!(evidence.against <= evidence.confidence);

@@ -193,9 +193,11 @@ impl Fused {
 ///    - the range sensor with the highest cost (of equal ones the surer), with the evidence W·c of all range sensors
 ///      together: they do not average each other away. It counts by the part 1 − b, where b is the greatest backing of
 ///      a learned source;
-///    - learned sources. One with a lower cost than the range sensor's counts by the part b of its own backing alone.
+///    - learned sources. One with a lower cost than the range sensor's counts by its own backing alone; any other one by
+///      its own backing or by 1 − b, whichever is more: what experience backs outranks what it does not.
 ///
-/// Below the least evidence (Σ Wᵢ·cᵢ, before that of the range sensors is reduced) the cell is unknown, which is not 0.
+/// Below the least evidence (Σ Wᵢ·cᵢ, before that of a source is reduced by the backing of another) the cell is unknown,
+/// which is not 0.
 ///
 /// The label is the class of the cost. The papers' equation has the weights alone; their text says that the confidences
 /// "are used as a cost factor", which is the factor cᵢ here.
@@ -251,22 +253,34 @@ impl<'a> Fuser<'a> {
             }
         }
         let range_cost = range.map_or(0, |range| range.cost);
-        // Of each class the source with the most evidence; sums over the learned sources.
+        let backing = |evidence: &Evidence| f32::from(evidence.backing) / 255.0;
+        let mut backed = 0.0_f32;
+        for layer in self.learned {
+            let evidence = said(layer.place);
+            if layer.counted(evidence).is_some() {
+                backed = backed.max(backing(&evidence));
+            }
+        }
+        // Of each class the source with the most evidence; sums over the learned sources, and their evidence before what
+        // another one's experience takes from it.
         let mut most: [Option<Counted>; 2] = [None; 2];
-        let (mut sum, mut total, mut backed) = (0.0, 0.0, 0.0_f32);
+        let (mut sum, mut total, mut all) = (0.0, 0.0, seen);
         for layer in self.learned {
             let evidence = said(layer.place);
             let Some(mut next) = layer.counted(evidence) else { continue };
-            let backing = f32::from(evidence.backing) / 255.0;
-            backed = backed.max(backing);
+            let own = backing(&evidence);
             if next.cost < range_cost {
-                next.evidence *= backing;
+                next.evidence *= own;
+                all += next.evidence;
+            } else {
+                all += next.evidence;
+                next.evidence *= own.max(1.0 - backed);
             }
             sum += next.evidence * f32::from(next.cost);
             total += next.evidence;
             note(&mut most, next);
         }
-        if total + seen < self.least {
+        if all < self.least {
             return Fused::UNKNOWN;
         }
         if let Some(mut range) = range {

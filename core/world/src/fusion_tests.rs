@@ -39,15 +39,18 @@ fn reference_fuse(said: &[(Source, Evidence)], weights: &Weights) -> Option<f64>
     let seen: f64 = ranges.iter().map(&evidence).sum();
     let learned = of(SourceKind::Learned);
     let backing = |(_, said): &(Source, Evidence)| f64::from(said.backing) / 255.0;
-    let factor = |entry: &(Source, Evidence)| {
-        if highest.is_some_and(|highest| entry.1.cost < highest) { backing(entry) } else { 1.0 }
-    };
-    let total: f64 = learned.iter().map(|entry| evidence(entry) * factor(entry)).sum();
-    if seen + total < f64::from(weights.least_evidence) {
+    let backed = learned.iter().map(backing).fold(0.0, f64::max);
+    let is_lower = |entry: &(Source, Evidence)| highest.is_some_and(|highest| entry.1.cost < highest);
+    let said_part = |entry: &(Source, Evidence)| if is_lower(entry) { backing(entry) } else { 1.0 };
+    let factor =
+        |entry: &(Source, Evidence)| backing(entry).max(if is_lower(entry) { 0.0 } else { 1.0 - backed });
+    let said: f64 = learned.iter().map(|entry| evidence(entry) * said_part(entry)).sum();
+    if seen + said < f64::from(weights.least_evidence) {
         return None;
     }
+    let total: f64 = learned.iter().map(|entry| evidence(entry) * factor(entry)).sum();
     let sum: f64 = learned.iter().map(|e| evidence(e) * factor(e) * f64::from(e.1.cost)).sum();
-    let rest = seen * (1.0 - learned.iter().map(backing).fold(0.0, f64::max));
+    let rest = seen * (1.0 - backed);
     let all = total + rest;
     (all > 1e-6).then(|| (sum + rest * f64::from(highest.unwrap_or(0))) / all)
 }
@@ -152,6 +155,11 @@ fn what_was_learned_lowers_geometry_only_as_far_as_experience_backs_it() {
     check(0, 250, 250);
     check(255, 20, 20);
     check(128, 150, 220);
+    // Another learned source, of growth in which nobody has driven, does not count against experience.
+    let terrain = Evidence { backing: 255, ..plain(20, 40) };
+    let said =
+        [(Source::STEREO, plain(250, 30)), (Source::COLOR, plain(240, 80)), (Source::TERRAIN, terrain)];
+    assert_eq!(fuse(&said, &Weights::default()).cost, 20);
     // It raises a cost without backing, by its weight and confidence alone.
     let said = [(Source::STEREO, plain(0, 80)), (Source::COLOR, plain(250, 80))];
     assert_eq!(fuse(&said, &Weights::default()).cost, 125);

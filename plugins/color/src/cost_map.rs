@@ -4,6 +4,10 @@
 //! The cost of a cell is the mean over the pixels whose rays meet the plane in that cell. Far from the vehicle a pixel
 //! covers several cells but its ray meets only one of them; a cell without a pixel of its own takes the cost of the
 //! pixel into which its centre projects. Cells beyond the range stay unknown, because the plane does not hold there.
+//!
+//! A known obstacle (an a priori model) stands upright on the ground. So in each column of the image its lowest pixel
+//! says where it is, and the pixels above that one say nothing. A cell with such a pixel has the highest cost, and a
+//! backing: how likely its colour is that of the known obstacle.
 
 use crate::gate::plane_height;
 use crate::image::{HEIGHT, WIDTH};
@@ -11,8 +15,11 @@ use glam::{DVec2, DVec3};
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::Grid;
-use rcs_sense::{CostGrid, GridFrame};
-use rcs_world::{OBSTACLE_COST, SIDE, Source, UNKNOWN_COST};
+use rcs_msg::foxglove::PackedElementField;
+use rcs_msg::foxglove::packed_element_field::NumericType;
+use rcs_sense::{CostGrid, GridFrame, cost_field};
+use rcs_world::{MAX_COST, OBSTACLE_COST, SIDE, Source, UNKNOWN_COST};
+use std::borrow::Cow;
 
 /// Pose and projection of the camera when the image was taken.
 #[derive(Clone, Copy, Debug)]
@@ -31,20 +38,36 @@ pub struct CameraPlacement<'a> {
 
 /// 201×201 costs around the vehicle, north-up in the local frame.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CostMap(CostGrid);
+pub struct CostMap {
+    costs: CostGrid,
+    /// How far a priori models back the cost of each cell, 0 to 255.
+    backings: Vec<u8>,
+}
 
 /// The reduced image projected onto the plane, from which maps of any cell size are made.
 #[derive(Clone, Debug)]
 pub struct Ground<'a> {
-    costs: &'a [u8],
+    costs: Cow<'a, [u8]>,
     place: CameraPlacement<'a>,
-    /// Points where the rays of pixels with a cost meet the plane, m in the local frame, and that cost.
-    points: Vec<(DVec2, u8)>,
+    /// Points where the rays of pixels with a cost meet the plane, m in the local frame, that cost, and its backing.
+    points: Vec<(DVec2, u8, u8)>,
 }
+
+/// From this likelihood on, 0 to 255, a pixel shows a known obstacle.
+const KNOWN: u8 = 128;
 
 impl<'a> Ground<'a> {
     /// Projects the costs of the reduced image.
     pub fn new(costs: &'a [u8], place: CameraPlacement<'a>) -> Ground<'a> {
+        Ground::with_known(costs, &[], place)
+    }
+
+    /// The same with the likelihood of known obstacles for each pixel; empty where there are none.
+    pub fn with_known(costs: &'a [u8], known: &[u8], place: CameraPlacement<'a>) -> Ground<'a> {
+        let mut costs = Cow::Borrowed(costs);
+        if known.iter().any(|&known| known >= KNOWN) {
+            stand_upright(costs.to_mut(), known);
+        }
         let local_from_camera = *place.local_from_vehicle * *place.vehicle_from_camera;
         let up = place.local_from_vehicle.rotate(DVec3::Z);
         let camera = local_from_camera.translation;
@@ -52,14 +75,25 @@ impl<'a> Ground<'a> {
         let turn = local_from_camera.rotation_matrix();
         let up_in_camera = turn.transpose() * up;
         let mut points = Vec::with_capacity(costs.len());
-        for (&cost, &ray) in costs.iter().zip(place.rays) {
+        for (at, (&cost, &ray)) in costs.iter().zip(place.rays).enumerate() {
             // Where the lens model has no ray for a pixel, the ray is zero, which does not point down either.
             let down = -ray.dot(up_in_camera);
             if cost != UNKNOWN_COST && above_m > 0.0 && down > 0.0 {
-                points.push(((camera + turn * ray * (above_m / down)).truncate(), cost));
+                let backing = known.get(at).copied().filter(|&known| known >= KNOWN).unwrap_or(0);
+                points.push(((camera + turn * ray * (above_m / down)).truncate(), cost, backing));
             }
         }
         Ground { costs, place, points }
+    }
+}
+
+/// In each column of the reduced image: the lowest pixel of a known obstacle has the highest cost, and the pixels above
+/// it have none.
+fn stand_upright(costs: &mut [u8], known: &[u8]) {
+    for column in 0..WIDTH {
+        let Some(foot) = (0..HEIGHT).rev().find(|row| known[row * WIDTH + column] >= KNOWN) else { continue };
+        costs[foot * WIDTH + column] = MAX_COST;
+        (0..foot).for_each(|row| costs[row * WIDTH + column] = UNKNOWN_COST);
     }
 }
 
@@ -67,27 +101,30 @@ impl CostMap {
     /// Map with cells of `cell_size_m` (m), known up to `max_range_m` (m) from the vehicle.
     pub fn new(ground: &Ground<'_>, cell_size_m: f64, max_range_m: f64) -> CostMap {
         let vehicle = ground.place.local_from_vehicle.translation.truncate();
-        let mut map = CostMap(CostGrid::new(GridFrame::around(vehicle, SIDE, cell_size_m)));
+        let costs = CostGrid::new(GridFrame::around(vehicle, SIDE, cell_size_m));
+        let mut map = CostMap { costs, backings: vec![0; SIDE * SIDE] };
         map.vote(&ground.points, vehicle, max_range_m);
-        map.fill(ground.costs, &ground.place, max_range_m);
+        map.fill(&ground.costs, &ground.place, max_range_m);
         map
     }
 
-    /// Averages the pixels in each cell.
-    fn vote(&mut self, points: &[(DVec2, u8)], vehicle: DVec2, max_range_m: f64) {
+    /// Averages the pixels in each cell; a pixel of a known obstacle decides by itself.
+    fn vote(&mut self, points: &[(DVec2, u8, u8)], vehicle: DVec2, max_range_m: f64) {
         let mut sums = vec![(0_u32, 0_u32); SIDE * SIDE];
-        for &(point, cost) in points {
+        for &(point, cost, backing) in points {
             if point.distance_squared(vehicle) > max_range_m * max_range_m {
                 continue;
             }
-            if let Some(index) = self.0.slot(point) {
+            if let Some(index) = self.costs.slot(point) {
                 sums[index].0 += u32::from(cost);
                 sums[index].1 += 1;
+                self.backings[index] = self.backings[index].max(backing);
             }
         }
-        for (cell, (sum, count)) in self.0.costs_mut().iter_mut().zip(sums) {
+        let cells = self.costs.costs_mut().iter_mut().zip(&self.backings);
+        for ((cell, &backing), (sum, count)) in cells.zip(sums) {
             if let Some(mean) = (sum + count / 2).checked_div(count) {
-                *cell = mean as u8;
+                *cell = if backing > 0 { MAX_COST } else { mean as u8 };
             }
         }
     }
@@ -99,13 +136,13 @@ impl CostMap {
         let (turn, shift) = (camera_from_local.rotation_matrix(), camera_from_local.translation);
         let plane = plane_height(place.local_from_vehicle, place.below_m);
         let vehicle = place.local_from_vehicle.translation.truncate();
-        let frame = *self.0.frame();
+        let frame = *self.costs.frame();
         let reach = (max_range_m / frame.cell_size_m).ceil() as usize + 1;
         let middle = SIDE / 2;
         let side = middle.saturating_sub(reach)..(middle + reach + 1).min(SIDE);
         for row in side.clone() {
             for column in side.clone() {
-                let cell = &mut self.0.costs_mut()[row * SIDE + column];
+                let cell = &mut self.costs.costs_mut()[row * SIDE + column];
                 let point = frame.middle(column, row);
                 if *cell != UNKNOWN_COST || point.distance_squared(vehicle) > max_range_m * max_range_m {
                     continue;
@@ -126,17 +163,26 @@ impl CostMap {
 
     /// Cost of the cell that contains a position of the local frame (m); 255 where unknown or outside of the map.
     pub fn at(&self, place: DVec2) -> u8 {
-        self.0.at(place).unwrap_or(UNKNOWN_COST)
+        self.costs.at(place).unwrap_or(UNKNOWN_COST)
     }
 
     /// Number of cells with a cost, and number of those that are obstacles.
     pub fn known(&self) -> [u32; 2] {
-        [0, OBSTACLE_COST].map(|from| self.0.count_from(from) as u32)
+        [0, OBSTACLE_COST].map(|from| self.costs.count_from(from) as u32)
     }
 
-    /// Converts to a message with one field, `cost.color` (u8, 0 to 250, 255 unknown).
+    /// Converts to a message with the fields `cost.color` (u8, 0 to 250, 255 unknown) and `backing.color` (u8).
     pub fn into_grid(self, frame_id: &str, time: Stamp) -> Grid {
-        self.0.into_message(Source::COLOR, frame_id, time)
+        let field = |(offset, name): (u32, String)| PackedElementField {
+            name,
+            offset,
+            r#type: NumericType::Uint8.into(),
+        };
+        let fields =
+            (0..).zip([cost_field(Source::COLOR), format!("backing.{}", Source::COLOR)]).map(field).collect();
+        let cells = self.costs.costs().iter().zip(&self.backings);
+        let data = cells.flat_map(|(&cost, &backing)| [cost, backing]).collect();
+        self.costs.frame().message(frame_id, time, fields, 2, data)
     }
 }
 
@@ -146,10 +192,18 @@ mod tests {
     use crate::image::PIXELS;
     use crate::region::rays;
     use rcs_geom::Distortion;
-    use rcs_msg::foxglove::packed_element_field::NumericType;
 
     /// A camera 1 m above the ground, pitched 20 degrees down.
     fn check(local_from_vehicle: Pose, paint: impl Fn(DVec3) -> u8) -> CostMap {
+        check_known(local_from_vehicle, paint, |_| 0)
+    }
+
+    /// The same with known obstacles, by the place where a ray meets the ground.
+    fn check_known(
+        local_from_vehicle: Pose,
+        paint: impl Fn(DVec3) -> u8,
+        known: impl Fn(DVec3) -> u8,
+    ) -> CostMap {
         let camera =
             PinholeCamera::new([320, 240], [200.0, 200.0], [160.0, 120.0], Distortion::None).unwrap();
         let mount = Pose::from_rpy(DVec3::new(0.0, 0.0, 1.0), 0.0, 20_f64.to_radians(), 0.0)
@@ -167,6 +221,11 @@ mod tests {
             })
             .collect();
         assert_eq!(costs.len(), PIXELS);
+        let at = |ray: DVec3| {
+            let direction = mount.rotate(ray);
+            (direction.z < 0.0).then(|| mount.translation + direction * (-1.0 / direction.z))
+        };
+        let known: Vec<u8> = rays.iter().map(|&ray| at(ray).map_or(0, &known)).collect();
         let place = CameraPlacement {
             camera: &camera,
             rays: &rays,
@@ -174,7 +233,7 @@ mod tests {
             local_from_vehicle: &local_from_vehicle,
             below_m: 0.0,
         };
-        CostMap::new(&Ground::new(&costs, place), 0.2, 10.0)
+        CostMap::new(&Ground::with_known(&costs, &known, place), 0.2, 10.0)
     }
 
     #[test]
@@ -190,6 +249,20 @@ mod tests {
             }
             assert_eq!((at(-2.0, 0.0), at(10.5, 0.0), at(3.0, 6.0)), (255, 255, 255), "not seen or too far");
         }
+    }
+
+    #[test]
+    fn a_known_obstacle_stands_where_its_lowest_pixel_is_and_hides_what_is_behind() {
+        // Its pixels reach from the ground at 4 m up to where rays meet the ground at 7 m.
+        let is_fence = |p: DVec3| if (4.0..7.0).contains(&p.x) && p.y.abs() < 1.0 { 200 } else { 0 };
+        let map = check_known(Pose::IDENTITY, |_| 40, is_fence);
+        let at = |x: f64, y: f64| {
+            let slot = map.costs.slot(DVec2::new(x, y)).unwrap();
+            (map.costs.costs()[slot], map.backings[slot])
+        };
+        assert_eq!([at(4.1, 0.1), at(4.1, -0.5)], [(250, 200); 2]);
+        assert_eq!([at(3.5, 0.1), at(4.1, 1.7)], [(40, 0); 2]);
+        assert_eq!([at(5.3, 0.1), at(8.0, 0.1)], [(255, 0); 2]);
     }
 
     #[test]

@@ -5,7 +5,7 @@
 
 use crate::background;
 use crate::fusion::{Counts, Fused, count};
-use crate::histogram::{Histogram, Span};
+use crate::histogram::{Histogram, Span, bin};
 use crate::image::{Image, reduce};
 use crate::models::{Learned, Models, Settings};
 use rand_core::RngCore;
@@ -54,6 +54,8 @@ pub struct Samples<'a> {
 pub struct Seen {
     /// Costs of the 128×96 image in row order, 255 for unclassified pixels; `None` while there is no ground model.
     pub costs: Option<Vec<u8>>,
+    /// How likely each of these pixels shows a known obstacle, 0 to 255; empty without models of known obstacles.
+    pub known: Vec<u8>,
     /// Number of pixels by class; all 0 where `costs` is `None`.
     pub counts: Counts,
     /// Pixels in the ground sample.
@@ -86,8 +88,14 @@ impl Engine {
         self.last_image = Some(time);
 
         let sample_pixels = samples.ground.iter().map(Span::pixels).sum();
-        let mut seen =
-            Seen { costs: None, counts: Counts::default(), sample_pixels, learned: None, difference: 1.0 };
+        let mut seen = Seen {
+            costs: None,
+            known: Vec::new(),
+            counts: Counts::default(),
+            sample_pixels,
+            learned: None,
+            difference: 1.0,
+        };
         if sample_pixels >= settings.min_sample_px {
             let histogram = Histogram::of_spans(image, samples.ground).scaled(settings.samples as f32);
             seen.difference = self.models.best_match(&histogram).0;
@@ -115,6 +123,10 @@ impl Engine {
         }
         if !self.models.ground.is_empty() {
             let costs = self.fused.take(&reduced, &self.models.probabilities(), settings.fusion_frames);
+            let known = self.models.known_obstacles();
+            if !known.is_empty() {
+                seen.known = reduced.iter().map(|&[red, green]| known[bin(red, green)]).collect();
+            }
             seen.counts = count(&costs);
             seen.costs = Some(costs);
         }

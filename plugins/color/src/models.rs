@@ -198,6 +198,24 @@ impl Models {
         self.watch = None;
     }
 
+    /// How likely a colour is a known obstacle, for each bin: `N_o / (N_g + N_b)`, 0 to 255, with the largest `N_g`, and
+    /// `N_b` including `N_o`. Empty without known obstacles.
+    pub fn known_obstacles(&self) -> Vec<u8> {
+        if self.obstacles.is_empty() {
+            return Vec::new();
+        }
+        let most = |bin: usize| {
+            self.ground.iter().map(|model| model.histogram.counts()[bin]).fold(0.0_f32, f32::max)
+        };
+        let of = |models: &[Model], bin: usize| models.iter().map(|m| m.histogram.counts()[bin]).sum::<f32>();
+        let known = |bin: usize| {
+            let obstacle = of(&self.obstacles, bin);
+            let all = most(bin) + of(self.background.as_slice(), bin) + obstacle;
+            if obstacle > 0.0 { (255.0 * obstacle / all) as u8 } else { 0 }
+        };
+        (0..CELLS).map(known).collect()
+    }
+
     /// `P_ground = N_g / (N_g + N_b)` of each bin, the maximum over the ground models; NaN for 0/0 (unclassified).
     /// `N_b` is the sum of the counts of the background and of known obstacles.
     pub fn probabilities(&self) -> Vec<f32> {

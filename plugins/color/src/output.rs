@@ -25,7 +25,7 @@ pub(crate) fn send_costs(
 ) -> [u32; 2] {
     let Some(costs) = &seen.costs else { return [0; 2] };
     let time = image.acq_time();
-    let ground = Ground::new(costs, *place);
+    let ground = Ground::with_known(costs, &seen.known, *place);
     let map = CostMap::new(&ground, CELL_SIZE_M, params.max_range_m);
     let known = map.known();
     cx.write(&ports.cost, time, map.into_grid(extrinsics(params).frames.local, time));

@@ -104,7 +104,7 @@ impl Process for ColorModelLearner {
                 .overlay_of("image")
                 .build(),
             cost: b
-                .output("cost", "cost of 201x201 cells of 0.2 m around the vehicle, local frame")
+                .output("cost", "cost of 201x201 cells of 0.2 m around the vehicle, and its backing by known obstacles, local frame")
                 .role(Role::Cost)
                 .palette("cost")
                 .build(),

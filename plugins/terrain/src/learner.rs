@@ -3,7 +3,8 @@
 use crate::appearance::{MatchWeights, RatioBins};
 use crate::camera::{CameraPorts, Frame, LearnerCamera, learned_port};
 use crate::frame::join;
-use crate::map::{Judgement, Learned, Patch, TerrainMap};
+use crate::judgement::Judgement;
+use crate::map::{Learned, Patch, TerrainMap};
 use crate::models::{ModelRules, ModelSet, models_of_text};
 use crate::proto::{TerrainCamera, TerrainCameras, TerrainLearnerParams, TerrainModels, TerrainStats};
 use crate::unusable::Unusable;

@@ -58,6 +58,7 @@
 //!
 //! - [`appearance`]: histograms and their comparison. [`texture`]: local binary patterns and contrast.
 //! - [`frame`]: from pixels to cells. [`map`]: the learning map. [`models`]: models, and their conversion to messages.
+//! - [`judgement`]: what the map says of a cell. [`surroundings`]: cells that cannot be compared.
 //! - [`classify`]: windows of an image. [`place`]: their position on the ground.
 //! - [`sync`]: matching of images by time.
 //!
@@ -87,10 +88,12 @@ mod camera;
 pub mod classifier;
 pub mod classify;
 pub mod frame;
+pub mod judgement;
 mod learner;
 pub mod map;
 pub mod models;
 pub mod place;
+pub mod surroundings;
 pub mod sync;
 pub mod texture;
 mod unusable;

@@ -13,7 +13,9 @@
 //! there. Hits of the bumper add cells of obstacle in the same way.
 
 use crate::frame::Window;
-use crate::models::{Model, ModelRules, ModelSet, Terrain};
+use crate::judgement::{Judgement, SURE};
+use crate::models::{ALIKE_POINTS, Model, ModelRules, ModelSet, Terrain};
+use crate::surroundings::{Part, spread};
 use glam::{DVec2, DVec3};
 use rcs_geom::{CellIndex, GridError, Pose, ScrollGrid};
 use rcs_sense::CELL_SIZE_M;
@@ -65,37 +67,30 @@ pub struct Learned {
     pub left_out: u64,
 }
 
-/// What is known of a cell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Judgement {
-    /// 0 to 250.
-    pub cost: u8,
-    /// How sure it is, 0 to [`SURE`]: less with few points and no experience.
-    pub confidence: u8,
-    /// How far experience backs it, 0 to 255.
-    pub backing: u8,
+/// Judges a cell: by its model, where it belongs to one or where experience backs one that it resembles; else by itself.
+fn judgement(cell: &Cell, model: Option<&Model>, rules: &ModelRules) -> Option<Judgement> {
+    let model = model.filter(|model| cell.is_part || model.terrain.experience() > 0);
+    let fraction = match model {
+        Some(model) => model.obstacle_fraction()?,
+        None => cell.terrain.obstacle_fraction(1)?,
+    };
+    let is_experienced = cell.terrain.experience() > 0;
+    let backing = if is_experienced { 1.0 } else { model.map_or(0.0, Model::backing) };
+    let seen = cell.terrain.points() as f64 / rules.min_points.max(1) as f64;
+    let part = if is_experienced { 1.0 } else { seen.min(1.0) };
+    Some(Judgement {
+        cost: (f64::from(MAX_COST) * fraction).round() as u8,
+        confidence: (f64::from(SURE) * part).ceil() as u8,
+        backing: (255.0 * backing).round() as u8,
+    })
 }
 
-/// Confidence of a judgement on a cell with enough points: that of a sensor which is sure of ground, so that the weight
-/// of the source alone says how much it counts beside one.
-pub const SURE: u8 = 80;
-
-impl Judgement {
-    fn of(cell: &Cell, model: Option<&Model>, rules: &ModelRules) -> Option<Judgement> {
-        let model = model.filter(|model| cell.is_part || model.terrain.experience() > 0);
-        let fraction = match model {
-            Some(model) => model.obstacle_fraction()?,
-            None => cell.terrain.obstacle_fraction(1)?,
-        };
-        let is_experienced = cell.terrain.experience() > 0;
-        let backing = if is_experienced { 1.0 } else { model.map_or(0.0, Model::backing) };
-        let seen = cell.terrain.points() as f64 / rules.min_points.max(1) as f64;
-        let part = if is_experienced { 1.0 } else { seen.min(1.0) };
-        Some(Judgement {
-            cost: (f64::from(MAX_COST) * fraction).round() as u8,
-            confidence: (f64::from(SURE) * part).ceil() as u8,
-            backing: (255.0 * backing).round() as u8,
-        })
+/// Whether the surroundings of a cell judge it, or it them.
+fn part_in_surroundings(cell: Option<&Cell>) -> Part {
+    match cell {
+        Some(cell) if cell.model.is_some() => Part::Gives,
+        Some(cell) if cell.terrain.experience() > 0 || cell.terrain.points() >= ALIKE_POINTS => Part::Keeps,
+        _ => Part::Takes,
     }
 }
 
@@ -289,15 +284,19 @@ impl TerrainMap {
     /// backs one that it resembles; else its own. The fraction is scaled to 0 to 250. `None` where nothing is known.
     pub fn judge(&self, cell: &Cell, rules: &ModelRules) -> Option<Judgement> {
         let model = cell.model.and_then(|number| self.models.models.get(number as usize));
-        Judgement::of(cell, model, rules)
+        judgement(cell, model, rules)
     }
 
-    /// The south-west corner cell, and what is known of each cell, in row order from there.
+    /// The south-west corner cell, and what is known of each cell, in row order from there. Cells that cannot be compared
+    /// with models are judged by their surroundings, see [`crate::surroundings`].
     pub fn judgements(&self, rules: &ModelRules) -> (CellIndex, Vec<Option<Judgement>>) {
         let mut judgements = Vec::with_capacity(SIDE * SIDE);
+        let mut parts = Vec::with_capacity(SIDE * SIDE);
         self.cells.for_each_run(|_, _, cells| {
             judgements.extend(cells.iter().map(|cell| self.judge(cell.as_deref()?, rules)));
+            parts.extend(cells.iter().map(|cell| part_in_surroundings(cell.as_deref())));
         });
+        spread(&mut judgements, &parts, SIDE);
         (self.cells.bounds().south_west, judgements)
     }
 

@@ -32,7 +32,7 @@ pub struct Taken {
 /// needed. Cells of other sizes or turned ones are resampled, see [`resampled`].
 ///
 /// - Each cell of the map that has a cost in the message receives one vote, of the worth `worth.<source>` (u8, 255 for a
-///   full vote) if the message has that field.
+///   full vote) and the backing `backing.<source>` if the message has these fields.
 /// - A message with the field `conf.<source>` states the evidence instead (a learned map): it replaces everything that
 ///   was known of the source, with the confidence `conf.<source>` and the backing `backing.<source>`.
 ///

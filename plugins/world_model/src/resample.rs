@@ -11,10 +11,8 @@ pub struct Sensed {
     pub cell: CellIndex,
     /// Its one vote.
     pub vote: Vote,
-    /// The source's own confidence and backing; for messages that state evidence.
+    /// The source's own confidence; for messages that state evidence.
     pub confidence: u8,
-    /// See [`Evidence::backing`].
-    pub backing: u8,
     /// Heights of ground and of obstacles.
     pub heights: [HeightStats; 2],
 }
@@ -65,9 +63,8 @@ pub fn resampled<T: Clone>(
         };
         let sensed = Sensed {
             cell: CellIndex::new(0, 0),
-            vote: Vote { cost, worth: number(&worth, u8::MAX) },
+            vote: Vote { cost, worth: number(&worth, u8::MAX), backing: number(&backing, 0) },
             confidence: number(&confidence, u8::MAX),
-            backing: number(&backing, 0),
             heights: [0, 1]
                 .map(|class| heights[class].as_ref().map(|h| h.get(column, row)).unwrap_or_default()),
         };
@@ -82,8 +79,8 @@ pub fn resampled<T: Clone>(
 impl Sensed {
     /// The evidence that a message of this sequence states.
     pub fn stated(&self, sequence: u32) -> Evidence {
-        let Sensed { confidence, backing, .. } = *self;
-        Evidence { cost: self.vote.cost, confidence, against: 0, backing, sequence }
+        let Vote { cost, backing, .. } = self.vote;
+        Evidence { cost, confidence: self.confidence, against: 0, backing, sequence }
     }
 }
 
