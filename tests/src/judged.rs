@@ -67,19 +67,25 @@ fn judged(mut run: Stepped, seconds: f64, without: &[Source]) -> (Report, Vec<Re
             match place {
                 0 => {
                     let truth: Grid = sample.message.to().unwrap();
-                    judges.iter_mut().for_each(|judge| judge.take_truth(truth.clone()).unwrap());
+                    for judge in &mut judges {
+                        judge.take_truth(truth.clone()).unwrap();
+                    }
                 }
                 1 => {
                     let pose: Odometry = sample.message.to().unwrap();
                     let time = time(pose.timestamp.as_ref());
                     let pose = pose_of(pose.pose.as_ref(), "").unwrap();
-                    judges.iter_mut().for_each(|judge| judge.take_true_pose(time, pose));
+                    for judge in &mut judges {
+                        judge.take_true_pose(time, pose);
+                    }
                 }
                 2 => {
                     let pose: PoseInFrame = sample.message.to().unwrap();
                     let time = time(pose.timestamp.as_ref());
                     let pose = pose_of(pose.pose.as_ref(), "").unwrap();
-                    judges.iter_mut().for_each(|judge| judge.take_pose(time, pose));
+                    for judge in &mut judges {
+                        judge.take_pose(time, pose);
+                    }
                 }
                 _ => {
                     judges[0].take_map(run.now(), &GridView::of(&sample.message).unwrap()).unwrap();
