@@ -22,6 +22,8 @@ use std::collections::BTreeSet;
 
 const ROW: f32 = 20.0;
 const INDENT: f32 = 16.0;
+/// Larger messages are shown as bytes: decoded fields take at least as much memory again.
+const MOST_BYTES: usize = 64 << 20;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -93,6 +95,11 @@ impl View for Fields {
             return undecodable(ui, reason, &sample.message);
         }
         let message = SameMessage(sample.message.clone());
+        let size = sample.message.size_hint();
+        if size > MOST_BYTES {
+            let reason = format!("it is larger than {} MiB, so its fields are not shown", MOST_BYTES >> 20);
+            return undecodable(ui, &reason, &sample.message);
+        }
         let read = || sample.message.value().map_err(|error| error.to_string());
         match self.value.get(message, read) {
             Err(reason) => undecodable(ui, reason, &sample.message),
