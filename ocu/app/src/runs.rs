@@ -32,7 +32,7 @@ impl RunReport {
             outcome: match run.outcome() {
                 CourseOutcome::CourseRunning => "unfinished",
                 CourseOutcome::CourseReached => "reached",
-                CourseOutcome::CourseTimeOut => "time_out",
+                CourseOutcome::CourseTimeOut => "time_limit",
                 CourseOutcome::CourseLost => "lost",
             },
             time_s: run.time_s,
