@@ -4,6 +4,7 @@
 //! background), and only appends. A frame refers to the events of each run with a length, so that a longer run makes no
 //! frame more expensive.
 
+use super::per_run::Gathered;
 use super::run_tag::RunTag;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use std::collections::BTreeMap;
@@ -242,6 +243,23 @@ pub(crate) struct EventWatch {
     known: BTreeMap<Arc<str>, Known>,
 }
 
+impl Gathered for EventWatch {
+    fn takes(type_name: &str) -> bool {
+        is_event_type(type_name)
+    }
+
+    fn take(&mut self, topic: &Arc<str>, log_time: Stamp, message: &AnyMessage) {
+        self.look(topic, log_time, message);
+    }
+
+    fn fork(&self, time: Stamp) -> Self {
+        let store = self.store.read().unwrap_or_else(PoisonError::into_inner);
+        let shared = store.all.iter().take_while(|event| event.stamp <= time).cloned();
+        let events = Events::of(RunTag::FIRST, shared);
+        Self { store: events.store, known: self.known.clone() }
+    }
+}
+
 impl EventWatch {
     /// The events up to now.
     pub(crate) fn read(&self, run: RunTag) -> Events {
@@ -249,16 +267,8 @@ impl EventWatch {
         Events { run, store: Arc::clone(&self.store), len }
     }
 
-    /// The events of a run that branches from this one at `time`.
-    pub(crate) fn fork(&self, time: Stamp) -> Self {
-        let store = self.store.read().unwrap_or_else(PoisonError::into_inner);
-        let shared = store.all.iter().take_while(|event| event.stamp <= time).cloned();
-        let events = Events::of(RunTag::FIRST, shared);
-        Self { store: events.store, known: self.known.clone() }
-    }
-
     /// Looks for events in a canonical message on `topic`.
-    pub(crate) fn take(&mut self, topic: &Arc<str>, stamp: Stamp, message: &AnyMessage) {
+    pub(crate) fn look(&mut self, topic: &Arc<str>, stamp: Stamp, message: &AnyMessage) {
         let known = self.known.entry(Arc::clone(topic)).or_default();
         let mut found = Vec::new();
         let mut add = |kind, level, source: &str, text: String| {

@@ -233,8 +233,8 @@ impl LogView {
                     let raw = AnyMessage::encoded(Arc::clone(&topic.schema), message.data);
                     if let Some(message_out) = canonical(&raw) {
                         let is_static = is_static_topic(&self.log, message.topic);
-                        self.events.take(&topic.name, message.log_time, &message_out);
-                        self.tracks.take(&topic.name, message.log_time, &message_out, is_static);
+                        self.events.look(&topic.name, message.log_time, &message_out);
+                        self.tracks.add(&topic.name, message.log_time, &message_out, is_static);
                     }
                 }
                 // The log has reported chunks that cannot be read; the cursor continues after them.

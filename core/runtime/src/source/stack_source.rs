@@ -1,13 +1,14 @@
 //! A stack as a source, with or without a log. Recorded and computed topics are shown side by side.
 
+use super::events::EventWatch;
 use super::frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic};
 use super::log_source::info_of;
 use super::log_view::{LogView, opening_time};
+use super::per_run::PerRun;
 use super::rates::RunTimes;
-use super::run_events::RunEvents;
 use super::run_tag::RunTag;
-use super::run_tracks::RunTracks;
 use super::run_transforms::RunTransforms;
+use super::tracks::Tracks;
 use super::{Source, SourceError, Step, Task};
 use crate::conversion::canonical;
 use crate::error::RunError;
@@ -40,8 +41,8 @@ pub struct StackSource {
     processes: Arc<[rcs::ProcessInfo]>,
     /// One topic per buffer, in the order of the plan.
     topics: Vec<Topic>,
-    tracks: RunTracks,
-    events: RunEvents,
+    tracks: PerRun<Tracks>,
+    events: PerRun<EventWatch>,
     times: RunTimes,
     transforms: RunTransforms,
     /// The moment of `transforms`; `None` if they must be computed again.
@@ -78,8 +79,10 @@ impl StackSource {
 
     fn of(run: Stepped, log: Option<&Log>, recorded: Option<&RecordedRun>) -> Result<Self, SourceError> {
         let plan = Arc::clone(run.plan());
-        let tracks = RunTracks::tap(&run);
-        let events = RunEvents::tap(&run);
+        // The tracks of a recording are read from it.
+        let outputs = plan.processes.iter().flat_map(|process| &process.outputs);
+        let tracks = PerRun::tap(outputs.map(|&index| &run.buffers()[index]));
+        let events = PerRun::tap(run.buffers());
         let times = RunTimes::tap(&run);
         let placing = placing(&plan);
         let topics = plan.buffers.iter().map(|buffer| Topic {
@@ -323,8 +326,11 @@ impl Source for StackSource {
         let unwired: Vec<Topic> = unwired.cloned().collect();
         let topics = unwired.iter().chain(&self.topics).cloned().collect();
         let recorded_tracks = recorded.into_iter().flat_map(LogView::tracks);
-        let tracks = recorded_tracks.chain(self.tracks.read()).collect();
-        let events = recorded.map(LogView::events).into_iter().chain(self.events.read()).collect();
+        let own = self.tracks.read(|run, tracks| tracks.read(run).collect::<Vec<_>>());
+        let tracks = recorded_tracks.chain(own.into_iter().flatten()).collect();
+        let events =
+            recorded.map(LogView::events).into_iter().chain(self.events.read(|run, events| events.read(run)));
+        let events = events.collect();
         let mut frame = Frame {
             generation: self.generation,
             info: Arc::clone(&self.info),

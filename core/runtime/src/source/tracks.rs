@@ -1,5 +1,6 @@
 //! Tracks: positions from messages with poses, and the transforms of a log.
 
+use super::per_run::Gathered;
 use super::run_tag::RunTag;
 use super::series::{Record, Series, SeriesWriter};
 use rcs_geom::{DVec3, Enu, Geodetic, Pose, TransformTree};
@@ -142,9 +143,27 @@ pub(crate) struct Tracks {
     has_transforms: bool,
 }
 
+impl Gathered for Tracks {
+    fn takes(type_name: &str) -> bool {
+        is_pose_type(type_name)
+    }
+
+    fn take(&mut self, topic: &Arc<str>, log_time: Stamp, message: &AnyMessage) {
+        self.add(topic, log_time, message, false);
+    }
+
+    fn fork(&self, time: Stamp) -> Self {
+        let fork = |(topic, track): (&Arc<str>, &Growing)| {
+            let (frame_id, points) = (Arc::clone(&track.frame_id), track.points.fork(time));
+            (Arc::clone(topic), Growing { frame_id, origin: track.origin, points })
+        };
+        Self { by_topic: self.by_topic.iter().map(fork).collect(), ..Self::default() }
+    }
+}
+
 impl Tracks {
     /// Adds a canonical message with this log time on `topic`.
-    pub(crate) fn take(&mut self, topic: &Arc<str>, log_time: Stamp, message: &AnyMessage, is_static: bool) {
+    pub(crate) fn add(&mut self, topic: &Arc<str>, log_time: Stamp, message: &AnyMessage, is_static: bool) {
         if let Some(place) = Place::of(message) {
             self.push(topic, log_time, &place);
         }
@@ -193,15 +212,6 @@ impl Tracks {
             self.tree.insert(parent, child, time.0, pose)
         };
         self.has_transforms |= taken.is_ok();
-    }
-
-    /// The tracks for a run that branches from this one at `time`.
-    pub(crate) fn fork(&self, time: Stamp) -> Self {
-        let fork = |(topic, track): (&Arc<str>, &Growing)| {
-            let (frame_id, points) = (Arc::clone(&track.frame_id), track.points.fork(time));
-            (Arc::clone(topic), Growing { frame_id, origin: track.origin, points })
-        };
-        Self { by_topic: self.by_topic.iter().map(fork).collect(), ..Self::default() }
     }
 
     /// Number of positions.

@@ -106,8 +106,8 @@ fn an_arc_of_which_little_is_known_is_not_judged_and_a_source_alone_is_judged_on
 #[test]
 fn the_true_map_is_read_with_the_true_pose() {
     // The vehicle truly heads north; its local frame says east.
-    let truth = || true_map(&[], &[cell(0.1, 2.1)]);
-    let seen = judged(truth(), &map(&[DVec2::new(2.1, 0.1)]), std::f64::consts::FRAC_PI_2);
+    let truth = true_map(&[], &[cell(0.1, 2.1)]);
+    let seen = judged(truth, &map(&[DVec2::new(2.1, 0.1)]), std::f64::consts::FRAC_PI_2);
     assert_eq!(seen.shares(FUSED, 3.0).unwrap().blocked_called_free_pct, Some(0.0), "{seen}");
 }
 
