@@ -99,6 +99,14 @@ impl Matcher {
         }
     }
 
+    /// Forgets what was added since the last call.
+    pub(crate) fn forget(&mut self) {
+        for pair in self.buffers.values_mut() {
+            pair.first.clear();
+            pair.second.clear();
+        }
+    }
+
     /// Compares what was added since the last call. To be called when both runs have reached the same time.
     pub(crate) fn settle(&mut self) -> Option<Difference> {
         let mut found: Option<(Stamp, u64, Difference)> = None;

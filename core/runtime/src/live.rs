@@ -127,6 +127,7 @@ impl Live {
             build: options.run.build.clone(),
             what: options.what.clone(),
             replace: options.replace,
+            from: None,
         };
         let recording = match &options.record {
             Some(path) => Some(Recording::start(path, &machine.plan, &machine.buffers, &record)?),

@@ -23,6 +23,8 @@ pub struct RecordOptions {
     pub what: RecordWhat,
     /// Whether an existing file may be replaced.
     pub replace: bool,
+    /// Time from which it is complete, for a recording that does not begin with its run.
+    pub from: Option<Stamp>,
 }
 
 /// Which buffers are recorded. The run's identity, journal and schedule are always recorded, because they repeat the
@@ -62,6 +64,8 @@ impl std::fmt::Display for RecordWhat {
 /// Name of the metadata record at the end of a complete recording: the end of the run (`time_ns`), and the number of
 /// missing messages (`dropped`).
 pub(crate) const RUN_END: &str = "run_end";
+/// Key of the metadata of a recording that does not begin with its run: the time from which it is complete, ns.
+pub(crate) const FROM: &str = "from_ns";
 
 /// A recording in progress.
 pub struct Recording {
@@ -76,6 +80,17 @@ impl Recording {
         buffers: &[Arc<Buffer>],
         options: &RecordOptions,
     ) -> Result<Self, RunError> {
+        Self::start_with(path, plan, buffers, options, &[])
+    }
+
+    /// Like [`Recording::start`], with messages that are recorded first, each with the index of its buffer.
+    pub(crate) fn start_with(
+        path: &Path,
+        plan: &Plan,
+        buffers: &[Arc<Buffer>],
+        options: &RecordOptions,
+        opening: &[(usize, Sample)],
+    ) -> Result<Self, RunError> {
         if let RecordWhat::Buffers(list) = &options.what
             && let Some(name) = list.iter().find(|name| !plan.buffers.iter().any(|b| b.spec.name == **name))
         {
@@ -89,9 +104,10 @@ impl Recording {
             ("stack_hash", plan.hash.clone()),
             ("recorded", options.what.to_string()),
         ];
+        let from = options.from.map(|from| (FROM, from.0.to_string()));
         let writer_options = WriterOptions {
             build: options.build.clone(),
-            metadata: about.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),
+            metadata: about.into_iter().chain(from).map(|(key, value)| (key.to_owned(), value)).collect(),
             replace: options.replace,
             ..WriterOptions::default()
         };
@@ -107,27 +123,39 @@ impl Recording {
                 })?;
         let handle = recorder.handle();
         handle.attach("stack.toml", "application/toml", Stamp(0), plan.file.text.clone().into());
+        let mut taps = Vec::with_capacity(buffers.len());
         for (buffer, planned) in buffers.iter().zip(&plan.buffers) {
-            if options.what.takes(planned) {
-                Self::record(handle.clone(), buffer, planned, writer_of(plan, buffer.name()))?;
+            let takes = options.what.takes(planned);
+            let writer = || writer_of(plan, buffer.name());
+            taps.push(takes.then(|| Self::tap(handle.clone(), buffer, planned, writer())).transpose()?);
+        }
+        for (index, sample) in opening {
+            if let Some(Some(tap)) = taps.get_mut(*index) {
+                tap(sample);
+            }
+        }
+        for (buffer, tap) in buffers.iter().zip(taps) {
+            if let Some(tap) = tap {
+                buffer.tap_once(tap);
             }
         }
         Ok(Self { recorder })
     }
 
-    fn record(
+    /// What records the messages of a buffer.
+    fn tap(
         handle: RecorderHandle,
         buffer: &Arc<Buffer>,
         plan: &BufferPlan,
         writer: String,
-    ) -> Result<(), RunError> {
+    ) -> Result<rcs_bus::Tap, RunError> {
         let spec = buffer.spec();
         let mut metadata = spec.metadata.clone();
         metadata.insert("rcs.writer".to_owned(), writer);
         let channel = handle.add_channel_with(&spec.name, &spec.schema, metadata, plan.codec)?;
         let least_ns = plan.record_hz.map(|hz| (1e9 / hz) as u64);
         let mut due = Stamp(0);
-        buffer.tap_once(Box::new(move |sample: &Sample| {
+        Ok(Box::new(move |sample: &Sample| {
             let header = &sample.header;
             if let Some(least_ns) = least_ns {
                 if header.log_time < due {
@@ -142,8 +170,7 @@ impl Recording {
             };
             // The recorder's status counts a message that it does not accept.
             handle.write_message(channel, header, sample.message.clone());
-        }));
-        Ok(())
+        }))
     }
 
     /// State of the recording: messages, drops, and errors.

@@ -5,7 +5,7 @@ use crate::error::RunError;
 use crate::journal::{ExternalEvent, Journal};
 use crate::options::RunOptions;
 use crate::process::ProcessType;
-use crate::record::RUN_END;
+use crate::record::{FROM, RUN_END};
 use crate::script::ScheduledCycle;
 use crate::stack::{Assets, NoAssets, Plan, PlanOptions, names};
 use crate::stepped::Stepped;
@@ -21,6 +21,8 @@ pub struct RecordedRun {
     recording: Log,
     info: rcs::RunInfo,
     start: Stamp,
+    /// Time from which the recording is complete.
+    from: Option<Stamp>,
     /// Time up to which it can be repeated.
     end: Stamp,
     /// Whether the recording is complete: it was finished, and no message was dropped.
@@ -51,6 +53,11 @@ impl RecordedRun {
             recording: recording.clone(),
             info: rcs::RunInfo::default(),
             start: info.start,
+            from: recording
+                .metadata()
+                .iter()
+                .find_map(|about| about.entries.get(FROM)?.parse().ok())
+                .map(Stamp),
             end: end.map_or(info.end, |(time, _)| time),
             whole: end.is_some_and(|(_, dropped)| dropped == 0) && info.problems.is_empty(),
             schedule: Vec::new(),
@@ -381,6 +388,11 @@ impl Replay {
         let recording = &self.recorded.recording;
         let (reassembly, messages) = (&mut self.reassembly, &mut self.messages);
         put_until(&mut self.matcher, Side::First, recording, reassembly, messages, time)?;
+        if self.recorded.from.is_some_and(|from| time <= from) {
+            // What was before the recording is not in it, except for what held when it began.
+            self.matcher.forget();
+            return Ok(());
+        }
         for (index, sample) in seen {
             let entry = Entry {
                 sequence: sample.header.sequence as u32,

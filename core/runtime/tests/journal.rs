@@ -42,7 +42,8 @@ fn hold(path: &str, value: &str) -> ExternalEvent {
 /// hash.
 fn record(path: &Path, what: RecordWhat) -> String {
     let mut run = stepped(PAIR, hashing());
-    let options = RecordOptions { lossless: true, build: "test".to_owned(), what, replace: false };
+    let options =
+        RecordOptions { lossless: true, build: "test".to_owned(), what, ..RecordOptions::default() };
     let recording = Recording::start(path, run.plan(), run.buffers(), &options).unwrap();
     run.begin().unwrap();
     run.run_until(seconds(0.5)).unwrap();
@@ -111,7 +112,7 @@ fn a_list_with_a_buffer_that_is_not_there_is_refused_by_name() {
     let (_folder, path) = folder();
     let run = stepped(PAIR, hashing());
     let what = RecordWhat::Buffers(vec!["/nobody/nothing".to_owned()]);
-    let options = RecordOptions { lossless: true, build: String::new(), what, replace: false };
+    let options = RecordOptions { lossless: true, build: String::new(), what, ..RecordOptions::default() };
     let error = Recording::start(&path, run.plan(), run.buffers(), &options).err().unwrap().to_string();
     assert!(error.contains("/nobody/nothing"), "{error}");
 }

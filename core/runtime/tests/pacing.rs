@@ -61,6 +61,7 @@ impl Source for Busy {
             transforms: Arc::new(TransformTree::new()),
             runs: Runs::default(),
             playback: Playback::default(),
+            recording: None,
             beside: Arc::new([]),
             is_beside: false,
         }

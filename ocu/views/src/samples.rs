@@ -2,6 +2,8 @@
 
 #[path = "samples_driving.rs"]
 mod driving;
+#[path = "samples_plan.rs"]
+mod plan;
 
 pub(crate) use driving::driving;
 use rcs_bus::{Header, Sample, WriterId};
@@ -45,6 +47,7 @@ pub(crate) fn empty() -> Frame {
         transforms: Arc::new(TransformTree::new()),
         runs: Runs::default(),
         playback: Playback::default(),
+        recording: None,
         beside: Arc::new([]),
         is_beside: false,
     }

@@ -1,5 +1,6 @@
 //! A small synthetic frame of a running simulation, for the tests of the views.
 
+use super::plan::{arcs, plan};
 use super::{NOW, cloud, empty, grid, image, label_image, pose_on_track, topic, track, with_metadata};
 use rcs_msg::classes::{CLASSES, OBSTACLE_CLASSES, classes_to_json};
 use rcs_msg::foxglove::points_annotation::Type;
@@ -34,6 +35,8 @@ pub(crate) fn driving() -> Frame {
             &[("rcs.ground_truth", "true")],
         ),
         with_metadata(topic("/vehicle/goal", 1.0, 0.3, goal()), "vehicle", &[("rcs.role", "goal")]),
+        topic("/planner/plan", 4.0, 0.2, plan()),
+        topic("/follower/arcs", 20.0, 0.05, arcs()),
         topic("/camera/points", 5.0, 0.1, cloud(&[[1.0, 2.0, 0.1]])),
         topic("/localization/local", 50.0, 0.01, pose_on_track(125)),
         topic("/vehicle/run", 5.0, 0.1, run()),

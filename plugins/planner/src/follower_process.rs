@@ -5,16 +5,16 @@ use crate::arcs::{self, Arc, Motion, Scene, Scored};
 use crate::follower_costs::Costs;
 use crate::modes::{Action, Mode, Modes, Obstacles, Table, Towards, Transition};
 use crate::motion::{Style, arc_rules, message, poses_along, reversed, shaken, speeds};
-use crate::proto::{ArcChoice, ModeEvent, Plan, PlanState, WaypointFollowerParams};
+use crate::proto::{ModeEvent, WaypointFollowerParams};
 use crate::settings::check_costs;
 use crate::signals::Watch;
 use crate::waypoints::turning_point;
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame, PosesInFrame};
-use rcs_msg::rcs::{Bumper, DriveCommand, SlipReport};
+use rcs_msg::rcs::{ArcChoice, Bumper, DriveCommand, Plan, PlanState, SlipReport};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_of};
+use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// State: the waypoints, the goal, the poses of the last seconds, the last arc, and the active mode.
@@ -349,6 +349,7 @@ fn publish(
         speed_mps,
         yaw_rate_radps,
         mode: mode.map_or(String::new(), |mode| mode.name.clone()),
+        start: Some(pose_message(vehicle)),
     };
     cx.write(&ports.arcs, now, choice);
 }

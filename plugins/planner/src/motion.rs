@@ -2,10 +2,11 @@
 
 use crate::arcs::{self, Arc, Motion, Scored, Weights};
 use crate::modes::Mode;
-use crate::proto::{ScoredArc, WaypointFollowerParams, scored_arc};
+use crate::proto::WaypointFollowerParams;
 use rand_core::RngCore;
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
+use rcs_msg::rcs::{ScoredArc, scored_arc};
 use rcs_sense::pose_message;
 
 /// How fast the vehicle is driven: the parameters, changed by the mode.

@@ -3,12 +3,12 @@
 
 use crate::map_reader::MapReader;
 use crate::plan::{Candidate, NoPlan, Plan, Planner, Step, Task};
-use crate::proto;
-use crate::proto::{PlanState, PlannerGoal, PlannerParams};
+use crate::proto::{PlannerGoal, PlannerParams};
 use crate::settings::{check_costs, rules_of};
 use crate::terrain::{Rules, Terms};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::{Grid, PosesInFrame};
+use rcs_msg::rcs::{self, PlanState};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message};
 use serde::{Deserialize, Serialize};
@@ -68,7 +68,7 @@ pub struct Ports {
     map: In<Grid>,
     poses: PosePorts,
     path: Out<PosesInFrame>,
-    plan: Out<proto::Plan>,
+    plan: Out<rcs::Plan>,
 }
 
 impl Process for AStarPlanner {
@@ -234,7 +234,7 @@ impl AStarPlanner {
             poses: along(&chosen.steps).map(|pose| pose_message(&pose)).collect(),
         };
         cx.write(&ports.path, now, path);
-        let message = proto::Plan {
+        let message = rcs::Plan {
             timestamp: Some(now.to_proto()),
             frame_id: local.to_owned(),
             goal_x_m: goal.x,
@@ -289,7 +289,7 @@ impl AStarPlanner {
         cx.write(&ports.path, now, PosesInFrame { timestamp, frame_id: frame_id.clone(), poses: Vec::new() });
         let (goal_x_m, goal_y_m) = self.goal.unwrap_or_default();
         let plans = self.plans;
-        let plan = proto::Plan {
+        let plan = rcs::Plan {
             timestamp,
             frame_id,
             goal_x_m,
@@ -320,14 +320,14 @@ fn along(steps: &[Step]) -> impl Iterator<Item = Pose> {
     })
 }
 
-fn candidate(candidate: &Candidate) -> proto::PlanCandidate {
-    let step = |step: &Step| proto::PlanStep {
+fn candidate(candidate: &Candidate) -> rcs::PlanCandidate {
+    let step = |step: &Step| rcs::PlanStep {
         x_m: step.at.x as f32,
         y_m: step.at.y as f32,
         cost: step.cost as f32,
         terms: Some(terms(&step.terms)),
     };
-    proto::PlanCandidate {
+    rcs::PlanCandidate {
         steps: candidate.steps.iter().map(step).collect(),
         length_m: candidate.length_m,
         cost: candidate.cost,
@@ -336,9 +336,9 @@ fn candidate(candidate: &Candidate) -> proto::PlanCandidate {
     }
 }
 
-fn terms(terms: &Terms) -> proto::PlanTerms {
+fn terms(terms: &Terms) -> rcs::PlanTerms {
     let Terms { terrain, clearance, heading, relief, memory } = *terms;
-    proto::PlanTerms { terrain, clearance, heading, relief, memory }
+    rcs::PlanTerms { terrain, clearance, heading, relief, memory }
 }
 
 fn rules(params: &PlannerParams) -> Rules {

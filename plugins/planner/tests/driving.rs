@@ -8,9 +8,9 @@ use rcs_msg::foxglove::{
     FrameTransform, FrameTransforms, Grid, Odometry, PackedElementField, PosesInFrame, Quaternion, Vector2,
     Vector3,
 };
-use rcs_msg::rcs::ProcessState;
+use rcs_msg::rcs::{ArcChoice, ProcessState};
 use rcs_msg::{Stamp, rcs};
-use rcs_planner::proto::{ArcChoice, ModeEvent, UtmGoal};
+use rcs_planner::proto::{ModeEvent, UtmGoal};
 use rcs_planner::{AStarPlanner, WaypointFollower, WaypointGenerator, WaypointGeneratorCommand};
 use rcs_runtime::{CommandSet, ProcessType};
 use rcs_sense::pose_message;

@@ -14,7 +14,7 @@ use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{Grid, PackedElementField, RawImage};
 use rcs_msg::rcs::{Bumper, SlipReport, TractionState};
 use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, CELL_SIZE_M, Extrinsics, GridFrame, Localizer, PosePorts};
+use rcs_sense::{Axes, CELL_SIZE_M, Extrinsics, GridFrame, Localizer, PosePorts, fingerprint};
 use rcs_world::{SIDE, Source, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -40,6 +40,8 @@ pub struct TerrainLearner {
     pressed: [bool; 2],
     /// Whether the wheels spin or a motor is stalled, by the last report.
     slips: bool,
+    /// Fingerprint of the model files with which the maps began.
+    loaded: u64,
     #[serde(skip)]
     ratios: Option<Arc<RatioBins>>,
 }
@@ -125,6 +127,7 @@ impl Process for TerrainLearner {
             begun: None,
             pressed: [false; 2],
             slips: false,
+            loaded: files(params),
             ratios: None,
         }
     }
@@ -137,7 +140,11 @@ impl Process for TerrainLearner {
                 TerrainLearnerCommand::Clear => self.maps = vec![empty_map()],
             }
         }
-        // The parameter may change during a run.
+        // Parameters may change during a run.
+        if self.loaded != files(params) {
+            self.maps = maps(params);
+            self.loaded = files(params);
+        }
         self.maps
             .resize_with(if params.cameras() == TerrainCameras::TerrainSeparate { 2 } else { 1 }, empty_map);
         let rules = rules(params);
@@ -352,6 +359,12 @@ fn rules(params: &TerrainLearnerParams) -> ModelRules {
         max_models: params.max_models as usize,
         weights: weights.normalised(),
     }
+}
+
+/// Fingerprint of the model files of the parameters.
+fn files(params: &TerrainLearnerParams) -> u64 {
+    let texts = [&params.models, &params.models_right];
+    texts.iter().fold(0, |hash, text| fingerprint(text.as_bytes()) ^ hash.rotate_left(21))
 }
 
 /// Maps with the models of the parameters; texts refused by [`Process::check`] are left out.

@@ -150,6 +150,11 @@ impl Session {
         self.runs.iter().enumerate().map(summary).collect()
     }
 
+    /// The journal of the viewed run.
+    pub fn journal(&self) -> &Journal {
+        &self.runs[self.run].journal
+    }
+
     /// What could not be stored or read, one line each.
     pub fn problems(&self) -> &[String] {
         self.retention.problems()

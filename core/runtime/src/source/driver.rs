@@ -9,6 +9,7 @@ use super::held::{HeldControl, HeldControls};
 use super::pace::Pace;
 use super::{Source, SourceError, Step, Task};
 use crate::node::panic_text;
+use crate::record::RecordOptions;
 use rcs_msg::{AnyMessage, Stamp, rcs, schema_of};
 use std::collections::VecDeque;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -52,6 +53,15 @@ pub enum Control {
     Hold(HeldControl),
     /// Release a held control, and write a last message.
     LetGo(HeldControl),
+    /// Record the run to a file that does not exist yet.
+    Record {
+        /// The file.
+        path: std::path::PathBuf,
+        /// Program and version.
+        build: String,
+    },
+    /// End the recording.
+    StopRecording,
     /// Cancel long work.
     Cancel,
 }
@@ -369,6 +379,14 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 self.hands.let_go(&held.buffer);
                 self.source.write(&held.buffer, (held.make)(self.source.now()))
             }
+            Control::Record { path, build } => {
+                let options = RecordOptions { lossless: true, build, ..RecordOptions::default() };
+                self.source.record(&path, &options)
+            }
+            Control::StopRecording => {
+                self.source.stop_recording();
+                Ok(())
+            }
             // Already handled in `Driver::send`.
             Control::Cancel => return,
         };
@@ -477,6 +495,7 @@ fn content(frame: &Frame) -> u64 {
         (newest, topic.pending).hash(&mut hasher);
     }
     let run = frame.runs.current().0;
+    frame.recording.as_ref().map(|recording| (recording.bytes, &recording.ended)).hash(&mut hasher);
     (frame.topics.len(), run, &frame.playback.error, frame.playback.playing).hash(&mut hasher);
     hasher.finish()
 }

@@ -1,6 +1,7 @@
 //! Frames: one moment of a source, as the views see it.
 
 use super::events::Events;
+use super::recording_state::RecordingState;
 use super::run_tag::RunTag;
 use super::tracks::Track;
 use crate::conversion::canonical;
@@ -214,6 +215,8 @@ pub struct Frame {
     pub runs: Runs,
     /// State of playing.
     pub playback: Playback,
+    /// The recording of the run; the last one, after it has ended.
+    pub recording: Option<RecordingState>,
     /// The same moment in other runs, as far as they were requested ([`super::Control::Watch`]), by run.
     pub beside: Arc<[Arc<Frame>]>,
     /// Whether it is of a run beside the viewed one, to which nothing can be written.

@@ -83,6 +83,7 @@ impl Source for LogSource {
             transforms: Arc::clone(&self.view.shared_tree),
             runs: Runs::default(),
             playback: Playback::default(),
+            recording: None,
             beside: Arc::new([]),
             is_beside: false,
         }

@@ -13,6 +13,8 @@ mod log_view;
 mod pace;
 mod per_run;
 mod rates;
+mod recording;
+mod recording_state;
 mod run_tag;
 mod run_transforms;
 mod series;
@@ -26,6 +28,7 @@ pub use frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic};
 pub use held::HeldControl;
 pub use log_source::LogSource;
 pub use log_view::finish_idle;
+pub use recording_state::{RecordingEnd, RecordingState};
 pub use run_tag::RunTag;
 pub use series::{Part, Record, Series, SeriesWriter};
 pub use stack_source::StackSource;
@@ -133,6 +136,16 @@ pub trait Source: Send {
     }
     /// Sets the runs that [`Frame::beside`] shows, apart from the viewed one.
     fn watch(&mut self, _runs: &[crate::RunId]) {}
+    /// Begins to record the viewed run; an error if it is recorded already, or if the file cannot be created.
+    fn record(
+        &mut self,
+        _path: &std::path::Path,
+        _options: &crate::RecordOptions,
+    ) -> Result<(), SourceError> {
+        Err(SourceError::Unsupported("nothing runs here that could be recorded".to_owned()))
+    }
+    /// Ends the recording, and completes its file.
+    fn stop_recording(&mut self) {}
     /// Background work in small pieces (for example tracks), while there are no requests; `true` if some is left.
     fn idle(&mut self) -> bool {
         false

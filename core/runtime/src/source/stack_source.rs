@@ -6,6 +6,8 @@ use super::log_source::info_of;
 use super::log_view::{LogView, opening_time};
 use super::per_run::PerRun;
 use super::rates::RunTimes;
+use super::recording::SourceRecording;
+use super::recording_state::RecordingEnd;
 use super::run_tag::RunTag;
 use super::run_transforms::RunTransforms;
 use super::tracks::Tracks;
@@ -15,7 +17,7 @@ use crate::error::RunError;
 use crate::history::{RunId, Session};
 use crate::journal::ExternalEvent;
 use crate::options::RunOptions;
-use crate::record::writer_of;
+use crate::record::{RecordOptions, writer_of};
 use crate::replay::RecordedRun;
 use crate::role::{ROLE, Role};
 use crate::stack::Plan;
@@ -24,6 +26,7 @@ use rcs_bus::Sample;
 use rcs_log::{Log, MessagePosition};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 /// A forward move by less than this through dropped messages executes them at once, because the source plays or steps.
@@ -58,6 +61,7 @@ pub struct StackSource {
     /// Number of problems of the log that have been reported.
     log_problems: usize,
     generation: u64,
+    recording: Option<SourceRecording>,
 }
 
 impl StackSource {
@@ -145,6 +149,7 @@ impl StackSource {
             problems: 0,
             log_problems: log.map_or(0, |log| log.info().problems.len()),
             generation: 0,
+            recording: None,
         };
         source.follow_runs();
         // The first frame shows what the log has at its start (or at its first image, if that is shortly after).
@@ -272,6 +277,13 @@ impl StackSource {
         frames.collect()
     }
 
+    fn end_recording(&mut self, why: RecordingEnd) {
+        let end = self.session.end();
+        if let Some(recording) = &mut self.recording {
+            recording.end(end, why);
+        }
+    }
+
     /// The source reports what the past could not store or read.
     fn tell_problems(&mut self) {
         let problems = self.session.problems();
@@ -331,6 +343,7 @@ impl Source for StackSource {
         let events =
             recorded.map(LogView::events).into_iter().chain(self.events.read(|run, events| events.read(run)));
         let events = events.collect();
+        let end = self.session.end();
         let mut frame = Frame {
             generation: self.generation,
             info: Arc::clone(&self.info),
@@ -350,6 +363,7 @@ impl Source for StackSource {
                 filling: self.session.fill_progress(),
             },
             playback: Playback::default(),
+            recording: self.recording.as_mut().map(|recording| recording.state(end).clone()),
             beside: Arc::new([]),
             is_beside: false,
         };
@@ -401,7 +415,24 @@ impl Source for StackSource {
         Ok(moved)
     }
 
+    fn record(&mut self, path: &Path, options: &RecordOptions) -> Result<(), SourceError> {
+        if let Some(running) = self.recording.as_mut().filter(|recording| recording.is_running()) {
+            let path = running.state(self.session.end()).path.display();
+            return Err(SourceError::Unsupported(format!("the run is recorded already: {path}")));
+        }
+        self.recording = Some(SourceRecording::start(&mut self.session, path, options)?);
+        Ok(())
+    }
+
+    fn stop_recording(&mut self) {
+        self.end_recording(RecordingEnd::Stopped);
+    }
+
     fn write(&mut self, buffer: &str, message: AnyMessage) -> Result<(), SourceError> {
+        if !self.session.is_at_end() {
+            // The write begins another run.
+            self.end_recording(RecordingEnd::OtherRun);
+        }
         self.session.write(ExternalEvent::operator(buffer, message)).map_err(|error| match error {
             // The operator's request was refused: nothing has changed.
             RunError::Refused(text) => SourceError::Unsupported(text),
@@ -412,11 +443,15 @@ impl Source for StackSource {
     }
 
     fn switch_run(&mut self, run: RunId) -> Result<(), SourceError> {
+        if run != self.session.moment().run {
+            self.end_recording(RecordingEnd::OtherRun);
+        }
         self.session.switch_to(run)?;
         self.arrived(self.session.now())
     }
 
     fn undo(&mut self) -> Result<bool, SourceError> {
+        self.end_recording(RecordingEnd::OtherRun);
         let undone = self.session.undo()?;
         self.arrived(self.session.now())?;
         Ok(undone)

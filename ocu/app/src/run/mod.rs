@@ -143,8 +143,13 @@ fn has_buffer(plan: &Plan, name: &str) -> bool {
 /// Starts to record a stepped run, if requested.
 fn record(args: &RunArgs, run: &Stepped) -> anyhow::Result<Option<Recording>> {
     let Some(path) = &args.record else { return Ok(None) };
-    let options =
-        RecordOptions { lossless: true, build: BUILD.to_owned(), what: what(args), replace: args.force };
+    let options = RecordOptions {
+        lossless: true,
+        build: BUILD.to_owned(),
+        what: what(args),
+        replace: args.force,
+        from: None,
+    };
     Ok(Some(Recording::start(path, run.plan(), run.buffers(), &options)?))
 }
 
