@@ -2,6 +2,7 @@
 
 use crate::cli::{RenderArgs, Size};
 use crate::layout::Layout;
+use crate::layout_fit::fitting;
 use crate::offscreen::Painter;
 use crate::open::Request;
 use crate::output::{self, Files};
@@ -23,11 +24,12 @@ const LEAST_PASSES: usize = 3;
 pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     let mut files = Files::new(args.force);
     let texts = [&args.stack, &args.course].into_iter().flatten().map(std::path::Path::new);
-    for path in args.log.iter().map(PathBuf::as_path).chain(texts).chain([args.layout.as_ref()]) {
+    let layout = args.layout.as_deref();
+    for path in args.log.iter().map(PathBuf::as_path).chain(texts).chain(layout.map(std::path::Path::new)) {
         files.reads("a file that is read", path);
     }
     files.writes("--output", &args.output)?;
-    let layout = Layout::named(&args.layout)?;
+    let layout = layout.map(Layout::named).transpose()?;
     let request = Request {
         log: args.log.clone(),
         stack: args.stack.clone(),
@@ -36,6 +38,8 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         ..Request::default()
     };
     let frame = Arc::new(frame_at(&request, args.at)?);
+    // Without a layout, the one that the window would open.
+    let layout = layout.unwrap_or_else(|| fitting(&frame));
     let theme = if args.light { egui::Theme::Light } else { egui::Theme::Dark };
     let picture = picture(&request, &frame, &layout, args.size, theme)?;
     let mut png = std::io::Cursor::new(Vec::new());

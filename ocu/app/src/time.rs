@@ -15,6 +15,13 @@ pub(crate) fn date_and_time(stamp: Stamp) -> String {
     format!("{year:04}-{month:02}-{day:02} {clock} UTC")
 }
 
+/// `20260101-000012`, for names of files.
+pub(crate) fn file_name_of(stamp: Stamp) -> String {
+    let (year, month, day) = civil(stamp.0 / 86_400_000_000_000);
+    let clock: String = ocu_ui::format::clock(stamp.0).chars().filter(char::is_ascii_digit).take(6).collect();
+    format!("{year:04}{month:02}{day:02}-{clock}")
+}
+
 /// Year, month and day of a number of days since 1970-01-01 (Howard Hinnant's `civil_from_days`, for non-negative
 /// days).
 fn civil(days: u64) -> (u64, u64, u64) {
@@ -40,5 +47,6 @@ mod tests {
         assert_eq!(at(951_782_400), "2000-02-29 00:00:00.000 UTC");
         assert_eq!(at(1_700_000_000), "2023-11-14 22:13:20.000 UTC");
         assert_eq!(at(12), "00:00:12.000");
+        assert_eq!(file_name_of(Stamp(1_700_000_000_000_000_000)), "20231114-221320");
     }
 }

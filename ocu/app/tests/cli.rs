@@ -145,6 +145,10 @@ fn wrong_usage_is_told_from_a_failed_run() {
     assert_eq!(ocu(&["run", "--stack", "sample", "--log", log, "--param", "nobody.x=1"]).0, 2);
     assert_eq!(ocu(&["run", "--stack", "sample", "--log", log, "--param", "x"]).0, 2);
     assert_eq!(ocu(&["run", "--stack", "sample"]).0, 2);
+    let fitting = dir.path().join("fitting.png");
+    let args = ["render", log, "--at", "1", "--size", "320x200", "-o", text(&fitting)];
+    assert_eq!(ocu(&args).0, 0, "without a layout, the one that fits");
+    assert_eq!(image::open(&fitting).unwrap().width(), 320);
     assert_eq!(render("nonsense", "1"), 2);
     assert_eq!(render("default", "99"), 2);
     assert_eq!(render("default", "NaN"), 2);

@@ -2,74 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
+mod common;
+
+use common::window::{frame, running, wait_until};
 use egui::Key;
-use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
-use ocu_app::open::Request;
-use ocu_app::window::{Options, Window};
 use rcs_msg::rcs;
 use rcs_runtime::source::Frame;
-use std::path::Path;
-use std::sync::Arc;
-use std::time::{Duration, Instant};
-
-/// Timeout, longer than any step of these tests takes.
-const PATIENCE: Duration = Duration::from_mins(1);
-
-/// A stack that expects commands of an operator and needs no other input.
-const STACK: &str = r#"
-format = 1
-name = "hand"
-description = "A vehicle interface that waits for an operator."
-
-[[process]]
-name = "vehicle_interface"
-plugin = "vehicle_interface"
-supervisor = "viewer"
-inputs = { teleop = "/operator/teleop", emergency_stop = "/operator/emergency_stop" }
-"#;
-
-struct State(Option<Window>);
-
-fn running<'a>(dir: &Path) -> Harness<'a, State> {
-    let stack = dir.join("hand.toml");
-    std::fs::write(&stack, STACK).unwrap();
-    let request = Request { stack: Some(stack.display().to_string()), ..Request::default() };
-    let mut options = Some(Options { request, ..Options::default() });
-    let mut harness = Harness::builder().with_size([1280.0, 800.0]).build_ui_state(
-        move |ui, state: &mut State| {
-            if let Some(window) = &mut state.0 {
-                window.ui(ui);
-            } else {
-                // Fonts are available from the next pass on.
-                ocu_ui::install(ui.ctx());
-                state.0 = Some(Window::new(ui.ctx(), options.take().unwrap_or_default()));
-                ui.ctx().request_repaint();
-            }
-        },
-        State(None),
-    );
-    wait_until(&mut harness, "time to run", |frame| frame.playback.playing && frame.time_s() > 0.2);
-    harness
-}
-
-fn frame(harness: &Harness<'_, State>) -> Option<Arc<Frame>> {
-    harness.state().0.as_ref()?.frame()
-}
-
-/// Runs passes until the frame satisfies a condition, because the source's thread has its own clock.
-#[track_caller]
-fn wait_until(harness: &mut Harness<'_, State>, what: &str, is: impl Fn(&Frame) -> bool) {
-    let start = Instant::now();
-    loop {
-        harness.step();
-        if frame(harness).is_some_and(|frame| is(&frame)) {
-            return;
-        }
-        assert!(start.elapsed() < PATIENCE, "waited in vain for {what}");
-        std::thread::yield_now();
-    }
-}
 
 /// The last drive command: speed and turn rate.
 fn command(frame: &Frame) -> Option<[f64; 2]> {

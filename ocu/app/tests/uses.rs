@@ -2,90 +2,16 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
+mod common;
+
+use common::window::{frame, recording, running, wait_until};
 use egui::{Key, Modifiers};
-use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use ocu_app::layout::Layout;
-use ocu_app::open::Request;
-use ocu_app::window::{Options, Window};
-use rcs_runtime::source::{EventKind, Frame};
-use std::path::Path;
-use std::sync::Arc;
-use std::time::{Duration, Instant};
-
-/// Timeout, longer than any step of these tests takes.
-const PATIENCE: Duration = Duration::from_mins(1);
-
-/// A stack that expects commands of an operator and needs no other input.
-const STACK: &str = r#"
-format = 1
-name = "hand"
-description = "A vehicle interface that waits for an operator."
-
-[[process]]
-name = "vehicle_interface"
-plugin = "vehicle_interface"
-supervisor = "viewer"
-inputs = { teleop = "/operator/teleop", emergency_stop = "/operator/emergency_stop" }
-"#;
-
-type State = Option<Window>;
-
-fn open<'a>(options: Options) -> Harness<'a, State> {
-    let mut options = Some(options);
-    let mut harness = Harness::builder().with_size([1280.0, 800.0]).build_ui_state(
-        move |ui, state: &mut State| {
-            if let Some(window) = state {
-                window.ui(ui);
-            } else {
-                // Fonts are available from the next pass on.
-                ocu_ui::install(ui.ctx());
-                *state = Some(Window::new(ui.ctx(), options.take().unwrap_or_default()));
-                ui.ctx().request_repaint();
-            }
-        },
-        None,
-    );
-    wait_until(&mut harness, "a frame", |_| true);
-    harness
-}
-
-fn recording<'a>(dir: &Path, layout: Layout) -> Harness<'a, State> {
-    let path = dir.join("drive.mcap");
-    ocu_app::sample::write(&path, 3.0, true).unwrap();
-    let request = Request { log: Some(path), ..Request::default() };
-    open(Options { request, layout: Some(layout), ..Options::default() })
-}
+use rcs_runtime::source::EventKind;
 
 fn named(layout: &str) -> Layout {
     Layout::named(layout).unwrap()
-}
-
-fn running<'a>(dir: &Path) -> Harness<'a, State> {
-    let stack = dir.join("hand.toml");
-    std::fs::write(&stack, STACK).unwrap();
-    let request = Request { stack: Some(stack.display().to_string()), ..Request::default() };
-    let mut harness = open(Options { request, ..Options::default() });
-    wait_until(&mut harness, "time to run", |frame| frame.playback.playing && frame.time_s() > 0.2);
-    harness
-}
-
-fn frame(harness: &Harness<'_, State>) -> Option<Arc<Frame>> {
-    harness.state().as_ref()?.frame()
-}
-
-/// Runs passes until the frame satisfies a condition, because the source's thread has its own clock.
-#[track_caller]
-fn wait_until(harness: &mut Harness<'_, State>, what: &str, is: impl Fn(&Frame) -> bool) {
-    let start = Instant::now();
-    loop {
-        harness.step();
-        if frame(harness).is_some_and(|frame| is(&frame)) {
-            return;
-        }
-        assert!(start.elapsed() < PATIENCE, "waited in vain for {what}");
-        std::thread::yield_now();
-    }
 }
 
 #[test]
@@ -172,7 +98,159 @@ fn the_wheel_zooms_the_timeline_and_a_button_shows_the_whole_again() {
         source: egui::MouseWheelSource::Unknown,
     });
     harness.run_steps(12);
+    harness.get_by_label("Bookmarks").click();
+    harness.run_steps(3);
+    harness.get_by_label("Keep the range that is shown").click();
+    harness.run_steps(3);
+    let text = std::fs::read_to_string(dir.path().join("drive.mcap.marks.json")).unwrap();
+    assert!(text.contains("end_ns"), "{text}");
+    assert!(harness.query_by_label_contains("Remove the bookmark at 00:00:0").is_some());
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::Period);
+    harness.run_steps(3);
     harness.get_by_label("Show the whole time").click();
     harness.run_steps(3);
     assert!(harness.query_by_label("Show the whole time").is_none());
+}
+
+/// Text of the notices that the window shows.
+fn is_told(harness: &egui_kittest::Harness<'_, common::window::State>, part: &str) -> bool {
+    harness.query_all_by_label_contains(part).next().is_some()
+}
+
+#[test]
+fn a_run_is_recorded_from_the_window_and_the_file_opens_and_repeats() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    let file = dir.path().join("mine.mcap");
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "a write before", |frame| frame.runs.all.iter().any(|run| run.writes > 0));
+    harness.key_up(Key::W);
+    let from = frame(&harness).unwrap().time_s();
+    wait_until(&mut harness, "a while without driving", |frame| frame.time_s() > from + 0.3);
+    harness.get_by_label("Record").click();
+    harness.run_steps(4);
+    harness.get_by_label("File").focus();
+    harness.run_steps(2);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    harness.run_steps(2);
+    harness.get_by_label("File").type_text(file.to_str().unwrap());
+    harness.run_steps(2);
+    harness.get_by_label("Start").click();
+    let is_running = |frame: &rcs_runtime::source::Frame| {
+        frame.recording.as_ref().is_some_and(|recording| recording.ended.is_none())
+    };
+    wait_until(&mut harness, "the recording", is_running);
+    assert!(harness.query_by_label("End the recording").is_some());
+    let from = frame(&harness).unwrap().time_s();
+    harness.key_down(Key::W);
+    wait_until(&mut harness, "a second of it", |frame| frame.time_s() > from + 1.0);
+    harness.key_up(Key::W);
+    wait_until(&mut harness, "half a second without driving", |frame| frame.time_s() > from + 1.5);
+    harness.get_by_label("End the recording").click();
+    wait_until(&mut harness, "its end", |frame| !is_running(frame));
+    harness.run_steps(3);
+    assert!(is_told(&harness, "Recorded 00:00:0"), "it says what was recorded");
+
+    let log = rcs_log::Log::open(&file).unwrap();
+    assert_eq!(log.info().problems, Vec::<String>::new());
+    assert!(log.info().topics_named("/operator/teleop").next().is_some());
+    let (code, out, error) = common::ocu(&["run", "--replay", common::text(&file), "--json"]);
+    assert_eq!(code, 0, "{out} {error}");
+    assert_eq!(common::json(&out)["replay"]["equal"], true, "{out}");
+}
+
+#[test]
+fn no_recording_is_written_over_a_file_and_another_run_ends_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut harness = running(dir.path());
+    let file = dir.path().join("taken.mcap");
+    std::fs::write(&file, "precious").unwrap();
+    let record_to = |harness: &mut egui_kittest::Harness<'_, common::window::State>, path: &str| {
+        harness.get_by_label("Record").click();
+        harness.run_steps(4);
+        harness.get_by_label("File").focus();
+        harness.run_steps(2);
+        harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        harness.run_steps(2);
+        harness.get_by_label("File").type_text(path);
+        harness.run_steps(2);
+        harness.get_by_label("Start").click();
+    };
+    record_to(&mut harness, file.to_str().unwrap());
+    wait_until(&mut harness, "the refusal", |frame| frame.playback.error.is_some());
+    harness.run_steps(2);
+    assert!(is_told(&harness, "taken.mcap"));
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "precious");
+
+    record_to(&mut harness, dir.path().join("first.mcap").to_str().unwrap());
+    let ended = |frame: &rcs_runtime::source::Frame| Some(frame.recording.as_ref()?.ended.is_some());
+    wait_until(&mut harness, "the recording", |frame| ended(frame) == Some(false));
+    let from = frame(&harness).unwrap().time_s();
+    wait_until(&mut harness, "some time", |frame| frame.time_s() > from + 1.2);
+    harness.key_press(Key::Home);
+    wait_until(&mut harness, "the past", |frame| !frame.runs.is_at_end);
+    harness.key_press(Key::Escape);
+    wait_until(&mut harness, "another run", |frame| frame.runs.all.len() == 2);
+    assert_eq!(frame(&harness).and_then(|frame| ended(&frame)), Some(true));
+    harness.run_steps(2);
+    assert!(is_told(&harness, "another run is shown now"));
+    let log = rcs_log::Log::open(dir.path().join("first.mcap")).unwrap();
+    assert!(log.info().end.seconds_since(log.info().start) > 1.0);
+    assert_eq!(log.info().problems, Vec::<String>::new());
+}
+
+#[test]
+fn a_recording_that_is_still_being_written_is_followed_at_its_end() {
+    use rcs_log::{LogWriter, WriteHeader, WriterOptions};
+    use rcs_msg::{AnyMessage, Stamp, foxglove::Vector3};
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("live.mcap");
+    // Chunks are closed at once.
+    let options = WriterOptions { chunk_bytes: 1, ..WriterOptions::default() };
+    let mut writer = LogWriter::create(&path, options).unwrap();
+    let message = AnyMessage::new(Vector3 { x: 1.0, ..Vector3::default() });
+    let channel = writer.add_channel("/a", &message.schema(), &std::collections::BTreeMap::new()).unwrap();
+    let mut write = |from_s: u64, to_s: u64| {
+        for second in from_s..to_s {
+            let time = Stamp(second * 1_000_000_000);
+            let header = WriteHeader { sequence: second as u32, log_time: time, publish_time: time };
+            writer.write(channel, header, &message.bytes()).unwrap();
+        }
+        writer.flush().unwrap();
+    };
+    write(1, 10);
+    let request = ocu_app::open::Request { log: Some(path), ..Default::default() };
+    let options = ocu_app::window::Options { request, ..Default::default() };
+    let mut harness = common::window::open(options);
+    let end = |frame: &rcs_runtime::source::Frame| frame.info.end.unwrap().0 / 1_000_000_000;
+    let first = end(&frame(&harness).unwrap());
+    // Who looks at an earlier moment stays there.
+    write(10, 20);
+    wait_until(&mut harness, "more of the file", |frame| end(frame) > first);
+    assert_eq!(frame(&harness).unwrap().now.0, 1_000_000_000);
+    assert!(harness.query_by_label("GROWING").is_some());
+    harness.key_press(Key::End);
+    wait_until(&mut harness, "the end", |frame| Some(frame.now) == frame.info.end);
+    let second = end(&frame(&harness).unwrap());
+    write(20, 40);
+    wait_until(&mut harness, "the new end", |frame| end(frame) > second && Some(frame.now) == frame.info.end);
+}
+
+#[test]
+fn the_open_dialog_completes_a_path_and_opens_what_is_clicked() {
+    let dir = tempfile::tempdir().unwrap();
+    let recording = common::window::sample(dir.path()).log.unwrap();
+    let mut harness = common::window::harness(ocu_app::window::Options::default());
+    harness.run_steps(3);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::O);
+    harness.run_steps(3);
+    harness.get_by_label("Path").type_text(&format!("{}/dri", dir.path().display()));
+    let offered = recording.display().to_string();
+    common::window::wait_for(&mut harness, "what is offered", |harness| {
+        harness.query_by_label(&offered).is_some()
+    });
+    harness.key_press(Key::Tab);
+    harness.run_steps(3);
+    harness.key_press(Key::Enter);
+    wait_until(&mut harness, "the recording", |frame| frame.info.title == "drive.mcap");
 }

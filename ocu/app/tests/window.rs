@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
+mod common;
+
+use common::window::{PATIENCE, State, harness, sample, wait_for};
 use egui::{Key, Modifiers};
 use egui_kittest::{Harness, kittest::Queryable};
 use ocu_app::bundled;
@@ -13,60 +16,13 @@ use std::process::Command;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Timeout, longer than any step of these tests takes.
-const PATIENCE: Duration = Duration::from_mins(1);
-
-/// A recording of about three seconds in a folder of its own.
-fn recording(dir: &Path) -> Request {
-    let path = dir.join("drive.mcap");
-    ocu_app::sample::write(&path, 3.0, false).unwrap();
-    Request { log: Some(path), ..Request::default() }
-}
-
-struct State(Option<Window>);
-
-fn harness<'a>(options: Options) -> Harness<'a, State> {
-    let mut options = Some(options);
-    Harness::builder().with_size([1280.0, 800.0]).build_ui_state(
-        move |ui, state: &mut State| {
-            if let Some(window) = &mut state.0 {
-                window.ui(ui);
-            } else {
-                // Fonts are available from the next pass on.
-                ocu_ui::install(ui.ctx());
-                state.0 = Some(Window::new(ui.ctx(), options.take().unwrap_or_default()));
-                ui.ctx().request_repaint();
-            }
-        },
-        State(None),
-    )
-}
-
-/// Runs passes until `done`, because the source's thread has its own clock.
-#[track_caller]
-fn wait_until(
-    harness: &mut Harness<'_, State>,
-    what: &str,
-    mut done: impl FnMut(&Harness<'_, State>) -> bool,
-) {
-    let start = Instant::now();
-    loop {
-        harness.step();
-        if done(harness) {
-            return;
-        }
-        assert!(start.elapsed() < PATIENCE, "waited in vain: {what}");
-        std::thread::yield_now();
-    }
-}
-
 fn time_s(harness: &Harness<'_, State>) -> Option<f64> {
-    Some(harness.state().0.as_ref()?.frame()?.time_s())
+    Some(harness.state().as_ref()?.frame()?.time_s())
 }
 
 /// Duration of the open recording, s, from its first message to its last.
 fn length_s(harness: &Harness<'_, State>) -> Option<f64> {
-    let frame = harness.state().0.as_ref()?.frame()?;
+    let frame = harness.state().as_ref()?.frame()?;
     Some(frame.info.end?.seconds_since(frame.info.start))
 }
 
@@ -76,8 +32,8 @@ fn clock(seconds: f64) -> String {
 }
 
 fn opened<'a>(dir: &Path) -> Harness<'a, State> {
-    let mut harness = harness(Options { request: recording(dir), ..Options::default() });
-    wait_until(&mut harness, "the recording opens", |harness| time_s(harness).is_some());
+    let mut harness = harness(Options { request: sample(dir), ..Options::default() });
+    wait_for(&mut harness, "the recording opens", |harness| time_s(harness).is_some());
     harness
 }
 
@@ -97,7 +53,7 @@ fn a_recording_that_cannot_be_opened_is_said_and_the_old_one_stays() {
     let mut harness = opened(dir.path());
     let absent = dir.path().join("absent.mcap");
     drop_file(&mut harness, &absent);
-    wait_until(&mut harness, "the notice", |harness| harness.query_by_label("Dismiss").is_some());
+    wait_for(&mut harness, "the notice", |harness| harness.query_by_label("Dismiss").is_some());
     assert!(harness.query_by_label_contains("absent.mcap").is_some());
     assert!(time_s(&harness).is_some(), "the old recording is still there");
     harness.get_by_label("Dismiss").click();
@@ -125,11 +81,11 @@ fn drop_file(harness: &mut Harness<'_, State>, path: &Path) {
 #[test]
 fn a_dropped_recording_opens_and_shows_its_start() {
     let dir = tempfile::tempdir().unwrap();
-    let request = recording(dir.path());
+    let request = sample(dir.path());
     let mut harness = harness(Options::default());
     harness.run();
     drop_file(&mut harness, &request.log.unwrap());
-    wait_until(&mut harness, "the recording opens", |harness| time_s(harness).is_some());
+    wait_for(&mut harness, "the recording opens", |harness| time_s(harness).is_some());
     harness.run();
     // It opens at the first image, which the camera sends shortly after its first cycle.
     let start_s = time_s(&harness).unwrap();
@@ -146,7 +102,7 @@ fn a_dropped_stack_runs_on_the_open_recording() {
     let stack = dir.path().join("mine.toml");
     std::fs::write(&stack, include_str!("../../../assets/stacks/sample.toml")).unwrap();
     drop_file(&mut harness, &stack);
-    wait_until(&mut harness, "the stack runs", |harness| harness.query_by_label("REPLAY").is_some());
+    wait_for(&mut harness, "the stack runs", |harness| harness.query_by_label("REPLAY").is_some());
 }
 
 #[test]
@@ -170,14 +126,14 @@ fn buttons_step_forward_and_back_and_the_time_follows() {
     let mut harness = opened(dir.path());
     let start = time_s(&harness);
     harness.get_by_label("Step forward").click();
-    wait_until(&mut harness, "a step forward", |harness| time_s(harness) > start);
+    wait_for(&mut harness, "a step forward", |harness| time_s(harness) > start);
     harness.run();
     let first = time_s(&harness).unwrap();
     assert!(first < 0.2 && harness.query_all_by_label(&clock(first)).next().is_some(), "{first}");
     harness.get_by_label("Step forward").click();
-    wait_until(&mut harness, "another step forward", |harness| time_s(harness) > Some(first));
+    wait_for(&mut harness, "another step forward", |harness| time_s(harness) > Some(first));
     harness.get_by_label("Step back").click();
-    wait_until(&mut harness, "a step back", |harness| time_s(harness) == Some(first));
+    wait_for(&mut harness, "a step back", |harness| time_s(harness) == Some(first));
 }
 
 #[test]
@@ -186,20 +142,20 @@ fn keys_play_pause_step_and_jump() {
     let mut harness = opened(dir.path());
     let start = time_s(&harness);
     harness.key_press(Key::ArrowRight);
-    wait_until(&mut harness, "a step by key", |harness| time_s(harness) > start);
+    wait_for(&mut harness, "a step by key", |harness| time_s(harness) > start);
     harness.key_press(Key::ArrowLeft);
-    wait_until(&mut harness, "a step back by key", |harness| time_s(harness) == start);
+    wait_for(&mut harness, "a step back by key", |harness| time_s(harness) == start);
     harness.key_press(Key::End);
-    wait_until(&mut harness, "a jump to the end", |harness| time_s(harness) == length_s(harness));
+    wait_for(&mut harness, "a jump to the end", |harness| time_s(harness) == length_s(harness));
     harness.key_press(Key::Home);
-    wait_until(&mut harness, "a jump to the start", |harness| time_s(harness) == Some(0.0));
+    wait_for(&mut harness, "a jump to the start", |harness| time_s(harness) == Some(0.0));
     harness.key_press(Key::Period);
-    wait_until(&mut harness, "a second forward", |harness| time_s(harness) == Some(1.0));
+    wait_for(&mut harness, "a second forward", |harness| time_s(harness) == Some(1.0));
     harness.key_press(Key::Space);
-    wait_until(&mut harness, "playing", |harness| time_s(harness) > Some(1.2));
+    wait_for(&mut harness, "playing", |harness| time_s(harness) > Some(1.2));
     harness.key_press(Key::Space);
-    wait_until(&mut harness, "the pause", |harness| {
-        let frame = harness.state().0.as_ref().and_then(Window::frame);
+    wait_for(&mut harness, "the pause", |harness| {
+        let frame = harness.state().as_ref().and_then(Window::frame);
         frame.is_some_and(|frame| !frame.playback.playing)
     });
 }
@@ -229,7 +185,7 @@ fn a_drag_along_the_bar_goes_there() {
     harness.hover_at(bar.center());
     harness.step();
     harness.drop_at(bar.center());
-    wait_until(&mut harness, "the seek", |harness| {
+    wait_for(&mut harness, "the seek", |harness| {
         time_s(harness)
             .zip(length_s(harness))
             .is_some_and(|(time, length)| (time - 0.5 * length).abs() < 0.01)
@@ -258,7 +214,7 @@ fn a_drag_that_falls_into_one_slow_pass_goes_there_too() {
         button(to, false),
     ];
     harness.input_mut().events.extend(events);
-    wait_until(&mut harness, "the seek", |harness| {
+    wait_for(&mut harness, "the seek", |harness| {
         time_s(harness)
             .zip(length_s(harness))
             .is_some_and(|(time, length)| (time - 0.5 * length).abs() < 0.01)
@@ -283,12 +239,12 @@ fn a_paused_window_asks_for_no_repaint() {
 #[test]
 fn every_bundled_layout_draws_and_has_named_widgets() {
     let dir = tempfile::tempdir().unwrap();
-    let request = recording(dir.path());
+    let request = sample(dir.path());
     for name in bundled::names("layout") {
         let layout = Layout::named(name).unwrap();
         let options = Options { request: request.clone(), layout: Some(layout), ..Options::default() };
         let mut harness = harness(options);
-        wait_until(&mut harness, name, |harness| time_s(harness).is_some());
+        wait_for(&mut harness, name, |harness| time_s(harness).is_some());
         // The harness fails for a widget without a name.
         harness.run_steps(3);
         let image = harness.render().unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -300,20 +256,20 @@ fn every_bundled_layout_draws_and_has_named_widgets() {
 #[test]
 fn the_arrangement_survives_a_restart_and_a_damaged_one_is_said() {
     let dir = tempfile::tempdir().unwrap();
-    let request = recording(dir.path());
+    let request = sample(dir.path());
     let options =
         || Options { request: request.clone(), layout: None, data_dir: Some(dir.path().join("data")) };
     let mut first = harness(options());
-    wait_until(&mut first, "the recording opens", |harness| time_s(harness).is_some());
+    wait_for(&mut first, "the recording opens", |harness| time_s(harness).is_some());
     first.get_by_label("Buffers").click();
     first.run_steps(2);
-    first.state_mut().0.as_mut().unwrap().keep_layout();
+    first.state_mut().as_mut().unwrap().keep_layout();
     let kept = dir.path().join("data/layouts/recording_with_2_cameras.ron");
     assert!(!Layout::load(&kept).unwrap().buffers, "the list of buffers was closed");
 
     std::fs::write(&kept, "Layout(version: 77)").unwrap();
     let mut second = harness(options());
-    wait_until(&mut second, "the recording opens", |harness| time_s(harness).is_some());
+    wait_for(&mut second, "the recording opens", |harness| time_s(harness).is_some());
     assert!(second.query_by_label_contains("version 77").is_some());
 }
 
@@ -331,7 +287,7 @@ fn one_hostile_recording_opens_in_the_window_and_plays_or_says_why_not() {
     let request = Request { log: Some(path), ..Request::default() };
     let mut harness = harness(Options { request, ..Options::default() });
     let began = Instant::now();
-    wait_until(&mut harness, &name, |harness| time_s(harness).is_some());
+    wait_for(&mut harness, &name, |harness| time_s(harness).is_some());
     let took = began.elapsed();
     // The dev profile is slower than a release, and tests share the machine.
     let room = if cfg!(debug_assertions) { 10 } else { 1 };
@@ -343,7 +299,7 @@ fn one_hostile_recording_opens_in_the_window_and_plays_or_says_why_not() {
     for _ in 0..20 {
         harness.step();
     }
-    let frame = harness.state().0.as_ref().unwrap().frame().unwrap();
+    let frame = harness.state().as_ref().unwrap().frame().unwrap();
     assert_eq!(frame.playback.error, None, "{name}");
     let damaged = ["husky_onebit", "REPRO", "cdrtest", "del1000", "stat_max", "bomb", "proto_bad"];
     let is_damaged = damaged.iter().any(|damaged| name.starts_with(damaged));

@@ -32,10 +32,13 @@ mod frames;
 mod hierarchy;
 mod image;
 mod map;
+mod models;
 pub mod operator;
+mod plan;
 mod pose;
 #[cfg(test)]
 mod samples;
+mod scene;
 #[cfg(test)]
 mod tests;
 mod text_log;

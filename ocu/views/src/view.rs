@@ -216,6 +216,22 @@ pub enum Wish {
         /// Its complete parameters.
         params: AnyMessage,
     },
+    /// Save a message to a file, as JSON.
+    SaveMessage {
+        /// Its topic, for the name of the file.
+        topic: TopicKey,
+        /// The message.
+        message: AnyMessage,
+    },
+    /// Set a parameter to the text of a file.
+    LoadParam {
+        /// The process.
+        process: Arc<str>,
+        /// Path of the parameter.
+        field: String,
+        /// The parameters of the process.
+        in_force: AnyMessage,
+    },
     /// Show a topic.
     Show {
         /// The topic.

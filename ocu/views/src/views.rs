@@ -18,6 +18,12 @@ pub fn all() -> &'static [ViewType] {
             icons::ICON_MAP,
             "Maps, clouds, paths and tracks from above, north up.",
         ),
+        entry::<crate::scene::Scene>(
+            "scene",
+            "Scene",
+            icons::ICON_VIEW_IN_AR,
+            "Clouds, maps with heights, paths, frames and the vehicle in three dimensions.",
+        ),
         entry::<crate::buffers::Buffers>(
             "buffers",
             "Buffers",
@@ -53,6 +59,18 @@ pub fn all() -> &'static [ViewType] {
             "Log",
             icons::ICON_ARTICLE,
             "What happened: messages, errors, commands, changes of mode, acts of the operator.",
+        ),
+        entry::<crate::plan::Plan>(
+            "plan",
+            "Plan",
+            icons::ICON_ALT_ROUTE,
+            "Why this path: its cost and that of the rejected one, term by term, and the scores of the arcs.",
+        ),
+        entry::<crate::models::Models>(
+            "models",
+            "Models",
+            icons::ICON_MODEL_TRAINING,
+            "What was learned: histograms and numbers of every model; save, load, delete.",
         ),
         entry::<crate::timing::Timing>(
             "timing",

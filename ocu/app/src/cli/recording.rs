@@ -74,9 +74,9 @@ pub struct RenderArgs {
     /// Seed of the random numbers
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// Layout to draw: the name of a bundled one, or a .ron file
+    /// Layout to draw: the name of a bundled one, or a .ron file; without it, the one that fits the source
     #[arg(long, short, value_name = "LAYOUT")]
-    pub layout: String,
+    pub layout: Option<String>,
     /// Time to draw, in seconds from the start of the recording
     #[arg(long, value_name = "T", value_parser = parse_seconds)]
     pub at: f64,

@@ -1,11 +1,13 @@
 //! What the window does on request: commands, actions of the bar at the top, files that are opened or dropped.
 
+use super::alarm_sound;
 use super::body::{Chosen, Window};
 use super::commands::Command;
 use super::focus::cancel;
 use super::leaving::{Answer, Leaving, lost_with};
 use super::notices::Matter;
 use super::open::Outcome;
+use super::recording;
 use super::top_state::TopBarAction;
 use super::tree::Workspace;
 use crate::layout::Layout;
@@ -86,6 +88,18 @@ impl Window {
             Command::Palette => self.palette.toggle(),
             Command::Restart => self.perform(TopBarAction::Restart, frame, controls),
             Command::TakeBack => controls.push(Control::Undo),
+            Command::Silence => {
+                self.alarm_sound.silence(frame.and_then(alarm_sound::newest).unwrap_or_default());
+            }
+            Command::AlarmSound => self.alarm_sound.switch(),
+            Command::Record => {
+                if let Some(frame) = frame.filter(|frame| frame.info.kind != SourceKind::Log) {
+                    controls.push(match recording::running(frame) {
+                        Some(_) => Control::StopRecording,
+                        None => recording::start(recording::default_path(frame)),
+                    });
+                }
+            }
             Command::Buffers => self.buffers_open = !self.buffers_open,
             Command::Theme => self.perform(TopBarAction::ToggleTheme, frame, controls),
             Command::FittingLayout => self.perform(TopBarAction::FittingLayout, frame, controls),
@@ -140,6 +154,8 @@ impl Window {
                     self.operating.emergency_stop(frame, active, controls);
                 }
             }
+            TopBarAction::Record(path) => controls.push(recording::start(path)),
+            TopBarAction::StopRecording => controls.push(Control::StopRecording),
             TopBarAction::Seek(time) => controls.push(Control::Seek(time)),
             TopBarAction::Acknowledge(until) => self.known_alarms = until,
             TopBarAction::SwitchRun(run) => controls.push(Control::SwitchRun(run)),

@@ -1,17 +1,21 @@
 //! The contents of the window.
 
+use super::alarm_sound::AlarmSound;
 use super::bookmarks::Bookmarks;
 use super::commands::Needs;
 use super::document::Document;
 use super::focus::show_focus;
+use super::follow::{Follow, is_unfinished};
 use super::frames::FramePolicy;
 use super::keymap::Keymap;
 use super::layout_store::LayoutStore;
 use super::leaving::Leaving;
+use super::message_file::{Done, MessageFile};
 use super::notices::{Matter, Notices};
 use super::open::{self, Invited, Opener};
 use super::operate::{Operating, StopState};
 use super::palette::{Choice, KeyList, Palette};
+use super::recording::Told;
 use super::save_params::{SaveParams, Saved};
 use super::timeline::Timeline;
 use super::top_bar;
@@ -91,6 +95,8 @@ pub struct Window {
     pub(super) key_list: KeyList,
     pub(super) palette: Palette,
     pub(super) save_params: Option<SaveParams>,
+    /// The dialog that saves a message or loads a parameter.
+    pub(super) message_file: Option<MessageFile>,
     pub(super) layout_store: LayoutStore,
     pub(super) document: Document,
     pub(super) chosen: Chosen,
@@ -101,7 +107,12 @@ pub struct Window {
     pub(super) known_runs: usize,
     /// Alarms up to this time have been acknowledged.
     pub(super) known_alarms: Stamp,
+    pub(super) alarm_sound: AlarmSound,
     pub(super) marks: Bookmarks,
+    /// The file of the recording, while it may grow.
+    pub(super) follow: Option<Follow>,
+    /// What was told about recordings.
+    pub(super) told: Told,
     /// The question whether to leave a run.
     pub(super) leaving: Option<Leaving>,
 }
@@ -127,6 +138,7 @@ impl Window {
             key_list: KeyList::default(),
             palette: Palette::default(),
             save_params: None,
+            message_file: None,
             layout_store: LayoutStore::new(data_dir.as_ref().map(|dir| dir.join("layouts"))),
             document: Document::default(),
             chosen: Chosen::Nothing,
@@ -135,7 +147,10 @@ impl Window {
             known_runs: 0,
             known_alarms: Stamp(0),
             leaving: None,
+            alarm_sound: AlarmSound::default(),
             marks: Bookmarks::default(),
+            follow: None,
+            told: Told::default(),
         };
         if let Some(error) = wrong_keys {
             window.notices.error(Matter::Layout, error);
@@ -169,16 +184,8 @@ impl Window {
 
     /// Shows an open source in place of the previous one.
     pub(super) fn show_source(&mut self, request: Request, source: Box<dyn Source>) {
-        let ctx = self.ctx.clone();
-        // A repaint without a delay is done twice; a frame needs one.
-        let wake = move || ctx.request_repaint_after(Duration::from_millis(1));
-        let driver = match Driver::spawn(source, wake) {
-            Ok(driver) => driver,
-            Err(error) => {
-                let text = format!("no thread to play {}: {error}", request.title());
-                return self.notices.error(Matter::Open, text);
-            }
-        };
+        let Some(driver) = self.drive(&request, source) else { return };
+        self.follow = Follow::of(&request, &driver.frame());
         self.arrange_for(&driver.frame());
         let title = format!("{} – OCU", driver.frame().info.title);
         self.ctx.send_viewport_cmd(egui::ViewportCommand::Title(title));
@@ -195,8 +202,47 @@ impl Window {
         self.current = request;
         self.timeline.forget();
         self.operating.forget();
+        self.alarm_sound.forget();
         // The speeds of manual driving are kept.
         self.selection = Selection { drive: self.selection.drive, ..Selection::default() };
+    }
+
+    /// A thread that plays a source.
+    fn drive(&mut self, request: &Request, source: Box<dyn Source>) -> Option<Driver> {
+        let ctx = self.ctx.clone();
+        // A repaint without a delay is done twice; a frame needs one.
+        let wake = move || ctx.request_repaint_after(Duration::from_millis(1));
+        let driver = Driver::spawn(source, wake).map_err(|error| {
+            let text = format!("no thread to play {}: {error}", request.title());
+            self.notices.error(Matter::Open, text);
+        });
+        driver.ok()
+    }
+
+    /// Shows more of a recording that is still being written, in place of what was known of it.
+    fn follow(&mut self) {
+        let Some(old) = self.frame() else { return };
+        let ctx = self.ctx.clone();
+        let Some(source) = self.follow.as_mut().and_then(|follow| follow.poll(&ctx, old.now)) else { return };
+        let request = self.current.clone();
+        let Some(driver) = self.drive(&request, source) else { return };
+        let (playback, new) = (&old.playback, driver.frame());
+        self.follow = self.follow.take().filter(|_| is_unfinished(&new));
+        driver.send(Control::Speed(playback.speed));
+        driver.send(Control::Loop(playback.looping));
+        driver.send(Control::Watch(self.watched.clone()));
+        match new.info.end {
+            // Whoever looks at the end goes on looking at it.
+            Some(end) if old.info.end.is_some_and(|end| old.now >= end) => driver.send(Control::Seek(end)),
+            _ if new.now != old.now => driver.send(Control::Seek(old.now)),
+            _ => {}
+        }
+        if playback.playing {
+            driver.send(Control::Play);
+        }
+        if let Shown::Live(old) = std::mem::replace(&mut self.shown, Shown::Live(driver)) {
+            old.close();
+        }
     }
 
     /// Stores the arrangement for the next start, and waits until that is done.
@@ -217,6 +263,7 @@ impl Window {
     /// Paints the window.
     pub fn ui(&mut self, ui: &mut egui::Ui) {
         self.take_opened();
+        self.follow();
         self.take_dropped(ui);
         let frame = self.shown.frame();
         let mut controls = Vec::new();
@@ -236,6 +283,8 @@ impl Window {
         }
         if let Some(frame) = live {
             self.tell_branch(frame);
+            self.told.tell(frame, &mut self.notices);
+            self.alarm_sound.sound(ui.ctx(), frame, self.known_alarms);
         }
         let source_error = frame.as_ref().and_then(|frame| frame.playback.error.clone());
         if !self.notices.is_empty(source_error.as_deref()) {
@@ -260,6 +309,7 @@ impl Window {
                 self.current.stack = Some(path.display().to_string());
             }
         }
+        self.message_file_ui(ui, frame.as_deref(), &mut controls);
         self.palette_ui(ui, frame.as_deref(), &mut controls);
         show_focus(ui.ctx(), stops);
         // Views that were painted before the one that changed it follow in the next pass.
@@ -321,6 +371,8 @@ impl Window {
             stop: frame.map(|frame| self.operating.stop_state(frame)).unwrap_or_default(),
             pushed: self.operating.is_pushed(),
             known_until: self.known_alarms,
+            alarm_sound: &self.alarm_sound,
+            grows: self.follow.as_ref().is_some_and(Follow::is_growing),
         };
         top_bar::ui(ui, &state)
     }
@@ -369,6 +421,12 @@ impl Window {
                 Wish::SaveParams { process, params } => {
                     self.save_params = Some(SaveParams::new(&self.current, &process, &params));
                 }
+                Wish::SaveMessage { topic, message } => {
+                    self.message_file = Some(MessageFile::save(&topic, message));
+                }
+                Wish::LoadParam { process, field, in_force } => {
+                    self.message_file = Some(MessageFile::load(&process, field, in_force));
+                }
                 Wish::Show { topic, drawn } => {
                     let workspace = self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty()));
                     workspace.show_topic(frame, &topic, drawn);
@@ -392,6 +450,23 @@ impl Window {
             Some(Invited::Ask) => self.opener.ask(),
             Some(Invited::Open(request)) => self.opener.open(request),
             None => {}
+        }
+    }
+
+    fn message_file_ui(&mut self, ui: &egui::Ui, frame: Option<&Frame>, controls: &mut Vec<Control>) {
+        match self.message_file.as_mut().and_then(|dialog| dialog.ui(ui.ctx())) {
+            None => {}
+            Some(Done::Cancelled) => self.message_file = None,
+            Some(Done::Saved(path)) => {
+                self.message_file = None;
+                self.notices.news(Matter::Run, format!("Saved: {}", path.display()));
+            }
+            Some(Done::Loaded { process, message }) => {
+                self.message_file = None;
+                let info = frame.and_then(|frame| frame.processes.iter().find(|info| info.name == *process));
+                let buffer = info.map(|info| info.params_buffer.clone());
+                controls.extend(buffer.map(|buffer| Control::Write { buffer, message }));
+            }
         }
     }
 

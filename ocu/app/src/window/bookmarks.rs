@@ -1,5 +1,5 @@
-//! Bookmarks: moments with a text, in a file beside the recording (`drive.mcap.marks.json`); of a simulation they are
-//! forgotten when it is left.
+//! Bookmarks: moments and ranges of time with a text, in a file beside the recording (`drive.mcap.marks.json`); of a
+//! simulation they are forgotten when it is left.
 
 use super::scale::Scale;
 use crate::layout::write_whole;
@@ -17,6 +17,9 @@ use std::path::{Path, PathBuf};
 struct Mark {
     /// Log time in nanoseconds.
     time_ns: u64,
+    /// End of a range, ns; a moment has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    end_ns: Option<u64>,
     /// What the user wrote.
     #[serde(default)]
     text: String,
@@ -27,6 +30,9 @@ struct Mark {
 pub(super) struct Bookmarks {
     file: Option<PathBuf>,
     marks: Vec<Mark>,
+    /// The range that the timeline shows, which can be kept; and the kept one that it is to show.
+    shown: Option<[Stamp; 2]>,
+    wanted: Option<[Stamp; 2]>,
     /// Why they could not be read or written, until it is taken.
     failed: Option<String>,
 }
@@ -46,12 +52,12 @@ impl Bookmarks {
         match read {
             Ok(mut marks) => {
                 marks.sort_by_key(|mark| mark.time_ns);
-                Self { file: Some(file), marks, failed: None }
+                Self { file: Some(file), marks, ..Self::default() }
             }
             // A file that cannot be read is not written over.
             Err(error) => {
                 let failed = format!("the bookmarks cannot be read: {error}: {}", file.display());
-                Self { file: None, marks: Vec::new(), failed: Some(failed) }
+                Self { failed: Some(failed), ..Self::default() }
             }
         }
     }
@@ -63,11 +69,32 @@ impl Bookmarks {
 
     /// Sets a bookmark at a time, or removes the one that is there.
     pub(super) fn toggle(&mut self, time: Stamp) {
-        match self.marks.binary_search_by_key(&time.0, |mark| mark.time_ns) {
-            Ok(index) => drop(self.marks.remove(index)),
-            Err(index) => self.marks.insert(index, Mark { time_ns: time.0, text: String::new() }),
+        let is_here = |mark: &Mark| mark.time_ns == time.0 && mark.end_ns.is_none();
+        match self.marks.iter().position(is_here) {
+            Some(index) => drop(self.marks.remove(index)),
+            None => self.add(Mark { time_ns: time.0, end_ns: None, text: String::new() }),
         }
         self.save();
+    }
+
+    /// Keeps a range of time, unless it is kept already.
+    fn keep_range(&mut self, [from, to]: [Stamp; 2]) {
+        let range = Mark { time_ns: from.0, end_ns: Some(to.0), text: String::new() };
+        if !self.marks.iter().any(|mark| (mark.time_ns, mark.end_ns) == (range.time_ns, range.end_ns)) {
+            self.add(range);
+            self.save();
+        }
+    }
+
+    fn add(&mut self, mark: Mark) {
+        let index = self.marks.partition_point(|other| other.time_ns <= mark.time_ns);
+        self.marks.insert(index, mark);
+    }
+
+    /// Says which range the timeline shows, `None` for all of it; returns the one that it is to show.
+    pub(super) fn turn(&mut self, shown: Option<[Stamp; 2]>) -> Option<[Stamp; 2]> {
+        self.shown = shown;
+        self.wanted.take()
     }
 
     fn save(&mut self) {
@@ -87,6 +114,12 @@ impl Bookmarks {
             if ui.button("Set or remove one here (M)").clicked() {
                 self.toggle(frame.now);
             }
+            let keep = egui::Button::new("Keep the range that is shown");
+            let keep = ui.add_enabled(self.shown.is_some(), keep);
+            let keep = keep.on_disabled_hover_text("Zoom the timeline first: turn the wheel over it.");
+            if let (true, Some(range)) = (keep.clicked(), self.shown) {
+                self.keep_range(range);
+            }
             ui.separator();
             if self.marks.is_empty() {
                 let text = "None. They are kept beside the recording.";
@@ -94,10 +127,15 @@ impl Bookmarks {
             }
             let (mut changed, mut removed) = (false, None);
             for (index, mark) in self.marks.iter_mut().enumerate() {
-                let at = format::elapsed(Stamp(mark.time_ns).seconds_since(frame.info.start));
+                let elapsed = |ns: u64| format::elapsed(Stamp(ns).seconds_since(frame.info.start));
+                let at = match mark.end_ns {
+                    None => elapsed(mark.time_ns),
+                    Some(end_ns) => format!("{} – {}", elapsed(mark.time_ns), elapsed(end_ns)),
+                };
                 ui.horizontal(|ui| {
                     if ui.button(widgets::mono(&at)).on_hover_text("Go there").clicked() {
                         controls.push(Control::Seek(Stamp(mark.time_ns)));
+                        self.wanted = mark.end_ns.map(|end_ns| [Stamp(mark.time_ns), Stamp(end_ns)]);
                     }
                     let edit =
                         egui::TextEdit::singleline(&mut mark.text).hint_text("a note").desired_width(160.0);
@@ -125,7 +163,21 @@ impl Bookmarks {
         let color = tokens(ui).series[4];
         let painter = ui.painter_at(rect);
         let [from, to] = scale.range();
-        for mark in self.marks.iter().filter(|mark| (from.0..=to.0).contains(&mark.time_ns)) {
+        for mark in &self.marks {
+            let Some(end_ns) = mark.end_ns.filter(|end_ns| *end_ns >= from.0 && mark.time_ns <= to.0) else {
+                continue;
+            };
+            let ends = [mark.time_ns.max(from.0), end_ns.min(to.0)].map(|ns| scale.x(Stamp(ns)));
+            let band = Rect::from_x_y_ranges(ends[0]..=ends[1], rect.bottom() - 5.0..=rect.bottom() - 2.0);
+            painter.rect_filled(band, 0.0, color.gamma_multiply(0.7));
+            let font = egui::FontId::proportional(10.0);
+            let note = painter.layout_no_wrap(mark.text.clone(), font, color);
+            if note.size().x <= band.width() {
+                painter.galley(band.left_top() - egui::vec2(-2.0, note.size().y), note, color);
+            }
+        }
+        let moments = self.marks.iter().filter(|mark| mark.end_ns.is_none());
+        for mark in moments.filter(|mark| (from.0..=to.0).contains(&mark.time_ns)) {
             let x = scale.x(Stamp(mark.time_ns));
             painter.vline(x, rect.bottom() - 12.0..=rect.bottom(), Stroke::new(1.5, color));
             let flag = [(0.0, -12.0), (7.0, -9.5), (0.0, -7.0)];
@@ -149,6 +201,12 @@ mod tests {
         }
         let again = Bookmarks::of(Some(&log));
         assert_eq!(again.marks.iter().map(|mark| mark.time_ns).collect::<Vec<_>>(), [20, 30]);
+        marks.keep_range([Stamp(20), Stamp(25)]);
+        marks.keep_range([Stamp(20), Stamp(25)]);
+        marks.toggle(Stamp(20));
+        let again = Bookmarks::of(Some(&log)).marks;
+        let ends: Vec<_> = again.iter().map(|mark| (mark.time_ns, mark.end_ns)).collect();
+        assert_eq!(ends, [(20, Some(25)), (30, None)], "a range at the same time stays");
         let file = dir.path().join("drive.mcap.marks.json");
         std::fs::write(&file, "nonsense").unwrap();
         let mut damaged = Bookmarks::of(Some(&log));

@@ -30,6 +30,12 @@ pub(super) enum Command {
     Loop,
     Open,
     Restart,
+    /// Begin to record, or end the recording.
+    Record,
+    /// Silence the alarms that there are.
+    Silence,
+    /// Switch the sound of alarms on or off.
+    AlarmSound,
     /// Undo the last write into the run.
     TakeBack,
     EmergencyStop,
@@ -118,6 +124,8 @@ pub(super) const COMMANDS: &[Entry] = {
     use Needs as N;
     &[
         entry(C::EmergencyStop, "emergency_stop", "Emergency stop", Safety, N::Vehicle, &[key!(NONE Escape)]),
+        entry(C::Silence, "silence", "Silence the alarms", Safety, N::Stack, &[key!(COMMAND M)]),
+        entry(C::AlarmSound, "alarm_sound", "Sound of alarms on or off", Safety, N::Nothing, &[]),
         entry(C::PlayPause, "play", "Play or pause", Time, N::Source, &[key!(NONE Space)]),
         entry(C::Step { back: false }, "forward", "Step forward", Time, N::Source, &[key!(NONE ArrowRight)]),
         entry(C::Step { back: true }, "back", "Step back", Time, N::Source, &[key!(NONE ArrowLeft)]),
@@ -176,6 +184,14 @@ pub(super) const COMMANDS: &[Entry] = {
         entry(C::Open, "open", "Open a recording or a stack", Source, N::Nothing, &[key!(COMMAND O)]),
         entry(C::Restart, "restart", "Start again from the beginning", Source, N::Stack, &[]),
         entry(C::TakeBack, "take_back", "Take the last write back", Source, N::Stack, &[]),
+        entry(
+            C::Record,
+            "record",
+            "Record the run, or end the recording",
+            Source,
+            N::Stack,
+            &[key!(COMMAND R)],
+        ),
         entry(C::Palette, "palette", "Find a command", Window, N::Nothing, &[key!(COMMAND K)]),
         entry(
             C::Keys,

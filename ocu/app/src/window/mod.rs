@@ -4,22 +4,27 @@
 //! contents.
 
 mod actions;
+mod alarm_sound;
 mod app;
 mod body;
 mod bookmarks;
 mod commands;
+mod complete;
 mod document;
 mod focus;
+mod follow;
 mod frames;
 mod joystick;
 mod keymap;
 mod lanes;
 mod layout_store;
 mod leaving;
+mod message_file;
 mod notices;
 mod open;
 mod operate;
 mod palette;
+mod recording;
 mod save_params;
 mod scale;
 mod shortcut;

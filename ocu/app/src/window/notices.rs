@@ -17,6 +17,8 @@ pub(super) enum Matter {
     Layout,
     /// The runs of the source.
     Run,
+    /// Recording.
+    Recording,
 }
 
 #[derive(Debug)]

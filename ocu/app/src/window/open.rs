@@ -1,5 +1,6 @@
 //! Opens sources in the background, and asks the user which one.
 
+use super::complete::{Completion, expanded};
 use crate::layout::write_whole;
 use crate::open::Request;
 use crate::say;
@@ -39,6 +40,7 @@ struct Dialog {
     path: String,
     hint: Option<&'static str>,
     fresh: bool,
+    completion: Completion,
 }
 
 impl Opener {
@@ -95,7 +97,8 @@ impl Opener {
 
     /// Opens the dialog.
     pub(super) fn ask(&mut self) {
-        self.dialog = Some(Dialog { path: String::new(), hint: None, fresh: true });
+        self.dialog =
+            Some(Dialog { path: String::new(), hint: None, fresh: true, completion: Completion::default() });
     }
 
     /// Recently opened recordings, the newest first.
@@ -121,8 +124,22 @@ impl Opener {
             .show(ui.ctx(), |ui| {
                 ui.horizontal(|ui| {
                     let label = ui.label("Path");
+                    let id = ui.scope_id().with("path");
+                    let tab = |input: &mut egui::InputState| {
+                        input.consume_key(egui::Modifiers::NONE, egui::Key::Tab)
+                    };
+                    let completes = ui.memory(|memory| memory.has_focus(id)) && ui.input_mut(tab);
+                    let common = completes.then(|| dialog.completion.common()).flatten();
+                    let longer = common.filter(|common| common.len() > dialog.path.len());
+                    let is_longer = longer.is_some();
+                    dialog.path = longer.unwrap_or_else(|| std::mem::take(&mut dialog.path));
                     let edit = egui::TextEdit::singleline(&mut dialog.path).desired_width(380.0);
+                    // Tab completes the path; it leaves the field for the next widget where nothing completes it.
+                    let edit = edit.id(id).lock_focus(dialog.completion.common().is_some());
                     let response = ui.add(edit).labelled_by(label.id);
+                    if is_longer {
+                        to_the_end(ui.ctx(), id, &dialog.path);
+                    }
                     if std::mem::take(&mut dialog.fresh) {
                         response.request_focus();
                     }
@@ -130,7 +147,7 @@ impl Opener {
                         response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
                     let ready = !dialog.path.trim().is_empty();
                     if (ui.add_enabled(ready, egui::Button::new("Open")).clicked() || entered) && ready {
-                        chosen = Some(PathBuf::from(dialog.path.trim()));
+                        chosen = Some(expanded(dialog.path.trim()));
                     }
                 });
                 ui.horizontal(|ui| {
@@ -139,6 +156,25 @@ impl Opener {
                         ui.label(egui::RichText::new(hint).color(tokens(ui).warning));
                     }
                 });
+                let typed = dialog.path.clone();
+                for path in dialog.completion.of(ui.ctx(), &typed).to_vec() {
+                    if typed.is_empty() || path == typed {
+                        continue;
+                    }
+                    let weak = tokens(ui).weak;
+                    let icon = if path.ends_with('/') { icons::ICON_FOLDER } else { icons::ICON_DRAFT };
+                    let text = (icon.rich_text().color(weak), egui::RichText::new(&path));
+                    let button = ui.add(egui::Button::new(text).truncate().frame(false));
+                    button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &path));
+                    if button.clicked() {
+                        if path.ends_with('/') {
+                            dialog.path = path;
+                            dialog.fresh = true;
+                        } else {
+                            chosen = Some(expanded(&path));
+                        }
+                    }
+                }
                 if !self.recent.paths.is_empty() {
                     ui.add_space(4.0);
                     ui.label(egui::RichText::new("Recent").small().color(tokens(ui).weak));
@@ -188,6 +224,15 @@ impl Opener {
             dialog.hint = Some("This desktop has no file dialog; type a path.");
         }
         chosen
+    }
+}
+
+/// Moves the cursor of a text field behind its text.
+fn to_the_end(ctx: &egui::Context, id: egui::Id, text: &str) {
+    if let Some(mut state) = egui::TextEdit::load_state(ctx, id) {
+        let end = egui::text::CCursor::new(text.chars().count());
+        state.cursor.set_char_range(Some(egui::text::CCursorRange::one(end)));
+        state.store(ctx, id);
     }
 }
 

@@ -80,6 +80,9 @@ impl Timeline {
         marks: &mut Bookmarks,
         controls: &mut Vec<Control>,
     ) {
+        if let Some(wanted) = marks.turn(self.range) {
+            self.range = Some(wanted);
+        }
         let zoomed = self.range.is_some();
         if transport::ui(ui, frame, &mut self.unit, zoomed, busy, marks, controls) {
             self.range = None;

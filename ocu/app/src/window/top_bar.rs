@@ -2,6 +2,7 @@
 
 use super::commands::Command;
 use super::operate::StopState;
+use super::recording;
 use super::top_menus::{course_menu, layout_menu, open_menu, runs_menu, stack_menu};
 use super::top_state::{Actions, State, TopBarAction};
 use super::top_tags::{alarms, authority, kind, opening, problems, run_state};
@@ -45,11 +46,22 @@ fn left<'a>(bar: &mut Bar<'a, Actions>, state: &'a State<'a>) {
         bar.left("runs", Fit::Leaves(80), |ui, form, actions| runs_menu(ui, form, frame, actions));
     }
     bar.left("kind", Fit::Leaves(75), |ui, _, _| drop(widgets::tag(ui, kind(frame), tokens(ui).accent)));
+    if state.grows {
+        bar.left("grows", Fit::Leaves(74), |ui, _, _| {
+            let help = "The recording is still being written. At its end, the view follows it.";
+            widgets::tag(ui, "GROWING", tokens(ui).ok).on_hover_text(help);
+        });
+    }
     if !frame.info.problems.is_empty() {
         bar.left("problems", Fit::Leaves(95), |ui, form, _| problems(ui, form, frame));
     }
     if !frame.processes.is_empty() {
         bar.left("processes", Fit::Leaves(110), |ui, form, _| run_state(ui, form, frame));
+    }
+    if frame.info.kind != SourceKind::Log {
+        bar.left("record", Fit::Leaves(112), |ui, form, actions| {
+            recording::ui(ui, form, state, frame, actions);
+        });
     }
     if frame.info.kind != SourceKind::Log && !frame.runs.is_at_end && !frame.runs.all.is_empty() {
         bar.left("past", Fit::Leaves(105), |ui, _, _| {

@@ -1,5 +1,6 @@
 //! What the bar at the top shows, and what it asks for.
 
+use super::alarm_sound::AlarmSound;
 use super::commands::Command;
 use super::keymap::Keymap;
 use super::operate::StopState;
@@ -25,6 +26,9 @@ pub(super) struct State<'a> {
     pub(super) pushed: bool,
     /// Alarms up to this time are known to the user.
     pub(super) known_until: rcs_msg::Stamp,
+    pub(super) alarm_sound: &'a AlarmSound,
+    /// Whether the recording is still being written.
+    pub(super) grows: bool,
 }
 
 /// An action requested by the user.
@@ -35,6 +39,10 @@ pub(super) enum TopBarAction {
     Restart,
     /// Set or release the emergency stop.
     EmergencyStop(bool),
+    /// Begin to record to this file.
+    Record(PathBuf),
+    /// End the recording.
+    StopRecording,
     /// Go to a time.
     Seek(rcs_msg::Stamp),
     /// The alarms up to this time are known.

@@ -1,5 +1,6 @@
 //! The state of the source in the bar at the top, in a few words each.
 
+use super::commands::{Command, entry_of};
 use super::top_state::{Actions, State, TopBarAction};
 use ocu_ui::bar::{self, Form};
 use ocu_ui::{format, icons, tokens, widgets};
@@ -85,6 +86,19 @@ pub(super) fn alarms(ui: &mut egui::Ui, form: Form, state: &State<'_>, frame: &F
         if ui.button("Acknowledge all").clicked() {
             actions.push(TopBarAction::Acknowledge(errors[0].stamp));
             ui.close();
+        }
+        for (command, on) in
+            [(Command::Silence, None), (Command::AlarmSound, Some(state.alarm_sound.is_on()))]
+        {
+            let Some(entry) = entry_of(command) else { continue };
+            let button = egui::Button::selectable(on == Some(true), entry.name);
+            if ui.add(button.shortcut_text(state.keymap.text(command))).clicked() {
+                actions.push(TopBarAction::Run(command));
+            }
+        }
+        if state.alarm_sound.is_mute() {
+            let text = "This computer has no player or no device for sounds.";
+            ui.label(egui::RichText::new(text).small().color(tokens(ui).weak));
         }
     });
 }

@@ -1,6 +1,8 @@
-//! What the tests of the command line share.
+//! What the tests of the program share: the command line here, the window in a file of its own.
 
-#![allow(dead_code, reason = "not every test uses all of it")]
+#![allow(dead_code, clippy::unwrap_used, reason = "not every test uses all of it, and a test may fail")]
+
+pub(crate) mod window;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -3,14 +3,15 @@
 use super::Map;
 use super::grid::Cells;
 use super::layers::{self, Kind, Layer};
+use super::plan;
 use crate::canvas::Viewport;
 use crate::view::{Hover, HoverPoint, TopicKey, ViewContext};
 use egui::{Align2, Rect, Response, RichText, Stroke, Ui};
 use ocu_ui::widgets::mono;
 use ocu_ui::{format, legend, tokens};
-use rcs_geom::DVec3;
+use rcs_geom::{DVec3, Utm};
 use rcs_msg::Stamp;
-use rcs_runtime::source::{Control, Frame, Topic, WGS84};
+use rcs_runtime::source::{Control, Frame, Topic};
 use rcs_world::Label;
 use std::collections::BTreeSet;
 
@@ -33,7 +34,13 @@ impl Map {
             let [x, y] = viewport.to_plane(canvas, at);
             let point = HoverPoint { frame_id: map.to_owned(), position_m: [x, y, f64::NAN] };
             let mut hover = Hover { point: Some(point), ..Hover::default() };
-            if let Some((topic, cell)) = top_cell(cx.frame, map, shown, [x, y]) {
+            let arc = shown.iter().rev().find_map(|layer| {
+                let map_from_layer = layers::map_from_layer(cx.frame, map, layer).ok()?;
+                plan::pointed(layer, at, plan::At { map_from_layer, viewport, canvas })
+            });
+            if let Some(arc) = arc {
+                (hover.topic, hover.field) = (arc.topic, arc.field);
+            } else if let Some((topic, cell)) = top_cell(cx.frame, map, shown, [x, y]) {
                 (hover.topic, hover.cell) = (Some(TopicKey::of(topic)), Some(cell));
             }
             hover.time = self.tracks.time_at(shown, [x, y], NEAR / viewport.scale);
@@ -73,9 +80,16 @@ impl Map {
         legend::plate(ui, canvas, Align2::RIGHT_BOTTOM, |ui| {
             ui.style_mut().interaction.selectable_labels = false;
             ui.label(mono(format!("x {x:8.2} m  y {y:8.2} m")));
-            if let Some(enu) = self.tracks.enu.as_ref().filter(|_| map == WGS84) {
-                let place = enu.geodetic_from_enu(DVec3::new(x, y, 0.0));
-                ui.label(mono(format!("{:11.6}°  {:11.6}°", place.latitude_deg, place.longitude_deg)));
+            if let Some((place, is_exact)) = self.tracks.geodetic(shown, map, [x, y]) {
+                let about = if is_exact { "" } else { "≈ " };
+                let (latitude, longitude) = (place.latitude_deg, place.longitude_deg);
+                ui.label(mono(format!("{about}{latitude:11.6}°  {longitude:11.6}°")));
+                let mgrs =
+                    Utm::from_geodetic(&place).and_then(|utm| utm.to_mgrs(if is_exact { 5 } else { 4 }));
+                ui.label(mono(mgrs.map_or_else(
+                    |_| "outside of MGRS".to_owned(),
+                    |text| about.to_owned() + &spaced(&text),
+                )));
             }
             for layer in shown {
                 if let Kind::Grid(grid) = layer.kind
@@ -87,6 +101,15 @@ impl Map {
                 }
             }
         });
+    }
+}
+
+/// An MGRS text with blanks between square, easting and northing.
+fn spaced(text: &str) -> String {
+    let digits = text.len().saturating_sub(5) / 2;
+    match (text.get(..5), text.get(5..5 + digits), text.get(5 + digits..)) {
+        (Some(square), Some(easting), Some(northing)) => format!("{square} {easting} {northing}"),
+        _ => text.to_owned(),
     }
 }
 

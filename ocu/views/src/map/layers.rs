@@ -4,8 +4,9 @@ use super::grid::frame_of;
 use super::track::{Aligned, Alignment, Judged, Plane, course, nearest};
 use crate::texture::SameMessage;
 use crate::view::is_old;
-use rcs_geom::{Enu, Pose, TransformError};
+use rcs_geom::{DVec3, Enu, Geodetic, Pose, TransformError};
 use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
+use rcs_msg::rcs::{ArcChoice, Plan};
 use rcs_msg::{AnyMessage, Stamp};
 use rcs_runtime::Role;
 use rcs_runtime::source::{Frame, Place, RunTag, Topic, Track, WGS84};
@@ -22,6 +23,10 @@ pub(super) enum Kind<'a> {
     Path(&'a PosesInFrame),
     /// A goal.
     Goal(&'a PoseInFrame),
+    /// A plan: the chosen and the best rejected path.
+    Plan(&'a Plan),
+    /// The arcs that were considered.
+    Arcs(&'a ArcChoice),
     /// The track of a moving object.
     Track {
         /// The track.
@@ -101,6 +106,12 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
             }
             "foxglove.PosesInFrame" => {
                 paths.extend(topic.get::<PosesInFrame>().map(|path| layer(Kind::Path(path), &path.frame_id)));
+            }
+            "rcs.Plan" => {
+                paths.extend(topic.get::<Plan>().map(|plan| layer(Kind::Plan(plan), &plan.frame_id)));
+            }
+            "rcs.ArcChoice" => {
+                paths.extend(topic.get::<ArcChoice>().map(|arcs| layer(Kind::Arcs(arcs), &arcs.frame_id)));
             }
             "foxglove.PoseInFrame" if is_goal(topic) => {
                 paths.extend(topic.get::<PoseInFrame>().map(|goal| layer(Kind::Goal(goal), &goal.frame_id)));
@@ -289,6 +300,27 @@ impl Tracks {
             nearest(&track.points, &self.placed.get(&layer.name)?.plane()?, point, reach_m)
         });
         found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, time)| time)
+    }
+
+    /// Latitude and longitude of a point of the map, from a geodetic track; and whether that lies on the map by its
+    /// transform rather than by an alignment. `None` where no such track lies on the map.
+    pub(super) fn geodetic(
+        &self,
+        shown: &[&Layer<'_>],
+        map: &str,
+        [x, y]: [f64; 2],
+    ) -> Option<(Geodetic, bool)> {
+        let p = DVec3::new(x, y, 0.0);
+        if let Some(enu) = self.enu.as_ref().filter(|_| map == WGS84) {
+            return Some((enu.geodetic_from_enu(p), true));
+        }
+        let found = shown.iter().filter_map(|layer| {
+            let Kind::Track { track, is_ghost: false } = layer.kind else { return None };
+            let placed = self.placed.get(&layer.name)?;
+            let place = track.origin?.geodetic_from_enu(placed.map_from_track?.inverse() * p);
+            Some((place, placed.alignment.is_none()))
+        });
+        found.max_by_key(|(_, is_exact)| *is_exact)
     }
 
     /// Where the tracks are at a time, on the map.

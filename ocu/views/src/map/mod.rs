@@ -5,12 +5,15 @@
 //! is drawn on top, half transparent, and is off until it is switched on.
 
 mod cloud;
+mod for_scene;
 mod grid;
 mod hover;
 mod layers;
 mod paint;
 mod panel;
+mod plan;
 mod track;
+mod uncertainty;
 
 use crate::badge;
 use crate::canvas::Viewport;
@@ -20,6 +23,7 @@ use crate::tuning::weights;
 use crate::view::{Preview, SavedState, View, ViewContext};
 use cloud::Cloud;
 use egui::{Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
+pub(crate) use for_scene::{CellColors, Placed, Thing, frames, placed};
 use grid::Cells;
 use layers::{Kind, Layer, Tracks};
 use ocu_ui::bar::{self, Bar, Fit, Form};
@@ -125,7 +129,8 @@ impl View for Map {
     fn accepts(&self, topic: &Topic) -> bool {
         const TYPES: [&str; 6] =
             ["Grid", "PointCloud", "PosesInFrame", "Odometry", "PoseInFrame", "LocationFix"];
-        topic.type_name().strip_prefix("foxglove.").is_some_and(|name| TYPES.contains(&name))
+        let is_ours = matches!(topic.type_name(), "rcs.Plan" | "rcs.ArcChoice");
+        is_ours || topic.type_name().strip_prefix("foxglove.").is_some_and(|name| TYPES.contains(&name))
     }
 
     fn drop_topic(&mut self, topic: &Topic) {
@@ -293,6 +298,15 @@ impl Map {
             let color = tokens(ui).series(panel::series(layers, index));
             match (layer.kind, place(layer)) {
                 (Kind::Path(path), Ok(pose)) => paint::path(&painter, path, &pose, viewport, canvas, color),
+                (Kind::Plan(plan), Ok(map_from_layer)) => {
+                    let at = plan::At { map_from_layer, viewport, canvas };
+                    plan::paths(&painter, plan, at, tokens(ui), color);
+                }
+                (Kind::Arcs(choice), Ok(map_from_layer)) => {
+                    let meant = plan::meant(layer, cx.selection.hovered.get());
+                    let at = plan::At { map_from_layer, viewport, canvas };
+                    plan::arcs(&painter, choice, at, tokens(ui), meant);
+                }
                 (Kind::Track { .. }, _) => self.paint_track(ui, layer, cx.frame, viewport, canvas, color),
                 (Kind::Goal(goal), Ok(pose)) => {
                     paint::goal(ui, goal, &pose, self.here(cx.frame, &shown), viewport, canvas);
@@ -357,7 +371,7 @@ impl Map {
                     let goal = crate::pose::from_message(goal.pose.as_ref());
                     usize::from(goal.is_ok_and(|goal| !is_place(&(pose * goal.translation).to_array())))
                 }
-                (_, Err(_)) => 0,
+                (Kind::Plan(_) | Kind::Arcs(_), Ok(_)) | (_, Err(_)) => 0,
             };
             counts.push((far, layer.name.as_str()));
         }

@@ -4,6 +4,7 @@ use super::Map;
 use super::grid::Cells;
 use super::layers::{Kind, Layer, PlacedTrack};
 use super::track::line;
+use super::uncertainty::{self, Covariance};
 use crate::canvas::Viewport;
 use crate::clip::{self, is_place};
 use egui::{
@@ -126,6 +127,10 @@ impl Map {
         draw(0..now, here.map(|[x, y, _]| [x, y]), Stroke::new(2.0, color));
         if let Some([x, y, yaw]) = here {
             let at = viewport.to_screen(canvas, [x, y]);
+            let placed = self.tracks.placed.get(&layer.name).and_then(|placed| placed.map_from_track);
+            if let (Some(covariance), Some(pose)) = (Covariance::of(layer), placed) {
+                uncertainty::paint(&painter, &covariance, [x, y], &pose, viewport, canvas, color);
+            }
             if layer.is_stale(frame.now) {
                 vehicle(&painter, at, yaw, tokens(ui).stale, false);
             } else {

@@ -2,6 +2,7 @@
 
 use super::grid::{Cells, Shade};
 use super::layers::{self, Kind, Layer};
+use super::uncertainty::{Covariance, SIGMAS};
 use super::{LayerState, Map};
 use egui::{Align2, Rect, RichText, Role, ScrollArea, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, legend, palette, tokens};
@@ -9,7 +10,12 @@ use rcs_runtime::source::Frame;
 
 /// Index of a layer's line colour; only lines have colours of their own.
 pub(super) fn series(layers: &[Layer<'_>], index: usize) -> usize {
-    layers[..index].iter().filter(|layer| matches!(layer.kind, Kind::Track { .. } | Kind::Path(_))).count()
+    layers[..index].iter().filter(|layer| is_line(layer)).count()
+}
+
+/// Whether a layer is a line with a colour of its own.
+fn is_line(layer: &Layer<'_>) -> bool {
+    matches!(layer.kind, Kind::Track { .. } | Kind::Path(_) | Kind::Plan(_))
 }
 
 impl Map {
@@ -67,10 +73,12 @@ impl Map {
             Kind::Cloud(_) => icons::ICON_GRAIN,
             Kind::Path(_) => icons::ICON_ROUTE,
             Kind::Goal(_) => icons::ICON_FLAG,
+            Kind::Plan(_) => icons::ICON_ALT_ROUTE,
+            Kind::Arcs(_) => icons::ICON_TURN_SLIGHT_RIGHT,
             Kind::Track { .. } => icons::ICON_TIMELINE,
         };
         let color = match layer.kind {
-            Kind::Path(_) | Kind::Track { .. } => tokens.series(series(layers, index)),
+            _ if is_line(layer) => tokens.series(series(layers, index)),
             _ => tokens.weak,
         };
         ui.horizontal(|ui| {
@@ -100,6 +108,10 @@ impl Map {
             note(ui, text + &place, if old { tokens.stale } else { tokens.weak });
         }
         let placed = self.tracks.placed.get(&layer.name);
+        if let (Kind::Track { is_ghost: false, .. }, Some(covariance)) = (layer.kind, Covariance::of(layer)) {
+            let radius = format::metres(SIGMAS * covariance.most_m(), 2);
+            note(ui, format!("± {radius}, two standard deviations"), tokens.weak);
+        }
         match (layer.kind, layers::map_from_layer(frame, map, layer)) {
             (Kind::Track { .. }, Err(_)) if placed.is_some_and(|track| track.alignment.is_some()) => {
                 if let Some(alignment) = placed.and_then(|track| track.alignment) {
@@ -117,7 +129,9 @@ impl Map {
                     }
                 });
             }
-            (Kind::Path(_) | Kind::Goal(_) | Kind::Track { .. }, _) if layer.frame_id != map => {
+            (Kind::Path(_) | Kind::Plan(_) | Kind::Arcs(_) | Kind::Goal(_) | Kind::Track { .. }, _)
+                if layer.frame_id != map =>
+            {
                 note(ui, format!("in {}", layers::frame_label(layer.frame_id)), tokens.weak);
             }
             _ => {}
@@ -161,9 +175,8 @@ impl Map {
         let colored =
             shown.iter().filter(placed).any(|layer| matches!(layer.kind, Kind::Grid(_) | Kind::Cloud(_)));
         // Lines are omitted if the layer panel lists them, or if the map is too small.
-        let named = !listed
-            && (!colored || canvas.height() >= 400.0)
-            && shown.iter().any(|layer| matches!(layer.kind, Kind::Path(_) | Kind::Track { .. }));
+        let named =
+            !listed && (!colored || canvas.height() >= 400.0) && shown.iter().any(|layer| is_line(layer));
         if !colored && !named {
             return;
         }
@@ -203,7 +216,7 @@ impl Map {
                         ui.label(RichText::new(format!("{}  height", layer.name)).small());
                         legend::band(ui, 96.0, &low, &high, palette::even);
                     }
-                    Kind::Path(_) | Kind::Goal(_) | Kind::Track { .. } => {}
+                    Kind::Path(_) | Kind::Plan(_) | Kind::Arcs(_) | Kind::Goal(_) | Kind::Track { .. } => {}
                 }
             }
             if costs {
@@ -214,7 +227,7 @@ impl Map {
                 let placed = self.tracks.placed.get(&layer.name);
                 let visible = match layer.kind {
                     Kind::Track { .. } => placed.is_some_and(|track| track.error.is_none()),
-                    Kind::Path(_) => true,
+                    Kind::Path(_) | Kind::Plan(_) => true,
                     _ => false,
                 };
                 if drawn && visible {

@@ -3,6 +3,7 @@
 mod behaviour;
 mod hostile;
 mod pictures;
+mod plans;
 
 use crate::samples;
 use crate::view::{Selection, View, ViewContext, Wish, show};

@@ -94,3 +94,13 @@ fn fields_dark() {
 fn tuning_dark() {
     check_frame("tuning", samples::driving(), "tuning", Theme::Dark);
 }
+
+#[test]
+fn plan_dark() {
+    check_frame("plan", samples::driving(), "plan", Theme::Dark);
+}
+
+#[test]
+fn plan_light() {
+    check_frame("plan", samples::driving(), "plan", Theme::Light);
+}

@@ -183,7 +183,7 @@ fn tunable(frame: &Frame) -> impl Iterator<Item = &rcs::ProcessInfo> {
 }
 
 /// The newest parameters of a process.
-fn in_force(frame: &Frame, info: &rcs::ProcessInfo) -> Option<AnyMessage> {
+pub(crate) fn in_force(frame: &Frame, info: &rcs::ProcessInfo) -> Option<AnyMessage> {
     if info.params_buffer.is_empty() {
         return None;
     }
@@ -191,7 +191,7 @@ fn in_force(frame: &Frame, info: &rcs::ProcessInfo) -> Option<AnyMessage> {
 }
 
 /// Why nothing can be sent now; `None` if it can.
-fn refusal(frame: &Frame) -> Option<&'static str> {
+pub(crate) fn refusal(frame: &Frame) -> Option<&'static str> {
     if frame.is_beside {
         Some("This view shows a run beside the viewed one, which cannot be changed.")
     } else if frame.info.kind == SourceKind::Log {

@@ -1,0 +1,108 @@
+//! What the tests of the window share: the complete window without a display, on a recording or on a stack.
+
+use egui_kittest::Harness;
+use ocu_app::layout::Layout;
+use ocu_app::open::Request;
+use ocu_app::window::{Options, Window};
+use rcs_runtime::source::Frame;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Timeout, longer than any step of these tests takes.
+pub(crate) const PATIENCE: Duration = Duration::from_mins(1);
+
+/// A stack that expects commands of an operator and needs no other input.
+pub(crate) const STACK: &str = r#"
+format = 1
+name = "hand"
+description = "A vehicle interface that waits for an operator."
+
+[[process]]
+name = "vehicle_interface"
+plugin = "vehicle_interface"
+supervisor = "viewer"
+inputs = { teleop = "/operator/teleop", emergency_stop = "/operator/emergency_stop" }
+"#;
+
+/// The window; it is made in the first pass.
+pub(crate) type State = Option<Window>;
+
+/// The window that starts to open what the options say.
+pub(crate) fn harness<'a>(options: Options) -> Harness<'a, State> {
+    let mut options = Some(options);
+    Harness::builder().with_size([1280.0, 800.0]).build_ui_state(
+        move |ui, state: &mut State| {
+            if let Some(window) = state {
+                window.ui(ui);
+            } else {
+                // Fonts are available from the next pass on.
+                ocu_ui::install(ui.ctx());
+                *state = Some(Window::new(ui.ctx(), options.take().unwrap_or_default()));
+                ui.ctx().request_repaint();
+            }
+        },
+        None,
+    )
+}
+
+/// The window with an open source.
+pub(crate) fn open<'a>(options: Options) -> Harness<'a, State> {
+    let mut harness = harness(options);
+    wait_until(&mut harness, "a frame", |_| true);
+    harness
+}
+
+/// A recording of about three seconds, written to a folder.
+pub(crate) fn sample(dir: &Path) -> Request {
+    let path = dir.join("drive.mcap");
+    ocu_app::sample::write(&path, 3.0, true).unwrap();
+    Request { log: Some(path), ..Request::default() }
+}
+
+/// The window on a recording, in a layout.
+pub(crate) fn recording<'a>(dir: &Path, layout: Layout) -> Harness<'a, State> {
+    open(Options { request: sample(dir), layout: Some(layout), ..Options::default() })
+}
+
+/// The request for [`STACK`], written to a folder.
+pub(crate) fn stack(dir: &Path) -> Request {
+    let stack = dir.join("hand.toml");
+    std::fs::write(&stack, STACK).unwrap();
+    Request { stack: Some(stack.display().to_string()), ..Request::default() }
+}
+
+/// The window on [`STACK`], which runs.
+pub(crate) fn running<'a>(dir: &Path) -> Harness<'a, State> {
+    let mut harness = open(Options { request: stack(dir), ..Options::default() });
+    wait_until(&mut harness, "time to run", |frame| frame.playback.playing && frame.time_s() > 0.2);
+    harness
+}
+
+pub(crate) fn frame(harness: &Harness<'_, State>) -> Option<Arc<Frame>> {
+    harness.state().as_ref()?.frame()
+}
+
+/// Runs passes until the frame satisfies a condition, because the source's thread has its own clock.
+#[track_caller]
+pub(crate) fn wait_until(harness: &mut Harness<'_, State>, what: &str, is: impl Fn(&Frame) -> bool) {
+    wait_for(harness, what, |harness| frame(harness).is_some_and(|frame| is(&frame)));
+}
+
+/// Runs passes until the window satisfies a condition.
+#[track_caller]
+pub(crate) fn wait_for(
+    harness: &mut Harness<'_, State>,
+    what: &str,
+    mut is: impl FnMut(&Harness<'_, State>) -> bool,
+) {
+    let start = Instant::now();
+    loop {
+        harness.step();
+        if is(harness) {
+            return;
+        }
+        assert!(start.elapsed() < PATIENCE, "waited in vain for {what}");
+        std::thread::yield_now();
+    }
+}

@@ -1,0 +1,114 @@
+//! The layers of a map for the scene: what lies where in one frame, and the colours of cells.
+
+use super::grid::Cells;
+use super::layers::{self, Kind, Layer};
+use super::panel;
+use egui::{Color32, ColorImage};
+use ocu_ui::palette::MapPalette;
+use rcs_geom::{DVec3, Pose};
+use rcs_msg::{AnyMessage, Stamp};
+use rcs_runtime::source::{Frame, Place};
+
+/// Most points of a track that are drawn.
+const MOST_POINTS: usize = 4_000;
+
+/// Content of a layer.
+pub(crate) enum Thing<'a> {
+    Grid(&'a AnyMessage),
+    Cloud(&'a AnyMessage),
+    /// Points of a path in the layer's frame.
+    Path(Vec<DVec3>),
+    /// Points of a track up to now, and where it is now: position and heading.
+    Track {
+        points: Vec<DVec3>,
+        here: Option<([f64; 3], f64)>,
+    },
+}
+
+/// A layer in the frame of the scene.
+pub(crate) struct Placed<'a> {
+    pub(crate) name: String,
+    pub(crate) thing: Thing<'a>,
+    pub(crate) scene_from_layer: Pose,
+    /// Index of its colour.
+    pub(crate) series: usize,
+    /// Whether it is shown until a person switches it off.
+    pub(crate) is_usual: bool,
+    pub(crate) is_stale: bool,
+}
+
+/// The frame in which most can be drawn, and everything that can be drawn in it. `chosen` is the frame that a person
+/// has chosen.
+pub(crate) fn placed<'a>(frame: &'a Frame, chosen: Option<&str>) -> Option<(String, Vec<Placed<'a>>)> {
+    let all = layers::layers(frame);
+    let frames = layers::frames(frame, &all);
+    let chosen = chosen.and_then(|name| frames.iter().copied().find(|frame| *frame == name));
+    let scene = chosen.or_else(|| layers::default_frame(frame, &all))?;
+    let has_map = all.iter().any(Layer::is_map);
+    let placed = all.iter().enumerate().filter_map(|(index, layer)| {
+        let scene_from_layer = layers::map_from_layer(frame, scene, layer).ok()?;
+        let is_cloud = matches!(layer.kind, Kind::Cloud(_));
+        let is_part = has_map && layer.is_part_of_a_map() && !is_cloud;
+        Some(Placed {
+            name: layer.name.clone(),
+            thing: thing(layer, frame.now)?,
+            scene_from_layer,
+            series: panel::series(&all, index),
+            is_usual: !layer.is_ground_truth() && !is_part,
+            is_stale: layer.is_stale(frame.now),
+        })
+    });
+    Some((scene.to_owned(), placed.collect()))
+}
+
+/// All frames in which a scene can be drawn.
+pub(crate) fn frames(frame: &Frame) -> Vec<String> {
+    layers::frames(frame, &layers::layers(frame)).into_iter().map(str::to_owned).collect()
+}
+
+fn thing<'a>(layer: &Layer<'a>, now: Stamp) -> Option<Thing<'a>> {
+    Some(match layer.kind {
+        Kind::Grid(grid) => Thing::Grid(grid),
+        Kind::Cloud(_) => Thing::Cloud(layer.topic?.canonical()?),
+        Kind::Path(path) => {
+            let place = |pose| Some(crate::pose::from_message(Some(pose)).ok()?.translation);
+            Thing::Path(path.poses.iter().filter_map(place).collect())
+        }
+        Kind::Plan(plan) => {
+            let steps = plan.chosen.iter().flat_map(|path| &path.steps);
+            Thing::Path(steps.map(|step| DVec3::new(step.x_m.into(), step.y_m.into(), 0.0)).collect())
+        }
+        Kind::Track { track, is_ghost: false } => {
+            let count = track.points.count_until(now);
+            let every = (count / MOST_POINTS).max(1);
+            let at = |index: usize| Some(DVec3::from_array(track.points.get(index)?.position_m));
+            let place = layer.topic.and_then(|topic| Place::of(topic.canonical()?));
+            let here =
+                place.map(|place| (place.position.metres(track.origin.as_ref()).to_array(), place.yaw_rad));
+            Thing::Track { points: (0..count).step_by(every).filter_map(at).collect(), here }
+        }
+        Kind::Goal(_) | Kind::Arcs(_) | Kind::Track { .. } => return None,
+    })
+}
+
+/// The colours of a grid's cells.
+pub(crate) struct CellColors {
+    image: ColorImage,
+    unknown: Option<Color32>,
+}
+
+impl CellColors {
+    /// The colours of the fused cost, or of the first field.
+    pub(crate) fn of(grid: &AnyMessage, palette: MapPalette) -> Result<Self, String> {
+        let cells = Cells::new(grid)?;
+        let shade = cells.shade(None).ok_or("the grid has no fields")?;
+        let image = cells.paint(&shade, palette, cells.range(&shade), None);
+        Ok(Self { image, unknown: shade.is_cost().then(|| palette.unknown()) })
+    }
+
+    /// The colour of a cell; `None` where nothing is known.
+    pub(crate) fn at(&self, column: usize, row: usize) -> Option<Color32> {
+        let color = *self.image.pixels.get(row * self.image.size[0] + column)?;
+        (Some(color) != self.unknown).then_some(color)
+    }
+}

@@ -1,0 +1,325 @@
+//! Draws the scene offscreen through wgpu, so that it works whichever renderer the window has, and reads it back.
+
+use super::shapes::{BOX, LINE, POINT, Shapes};
+use glam::DMat4;
+use std::sync::Arc;
+use std::time::Duration;
+
+const COLOR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// A software driver may take long for a large picture, and a lost device never finishes.
+const PATIENCE: Duration = Duration::from_secs(20);
+/// Size of the uniforms of a layer: matrix, size, point and line.
+const UNIFORMS: u64 = 80;
+
+/// Shapes with the matrix from their frame to clip coordinates.
+pub(super) struct Draw {
+    pub(super) shapes: Arc<Shapes>,
+    pub(super) clip_from_shapes: DMat4,
+}
+
+/// A picture that was read back, rows from the top.
+pub(super) struct Pixels {
+    pub(super) size: [usize; 2],
+    pub(super) rgba: Vec<u8>,
+    /// 0 near to 1 far; 1 where nothing was drawn.
+    pub(super) depth: Vec<f32>,
+}
+
+/// The device and what is kept on it.
+pub(super) struct Gpu {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    layout: wgpu::BindGroupLayout,
+    /// Of points, lines and boxes.
+    pipelines: [wgpu::RenderPipeline; 3],
+    uploaded: Vec<Uploaded>,
+}
+
+/// Instances on the device.
+struct Uploaded {
+    shapes: Arc<Shapes>,
+    buffers: [Option<(wgpu::Buffer, u32)>; 3],
+}
+
+impl Gpu {
+    /// Chooses a device; a software one if there is no other. An error says why there is none.
+    pub(super) fn new() -> Result<Self, String> {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::VULKAN;
+        let instance = wgpu::Instance::new(descriptor);
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            ..wgpu::RequestAdapterOptions::default()
+        };
+        let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|error| {
+            format!(
+                "no Vulkan driver was found to draw with: install a graphics driver, or the package \
+                 mesa-vulkan-drivers, which draws in software ({error})"
+            )
+        })?;
+        let limits = adapter.limits();
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("scene"),
+            required_limits: wgpu::Limits {
+                max_texture_dimension_2d: limits.max_texture_dimension_2d,
+                max_buffer_size: limits.max_buffer_size,
+                ..wgpu::Limits::downlevel_defaults()
+            },
+            ..wgpu::DeviceDescriptor::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+            .map_err(|error| format!("the graphics driver gave no device: {error}"))?;
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("scene"),
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::VERTEX,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Uniform,
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            }],
+        });
+        let pipelines = pipelines(&device, &layout);
+        Ok(Self { device, queue, layout, pipelines, uploaded: Vec::new() })
+    }
+
+    /// Draws shapes over a background. `per_point` is the number of pixels per screen point.
+    pub(super) fn draw(
+        &mut self,
+        draws: &[Draw],
+        size: [u32; 2],
+        per_point: f32,
+        background: [f64; 3],
+    ) -> Result<Pixels, String> {
+        let side = self.device.limits().max_texture_dimension_2d;
+        let size = size.map(|v| v.clamp(1, side));
+        self.upload(draws);
+        let groups: Vec<_> = draws.iter().map(|draw| self.uniforms(draw, size, per_point)).collect();
+        let [color, depth] =
+            [(COLOR, "color"), (DEPTH, "depth")].map(|(format, _)| self.texture(format, size));
+        let views =
+            [&color, &depth].map(|texture| texture.create_view(&wgpu::TextureViewDescriptor::default()));
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        {
+            let [r, g, b] = background;
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("scene"),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: &views[0],
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a: 1.0 }),
+                        store: wgpu::StoreOp::Store,
+                    },
+                    depth_slice: None,
+                })],
+                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                    view: &views[1],
+                    depth_ops: Some(wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(1.0),
+                        store: wgpu::StoreOp::Store,
+                    }),
+                    stencil_ops: None,
+                }),
+                ..wgpu::RenderPassDescriptor::default()
+            });
+            // Boxes first and lines last, which lie on them.
+            for kind in [2, 0, 1] {
+                pass.set_pipeline(&self.pipelines[kind]);
+                let vertices = if kind == 2 { 30 } else { 4 };
+                for (uploaded, group) in self.uploaded.iter().zip(&groups) {
+                    if let Some((buffer, count)) = &uploaded.buffers[kind] {
+                        pass.set_bind_group(0, group, &[]);
+                        pass.set_vertex_buffer(0, buffer.slice(..));
+                        pass.draw(0..vertices, 0..*count);
+                    }
+                }
+            }
+        }
+        let color = self.read_back(&mut encoder, &color, size);
+        let depth = self.read_back(&mut encoder, &depth, size);
+        let submission = self.queue.submit(std::iter::once(encoder.finish()));
+        let rgba = self.bytes(&color, submission.clone(), size)?;
+        let depth = self.bytes(&depth, submission, size)?;
+        let number = |bytes: &[u8]| f32::from_ne_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+        let depth = depth.chunks_exact(4).map(number).collect();
+        Ok(Pixels { size: size.map(|v| v as usize), rgba, depth })
+    }
+
+    /// Puts the instances on the device that are not there yet, and drops those that are no longer drawn.
+    fn upload(&mut self, draws: &[Draw]) {
+        let mut old = std::mem::take(&mut self.uploaded);
+        for draw in draws {
+            let known = old.iter().position(|uploaded| Arc::ptr_eq(&uploaded.shapes, &draw.shapes));
+            let uploaded = if let Some(index) = known {
+                old.swap_remove(index)
+            } else {
+                let shapes = &draw.shapes;
+                let kinds = [(&shapes.points, POINT), (&shapes.lines, LINE), (&shapes.boxes, BOX)];
+                let buffers = kinds.map(|(bytes, size)| self.buffer(bytes, size));
+                Uploaded { shapes: Arc::clone(shapes), buffers }
+            };
+            self.uploaded.push(uploaded);
+        }
+    }
+
+    fn buffer(&self, bytes: &[u8], size: usize) -> Option<(wgpu::Buffer, u32)> {
+        // What the device cannot hold is left out.
+        let most = self.device.limits().max_buffer_size as usize / size * size;
+        let bytes = &bytes[..bytes.len().min(most)];
+        if bytes.is_empty() {
+            return None;
+        }
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("scene"),
+            size: bytes.len() as u64,
+            usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&buffer, 0, bytes);
+        Some((buffer, (bytes.len() / size) as u32))
+    }
+
+    fn uniforms(&self, draw: &Draw, size: [u32; 2], per_point: f32) -> wgpu::BindGroup {
+        let matrix = draw.clip_from_shapes.to_cols_array().map(|v| v as f32);
+        let rest = [size[0] as f32, size[1] as f32, (2.0 * per_point).max(2.0), per_point];
+        let bytes: Vec<u8> = matrix.iter().chain(&rest).flat_map(|v| v.to_ne_bytes()).collect();
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("scene"),
+            size: UNIFORMS,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&buffer, 0, &bytes);
+        self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("scene"),
+            layout: &self.layout,
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
+        })
+    }
+
+    fn texture(&self, format: wgpu::TextureFormat, size: [u32; 2]) -> wgpu::Texture {
+        self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("scene"),
+            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+            view_formats: &[],
+        })
+    }
+
+    /// Copies a texture of four bytes per pixel to a buffer, whose rows are padded.
+    fn read_back(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        texture: &wgpu::Texture,
+        size: [u32; 2],
+    ) -> wgpu::Buffer {
+        let padded = padded(size[0]);
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("scene"),
+            size: u64::from(padded) * u64::from(size[1]),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let layout =
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
+        let extent = wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 };
+        let target = wgpu::TexelCopyBufferInfo { buffer: &buffer, layout };
+        encoder.copy_texture_to_buffer(texture.as_image_copy(), target, extent);
+        buffer
+    }
+
+    /// The rows of a buffer without their padding.
+    fn bytes(
+        &self,
+        buffer: &wgpu::Buffer,
+        submission: wgpu::SubmissionIndex,
+        size: [u32; 2],
+    ) -> Result<Vec<u8>, String> {
+        let (sender, receiver) = std::sync::mpsc::channel();
+        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| drop(sender.send(result)));
+        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(PATIENCE) };
+        self.device
+            .poll(wait)
+            .map_err(|error| format!("the graphics driver did not finish the picture: {error}"))?;
+        let failed = |error: String| format!("the picture cannot be read back: {error}");
+        receiver
+            .recv()
+            .map_err(|error| failed(error.to_string()))?
+            .map_err(|error| failed(error.to_string()))?;
+        let mapped = buffer.slice(..).get_mapped_range().map_err(|error| failed(error.to_string()))?;
+        let (padded, row) = (padded(size[0]) as usize, size[0] as usize * 4);
+        Ok(mapped.chunks_exact(padded).flat_map(|bytes| &bytes[..row]).copied().collect())
+    }
+}
+
+/// Bytes of a row in a buffer.
+fn padded(width: u32) -> u32 {
+    (width * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
+}
+
+fn pipelines(device: &wgpu::Device, layout: &wgpu::BindGroupLayout) -> [wgpu::RenderPipeline; 3] {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("scene"),
+        source: wgpu::ShaderSource::Wgsl(include_str!("scene.wgsl").into()),
+    });
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some("scene"),
+        bind_group_layouts: &[Some(layout)],
+        immediate_size: 0,
+    });
+    let points = wgpu::vertex_attr_array![0 => Float32x3, 1 => Unorm8x4];
+    let lines = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Unorm8x4, 3 => Float32];
+    let boxes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Unorm8x4];
+    let strip = wgpu::PrimitiveTopology::TriangleStrip;
+    let kinds: [(&str, usize, &[wgpu::VertexAttribute], _); 3] = [
+        ("point", POINT, &points, strip),
+        ("line", LINE, &lines, strip),
+        ("cell", BOX, &boxes, wgpu::PrimitiveTopology::TriangleList),
+    ];
+    kinds.map(|(entry, stride, attributes, topology)| {
+        device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(entry),
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some(entry),
+                buffers: &[Some(wgpu::VertexBufferLayout {
+                    array_stride: stride as u64,
+                    step_mode: wgpu::VertexStepMode::Instance,
+                    attributes,
+                })],
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+            },
+            primitive: wgpu::PrimitiveState { topology, ..wgpu::PrimitiveState::default() },
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::LessEqual),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("paint"),
+                targets: &[Some(wgpu::ColorTargetState {
+                    format: COLOR,
+                    blend: None,
+                    write_mask: wgpu::ColorWrites::ALL,
+                })],
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+            }),
+            multiview_mask: None,
+            cache: None,
+        })
+    })
+}

@@ -1,0 +1,444 @@
+//! Scene view: clouds, grids with heights, paths, tracks, coordinate frames and the vehicle in three dimensions.
+//!
+//! It is drawn by a thread of its own through wgpu, offscreen, and shown as a texture, so that it works under either
+//! renderer of the window, and its cost is not that of the interface. What is under the pointer is found by the depth of
+//! the picture, and said to the other views as a place.
+
+mod camera;
+mod gpu;
+mod shapes;
+mod worker;
+
+use crate::map::{self, Placed, Thing};
+use crate::texture::SameMessage;
+use crate::view::{Hover, HoverPoint, SavedState, View, ViewContext};
+use camera::{Camera, project, unproject};
+use egui::{Align2, Color32, ColorImage, FontId, Rect, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
+use ocu_ui::bar::{self, Bar, Fit, Form};
+use ocu_ui::legend::round_step;
+use ocu_ui::palette::MapPalette;
+use ocu_ui::{icons, legend, tokens, widgets};
+use rcs_geom::{DVec3, Pose};
+use rcs_runtime::source::{Frame, Topic};
+use serde::{Deserialize, Serialize};
+use shapes::Shapes;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+use worker::{Content, Layer, Picture, Request, Worker};
+
+/// How long a pass waits for the very first picture.
+const FIRST: Duration = Duration::from_millis(120);
+/// How long it waits for the next one while time stands still.
+const NEXT: Duration = Duration::from_millis(12);
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+struct Saved {
+    /// Frame of the scene; `None` to select one automatically.
+    frame: Option<String>,
+    /// Where it is looked at from; `None` to fit everything.
+    camera: Option<Camera>,
+    /// Whether the camera moves with the vehicle.
+    follows: bool,
+    /// Whether coordinate frames are shown.
+    axes: bool,
+    palette: MapPalette,
+    /// Layers that were switched by hand, by name.
+    layers: BTreeMap<String, bool>,
+}
+
+impl Default for Saved {
+    fn default() -> Self {
+        Self {
+            frame: None,
+            camera: None,
+            follows: false,
+            axes: true,
+            palette: MapPalette::default(),
+            layers: BTreeMap::new(),
+        }
+    }
+}
+
+/// What a picture shows: it is drawn again when this changes.
+type Key = (u64, Option<Camera>, [u32; 2], bool, String);
+
+/// The scene view.
+#[derive(Default)]
+pub(crate) struct Scene {
+    saved: Saved,
+    worker: Option<Worker>,
+    asked: Option<Key>,
+    number: u64,
+    picture: Option<Picture>,
+    texture: Option<egui::TextureHandle>,
+    failed: Option<String>,
+    /// The camera that fitted everything, which stays until it is asked for again.
+    fitted: Option<Camera>,
+    /// The vehicle when the camera last followed it.
+    followed: Option<DVec3>,
+    /// Frame of the scene in the previous pass.
+    frame_id: String,
+}
+
+impl View for Scene {
+    fn title(&self, _frame: &Frame) -> String {
+        "Scene".to_owned()
+    }
+
+    fn accepts(&self, topic: &Topic) -> bool {
+        const TYPES: [&str; 5] = ["Grid", "PointCloud", "PosesInFrame", "Odometry", "PoseInFrame"];
+        topic.type_name().strip_prefix("foxglove.").is_some_and(|name| TYPES.contains(&name))
+    }
+
+    fn drop_topic(&mut self, topic: &Topic) {
+        self.saved.layers.insert(topic.name.to_string(), true);
+    }
+
+    fn save(&self) -> SavedState {
+        serde_json::to_value(&self.saved).unwrap_or_default()
+    }
+
+    fn load(&mut self, saved: &SavedState) -> Result<(), serde_json::Error> {
+        self.saved = serde_json::from_value(saved.clone())?;
+        self.saved.camera = self.saved.camera.filter(Camera::is_valid);
+        Ok(())
+    }
+
+    fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
+        let Some((scene, placed)) = map::placed(cx.frame, self.saved.frame.as_deref()) else {
+            let hint =
+                "Point clouds, maps, poses or paths would fill it: play on, or open a log that has some.";
+            return widgets::empty(ui, icons::ICON_VIEW_IN_AR, "Nothing to draw in space", hint);
+        };
+        if self.frame_id != scene {
+            (self.followed, self.asked, self.fitted) = (None, None, None);
+            self.frame_id.clone_from(&scene);
+        }
+        self.toolbar(ui, cx.frame, &scene, &placed);
+        let area = ui.available_rect_before_wrap();
+        self.canvas(ui, cx, &scene, &placed, area);
+        ui.advance_cursor_after_rect(area);
+    }
+}
+
+impl Scene {
+    fn toolbar(&mut self, ui: &mut Ui, frame: &Frame, scene: &str, placed: &[Placed<'_>]) {
+        let mut bar: Bar<'_, Self> = Bar::new("toolbar");
+        bar.left("frame", Fit::Leaves(60), |ui, form, view| view.frame_choice(ui, form, frame, scene));
+        bar.left("layers", Fit::Leaves(50), |ui, form, view| {
+            bar::menu(ui, form, icons::ICON_LAYERS, "Layers", |ui| {
+                ui.set_min_width(220.0);
+                for layer in placed {
+                    let mut shown = view.shows(layer);
+                    if ui.checkbox(&mut shown, &layer.name).changed() {
+                        view.saved.layers.insert(layer.name.clone(), shown);
+                    }
+                }
+                ui.separator();
+                ui.checkbox(&mut view.saved.axes, "Coordinate frames");
+            });
+        });
+        bar.right("fit", Fit::Leaves(40), |ui, form, view| {
+            if bar::tool(ui, form, icons::ICON_FIT_SCREEN, "Fit everything").clicked() {
+                view.fit();
+            }
+        });
+        bar.right("follow", Fit::Leaves(30), |ui, form, view| {
+            let name = "Follow the vehicle";
+            if bar::tool_toggle(ui, form, icons::ICON_MY_LOCATION, name, &mut view.saved.follows).clicked() {
+                view.followed = None;
+            }
+        });
+        bar.right("palette", Fit::Leaves(10), |ui, form, view| {
+            let mut even = view.saved.palette == MapPalette::Even;
+            let name = "Even colours, for colour-blind people";
+            if bar::tool_toggle(ui, form, icons::ICON_PALETTE, name, &mut even).clicked() {
+                view.saved.palette = if even { MapPalette::Even } else { MapPalette::Papers };
+            }
+        });
+        crate::toolbar::show(ui, bar, self);
+    }
+
+    fn frame_choice(&mut self, ui: &mut Ui, form: Form, frame: &Frame, scene: &str) {
+        let width = if form == Form::Short { 72.0 } else { 160.0 };
+        let combo = egui::ComboBox::from_id_salt("scene frame").selected_text(scene).width(width).truncate();
+        let combo = combo.show_ui(ui, |ui| {
+            for name in map::frames(frame) {
+                if ui.selectable_label(name == scene, &name).clicked() {
+                    self.saved.frame = Some(name);
+                    self.fit();
+                }
+            }
+        });
+        combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Frame of the scene"));
+    }
+
+    /// Looks at everything again.
+    fn fit(&mut self) {
+        (self.saved.camera, self.fitted, self.followed) = (None, None, None);
+    }
+
+    /// Where it is looked at from, once that is known.
+    fn camera(&self) -> Option<Camera> {
+        self.saved.camera.or(self.fitted)
+    }
+
+    fn shows(&self, layer: &Placed<'_>) -> bool {
+        self.saved.layers.get(&layer.name).copied().unwrap_or(layer.is_usual)
+    }
+
+    fn canvas(
+        &mut self,
+        ui: &mut Ui,
+        cx: &mut ViewContext<'_>,
+        scene: &str,
+        placed: &[Placed<'_>],
+        canvas: Rect,
+    ) {
+        let response = ui.interact(canvas, ui.scope_id().with("scene canvas"), Sense::click_and_drag());
+        response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Scene"));
+        ui.painter().rect_filled(canvas, 0.0, tokens(ui).canvas());
+        self.interact(ui, &response, canvas);
+        if response.double_clicked() {
+            self.fit();
+        }
+        let shown: Vec<&Placed<'_>> = placed.iter().filter(|layer| self.shows(layer)).collect();
+        self.follow(&shown);
+        self.draw(ui, cx.frame, scene, &shown, canvas);
+        if let Some(failed) = &self.failed {
+            let hint = failed.clone();
+            let mut child = ui.new_child(egui::UiBuilder::new().max_rect(canvas));
+            return widgets::empty(&mut child, icons::ICON_ERROR, "The scene cannot be drawn", &hint);
+        }
+        let Some(picture) = &self.picture else { return };
+        if let Some(texture) = &self.texture {
+            let uv = Rect::from_min_max(egui::Pos2::ZERO, egui::pos2(1.0, 1.0));
+            ui.painter_at(canvas).image(texture.id(), canvas, uv, Color32::WHITE);
+        }
+        let aspect = f64::from(canvas.width() / canvas.height().max(1.0));
+        let matrix = picture.camera.clip_from_world(aspect);
+        if self.saved.axes {
+            frame_names(ui, cx.frame, scene, &matrix, canvas);
+        }
+        let pointed = response.hover_pos().and_then(|at| {
+            let part = (at - canvas.min) / canvas.size();
+            let [width, height] = picture.pixels.size;
+            let (column, row) = ((part.x * width as f32) as usize, (part.y * height as f32) as usize);
+            let depth = *picture.pixels.depth.get(row.min(height - 1) * width + column.min(width - 1))?;
+            unproject(&matrix, canvas, at, depth)
+        });
+        if let Some(p) = pointed {
+            let point = Some(HoverPoint { frame_id: scene.to_owned(), position_m: p.to_array() });
+            cx.selection.hovered.set(Hover { point, ..Hover::default() });
+            legend::plate(ui, canvas, Align2::RIGHT_BOTTOM, |ui| {
+                let text = format!("x {:8.2} m  y {:8.2} m  z {:6.2} m", p.x, p.y, p.z);
+                ui.label(widgets::mono(text));
+            });
+        } else if let Some(at) = Self::meant(cx, scene).and_then(|p| project(&matrix, canvas, p)) {
+            let stroke = egui::Stroke::new(1.5, tokens(ui).accent);
+            ui.painter_at(canvas).circle_stroke(at, 6.0, stroke);
+        }
+        for (row, problem) in picture.problems.iter().take(3).enumerate() {
+            let at = canvas.left_top() + Vec2::new(8.0, 8.0 + 16.0 * row as f32);
+            let font = FontId::proportional(12.0);
+            ui.painter_at(canvas).text(at, Align2::LEFT_TOP, problem, font, tokens(ui).warning);
+        }
+    }
+
+    /// The place at which another view points.
+    fn meant(cx: &ViewContext<'_>, scene: &str) -> Option<DVec3> {
+        let point = cx.selection.hovered.get().point.as_ref()?;
+        let p = DVec3::from_array(point.position_m.map(|v| if v.is_nan() { 0.0 } else { v }));
+        if point.frame_id == scene {
+            return Some(p);
+        }
+        Some(cx.frame.transforms.lookup(scene, &point.frame_id, cx.frame.now.0).ok()? * p)
+    }
+
+    /// Turns with the pointer, moves with the second button or with shift, zooms with the wheel.
+    fn interact(&mut self, ui: &Ui, response: &egui::Response, canvas: Rect) {
+        let Some(now) = self.camera() else { return };
+        let mut camera = now;
+        let (shift, scroll, pinch) =
+            ui.input(|input| (input.modifiers.shift, input.smooth_scroll_delta().y, input.zoom_delta()));
+        let by = response.drag_delta();
+        if response.dragged() {
+            let moves = shift
+                || response.dragged_by(egui::PointerButton::Secondary)
+                || response.dragged_by(egui::PointerButton::Middle);
+            if moves {
+                camera.pan(by, canvas.height());
+            } else {
+                camera.turn(by);
+            }
+        }
+        if response.hovered() {
+            camera.zoom((f64::from(scroll) * 0.004).exp() * f64::from(pinch));
+        }
+        if camera != now {
+            self.saved.camera = Some(camera);
+        }
+    }
+
+    /// Moves the camera as far as the vehicle has moved.
+    fn follow(&mut self, shown: &[&Placed<'_>]) {
+        if !self.saved.follows {
+            return;
+        }
+        let here = shown.iter().find_map(|layer| match &layer.thing {
+            Thing::Track { here: Some((p, _)), .. } => Some(layer.scene_from_layer * DVec3::from_array(*p)),
+            _ => None,
+        });
+        let Some(here) = here.filter(|p| p.is_finite()) else { return };
+        let Some(mut camera) = self.camera() else { return };
+        let center = if let Some(before) = self.followed {
+            DVec3::from_array(camera.center) + (here - before)
+        } else {
+            // It begins at the vehicle, from near.
+            camera.distance_m = camera.distance_m.min(14.0);
+            here
+        };
+        camera.center = center.to_array();
+        (self.saved.camera, self.followed) = (Some(camera), Some(here));
+    }
+
+    /// Asks for a picture where something has changed, and takes the newest one.
+    fn draw(&mut self, ui: &Ui, frame: &Frame, scene: &str, shown: &[&Placed<'_>], canvas: Rect) {
+        let per_point = ui.pixels_per_point();
+        let size = [canvas.width(), canvas.height()].map(|v| (v * per_point).round().max(1.0) as u32);
+        let names = shown.iter().map(|layer| layer.name.as_str()).collect::<Vec<_>>().join("\n");
+        let content = format!("{scene}\n{:?}\n{names}", self.saved.palette);
+        let dark = ui.visuals().dark_mode;
+        let key: Key = (frame.generation, self.camera(), size, self.saved.axes ^ dark, content);
+        if self.worker.is_none() && self.failed.is_none() {
+            match Worker::start(ui.ctx().clone()) {
+                Ok(worker) => self.worker = Some(worker),
+                Err(error) => self.failed = Some(error.to_string()),
+            }
+        }
+        let Some(worker) = &self.worker else { return };
+        if self.asked.as_ref() != Some(&key) {
+            self.asked = Some(key);
+            self.number += 1;
+            let layers = self.layers(ui, frame, scene, shown);
+            let background = tokens(ui).canvas().to_array().map(|v| f64::from(v) / 255.0);
+            worker.ask(Request {
+                number: self.number,
+                layers,
+                camera: self.camera(),
+                size,
+                per_point,
+                background: [background[0], background[1], background[2]],
+                palette: self.saved.palette,
+            });
+        }
+        let is_old = self.picture.as_ref().is_none_or(|picture| picture.number < self.number);
+        let taken = match (self.picture.is_none(), is_old && !frame.playback.playing) {
+            (true, _) => worker.wait(FIRST),
+            (false, true) => worker.wait(NEXT),
+            (false, false) => worker.take(),
+        };
+        match taken {
+            None => {}
+            Some(Ok(picture)) => {
+                let image = ColorImage::from_rgba_unmultiplied(picture.pixels.size, &picture.pixels.rgba);
+                match &mut self.texture {
+                    Some(texture) => texture.set(image, TextureOptions::LINEAR),
+                    none => *none = Some(ui.ctx().load_texture("scene", image, TextureOptions::LINEAR)),
+                }
+                self.fitted.get_or_insert(picture.camera);
+                self.picture = Some(picture);
+            }
+            Some(Err(error)) => self.failed = Some(error),
+        }
+        if self.failed.is_none() && self.picture.as_ref().is_none_or(|picture| picture.number < self.number) {
+            // The worker wakes the window; where nothing can (a picture without a window), the next pass comes at once.
+            let is_still = self.picture.is_none() || !frame.playback.playing;
+            ui.ctx().request_repaint_after(if is_still { Duration::ZERO } else { FIRST });
+        }
+    }
+
+    /// What is drawn.
+    fn layers(&self, ui: &Ui, frame: &Frame, scene: &str, shown: &[&Placed<'_>]) -> Vec<Layer> {
+        let tokens = tokens(ui);
+        let mut layers = Vec::new();
+        let mut vehicles = Shapes::default();
+        for layer in shown {
+            let color = if layer.is_stale { tokens.stale } else { tokens.series(layer.series) };
+            let pose = layer.scene_from_layer;
+            let content = match &layer.thing {
+                Thing::Grid(message) => Content::Grid(SameMessage((*message).clone())),
+                Thing::Cloud(message) => Content::Cloud(SameMessage((*message).clone())),
+                Thing::Path(points) => {
+                    let mut shapes = Shapes::default();
+                    shapes.strip(points.iter().map(|p| *p + DVec3::Z * 0.1), color, 3.0);
+                    Content::Made(Arc::new(shapes))
+                }
+                Thing::Track { points, here } => {
+                    let mut shapes = Shapes::default();
+                    shapes.strip(points.iter().map(|p| *p + DVec3::Z * 0.05), color, 2.0);
+                    if let Some((p, yaw)) = here {
+                        let p = pose * DVec3::from_array(*p);
+                        vehicles.vehicle(p.to_array(), yaw + pose.yaw(), color);
+                    }
+                    Content::Made(Arc::new(shapes))
+                }
+            };
+            layers.push(Layer { name: layer.name.clone(), content, pose });
+        }
+        let camera = self.camera();
+        if self.saved.axes {
+            let length = camera.map_or(1.0, |camera| (camera.distance_m * 0.03).clamp(0.3, 50.0));
+            for (_, pose) in frame_poses(frame, scene) {
+                vehicles.axes(&pose, length);
+            }
+        }
+        if let Some(camera) = camera {
+            let step = round_step(camera.distance_m / 12.0);
+            let color = tokens.surface[2];
+            let ground =
+                Shapes::ground(DVec3::from_array(camera.center), camera.distance_m * 2.0, step, color);
+            layers.push(made("ground", Shapes { bounds: None, ..ground }));
+        }
+        layers.push(made("vehicles and frames", vehicles));
+        layers
+    }
+}
+
+fn made(name: &str, shapes: Shapes) -> Layer {
+    let content = Content::Made(Arc::new(shapes));
+    Layer { name: format!("({name})"), content, pose: Pose::IDENTITY }
+}
+
+/// Poses of the coordinate frames that are connected to the scene.
+fn frame_poses(frame: &Frame, scene: &str) -> Vec<(String, Pose)> {
+    let tree = &frame.transforms;
+    let pose = |name: &str| {
+        let newest = tree.newest(scene, name).ok()?;
+        tree.lookup(scene, name, newest.map_or(frame.now.0, |newest| newest.min(frame.now.0))).ok()
+    };
+    let names = tree.frames().into_iter();
+    names.filter_map(|name| Some((name.to_owned(), pose(name)?))).collect()
+}
+
+/// The names of the coordinate frames beside their origins.
+fn frame_names(ui: &Ui, frame: &Frame, scene: &str, matrix: &glam::DMat4, canvas: Rect) {
+    let (tokens, painter) = (tokens(ui), ui.painter_at(canvas));
+    let mut taken: Vec<Rect> = Vec::new();
+    for (name, pose) in frame_poses(frame, scene) {
+        let Some(at) = project(matrix, canvas, pose.translation).filter(|at| canvas.contains(*at)) else {
+            continue;
+        };
+        let galley = painter.layout_no_wrap(name, FontId::proportional(11.0), tokens.text);
+        let place = Rect::from_min_size(at + Vec2::new(6.0, -galley.size().y / 2.0), galley.size());
+        // Names that would lie on others are left out.
+        if taken.iter().any(|other| other.intersects(place)) {
+            continue;
+        }
+        taken.push(place);
+        painter.rect_filled(place.expand2(Vec2::new(3.0, 0.0)), 2.0, tokens.surface[3].gamma_multiply(0.7));
+        painter.galley(place.min, galley, tokens.text);
+    }
+}

@@ -1,0 +1,216 @@
+//! What the scene draws, as instances for the graphics processor: points, lines, and boxes for the cells of grids.
+
+use crate::map::CellColors;
+use egui::Color32;
+use rcs_geom::{DVec3, Pose};
+use rcs_msg::foxglove::PointCloud;
+use rcs_msg::{AnyMessage, points};
+use rcs_world::GridView;
+
+/// Most cells of a grid that are drawn one by one; of a larger one every second, third, … row and column.
+const MOST_CELLS: usize = 400_000;
+
+/// Instances of one kind, and where their coordinates lie.
+#[derive(Debug, Default)]
+pub(super) struct Shapes {
+    /// x, y, z, colour.
+    pub(super) points: Vec<u8>,
+    /// Both ends, colour, width in points.
+    pub(super) lines: Vec<u8>,
+    /// Lower corner, extent, colour.
+    pub(super) boxes: Vec<u8>,
+    /// Bounds of the plausible part, in the shapes' own frame.
+    pub(super) bounds: Option<[DVec3; 2]>,
+}
+
+/// Sizes of the instances, bytes.
+pub(super) const POINT: usize = 16;
+pub(super) const LINE: usize = 32;
+pub(super) const BOX: usize = 28;
+
+impl Shapes {
+    fn add(&mut self, p: DVec3) {
+        let [min, max] = self.bounds.get_or_insert([p, p]);
+        (*min, *max) = (min.min(p), max.max(p));
+    }
+
+    /// Adds a line of this width, screen points.
+    pub(super) fn line(&mut self, ends: [DVec3; 2], color: Color32, width: f32) {
+        for end in ends {
+            self.add(end);
+            floats(&mut self.lines, end);
+        }
+        self.lines.extend(color.to_array());
+        self.lines.extend(width.to_ne_bytes());
+    }
+
+    /// Adds lines through points; a point that is no number interrupts them.
+    pub(super) fn strip(&mut self, points: impl Iterator<Item = DVec3>, color: Color32, width: f32) {
+        let mut before: Option<DVec3> = None;
+        for p in points {
+            if p.is_finite() {
+                if let Some(before) = before.filter(|before| before.distance_squared(p) > 0.0) {
+                    self.line([before, p], color, width);
+                }
+                before = Some(p);
+            } else {
+                before = None;
+            }
+        }
+    }
+
+    fn cell(&mut self, corner: DVec3, extent: DVec3, color: Color32) {
+        self.add(corner);
+        self.add(corner + extent);
+        floats(&mut self.boxes, corner);
+        floats(&mut self.boxes, extent);
+        self.boxes.extend(color.to_array());
+    }
+
+    /// The points of a cloud, coloured as they say, else by height.
+    pub(super) fn cloud(cloud: &PointCloud) -> Result<Self, String> {
+        let pose = crate::pose::from_message(cloud.pose.as_ref())?;
+        let read = points(cloud).map_err(|error| error.to_string())?;
+        let is_place = |p: &DVec3| crate::clip::is_place(&p.to_array());
+        let all: Vec<_> = read
+            .iter()
+            .map(|point| (pose * point.position, point.rgb))
+            .filter(|(p, _)| p.is_finite() && is_place(p))
+            .collect();
+        let mut heights: Vec<f64> =
+            all.iter().step_by((all.len() / 10_000).max(1)).map(|(p, _)| p.z).collect();
+        heights.sort_by(f64::total_cmp);
+        let at = |part: f64| heights.get((heights.len().saturating_sub(1) as f64 * part) as usize).copied();
+        let (low, high) = (at(0.02).unwrap_or(0.0), at(0.98).unwrap_or(1.0));
+        // Single points far away must not decide what the scene is fitted to.
+        let along = |axis: usize| {
+            let mut values: Vec<f64> =
+                all.iter().step_by((all.len() / 10_000).max(1)).map(|(p, _)| p[axis]).collect();
+            values.sort_by(f64::total_cmp);
+            let at = |part: f64| values.get((values.len().saturating_sub(1) as f64 * part) as usize).copied();
+            [at(0.05).unwrap_or(0.0), at(0.95).unwrap_or(0.0)]
+        };
+        let [x, y, z] = [0, 1, 2].map(along);
+        let mut shapes = Self::default();
+        let is_empty = all.is_empty();
+        for (p, rgb) in all {
+            let color = match rgb {
+                Some([r, g, b]) => Color32::from_rgb(r, g, b),
+                None => ocu_ui::palette::even((p.z - low) / (high - low).max(1e-3)),
+            };
+            floats(&mut shapes.points, p);
+            shapes.points.extend(color.to_array());
+        }
+        let bounds = [DVec3::new(x[0], y[0], z[0]), DVec3::new(x[1], y[1], z[1])];
+        shapes.bounds = (!is_empty).then_some(bounds);
+        Ok(shapes)
+    }
+
+    /// The cells of a grid, in the grid's own frame (see [`grid_pose`]): on the ground where it states heights, obstacles
+    /// as high as they are.
+    pub(super) fn grid(grid: &AnyMessage, colors: &CellColors) -> Result<Self, String> {
+        let view = GridView::of(grid).map_err(|error| error.to_string())?;
+        let (columns, rows, cell_m) = (view.columns(), view.rows(), view.cell_size_m());
+        let field = |names: &[&str]| names.iter().find_map(|name| view.field(name).ok());
+        let ground = field(&["ground.mean", "height", "elevation", "z"]);
+        let top = field(&["obstacle.max"]);
+        let every = (columns * rows).div_ceil(MOST_CELLS).isqrt().max(1);
+        let mut shapes = Self::default();
+        for row in (0..rows).step_by(every) {
+            for column in (0..columns).step_by(every) {
+                let Some(color) = colors.at(column, row) else { continue };
+                let number = |field: &Option<rcs_world::Field<'_>>| {
+                    field.as_ref()?.get(column, row).filter(|v| v.is_finite() && v.abs() < 1e4)
+                };
+                let (ground, top) = (number(&ground), number(&top));
+                let low = ground.or(top.map(|top| top - 0.3)).unwrap_or(0.0);
+                let high = top.map_or(low, |top| top.max(low));
+                let corner = DVec3::new(column as f64 * cell_m.x, row as f64 * cell_m.y, low);
+                let side = cell_m * every as f64;
+                shapes.cell(corner, DVec3::new(side.x, side.y, high - low), color);
+            }
+        }
+        Ok(shapes)
+    }
+
+    /// Axes of frames in red, green and blue.
+    pub(super) fn axes(&mut self, pose: &Pose, length_m: f64) {
+        let colors = [(230, 70, 60), (80, 190, 90), (90, 140, 255)];
+        for ((r, g, b), axis) in colors.into_iter().zip([DVec3::X, DVec3::Y, DVec3::Z]) {
+            let ends = [pose.translation, *pose * (axis * length_m)];
+            self.line(ends, Color32::from_rgb(r, g, b), 2.0);
+        }
+    }
+
+    /// An arrow on the ground that shows where the vehicle is and heads.
+    pub(super) fn vehicle(&mut self, [x, y, z]: [f64; 3], yaw_rad: f64, color: Color32) {
+        let (sin, cos) = if yaw_rad.is_finite() { yaw_rad.sin_cos() } else { (0.0, 1.0) };
+        let at = |ahead: f64, left: f64, up: f64| {
+            DVec3::new(x + cos * ahead - sin * left, y + sin * ahead + cos * left, z + up)
+        };
+        for up in [0.05, 0.45] {
+            let corners = [at(0.6, 0.0, up), at(-0.4, 0.35, up), at(-0.4, -0.35, up), at(0.6, 0.0, up)];
+            self.strip(corners.into_iter(), color, 3.0);
+        }
+        for (ahead, left) in [(0.6, 0.0), (-0.4, 0.35), (-0.4, -0.35)] {
+            self.line([at(ahead, left, 0.05), at(ahead, left, 0.45)], color, 3.0);
+        }
+    }
+
+    /// Lines of a plane at whole steps.
+    pub(super) fn ground(center: DVec3, reach_m: f64, step_m: f64, color: Color32) -> Self {
+        let mut shapes = Self::default();
+        let round = |v: f64| (v / step_m).round() * step_m;
+        let (x, y) = (round(center.x), round(center.y));
+        let count = (reach_m / step_m).ceil().min(60.0) as i32;
+        let reach = f64::from(count) * step_m;
+        for line in -count..=count {
+            let off = f64::from(line) * step_m;
+            shapes.line(
+                [DVec3::new(x + off, y - reach, 0.0), DVec3::new(x + off, y + reach, 0.0)],
+                color,
+                1.0,
+            );
+            shapes.line(
+                [DVec3::new(x - reach, y + off, 0.0), DVec3::new(x + reach, y + off, 0.0)],
+                color,
+                1.0,
+            );
+        }
+        shapes
+    }
+}
+
+/// Pose of a grid's cells in the frame of its message; the identity for other messages.
+pub(super) fn grid_pose(grid: &AnyMessage) -> Pose {
+    GridView::of(grid).map_or(Pose::IDENTITY, |view| view.frame_from_grid())
+}
+
+fn floats(bytes: &mut Vec<u8>, p: DVec3) {
+    for v in p.to_array() {
+        bytes.extend((v as f32).to_ne_bytes());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+
+    #[test]
+    fn every_plausible_point_becomes_an_instance_and_no_other() {
+        let shapes =
+            Shapes::cloud(&samples::cloud(&[[1.0, 2.0, 3.0], [f32::NAN, 0.0, 0.0], [1e30, 0.0, 0.0]]));
+        let shapes = shapes.unwrap();
+        assert_eq!(shapes.points.len(), POINT);
+        assert_eq!(shapes.bounds, Some([DVec3::new(1.0, 2.0, 3.0); 2]));
+    }
+
+    #[test]
+    fn a_line_is_interrupted_where_there_is_no_place() {
+        let mut shapes = Shapes::default();
+        let points = [DVec3::ZERO, DVec3::X, DVec3::NAN, DVec3::Y, DVec3::Y, DVec3::Z];
+        shapes.strip(points.into_iter(), Color32::RED, 1.0);
+        assert_eq!(shapes.lines.len(), 2 * LINE);
+    }
+}

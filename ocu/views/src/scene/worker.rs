@@ -1,0 +1,175 @@
+//! The thread that prepares and draws the scene: the interface never waits for it. Of several requests only the newest
+//! is carried out.
+
+use super::camera::Camera;
+use super::gpu::{Draw, Gpu, Pixels};
+use super::shapes::{Shapes, grid_pose};
+use crate::map::CellColors;
+use crate::texture::SameMessage;
+use glam::DMat4;
+use ocu_ui::palette::MapPalette;
+use rcs_geom::{DVec3, Pose};
+use rcs_msg::foxglove::PointCloud;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
+
+/// What a layer consists of.
+pub(super) enum Content {
+    Grid(SameMessage),
+    Cloud(SameMessage),
+    Made(Arc<Shapes>),
+}
+
+/// A layer, and the pose of its frame in the scene.
+pub(super) struct Layer {
+    pub(super) name: String,
+    pub(super) content: Content,
+    pub(super) pose: Pose,
+}
+
+/// A picture that is wanted.
+pub(super) struct Request {
+    pub(super) number: u64,
+    pub(super) layers: Vec<Layer>,
+    /// Where to look from; `None` to fit everything.
+    pub(super) camera: Option<Camera>,
+    pub(super) size: [u32; 2],
+    pub(super) per_point: f32,
+    pub(super) background: [f64; 3],
+    pub(super) palette: MapPalette,
+}
+
+/// A picture.
+pub(super) struct Picture {
+    pub(super) number: u64,
+    pub(super) camera: Camera,
+    pub(super) pixels: Pixels,
+    /// Layers that could not be read, with the reason.
+    pub(super) problems: Vec<String>,
+}
+
+/// The thread, from outside. Dropping it ends the thread after its current picture.
+pub(super) struct Worker {
+    requests: Sender<Request>,
+    pictures: Receiver<Result<Picture, String>>,
+}
+
+impl Worker {
+    pub(super) fn start(ctx: egui::Context) -> std::io::Result<Self> {
+        let (requests, receiver) = channel::<Request>();
+        let (sender, pictures) = channel();
+        std::thread::Builder::new().name("scene".to_owned()).spawn(move || {
+            let mut gpu = None;
+            let mut prepared = Prepared::default();
+            while let Ok(mut request) = receiver.recv() {
+                while let Ok(newer) = receiver.try_recv() {
+                    request = newer;
+                }
+                let drawn = match &mut gpu {
+                    None => Gpu::new().and_then(|new| picture(gpu.insert(new), &mut prepared, &request)),
+                    Some(gpu) => picture(gpu, &mut prepared, &request),
+                };
+                if sender.send(drawn).is_err() {
+                    return;
+                }
+                ctx.request_repaint();
+            }
+        })?;
+        Ok(Self { requests, pictures })
+    }
+
+    pub(super) fn ask(&self, request: Request) {
+        // Where the thread has ended, its last answer says why.
+        let _ = self.requests.send(request);
+    }
+
+    /// The newest picture since the last call.
+    pub(super) fn take(&self) -> Option<Result<Picture, String>> {
+        self.pictures.try_iter().last()
+    }
+
+    /// Like [`Worker::take`], for which it waits a little.
+    pub(super) fn wait(&self, time: Duration) -> Option<Result<Picture, String>> {
+        self.pictures.recv_timeout(time).ok()
+    }
+}
+
+/// Shapes by layer, with the message that they were made of.
+#[derive(Default)]
+struct Prepared(BTreeMap<String, (SameMessage, MapPalette, Made)>);
+
+/// Shapes, or why a message has none.
+type Made = Result<Arc<Shapes>, String>;
+
+impl Prepared {
+    fn shapes(&mut self, layer: &Layer, palette: MapPalette) -> Result<Arc<Shapes>, String> {
+        let (message, is_grid) = match &layer.content {
+            Content::Made(shapes) => return Ok(Arc::clone(shapes)),
+            Content::Grid(message) => (message, true),
+            Content::Cloud(message) => (message, false),
+        };
+        if let Some((known, of, shapes)) = self.0.get(&layer.name)
+            && known == message
+            && *of == palette
+        {
+            return shapes.clone();
+        }
+        let made = if is_grid {
+            CellColors::of(&message.0, palette).and_then(|colors| Shapes::grid(&message.0, &colors))
+        } else {
+            let cloud = message.0.get::<PointCloud>().ok_or("it is no point cloud".to_owned());
+            cloud.and_then(Shapes::cloud)
+        };
+        let made = made.map(Arc::new);
+        self.0.insert(layer.name.clone(), (message.clone(), palette, made.clone()));
+        made
+    }
+}
+
+fn picture(gpu: &mut Gpu, prepared: &mut Prepared, request: &Request) -> Result<Picture, String> {
+    let mut problems = Vec::new();
+    let mut shapes: Vec<(Arc<Shapes>, Pose)> = Vec::new();
+    for layer in &request.layers {
+        match prepared.shapes(layer, request.palette) {
+            Ok(made) => {
+                let pose = match &layer.content {
+                    Content::Grid(message) => layer.pose * grid_pose(&message.0),
+                    Content::Cloud(_) | Content::Made(_) => layer.pose,
+                };
+                shapes.push((made, pose));
+            }
+            Err(error) => problems.push(format!("{}: {error}", layer.name)),
+        }
+    }
+    prepared.0.retain(|name, _| request.layers.iter().any(|layer| layer.name == *name));
+    let camera = request.camera.unwrap_or_else(|| fitted(&shapes));
+    let [width, height] = request.size.map(|v| f64::from(v.max(1)));
+    let clip_from_scene = camera.clip_from_world(width / height);
+    let draws: Vec<Draw> = shapes
+        .into_iter()
+        .map(|(shapes, pose)| {
+            let scene_from_shapes = DMat4::from_rotation_translation(pose.rotation, pose.translation);
+            Draw { shapes, clip_from_shapes: clip_from_scene * scene_from_shapes }
+        })
+        .collect();
+    let pixels = gpu.draw(&draws, request.size, request.per_point, request.background)?;
+    Ok(Picture { number: request.number, camera, pixels, problems })
+}
+
+/// A camera that sees everything.
+fn fitted(shapes: &[(Arc<Shapes>, Pose)]) -> Camera {
+    let mut bounds: Option<[DVec3; 2]> = None;
+    for (shapes, pose) in shapes {
+        let Some([low, high]) = shapes.bounds else { continue };
+        for corner in 0..8 {
+            let pick = |axis: usize| if (corner >> axis) & 1 == 0 { low[axis] } else { high[axis] };
+            let p = *pose * DVec3::new(pick(0), pick(1), pick(2));
+            let [min, max] = bounds.get_or_insert([p, p]);
+            (*min, *max) = (min.min(p), max.max(p));
+        }
+    }
+    let [min, max] = bounds.unwrap_or([DVec3::splat(-5.0), DVec3::splat(5.0)]);
+    Camera::fit(min, max)
+}
