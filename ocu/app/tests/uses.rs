@@ -140,6 +140,7 @@ fn a_run_is_recorded_from_the_window_and_the_file_opens_and_repeats() {
         frame.recording.as_ref().is_some_and(|recording| recording.ended.is_none())
     };
     wait_until(&mut harness, "the recording", is_running);
+    harness.run_steps(2);
     assert!(harness.query_by_label("End the recording").is_some());
     let from = frame(&harness).unwrap().time_s();
     harness.key_down(Key::W);
