@@ -65,8 +65,11 @@ fn pass(context: &egui::Context, window: &mut Window, events: Vec<egui::Event>) 
     let screen = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(1600.0, 900.0));
     let input = egui::RawInput { screen_rect: Some(screen), events, ..egui::RawInput::default() };
     let began = Instant::now();
-    let output = context.run_ui(input, |ui| window.ui(ui));
+    let mut output = context.run_ui(input, |ui| window.ui(ui));
     let interface = began.elapsed();
+    // Nobody draws: the textures are let go.
+    output.textures_delta.set.drain().for_each(drop);
+    output.textures_delta.free.drain().for_each(drop);
     let rest = output.viewport_output.get(&egui::ViewportId::ROOT).map(|viewport| viewport.repaint_delay);
     let began = Instant::now();
     let triangles = context.tessellate(output.shapes, output.pixels_per_point);
