@@ -58,6 +58,7 @@ impl Source for Busy {
             processes: Arc::new([]),
             tracks: Arc::new([]),
             events: Arc::new([]),
+            fields: Arc::new([]),
             transforms: Arc::new(TransformTree::new()),
             runs: Runs::default(),
             playback: Playback::default(),

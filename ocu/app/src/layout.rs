@@ -15,6 +15,7 @@
 use crate::assets::{looks_like_path, read_text};
 use crate::bundled;
 use ocu_views::{RunChoice, SavedState, view_type};
+use rcs_formula::FieldRef;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -166,6 +167,17 @@ impl Layout {
     }
 }
 
+impl Layout {
+    /// The fields whose values over time its views need.
+    pub fn fields(&self) -> Vec<FieldRef> {
+        let mut fields = Vec::new();
+        self.root.add_fields(&mut fields);
+        fields.sort_unstable();
+        fields.dedup();
+        fields
+    }
+}
+
 /// An error near a piece of the text.
 struct Flaw {
     near: Near,
@@ -190,6 +202,30 @@ fn line_of_share(text: &str, share: f32) -> usize {
 }
 
 impl Node {
+    fn add_fields(&self, fields: &mut Vec<FieldRef>) {
+        match self {
+            Self::Row(tiles) | Self::Column(tiles) => {
+                for (_, tile) in tiles {
+                    tile.add_fields(fields);
+                }
+            }
+            Self::Grid(tiles) | Self::Tabs { tiles, .. } => {
+                for tile in tiles {
+                    tile.add_fields(fields);
+                }
+            }
+            Self::View { kind, state, .. } => {
+                if let Some(view_type) = view_type(kind) {
+                    let mut view = (view_type.make)();
+                    // A state that does not fit leaves the view without curves.
+                    if view.load(state).is_ok() {
+                        fields.extend(view.fields());
+                    }
+                }
+            }
+        }
+    }
+
     fn check(&self, depth: usize) -> Result<(), Flaw> {
         let flaw = |near: &str, message: String| Err(Flaw { near: Near::Text(near.to_owned()), message });
         if depth > MAX_DEPTH {

@@ -8,7 +8,7 @@
 //! - [`main`](fn@main) executes a command line.
 //! - [`cli`]: all flags, each defined once.
 //! - [`window`]: the window; [`render`] draws the same contents without one.
-//! - [`run`], [`diff`], [`info`], [`check`], [`latency`], [`plugins`], [`stack_tool`], [`sample`], [`eval`]: the commands.
+//! - [`run`], [`diff`], [`info`], [`check`], [`export`], [`graph`], [`latency`], [`plugins`], [`stack_tool`], [`sample`], [`eval`]: the commands.
 //! - [`bundled`]: the files that are compiled in; [`layout`], [`stacks`], [`assets`] read them.
 //!
 //! # Example
@@ -30,6 +30,8 @@ pub mod cli;
 pub mod cut;
 pub mod diff;
 pub mod eval;
+pub mod export;
+pub mod graph;
 pub mod info;
 pub mod latency;
 pub mod layout;
@@ -144,6 +146,8 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
         Some(Command::Info(args)) => info::info(args, out).map(|()| Ended::Well),
         Some(Command::Check(args)) => check::check(args, out),
         Some(Command::Cut(args)) => cut::cut(args, out),
+        Some(Command::Export(args)) => export::export(args, out),
+        Some(Command::Graph(args)) => graph::graph(args, out).map(|()| Ended::Well),
         Some(Command::Latency(args)) => latency::latency(args, out).map(|()| Ended::Well),
         Some(Command::Render(args)) => render::render(args).map(|()| Ended::Well),
         Some(Command::Sample(args)) => sample::sample(args).map(|()| Ended::Well),

@@ -37,7 +37,8 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         seed: args.seed,
         ..Request::default()
     };
-    let frame = Arc::new(frame_at(&request, args.at)?);
+    let fields = layout.as_ref().map(Layout::fields).unwrap_or_default();
+    let frame = Arc::new(frame_with(&request, args.at, &fields)?);
     // Without a layout, the one that the window would open.
     let layout = layout.unwrap_or_else(|| fitting(&frame));
     let theme = if args.light { egui::Theme::Light } else { egui::Theme::Dark };
@@ -49,6 +50,11 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
 
 /// The state of a source `at_s` seconds after its start, including its complete tracks.
 pub fn frame_at(request: &Request, at_s: f64) -> anyhow::Result<Frame> {
+    frame_with(request, at_s, &[])
+}
+
+/// Like [`frame_at`], with the values of these fields over time.
+fn frame_with(request: &Request, at_s: f64, fields: &[rcs_formula::FieldRef]) -> anyhow::Result<Frame> {
     let mut source = crate::stacks::open(request)?;
     let info = source.info();
     let at = info.start.after_ns((at_s * 1e9).round() as u64);
@@ -60,6 +66,7 @@ pub fn frame_at(request: &Request, at_s: f64) -> anyhow::Result<Frame> {
             "--at is {at_s} s; expected at most {length_s:.3} s, where the recording ends"
         )));
     }
+    source.gather(fields);
     source.seek(at, &Task::default())?;
     while source.idle() {}
     Ok(source.frame())

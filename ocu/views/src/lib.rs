@@ -26,7 +26,11 @@ mod buffers;
 mod camera;
 mod canvas;
 mod clip;
+mod command;
+mod conditions;
+mod details;
 mod drive;
+pub mod edit;
 mod fields;
 mod frames;
 mod hierarchy;
@@ -34,11 +38,14 @@ mod image;
 mod map;
 mod models;
 pub mod operator;
+mod origin;
 mod plan;
+mod plot;
 mod pose;
 #[cfg(test)]
 mod samples;
 mod scene;
+mod series;
 #[cfg(test)]
 mod tests;
 mod text_log;
@@ -51,7 +58,7 @@ mod views;
 
 pub use camera::cameras;
 pub use view::{
-    Hover, HoverPoint, Hovers, Preview, RunChoice, SavedState, Selection, TopicKey, View, ViewContext,
-    ViewType, Wish, show,
+    FieldKey, Hover, HoverPoint, Hovers, Preview, RunChoice, SavedState, Selection, TopicKey, View,
+    ViewContext, ViewType, Wish, show,
 };
 pub use views::{all, view_type};

@@ -44,6 +44,7 @@ pub(crate) fn empty() -> Frame {
         processes: Arc::new([]),
         tracks: Arc::new([]),
         events: Arc::new([]),
+        fields: Arc::new([]),
         transforms: Arc::new(TransformTree::new()),
         runs: Runs::default(),
         playback: Playback::default(),

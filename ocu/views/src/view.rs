@@ -3,14 +3,15 @@
 use crate::operator::{DriveSettings, Hand};
 use egui::Ui;
 use ocu_ui::{stale, tokens};
-use rcs_msg::{AnyMessage, Stamp};
+use rcs_formula::FieldRef;
+use rcs_msg::{AnyMessage, FieldPath, Stamp};
 use rcs_runtime::RunId;
 use rcs_runtime::source::{Control, Frame, RunTag, Topic};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Which run is meant, where several contain a topic of the same name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RunChoice {
     /// The run being shown.
@@ -99,6 +100,15 @@ impl TopicKey {
         };
         *self.name == *topic.name && same_run
     }
+}
+
+/// Identifies a field of a topic while dragging.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FieldKey {
+    /// The topic.
+    pub topic: TopicKey,
+    /// Path of the field.
+    pub path: FieldPath,
 }
 
 /// Whether the newest message of a topic is outdated: the one rule of all views.
@@ -239,6 +249,22 @@ pub enum Wish {
         /// Whether it is drawn in a new view; otherwise its fields are listed.
         drawn: bool,
     },
+    /// Plot a field: in the plot that is open, else in a new one.
+    Plot(FieldKey),
+    /// Write a file, after asking where.
+    SaveFile {
+        /// Its proposed name.
+        name: String,
+        /// Its content.
+        content: Arc<[u8]>,
+    },
+    /// Write a part of the window as a PNG image, after asking where.
+    SavePicture {
+        /// The proposed name of the file.
+        name: String,
+        /// The part.
+        area: egui::Rect,
+    },
 }
 
 /// The input and output of a view in one pass.
@@ -277,6 +303,19 @@ pub trait View {
     /// Called when an accepted topic is dropped on the view.
     fn drop_topic(&mut self, _topic: &Topic) {}
 
+    /// The fields whose values over time it needs; the window asks the source for those of all views.
+    fn fields(&self) -> Vec<FieldRef> {
+        Vec::new()
+    }
+
+    /// Whether fields can be dropped on the view.
+    fn accepts_fields(&self) -> bool {
+        false
+    }
+
+    /// Called when a field is dropped on the view, at this point of the screen.
+    fn drop_field(&mut self, _field: &FieldKey, _at: egui::Pos2) {}
+
     /// Returns the state to store in a layout.
     fn save(&self) -> SavedState {
         SavedState::Null
@@ -308,6 +347,7 @@ pub struct ViewType {
 pub fn show(view: &mut dyn View, ui: &mut Ui, cx: &mut ViewContext<'_>) {
     let rect = ui.available_rect_before_wrap();
     view.ui(ui, cx);
+    take_field(view, ui, rect);
     let Some(key) = egui::DragAndDrop::payload::<TopicKey>(ui.ctx()) else { return };
     let over = ui.rect_contains_pointer(rect);
     let Some(topic) = key.find(cx.frame).filter(|topic| over && view.accepts(topic)) else { return };
@@ -315,6 +355,21 @@ pub fn show(view: &mut dyn View, ui: &mut Ui, cx: &mut ViewContext<'_>) {
     ui.painter().rect_stroke(rect, 0.0, stroke, egui::StrokeKind::Inside);
     if ui.input(|input| input.pointer.any_released()) {
         view.drop_topic(topic);
+        egui::DragAndDrop::clear_payload(ui.ctx());
+    }
+}
+
+/// Handles a dropped field.
+fn take_field(view: &mut dyn View, ui: &Ui, rect: egui::Rect) {
+    let Some(field) = egui::DragAndDrop::payload::<FieldKey>(ui.ctx()) else { return };
+    if !ui.rect_contains_pointer(rect) || !view.accepts_fields() {
+        return;
+    }
+    let stroke = egui::Stroke::new(2.0, tokens(ui).accent);
+    ui.painter().rect_stroke(rect, 0.0, stroke, egui::StrokeKind::Inside);
+    let at = ui.input(|input| input.pointer.interact_pos()).unwrap_or(rect.center());
+    if ui.input(|input| input.pointer.any_released()) {
+        view.drop_field(&field, at);
         egui::DragAndDrop::clear_payload(ui.ctx());
     }
 }

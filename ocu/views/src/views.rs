@@ -78,6 +78,24 @@ pub fn all() -> &'static [ViewType] {
             icons::ICON_TIMER,
             "The cycles of every process against its period.",
         ),
+        entry::<crate::details::Details>(
+            "details",
+            "Details",
+            icons::ICON_LIST_ALT,
+            "A process in full: its commands with parameters, the last one sent, its buffers.",
+        ),
+        entry::<crate::conditions::Conditions>(
+            "conditions",
+            "Conditions",
+            icons::ICON_RULE,
+            "Stop where a formula over fields begins to hold, forward or back.",
+        ),
+        entry::<crate::plot::Plot>(
+            "plot",
+            "Plot",
+            icons::ICON_SHOW_CHART,
+            "Fields and formulas over time: aligned graphs, statistics, derived curves.",
+        ),
         entry::<crate::frames::Frames>(
             "frames",
             "Frames",

@@ -41,8 +41,8 @@ fn is_plugin(dir: &str) -> bool {
 
 /// The folders that a package may depend on, as `folder` or `folder/*`; `None` if the package is in no layer.
 ///
-/// The layers: geom ← msg ← {world, scene, bus, log} ← runtime ← sense ← plugins ← all ← {app, tests}; and beside them
-/// {msg, world, runtime, ui} ← views ← app, and plugins ← eval ← app. A layer may also use everything below the layers
+/// The layers: geom ← msg ← {formula, world, scene, bus, log} ← runtime ← sense ← plugins ← all ← {app, tests}; and beside them
+/// {msg, formula, world, runtime, ui} ← views ← app, and plugins ← eval ← app. A layer may also use everything below the layers
 /// that it depends on.
 fn allowed_below(dir: &str) -> Option<&'static [&'static str]> {
     Some(match dir {
@@ -50,14 +50,15 @@ fn allowed_below(dir: &str) -> Option<&'static [&'static str]> {
         "core/geom" | "core/msg-build" | "ocu/ui" | "tools/metrics" => &[],
         "core/msg" => &["core/geom", "core/msg-build"],
         "core/scene" => &["core/geom"],
+        "core/formula" => &["core/msg"],
         "core/world" | "core/bus" | "core/log" => &["core/geom", "core/msg"],
         // The testkit makes logs and runs stacks; crates below it use it in their tests only.
         "core/testkit" => &["core/msg", "core/msg-build", "core/log", "core/runtime"],
         // The runtime knows no map and no perception.
-        "core/runtime" | "core/link" => &["core/geom", "core/msg", "core/bus", "core/log"],
+        "core/runtime" | "core/link" => &["core/geom", "core/msg", "core/formula", "core/bus", "core/log"],
         "core/sense" => &["core/geom", "core/msg", "core/world", "core/bus", "core/runtime"],
         "plugins/all" => &["core/runtime", "plugins/*"],
-        "ocu/views" => &["core/geom", "core/msg", "core/world", "core/runtime", "ocu/ui"],
+        "ocu/views" => &["core/geom", "core/msg", "core/formula", "core/world", "core/runtime", "ocu/ui"],
         "tools/eval" => &["core/*", "plugins/*", "tools/metrics"],
         "ocu/app" | "tests" => &["core/*", "plugins/*", "ocu/*", "tools/*"],
         dir if is_plugin(dir) => &[

@@ -295,6 +295,33 @@ impl Session {
         }
     }
 
+    /// Every message of a buffer in a run, in order, as far as it was kept; whether that is all of them.
+    pub(crate) fn each_message(&mut self, run: RunId, buffer: usize, take: &mut dyn FnMut(&Sample)) -> bool {
+        let (log, mut complete) = (self.log(), true);
+        let known = &self.runs[run.0 as usize];
+        let (line, end) = (known.line.clone(), known.end);
+        for stretch in line {
+            let is_new = self.at_stretch == stretch && self.stretches[stretch].samples.memory.is_none();
+            let memory = if is_new || !self.load(stretch) {
+                None
+            } else {
+                self.stretches[stretch].samples.memory.clone()
+            };
+            let tape = (memory.is_none() && self.at_stretch == stretch).then(|| self.tape.samples());
+            let Some(samples) = memory.as_deref().or(tape.as_deref()) else {
+                complete = false;
+                continue;
+            };
+            for entry in samples.written[buffer].iter().filter(|entry| entry.point <= end) {
+                match entry.sample(log.as_ref()) {
+                    Ok(sample) => take(&sample),
+                    Err(_) => complete = false,
+                }
+            }
+        }
+        complete
+    }
+
     /// The viewed point.
     pub(crate) fn cursor(&self) -> Point {
         self.cursor

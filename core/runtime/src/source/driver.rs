@@ -48,6 +48,8 @@ pub enum Control {
     Undo,
     /// Show the same moment of these runs beside the viewed one.
     Watch(Vec<crate::RunId>),
+    /// Gather the values of these fields over time, and of no others.
+    Gather(Vec<rcs_formula::FieldRef>),
     /// Write a message repeatedly while the source plays. To be repeated at least every [`HeldControl::LEASE`] while
     /// the control is held; otherwise the control is released.
     Hold(HeldControl),
@@ -148,6 +150,7 @@ impl Driver {
                 hands: HeldControls::default(),
                 controls: &receiver,
                 pending: VecDeque::new(),
+                idle: true,
                 is_behind: false,
                 woken: (Instant::now(), 0),
             };
@@ -232,6 +235,8 @@ struct DriverLoop<'a, W> {
     controls: &'a Receiver<Control>,
     /// The outstanding requests, oldest first.
     pending: VecDeque<Control>,
+    /// Whether background work is left.
+    idle: bool,
     /// Whether the source has not reached the time of the clock.
     is_behind: bool,
     /// When the window was last woken, and the content that it was woken for.
@@ -240,14 +245,13 @@ struct DriverLoop<'a, W> {
 
 impl<W: Fn()> DriverLoop<'_, W> {
     fn run(mut self) {
-        let mut idle = true;
         let mut shown = Instant::now();
         loop {
             let wait = if self.playback.playing && self.is_behind {
                 Duration::ZERO
             } else if self.playback.playing {
                 self.shared.every().saturating_sub(shown.elapsed())
-            } else if idle {
+            } else if self.idle {
                 Duration::ZERO
             } else {
                 Duration::MAX
@@ -279,9 +283,9 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 self.play_on(Instant::now());
                 let is_due = shown.elapsed() + Duration::from_millis(1) >= self.shared.every();
                 changed = is_asked || is_due || !self.playback.playing;
-            } else if idle {
-                idle = self.source.idle();
-                if !idle || shown.elapsed() > SHOW_IDLE {
+            } else if self.idle {
+                self.idle = self.source.idle();
+                if !self.idle || shown.elapsed() > SHOW_IDLE {
                     changed = true;
                 }
             }
@@ -368,6 +372,11 @@ impl<W: Fn()> DriverLoop<'_, W> {
             }
             Control::Watch(runs) => {
                 self.source.watch(&runs);
+                return;
+            }
+            Control::Gather(fields) => {
+                self.source.gather(&fields);
+                self.idle = true;
                 return;
             }
             Control::Write { buffer, message } => self.source.write(&buffer, message),

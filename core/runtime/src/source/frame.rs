@@ -1,6 +1,7 @@
 //! Frames: one moment of a source, as the views see it.
 
 use super::events::Events;
+use super::fields::FieldSeries;
 use super::recording_state::RecordingState;
 use super::run_tag::RunTag;
 use super::tracks::Track;
@@ -8,6 +9,7 @@ use crate::conversion::canonical;
 use crate::history::{Moment, RunId, RunSummary};
 use crate::role::{ROLE, Role};
 use rcs_bus::Sample;
+use rcs_formula::FieldRef;
 use rcs_geom::TransformTree;
 use rcs_log::Gap;
 use rcs_msg::classes::{CLASSES, LabelClass, classes_from_json};
@@ -209,6 +211,9 @@ pub struct Frame {
     pub tracks: Arc<[Track]>,
     /// The events of every run, over the whole log as far as it has been read.
     pub events: Arc<[Events]>,
+    /// The fields that were asked for ([`super::Control::Gather`]), in every run, over the whole log as far as it has
+    /// been read.
+    pub fields: Arc<[FieldSeries]>,
     /// Transforms up to now; static transforms of the whole log.
     pub transforms: Arc<TransformTree>,
     /// The runs of the stack.
@@ -252,6 +257,12 @@ impl Frame {
     /// The track of this topic in this run.
     pub fn track(&self, topic: &str, run: RunTag) -> Option<&Track> {
         self.tracks.iter().find(|track| &*track.topic == topic && track.run == run)
+    }
+
+    /// The values of a field in this run, or else in the recording.
+    pub fn field(&self, field: &FieldRef, run: RunTag) -> Option<&FieldSeries> {
+        let of = |run| self.fields.iter().find(move |series| series.run == run && series.field == *field);
+        of(run).or_else(|| of(RunTag::Recorded))
     }
 
     /// The events of the viewed run; those of the recording where nothing runs.

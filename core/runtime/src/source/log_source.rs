@@ -80,6 +80,7 @@ impl Source for LogSource {
             processes: Arc::clone(&self.processes),
             tracks: self.view.tracks().collect(),
             events: Arc::new([self.view.events()]),
+            fields: self.view.fields().collect(),
             transforms: Arc::clone(&self.view.shared_tree),
             runs: Runs::default(),
             playback: Playback::default(),
@@ -127,6 +128,10 @@ impl Source for LogSource {
 
     fn write(&mut self, _buffer: &str, _message: AnyMessage) -> Result<(), SourceError> {
         Err(SourceError::Unsupported("a recording cannot be written to; run a stack on it".to_owned()))
+    }
+
+    fn gather(&mut self, fields: &[rcs_formula::FieldRef]) {
+        self.view.gather(fields, |_| true);
     }
 
     fn idle(&mut self) -> bool {

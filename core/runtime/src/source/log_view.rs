@@ -1,6 +1,7 @@
 //! The topics of a log at one moment, and background reading of the log.
 
 use super::events::{EventWatch, Events, is_event_type};
+use super::fields::{FieldSeries, LogFields};
 use super::frame::Topic;
 use super::rates::{LastTimes, WINDOW_NS};
 use super::run_tag::RunTag;
@@ -8,6 +9,7 @@ use super::tracks::{Track, Tracks, is_pose_type, is_transform_type};
 use super::{Source, SourceError};
 use crate::conversion::canonical;
 use rcs_bus::{Header, Sample, WriterId};
+use rcs_formula::FieldRef;
 use rcs_geom::TransformTree;
 use rcs_log::{Cursor, CursorOptions, Log, LogMessage, MessagePosition, Reassembled, Reassembly, TopicId};
 use rcs_msg::{AnyMessage, Stamp, rcs};
@@ -24,6 +26,8 @@ const FIRST_IMAGE_NS: u64 = 1_000_000_000;
 const JUMP_NS: u64 = 2_000_000_000;
 /// Greatest duration of one piece of background work.
 const PIECE: Duration = Duration::from_millis(8);
+/// Time between two looks at what another thread has read.
+const WAIT: Duration = Duration::from_millis(4);
 
 /// The topics of a log at one moment.
 pub(crate) struct LogView {
@@ -40,6 +44,7 @@ pub(crate) struct LogView {
     cursor: Cursor,
     ahead: Option<LogMessage>,
     background: Option<Cursor>,
+    fields: LogFields,
     tracks: Tracks,
     events: EventWatch,
     shared_len: usize,
@@ -100,6 +105,7 @@ impl LogView {
             cursor: log.cursor(CursorOptions::default()),
             ahead: None,
             background,
+            fields: LogFields::default(),
             tracks: Tracks::default(),
             events: EventWatch::default(),
             shared_len: 0,
@@ -220,9 +226,32 @@ impl LogView {
         }
     }
 
+    /// Gathers these fields of the topics for which `is_wanted` holds, and no others.
+    pub(crate) fn gather(&mut self, fields: &[FieldRef], is_wanted: impl Fn(&str) -> bool) {
+        let Self { log, topics, by_id, reassembly, fields: gathered, .. } = self;
+        gathered.gather(log, fields, |name| {
+            let shown = |index: &usize| *topics[*index].name == *name;
+            let (&id, &index) = by_id.iter().find(|(_, index)| shown(index)).filter(|_| is_wanted(name))?;
+            let ids = [Some(id), reassembly.deltas_of(id)].into_iter().flatten().collect();
+            Some((Arc::clone(&topics[index].schema), ids))
+        });
+    }
+
+    /// The gathered fields, as far as they have been read.
+    pub(crate) fn fields(&self) -> impl Iterator<Item = FieldSeries> + '_ {
+        self.fields.read()
+    }
+
     /// Reads poses, transforms and events for a few milliseconds; `true` if some are left.
     pub(crate) fn idle(&mut self) -> bool {
-        let Some(cursor) = &mut self.background else { return false };
+        let Some(cursor) = &mut self.background else {
+            let reads = self.fields.is_reading();
+            if reads {
+                // Another thread reads; this one shows its progress.
+                std::thread::sleep(WAIT);
+            }
+            return reads;
+        };
         let until = Instant::now() + PIECE;
         let mut more = true;
         while more && Instant::now() < until {
@@ -250,7 +279,7 @@ impl LogView {
             self.shared_len = self.tracks.len();
             self.shared_tree = Arc::new(self.tracks.tree());
         }
-        more
+        more || self.fields.is_reading()
     }
 
     /// The tracks of the log, as far as they have been read.

@@ -6,8 +6,10 @@
 
 mod driver;
 mod events;
+mod fields;
 mod frame;
 mod held;
+mod hierarchy;
 mod log_source;
 mod log_view;
 mod pace;
@@ -24,8 +26,10 @@ mod tracks;
 
 pub use driver::{Control, Driver};
 pub use events::{Event, EventKind, EventLevel, Events};
+pub use fields::{FieldPoint, FieldSeries, moments, read_fields, series_of};
 pub use frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic};
 pub use held::HeldControl;
+pub use hierarchy::{BufferInfo, Hierarchy, Node, Peer};
 pub use log_source::LogSource;
 pub use log_view::finish_idle;
 pub use recording_state::{RecordingEnd, RecordingState};
@@ -146,6 +150,8 @@ pub trait Source: Send {
     }
     /// Ends the recording, and completes its file.
     fn stop_recording(&mut self) {}
+    /// Gathers the values of these fields over time, and of no others ([`Frame::fields`]).
+    fn gather(&mut self, _fields: &[rcs_formula::FieldRef]) {}
     /// Background work in small pieces (for example tracks), while there are no requests; `true` if some is left.
     fn idle(&mut self) -> bool {
         false

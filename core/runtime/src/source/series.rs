@@ -116,6 +116,16 @@ impl<T: Record> SeriesWriter<T> {
         }
     }
 
+    /// Appends a record whose time may be that of the last one; one that is earlier is left out. For what sees every
+    /// message once.
+    pub fn append(&self, record: T) {
+        let mut store = self.0.write().unwrap_or_else(PoisonError::into_inner);
+        let len = store.len();
+        if len == 0 || record.stamp() >= store.get(len - 1).stamp() {
+            store.push(record);
+        }
+    }
+
     /// What has been written up to now.
     pub fn read(&self) -> Series<T> {
         let len = self.0.read().unwrap_or_else(PoisonError::into_inner).len();
@@ -158,7 +168,7 @@ impl<T: Record> fmt::Debug for Series<T> {
 impl<T: Record> FromIterator<T> for Series<T> {
     fn from_iter<I: IntoIterator<Item = T>>(records: I) -> Self {
         let writer = SeriesWriter::default();
-        records.into_iter().for_each(|record| writer.push(record));
+        records.into_iter().for_each(|record| writer.append(record));
         writer.read()
     }
 }

@@ -1,6 +1,7 @@
 //! A stack as a source, with or without a log. Recorded and computed topics are shown side by side.
 
 use super::events::EventWatch;
+use super::fields::RunFields;
 use super::frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic};
 use super::log_source::info_of;
 use super::log_view::{LogView, opening_time};
@@ -47,6 +48,7 @@ pub struct StackSource {
     tracks: PerRun<Tracks>,
     events: PerRun<EventWatch>,
     times: RunTimes,
+    fields: RunFields,
     transforms: RunTransforms,
     /// The moment of `transforms`; `None` if they must be computed again.
     placed: Option<crate::Moment>,
@@ -88,6 +90,7 @@ impl StackSource {
         let tracks = PerRun::tap(outputs.map(|&index| &run.buffers()[index]));
         let events = PerRun::tap(run.buffers());
         let times = RunTimes::tap(&run);
+        let fields = RunFields::tap(&run);
         let placing = placing(&plan);
         let topics = plan.buffers.iter().map(|buffer| Topic {
             metadata: Arc::new(buffer.spec.metadata.clone()),
@@ -140,6 +143,7 @@ impl StackSource {
             tracks,
             events,
             times,
+            fields,
             transforms: RunTransforms::default(),
             placed: None,
             placing,
@@ -191,6 +195,7 @@ impl StackSource {
         self.tracks.follow(&self.runs, current.0 as usize);
         self.events.follow(&self.runs, current.0 as usize);
         self.times.follow(&self.runs, current.0 as usize);
+        self.fields.follow(&self.runs, current.0 as usize);
         if self.topics.first().is_some_and(|topic| topic.run != tag) {
             self.topics.iter_mut().for_each(|topic| topic.run = tag);
         }
@@ -344,6 +349,7 @@ impl Source for StackSource {
             recorded.map(LogView::events).into_iter().chain(self.events.read(|run, events| events.read(run)));
         let events = events.collect();
         let end = self.session.end();
+        let fields = recorded.into_iter().flat_map(LogView::fields).chain(self.fields.read()).collect();
         let mut frame = Frame {
             generation: self.generation,
             info: Arc::clone(&self.info),
@@ -352,6 +358,7 @@ impl Source for StackSource {
             processes: Arc::clone(&self.processes),
             tracks,
             events,
+            fields,
             transforms: match recorded {
                 Some(view) => Arc::clone(&view.shared_tree),
                 None => self.transforms.share(),
@@ -455,6 +462,15 @@ impl Source for StackSource {
         let undone = self.session.undo()?;
         self.arrived(self.session.now())?;
         Ok(undone)
+    }
+
+    fn gather(&mut self, fields: &[rcs_formula::FieldRef]) {
+        let Self { session, recorded, wired, fields: own, .. } = self;
+        own.gather(session, fields);
+        if let Some(view) = recorded {
+            // A topic that feeds a buffer is shown as that buffer.
+            view.gather(fields, |name| !wired.values().any(|buffer| **buffer == *name));
+        }
     }
 
     fn idle(&mut self) -> bool {

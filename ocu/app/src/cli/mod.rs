@@ -4,6 +4,7 @@ mod eval;
 mod recording;
 mod run;
 mod stack;
+mod table;
 mod values;
 
 pub use eval::{
@@ -13,6 +14,7 @@ pub use eval::{
 pub use recording::{CheckArgs, CutArgs, DiffArgs, InfoArgs, LatencyArgs, RenderArgs, SampleArgs};
 pub use run::RunArgs;
 pub use stack::{PluginsArgs, StackCheckArgs, StackCommand, StackShowArgs};
+pub use table::{ExportArgs, GraphArgs, GraphFormat};
 pub use values::{Param, Save, Size};
 
 use crate::past_args::PastArgs;
@@ -57,6 +59,10 @@ pub enum Command {
     Check(CheckArgs),
     /// Write a range of a recording to a new one
     Cut(CutArgs),
+    /// Write fields of a recording as a table (CSV)
+    Export(ExportArgs),
+    /// Print who supervises whom and who reads whose data, of a stack or a recording
+    Graph(GraphArgs),
     /// Say how old the messages of a recording were when they became visible
     Latency(LatencyArgs),
     /// Draw a layout at a time into a PNG; needs no display

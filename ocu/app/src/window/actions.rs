@@ -160,6 +160,9 @@ impl Window {
             TopBarAction::Acknowledge(until) => self.known_alarms = until,
             TopBarAction::SwitchRun(run) => controls.push(Control::SwitchRun(run)),
             TopBarAction::Undo => controls.push(Control::Undo),
+            TopBarAction::Release(id) => {
+                controls.extend(frame.and_then(|frame| ocu_views::edit::release(frame, id)));
+            }
             TopBarAction::ToggleBuffers => self.buffers_open = !self.buffers_open,
             TopBarAction::ToggleTheme => {
                 let dark = self.ctx.theme() == egui::Theme::Dark;

@@ -16,6 +16,7 @@ use super::open::{self, Invited, Opener};
 use super::operate::{Operating, StopState};
 use super::palette::{Choice, KeyList, Palette};
 use super::recording::Told;
+use super::save_file::SaveFile;
 use super::save_params::{SaveParams, Saved};
 use super::timeline::Timeline;
 use super::top_bar;
@@ -102,6 +103,9 @@ pub struct Window {
     pub(super) chosen: Chosen,
     /// The runs that the source was last asked to show beside the viewed one.
     pub(super) watched: Vec<RunId>,
+    /// The fields that the source was last asked to gather.
+    gathered: Vec<rcs_formula::FieldRef>,
+    pub(super) save_file: SaveFile,
     pub(super) frames: FramePolicy,
     /// Number of runs of the source that the user knows of.
     pub(super) known_runs: usize,
@@ -143,6 +147,8 @@ impl Window {
             document: Document::default(),
             chosen: Chosen::Nothing,
             watched: Vec::new(),
+            gathered: Vec::new(),
+            save_file: SaveFile::default(),
             frames: FramePolicy::default(),
             known_runs: 0,
             known_alarms: Stamp(0),
@@ -197,6 +203,7 @@ impl Window {
             old.close();
         }
         self.watched.clear();
+        self.gathered.clear();
         (self.known_runs, self.known_alarms) = (0, Stamp(0));
         self.marks = Bookmarks::of(request.log.as_deref());
         self.current = request;
@@ -310,6 +317,7 @@ impl Window {
             }
         }
         self.message_file_ui(ui, frame.as_deref(), &mut controls);
+        self.save_file.ui(ui.ctx());
         self.palette_ui(ui, frame.as_deref(), &mut controls);
         show_focus(ui.ctx(), stops);
         // Views that were painted before the one that changed it follow in the next pass.
@@ -324,6 +332,11 @@ impl Window {
             if runs != self.watched {
                 controls.push(Control::Watch(runs.clone()));
                 self.watched = runs;
+            }
+            let fields = self.workspace.as_ref().map(Workspace::fields).unwrap_or_default();
+            if fields != self.gathered {
+                controls.push(Control::Gather(fields.clone()));
+                self.gathered = fields;
             }
             // Repaint while the source works, or may have started to, to show the progress.
             if !controls.is_empty() || driver.busy().is_some() {
@@ -432,6 +445,13 @@ impl Window {
                     workspace.show_topic(frame, &topic, drawn);
                     ui.ctx().request_repaint();
                 }
+                Wish::Plot(field) => {
+                    let workspace = self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty()));
+                    workspace.plot(&field);
+                    ui.ctx().request_repaint();
+                }
+                Wish::SaveFile { name, content } => self.save_file.ask(&name, content),
+                Wish::SavePicture { name, area } => self.save_file.ask_picture(ui.ctx(), &name, area),
             }
         }
     }

@@ -1,6 +1,7 @@
 //! The bar at the top of the window: the open source, its state, and actions.
 
 use super::commands::Command;
+use super::held;
 use super::operate::StopState;
 use super::recording;
 use super::top_menus::{course_menu, layout_menu, open_menu, runs_menu, stack_menu};
@@ -54,6 +55,9 @@ fn left<'a>(bar: &mut Bar<'a, Actions>, state: &'a State<'a>) {
     }
     if !frame.info.problems.is_empty() {
         bar.left("problems", Fit::Leaves(95), |ui, form, _| problems(ui, form, frame));
+    }
+    if held::is_any(frame) {
+        bar.left("held", Fit::Stays, |ui, form, actions| held::menu(ui, form, frame, actions));
     }
     if !frame.processes.is_empty() {
         bar.left("processes", Fit::Leaves(110), |ui, form, _| run_state(ui, form, frame));

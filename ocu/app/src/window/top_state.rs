@@ -51,6 +51,8 @@ pub(super) enum TopBarAction {
     SwitchRun(RunId),
     /// Undo the last write.
     Undo,
+    /// Release what is held: the override with this number, or all of them.
+    Release(Option<u64>),
     ToggleBuffers,
     ToggleTheme,
     Help,

@@ -4,7 +4,7 @@ use super::document::VIEWPORT;
 use crate::layout::{Layout, Node, VERSION};
 use egui_tiles::{Container, Linear, LinearDir, Tabs, Tile, TileId, Tiles, Tree};
 use ocu_ui::{icons, tokens, widgets};
-use ocu_views::{RunChoice, SavedState, TopicKey, View, ViewContext, ViewType, view_type};
+use ocu_views::{FieldKey, RunChoice, SavedState, TopicKey, View, ViewContext, ViewType, view_type};
 use rcs_runtime::RunId;
 use rcs_runtime::source::Frame;
 use std::collections::BTreeMap;
@@ -89,6 +89,18 @@ impl Workspace {
         runs.sort_unstable();
         runs.dedup();
         runs
+    }
+
+    /// The fields whose values over time views need.
+    pub(super) fn fields(&self) -> Vec<rcs_formula::FieldRef> {
+        let panes = self.tree.tiles.tiles().filter_map(|tile| match tile {
+            Tile::Pane(pane) => Some(pane.view.fields()),
+            Tile::Container(_) => None,
+        });
+        let mut fields: Vec<_> = panes.flatten().collect();
+        fields.sort_unstable();
+        fields.dedup();
+        fields
     }
 
     /// Whether there is no view.
@@ -188,6 +200,25 @@ impl Workspace {
             && let Some(view_type) = ocu_views::all().iter().find(|view| (view.make)().shows_selection())
         {
             self.add(view_type);
+        }
+    }
+
+    /// Shows a field in the first view that takes fields, or in a new one.
+    pub(super) fn plot(&mut self, field: &FieldKey) {
+        let takes = |tile: &Tile<Pane>| matches!(tile, Tile::Pane(pane) if pane.view.accepts_fields());
+        if !self.tree.tiles.tiles().any(takes) {
+            let plots = ocu_views::all().iter().find(|view_type| (view_type.make)().accepts_fields());
+            if let Some(view_type) = plots {
+                self.add(view_type);
+            }
+        }
+        self.tree.make_active(|_, tile| takes(tile));
+        let mut panes = self.tree.tiles.tiles_mut().filter_map(|tile| match tile {
+            Tile::Pane(pane) if pane.view.accepts_fields() => Some(pane),
+            _ => None,
+        });
+        if let Some(pane) = panes.next() {
+            pane.view.drop_field(field, egui::Pos2::ZERO);
         }
     }
 

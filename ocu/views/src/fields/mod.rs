@@ -5,8 +5,10 @@
 
 mod rows;
 
+use crate::edit::{Edits, overrides, refusal, text_of};
+use crate::origin::Origin;
 use crate::texture::{Cached, SameMessage};
-use crate::view::{SavedState, Selection, TopicKey, View, ViewContext, rate_hz};
+use crate::view::{FieldKey, SavedState, Selection, TopicKey, View, ViewContext, Wish, rate_hz};
 use egui::text::LayoutJob;
 use egui::{
     Align, FontId, FontSelection, Pos2, Rect, RichText, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo,
@@ -42,6 +44,8 @@ pub(crate) struct Fields {
     saved: Saved,
     value: Cached<SameMessage, Result<Value, String>>,
     last: Option<TopicKey>,
+    edits: Edits,
+    origin: Origin,
 }
 
 impl View for Fields {
@@ -51,6 +55,10 @@ impl View for Fields {
 
     fn accepts(&self, _topic: &Topic) -> bool {
         true
+    }
+
+    fn fields(&self) -> Vec<rcs_formula::FieldRef> {
+        self.origin.field().into_iter().collect()
     }
 
     fn shows_selection(&self) -> bool {
@@ -77,6 +85,13 @@ impl View for Fields {
         }
         let topic = self.topic(cx);
         self.toolbar(ui, cx, topic);
+        self.message_ui(ui, cx, topic);
+    }
+}
+
+impl Fields {
+    /// Paints header and fields of a topic's newest message.
+    pub(crate) fn message_ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: Option<&Topic>) {
         let Some(topic) = topic else {
             let hint = "Click one in the buffer list, or drag one here.";
             return widgets::empty(ui, icons::ICON_DATA_OBJECT, "No buffer is chosen", hint);
@@ -103,7 +118,12 @@ impl View for Fields {
         let read = || sample.message.value().map_err(|error| error.to_string());
         match self.value.get(message, read) {
             Err(reason) => undecodable(ui, reason, &sample.message),
-            Ok(value) => tree(ui, &mut self.saved, value),
+            Ok(value) => {
+                let key = TopicKey::of(topic);
+                self.origin.ui(ui, cx);
+                self.edits.ui(ui, cx);
+                tree(ui, cx, &mut self.saved, value, topic, &key, (&mut self.edits, &mut self.origin));
+            }
         }
     }
 }
@@ -218,7 +238,16 @@ fn undecodable(ui: &mut Ui, reason: &str, message: &AnyMessage) {
     });
 }
 
-fn tree(ui: &mut Ui, saved: &mut Saved, value: &Value) {
+#[allow(clippy::too_many_arguments, reason = "what a row shows and what its menu does")]
+fn tree(
+    ui: &mut Ui,
+    cx: &mut ViewContext<'_>,
+    saved: &mut Saved,
+    value: &Value,
+    topic: &Topic,
+    key: &TopicKey,
+    (edits, origin): (&mut Edits, &mut Origin),
+) {
     let search = saved.search.trim().to_lowercase();
     let (rows, more) =
         if search.is_empty() { (rows::rows(value, &saved.open), false) } else { rows::found(value, &search) };
@@ -238,11 +267,43 @@ fn tree(ui: &mut Ui, saved: &mut Saved, value: &Value) {
     let name_width = (ui.available_width() * share).clamp(96.0, most);
     ScrollArea::vertical().auto_shrink(false).show_rows(ui, ROW, rows.len(), |ui, range| {
         for row in &rows[range] {
-            let response = paint_row(ui, row, name_width);
+            let held = overrides(cx.frame).iter().any(|held| {
+                *held.buffer == *topic.name && !topic.run.is_recorded() && held.path == row.path.to_string()
+            });
+            let mark = match (held, edits.has(key, &row.path.to_string())) {
+                (true, _) => Some("held by the operator"),
+                (false, true) => Some("edited"),
+                (false, false) => None,
+            };
+            let response = paint_row(ui, row, name_width, mark);
             if response.clicked() && row.open.is_some() && !saved.open.remove(&row.key) {
                 saved.open.insert(row.key.clone());
             }
+            response.dnd_set_drag_payload(FieldKey { topic: key.clone(), path: row.path.clone() });
+            let leaf =
+                value.get(&row.path).ok().filter(|value| row.open.is_none() && text_of(value).is_some());
+            if let Some(leaf) = leaf.as_ref().filter(|_| response.double_clicked())
+                && refusal(cx.frame, topic).is_none()
+            {
+                edits.begin(key, &row.path, leaf);
+            }
             response.context_menu(|ui| {
+                let refused = refusal(cx.frame, topic);
+                let edit = ui.add_enabled(leaf.is_some() && refused.is_none(), egui::Button::new("Edit…"));
+                if edit.on_disabled_hover_text(refused.unwrap_or("Open it to edit its parts.")).clicked() {
+                    if let Some(leaf) = &leaf {
+                        edits.begin(key, &row.path, leaf);
+                    }
+                    ui.close();
+                }
+                if ui.add_enabled(leaf.is_some(), egui::Button::new("Who wrote this")).clicked() {
+                    origin.begin(cx.frame, key, &row.path);
+                    ui.close();
+                }
+                if ui.button("Plot").clicked() {
+                    cx.wishes.push(Wish::Plot(FieldKey { topic: key.clone(), path: row.path.clone() }));
+                    ui.close();
+                }
                 if ui.button("Copy path").clicked() {
                     ui.ctx().copy_text(row.path.to_string());
                     ui.close();
@@ -256,9 +317,10 @@ fn tree(ui: &mut Ui, saved: &mut Saved, value: &Value) {
     });
 }
 
-fn paint_row(ui: &mut Ui, row: &Row, name_width: f32) -> egui::Response {
+fn paint_row(ui: &mut Ui, row: &Row, name_width: f32, mark: Option<&str>) -> egui::Response {
     let tokens = tokens(ui);
-    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click());
+    let (rect, response) =
+        ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click_and_drag());
     let name = format!("{} {}", row.name, row.text);
     match row.open {
         Some(open) => {
@@ -287,5 +349,8 @@ fn paint_row(ui: &mut Ui, row: &Row, name_width: f32) -> egui::Response {
     let hanging = row.text.starts_with(['-', '"']);
     let text = if hanging { row.text.clone() } else { format!(" {}", row.text) };
     widgets::cell(ui, value, Align::Min, &text, FontId::monospace(12.0), color);
+    if let Some(mark) = mark {
+        widgets::cell(ui, value, Align::Max, mark, FontId::proportional(11.0), tokens.warning);
+    }
     response
 }

@@ -10,21 +10,21 @@ use rcs_msg::{FieldPath, Value};
 const LONG_TEXT: usize = 200;
 
 /// A parameter with its value in the draft.
-pub(super) struct Row<'a> {
-    pub(super) spec: &'a ParamSpec,
-    pub(super) path: String,
-    pub(super) value: Option<&'a Value>,
+pub(crate) struct Row<'a> {
+    pub(crate) spec: &'a ParamSpec,
+    pub(crate) path: String,
+    pub(crate) value: Option<&'a Value>,
 }
 
 /// Paints rows, and collects what is changed.
-pub(super) struct Rows<'a> {
-    pub(super) search: &'a str,
+pub(crate) struct Rows<'a> {
+    pub(crate) search: &'a str,
     /// The parameters in force.
-    pub(super) now: &'a Value,
+    pub(crate) now: &'a Value,
     /// Path and text of each change.
-    pub(super) edits: &'a mut Vec<(String, String)>,
+    pub(crate) edits: &'a mut Vec<(String, String)>,
     /// Whether a control was let go after a change.
-    pub(super) let_go: &'a mut bool,
+    pub(crate) let_go: &'a mut bool,
 }
 
 /// Whether a parameter, or one within it, is found by a search.
@@ -36,7 +36,7 @@ pub(super) fn is_found(spec: &ParamSpec, search: &str) -> bool {
 }
 
 impl Rows<'_> {
-    pub(super) fn ui(&mut self, ui: &mut Ui, row: &Row<'_>, depth: usize) {
+    pub(crate) fn ui(&mut self, ui: &mut Ui, row: &Row<'_>, depth: usize) {
         let spec = row.spec;
         if !is_found(spec, self.search) {
             return;

@@ -17,6 +17,7 @@ use rcs_runtime::source::{Control, Frame, SourceKind};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
+pub(crate) use controls::{Row as ParamRow, Rows as ParamRows};
 pub(crate) use draft::weights;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

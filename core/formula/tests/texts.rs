@@ -1,0 +1,105 @@
+//! Texts of formulas: what they mean, and what is said about a wrong one.
+
+#![allow(clippy::unwrap_used, reason = "a test may fail")]
+
+use proptest::prelude::*;
+use rcs_formula::{FieldRef, Formula, Points};
+use std::sync::Arc;
+
+/// The value of a formula at one time where `/a.x` is 2, `/b.y[3]` is 5, and `/s.state` is the state `ERROR`.
+fn value(text: &str) -> Result<f64, String> {
+    let formula: Formula = text.parse().map_err(|error| format!("{error}"))?;
+    let points = |field: &FieldRef| match field.to_string().as_str() {
+        "/a.x" => Points::from_seconds(&[(1.0, 2.0)]),
+        "/b.y[3]" => Points::from_seconds(&[(1.0, 5.0)]),
+        "/s.state" => {
+            let names = [(1, "EXEC".into()), (3, "ERROR".into())];
+            Points { names: Arc::new(names.into()), ..Points::from_seconds(&[(1.0, 3.0)]) }
+        }
+        other => panic!("{other}"),
+    };
+    let fields: Vec<Points> = formula.fields().iter().map(points).collect();
+    let points = formula.eval(&fields).map_err(|error| error.to_string())?;
+    Ok(points.values[0])
+}
+
+#[test]
+fn operators_have_their_usual_order() {
+    for (text, wanted) in [
+        ("/a.x + /b.y[3] * 2", 12.0),
+        ("(/a.x + /b.y[3]) * 2", 14.0),
+        ("/b.y[3]/ /a.x", 2.5),
+        ("/b.y[3] /2 - 1e-1", 2.4),
+        ("-/a.x ^ 2", 4.0),
+        ("2 ^ 3 * 2", 16.0),
+        ("7 - 4 - /a.x", 1.0),
+        ("/b.y[3] % 3", 2.0),
+        ("/a.x > 1 && /b.y[3] < 4", 0.0),
+        ("/a.x > 1 || /b.y[3] < 4", 1.0),
+        ("!(/a.x > 1)", 0.0),
+        ("maximum(/a.x, minimum(/b.y[3], 4))", 4.0),
+        ("maximum(minimum(/a.x, 1), minimum(/b.y[3], 4)) + 1", 5.0),
+        ("absolute(minimum(-/a.x, /b.y[3]))", 2.0),
+        ("/s.state == ERROR", 1.0),
+        ("/s.state != \"EXEC\"", 1.0),
+        ("/s.state == 3", 1.0),
+        ("/s.state == DONE", 0.0),
+        ("degrees(pi)", 180.0),
+        ("{/a}.x", 2.0),
+    ] {
+        assert_eq!(value(text), Ok(wanted), "{text}");
+    }
+}
+
+#[test]
+fn a_wrong_text_is_refused_and_says_where() {
+    for (text, part) in [
+        ("", "expected a field"),
+        ("/a.x + ", "formula"),
+        ("(/a.x", "formula"),
+        ("/a.x /b.y[3] /", "formula"),
+        ("/a.x 3", "column 6: expected an operator"),
+        ("smoth(/a.x)", "got \"smoth\", expected one of smooth"),
+        ("/a.x & /a.x", "formula"),
+        ("/a.x, 2", "outside of a function"),
+        ("minimum(/a.x, 2, 3)", "at most two values"),
+        ("/a.x # 2", "column 6: got '#'"),
+        ("/.x", "expected a topic and a field"),
+        ("/a.[", "column"),
+        ("smooth(3)", "a function over time needs a field"),
+        ("/a.x + ERROR", "is a name"),
+        ("/a.x == ERROR", "expected states"),
+        ("smooth(/a.x, -1)", "the width of a window"),
+    ] {
+        let error = value(text).unwrap_err();
+        assert!(error.contains(part), "{text}: {error}");
+    }
+}
+
+#[test]
+fn a_field_of_any_name_is_itself_again() {
+    for (topic, path) in [
+        ("/wm1/status", ".cycle"),
+        ("/wm1/map", ".data.@length"),
+        ("/a-b/c d", ".x[3].y"),
+        ("odd", ".x"),
+        ("/with.dot", ".x"),
+        ("/a", "[\"a name with.dots\"]"),
+        ("/a", ".odd-name"),
+    ] {
+        let field = FieldRef { topic: topic.into(), path: path.parse().unwrap() };
+        let formula = Formula::of_field(&field).unwrap_or_else(|error| panic!("{field}: {error}"));
+        assert_eq!(formula.fields(), std::slice::from_ref(&field), "{field}");
+        assert_eq!(formula.as_field(), Some(&field));
+    }
+}
+
+proptest! {
+    #[test]
+    fn no_text_panics(text in "[a-z/.+*(){}\\[\\]\"0-9 ,<=!é-]{0,40}") {
+        if let Ok(formula) = text.parse::<Formula>() {
+            let points = vec![Points::from_seconds(&[(0.0, 1.0), (1.0, 2.0)]); formula.fields().len()];
+            let _ = formula.eval(&points);
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! Reads one field from messages of one schema: a number by the scanner, a state with its name, a text by its content.
+
+use rcs_formula::Names;
+use rcs_msg::{AnyMessage, FieldPath, FieldScanner, ScanError, Schema, Value};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Texts beyond this number of different ones have no name of their own.
+const MOST_TEXTS: usize = 10_000;
+
+/// Messages without the field whose tree is looked at.
+const MOST_LOOKS: u32 = 8;
+
+/// What the values of a field are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    /// Not known yet.
+    Unknown,
+    Number,
+    Bool,
+    Enum,
+    Text,
+}
+
+/// Reads one field.
+pub(super) struct Extractor {
+    path: FieldPath,
+    /// `None` for a text, which is read from the decoded message.
+    scanner: Option<FieldScanner>,
+    kind: Kind,
+    pub(super) names: Names,
+    /// The keys of texts.
+    texts: HashMap<Arc<str>, i64>,
+    /// Number of messages without the field whose tree was looked at.
+    looks: u32,
+}
+
+impl Extractor {
+    /// A reader of messages of this schema; an error text if they cannot have such a field.
+    pub(super) fn new(schema: &Arc<Schema>, path: &FieldPath) -> Result<Self, String> {
+        let (scanner, kind) = match FieldScanner::new(schema, path) {
+            Ok(scanner) => (Some(scanner), Kind::Unknown),
+            Err(ScanError::Kind { got, expected: "a number", .. }) if got == "a text" => (None, Kind::Text),
+            Err(error) => return Err(error.to_string()),
+        };
+        Ok(Self {
+            path: path.clone(),
+            scanner,
+            kind,
+            names: Names::default(),
+            texts: HashMap::new(),
+            looks: 0,
+        })
+    }
+
+    /// The value in a message; NaN if it has none.
+    pub(super) fn read(&mut self, message: &AnyMessage) -> f64 {
+        let Some(scanner) = &self.scanner else { return self.text(message).unwrap_or(f64::NAN) };
+        let value = scanner.scan(&message.bytes()).ok().flatten().unwrap_or(f64::NAN);
+        let known = match self.kind {
+            Kind::Number => true,
+            // Where the schema does not tell, as of JSON, a text is found by looking at a few messages.
+            Kind::Unknown if value.is_nan() => {
+                self.looks += 1;
+                self.looks > MOST_LOOKS
+            }
+            Kind::Unknown => false,
+            _ => value.is_nan() || self.names.contains_key(&(value as i64)),
+        };
+        if !known {
+            self.learn(message, value);
+            if self.kind == Kind::Text {
+                return self.text(message).unwrap_or(f64::NAN);
+            }
+        }
+        value
+    }
+
+    fn learn(&mut self, message: &AnyMessage, value: f64) {
+        let Ok(root) = message.value() else { return };
+        let Ok(found) = root.get(&self.path) else { return };
+        self.kind = match &*found {
+            Value::Bool(_) => {
+                self.names = Arc::new([(0, "false".into()), (1, "true".into())].into());
+                Kind::Bool
+            }
+            Value::Enum { name, .. } => {
+                let name = if name.is_empty() { value.to_string() } else { name.clone() };
+                Arc::make_mut(&mut self.names).insert(value as i64, name.into());
+                Kind::Enum
+            }
+            Value::Text(_) => {
+                self.scanner = None;
+                Kind::Text
+            }
+            // An element that is absent now may be there later.
+            Value::Null => Kind::Unknown,
+            _ => Kind::Number,
+        };
+    }
+
+    fn text(&mut self, message: &AnyMessage) -> Option<f64> {
+        let root = message.value().ok()?;
+        let found = root.get(&self.path).ok()?;
+        let text = found.as_text()?;
+        if let Some(&key) = self.texts.get(text) {
+            return Some(key as f64);
+        }
+        if self.texts.len() >= MOST_TEXTS {
+            return None;
+        }
+        let (key, text) = (self.texts.len() as i64, Arc::<str>::from(text));
+        self.texts.insert(Arc::clone(&text), key);
+        Arc::make_mut(&mut self.names).insert(key, text);
+        Some(key as f64)
+    }
+}

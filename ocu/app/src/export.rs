@@ -1,0 +1,57 @@
+//! `ocu export`: writes fields of a recording, and formulas over them, as a table of text.
+
+use crate::cli::ExportArgs;
+use crate::output::{self, Files};
+use crate::{Ended, stacks, usage};
+use ocu_ui::format;
+use rcs_formula::{FieldRef, Formula, Points};
+use rcs_runtime::source::{FieldSeries, read_fields};
+use std::io::Write;
+
+/// Writes the table named on the command line.
+pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
+    let mut files = Files::new(args.force);
+    files.reads("the recording that is read", &args.log);
+    files.writes("--output", &args.output)?;
+    let formulas: Vec<Formula> = args
+        .fields
+        .iter()
+        .map(|text| text.parse())
+        .collect::<Result<_, _>>()
+        .map_err(|error| usage(format!("{error}")))?;
+    let log = stacks::open_log(&args.log)?;
+    let info = log.info();
+    let length_s = info.end.seconds_since(info.start);
+    let to_s = args.to.unwrap_or(length_s);
+    if args.from > to_s {
+        return Err(usage(format!("--from is {} s; expected at most --to, {to_s} s", args.from)));
+    }
+    let at = |seconds: f64| info.start.after_ns((seconds * 1e9).round() as u64);
+    let times = at(args.from)..=args.to.map_or(info.end, at);
+
+    let mut fields: Vec<FieldRef> = formulas.iter().flat_map(|formula| formula.fields().to_vec()).collect();
+    fields.sort_unstable();
+    fields.dedup();
+    let series = read_fields(&log, &fields, times.clone());
+    if let Some(wrong) = series.iter().find(|series| series.problem.is_some() && series.points.is_empty()) {
+        let problem = wrong.problem.as_deref().unwrap_or_default();
+        return Err(usage(format!("{}: {problem}: {}", wrong.field, args.log.display())));
+    }
+    let mut columns: Vec<(String, Points)> = Vec::new();
+    for (formula, text) in formulas.iter().zip(&args.fields) {
+        let of = |field: &FieldRef| series.iter().find(|series| series.field == *field).map(FieldSeries::all);
+        let inputs: Vec<Points> = formula.fields().iter().filter_map(of).collect();
+        columns.push((text.clone(), formula.eval(&inputs).map_err(|error| usage(format!("{error}")))?));
+    }
+    let named: Vec<(String, &Points)> = columns.iter().map(|(name, points)| (name.clone(), points)).collect();
+    let bytes = rcs_formula::csv(&named, &times, info.start).into_bytes();
+    output::write(&args.output, &bytes, args.force)?;
+    for (name, points) in &columns {
+        writeln!(out, "{name}: {} values", format::count(points.len() as u64))?;
+    }
+    // Includes damage found while reading.
+    for problem in log.problems() {
+        writeln!(out, "{problem}")?;
+    }
+    Ok(if log.problems().is_empty() { Ended::Well } else { Ended::Damaged })
+}

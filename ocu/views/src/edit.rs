@@ -1,0 +1,384 @@
+//! Editing the fields of a buffer as its operator: written at once as one message, in the next message of its process,
+//! or held until released.
+//!
+//! What cannot be is refused before it is sent, with the reason; the runtime checks type and range again, and its refusal
+//! is shown as the source's error.
+
+use crate::view::{TopicKey, ViewContext};
+use egui::{RichText, TextEdit, Ui};
+use ocu_ui::{icons, tokens, widgets};
+use rcs_msg::rcs::r#override::Mode;
+use rcs_msg::rcs::{Override, OverrideInForce, OverrideList};
+use rcs_msg::{AnyMessage, FieldPath, Value};
+use rcs_runtime::source::{Control, Frame, Topic};
+use std::collections::BTreeMap;
+
+/// Number of writes that can be taken back.
+const MOST_UNDO: usize = 50;
+
+/// How the changes take effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum How {
+    /// At once: the newest message with the changed fields is written, once.
+    Now,
+    /// In the next message that its process writes.
+    Next,
+    /// In every message, until released.
+    Hold,
+}
+
+/// Something that was sent, and how it is taken back.
+#[derive(Clone, Debug)]
+enum Sent {
+    /// The message that it replaced.
+    Message { buffer: String, before: AnyMessage },
+    /// The fields that are overridden.
+    Held { buffer: String, paths: Vec<String> },
+}
+
+/// The changes of one buffer that were not sent, and those that were.
+#[derive(Default)]
+pub(crate) struct Edits {
+    topic: Option<TopicKey>,
+    /// Path and text of each changed field.
+    fields: BTreeMap<String, String>,
+    fresh: Option<String>,
+    refused: Option<String>,
+    sent: Vec<Sent>,
+}
+
+/// Why a topic cannot be edited; `None` if it can.
+pub(crate) fn refusal(frame: &Frame, topic: &Topic) -> Option<&'static str> {
+    if topic.run.is_recorded() {
+        return Some("This was read from a recording, which cannot be written to.");
+    }
+    crate::command::refusal(frame)
+}
+
+/// The overrides in force, and those that wait.
+pub(crate) fn overrides(frame: &Frame) -> &[OverrideInForce] {
+    let list = frame.topics_of_type("rcs.OverrideList").find_map(|topic| topic.get::<OverrideList>());
+    list.map_or(&[], |list| &list.active)
+}
+
+/// The request that releases an override by its number, or all of them.
+pub fn release(frame: &Frame, id: Option<u64>) -> Option<Control> {
+    let all = id.is_none();
+    request(frame, Override { mode: Mode::Release.into(), id: id.unwrap_or(0), all, ..Override::default() })
+}
+
+/// The overrides in force, as buffer with path, value, and number.
+pub fn held(frame: &Frame) -> Vec<(String, String, u64)> {
+    let of = |held: &OverrideInForce| (format!("{}{}", held.buffer, held.path), held.value.clone(), held.id);
+    overrides(frame).iter().map(of).collect()
+}
+
+/// A write of a request for an override, into the buffer of that type.
+fn request(frame: &Frame, request: Override) -> Option<Control> {
+    let topic = frame.topics_of_type("rcs.Override").find(|topic| !topic.run.is_recorded())?;
+    let request = Override { timestamp: Some(frame.now.to_proto()), ..request };
+    Some(Control::Write { buffer: topic.name.to_string(), message: AnyMessage::new(request) })
+}
+
+/// A plain value as the text in which it is edited; `None` for others.
+pub(crate) fn text_of(value: &Value) -> Option<String> {
+    Some(match value {
+        Value::Bool(on) => on.to_string(),
+        Value::Int(number) => number.to_string(),
+        Value::Uint(number) => number.to_string(),
+        Value::Float(number) => number.to_string(),
+        Value::Text(text) => text.clone(),
+        Value::Enum { name, number } if name.is_empty() => number.to_string(),
+        Value::Enum { name, .. } => name.clone(),
+        _ => return None,
+    })
+}
+
+/// The value that a text means in place of an old one.
+fn parsed(old: &Value, text: &str) -> Result<Value, String> {
+    let trimmed = text.trim();
+    let fail = |expected: &str| Err(format!("got {text:?}, expected {expected}"));
+    match old {
+        Value::Bool(_) => match trimmed {
+            "true" | "1" => Ok(Value::Bool(true)),
+            "false" | "0" => Ok(Value::Bool(false)),
+            _ => fail("true or false"),
+        },
+        Value::Int(_) => trimmed.parse().map(Value::Int).or_else(|_| fail("a whole number")),
+        Value::Uint(_) => trimmed.parse().map(Value::Uint).or_else(|_| fail("a whole number of at least 0")),
+        Value::Float(_) => match trimmed.parse::<f64>() {
+            Ok(number) if number.is_finite() => Ok(Value::Float(number)),
+            _ => fail("a finite number"),
+        },
+        Value::Text(_) => Ok(Value::Text(text.to_owned())),
+        Value::Enum { .. } => Ok(match trimmed.parse() {
+            Ok(number) => Value::Int(number),
+            Err(_) => Value::Text(trimmed.to_owned()),
+        }),
+        other => Err(format!("{} cannot be edited as a whole; edit one of its parts", other.kind())),
+    }
+}
+
+/// A value as JSON, as an override states it.
+fn json(value: &Value) -> String {
+    match value {
+        Value::Bool(on) => on.to_string(),
+        Value::Int(number) => number.to_string(),
+        Value::Uint(number) => number.to_string(),
+        Value::Float(number) => serde_json::Value::from(*number).to_string(),
+        Value::Text(text) => serde_json::Value::from(text.as_str()).to_string(),
+        _ => "null".to_owned(),
+    }
+}
+
+/// What the changes of a topic's fields write, and how it is taken back.
+fn controls(
+    frame: &Frame,
+    topic: &Topic,
+    fields: &BTreeMap<String, String>,
+    how: How,
+) -> Result<(Vec<Control>, Sent), String> {
+    if let Some(refused) = refusal(frame, topic) {
+        return Err(refused.to_owned());
+    }
+    let sample = topic.latest.as_ref().ok_or("there is no message yet")?;
+    let mut value = sample.message.value().map_err(|error| error.to_string())?;
+    let mut changes = Vec::new();
+    for (path, text) in fields {
+        let at: FieldPath = path.parse().map_err(|error| format!("{error}"))?;
+        let old = value.get(&at).map_err(|error| error.to_string())?.into_owned();
+        changes.push((at, parsed(&old, text).map_err(|error| format!("{path}: {error}"))?));
+    }
+    let buffer = topic.name.to_string();
+    if how == How::Now {
+        for (at, new) in changes {
+            value.set(&at, new).map_err(|error| error.to_string())?;
+        }
+        let schema = sample.message.schema();
+        let bytes = schema.encode(&value).map_err(|error| error.to_string())?;
+        let encoded = AnyMessage::encoded(std::sync::Arc::clone(&schema), bytes.clone());
+        let message = match rcs_msg::canonical(&schema, &bytes) {
+            Some(made) => made.map_err(|error| error.to_string())?,
+            None => encoded,
+        };
+        let before = sample.message.clone();
+        return Ok((
+            vec![Control::Write { buffer: buffer.clone(), message }],
+            Sent::Message { buffer, before },
+        ));
+    }
+    let mode = if how == How::Hold { Mode::Hold } else { Mode::Once };
+    let requests = changes.iter().map(|(at, new)| {
+        let over = Override {
+            buffer: buffer.clone(),
+            mode: mode.into(),
+            path: at.to_string(),
+            value_json: json(new),
+            ..Override::default()
+        };
+        request(frame, over).ok_or_else(|| "this source takes no overrides".to_owned())
+    });
+    let requests: Vec<Control> = requests.collect::<Result<_, String>>()?;
+    let paths = changes.iter().map(|(at, _)| at.to_string()).collect();
+    Ok((requests, Sent::Held { buffer, paths }))
+}
+
+impl Edits {
+    /// Begins to edit a field of a topic. Changes of another topic are dropped.
+    pub(crate) fn begin(&mut self, topic: &TopicKey, path: &FieldPath, value: &Value) {
+        let Some(text) = text_of(value) else { return };
+        if self.topic.as_ref() != Some(topic) {
+            self.fields.clear();
+            self.topic = Some(topic.clone());
+        }
+        let path = path.to_string();
+        self.fresh = Some(path.clone());
+        self.refused = None;
+        self.fields.entry(path).or_insert(text);
+    }
+
+    /// Whether a field is being edited.
+    pub(crate) fn has(&self, topic: &TopicKey, path: &str) -> bool {
+        self.topic.as_ref() == Some(topic) && self.fields.contains_key(path)
+    }
+
+    /// Paints the changes that were not sent, and what can be done with them.
+    pub(crate) fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
+        if self.fields.is_empty() && self.sent.is_empty() {
+            return;
+        }
+        let frame = cx.frame;
+        let margin = egui::Margin::symmetric(8, 4);
+        egui::Frame::new().inner_margin(margin).fill(tokens(ui).surface[3]).show(ui, |ui| {
+            ui.set_width(ui.available_width());
+            let topic = self.topic.as_ref().and_then(|key| key.find(frame));
+            let mut dropped = None;
+            let mut entered = false;
+            for (path, text) in &mut self.fields {
+                ui.horizontal(|ui| {
+                    let label = ui.label(widgets::mono(path.as_str()).color(tokens(ui).strong));
+                    let edit =
+                        TextEdit::singleline(text).desired_width((ui.available_width() - 32.0).max(48.0));
+                    let response = ui.add(edit.font(egui::TextStyle::Monospace)).labelled_by(label.id);
+                    ui.ctx().accesskit_node_builder(response.id, |node| {
+                        node.set_label(format!("New value of {path}"));
+                    });
+                    if self.fresh.as_ref() == Some(path) {
+                        response.request_focus();
+                        self.fresh = None;
+                    }
+                    entered |= response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+                    if widgets::icon_button(ui, icons::ICON_CLOSE, &format!("Leave {path} as it is"))
+                        .clicked()
+                    {
+                        dropped = Some(path.clone());
+                    }
+                });
+            }
+            if let Some(path) = dropped {
+                self.fields.remove(&path);
+            }
+            let mut how = entered.then_some(How::Now);
+            ui.horizontal_wrapped(|ui| {
+                let can = !self.fields.is_empty();
+                for (name, help, what) in [
+                    ("Write now", "Write the newest message with these values, once", How::Now),
+                    ("In the next message", "Replace them in the next message of its process", How::Next),
+                    ("Hold", "Replace them in every message until released", How::Hold),
+                ] {
+                    if ui.add_enabled(can, egui::Button::new(name)).on_hover_text(help).clicked() {
+                        how = Some(what);
+                    }
+                }
+                let undo = egui::Button::new(format!("{}  Undo", icons::ICON_UNDO.codepoint));
+                let help = "Write what the last edit replaced, or release what it holds";
+                if ui.add_enabled(!self.sent.is_empty(), undo).on_hover_text(help).clicked() {
+                    self.undo(cx);
+                }
+            });
+            if let (Some(how), Some(topic)) = (how, topic) {
+                match controls(frame, topic, &self.fields, how) {
+                    Ok((controls, sent)) => {
+                        cx.controls.extend(controls);
+                        self.sent.push(sent);
+                        let surplus = self.sent.len().saturating_sub(MOST_UNDO);
+                        self.sent.drain(..surplus);
+                        self.fields.clear();
+                        self.refused = None;
+                    }
+                    Err(refused) => self.refused = Some(refused),
+                }
+            }
+            if let Some(refused) = &self.refused {
+                ui.add(egui::Label::new(RichText::new(refused).small().color(tokens(ui).error)).wrap());
+            } else if !frame.runs.is_at_end && !self.fields.is_empty() {
+                let text = "This moment is in the past: an edit begins another run, and this one is kept.";
+                ui.label(RichText::new(text).small().color(tokens(ui).warning));
+            }
+        });
+    }
+
+    fn undo(&mut self, cx: &mut ViewContext<'_>) {
+        match self.sent.pop() {
+            Some(Sent::Message { buffer, before }) => {
+                cx.controls.push(Control::Write { buffer, message: before });
+            }
+            Some(Sent::Held { buffer, paths }) => {
+                for path in paths {
+                    let is_it = |held: &&OverrideInForce| held.buffer == buffer && held.path == path;
+                    let id = overrides(cx.frame).iter().find(is_it).map(|held| held.id);
+                    // One that was used up, or has been released, is gone.
+                    cx.controls.extend(id.and_then(|id| release(cx.frame, Some(id))));
+                }
+            }
+            None => {}
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+    use crate::samples;
+    use rcs_msg::rcs::Status;
+    use rcs_runtime::source::SourceKind;
+    use std::sync::Arc;
+
+    fn frame() -> Frame {
+        let mut frame = samples::full();
+        let mut info = (*frame.info).clone();
+        info.kind = SourceKind::Stack;
+        frame.info = Arc::new(info);
+        let overrides = samples::topic("/runtime/override", 0.0, 1.0, Override::default());
+        frame.topics = frame.topics.iter().cloned().chain([overrides]).collect();
+        frame
+    }
+
+    fn check(fields: &[(&str, &str)], how: How) -> Result<Vec<Control>, String> {
+        let frame = frame();
+        let fields = fields.iter().map(|(path, text)| ((*path).to_owned(), (*text).to_owned())).collect();
+        let topic = frame.topic("/planner/status").unwrap();
+        controls(&frame, topic, &fields, how).map(|(controls, _)| controls)
+    }
+
+    #[test]
+    fn several_fields_are_one_write_and_the_others_stay() {
+        let fields = [(".cycle", "7"), (".state_text", "by hand"), (".state", "PROCESS_STATE_DONE")];
+        let controls = check(&fields[..2], How::Now).unwrap();
+        let [Control::Write { buffer, message }] = controls.as_slice() else { panic!("{controls:?}") };
+        let status = message.to::<Status>().unwrap();
+        assert_eq!(
+            (buffer.as_str(), status.cycle, status.state_text.as_str()),
+            ("/planner/status", 7, "by hand")
+        );
+        assert_eq!(status.command, "GOTO", "a field that was not edited");
+    }
+
+    #[test]
+    fn a_held_field_is_a_request_with_its_value_as_json() {
+        for (how, mode) in [(How::Hold, Mode::Hold), (How::Next, Mode::Once)] {
+            let controls = check(&[(".state_text", "a \"b\"")], how).unwrap();
+            let [Control::Write { buffer, message }] = controls.as_slice() else { panic!("{controls:?}") };
+            let request = message.to::<Override>().unwrap();
+            assert_eq!(buffer, "/runtime/override");
+            assert_eq!((request.mode(), request.buffer.as_str()), (mode, "/planner/status"));
+            assert_eq!(
+                (request.path.as_str(), request.value_json.as_str()),
+                (".state_text", "\"a \\\"b\\\"\"")
+            );
+        }
+    }
+
+    #[test]
+    fn a_wrong_value_is_refused_with_the_reason() {
+        for (path, text, part) in [
+            (".cycle", "-1", "expected a whole number of at least 0"),
+            (".cycle", "1.5", "expected a whole number"),
+            (".cycle", "", "expected a whole number"),
+            (".timestamp", "now", "cannot be edited as a whole"),
+            (".absent", "1", "no field \"absent\""),
+        ] {
+            let error = check(&[(path, text)], How::Now).unwrap_err();
+            assert!(error.contains(part), "{path} = {text}: {error}");
+        }
+        let recorded = samples::full();
+        let refused = refusal(&recorded, recorded.topic("/planner/status").unwrap());
+        assert!(refused.unwrap().contains("cannot be written to"));
+    }
+
+    #[test]
+    fn numbers_are_refused_that_the_type_cannot_hold() {
+        for (old, text, fits) in [
+            (Value::Float(1.0), "2.5e3", true),
+            (Value::Float(1.0), "NaN", false),
+            (Value::Float(1.0), "inf", false),
+            (Value::Bool(true), "false", true),
+            (Value::Bool(true), "yes", false),
+            (Value::Int(1), "-3", true),
+            (Value::Int(1), "99999999999999999999", false),
+        ] {
+            assert_eq!(parsed(&old, text).is_ok(), fits, "{old:?} {text}");
+        }
+    }
+}

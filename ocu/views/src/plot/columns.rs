@@ -1,0 +1,218 @@
+//! Reduces a series to what a screen can show: for each column of pixels the least and the greatest value, exactly.
+//!
+//! The summaries of the series limit the work to the number of columns, however long the series is.
+
+use super::axis::Axis;
+use egui::Pos2;
+use rcs_msg::Stamp;
+use rcs_runtime::source::{FieldPoint, Series};
+use std::ops::{ControlFlow, Range};
+
+/// What a column of pixels shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Column {
+    /// Position of the first point, in screen points.
+    pub(super) x: f32,
+    /// Least and greatest value; not in order if no value is finite.
+    pub(super) min: f64,
+    pub(super) max: f64,
+    /// First and last value.
+    pub(super) first: f64,
+    pub(super) last: f64,
+    /// Number of points.
+    pub(super) points: usize,
+}
+
+/// The records of a series to be drawn between two times, with the neighbours outside, so that lines reach the edge.
+pub(super) fn visible(points: &Series<FieldPoint>, from: Stamp, to: Stamp) -> Range<usize> {
+    let first = points.count_until(Stamp(from.0.saturating_sub(1))).saturating_sub(1);
+    first..(points.count_until(to) + 1).min(points.len())
+}
+
+/// The columns of a range of a series; `seconds` gives the position of a time on the axis.
+pub(super) fn columns(
+    points: &Series<FieldPoint>,
+    range: Range<usize>,
+    axis: &Axis,
+    seconds: impl Fn(Stamp) -> f64,
+) -> Vec<Column> {
+    let at = |point: &FieldPoint| axis.at(seconds(point.stamp));
+    let mut columns: Vec<Column> = Vec::new();
+    let mut open = i64::MIN;
+    points.walk(
+        range,
+        |part| {
+            at(&part.first).floor() == at(&part.last).floor() && part.summary.points == part.to - part.from
+        },
+        |part| {
+            let (x, column) = (at(&part.first), at(&part.first).floor() as i64);
+            let summary = &part.summary;
+            match columns.last_mut() {
+                Some(known) if open == column => {
+                    known.min = known.min.min(summary.min);
+                    known.max = known.max.max(summary.max);
+                    known.last = part.last.value;
+                    known.points += part.to - part.from;
+                }
+                _ => {
+                    open = column;
+                    columns.push(Column {
+                        x,
+                        min: summary.min,
+                        max: summary.max,
+                        first: part.first.value,
+                        last: part.last.value,
+                        points: part.to - part.from,
+                    });
+                }
+            }
+            ControlFlow::Continue(())
+        },
+    );
+    columns
+}
+
+/// Lines through the columns, interrupted at gaps. A column with several values is a vertical line from the least to the
+/// greatest.
+pub(super) fn lines(columns: &[Column], axis: &Axis) -> Vec<Vec<Pos2>> {
+    let mut lines: Vec<Vec<Pos2>> = Vec::new();
+    let mut line: Vec<Pos2> = Vec::new();
+    for column in columns {
+        if column.min > column.max {
+            lines.push(std::mem::take(&mut line));
+            continue;
+        }
+        if !column.first.is_finite() {
+            lines.push(std::mem::take(&mut line));
+        }
+        let (low, high) = (axis.at(column.min), axis.at(column.max));
+        if (low - high).abs() < 1.0 {
+            line.push(Pos2::new(
+                column.x,
+                axis.at(if column.first.is_finite() { column.first } else { column.min }),
+            ));
+        } else {
+            // Begin with the end that is nearer to the line so far.
+            let before = line.last().map_or(low, |last| last.y);
+            let (a, b) =
+                if (before - low).abs() <= (before - high).abs() { (low, high) } else { (high, low) };
+            line.push(Pos2::new(column.x, a));
+            line.push(Pos2::new(column.x, b));
+            if column.last.is_finite() && (axis.at(column.last) - b).abs() > 1.0 {
+                line.push(Pos2::new(column.x, axis.at(column.last)));
+            }
+        }
+        if !column.last.is_finite() {
+            lines.push(std::mem::take(&mut line));
+        }
+    }
+    lines.push(line);
+    lines.retain(|line| !line.is_empty());
+    lines
+}
+
+/// Stretches of one state: positions of their beginning and end, and the state. Stretches below one screen point are
+/// joined, and have no state.
+pub(super) fn bands(
+    points: &Series<FieldPoint>,
+    range: Range<usize>,
+    axis: &Axis,
+    end: f32,
+    seconds: impl Fn(Stamp) -> f64,
+) -> Vec<(f32, f32, Option<i64>)> {
+    let at = |point: &FieldPoint| axis.at(seconds(point.stamp));
+    let mut bands: Vec<(f32, f32, Option<i64>)> = Vec::new();
+    points.walk(
+        range,
+        |part| {
+            let exact = part.summary.points == part.to - part.from;
+            let one = part.summary.min == part.summary.max && part.summary.finite == part.summary.points;
+            exact && (one || at(&part.first).floor() == at(&part.last).floor())
+        },
+        |part| {
+            let one = part.summary.min == part.summary.max && part.summary.finite == part.summary.points;
+            let state = one.then_some(part.first.value as i64);
+            let x = at(&part.first);
+            match bands.last_mut() {
+                Some((_, until, known)) if *known == state && state.is_some() => *until = end,
+                Some((from, until, known)) if x - *from < 1.0 => (*known, *until) = (None, end),
+                last => {
+                    if let Some((_, until, _)) = last {
+                        *until = x;
+                    }
+                    bands.push((x, end, state));
+                }
+            }
+            ControlFlow::Continue(())
+        },
+    );
+    // A gap in the values is no band.
+    bands.retain(|(from, to, _)| to > from);
+    bands
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui::Rangef;
+
+    fn seconds(stamp: Stamp) -> f64 {
+        stamp.0 as f64 * 1e-9
+    }
+
+    #[test]
+    fn columns_hold_the_true_minima_and_maxima_of_a_million_points() {
+        let value = |i: u64| if i == 617_283 { 1e3 } else { ((i * 7919) % 1000) as f64 * 1e-3 };
+        let point = |i: u64| FieldPoint { stamp: Stamp(i * 1_000_000), value: value(i) };
+        let series: Series<FieldPoint> = (0..1_000_000).map(point).collect();
+        for (from, to) in [(0.0, 1000.0), (400.3, 700.9), (617.28, 617.29)] {
+            let axis = Axis::horizontal(from, to, Rangef::new(50.0, 850.0));
+            let range = visible(&series, Stamp((from * 1e9) as u64), Stamp((to * 1e9) as u64));
+            let got = columns(&series, range.clone(), &axis, seconds);
+            // The reference: every point in the column of its own.
+            let mut wanted: Vec<(f32, f64, f64, usize)> = Vec::new();
+            for i in range {
+                let (x, v) = (axis.at(seconds(point(i as u64).stamp)), value(i as u64));
+                match wanted.last_mut().filter(|(column, ..)| *column == x.floor()) {
+                    Some((_, min, max, points)) => {
+                        (*min, *max, *points) = (min.min(v), max.max(v), *points + 1);
+                    }
+                    None => wanted.push((x.floor(), v, v, 1)),
+                }
+            }
+            let got: Vec<_> = got.iter().map(|c| (c.x.floor(), c.min, c.max, c.points)).collect();
+            assert_eq!(got, wanted);
+            assert!(got.len() < 810);
+        }
+    }
+
+    #[test]
+    fn a_gap_interrupts_the_line_and_no_value_is_drawn_for_it() {
+        let values = [1.0, 2.0, f64::NAN, 3.0, f64::INFINITY, 4.0];
+        let series: Series<FieldPoint> = values
+            .iter()
+            .zip(1..)
+            .map(|(&value, i)| FieldPoint { stamp: Stamp(i * 1_000_000_000), value })
+            .collect();
+        let axis = Axis::horizontal(0.0, 7.0, Rangef::new(0.0, 700.0));
+        let columns = columns(&series, 0..6, &axis, seconds);
+        let y = Axis::vertical(0.0, 5.0, Rangef::new(0.0, 500.0));
+        let lines = lines(&columns, &y);
+        assert_eq!(lines.iter().map(Vec::len).collect::<Vec<_>>(), [2, 1, 1]);
+    }
+
+    #[test]
+    fn states_are_bands_from_change_to_change() {
+        let states = [1.0, 1.0, 1.0, 2.0, 2.0, f64::NAN, 1.0];
+        let series: Series<FieldPoint> = states
+            .iter()
+            .zip(0..)
+            .map(|(&value, i)| FieldPoint { stamp: Stamp(i * 1_000_000_000), value })
+            .collect();
+        let axis = Axis::horizontal(0.0, 7.0, Rangef::new(0.0, 700.0));
+        let bands = bands(&series, 0..7, &axis, 700.0, seconds);
+        let wanted =
+            [(0.0, 300.0, Some(1)), (300.0, 500.0, Some(2)), (500.0, 600.0, None), (600.0, 700.0, Some(1))];
+        assert_eq!(bands, wanted);
+    }
+}

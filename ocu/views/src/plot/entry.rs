@@ -1,0 +1,191 @@
+//! The line in which a formula is written, with what it can be completed to.
+
+use super::saved::Curve;
+use egui::{RichText, Sense, TextEdit, Ui, Vec2, WidgetInfo};
+use ocu_ui::{tokens, widgets};
+use rcs_formula::{FieldRef, Formula, functions};
+use rcs_msg::Value;
+use rcs_runtime::source::Frame;
+
+/// Number of completions that are listed.
+const MOST: usize = 10;
+/// Fields that are looked at to complete a path.
+const MOST_LEAVES: usize = 5000;
+
+/// The line, while it is open.
+pub(super) struct Entry {
+    text: String,
+    /// The curve that is changed, by graph and index; `None` for a new one.
+    pub(super) of: Option<(usize, usize)>,
+    fresh: bool,
+}
+
+/// What became of the line.
+pub(super) enum Entered {
+    Open,
+    Closed,
+    Formula(String),
+}
+
+/// A completion: what is shown, and the whole text with it.
+struct Completion {
+    label: String,
+    note: String,
+    text: String,
+}
+
+impl Entry {
+    /// A line for a new curve, or for the formula of one that exists.
+    pub(super) fn new(of: Option<((usize, usize), &Curve)>) -> Self {
+        let text = of.map(|(_, curve)| curve.formula.clone()).unwrap_or_default();
+        Self { text, of: of.map(|(at, _)| at), fresh: true }
+    }
+
+    /// Paints the line and its completions.
+    pub(super) fn ui(&mut self, ui: &mut Ui, frame: &Frame) -> Entered {
+        let mut entered = Entered::Open;
+        let frame_margin = egui::Margin::symmetric(8, 4);
+        egui::Frame::new().inner_margin(frame_margin).fill(tokens(ui).surface[3]).show(ui, |ui| {
+            let parsed = self.text.parse::<Formula>();
+            ui.horizontal(|ui| {
+                let verb = if self.of.is_some() { "Change" } else { "Add" };
+                let edit = TextEdit::singleline(&mut self.text)
+                    .font(egui::TextStyle::Monospace)
+                    .hint_text("/buffer.field, or a formula such as smooth(/buffer.field, 0.5)")
+                    .desired_width((ui.available_width() - 128.0).max(80.0));
+                let response = ui.add(edit);
+                ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Formula"));
+                if std::mem::take(&mut self.fresh) {
+                    response.request_focus();
+                }
+                let done = response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+                if (ui.add_enabled(parsed.is_ok(), egui::Button::new(verb)).clicked() || done)
+                    && parsed.is_ok()
+                {
+                    entered = Entered::Formula(self.text.trim().to_owned());
+                }
+                if ui.button("Cancel").clicked() || ui.input(|input| input.key_pressed(egui::Key::Escape)) {
+                    entered = Entered::Closed;
+                }
+            });
+            if let Err(error) = parsed
+                && !self.text.trim().is_empty()
+            {
+                ui.label(RichText::new(error.to_string()).small().color(tokens(ui).weak));
+            }
+            for completion in completions(frame, &self.text) {
+                if row(ui, &completion).clicked() {
+                    self.text = completion.text;
+                    self.fresh = true;
+                }
+            }
+        });
+        entered
+    }
+}
+
+fn row(ui: &mut Ui, completion: &Completion) -> egui::Response {
+    let tokens = tokens(ui);
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 18.0), Sense::click());
+    response.widget_info(|| {
+        WidgetInfo::labeled(egui::Role::Button, true, format!("Complete to {}", completion.label))
+    });
+    if response.hovered() {
+        ui.painter().rect_filled(rect, 0.0, tokens.surface[2]);
+    }
+    let (left, right) = rect.split_left_right_at_fraction(0.6);
+    let mono = egui::FontId::monospace(12.0);
+    widgets::cell(ui, left, egui::Align::Min, &completion.label, mono, tokens.text);
+    widgets::cell(
+        ui,
+        right,
+        egui::Align::Min,
+        &completion.note,
+        egui::FontId::proportional(11.0),
+        tokens.weak,
+    );
+    response
+}
+
+/// What the end of a text can become: a buffer, one of its fields, or a function.
+fn completions(frame: &Frame, text: &str) -> Vec<Completion> {
+    let begin = text.rfind(|c: char| " (,+-*%<>=!&|".contains(c)).map_or(0, |at| at + 1);
+    let (before, word) = text.split_at(begin);
+    let whole = |end: String| format!("{before}{end}");
+    if !word.starts_with('/') {
+        let is_meant = |name: &str| !word.is_empty() && name.starts_with(word);
+        let named = functions().iter().filter(|function| is_meant(function.name));
+        let named = named.map(|function| Completion {
+            label: function.call.to_owned(),
+            note: function.summary.to_owned(),
+            text: whole(format!("{}(", function.name)),
+        });
+        return named.take(MOST).collect();
+    }
+    let of_topic = |topic: &rcs_runtime::source::Topic| word.strip_prefix(&*topic.name).map(str::to_owned);
+    let topic = frame
+        .topics
+        .iter()
+        .filter(|topic| of_topic(topic).is_some_and(|rest| rest.starts_with(['.', '[']) || rest.is_empty()));
+    if let Some(topic) = topic.max_by_key(|topic| topic.name.len()) {
+        let rest = of_topic(topic).unwrap_or_default();
+        let value = topic.latest.as_ref().and_then(|sample| sample.message.value().ok());
+        let Some(value) = value else { return Vec::new() };
+        let leaves =
+            value.leaves().take(MOST_LEAVES).filter(|(_, value)| !matches!(value, Value::Message(_)));
+        let meant = leaves.filter(|(path, _)| {
+            let path = path.to_string();
+            path != rest && path.to_lowercase().contains(rest.trim_start_matches('.').to_lowercase().as_str())
+        });
+        return meant
+            .take(MOST)
+            .map(|(path, value)| {
+                let field = FieldRef { topic: topic.name.to_string(), path: path.clone() };
+                Completion { label: path.to_string(), note: note(value), text: whole(field.to_string()) }
+            })
+            .collect();
+    }
+    let searched = word.to_lowercase();
+    let named = frame.topics.iter().filter(|topic| topic.name.to_lowercase().contains(&searched));
+    named
+        .map(|topic| Completion {
+            label: topic.name.to_string(),
+            note: topic.schema.name().to_owned(),
+            text: whole(format!("{}.", topic.name)),
+        })
+        .take(MOST)
+        .collect()
+}
+
+/// What a value is now.
+fn note(value: &Value) -> String {
+    match value {
+        Value::Text(text) => format!("{:?}", text.chars().take(40).collect::<String>()),
+        Value::Enum { name, .. } => name.clone(),
+        Value::Bool(value) => value.to_string(),
+        other => match (other.as_f64(), other.len()) {
+            (Some(number), _) => ocu_ui::format::number(number),
+            (None, Some(length)) => format!("{} of {length}", other.kind()),
+            (None, None) => other.kind().to_owned(),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples;
+
+    fn labels(text: &str) -> Vec<String> {
+        completions(&samples::full(), text).into_iter().map(|completion| completion.text).collect()
+    }
+
+    #[test]
+    fn a_word_is_completed_to_a_buffer_then_to_a_field() {
+        assert_eq!(labels("smooth(/planner/st"), ["smooth(/planner/status."]);
+        assert!(labels("/planner/status.").contains(&"/planner/status.cycle".to_owned()));
+        assert_eq!(labels("/planner/status.cyc"), ["/planner/status.cycle"]);
+        assert_eq!(labels("2 * der"), ["2 * derivative("]);
+        assert!(labels("").is_empty());
+    }
+}

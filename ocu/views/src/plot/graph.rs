@@ -1,0 +1,409 @@
+//! One graph: what it draws, its legend, and what the pointer does on it.
+
+use super::axis::Axis;
+use super::menu::{self, Asked};
+use super::paint::{self, BAND, Clock, Reduced};
+use super::saved::{Curve, Graph, Saved};
+use super::{color_of, run_label};
+use crate::series::{Shelf, Shown, array};
+use crate::view::{Hover, ViewContext};
+use egui::{Align2, Color32, FontId, Pos2, Rect, Response, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo};
+use ocu_ui::{format, tokens};
+use rcs_msg::Stamp;
+use rcs_runtime::source::Frame;
+
+const LEGEND_ROW: f32 = 16.0;
+
+/// What the horizontal axis of a graph is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum GraphKind {
+    Time,
+    /// The index of an array.
+    Index,
+    /// Another formula.
+    Against,
+}
+
+/// What a curve draws.
+pub(super) struct DrawnCurve {
+    pub(super) label: String,
+    pub(super) color: Color32,
+    pub(super) right: bool,
+    pub(super) shown: Shown,
+}
+
+/// What a graph draws.
+pub(super) struct Drawn {
+    pub(super) kind: GraphKind,
+    pub(super) curves: Vec<DrawnCurve>,
+    /// The horizontal axis of [`GraphKind::Against`].
+    against: Option<(String, Shown)>,
+}
+
+impl Drawn {
+    pub(super) fn new(ui: &Ui, frame: &Frame, shelf: &mut Shelf, graph: &Graph, color: &mut usize) -> Self {
+        let mut kind = if graph.against.is_some() { GraphKind::Against } else { GraphKind::Time };
+        let mut curves = Vec::new();
+        for curve in &graph.curves {
+            let mut shown = shelf.shown(ui.ctx(), frame, &curve.formula, curve.run);
+            if shown.points.is_empty()
+                && let Ok(formula) = shelf.formula(&curve.formula)
+                && let Some(numbers) = formula.as_field().and_then(|field| array(frame, field, curve.run))
+            {
+                kind = GraphKind::Index;
+                shown = Shown { points: by_index(&numbers), ..Shown::default() };
+            }
+            let label = format!("{}{}", curve.formula, run_label(curve.run));
+            curves.push(DrawnCurve { label, color: color_of(ui, *color), right: curve.right, shown });
+            *color += 1;
+        }
+        let run = graph.curves.first().map(|curve| curve.run).unwrap_or_default();
+        let against =
+            graph.against.as_ref().map(|text| (text.clone(), shelf.shown(ui.ctx(), frame, text, run)));
+        Self { kind, curves, against }
+    }
+
+    pub(super) fn has_right_axis(&self) -> bool {
+        self.curves.iter().any(|curve| curve.right && !curve.shown.are_states())
+    }
+}
+
+/// The numbers of an array as a series: an index is a second.
+fn by_index(numbers: &[f64]) -> rcs_runtime::source::Series<rcs_runtime::source::FieldPoint> {
+    let stamps: Vec<Stamp> = (0..numbers.len() as u64).map(|index| Stamp(index * 1_000_000_000)).collect();
+    rcs_runtime::source::series_of(&rcs_formula::Points::new(stamps, numbers))
+}
+
+/// Where a graph is.
+pub(super) struct Place {
+    pub(super) index: usize,
+    pub(super) plot: Rect,
+    /// Whether the horizontal axis has marks.
+    pub(super) labelled: bool,
+    /// The visible time, in seconds.
+    pub(super) time: (f64, f64),
+    pub(super) clock: Clock,
+}
+
+/// What the pointer asked for.
+pub(super) enum Act {
+    Time(f64, f64),
+    Values { graph: usize, side: usize, range: (f64, f64) },
+    Across { graph: usize, range: (f64, f64) },
+    Cursors(Option<(f64, f64)>),
+    Fit,
+    Seek(Stamp),
+    Curve { graph: usize, curve: usize, asked: Asked },
+}
+
+/// The axes of a graph: horizontal, left and right.
+struct Axes {
+    x: Axis,
+    y: [Axis; 2],
+}
+
+/// Paints a graph and takes what the pointer does.
+pub(super) fn ui(
+    ui: &mut Ui,
+    cx: &mut ViewContext<'_>,
+    saved: &Saved,
+    drawn: &Drawn,
+    place: &Place,
+    cursors: Option<(f64, f64)>,
+) -> Vec<Act> {
+    let (tokens, plot) = (tokens(ui), place.plot);
+    let graph = &saved.graphs[place.index];
+    let response = ui.interact(plot, ui.scope_id().with(("graph", place.index)), Sense::click_and_drag());
+    let names: Vec<&str> = drawn.curves.iter().map(|curve| curve.label.as_str()).collect();
+    response.widget_info(|| {
+        WidgetInfo::labeled(egui::Role::Image, true, format!("Graph of {}", names.join(", ")))
+    });
+    ui.painter().rect_filled(plot, 0.0, tokens.canvas());
+
+    let clock = if drawn.kind == GraphKind::Index { Clock { start: Stamp(0) } } else { place.clock };
+    let x = horizontal(drawn, graph, place);
+    let bands = drawn.curves.iter().filter(|curve| curve.shown.are_states()).count();
+    let quantities = plot.with_max_y(plot.bottom() - BAND * bands as f32);
+    let reduced: Vec<Reduced> = match drawn.kind {
+        GraphKind::Against => Vec::new(),
+        _ => drawn.curves.iter().map(|curve| Reduced::new(&curve.shown, &x, clock)).collect(),
+    };
+    let y = [false, true].map(|right| {
+        let of_side = drawn.curves.iter().enumerate().filter(|(_, curve)| curve.right == right);
+        let bounds = of_side.map(|(index, curve)| match reduced.get(index) {
+            Some(reduced) => reduced.bounds(),
+            None => value_bounds(&curve.shown),
+        });
+        let (from, to) = paint::value_range(graph.ranges[usize::from(right)], bounds);
+        Axis::vertical(from, to, quantities.y_range())
+    });
+    let axes = Axes { x, y };
+    let painter = ui.painter().with_clip_rect(plot.expand2(Vec2::new(60.0, 24.0)).intersect(ui.clip_rect()));
+    paint::horizontal_axis(&painter, plot, &axes.x, drawn.kind == GraphKind::Time, place.labelled, tokens);
+    if bands < drawn.curves.len() {
+        paint::vertical_axis(&painter, quantities, &axes.y[0], false, tokens);
+    }
+    if drawn.has_right_axis() {
+        paint::vertical_axis(&painter, quantities, &axes.y[1], true, tokens);
+    }
+    ui.painter().rect_stroke(plot, 0.0, Stroke::new(1.0, tokens.line), egui::StrokeKind::Outside);
+
+    let inside = ui.painter().with_clip_rect(plot.intersect(ui.clip_rect()));
+    if let (Some((from, to)), GraphKind::Time) = (cursors, drawn.kind) {
+        let area = Rect::from_x_y_ranges(axes.x.at(from)..=axes.x.at(to), plot.y_range());
+        inside.rect_filled(area.intersect(plot), 0.0, tokens.accent.gamma_multiply(0.12));
+        for (at, flag) in [(from, "A"), (to, "B")] {
+            paint::time_line(&inside, plot, axes.x.at(at), tokens.accent, Some(flag), tokens.canvas());
+        }
+    }
+    curves(&inside, drawn, &reduced, &axes, quantities, tokens);
+    let mut acts = pointer(ui, cx, graph, drawn, place, &response, &axes);
+    let at = times(ui, cx, drawn, place, &response, &axes, &inside);
+    acts.extend(legend(ui, saved, drawn, place, at));
+    acts
+}
+
+/// The horizontal axis.
+fn horizontal(drawn: &Drawn, graph: &Graph, place: &Place) -> Axis {
+    let (from, to) = match drawn.kind {
+        GraphKind::Time => place.time,
+        GraphKind::Index => {
+            let most = drawn.curves.iter().map(|curve| curve.shown.points.len()).max().unwrap_or(1);
+            paint::value_range(graph.across, std::iter::once((0.0, most.saturating_sub(1) as f64)))
+        }
+        GraphKind::Against => {
+            let bounds = drawn.against.iter().map(|(_, shown)| value_bounds(shown));
+            paint::value_range(graph.across, bounds)
+        }
+    };
+    Axis::horizontal(from, to, place.plot.x_range())
+}
+
+/// Least and greatest value of all.
+fn value_bounds(shown: &Shown) -> (f64, f64) {
+    rcs_runtime::source::moments(&shown.points, 0..shown.points.len())
+        .map_or((f64::INFINITY, f64::NEG_INFINITY), |moments| (moments.min, moments.max))
+}
+
+fn curves(
+    painter: &egui::Painter,
+    drawn: &Drawn,
+    reduced: &[Reduced],
+    axes: &Axes,
+    quantities: Rect,
+    tokens: &ocu_ui::Tokens,
+) {
+    let mut bottom = quantities.bottom();
+    for (index, curve) in drawn.curves.iter().enumerate() {
+        let y = &axes.y[usize::from(curve.right)];
+        match (reduced.get(index), &drawn.against) {
+            (Some(reduced), _) if curve.shown.are_states() => {
+                let rect = Rect::from_x_y_ranges(quantities.x_range(), bottom..=bottom + BAND - 2.0);
+                paint::band(painter, reduced, &curve.shown, rect, tokens);
+                bottom += BAND;
+            }
+            (Some(reduced), _) => paint::curve(
+                &painter.with_clip_rect(quantities.intersect(painter.clip_rect())),
+                reduced,
+                y,
+                curve.color,
+            ),
+            (None, Some((_, across))) => {
+                for line in paint::against(&across.points, &curve.shown.points, (&axes.x, y)) {
+                    if let [one] = line.as_slice() {
+                        painter.circle_filled(*one, 2.0, curve.color);
+                    } else {
+                        painter.add(Shape::line(line, Stroke::new(1.25, curve.color)));
+                    }
+                }
+            }
+            (None, None) => {}
+        }
+    }
+}
+
+/// The lines of the viewed and of the hovered time; returns the time at which the legend reads.
+fn times(
+    ui: &Ui,
+    cx: &mut ViewContext<'_>,
+    drawn: &Drawn,
+    place: &Place,
+    response: &Response,
+    axes: &Axes,
+    painter: &egui::Painter,
+) -> Option<Stamp> {
+    if drawn.kind != GraphKind::Time {
+        return None;
+    }
+    let tokens = tokens(ui);
+    let (plot, clock) = (place.plot, place.clock);
+    paint::time_line(
+        painter,
+        plot,
+        axes.x.at(clock.seconds(cx.frame.now)),
+        tokens.strong,
+        None,
+        tokens.canvas(),
+    );
+    if let Some(at) = response.hover_pos() {
+        let time = clock.stamp(axes.x.value(at.x));
+        cx.selection.hovered.set(Hover { time: Some(time), ..Hover::default() });
+    }
+    let hovered = cx.selection.hovered.get().time;
+    if let Some(time) = hovered {
+        paint::time_line(painter, plot, axes.x.at(clock.seconds(time)), tokens.weak, None, tokens.canvas());
+    }
+    Some(hovered.unwrap_or(cx.frame.now))
+}
+
+/// What the pointer does on the graph.
+fn pointer(
+    ui: &Ui,
+    cx: &ViewContext<'_>,
+    graph: &Graph,
+    drawn: &Drawn,
+    place: &Place,
+    response: &Response,
+    axes: &Axes,
+) -> Vec<Act> {
+    let mut acts = Vec::new();
+    let is_time = drawn.kind == GraphKind::Time;
+    let across = |range: (f64, f64)| {
+        if is_time { Act::Time(range.0, range.1) } else { Act::Across { graph: place.index, range } }
+    };
+    let shift = ui.input(|input| input.modifiers.shift);
+    if response.double_clicked() {
+        acts.push(Act::Fit);
+    } else if response.clicked() && is_time {
+        match response.interact_pointer_pos() {
+            Some(_) if shift => acts.push(Act::Cursors(None)),
+            Some(at) => acts.push(Act::Seek(place.clock.stamp(axes.x.value(at.x)))),
+            None => {}
+        }
+    }
+    if response.dragged_by(egui::PointerButton::Primary) {
+        let (at, delta) = (response.interact_pointer_pos(), response.drag_delta());
+        let origin = ui.input(|input| input.pointer.press_origin());
+        match (at, origin) {
+            (Some(at), Some(origin)) if shift && is_time => {
+                let (a, b) = (axes.x.value(origin.x), axes.x.value(at.x));
+                acts.push(Act::Cursors((a != b).then(|| (a.min(b), a.max(b)))));
+            }
+            _ => {
+                if delta.x != 0.0 {
+                    acts.push(across(axes.x.moved(delta.x)));
+                }
+                // An axis that fits itself stays so.
+                for side in 0..2 {
+                    if graph.ranges[side].is_some() && delta.y != 0.0 {
+                        acts.push(Act::Values {
+                            graph: place.index,
+                            side,
+                            range: axes.y[side].moved(delta.y),
+                        });
+                    }
+                }
+            }
+        }
+    }
+    if let Some(at) = response.hover_pos() {
+        let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta(), f64::from(input.zoom_delta())));
+        let factor = (f64::from(scroll.y) / 240.0).exp();
+        if (factor - 1.0).abs() > 1e-6 {
+            acts.push(across(axes.x.zoomed(at.x, factor)));
+        }
+        if scroll.x != 0.0 {
+            acts.push(across(axes.x.moved(scroll.x)));
+        }
+        if (pinch - 1.0).abs() > 1e-6 {
+            for side in 0..2 {
+                let range = axes.y[side].zoomed(at.y, pinch);
+                acts.push(Act::Values { graph: place.index, side, range });
+            }
+        }
+    }
+    let _ = cx;
+    acts
+}
+
+/// The names of the curves with their values at a time, and their menus.
+fn legend(ui: &mut Ui, saved: &Saved, drawn: &Drawn, place: &Place, at: Option<Stamp>) -> Vec<Act> {
+    let tokens = tokens(ui);
+    let mut acts = Vec::new();
+    let most = ((place.plot.height() - 8.0) / LEGEND_ROW).max(1.0) as usize;
+    for (index, curve) in drawn.curves.iter().enumerate().take(most) {
+        let top = place.plot.top() + 4.0 + LEGEND_ROW * index as f32;
+        let (value, is_problem) = reading(drawn, curve, at);
+        let font = FontId::proportional(11.0);
+        let name = match &drawn.against {
+            Some((against, _)) => format!("{} against {against}", curve.label),
+            None => curve.label.clone(),
+        };
+        let room = (place.plot.width() - 32.0).max(8.0);
+        let color = if is_problem { tokens.warning } else { tokens.strong };
+        let layout = |text: String, font: FontId, color: Color32, width: f32| {
+            let mut job = egui::text::LayoutJob::simple_singleline(text, font, color);
+            job.wrap = egui::text::TextWrapping::truncate_at_width(width.max(8.0));
+            ui.painter().layout_job(job)
+        };
+        let value = layout(value, FontId::monospace(11.0), color, 0.6 * room);
+        let label = layout(name.clone(), font, tokens.text, room - value.size().x - 12.0);
+        let width = 20.0 + label.size().x + 12.0 + value.size().x;
+        let rect = Rect::from_min_size(Pos2::new(place.plot.left() + 6.0, top), Vec2::new(width, LEGEND_ROW));
+        let response = ui.interact(rect, ui.scope_id().with(("legend", place.index, index)), Sense::click());
+        let said = format!("Curve {name}");
+        response.widget_info(|| WidgetInfo::labeled(egui::Role::Button, true, &said));
+        let fill = if response.hovered() { tokens.surface[2] } else { tokens.canvas().gamma_multiply(0.8) };
+        ui.painter().rect_filled(rect.expand2(Vec2::new(2.0, 0.0)), 2.0, fill);
+        let (left, middle) = (rect.left(), rect.center().y);
+        ui.painter().hline(left + 2.0..=left + 14.0, middle, Stroke::new(2.5, curve.color));
+        let mut x = left + 20.0;
+        for (galley, gap) in [(label, 12.0), (value, 0.0)] {
+            let at = Pos2::new(x, middle - galley.size().y / 2.0);
+            x += galley.size().x + gap;
+            ui.painter().galley(at, galley, tokens.text);
+        }
+        let saved_curve: &Curve = &saved.graphs[place.index].curves[index];
+        let mut asked = None;
+        response.context_menu(|ui| asked = menu::ui(ui, saved, saved_curve));
+        if response.clicked() {
+            asked = Some(Asked::Edit);
+        }
+        acts.extend(asked.map(|asked| Act::Curve { graph: place.index, curve: index, asked }));
+    }
+    if drawn.curves.len() > most {
+        let at = place.plot.right_top() + Vec2::new(-6.0, 4.0);
+        let text = format!("{} more", drawn.curves.len() - most);
+        ui.painter().text(at, Align2::RIGHT_TOP, text, FontId::proportional(11.0), tokens.weak);
+    }
+    acts
+}
+
+/// What the legend says beside a name, and whether that is a problem.
+fn reading(drawn: &Drawn, curve: &DrawnCurve, at: Option<Stamp>) -> (String, bool) {
+    let shown = &curve.shown;
+    if let Some(problem) = shown.problem.as_ref().filter(|_| shown.points.is_empty()) {
+        return (problem.to_string(), true);
+    }
+    if let Some(reading) = shown.reading {
+        return (format!("{:.0} %", reading * 100.0), false);
+    }
+    let value = match (drawn.kind, at) {
+        (GraphKind::Time, Some(at)) => {
+            let index = shown.points.count_until(at);
+            index.checked_sub(1).and_then(|index| shown.points.get(index)).map(|point| point.value)
+        }
+        (GraphKind::Index, _) => return (format!("{} values", shown.points.len()), false),
+        _ => None,
+    };
+    let text = match value {
+        Some(value) => match shown.names.get(&(value as i64)).filter(|_| value.is_finite()) {
+            Some(name) => name.to_string(),
+            None if value.is_finite() => format::number(value),
+            None => "–".to_owned(),
+        },
+        None if drawn.kind == GraphKind::Time => "–".to_owned(),
+        None => String::new(),
+    };
+    (text, false)
+}

@@ -1,0 +1,208 @@
+//! Paints one graph: axes, curves, bands of states, cursors.
+
+use super::axis::{Axis, around, mark_text, time_text};
+use super::columns::{Column, bands, columns, lines, visible};
+use crate::series::Shown;
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2};
+use ocu_ui::Tokens;
+use rcs_msg::Stamp;
+use rcs_runtime::source::{FieldPoint, Series};
+
+/// Height of a band of states.
+pub(super) const BAND: f32 = 18.0;
+/// Curves with at most this many visible points are drawn with their points.
+const DOTS: usize = 60;
+
+/// Times of a source as seconds since its start.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Clock {
+    pub(super) start: Stamp,
+}
+
+impl Clock {
+    pub(super) fn seconds(self, stamp: Stamp) -> f64 {
+        // Times before the start are negative.
+        stamp.seconds_since(self.start)
+    }
+
+    pub(super) fn stamp(self, seconds: f64) -> Stamp {
+        let ns = (seconds * 1e9).clamp(-9e18, 9e18);
+        if ns >= 0.0 { self.start.after_ns(ns as u64) } else { self.start.before_ns((-ns) as u64) }
+    }
+}
+
+/// A curve over time, reduced to what the screen shows.
+pub(super) struct Reduced {
+    columns: Vec<Column>,
+    bands: Vec<(f32, f32, Option<i64>)>,
+}
+
+impl Reduced {
+    pub(super) fn new(shown: &Shown, axis: &Axis, clock: Clock) -> Self {
+        let seconds = |stamp| clock.seconds(stamp);
+        let (from, to) = (clock.stamp(axis.from), clock.stamp(axis.to));
+        let range = visible(&shown.points, from, to);
+        if shown.are_states() {
+            let bands = bands(&shown.points, range, axis, axis.screen.1, seconds);
+            return Self { columns: Vec::new(), bands };
+        }
+        Self { columns: columns(&shown.points, range, axis, seconds), bands: Vec::new() }
+    }
+
+    /// Least and greatest visible value.
+    pub(super) fn bounds(&self) -> (f64, f64) {
+        let start = (f64::INFINITY, f64::NEG_INFINITY);
+        self.columns.iter().fold(start, |(min, max), column| (min.min(column.min), max.max(column.max)))
+    }
+}
+
+/// The range of an axis: fixed, or around the visible values of its curves.
+pub(super) fn value_range(fixed: Option<(f64, f64)>, curves: impl Iterator<Item = (f64, f64)>) -> (f64, f64) {
+    match fixed {
+        Some((from, to)) if from.is_finite() && to.is_finite() && from < to => (from, to),
+        _ => {
+            let start = (f64::INFINITY, f64::NEG_INFINITY);
+            let (min, max) = curves.fold(start, |(min, max), (low, high)| (min.min(low), max.max(high)));
+            around(min, max)
+        }
+    }
+}
+
+/// Draws a curve of quantities.
+pub(super) fn curve(painter: &Painter, reduced: &Reduced, y: &Axis, color: Color32) {
+    let points: usize = reduced.columns.iter().map(|column| column.points).sum();
+    for line in lines(&reduced.columns, y) {
+        if line.len() == 1 || points <= DOTS {
+            for at in &line {
+                painter.circle_filled(*at, 2.0, color);
+            }
+        }
+        if line.len() > 1 {
+            painter.add(Shape::line(line, Stroke::new(1.25, color)));
+        }
+    }
+}
+
+/// Draws the states of a curve as a band.
+pub(super) fn band(painter: &Painter, reduced: &Reduced, shown: &Shown, rect: Rect, tokens: &Tokens) {
+    let font = FontId::proportional(11.0);
+    for (from, to, state) in &reduced.bands {
+        let (left, right) = (from.max(rect.left()), to.min(rect.right()));
+        if right <= left {
+            continue;
+        }
+        let area = Rect::from_x_y_ranges(left..=right, rect.y_range());
+        let Some(state) = state else {
+            painter.rect_filled(area, 0.0, tokens.unknown.gamma_multiply(0.5));
+            continue;
+        };
+        let name = shown.names.get(state).map_or_else(|| state.to_string(), ToString::to_string);
+        let color = tokens.series(*state as usize);
+        painter.rect_filled(area, 0.0, color.gamma_multiply(0.28));
+        painter.vline(area.left(), area.y_range(), Stroke::new(1.0, color));
+        if area.width() > 24.0 {
+            let mut job = egui::text::LayoutJob::simple_singleline(name, font.clone(), tokens.text);
+            job.wrap = egui::text::TextWrapping::truncate_at_width(area.width() - 8.0);
+            let galley = painter.layout_job(job);
+            let at = Pos2::new(area.left() + 4.0, area.center().y - galley.size().y / 2.0);
+            painter.galley(at, galley, tokens.text);
+        }
+    }
+}
+
+/// Draws the grid and the marks of the vertical axes.
+pub(super) fn vertical_axis(painter: &Painter, plot: Rect, axis: &Axis, at_right: bool, tokens: &Tokens) {
+    let (marks, step) = axis.marks(34.0);
+    let font = FontId::monospace(10.5);
+    for mark in marks {
+        let y = axis.at(mark);
+        if at_right {
+            painter.hline(plot.right()..=plot.right() + 4.0, y, Stroke::new(1.0, tokens.line));
+            let at = Pos2::new(plot.right() + 7.0, y);
+            painter.text(at, Align2::LEFT_CENTER, mark_text(mark, step), font.clone(), tokens.weak);
+        } else {
+            painter.hline(plot.x_range(), y, Stroke::new(1.0, tokens.line.gamma_multiply(0.55)));
+            let at = Pos2::new(plot.left() - 6.0, y);
+            painter.text(at, Align2::RIGHT_CENTER, mark_text(mark, step), font.clone(), tokens.weak);
+        }
+    }
+}
+
+/// Draws the grid of the horizontal axis, and its marks below the plot if there is room.
+pub(super) fn horizontal_axis(
+    painter: &Painter,
+    plot: Rect,
+    axis: &Axis,
+    is_time: bool,
+    labelled: bool,
+    tokens: &Tokens,
+) {
+    let (marks, step) = axis.marks(80.0);
+    for mark in marks {
+        let x = axis.at(mark);
+        painter.vline(x, plot.y_range(), Stroke::new(1.0, tokens.line.gamma_multiply(0.55)));
+        if labelled {
+            let text = if is_time { time_text(mark, step) } else { mark_text(mark, step) };
+            let at = Pos2::new(x, plot.bottom() + 4.0);
+            painter.text(at, Align2::CENTER_TOP, text, FontId::monospace(10.5), tokens.weak);
+        }
+    }
+}
+
+/// Draws a line of time with a flag at its top.
+pub(super) fn time_line(
+    painter: &Painter,
+    plot: Rect,
+    x: f32,
+    color: Color32,
+    flag: Option<&str>,
+    on: Color32,
+) {
+    if !plot.x_range().expand(0.5).contains(x) {
+        return;
+    }
+    painter.vline(x, plot.y_range(), Stroke::new(1.0, color));
+    if let Some(flag) = flag {
+        let galley = painter.layout_no_wrap(flag.to_owned(), FontId::proportional(10.0), on);
+        let rect = Rect::from_min_size(Pos2::new(x, plot.top()), galley.size() + Vec2::new(6.0, 0.0));
+        painter.rect_filled(rect, 0.0, color);
+        painter.galley(rect.min + Vec2::new(3.0, 0.0), galley, on);
+    }
+}
+
+/// Points of one series against another, without those that fall on the same spot of the screen.
+pub(super) fn against(
+    x: &Series<FieldPoint>,
+    y: &Series<FieldPoint>,
+    axes: (&Axis, &Axis),
+) -> Vec<Vec<Pos2>> {
+    let (mut lines, mut line): (Vec<Vec<Pos2>>, Vec<Pos2>) = (Vec::new(), Vec::new());
+    for (x, y) in pairs(x, y) {
+        if !x.is_finite() || !y.is_finite() {
+            lines.push(std::mem::take(&mut line));
+            continue;
+        }
+        let at = Pos2::new(axes.0.at(x), axes.1.at(y));
+        if line.last().is_none_or(|last| (*last - at).length_sq() > 0.25) {
+            line.push(at);
+        }
+    }
+    lines.push(line);
+    lines.retain(|line| !line.is_empty());
+    lines
+}
+
+/// The values of two series at the times of the second.
+pub(super) fn pairs(x: &Series<FieldPoint>, y: &Series<FieldPoint>) -> Vec<(f64, f64)> {
+    let points = |series: &Series<FieldPoint>| {
+        let (mut stamps, mut values) = (Vec::new(), Vec::new());
+        series.each(0..series.len(), |point| {
+            stamps.push(point.stamp);
+            values.push(point.value);
+        });
+        rcs_formula::Points::new(stamps, values)
+    };
+    let (x, y) = (points(x), points(y));
+    let x = x.at(&y.stamps);
+    x.iter().copied().zip(y.values.iter().copied()).collect()
+}

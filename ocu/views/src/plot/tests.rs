@@ -1,0 +1,204 @@
+#![allow(clippy::unwrap_used, reason = "a test may fail")]
+
+use super::*;
+use crate::samples;
+use crate::view::{Hovers, Selection, TopicKey};
+use egui::Theme;
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use rcs_formula::Points;
+use rcs_runtime::source::{FieldSeries, RunTag, series_of};
+use std::sync::Arc;
+
+/// A frame with a field of quantities, one with gaps, and one of states, over twelve seconds.
+pub(crate) fn frame() -> Frame {
+    let mut frame = samples::full();
+    let start = frame.info.start;
+    let series = |field: &str, hz: f64, value: &dyn Fn(f64) -> f64| {
+        let count = (12.0 * hz) as u64;
+        let stamps: Vec<_> = (0..count).map(|i| start.after_ns((i as f64 / hz * 1e9) as u64)).collect();
+        let values: Vec<f64> = (0..count).map(|i| value(i as f64 / hz)).collect();
+        let formula: rcs_formula::Formula = field.parse().unwrap();
+        FieldSeries {
+            field: formula.fields()[0].clone(),
+            run: RunTag::FIRST,
+            points: series_of(&Points::new(stamps, values)),
+            names: Arc::default(),
+            reading: None,
+            problem: None,
+        }
+    };
+    let wave =
+        series("/vehicle/state.speed_mps", 500.0, &|t| 1.2 + 0.6 * (t * 1.1).sin() + 0.1 * (t * 97.0).sin());
+    let turn = series("/vehicle/state.yaw_rate_rps", 20.0, &|t| {
+        if (5.0..6.5).contains(&t) { f64::NAN } else { 0.3 * (t * 0.9).cos() }
+    });
+    let names = [(0, "DONE".into()), (1, "EXEC".into()), (3, "ERROR".into())];
+    let states = series("/planner/status.state", 5.0, &|t| {
+        if t < 1.0 {
+            0.0
+        } else if t < 8.0 {
+            1.0
+        } else {
+            3.0
+        }
+    });
+    let states = FieldSeries { names: Arc::new(names.into()), ..states };
+    frame.fields = Arc::new([wave, turn, states]);
+    frame
+}
+
+struct Shown {
+    view: Plot,
+    frame: Frame,
+    controls: Vec<Control>,
+    wishes: Vec<Wish>,
+}
+
+fn harness(view: Plot, size: egui::Vec2) -> Harness<'static, Shown> {
+    let shown = Shown { view, frame: frame(), controls: Vec::new(), wishes: Vec::new() };
+    let mut selection = Selection { hovered: Hovers::default(), ..Selection::default() };
+    Harness::builder()
+        .with_size(size)
+        .with_theme(Theme::Dark)
+        .with_max_steps(12)
+        .with_render_cursor(false)
+        .with_context_setup(ocu_ui::install)
+        .build_ui_state(
+            move |ui, shown: &mut Shown| {
+                ui.painter().rect_filled(ui.max_rect(), 0.0, ocu_ui::tokens(ui).panel());
+                let Shown { view, frame, controls, wishes } = shown;
+                let mut cx = ViewContext { frame, controls, selection: &mut selection, wishes };
+                crate::view::show(view, ui, &mut cx);
+                selection.hovered.turn();
+            },
+            shown,
+        )
+}
+
+fn plot(graphs: &[&[&str]]) -> Plot {
+    let graph = |formulas: &&[&str]| Graph {
+        curves: formulas.iter().map(|formula| Curve::new(*formula)).collect(),
+        ..Graph::default()
+    };
+    let saved = Saved { graphs: graphs.iter().map(graph).collect(), ..Saved::default() };
+    Plot { saved, ..Plot::default() }
+}
+
+fn several() -> Plot {
+    let mut view = plot(&[
+        &["/vehicle/state.speed_mps", "smooth(/vehicle/state.speed_mps, 0.5)", "/planner/status.state"],
+        &["/vehicle/state.yaw_rate_rps", "integral(/vehicle/state.yaw_rate_rps)"],
+    ]);
+    view.saved.graphs[1].curves[1].right = true;
+    view.saved.statistics = true;
+    view
+}
+
+#[test]
+fn curves_states_and_statistics_are_drawn() {
+    let mut harness = harness(several(), egui::Vec2::new(720.0, 480.0));
+    harness.run();
+    let options = egui_kittest::SnapshotOptions::new().threshold(1.6).max_failed_pixels(24_usize);
+    harness.snapshot_options("plot_dark", &options);
+    let all: Vec<String> = harness.state().view.fields().iter().map(ToString::to_string).collect();
+    assert_eq!(all, ["/planner/status.state", "/vehicle/state.speed_mps", "/vehicle/state.yaw_rate_rps"]);
+    // The statistics of the whole range: the integral has the time between points, the deviation its root.
+    harness.get_by_label_contains("/vehicle/state.yaw_rate_rps: points 240");
+    harness.get_by_label_contains("deviation 0.21644");
+}
+
+#[test]
+fn against_another_and_arrays_are_drawn() {
+    let mut view = plot(&[&["/vehicle/state.yaw_rate_rps"], &["/wm1/map.fields", "/camera/image.data"]]);
+    view.saved.graphs[0].against = Some("/vehicle/state.speed_mps".to_owned());
+    let mut harness = harness(view, egui::Vec2::new(720.0, 480.0));
+    harness.run();
+    let options = egui_kittest::SnapshotOptions::new().threshold(1.6).max_failed_pixels(24_usize);
+    harness.snapshot_options("plot_against", &options);
+}
+
+#[test]
+fn a_click_goes_to_its_time_and_scrolling_zooms_about_the_pointer() {
+    let mut harness = harness(plot(&[&["/vehicle/state.speed_mps"]]), egui::Vec2::new(600.0, 300.0));
+    harness.run();
+    let place = harness.state().view.places[0];
+    let middle = place.center();
+    let click = |harness: &mut Harness<'static, Shown>, pressed| {
+        harness.event(egui::Event::PointerButton {
+            pos: middle,
+            button: egui::PointerButton::Primary,
+            pressed,
+            modifiers: egui::Modifiers::NONE,
+        });
+        harness.step();
+    };
+    harness.event(egui::Event::PointerMoved(middle));
+    harness.step();
+    click(&mut harness, true);
+    click(&mut harness, false);
+    let start = harness.state().frame.info.start;
+    let sought = harness.state().controls.iter().find_map(|control| match control {
+        Control::Seek(to) => Some(to.seconds_since(start)),
+        _ => None,
+    });
+    // All of 12.5 s and a margin are visible.
+    assert!((sought.unwrap() - 6.3).abs() < 0.1, "{sought:?}");
+    harness.event(egui::Event::MouseWheel {
+        unit: egui::MouseWheelUnit::Point,
+        delta: egui::Vec2::new(0.0, 120.0),
+        phase: egui::TouchPhase::Move,
+        source: egui::MouseWheelSource::Unknown,
+        modifiers: egui::Modifiers::NONE,
+    });
+    harness.run();
+    let Span::Fixed(from, to) = harness.state().view.saved.span else { panic!("not zoomed") };
+    assert!(to - from < 11.0 && (f64::midpoint(from, to) - 6.3).abs() < 0.2, "{from} {to}");
+    harness.get_by_label("Fit to graph").click();
+    harness.run();
+    assert_eq!(harness.state().view.saved.span, Span::All);
+}
+
+#[test]
+fn the_visible_values_are_saved_as_text() {
+    let mut harness = harness(several(), egui::Vec2::new(720.0, 480.0));
+    harness.state_mut().view.saved.span = Span::Fixed(0.9, 1.25);
+    harness.run();
+    harness.get_by_label("Save the values as text (CSV)").click();
+    harness.run();
+    let wishes = &harness.state().wishes;
+    let Some(Wish::SaveFile { content, .. }) = wishes.first() else { panic!("{wishes:?}") };
+    let text = String::from_utf8(content.to_vec()).unwrap();
+    let mut lines = text.lines();
+    assert!(lines.next().unwrap().starts_with("time_s,time_ns,/vehicle/state.speed_mps,\"smooth("));
+    assert_eq!(text.lines().filter(|line| line.contains("EXEC")).count(), 2);
+    assert_eq!(text.lines().count(), 1 + 176);
+}
+
+#[test]
+fn a_dropped_field_is_a_curve_of_the_graph_below_it_or_a_graph_of_its_own() {
+    let mut view = plot(&[&["/a.x"]]);
+    view.places = vec![Rect::from_min_max(Pos2::ZERO, Pos2::new(100.0, 100.0))];
+    let field = FieldKey { topic: TopicKey::shown("/b"), path: "y[2]".parse().unwrap() };
+    view.drop_field(&field, Pos2::new(50.0, 20.0));
+    view.drop_field(&field, Pos2::new(50.0, 90.0));
+    let formulas: Vec<Vec<&str>> =
+        view.saved.graphs.iter().map(|g| g.curves.iter().map(|c| c.formula.as_str()).collect()).collect();
+    assert_eq!(formulas, [vec!["/a.x", "/b.y[2]"], vec!["/b.y[2]"]]);
+    // What a layout stores has all of it.
+    let mut again = Plot::default();
+    again.load(&view.save()).unwrap();
+    assert_eq!(again.saved, view.saved);
+}
+
+#[test]
+fn a_formula_that_is_wrong_or_a_field_that_is_absent_says_so() {
+    let mut harness = harness(
+        plot(&[&["smooth(", "/nothing/here.x", "/planner/status.cycle"]]),
+        egui::Vec2::new(600.0, 300.0),
+    );
+    harness.run();
+    for name in ["smooth(", "/nothing/here.x", "/planner/status.cycle"] {
+        harness.get_by_label(&format!("Curve {name}"));
+    }
+}

@@ -1,0 +1,217 @@
+//! The values of formulas over time: a field directly from the frame, another formula computed from its fields.
+//!
+//! A formula of few points is computed at once, one of many on a thread of its own, while the last result is shown.
+
+use crate::view::RunChoice;
+use egui::Context;
+use rcs_formula::{FieldRef, Formula, Names, Points};
+use rcs_msg::Value;
+use rcs_runtime::RunId;
+use rcs_runtime::source::{FieldPoint, FieldSeries, Frame, RunTag, Series, series_of};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+
+/// A first result of at most this many points is computed at once.
+const AT_ONCE: usize = 200_000;
+/// A further one of at most this many.
+const AGAIN_AT_ONCE: usize = 20_000;
+
+/// What there is to draw for a formula.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Shown {
+    pub(crate) points: Series<FieldPoint>,
+    /// Names of the values, if they are states.
+    pub(crate) names: Names,
+    /// Progress of reading; `None` when everything was read.
+    pub(crate) reading: Option<f64>,
+    /// Why there are no values, or not all of them.
+    pub(crate) problem: Option<Arc<str>>,
+}
+
+impl Shown {
+    pub(crate) fn are_states(&self) -> bool {
+        !self.names.is_empty()
+    }
+
+    /// All values.
+    pub(crate) fn all(&self) -> Points {
+        let field = FieldRef { topic: String::new(), path: rcs_msg::FieldPath::root() };
+        let points = self.points.clone();
+        let series = FieldSeries {
+            field,
+            run: RunTag::Recorded,
+            points,
+            names: Arc::clone(&self.names),
+            reading: None,
+            problem: None,
+        };
+        series.all()
+    }
+}
+
+/// A series as it was used: its records, and their number.
+type Used = (Series<FieldPoint>, usize);
+
+type Computed = Result<(Series<FieldPoint>, Names), Arc<str>>;
+
+/// A computed formula.
+#[derive(Default)]
+struct Derived {
+    /// The series that the result is of, and those of the result being computed.
+    used: Option<Vec<Used>>,
+    result: Option<Computed>,
+    coming: Option<(Vec<Used>, Receiver<Computed>)>,
+}
+
+/// The parsed formulas and computed results of a view.
+#[derive(Default)]
+pub(crate) struct Shelf {
+    formulas: BTreeMap<String, Result<Formula, Arc<str>>>,
+    derived: BTreeMap<(String, RunChoice), Derived>,
+}
+
+/// The run of a curve in a frame.
+fn tag(frame: &Frame, run: RunChoice) -> RunTag {
+    match run {
+        RunChoice::Shown => RunTag::Run(frame.runs.current()),
+        RunChoice::Recorded => RunTag::Recorded,
+        RunChoice::Run(run) => RunTag::Run(RunId(run)),
+    }
+}
+
+fn same(used: &[Used], now: &[Used]) -> bool {
+    used.len() == now.len() && used.iter().zip(now).all(|(a, b)| a.0.same(&b.0) && a.1 == b.1)
+}
+
+fn compute(formula: &Formula, inputs: &[Points]) -> Computed {
+    let points = formula.eval(inputs).map_err(|error| Arc::from(error.to_string()))?;
+    Ok((series_of(&points), Arc::clone(&points.names)))
+}
+
+impl Shelf {
+    /// The formula of a text.
+    pub(crate) fn formula(&mut self, text: &str) -> &Result<Formula, Arc<str>> {
+        if !self.formulas.contains_key(text) {
+            let parsed = text.parse::<Formula>().map_err(|error| error.to_string().into());
+            self.formulas.insert(text.to_owned(), parsed);
+        }
+        &self.formulas[text]
+    }
+
+    /// What there is to draw for a formula in a frame.
+    pub(crate) fn shown(&mut self, ctx: &Context, frame: &Frame, text: &str, run: RunChoice) -> Shown {
+        let formula = match self.formula(text) {
+            Ok(formula) => formula.clone(),
+            Err(problem) => return Shown { problem: Some(Arc::clone(problem)), ..Shown::default() },
+        };
+        let tag = tag(frame, run);
+        let series: Vec<Option<&FieldSeries>> =
+            formula.fields().iter().map(|field| frame.field(field, tag)).collect();
+        if let (Some(_), [one]) = (formula.as_field(), series.as_slice()) {
+            return match one {
+                Some(one) => Shown {
+                    points: one.points.clone(),
+                    names: Arc::clone(&one.names),
+                    reading: one.reading,
+                    problem: one.problem.clone(),
+                },
+                None => Shown { problem: Some(missing(frame, &formula.fields()[0])), ..Shown::default() },
+            };
+        }
+        for (field, series) in formula.fields().iter().zip(&series) {
+            let problem = match series {
+                None => Some(missing(frame, field)),
+                Some(series) if series.points.is_empty() => series.problem.clone(),
+                Some(_) => None,
+            };
+            if problem.is_some() {
+                return Shown { problem, ..Shown::default() };
+            }
+        }
+        let series: Vec<&FieldSeries> = series.into_iter().flatten().collect();
+        let reading = series.iter().filter_map(|series| series.reading).reduce(f64::min);
+        let derived = self.derived.entry((text.to_owned(), run)).or_default();
+        derived.update(ctx, &formula, &series);
+        match &derived.result {
+            Some(Ok((points, names))) => {
+                let lost = series.iter().find_map(|series| series.problem.clone());
+                Shown { points: points.clone(), names: Arc::clone(names), reading, problem: lost }
+            }
+            Some(Err(problem)) => Shown { problem: Some(Arc::clone(problem)), reading, ..Shown::default() },
+            None => Shown { reading: reading.or(Some(1.0)), ..Shown::default() },
+        }
+    }
+
+    /// Drops what no curve uses.
+    pub(crate) fn keep(&mut self, is_used: impl Fn(&str) -> bool) {
+        self.formulas.retain(|text, _| is_used(text));
+        self.derived.retain(|(text, _), _| is_used(text));
+    }
+}
+
+impl Derived {
+    /// Takes a result that has been computed, and begins to compute the next one.
+    fn update(&mut self, ctx: &Context, formula: &Formula, series: &[&FieldSeries]) {
+        if let Some((used, coming)) = &self.coming {
+            match coming.try_recv() {
+                Ok(result) => {
+                    self.used = Some(used.clone());
+                    self.result = Some(result);
+                    self.coming = None;
+                }
+                Err(TryRecvError::Empty) => return,
+                Err(TryRecvError::Disconnected) => self.coming = None,
+            }
+        }
+        let now: Vec<Used> =
+            series.iter().map(|series| (series.points.clone(), series.points.len())).collect();
+        if self.used.as_ref().is_some_and(|used| same(used, &now)) {
+            return;
+        }
+        let size: usize = now.iter().map(|(_, length)| length).sum();
+        let most = if self.result.is_some() { AGAIN_AT_ONCE } else { AT_ONCE };
+        let (formula, series) = (formula.clone(), series.iter().map(|&series| series.clone()));
+        if size <= most {
+            let inputs: Vec<Points> = series.map(|series| series.all()).collect();
+            (self.result, self.used) = (Some(compute(&formula, &inputs)), Some(now));
+            return;
+        }
+        let series: Vec<FieldSeries> = series.collect();
+        let (sender, receiver) = channel();
+        let ctx = ctx.clone();
+        let spawned = std::thread::Builder::new().name("formula".to_owned()).spawn(move || {
+            let inputs: Vec<Points> = series.iter().map(FieldSeries::all).collect();
+            // Fails if the plot has been closed.
+            let _ = sender.send(compute(&formula, &inputs));
+            ctx.request_repaint();
+        });
+        match spawned {
+            Ok(_) => self.coming = Some((now, receiver)),
+            Err(error) => self.result = Some(Err(format!("no thread to compute it: {error}").into())),
+        }
+    }
+}
+
+/// Why a field has no series.
+fn missing(frame: &Frame, field: &FieldRef) -> Arc<str> {
+    match frame.topic(&field.topic) {
+        Some(_) => "is being gathered".into(),
+        None => format!("there is no buffer {}", field.topic).into(),
+    }
+}
+
+/// The numbers of an array at a path of the newest message; `None` if there is another value.
+pub(crate) fn array(frame: &Frame, field: &FieldRef, run: RunChoice) -> Option<Vec<f64>> {
+    let topic = frame.topic_of(&field.topic, tag(frame, run)).or_else(|| frame.topic(&field.topic))?;
+    let root = topic.latest.as_ref()?.message.value().ok()?;
+    let value = root.get(&field.path).ok()?;
+    match &*value {
+        Value::Packed(packed) => {
+            Some(packed.iter().map(|number| Value::from(number).as_f64().unwrap_or(f64::NAN)).collect())
+        }
+        Value::Bytes(bytes) => Some(bytes.iter().map(|&byte| f64::from(byte)).collect()),
+        Value::List(list) => list.iter().map(Value::as_f64).collect(),
+        _ => None,
+    }
+}
