@@ -35,8 +35,11 @@ impl Label {
 pub struct VoteRule {
     /// Added to the confidence of the vote's class by a vote of full worth; at least 1.
     pub rise: u8,
-    /// Subtracted from the confidence of the other class by a vote of full worth.
+    /// Subtracted from the confidence in ground by a vote of full worth for an obstacle.
     pub fall: u8,
+    /// Subtracted from the confidence in an obstacle by a vote of full worth for ground. Less than `fall`, because ground
+    /// is also seen through and beside an obstacle: a mesh, a post, a cell that the obstacle fills in part.
+    pub obstacle_fall: u8,
     /// Greatest confidence in an obstacle that votes of full worth reach; at least 1.
     pub max: u8,
     /// Greatest confidence in ground that votes of full worth reach; at least 1.
@@ -47,7 +50,7 @@ impl Default for VoteRule {
     /// Ground is certain after four votes (0.8 s at stereo's 5 Hz), and loses to an obstacle at the second vote against
     /// it.
     fn default() -> Self {
-        VoteRule { rise: 20, fall: 20, max: 200, ground_max: 80 }
+        VoteRule { rise: 20, fall: 20, obstacle_fall: 6, max: 200, ground_max: 80 }
     }
 }
 
@@ -116,7 +119,7 @@ impl Evidence {
     ///
     /// The vote counts by its part p of a full vote: its worth, times the distance of its cost from the border of the
     /// classes. The confidence of its class rises by p·`rise`, up to p times the bound of the class, and that of the
-    /// other class falls by p·`fall`. A confidence above the bound, from better votes, stays.
+    /// other class falls by p·`fall`, or p·`obstacle_fall`. A confidence above the bound, from better votes, stays.
     ///
     /// The cost belongs to the class with the greater confidence; obstacle on a tie. When the class changes, or nothing
     /// was known, the cost is that of the vote. A vote for the class of the cost moves it towards the vote's by the
@@ -131,7 +134,8 @@ impl Evidence {
         }
         let class = Label::of_cost(vote.cost);
         let bound = part_of(rule.bound(class), part);
-        let (rise, fall) = (part_of(rule.rise.max(1), part).min(bound), part_of(rule.fall, part));
+        let fall = if class == Label::Obstacle { rule.fall } else { rule.obstacle_fall };
+        let (rise, fall) = (part_of(rule.rise.max(1), part).min(bound), part_of(fall, part));
         let raised = |confidence: u8| confidence.saturating_add(rise).min(bound.max(confidence));
         if self.confidence == 0 || self.cost > MAX_COST {
             let backing = vote.backing;
@@ -315,7 +319,7 @@ mod tests {
 
     use super::*;
 
-    const RULE: VoteRule = VoteRule { rise: 30, fall: 20, max: 255, ground_max: 80 };
+    const RULE: VoteRule = VoteRule { rise: 30, fall: 20, obstacle_fall: 20, max: 255, ground_max: 80 };
 
     fn voted(votes: &[u8]) -> Evidence {
         (1..)
@@ -351,7 +355,7 @@ mod tests {
             .collect();
         assert_eq!(steps, [[250, 90, 0], [250, 70, 30], [0, 60, 50], [0, 80, 30]]);
         // On a tie the obstacle wins.
-        let even = VoteRule { rise: 20, fall: 20, max: 80, ground_max: 80 };
+        let even = VoteRule { rise: 20, fall: 20, obstacle_fall: 20, max: 80, ground_max: 80 };
         let tie =
             [0, 250, 0, 250].iter().fold(Evidence::NONE, |evidence, &cost| evidence.voted(cost, 1, even));
         assert_eq!([tie.cost, tie.confidence], [250, 20]);
@@ -416,9 +420,9 @@ mod tests {
         #[test]
         fn any_votes_keep_the_bounds_and_a_steady_source_wins(
             votes in prop::collection::vec((any::<u8>(), any::<u8>()), 0..80), last in 0..=MAX_COST,
-            rise in 0..=255_u8, fall in 1..=255_u8, ground_max in 0..=255_u8,
+            rise in 0..=255_u8, fall in 1..=255_u8, obstacle_fall in 1..=255_u8, ground_max in 0..=255_u8,
         ) {
-            let rule = VoteRule { rise, fall, max: 255, ground_max };
+            let rule = VoteRule { rise, fall, obstacle_fall, max: 255, ground_max };
             let mut evidence = Evidence::NONE;
             for (i, (cost, worth)) in (0..).zip(votes) {
                 evidence = evidence.voted(Vote { cost, worth, backing: 0 }, i, rule);

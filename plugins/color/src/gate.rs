@@ -156,7 +156,7 @@ mod tests {
     use rcs_msg::foxglove::Grid;
     use rcs_world::{HeightStats, Map, MapOptions, Source, Sources, VoteRule, Weights};
 
-    const RULE: VoteRule = VoteRule { rise: 60, fall: 20, max: 255, ground_max: 255 };
+    const RULE: VoteRule = VoteRule { rise: 60, fall: 20, obstacle_fall: 20, max: 255, ground_max: 255 };
 
     /// A map with one obstacle cell of this height, from this source.
     fn map_with(place: DVec2, height_m: f32, source: Source, cost: u8) -> Grid {

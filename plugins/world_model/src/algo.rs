@@ -64,7 +64,7 @@ mod tests {
     use rcs_geom::DVec2;
     use rcs_world::{Evidence, MapOptions, Sources, Weights};
 
-    const RULE: VoteRule = VoteRule { rise: 30, fall: 20, max: 255, ground_max: 80 };
+    const RULE: VoteRule = VoteRule { rise: 30, fall: 20, obstacle_fall: 20, max: 255, ground_max: 80 };
 
     fn origin(source: Source, sequence: u32) -> VoteOrigin {
         VoteOrigin { source, sequence, time: Stamp(u64::from(sequence)), rule: RULE, height_tolerance_m: 0.2 }

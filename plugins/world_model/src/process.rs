@@ -96,7 +96,7 @@ impl Process for WorldModel {
             costs,
             poses: PosePorts::declare(b),
             map: b
-                .output("map", "201x201 cells of 0.2 m around the vehicle, local frame")
+                .output("map", "201x201 cells around the vehicle, local frame")
                 .role(Role::Map)
                 .palette("cost")
                 .recorded_by(&MAP_CODEC)
@@ -116,10 +116,9 @@ impl Process for WorldModel {
         check_sources(params)
     }
 
-    #[expect(clippy::expect_used, reason = "201 cells of 0.2 m are a grid")]
-    fn new(_params: &WorldModelParams) -> Self {
+    fn new(params: &WorldModelParams) -> Self {
         Self {
-            map: Map::new(CELL_SIZE_M).expect("the size of WM1 is valid"),
+            map: empty(params.cell_size_m),
             localizer: Localizer::default(),
             seen: Sources::default(),
             contributions: Vec::new(),
@@ -139,6 +138,10 @@ impl Process for WorldModel {
                     self.seen = Sources::default();
                 }
             }
+        }
+        if self.map.grid().cell_size_m() != params.cell_size_m {
+            self.map = empty(params.cell_size_m);
+            self.seen = Sources::default();
         }
         let vehicle = self.scroll(params, cx.now());
         let listed = Listed::of(params);
@@ -164,6 +167,12 @@ impl Process for WorldModel {
             (false, _) => "waits for the vehicle's pose",
         });
     }
+}
+
+/// A map without evidence.
+#[expect(clippy::expect_used, reason = "any cell size that the parameter allows is a grid")]
+fn empty(cell_size_m: f64) -> Map {
+    Map::new(cell_size_m).expect("the cell size is valid")
 }
 
 impl WorldModel {

@@ -179,7 +179,7 @@ mod tests {
     use rcs_msg::Stamp;
     use rcs_world::{Map, MapOptions, Sources, VoteRule, Weights};
 
-    const FULL: VoteRule = VoteRule { rise: 255, fall: 255, max: 255, ground_max: 255 };
+    const FULL: VoteRule = VoteRule { rise: 255, fall: 255, obstacle_fall: 255, max: 255, ground_max: 255 };
 
     /// A cost map with cells of this size around the origin, with these costs.
     fn message(cell_size_m: f64, costs: &[([f64; 2], u8)]) -> Grid {

@@ -48,6 +48,7 @@ impl Listed {
             votes: VoteRule {
                 rise: byte(entry.gain_up),
                 fall: byte(entry.gain_down),
+                obstacle_fall: byte(entry.obstacle_gain_down),
                 max: byte(entry.max_confidence),
                 ground_max: byte(entry.max_ground_confidence),
             },
