@@ -42,7 +42,7 @@ impl Case<'_> {
         let of_viewer = |process: &rcs_runtime::ProcessPlan| process.supervisor.is_none();
         if self.plan.processes.iter().any(|process| &*process.name == "planner" && of_viewer(process)) {
             let order =
-                PlannerCommand::PlanTo(PlannerGoal { x_m: 9.0, y_m: 4.0, route: Vec::new() }).encode();
+                PlannerCommand::PlanTo(PlannerGoal { x_m: 9.0, y_m: 4.0, ..PlannerGoal::default() }).encode();
             let (parameters_schema, parameters) = order.parameters;
             let (name, parameters) = (order.name.to_owned(), parameters.into());
             let command =

@@ -5,7 +5,7 @@ use crate::map_reader::MapReader;
 use crate::modes::Obstacles;
 use crate::proto::TerrainCosts;
 use crate::settings::rules_of;
-use crate::terrain::{Rules, Sensed, Terrain};
+use crate::terrain::{Past, Rules, Sensed, Terrain};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::Grid;
 use rcs_runtime::Msg;
@@ -43,7 +43,9 @@ impl Costs {
         };
         // Without heading and relief, costs do not depend on the vehicle's pose.
         let of = |sensed: &Sensed, terrain: &mut Terrain| {
-            terrain.costs(sensed, &Pose::IDENTITY, &[], &rules).map_err(|error| error.to_string())
+            terrain
+                .costs(sensed, &Pose::IDENTITY, &Past::default(), &rules)
+                .map_err(|error| error.to_string())
         };
         let of_hits = of(&hits, &mut Terrain::default())?;
         let of_map = of(sensed, &mut self.terrain)?;

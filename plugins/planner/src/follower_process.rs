@@ -2,10 +2,11 @@
 //! the crate's documentation.
 
 use crate::arcs::{self, Arc, Motion, Scene, Scored};
+use crate::barred::Barred;
 use crate::follower_costs::Costs;
-use crate::modes::{Action, Mode, Modes, Obstacles, Table, Towards, Transition};
+use crate::modes::{Action, Bars, Mode, Modes, Obstacles, Table, Towards, Transition};
 use crate::motion::{Style, arc_rules, message, poses_along, reversed, shaken, speeds};
-use crate::proto::{ModeEvent, WaypointFollowerParams};
+use crate::proto::{BarredPlace, ModeEvent, WaypointFollowerParams};
 use crate::settings::check_costs;
 use crate::signals::Watch;
 use crate::waypoints::turning_point;
@@ -235,11 +236,34 @@ impl WaypointFollower {
             self.watch.begin(position);
             self.shakes = None;
             let timestamp = Some(now.to_proto());
-            let event = ModeEvent { timestamp, from, to, reason, begun: self.modes.begun() };
+            let began = self.modes.active().and_then(|(at, _)| table.modes.get(at));
+            let barred = began.and_then(|mode| self.barred(params, vehicle, mode));
+            let begun = self.modes.begun();
+            let event = ModeEvent { timestamp, from, to, reason, begun, barred };
             cx.write(&ports.modes, now, event);
         }
         let (at, _) = self.modes.active()?;
         table.modes.get(at).cloned()
+    }
+
+    /// The point of the path that the vehicle drives to.
+    fn turning_point(&self, params: &WaypointFollowerParams, position: DVec2) -> Option<DVec2> {
+        let waypoints: Vec<DVec2> = self.waypoints.iter().copied().map(DVec2::from).collect();
+        let range = [params.least_target_m, params.most_target_m.max(params.least_target_m)];
+        turning_point(&waypoints, position, params.turning_tolerance_m, range)
+    }
+
+    /// The place that a mode bars when it begins; never the goal.
+    fn barred(&self, params: &WaypointFollowerParams, vehicle: &Pose, mode: &Mode) -> Option<BarredPlace> {
+        if mode.bars_m <= 0.0 {
+            return None;
+        }
+        let at = match mode.bars {
+            Bars::Target => self.turning_point(params, vehicle.translation.truncate())?,
+            Bars::Ahead => DVec2::from(Barred::ahead(vehicle, mode.bars_m).at),
+        };
+        let goal_m = self.goal.map_or(f64::INFINITY, |goal| at.distance(DVec2::from(goal)));
+        (goal_m > mode.bars_m + 1.0).then_some(BarredPlace { x_m: at.x, y_m: at.y, radius_m: mode.bars_m })
     }
 
     /// Drives as the mode says.
@@ -252,9 +276,7 @@ impl WaypointFollower {
         cx: &mut Cycle<'_>,
     ) {
         let position = vehicle.translation.truncate();
-        let waypoints: Vec<DVec2> = self.waypoints.iter().copied().map(DVec2::from).collect();
-        let range = [params.least_target_m, params.most_target_m.max(params.least_target_m)];
-        let turning = turning_point(&waypoints, position, params.turning_tolerance_m, range);
+        let turning = self.turning_point(params, position);
         let goal = self.goal.map(DVec2::from);
         let target = match mode.map(|mode| mode.towards) {
             Some(Towards::Goal) => goal.or(turning),
@@ -298,7 +320,7 @@ impl WaypointFollower {
         } else {
             self.watch.take_blocked(self.no_way, cx.now());
         }
-        self.watch.take_order(speed_mps, position, cx.now());
+        self.watch.take_order([speed_mps, yaw_rate_radps], position, cx.now());
         send(ports, speed_mps, yaw_rate_radps, cx);
         self.before_per_m = match chosen.map(|at| scored[at].arc) {
             Some(Arc { motion: Motion::Forward, curvature_per_m }) => curvature_per_m,
@@ -317,7 +339,7 @@ impl WaypointFollower {
     /// Stops the vehicle, and says why.
     fn stand(&mut self, ports: &Ports, why: String, cx: &mut Cycle<'_>) {
         send(ports, 0.0, 0.0, cx);
-        self.watch.take_order(0.0, DVec2::ZERO, cx.now());
+        self.watch.take_order([0.0; 2], DVec2::ZERO, cx.now());
         self.watch.take_blocked(false, cx.now());
         cx.error(why);
     }

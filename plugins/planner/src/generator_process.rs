@@ -1,9 +1,10 @@
 //! The process `waypoint_generator`: reads the goal, commands the planner, and sends waypoints. Its port table is in the
 //! crate's documentation.
 
+use crate::barred::{Barred, turned_on_the_spot};
 use crate::goal::Goal;
 use crate::process::PlannerCommand;
-use crate::proto::{PlanPoint, PlannerGoal, Route, UtmGoal, WaypointGeneratorParams};
+use crate::proto::{BarredPlace, ModeEvent, PlanPoint, PlannerGoal, Route, UtmGoal, WaypointGeneratorParams};
 use crate::route;
 use crate::waypoints::spaced;
 use rcs_geom::{DVec2, DVec3, Pose};
@@ -15,6 +16,8 @@ use rcs_runtime::{
 use rcs_sense::{Localizer, Origin, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
+/// The planner of the near map is told another point of the far path when that is this far away, m.
+const LOOKAHEAD_STEP_M: f64 = 1.0;
 /// Distance between the points of the track, m, and their greatest number.
 const TRACK_STEP_M: f64 = 0.5;
 const MOST_TRACK: usize = 20_000;
@@ -34,8 +37,12 @@ pub struct WaypointGenerator {
     global_from_local: Option<(Pose, Stamp)>,
     /// A goal by command, UTM: zone, easting, northing.
     commanded: Option<(u8, f64, f64)>,
-    /// What the planner was told, local frame, m.
+    /// The goal that the planners were told, local frame, m.
     told: Option<(f64, f64)>,
+    /// What the planner of the near map was told, local frame, m.
+    near_told: Option<(f64, f64)>,
+    /// The path of the planner of the far map, local frame, m; empty without one.
+    far_path: Vec<(f64, f64)>,
     /// Where the vehicle was, global frame, m.
     track: Vec<(f64, f64)>,
     /// When the vehicle set out.
@@ -44,6 +51,10 @@ pub struct WaypointGenerator {
     sent: Option<Stamp>,
     /// Why the route of the parameters was not used.
     refused_route: Option<String>,
+    /// Places that the vehicle could not get over, global frame, m.
+    barred: Vec<Barred>,
+    /// Heading in the global frame, rad.
+    yaw_rad: f64,
     /// Standard deviation of the vehicle's position in the global frame, m; 0 if unknown.
     error_m: f64,
 }
@@ -52,12 +63,15 @@ pub struct WaypointGenerator {
 #[derive(Debug)]
 pub struct Ports {
     path: In<PosesInFrame>,
+    far_path: In<PosesInFrame>,
     transforms: In<FrameTransforms>,
     global: In<Odometry>,
+    modes: In<ModeEvent>,
     waypoints: Out<PosesInFrame>,
     goal: Out<PoseInFrame>,
     route: Out<Route>,
     planner: Child<PlannerCommand>,
+    far_planner: Child<PlannerCommand>,
     follower: Child<NoCommands>,
 }
 
@@ -76,8 +90,10 @@ impl Process for WaypointGenerator {
     fn ports(b: &mut PortBuilder) -> Ports {
         Ports {
             path: b.input("path", "the planner's path, local frame"),
+            far_path: b.optional_input("far_path", "path of the planner of a larger map, local frame"),
             transforms: b.input("transforms", "the local frame in the global frame"),
             global: b.optional_input("global", "pose of the vehicle in the global frame, for its covariance"),
+            modes: b.optional_input("modes", "changes of mode of the follower, for places that are barred"),
             waypoints: b
                 .output("waypoints", "waypoints along the path, local frame; none to stand")
                 .role(Role::Path)
@@ -91,6 +107,7 @@ impl Process for WaypointGenerator {
                 .role(Role::Stats)
                 .build(),
             planner: b.optional_child("planner", "what plans the path"),
+            far_planner: b.optional_child("far_planner", "what plans on a larger map than the planner's"),
             follower: b.optional_child("follower", "what drives along the waypoints"),
         }
     }
@@ -112,7 +129,7 @@ impl Process for WaypointGenerator {
 
     fn init(&mut self, ports: &Ports, _params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
         pass_on(ports, &Order::Init, &Order::Init, cx);
-        await_both(ports, "initialized", cx);
+        await_all(ports, "initialized", cx);
     }
 
     fn cycle(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
@@ -129,6 +146,10 @@ impl Process for WaypointGenerator {
             self.error_m = position_error_m(&odometry);
             self.take_position(&odometry, cx);
         }
+        self.take_far_path(ports, params, cx);
+        while let Some(event) = cx.read(&ports.modes) {
+            self.take_barred(event.barred.as_ref());
+        }
         send_waypoints(ports, params, cx);
         let goal = match self.goal(params) {
             Ok(goal) => goal,
@@ -136,6 +157,7 @@ impl Process for WaypointGenerator {
                 // The planner must not go on planning to another goal.
                 if self.told.take().is_some() {
                     cx.send(&ports.planner, Order::Halt);
+                    cx.send(&ports.far_planner, Order::Halt);
                 }
                 send_none(ports, params, cx);
                 return cx.error(why);
@@ -146,24 +168,12 @@ impl Process for WaypointGenerator {
         };
         let local = global_from_local.inverse() * goal.extend(0.0);
         let local = DVec2::new(local.x, local.y);
+        self.see_slide(local, params);
         if let Some(why) = self.doubt(local, params) {
             send_none(ports, params, cx);
             return cx.error(why);
         }
-        let moved = self.told.is_none_or(|told| local.distance(DVec2::from(told)) > params.resend_m);
-        if moved {
-            let route = self.remembered(params, goal, &global_from_local);
-            if let Some(why) = &self.refused_route {
-                cx.fault(format!("route: {why}; not used"));
-            }
-            let order = PlannerCommand::PlanTo(PlannerGoal { x_m: local.x, y_m: local.y, route });
-            cx.send(&ports.planner, order);
-            self.told = Some((local.x, local.y));
-            let now = cx.now();
-            let pose = Some(pose_message(&Pose::from_translation(DVec3::new(local.x, local.y, 0.0))));
-            let frame_id = params.local_frame.clone();
-            cx.write(&ports.goal, now, PoseInFrame { timestamp: Some(now.to_proto()), frame_id, pose });
-        }
+        self.command(ports, params, goal, local, cx);
         let age_s = cx.now().seconds_since(at);
         self.send_route(ports, params, goal, cx);
         tell(ports, (age_s > params.transform_timeout_s).then_some(age_s), cx);
@@ -175,7 +185,7 @@ impl Process for WaypointGenerator {
             self.told = None;
             send_none(ports, params, cx);
         }
-        await_both(ports, "halted", cx);
+        await_all(ports, "halted", cx);
     }
 }
 
@@ -199,6 +209,7 @@ impl WaypointGenerator {
     fn take_position(&mut self, odometry: &Odometry, cx: &mut Cycle<'_>) {
         let Ok(pose) = pose_of(odometry.pose.as_ref(), &odometry.frame_id) else { return };
         let at = pose.translation.truncate();
+        self.yaw_rad = pose.yaw();
         let step_m = self.track.last().map_or(f64::INFINITY, |&last| at.distance(DVec2::from(last)));
         if step_m >= TRACK_STEP_M && self.track.len() < MOST_TRACK {
             self.began.get_or_insert(cx.now());
@@ -249,6 +260,108 @@ impl WaypointGenerator {
         let time_s = now.seconds_since(began);
         self.sent = Some(now);
         cx.write(&ports.route, now, route::to_message(&track, params.same_place_m, &origin.0, time_s));
+    }
+
+    /// Tells the planners the goal (global and local frame, m) when it has moved in the local frame, and that of the near
+    /// map what lies ahead.
+    fn command(
+        &mut self,
+        ports: &Ports,
+        params: &WaypointGeneratorParams,
+        goal: DVec2,
+        local: DVec2,
+        cx: &mut Cycle<'_>,
+    ) {
+        let Some((global_from_local, _)) = self.global_from_local else { return };
+        let moved_m = |told: Option<(f64, f64)>, to: DVec2| {
+            told.map_or(f64::INFINITY, |told| to.distance(DVec2::from(told)))
+        };
+        let goal_moved = moved_m(self.told, local) > params.resend_m;
+        let near = self.near_goal(local, &global_from_local, params);
+        if !goal_moved && moved_m(self.near_told, near) < LOOKAHEAD_STEP_M {
+            return;
+        }
+        let route = self.remembered(params, goal, &global_from_local);
+        if let Some(why) = &self.refused_route {
+            cx.fault(format!("route: {why}; not used"));
+        }
+        let barred = self.barred_in_local(&global_from_local);
+        let order = |to: DVec2| {
+            let (route, barred) = (route.clone(), barred.clone());
+            PlannerCommand::PlanTo(PlannerGoal { x_m: to.x, y_m: to.y, route, barred })
+        };
+        cx.send(&ports.planner, order(near));
+        self.near_told = Some((near.x, near.y));
+        if goal_moved {
+            cx.send(&ports.far_planner, order(local));
+            self.told = Some((local.x, local.y));
+            let now = cx.now();
+            let pose = Some(pose_message(&Pose::from_translation(local.extend(0.0))));
+            let frame_id = params.local_frame.clone();
+            cx.write(&ports.goal, now, PoseInFrame { timestamp: Some(now.to_proto()), frame_id, pose });
+        }
+    }
+
+    /// What the planner of the near map plans to, local frame, m: the goal, or, if that is farther along the far path than
+    /// the lookahead, the point of that path there.
+    fn near_goal(&self, goal: DVec2, global_from_local: &Pose, params: &WaypointGeneratorParams) -> DVec2 {
+        let Some(&at) = self.track.last() else { return goal };
+        let position = (global_from_local.inverse() * DVec2::from(at).extend(0.0)).truncate();
+        let far: Vec<DVec2> = self.far_path.iter().copied().map(DVec2::from).collect();
+        let away_m = |at: usize| far[at].distance(position);
+        let Some(nearest) = (0..far.len()).min_by(|&a, &b| away_m(a).total_cmp(&away_m(b))) else {
+            return goal;
+        };
+        let mut along_m = away_m(nearest);
+        for pair in far[nearest..].windows(2) {
+            along_m += pair[0].distance(pair[1]);
+            if along_m >= params.lookahead_m {
+                return pair[1];
+            }
+        }
+        goal
+    }
+
+    /// Reads the path of the planner of the far map.
+    fn take_far_path(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
+        let Some(path) = cx.read_newest(&ports.far_path) else { return };
+        match points(&path, &params.local_frame) {
+            Ok(points) => self.far_path = points.iter().map(|point| (point.x, point.y)).collect(),
+            Err(why) => cx.fault(format!("far_path: {why}; skipped")),
+        }
+    }
+
+    /// Bars a place, local frame.
+    fn take_barred(&mut self, place: Option<&BarredPlace>) {
+        let Some((place, (global_from_local, _))) = place.zip(self.global_from_local) else { return };
+        let at = global_from_local * DVec3::new(place.x_m, place.y_m, 0.0);
+        self.barred.push(Barred { at: (at.x, at.y), radius_m: place.radius_m });
+        // The planners are told with the goal.
+        self.told = None;
+    }
+
+    /// Takes a jump of the goal (local frame, m) that follows from wheels that turned on the spot for what it is.
+    fn see_slide(&mut self, local: DVec2, params: &WaypointGeneratorParams) {
+        let jumped = self.told.is_some_and(|told| local.distance(DVec2::from(told)) > params.jump_m);
+        let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
+        let Some(at) = turned_on_the_spot(&track).filter(|_| jumped) else { return };
+        // What the wheels measured was no way.
+        self.track.truncate(at + 1);
+        self.track.push((track[track.len() - 1].x, track[track.len() - 1].y));
+        self.told = None;
+        if let Some(&(x_m, y_m)) = self.track.last().filter(|_| params.slide_bars_m > 0.0) {
+            let vehicle = Pose::from_xy_yaw(x_m, y_m, self.yaw_rad);
+            self.barred.push(Barred::ahead(&vehicle, params.slide_bars_m));
+        }
+    }
+
+    fn barred_in_local(&self, global_from_local: &Pose) -> Vec<BarredPlace> {
+        let local_from_global = global_from_local.inverse();
+        let place = |barred: &Barred| {
+            let at = local_from_global * DVec2::from(barred.at).extend(0.0);
+            BarredPlace { x_m: at.x, y_m: at.y, radius_m: barred.radius_m }
+        };
+        self.barred.iter().map(place).collect()
     }
 
     /// Why the vehicle should not drive to where the goal now is in the local frame, m.
@@ -303,18 +416,21 @@ fn pass_on(
     if planner {
         cx.send(&ports.planner, to_planner.clone());
     }
+    if cx.is_new_command() || again(cx.child(&ports.far_planner)) {
+        cx.send(&ports.far_planner, to_planner.clone());
+    }
     if cx.is_new_command() || again(cx.child(&ports.follower)) {
         cx.send(&ports.follower, to_follower.clone());
     }
     planner
 }
 
-fn reports(ports: &Ports, cx: &Cycle<'_>) -> [Option<ChildReport>; 2] {
-    [cx.child(&ports.planner), cx.child(&ports.follower)]
+fn reports(ports: &Ports, cx: &Cycle<'_>) -> [Option<ChildReport>; 3] {
+    [cx.child(&ports.planner), cx.child(&ports.follower), cx.child(&ports.far_planner)]
 }
 
-/// `DONE` when both children are.
-fn await_both(ports: &Ports, done: &'static str, cx: &mut Cycle<'_>) {
+/// `DONE` when all children are.
+fn await_all(ports: &Ports, done: &'static str, cx: &mut Cycle<'_>) {
     let reports = reports(ports, cx);
     let mut reports = reports.iter().flatten().filter(|report| report.obeys_another.is_none());
     if let Some(failed) = reports.clone().find_map(failure) {
@@ -328,7 +444,8 @@ fn await_both(ports: &Ports, done: &'static str, cx: &mut Cycle<'_>) {
 
 /// The state of this process while it runs: that of its children.
 fn tell(ports: &Ports, stale_s: Option<f64>, cx: &mut Cycle<'_>) {
-    let [planner, follower] = reports(ports, cx);
+    // Without a path on the far map, the planner plans to the goal itself.
+    let [planner, follower, _] = reports(ports, cx);
     let failed = [&planner, &follower].into_iter().flatten().find_map(failure);
     let stale = stale_s.map_or(String::new(), |age_s| {
         format!("; the local frame in the global one is {age_s:.1} s old, and the goal stays where it was")
@@ -353,17 +470,9 @@ fn failure(report: &ChildReport) -> Option<String> {
 /// Waypoints of the newest path, as soon as it arrives.
 fn send_waypoints(ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
     let Some(path) = cx.read_newest(&ports.path) else { return };
-    let poses: Result<Vec<Pose>, _> =
-        path.poses.iter().map(|pose| pose_of(Some(pose), &path.frame_id)).collect();
-    let points: Vec<DVec2> = match poses {
-        Ok(poses) if path.frame_id == params.local_frame => {
-            poses.iter().map(|pose| pose.translation.truncate()).collect()
-        }
-        Ok(_) => {
-            let expected = &params.local_frame;
-            return cx.fault(format!("path: frame is {:?}, expected {expected:?}; skipped", path.frame_id));
-        }
-        Err(error) => return cx.fault(format!("path: {error}; skipped")),
+    let points = match points(&path, &params.local_frame) {
+        Ok(points) => points,
+        Err(why) => return cx.fault(format!("path: {why}; skipped")),
     };
     let waypoints = spaced(&points, params.spacing_m);
     let pose = |&at: &DVec2| pose_message(&Pose::from_xy_yaw(at.x, at.y, 0.0));
@@ -375,9 +484,40 @@ fn send_waypoints(ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycl
     cx.write(&ports.waypoints, path.acq_time(), message);
 }
 
+/// The points of a path in the local frame, m.
+fn points(path: &PosesInFrame, local_frame: &str) -> Result<Vec<DVec2>, String> {
+    if path.frame_id != local_frame {
+        return Err(format!("frame is {:?}, expected {local_frame:?}", path.frame_id));
+    }
+    let poses = path.poses.iter().map(|pose| pose_of(Some(pose), &path.frame_id));
+    poses.map(|pose| Ok(pose.map_err(|error| error.to_string())?.translation.truncate())).collect()
+}
+
 /// No waypoints, so that the vehicle stands.
 fn send_none(ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
     let now = cx.now();
     let (timestamp, frame_id) = (Some(now.to_proto()), params.local_frame.clone());
     cx.write(&ports.waypoints, now, PosesInFrame { timestamp, frame_id, poses: Vec::new() });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_near_planner_plans_to_a_point_of_the_far_path_or_to_the_goal() {
+        let params = WaypointGeneratorParams { lookahead_m: 8.0, ..WaypointGeneratorParams::default() };
+        let goal = DVec2::new(50.0, 0.0);
+        let mut generator = WaypointGenerator { track: vec![(0.0, 0.0)], ..WaypointGenerator::default() };
+        let near = |generator: &WaypointGenerator, goal| generator.near_goal(goal, &Pose::IDENTITY, &params);
+        assert_eq!(near(&generator, goal), goal, "without a far path");
+        // Back, to the left, and on.
+        let corner = (0..=5).map(|step| (-f64::from(step), 0.0));
+        generator.far_path = corner.chain((1..=20).map(|step| (-5.0, f64::from(step)))).collect();
+        assert_eq!(near(&generator, goal), DVec2::new(-5.0, 3.0));
+        generator.track.push((-5.0, 2.0));
+        assert_eq!(near(&generator, goal), DVec2::new(-5.0, 10.0), "from the nearest point on");
+        generator.track.push((-5.0, 15.0));
+        assert_eq!(near(&generator, goal), goal, "the far path ends before");
+    }
 }

@@ -36,18 +36,23 @@
 //! | port | direction | type | what |
 //! | --- | --- | --- | --- |
 //! | `path` | in | `foxglove.PosesInFrame` | the planner's path, local frame |
+//! | `far_path` | in, optional | `foxglove.PosesInFrame` | path of the planner of a larger map, local frame |
 //! | `transforms` | in | `foxglove.FrameTransforms` | the local frame in the global frame |
 //! | `global` | in, optional | `foxglove.Odometry` | pose of the vehicle in the global frame, for its covariance |
+//! | `modes` | in, optional | `rcs.ModeEvent` | changes of mode of the follower, for places that are barred |
 //! | `waypoints` | out | `foxglove.PosesInFrame` | waypoints along the path, local frame; none to stand |
 //! | `goal` | out | `foxglove.PoseInFrame` | the goal in the local frame |
 //! | `route` | out | `rcs.Route` | path memory: the way to the goal without loops and excursions, UTM; near the goal |
 //!
-//! Period 50 ms. It supervises a planner and a follower: passes `INIT`, `RUN` and `HALT` on to both, and has the planner
-//! plan to the goal ([`goal`]) wherever that moves in the local frame. Command `GO_TO` gives another goal. The route of a run ([`route`]) is
+//! Period 50 ms. It supervises a planner, a follower and, optionally, a planner on a larger map: passes `INIT`, `RUN` and
+//! `HALT` on to them, and has the planners plan to the goal ([`goal`]) wherever that moves in the local frame. With a far
+//! planner, the near one plans to the point of its path that lies `lookahead_m` along it, as the levels of A 5 do, so
+//! that what has left the near map is not forgotten. Command `GO_TO` gives another goal. The route of a run ([`route`]) is
 //! a parameter of the next one, and the planner makes the cells along it cheaper. There
 //! are no waypoints, and it is in `ERROR`, without a goal, with one in another UTM zone, while the position is not known
-//! well enough, and when the goal has jumped in the local frame. State: the frames, what the planner
-//! was told, and the track.
+//! well enough, and when the goal has jumped in the local frame. If the fixes then put the vehicle back on its own track,
+//! its wheels have turned on the spot: it goes on, and the place ahead is [`barred`], as where a mode bars one. State: the
+//! frames, what the planner was told, the track, and the barred places.
 //!
 //! # `waypoint_follower`
 //!
@@ -98,6 +103,7 @@ rcs_msg::messages!(
 );
 
 pub mod arcs;
+pub mod barred;
 pub mod clearance;
 pub mod costs;
 mod follower_costs;

@@ -51,6 +51,8 @@ pub enum Signal {
     BlockedS,
     /// Time for which the vehicle has been told to move and has hardly moved, s.
     StuckS,
+    /// Time for which the vehicle has been told to move or to turn, and has stayed within a metre, s.
+    StayedS,
     /// Distance from the place where the mode began, m.
     MovedM,
     /// Time since the mode began, s.
@@ -59,7 +61,7 @@ pub enum Signal {
 
 impl Signal {
     /// Number of signals.
-    pub const COUNT: usize = 11;
+    pub const COUNT: usize = 12;
 
     /// Name in the file.
     pub fn name(self) -> &'static str {
@@ -73,6 +75,7 @@ impl Signal {
             Signal::RoomM => "room_m",
             Signal::BlockedS => "blocked_s",
             Signal::StuckS => "stuck_s",
+            Signal::StayedS => "stayed_s",
             Signal::MovedM => "moved_m",
             Signal::ModeS => "mode_s",
         }
@@ -134,6 +137,17 @@ pub enum Obstacles {
     Bumper,
 }
 
+/// Which place a mode bars.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
+pub enum Bars {
+    /// The ground ahead of the vehicle.
+    #[default]
+    Ahead,
+    /// The turning point of the path, which the vehicle does not get to.
+    Target,
+}
+
 /// What is driven to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE")]
@@ -180,6 +194,12 @@ pub struct Mode {
     pub arcs_per_side: Option<u32>,
     /// Least free length of an arc instead of that of the parameters, m.
     pub least_free_m: Option<f64>,
+    /// Radius of the place that is barred for the rest of the run when the mode begins, m; 0 for none.
+    #[serde(default)]
+    pub bars_m: f64,
+    /// Which place that is.
+    #[serde(default)]
+    pub bars: Bars,
 }
 
 /// The table.
@@ -251,6 +271,7 @@ impl Table {
                 mode.min_speed_mps.unwrap_or(0.5),
                 mode.least_free_m.unwrap_or(0.5),
                 mode.pause_s + 1e-3,
+                mode.bars_m + 1e-3,
             ];
             if numbers.iter().any(|number| !(*number > 0.0 && *number <= 600.0))
                 || !mode.yaw_rate_radps.is_finite()

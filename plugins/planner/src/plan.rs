@@ -2,7 +2,7 @@
 
 use crate::costs::{BLOCKED, CostGrid, CostGridError};
 use crate::search::{NoPath, Path, Place, Search};
-use crate::terrain::{Rules, Sensed, Terms, Terrain};
+use crate::terrain::{Past, Rules, Sensed, Terms, Terrain};
 use rcs_geom::{DVec2, Pose};
 
 /// What is planned.
@@ -16,8 +16,8 @@ pub struct Task<'a> {
     pub goal: DVec2,
     /// If the goal's cell is blocked, the nearest free one within this distance is planned to, m.
     pub approach_m: f64,
-    /// A way that was driven before, map's frame, m; empty for none.
-    pub route: &'a [DVec2],
+    /// What the planner remembers.
+    pub past: Past<'a>,
     /// How far the rejected path stays from the middle half of the chosen one, m.
     pub alternative_m: f64,
 }
@@ -102,7 +102,7 @@ impl Planner {
     pub fn plan(&mut self, task: &Task<'_>, rules: &Rules) -> Result<Plan, NoPlan> {
         let Task { sensed, vehicle, goal, approach_m, .. } = *task;
         let position = vehicle.translation.truncate();
-        let mut costs = self.terrain.costs(sensed, vehicle, task.route, rules)?;
+        let mut costs = self.terrain.costs(sensed, vehicle, &task.past, rules)?;
         let start = sensed.place(position).filter(|&place| costs.contains(place));
         let start = start.ok_or(NoPlan::OffTheMap(position))?;
         let side_m = sensed.cell_size_m * costs.columns().max(costs.rows()) as f64;
@@ -184,6 +184,7 @@ impl Plan {
             ("heading", theirs.terms.heading - ours.terms.heading),
             ("relief", theirs.terms.relief - ours.terms.relief),
             ("memory", theirs.terms.memory - ours.terms.memory),
+            ("previous path", theirs.terms.previous - ours.terms.previous),
             ("beyond the map", (theirs.beyond_cost - ours.beyond_cost) as f32),
         ];
         let told = differences.iter().filter(|(_, by)| by.abs() >= 0.5);
@@ -205,6 +206,8 @@ mod tests {
         Rules {
             table: vec![(124, 10)],
             unknown: 20,
+            unknown_near: 20,
+            narrow: 0.0,
             half_width_m: 0.35,
             least_room_m: 0.4,
             far_room_m: 0.4,
@@ -217,6 +220,8 @@ mod tests {
             route: 0.0,
             route_range_m: 2.0,
             relief_cost: 200,
+            previous: 0.0,
+            previous_range_m: 0.0,
         }
     }
 
@@ -240,7 +245,14 @@ mod tests {
 
     fn plan(sensed: &Sensed, goal: DVec2) -> Result<Plan, NoPlan> {
         let vehicle = Pose::from_xy_yaw(0.05, 0.05, 0.0);
-        let task = Task { sensed, vehicle: &vehicle, goal, approach_m: 0.5, route: &[], alternative_m: 1.5 };
+        let task = Task {
+            sensed,
+            vehicle: &vehicle,
+            goal,
+            approach_m: 0.5,
+            past: Past::default(),
+            alternative_m: 1.5,
+        };
         Planner::default().plan(&task, &rules())
     }
 

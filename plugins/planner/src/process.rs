@@ -1,20 +1,25 @@
 //! The process `planner`: reads the map and the vehicle's pose, and sends the path. Its port table is in the crate's
 //! documentation.
 
+use crate::barred::Barred;
 use crate::map_reader::MapReader;
 use crate::plan::{Candidate, NoPlan, Plan, Planner, Step, Task};
-use crate::proto::{PlannerGoal, PlannerParams};
+use crate::proto::{BarredPlace, PlannerGoal, PlannerParams};
 use crate::settings::{check_costs, rules_of};
-use crate::terrain::{Rules, Terms};
+use crate::terrain::{Past, Rules, Terms};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::{Grid, PosesInFrame};
 use rcs_msg::rcs::{self, PlanState};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message};
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 
 /// Distance from the vehicle within which some of the map must be known, m.
 const KNOWN_WITHIN_M: f64 = 3.0;
+/// Distance between the points of the track, m, and their greatest number.
+const TRACK_STEP_M: f64 = 1.0;
+const MOST_TRACK: usize = 300;
 
 rcs_runtime::commands! {
     /// Commands of [`AStarPlanner`].
@@ -29,8 +34,14 @@ pub struct AStarPlanner {
     localizer: Localizer,
     /// Local frame, m.
     goal: Option<(f64, f64)>,
-    /// A way to the goal that was driven before, local frame, m.
+    /// A way to the goal that an earlier run has driven, local frame, m.
     route: Vec<(f64, f64)>,
+    /// Places that the vehicle could not get over, local frame, m.
+    barred: Vec<Barred>,
+    /// The path that was planned last, local frame, m.
+    previous: Vec<(f64, f64)>,
+    /// Where the vehicle was, local frame, m.
+    track: VecDeque<(f64, f64)>,
     /// Sequence of the map and goal of the last plan.
     planned: Option<(u64, (f64, f64))>,
     plans: u64,
@@ -113,6 +124,10 @@ impl Process for AStarPlanner {
             let PlannerCommand::PlanTo(goal) = command;
             self.goal = Some((goal.x_m, goal.y_m));
             self.route = goal.route.iter().map(|point| (point.x_m, point.y_m)).collect();
+            let barred =
+                |place: &BarredPlace| Barred { at: (place.x_m, place.y_m), radius_m: place.radius_m };
+            self.barred = goal.barred.iter().map(barred).collect();
+            self.planned = None;
         }
         let Some(goal) = self.goal else {
             cx.exec("waits for a goal");
@@ -193,13 +208,16 @@ impl AStarPlanner {
             return self.stop(ports, params, why, cx);
         }
         let goal = DVec2::from(self.goal.unwrap_or_default());
+        self.take_position(vehicle);
         let route: Vec<DVec2> = self.route.iter().copied().map(DVec2::from).collect();
+        let previous: Vec<DVec2> = self.previous.drain(..).map(DVec2::from).collect();
+        let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
         let task = Task {
             sensed: &self.memory.reader.sensed,
             vehicle,
             goal,
             approach_m: params.approach_m.max(params.goal_radius_m),
-            route: &route,
+            past: Past { route: &route, previous: &previous, track: &track, barred: &self.barred },
             alternative_m: params.alternative_m,
         };
         self.plans += 1;
@@ -224,10 +242,22 @@ impl AStarPlanner {
         }
     }
 
+    /// Adds the vehicle's position to the track.
+    fn take_position(&mut self, vehicle: &Pose) {
+        let at = vehicle.translation.truncate();
+        if self.track.back().is_none_or(|&last| at.distance(DVec2::from(last)) >= TRACK_STEP_M) {
+            self.track.push_back((at.x, at.y));
+        }
+        if self.track.len() > MOST_TRACK {
+            self.track.pop_front();
+        }
+    }
+
     fn send(&mut self, ports: &Ports, local: &str, goal: DVec2, plan: &Plan, cx: &mut Cycle<'_>) {
         let now = cx.now();
         let reason = plan.reason();
         let chosen = &plan.chosen;
+        self.previous = chosen.steps.iter().map(|step| (step.at.x, step.at.y)).collect();
         let path = PosesInFrame {
             timestamp: Some(now.to_proto()),
             frame_id: local.to_owned(),
@@ -337,20 +367,23 @@ fn candidate(candidate: &Candidate) -> rcs::PlanCandidate {
 }
 
 fn terms(terms: &Terms) -> rcs::PlanTerms {
-    let Terms { terrain, clearance, heading, relief, memory } = *terms;
-    rcs::PlanTerms { terrain, clearance, heading, relief, memory }
+    let Terms { terrain, clearance, heading, relief, memory, previous } = *terms;
+    rcs::PlanTerms { terrain, clearance, heading, relief, memory, previous }
 }
 
 fn rules(params: &PlannerParams) -> Rules {
     Rules {
         far_room_m: params.far_room_m,
         near_m: params.near_m,
+        narrow: f64::from(params.narrow_cost),
         heading: params.heading_preference,
         heading_range_m: params.heading_range_m,
         relief_range_m: params.relief_range_m,
         relief_cost: params.relief_cost as u8,
         route: params.route_preference,
         route_range_m: params.route_range_m,
+        previous: params.previous_preference,
+        previous_range_m: params.previous_range_m,
         ..rules_of(params.costs.as_ref())
     }
 }

@@ -25,10 +25,12 @@ pub(crate) fn rules_of(costs: Option<&TerrainCosts>) -> Rules {
     Rules {
         table: costs.table.iter().map(|class| (class.up_to as u8, class.cost as u8)).collect(),
         unknown: costs.unknown_cost as u8,
+        unknown_near: costs.unknown_near_cost as u8,
         half_width_m: half_m,
         least_room_m: half_m + costs.clearance_m,
         far_room_m: half_m + costs.clearance_m,
         near_m: f64::INFINITY,
+        narrow: 0.0,
         wish_room_m: half_m + costs.wish_clearance_m.max(costs.clearance_m),
         clearance: costs.clearance_cost,
         heading: 0.0,
@@ -37,5 +39,7 @@ pub(crate) fn rules_of(costs: Option<&TerrainCosts>) -> Rules {
         route: 0.0,
         route_range_m: 0.0,
         relief_cost: crate::costs::MAX_COST,
+        previous: 0.0,
+        previous_range_m: 0.0,
     }
 }

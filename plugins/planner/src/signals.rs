@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 
 /// Motion by less than this within a time counts as none, m.
 const HARDLY_M: f64 = 0.15;
+/// Motion within this distance of a place gains no ground, m.
+const STAYED_M: f64 = 1.0;
 /// A slip report that is older than this says nothing, s.
 const SLIP_TIMEOUT_S: f64 = 0.5;
 
@@ -20,6 +22,8 @@ pub(crate) struct Watch {
     blocked: Option<Stamp>,
     /// Where and when the vehicle, told to move, was when it had moved last.
     still: Option<((f64, f64), Stamp)>,
+    /// The same with [`STAYED_M`], and for turns on the spot, too.
+    stayed: Option<((f64, f64), Stamp)>,
     /// Where the mode began, m.
     began: (f64, f64),
 }
@@ -40,7 +44,13 @@ impl Watch {
     }
 
     /// What the vehicle is told to do from now on, m/s and rad/s.
-    pub(crate) fn take_order(&mut self, speed_mps: f64, position: DVec2, now: Stamp) {
+    pub(crate) fn take_order(&mut self, [speed_mps, yaw_rate_radps]: [f64; 2], position: DVec2, now: Stamp) {
+        let left = self.stayed.is_none_or(|(place, _)| position.distance(DVec2::from(place)) > STAYED_M);
+        if speed_mps == 0.0 && yaw_rate_radps == 0.0 {
+            self.stayed = None;
+        } else if left {
+            self.stayed = Some(((position.x, position.y), now));
+        }
         let moved = self.still.is_none_or(|(place, _)| position.distance(DVec2::from(place)) > HARDLY_M);
         if speed_mps == 0.0 {
             self.still = None;
@@ -53,6 +63,7 @@ impl Watch {
     pub(crate) fn begin(&mut self, position: DVec2) {
         self.began = (position.x, position.y);
         self.still = None;
+        self.stayed = None;
     }
 
     pub(crate) fn signals(
@@ -77,6 +88,7 @@ impl Watch {
         set(Signal::RollDeg, roll_rad.to_degrees().abs());
         set(Signal::RoomM, room_m);
         set(Signal::BlockedS, since(self.blocked));
+        set(Signal::StayedS, since(self.stayed.map(|(_, at)| at)));
         set(Signal::StuckS, since(self.still.map(|(_, at)| at)));
         let began = DVec2::from(self.began);
         set(Signal::MovedM, mode_began.map_or(0.0, |_| vehicle.translation.truncate().distance(began)));
@@ -95,10 +107,11 @@ mod tests {
         let mut watch = Watch::default();
         watch.take_blocked(true, at(1));
         watch.take_blocked(true, at(2));
-        watch.take_order(0.5, DVec2::ZERO, at(1));
-        watch.take_order(0.5, DVec2::new(0.1, 0.0), at(3));
+        watch.take_order([0.5, 0.0], DVec2::ZERO, at(1));
+        watch.take_order([0.5, 0.0], DVec2::new(0.1, 0.0), at(3));
         watch.begin(DVec2::new(0.0, 1.0));
-        watch.take_order(0.5, DVec2::ZERO, at(3));
+        watch.take_order([0.0, 0.9], DVec2::new(0.2, 0.0), at(2));
+        watch.take_order([0.5, 0.0], DVec2::ZERO, at(3));
         watch.take_slip(&SlipReport { slip: 0.7, left_a: -12.0, ..SlipReport::default() }, at(4));
         let climbs = Pose::from_xy_yaw(0.0, 0.0, 0.0);
         let signals = watch.signals(&climbs, true, 0.3, Some(at(2)), at(4));
@@ -108,6 +121,7 @@ mod tests {
             (Signal::MotorA, 12.0),
             (Signal::BlockedS, 3.0),
             (Signal::StuckS, 1.0),
+            (Signal::StayedS, 2.0),
             (Signal::MovedM, 1.0),
             (Signal::ModeS, 2.0),
             (Signal::RoomM, 0.3),

@@ -5,19 +5,21 @@
 //! cells directly in front of the vehicle and increased behind the vehicle". Albus 2006b, 3.5: "by lowering costs of
 //! unknown obstacles near the vehicle, it does not hesitate to move".
 //!
-//! A cell's cost is the sum of five terms, limited to 1 to 250:
+//! A cell's cost is the sum of six terms, limited to 1 to 250:
 //!
 //! | term | what |
 //! | --- | --- |
 //! | terrain | from the table, by the fused cost of the cell; another entry for unknown cells |
 //! | clearance | grows towards obstacles, from the desired clearance to the least one, with the square of what lacks |
 //! | heading | less ahead of the vehicle, more behind it; fades with the distance from it |
-//! | memory | negative: along a way that was driven before; a share of the terrain's cost that fades with the distance |
+//! | memory | negative: along a way that an earlier run has driven; a share of the terrain's cost that fades with the distance |
+//! | previous | negative: along the path that was planned before, likewise; so that the vehicle does not waver between paths that cost nearly the same |
 //! | relief | negative: near the vehicle an unknown cell is taken for clear, and what is blocked for passable at a high cost |
 //!
 //! A cell is blocked if the table blocks it, or if the vehicle standing there would touch such a cell. What the bumper
 //! hit is blocked without relief. The papers name no values; here they are parameters.
 
+use crate::barred::Barred;
 use crate::clearance::{Clearance, MAX_BOUND};
 use crate::costs::{BLOCKED, CostGrid, CostGridError, MAX_COST};
 use crate::place::Place;
@@ -32,14 +34,19 @@ pub struct Rules {
     pub table: Vec<(u8, u8)>,
     /// Cost of unknown cells.
     pub unknown: u8,
+    /// Cost of unknown cells near the vehicle, and near where it was.
+    pub unknown_near: u8,
     /// Half the width of the vehicle, m.
     pub half_width_m: f64,
     /// Half the width of the vehicle and the least distance beside it, m.
     pub least_room_m: f64,
-    /// The same for cells farther from the vehicle than [`Rules::near_m`]: range noise thickens what is far away.
+    /// The same for cells to which the vehicle has not come nearer than [`Rules::near_m`]: range noise thickens what is
+    /// far away.
     pub far_room_m: f64,
-    /// Distance from the vehicle from which on the far room counts, m.
+    /// Distance from the vehicle, and from where it was, from which on the far room counts, m.
     pub near_m: f64,
+    /// Clearance term where only the far room suffices.
+    pub narrow: f64,
     /// Half the width and the desired distance beside it, m.
     pub wish_room_m: f64,
     /// Clearance term at the least room.
@@ -56,6 +63,23 @@ pub struct Rules {
     pub route_range_m: f64,
     /// Cost of a cell that would be blocked without relief.
     pub relief_cost: u8,
+    /// Share of the terrain's cost that a cell on the path that was planned before loses.
+    pub previous: f64,
+    /// Distance from that path at which cells are no longer cheaper, m.
+    pub previous_range_m: f64,
+}
+
+/// What a planner remembers; positions in the map's frame, m.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Past<'a> {
+    /// A way that an earlier run has driven.
+    pub route: &'a [DVec2],
+    /// The path that was planned before.
+    pub previous: &'a [DVec2],
+    /// Where the vehicle was.
+    pub track: &'a [DVec2],
+    /// Places that it could not get over, map's frame.
+    pub barred: &'a [Barred],
 }
 
 /// The terms of the cost of a cell.
@@ -69,14 +93,16 @@ pub struct Terms {
     pub heading: f32,
     /// Relief near the vehicle.
     pub relief: f32,
-    /// Along a way that was driven before.
+    /// Along a way that an earlier run has driven.
     pub memory: f32,
+    /// Along the path that was planned before.
+    pub previous: f32,
 }
 
 impl Terms {
     /// Their sum.
     pub fn total(&self) -> f32 {
-        self.terrain + self.clearance + self.heading + self.relief + self.memory
+        self.terrain + self.clearance + self.heading + self.relief + self.memory + self.previous
     }
 
     /// The same terms for a step of a length, added to others.
@@ -88,6 +114,7 @@ impl Terms {
             heading: self.heading + other.heading * length,
             relief: self.relief + other.relief * length,
             memory: self.memory + other.memory * length,
+            previous: self.previous + other.previous * length,
         }
     }
 }
@@ -166,17 +193,23 @@ pub struct Terrain {
     /// Terrain term by fused cost; `None` where blocked.
     by_cost: Vec<Option<f32>>,
     squared: Vec<u16>,
-    /// Nearness of a way that was driven before: 1 on it, 0 out of its range; empty without one.
-    nearness: Vec<f32>,
+    /// Nearness of the way that an earlier run has driven: 1 on it, 0 out of its range; empty without one.
+    by_route: Vec<f32>,
+    /// The same of the path that was planned before.
+    by_previous: Vec<f32>,
+    /// Whether the vehicle is or was near the cell; empty if that makes no difference.
+    was_near: Vec<bool>,
+    /// Whether the cell is barred; empty if none is.
+    barred: Vec<bool>,
 }
 
 impl Terrain {
-    /// The grid of costs for a vehicle at a pose, with a way that was driven before (map's frame).
+    /// The grid of costs for a vehicle at a pose.
     pub fn costs(
         &mut self,
         sensed: &Sensed,
         vehicle: &Pose,
-        route: &[DVec2],
+        past: &Past<'_>,
         rules: &Rules,
     ) -> Result<CostGrid, CostGridError> {
         self.by_cost.clear();
@@ -185,6 +218,17 @@ impl Terrain {
         self.is_obstacle.extend(sensed.fused.iter().map(|&cost| self.by_cost[usize::from(cost)].is_none()));
         for (obstacle, _) in self.is_obstacle.iter_mut().zip(&sensed.bumped).filter(|(_, bumped)| **bumped) {
             *obstacle = true;
+        }
+        self.barred.clear();
+        for place in past.barred {
+            self.barred.resize(sensed.fused.len(), false);
+            let away_m = vehicle.translation.truncate().distance(DVec2::from(place.at));
+            // A vehicle that has come into the place can leave it.
+            let radius_m = place.radius_m.min(away_m - rules.least_room_m - sensed.cell_size_m);
+            around(sensed, DVec2::from(place.at), radius_m, |index, _| {
+                self.barred[index] = true;
+                self.is_obstacle[index] = true;
+            });
         }
         let bound = (rules.wish_room_m / sensed.cell_size_m).ceil().clamp(1.0, MAX_BOUND as f64) as usize;
         let by_room = |least_room_m: f64| {
@@ -201,21 +245,26 @@ impl Terrain {
         self.by_room.clear();
         self.by_room.extend(squares.clone().map(by_room(rules.least_room_m)));
         self.by_far_room.clear();
-        self.by_far_room.extend(squares.map(by_room(rules.far_room_m.min(rules.least_room_m))));
+        let narrow = rules.narrow as f32;
+        let by_far_room = by_room(rules.far_room_m.min(rules.least_room_m));
+        self.by_far_room
+            .extend(squares.map(|squared| by_far_room(squared).map(|clearance| clearance + narrow)));
         self.squared.clear();
         self.squared.extend_from_slice(self.room.squared(sensed.columns, &self.is_obstacle, bound));
-        self.remember(sensed, route, rules);
+        nearness(sensed, past.route, rules.route, rules.route_range_m, &mut self.by_route);
+        nearness(sensed, past.previous, rules.previous, rules.previous_range_m, &mut self.by_previous);
+        self.mark_near(sensed, vehicle, past.track, rules);
         let mut cells: Vec<u8> = sensed
             .fused
             .iter()
             .zip(&self.squared)
             .enumerate()
             .map(|(at, (&fused, &squared))| {
-                let place = Place::new((at % sensed.columns) as i32, (at / sensed.columns) as i32);
-                let room = self.room_of(sensed, place, squared, vehicle, rules);
-                let terms = self.by_cost[usize::from(fused)].zip(room);
+                let room = self.room_of(at, squared);
+                let terms = self.terrain_of(at, fused, rules).zip(room);
                 terms.map_or(BLOCKED, |(terrain, clearance)| {
-                    limited(terrain + clearance + self.memory(at, terrain, rules))
+                    let [memory, previous] = self.remembered(at, terrain, rules);
+                    limited(terrain + clearance + memory + previous)
                 })
             })
             .collect();
@@ -225,49 +274,41 @@ impl Terrain {
 
     /// The clearance term of a cell by its squared distance from the nearest obstacle; `None` where the vehicle does not
     /// fit.
-    fn room_of(
-        &self,
-        sensed: &Sensed,
-        place: Place,
-        squared: u16,
-        vehicle: &Pose,
-        rules: &Rules,
-    ) -> Option<f32> {
+    fn room_of(&self, at: usize, squared: u16) -> Option<f32> {
         let near = self.by_room[usize::from(squared)];
         // Far cells differ only where the vehicle would not fit.
-        if near.is_some() || sensed.centre(place).distance(vehicle.translation.truncate()) <= rules.near_m {
+        if near.is_some() || self.was_near.get(at).is_none_or(|&was_near| was_near) {
             return near;
         }
         self.by_far_room[usize::from(squared)]
     }
 
-    /// Finds how near the cells are to a way that was driven before.
-    fn remember(&mut self, sensed: &Sensed, route: &[DVec2], rules: &Rules) {
-        self.nearness.clear();
-        if route.is_empty() || rules.route <= 0.0 || rules.route_range_m <= 0.0 {
+    /// The terrain term of a cell with this fused cost; `None` if it is blocked.
+    fn terrain_of(&self, at: usize, fused: u8, rules: &Rules) -> Option<f32> {
+        if self.barred.get(at).is_some_and(|&barred| barred) {
+            return None;
+        }
+        let terrain = self.by_cost[usize::from(fused)];
+        let is_hidden = fused == UNKNOWN_COST && self.was_near.get(at).is_some_and(|&was_near| was_near);
+        if is_hidden { terrain.map(|_| f32::from(rules.unknown_near)) } else { terrain }
+    }
+
+    /// Marks the cells near the vehicle, and near where it was.
+    fn mark_near(&mut self, sensed: &Sensed, vehicle: &Pose, track: &[DVec2], rules: &Rules) {
+        self.was_near.clear();
+        if rules.far_room_m >= rules.least_room_m || !rules.near_m.is_finite() {
             return;
         }
-        self.nearness.resize(sensed.fused.len(), 0.0);
-        let rows = sensed.fused.len() / sensed.columns.max(1);
-        let reach = (rules.route_range_m / sensed.cell_size_m).ceil().min(200.0) as i32;
-        for &at in route {
-            let Some(middle) = sensed.place(at) else { continue };
-            for row in (middle.row - reach).max(0)..(middle.row + reach + 1).min(rows as i32) {
-                for column in
-                    (middle.column - reach).max(0)..(middle.column + reach + 1).min(sensed.columns as i32)
-                {
-                    let place = Place::new(column, row);
-                    let near = 1.0 - sensed.centre(place).distance(at) / rules.route_range_m;
-                    let cell = &mut self.nearness[sensed.index(place)];
-                    *cell = cell.max(near as f32);
-                }
-            }
+        self.was_near.resize(sensed.fused.len(), false);
+        for &at in track.iter().chain([&vehicle.translation.truncate()]) {
+            around(sensed, at, rules.near_m, |index, _| self.was_near[index] = true);
         }
     }
 
-    /// The memory term of a cell with this terrain term.
-    fn memory(&self, at: usize, terrain: f32, rules: &Rules) -> f32 {
-        self.nearness.get(at).map_or(0.0, |near| -(terrain * rules.route as f32 * near))
+    /// The memory term and the previous path's term of a cell with this terrain term.
+    fn remembered(&self, at: usize, terrain: f32, rules: &Rules) -> [f32; 2] {
+        [(&self.by_route, rules.route), (&self.by_previous, rules.previous)]
+            .map(|(nearness, share)| nearness.get(at).map_or(0.0, |near| -(terrain * share as f32 * near)))
     }
 
     /// Costs of the cells that have a heading term or relief.
@@ -302,8 +343,8 @@ impl Terrain {
         let distance_m = from_vehicle.length();
         let relieved = distance_m <= rules.relief_range_m;
         let bumped = sensed.bumped.get(index).is_some_and(|&bumped| bumped);
-        let terrain = self.by_cost[usize::from(fused)].filter(|_| !bumped);
-        let clearance = self.room_of(sensed, place, self.squared[index], vehicle, rules);
+        let terrain = self.terrain_of(index, fused, rules).filter(|_| !bumped);
+        let clearance = self.room_of(index, self.squared[index]);
         let (terrain, clearance) = match (terrain, clearance) {
             (Some(terrain), Some(clearance)) => (terrain, clearance),
             (None, _) if bumped || !relieved => return Err(Obstruction::Obstacle),
@@ -319,12 +360,14 @@ impl Terrain {
         };
         let clear = self.by_cost[0].unwrap_or(terrain);
         let relief = if relieved && fused == UNKNOWN_COST { (clear - terrain).min(0.0) } else { 0.0 };
+        let [memory, previous] = self.remembered(index, terrain + relief, rules);
         Ok(Terms {
             terrain,
             clearance,
             heading: heading(terrain + relief, from_vehicle, vehicle, rules),
             relief,
-            memory: self.memory(index, terrain + relief, rules),
+            memory,
+            previous,
         })
     }
 
@@ -354,6 +397,37 @@ impl Terrain {
         let distances = free.map(|place| (sensed.centre(place).distance(position), place));
         let near = distances.filter(|&(distance_m, place)| distance_m <= within_m || place == middle);
         near.reduce(|best, other| if other.0 < best.0 { other } else { best }).map(|(_, place)| place)
+    }
+}
+
+/// Calls a function with the index of each cell whose centre lies within a distance of a position, and the distance, m.
+fn around(sensed: &Sensed, position: DVec2, within_m: f64, mut visit: impl FnMut(usize, f64)) {
+    let Some(middle) = sensed.place(position) else { return };
+    let reach = (within_m / sensed.cell_size_m).ceil().min(1000.0) as i32;
+    let rows = (sensed.fused.len() / sensed.columns.max(1)) as i32;
+    let span = |at: i32, end: i32| (at - reach).max(0)..(at + reach + 1).min(end);
+    for row in span(middle.row, rows) {
+        for column in span(middle.column, sensed.columns as i32) {
+            let place = Place::new(column, row);
+            let distance_m = sensed.centre(place).distance(position);
+            if distance_m <= within_m {
+                visit(sensed.index(place), distance_m);
+            }
+        }
+    }
+}
+
+/// How near the cells are to points: 1 at one, 0 out of range. Empty if that makes no difference.
+fn nearness(sensed: &Sensed, points: &[DVec2], share: f64, range_m: f64, near: &mut Vec<f32>) {
+    near.clear();
+    if points.is_empty() || share <= 0.0 || range_m <= 0.0 {
+        return;
+    }
+    near.resize(sensed.fused.len(), 0.0);
+    for &at in points {
+        around(sensed, at, range_m, |index, distance_m| {
+            near[index] = near[index].max((1.0 - distance_m / range_m) as f32);
+        });
     }
 }
 

@@ -6,6 +6,8 @@ fn rules() -> Rules {
     Rules {
         table: vec![(30, 10), (124, 60)],
         unknown: 20,
+        unknown_near: 20,
+        narrow: 0.0,
         half_width_m: 0.35,
         least_room_m: 0.4,
         far_room_m: 0.4,
@@ -18,6 +20,8 @@ fn rules() -> Rules {
         route: 0.0,
         route_range_m: 2.0,
         relief_cost: 200,
+        previous: 0.0,
+        previous_range_m: 0.0,
     }
 }
 
@@ -47,7 +51,7 @@ const FAR: f64 = 100.0;
 
 fn costs(sensed: &Sensed, vehicle: &Pose, rules: &Rules) -> (Terrain, CostGrid) {
     let mut terrain = Terrain::default();
-    let costs = terrain.costs(sensed, vehicle, &[], rules).unwrap();
+    let costs = terrain.costs(sensed, vehicle, &Past::default(), rules).unwrap();
     (terrain, costs)
 }
 
@@ -148,9 +152,34 @@ fn a_way_that_was_driven_before_is_cheaper_than_beside_it() {
     let away = Pose::from_xy_yaw(FAR, FAR, 0.0);
     let mut terrain = Terrain::default();
     let route: Vec<DVec2> = (0..20).map(|step| DVec2::new(f64::from(step) * 0.2 - 2.0, 0.0)).collect();
-    let costs = terrain.costs(&sensed(31), &away, &route, &rules).unwrap();
+    let costs =
+        terrain.costs(&sensed(31), &away, &Past { route: &route, ..Past::default() }, &rules).unwrap();
     assert_eq!(costs.get(at(0.0, 0.0)), Some(30), "half of 60");
     assert_eq!(costs.get(at(0.0, 2.0)), Some(60));
     let terms = terrain.terms(&sensed(31), at(0.0, 0.0), &away, &rules).unwrap();
     assert!((terms.memory + 30.0).abs() < 0.1, "{terms:?}");
+}
+
+#[test]
+fn a_gap_that_was_too_narrow_from_near_stays_closed_when_the_vehicle_is_far_away() {
+    let sensed = with_obstacle(0.0, 0.0);
+    let rules = Rules { far_room_m: 0.2, near_m: 2.0, heading_range_m: 0.0, ..rules() };
+    let far = Pose::from_xy_yaw(3.0, 3.0, 0.0);
+    for (track, expected) in [(&[][..], Some(50)), (&[DVec2::ONE][..], Some(BLOCKED))] {
+        let past = Past { track, ..Past::default() };
+        let costs = Terrain::default().costs(&sensed, &far, &past, &rules).unwrap();
+        assert_eq!(costs.get(at(0.4, 0.0)), expected, "{track:?}");
+    }
+}
+
+#[test]
+fn the_path_that_was_planned_before_is_cheaper_than_beside_it() {
+    let rules = Rules { previous: 0.2, previous_range_m: 1.0, heading_range_m: 0.0, ..rules() };
+    let away = Pose::from_xy_yaw(FAR, FAR, 0.0);
+    let past = Past { previous: &[DVec2::ZERO], ..Past::default() };
+    let mut terrain = Terrain::default();
+    let costs = terrain.costs(&sensed(31), &away, &past, &rules).unwrap();
+    assert_eq!((costs.get(at(0.0, 0.0)), costs.get(at(2.0, 0.0))), (Some(48), Some(60)));
+    let terms = terrain.terms(&sensed(31), at(0.0, 0.0), &away, &rules).unwrap();
+    assert!((terms.previous + 12.0).abs() < 0.1 && terms.memory == 0.0, "{terms:?}");
 }

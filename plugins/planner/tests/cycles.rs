@@ -72,7 +72,7 @@ impl PlannerBench for Bench {
     }
 
     fn plan_to(&mut self, x_m: f64, y_m: f64) {
-        let encoded = PlannerCommand::PlanTo(PlannerGoal { x_m, y_m, route: Vec::new() }).encode();
+        let encoded = PlannerCommand::PlanTo(PlannerGoal { x_m, y_m, ..PlannerGoal::default() }).encode();
         let (parameters_schema, parameters) = encoded.parameters;
         let serial = 1 + self.sent("/planner/command");
         let name = encoded.name.to_owned();

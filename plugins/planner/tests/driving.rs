@@ -24,7 +24,7 @@ name = "driver"
 name = "generator"
 plugin = "waypoint_generator"
 supervisor = "viewer"
-inputs = { path = "/planner/path", transforms = "/operator/transforms", global = "/operator/global" }
+inputs = { path = "/planner/path", transforms = "/operator/transforms", global = "/operator/global", modes = "/follower/modes" }
 
 [[process]]
 name = "planner"
@@ -259,7 +259,7 @@ fn without_a_way_it_is_aggressive_for_a_while_and_says_why() {
 fn when_its_wheels_slip_it_reverses_and_shakes_itself_free() {
     let mut bench = start(&FILES);
     cycle(&mut bench, 0.0, 0.0, free, 12);
-    for _ in 0..60 {
+    for _ in 0..36 {
         bench.write("/operator/slip", rcs::SlipReport { slip: 0.9, ..rcs::SlipReport::default() });
         cycle(&mut bench, 0.0, 0.0, free, 1);
     }
@@ -303,8 +303,59 @@ fn a_goal_that_jumps_stops_it_until_it_is_back() {
 }
 
 #[test]
-fn it_drives_on_without_fixes_while_its_position_is_known_well_enough() {
+fn wheels_that_turned_on_the_spot_are_told_from_a_jump_and_the_place_is_barred() {
     let mut bench = start(&FILES);
+    let global_at = |x_m: f64| {
+        let pose = Some(pose_message(&Pose::from_xy_yaw(x_m, 3.0, 0.0)));
+        Odometry { frame_id: "global".to_owned(), pose, ..Odometry::default() }
+    };
+    // By its wheels it is at 9 m, 11 m in the global frame; the fixes then put it to 5 m, where it was before.
+    for half_metres in 0..=18 {
+        let x_m = f64::from(half_metres) / 2.0;
+        bench.write("/operator/global", global_at(x_m + 2.0));
+        cycle(&mut bench, x_m, 0.0, free, 2);
+    }
+    bench.write("/operator/global", global_at(5.0));
+    place_local_frame(&mut bench, -4.0);
+    cycle(&mut bench, 9.0, 0.0, free, 6);
+    assert!(drive(&bench).0 > 0.2, "{}", story(&bench));
+    let path: PosesInFrame = bench.latest("/planner/path");
+    let barred = DVec2::new(9.0 + 0.5 + 3.0, 0.0);
+    let nearest_m = path.poses.iter().map(|pose| {
+        let at = pose.position.unwrap();
+        DVec2::new(at.x, at.y).distance(barred)
+    });
+    let nearest_m = nearest_m.fold(f64::INFINITY, f64::min);
+    assert!(
+        nearest_m > 2.5 && path.poses.len() > 20,
+        "{nearest_m} m from the barred place; {}",
+        story(&bench)
+    );
+}
+
+#[test]
+fn where_the_path_leads_and_the_vehicle_does_not_get_is_barred() {
+    let mut bench = start(&FILES);
+    for step in 0..170 {
+        // It moves to and fro.
+        cycle(&mut bench, if (step / 20) % 2 == 0 { 0.0 } else { 0.3 }, 0.0, free, 1);
+    }
+    let event: ModeEvent = bench.latest("/follower/modes");
+    assert!(event.to == "NO_PROGRESS" && event.reason.starts_with("stayed_s is 8.0"), "{event:?}");
+    let barred = event.barred.unwrap();
+    assert!(barred.radius_m == 0.6 && (1.0..=4.5).contains(&barred.x_m), "{barred:?}");
+    let path: PosesInFrame = bench.latest("/planner/path");
+    let enters = path.poses.iter().any(|pose| {
+        let at = pose.position.unwrap();
+        DVec2::new(at.x, at.y).distance(DVec2::new(barred.x_m, barred.y_m)) < 0.6
+    });
+    assert!(!enters && path.poses.len() > 20, "{barred:?}; {}", story(&bench));
+}
+
+#[test]
+fn it_drives_on_without_fixes_while_its_position_is_known_well_enough() {
+    // Without modes: it does not move, which they would find strange.
+    let mut bench = start(&FILES[..2]);
     let global = |variance: f64| {
         let mut covariance = vec![0.0; 36];
         (covariance[0], covariance[7]) = (1.0, variance);

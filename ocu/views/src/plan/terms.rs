@@ -8,12 +8,13 @@ use rcs_msg::rcs::{PlanCandidate, PlanTerms, ScoredArc};
 pub(super) type OfPlan = fn(&PlanTerms) -> f32;
 
 /// The terms of a plan's cost.
-pub(super) const PLAN_TERMS: [(&str, OfPlan); 5] = [
+pub(super) const PLAN_TERMS: [(&str, OfPlan); 6] = [
     ("terrain", |terms| terms.terrain),
     ("clearance", |terms| terms.clearance),
     ("heading", |terms| terms.heading),
     ("relief", |terms| terms.relief),
     ("memory", |terms| terms.memory),
+    ("previous", |terms| terms.previous),
 ];
 
 /// Reads a term of an arc's score.

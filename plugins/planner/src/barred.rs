@@ -1,0 +1,71 @@
+//! Places that the vehicle could not get over, and how it is known that it stood there while its wheels turned.
+//!
+//! Wheels that turn on mud move the local frame along with the vehicle, and the position fixes notice it later: the
+//! vehicle is back where it was before. Such a place is barred for the rest of the run, and the planner goes around it.
+
+use rcs_geom::{DVec2, Pose};
+use serde::{Deserialize, Serialize};
+
+/// A place that is barred: a disc, frame of its list, m.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Barred {
+    /// Centre.
+    pub at: (f64, f64),
+    /// Radius.
+    pub radius_m: f64,
+}
+
+/// Distance from the origin of the vehicle to the border of a place that is barred ahead of it, m: so the vehicle stands
+/// beside the place and not in it.
+const BEFORE_M: f64 = 0.5;
+/// Greatest distance between two estimates of one place, m: twice the noise of position fixes.
+const SAME_PLACE_M: f64 = 2.5;
+/// Greatest length of a track that the wheels measured on the spot, m.
+const LONGEST_M: f64 = 40.0;
+
+impl Barred {
+    /// The place ahead of a vehicle.
+    pub fn ahead(vehicle: &Pose, radius_m: f64) -> Barred {
+        let ahead = vehicle.rotate(rcs_geom::DVec3::X).truncate().normalize_or_zero();
+        let at = vehicle.translation.truncate() + ahead * (BEFORE_M + radius_m);
+        Barred { at: (at.x, at.y), radius_m }
+    }
+}
+
+/// Whether the last point of a track is where the track was before, although the wheels have turned since: the index of
+/// that point. Points in the global frame, m.
+pub fn turned_on_the_spot(track: &[DVec2]) -> Option<usize> {
+    let (&now, before) = track.split_last()?;
+    let at = before.iter().rposition(|point| point.distance(now) <= SAME_PLACE_M)?;
+    let rolled_m = crate::route::length_m(&before[at..]);
+    (rolled_m > SAME_PLACE_M && rolled_m <= LONGEST_M).then_some(at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn straight(to_m: u32) -> Vec<DVec2> {
+        (0..to_m).map(|x| DVec2::new(f64::from(x), 0.0)).collect()
+    }
+
+    #[test]
+    fn a_fix_that_puts_the_vehicle_back_on_its_track_tells_that_its_wheels_turned() {
+        let fixed = |x_m: f64, y_m: f64| [straight(31), vec![DVec2::new(x_m, y_m)]].concat();
+        let at = turned_on_the_spot(&fixed(19.0, 1.0)).unwrap();
+        assert!((19..=21).contains(&at), "{at}");
+        assert_eq!(turned_on_the_spot(&fixed(19.0, 8.0)), None, "beside the track");
+        assert_eq!(turned_on_the_spot(&fixed(50.0, 0.0)), None, "ahead");
+        assert_eq!(turned_on_the_spot(&fixed(29.0, 0.0)), None, "within the noise");
+        let far = [straight(100), vec![DVec2::ZERO]].concat();
+        assert_eq!(turned_on_the_spot(&far), None, "too long ago");
+        assert_eq!(turned_on_the_spot(&[]), None);
+    }
+
+    #[test]
+    fn a_place_is_barred_ahead_of_the_vehicle_which_stands_beside_it() {
+        let barred = Barred::ahead(&Pose::from_xy_yaw(1.0, 2.0, std::f64::consts::FRAC_PI_2), 3.0);
+        let at = DVec2::from(barred.at);
+        assert!(at.distance(DVec2::new(1.0, 5.5)) < 1e-9 && barred.radius_m == 3.0, "{at}");
+    }
+}
