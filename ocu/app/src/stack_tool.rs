@@ -117,10 +117,15 @@ fn useless_outputs(plan: &Plan) -> Vec<String> {
         let role = def.metadata.get("rcs.role").and_then(|name| name.parse::<Role>().ok());
         let unwired = plan.processes.iter().filter(|reader| reader.name != process.name).find_map(|reader| {
             let defs = reader.kind.inputs();
-            let unwired = |(input, wire): &(&PortDef, &Option<usize>)| {
-                wire.is_none() && input.schema.name() == spec.schema.name()
-            };
-            let (input, _) = defs.iter().zip(&reader.inputs).find(unwired)?;
+            let mut of_type = defs
+                .iter()
+                .zip(&reader.inputs)
+                .filter(|(input, _)| input.schema.name() == spec.schema.name());
+            // Who reads a path already does not miss another one.
+            if role == Some(Role::Path) && of_type.clone().any(|(_, wire)| wire.is_some()) {
+                return None;
+            }
+            let (input, _) = of_type.find(|(_, wire)| wire.is_none())?;
             Some(format!("; the input {} of {} is not wired", input.name, reader.name))
         });
         let is_useless = match role? {
