@@ -10,7 +10,7 @@ pub(crate) fn plan() -> Plan {
     let (chosen, rejected) = (candidate(0.0, 8.0), candidate(4.0, 20.0));
     Plan {
         frame_id: "local".into(),
-        reason: "the other path is 90 % dearer: terrain +120, clearance +180".into(),
+        reason: "the other way costs 216 more: clearance +216".into(),
         chosen: Some(chosen),
         rejected: Some(rejected),
         state: PlanState::PlanPath.into(),

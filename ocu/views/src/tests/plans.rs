@@ -66,5 +66,5 @@ fn every_term_of_both_paths_is_told_with_the_difference() {
     let harness = shown("plan");
     assert!(harness.query_by_label_contains("chosen, length, m 12.0").is_some());
     assert!(harness.query_by_label_contains("difference, length, m +").is_some());
-    assert!(harness.query_by_label_contains("the other path is 90 % dearer").is_some());
+    assert!(harness.query_by_label_contains("the other way costs 216 more").is_some());
 }
