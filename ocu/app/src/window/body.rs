@@ -4,20 +4,20 @@ use super::alarm_sound::AlarmSound;
 use super::bookmarks::Bookmarks;
 use super::commands::Needs;
 use super::document::Document;
+use super::file_dialogs::FileDialogs;
 use super::focus::show_focus;
 use super::follow::{Follow, is_unfinished};
 use super::frames::FramePolicy;
 use super::keymap::Keymap;
 use super::layout_store::LayoutStore;
 use super::leaving::Leaving;
-use super::message_file::{Done, MessageFile};
+use super::load_param::LoadParam;
 use super::notices::{Matter, Notices};
 use super::open::{self, Invited, Opener};
 use super::operate::{Operating, StopState};
 use super::palette::{Choice, KeyList, Palette};
 use super::recording::Told;
-use super::save_file::SaveFile;
-use super::save_params::{SaveParams, Saved};
+use super::save_params::SaveParams;
 use super::timeline::Timeline;
 use super::top_bar;
 use super::top_state::{self, TopBarAction};
@@ -95,9 +95,7 @@ pub struct Window {
     pub(super) keymap: Keymap,
     pub(super) key_list: KeyList,
     pub(super) palette: Palette,
-    pub(super) save_params: Option<SaveParams>,
-    /// The dialog that saves a message or loads a parameter.
-    pub(super) message_file: Option<MessageFile>,
+    pub(super) dialogs: FileDialogs,
     pub(super) layout_store: LayoutStore,
     pub(super) document: Document,
     pub(super) chosen: Chosen,
@@ -105,7 +103,6 @@ pub struct Window {
     pub(super) watched: Vec<RunId>,
     /// The fields that the source was last asked to gather.
     gathered: Vec<rcs_formula::FieldRef>,
-    pub(super) save_file: SaveFile,
     pub(super) frames: FramePolicy,
     /// Number of runs of the source that the user knows of.
     pub(super) known_runs: usize,
@@ -141,14 +138,12 @@ impl Window {
             keymap,
             key_list: KeyList::default(),
             palette: Palette::default(),
-            save_params: None,
-            message_file: None,
+            dialogs: FileDialogs::default(),
             layout_store: LayoutStore::new(data_dir.as_ref().map(|dir| dir.join("layouts"))),
             document: Document::default(),
             chosen: Chosen::Nothing,
             watched: Vec::new(),
             gathered: Vec::new(),
-            save_file: SaveFile::default(),
             frames: FramePolicy::default(),
             known_runs: 0,
             known_alarms: Stamp(0),
@@ -238,6 +233,7 @@ impl Window {
         driver.send(Control::Speed(playback.speed));
         driver.send(Control::Loop(playback.looping));
         driver.send(Control::Watch(self.watched.clone()));
+        driver.send(Control::Gather(self.gathered.clone()));
         match new.info.end {
             // Whoever looks at the end goes on looking at it.
             Some(end) if old.info.end.is_some_and(|end| old.now >= end) => driver.send(Control::Seek(end)),
@@ -307,17 +303,8 @@ impl Window {
         }
         self.key_list_ui(ui);
         self.leaving_ui(ui, &mut controls);
-        match self.save_params.as_mut().map(|dialog| dialog.ui(ui.ctx())) {
-            None | Some(Saved::Open) => {}
-            Some(Saved::Cancelled) => self.save_params = None,
-            Some(Saved::Written(path)) => {
-                self.save_params = None;
-                // From now on this is the stack that runs: it has these parameters.
-                self.current.stack = Some(path.display().to_string());
-            }
-        }
-        self.message_file_ui(ui, frame.as_deref(), &mut controls);
-        self.save_file.ui(ui.ctx());
+        let frame_now = frame.as_deref();
+        self.dialogs.ui(ui.ctx(), &mut self.current, frame_now, &mut controls, &mut self.notices);
         self.palette_ui(ui, frame.as_deref(), &mut controls);
         show_focus(ui.ctx(), stops);
         // Views that were painted before the one that changed it follow in the next pass.
@@ -432,13 +419,15 @@ impl Window {
         for wish in wishes {
             match wish {
                 Wish::SaveParams { process, params } => {
-                    self.save_params = Some(SaveParams::new(&self.current, &process, &params));
+                    self.dialogs.save_params = Some(SaveParams::new(&self.current, &process, &params));
                 }
                 Wish::SaveMessage { topic, message } => {
-                    self.message_file = Some(MessageFile::save(&topic, message));
+                    if let Err(error) = self.dialogs.save_message(&topic, &message) {
+                        self.notices.error(Matter::Run, error.to_string());
+                    }
                 }
                 Wish::LoadParam { process, field, in_force } => {
-                    self.message_file = Some(MessageFile::load(&process, field, in_force));
+                    self.dialogs.load_param = Some(LoadParam::new(process, field, in_force));
                 }
                 Wish::Show { topic, drawn } => {
                     let workspace = self.workspace.get_or_insert_with(|| Workspace::new(&Layout::empty()));
@@ -450,8 +439,8 @@ impl Window {
                     workspace.plot(&field);
                     ui.ctx().request_repaint();
                 }
-                Wish::SaveFile { name, content } => self.save_file.ask(&name, content),
-                Wish::SavePicture { name, area } => self.save_file.ask_picture(ui.ctx(), &name, area),
+                Wish::SaveFile { name, content } => self.dialogs.save_file.ask(&name, content),
+                Wish::SavePicture { name, area } => self.dialogs.save_file.ask_picture(ui.ctx(), &name, area),
             }
         }
     }
@@ -470,23 +459,6 @@ impl Window {
             Some(Invited::Ask) => self.opener.ask(),
             Some(Invited::Open(request)) => self.opener.open(request),
             None => {}
-        }
-    }
-
-    fn message_file_ui(&mut self, ui: &egui::Ui, frame: Option<&Frame>, controls: &mut Vec<Control>) {
-        match self.message_file.as_mut().and_then(|dialog| dialog.ui(ui.ctx())) {
-            None => {}
-            Some(Done::Cancelled) => self.message_file = None,
-            Some(Done::Saved(path)) => {
-                self.message_file = None;
-                self.notices.news(Matter::Run, format!("Saved: {}", path.display()));
-            }
-            Some(Done::Loaded { process, message }) => {
-                self.message_file = None;
-                let info = frame.and_then(|frame| frame.processes.iter().find(|info| info.name == *process));
-                let buffer = info.map(|info| info.params_buffer.clone());
-                controls.extend(buffer.map(|buffer| Control::Write { buffer, message }));
-            }
         }
     }
 

@@ -1,6 +1,7 @@
-//! Saving what a view shows, as text or as a picture: asks where, and writes.
+//! Saving what a view shows, as a message, text or picture: asks where, and writes.
 
-use crate::say;
+use super::dialog::{PathRow, Purpose, dialog, save};
+use crate::output::Files;
 use egui::{ColorImage, RichText};
 use ocu_ui::tokens;
 use std::io::Cursor;
@@ -17,19 +18,16 @@ pub(super) struct SaveFile {
 }
 
 struct Dialog {
-    path: String,
+    path: PathRow,
     content: Arc<[u8]>,
-    /// Why the last attempt failed.
-    failed: Option<String>,
-    fresh: bool,
 }
 
 impl SaveFile {
     /// Asks where to write a file.
     pub(super) fn ask(&mut self, name: &str, content: Arc<[u8]>) {
         let folder = std::env::current_dir().unwrap_or_default();
-        let path = folder.join(name).display().to_string();
-        self.open = Some(Dialog { path, content, failed: None, fresh: true });
+        let path = PathRow::new(folder.join(name).display().to_string());
+        self.open = Some(Dialog { path, content });
     }
 
     /// Takes a picture of a part of the window, and then asks where to write it.
@@ -44,48 +42,23 @@ impl SaveFile {
         self.awaited = Some((area, name.to_owned(), receiver));
     }
 
-    /// Paints the dialog.
-    pub(super) fn ui(&mut self, ctx: &egui::Context) {
+    /// Paints the dialog; no file of `in_use` is written. Returns the file that was written.
+    pub(super) fn ui(&mut self, ctx: &egui::Context, in_use: impl FnOnce() -> Files) -> Option<PathBuf> {
         self.take_picture(ctx);
-        let Some(dialog) = &mut self.open else { return };
-        let (mut open, mut done) = (true, false);
-        egui::Window::new("Save")
-            .collapsible(false)
-            .resizable(false)
-            .default_width(480.0)
-            .anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO)
-            .open(&mut open)
-            .show(ctx, |ui| {
-                ui.horizontal(|ui| {
-                    let label = ui.label("File");
-                    let edit = egui::TextEdit::singleline(&mut dialog.path).desired_width(360.0);
-                    let response = ui.add(edit).labelled_by(label.id);
-                    if std::mem::take(&mut dialog.fresh) {
-                        response.request_focus();
-                    }
-                    let path = PathBuf::from(dialog.path.trim());
-                    let verb = if path.exists() { "Replace" } else { "Save" };
-                    let entered =
-                        response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
-                    let can = !dialog.path.trim().is_empty();
-                    if (ui.add_enabled(can, egui::Button::new(verb)).clicked() || entered) && can {
-                        match std::fs::write(&path, &dialog.content) {
-                            Ok(()) => done = true,
-                            Err(error) => {
-                                dialog.failed = Some(say(&anyhow::anyhow!("{error}: {}", path.display())));
-                            }
-                        }
-                    }
-                });
-                let size = ocu_ui::format::bytes(dialog.content.len() as u64);
-                ui.label(RichText::new(size).small().color(tokens(ui).weak));
-                if let Some(failed) = &dialog.failed {
-                    ui.colored_label(tokens(ui).error, failed);
-                }
+        let Dialog { path, content } = self.open.as_mut()?;
+        let mut written = None;
+        let open = dialog(ctx, "Save", |ui| {
+            written = path.ui(ui, Purpose::Save, true, |path| {
+                save(path, content, in_use())?;
+                Ok(path.to_owned())
             });
-        if done || !open || ctx.input(|input| input.key_pressed(egui::Key::Escape)) {
+            let size = ocu_ui::format::bytes(content.len() as u64);
+            ui.label(RichText::new(size).small().color(tokens(ui).weak));
+        });
+        if written.is_some() || !open {
             self.open = None;
         }
+        written
     }
 
     fn take_picture(&mut self, ctx: &egui::Context) {

@@ -1,7 +1,8 @@
 //! Saving parameters to the stack file: the difference is shown first, and written when the user says so.
 
-use crate::layout::write_whole;
+use super::dialog::{PathRow, Purpose, dialog, save};
 use crate::open::Request;
+use crate::output::Files;
 use crate::{bundled, say, stack_edit};
 use egui::{RichText, ScrollArea};
 use ocu_ui::{tokens, widgets};
@@ -12,12 +13,10 @@ use std::path::{Path, PathBuf};
 /// The dialog, while it is open.
 pub(super) struct SaveParams {
     process: String,
-    /// Name of the file, which the user may change.
-    file: String,
+    /// The file, which the user may change.
+    file: PathRow,
     /// The text of the stack before and after, or why it cannot be written.
     edit: Result<(String, String), String>,
-    /// Why the last attempt to write failed.
-    failed: Option<String>,
 }
 
 /// What became of the dialog.
@@ -35,51 +34,32 @@ impl SaveParams {
             Ok((file, old, new)) => (file, Ok((old, new))),
             Err(error) => (String::new(), Err(error)),
         };
-        Self { process: process.to_owned(), file, edit, failed: None }
+        Self { process: process.to_owned(), file: PathRow::new(file), edit }
     }
 
-    /// Paints the dialog.
-    pub(super) fn ui(&mut self, ctx: &egui::Context) -> Saved {
-        let (mut open, mut saved) = (true, Saved::Open);
-        egui::Window::new(format!("Save the parameters of {}", self.process))
-            .collapsible(false)
-            .resizable(true)
-            .default_width(560.0)
-            .anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO)
-            .open(&mut open)
-            .show(ctx, |ui| {
-                let (old, new) = match &self.edit {
-                    Ok(both) => both,
-                    Err(error) => {
-                        ui.add(egui::Label::new(RichText::new(error).color(tokens(ui).error)).wrap());
-                        return;
-                    }
-                };
-                difference(ui, old, new);
-                ui.add_space(4.0);
-                ui.horizontal(|ui| {
-                    let label = ui.label("File");
-                    ui.add(egui::TextEdit::singleline(&mut self.file).desired_width(360.0))
-                        .labelled_by(label.id);
-                    let path = PathBuf::from(self.file.trim());
-                    let verb = if path.exists() { "Replace" } else { "Write" };
-                    let can = old != new && !self.file.trim().is_empty();
-                    if ui.add_enabled(can, egui::Button::new(verb)).clicked() {
-                        match write_whole(&path, new) {
-                            Ok(()) => saved = Saved::Written(path),
-                            Err(error) => self.failed = Some(say(&error)),
-                        }
-                    }
-                });
-                if let Some(failed) = &self.failed {
-                    ui.colored_label(tokens(ui).error, failed);
+    /// Paints the dialog; no file of `in_use` is written.
+    pub(super) fn ui(&mut self, ctx: &egui::Context, in_use: impl FnOnce() -> Files) -> Saved {
+        let mut written = None;
+        let open = dialog(ctx, &format!("Save the parameters of {}", self.process), |ui| {
+            let (old, new) = match &self.edit {
+                Ok(both) => both,
+                Err(error) => {
+                    ui.add(egui::Label::new(RichText::new(error).color(tokens(ui).error)).wrap());
+                    return;
                 }
+            };
+            difference(ui, old, new);
+            ui.add_space(4.0);
+            written = self.file.ui(ui, Purpose::Save, old != new, |path| {
+                save(path, new.as_bytes(), in_use())?;
+                Ok(path.to_owned())
             });
-        let escaped = ctx.input(|input| input.key_pressed(egui::Key::Escape));
-        if matches!(saved, Saved::Open) && (!open || escaped) {
-            return Saved::Cancelled;
+        });
+        match written {
+            Some(path) => Saved::Written(path),
+            None if open => Saved::Open,
+            None => Saved::Cancelled,
         }
-        saved
     }
 }
 

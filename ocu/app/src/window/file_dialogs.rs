@@ -1,0 +1,136 @@
+//! The dialogs that write to a file or read one: what views show, parameters, and learned models.
+
+use super::load_param::{LoadParam, Loaded};
+use super::notices::{Matter, Notices};
+use super::recording;
+use super::save_file::SaveFile;
+use super::save_params::{SaveParams, Saved};
+use crate::assets::looks_like_path;
+use crate::open::Request;
+use crate::output::Files;
+use ocu_views::TopicKey;
+use rcs_msg::AnyMessage;
+use rcs_runtime::source::{Control, Frame};
+use std::path::Path;
+
+/// The dialogs, of which each may be open.
+#[derive(Default)]
+pub(super) struct FileDialogs {
+    pub(super) save_params: Option<SaveParams>,
+    pub(super) load_param: Option<LoadParam>,
+    pub(super) save_file: SaveFile,
+}
+
+impl FileDialogs {
+    /// Asks where to save a message, as JSON.
+    pub(super) fn save_message(&mut self, topic: &TopicKey, message: &AnyMessage) -> anyhow::Result<()> {
+        let name = format!("{}.json", topic.name.trim_matches('/').replace('/', "_"));
+        self.save_file.ask(&name, rcs_msg::to_json(message)?.into_bytes().into());
+        Ok(())
+    }
+
+    /// Paints the open dialogs.
+    pub(super) fn ui(
+        &mut self,
+        ctx: &egui::Context,
+        current: &mut Request,
+        frame: Option<&Frame>,
+        controls: &mut Vec<Control>,
+        notices: &mut Notices,
+    ) {
+        if let Some(path) = self.save_file.ui(ctx, || in_use(current, frame, true)) {
+            notices.news(Matter::Run, format!("Saved: {}", path.display()));
+        }
+        // The stack that runs is the one file in use to which parameters may be saved.
+        let saved = self.save_params.as_mut().map(|dialog| dialog.ui(ctx, || in_use(current, frame, false)));
+        match saved {
+            None | Some(Saved::Open) => {}
+            Some(Saved::Cancelled) => self.save_params = None,
+            Some(Saved::Written(path)) => {
+                self.save_params = None;
+                // From now on this is the stack that runs: it has these parameters.
+                current.stack = Some(path.display().to_string());
+            }
+        }
+        match self.load_param.as_mut().and_then(|dialog| dialog.ui(ctx)) {
+            None => {}
+            Some(Loaded::Cancelled) => self.load_param = None,
+            Some(Loaded::Params { process, message }) => {
+                self.load_param = None;
+                let info = frame.and_then(|frame| frame.processes.iter().find(|info| info.name == *process));
+                let buffer = info.map(|info| info.params_buffer.clone());
+                controls.extend(buffer.map(|buffer| Control::Write { buffer, message }));
+            }
+        }
+    }
+}
+
+/// The files that the open source reads and writes.
+fn in_use(current: &Request, frame: Option<&Frame>, with_stack: bool) -> Files {
+    let mut files = Files::new(true);
+    if let Some(log) = &current.log {
+        files.reads("the log", log);
+    }
+    if let Some(recording) = frame.and_then(recording::running) {
+        files.reads("the recording that is being written", &recording.path);
+    }
+    let stack = current.stack.as_deref().filter(|_| with_stack);
+    for (what, name) in [("the stack", stack), ("the course", current.course.as_deref())] {
+        name.into_iter()
+            .filter(|name| looks_like_path(name))
+            .for_each(|name| files.reads(what, Path::new(name)));
+    }
+    files
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui::Key;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::{NodeT as _, Queryable as _};
+
+    #[test]
+    fn enter_replaces_no_file_and_the_open_log_and_stack_are_never_written() {
+        let dir = tempfile::tempdir().unwrap();
+        let [log, stack, other] = ["a.mcap", "b.toml", "c.json"].map(|name| dir.path().join(name));
+        for path in [&log, &stack, &other] {
+            std::fs::write(path, "old").unwrap();
+        }
+        let path_of = |path: &Path| path.display().to_string();
+        let request = Request { log: Some(log.clone()), stack: Some(path_of(&stack)), ..Request::default() };
+        let written = |name: &str, by_button: bool| {
+            let state = (FileDialogs::default(), request.clone(), Notices::default());
+            let mut harness = Harness::new_ui_state(
+                |ui, (dialogs, request, notices): &mut (FileDialogs, Request, Notices)| {
+                    dialogs.ui(ui.ctx(), request, None, &mut Vec::new(), notices);
+                },
+                state,
+            );
+            ocu_ui::install(&harness.ctx);
+            let name = path_of(&dir.path().join(name));
+            harness.state_mut().0.save_file.ask(&name, b"new".as_slice().into());
+            harness.run();
+            if by_button {
+                harness.get_by_label("Replace").click();
+            } else {
+                harness.key_press(Key::Enter);
+            }
+            harness.run();
+            harness.query_by_label_contains("the file is").and_then(|label| label.accesskit_node().value())
+        };
+        let text = |path: &Path| std::fs::read_to_string(path).unwrap();
+
+        assert_eq!(written("c.json", false), None);
+        assert_eq!(text(&other), "old", "Enter replaces no file");
+        assert_eq!(written("c.json", true), None);
+        assert_eq!(text(&other), "new");
+        assert_eq!(written("d.json", false), None);
+        assert_eq!(text(&dir.path().join("d.json")), "new", "Enter writes a new file");
+        for (path, what) in [("a.mcap", "the log"), ("b.toml", "the stack"), ("./a.mcap", "the log")] {
+            let error = written(path, true).expect("it is refused");
+            assert!(error.contains(what), "{error}");
+        }
+        assert_eq!((text(&log), text(&stack)), ("old".to_owned(), "old".to_owned()));
+    }
+}
