@@ -1,56 +1,28 @@
 //! Renders egui without a window: into a texture, which is then read back into memory.
 
-use anyhow::{Context as _, anyhow};
 use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
-use std::time::Duration;
+use ocu_views::offscreen::{Offscreen, instance};
 
 /// Texture format with gamma-space colours, as egui expects.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-/// Timeout for rendering: a software driver may take seconds for a large image, and a lost device never finishes.
-const PATIENCE: Duration = Duration::from_mins(1);
 
 /// Renders egui output into a texture.
 pub struct Painter {
-    device: wgpu::Device,
-    queue: wgpu::Queue,
+    offscreen: Offscreen,
     renderer: Renderer,
-    /// Name and kind of the graphics adapter.
-    pub adapter: String,
 }
 
 impl Painter {
     /// Selects an adapter; a software one if there is no other.
     pub fn new() -> anyhow::Result<Self> {
-        let instance = instance();
-        let options = wgpu::RequestAdapterOptions {
-            power_preference: wgpu::PowerPreference::HighPerformance,
-            ..wgpu::RequestAdapterOptions::default()
-        };
-        let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|error| {
-            anyhow!(
-                "no Vulkan driver was found to draw with: install a graphics driver, or the package \
-                 mesa-vulkan-drivers, which draws in software ({error})"
-            )
-        })?;
-        let limits = adapter.limits();
-        let descriptor = wgpu::DeviceDescriptor {
-            label: Some("ocu offscreen"),
-            required_limits: wgpu::Limits {
-                max_texture_dimension_2d: limits.max_texture_dimension_2d,
-                ..wgpu::Limits::downlevel_defaults()
-            },
-            ..wgpu::DeviceDescriptor::default()
-        };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
-            .context("the graphics driver gave no device")?;
-        let renderer = Renderer::new(&device, FORMAT, RendererOptions::PREDICTABLE);
-        let info = adapter.get_info();
-        Ok(Self { device, queue, renderer, adapter: format!("{} ({:?})", info.name, info.device_type) })
+        let offscreen = Offscreen::new().map_err(anyhow::Error::msg)?;
+        let renderer = Renderer::new(&offscreen.device, FORMAT, RendererOptions::PREDICTABLE);
+        Ok(Self { offscreen, renderer })
     }
 
     /// Maximum side of a texture, pixels.
     pub fn max_texture_side(&self) -> usize {
-        self.device.limits().max_texture_dimension_2d as usize
+        self.offscreen.device.limits().max_texture_dimension_2d as usize
     }
 
     /// Uploads the new textures of a pass. Call it for every pass, painted or not.
@@ -59,7 +31,7 @@ impl Painter {
         set.sort_by_key(|(id, _)| *id);
         for (id, images) in set {
             for image in images {
-                self.renderer.update_texture(&self.device, &self.queue, id, &image);
+                self.renderer.update_texture(&self.offscreen.device, &self.offscreen.queue, id, &image);
             }
         }
     }
@@ -81,19 +53,10 @@ impl Painter {
         pixels_per_point: f32,
     ) -> anyhow::Result<Vec<u8>> {
         let screen = ScreenDescriptor { size_in_pixels: size_px, pixels_per_point };
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let user = self.renderer.update_buffers(&self.device, &self.queue, &mut encoder, primitives, &screen);
-        let extent = wgpu::Extent3d { width: size_px[0], height: size_px[1], depth_or_array_layers: 1 };
-        let texture = self.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("ocu picture"),
-            size: extent,
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        });
+        let Offscreen { device, queue, .. } = &self.offscreen;
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let user = self.renderer.update_buffers(device, queue, &mut encoder, primitives, &screen);
+        let texture = self.offscreen.target(FORMAT, size_px);
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let attachment = wgpu::RenderPassColorAttachment {
             view: &view,
@@ -114,35 +77,9 @@ impl Painter {
                 .forget_lifetime();
             self.renderer.render(&mut pass, primitives, &screen);
         }
-        // Rows of a buffer are padded to a multiple of 256 bytes.
-        let row_bytes = size_px[0] * 4;
-        let padded = row_bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("ocu picture"),
-            size: u64::from(padded) * u64::from(size_px[1]),
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let layout =
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
-        let target = wgpu::TexelCopyBufferInfo { buffer: &buffer, layout };
-        encoder.copy_texture_to_buffer(texture.as_image_copy(), target, extent);
-        let submission = self.queue.submit(user.into_iter().chain(std::iter::once(encoder.finish())));
-
-        let (sender, receiver) = std::sync::mpsc::channel();
-        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| drop(sender.send(result)));
-        self.device
-            .poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(PATIENCE) })
-            .context("the graphics driver did not finish the picture")?;
-        receiver
-            .recv()
-            .context("the picture was not handed over")?
-            .context("the picture cannot be read back")?;
-        let mapped = buffer
-            .slice(..)
-            .get_mapped_range()
-            .map_err(|error| anyhow!("the picture cannot be read back: {error}"))?;
-        Ok(mapped.chunks_exact(padded as usize).flat_map(|row| &row[..row_bytes as usize]).copied().collect())
+        let copied = self.offscreen.copy(&mut encoder, &texture);
+        let submission = queue.submit(user.into_iter().chain(std::iter::once(encoder.finish())));
+        self.offscreen.bytes(&copied, submission).map_err(anyhow::Error::msg)
     }
 }
 
@@ -166,10 +103,4 @@ pub fn adapters() -> Adapters {
         all if all.iter().all(is_software) => Adapters::Software,
         _ => Adapters::Hardware,
     }
-}
-
-fn instance() -> wgpu::Instance {
-    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    descriptor.backends = wgpu::Backends::VULKAN;
-    wgpu::Instance::new(descriptor)
 }

@@ -37,6 +37,7 @@ mod hierarchy;
 mod image;
 mod map;
 mod models;
+pub mod offscreen;
 pub mod operator;
 mod origin;
 mod plan;

@@ -28,16 +28,15 @@ struct Found {
 
 /// The first of the equal values at and before a time: its index, and whether none is known before it.
 fn last_change(points: &Series<FieldPoint>, now: Stamp) -> Option<(usize, bool)> {
-    let mut at = points.count_until(now).checked_sub(1)?;
     let same = |a: f64, b: f64| a == b || (a.is_nan() && b.is_nan());
-    let value = points.get(at)?.value;
-    while at > 0 {
-        if !same(points.get(at - 1)?.value, value) {
-            return Some((at, false));
+    let (mut index, mut change, mut before) = (0, None, None);
+    points.each(0..points.count_until(now), |point| {
+        if before.is_none_or(|before| !same(before, point.value)) {
+            change = Some((index, index == 0));
         }
-        at -= 1;
-    }
-    Some((0, true))
+        (index, before) = (index + 1, Some(point.value));
+    });
+    change
 }
 
 impl Origin {

@@ -7,7 +7,7 @@ use egui::Context;
 use rcs_formula::{FieldRef, Formula, Names, Points};
 use rcs_msg::Value;
 use rcs_runtime::RunId;
-use rcs_runtime::source::{FieldPoint, FieldSeries, Frame, RunTag, Series, series_of};
+use rcs_runtime::source::{FieldPoint, FieldSeries, Frame, RunTag, Series, points_of, series_of};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -36,17 +36,7 @@ impl Shown {
 
     /// All values.
     pub(crate) fn all(&self) -> Points {
-        let field = FieldRef { topic: String::new(), path: rcs_msg::FieldPath::root() };
-        let points = self.points.clone();
-        let series = FieldSeries {
-            field,
-            run: RunTag::Recorded,
-            points,
-            names: Arc::clone(&self.names),
-            reading: None,
-            problem: None,
-        };
-        series.all()
+        points_of(&self.points, &self.names)
     }
 }
 

@@ -2,6 +2,7 @@
 //! crate's documentation.
 
 use crate::barred::{Barred, turned_on_the_spot};
+use crate::children::Children;
 use crate::goal::Goal;
 use crate::process::PlannerCommand;
 use crate::proto::{BarredPlace, ModeEvent, PlanPoint, PlannerGoal, Route, UtmGoal, WaypointGeneratorParams};
@@ -10,9 +11,7 @@ use crate::waypoints::spaced;
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransforms, Odometry, PoseInFrame, PosesInFrame};
-use rcs_runtime::{
-    Child, ChildReport, ChildState, Cycle, In, NoCommands, Order, Out, PortBuilder, Process, ProcessDef, Role,
-};
+use rcs_runtime::{Cycle, In, Order, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Localizer, Origin, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
@@ -70,9 +69,7 @@ pub struct Ports {
     waypoints: Out<PosesInFrame>,
     goal: Out<PoseInFrame>,
     route: Out<Route>,
-    planner: Child<PlannerCommand>,
-    far_planner: Child<PlannerCommand>,
-    follower: Child<NoCommands>,
+    children: Children,
 }
 
 impl Process for WaypointGenerator {
@@ -106,9 +103,7 @@ impl Process for WaypointGenerator {
                 )
                 .role(Role::Stats)
                 .build(),
-            planner: b.optional_child("planner", "what plans the path"),
-            far_planner: b.optional_child("far_planner", "what plans on a larger map than the planner's"),
-            follower: b.optional_child("follower", "what drives along the waypoints"),
+            children: Children::declare(b),
         }
     }
 
@@ -128,12 +123,12 @@ impl Process for WaypointGenerator {
     }
 
     fn init(&mut self, ports: &Ports, _params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        pass_on(ports, &Order::Init, &Order::Init, cx);
-        await_all(ports, "initialized", cx);
+        ports.children.pass_on(&Order::Init, &Order::Init, cx);
+        ports.children.await_all("initialized", cx);
     }
 
     fn cycle(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        if pass_on(ports, &Order::Run, &Order::Run, cx) {
+        if ports.children.pass_on(&Order::Run, &Order::Run, cx) {
             self.told = None;
         }
         while let Some(command) = cx.next_command::<Self>() {
@@ -156,8 +151,7 @@ impl Process for WaypointGenerator {
             Err(why) => {
                 // The planner must not go on planning to another goal.
                 if self.told.take().is_some() {
-                    cx.send(&ports.planner, Order::Halt);
-                    cx.send(&ports.far_planner, Order::Halt);
+                    ports.children.halt_planners(cx);
                 }
                 send_none(ports, params, cx);
                 return cx.error(why);
@@ -174,18 +168,25 @@ impl Process for WaypointGenerator {
             return cx.error(why);
         }
         self.command(ports, params, goal, local, cx);
-        let age_s = cx.now().seconds_since(at);
         self.send_route(ports, params, goal, cx);
-        tell(ports, (age_s > params.transform_timeout_s).then_some(age_s), cx);
+        let age_s = cx.now().seconds_since(at);
+        let note = if age_s > params.transform_timeout_s {
+            format!(
+                "; the local frame in the global one is {age_s:.1} s old, and the goal stays where it was"
+            )
+        } else {
+            String::new()
+        };
+        ports.children.tell(&note, cx);
     }
 
     fn halt(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        pass_on(ports, &Order::Halt, &Order::Halt, cx);
+        ports.children.pass_on(&Order::Halt, &Order::Halt, cx);
         if cx.is_new_command() {
             self.told = None;
             send_none(ports, params, cx);
         }
-        await_all(ports, "halted", cx);
+        ports.children.await_all("halted", cx);
     }
 }
 
@@ -290,10 +291,10 @@ impl WaypointGenerator {
             let (route, barred) = (route.clone(), barred.clone());
             PlannerCommand::PlanTo(PlannerGoal { x_m: to.x, y_m: to.y, route, barred })
         };
-        cx.send(&ports.planner, order(near));
+        cx.send(&ports.children.planner, order(near));
         self.near_told = Some((near.x, near.y));
         if goal_moved {
-            cx.send(&ports.far_planner, order(local));
+            cx.send(&ports.children.far_planner, order(local));
             self.told = Some((local.x, local.y));
             let now = cx.now();
             let pose = Some(pose_message(&Pose::from_translation(local.extend(0.0))));
@@ -342,9 +343,11 @@ impl WaypointGenerator {
 
     /// Takes a jump of the goal (local frame, m) that follows from wheels that turned on the spot for what it is.
     fn see_slide(&mut self, local: DVec2, params: &WaypointGeneratorParams) {
-        let jumped = self.told.is_some_and(|told| local.distance(DVec2::from(told)) > params.jump_m);
+        if self.told.is_none_or(|told| local.distance(DVec2::from(told)) <= params.jump_m) {
+            return;
+        }
         let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
-        let Some(at) = turned_on_the_spot(&track).filter(|_| jumped) else { return };
+        let Some(at) = turned_on_the_spot(&track) else { return };
         // What the wheels measured was no way.
         self.track.truncate(at + 1);
         self.track.push((track[track.len() - 1].x, track[track.len() - 1].y));
@@ -399,72 +402,6 @@ fn position_error_m(odometry: &Odometry) -> f64 {
     let variance = |at: usize| odometry.pose_covariance.get(at).copied().filter(|value| value.is_finite());
     let greatest = variance(0).unwrap_or(0.0).max(variance(7).unwrap_or(0.0));
     greatest.max(0.0).sqrt()
-}
-
-/// Sends an order to both children when this process has got it, and to one that the operator gives back. Returns
-/// whether the planner was sent one.
-fn pass_on(
-    ports: &Ports,
-    to_planner: &Order<PlannerCommand>,
-    to_follower: &Order<NoCommands>,
-    cx: &mut Cycle<'_>,
-) -> bool {
-    let again = |report: Option<ChildReport>| {
-        report.is_some_and(|report| report.is_ours && report.obeys_another.is_some())
-    };
-    let planner = cx.is_new_command() || again(cx.child(&ports.planner));
-    if planner {
-        cx.send(&ports.planner, to_planner.clone());
-    }
-    if cx.is_new_command() || again(cx.child(&ports.far_planner)) {
-        cx.send(&ports.far_planner, to_planner.clone());
-    }
-    if cx.is_new_command() || again(cx.child(&ports.follower)) {
-        cx.send(&ports.follower, to_follower.clone());
-    }
-    planner
-}
-
-fn reports(ports: &Ports, cx: &Cycle<'_>) -> [Option<ChildReport>; 3] {
-    [cx.child(&ports.planner), cx.child(&ports.follower), cx.child(&ports.far_planner)]
-}
-
-/// `DONE` when all children are.
-fn await_all(ports: &Ports, done: &'static str, cx: &mut Cycle<'_>) {
-    let reports = reports(ports, cx);
-    let mut reports = reports.iter().flatten().filter(|report| report.obeys_another.is_none());
-    if let Some(failed) = reports.clone().find_map(failure) {
-        return cx.error(failed);
-    }
-    match reports.find(|report| report.state != ChildState::Done) {
-        Some(waited) => cx.exec(format!("waits for {}", waited.name)),
-        None => cx.done(done),
-    }
-}
-
-/// The state of this process while it runs: that of its children.
-fn tell(ports: &Ports, stale_s: Option<f64>, cx: &mut Cycle<'_>) {
-    // Without a path on the far map, the planner plans to the goal itself.
-    let [planner, follower, _] = reports(ports, cx);
-    let failed = [&planner, &follower].into_iter().flatten().find_map(failure);
-    let stale = stale_s.map_or(String::new(), |age_s| {
-        format!("; the local frame in the global one is {age_s:.1} s old, and the goal stays where it was")
-    });
-    match (failed, planner) {
-        (Some(why), _) => cx.error(format!("{why}{stale}")),
-        (None, Some(planner)) if planner.state == ChildState::Done => cx.done("at the goal"),
-        (None, Some(planner)) => cx.exec(format!("{}{stale}", planner.text)),
-        (None, None) => cx.error("there is no planner"),
-    }
-}
-
-fn failure(report: &ChildReport) -> Option<String> {
-    let word = match report.state {
-        ChildState::Error => "is in ERROR",
-        ChildState::Silent => "is silent",
-        ChildState::Uninitialized | ChildState::Exec | ChildState::Done => return None,
-    };
-    Some(format!("{} {word}: {}", report.name, report.text))
 }
 
 /// Waypoints of the newest path, as soon as it arrives.

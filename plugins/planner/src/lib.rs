@@ -104,6 +104,7 @@ rcs_msg::messages!(
 
 pub mod arcs;
 pub mod barred;
+mod children;
 pub mod clearance;
 pub mod costs;
 mod follower_costs;

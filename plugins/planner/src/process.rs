@@ -376,6 +376,7 @@ fn rules(params: &PlannerParams) -> Rules {
         far_room_m: params.far_room_m,
         near_m: params.near_m,
         narrow: f64::from(params.narrow_cost),
+        unknown_near: params.unknown_near_cost as u8,
         heading: params.heading_preference,
         heading_range_m: params.heading_range_m,
         relief_range_m: params.relief_range_m,

@@ -25,7 +25,7 @@ pub(crate) fn rules_of(costs: Option<&TerrainCosts>) -> Rules {
     Rules {
         table: costs.table.iter().map(|class| (class.up_to as u8, class.cost as u8)).collect(),
         unknown: costs.unknown_cost as u8,
-        unknown_near: costs.unknown_near_cost as u8,
+        unknown_near: costs.unknown_cost as u8,
         half_width_m: half_m,
         least_room_m: half_m + costs.clearance_m,
         far_room_m: half_m + costs.clearance_m,

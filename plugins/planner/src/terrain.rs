@@ -225,7 +225,8 @@ impl Terrain {
             let away_m = vehicle.translation.truncate().distance(DVec2::from(place.at));
             // A vehicle that has come into the place can leave it.
             let radius_m = place.radius_m.min(away_m - rules.least_room_m - sensed.cell_size_m);
-            around(sensed, DVec2::from(place.at), radius_m, |index, _| {
+            around(sensed, DVec2::from(place.at), radius_m, |place, _| {
+                let index = sensed.index(place);
                 self.barred[index] = true;
                 self.is_obstacle[index] = true;
             });
@@ -296,12 +297,13 @@ impl Terrain {
     /// Marks the cells near the vehicle, and near where it was.
     fn mark_near(&mut self, sensed: &Sensed, vehicle: &Pose, track: &[DVec2], rules: &Rules) {
         self.was_near.clear();
-        if rules.far_room_m >= rules.least_room_m || !rules.near_m.is_finite() {
+        let is_same = rules.far_room_m >= rules.least_room_m && rules.unknown_near == rules.unknown;
+        if is_same || !rules.near_m.is_finite() {
             return;
         }
         self.was_near.resize(sensed.fused.len(), false);
         for &at in track.iter().chain([&vehicle.translation.truncate()]) {
-            around(sensed, at, rules.near_m, |index, _| self.was_near[index] = true);
+            around(sensed, at, rules.near_m, |place, _| self.was_near[sensed.index(place)] = true);
         }
     }
 
@@ -314,19 +316,12 @@ impl Terrain {
     /// Costs of the cells that have a heading term or relief.
     fn near_the_vehicle(&self, sensed: &Sensed, vehicle: &Pose, rules: &Rules, cells: &mut [u8]) {
         let range_m = rules.heading_range_m.max(rules.relief_range_m);
-        let reach = (range_m / sensed.cell_size_m).ceil().min(1000.0) as i32;
-        let Some(middle) = sensed.place(vehicle.translation.truncate()) else { return };
-        let rows = (cells.len() / sensed.columns.max(1)) as i32;
-        let span = |at: i32, end: i32| (at - reach).max(0)..(at + reach + 1).min(end);
-        for row in span(middle.row, rows) {
-            for column in span(middle.column, sensed.columns as i32) {
-                let place = Place::new(column, row);
-                cells[sensed.index(place)] = match self.terms(sensed, place, vehicle, rules) {
-                    Ok(terms) => limited(terms.total()),
-                    Err(_) => BLOCKED,
-                };
-            }
-        }
+        around(sensed, vehicle.translation.truncate(), range_m, |place, _| {
+            cells[sensed.index(place)] = match self.terms(sensed, place, vehicle, rules) {
+                Ok(terms) => limited(terms.total()),
+                Err(_) => BLOCKED,
+            };
+        });
     }
 
     /// The terms of a cell of the map for which the costs were made last.
@@ -400,8 +395,8 @@ impl Terrain {
     }
 }
 
-/// Calls a function with the index of each cell whose centre lies within a distance of a position, and the distance, m.
-fn around(sensed: &Sensed, position: DVec2, within_m: f64, mut visit: impl FnMut(usize, f64)) {
+/// Calls a function with each cell of the map whose centre lies within a distance of a position, and the distance, m.
+fn around(sensed: &Sensed, position: DVec2, within_m: f64, mut visit: impl FnMut(Place, f64)) {
     let Some(middle) = sensed.place(position) else { return };
     let reach = (within_m / sensed.cell_size_m).ceil().min(1000.0) as i32;
     let rows = (sensed.fused.len() / sensed.columns.max(1)) as i32;
@@ -411,7 +406,7 @@ fn around(sensed: &Sensed, position: DVec2, within_m: f64, mut visit: impl FnMut
             let place = Place::new(column, row);
             let distance_m = sensed.centre(place).distance(position);
             if distance_m <= within_m {
-                visit(sensed.index(place), distance_m);
+                visit(place, distance_m);
             }
         }
     }
@@ -425,8 +420,9 @@ fn nearness(sensed: &Sensed, points: &[DVec2], share: f64, range_m: f64, near: &
     }
     near.resize(sensed.fused.len(), 0.0);
     for &at in points {
-        around(sensed, at, range_m, |index, distance_m| {
-            near[index] = near[index].max((1.0 - distance_m / range_m) as f32);
+        around(sensed, at, range_m, |place, distance_m| {
+            let cell = &mut near[sensed.index(place)];
+            *cell = cell.max((1.0 - distance_m / range_m) as f32);
         });
     }
 }

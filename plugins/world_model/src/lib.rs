@@ -63,4 +63,4 @@ mod process;
 pub mod resample;
 mod sources;
 
-pub use process::{CELL_SIZE_M, WorldModel, WorldModelCommand};
+pub use process::{WorldModel, WorldModelCommand};

@@ -12,9 +12,6 @@ use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message};
 use rcs_world::{Label, MAP_CODEC, Map, MapMessage, MapOptions, Source, Sources};
 use serde::{Deserialize, Serialize};
 
-/// Cell size of WM1, m.
-pub const CELL_SIZE_M: f64 = 0.2;
-
 /// State: the map, the poses of the last seconds, what each source has contributed, and when the map was last published
 /// and faded.
 #[derive(Clone, Debug, Serialize, Deserialize)]

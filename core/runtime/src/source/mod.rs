@@ -26,7 +26,7 @@ mod tracks;
 
 pub use driver::{Control, Driver};
 pub use events::{Event, EventKind, EventLevel, Events};
-pub use fields::{FieldPoint, FieldSeries, moments, read_fields, series_of};
+pub use fields::{FieldPoint, FieldSeries, moments, points_of, read_fields, series_of};
 pub use frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic};
 pub use held::HeldControl;
 pub use hierarchy::{BufferInfo, Hierarchy, Node, Peer};

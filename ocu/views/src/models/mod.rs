@@ -10,9 +10,10 @@
 mod cards;
 mod read;
 
+use crate::command::refusal;
 use crate::texture::{Cached, SameMessage};
 use crate::toolbar::topic_choice;
-use crate::tuning::{in_force, refusal};
+use crate::tuning::in_force;
 use crate::view::{SavedState, TopicKey, View, ViewContext, Wish, is_old};
 use egui::{RichText, ScrollArea, Ui};
 use ocu_ui::bar::{self, Bar, Fit};

@@ -1,14 +1,12 @@
 //! Draws the scene offscreen through wgpu, so that it works whichever renderer the window has, and reads it back.
 
 use super::shapes::{BOX, LINE, POINT, Shapes};
+use crate::offscreen::Offscreen;
 use glam::DMat4;
 use std::sync::Arc;
-use std::time::Duration;
 
 const COLOR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
-/// A software driver may take long for a large picture, and a lost device never finishes.
-const PATIENCE: Duration = Duration::from_secs(20);
 /// Size of the uniforms of a layer: matrix, size, point and line.
 const UNIFORMS: u64 = 80;
 
@@ -28,8 +26,7 @@ pub(super) struct Pixels {
 
 /// The device and what is kept on it.
 pub(super) struct Gpu {
-    device: wgpu::Device,
-    queue: wgpu::Queue,
+    offscreen: Offscreen,
     layout: wgpu::BindGroupLayout,
     /// Of points, lines and boxes.
     pipelines: [wgpu::RenderPipeline; 3],
@@ -45,31 +42,8 @@ struct Uploaded {
 impl Gpu {
     /// Chooses a device; a software one if there is no other. An error says why there is none.
     pub(super) fn new() -> Result<Self, String> {
-        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-        descriptor.backends = wgpu::Backends::VULKAN;
-        let instance = wgpu::Instance::new(descriptor);
-        let options = wgpu::RequestAdapterOptions {
-            power_preference: wgpu::PowerPreference::HighPerformance,
-            ..wgpu::RequestAdapterOptions::default()
-        };
-        let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|error| {
-            format!(
-                "no Vulkan driver was found to draw with: install a graphics driver, or the package \
-                 mesa-vulkan-drivers, which draws in software ({error})"
-            )
-        })?;
-        let limits = adapter.limits();
-        let descriptor = wgpu::DeviceDescriptor {
-            label: Some("scene"),
-            required_limits: wgpu::Limits {
-                max_texture_dimension_2d: limits.max_texture_dimension_2d,
-                max_buffer_size: limits.max_buffer_size,
-                ..wgpu::Limits::downlevel_defaults()
-            },
-            ..wgpu::DeviceDescriptor::default()
-        };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
-            .map_err(|error| format!("the graphics driver gave no device: {error}"))?;
+        let offscreen = Offscreen::new()?;
+        let device = &offscreen.device;
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("scene"),
             entries: &[wgpu::BindGroupLayoutEntry {
@@ -83,8 +57,8 @@ impl Gpu {
                 count: None,
             }],
         });
-        let pipelines = pipelines(&device, &layout);
-        Ok(Self { device, queue, layout, pipelines, uploaded: Vec::new() })
+        let pipelines = pipelines(device, &layout);
+        Ok(Self { offscreen, layout, pipelines, uploaded: Vec::new() })
     }
 
     /// Draws shapes over a background. `per_point` is the number of pixels per screen point.
@@ -95,15 +69,15 @@ impl Gpu {
         per_point: f32,
         background: [f64; 3],
     ) -> Result<Pixels, String> {
-        let side = self.device.limits().max_texture_dimension_2d;
+        let side = self.offscreen.device.limits().max_texture_dimension_2d;
         let size = size.map(|v| v.clamp(1, side));
         self.upload(draws);
         let groups: Vec<_> = draws.iter().map(|draw| self.uniforms(draw, size, per_point)).collect();
-        let [color, depth] =
-            [(COLOR, "color"), (DEPTH, "depth")].map(|(format, _)| self.texture(format, size));
+        let [color, depth] = [COLOR, DEPTH].map(|format| self.offscreen.target(format, size));
         let views =
             [&color, &depth].map(|texture| texture.create_view(&wgpu::TextureViewDescriptor::default()));
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder =
+            self.offscreen.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let [r, g, b] = background;
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -140,11 +114,11 @@ impl Gpu {
                 }
             }
         }
-        let color = self.read_back(&mut encoder, &color, size);
-        let depth = self.read_back(&mut encoder, &depth, size);
-        let submission = self.queue.submit(std::iter::once(encoder.finish()));
-        let rgba = self.bytes(&color, submission.clone(), size)?;
-        let depth = self.bytes(&depth, submission, size)?;
+        let color = self.offscreen.copy(&mut encoder, &color);
+        let depth = self.offscreen.copy(&mut encoder, &depth);
+        let submission = self.offscreen.queue.submit(std::iter::once(encoder.finish()));
+        let rgba = self.offscreen.bytes(&color, submission.clone())?;
+        let depth = self.offscreen.bytes(&depth, submission)?;
         let number = |bytes: &[u8]| f32::from_ne_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
         let depth = depth.chunks_exact(4).map(number).collect();
         Ok(Pixels { size: size.map(|v| v as usize), rgba, depth })
@@ -169,18 +143,18 @@ impl Gpu {
 
     fn buffer(&self, bytes: &[u8], size: usize) -> Option<(wgpu::Buffer, u32)> {
         // What the device cannot hold is left out.
-        let most = self.device.limits().max_buffer_size as usize / size * size;
+        let most = self.offscreen.device.limits().max_buffer_size as usize / size * size;
         let bytes = &bytes[..bytes.len().min(most)];
         if bytes.is_empty() {
             return None;
         }
-        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+        let buffer = self.offscreen.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("scene"),
             size: bytes.len() as u64,
             usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        self.queue.write_buffer(&buffer, 0, bytes);
+        self.offscreen.queue.write_buffer(&buffer, 0, bytes);
         Some((buffer, (bytes.len() / size) as u32))
     }
 
@@ -188,82 +162,19 @@ impl Gpu {
         let matrix = draw.clip_from_shapes.to_cols_array().map(|v| v as f32);
         let rest = [size[0] as f32, size[1] as f32, (2.0 * per_point).max(2.0), per_point];
         let bytes: Vec<u8> = matrix.iter().chain(&rest).flat_map(|v| v.to_ne_bytes()).collect();
-        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+        let buffer = self.offscreen.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("scene"),
             size: UNIFORMS,
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        self.queue.write_buffer(&buffer, 0, &bytes);
-        self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        self.offscreen.queue.write_buffer(&buffer, 0, &bytes);
+        self.offscreen.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("scene"),
             layout: &self.layout,
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
         })
     }
-
-    fn texture(&self, format: wgpu::TextureFormat, size: [u32; 2]) -> wgpu::Texture {
-        self.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("scene"),
-            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        })
-    }
-
-    /// Copies a texture of four bytes per pixel to a buffer, whose rows are padded.
-    fn read_back(
-        &self,
-        encoder: &mut wgpu::CommandEncoder,
-        texture: &wgpu::Texture,
-        size: [u32; 2],
-    ) -> wgpu::Buffer {
-        let padded = padded(size[0]);
-        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("scene"),
-            size: u64::from(padded) * u64::from(size[1]),
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let layout =
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
-        let extent = wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 };
-        let target = wgpu::TexelCopyBufferInfo { buffer: &buffer, layout };
-        encoder.copy_texture_to_buffer(texture.as_image_copy(), target, extent);
-        buffer
-    }
-
-    /// The rows of a buffer without their padding.
-    fn bytes(
-        &self,
-        buffer: &wgpu::Buffer,
-        submission: wgpu::SubmissionIndex,
-        size: [u32; 2],
-    ) -> Result<Vec<u8>, String> {
-        let (sender, receiver) = std::sync::mpsc::channel();
-        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| drop(sender.send(result)));
-        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(PATIENCE) };
-        self.device
-            .poll(wait)
-            .map_err(|error| format!("the graphics driver did not finish the picture: {error}"))?;
-        let failed = |error: String| format!("the picture cannot be read back: {error}");
-        receiver
-            .recv()
-            .map_err(|error| failed(error.to_string()))?
-            .map_err(|error| failed(error.to_string()))?;
-        let mapped = buffer.slice(..).get_mapped_range().map_err(|error| failed(error.to_string()))?;
-        let (padded, row) = (padded(size[0]) as usize, size[0] as usize * 4);
-        Ok(mapped.chunks_exact(padded).flat_map(|bytes| &bytes[..row]).copied().collect())
-    }
-}
-
-/// Bytes of a row in a buffer.
-fn padded(width: u32) -> u32 {
-    (width * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
 }
 
 fn pipelines(device: &wgpu::Device, layout: &wgpu::BindGroupLayout) -> [wgpu::RenderPipeline; 3] {

@@ -5,6 +5,7 @@
 mod controls;
 mod draft;
 
+use crate::command::refusal;
 use crate::view::{Preview, SavedState, View, ViewContext, Wish};
 use controls::Row;
 use draft::Draft;
@@ -13,7 +14,7 @@ use ocu_ui::bar::{self, Bar, Fit, Form};
 use ocu_ui::{icons, tokens, widgets};
 use rcs_msg::params::ParamSpec;
 use rcs_msg::{AnyMessage, rcs};
-use rcs_runtime::source::{Control, Frame, SourceKind};
+use rcs_runtime::source::{Control, Frame};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -189,17 +190,6 @@ pub(crate) fn in_force(frame: &Frame, info: &rcs::ProcessInfo) -> Option<AnyMess
         return None;
     }
     frame.topic(&info.params_buffer)?.canonical().cloned()
-}
-
-/// Why nothing can be sent now; `None` if it can.
-pub(crate) fn refusal(frame: &Frame) -> Option<&'static str> {
-    if frame.is_beside {
-        Some("This view shows a run beside the viewed one, which cannot be changed.")
-    } else if frame.info.kind == SourceKind::Log {
-        Some("A recording cannot be changed: run a stack on it. The preview works.")
-    } else {
-        None
-    }
 }
 
 fn send(cx: &mut ViewContext<'_>, info: &rcs::ProcessInfo, draft: &mut Draft, in_force: &AnyMessage) {

@@ -64,14 +64,19 @@ pub struct FieldSeries {
 impl FieldSeries {
     /// All values up to now.
     pub fn all(&self) -> Points {
-        let mut stamps = Vec::with_capacity(self.points.len());
-        let mut values = Vec::with_capacity(self.points.len());
-        self.points.each(0..self.points.len(), |point| {
-            stamps.push(point.stamp);
-            values.push(point.value);
-        });
-        Points { names: Arc::clone(&self.names), ..Points::new(stamps, values) }
+        points_of(&self.points, &self.names)
     }
+}
+
+/// All values of a series, with their names.
+pub fn points_of(series: &Series<FieldPoint>, names: &Names) -> Points {
+    let mut stamps = Vec::with_capacity(series.len());
+    let mut values = Vec::with_capacity(series.len());
+    series.each(0..series.len(), |point| {
+        stamps.push(point.stamp);
+        values.push(point.value);
+    });
+    Points { names: Arc::clone(names), ..Points::new(stamps, values) }
 }
 
 /// A series of these points.

@@ -1,0 +1,87 @@
+//! What the waypoint generator supervises: the planners and the follower.
+
+use crate::process::PlannerCommand;
+use rcs_runtime::{Child, ChildReport, ChildState, Cycle, NoCommands, Order, PortBuilder};
+
+/// The children of the waypoint generator; each may be absent.
+#[derive(Debug)]
+pub(crate) struct Children {
+    pub(crate) planner: Child<PlannerCommand>,
+    pub(crate) far_planner: Child<PlannerCommand>,
+    follower: Child<NoCommands>,
+}
+
+impl Children {
+    pub(crate) fn declare(b: &mut PortBuilder) -> Self {
+        Children {
+            planner: b.optional_child("planner", "what plans the path"),
+            far_planner: b.optional_child("far_planner", "what plans on a larger map than the planner's"),
+            follower: b.optional_child("follower", "what drives along the waypoints"),
+        }
+    }
+
+    /// Sends an order to every child when this process has got it, and to one that the operator gives back. Returns
+    /// whether a planner was sent one: it has forgotten its goal.
+    pub(crate) fn pass_on(
+        &self,
+        to_planners: &Order<PlannerCommand>,
+        to_follower: &Order<NoCommands>,
+        cx: &mut Cycle<'_>,
+    ) -> bool {
+        let again = |report: Option<ChildReport>| {
+            report.is_some_and(|report| report.is_ours && report.obeys_another.is_some())
+        };
+        let mut forgotten = false;
+        for planner in [&self.planner, &self.far_planner] {
+            if cx.is_new_command() || again(cx.child(planner)) {
+                cx.send(planner, to_planners.clone());
+                forgotten = true;
+            }
+        }
+        if cx.is_new_command() || again(cx.child(&self.follower)) {
+            cx.send(&self.follower, to_follower.clone());
+        }
+        forgotten
+    }
+
+    /// Halts the planners.
+    pub(crate) fn halt_planners(&self, cx: &mut Cycle<'_>) {
+        cx.send(&self.planner, Order::Halt);
+        cx.send(&self.far_planner, Order::Halt);
+    }
+
+    /// `DONE` when all children are.
+    pub(crate) fn await_all(&self, done: &'static str, cx: &mut Cycle<'_>) {
+        let reports = [cx.child(&self.planner), cx.child(&self.follower), cx.child(&self.far_planner)];
+        let mut reports = reports.iter().flatten().filter(|report| report.obeys_another.is_none());
+        if let Some(failed) = reports.clone().find_map(failure) {
+            return cx.error(failed);
+        }
+        match reports.find(|report| report.state != ChildState::Done) {
+            Some(waited) => cx.exec(format!("waits for {}", waited.name)),
+            None => cx.done(done),
+        }
+    }
+
+    /// The state of the generator while it runs: that of its children, with a note. Without a path on the far map, the
+    /// planner plans to the goal itself.
+    pub(crate) fn tell(&self, note: &str, cx: &mut Cycle<'_>) {
+        let (planner, follower) = (cx.child(&self.planner), cx.child(&self.follower));
+        let failed = [&planner, &follower].into_iter().flatten().find_map(failure);
+        match (failed, planner) {
+            (Some(why), _) => cx.error(format!("{why}{note}")),
+            (None, Some(planner)) if planner.state == ChildState::Done => cx.done("at the goal"),
+            (None, Some(planner)) => cx.exec(format!("{}{note}", planner.text)),
+            (None, None) => cx.error("there is no planner"),
+        }
+    }
+}
+
+fn failure(report: &ChildReport) -> Option<String> {
+    let word = match report.state {
+        ChildState::Error => "is in ERROR",
+        ChildState::Silent => "is silent",
+        ChildState::Uninitialized | ChildState::Exec | ChildState::Done => return None,
+    };
+    Some(format!("{} {word}: {}", report.name, report.text))
+}
