@@ -3,7 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test may fail")]
 
 use egui::accesskit::Role;
-use egui_kittest::{Harness, SnapshotOptions, SnapshotResults, kittest::NodeT};
+use egui_kittest::kittest::{AccessKitNode, NodeT};
+use egui_kittest::{Harness, SnapshotOptions, SnapshotResults};
 use ocu_app::layout::Layout;
 use ocu_app::open::Request;
 use ocu_app::render::frame_at;
@@ -57,22 +58,32 @@ fn in_bars(harness: &Harness<'_, Option<Window>>) -> Vec<(String, egui::Rect)> {
     let wanted = [Role::Button, Role::ComboBox, Role::Label, Role::ProgressIndicator];
     let root = harness.root();
     let nodes = root.children_recursive().filter(|node| wanted.contains(&node.accesskit_node().role()));
+    // A panel of the window, or a pane in it.
+    let pane = |node: AccessKitNode<'_>| {
+        let mut above = node.parent();
+        while let Some(node) = above.filter(|node| node.role() != Role::Pane) {
+            above = node.parent();
+        }
+        above.map(|node| node.id())
+    };
     let named = nodes.map(|node| {
-        let name =
-            node.accesskit_node().label().or_else(|| node.accesskit_node().value()).unwrap_or_default();
-        (name, node.rect())
+        let access = node.accesskit_node();
+        (access.label().or_else(|| access.value()).unwrap_or_default(), node.rect(), pane(access))
     });
-    let all: Vec<_> = named.filter(|(_, rect)| rect.is_positive()).collect();
+    let all: Vec<_> = named.filter(|(_, rect, _)| rect.is_positive()).collect();
     let row = |wanted: &str| {
-        let found = all.iter().find(|(name, _)| name.starts_with(wanted));
-        found.map_or_else(|| panic!("no {wanted}: {all:?}"), |(_, rect)| rect.center().y)
+        let found = all.iter().find(|(name, ..)| name.starts_with(wanted));
+        let (_, rect, pane) = found.unwrap_or_else(|| panic!("no {wanted}: {all:?}"));
+        (rect.center().y, *pane)
     };
     let rows = [row("Emergency stop"), row("Pause")];
     // Items of a bar are centred in it and no higher than it.
-    let is_in_a_bar = |rect: &egui::Rect| {
-        rect.height() < 28.0 && rows.iter().any(|row| (rect.center().y - row).abs() < 3.0)
+    let is_in_a_bar = |rect: &egui::Rect, pane| {
+        let is_in = |row: &(f32, _)| (rect.center().y - row.0).abs() < 3.0 && row.1 == pane;
+        rect.height() < 28.0 && rows.iter().any(is_in)
     };
-    all.into_iter().filter(|(_, rect)| is_in_a_bar(rect)).collect()
+    let in_bars = all.into_iter().filter(|(_, rect, pane)| is_in_a_bar(rect, *pane));
+    in_bars.map(|(name, rect, _)| (name, rect)).collect()
 }
 
 #[test]

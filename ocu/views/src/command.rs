@@ -1,7 +1,7 @@
 //! Commands of the operator to processes.
 
 use rcs_msg::AnyMessage;
-use rcs_msg::rcs::{Command, ProcessInfo, ProcessState};
+use rcs_msg::rcs::{Command, ProcessInfo};
 use rcs_runtime::source::{Control, Frame};
 
 /// The serial of the next command to a process: greater than every one that was sent to it or echoed by it.
@@ -30,16 +30,6 @@ pub(crate) fn send(
         parameters: parameters.map(AnyMessage::bytes).unwrap_or_default(),
     };
     Control::Write { buffer: process.command_buffer.clone(), message: AnyMessage::new(command) }
-}
-
-/// The word for a state.
-pub(crate) fn state_name(state: ProcessState) -> &'static str {
-    match state {
-        ProcessState::Uninitialized => "UNINITIALIZED",
-        ProcessState::Exec => "EXEC",
-        ProcessState::Done => "DONE",
-        ProcessState::Error => "ERROR",
-    }
 }
 
 /// Why nothing can be written here; `None` if it can.

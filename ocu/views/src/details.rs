@@ -7,6 +7,7 @@
 
 use crate::command;
 use crate::fields::Fields;
+use crate::process_state::state_name;
 use crate::tuning::{ParamRow, ParamRows};
 use crate::view::{SavedState, TopicKey, View, ViewContext};
 use egui::{Align, FontId, RichText, Role, ScrollArea, Sense, Ui, UiBuilder, Vec2, WidgetInfo};
@@ -141,7 +142,7 @@ fn processes(ui: &mut Ui, cx: &mut ViewContext<'_>, chosen: &ProcessInfo) {
     ui.spacing_mut().item_spacing.y = 0.0;
     ScrollArea::vertical().id_salt("processes").auto_shrink(false).show(ui, |ui| {
         for process in cx.frame.processes.iter() {
-            let state = cx.frame.status(process).map_or("–", |status| command::state_name(status.state()));
+            let state = cx.frame.status(process).map_or("–", |status| state_name(status.state()));
             if row(ui, process.name == chosen.name, &process.name, state)
                 .on_hover_text(&process.summary)
                 .clicked()

@@ -9,7 +9,7 @@
 //!
 //! # Where to begin
 //!
-//! [`View`] is the trait to implement, [`ViewContext`] what a view receives; `src/hierarchy.rs` is a view without
+//! [`View`] is the trait to implement, [`ViewContext`] what a view receives; `src/timing.rs` is a view without
 //! state. A new view is one file and one entry in `src/views.rs`.
 //!
 //! # Example
@@ -43,6 +43,7 @@ mod origin;
 mod plan;
 mod plot;
 mod pose;
+pub mod process_state;
 #[cfg(test)]
 mod samples;
 mod scene;

@@ -4,6 +4,8 @@
 mod driving;
 #[path = "samples_plan.rs"]
 mod plan;
+#[path = "samples_states.rs"]
+mod states;
 
 pub(crate) use driving::driving;
 use rcs_bus::{Header, Sample, WriterId};
@@ -19,6 +21,7 @@ use rcs_runtime::source::{
     Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic, Track, TrackPoint, WGS84,
 };
 use rcs_world::{Map, MapOptions, Source, Sources, VoteRule, Weights};
+pub(crate) use states::{forty, states};
 use std::sync::Arc;
 
 /// The current time of the samples, 12.5 s after their start.

@@ -40,7 +40,7 @@ pub fn all() -> &'static [ViewType] {
             "hierarchy",
             "Hierarchy",
             icons::ICON_ACCOUNT_TREE,
-            "Every process as a box below its supervisor, with its state.",
+            "Processes below their supervisors, with states, links and peers.",
         ),
         entry::<crate::drive::Drive>(
             "drive",

@@ -18,6 +18,7 @@ use super::operate::{Operating, StopState};
 use super::palette::{Choice, KeyList, Palette};
 use super::recording::Told;
 use super::save_params::SaveParams;
+use super::state_lane;
 use super::timeline::Timeline;
 use super::top_bar;
 use super::top_state::{self, TopBarAction};
@@ -320,7 +321,10 @@ impl Window {
                 controls.push(Control::Watch(runs.clone()));
                 self.watched = runs;
             }
-            let fields = self.workspace.as_ref().map(Workspace::fields).unwrap_or_default();
+            let mut fields = self.workspace.as_ref().map(Workspace::fields).unwrap_or_default();
+            let selected = self.selection.process.as_deref();
+            let state = selected.and_then(|process| state_lane::field(frame, process));
+            fields.extend(state.filter(|state| !fields.contains(state)));
             if fields != self.gathered {
                 controls.push(Control::Gather(fields.clone()));
                 self.gathered = fields;
@@ -382,7 +386,7 @@ impl Window {
         let busy = if let Shown::Live(driver) = &self.shown { driver.busy() } else { None };
         bottom.show(ui, |ui| {
             let Self { timeline, selection, marks, .. } = self;
-            timeline.ui(ui, frame, &mut selection.hovered, busy, marks, controls);
+            timeline.ui(ui, frame, selection, busy, marks, controls);
         });
         let mut wishes = Vec::new();
         let mut cx = ViewContext { frame, controls, selection: &mut self.selection, wishes: &mut wishes };

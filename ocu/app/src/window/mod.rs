@@ -32,6 +32,7 @@ mod save_file;
 mod save_params;
 mod scale;
 mod shortcut;
+mod state_lane;
 mod stop_button;
 mod timeline;
 mod top_bar;

@@ -58,6 +58,11 @@ impl Scale {
         [self.stretches[0].from, self.stretches[self.stretches.len() - 1].to]
     }
 
+    /// The time that labels count from.
+    pub(super) fn origin(&self) -> Stamp {
+        self.origin
+    }
+
     /// Left end on the screen.
     pub(super) fn left(&self) -> f32 {
         self.rect.left()

@@ -4,10 +4,11 @@ use super::bookmarks::Bookmarks;
 use super::commands::Command;
 use super::lanes;
 use super::scale::Scale;
+use super::state_lane::{self, States};
 use super::transport::{self, Unit};
 use egui::{Rect, Role, Sense, Stroke, WidgetInfo};
 use ocu_ui::{Tokens, tokens};
-use ocu_views::{Hover, Hovers, Selection};
+use ocu_views::{Hover, Selection};
 use rcs_msg::Stamp;
 use rcs_runtime::source::{Control, EventKind, Frame, Step};
 
@@ -75,7 +76,7 @@ impl Timeline {
         &mut self,
         ui: &mut egui::Ui,
         frame: &Frame,
-        hovers: &mut Hovers,
+        selection: &mut Selection,
         busy: Option<f64>,
         marks: &mut Bookmarks,
         controls: &mut Vec<Control>,
@@ -87,7 +88,7 @@ impl Timeline {
         if transport::ui(ui, frame, &mut self.unit, zoomed, busy, marks, controls) {
             self.range = None;
         }
-        self.bar(ui, frame, hovers, busy, marks, controls);
+        self.bar(ui, frame, selection, busy, marks, controls);
     }
 
     /// The bar: click or drag to go to a time.
@@ -95,15 +96,18 @@ impl Timeline {
         &mut self,
         ui: &mut egui::Ui,
         frame: &Frame,
-        hovers: &mut Hovers,
+        selection: &mut Selection,
         busy: Option<f64>,
         marks: &Bookmarks,
         controls: &mut Vec<Control>,
     ) {
         let tokens = tokens(ui);
         let events = frame.events();
+        let states = selection.process.as_deref().and_then(|process| States::of(frame, process));
+        // The bar keeps its height when a process is selected.
+        let state_height = if frame.processes.is_empty() { 0.0 } else { state_lane::HEIGHT };
         let lanes = lanes::height(events);
-        let size = egui::vec2(ui.available_width(), BAR + lanes);
+        let size = egui::vec2(ui.available_width(), BAR + lanes + state_height);
         let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
         response.widget_info(|| {
             let mut info = WidgetInfo::labeled(Role::Slider, true, "Time");
@@ -135,6 +139,9 @@ impl Timeline {
             );
             lanes::paint(ui, events, place, &scale)
         });
+        let place = egui::vec2(inner.width(), state_height);
+        let place = Rect::from_min_size(egui::pos2(inner.left(), rect.top() + 5.0 + lanes), place);
+        let state = states.and_then(|states| states.paint(ui, place, &scale));
         scale.paint_ticks(&painter, tokens);
         scale.paint_gaps(&painter, tokens, rect);
         if frame.info.end.is_none() {
@@ -154,13 +161,16 @@ impl Timeline {
                 [(-5.0, 0.0), (5.0, 0.0), (0.0, 6.0)].map(|(dx, dy)| egui::pos2(x + dx, rect.top() + dy));
             painter.add(egui::Shape::closed_line(head.to_vec(), Stroke::new(1.0, tokens.accent)));
         }
-        if let Some(time) = hovers.get().time.filter(|_| !response.hovered()) {
+        if let Some(time) = selection.hovered.get().time.filter(|_| !response.hovered()) {
             painter.vline(scale.x(time), rect.y_range(), Stroke::new(1.0, tokens.weak));
         }
 
-        let response = match &mark {
-            Some(event) => response.on_hover_ui_at_pointer(|ui| lanes::describe(ui, event, frame.info.start)),
-            None => response,
+        let response = match (&mark, state) {
+            (Some(event), _) => {
+                response.on_hover_ui_at_pointer(|ui| lanes::describe(ui, event, frame.info.start))
+            }
+            (None, Some(state)) => response.on_hover_text_at_pointer(state),
+            (None, None) => response,
         };
         let Some(pointer) = response.hover_pos().or_else(|| response.interact_pointer_pos()) else {
             self.asked = None;
@@ -179,7 +189,7 @@ impl Timeline {
         } else {
             self.asked = None;
         }
-        hovers.set(Hover { time: Some(to), ..Hover::default() });
+        selection.hovered.set(Hover { time: Some(to), ..Hover::default() });
         scale.paint_pointer(&painter, tokens, pointer.x, to);
     }
 

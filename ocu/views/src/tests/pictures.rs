@@ -14,7 +14,11 @@ fn check(kind: &str, theme: Theme) {
 }
 
 fn check_frame(name: &str, frame: Frame, kind: &str, theme: Theme) {
-    let mut harness = harness(Shown::new(kind, frame), Vec2::new(480.0, 320.0), theme);
+    check_sized(name, frame, kind, theme, Vec2::new(480.0, 320.0));
+}
+
+fn check_sized(name: &str, frame: Frame, kind: &str, theme: Theme, size: Vec2) {
+    let mut harness = harness(Shown::new(kind, frame), size, theme);
     harness.run();
     let options = SnapshotOptions::new().threshold(THRESHOLD).max_failed_pixels(24_usize);
     harness.snapshot_options(format!("{name}_{theme:?}").to_lowercase(), &options);
@@ -63,6 +67,21 @@ fn buffers_light() {
 #[test]
 fn hierarchy_dark() {
     check("hierarchy", Theme::Dark);
+}
+
+#[test]
+fn hierarchy_of_every_colour_and_light_dark() {
+    check_sized("hierarchy_states", samples::states(), "hierarchy", Theme::Dark, Vec2::new(1100.0, 520.0));
+}
+
+#[test]
+fn hierarchy_of_every_colour_and_light_light() {
+    check_sized("hierarchy_states", samples::states(), "hierarchy", Theme::Light, Vec2::new(1100.0, 520.0));
+}
+
+#[test]
+fn hierarchy_of_forty_processes() {
+    check_sized("hierarchy_forty", samples::forty(), "hierarchy", Theme::Dark, Vec2::new(1100.0, 700.0));
 }
 
 #[test]

@@ -1,0 +1,115 @@
+//! The states of the selected process over time, as a lane of the timeline.
+
+use super::scale::Scale;
+use egui::{Rect, Ui};
+use ocu_ui::{format, tokens};
+use ocu_views::process_state::{state_color, state_name, status_limit_s};
+use rcs_formula::FieldRef;
+use rcs_msg::Stamp;
+use rcs_msg::rcs::{ProcessInfo, ProcessState};
+use rcs_runtime::source::{FieldSeries, Frame, RunTag, moments};
+
+/// Height of the lane, with the room above it.
+pub(super) const HEIGHT: f32 = 9.0;
+const MARGIN: f32 = 2.0;
+/// Width of the steps in which states are searched. A step has the gravest state that occurs in it.
+const STEP: f32 = 1.0;
+
+/// The field with the state of a process; `None` if the process has no status.
+pub(super) fn field(frame: &Frame, process: &str) -> Option<FieldRef> {
+    let info = frame.processes.iter().find(|info| info.name == process)?;
+    frame.topic(&info.status_buffer)?;
+    Some(FieldRef { topic: info.status_buffer.clone(), path: "state".parse().ok()? })
+}
+
+/// What the lane shows.
+pub(super) struct States<'a> {
+    process: &'a ProcessInfo,
+    series: &'a FieldSeries,
+    /// The age from which a status is outdated, s. A recording may have fewer statuses than there were.
+    limit_s: f64,
+}
+
+impl<'a> States<'a> {
+    /// The states of a process as far as they are known.
+    pub(super) fn of(frame: &'a Frame, process: &str) -> Option<Self> {
+        let info = frame.processes.iter().find(|info| info.name == process)?;
+        let series = frame.field(&field(frame, process)?, RunTag::Run(frame.runs.current()))?;
+        let (first, last) = (series.points.get(0)?, series.points.last()?);
+        let spacing_s = last.stamp.seconds_since(first.stamp) / series.points.len() as f64;
+        Some(Self { process: info, series, limit_s: status_limit_s(info).max(3.0 * spacing_s) })
+    }
+
+    /// The gravest state from `from` until before `to`; `None` while there is no status that is still valid.
+    fn state(&self, from: Stamp, to: Stamp) -> Option<ProcessState> {
+        let points = &self.series.points;
+        let before = |time: Stamp| points.count_until(Stamp(time.0.saturating_sub(1)));
+        let (mut first, last) = (before(from), before(to));
+        let previous = first.checked_sub(1).and_then(|index| points.get(index));
+        if previous.is_some_and(|point| from.seconds_since(point.stamp) <= self.limit_s) {
+            first -= 1;
+        }
+        let gravest = moments(points, first..last)?.max;
+        ProcessState::try_from(gravest as i32).ok()
+    }
+
+    /// Paints the lane. Returns what is under the pointer, for a tooltip.
+    pub(super) fn paint(&self, ui: &Ui, rect: Rect, scale: &Scale) -> Option<String> {
+        let painter = ui.painter_at(rect);
+        let lane = rect.with_min_y(rect.top() + MARGIN);
+        painter.rect_filled(lane, 0.0, tokens(ui).surface[0]);
+        let steps = (lane.width() / STEP).ceil() as usize;
+        let x = |step: usize| lane.left() + step as f32 * STEP;
+        let state = |step: usize| self.state(scale.stamp(x(step)), scale.stamp(x(step + 1)));
+        let mut begun: (usize, Option<ProcessState>) = (0, None);
+        for step in 0..=steps {
+            let now = if step < steps { state(step) } else { None };
+            if now == begun.1 {
+                continue;
+            }
+            if let Some(state) = begun.1 {
+                let part = Rect::from_x_y_ranges(x(begun.0)..=x(step), lane.y_range());
+                painter.rect_filled(part, 0.0, state_color(state));
+            }
+            begun = (step, now);
+        }
+        let pointer = ui.input(|input| input.pointer.hover_pos()).filter(|at| rect.contains(*at))?;
+        let at = scale.stamp(pointer.x);
+        let state = self.state(at, scale.stamp(pointer.x + STEP));
+        let state = state.map_or("no status", state_name);
+        Some(format!("{}  {}: {state}", format::elapsed(at.seconds_since(scale.origin())), self.process.name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_formula::Points;
+    use rcs_runtime::source::series_of;
+
+    #[test]
+    fn a_step_has_its_gravest_state_and_none_where_there_was_no_status() {
+        let at = |ms: u64| Stamp(ms * 1_000_000);
+        let stamps: Vec<Stamp> = (0..=100).map(|i| at(i * 10)).collect();
+        // EXEC for a second, with one ERROR at 0.5 s.
+        let values: Vec<f64> = (0..=100).map(|i| if i == 50 { 3.0 } else { 1.0 }).collect();
+        let process = ProcessInfo { name: "a".into(), period_ns: 10_000_000, ..ProcessInfo::default() };
+        let series = FieldSeries {
+            field: FieldRef { topic: "/a/status".into(), path: "state".parse().unwrap() },
+            run: RunTag::Recorded,
+            points: series_of(&Points::new(stamps, values)),
+            names: Points::default().names,
+            reading: None,
+            problem: None,
+        };
+        let states = States { process: &process, series: &series, limit_s: status_limit_s(&process) };
+        let state = |from: u64, to: u64| states.state(at(from), at(to));
+        assert_eq!(state(0, 100), Some(ProcessState::Exec));
+        assert_eq!(state(400, 600), Some(ProcessState::Error));
+        assert_eq!(state(510, 600), Some(ProcessState::Error), "it still was before the next status");
+        assert_eq!(state(520, 600), Some(ProcessState::Exec));
+        assert_eq!(state(203, 204), Some(ProcessState::Exec), "between two statuses");
+        assert_eq!(state(1100, 1101), Some(ProcessState::Exec), "the last one is valid for a while");
+        assert_eq!(state(1200, 1300), None);
+    }
+}

@@ -1,0 +1,33 @@
+//! How the state of a process looks everywhere: its word, its colour, and until when a status is valid.
+
+use egui::Color32;
+use rcs_msg::rcs::{ProcessInfo, ProcessState};
+
+/// The word for a state.
+pub fn state_name(state: ProcessState) -> &'static str {
+    match state {
+        ProcessState::Uninitialized => "UNINITIALIZED",
+        ProcessState::Exec => "EXEC",
+        ProcessState::Done => "DONE",
+        ProcessState::Error => "ERROR",
+    }
+}
+
+/// The colour of a state (Albus 2006a, figure 15), for dark text on it.
+pub fn state_color(state: ProcessState) -> Color32 {
+    match state {
+        ProcessState::Uninitialized => Color32::from_rgb(238, 160, 190),
+        ProcessState::Exec => Color32::from_rgb(92, 184, 108),
+        ProcessState::Done => Color32::from_rgb(240, 242, 243),
+        ProcessState::Error => Color32::from_rgb(226, 84, 76),
+    }
+}
+
+/// The age, s, from which a status is outdated: three periods and the latency of the process, and a margin; 1.2 s where
+/// the period is not known.
+pub fn status_limit_s(process: &ProcessInfo) -> f64 {
+    match process.period_ns {
+        0 => 1.2,
+        period_ns => (3 * period_ns + process.latency_ns) as f64 * 1e-9 + 0.1,
+    }
+}
