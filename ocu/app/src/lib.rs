@@ -8,7 +8,8 @@
 //! - [`main`](fn@main) executes a command line.
 //! - [`cli`]: all flags, each defined once.
 //! - [`window`]: the window; [`render`] draws the same contents without one.
-//! - [`run`], [`diff`], [`info`], [`check`], [`export`], [`graph`], [`latency`], [`plugins`], [`stack_tool`], [`sample`], [`eval`]: the commands.
+//! - [`run`], [`diff`], [`info`], [`check`], [`export`], [`graph`], [`latency`], [`plugins`], [`stack_tool`], [`sample`], [`sweep`], [`eval`]: the
+//!   commands.
 //! - [`bundled`]: the files that are compiled in; [`layout`], [`stacks`], [`assets`] read them.
 //!
 //! # Example
@@ -49,6 +50,7 @@ pub mod sample;
 pub mod stack_edit;
 pub mod stack_tool;
 pub mod stacks;
+pub mod sweep;
 mod table;
 mod time;
 pub mod window;
@@ -153,6 +155,7 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
         Some(Command::Sample(args)) => sample::sample(args).map(|()| Ended::Well),
         Some(Command::Eval(command)) => eval::eval(command, out).map(|()| Ended::Well),
         Some(Command::Plugins(args)) => plugins::plugins(args, out).map(|()| Ended::Well),
+        Some(Command::Sweep(args)) => sweep::sweep(args, out),
         Some(Command::Stack(command)) => stack_tool::stack(command, out).map(Ended::from),
     };
     match result {

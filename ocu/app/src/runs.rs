@@ -1,6 +1,8 @@
 //! Runs of a course, as reported by the referee of the simulation.
 
+use crate::usage;
 use rcs_bus::Buffer;
+use rcs_log::Log;
 use rcs_msg::rcs::{CourseOutcome, CourseRun};
 use rcs_msg::{Stamp, schema_of};
 use rcs_runtime::{Plan, Recording, RunError, Stepped};
@@ -51,6 +53,56 @@ pub(crate) fn referee(plan: &Plan) -> Option<usize> {
     plan.buffers.iter().position(|buffer| buffer.spec.schema.name() == schema_of::<CourseRun>().name())
 }
 
+/// Refuses a stack that cannot run, or that would run on for ever: it reads a recording that is not there, or nothing ends
+/// it.
+pub(crate) fn check(
+    plan: &Plan,
+    log: Option<&Log>,
+    until_s: Option<f64>,
+    course: bool,
+) -> anyhow::Result<()> {
+    let stack = plan.file.name();
+    if log.is_none()
+        && let Some(input) = plan.inputs.first()
+    {
+        let topic = &input.topic;
+        return Err(usage(format!(
+            "the stack {stack} reads the topic {topic} of a recording; expected --log"
+        )));
+    }
+    let has_referee = referee(plan).is_some();
+    if log.is_none() && until_s.is_none() && !has_referee {
+        return Err(usage(
+            "a stack without a recording runs on for ever: expected --log, --course or --until",
+        ));
+    }
+    if course && !has_referee {
+        return Err(usage(format!("the stack {stack} runs no course: nothing in it reports one")));
+    }
+    Ok(())
+}
+
+/// When a run that has begun ends: when the recording that it reads has no more messages, and at the latest after
+/// `until_s`. `None` if only the referee ends it.
+pub(crate) fn end(run: &Stepped, until_s: Option<f64>) -> Option<Stamp> {
+    let until = until_s.map(|seconds| run.start().after_ns((seconds * 1e9).round() as u64));
+    [run.horizon(), until].into_iter().flatten().min()
+}
+
+/// Runs until `to`, but not beyond its [`end`]; if it has none, until the referee has decided. Returns whether the run may
+/// continue; it may not after its recording failed.
+pub(crate) fn go_to(
+    run: &mut Stepped,
+    end: Option<Stamp>,
+    to: Stamp,
+    recording: Option<&Recording>,
+) -> Result<bool, RunError> {
+    match (referee(run.plan()), end) {
+        (Some(referee), None) => to_the_verdict(run, referee, to, recording),
+        (_, end) => to_a_time(run, end.map_or(to, |end| to.min(end)), recording),
+    }
+}
+
 /// The last report of the referee.
 pub(crate) fn verdict(buffer: &Arc<Buffer>) -> Option<CourseRun> {
     buffer.latest().and_then(|sample| sample.message.to())
@@ -58,7 +110,7 @@ pub(crate) fn verdict(buffer: &Arc<Buffer>) -> Option<CourseRun> {
 
 /// Runs until the referee has decided, or until a time. Returns whether the run may continue; it may not after its
 /// recording failed.
-pub(crate) fn to_the_verdict(
+fn to_the_verdict(
     run: &mut Stepped,
     referee: usize,
     to: Stamp,
@@ -84,11 +136,7 @@ pub(crate) fn to_the_verdict(
 }
 
 /// Runs until a time. Returns whether the run may continue; it may not after its recording failed.
-pub(crate) fn to_a_time(
-    run: &mut Stepped,
-    to: Stamp,
-    recording: Option<&Recording>,
-) -> Result<bool, RunError> {
+fn to_a_time(run: &mut Stepped, to: Stamp, recording: Option<&Recording>) -> Result<bool, RunError> {
     while let Some(next) = run.next_time()?.filter(|next| *next <= to) {
         if has_failed(recording) {
             return Ok(false);

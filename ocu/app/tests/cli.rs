@@ -445,3 +445,38 @@ fn eval_classify_refuses_what_does_not_fit() {
     assert!(code == 2 && errors.contains("expected --topic"), "{errors}");
     drop(drive);
 }
+
+#[test]
+fn a_sweep_has_a_row_for_each_combination_and_each_is_what_a_run_gives() {
+    let dir = tempfile::tempdir().unwrap();
+    let runs = dir.path().join("runs");
+    let stack = ["--stack", "truth_driver", "--course", "corridor", "--until", "1", "--json"];
+    let sweep = ["sweep", "--param", "truth_driver.vehicle_width_m=0.6,5", "--runs", "2", "--seed", "3"];
+    let record = ["--record", text(&runs)];
+    let (code, out, errors) = ocu(&[&sweep[..], &record, &stack].concat());
+    assert_eq!(code, 0, "{errors}");
+    let report = common::json(&out);
+    let rows = report["runs"].as_array().unwrap();
+    let seeds: Vec<u64> = rows.iter().map(|row| row["seed"].as_u64().unwrap()).collect();
+    assert_eq!(seeds, [3, 4, 3, 4]);
+    for row in rows {
+        // No course has a way for a vehicle as wide.
+        let is_wide = row["params"]["truth_driver.vehicle_width_m"] == "5";
+        assert_eq!(row["errors"].as_array().unwrap().is_empty(), !is_wide, "{row}");
+    }
+    let run = ["run", "--param", "truth_driver.vehicle_width_m=0.6", "--seed", "4"];
+    let (code, out, errors) = ocu(&[&run[..], &stack].concat());
+    assert_eq!(code, 0, "{errors}");
+    assert_eq!(common::json(&out)["hash"], rows[1]["hash"]);
+    // The recording of a run repeats it.
+    let recorded = rows[1]["recording"].as_str().unwrap();
+    let (code, out, errors) = ocu(&["run", "--replay", recorded, "--until", "1", "--json"]);
+    assert_eq!(code, 0, "{errors}");
+    assert_eq!(common::json(&out)["hash"], rows[1]["hash"]);
+    let (code, _, errors) = ocu(&[&sweep[..], &record, &stack].concat());
+    assert_eq!((code, errors.contains("exists already")), (2, true), "{errors}");
+    for (wrong, part) in [("absent.x=1", "absent"), ("truth_driver.vehicle_width_m=9", "9")] {
+        let (code, _, errors) = ocu(&["sweep", "--stack", "truth_driver", "--param", wrong, "--until", "1"]);
+        assert_eq!((code, errors.contains(part)), (2, true), "{errors}");
+    }
+}

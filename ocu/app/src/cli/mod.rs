@@ -4,6 +4,7 @@ mod eval;
 mod recording;
 mod run;
 mod stack;
+mod sweep;
 mod table;
 mod values;
 
@@ -14,8 +15,9 @@ pub use eval::{
 pub use recording::{CheckArgs, CutArgs, DiffArgs, InfoArgs, LatencyArgs, RenderArgs, SampleArgs};
 pub use run::RunArgs;
 pub use stack::{PluginsArgs, StackCheckArgs, StackCommand, StackShowArgs};
+pub use sweep::SweepArgs;
 pub use table::{ExportArgs, GraphArgs, GraphFormat};
-pub use values::{Param, Save, Size};
+pub use values::{Param, Save, Size, Values};
 
 use crate::past_args::PastArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -51,6 +53,8 @@ pub struct Cli {
 pub enum Command {
     /// Run a stack to its end, without a window
     Run(RunArgs),
+    /// Run a stack for every combination of parameter values and seeds, on all cores
+    Sweep(SweepArgs),
     /// Compare two recordings and report the first difference
     Diff(DiffArgs),
     /// Show what a recording contains, and what of it was lost

@@ -14,6 +14,15 @@ pub struct Param {
     pub value: String,
 }
 
+/// Values of one parameter, for a sweep.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Values {
+    /// The parameter, as process.field.
+    pub path: String,
+    /// Its values, as text.
+    pub values: Vec<String>,
+}
+
 /// A buffer whose newest message is written to a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Save {
@@ -62,6 +71,36 @@ pub(super) fn parse_param(text: &str) -> Result<Param, String> {
     Ok(Param { process: process.to_owned(), field: field.to_owned(), value: value.to_owned() })
 }
 
+/// Largest number of values of one parameter.
+const MOST_VALUES: usize = 10_000;
+
+pub(super) fn parse_values(text: &str) -> Result<Values, String> {
+    let Param { process, field, value } = parse_param(text)?;
+    let path = format!("{process}.{field}");
+    let expected = || {
+        format!(
+            "expected {path}=V1,V2,… or {path}=FROM..TO:COUNT with 2 to {MOST_VALUES} values, got {value:?}"
+        )
+    };
+    let Some((from, rest)) = value.split_once("..") else {
+        let values: Vec<String> = value.split(',').map(|value| value.trim().to_owned()).collect();
+        return if values.iter().any(String::is_empty) {
+            Err(expected())
+        } else {
+            Ok(Values { path, values })
+        };
+    };
+    let (to, count) = rest.split_once(':').ok_or_else(expected)?;
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|number| number.is_finite());
+    let (from, to) = number(from).zip(number(to)).ok_or_else(expected)?;
+    let count = count.trim().parse::<usize>().ok().filter(|count| (2..=MOST_VALUES).contains(count));
+    let last = (count.ok_or_else(expected)? - 1) as f64;
+    // Rounded, so that steps of 0.1 give 0.3 and not 0.30000000000000004.
+    let rounded = |value: f64| format!("{value:.9}").trim_end_matches('0').trim_end_matches('.').to_owned();
+    let values = (0..=last as usize).map(|i| rounded(from + (to - from) * i as f64 / last));
+    Ok(Values { path, values: values.collect() })
+}
+
 pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if seconds.is_finite() && (0.0..=1e9).contains(&seconds) => Ok(seconds),
@@ -88,6 +127,20 @@ pub(super) fn parse_size(text: &str) -> Result<Size, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn values_of_a_sweep_are_a_list_or_a_range() {
+        let values = |text: &str| parse_values(text).map(|values| values.values.join(" "));
+        assert_eq!(values("wm1.w=0.1..0.5:5"), Ok("0.1 0.2 0.3 0.4 0.5".to_owned()));
+        assert_eq!(values("wm1.w=1..0:3"), Ok("1 0.5 0".to_owned()));
+        assert_eq!(values("wm1.sources[0].w=-1..1:2"), Ok("-1 1".to_owned()));
+        assert_eq!(values("wm1.w=a, b"), Ok("a b".to_owned()));
+        for text in
+            ["wm1.w=", "wm1.w=1,", "wm1.w=0..1", "wm1.w=0..1:1", "wm1.w=0..x:3", "wm1.w=0..1:99999", "w=1"]
+        {
+            assert!(parse_values(text).is_err(), "{text}");
+        }
+    }
 
     #[test]
     fn sizes_times_and_parameters_out_of_range_are_refused() {

@@ -17,8 +17,8 @@ use memory::Memory;
 use rcs_log::Log;
 use rcs_msg::Stamp;
 use rcs_runtime::{Plan, RecordOptions, RecordWhat, Recording, RunOptions, Stepped};
-pub(crate) use report::Comparison;
-use report::{LogDamage, Outcome, Report};
+pub(crate) use report::{Comparison, LogDamage};
+use report::{Outcome, Report};
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -32,28 +32,8 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     }
     let plan = plan(args)?;
     check_assets(args, files)?;
-    if args.log.is_none()
-        && let Some(input) = plan.inputs.first()
-    {
-        return Err(usage(format!(
-            "the stack {} reads the topic {} of a recording; expected --log",
-            plan.file.name(),
-            input.topic
-        )));
-    }
     let log = args.log.as_ref().map(stacks::open_log).transpose()?;
-    let referee = runs::referee(&plan);
-    if log.is_none() && args.until.is_none() && referee.is_none() {
-        return Err(usage(
-            "a stack without a recording runs on for ever: expected --log, --course or --until",
-        ));
-    }
-    if args.course.is_some() && referee.is_none() {
-        return Err(usage(format!(
-            "the stack {} runs no course: nothing in it reports one",
-            plan.file.name()
-        )));
-    }
+    runs::check(&plan, log.as_ref(), args.until, args.course.is_some())?;
     if let Some(save) = args.save.iter().find(|save| !has_buffer(&plan, &save.buffer)) {
         return Err(usage(format!(
             "there is no buffer {} to save in the stack {}",
@@ -63,9 +43,10 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     }
     let acts = args.acts.as_deref().map(|path| acts::read(path, &plan)).transpose()?.unwrap_or_default();
     if args.live {
+        let referee = runs::referee(&plan);
         return live::run(args, plan, referee, &acts, out);
     }
-    let mut stack = Ready { args, plan, log, referee, acts };
+    let mut stack = Ready { args, plan, log, acts };
     let mut memory = Memory::default();
     let seed = args.seed.unwrap_or(0);
     let mut runs = Vec::new();
@@ -163,7 +144,6 @@ struct Ready<'a> {
     args: &'a RunArgs,
     plan: Arc<Plan>,
     log: Option<Log>,
-    referee: Option<usize>,
     acts: Vec<Act>,
 }
 
@@ -241,27 +221,19 @@ impl Ready<'_> {
     /// decided; executes the actions of the operator on the way.
     fn to_the_end(&self, run: &mut Stepped, recording: Option<&Recording>) -> anyhow::Result<()> {
         run.begin()?;
-        let until = self.args.until.map(|seconds| run.start().after_ns((seconds * 1e9).round() as u64));
-        let end = match (run.horizon(), until) {
-            (Some(horizon), Some(until)) => Some(horizon.min(until)),
-            (horizon, until) => horizon.or(until),
-        };
+        let end = runs::end(run, self.args.until);
         let recording = recording.filter(|_| !self.args.keep_going);
-        let go_to = |run: &mut Stepped, to: Stamp| match (self.referee, end) {
-            (Some(referee), None) => runs::to_the_verdict(run, referee, to, recording),
-            _ => runs::to_a_time(run, to.min(end.unwrap_or(to)), recording),
-        };
         for act in &self.acts {
             let at = run.start().after_ns(act.at_ns);
             if end.is_some_and(|end| at > end) {
                 break;
             }
-            if !go_to(run, at)? {
+            if !runs::go_to(run, end, at, recording)? {
                 return Ok(());
             }
             run.take(act.event.clone()).with_context(|| act.name())?;
         }
-        go_to(run, end.unwrap_or(Stamp::MAX))?;
+        runs::go_to(run, end, Stamp::MAX, recording)?;
         Ok(())
     }
 }

@@ -88,14 +88,14 @@ struct BufferReport {
 
 /// Damage of the recording that a run reads.
 #[derive(Debug, Serialize)]
-pub(super) struct LogDamage {
+pub(crate) struct LogDamage {
     lost: Lost,
     problems: Vec<String>,
 }
 
 impl LogDamage {
     /// Damage found while opening and reading; `None` without damage.
-    pub(super) fn of(log: &Log) -> Option<Self> {
+    pub(crate) fn of(log: &Log) -> Option<Self> {
         let (lost, problems) = (log.lost(), log.problems());
         let is_damaged = lost != rcs_log::Lost::default() || !problems.is_empty();
         is_damaged.then(|| Self { lost: lost.into(), problems })
