@@ -35,6 +35,7 @@ mod fields;
 mod frames;
 mod hierarchy;
 mod image;
+mod ladder;
 mod map;
 mod models;
 pub mod offscreen;

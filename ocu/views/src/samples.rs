@@ -21,7 +21,7 @@ use rcs_runtime::source::{
     Frame, Playback, RunTag, Runs, SourceInfo, SourceKind, Topic, Track, TrackPoint, WGS84,
 };
 use rcs_world::{Map, MapOptions, Source, Sources, VoteRule, Weights};
-pub(crate) use states::{forty, states};
+pub(crate) use states::{commands, forty, states};
 use std::sync::Arc;
 
 /// The current time of the samples, 12.5 s after their start.

@@ -2,8 +2,10 @@
 //! show: forty processes.
 
 use super::{empty, topic};
+use rcs_formula::{FieldRef, Points};
+use rcs_msg::Stamp;
 use rcs_msg::rcs::{Command, CommandInfo, PortInfo, ProcessInfo, ProcessState, Status};
-use rcs_runtime::source::{Frame, SourceInfo, SourceKind, Topic};
+use rcs_runtime::source::{FieldSeries, Frame, RunTag, SourceInfo, SourceKind, Topic, series_of};
 use std::sync::Arc;
 
 fn port(buffer: &str, required: bool) -> PortInfo {
@@ -80,6 +82,42 @@ pub(crate) fn states() -> Frame {
     let base = empty();
     let info = SourceInfo { kind: SourceKind::Stack, ..(*base.info).clone() };
     Frame { topics: topics.into(), processes: processes.into(), info: Arc::new(info), ..base }
+}
+
+/// The frame of [`states`] with the commands that the process `executing` was sent in the last ten seconds: echoed in
+/// time, late, replaced, lost, and the last one not yet.
+pub(crate) fn commands() -> Frame {
+    let frame = states();
+    let before = |ms: u64| Stamp(frame.now.0 - ms * 1_000_000);
+    let series = |path: &str, points: &[(u64, f64)], names: &[(i64, &str)]| {
+        let (stamps, values): (Vec<_>, Vec<_>) =
+            points.iter().map(|&(ms, value)| (before(ms), value)).unzip();
+        let topic = if path == "echo_serial" { "/executing/status" } else { "/executing/command" };
+        FieldSeries {
+            field: FieldRef { topic: topic.into(), path: path.parse().unwrap() },
+            run: RunTag::FIRST,
+            points: series_of(&Points::new(stamps, values)),
+            names: Arc::new(names.iter().map(|&(key, name)| (key, name.into())).collect()),
+            reading: None,
+            problem: None,
+        }
+    };
+    let sent = [(7900, 1.0), (5500, 2.0), (3600, 3.0), (2000, 4.0), (1900, 5.0), (50, 6.0)];
+    let names = [(7900, 0.0), (5500, 1.0), (3600, 1.0), (2000, 1.0), (1900, 2.0), (50, 1.0)];
+    let echo = |ms: u64| match ms {
+        7850.. => 0.0,
+        4800.. => 1.0,
+        1850.. => 2.0,
+        _ => 5.0,
+    };
+    let echoes: Vec<(u64, f64)> = (1..95).rev().map(|i| (i * 100, echo(i * 100))).collect();
+    let fields = [
+        series("serial", &sent, &[]),
+        series("name", &names, &[(0, "RUN"), (1, "PLAN_TO"), (2, "HALT")]),
+        series("echo_serial", &echoes, &[]),
+    ];
+    let info = SourceInfo { end: None, ..(*frame.info).clone() };
+    Frame { fields: Arc::new(fields), info: Arc::new(info), ..frame }
 }
 
 /// Forty processes of four supervisors.

@@ -236,6 +236,11 @@ impl<T: Record> Series<T> {
         low
     }
 
+    /// Number of records before a time: the index of the first one that is not earlier.
+    pub fn count_before(&self, time: Stamp) -> usize {
+        time.0.checked_sub(1).map_or(0, |before| self.count_until(Stamp(before)))
+    }
+
     /// Calls `take` for the records of a range in order. Other threads cannot append meanwhile, so the range should be
     /// short.
     pub fn each(&self, range: Range<usize>, take: impl FnMut(&T)) {

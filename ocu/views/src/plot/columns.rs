@@ -25,7 +25,7 @@ pub(super) struct Column {
 
 /// The records of a series to be drawn between two times, with the neighbours outside, so that lines reach the edge.
 pub(super) fn visible(points: &Series<FieldPoint>, from: Stamp, to: Stamp) -> Range<usize> {
-    let first = points.count_until(Stamp(from.0.saturating_sub(1))).saturating_sub(1);
+    let first = points.count_before(from).saturating_sub(1);
     first..(points.count_until(to) + 1).min(points.len())
 }
 

@@ -20,7 +20,7 @@ pub(super) fn height(curves: usize) -> f32 {
 
 /// The statistics of the points of a curve from a time to a time.
 pub(super) fn of(shown: &Shown, from: Stamp, to: Stamp) -> Option<Moments> {
-    let first = shown.points.count_until(Stamp(from.0.saturating_sub(1)));
+    let first = shown.points.count_before(from);
     moments(&shown.points, first..shown.points.count_until(to))
 }
 

@@ -4,6 +4,7 @@ use super::{Shown, harness};
 use crate::samples;
 use egui::{Theme, Vec2};
 use egui_kittest::SnapshotOptions;
+use egui_kittest::kittest::Queryable as _;
 use rcs_runtime::source::Frame;
 
 /// Tolerates differences of anti-aliasing between drivers, but no moved shape.
@@ -82,6 +83,28 @@ fn hierarchy_of_every_colour_and_light_light() {
 #[test]
 fn hierarchy_of_forty_processes() {
     check_sized("hierarchy_forty", samples::forty(), "hierarchy", Theme::Dark, Vec2::new(1100.0, 700.0));
+}
+
+fn commands_of_a_process(theme: Theme) {
+    let mut shown = Shown::new("ladder", samples::commands());
+    shown.selection.process = Some("executing".into());
+    let mut harness = harness(shown, Vec2::new(600.0, 300.0), theme);
+    harness.run();
+    for fate in ["1: in time", "2: late", "3: lost", "4: replaced", "6: waits"] {
+        harness.get_by_label_contains(fate);
+    }
+    let options = SnapshotOptions::new().threshold(THRESHOLD).max_failed_pixels(24_usize);
+    harness.snapshot_options(format!("ladder_{theme:?}").to_lowercase(), &options);
+}
+
+#[test]
+fn commands_of_a_process_dark() {
+    commands_of_a_process(Theme::Dark);
+}
+
+#[test]
+fn commands_of_a_process_light() {
+    commands_of_a_process(Theme::Light);
 }
 
 #[test]
