@@ -98,18 +98,39 @@ pub fn icon_at(painter: &egui::Painter, center: egui::Pos2, icon: Icon, size: f3
     painter.text(at, Align2::CENTER_CENTER, icon.codepoint, FontId::new(size, icon.font_family()), color);
 }
 
+/// Moves the cursor of a text field behind its text.
+pub fn cursor_to_end(ctx: &egui::Context, id: egui::Id, text: &str) {
+    if let Some(mut state) = egui::TextEdit::load_state(ctx, id) {
+        let end = egui::text::CCursor::new(text.chars().count());
+        state.cursor.set_char_range(Some(egui::text::CCursorRange::one(end)));
+        state.store(ctx, id);
+    }
+}
+
 /// A table cell, painted without a widget of its own; text is clipped to the rectangle.
 pub fn cell(ui: &Ui, rect: Rect, align: egui::Align, text: &str, font: FontId, color: Color32) {
+    cell_by(ui.painter(), rect, align, text, font, color);
+}
+
+/// The same with a painter of the caller's.
+pub fn cell_by(
+    painter: &egui::Painter,
+    rect: Rect,
+    align: egui::Align,
+    text: &str,
+    font: FontId,
+    color: Color32,
+) {
     let mut job = egui::text::LayoutJob::simple_singleline(text.to_owned(), font, color);
-    job.wrap = egui::text::TextWrapping::truncate_at_width(rect.width());
-    let galley = ui.painter().layout_job(job);
+    job.wrap = egui::text::TextWrapping::truncate_at_width(rect.width().max(1.0));
+    let galley = painter.layout_job(job);
     let at = match align {
         egui::Align::Min => Align2::LEFT_CENTER,
         egui::Align::Center => Align2::CENTER_CENTER,
         egui::Align::Max => Align2::RIGHT_CENTER,
     }
     .align_size_within_rect(galley.size(), rect);
-    ui.painter().galley(at.min, galley, color);
+    painter.galley(at.min, galley, color);
 }
 
 /// A table cell whose text is shortened at its beginning, because the end of a topic or type name is the most specific.

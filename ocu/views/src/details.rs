@@ -132,8 +132,11 @@ fn row(ui: &mut Ui, chosen: bool, name: &str, note: &str) -> egui::Response {
         ui.painter().rect_filled(rect, 0.0, tokens.surface[2]);
     }
     let inner = rect.shrink2(Vec2::new(8.0, 0.0));
-    widgets::cell(ui, inner, Align::Min, name, FontId::proportional(13.0), tokens.text);
-    widgets::cell(ui, inner, Align::Max, note, FontId::proportional(11.0), tokens.weak);
+    let small = FontId::proportional(11.0);
+    let note_width = ui.painter().layout_no_wrap(note.to_owned(), small.clone(), tokens.weak).size().x;
+    let left = inner.with_max_x(inner.right() - note_width - 6.0);
+    widgets::cell(ui, left, Align::Min, name, FontId::proportional(13.0), tokens.text);
+    widgets::cell(ui, inner, Align::Max, note, small, tokens.weak);
     response
 }
 

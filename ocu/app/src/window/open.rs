@@ -138,7 +138,7 @@ impl Opener {
                     let edit = edit.id(id).lock_focus(dialog.completion.common().is_some());
                     let response = ui.add(edit).labelled_by(label.id);
                     if is_longer {
-                        to_the_end(ui.ctx(), id, &dialog.path);
+                        widgets::cursor_to_end(ui.ctx(), id, &dialog.path);
                     }
                     if std::mem::take(&mut dialog.fresh) {
                         response.request_focus();
@@ -224,15 +224,6 @@ impl Opener {
             dialog.hint = Some("This desktop has no file dialog; type a path.");
         }
         chosen
-    }
-}
-
-/// Moves the cursor of a text field behind its text.
-fn to_the_end(ctx: &egui::Context, id: egui::Id, text: &str) {
-    if let Some(mut state) = egui::TextEdit::load_state(ctx, id) {
-        let end = egui::text::CCursor::new(text.chars().count());
-        state.cursor.set_char_range(Some(egui::text::CCursorRange::one(end)));
-        state.store(ctx, id);
     }
 }
 

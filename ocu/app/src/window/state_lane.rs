@@ -43,8 +43,9 @@ impl<'a> States<'a> {
     /// The gravest state from `from` until before `to`; `None` while there is no status that is still valid.
     fn state(&self, from: Stamp, to: Stamp) -> Option<ProcessState> {
         let points = &self.series.points;
-        let before = |time: Stamp| points.count_until(Stamp(time.0.saturating_sub(1)));
-        let (mut first, last) = (before(from), before(to));
+        // What comes after the last status is not known yet.
+        points.last().filter(|last| from <= last.stamp)?;
+        let (mut first, last) = (points.count_before(from), points.count_before(to));
         let previous = first.checked_sub(1).and_then(|index| points.get(index));
         if previous.is_some_and(|point| from.seconds_since(point.stamp) <= self.limit_s) {
             first -= 1;
@@ -90,9 +91,9 @@ mod tests {
     #[test]
     fn a_step_has_its_gravest_state_and_none_where_there_was_no_status() {
         let at = |ms: u64| Stamp(ms * 1_000_000);
-        let stamps: Vec<Stamp> = (0..=100).map(|i| at(i * 10)).collect();
-        // EXEC for a second, with one ERROR at 0.5 s.
-        let values: Vec<f64> = (0..=100).map(|i| if i == 50 { 3.0 } else { 1.0 }).collect();
+        // EXEC for a second, with one ERROR at 0.5 s; one more status at 3 s.
+        let stamps: Vec<Stamp> = (0..=100).map(|i| at(i * 10)).chain([at(3000)]).collect();
+        let values: Vec<f64> = (0..=101).map(|i| if i == 50 { 3.0 } else { 1.0 }).collect();
         let process = ProcessInfo { name: "a".into(), period_ns: 10_000_000, ..ProcessInfo::default() };
         let series = FieldSeries {
             field: FieldRef { topic: "/a/status".into(), path: "state".parse().unwrap() },
@@ -109,7 +110,9 @@ mod tests {
         assert_eq!(state(510, 600), Some(ProcessState::Error), "it still was before the next status");
         assert_eq!(state(520, 600), Some(ProcessState::Exec));
         assert_eq!(state(203, 204), Some(ProcessState::Exec), "between two statuses");
-        assert_eq!(state(1100, 1101), Some(ProcessState::Exec), "the last one is valid for a while");
+        assert_eq!(state(1100, 1101), Some(ProcessState::Exec), "a status is valid for a while");
         assert_eq!(state(1200, 1300), None);
+        assert_eq!(state(2990, 3010), Some(ProcessState::Exec));
+        assert_eq!(state(3001, 3002), None, "after the last one");
     }
 }

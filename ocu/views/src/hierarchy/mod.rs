@@ -251,11 +251,11 @@ fn process_box(ui: &mut Ui, cx: &mut ViewContext<'_>, scene: &Scene<'_>, area: R
         let inner = rect.shrink2(Vec2::new(4.0, 0.0));
         let font = FontId::proportional((30.0 * zoom).clamp(6.0, 13.0));
         if rect.height() < TWO_LINES {
-            text(painter, inner, Align::Center, &node.name, font, ink);
+            widgets::cell_by(painter, inner, Align::Center, &node.name, font, ink);
         } else {
             let (upper, lower) = inner.split_top_bottom_at_fraction(0.55);
-            text(painter, upper, Align::Center, &node.name, font, ink);
-            text(painter, lower, Align::Center, &look.word, FontId::proportional(10.0), ink);
+            widgets::cell_by(painter, upper, Align::Center, &node.name, font, ink);
+            widgets::cell_by(painter, lower, Align::Center, &look.word, FontId::proportional(10.0), ink);
         }
     } else {
         let head = Rect::from_min_size(rect.min, Vec2::new(rect.width(), 24.0 * zoom)).shrink(edge.width);
@@ -264,27 +264,14 @@ fn process_box(ui: &mut Ui, cx: &mut ViewContext<'_>, scene: &Scene<'_>, area: R
         let word_width = painter.layout_no_wrap(look.word.clone(), word_font.clone(), ink).size().x;
         let inner = head.shrink2(Vec2::new(8.0 * zoom, 0.0));
         let title = inner.with_max_x(inner.right() - word_width - 8.0 * zoom);
-        text(painter, title, Align::Min, &node.name, FontId::proportional(13.0 * zoom), ink);
-        text(painter, inner, Align::Max, &look.word, word_font, ink);
+        widgets::cell_by(painter, title, Align::Min, &node.name, FontId::proportional(13.0 * zoom), ink);
+        widgets::cell_by(painter, inner, Align::Max, &look.word, word_font, ink);
         body(painter, tokens, rect, zoom, frame, node, process, status);
     }
     if let Some(process) = process {
         response.context_menu(|ui| commands(ui, cx, process));
         response.on_hover_ui(|ui| details(ui, frame, process, status, node));
     }
-}
-
-/// A text that is cut at the width of its cell.
-fn text(painter: &Painter, rect: Rect, align: Align, text: &str, font: FontId, color: Color32) {
-    let mut job = egui::text::LayoutJob::simple_singleline(text.to_owned(), font, color);
-    job.wrap = egui::text::TextWrapping::truncate_at_width(rect.width().max(1.0));
-    let galley = painter.layout_job(job);
-    let x = match align {
-        Align::Min => rect.left(),
-        Align::Center => rect.center().x - galley.size().x / 2.0,
-        Align::Max => rect.right() - galley.size().x,
-    };
-    painter.galley(Pos2::new(x, rect.center().y - galley.size().y / 2.0), galley, color);
 }
 
 /// The commands of a process; one with parameters begins with its defaults.
@@ -330,13 +317,20 @@ fn body(
     let small = FontId::proportional(12.0 * zoom);
     let mono = FontId::monospace(11.5 * zoom);
     if let Some(absent) = node.unwritten.first() {
-        text(painter, line(0), Align::Min, "nobody writes its input", small.clone(), tokens.warning);
-        text(painter, line(1), Align::Min, absent, small, tokens.warning);
+        widgets::cell_by(
+            painter,
+            line(0),
+            Align::Min,
+            "nobody writes its input",
+            small.clone(),
+            tokens.warning,
+        );
+        widgets::cell_by(painter, line(1), Align::Min, absent, small, tokens.warning);
         return;
     }
     let Some(status) = status else {
         let summary = process.map_or("publishes, says nothing of itself", |process| process.summary.as_str());
-        text(painter, line(0), Align::Min, summary, small, tokens.weak);
+        widgets::cell_by(painter, line(0), Align::Min, summary, small, tokens.weak);
         return;
     };
     let sent = frame.topic(&node.command).and_then(|topic| topic.get::<Command>());
@@ -350,13 +344,20 @@ fn body(
     let color = if waiting { tokens.warning } else { tokens.weak };
     let serial_width = painter.layout_no_wrap(serial.clone(), mono.clone(), color).size().x;
     let name = line(0).with_max_x(line(0).right() - serial_width - 6.0 * zoom);
-    text(painter, name, Align::Min, command, FontId::proportional(13.0 * zoom), tokens.strong);
-    text(painter, line(0), Align::Max, &serial, mono.clone(), color);
-    text(painter, line(1), Align::Min, &status.state_text, small, tokens.text);
-    text(painter, line(2), Align::Min, &format!("cycle {}", status.cycle), mono.clone(), tokens.weak);
+    widgets::cell_by(painter, name, Align::Min, command, FontId::proportional(13.0 * zoom), tokens.strong);
+    widgets::cell_by(painter, line(0), Align::Max, &serial, mono.clone(), color);
+    widgets::cell_by(painter, line(1), Align::Min, &status.state_text, small, tokens.text);
+    widgets::cell_by(
+        painter,
+        line(2),
+        Align::Min,
+        &format!("cycle {}", status.cycle),
+        mono.clone(),
+        tokens.weak,
+    );
     if status.faults > 0 {
-        let faults = format!("{} faults", status.faults);
-        text(painter, line(2), Align::Max, &faults, mono, tokens.warning);
+        let faults = format!("{} fault{}", status.faults, if status.faults == 1 { "" } else { "s" });
+        widgets::cell_by(painter, line(2), Align::Max, &faults, mono, tokens.warning);
     }
 }
 

@@ -46,13 +46,21 @@ impl Entry {
         let mut entered = Entered::Open;
         let frame_margin = egui::Margin::symmetric(8, 4);
         egui::Frame::new().inner_margin(frame_margin).fill(tokens(ui).surface[3]).show(ui, |ui| {
+            let id = ui.scope_id().with("formula");
+            let completions = completions(frame, &self.text);
+            // Tab takes the first completion; it leaves the field for the next widget where there is none.
+            let tab = |input: &mut egui::InputState| input.consume_key(egui::Modifiers::NONE, egui::Key::Tab);
+            let completes = ui.memory(|memory| memory.has_focus(id)) && !completions.is_empty();
+            let mut taken = (completes && ui.input_mut(tab)).then(|| completions[0].text.clone());
             let parsed = self.text.parse::<Formula>();
             ui.horizontal(|ui| {
                 let verb = if self.of.is_some() { "Change" } else { "Add" };
                 let edit = TextEdit::singleline(&mut self.text)
                     .font(egui::TextStyle::Monospace)
                     .hint_text("/buffer.field, or a formula such as smooth(/buffer.field, 0.5)")
-                    .desired_width((ui.available_width() - 128.0).max(80.0));
+                    .desired_width((ui.available_width() - 128.0).max(80.0))
+                    .id(id)
+                    .lock_focus(completes);
                 let response = ui.add(edit);
                 ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Formula"));
                 if std::mem::take(&mut self.fresh) {
@@ -73,11 +81,15 @@ impl Entry {
             {
                 ui.label(RichText::new(error.to_string()).small().color(tokens(ui).weak));
             }
-            for completion in completions(frame, &self.text) {
-                if row(ui, &completion).clicked() {
-                    self.text = completion.text;
-                    self.fresh = true;
+            for completion in &completions {
+                if row(ui, completion).clicked() {
+                    taken = Some(completion.text.clone());
                 }
+            }
+            if let Some(text) = taken {
+                self.text = text;
+                self.fresh = true;
+                widgets::cursor_to_end(ui.ctx(), id, &self.text);
             }
         });
         entered

@@ -202,3 +202,27 @@ fn a_formula_that_is_wrong_or_a_field_that_is_absent_says_so() {
         harness.get_by_label(&format!("Curve {name}"));
     }
 }
+
+#[test]
+fn tab_completes_a_formula_and_what_is_typed_next_follows() {
+    let mut harness = harness(plot(&[]), egui::Vec2::new(600.0, 300.0));
+    harness.run();
+    harness.get_by_label("Add a curve").click();
+    harness.run();
+    let line = |harness: &Harness<'_, Shown>| harness.get_by_label("Formula").value().unwrap_or_default();
+    harness.get_by_label("Formula").type_text("smo");
+    harness.run();
+    harness.key_press(egui::Key::Tab);
+    harness.run();
+    assert_eq!(line(&harness), "smooth(");
+    harness.get_by_label("Formula").type_text("/planner/status.cyc");
+    harness.run();
+    harness.key_press(egui::Key::Tab);
+    harness.run();
+    harness.get_by_label("Formula").type_text(", 2)");
+    harness.run();
+    assert_eq!(line(&harness), "smooth(/planner/status.cycle, 2)");
+    harness.key_press(egui::Key::Enter);
+    harness.run();
+    assert_eq!(harness.state().view.fields().len(), 1);
+}
