@@ -13,7 +13,7 @@ use rcs_runtime::source::{FieldSeries, Frame, RunTag, moments};
 pub(super) const HEIGHT: f32 = 9.0;
 const MARGIN: f32 = 2.0;
 /// Width of the steps in which states are searched. A step has the gravest state that occurs in it.
-const STEP: f32 = 1.0;
+const STEP: f32 = 2.0;
 
 /// The field with the state of a process; `None` if the process has no status.
 pub(super) fn field(frame: &Frame, process: &str) -> Option<FieldRef> {
@@ -40,18 +40,24 @@ impl<'a> States<'a> {
         Some(Self { process: info, series, limit_s: status_limit_s(info).max(3.0 * spacing_s) })
     }
 
-    /// The gravest state from `from` until before `to`; `None` while there is no status that is still valid.
+    /// The state from `from` until before `to`: the gravest of the statuses in between, else that of the last one while it
+    /// is valid.
     fn state(&self, from: Stamp, to: Stamp) -> Option<ProcessState> {
         let points = &self.series.points;
-        // What comes after the last status is not known yet.
-        points.last().filter(|last| from <= last.stamp)?;
-        let (mut first, last) = (points.count_before(from), points.count_before(to));
-        let previous = first.checked_sub(1).and_then(|index| points.get(index));
-        if previous.is_some_and(|point| from.seconds_since(point.stamp) <= self.limit_s) {
-            first -= 1;
-        }
-        let gravest = moments(points, first..last)?.max;
-        ProcessState::try_from(gravest as i32).ok()
+        self.state_of(from, [points.count_before(from), points.count_before(to)])
+    }
+
+    /// The same where the indices of the statuses in between are known.
+    fn state_of(&self, from: Stamp, [first, last]: [usize; 2]) -> Option<ProcessState> {
+        let points = &self.series.points;
+        let value = if first < last {
+            moments(points, first..last)?.max
+        } else {
+            // What comes after the last status is not known yet.
+            let before = points.get(first.checked_sub(1)?).filter(|_| first < points.len())?;
+            (from.seconds_since(before.stamp) <= self.limit_s).then_some(before.value)?
+        };
+        ProcessState::try_from(value as i32).ok()
     }
 
     /// Paints the lane. Returns what is under the pointer, for a tooltip.
@@ -61,10 +67,12 @@ impl<'a> States<'a> {
         painter.rect_filled(lane, 0.0, tokens(ui).surface[0]);
         let steps = (lane.width() / STEP).ceil() as usize;
         let x = |step: usize| lane.left() + step as f32 * STEP;
-        let state = |step: usize| self.state(scale.stamp(x(step)), scale.stamp(x(step + 1)));
         let mut begun: (usize, Option<ProcessState>) = (0, None);
+        let mut first = self.series.points.count_before(scale.stamp(x(0)));
         for step in 0..=steps {
-            let now = if step < steps { state(step) } else { None };
+            let last = self.series.points.count_before(scale.stamp(x(step + 1)));
+            let now = if step < steps { self.state_of(scale.stamp(x(step)), [first, last]) } else { None };
+            first = last;
             if now == begun.1 {
                 continue;
             }
@@ -107,8 +115,8 @@ mod tests {
         let state = |from: u64, to: u64| states.state(at(from), at(to));
         assert_eq!(state(0, 100), Some(ProcessState::Exec));
         assert_eq!(state(400, 600), Some(ProcessState::Error));
-        assert_eq!(state(510, 600), Some(ProcessState::Error), "it still was before the next status");
-        assert_eq!(state(520, 600), Some(ProcessState::Exec));
+        assert_eq!(state(503, 506), Some(ProcessState::Error), "until the next status");
+        assert_eq!(state(510, 600), Some(ProcessState::Exec));
         assert_eq!(state(203, 204), Some(ProcessState::Exec), "between two statuses");
         assert_eq!(state(1100, 1101), Some(ProcessState::Exec), "a status is valid for a while");
         assert_eq!(state(1200, 1300), None);
