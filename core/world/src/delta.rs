@@ -82,9 +82,10 @@ impl DeltaEncoder for Encoder {
     }
 }
 
-/// Whether a delta can express the change: the cell size is the same, and everything stored before is still stored.
+/// Whether a delta can express the change: the shape is the same, and everything stored before is still stored.
 fn follows(before: &MapMessage, after: &MapMessage) -> bool {
-    before.map.grid().cell_size_m() == after.map.grid().cell_size_m()
+    let shape = |message: &MapMessage| (message.map.side(), message.map.grid().cell_size_m());
+    shape(before) == shape(after)
         && before.options.heights == after.options.heights
         && before.options.sources.iter().all(|source| after.options.sources.contains(source))
 }

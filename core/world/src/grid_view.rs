@@ -10,7 +10,7 @@ pub use rcs_msg::foxglove::packed_element_field::NumericType;
 
 use crate::columns::{Column, columns};
 use crate::fusion::Fuser;
-use crate::{Evidence, MapMessage, SIDE, Source, Weights};
+use crate::{Evidence, MapMessage, Source, Weights};
 
 /// Why a grid cannot be read, or a field is not available.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -183,8 +183,8 @@ impl<'a> GridView<'a> {
         let corner = map.grid().origin();
         let fields = columns(options).into_iter();
         GridView {
-            columns: SIDE,
-            rows: SIDE,
+            columns: map.side(),
+            rows: map.side(),
             cell_size_m: DVec2::splat(map.grid().cell_size_m()),
             frame_id,
             frame_from_grid: Pose { translation: DVec3::new(corner.x, corner.y, 0.0), ..Pose::IDENTITY },

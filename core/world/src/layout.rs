@@ -29,7 +29,7 @@ use rcs_msg::foxglove::{self, Grid, PackedElementField, Quaternion, Vector2, Vec
 use crate::columns::{HEIGHT_PARTS, columns, source_number};
 use crate::grid_view::{GridViewError, NumericType};
 use crate::options::MapOptions;
-use crate::{Cell, Evidence, Fused, GridView, HeightStats, Map, SIDE, Source};
+use crate::{Cell, Evidence, Fused, GridView, HeightStats, MAX_SIDE, Map, Source};
 
 /// Why a grid is not one of our maps.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -38,7 +38,9 @@ pub enum MapGridError {
     #[error(transparent)]
     Grid(#[from] GridViewError),
     /// It has another size than our maps.
-    #[error("map has {columns} columns and {rows} rows, expected {SIDE} each")]
+    #[error(
+        "map has {columns} columns and {rows} rows, expected as many rows as columns, at most {MAX_SIDE}"
+    )]
     Size {
         /// Columns of the grid.
         columns: usize,
@@ -84,7 +86,8 @@ impl Map {
     /// The map as a message; the fields are listed at the top of this file.
     pub fn to_grid(&self, frame_id: &str, time: Stamp, options: &MapOptions) -> Grid {
         let (fields, cell_stride) = fields(options);
-        let mut data = vec![0; SIDE * SIDE * cell_stride];
+        let side = self.side();
+        let mut data = vec![0; side * side * cell_stride];
         let mut places = data.chunks_exact_mut(cell_stride);
         let layers: Vec<_> = options.sources.iter().map(|source| self.layer(source)).collect();
         let mut evidence = vec![Evidence::NONE; layers.len()];
@@ -106,9 +109,9 @@ impl Map {
                 position: Some(Vector3 { x: corner.x, y: corner.y, z: 0.0 }),
                 orientation: Some(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
             }),
-            column_count: SIDE as u32,
+            column_count: side as u32,
             cell_size: Some(Vector2 { x: size, y: size }),
-            row_stride: (SIDE * cell_stride) as u32,
+            row_stride: (side * cell_stride) as u32,
             cell_stride: cell_stride as u32,
             fields,
             data: Bytes::from(data),
@@ -119,14 +122,15 @@ impl Map {
     /// the others.
     pub fn from_grid(grid: &Grid) -> Result<Map, MapGridError> {
         let view = GridView::new(grid)?;
-        if view.columns() != SIDE || view.rows() != SIDE {
+        let side = view.columns();
+        if side != view.rows() || side > MAX_SIDE {
             return Err(MapGridError::Size { columns: view.columns(), rows: view.rows() });
         }
         let DVec2 { x, y } = view.cell_size_m();
         if x != y {
             return Err(MapGridError::CellSize { x, y });
         }
-        let mut map = Map::new(x)?;
+        let mut map = Map::with_side(side, x)?;
         let corner = view.frame_from_grid();
         let south_west = corner.translation.truncate() / x;
         let nearest = south_west.round();
@@ -136,7 +140,7 @@ impl Map {
             let (x, y, cell_size_m) = (corner.translation.x, corner.translation.y, x);
             return Err(MapGridError::Corner { x, y, cell_size_m });
         }
-        let half = (SIDE / 2) as i64;
+        let half = (side / 2) as i64;
         map.recentre_on(CellIndex::new(nearest.x as i64, nearest.y as i64).offset(half, half));
         let columns = Columns::read(&view)?;
         for (at, index) in map.grid().bounds().iter().enumerate() {

@@ -2,6 +2,7 @@ use proptest::prelude::*;
 use rcs_msg::foxglove::Vector2;
 
 use super::*;
+use crate::SIDE;
 use crate::{GridView, Sources, UNKNOWN_COST, VoteRule, Weights, fuse_grid};
 
 fn options(sources: Sources) -> MapOptions {

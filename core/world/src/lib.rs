@@ -4,7 +4,7 @@
 //! - [`Cell`], [`Evidence`], [`Vote`], [`VoteRule`]: the state of a cell, and how a measurement updates it.
 //! - [`fuse`]: the rule that computes one cost from the evidence of all sources. The world-model plugin and the
 //!   window's tuning view both call it, so that an operator sees the effect of new weights before sending them.
-//! - [`Map`]: 201×201 cells around the vehicle; converts to and from a `foxglove.Grid`.
+//! - [`Map`]: cells around the vehicle; converts to and from a `foxglove.Grid`.
 //! - [`MapMessage`], [`MapCodec`]: a map as it is published, and as it is recorded: key frames and changed cells.
 //! - [`GridView`], [`fuse_grid`]: read any `foxglove.Grid` or [`MapMessage`] by field without copying it, and fuse it
 //!   again with other weights.
@@ -44,7 +44,7 @@ pub use delta::{KEY_FRAME_NS, MAP_CODEC, MapCodec};
 pub use fusion::{Fused, SourceKind, Weighted, Weights, WeightsError, fuse};
 pub use grid_view::{Field, GridView, GridViewError, NumericType, fuse_grid};
 pub use layout::MapGridError;
-pub use map::{CELL_SIZE_M, Map, SIDE, WIDE_CELL_SIZE_M};
+pub use map::{CELL_SIZE_M, MAX_SIDE, Map, SIDE, WIDE_CELL_SIZE_M};
 pub use message::MapMessage;
 pub use options::MapOptions;
 pub use source::{Source, SourceNameError, Sources};

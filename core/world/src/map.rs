@@ -7,15 +7,17 @@ use serde::{Deserialize, Serialize};
 use crate::fusion::{Fuser, Layers};
 use crate::{Cell, Evidence, Fused, MAX_COST, Source, Sources, Vote, VoteRule, Weights};
 
-/// Cells per side, so that the vehicle is in cell (100, 100).
+/// Cells per side of WM1, and of WM2 in the papers, so that the vehicle is in cell (100, 100).
 pub const SIDE: usize = 201;
+/// Greatest number of cells per side.
+pub const MAX_SIDE: usize = 401;
 /// Cell size of WM1, and of the cost maps that it reads, m.
 pub const CELL_SIZE_M: f64 = 0.2;
 /// Cell size of WM2, m.
 pub const WIDE_CELL_SIZE_M: f64 = 0.6;
 
-/// A world-model map: 201×201 cells, north-up, the vehicle in the middle cell. WM1 has cells of 0.2 m (about 40 m
-/// across), WM2 of 0.6 m (about 120 m).
+/// A world-model map: a square of cells, north-up, the vehicle in the middle cell. WM1 has 201×201 cells of 0.2 m (about
+/// 40 m across); WM2 of the papers has as many of 0.6 m (about 120 m).
 ///
 /// One grid holds the state of the ground; each source has a grid of evidence of its own, which is created by its first
 /// vote. Clones share the tiles that neither has written since.
@@ -42,9 +44,20 @@ impl PartialEq for Map {
 }
 
 impl Map {
-    /// An unknown map around the frame's origin.
+    /// An unknown map of 201×201 cells around the frame's origin.
     pub fn new(cell_size_m: f64) -> Result<Map, GridError> {
-        Ok(Map { grid: ScrollGrid::new(SIDE, cell_size_m, Cell::default())?, layers: Vec::new() })
+        Map::with_side(SIDE, cell_size_m)
+    }
+
+    /// An unknown map around the frame's origin. An even number of cells per side puts the vehicle north-east of the
+    /// middle.
+    pub fn with_side(side: usize, cell_size_m: f64) -> Result<Map, GridError> {
+        Ok(Map { grid: ScrollGrid::new(side, cell_size_m, Cell::default())?, layers: Vec::new() })
+    }
+
+    /// Cells per side.
+    pub fn side(&self) -> usize {
+        self.grid.side()
     }
 
     /// The state of the ground.
@@ -143,9 +156,9 @@ impl Map {
         let bounds = self.grid.bounds();
         let slot = |index: CellIndex| {
             let [column, row] = [index.x - bounds.south_west.x, index.y - bounds.south_west.y];
-            (row * SIDE as i64 + column) as usize
+            (row * bounds.columns as i64 + column) as usize
         };
-        let mut stated = vec![Evidence::NONE; SIDE * SIDE];
+        let mut stated = vec![Evidence::NONE; bounds.columns * bounds.rows];
         for (index, evidence) in cells.iter().filter(|(index, _)| bounds.contains(*index)) {
             let is_known = evidence.confidence > 0 && evidence.cost <= MAX_COST;
             stated[slot(*index)] = if is_known { *evidence } else { Evidence::NONE };

@@ -13,7 +13,7 @@
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
 //! | `static_transforms` | in, optional | `foxglove.FrameTransforms` | transforms that hold at all times |
-//! | `map` | out | `foxglove.Grid` | 201x201 cells around the vehicle, local frame |
+//! | `map` | out | `foxglove.Grid` | cells around the vehicle, local frame |
 //! | `vehicle` | out | `foxglove.PoseInFrame` | pose of the vehicle in the local frame, with each map |
 //! | `stats` | out | `rcs.WorldModelStats` | known and obstacle cells of the map, and the age of each source |
 //!

@@ -93,7 +93,7 @@ impl Process for WorldModel {
             costs,
             poses: PosePorts::declare(b),
             map: b
-                .output("map", "201x201 cells around the vehicle, local frame")
+                .output("map", "cells around the vehicle, local frame")
                 .role(Role::Map)
                 .palette("cost")
                 .recorded_by(&MAP_CODEC)
@@ -115,7 +115,7 @@ impl Process for WorldModel {
 
     fn new(params: &WorldModelParams) -> Self {
         Self {
-            map: empty(params.cell_size_m),
+            map: empty(params),
             localizer: Localizer::default(),
             seen: Sources::default(),
             contributions: Vec::new(),
@@ -136,8 +136,9 @@ impl Process for WorldModel {
                 }
             }
         }
-        if self.map.grid().cell_size_m() != params.cell_size_m {
-            self.map = empty(params.cell_size_m);
+        let shape = (self.map.side(), self.map.grid().cell_size_m());
+        if shape != (params.cells_per_side as usize, params.cell_size_m) {
+            self.map = empty(params);
             self.seen = Sources::default();
         }
         let vehicle = self.scroll(params, cx.now());
@@ -168,8 +169,8 @@ impl Process for WorldModel {
 
 /// A map without evidence.
 #[expect(clippy::expect_used, reason = "any cell size that the parameter allows is a grid")]
-fn empty(cell_size_m: f64) -> Map {
-    Map::new(cell_size_m).expect("the cell size is valid")
+fn empty(params: &WorldModelParams) -> Map {
+    Map::with_side(params.cells_per_side as usize, params.cell_size_m).expect("side and cell size are valid")
 }
 
 impl WorldModel {
