@@ -28,6 +28,8 @@ pub enum Role {
     Labels,
     /// A map in which sources are fused.
     Map,
+    /// Goals, and the bounds of driving.
+    Mission,
     /// Learned models.
     Models,
     /// A planned path.
@@ -47,7 +49,7 @@ pub enum Role {
 /// Key of the channel metadata that holds the role of a buffer.
 pub(crate) const ROLE: &str = "rcs.role";
 
-const NAMES: [(Role, &str); 18] = [
+const NAMES: [(Role, &str); 19] = [
     (Role::Annotations, "annotations"),
     (Role::Calibration, "calibration"),
     (Role::Cloud, "cloud"),
@@ -59,6 +61,7 @@ const NAMES: [(Role, &str); 18] = [
     (Role::Image, "image"),
     (Role::Labels, "labels"),
     (Role::Map, "map"),
+    (Role::Mission, "mission"),
     (Role::Models, "models"),
     (Role::Path, "path"),
     (Role::Pose, "pose"),
@@ -91,6 +94,7 @@ impl Role {
             }
             Role::Goal => &["foxglove.PoseInFrame"],
             Role::Map => &["foxglove.Grid"],
+            Role::Mission => &["rcs.Mission"],
             Role::Path => &["foxglove.PosesInFrame"],
             Role::StaticTransforms | Role::Transforms => &["foxglove.FrameTransforms"],
             Role::Command | Role::Models | Role::Pose | Role::Sensor | Role::Stats => &[],
@@ -130,6 +134,8 @@ pub enum InputRole {
     Teleoperation,
     /// The emergency stop.
     EmergencyStop,
+    /// Goals, and the bounds of driving.
+    Mission,
 }
 
 impl InputRole {
@@ -138,6 +144,7 @@ impl InputRole {
         match self {
             InputRole::Teleoperation => "teleoperation",
             InputRole::EmergencyStop => "emergency_stop",
+            InputRole::Mission => "mission",
         }
     }
 }

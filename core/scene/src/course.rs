@@ -11,7 +11,12 @@
 //! goal_radius_m = 1.5
 //! start = { zone = 18, easting = 309030.0, northing = 4335020.0, heading_deg = 90.0 }
 //! goal = { easting = 309030.0, northing = 4335120.0 }
+//! area = [[309000.0, 4335010.0], [309060.0, 4335010.0], [309030.0, 4335140.0]]          # optional
+//! keep_out = [[[309020.0, 4335050.0], [309025.0, 4335050.0], [309020.0, 4335060.0]]]    # optional
 //! ```
+//!
+//! The vehicle stays inside of `area`, else inside of the bounds of the world, and outside of the zones of `keep_out`.
+//! Both are for its planning; the simulated world has no such borders.
 //!
 //! Positions are UTM coordinates in metres, in the zone and hemisphere of the world's origin. A zone may be given; it
 //! must then equal the world's. Headings are degrees counter-clockwise from east. The origin of the world's frame
@@ -97,6 +102,10 @@ impl Course {
         let time_limit_s = table.need_number("time_limit_s", 1.0..=36_000.0)?;
         let (start, heading_deg) = place(&mut table, "start", true)?;
         let (goal, _) = place(&mut table, "goal", false)?;
+        // These are for the vehicle, whose planning reads and checks them.
+        for key in ["area", "keep_out"] {
+            table.take(key);
+        }
         table.finish()?;
         let start_heading_rad = heading_deg.to_radians();
         Ok(Course {
@@ -175,6 +184,8 @@ northing = 4335120.0
 
     #[test]
     fn a_sound_file_is_read() {
+        let zones = "area = [[1, 2], [3, 4], [5, 6]]\nkeep_out = []\n";
+        assert_eq!(Course::from_toml(&format!("{zones}{SOUND}")), Course::from_toml(SOUND));
         let course = Course::from_toml(SOUND).unwrap();
         assert_eq!((course.name.as_str(), course.vehicle.as_deref()), ("meadow", Some("lagr")));
         assert_eq!((course.time_limit_s, course.goal_radius_m), (240.0, 2.0));

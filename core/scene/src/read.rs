@@ -79,7 +79,7 @@ impl<'t> Table<'t> {
         SceneError { line, key, message: message.into() }
     }
 
-    fn take(&mut self, key: &'static str) -> Option<Spanned<DeValue<'t>>> {
+    pub(crate) fn take(&mut self, key: &'static str) -> Option<Spanned<DeValue<'t>>> {
         self.asked.push(key);
         self.entries.iter_mut().find(|entry| entry.key == key)?.value.take()
     }

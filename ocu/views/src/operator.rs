@@ -21,6 +21,8 @@ pub struct Inputs {
     pub teleop: Option<Arc<str>>,
     /// The emergency stop.
     pub emergency_stop: Option<Arc<str>>,
+    /// Goals, and the bounds of driving.
+    pub mission: Option<Arc<str>>,
 }
 
 impl Inputs {
@@ -41,7 +43,11 @@ impl Inputs {
                 .find(|buffer| !buffer.is_empty() && !is_written(buffer))
                 .map(Arc::from)
         };
-        Self { teleop: find(InputRole::Teleoperation), emergency_stop: find(InputRole::EmergencyStop) }
+        Self {
+            teleop: find(InputRole::Teleoperation),
+            emergency_stop: find(InputRole::EmergencyStop),
+            mission: find(InputRole::Mission),
+        }
     }
 }
 

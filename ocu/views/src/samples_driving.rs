@@ -8,8 +8,8 @@ use rcs_msg::foxglove::{
     CircleAnnotation, Color, ImageAnnotations, Point2, PointsAnnotation, PoseInFrame, TextAnnotation, Vector3,
 };
 use rcs_msg::rcs::{
-    CourseRun, DriveCommand, EmergencyStop, PortInfo, ProcessInfo, ProcessTiming, SpeedLimit, Timing,
-    VehicleStatus,
+    CourseRun, DriveCommand, EmergencyStop, Mission, PlanePoint, PlanePolygon, PortInfo, ProcessInfo,
+    ProcessTiming, SpeedLimit, Timing, VehicleStatus,
 };
 use rcs_msg::{Schema, schema_of};
 use rcs_runtime::source::{
@@ -35,6 +35,11 @@ pub(crate) fn driving() -> Frame {
             &[("rcs.ground_truth", "true")],
         ),
         with_metadata(topic("/vehicle/goal", 1.0, 0.3, goal()), "vehicle", &[("rcs.role", "goal")]),
+        with_metadata(
+            topic("/generator/driven", 0.1, 5.0, mission()),
+            "generator",
+            &[("rcs.role", "mission")],
+        ),
         topic("/planner/plan", 4.0, 0.2, plan()),
         topic("/follower/arcs", 20.0, 0.05, arcs()),
         topic("/camera/points", 5.0, 0.1, cloud(&[[1.0, 2.0, 0.1]])),
@@ -64,6 +69,7 @@ pub(crate) fn driving() -> Frame {
             port("drive", "/driver/drive", schema_of::<DriveCommand>(), ""),
             port("teleop", "/operator/teleop", schema_of::<DriveCommand>(), "teleoperation"),
             port("stop", "/operator/emergency_stop", schema_of::<EmergencyStop>(), "emergency_stop"),
+            port("mission", "/operator/mission", schema_of::<Mission>(), "mission"),
         ],
         ..ProcessInfo::default()
     };
@@ -165,6 +171,20 @@ fn status() -> VehicleStatus {
 
 fn command() -> DriveCommand {
     DriveCommand { speed_mps: 1.0, yaw_rate_radps: Some(0.4), ..DriveCommand::default() }
+}
+
+/// Two goals, of which the first has been reached, an area, and a zone with a notch.
+fn mission() -> Mission {
+    let points = |at: &[(f64, f64)]| at.iter().map(|&(x_m, y_m)| PlanePoint { x_m, y_m }).collect();
+    let polygon = |at: &[(f64, f64)]| PlanePolygon { points: points(at) };
+    Mission {
+        frame_id: "local".to_owned(),
+        goals: points(&[(-3.0, -2.0), (9.0, 4.0)]),
+        area: Some(polygon(&[(-7.0, -7.0), (11.0, -7.0), (11.0, 7.0), (-7.0, 7.0)])),
+        keep_out: vec![polygon(&[(3.0, -6.0), (7.0, -6.0), (7.0, -2.5), (5.0, -4.5), (3.0, -2.5)])],
+        reached: 1,
+        ..Mission::default()
+    }
 }
 
 fn goal() -> PoseInFrame {

@@ -50,6 +50,12 @@ impl Children {
         cx.send(&self.far_planner, Order::Halt);
     }
 
+    /// Has the planners run again.
+    pub(crate) fn run_planners(&self, cx: &mut Cycle<'_>) {
+        cx.send(&self.planner, Order::Run);
+        cx.send(&self.far_planner, Order::Run);
+    }
+
     /// `DONE` when all children are.
     pub(crate) fn await_all(&self, done: &'static str, cx: &mut Cycle<'_>) {
         let reports = [cx.child(&self.planner), cx.child(&self.follower), cx.child(&self.far_planner)];

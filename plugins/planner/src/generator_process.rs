@@ -4,14 +4,19 @@
 use crate::barred::{Barred, turned_on_the_spot};
 use crate::children::Children;
 use crate::goal::Goal;
+use crate::mission::Mission;
 use crate::process::PlannerCommand;
-use crate::proto::{BarredPlace, ModeEvent, PlanPoint, PlannerGoal, Route, UtmGoal, WaypointGeneratorParams};
+use crate::proto::{
+    BarredPlace, ModeEvent, PlanPoint, PlanZone, PlannerGoal, Route, UtmGoal, WaypointGeneratorParams,
+};
 use crate::route;
 use crate::waypoints::spaced;
+use crate::zones::{Polygon, Zones};
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransforms, Odometry, PoseInFrame, PosesInFrame};
-use rcs_runtime::{Cycle, In, Order, Out, PortBuilder, Process, ProcessDef, Role};
+use rcs_msg::rcs;
+use rcs_runtime::{ChildState, Cycle, In, InputRole, Order, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Localizer, Origin, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
@@ -36,10 +41,20 @@ pub struct WaypointGenerator {
     global_from_local: Option<(Pose, Stamp)>,
     /// A goal by command, UTM: zone, easting, northing.
     commanded: Option<(u8, f64, f64)>,
+    /// The operator's mission, global frame, m.
+    mission: Mission,
+    /// Sequence of the operator's message that was read last.
+    taken: u64,
+    /// Where the vehicle must not drive, global frame, m, as the planners were told.
+    zones: Zones,
+    /// Why the goal is not driven to.
+    forbidden: Option<String>,
     /// The goal that the planners were told, local frame, m.
     told: Option<(f64, f64)>,
     /// What the planner of the near map was told, local frame, m.
     near_told: Option<(f64, f64)>,
+    /// Whether the planners were halted.
+    is_halted: bool,
     /// The path of the planner of the far map, local frame, m; empty without one.
     far_path: Vec<(f64, f64)>,
     /// Where the vehicle was, global frame, m.
@@ -66,9 +81,11 @@ pub struct Ports {
     transforms: In<FrameTransforms>,
     global: In<Odometry>,
     modes: In<ModeEvent>,
+    mission: In<rcs::Mission>,
     waypoints: Out<PosesInFrame>,
     goal: Out<PoseInFrame>,
     route: Out<Route>,
+    driven: Out<rcs::Mission>,
     children: Children,
 }
 
@@ -91,6 +108,7 @@ impl Process for WaypointGenerator {
             transforms: b.input("transforms", "the local frame in the global frame"),
             global: b.optional_input("global", "pose of the vehicle in the global frame, for its covariance"),
             modes: b.optional_input("modes", "changes of mode of the follower, for places that are barred"),
+            mission: b.operator_input(InputRole::Mission, "mission", "goals, area and zones of the operator"),
             waypoints: b
                 .output("waypoints", "waypoints along the path, local frame; none to stand")
                 .role(Role::Path)
@@ -103,6 +121,10 @@ impl Process for WaypointGenerator {
                 )
                 .role(Role::Stats)
                 .build(),
+            driven: b
+                .output("driven", "the goals, the area and the zones that are obeyed, global frame")
+                .role(Role::Mission)
+                .build(),
             children: Children::declare(b),
         }
     }
@@ -113,6 +135,9 @@ impl Process for WaypointGenerator {
         }
         if !params.goal.is_empty() {
             Goal::from_toml(&params.goal).map_err(|error| format!("goal: {error}"))?;
+        }
+        if let Ok(origin) = Origin::from_toml(&params.world) {
+            zones_of_files(params, &origin)?;
         }
         route::parse(&params.route).map_err(|error| format!("route: {error}"))?;
         Ok(())
@@ -130,13 +155,16 @@ impl Process for WaypointGenerator {
     fn cycle(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
         if ports.children.pass_on(&Order::Run, &Order::Run, cx) {
             self.told = None;
+            self.is_halted = false;
         }
         while let Some(command) = cx.next_command::<Self>() {
             let WaypointGeneratorCommand::GoTo(goal) = command;
             self.commanded = Some((goal.zone as u8, goal.easting_m, goal.northing_m));
+            self.mission.goals = None;
             self.told = None;
         }
         self.take_transforms(ports, params, cx);
+        self.take_mission(ports, params, cx);
         if let Some(odometry) = cx.read_newest(&ports.global) {
             self.error_m = position_error_m(&odometry);
             self.take_position(&odometry, cx);
@@ -149,10 +177,7 @@ impl Process for WaypointGenerator {
         let goal = match self.goal(params) {
             Ok(goal) => goal,
             Err(why) => {
-                // The planner must not go on planning to another goal.
-                if self.told.take().is_some() {
-                    ports.children.halt_planners(cx);
-                }
+                self.halt_planners(ports, cx);
                 send_none(ports, params, cx);
                 return cx.error(why);
             }
@@ -168,6 +193,10 @@ impl Process for WaypointGenerator {
             return cx.error(why);
         }
         self.command(ports, params, goal, local, cx);
+        if let Some(why) = &self.forbidden {
+            send_none(ports, params, cx);
+            return cx.error(why.clone());
+        }
         self.send_route(ports, params, goal, cx);
         let age_s = cx.now().seconds_since(at);
         let note = if age_s > params.transform_timeout_s {
@@ -204,6 +233,61 @@ impl WaypointGenerator {
         if let Ok(pose) = self.frames.lookup(global, local, cx.now(), f64::INFINITY) {
             self.global_from_local = Some((pose, at.unwrap_or(cx.now())));
         }
+    }
+
+    /// Reads the operator's mission, and goes on to its next goal.
+    fn take_mission(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
+        let message = cx.latest(&ports.mission);
+        if let Some(message) = message.filter(|message| message.header().sequence != self.taken) {
+            let global_from_message = match message.frame_id.as_str() {
+                frame if frame == params.global_frame => Some(Pose::IDENTITY),
+                frame if frame == params.local_frame => self.global_from_local.map(|(pose, _)| pose),
+                frame => {
+                    self.taken = message.header().sequence;
+                    let expected = (&params.global_frame, &params.local_frame);
+                    cx.fault(format!("mission: frame is {frame:?}, expected one of {expected:?}; not taken"));
+                    None
+                }
+            };
+            // Until the local frame is known, the message waits.
+            if let Some(global_from_message) = global_from_message {
+                self.taken = message.header().sequence;
+                self.told = None;
+                match Mission::of(&message, &global_from_message) {
+                    Ok(mission) => self.mission.take(mission),
+                    Err(why) => cx.fault(format!("mission: {why}; not taken")),
+                }
+            }
+        }
+        // While a far planner leads, the near one may arrive at a point of its path.
+        let is_led = self.near_told != self.told;
+        let arrived = cx.child(&ports.children.planner).is_some_and(|child| child.state == ChildState::Done);
+        if arrived && !is_led && self.told.is_some() && self.mission.arrive() {
+            self.told = None;
+            self.send_driven(ports, params, cx);
+        }
+    }
+
+    /// Says what is driven and obeyed.
+    fn send_driven(&self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
+        let mission = Mission { zones: self.zones.clone(), ..self.mission.clone() };
+        let now = cx.now();
+        cx.write(&ports.driven, now, mission.to_message(now, &params.global_frame));
+    }
+
+    /// The zones of the files and of the operator, global frame, m, unless the goal (global frame, m) lies in one.
+    fn allowed(&self, params: &WaypointGeneratorParams, goal: DVec2) -> Result<Zones, String> {
+        let origin = Origin::from_toml(&params.world).map_err(|error| format!("world: {error}"))?;
+        let mut zones = zones_of_files(params, &origin)?;
+        zones.keep_out.extend(self.mission.zones.keep_out.iter().cloned());
+        zones.area = self.mission.zones.area.clone().or(zones.area);
+        if zones.forbid(goal) {
+            let by_m = zones.trespass_m(goal);
+            return Err(format!(
+                "the goal lies {by_m:.1} m outside of the area, or inside of a zone: stands"
+            ));
+        }
+        Ok(zones)
     }
 
     /// Adds a position to the track.
@@ -282,14 +366,37 @@ impl WaypointGenerator {
         if !goal_moved && moved_m(self.near_told, near) < LOOKAHEAD_STEP_M {
             return;
         }
+        match self.allowed(params, goal) {
+            Ok(zones) => {
+                self.zones = zones;
+                self.forbidden = None;
+            }
+            Err(why) => {
+                self.halt_planners(ports, cx);
+                self.forbidden = Some(why);
+                return;
+            }
+        }
+        if self.is_halted {
+            // The next cycle tells them the goal.
+            ports.children.run_planners(cx);
+            self.is_halted = false;
+            return;
+        }
         let route = self.remembered(params, goal, &global_from_local);
         if let Some(why) = &self.refused_route {
             cx.fault(format!("route: {why}; not used"));
         }
         let barred = self.barred_in_local(&global_from_local);
+        let local_from_global = global_from_local.inverse();
+        let zones = self.zones.moved(|at| (local_from_global * at.extend(0.0)).truncate());
+        let area = zones.area.as_ref().map(corners).unwrap_or_default();
+        let keep_out: Vec<_> =
+            zones.keep_out.iter().map(|zone| PlanZone { corners: corners(zone) }).collect();
         let order = |to: DVec2| {
             let (route, barred) = (route.clone(), barred.clone());
-            PlannerCommand::PlanTo(PlannerGoal { x_m: to.x, y_m: to.y, route, barred })
+            let (area, keep_out) = (area.clone(), keep_out.clone());
+            PlannerCommand::PlanTo(PlannerGoal { x_m: to.x, y_m: to.y, route, barred, area, keep_out })
         };
         cx.send(&ports.children.planner, order(near));
         self.near_told = Some((near.x, near.y));
@@ -300,7 +407,17 @@ impl WaypointGenerator {
             let pose = Some(pose_message(&Pose::from_translation(local.extend(0.0))));
             let frame_id = params.local_frame.clone();
             cx.write(&ports.goal, now, PoseInFrame { timestamp: Some(now.to_proto()), frame_id, pose });
+            self.send_driven(ports, params, cx);
         }
+    }
+
+    /// The planners must not go on planning to another goal.
+    fn halt_planners(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
+        if self.near_told.take().is_some() {
+            ports.children.halt_planners(cx);
+            self.is_halted = true;
+        }
+        self.told = None;
     }
 
     /// What the planner of the near map plans to, local frame, m: the goal, or, if that is farther along the far path than
@@ -382,6 +499,9 @@ impl WaypointGenerator {
 
     /// The goal in the global frame, m.
     fn goal(&self, params: &WaypointGeneratorParams) -> Result<DVec2, String> {
+        if self.mission.goals.is_some() {
+            return self.mission.goal().ok_or_else(|| "the mission has no goals: stands".to_owned());
+        }
         let goal = match self.commanded {
             Some((zone, easting_m, northing_m)) => Goal { zone: Some(zone), easting_m, northing_m },
             None if params.goal.is_empty() => {
@@ -395,6 +515,16 @@ impl WaypointGenerator {
         let origin = Origin::from_toml(&params.world).map_err(|error| format!("world: {error}"))?;
         goal.in_global(&origin.0).map_err(|error| error.to_string())
     }
+}
+
+/// The zones of goal file and world file, global frame, m.
+fn zones_of_files(params: &WaypointGeneratorParams, origin: &Origin) -> Result<Zones, String> {
+    let zones = Zones::from_toml(&params.goal, &params.world, &origin.0, params.area_margin_m);
+    zones.map_err(|error| format!("goal: {error}"))
+}
+
+fn corners(polygon: &Polygon) -> Vec<PlanPoint> {
+    polygon.corners().map(|corner| PlanPoint { x_m: corner.x, y_m: corner.y }).collect()
 }
 
 /// Standard deviation of a position, m: the greater one of east and north. 0 without a covariance.

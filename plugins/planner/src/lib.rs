@@ -40,14 +40,18 @@
 //! | `transforms` | in | `foxglove.FrameTransforms` | the local frame in the global frame |
 //! | `global` | in, optional | `foxglove.Odometry` | pose of the vehicle in the global frame, for its covariance |
 //! | `modes` | in, optional | `rcs.ModeEvent` | changes of mode of the follower, for places that are barred |
+//! | `mission` | in, optional | `rcs.Mission` | goals, area and zones of the operator |
 //! | `waypoints` | out | `foxglove.PosesInFrame` | waypoints along the path, local frame; none to stand |
 //! | `goal` | out | `foxglove.PoseInFrame` | the goal in the local frame |
 //! | `route` | out | `rcs.Route` | path memory: the way to the goal without loops and excursions, UTM; near the goal |
+//! | `driven` | out | `rcs.Mission` | the goals, the area and the zones that are obeyed, global frame |
 //!
 //! Period 50 ms. It supervises a planner, a follower and, optionally, a planner on a larger map: passes `INIT`, `RUN` and
 //! `HALT` on to them, and has the planners plan to the goal ([`goal`]) wherever that moves in the local frame. With a far
 //! planner, the near one plans to the point of its path that lies `lookahead_m` along it, as the levels of A 5 do, so
-//! that what has left the near map is not forgotten. Command `GO_TO` gives another goal. The route of a run ([`route`]) is
+//! that what has left the near map is not forgotten. Command `GO_TO` gives another goal, and the operator's `mission` gives
+//! several ([`mission`]), which are driven to one after the other. The planners go around [`zones`] and stay inside of the
+//! area; a goal that lies elsewhere is not driven to. The route of a run ([`route`]) is
 //! a parameter of the next one, and the planner makes the cells along it cheaper. There
 //! are no waypoints, and it is in `ERROR`, without a goal, with one in another UTM zone, while the position is not known
 //! well enough, and when the goal has jumped in the local frame. If the fixes then put the vehicle back on its own track,
@@ -112,6 +116,7 @@ mod follower_process;
 mod generator_process;
 pub mod goal;
 mod map_reader;
+pub mod mission;
 pub mod modes;
 mod motion;
 mod place;
@@ -124,6 +129,7 @@ mod settings;
 mod signals;
 pub mod terrain;
 pub mod waypoints;
+pub mod zones;
 
 pub use follower_process::WaypointFollower;
 pub use generator_process::{WaypointGenerator, WaypointGeneratorCommand};

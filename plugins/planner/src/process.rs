@@ -4,9 +4,10 @@
 use crate::barred::Barred;
 use crate::map_reader::MapReader;
 use crate::plan::{Candidate, NoPlan, Plan, Planner, Step, Task};
-use crate::proto::{BarredPlace, PlannerGoal, PlannerParams};
+use crate::proto::{BarredPlace, PlanPoint, PlannerGoal, PlannerParams};
 use crate::settings::{check_costs, rules_of};
 use crate::terrain::{Past, Rules, Terms};
+use crate::zones::{Polygon, Zones};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::{Grid, PosesInFrame};
 use rcs_msg::rcs::{self, PlanState};
@@ -38,6 +39,8 @@ pub struct AStarPlanner {
     route: Vec<(f64, f64)>,
     /// Places that the vehicle could not get over, local frame, m.
     barred: Vec<Barred>,
+    /// Where it must not drive, local frame, m.
+    zones: Zones,
     /// The path that was planned last, local frame, m.
     previous: Vec<(f64, f64)>,
     /// Where the vehicle was, local frame, m.
@@ -127,6 +130,14 @@ impl Process for AStarPlanner {
             let barred =
                 |place: &BarredPlace| Barred { at: (place.x_m, place.y_m), radius_m: place.radius_m };
             self.barred = goal.barred.iter().map(barred).collect();
+            match zones(&goal) {
+                Ok(zones) => self.zones = zones,
+                // What cannot be understood must not be driven through.
+                Err(why) => {
+                    self.goal = None;
+                    return self.stop(ports, params, format!("PLAN_TO: {why}"), cx);
+                }
+            }
             self.planned = None;
         }
         let Some(goal) = self.goal else {
@@ -210,14 +221,23 @@ impl AStarPlanner {
         let goal = DVec2::from(self.goal.unwrap_or_default());
         self.take_position(vehicle);
         let route: Vec<DVec2> = self.route.iter().copied().map(DVec2::from).collect();
-        let previous: Vec<DVec2> = self.previous.drain(..).map(DVec2::from).collect();
+        let position = vehicle.translation.truncate();
+        let previous = self.previous.drain(..).map(DVec2::from);
+        let previous: Vec<DVec2> =
+            previous.filter(|at| at.distance(position) <= params.previous_reach_m).collect();
         let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
         let task = Task {
             sensed: &self.memory.reader.sensed,
             vehicle,
             goal,
             approach_m: params.approach_m.max(params.goal_radius_m),
-            past: Past { route: &route, previous: &previous, track: &track, barred: &self.barred },
+            past: Past {
+                route: &route,
+                previous: &previous,
+                track: &track,
+                barred: &self.barred,
+                zones: Some(&self.zones),
+            },
             alternative_m: params.alternative_m,
         };
         self.plans += 1;
@@ -369,6 +389,18 @@ fn candidate(candidate: &Candidate) -> rcs::PlanCandidate {
 fn terms(terms: &Terms) -> rcs::PlanTerms {
     let Terms { terrain, clearance, heading, relief, memory, previous } = *terms;
     rcs::PlanTerms { terrain, clearance, heading, relief, memory, previous }
+}
+
+/// The zones of a goal.
+fn zones(goal: &PlannerGoal) -> Result<Zones, String> {
+    let polygon =
+        |corners: &[PlanPoint]| Polygon::new(corners.iter().map(|corner| DVec2::new(corner.x_m, corner.y_m)));
+    let area = (!goal.area.is_empty()).then(|| polygon(&goal.area)).transpose();
+    let keep_out = goal.keep_out.iter().map(|zone| polygon(&zone.corners)).collect::<Result<_, _>>();
+    Ok(Zones {
+        area: area.map_err(|error| format!("area: {error}"))?,
+        keep_out: keep_out.map_err(|error| format!("keep_out: {error}"))?,
+    })
 }
 
 fn rules(params: &PlannerParams) -> Rules {

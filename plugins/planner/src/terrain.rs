@@ -23,6 +23,7 @@ use crate::barred::Barred;
 use crate::clearance::{Clearance, MAX_BOUND};
 use crate::costs::{BLOCKED, CostGrid, CostGridError, MAX_COST};
 use crate::place::Place;
+use crate::zones::Zones;
 use rcs_geom::{DVec2, Pose};
 use rcs_world::UNKNOWN_COST;
 
@@ -80,6 +81,8 @@ pub struct Past<'a> {
     pub track: &'a [DVec2],
     /// Places that it could not get over, map's frame.
     pub barred: &'a [Barred],
+    /// Where it must not drive, map's frame; `None` for nowhere.
+    pub zones: Option<&'a Zones>,
 }
 
 /// The terms of the cost of a cell.
@@ -219,18 +222,7 @@ impl Terrain {
         for (obstacle, _) in self.is_obstacle.iter_mut().zip(&sensed.bumped).filter(|(_, bumped)| **bumped) {
             *obstacle = true;
         }
-        self.barred.clear();
-        for place in past.barred {
-            self.barred.resize(sensed.fused.len(), false);
-            let away_m = vehicle.translation.truncate().distance(DVec2::from(place.at));
-            // A vehicle that has come into the place can leave it.
-            let radius_m = place.radius_m.min(away_m - rules.least_room_m - sensed.cell_size_m);
-            around(sensed, DVec2::from(place.at), radius_m, |place, _| {
-                let index = sensed.index(place);
-                self.barred[index] = true;
-                self.is_obstacle[index] = true;
-            });
-        }
+        self.bar(sensed, vehicle, past, rules);
         let bound = (rules.wish_room_m / sensed.cell_size_m).ceil().clamp(1.0, MAX_BOUND as f64) as usize;
         let by_room = |least_room_m: f64| {
             move |squared: usize| {
@@ -271,6 +263,32 @@ impl Terrain {
             .collect();
         self.near_the_vehicle(sensed, vehicle, rules, &mut cells);
         CostGrid::new(sensed.columns, cells.len() / sensed.columns.max(1), cells)
+    }
+
+    /// Marks the cells that are barred. A vehicle that has come into one can leave it, and turn beside it.
+    fn bar(&mut self, sensed: &Sensed, vehicle: &Pose, past: &Past<'_>, rules: &Rules) {
+        self.barred.clear();
+        let position = vehicle.translation.truncate();
+        let stands_in_m = rules.least_room_m + sensed.cell_size_m;
+        if let Some(zones) = past.zones.filter(|zones| !zones.is_empty()) {
+            let free_m = zones.trespass_m(position) + stands_in_m;
+            let columns = sensed.columns.max(1);
+            let is_barred = |at: usize| {
+                let centre = sensed.centre(Place::new((at % columns) as i32, (at / columns) as i32));
+                zones.forbid(centre) && centre.distance(position) > free_m
+            };
+            self.barred.extend((0..sensed.fused.len()).map(is_barred));
+        }
+        for place in past.barred {
+            self.barred.resize(sensed.fused.len(), false);
+            let radius_m = place.radius_m.min(position.distance(DVec2::from(place.at)) - stands_in_m);
+            around(sensed, DVec2::from(place.at), radius_m, |place, _| {
+                self.barred[sensed.index(place)] = true;
+            });
+        }
+        for (obstacle, _) in self.is_obstacle.iter_mut().zip(&self.barred).filter(|(_, barred)| **barred) {
+            *obstacle = true;
+        }
     }
 
     /// The clearance term of a cell by its squared distance from the nearest obstacle; `None` where the vehicle does not

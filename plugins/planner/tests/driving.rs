@@ -8,7 +8,7 @@ use rcs_msg::foxglove::{
     FrameTransform, FrameTransforms, Grid, Odometry, PackedElementField, PosesInFrame, Quaternion, Vector2,
     Vector3,
 };
-use rcs_msg::rcs::{ArcChoice, ProcessState};
+use rcs_msg::rcs::{ArcChoice, Mission, PlanePoint, PlanePolygon, ProcessState};
 use rcs_msg::{Stamp, rcs};
 use rcs_planner::proto::{ModeEvent, UtmGoal};
 use rcs_planner::{AStarPlanner, WaypointFollower, WaypointGenerator, WaypointGeneratorCommand};
@@ -24,7 +24,7 @@ name = "driver"
 name = "generator"
 plugin = "waypoint_generator"
 supervisor = "viewer"
-inputs = { path = "/planner/path", transforms = "/operator/transforms", global = "/operator/global", modes = "/follower/modes" }
+inputs = { path = "/planner/path", transforms = "/operator/transforms", global = "/operator/global", modes = "/follower/modes", mission = "/operator/mission" }
 
 [[process]]
 name = "planner"
@@ -57,6 +57,7 @@ struct Files;
 impl rcs_runtime::Assets for Files {
     fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<rcs_runtime::Asset, String> {
         let text = match (kind, name) {
+            ("world", "bounded") => format!("bounds_m = [[-20, 1], [40, 40]]\n{WORLD}"),
             ("world", _) => WORLD.to_owned(),
             ("mode", _) => include_str!("../../../assets/modes/lagr.toml").to_owned(),
             (_, "far.toml") => GOAL.replace("18", "17"),
@@ -400,4 +401,87 @@ fn weights_with_which_no_arc_leads_anywhere_are_refused() {
     let params = [("follower.weight_goal", "0"), ("follower.weight_heading", "0")];
     let error = Setup::new(STACK, &plugins()).params(&params).assets(&Files).plan().unwrap_err().to_string();
     assert!(error.contains("weight_goal and weight_heading: both are 0"), "{error}");
+}
+
+fn point(x_m: f64, y_m: f64) -> PlanePoint {
+    PlanePoint { x_m, y_m }
+}
+
+fn polygon(corners: &[(f64, f64)]) -> PlanePolygon {
+    PlanePolygon { points: corners.iter().map(|&(x_m, y_m)| point(x_m, y_m)).collect() }
+}
+
+/// Positions of the planner's path, local frame, m.
+fn path(bench: &Bench) -> Vec<DVec2> {
+    let path: PosesInFrame = bench.latest("/planner/path");
+    path.poses.iter().filter_map(|pose| pose.position).map(|at| DVec2::new(at.x, at.y)).collect()
+}
+
+#[test]
+fn the_goals_of_a_mission_are_driven_to_one_after_the_other() {
+    let mut bench = start(&FILES[..2]);
+    let mission = |goals| Mission { frame_id: "local".to_owned(), goals, ..Mission::default() };
+    bench.write("/operator/mission", mission(vec![point(4.0, 0.0), point(8.0, 4.0)]));
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    let obeyed = |bench: &Bench| bench.latest::<Mission>("/generator/driven");
+    assert!(path(&bench).last().unwrap().distance(DVec2::new(4.0, 0.0)) < 0.2, "{}", story(&bench));
+    assert_eq!((obeyed(&bench).reached, obeyed(&bench).goals[0].x_m), (0, 6.0), "in the global frame");
+    cycle(&mut bench, 3.9, 0.0, free, 20);
+    assert!(path(&bench).last().unwrap().distance(DVec2::new(8.0, 4.0)) < 0.2, "{}", story(&bench));
+    assert_eq!(obeyed(&bench).reached, 1);
+    bench.write("/operator/mission", mission(Vec::new()));
+    cycle(&mut bench, 3.9, 0.0, free, 6);
+    assert_eq!((drive(&bench), path(&bench).len()), ((0.0, 0.0), 0));
+    assert_eq!(status(&bench, "generator").1, "the mission has no goals: stands");
+    bench.write("/operator/mission", Mission { frame_id: "elsewhere".to_owned(), ..Mission::default() });
+    cycle(&mut bench, 3.9, 0.0, free, 2);
+    let faults: rcs::Status = bench.latest("/generator/status");
+    assert!(faults.last_fault.contains("mission: frame is \"elsewhere\""), "{faults:?}");
+}
+
+#[test]
+fn zones_are_driven_around_and_the_area_is_not_left() {
+    let zone = [(4.0, -1.0), (6.0, -1.0), (6.0, 30.0), (4.0, 30.0)];
+    let mission = Mission {
+        frame_id: "local".to_owned(),
+        keep_out: vec![polygon(&zone)],
+        keeps_goals: true,
+        ..Mission::default()
+    };
+    let enters = |path: &[DVec2]| path.iter().any(|at| (4.0..6.0).contains(&at.x) && at.y > -1.0);
+    let mut bench = start(&FILES[..2]);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(enters(&path(&bench)), "{}", story(&bench));
+    bench.write("/operator/mission", mission.clone());
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(!enters(&path(&bench)) && path(&bench).len() > 50, "{}", story(&bench));
+
+    // The world ends at 1 m north in the global frame, 2 m south in the local one, and 1 m is kept: no way is left.
+    let files = [("generator.world", "bounded"), ("generator.goal", "g")];
+    let mut bench = start(&files);
+    bench.write("/operator/mission", mission);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
+    let (state, text) = status(&bench, "planner");
+    assert!(state == ProcessState::Error && text.starts_with("no way to the goal"), "{text}");
+}
+
+#[test]
+fn a_goal_outside_of_the_area_is_refused_and_a_vehicle_outside_comes_back() {
+    let mut bench = start(&FILES[..2]);
+    let area = |to_x_m| Mission {
+        frame_id: "local".to_owned(),
+        area: Some(polygon(&[(3.0, -5.0), (to_x_m, -5.0), (to_x_m, 5.0), (3.0, 5.0)])),
+        keeps_goals: true,
+        ..Mission::default()
+    };
+    bench.write("/operator/mission", area(8.0));
+    cycle(&mut bench, 5.0, 0.0, free, 12);
+    assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
+    let (state, text) = status(&bench, "generator");
+    assert!(state == ProcessState::Error && text.starts_with("the goal lies 2.0 m outside"), "{text}");
+    // The vehicle is 3 m outside of the area.
+    bench.write("/operator/mission", area(20.0));
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
 }

@@ -87,7 +87,7 @@ fn thing<'a>(layer: &Layer<'a>, now: Stamp) -> Option<Thing<'a>> {
                 place.map(|place| (place.position.metres(track.origin.as_ref()).to_array(), place.yaw_rad));
             Thing::Track { points: (0..count).step_by(every).filter_map(at).collect(), here }
         }
-        Kind::Goal(_) | Kind::Arcs(_) | Kind::Track { .. } => return None,
+        Kind::Goal(_) | Kind::Arcs(_) | Kind::Mission(_) | Kind::Track { .. } => return None,
     })
 }
 

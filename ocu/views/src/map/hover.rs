@@ -47,6 +47,7 @@ impl Map {
             if let Some(time) = hover.time
                 && response.clicked()
                 && !self.measuring
+                && self.draft.is_none()
             {
                 cx.controls.push(Control::Seek(time));
             }

@@ -6,7 +6,7 @@ use crate::texture::SameMessage;
 use crate::view::is_old;
 use rcs_geom::{DVec3, Enu, Geodetic, Pose, TransformError};
 use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
-use rcs_msg::rcs::{ArcChoice, Plan};
+use rcs_msg::rcs::{ArcChoice, Mission, Plan};
 use rcs_msg::{AnyMessage, Stamp};
 use rcs_runtime::Role;
 use rcs_runtime::source::{Frame, Place, RunTag, Topic, Track, WGS84};
@@ -27,6 +27,8 @@ pub(super) enum Kind<'a> {
     Plan(&'a Plan),
     /// The arcs that were considered.
     Arcs(&'a ArcChoice),
+    /// Goals, and the bounds of driving.
+    Mission(&'a Mission),
     /// The track of a moving object.
     Track {
         /// The track.
@@ -112,6 +114,10 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
             }
             "rcs.ArcChoice" => {
                 paths.extend(topic.get::<ArcChoice>().map(|arcs| layer(Kind::Arcs(arcs), &arcs.frame_id)));
+            }
+            "rcs.Mission" if topic.role() == Some(Role::Mission) => {
+                let mission = topic.get::<Mission>();
+                paths.extend(mission.map(|mission| layer(Kind::Mission(mission), &mission.frame_id)));
             }
             "foxglove.PoseInFrame" if is_goal(topic) => {
                 paths.extend(topic.get::<PoseInFrame>().map(|goal| layer(Kind::Goal(goal), &goal.frame_id)));

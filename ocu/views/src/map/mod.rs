@@ -9,6 +9,7 @@ mod for_scene;
 mod grid;
 mod hover;
 mod layers;
+mod mission;
 mod paint;
 mod panel;
 mod plan;
@@ -18,6 +19,7 @@ mod uncertainty;
 use crate::badge;
 use crate::canvas::Viewport;
 use crate::clip::{Near, is_place};
+use crate::operator::Inputs;
 use crate::texture::{Cached, CachedTexture, SameMessage};
 use crate::tuning::weights;
 use crate::view::{Preview, SavedState, View, ViewContext};
@@ -96,6 +98,10 @@ pub(crate) struct Map {
     /// End points of the measuring line, in the map's frame.
     measured: Option<[[f64; 2]; 2]>,
     measuring: bool,
+    /// A mission that is being drawn.
+    draft: Option<mission::Draft>,
+    /// Where the menu was opened, in the map's frame.
+    menu_at: Option<[f64; 2]>,
     tracks: Tracks,
     /// Title and start of the source to which the viewport belongs.
     looked_at: Option<(String, Stamp)>,
@@ -129,7 +135,7 @@ impl View for Map {
     fn accepts(&self, topic: &Topic) -> bool {
         const TYPES: [&str; 6] =
             ["Grid", "PointCloud", "PosesInFrame", "Odometry", "PoseInFrame", "LocationFix"];
-        let is_ours = matches!(topic.type_name(), "rcs.Plan" | "rcs.ArcChoice");
+        let is_ours = matches!(topic.type_name(), "rcs.Plan" | "rcs.ArcChoice" | "rcs.Mission");
         is_ours || topic.type_name().strip_prefix("foxglove.").is_some_and(|name| TYPES.contains(&name))
     }
 
@@ -161,7 +167,7 @@ impl View for Map {
         self.follow_preview(cx.selection.preview.as_ref());
         self.tracks.update(cx.frame, map, &layers, self.saved.align);
         let roomy = ui.available_width() >= 560.0;
-        self.toolbar(ui, map, &frames, roomy);
+        self.toolbar(ui, cx.frame, map, &frames, roomy);
         let area = ui.available_rect_before_wrap();
         let listed = self.saved.panel.unwrap_or(roomy);
         let panel_width = if listed { 216.0_f32.min(area.width() * 0.6).floor() } else { 0.0 };
@@ -176,7 +182,7 @@ impl View for Map {
 }
 
 impl Map {
-    fn toolbar(&mut self, ui: &mut Ui, map: &str, frames: &[&str], roomy: bool) {
+    fn toolbar(&mut self, ui: &mut Ui, frame: &Frame, map: &str, frames: &[&str], roomy: bool) {
         let mut bar: Bar<'_, Self> = Bar::new("toolbar");
         bar.left("frame", Fit::Leaves(60), |ui, form, view| view.frame_choice(ui, form, map, frames));
         bar.right("fit", Fit::Leaves(50), |ui, form, view| {
@@ -187,10 +193,20 @@ impl Map {
         bar.right("measure", Fit::Leaves(20), |ui, form, view| {
             let name = "Measure a distance";
             let measure = bar::tool_toggle(ui, form, icons::ICON_STRAIGHTEN, name, &mut view.measuring);
-            if measure.clicked() && !view.measuring {
+            if measure.clicked() {
                 view.measured = None;
+                view.draft = None;
             }
         });
+        if let Some(buffer) = Inputs::of(frame).mission {
+            bar.right("mission", Fit::Leaves(40), move |ui, form, view| {
+                let mut editing = view.draft.is_some();
+                let name = "Draw a mission: goals and keep-out zones";
+                if bar::tool_toggle(ui, form, icons::ICON_TOUR, name, &mut editing).clicked() {
+                    view.toggle_draft(frame, map, &buffer);
+                }
+            });
+        }
         bar.right("palette", Fit::Leaves(10), |ui, form, view| {
             let mut even = view.saved.palette == MapPalette::Even;
             let name = "Even colours, for colour-blind people";
@@ -218,6 +234,7 @@ impl Map {
                     self.saved.frame = Some((*frame).to_owned());
                     self.saved.viewport = None;
                     self.measured = None;
+                    self.draft = None;
                 }
             }
         });
@@ -307,6 +324,10 @@ impl Map {
                     let at = plan::At { map_from_layer, viewport, canvas };
                     plan::arcs(&painter, choice, at, tokens(ui), meant);
                 }
+                (Kind::Mission(mission), Ok(map_from_layer)) if self.draft.is_none() => {
+                    let at = plan::At { map_from_layer, viewport, canvas };
+                    mission::paint(&painter, mission, at, tokens(ui), false);
+                }
                 (Kind::Track { .. }, _) => self.paint_track(ui, layer, cx.frame, viewport, canvas, color),
                 (Kind::Goal(goal), Ok(pose)) => {
                     paint::goal(ui, goal, &pose, self.here(cx.frame, &shown), viewport, canvas);
@@ -319,6 +340,13 @@ impl Map {
             paint::badge(ui, canvas, 20.0, icons::ICON_TUNE, "preview: edited weights, not sent");
         }
         self.paint_measured(ui, viewport, canvas);
+        self.draw_mission(
+            ui,
+            cx,
+            map,
+            &response,
+            plan::At { map_from_layer: Pose::IDENTITY, viewport, canvas },
+        );
         self.point_at(ui, cx, map, &shown, &response, viewport);
         legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 32.0), viewport.scale);
         paint::north(ui, canvas.left_top() + Vec2::new(20.0, 24.0), map == WGS84);
@@ -371,7 +399,7 @@ impl Map {
                     let goal = crate::pose::from_message(goal.pose.as_ref());
                     usize::from(goal.is_ok_and(|goal| !is_place(&(pose * goal.translation).to_array())))
                 }
-                (Kind::Plan(_) | Kind::Arcs(_), Ok(_)) | (_, Err(_)) => 0,
+                (Kind::Plan(_) | Kind::Arcs(_) | Kind::Mission(_), Ok(_)) | (_, Err(_)) => 0,
             };
             counts.push((far, layer.name.as_str()));
         }

@@ -75,6 +75,7 @@ impl Map {
             Kind::Goal(_) => icons::ICON_FLAG,
             Kind::Plan(_) => icons::ICON_ALT_ROUTE,
             Kind::Arcs(_) => icons::ICON_TURN_SLIGHT_RIGHT,
+            Kind::Mission(_) => icons::ICON_TOUR,
             Kind::Track { .. } => icons::ICON_TIMELINE,
         };
         let color = match layer.kind {
@@ -129,9 +130,7 @@ impl Map {
                     }
                 });
             }
-            (Kind::Path(_) | Kind::Plan(_) | Kind::Arcs(_) | Kind::Goal(_) | Kind::Track { .. }, _)
-                if layer.frame_id != map =>
-            {
+            (kind, _) if !matches!(kind, Kind::Grid(_) | Kind::Cloud(_)) && layer.frame_id != map => {
                 note(ui, format!("in {}", layers::frame_label(layer.frame_id)), tokens.weak);
             }
             _ => {}
@@ -216,7 +215,7 @@ impl Map {
                         ui.label(RichText::new(format!("{}  height", layer.name)).small());
                         legend::band(ui, 96.0, &low, &high, palette::even);
                     }
-                    Kind::Path(_) | Kind::Plan(_) | Kind::Arcs(_) | Kind::Goal(_) | Kind::Track { .. } => {}
+                    _ => {}
                 }
             }
             if costs {

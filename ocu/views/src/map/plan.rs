@@ -26,7 +26,7 @@ pub(super) struct At {
 }
 
 impl At {
-    fn line(&self, points: impl Iterator<Item = [f64; 2]>) -> Vec<Vec<Pos2>> {
+    pub(super) fn line(&self, points: impl Iterator<Item = [f64; 2]>) -> Vec<Vec<Pos2>> {
         let on_map = points.map(|[x, y]| {
             let p = self.map_from_layer * DVec3::new(x, y, 0.0);
             [p.x, p.y]
@@ -34,7 +34,7 @@ impl At {
         clip::line(on_map, self.viewport, self.canvas)
     }
 
-    fn screen(&self, [x, y]: [f64; 2]) -> Pos2 {
+    pub(super) fn screen(&self, [x, y]: [f64; 2]) -> Pos2 {
         let p = self.map_from_layer * DVec3::new(x, y, 0.0);
         self.viewport.to_screen(self.canvas, [p.x, p.y])
     }

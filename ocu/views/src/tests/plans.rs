@@ -1,11 +1,13 @@
-//! The links between the view of plans and the map.
+//! The links between the view of plans and the map, and missions that are drawn on the map.
 
 use super::{Shown, harness};
 use crate::samples;
 use crate::view::{Hover, HoverPoint, TopicKey};
-use egui::{Theme, Vec2};
+use egui::{Pos2, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
+use rcs_msg::rcs::Mission;
+use rcs_runtime::source::Control;
 
 fn shown(kind: &str) -> Harness<'static, Shown> {
     let mut harness = harness(Shown::new(kind, samples::driving()), Vec2::new(900.0, 760.0), Theme::Dark);
@@ -67,4 +69,61 @@ fn every_term_of_both_paths_is_told_with_the_difference() {
     assert!(harness.query_by_label_contains("chosen, length, m 12.0").is_some());
     assert!(harness.query_by_label_contains("difference, length, m +").is_some());
     assert!(harness.query_by_label_contains("the other way costs 216 more").is_some());
+}
+
+/// The missions that were sent.
+fn sent(harness: &mut Harness<'static, Shown>) -> Vec<Mission> {
+    let controls = std::mem::take(&mut harness.state_mut().controls);
+    let write = |control| match control {
+        Control::Write { buffer, message } if buffer == "/operator/mission" => message.to::<Mission>(),
+        _ => None,
+    };
+    controls.into_iter().filter_map(write).collect()
+}
+
+fn click(harness: &mut Harness<'static, Shown>, at: Pos2, button: egui::PointerButton) {
+    harness.hover_at(at);
+    for pressed in [true, false] {
+        harness.event(egui::Event::PointerButton {
+            pos: at,
+            button,
+            pressed,
+            modifiers: egui::Modifiers::NONE,
+        });
+    }
+    harness.run();
+}
+
+#[test]
+fn a_mission_is_drawn_and_sent_and_a_click_sends_the_vehicle_to_one_goal() {
+    let mut map = shown("map");
+    let canvas = map.get_by_label("Map").rect();
+    map.get_by_label_contains("Draw a mission").click();
+    map.run();
+    let primary = egui::PointerButton::Primary;
+    click(&mut map, canvas.center() + Vec2::new(40.0, 60.0), primary);
+    map.get_by_label("Keep-out zones").click();
+    map.run();
+    let corners = [Vec2::new(-60.0, 120.0), Vec2::new(-140.0, 120.0), Vec2::new(-140.0, 200.0)];
+    for corner in corners {
+        click(&mut map, canvas.center() + corner, primary);
+    }
+    assert!(map.query_by_label_contains("click on the first corner").is_some());
+    click(&mut map, canvas.center() + corners[0] + Vec2::new(3.0, 3.0), primary);
+    map.snapshot("mission_draft_dark");
+    assert!(sent(&mut map).is_empty());
+    map.get_by_label_contains("Send").click();
+    map.run();
+    let missions = sent(&mut map);
+    let [mission] = missions.as_slice() else { panic!("{missions:?}") };
+    // One goal of the earlier mission has not been reached.
+    assert_eq!((mission.goals.len(), mission.keep_out.len(), mission.keeps_goals), (2, 1, false));
+    assert_eq!((mission.frame_id.as_str(), mission.keep_out[0].points.len()), ("local", 3));
+    assert!(map.query_by_label_contains("as sent").is_some());
+
+    let mut map = shown("map");
+    click(&mut map, canvas.center(), egui::PointerButton::Secondary);
+    map.get_by_label_contains("Drive here").click();
+    map.run();
+    assert_eq!(sent(&mut map)[0].goals.len(), 1);
 }

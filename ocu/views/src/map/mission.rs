@@ -1,0 +1,333 @@
+//! Missions on a map: what a vehicle obeys, and a draft of the operator: goals, and zones that it must not enter.
+
+use super::layers::Kind;
+use super::plan::At;
+use super::{Map, layers};
+use crate::clip;
+use crate::operator::Inputs;
+use crate::view::ViewContext;
+use egui::{Align2, Color32, FontId, Painter, Pos2, Response, RichText, Shape, Stroke, Ui};
+use ocu_ui::{Tokens, icons, legend, tokens};
+use rcs_geom::{DVec3, Pose};
+use rcs_msg::AnyMessage;
+use rcs_msg::rcs::{Mission, PlanePoint, PlanePolygon};
+use rcs_runtime::source::{Control, Frame};
+
+/// Distance from the first corner at which a click closes a zone, screen points.
+const NEAR: f32 = 10.0;
+/// Distance between the lines of a hatching, screen points.
+const HATCH: f32 = 9.0;
+
+/// What a click on the map adds to the draft.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) enum Adds {
+    /// A goal.
+    #[default]
+    Goal,
+    /// A corner of a zone.
+    Zone,
+}
+
+/// A mission that has not been sent, in the frame of the map.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Draft {
+    pub(super) adds: Adds,
+    goals: Vec<[f64; 2]>,
+    keep_out: Vec<Vec<[f64; 2]>>,
+    /// Corners of the zone that is being drawn.
+    corners: Vec<[f64; 2]>,
+    /// Whether the goals, and anything, differ from what was sent.
+    goals_changed: bool,
+    changed: bool,
+}
+
+impl Draft {
+    /// The draft that begins with the goals that the vehicle has not reached, and the zones that the operator has sent.
+    fn of(frame: &Frame, map: &str, buffer: &str) -> Self {
+        let place = |map_from: Pose| {
+            move |at: &PlanePoint| {
+                let p = map_from * DVec3::new(at.x_m, at.y_m, 0.0);
+                [p.x, p.y]
+            }
+        };
+        let mut draft = Self::default();
+        if let Some((mission, map_from_mission)) = obeyed(frame, map) {
+            let left = mission.goals.iter().skip(mission.reached as usize);
+            draft.goals = left.map(place(map_from_mission)).collect();
+        }
+        if let Some(sent) = frame.topic(buffer).and_then(|topic| topic.get::<Mission>())
+            && let Ok(map_from_sent) = frame.transforms.lookup(map, &sent.frame_id, frame.now.0)
+        {
+            let zone = |zone: &PlanePolygon| zone.points.iter().map(place(map_from_sent)).collect();
+            draft.keep_out = sent.keep_out.iter().map(zone).collect();
+        }
+        draft
+    }
+
+    fn click(&mut self, at: [f64; 2], reach_m: f64) {
+        self.changed = true;
+        if self.adds == Adds::Goal {
+            self.goals_changed = true;
+            return self.goals.push(at);
+        }
+        let first = self.corners.first().copied();
+        let closes = first.is_some_and(|first| (first[0] - at[0]).hypot(first[1] - at[1]) <= reach_m);
+        if closes && self.corners.len() >= 3 {
+            self.keep_out.push(std::mem::take(&mut self.corners));
+        } else if !closes {
+            self.corners.push(at);
+        }
+    }
+
+    /// Takes the last thing back; whether there was one.
+    fn undo(&mut self) -> bool {
+        let zones = self.adds == Adds::Zone;
+        let a_goal = !zones && self.corners.is_empty() && self.goals.pop().is_some();
+        let done = a_goal || self.corners.pop().is_some() || (zones && self.keep_out.pop().is_some());
+        self.goals_changed |= a_goal;
+        self.changed |= done;
+        done
+    }
+
+    fn message(&self, frame_id: &str, frame_from_map: &Pose) -> Mission {
+        let point = |at: &[f64; 2]| {
+            let p = *frame_from_map * DVec3::new(at[0], at[1], 0.0);
+            PlanePoint { x_m: p.x, y_m: p.y }
+        };
+        let zone = |corners: &Vec<[f64; 2]>| PlanePolygon { points: corners.iter().map(point).collect() };
+        Mission {
+            timestamp: None,
+            frame_id: frame_id.to_owned(),
+            goals: self.goals.iter().map(point).collect(),
+            area: None,
+            keep_out: self.keep_out.iter().map(zone).collect(),
+            reached: 0,
+            keeps_goals: !self.goals_changed,
+        }
+    }
+
+    fn summary(&self) -> String {
+        let count = |count: usize, what: &str| format!("{count} {what}{}", if count == 1 { "" } else { "s" });
+        format!("{}, {}", count(self.goals.len(), "goal"), count(self.keep_out.len(), "keep-out zone"))
+    }
+}
+
+/// The mission that a vehicle obeys, and its pose in the frame of the map.
+fn obeyed<'a>(frame: &'a Frame, map: &str) -> Option<(&'a Mission, Pose)> {
+    layers::layers(frame).iter().find_map(|layer| match layer.kind {
+        Kind::Mission(mission) => Some((mission, layers::map_from_layer(frame, map, layer).ok()?)),
+        _ => None,
+    })
+}
+
+impl Map {
+    /// Opens a draft, or throws it away.
+    pub(super) fn toggle_draft(&mut self, frame: &Frame, map: &str, buffer: &str) {
+        self.draft = match self.draft {
+            Some(_) => None,
+            None => Some(Draft::of(frame, map, buffer)),
+        };
+        self.measuring = false;
+    }
+
+    /// Clicks of the operator who draws, and the menu of the map.
+    pub(super) fn draw_mission(
+        &mut self,
+        ui: &mut Ui,
+        cx: &mut ViewContext<'_>,
+        map: &str,
+        response: &Response,
+        at: At,
+    ) {
+        let Some(buffer) = Inputs::of(cx.frame).mission else {
+            self.draft = None;
+            return;
+        };
+        let place = |pos: Pos2| at.viewport.to_plane(at.canvas, pos);
+        if let Some(draft) = &mut self.draft {
+            if let Some(pos) = response.interact_pointer_pos().filter(|_| response.clicked()) {
+                draft.click(place(pos), f64::from(NEAR) / at.viewport.scale);
+            }
+            paint(&ui.painter_at(at.canvas), &draft.message(map, &Pose::IDENTITY), at, tokens(ui), true);
+            paint_corners(&ui.painter_at(at.canvas), &draft.corners, at, tokens(ui));
+        }
+        if response.secondary_clicked() {
+            self.menu_at = response.interact_pointer_pos().map(place);
+        }
+        let mut drive_to = None;
+        let mut edit = false;
+        response.context_menu(|ui| {
+            let drive = format!("{}  Drive here", icons::ICON_FLAG.codepoint);
+            if ui.button(drive).on_hover_text("Replaces the goals; keep-out zones stay").clicked() {
+                drive_to = self.menu_at;
+                ui.close();
+            }
+            let text = format!("{}  Edit the mission", icons::ICON_EDIT.codepoint);
+            if self.draft.is_none() && ui.button(text).clicked() {
+                edit = true;
+                ui.close();
+            }
+        });
+        if edit {
+            self.toggle_draft(cx.frame, map, &buffer);
+        }
+        if let Some(goal) = drive_to {
+            let known = self.draft.take().unwrap_or_else(|| Draft::of(cx.frame, map, &buffer));
+            send(cx, map, &buffer, &Draft { goals: vec![goal], goals_changed: true, ..known });
+        }
+        if self.draft.is_some() {
+            self.mission_plate(ui, cx, map, &buffer, at);
+        }
+    }
+
+    /// The panel of the draft.
+    fn mission_plate(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, map: &str, buffer: &str, at: At) {
+        let Some(draft) = &mut self.draft else { return };
+        let tokens = tokens(ui);
+        let mut discard = false;
+        legend::plate(ui, at.canvas, Align2::CENTER_TOP, |ui| {
+            ui.spacing_mut().item_spacing.y = 4.0;
+            ui.horizontal(|ui| {
+                ui.selectable_value(&mut draft.adds, Adds::Goal, "Goals")
+                    .on_hover_text("Each click adds a goal; the vehicle drives to them in this order");
+                ui.selectable_value(&mut draft.adds, Adds::Zone, "Keep-out zones")
+                    .on_hover_text("Each click adds a corner; a click on the first one closes the zone");
+                ui.separator();
+                if ui.button(icons::ICON_UNDO.rich_text()).on_hover_text("Take the last click back").clicked()
+                {
+                    draft.undo();
+                }
+                if ui
+                    .button(icons::ICON_DELETE.rich_text())
+                    .on_hover_text("Delete all goals and zones")
+                    .clicked()
+                {
+                    *draft =
+                        Draft { adds: draft.adds, changed: true, goals_changed: true, ..Draft::default() };
+                }
+                ui.separator();
+                let open = !draft.corners.is_empty();
+                let send_it = format!("{}  Send", icons::ICON_SEND.codepoint);
+                let button = ui.add_enabled(draft.changed && !open, egui::Button::new(send_it));
+                if button.on_disabled_hover_text(why_not(draft)).clicked() {
+                    send(cx, map, buffer, draft);
+                    (draft.changed, draft.goals_changed) = (false, false);
+                }
+                discard = ui.button("Close").on_hover_text("Without sending").clicked();
+            });
+            let (text, color) = match (draft.changed, draft.corners.len()) {
+                (_, 1..) => ("click on the first corner to close the zone", tokens.warning),
+                (true, 0) => ("not sent", tokens.warning),
+                (false, 0) => ("as sent", tokens.weak),
+            };
+            ui.label(RichText::new(format!("{}: {text}", draft.summary())).small().color(color));
+        });
+        if discard {
+            self.draft = None;
+        }
+    }
+}
+
+fn why_not(draft: &Draft) -> &'static str {
+    if draft.corners.is_empty() { "Nothing has changed" } else { "The zone is not closed" }
+}
+
+/// Sends a mission in the frame in which the vehicle states its own, if it states one.
+fn send(cx: &mut ViewContext<'_>, map: &str, buffer: &str, draft: &Draft) {
+    let own =
+        obeyed(cx.frame, map).map(|(mission, map_from_own)| (&*mission.frame_id, map_from_own.inverse()));
+    let (frame_id, frame_from_map) = own.unwrap_or((map, Pose::IDENTITY));
+    let timestamp = Some(cx.frame.now.to_proto());
+    let message = AnyMessage::new(Mission { timestamp, ..draft.message(frame_id, &frame_from_map) });
+    cx.controls.push(Control::Write { buffer: buffer.to_owned(), message });
+}
+
+/// Paints a mission: the area dashed, the zones hatched, the goals with their numbers, those reached weak.
+pub(super) fn paint(painter: &Painter, mission: &Mission, at: At, tokens: &Tokens, is_draft: bool) {
+    let screen = |zone: &PlanePolygon| -> Vec<Pos2> {
+        zone.points.iter().map(|point| at.screen([point.x_m, point.y_m])).collect()
+    };
+    let around = |zone: &PlanePolygon| -> Vec<Vec<Pos2>> {
+        at.line(zone.points.iter().chain(zone.points.first()).map(|point| [point.x_m, point.y_m]))
+    };
+    if let Some(area) = &mission.area {
+        let stroke = Stroke::new(1.5, tokens.weak);
+        painter.extend(clip::dashed(&around(area), stroke, tokens.weak));
+    }
+    let red = if is_draft { tokens.warning } else { tokens.error };
+    for zone in &mission.keep_out {
+        hatch(painter, &screen(zone), red.gamma_multiply(0.6));
+        let halo = Stroke::new(4.0, tokens.canvas().gamma_multiply(0.8));
+        painter.extend(around(zone).into_iter().map(|part| Shape::line(part, halo)));
+        painter.extend(around(zone).into_iter().map(|part| Shape::line(part, Stroke::new(1.5, red))));
+    }
+    for (index, goal) in mission.goals.iter().enumerate() {
+        let center = at.screen([goal.x_m, goal.y_m]);
+        let (fill, ink) = match (is_draft, index < mission.reached as usize) {
+            (true, _) => (tokens.warning, tokens.canvas()),
+            (false, true) => (tokens.surface[3], tokens.weak),
+            (false, false) => (tokens.ok, tokens.canvas()),
+        };
+        painter.circle(center, 9.0, fill, Stroke::new(1.0, tokens.canvas()));
+        let number = (index + 1).to_string();
+        painter.text(center, Align2::CENTER_CENTER, number, FontId::proportional(11.0), ink);
+    }
+}
+
+/// The corners of a zone that is not closed.
+fn paint_corners(painter: &Painter, corners: &[[f64; 2]], at: At, tokens: &Tokens) {
+    let points: Vec<Pos2> = corners.iter().map(|corner| at.viewport.to_screen(at.canvas, *corner)).collect();
+    painter.add(Shape::line(points.clone(), Stroke::new(1.5, tokens.warning)));
+    for (index, point) in points.into_iter().enumerate() {
+        let radius = if index == 0 { 5.0 } else { 3.0 };
+        painter.circle(point, radius, tokens.warning, Stroke::new(1.0, tokens.canvas()));
+    }
+}
+
+/// Diagonal lines inside of a polygon, which need not be convex.
+fn hatch(painter: &Painter, corners: &[Pos2], color: Color32) {
+    let clip = painter.clip_rect();
+    // Along a line x + y = s; where it crosses an edge, it enters or leaves.
+    let sum = |at: &Pos2| at.x + at.y;
+    let low = corners.iter().map(sum).fold(f32::INFINITY, f32::min).max(clip.left() + clip.top());
+    let high = corners.iter().map(sum).fold(f32::NEG_INFINITY, f32::max).min(clip.right() + clip.bottom());
+    if corners.len() < 3 || !(low.is_finite() && high.is_finite()) {
+        return;
+    }
+    let mut s = (low / HATCH).ceil() * HATCH;
+    while s < high {
+        let edges = corners.iter().zip(corners.iter().cycle().skip(1));
+        let mut crossings: Vec<f32> = edges
+            .filter(|(a, b)| (sum(a) > s) != (sum(b) > s))
+            .map(|(a, b)| a.x + (b.x - a.x) * (s - sum(a)) / (sum(b) - sum(a)))
+            .collect();
+        crossings.sort_by(f32::total_cmp);
+        for pair in crossings.chunks_exact(2) {
+            let ends = [pair[0], pair[1]].map(|x| Pos2::new(x, s - x));
+            painter.line_segment(ends, Stroke::new(1.0, color));
+        }
+        s += HATCH;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clicks_add_goals_and_corners_and_the_first_corner_closes_the_zone() {
+        let mut draft = Draft::default();
+        draft.click([1.0, 2.0], 0.5);
+        draft.adds = Adds::Zone;
+        for corner in [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [9.0, 9.0]] {
+            draft.click(corner, 0.5);
+        }
+        assert!(draft.undo());
+        draft.click([0.2, 0.2], 0.5);
+        assert_eq!((draft.summary().as_str(), draft.corners.len()), ("1 goal, 1 keep-out zone", 0));
+        let pose = Pose::from_xy_yaw(10.0, 0.0, 0.0);
+        let message = draft.message("global", &pose);
+        assert_eq!((message.goals[0].x_m, message.keep_out[0].points.len()), (11.0, 3));
+        assert!(draft.undo() && !draft.undo(), "goals stay while zones are drawn");
+    }
+}

@@ -1,0 +1,202 @@
+//! Where the vehicle may drive: an area that it does not leave, and zones that it does not enter.
+//!
+//! A goal file may have `area = [[easting, northing], …]` and `keep_out = [[[easting, northing], …], …]`, UTM, m, in the
+//! zone of the goal. The operator's mission may have both, too.
+
+use rcs_geom::{DVec2, Utm};
+use serde::{Deserialize, Serialize};
+
+/// Greatest number of corners of a polygon, and of zones.
+const MOST: usize = 1000;
+
+/// A closed polygon; the last corner is joined to the first.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Polygon(Vec<(f64, f64)>);
+
+impl Polygon {
+    /// A polygon with these corners, m.
+    pub fn new(corners: impl IntoIterator<Item = DVec2>) -> Result<Polygon, String> {
+        let corners: Vec<(f64, f64)> = corners.into_iter().map(|corner| (corner.x, corner.y)).collect();
+        let count = corners.len();
+        if !(3..=MOST).contains(&count) {
+            return Err(format!("a polygon has {count} corners, expected 3 to {MOST}"));
+        }
+        match corners.iter().find(|(x, y)| !(x.is_finite() && y.is_finite())) {
+            Some(corner) => Err(format!("a corner of a polygon is {corner:?}, expected finite numbers")),
+            None => Ok(Polygon(corners)),
+        }
+    }
+
+    /// The corners, m.
+    pub fn corners(&self) -> impl Iterator<Item = DVec2> + Clone {
+        self.0.iter().copied().map(DVec2::from)
+    }
+
+    /// Its edges.
+    fn edges(&self) -> impl Iterator<Item = (DVec2, DVec2)> {
+        self.corners().zip(self.corners().cycle().skip(1))
+    }
+
+    /// Whether a position lies inside, by counting crossings.
+    pub fn contains(&self, at: DVec2) -> bool {
+        let crosses = |(a, b): (DVec2, DVec2)| {
+            (a.y > at.y) != (b.y > at.y) && at.x < a.x + (at.y - a.y) / (b.y - a.y) * (b.x - a.x)
+        };
+        self.edges().filter(|&edge| crosses(edge)).count() % 2 == 1
+    }
+
+    /// Distance of a position from the border, m.
+    pub fn border_m(&self, at: DVec2) -> f64 {
+        let distance_m = |(a, b): (DVec2, DVec2)| {
+            let along = ((at - a).dot(b - a) / (b - a).length_squared().max(1e-12)).clamp(0.0, 1.0);
+            at.distance(a + (b - a) * along)
+        };
+        self.edges().map(distance_m).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The polygon with each corner moved by a function.
+    #[must_use]
+    pub fn moved(&self, by: impl Fn(DVec2) -> DVec2) -> Polygon {
+        Polygon(self.corners().map(by).map(|corner| (corner.x, corner.y)).collect())
+    }
+}
+
+/// An area and zones, m.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Zones {
+    /// The vehicle does not leave it; `None` for no bounds.
+    pub area: Option<Polygon>,
+    /// The vehicle enters none of them.
+    pub keep_out: Vec<Polygon>,
+}
+
+impl Zones {
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.area.is_none() && self.keep_out.is_empty()
+    }
+
+    /// Whether a position is outside of the area or inside of a zone.
+    pub fn forbid(&self, at: DVec2) -> bool {
+        self.area.as_ref().is_some_and(|area| !area.contains(at))
+            || self.keep_out.iter().any(|zone| zone.contains(at))
+    }
+
+    /// How far a position is from where it would be allowed, m; 0 where it is.
+    pub fn trespass_m(&self, at: DVec2) -> f64 {
+        let outside = self.area.iter().filter(|area| !area.contains(at));
+        let inside = self.keep_out.iter().filter(|zone| zone.contains(at));
+        outside.chain(inside).map(|polygon| polygon.border_m(at)).fold(0.0, f64::max)
+    }
+
+    /// Zones with each corner moved by a function.
+    #[must_use]
+    pub fn moved(&self, by: impl Fn(DVec2) -> DVec2) -> Zones {
+        Zones {
+            area: self.area.as_ref().map(|area| area.moved(&by)),
+            keep_out: self.keep_out.iter().map(|zone| zone.moved(&by)).collect(),
+        }
+    }
+
+    /// The zones of a goal file in the global frame with this origin, m; without an area there, the bounds of the world
+    /// file less a margin.
+    pub fn from_toml(goal: &str, world: &str, origin: &Utm, margin_m: f64) -> Result<Zones, String> {
+        let parse = |text: &str| toml::from_str::<toml::Table>(text).map_err(|error| error.to_string());
+        let file = parse(goal)?;
+        let in_global = |place: DVec2| place - DVec2::new(origin.easting_m, origin.northing_m);
+        let polygon = |key: &str, value: &toml::Value| {
+            let corners = points(value).ok_or_else(|| format!("{key}: expected [[easting, northing], …]"))?;
+            Polygon::new(corners.into_iter().map(in_global)).map_err(|error| format!("{key}: {error}"))
+        };
+        let area = file.get("area").map(|value| polygon("area", value)).transpose()?;
+        let keep_out = match file.get("keep_out") {
+            None => Vec::new(),
+            Some(toml::Value::Array(zones)) if zones.len() <= MOST => {
+                zones.iter().map(|zone| polygon("keep_out", zone)).collect::<Result<_, _>>()?
+            }
+            Some(_) => return Err(format!("keep_out: expected a list of at most {MOST} polygons")),
+        };
+        let area = match area {
+            Some(area) => Some(area),
+            None => bounds(&parse(world)?, margin_m),
+        };
+        Ok(Zones { area, keep_out })
+    }
+}
+
+/// The area within the bounds of a world file, m; `None` if it states none, or the margin leaves nothing.
+fn bounds(world: &toml::Table, margin_m: f64) -> Option<Polygon> {
+    let corners = points(world.get("bounds_m")?)?;
+    let [low, high] = corners[..] else { return None };
+    let (low, high) = (low + margin_m, high - margin_m);
+    let is_empty = low.x >= high.x || low.y >= high.y;
+    let corners = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
+    Polygon::new(corners).ok().filter(|_| !is_empty)
+}
+
+/// A list of pairs of numbers.
+fn points(value: &toml::Value) -> Option<Vec<DVec2>> {
+    let number = |value: &toml::Value| value.as_float().or(value.as_integer().map(|n| n as f64));
+    let point = |value: &toml::Value| match value.as_array()?.as_slice() {
+        [x, y] => Some(DVec2::new(number(x)?, number(y)?)),
+        _ => None,
+    };
+    value.as_array()?.iter().map(point).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(low: f64, high: f64) -> Polygon {
+        let corners = [(low, low), (high, low), (high, high), (low, high)];
+        Polygon::new(corners.map(DVec2::from)).unwrap()
+    }
+
+    #[test]
+    fn inside_and_distance_from_the_border() {
+        let zone = square(0.0, 10.0);
+        assert!(zone.contains(DVec2::new(5.0, 9.9)) && !zone.contains(DVec2::new(5.0, 10.1)));
+        assert!((zone.border_m(DVec2::new(5.0, 8.0)) - 2.0).abs() < 1e-9);
+        assert!((zone.border_m(DVec2::new(13.0, 14.0)) - 5.0).abs() < 1e-9);
+        // Not convex: a notch from the right.
+        let corners =
+            [(0.0, 0.0), (10.0, 0.0), (10.0, 4.0), (5.0, 5.0), (10.0, 6.0), (10.0, 10.0), (0.0, 10.0)];
+        let notched = Polygon::new(corners.map(DVec2::from)).unwrap();
+        assert!(!notched.contains(DVec2::new(8.0, 5.0)) && notched.contains(DVec2::new(4.0, 5.0)));
+    }
+
+    #[test]
+    fn outside_of_the_area_and_inside_of_a_zone_are_forbidden() {
+        let zones = Zones { area: Some(square(-20.0, 20.0)), keep_out: vec![square(0.0, 10.0)] };
+        for (at, trespass_m) in [((-5.0, -5.0), 0.0), ((5.0, 8.0), 2.0), ((23.0, 0.0), 3.0)] {
+            let at = DVec2::from(at);
+            assert!((zones.trespass_m(at) - trespass_m).abs() < 1e-9, "{at}");
+            assert_eq!(zones.forbid(at), trespass_m > 0.0, "{at}");
+        }
+    }
+
+    #[test]
+    fn a_goal_file_names_zones_and_the_world_bounds_the_area_else() {
+        let origin = Utm::new(18, true, 1000.0, 2000.0).unwrap();
+        let world = "bounds_m = [[0, 0], [130, 90.0]]";
+        let zones = |goal| Zones::from_toml(goal, world, &origin, 1.0);
+        let bounded = zones("goal = { easting = 1.0, northing = 1.0 }").unwrap();
+        let corners: Vec<DVec2> = bounded.area.unwrap().corners().collect();
+        assert_eq!((corners[0], corners[2]), (DVec2::ONE, DVec2::new(129.0, 89.0)));
+        let named = "area = [[1000, 2000], [1010, 2000], [1000, 2010]]\nkeep_out = [[[1001, 2001], [1002, 2001], [1001, 2002]]]";
+        let named = zones(named).unwrap();
+        assert!(named.area.unwrap().contains(DVec2::new(2.0, 2.0)) && named.keep_out.len() == 1);
+        assert_eq!(Zones::from_toml("", "", &origin, 1.0), Ok(Zones::default()));
+        for (goal, expected) in [
+            ("area = 3", "area: expected [["),
+            ("area = [[1, 2], [3, 4]]", "area: a polygon has 2 corners"),
+            ("area = [[1, 2], [3, 4], [nan, 1]]", "area: a corner"),
+            ("keep_out = [[1, 2]]", "keep_out: expected [["),
+            ("keep_out = 'x'", "keep_out: expected a list"),
+        ] {
+            let error = zones(goal).unwrap_err();
+            assert!(error.starts_with(expected), "{goal}: {error}");
+        }
+    }
+}
