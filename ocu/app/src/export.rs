@@ -1,8 +1,10 @@
-//! `ocu export`: writes fields of a recording, and formulas over them, as a table of text.
+//! `ocu export`: writes fields of a recording, and formulas over them, as a table of text or in the format Parquet.
 
 use crate::cli::ExportArgs;
 use crate::output::{self, Files};
+use crate::parquet::parquet;
 use crate::{Ended, stacks, usage};
+use anyhow::Context as _;
 use ocu_ui::format;
 use rcs_formula::{FieldRef, Formula, Points};
 use rcs_runtime::source::{FieldSeries, read_fields};
@@ -44,7 +46,12 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         columns.push((text.clone(), formula.eval(&inputs).map_err(|error| usage(format!("{error}")))?));
     }
     let named: Vec<(String, &Points)> = columns.iter().map(|(name, points)| (name.clone(), points)).collect();
-    let bytes = rcs_formula::csv(&named, &times, info.start).into_bytes();
+    let is_parquet = args.output.extension().is_some_and(|extension| extension == "parquet");
+    let bytes = if is_parquet {
+        parquet(&named, &times, info.start).context("the table cannot be written")?
+    } else {
+        rcs_formula::csv(&named, &times, info.start).into_bytes()
+    };
     output::write(&args.output, &bytes, args.force)?;
     for (name, points) in &columns {
         writeln!(out, "{name}: {} values", format::count(points.len() as u64))?;

@@ -40,6 +40,7 @@ mod layout_fit;
 pub mod offscreen;
 pub mod open;
 mod output;
+mod parquet;
 pub mod past_args;
 mod plain;
 pub mod plugins;

@@ -54,6 +54,11 @@ fn a_range_is_cut_and_what_cannot_be_read_is_refused() {
     }
     let (code, _, errors) = ocu(&["export", text(&log), "--fields", X, "-o", text(&csv)]);
     assert_eq!((code, errors.contains("exists already")), (2, true), "{errors}");
+    let parquet = dir.path().join("x.parquet");
+    let (code, _, errors) = ocu(&["export", text(&log), "--fields", X, "-o", text(&parquet)]);
+    assert_eq!(code, 0, "{errors}");
+    let bytes = std::fs::read(&parquet).unwrap();
+    assert!(bytes.starts_with(b"PAR1") && bytes.ends_with(b"PAR1"), "{} bytes", bytes.len());
 }
 
 #[test]

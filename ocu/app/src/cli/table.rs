@@ -25,7 +25,7 @@ pub struct ExportArgs {
     /// End of the range, in seconds from the start of the recording; by default its end
     #[arg(long, value_name = "T", value_parser = parse_seconds)]
     pub to: Option<f64>,
-    /// File to write
+    /// File to write: text (CSV), or Parquet if its name ends with .parquet
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
     /// Replace an existing file

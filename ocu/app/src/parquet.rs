@@ -1,0 +1,159 @@
+//! Several series as one table in the format Parquet, with the same rows and columns as the table of text
+//! ([`rcs_formula::csv`]). Numbers are doubles, states and texts are strings by name, and what is missing is null.
+
+use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
+use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
+use parquet::errors::Result;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
+use parquet::schema::types::Type;
+use rcs_formula::{Points, rows};
+use rcs_msg::Stamp;
+use std::io::Write;
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+
+/// Rows of a row group, so that a reader can skip parts of a long table.
+const ROWS: usize = 1 << 20;
+
+/// The values of named series between two times, with the time in seconds since `start` and in nanoseconds.
+pub(crate) fn parquet(
+    columns: &[(String, &Points)],
+    times: &RangeInclusive<Stamp>,
+    start: Stamp,
+) -> Result<Vec<u8>> {
+    let mut table = Table { stamps: Vec::new(), cells: vec![Vec::new(); columns.len()] };
+    let points: Vec<&Points> = columns.iter().map(|(_, points)| *points).collect();
+    let properties = WriterProperties::builder().set_compression(Compression::SNAPPY).build();
+    let mut writer = SerializedFileWriter::new(Vec::new(), schema(columns)?, Arc::new(properties))?;
+    let mut failed = None;
+    rows(&points, times, |stamp, row| {
+        table.stamps.push(stamp);
+        for (cells, value) in table.cells.iter_mut().zip(row) {
+            cells.push(value.filter(|value| !value.is_nan()));
+        }
+        if table.stamps.len() == ROWS && failed.is_none() {
+            failed = table.flush(&mut writer, &points, start).err();
+        }
+    });
+    failed.map_or(Ok(()), Err)?;
+    table.flush(&mut writer, &points, start)?;
+    writer.into_inner()
+}
+
+fn schema(columns: &[(String, &Points)]) -> Result<Arc<Type>> {
+    let field = |name: &str, physical, logical, repetition| {
+        let builder = Type::primitive_type_builder(name, physical);
+        builder.with_logical_type(logical).with_repetition(repetition).build().map(Arc::new)
+    };
+    let mut fields = vec![
+        field("time_s", Physical::DOUBLE, None, Repetition::REQUIRED)?,
+        field("time_ns", Physical::INT64, None, Repetition::REQUIRED)?,
+    ];
+    for (name, points) in columns {
+        let (physical, logical) = if has_names(points) {
+            (Physical::BYTE_ARRAY, Some(LogicalType::String))
+        } else {
+            (Physical::DOUBLE, None)
+        };
+        fields.push(field(name, physical, logical, Repetition::OPTIONAL)?);
+    }
+    Ok(Arc::new(Type::group_type_builder("fields").with_fields(fields).build()?))
+}
+
+fn has_names(points: &Points) -> bool {
+    !points.names.is_empty()
+}
+
+/// The rows of the row group that is being filled.
+struct Table {
+    stamps: Vec<Stamp>,
+    cells: Vec<Vec<Option<f64>>>,
+}
+
+impl Table {
+    /// Writes the rows, and forgets them.
+    fn flush<W: Write + Send>(
+        &mut self,
+        writer: &mut SerializedFileWriter<W>,
+        columns: &[&Points],
+        start: Stamp,
+    ) -> Result<()> {
+        let mut group = writer.next_row_group()?;
+        let seconds: Vec<f64> = self.stamps.iter().map(|stamp| stamp.seconds_since(start)).collect();
+        write::<DoubleType, _>(&mut group, &seconds, None)?;
+        let nanos: Vec<i64> = self.stamps.iter().map(|stamp| stamp.0 as i64).collect();
+        write::<Int64Type, _>(&mut group, &nanos, None)?;
+        for (points, cells) in columns.iter().zip(&mut self.cells) {
+            let present: Vec<i16> = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
+            let values = cells.drain(..).flatten();
+            if has_names(points) {
+                let name = |value| points.name(value).map_or_else(|| value.to_string(), |name| name.to_string());
+                let names: Vec<ByteArray> =
+                    values.map(|value| ByteArray::from(name(value).into_bytes())).collect();
+                write::<ByteArrayType, _>(&mut group, &names, Some(&present))?;
+            } else {
+                let values: Vec<f64> = values.collect();
+                write::<DoubleType, _>(&mut group, &values, Some(&present))?;
+            }
+        }
+        self.stamps.clear();
+        group.close().map(|_| ())
+    }
+}
+
+/// Writes the next column: its values, and for each row whether it has one.
+fn write<T: DataType, W: Write + Send>(
+    group: &mut SerializedRowGroupWriter<'_, W>,
+    values: &[T::T],
+    present: Option<&[i16]>,
+) -> Result<()> {
+    if let Some(mut column) = group.next_column()? {
+        column.typed::<T>().write_batch(values, present, None)?;
+        column.close()?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::record::Field;
+
+    #[test]
+    fn the_table_has_the_values_the_names_and_the_gaps_of_the_text() {
+        let a = Points::from_seconds(&[(0.0, 1.0), (1.0, 2.5), (1.0, 3.0), (2.0, f64::NAN)]);
+        let names = Arc::new([(0, Arc::from("DONE")), (1, Arc::from("EXEC"))].into());
+        let b = Points { names, ..Points::from_seconds(&[(1.0, 1.0), (2.5, 0.0), (9.0, 0.0)]) };
+        let columns = [("/a.x".to_owned(), &a), ("/b.state".to_owned(), &b)];
+        let times = Stamp(500_000_000)..=Stamp(3_000_000_000);
+        let bytes = parquet(&columns, &times, Stamp(500_000_000)).unwrap();
+        let reader = SerializedFileReader::new(bytes::Bytes::from(bytes)).unwrap();
+        let read: Vec<Vec<(String, Field)>> = reader
+            .get_row_iter(None)
+            .unwrap()
+            .map(|row| row.unwrap().get_column_iter().map(|(n, f)| (n.clone(), f.clone())).collect())
+            .collect();
+        let names: Vec<&str> = read[0].iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["time_s", "time_ns", "/a.x", "/b.state"]);
+        let cells = |row: usize| read[row].iter().map(|(_, cell)| cell.clone()).collect::<Vec<_>>();
+        let text = |text: &str| Field::Str(text.to_owned());
+        let time = |ns: i64| [Field::Double((ns - 500_000_000) as f64 / 1e9), Field::Long(ns)];
+        let row = |ns, a, b| [time(ns).to_vec(), vec![a, b]].concat();
+        assert_eq!(cells(0), row(1_000_000_000, Field::Double(2.5), text("EXEC")));
+        assert_eq!(cells(1), row(1_000_000_000, Field::Double(3.0), Field::Null));
+        assert_eq!(cells(2), row(2_000_000_000, Field::Null, Field::Null));
+        assert_eq!(cells(3), row(2_500_000_000, Field::Null, text("DONE")));
+        assert_eq!(read.len(), 4);
+    }
+
+    #[test]
+    fn a_table_without_rows_has_its_columns() {
+        let none = Points::from_seconds(&[]);
+        let bytes = parquet(&[("/a.x".to_owned(), &none)], &(Stamp(0)..=Stamp(1)), Stamp(0)).unwrap();
+        let reader = SerializedFileReader::new(bytes::Bytes::from(bytes)).unwrap();
+        let schema = reader.metadata().file_metadata().schema_descr();
+        assert_eq!((schema.num_columns(), reader.metadata().file_metadata().num_rows()), (3, 0));
+    }
+}
