@@ -8,12 +8,15 @@ use crate::stack::names;
 use rcs_log::{Cursor, CursorOptions, Log, LogError, LogMessage, Reassembly};
 use rcs_msg::{AnyMessage, FieldPath, Stamp, Value, rcs};
 use std::collections::{BTreeMap, VecDeque};
+use std::fmt::Display;
 use std::iter::Peekable;
 
 /// The first message in which two runs differ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
-    /// Time at which it became visible, in seconds since the start of the first run.
+    /// Time at which it became visible.
+    pub time: Stamp,
+    /// The same, in seconds since the start of the first run.
     pub time_s: f64,
     /// Its buffer.
     pub buffer: String,
@@ -24,6 +27,37 @@ pub struct Difference {
     pub field: String,
     /// Both values, or the cycle whose inputs differ, as text.
     pub detail: String,
+    /// The value in the first run and in the second, as text; empty where a run has none.
+    pub values: [String; 2],
+}
+
+/// A field that differs, with both values and what they mean.
+struct Found {
+    field: String,
+    values: [String; 2],
+    detail: String,
+}
+
+impl Found {
+    fn of(field: impl Into<String>, values: [&dyn Display; 2]) -> Self {
+        let values = values.map(ToString::to_string);
+        let detail = format!("{} in the first, {} in the second", values[0], values[1]);
+        Self { field: field.into(), values, detail }
+    }
+
+    /// What only one side has.
+    fn only(side: Side, field: impl Into<String>, value: &str) -> Self {
+        let (name, values) = match side {
+            Side::First => ("first", [value.to_owned(), String::new()]),
+            Side::Second => ("second", [String::new(), value.to_owned()]),
+        };
+        Self { field: field.into(), values, detail: format!("only the {name} has it") }
+    }
+
+    /// A difference without values.
+    fn said(detail: impl Into<String>) -> Self {
+        Self { field: String::new(), values: Default::default(), detail: detail.into() }
+    }
 }
 
 /// A message with everything that is compared.
@@ -56,7 +90,7 @@ impl Entry {
 }
 
 /// Which run a message belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Side {
     First,
     Second,
@@ -67,8 +101,10 @@ pub(crate) enum Side {
 struct Pair {
     first: VecDeque<(u64, Entry)>,
     second: VecDeque<(u64, Entry)>,
-    /// Whether the first run may lack messages of this buffer, because it was recorded at a reduced rate or with drops.
-    thinned: bool,
+    /// Whether a run may lack messages of this buffer, because it was recorded at a reduced rate or with drops.
+    thinned: [bool; 2],
+    /// Whether a difference was found, after which the buffer is not compared.
+    differs: bool,
 }
 
 /// Pairs the messages of two runs.
@@ -83,9 +119,9 @@ impl Matcher {
         Self { start, buffers: BTreeMap::new(), order: 0 }
     }
 
-    /// Allows the first run to lack messages of a buffer.
-    pub(crate) fn thin(&mut self, buffer: &str) {
-        self.buffers.entry(buffer.to_owned()).or_default().thinned = true;
+    /// Allows a run to lack messages of a buffer.
+    pub(crate) fn thin(&mut self, side: Side, buffer: &str) {
+        self.buffers.entry(buffer.to_owned()).or_default().thinned[side as usize] = true;
     }
 
     pub(crate) fn put(&mut self, side: Side, buffer: &str, entry: Entry) {
@@ -93,7 +129,7 @@ impl Matcher {
         if !self.buffers.contains_key(buffer) {
             self.buffers.insert(buffer.to_owned(), Pair::default());
         }
-        if let Some(pair) = self.buffers.get_mut(buffer) {
+        if let Some(pair) = self.buffers.get_mut(buffer).filter(|pair| !pair.differs) {
             let queue = if side == Side::First { &mut pair.first } else { &mut pair.second };
             queue.push_back((self.order, entry));
         }
@@ -107,51 +143,58 @@ impl Matcher {
         }
     }
 
-    /// Compares what was added since the last call. To be called when both runs have reached the same time.
+    /// Compares what was added since the last call, and returns the first difference. To be called when both runs have
+    /// reached the same time.
     pub(crate) fn settle(&mut self) -> Option<Difference> {
-        let mut found: Option<(Stamp, u64, Difference)> = None;
+        self.settle_each().into_iter().next()
+    }
+
+    /// Compares what was added since the last call, and returns the first difference of each buffer, in the order in
+    /// which they were written. A buffer with a difference is not compared any more.
+    pub(crate) fn settle_each(&mut self) -> Vec<Difference> {
+        let mut all: Vec<(u64, Difference)> = Vec::new();
         for (buffer, pair) in &mut self.buffers {
-            let Some((order, entry, field, detail)) = pair.settle() else { continue };
-            if found.as_ref().is_some_and(|(time, first, _)| (*time, *first) <= (entry.log_time, order)) {
-                continue;
-            }
+            let Some((order, entry, found)) = pair.settle() else { continue };
+            pair.differs = true;
             let difference = Difference {
+                time: entry.log_time,
                 time_s: entry.log_time.seconds_since(self.start),
                 buffer: buffer.clone(),
                 sequence: u64::from(entry.sequence),
-                field,
-                detail,
+                field: found.field,
+                detail: found.detail,
+                values: found.values,
             };
-            found = Some((entry.log_time, order, difference));
+            all.push((order, difference));
         }
-        found.map(|(_, _, difference)| difference)
+        all.sort_by_key(|(order, difference)| (difference.time, *order));
+        all.into_iter().map(|(_, difference)| difference).collect()
     }
 }
 
 impl Pair {
     /// Returns the first difference and empties both sides.
-    fn settle(&mut self) -> Option<(u64, Entry, String, String)> {
-        let only = |side: &str| ("message".to_owned(), format!("only the {side} has it"));
+    fn settle(&mut self) -> Option<(u64, Entry, Found)> {
         let found = loop {
             match (self.first.front(), self.second.front()) {
-                (Some((_, a)), Some((order, b))) if a.sequence == b.sequence => {
-                    if let Some((field, detail)) = difference(a, b) {
-                        let order = self.first.front().map_or(*order, |(order, _)| *order);
-                        break (order, a.clone(), field, detail);
+                (Some((order, a)), Some((_, b))) if a.sequence == b.sequence => {
+                    if let Some(found) = difference(a, b) {
+                        break (*order, a.clone(), found);
                     }
                     self.first.pop_front();
                     self.second.pop_front();
                 }
                 (first, Some((order, b))) if first.is_none_or(|(_, a)| b.sequence < a.sequence) => {
-                    if !self.thinned {
-                        let (field, detail) = only("second");
-                        break (*order, b.clone(), field, detail);
+                    if !self.thinned[0] {
+                        break (*order, b.clone(), Found::only(Side::Second, "message", "a message"));
                     }
                     self.second.pop_front();
                 }
                 (Some((order, a)), _) => {
-                    let (field, detail) = only("first");
-                    break (*order, a.clone(), field, detail);
+                    if !self.thinned[1] {
+                        break (*order, a.clone(), Found::only(Side::First, "message", "a message"));
+                    }
+                    self.first.pop_front();
                 }
                 // Both are empty: a message on the second side alone was handled above.
                 (None, _) => return None,
@@ -164,66 +207,61 @@ impl Pair {
 }
 
 /// The difference between two corresponding messages.
-fn difference(a: &Entry, b: &Entry) -> Option<(String, String)> {
-    let said = |field: &str, a: &dyn std::fmt::Display, b: &dyn std::fmt::Display| {
-        Some((field.to_owned(), format!("{a} in the first, {b} in the second")))
-    };
+fn difference(a: &Entry, b: &Entry) -> Option<Found> {
     if a.log_time != b.log_time {
-        return said("log_time", &a.log_time, &b.log_time);
+        return Some(Found::of("log_time", [&a.log_time, &b.log_time]));
     }
     let (one, other) = (a.message.schema(), b.message.schema());
     if one.name() != other.name() {
-        return said("schema", &one.name(), &other.name());
+        return Some(Found::of("schema", [&one.name(), &other.name()]));
     }
-    if a.message.bytes() != b.message.bytes() {
-        let (field, detail) = differing_field(&a.message, &b.message);
-        let cycle = a.message.to::<rcs::CycleRecord>().filter(|_| field.starts_with(".input_sequence"));
+    // The encoded messages are not needed again.
+    if !a.message.same(&b.message) && a.message.encode() != b.message.encode() {
+        let found = differing_field(&a.message, &b.message);
+        let cycle = a.message.to::<rcs::CycleRecord>().filter(|_| found.field.starts_with(".input_sequence"));
         let cycle =
             cycle.map(|record| format!("cycle {} of {} has other inputs: ", record.cycle, record.process));
-        return Some((field, cycle.unwrap_or_default() + &detail));
+        return Some(Found { detail: cycle.unwrap_or_default() + &found.detail, ..found });
     }
-    if a.acq_time != b.acq_time {
-        return said("acq_time", &a.acq_time, &b.acq_time);
-    }
-    None
+    (a.acq_time != b.acq_time).then(|| Found::of("acq_time", [&a.acq_time, &b.acq_time]))
 }
 
 /// The first field in which two messages of one type differ.
-fn differing_field(a: &AnyMessage, b: &AnyMessage) -> (String, String) {
+fn differing_field(a: &AnyMessage, b: &AnyMessage) -> Found {
     let (one, other) = match (a.value(), b.value()) {
         (Ok(one), Ok(other)) => (one, other),
-        (Err(error), _) => return (String::new(), format!("the first does not decode: {error}")),
-        (_, Err(error)) => return (String::new(), format!("the second does not decode: {error}")),
+        (Err(error), _) => return Found::said(format!("the first does not decode: {error}")),
+        (_, Err(error)) => return Found::said(format!("the second does not decode: {error}")),
     };
     let (mut ones, mut others) = (one.leaves(), other.leaves());
     loop {
         match (ones.next(), others.next()) {
             (Some((path, a)), Some((other, b))) if path == other => {
-                if let Some((path, detail)) = differing_leaf(&path, a, b) {
-                    return (path.to_string(), detail);
+                if let Some(found) = differing_leaf(&path, a, b) {
+                    return found;
                 }
             }
-            (Some((path, _)), _) => return (path.to_string(), "only the first has it".to_owned()),
-            (None, Some((path, _))) => return (path.to_string(), "only the second has it".to_owned()),
+            (Some((path, a)), _) => return Found::only(Side::First, path.to_string(), &show(a)),
+            (None, Some((path, b))) => return Found::only(Side::Second, path.to_string(), &show(b)),
             // The bytes differ in something that no field shows: unknown fields, or the order of fields.
-            (None, None) => return (String::new(), "the same fields, other bytes".to_owned()),
+            (None, None) => return Found::said("the same fields, other bytes"),
         }
     }
 }
 
-fn differing_leaf(path: &FieldPath, a: &Value, b: &Value) -> Option<(FieldPath, String)> {
+fn differing_leaf(path: &FieldPath, a: &Value, b: &Value) -> Option<Found> {
     if let (Some(count), Some(other)) = (a.len(), b.len())
         && !matches!(a, Value::Text(_))
     {
         if count != other {
-            return Some((path.length(), format!("{count} in the first, {other} in the second")));
+            return Some(Found::of(path.length().to_string(), [&count, &other]));
         }
         let item = |index: usize| Some((a.item(index)?, b.item(index)?));
         let at = (0..count).find(|&index| item(index).is_some_and(|(a, b)| !same(&a, &b)))?;
         let (a, b) = item(at)?;
-        return Some((path.index(at), format!("{} in the first, {} in the second", show(&a), show(&b))));
+        return Some(Found::of(path.index(at).to_string(), [&show(&a), &show(&b)]));
     }
-    (!same(a, b)).then(|| (path.clone(), format!("{} in the first, {} in the second", show(a), show(b))))
+    (!same(a, b)).then(|| Found::of(path.to_string(), [&show(a), &show(b)]))
 }
 
 fn same(a: &Value, b: &Value) -> bool {

@@ -329,7 +329,7 @@ impl Replay {
                 continue;
             }
             if plan.record_hz.is_some() || !recorded.whole {
-                matcher.thin(buffer.name());
+                matcher.thin(Side::First, buffer.name());
             }
             let seen = Arc::clone(&seen);
             buffer.tap(Box::new(move |sample: &Sample| {
@@ -359,11 +359,13 @@ impl Replay {
         loop {
             if let Some(refused) = self.run.take_due() {
                 self.first.get_or_insert(Difference {
+                    time: refused.time,
                     time_s: refused.time.seconds_since(self.recorded.start),
                     buffer: refused.buffer.clone(),
                     sequence: 0,
                     field: "message".to_owned(),
                     detail: refused.to_string(),
+                    values: Default::default(),
                 });
             }
             match self.run.next_time()? {

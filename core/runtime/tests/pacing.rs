@@ -65,6 +65,8 @@ impl Source for Busy {
             recording: None,
             beside: Arc::new([]),
             is_beside: false,
+            comparisons: Arc::new([]),
+            against: None,
         }
     }
 

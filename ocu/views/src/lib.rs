@@ -27,6 +27,7 @@ mod camera;
 mod canvas;
 mod clip;
 mod command;
+mod compare;
 mod conditions;
 mod details;
 mod drive;

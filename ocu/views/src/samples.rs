@@ -1,5 +1,7 @@
 //! Small synthetic frames for the tests of the views.
 
+#[path = "samples_compare.rs"]
+mod compare;
 #[path = "samples_driving.rs"]
 mod driving;
 #[path = "samples_plan.rs"]
@@ -7,6 +9,7 @@ mod plan;
 #[path = "samples_states.rs"]
 mod states;
 
+pub(crate) use compare::{SIDES, compared};
 pub(crate) use driving::driving;
 use rcs_bus::{Header, Sample, WriterId};
 use rcs_geom::{DVec2, DVec3, Enu, Geodetic, Pose, TransformTree};
@@ -54,6 +57,8 @@ pub(crate) fn empty() -> Frame {
         recording: None,
         beside: Arc::new([]),
         is_beside: false,
+        comparisons: Arc::new([]),
+        against: None,
     }
 }
 

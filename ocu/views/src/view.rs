@@ -6,7 +6,7 @@ use ocu_ui::{stale, tokens};
 use rcs_formula::FieldRef;
 use rcs_msg::{AnyMessage, FieldPath, Stamp};
 use rcs_runtime::RunId;
-use rcs_runtime::source::{Control, Frame, RunTag, Topic};
+use rcs_runtime::source::{Compared, Control, Frame, RunTag, Topic};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -251,6 +251,8 @@ pub enum Wish {
     },
     /// Plot a field: in the plot that is open, else in a new one.
     Plot(FieldKey),
+    /// Choose another recording to compare with.
+    ChooseOther,
     /// Write a file, after asking where.
     SaveFile {
         /// Its proposed name.
@@ -306,6 +308,16 @@ pub trait View {
     /// The fields whose values over time it needs; the window asks the source for those of all views.
     fn fields(&self) -> Vec<FieldRef> {
         Vec::new()
+    }
+
+    /// The runs that it shows beside the viewed one.
+    fn runs(&self) -> Vec<RunId> {
+        Vec::new()
+    }
+
+    /// What it compares.
+    fn compares(&self) -> Option<[Compared; 2]> {
+        None
     }
 
     /// Whether fields can be dropped on the view.

@@ -100,6 +100,12 @@ const VIEWS: &[ViewType] = &[
         icons::ICON_SHOW_CHART,
         "Fields and formulas over time: aligned graphs, statistics, derived curves.",
     ),
+    entry::<crate::compare::Compare>(
+        "compare",
+        "Compare",
+        icons::ICON_COMPARE,
+        "Two runs, or a run and a recording: since when they differ, and how it spreads.",
+    ),
     entry::<crate::frames::Frames>(
         "frames",
         "Frames",

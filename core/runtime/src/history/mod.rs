@@ -12,6 +12,7 @@ mod disk;
 mod fill;
 mod options;
 mod pack;
+mod reader;
 mod retention;
 mod runs;
 mod samples;
@@ -19,6 +20,7 @@ mod spill;
 mod stretch;
 
 pub use options::PastOptions;
+pub(crate) use reader::{Piece, RunReader};
 pub use retention::PastUse;
 pub use runs::{Moment, RunId, RunSummary};
 pub(crate) use samples::{LogRef, Point};

@@ -4,6 +4,7 @@
 //! work, is written before everything that waits, and discards the seeks and steps that wait. It is recognised by its
 //! message type.
 
+use super::compared::Compared;
 use super::frame::{Frame, Playback};
 use super::held::{HeldControl, HeldControls};
 use super::pace::Pace;
@@ -50,6 +51,10 @@ pub enum Control {
     Watch(Vec<crate::RunId>),
     /// Gather the values of these fields over time, and of no others.
     Gather(Vec<rcs_formula::FieldRef>),
+    /// Compare these pairs of runs and recordings, and no others ([`Frame::comparisons`]).
+    Compare(Vec<[Compared; 2]>),
+    /// Choose the recording that [`Compared::Other`] means; none for `None`.
+    Against(Option<std::path::PathBuf>),
     /// Write a message repeatedly while the source plays. To be repeated at least every [`HeldControl::LEASE`] while
     /// the control is held; otherwise the control is released.
     Hold(HeldControl),
@@ -151,6 +156,7 @@ impl Driver {
                 controls: &receiver,
                 pending: VecDeque::new(),
                 idle: true,
+                may_idle: false,
                 is_behind: false,
                 woken: (Instant::now(), 0),
             };
@@ -237,6 +243,8 @@ struct DriverLoop<'a, W> {
     pending: VecDeque<Control>,
     /// Whether background work is left.
     idle: bool,
+    /// Whether there may be some, because something was asked for since the source was last given time for it.
+    may_idle: bool,
     /// Whether the source has not reached the time of the clock.
     is_behind: bool,
     /// When the window was last woken, and the content that it was woken for.
@@ -251,7 +259,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 Duration::ZERO
             } else if self.playback.playing {
                 self.shared.every().saturating_sub(shown.elapsed())
-            } else if self.idle {
+            } else if self.idle || self.may_idle {
                 Duration::ZERO
             } else {
                 Duration::MAX
@@ -273,6 +281,8 @@ impl<W: Fn()> DriverLoop<'_, W> {
             }
             // A request is answered at once; otherwise frames come no faster than they can be drawn.
             let is_asked = changed;
+            // It may leave something to do in the background: a past to compute again, runs to compare.
+            self.may_idle |= is_asked;
             drop_overtaken_seeks(&mut self.pending);
             self.write_urgent();
             while let Some(control) = self.pending.pop_front() {
@@ -283,9 +293,10 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 self.play_on(Instant::now());
                 let is_due = shown.elapsed() + Duration::from_millis(1) >= self.shared.every();
                 changed = is_asked || is_due || !self.playback.playing;
-            } else if self.idle {
-                self.idle = self.source.idle();
-                if !self.idle || shown.elapsed() > SHOW_IDLE {
+            } else if self.idle || self.may_idle {
+                let was_idle = std::mem::replace(&mut self.idle, self.source.idle());
+                self.may_idle = false;
+                if (was_idle && !self.idle) || shown.elapsed() > SHOW_IDLE {
                     changed = true;
                 }
             }
@@ -376,6 +387,16 @@ impl<W: Fn()> DriverLoop<'_, W> {
             }
             Control::Gather(fields) => {
                 self.source.gather(&fields);
+                self.idle = true;
+                return;
+            }
+            Control::Compare(pairs) => {
+                self.source.compare(&pairs);
+                self.idle = true;
+                return;
+            }
+            Control::Against(path) => {
+                self.source.against(path.as_deref());
                 self.idle = true;
                 return;
             }
@@ -502,6 +523,9 @@ fn content(frame: &Frame) -> u64 {
     for topic in frame.topics.iter() {
         let newest = topic.latest.as_ref().map(|sample| (sample.header.log_time, sample.header.sequence));
         (newest, topic.pending).hash(&mut hasher);
+    }
+    for comparison in frame.comparisons.iter() {
+        (comparison.differences.len(), comparison.progress.is_some()).hash(&mut hasher);
     }
     let run = frame.runs.current().0;
     frame.recording.as_ref().map(|recording| (recording.bytes, &recording.ended)).hash(&mut hasher);

@@ -1,5 +1,6 @@
 //! Frames: one moment of a source, as the views see it.
 
+use super::compared::Comparison;
 use super::events::Events;
 use super::fields::FieldSeries;
 use super::recording_state::RecordingState;
@@ -226,6 +227,10 @@ pub struct Frame {
     pub beside: Arc<[Arc<Frame>]>,
     /// Whether it is of a run beside the viewed one, to which nothing can be written.
     pub is_beside: bool,
+    /// The comparisons that were asked for ([`super::Control::Compare`]), as far as they have come.
+    pub comparisons: Arc<[Comparison]>,
+    /// Name of the recording that [`super::Compared::Other`] means.
+    pub against: Option<Arc<str>>,
 }
 
 impl Frame {
@@ -263,6 +268,11 @@ impl Frame {
     pub fn field(&self, field: &FieldRef, run: RunTag) -> Option<&FieldSeries> {
         let of = |run| self.fields.iter().find(move |series| series.run == run && series.field == *field);
         of(run).or_else(|| of(RunTag::Recorded))
+    }
+
+    /// The comparison of these two.
+    pub fn comparison(&self, sides: [super::Compared; 2]) -> Option<&Comparison> {
+        self.comparisons.iter().find(|comparison| comparison.sides == sides)
     }
 
     /// The events of the viewed run; those of the recording where nothing runs.

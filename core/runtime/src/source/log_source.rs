@@ -1,5 +1,7 @@
 //! A log without a stack.
 
+use super::compared::Compared;
+use super::comparison::{Comparing, Subject};
 use super::frame::{Frame, Playback, Runs, SourceInfo, SourceKind};
 use super::log_view::{LogView, opening_time};
 use super::{Source, SourceError, Step, Task};
@@ -19,6 +21,7 @@ pub struct LogSource {
     /// Number of problems of the log in `info`.
     told_problems: usize,
     generation: u64,
+    comparing: Comparing,
 }
 
 impl LogSource {
@@ -35,7 +38,15 @@ impl LogSource {
         let place = MessagePosition::after(opening_time(log)?);
         view.go_to(place)?;
         let told_problems = log.info().problems.len();
-        Ok(Self { view, place, info, processes, told_problems, generation: 0 })
+        Ok(Self {
+            view,
+            place,
+            info,
+            processes,
+            told_problems,
+            generation: 0,
+            comparing: Comparing::default(),
+        })
     }
 }
 
@@ -87,6 +98,8 @@ impl Source for LogSource {
             recording: None,
             beside: Arc::new([]),
             is_beside: false,
+            comparisons: self.comparing.read(self.info.start, self.info.end.unwrap_or(Stamp::MAX)),
+            against: self.comparing.other(),
         }
     }
 
@@ -134,8 +147,19 @@ impl Source for LogSource {
         self.view.gather(fields, |_| true);
     }
 
+    fn compare(&mut self, pairs: &[[Compared; 2]]) {
+        let subject = Subject { session: None, log: Some(self.view.log()), start: self.info.start };
+        self.comparing.compare(pairs, &subject);
+    }
+
+    fn against(&mut self, path: Option<&Path>) {
+        let subject = Subject { session: None, log: Some(self.view.log()), start: self.info.start };
+        self.comparing.against(path, &subject);
+    }
+
     fn idle(&mut self) -> bool {
-        self.view.idle()
+        let reads = self.view.idle();
+        self.comparing.idle(None) || reads
     }
 }
 

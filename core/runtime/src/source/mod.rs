@@ -4,6 +4,8 @@
 //! A view gets a [`Frame`]: everything that is known at one moment, shared and immutable. A view can neither slow nor
 //! stop the source. [`Driver`] runs a source on a separate thread, paces it, and publishes frames.
 
+mod compared;
+mod comparison;
 mod driver;
 mod events;
 mod fields;
@@ -24,6 +26,7 @@ mod stack_source;
 mod stack_steps;
 mod tracks;
 
+pub use compared::{Compared, Comparison};
 pub use driver::{Control, Driver};
 pub use events::{Event, EventKind, EventLevel, Events};
 pub use fields::{FieldPoint, FieldSeries, moments, points_of, read_fields, series_of};
@@ -152,6 +155,10 @@ pub trait Source: Send {
     fn stop_recording(&mut self) {}
     /// Gathers the values of these fields over time, and of no others ([`Frame::fields`]).
     fn gather(&mut self, _fields: &[rcs_formula::FieldRef]) {}
+    /// Compares these pairs in the background, and no others ([`Frame::comparisons`]).
+    fn compare(&mut self, _pairs: &[[Compared; 2]]) {}
+    /// Sets the recording that [`Compared::Other`] means.
+    fn against(&mut self, _path: Option<&std::path::Path>) {}
     /// Background work in small pieces (for example tracks), while there are no requests; `true` if some is left.
     fn idle(&mut self) -> bool {
         false

@@ -1,5 +1,7 @@
 //! A stack as a source, with or without a log. Recorded and computed topics are shown side by side.
 
+use super::compared::Compared;
+use super::comparison::{Comparing, Subject};
 use super::events::EventWatch;
 use super::fields::RunFields;
 use super::frame::{Frame, Playback, Runs, SourceInfo, SourceKind, Topic};
@@ -59,6 +61,7 @@ pub struct StackSource {
     runs: Arc<[crate::RunSummary]>,
     /// Runs that are shown beside the viewed one.
     watched: Vec<RunId>,
+    comparing: Comparing,
     problems: usize,
     /// Number of problems of the log that have been reported.
     log_problems: usize,
@@ -150,6 +153,7 @@ impl StackSource {
             now,
             runs: Arc::new([]),
             watched: Vec::new(),
+            comparing: Comparing::default(),
             problems: 0,
             log_problems: log.map_or(0, |log| log.info().problems.len()),
             generation: 0,
@@ -373,6 +377,11 @@ impl Source for StackSource {
             recording: self.recording.as_mut().map(|recording| recording.state(end).clone()),
             beside: Arc::new([]),
             is_beside: false,
+            comparisons: {
+                self.comparing.feed(Some(&self.session));
+                self.comparing.read(self.info.start, end)
+            },
+            against: self.comparing.other(),
         };
         frame.beside = self.beside(&frame, &unwired);
         frame
@@ -473,8 +482,19 @@ impl Source for StackSource {
         }
     }
 
+    fn compare(&mut self, pairs: &[[Compared; 2]]) {
+        let subject = Subject::of(&self.session, self.recorded.as_ref(), self.info.start);
+        self.comparing.compare(pairs, &subject);
+    }
+
+    fn against(&mut self, path: Option<&Path>) {
+        let subject = Subject::of(&self.session, self.recorded.as_ref(), self.info.start);
+        self.comparing.against(path, &subject);
+    }
+
     fn idle(&mut self) -> bool {
         let past = self.session.idle();
-        self.recorded.as_mut().is_some_and(LogView::idle) || past
+        let reads = self.recorded.as_mut().is_some_and(LogView::idle) || past;
+        self.comparing.idle(Some(&self.session)) || reads
     }
 }

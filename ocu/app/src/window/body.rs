@@ -30,7 +30,7 @@ use ocu_ui::{icons, tokens, widgets};
 use ocu_views::{Selection, View, ViewContext, Wish};
 use rcs_msg::Stamp;
 use rcs_runtime::RunId;
-use rcs_runtime::source::{Control, Driver, Frame, Source, SourceKind};
+use rcs_runtime::source::{Compared, Control, Driver, Frame, Source, SourceKind};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -104,6 +104,8 @@ pub struct Window {
     pub(super) watched: Vec<RunId>,
     /// The fields that the source was last asked to gather.
     gathered: Vec<rcs_formula::FieldRef>,
+    /// What the source was last asked to compare.
+    compared: Vec<[Compared; 2]>,
     pub(super) frames: FramePolicy,
     /// Number of runs of the source that the user knows of.
     pub(super) known_runs: usize,
@@ -145,6 +147,7 @@ impl Window {
             chosen: Chosen::Nothing,
             watched: Vec::new(),
             gathered: Vec::new(),
+            compared: Vec::new(),
             frames: FramePolicy::default(),
             known_runs: 0,
             known_alarms: Stamp(0),
@@ -200,9 +203,11 @@ impl Window {
         }
         self.watched.clear();
         self.gathered.clear();
+        self.compared.clear();
         (self.known_runs, self.known_alarms) = (0, Stamp(0));
         self.marks = Bookmarks::of(request.log.as_deref());
         self.current = request;
+        self.dialogs.other = None;
         self.timeline.forget();
         self.operating.forget();
         self.alarm_sound.forget();
@@ -235,6 +240,8 @@ impl Window {
         driver.send(Control::Loop(playback.looping));
         driver.send(Control::Watch(self.watched.clone()));
         driver.send(Control::Gather(self.gathered.clone()));
+        driver.send(Control::Against(self.dialogs.other.clone()));
+        driver.send(Control::Compare(self.compared.clone()));
         match new.info.end {
             // Whoever looks at the end goes on looking at it.
             Some(end) if old.info.end.is_some_and(|end| old.now >= end) => driver.send(Control::Seek(end)),
@@ -328,6 +335,11 @@ impl Window {
             if fields != self.gathered {
                 controls.push(Control::Gather(fields.clone()));
                 self.gathered = fields;
+            }
+            let compared = self.workspace.as_ref().map(Workspace::compares).unwrap_or_default();
+            if compared != self.compared {
+                controls.push(Control::Compare(compared.clone()));
+                self.compared = compared;
             }
             // Repaint while the source works, or may have started to, to show the progress.
             if !controls.is_empty() || driver.busy().is_some() {
@@ -443,6 +455,7 @@ impl Window {
                     workspace.plot(&field);
                     ui.ctx().request_repaint();
                 }
+                Wish::ChooseOther => self.dialogs.choose_other(),
                 Wish::SaveFile { name, content } => self.dialogs.save_file.ask(&name, content),
                 Wish::SavePicture { name, area } => self.dialogs.save_file.ask_picture(ui.ctx(), &name, area),
             }

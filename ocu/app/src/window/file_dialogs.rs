@@ -1,5 +1,6 @@
 //! The dialogs that write to a file or read one: what views show, parameters, and learned models.
 
+use super::dialog::{PathRow, Purpose, dialog};
 use super::load_param::{LoadParam, Loaded};
 use super::notices::{Matter, Notices};
 use super::recording;
@@ -11,7 +12,7 @@ use crate::output::Files;
 use ocu_views::TopicKey;
 use rcs_msg::AnyMessage;
 use rcs_runtime::source::{Control, Frame};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The dialogs, of which each may be open.
 #[derive(Default)]
@@ -19,6 +20,9 @@ pub(super) struct FileDialogs {
     pub(super) save_params: Option<SaveParams>,
     pub(super) load_param: Option<LoadParam>,
     pub(super) save_file: SaveFile,
+    choose_other: Option<PathRow>,
+    /// The recording with which the open source is compared.
+    pub(super) other: Option<PathBuf>,
 }
 
 impl FileDialogs {
@@ -27,6 +31,31 @@ impl FileDialogs {
         let name = format!("{}.json", topic.name.trim_matches('/').replace('/', "_"));
         self.save_file.ask(&name, rcs_msg::to_json(message)?.into_bytes().into());
         Ok(())
+    }
+
+    /// Asks for a recording to compare with.
+    pub(super) fn choose_other(&mut self) {
+        let known = self.other.as_ref().map(|path| path.display().to_string());
+        self.choose_other = Some(PathRow::new(known.unwrap_or_default()));
+    }
+
+    /// Paints the dialog that asks for a recording to compare with.
+    fn other_ui(&mut self, ctx: &egui::Context, controls: &mut Vec<Control>) {
+        let Some(row) = &mut self.choose_other else { return };
+        let mut chosen = None;
+        let open = dialog(ctx, "Compare with a recording", |ui| {
+            chosen = row.ui(ui, Purpose::Load, true, |path| {
+                anyhow::ensure!(path.is_file(), "there is no such file: {}", path.display());
+                Ok(path.to_owned())
+            });
+        });
+        if !open || chosen.is_some() {
+            self.choose_other = None;
+        }
+        if let Some(path) = chosen {
+            controls.push(Control::Against(Some(path.clone())));
+            self.other = Some(path);
+        }
     }
 
     /// Paints the open dialogs.
@@ -41,6 +70,7 @@ impl FileDialogs {
         if let Some(path) = self.save_file.ui(ctx, || in_use(current, frame, true)) {
             notices.news(Matter::Run, format!("Saved: {}", path.display()));
         }
+        self.other_ui(ctx, controls);
         // The stack that runs is the one file in use to which parameters may be saved.
         let saved = self.save_params.as_mut().map(|dialog| dialog.ui(ctx, || in_use(current, frame, false)));
         match saved {

@@ -6,8 +6,8 @@ use egui_tiles::{Container, Linear, LinearDir, Tabs, Tile, TileId, Tiles, Tree};
 use ocu_ui::{icons, tokens, widgets};
 use ocu_views::{FieldKey, RunChoice, SavedState, TopicKey, View, ViewContext, ViewType, view_type};
 use rcs_runtime::RunId;
-use rcs_runtime::source::Frame;
-use std::collections::BTreeMap;
+use rcs_runtime::source::{Compared, Frame};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// One view in its tile.
 struct Pane {
@@ -81,26 +81,26 @@ impl Workspace {
 
     /// The runs that views show beside the viewed one.
     pub(super) fn runs(&self) -> Vec<RunId> {
-        let panes = self.tree.tiles.tiles().filter_map(|tile| match tile {
-            Tile::Pane(Pane { run: RunChoice::Run(run), .. }) => Some(RunId(*run)),
-            _ => None,
-        });
-        let mut runs: Vec<RunId> = panes.collect();
-        runs.sort_unstable();
-        runs.dedup();
-        runs
+        self.union(|pane| pane.run.id().into_iter().chain(pane.view.runs()).collect())
     }
 
     /// The fields whose values over time views need.
     pub(super) fn fields(&self) -> Vec<rcs_formula::FieldRef> {
+        self.union(|pane| pane.view.fields())
+    }
+
+    /// What views compare.
+    pub(super) fn compares(&self) -> Vec<[Compared; 2]> {
+        self.union(|pane| pane.view.compares().into_iter().collect())
+    }
+
+    /// What all views need, each once.
+    fn union<T: Ord>(&self, of: impl Fn(&Pane) -> Vec<T>) -> Vec<T> {
         let panes = self.tree.tiles.tiles().filter_map(|tile| match tile {
-            Tile::Pane(pane) => Some(pane.view.fields()),
+            Tile::Pane(pane) => Some(of(pane)),
             Tile::Container(_) => None,
         });
-        let mut fields: Vec<_> = panes.flatten().collect();
-        fields.sort_unstable();
-        fields.dedup();
-        fields
+        panes.flatten().collect::<BTreeSet<T>>().into_iter().collect()
     }
 
     /// Whether there is no view.

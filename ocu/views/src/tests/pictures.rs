@@ -146,3 +146,18 @@ fn plan_dark() {
 fn plan_light() {
     check_frame("plan", samples::driving(), "plan", Theme::Light);
 }
+
+#[test]
+fn compare_dark() {
+    check_sized("compare", samples::compared(), "compare", Theme::Dark, Vec2::new(1100.0, 420.0));
+}
+
+#[test]
+fn compare_light() {
+    check_sized("compare", samples::compared(), "compare", Theme::Light, Vec2::new(1100.0, 420.0));
+}
+
+#[test]
+fn compare_in_a_narrow_place_dark() {
+    check_sized("compare_narrow", samples::compared(), "compare", Theme::Dark, Vec2::new(480.0, 460.0));
+}

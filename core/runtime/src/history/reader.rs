@@ -1,0 +1,124 @@
+//! Reads the messages of a run in order as it grows, in pieces that another thread can decode: what was kept in memory
+//! is shared, and what is on disk is read there.
+
+use super::Session;
+use super::pack::PackedSamples;
+use super::runs::RunId;
+use super::samples::{Entry, Point, Samples};
+use crate::stack::Plan;
+use rcs_bus::Sample;
+use rcs_log::Log;
+use rcs_msg::Stamp;
+use std::io;
+use std::sync::Arc;
+
+/// How far a run has been read.
+pub(crate) struct RunReader {
+    run: usize,
+    /// Index in the run of the stretch that is read, and the point up to which it was read.
+    place: usize,
+    after: Point,
+}
+
+/// The messages of a part of a run.
+pub(crate) struct Piece {
+    held: Held,
+    after: Point,
+    to: Point,
+    /// Time at which the part begins.
+    pub(crate) from: Stamp,
+    /// Every message before this time is in this part or in one before it.
+    pub(crate) until: Stamp,
+}
+
+enum Held {
+    Memory(Arc<Samples>),
+    Disk(Arc<PackedSamples>),
+    Entries(Vec<(usize, Entry)>),
+    /// They were not kept.
+    Nothing,
+}
+
+impl Session {
+    /// A reader at the start of a run, or where the run parts from `other`.
+    pub(crate) fn reader(&self, run: RunId, other: Option<RunId>) -> RunReader {
+        let line = |run: RunId| &self.runs[run.0 as usize].line;
+        let shared = other.map_or(0, |other| {
+            line(run).iter().zip(line(other)).take_while(|(mine, theirs)| mine == theirs).count()
+        });
+        let from = line(run).get(shared).map_or(0, |&stretch| self.stretches[stretch].from);
+        RunReader { run: run.0 as usize, place: shared, after: Point::after(from) }
+    }
+
+    /// Sequence of the newest message of each buffer before the first event.
+    pub(crate) fn opening(&self) -> &[u64] {
+        self.stretches.first().map_or(&[], |stretch| &stretch.newest)
+    }
+
+    /// The next messages of a run; `None` if there are none yet.
+    pub(crate) fn read_on(&self, reader: &mut RunReader) -> Option<Piece> {
+        let run = &self.runs[reader.run];
+        let index = *run.line.get(reader.place)?;
+        let next = run.line.get(reader.place + 1).map(|&next| &self.stretches[next]);
+        let stretch = &self.stretches[index];
+        let after = reader.after;
+        // Writes after the last event of a stretch are in the next one.
+        let end = next.map_or(run.end, |_| Point::after(stretch.to()));
+        let (mut to, mut until) = (end, next.map_or(run.end_time, |next| next.start));
+        let held = if let Some(samples) = &stretch.samples.memory {
+            Held::Memory(Arc::clone(samples))
+        } else if self.at_stretch == index {
+            to = self.at().min(end);
+            if to < end {
+                until = self.machine.now();
+            }
+            let samples = self.tape.samples();
+            let new = samples.written.iter().enumerate().flat_map(|(buffer, written)| {
+                let from = written.partition_point(|entry| entry.point <= after);
+                written[from..].iter().map(move |entry| (buffer, entry.clone()))
+            });
+            Held::Entries(new.collect())
+        } else if let Some(packed) = &stretch.samples.disk {
+            Held::Disk(Arc::clone(packed))
+        } else {
+            Held::Nothing
+        };
+        let is_done = next.is_some() && to == end;
+        if to <= after && !is_done {
+            return None;
+        }
+        reader.after = to;
+        reader.place += usize::from(is_done);
+        Some(Piece { held, after, to, from: stretch.start, until })
+    }
+}
+
+impl Piece {
+    /// Reads the messages of the buffers for which `is_wanted` holds, in the order in which they were written. `None` if
+    /// they were not kept.
+    pub(crate) fn unpack(
+        self,
+        plan: &Plan,
+        log: Option<&Log>,
+        is_wanted: impl Fn(usize) -> bool,
+    ) -> io::Result<Option<Vec<(usize, Sample)>>> {
+        let is_in = |entry: &Entry| entry.point > self.after && entry.point <= self.to;
+        let of_samples = |samples: &Samples| {
+            let lists = samples.written.iter().enumerate().filter(|(buffer, _)| is_wanted(*buffer));
+            let entries = lists.flat_map(|(buffer, list)| list.iter().map(move |entry| (buffer, entry)));
+            entries.filter(|(_, entry)| is_in(entry)).map(|(buffer, entry)| (buffer, entry.clone())).collect()
+        };
+        let mut entries: Vec<(usize, Entry)> = match &self.held {
+            Held::Nothing => return Ok(None),
+            Held::Memory(samples) => of_samples(samples),
+            Held::Disk(packed) => of_samples(&packed.load(plan)?),
+            Held::Entries(entries) => {
+                let wanted = entries.iter().filter(|(buffer, entry)| is_wanted(*buffer) && is_in(entry));
+                wanted.cloned().collect()
+            }
+        };
+        entries.sort_by_key(|(_, entry)| entry.point);
+        let samples = entries.iter().map(|(buffer, entry)| Ok((*buffer, entry.sample(log)?)));
+        samples.collect::<io::Result<_>>().map(Some)
+    }
+}

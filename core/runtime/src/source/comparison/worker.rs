@@ -1,0 +1,157 @@
+//! The thread that compares two sides: it reads on whichever is behind, and compares up to where both are known.
+
+use super::side::{Input, Reading, Step};
+use super::{SharedTold, lock};
+use crate::compare::{Difference, Entry, Matcher, Side};
+use crate::stack::Plan;
+use rcs_msg::Stamp;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// What a thread needs to begin.
+pub(super) struct Work {
+    pub(super) inputs: [Input; 2],
+    /// The stack, if one runs.
+    pub(super) plan: Option<Arc<Plan>>,
+    /// Where one side is a run and the other is not: the messages that the run wrote before its first event, which its
+    /// past does not have. By buffer, their last sequence.
+    pub(super) opening: BTreeMap<String, u32>,
+    pub(super) start: Stamp,
+}
+
+/// Says that the thread has ended, for whatever reason.
+struct Ending(SharedTold);
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        let mut told = lock(&self.0);
+        told.ended = true;
+        if std::thread::panicking() {
+            told.problem = Some("the comparison has failed: its thread panicked".into());
+        }
+    }
+}
+
+impl Work {
+    /// Starts the thread. It ends when both sides have ended, or when a run is no longer handed to it.
+    pub(super) fn spawn(self, told: SharedTold) -> std::io::Result<()> {
+        let run = move || {
+            let ending = Ending(told);
+            if let Err(problem) = self.run(&ending.0) {
+                lock(&ending.0).problem = Some(problem.into());
+            }
+        };
+        std::thread::Builder::new().name("compare".to_owned()).spawn(run).map(|_| ())
+    }
+
+    fn run(self, told: &SharedTold) -> Result<(), String> {
+        let [first, second] = self.inputs;
+        let mut sides = [first.open()?, second.open()?];
+        let names = [sides[0].names(), sides[1].names()];
+        let wanted: BTreeSet<String> = names[0].intersection(&names[1]).cloned().collect();
+        let mut matcher = Matcher::new(self.start);
+        for (reading, side) in sides.iter_mut().zip([Side::First, Side::Second]) {
+            reading.choose(&wanted);
+            let buffers = self.plan.iter().flat_map(|plan| &plan.buffers);
+            let thinned = buffers.filter(|buffer| reading.is_recording() && buffer.record_hz.is_some());
+            thinned.for_each(|buffer| matcher.thin(side, &buffer.spec.name));
+        }
+        let begins = sides.iter().filter_map(Reading::begins).max();
+        let mut joint = Joint {
+            sides,
+            wanted,
+            matcher,
+            gaps: begins.map(|begins| (Stamp(0), begins)).into_iter().collect(),
+            opening: self.opening,
+            differences: Vec::new(),
+        };
+        let left_out = [0, 1].map(|side: usize| names[side].difference(&names[1 - side]).count());
+        let mut now = lock(told);
+        (now.left_out, now.gaps) = (left_out, joint.gaps.as_slice().into());
+        drop(now);
+        joint.run(told);
+        Ok(())
+    }
+}
+
+/// Both sides.
+struct Joint {
+    sides: [Reading; 2],
+    wanted: BTreeSet<String>,
+    matcher: Matcher,
+    gaps: Vec<(Stamp, Stamp)>,
+    opening: BTreeMap<String, u32>,
+    differences: Vec<Difference>,
+}
+
+impl Joint {
+    fn run(&mut self, told: &SharedTold) {
+        loop {
+            // Nobody reads what it says.
+            if Arc::strong_count(told) == 1 {
+                return;
+            }
+            let behind = usize::from(self.sides[1].until < self.sides[0].until);
+            let mut problem = None;
+            match self.sides[behind].read_on(&self.wanted, &mut problem) {
+                Step::Read | Step::Ended => {}
+                Step::Lost(from, until) => {
+                    self.gaps.push((from, until));
+                    lock(told).gaps = self.gaps.as_slice().into();
+                }
+                Step::Nothing => {
+                    lock(told).waits_for = Some(behind);
+                    continue;
+                }
+                Step::Dropped => return,
+            }
+            let until = self.sides[0].until.min(self.sides[1].until);
+            let is_new = self.settle(until);
+            let mut now = lock(told);
+            now.waits_for = None;
+            now.until = Some(until);
+            if is_new {
+                now.differences = self.differences.as_slice().into();
+            }
+            if let Some(problem) = problem {
+                now.problem = Some(problem.into());
+            }
+            drop(now);
+            // Only now, because the source takes what is neither waiting nor being compared for done.
+            self.sides[behind].taken();
+            if until == Stamp::MAX {
+                return;
+            }
+        }
+    }
+
+    /// Compares everything before a time; returns whether a difference was found.
+    fn settle(&mut self, until: Stamp) -> bool {
+        loop {
+            let next = [0, 1].map(|side: usize| {
+                let time = self.sides[side].queue.front().map(|(_, entry)| entry.log_time);
+                time.filter(|time| *time < until || until == Stamp::MAX)
+            });
+            let (index, side) = match next {
+                [None, None] => break,
+                [Some(_), None] => (0, Side::First),
+                [Some(a), Some(b)] if a <= b => (0, Side::First),
+                _ => (1, Side::Second),
+            };
+            let Some((buffer, entry)) = self.sides[index].queue.pop_front() else { break };
+            if self.is_comparable(&buffer, &entry) {
+                self.matcher.put(side, &buffer, entry);
+            }
+        }
+        let found = self.matcher.settle_each();
+        let is_new = !found.is_empty();
+        self.differences.extend(found);
+        is_new
+    }
+
+    fn is_comparable(&self, buffer: &str, entry: &Entry) -> bool {
+        let is_opening = self.opening.get(buffer).is_some_and(|&last| entry.sequence <= last);
+        let in_gap = self.gaps.iter().any(|(from, to)| (*from..=*to).contains(&entry.log_time));
+        self.wanted.contains(buffer) && !is_opening && !in_gap
+    }
+}

@@ -1,0 +1,161 @@
+//! Comparisons in the background: of branches, of a run and a recording, and of two recordings.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+mod common;
+
+use common::{PAIR, plan, seconds, stepped};
+use rcs_msg::AnyMessage;
+use rcs_runtime::source::{Compared, Comparison, LogSource, Source, StackSource, Task, finish_idle};
+use rcs_runtime::{PastOptions, RecordOptions, Recording, RunId, RunOptions, diff};
+use std::path::Path;
+
+const RUNS: [Compared; 2] = [Compared::Run(RunId(0)), Compared::Run(RunId(1))];
+
+/// Where the parameter of the counter shows; the adder does not use the field that differs.
+const SPREAD: [&str; 3] = ["/counter/params", "/runtime/journal", "/counter/count"];
+
+fn source(past: PastOptions) -> StackSource {
+    let options = RunOptions { seed: 7, past, ..RunOptions::default() };
+    StackSource::new(plan(PAIR).unwrap(), None, options).unwrap()
+}
+
+fn set_parameter(source: &mut StackSource, publish_hz: f64) {
+    let params = rcs_testkit::proto::CounterParams { publish_hz, ..rcs_msg::params::default() };
+    source.write("/counter/params", AnyMessage::new(params)).unwrap();
+}
+
+fn go(source: &mut dyn Source, to_s: f64) {
+    source.seek(seconds(to_s), &Task::default()).unwrap();
+}
+
+/// The comparison of a pair, once everything that is known was compared.
+fn compared(source: &mut dyn Source, sides: [Compared; 2]) -> Comparison {
+    source.compare(&[sides]);
+    finish_idle(source);
+    let comparison = source.frame().comparison(sides).unwrap().clone();
+    assert_eq!(comparison.progress, None);
+    comparison
+}
+
+fn buffers(comparison: &Comparison) -> Vec<&str> {
+    comparison.differences.iter().map(|difference| difference.buffer.as_str()).collect()
+}
+
+/// Three seconds, and a branch at the first of them in which a parameter is another.
+fn branched(past: PastOptions) -> StackSource {
+    let mut source = source(past);
+    go(&mut source, 3.0);
+    go(&mut source, 1.0);
+    set_parameter(&mut source, 3.0);
+    go(&mut source, 2.0);
+    source
+}
+
+#[test]
+fn a_difference_spreads_from_the_act_of_the_operator_to_the_outputs_in_order_of_time() {
+    let mut source = branched(PastOptions::default());
+    let comparison = compared(&mut source, RUNS);
+    // The journal says first that a branch begins.
+    assert_eq!(buffers(&comparison), ["/runtime/journal", "/counter/params", "/counter/count"]);
+    let [_, params, count] = &comparison.differences[..] else { panic!() };
+    assert_eq!((params.time, params.field.as_str()), (seconds(1.0), "message"));
+    assert_eq!(params.values, ["", "a message"]);
+    // The cycle at 1 s had begun, and becomes visible 3 ms later: the next one is the first with the parameter.
+    assert_eq!((count.field.as_str(), count.time), (".z", seconds(1.013)));
+    assert_eq!(count.values, ["5", "3"]);
+    assert_eq!(comparison.until, Some(seconds(2.0)), "as far as both go");
+    assert!(comparison.gaps.is_empty() && comparison.problem.is_none());
+}
+
+#[test]
+fn a_comparison_follows_runs_that_go_on_and_equal_runs_stay_equal() {
+    let mut source = branched(PastOptions::default());
+    source.switch_run(RunId(0)).unwrap();
+    go(&mut source, 1.0);
+    set_parameter(&mut source, 3.0);
+    let sides = [Compared::Run(RunId(1)), Compared::Run(RunId(2))];
+    for to_s in [1.2, 1.7, 2.0] {
+        go(&mut source, to_s);
+        let comparison = compared(&mut source, sides);
+        assert_eq!(buffers(&comparison), Vec::<&str>::new());
+        assert_eq!(comparison.until, Some(seconds(to_s)));
+    }
+    set_parameter(&mut source, 4.0);
+    go(&mut source, 3.0);
+    assert_eq!(compared(&mut source, sides).differences.len(), 0, "the other run ends here");
+    source.switch_run(RunId(1)).unwrap();
+    go(&mut source, 3.0);
+    assert_eq!(buffers(&compared(&mut source, sides)), SPREAD);
+    source.compare(&[]);
+    assert!(source.frame().comparisons.is_empty());
+}
+
+#[test]
+fn runs_are_compared_from_disk_and_what_was_not_kept_is_named() {
+    let reference = buffers(&compared(&mut branched(PastOptions::default()), RUNS)).join(" ");
+    let folder = tempfile::tempdir().unwrap();
+    let past = |disk_bytes| PastOptions { memory_bytes: 1, disk_bytes, folder: folder.path().to_owned() };
+    let from_disk = compared(&mut branched(past(1 << 30)), RUNS);
+    assert_eq!(buffers(&from_disk).join(" "), reference);
+    assert!(from_disk.gaps.is_empty());
+    let lost = compared(&mut branched(past(0)), RUNS);
+    assert_eq!(lost.differences.is_empty(), !lost.gaps.is_empty());
+}
+
+fn record(path: &Path, publish_hz: Option<f64>) {
+    let mut run = stepped(PAIR, RunOptions { seed: 7, ..RunOptions::default() });
+    let options = RecordOptions { lossless: true, ..RecordOptions::default() };
+    let recording = Recording::start(path, run.plan(), run.buffers(), &options).unwrap();
+    run.begin().unwrap();
+    run.run_until(seconds(1.0)).unwrap();
+    if let Some(publish_hz) = publish_hz {
+        let params = rcs_testkit::proto::CounterParams { publish_hz, ..rcs_msg::params::default() };
+        run.take(rcs_runtime::ExternalEvent::operator("/counter/params", AnyMessage::new(params))).unwrap();
+    }
+    run.run_until(seconds(2.0)).unwrap();
+    recording.finish_at(run.now()).unwrap();
+}
+
+#[test]
+fn two_recordings_are_compared_to_their_ends_and_the_first_difference_is_that_of_diff() {
+    let folder = tempfile::tempdir().unwrap();
+    let [plain, same, other] = ["plain", "same", "other"].map(|name| folder.path().join(name));
+    record(&plain, None);
+    record(&same, None);
+    record(&other, Some(3.0));
+    let mut source = LogSource::open(&plain).unwrap();
+    let sides = [Compared::Recorded, Compared::Other];
+    let problem = compared(&mut source, sides).problem.unwrap();
+    assert!(problem.contains("no other recording"), "{problem}");
+    source.against(Some(&same));
+    let comparison = compared(&mut source, sides);
+    assert_eq!((buffers(&comparison).len(), comparison.left_out), (0, [0, 0]));
+    assert_eq!(comparison.until, source.info().end);
+    source.against(Some(&other));
+    assert_eq!(source.frame().against.as_deref(), Some("other"));
+    let comparison = compared(&mut source, sides);
+    assert_eq!(buffers(&comparison), SPREAD);
+    let [plain, other] = [&plain, &other].map(|path| rcs_log::Log::open(path).unwrap());
+    assert_eq!(diff(&plain, &other).unwrap().as_ref(), comparison.differences.first());
+    source.against(Some(&folder.path().join("absent")));
+    let problem = compared(&mut source, sides).problem.unwrap();
+    assert!(problem.contains("absent"), "{problem}");
+}
+
+#[test]
+fn a_run_is_compared_with_a_recording_of_an_earlier_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    record(&path, None);
+    let mut source = source(PastOptions::default());
+    source.against(Some(&path));
+    let sides = [Compared::Run(RunId(0)), Compared::Other];
+    go(&mut source, 1.5);
+    assert_eq!(buffers(&compared(&mut source, sides)), Vec::<&str>::new());
+    set_parameter(&mut source, 3.0);
+    go(&mut source, 2.0);
+    let comparison = compared(&mut source, sides);
+    assert_eq!(buffers(&comparison), SPREAD);
+    assert_eq!(comparison.differences[0].values, ["a message", ""]);
+}

@@ -1,0 +1,76 @@
+//! Interaction with the compare view.
+
+use super::{Shown, harness};
+use crate::samples::{self, SIDES};
+use egui::{Theme, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use rcs_runtime::RunId;
+use rcs_runtime::source::{Comparison, Control, Frame};
+use std::sync::Arc;
+
+fn shown(frame: Frame) -> Harness<'static, Shown> {
+    let mut harness = harness(Shown::new("compare", frame), Vec2::new(1100.0, 420.0), Theme::Dark);
+    harness.run();
+    harness
+}
+
+fn with(change: impl FnOnce(&mut Comparison)) -> Frame {
+    let frame = samples::compared();
+    let mut comparison = frame.comparisons[0].clone();
+    change(&mut comparison);
+    Frame { comparisons: Arc::new([comparison]), ..frame }
+}
+
+#[test]
+fn a_branch_is_compared_with_the_run_that_it_left_and_both_are_asked_for() {
+    let harness = shown(samples::compared());
+    assert_eq!(harness.state().view.compares(), Some(SIDES));
+    assert_eq!(harness.state().view.runs(), [RunId(0), RunId(1)]);
+    assert!(harness.query_by_label("105 of 1600 cells differ").is_some());
+}
+
+#[test]
+fn a_click_on_a_difference_goes_to_its_time_and_selects_its_buffer_and_process() {
+    let mut harness = shown(samples::compared());
+    harness.get_by_label_contains("/vehicle_interface/vehicle .steering_rad").click();
+    harness.run();
+    let first = harness.state().frame.comparisons[0].differences[4].time;
+    let controls = &harness.state().controls;
+    assert!(matches!(controls[..], [Control::Seek(to)] if to == first), "{controls:?}");
+    let topic = harness.state().selection.topic.as_ref().map(|topic| topic.name.as_str());
+    assert_eq!(topic, Some("/vehicle_interface/vehicle"));
+}
+
+#[test]
+fn the_badge_says_bit_equal_only_where_everything_was_compared() {
+    let check = |change: &dyn Fn(&mut Comparison), word: &str| {
+        let frame = with(|comparison| {
+            comparison.differences = Arc::new([]);
+            change(comparison);
+        });
+        let harness = shown(frame);
+        assert!(harness.query_by_label(word).is_some(), "{word}");
+    };
+    check(&|_| (), "bit-equal");
+    check(&|comparison| comparison.until = None, "comparing");
+    check(&|comparison| comparison.gaps = Arc::new([(samples::NOW, samples::NOW)]), "equal where kept");
+    check(&|comparison| comparison.problem = Some("a chunk is damaged".into()), "equal so far");
+    let nothing = |comparison: &mut Comparison| {
+        (comparison.until, comparison.problem) = (None, Some("no such file".into()));
+    };
+    check(&nothing, "not compared");
+    let harness = shown(samples::compared());
+    assert!(harness.query_by_label("differ").is_some() && harness.query_by_label("bit-equal").is_none());
+}
+
+#[test]
+fn sides_that_were_chosen_are_kept_and_change_places() {
+    let mut harness = shown(samples::compared());
+    harness.get_by_label("First of the two").click();
+    harness.run();
+    harness.query_all_by_label("run 1").last().expect("it can be chosen").click();
+    harness.run();
+    assert_eq!(harness.state().view.compares(), Some([SIDES[1], SIDES[0]]));
+    assert!(harness.state().view.save()["sides"].is_array());
+}
