@@ -146,6 +146,11 @@ fn a_robot_that_learns_while_it_drives_goes_on_from_any_moment() {
 }
 
 #[test]
+fn a_robot_without_stereo_goes_on_from_any_moment() {
+    check_course("lagr_no_stereo", "mulch_path", [0.5, 3.0], 12);
+}
+
+#[test]
 fn learning_goes_on_from_any_moment() {
     check_course("learning", "mulch_path", [0.5, 3.0], 3);
 }
@@ -166,24 +171,33 @@ fn the_forest_robot_goes_on_from_any_moment() {
     check_log("forest_robot", "monoforce_tradr_ros2.mcap", [23.5, 24.8], 6);
 }
 
+/// A stack on a recording of what another one drives: of the topics that it reads.
+fn check_drive(stack: Arc<Plan>, drive: &Arc<Plan>, until_s: f64, seed: u64) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    let mut run = Stepped::new(Arc::clone(drive), None, RunOptions::default()).unwrap();
+    let topics = stack.inputs.iter().map(|input| input.topic.clone()).collect();
+    let options =
+        RecordOptions { lossless: true, what: RecordWhat::Buffers(topics), ..RecordOptions::default() };
+    let recording = Recording::start(&path, drive, run.buffers(), &options).unwrap();
+    run.begin().unwrap();
+    run.run_until(Stamp((until_s * 1e9) as u64)).unwrap();
+    recording.finish().unwrap();
+    let log = Log::open(&path).unwrap();
+    Case { plan: stack, log: Some(&log), from_s: 0.2, until_s }.check(seed);
+}
+
 #[test]
 fn the_sample_goes_on_from_any_moment() {
     const DRIVE: &str = include_str!("../../ocu/app/src/sample_drive.toml");
-    let sample = bundled::plan_of("sample");
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("sample.mcap");
-    // The part of the drive of `ocu sample` that the stack reads.
     let drive = bundled::plan_from_text("sample_drive.toml", DRIVE);
-    let mut run = Stepped::new(Arc::clone(&drive), None, RunOptions::default()).unwrap();
-    let topics = sample.inputs.iter().map(|input| input.topic.clone()).collect();
-    let options =
-        RecordOptions { lossless: true, what: RecordWhat::Buffers(topics), ..RecordOptions::default() };
-    let recording = Recording::start(&path, &drive, run.buffers(), &options).unwrap();
-    run.begin().unwrap();
-    run.run_until(Stamp(1_500_000_000)).unwrap();
-    recording.finish().unwrap();
-    let log = Log::open(&path).unwrap();
-    Case { plan: sample, log: Some(&log), from_s: 0.2, until_s: 1.5 }.check(9);
+    check_drive(bundled::plan_of("sample"), &drive, 1.5, 9);
+}
+
+#[test]
+fn a_replay_of_the_sensors_goes_on_from_any_moment() {
+    let drive = bundled::plan("simulation", "meadow", &[]);
+    check_drive(bundled::plan("replay", "meadow", &[]), &drive, 1.5, 13);
 }
 
 #[test]
@@ -340,9 +354,11 @@ fn every_bundled_stack_goes_through_the_gate() {
         "forest_robot",
         "husky",
         "lagr",
+        "lagr_no_stereo",
         "lagr_stereo_only",
         "learning",
         "range_camera",
+        "replay",
         "sample",
         "simulation",
         "terrain_camera",

@@ -76,7 +76,8 @@ pub(crate) fn check(
             "a stack without a recording runs on for ever: expected --log, --course or --until",
         ));
     }
-    if course && !has_referee {
+    // On a recording, a course gives the vehicle and the goal.
+    if course && !has_referee && log.is_none() {
         return Err(usage(format!("the stack {stack} runs no course: nothing in it reports one")));
     }
     Ok(())

@@ -221,10 +221,7 @@ impl AStarPlanner {
         let goal = DVec2::from(self.goal.unwrap_or_default());
         self.take_position(vehicle);
         let route: Vec<DVec2> = self.route.iter().copied().map(DVec2::from).collect();
-        let position = vehicle.translation.truncate();
-        let previous = self.previous.drain(..).map(DVec2::from);
-        let previous: Vec<DVec2> =
-            previous.filter(|at| at.distance(position) <= params.previous_reach_m).collect();
+        let previous: Vec<DVec2> = self.previous.drain(..).map(DVec2::from).collect();
         let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
         let task = Task {
             sensed: &self.memory.reader.sensed,
