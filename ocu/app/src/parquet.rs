@@ -88,7 +88,7 @@ impl Table {
             let present: Vec<i16> = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
             let values = cells.drain(..).flatten();
             if has_names(points) {
-                let name = |value| points.name(value).map_or_else(|| value.to_string(), |name| name.to_string());
+                let name = |value| points.name(value).map_or_else(|| value.to_string(), ToString::to_string);
                 let names: Vec<ByteArray> =
                     values.map(|value| ByteArray::from(name(value).into_bytes())).collect();
                 write::<ByteArrayType, _>(&mut group, &names, Some(&present))?;
