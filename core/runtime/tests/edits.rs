@@ -162,3 +162,20 @@ fn an_edit_that_fits_the_type_but_not_the_message_is_dropped_and_told_as_the_ope
     let list: rcs::OverrideList = newest(&run, "/runtime/overrides");
     assert_eq!((list.active.len(), list.dropped, list.last_dropped), (0, 1, told.message));
 }
+
+#[test]
+fn the_later_one_of_two_holders_of_a_field_replaces_the_other_and_is_listed_alone() {
+    let mut run = running();
+    let by = |owner: &str, value: &str| rcs::Override { owner: owner.to_owned(), ..hold(".z", value) };
+    set(&mut run, by("anna", "42")).unwrap();
+    set(&mut run, by("bert", "7")).unwrap();
+    run.run_until(seconds(0.2)).unwrap();
+    assert_eq!(z(&run), 7.0);
+    let list: rcs::OverrideList = newest(&run, "/runtime/overrides");
+    let owners: Vec<&str> = list.active.iter().map(|active| active.owner.as_str()).collect();
+    assert_eq!(owners, ["bert"]);
+    let id = list.active[0].id;
+    set(&mut run, rcs::Override { id, ..release() }).unwrap();
+    run.run_until(seconds(0.3)).unwrap();
+    assert_eq!((z(&run), listed(&run).len()), (5.0, 0));
+}

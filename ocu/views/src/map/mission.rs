@@ -6,7 +6,7 @@ use super::{Map, layers};
 use crate::clip;
 use crate::operator::Inputs;
 use crate::view::ViewContext;
-use egui::{Align2, Color32, FontId, Painter, Pos2, Response, RichText, Shape, Stroke, Ui};
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Response, RichText, Shape, Stroke, Ui, Vec2};
 use ocu_ui::{Tokens, icons, legend, tokens};
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::AnyMessage;
@@ -185,7 +185,9 @@ impl Map {
         let Some(draft) = &mut self.draft else { return };
         let tokens = tokens(ui);
         let mut discard = false;
-        legend::plate(ui, at.canvas, Align2::CENTER_TOP, |ui| {
+        // Below the scale bar.
+        let below = Rect::from_min_max(at.canvas.min + Vec2::new(0.0, 40.0), at.canvas.max);
+        legend::plate(ui, below, Align2::CENTER_TOP, |ui| {
             ui.spacing_mut().item_spacing.y = 4.0;
             ui.horizontal(|ui| {
                 ui.selectable_value(&mut draft.adds, Adds::Goal, "Goals")

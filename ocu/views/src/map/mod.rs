@@ -354,7 +354,8 @@ impl Map {
         if canvas.height() >= 200.0 && (canvas.width() >= 560.0 || !response.hovered()) {
             self.legend(ui, cx.frame, layers, &shown, canvas, listed);
         }
-        let pointer = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
+        let pointer = response.hover_pos().filter(|_| !response.context_menu_opened());
+        let pointer = pointer.map(|at| viewport.to_plane(canvas, at));
         self.read_out(ui, cx.frame, map, &shown, pointer, canvas);
     }
 
