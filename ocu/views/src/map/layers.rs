@@ -207,21 +207,24 @@ pub(super) fn frame_label(name: &str) -> &str {
 
 /// Pose of a layer in the map's frame; the error says that no transform connects them.
 pub(super) fn map_from_layer(frame: &Frame, map: &str, layer: &Layer<'_>) -> Result<Pose, String> {
-    if map == layer.frame_id {
+    map_from_frame(frame, map, layer.frame_id, layer.stamp)
+}
+
+/// Pose of a coordinate frame in the map's at a time; the error says that no transform connects them.
+pub(super) fn map_from_frame(frame: &Frame, map: &str, frame_id: &str, at: Stamp) -> Result<Pose, String> {
+    if map == frame_id {
         return Ok(Pose::IDENTITY);
     }
     let transforms = &frame.transforms;
-    let found = transforms.lookup(map, layer.frame_id, layer.stamp.0).or_else(|error| match error {
+    let found = transforms.lookup(map, frame_id, at.0).or_else(|error| match error {
         // Before the first transform and after the last one, the nearest is used.
-        TransformError::OutsideData { .. } => match transforms.newest(map, layer.frame_id)? {
-            Some(newest) => transforms.lookup(map, layer.frame_id, newest),
+        TransformError::OutsideData { .. } => match transforms.newest(map, frame_id)? {
+            Some(newest) => transforms.lookup(map, frame_id, newest),
             None => Err(error),
         },
         error => Err(error),
     });
-    found.map_err(|_| {
-        format!("frame {:?} is not connected to {:?}", frame_label(layer.frame_id), frame_label(map))
-    })
+    found.map_err(|_| format!("frame {:?} is not connected to {:?}", frame_label(frame_id), frame_label(map)))
 }
 
 /// How a track lies on the map.

@@ -43,7 +43,8 @@ pub(super) struct Draft {
 
 impl Draft {
     /// The draft that begins with the goals that the vehicle has not reached, and the zones that the operator has sent.
-    fn of(frame: &Frame, map: &str, buffer: &str) -> Self {
+    /// Zones that cannot be placed on the map must not be lost: the error says why.
+    fn of(frame: &Frame, map: &str, buffer: &str) -> Result<Self, String> {
         let place = |map_from: Pose| {
             move |at: &PlanePoint| {
                 let p = map_from * DVec3::new(at.x_m, at.y_m, 0.0);
@@ -55,13 +56,12 @@ impl Draft {
             let left = mission.goals.iter().skip(mission.reached as usize);
             draft.goals = left.map(place(map_from_mission)).collect();
         }
-        if let Some(sent) = frame.topic(buffer).and_then(|topic| topic.get::<Mission>())
-            && let Ok(map_from_sent) = frame.transforms.lookup(map, &sent.frame_id, frame.now.0)
-        {
+        if let Some(sent) = frame.topic(buffer).and_then(|topic| topic.get::<Mission>()) {
+            let map_from_sent = layers::map_from_frame(frame, map, &sent.frame_id, frame.now)?;
             let zone = |zone: &PlanePolygon| zone.points.iter().map(place(map_from_sent)).collect();
             draft.keep_out = sent.keep_out.iter().map(zone).collect();
         }
-        draft
+        Ok(draft)
     }
 
     fn click(&mut self, at: [f64; 2], reach_m: f64) {
@@ -121,11 +121,11 @@ fn obeyed<'a>(frame: &'a Frame, map: &str) -> Option<(&'a Mission, Pose)> {
 }
 
 impl Map {
-    /// Opens a draft, or throws it away.
+    /// Opens a draft, unless what was sent cannot be placed on the map, or throws it away.
     pub(super) fn toggle_draft(&mut self, frame: &Frame, map: &str, buffer: &str) {
         self.draft = match self.draft {
             Some(_) => None,
-            None => Some(Draft::of(frame, map, buffer)),
+            None => Draft::of(frame, map, buffer).ok(),
         };
         self.measuring = false;
     }
@@ -157,9 +157,13 @@ impl Map {
         let mut drive_to = None;
         let mut edit = false;
         response.context_menu(|ui| {
+            let known = self.draft.clone().map_or_else(|| Draft::of(cx.frame, map, &buffer), Ok);
             let drive = format!("{}  Drive here", icons::ICON_FLAG.codepoint);
-            if ui.button(drive).on_hover_text("Replaces the goals; keep-out zones stay").clicked() {
-                drive_to = self.menu_at;
+            let button = ui.add_enabled(known.is_ok(), egui::Button::new(drive));
+            let button = button.on_hover_text("Replaces the goals; keep-out zones stay");
+            let why = known.as_ref().err().cloned().unwrap_or_default();
+            if button.on_disabled_hover_text(why).clicked() {
+                drive_to = self.menu_at.zip(known.ok());
                 ui.close();
             }
             let text = format!("{}  Edit the mission", icons::ICON_EDIT.codepoint);
@@ -171,8 +175,8 @@ impl Map {
         if edit {
             self.toggle_draft(cx.frame, map, &buffer);
         }
-        if let Some(goal) = drive_to {
-            let known = self.draft.take().unwrap_or_else(|| Draft::of(cx.frame, map, &buffer));
+        if let Some((goal, known)) = drive_to {
+            self.draft = None;
             send(cx, map, &buffer, &Draft { goals: vec![goal], goals_changed: true, ..known });
         }
         if self.draft.is_some() {

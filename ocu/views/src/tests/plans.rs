@@ -6,7 +6,7 @@ use crate::view::{Hover, HoverPoint, TopicKey};
 use egui::{Pos2, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use rcs_msg::rcs::Mission;
+use rcs_msg::rcs::{Mission, PlanePoint, PlanePolygon};
 use rcs_runtime::source::Control;
 
 fn shown(kind: &str) -> Harness<'static, Shown> {
@@ -126,4 +126,27 @@ fn a_mission_is_drawn_and_sent_and_a_click_sends_the_vehicle_to_one_goal() {
     map.get_by_label_contains("Drive here").click();
     map.run();
     assert_eq!(sent(&mut map)[0].goals.len(), 1);
+}
+
+/// What the map sends for *Drive here* after a zone was sent in a frame.
+fn driven_after_a_zone_in(frame_id: &str) -> Vec<Mission> {
+    let corner = |x_m, y_m| PlanePoint { x_m, y_m };
+    let zone = PlanePolygon { points: vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)] };
+    let mission = Mission { frame_id: frame_id.to_owned(), keep_out: vec![zone], ..Mission::default() };
+    let mut frame = samples::driving();
+    let topics = frame.topics.iter().cloned().chain([samples::topic("/operator/mission", 0.1, 1.0, mission)]);
+    frame.topics = topics.collect();
+    let mut map = harness(Shown::new("map", frame), Vec2::new(900.0, 760.0), Theme::Dark);
+    map.run();
+    let canvas = map.get_by_label("Map").rect();
+    click(&mut map, canvas.center(), egui::PointerButton::Secondary);
+    map.get_by_label_contains("Drive here").click();
+    map.run();
+    sent(&mut map)
+}
+
+#[test]
+fn a_goal_by_a_click_keeps_the_zones_and_is_not_sent_where_they_would_be_lost() {
+    assert_eq!(driven_after_a_zone_in("local")[0].keep_out.len(), 1);
+    assert_eq!(driven_after_a_zone_in("elsewhere").len(), 0);
 }
