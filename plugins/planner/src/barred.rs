@@ -32,6 +32,26 @@ impl Barred {
     }
 }
 
+/// Growth of a place that is barred beside an earlier one.
+const GROWTH: f64 = 1.5;
+/// Radius up to which a place grows, m.
+const LARGEST_M: f64 = 9.0;
+/// Places that are this near to each other are one obstacle, m: the vehicle tried to get past the first one there.
+const BESIDE_M: f64 = 1.0;
+
+/// A place to bar, given the vehicle's position, m, and the places that are barred. Beside one of those it is larger than
+/// that one, on the same side of the vehicle: ground on which the wheels slip again reaches farther than was thought.
+pub fn grown(place: Barred, vehicle: DVec2, before: &[Barred]) -> Barred {
+    let at = DVec2::from(place.at);
+    let is_beside =
+        |other: &&Barred| at.distance(DVec2::from(other.at)) <= place.radius_m + other.radius_m + BESIDE_M;
+    let largest_m = before.iter().filter(is_beside).map(|other| other.radius_m * GROWTH).fold(0.0, f64::max);
+    let radius_m = largest_m.min(LARGEST_M).max(place.radius_m);
+    let away = (at - vehicle).normalize_or_zero();
+    let at = at + away * (radius_m - place.radius_m);
+    Barred { at: (at.x, at.y), radius_m }
+}
+
 /// Whether the last point of a track is where the track was before, although the wheels have turned since: the index of
 /// that point. Points in the global frame, m.
 pub fn turned_on_the_spot(track: &[DVec2]) -> Option<usize> {
@@ -67,5 +87,23 @@ mod tests {
         let barred = Barred::ahead(&Pose::from_xy_yaw(1.0, 2.0, std::f64::consts::FRAC_PI_2), 3.0);
         let at = DVec2::from(barred.at);
         assert!(at.distance(DVec2::new(1.0, 5.5)) < 1e-9 && barred.radius_m == 3.0, "{at}");
+    }
+
+    #[test]
+    fn a_place_beside_an_earlier_one_is_larger_and_the_vehicle_stays_outside_of_it() {
+        let place = |x: f64, y: f64, radius_m: f64| Barred { at: (x, y), radius_m };
+        let vehicle = DVec2::ZERO;
+        let first = place(2.5, 0.0, 2.0);
+        assert_eq!(grown(first, vehicle, &[]), first);
+        assert_eq!(grown(first, vehicle, &[place(2.5, 8.0, 2.0)]), first, "another place");
+        let second = grown(first, vehicle, &[place(2.5, 3.0, 2.0)]);
+        assert_eq!(second, place(3.5, 0.0, 3.0));
+        let mut places = vec![place(2.5, 3.0, 2.0)];
+        for _ in 0..20 {
+            places.push(grown(first, vehicle, &places));
+        }
+        let last = places[places.len() - 1];
+        assert_eq!(last.radius_m, LARGEST_M);
+        assert!((DVec2::from(last.at).length() - LARGEST_M - BEFORE_M).abs() < 1e-9);
     }
 }

@@ -1,7 +1,7 @@
 //! The process `waypoint_generator`: reads the goal, commands the planner, and sends waypoints. Its port table is in the
 //! crate's documentation.
 
-use crate::barred::{Barred, turned_on_the_spot};
+use crate::barred::{Barred, grown, turned_on_the_spot};
 use crate::children::Children;
 use crate::goal::Goal;
 use crate::mission::Mission;
@@ -453,7 +453,9 @@ impl WaypointGenerator {
     fn take_barred(&mut self, place: Option<&BarredPlace>) {
         let Some((place, (global_from_local, _))) = place.zip(self.global_from_local) else { return };
         let at = global_from_local * DVec3::new(place.x_m, place.y_m, 0.0);
-        self.barred.push(Barred { at: (at.x, at.y), radius_m: place.radius_m });
+        let vehicle = self.track.last().map_or(at.truncate(), |&last| DVec2::from(last));
+        let place = Barred { at: (at.x, at.y), radius_m: place.radius_m };
+        self.barred.push(grown(place, vehicle, &self.barred));
         // The planners are told with the goal.
         self.told = None;
     }
@@ -471,7 +473,8 @@ impl WaypointGenerator {
         self.told = None;
         if let Some(&(x_m, y_m)) = self.track.last().filter(|_| params.slide_bars_m > 0.0) {
             let vehicle = Pose::from_xy_yaw(x_m, y_m, self.yaw_rad);
-            self.barred.push(Barred::ahead(&vehicle, params.slide_bars_m));
+            let place = Barred::ahead(&vehicle, params.slide_bars_m);
+            self.barred.push(grown(place, vehicle.translation.truncate(), &self.barred));
         }
     }
 

@@ -125,6 +125,7 @@ mod process;
 mod queue;
 pub mod route;
 pub mod search;
+mod sensors;
 mod settings;
 mod signals;
 pub mod terrain;

@@ -72,7 +72,11 @@ pub(crate) fn reversed(scored: &[Scored], style: &Style, number: u32) -> (Option
     (Some(at), [speed_mps, yaw_rate])
 }
 
-/// The action SHAKE: backward for a second, then at random speeds and turn rates for half a second each.
+/// Duration of driving backward at the beginning of the action SHAKE, s: on a slope the vehicle slides down to where its
+/// wheels grip.
+const SHAKE_BACKWARD_S: f64 = 2.5;
+
+/// The action SHAKE: backward, then at random speeds and turn rates for half a second each.
 pub(crate) fn shaken(
     shakes: &mut Option<([f64; 2], Stamp)>,
     style: &Style,
@@ -80,7 +84,7 @@ pub(crate) fn shaken(
     now: Stamp,
     rng: &mut impl RngCore,
 ) -> [f64; 2] {
-    if since_s < 1.0 {
+    if since_s < SHAKE_BACKWARD_S {
         return [-style.max_speed_mps, 0.0];
     }
     if let Some((order, since)) = shakes

@@ -208,6 +208,8 @@ mod tests {
             unknown: 20,
             unknown_near: 20,
             narrow: 0.0,
+            sure_m: f64::INFINITY,
+            unsure: 250,
             half_width_m: 0.35,
             least_room_m: 0.4,
             far_room_m: 0.4,

@@ -405,6 +405,8 @@ fn rules(params: &PlannerParams) -> Rules {
         far_room_m: params.far_room_m,
         near_m: params.near_m,
         narrow: f64::from(params.narrow_cost),
+        sure_m: if params.sure_m > 0.0 { params.sure_m } else { f64::INFINITY },
+        unsure: params.unsure_cost as u8,
         unknown_near: params.unknown_near_cost as u8,
         heading: params.heading_preference,
         heading_range_m: params.heading_range_m,

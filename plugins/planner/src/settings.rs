@@ -31,6 +31,8 @@ pub(crate) fn rules_of(costs: Option<&TerrainCosts>) -> Rules {
         far_room_m: half_m + costs.clearance_m,
         near_m: f64::INFINITY,
         narrow: 0.0,
+        sure_m: f64::INFINITY,
+        unsure: crate::costs::MAX_COST,
         wish_room_m: half_m + costs.wish_clearance_m.max(costs.clearance_m),
         clearance: costs.clearance_cost,
         heading: 0.0,

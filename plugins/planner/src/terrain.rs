@@ -48,6 +48,11 @@ pub struct Rules {
     pub near_m: f64,
     /// Clearance term where only the far room suffices.
     pub narrow: f64,
+    /// Obstacles to which the vehicle has not come nearer than this do not block, m: a few wrong ranges may be all that
+    /// there is.
+    pub sure_m: f64,
+    /// Cost of a cell with such an obstacle.
+    pub unsure: u8,
     /// Half the width and the desired distance beside it, m.
     pub wish_room_m: f64,
     /// Clearance term at the least room.
@@ -202,6 +207,8 @@ pub struct Terrain {
     by_previous: Vec<f32>,
     /// Whether the vehicle is or was near the cell; empty if that makes no difference.
     was_near: Vec<bool>,
+    /// Whether the vehicle is or was so near to the cell that an obstacle in it is certain; empty if all are.
+    is_sure: Vec<bool>,
     /// Whether the cell is barred; empty if none is.
     barred: Vec<bool>,
 }
@@ -217,8 +224,16 @@ impl Terrain {
     ) -> Result<CostGrid, CostGridError> {
         self.by_cost.clear();
         self.by_cost.extend((0..=255).map(|fused| looked_up(fused, rules)));
+        self.is_sure.clear();
+        if rules.sure_m.is_finite() {
+            mark(sensed, vehicle, past.track, rules.sure_m, &mut self.is_sure);
+        }
         self.is_obstacle.clear();
         self.is_obstacle.extend(sensed.fused.iter().map(|&cost| self.by_cost[usize::from(cost)].is_none()));
+        for (obstacle, _) in self.is_obstacle.iter_mut().zip(&self.is_sure).filter(|(_, is_sure)| !**is_sure)
+        {
+            *obstacle = false;
+        }
         for (obstacle, _) in self.is_obstacle.iter_mut().zip(&sensed.bumped).filter(|(_, bumped)| **bumped) {
             *obstacle = true;
         }
@@ -307,7 +322,8 @@ impl Terrain {
         if self.barred.get(at).is_some_and(|&barred| barred) {
             return None;
         }
-        let terrain = self.by_cost[usize::from(fused)];
+        let unsure = (!self.is_sure(at)).then(|| f32::from(rules.unsure));
+        let terrain = self.by_cost[usize::from(fused)].or(unsure);
         let is_hidden = fused == UNKNOWN_COST && self.was_near.get(at).is_some_and(|&was_near| was_near);
         if is_hidden { terrain.map(|_| f32::from(rules.unknown_near)) } else { terrain }
     }
@@ -319,10 +335,12 @@ impl Terrain {
         if is_same || !rules.near_m.is_finite() {
             return;
         }
-        self.was_near.resize(sensed.fused.len(), false);
-        for &at in track.iter().chain([&vehicle.translation.truncate()]) {
-            around(sensed, at, rules.near_m, |place, _| self.was_near[sensed.index(place)] = true);
-        }
+        mark(sensed, vehicle, track, rules.near_m, &mut self.was_near);
+    }
+
+    /// Whether an obstacle in a cell is certain.
+    fn is_sure(&self, at: usize) -> bool {
+        self.is_sure.get(at).is_none_or(|&is_sure| is_sure)
     }
 
     /// The memory term and the previous path's term of a cell with this terrain term.
@@ -427,6 +445,15 @@ fn around(sensed: &Sensed, position: DVec2, within_m: f64, mut visit: impl FnMut
                 visit(place, distance_m);
             }
         }
+    }
+}
+
+/// Marks the cells within a distance of a vehicle and its track, m.
+fn mark(sensed: &Sensed, vehicle: &Pose, track: &[DVec2], within_m: f64, marked: &mut Vec<bool>) {
+    marked.clear();
+    marked.resize(sensed.fused.len(), false);
+    for &at in track.iter().chain([&vehicle.translation.truncate()]) {
+        around(sensed, at, within_m, |place, _| marked[sensed.index(place)] = true);
     }
 }
 

@@ -8,6 +8,8 @@ fn rules() -> Rules {
         unknown: 20,
         unknown_near: 20,
         narrow: 0.0,
+        sure_m: f64::INFINITY,
+        unsure: 250,
         half_width_m: 0.35,
         least_room_m: 0.4,
         far_room_m: 0.4,
@@ -182,4 +184,23 @@ fn the_path_that_was_planned_before_is_cheaper_than_beside_it() {
     assert_eq!((costs.get(at(0.0, 0.0)), costs.get(at(2.0, 0.0))), (Some(48), Some(60)));
     let terms = terrain.terms(&sensed(31), at(0.0, 0.0), &away, &rules).unwrap();
     assert!((terms.previous + 12.0).abs() < 0.1 && terms.memory == 0.0, "{terms:?}");
+}
+
+#[test]
+fn an_obstacle_that_was_seen_from_far_alone_costs_but_does_not_block() {
+    let mut sensed = with_obstacle(3.0, 0.0);
+    let rules = Rules { sure_m: 2.0, unsure: 70, ..rules() };
+    let vehicle = Pose::from_xy_yaw(0.0, 0.0, 0.0);
+    let (terrain, costs) = costs(&sensed, &vehicle, &rules);
+    assert_eq!(costs.get(at(3.0, 0.0)), Some(70));
+    assert_eq!(costs.get(at(2.8, 0.0)), Some(10), "it takes no room");
+    assert_eq!(terrain.terms(&sensed, at(3.0, 0.0), &vehicle, &rules).unwrap().terrain, 70.0);
+    // It blocks once the vehicle was nearer, and so does what the bumper hit.
+    let mut terrain = Terrain::default();
+    let past = Past { track: &[DVec2::new(1.5, 0.0)], ..Past::default() };
+    let costs = terrain.costs(&sensed, &vehicle, &past, &rules).unwrap();
+    assert_eq!(costs.get(at(3.0, 0.0)), Some(BLOCKED));
+    sensed.bumped = sensed.fused.iter().map(|&fused| fused == 250).collect();
+    let costs = terrain.costs(&sensed, &vehicle, &Past::default(), &rules).unwrap();
+    assert_eq!(costs.get(at(3.0, 0.0)), Some(BLOCKED));
 }
