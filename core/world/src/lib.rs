@@ -6,6 +6,7 @@
 //!   window's tuning view both call it, so that an operator sees the effect of new weights before sending them.
 //! - [`Map`]: cells around the vehicle; converts to and from a `foxglove.Grid`.
 //! - [`MapMessage`], [`MapCodec`]: a map as it is published, and as it is recorded: key frames and changed cells.
+//! - [`weights_of`]: the weights in the parameters of a process.
 //! - [`GridView`], [`fuse_grid`]: read any `foxglove.Grid` or [`MapMessage`] by field without copying it, and fuse it
 //!   again with other weights.
 //!
@@ -38,6 +39,7 @@ mod map;
 mod message;
 mod options;
 mod source;
+mod weights_params;
 
 pub use cell::{Cell, Evidence, HeightStats, Label, Vote, VoteRule};
 pub use delta::{KEY_FRAME_NS, MAP_CODEC, MapCodec};
@@ -48,6 +50,7 @@ pub use map::{CELL_SIZE_M, MAX_SIDE, Map, SIDE, WIDE_CELL_SIZE_M};
 pub use message::MapMessage;
 pub use options::MapOptions;
 pub use source::{Source, SourceNameError, Sources};
+pub use weights_params::{weight_field, weights_of};
 
 /// The highest cost.
 pub const MAX_COST: u8 = 250;

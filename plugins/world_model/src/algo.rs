@@ -15,6 +15,8 @@ pub struct VoteOrigin {
     pub time: Stamp,
     /// Weight of a vote.
     pub rule: VoteRule,
+    /// Costs with less backing are left out.
+    pub least_backing: u8,
     /// Ground heights that differ by less agree, m.
     pub height_tolerance_m: f32,
 }
@@ -36,9 +38,12 @@ pub struct Taken {
 /// - A message with the field `conf.<source>` states the evidence instead (a learned map): it replaces everything that
 ///   was known of the source, with the confidence `conf.<source>` and the backing `backing.<source>`.
 ///
+/// Cells with less than the least backing are left out.
+///
 /// Heights are taken where the message has them (`ground.mean` and the others of [`Map::to_grid`]).
 pub fn take(map: &mut Map, grid: &Grid, origin: &VoteOrigin) -> Result<Taken, GridViewError> {
-    let Resampled { cells, is_state, outside } = resampled(grid, origin.source, map.grid())?;
+    let Resampled { mut cells, is_state, outside } = resampled(grid, origin.source, map.grid())?;
+    cells.retain(|sensed| sensed.vote.backing >= origin.least_backing);
     if is_state {
         let stated: Vec<_> =
             cells.iter().map(|sensed| (sensed.cell, sensed.stated(origin.sequence))).collect();
@@ -67,7 +72,14 @@ mod tests {
     const RULE: VoteRule = VoteRule { rise: 30, fall: 20, obstacle_fall: 20, max: 255, ground_max: 80 };
 
     fn origin(source: Source, sequence: u32) -> VoteOrigin {
-        VoteOrigin { source, sequence, time: Stamp(u64::from(sequence)), rule: RULE, height_tolerance_m: 0.2 }
+        VoteOrigin {
+            source,
+            sequence,
+            time: Stamp(u64::from(sequence)),
+            rule: RULE,
+            least_backing: 0,
+            height_tolerance_m: 0.2,
+        }
     }
 
     /// A cost map around `centre` with the given costs at the given positions; all other cells are unknown.
@@ -103,6 +115,34 @@ mod tests {
         assert_eq!((evidence.cost, evidence.confidence, evidence.sequence), (250, 60, 2));
         let known = map.grid().iter().filter(|(_, cell)| cell.updated != Stamp(0)).count();
         assert_eq!(known, 1);
+    }
+
+    #[test]
+    fn costs_with_too_little_backing_do_not_vote() {
+        let [a, b] = [DVec2::new(1.1, 0.1), DVec2::new(2.1, 0.1)];
+        let mut message = grid(DVec2::ZERO, Source::COLOR, &[(a, 250), (b, 250)]);
+        let mut map = Map::new(0.2).unwrap();
+        let origin = VoteOrigin { least_backing: 128, ..origin(Source::COLOR, 1) };
+        assert_eq!(take(&mut map, &message, &origin).unwrap().votes, 0, "without backing");
+        // The cell of `a` is backed by 200, all others by 100.
+        let offset = message.cell_stride as usize;
+        let at = map.grid().cell_at(a).unwrap();
+        let south_west = map.grid().bounds().south_west;
+        let backed = ((at.y - south_west.y) * i64::from(message.column_count) + at.x - south_west.x) as usize;
+        let cells = message.data.chunks(offset).enumerate();
+        let data: Vec<u8> =
+            cells.flat_map(|(i, cell)| [cell, &[if i == backed { 200 } else { 100 }]].concat()).collect();
+        message.data = data.into();
+        message.fields.push(rcs_msg::foxglove::PackedElementField {
+            name: "backing.color".to_owned(),
+            offset: offset as u32,
+            r#type: rcs_world::NumericType::Uint8.into(),
+        });
+        message.cell_stride += 1;
+        message.row_stride += message.column_count;
+        assert_eq!(take(&mut map, &message, &origin).unwrap().votes, 1);
+        let said = |place| map.evidence(Source::COLOR, map.grid().cell_at(place).unwrap());
+        assert_eq!((said(a).cost, said(b)), (250, Evidence::NONE));
     }
 
     #[test]

@@ -224,6 +224,7 @@ impl WorldModel {
             sequence: grid.header().sequence as u32,
             time: grid.acq_time(),
             rule,
+            least_backing: listed.least_backing(source),
             height_tolerance_m: params.height_tolerance_m as f32,
         };
         let mut map = self.map.clone();

@@ -15,6 +15,7 @@ struct Rule {
     source: Source,
     votes: VoteRule,
     fade_per_s: f64,
+    least_backing: u8,
 }
 
 impl Listed {
@@ -26,7 +27,7 @@ impl Listed {
         };
         if params.sources.is_empty() {
             let fade_per_s = WorldModelSource::default().fade_per_s;
-            let rule = |source| Rule { source, votes: VoteRule::default(), fade_per_s };
+            let rule = |source| Rule { source, votes: VoteRule::default(), fade_per_s, least_backing: 0 };
             return Listed {
                 weights: with_least(Weights::default()),
                 rules: Source::BUNDLED.into_iter().map(rule).collect(),
@@ -53,6 +54,7 @@ impl Listed {
                 ground_max: byte(entry.max_ground_confidence),
             },
             fade_per_s: entry.fade_per_s,
+            least_backing: (entry.least_backing * 255.0 + 0.5) as u8,
         };
         Listed {
             weights: with_least(named.clone().map(weighted).collect()),
@@ -62,6 +64,11 @@ impl Listed {
 
     pub(crate) fn rule(&self, source: Source) -> Option<VoteRule> {
         self.rules.iter().find(|rule| rule.source == source).map(|rule| rule.votes)
+    }
+
+    /// Backing, 0 to 255, below which costs of a source are left out.
+    pub(crate) fn least_backing(&self, source: Source) -> u8 {
+        self.rules.iter().find(|rule| rule.source == source).map_or(0, |rule| rule.least_backing)
     }
 
     /// How much the confidences of a source decrease per second.
@@ -81,4 +88,38 @@ pub(crate) fn check_sources(params: &WorldModelParams) -> Result<(), String> {
         names.insert(source);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_msg::AnyMessage;
+    use rcs_world::{Fused, weight_field, weights_of};
+
+    /// A window fuses a map again with weights that it reads from the parameters: they must be those of the process.
+    #[test]
+    fn a_window_reads_the_same_weights_from_the_parameters() {
+        let entry = |name: &str, kind, weight| WorldModelSource {
+            name: name.to_owned(),
+            kind: i32::from(kind),
+            weight,
+            ..Default::default()
+        };
+        let sources = vec![
+            entry("stereo", WorldModelSourceKind::SourceRange, 0.7),
+            entry("color", WorldModelSourceKind::SourceLearned, 0.2),
+            entry("bumper", WorldModelSourceKind::SourceOverride, 1.0),
+        ];
+        for sources in [sources, Vec::new()] {
+            let params = WorldModelParams { sources, least_evidence: 7.0, ..Default::default() };
+            let message = AnyMessage::new(params.clone());
+            let read = weights_of(&message).unwrap();
+            assert_eq!(read, Listed::of(&params).weights);
+            assert_eq!(read.least_evidence, 7.0);
+        }
+        let params = AnyMessage::new(WorldModelParams::default());
+        assert_eq!(weight_field(&params, Source::COLOR), None, "the defaults list no sources");
+        assert_eq!(weights_of(&AnyMessage::new(rcs_msg::foxglove::Grid::default())), None);
+        assert_eq!(rcs_world::fuse(&[], &weights_of(&params).unwrap()), Fused::UNKNOWN);
+    }
 }

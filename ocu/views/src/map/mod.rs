@@ -21,7 +21,7 @@ use crate::canvas::Viewport;
 use crate::clip::{Near, is_place};
 use crate::operator::Inputs;
 use crate::texture::{Cached, CachedTexture, SameMessage};
-use crate::tuning::weights;
+
 use crate::view::{Preview, SavedState, View, ViewContext};
 use cloud::Cloud;
 use egui::{Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
@@ -36,7 +36,7 @@ use rcs_geom::Pose;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::PointCloud;
 use rcs_runtime::source::{Frame, SourceKind, Topic, WGS84};
-use rcs_world::Weights;
+use rcs_world::{Weights, weights_of};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -245,7 +245,7 @@ impl Map {
     /// Takes the fusion weights that are being edited, if they changed.
     fn follow_preview(&mut self, preview: Option<&Preview>) {
         if self.preview.as_ref().map(|(known, _)| known) != preview {
-            self.preview = preview.and_then(|preview| Some((preview.clone(), weights(&preview.params)?)));
+            self.preview = preview.and_then(|preview| Some((preview.clone(), weights_of(&preview.params)?)));
         }
     }
 

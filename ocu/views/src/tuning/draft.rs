@@ -1,8 +1,8 @@
 //! Edited parameters of one process: the changes that were not sent, what they replaced, and the kept sets A and B.
 
-use rcs_msg::params::{ParamKind, ParamSpec, specs, with_params};
+use rcs_msg::params::{ParamSpec, specs, with_params};
 use rcs_msg::{AnyMessage, FieldPath, Value};
-use rcs_world::{Source, SourceKind, Weighted, Weights};
+
 use std::collections::BTreeMap;
 
 /// Number of messages that can be taken back.
@@ -154,28 +154,6 @@ fn same(value: &Value, text: &str) -> bool {
         (Some(a), Ok(b)) => a == b,
         _ => text_of(value).is_some_and(|value| value == text),
     }
-}
-
-/// The weights in the parameters of a process that fuses cost sources, found by the roles of its parameters; `None` for
-/// other processes.
-pub(crate) fn weights(params: &AnyMessage) -> Option<Weights> {
-    let specs = specs(params.schema().descriptor()?);
-    let (list, [name, weight, kind]) =
-        specs.iter().filter(|spec| spec.kind == ParamKind::List).find_map(|spec| {
-            let field =
-                |role: &str| spec.fields.iter().find(|field| field.role == role).map(|field| &field.name);
-            Some((&spec.name, [field("source")?, field("source_weight")?, field("source_kind")?]))
-        })?;
-    let value = params.value().ok()?;
-    let Value::List(items) = value.field(list)? else { return None };
-    let weighted = |item: &Value| {
-        let source = Source::new(item.field(name)?.as_text()?).ok()?;
-        let overrides = item.field(kind).and_then(Value::as_i64).is_some_and(|kind| kind != 0);
-        let kind = if overrides { SourceKind::Override } else { SourceKind::Range };
-        let weight = item.field(weight).and_then(Value::as_f64).unwrap_or(0.0) as f32;
-        Some(Weighted { source, weight, kind })
-    };
-    Some(items.iter().filter_map(weighted).collect())
 }
 
 /// A plain value as text that is read back as the same value; `None` for others.

@@ -19,7 +19,6 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 pub(crate) use controls::{Row as ParamRow, Rows as ParamRows};
-pub(crate) use draft::weights;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -119,8 +118,9 @@ impl Tuning {
         {
             return Some(info);
         }
-        let fuses =
-            |info: &&rcs::ProcessInfo| in_force(frame, info).is_some_and(|params| weights(&params).is_some());
+        let fuses = |info: &&rcs::ProcessInfo| {
+            in_force(frame, info).is_some_and(|params| rcs_world::weights_of(&params).is_some())
+        };
         let info = tunable(frame).find(fuses).or_else(|| tunable(frame).next())?;
         self.usual = Some((list, info.name.clone()));
         Some(info)

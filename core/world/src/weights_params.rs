@@ -1,0 +1,58 @@
+//! Weights in the parameters of a process that fuses costs, found by the roles of the parameters: any process whose
+//! parameters have a list with the roles `source`, `source_weight` and `source_kind`.
+
+use crate::{Source, SourceKind, Weighted, Weights};
+use rcs_msg::params::{ParamKind, ParamSpec, specs};
+use rcs_msg::{AnyMessage, Value};
+
+/// Name of the list of sources, and of the fields of an entry: name, weight and kind of a source.
+struct Names {
+    list: String,
+    name: String,
+    weight: String,
+    kind: String,
+}
+
+fn names(specs: &[ParamSpec]) -> Option<Names> {
+    specs.iter().filter(|spec| spec.kind == ParamKind::List).find_map(|spec| {
+        let field = |role: &str| spec.fields.iter().find(|field| field.role == role).map(|f| f.name.clone());
+        let (name, weight, kind) = (field("source")?, field("source_weight")?, field("source_kind")?);
+        Some(Names { list: spec.name.clone(), name, weight, kind })
+    })
+}
+
+/// The weights that parameters give, those of the bundled sources if they list none; `None` if they are those of a process that fuses no costs. Sources whose names are
+/// not valid are left out.
+pub fn weights_of(params: &AnyMessage) -> Option<Weights> {
+    let specs = specs(params.schema().descriptor()?);
+    let names = names(&specs)?;
+    let value = params.value().ok()?;
+    let Value::List(items) = value.field(&names.list)? else { return None };
+    let weighted = |item: &Value| {
+        let source = Source::new(item.field(&names.name)?.as_text()?).ok()?;
+        let kind = match item.field(&names.kind).and_then(Value::as_i64) {
+            Some(1) => SourceKind::Override,
+            Some(2) => SourceKind::Learned,
+            _ => SourceKind::Range,
+        };
+        let weight = item.field(&names.weight).and_then(Value::as_f64).unwrap_or(0.0) as f32;
+        Some(Weighted { source, weight, kind })
+    };
+    let mut weights: Weights =
+        if items.is_empty() { Weights::default() } else { items.iter().filter_map(weighted).collect() };
+    let least = specs.iter().find(|spec| spec.role == "least_evidence").map(|spec| &spec.name);
+    if let Some(least) = least.and_then(|name| value.field(name)).and_then(Value::as_f64) {
+        weights.least_evidence = least as f32;
+    }
+    Some(weights)
+}
+
+/// The field of the weight of a source, such as `sources[2].weight`; `None` if the parameters do not list the source.
+pub fn weight_field(params: &AnyMessage, source: Source) -> Option<String> {
+    let names = names(&specs(params.schema().descriptor()?))?;
+    let value = params.value().ok()?;
+    let Value::List(items) = value.field(&names.list)? else { return None };
+    let is_it = |item: &Value| item.field(&names.name).and_then(Value::as_text) == Some(source.name());
+    let place = items.iter().position(is_it)?;
+    Some(format!("{}[{place}].{}", names.list, names.weight))
+}
