@@ -6,6 +6,7 @@
 //!   window's tuning view both call it, so that an operator sees the effect of new weights before sending them.
 //! - [`Map`]: cells around the vehicle; converts to and from a `foxglove.Grid`.
 //! - [`MapMessage`], [`MapCodec`]: a map as it is published, and as it is recorded: key frames and changed cells.
+//! - [`Experience`], [`fit`]: weights learned from what the vehicle drove over and bumped into.
 //! - [`weights_of`]: the weights in the parameters of a process.
 //! - [`GridView`], [`fuse_grid`]: read any `foxglove.Grid` or [`MapMessage`] by field without copying it, and fuse it
 //!   again with other weights.
@@ -32,6 +33,7 @@
 mod cell;
 mod columns;
 mod delta;
+mod experience;
 mod fusion;
 mod grid_view;
 mod layout;
@@ -43,6 +45,7 @@ mod weights_params;
 
 pub use cell::{Cell, Evidence, HeightStats, Label, Vote, VoteRule};
 pub use delta::{KEY_FRAME_NS, MAP_CODEC, MapCodec};
+pub use experience::{Experience, Fit, FitRules, Judged, Outcome, Samples, WeightChange, fit};
 pub use fusion::{Fused, SourceKind, Weighted, Weights, WeightsError, fuse};
 pub use grid_view::{Field, GridView, GridViewError, NumericType, fuse_grid};
 pub use layout::MapGridError;

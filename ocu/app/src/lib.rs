@@ -8,8 +8,8 @@
 //! - [`main`](fn@main) executes a command line.
 //! - [`cli`]: all flags, each defined once.
 //! - [`window`]: the window; [`render`] draws the same contents without one.
-//! - [`run`], [`diff`], [`info`], [`check`], [`export`], [`graph`], [`latency`], [`plugins`], [`stack_tool`], [`sample`], [`sweep`], [`eval`]: the
-//!   commands.
+//! - [`run`], [`diff`], [`info`], [`check`], [`export`], [`graph`], [`latency`], [`plugins`], [`stack_tool`], [`sample`], [`sweep`], [`tune`],
+//!   [`eval`]: the commands.
 //! - [`bundled`]: the files that are compiled in; [`layout`], [`stacks`], [`assets`] read them.
 //!
 //! # Example
@@ -54,6 +54,7 @@ pub mod stacks;
 pub mod sweep;
 mod table;
 mod time;
+pub mod tune;
 pub mod window;
 
 use cli::{Cli, Command};
@@ -155,6 +156,7 @@ pub fn main(cli: &Cli, out: &mut dyn Write, errors: &mut dyn Write) -> u8 {
         Some(Command::Render(args)) => render::render(args).map(|()| Ended::Well),
         Some(Command::Sample(args)) => sample::sample(args).map(|()| Ended::Well),
         Some(Command::Eval(command)) => eval::eval(command, out).map(|()| Ended::Well),
+        Some(Command::Tune(args)) => tune::tune(args, out).map(|()| Ended::Well),
         Some(Command::Plugins(args)) => plugins::plugins(args, out).map(|()| Ended::Well),
         Some(Command::Sweep(args)) => sweep::sweep(args, out),
         Some(Command::Stack(command)) => stack_tool::stack(command, out).map(Ended::from),

@@ -266,3 +266,82 @@ fn a_check_tells_what_is_probably_not_meant() {
     assert_eq!(code, 1);
     assert!(strings(&report["errors"])[0].contains("mine.toml:8"), "{report}");
 }
+
+/// A drive of 60 s along a free row, beside a row of obstacles that stereo is sure of once they are near. Terrain calls
+/// both rows the wrong way round.
+fn maps_of_a_drive(path: &Path) {
+    use rcs_geom::DVec2;
+    use rcs_world::{GridView, Map, MapOptions, Source, VoteRule, Weights, fuse_grid};
+    let mut writer = LogWriter::create(path, WriterOptions::default()).unwrap();
+    let schema = schema_of::<foxglove::Grid>();
+    let channel = writer.add_channel("/wm1/map", schema, &std::collections::BTreeMap::default()).unwrap();
+    let mut map = Map::new(0.2).unwrap();
+    let options = MapOptions {
+        sources: [Source::STEREO, Source::TERRAIN, Source::BUMPER].into_iter().collect(),
+        heights: false,
+        weights: Weights::default(),
+    };
+    for second in 0..60_u32 {
+        let vehicle_m = 0.8 * f64::from(second);
+        map.recentre(DVec2::new(vehicle_m, 0.0));
+        let mut vote = |ahead_m: f64, y_m: f64, source, cost, times| {
+            let cell = map.grid().cell_at(DVec2::new(vehicle_m + ahead_m, y_m)).unwrap();
+            for _ in 0..times {
+                map.vote(cell, source, cost, second, Stamp(1), VoteRule::default());
+            }
+        };
+        for ahead_m in (0..30).map(|step| 0.1 + 0.2 * f64::from(step)) {
+            let near = if ahead_m < 1.5 { 8 } else { 1 };
+            vote(ahead_m, 0.1, Source::STEREO, 0, 1);
+            vote(ahead_m, 2.1, Source::STEREO, 250, near);
+            vote(ahead_m, 0.1, Source::TERRAIN, 250, 3);
+            vote(ahead_m, 2.1, Source::TERRAIN, 0, 3);
+        }
+        for behind_m in (0..5).map(|step| -0.1 - 0.2 * f64::from(step)) {
+            vote(behind_m, 0.1, Source::BUMPER, 0, 1);
+        }
+        let time = Stamp(u64::from(second + 1) * 1_000_000_000);
+        let message = map.to_grid("local", time, &options);
+        assert!(fuse_grid(&GridView::new(&message).unwrap(), &Weights::default(), &mut Vec::new()).is_ok());
+        let header = WriteHeader { sequence: second, log_time: time, publish_time: time };
+        writer.write(channel, header, &AnyMessage::new(message).bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn weights_are_learned_from_a_drive_and_written_into_a_stack() {
+    let dir = tempfile::tempdir().unwrap();
+    let (log, stack) = (dir.path().join("drive.mcap"), dir.path().join("tuned.toml"));
+    maps_of_a_drive(&log);
+    let tune = ["tune", "--log", text(&log), "--stack", "lagr"];
+    let (code, out, errors) = ocu(&[&tune[..], &["-o", text(&stack), "--json"]].concat());
+    assert_eq!(code, 0, "{errors}");
+    let report = json(&out);
+    assert_eq!((&report["process"], &report["kept"]), (&"wm1".into(), &true.into()), "{out}");
+    let weight = |source: &str| {
+        let weights = report["weights"].as_array().unwrap();
+        let found = weights.iter().find(|weight| weight["source"] == source).unwrap();
+        ["before", "after"].map(|key| found[key].as_f64().unwrap())
+    };
+    assert_eq!(weight("stereo"), [1.0; 2], "the reference");
+    let [before, after] = weight("terrain");
+    assert!(after < 0.5 * before, "{out}");
+    let loss = |half: &str, which: &str| report[half][which]["loss"].as_f64().unwrap();
+    assert!(loss("checked", "after") < 0.5 * loss("checked", "before"), "{out}");
+    // The stack that was written has the weight, and runs.
+    let written = std::fs::read_to_string(&stack).unwrap();
+    assert!(written.contains("wm1"), "{written}");
+    let (code, out, errors) = ocu(&[&tune[..4], &[text(&stack), "--json"]].concat());
+    assert_eq!(code, 0, "{errors}");
+    let again = json(&out);
+    let terrain = again["weights"].as_array().unwrap().iter().find(|weight| weight["source"] == "terrain");
+    assert!((terrain.unwrap()["before"].as_f64().unwrap() - after).abs() < 1e-6, "{out}");
+
+    let (code, _, errors) = ocu(&[&tune[..], &["--process", "planner"]].concat());
+    assert!(code == 2 && errors.contains("wm1"), "{code} {errors}");
+    // A recording without maps, and a stack that reads none of it.
+    let (_dir, sample) = recording();
+    let (code, _, errors) = ocu(&["tune", "--log", text(&sample), "--stack", "lagr"]);
+    assert!(code == 2 && errors.contains("/wm1/map"), "{code} {errors}");
+}

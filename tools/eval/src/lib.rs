@@ -8,6 +8,8 @@
 //! | [`obstacles`] | arcs called free or blocked by the maps of a recording | the true map of the simulation |
 //! | [`classify`] | label images of a recording, or of a stack that runs | label images of the same times |
 //!
+//! [`tune`] learns the weights of a world model from a drive: the implementation of `ocu tune`.
+//!
 //! Each module has a `Job`, which says what is evaluated, and functions that return a report. A report is text by
 //! [`Display`](std::fmt::Display) and JSON by [`Serialize`](serde::Serialize).
 //!
@@ -30,6 +32,7 @@ pub mod obstacles;
 pub mod plan;
 mod report;
 pub mod stereo;
+pub mod tune;
 
 pub use error::EvalError;
 pub use report::ClassReport;

@@ -6,6 +6,7 @@ mod run;
 mod stack;
 mod sweep;
 mod table;
+mod tune;
 mod values;
 
 pub use eval::{
@@ -17,6 +18,7 @@ pub use run::RunArgs;
 pub use stack::{PluginsArgs, StackCheckArgs, StackCommand, StackShowArgs};
 pub use sweep::SweepArgs;
 pub use table::{ExportArgs, GraphArgs, GraphFormat};
+pub use tune::TuneArgs;
 pub use values::{Param, Save, Size, Values};
 
 use crate::past_args::PastArgs;
@@ -73,6 +75,8 @@ pub enum Command {
     Render(RenderArgs),
     /// Record a short simulated drive, for a first look
     Sample(SampleArgs),
+    /// Learn the weights of a world model from a drive
+    Tune(TuneArgs),
     /// Measure a method on your own data
     #[command(subcommand, after_help = EVAL_EXAMPLE)]
     Eval(EvalCommand),

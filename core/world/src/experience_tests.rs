@@ -1,0 +1,139 @@
+//! Drives on small maps.
+
+use super::*;
+use crate::{Map, MapMessage, MapOptions, VoteRule, fuse};
+use proptest::prelude::*;
+use rcs_geom::DVec2;
+
+fn weights() -> Weights {
+    let kinds = [
+        (Source::STEREO, 1.0, SourceKind::Range),
+        (Source::COLOR, 0.5, SourceKind::Learned),
+        (Source::BUMPER, 1.0, SourceKind::Override),
+    ];
+    kinds.into_iter().map(|(source, weight, kind)| Weighted { source, weight, kind }).collect()
+}
+
+/// Votes of one source at positions.
+fn vote(map: &mut Map, source: Source, cost: u8, times: u32, at: &[DVec2]) {
+    for &at in at {
+        for sequence in 0..times {
+            let cell = map.grid().cell_at(at).unwrap();
+            map.vote(cell, source, cost, sequence, Stamp(1), VoteRule::default());
+        }
+    }
+}
+
+fn row(y_m: f64) -> Vec<DVec2> {
+    (0..30).map(|x| DVec2::new(0.1 + 0.2 * f64::from(x), y_m)).collect()
+}
+
+/// A drive: colour calls a free row and a row of obstacles the wrong way round, stereo says little of either at first.
+/// Then the free row is driven over, and stereo becomes sure of the other one.
+fn drive() -> Experience {
+    let (free, blocked) = (row(0.1), row(2.1));
+    let mut experience = Experience::new(&weights());
+    let mut map = Map::with_side(61, 0.2).unwrap();
+    map.recentre(DVec2::new(3.0, 0.0));
+    let take = |experience: &mut Experience, map: &Map, time_s: u64| {
+        let options = MapOptions {
+            sources: [Source::STEREO, Source::COLOR, Source::BUMPER].into_iter().collect(),
+            heights: false,
+            weights: weights(),
+        };
+        let time = Stamp(time_s * 1_000_000_000);
+        let message = MapMessage { map: map.clone(), frame_id: "local".into(), time, options };
+        experience.take(&GridView::of_map(&message), time).unwrap();
+    };
+    vote(&mut map, Source::STEREO, 0, 1, &free);
+    vote(&mut map, Source::STEREO, 250, 1, &blocked);
+    vote(&mut map, Source::COLOR, 200, 12, &free);
+    vote(&mut map, Source::COLOR, 20, 12, &blocked);
+    take(&mut experience, &map, 1);
+    take(&mut experience, &map, 2);
+    // The vehicle has moved on, and so has the map.
+    map.recentre(DVec2::new(4.0, 0.4));
+    vote(&mut map, Source::STEREO, 250, 12, &blocked);
+    vote(&mut map, Source::BUMPER, 0, 1, &free);
+    take(&mut experience, &map, 3);
+    take(&mut experience, &map, 4);
+    experience
+}
+
+#[test]
+fn what_was_said_before_is_a_sample_once_it_is_known_what_the_cell_is() {
+    let experience = drive();
+    let judged = experience.samples().judge(&weights());
+    // Two earlier maps each, of 30 cells each; what is known already gives no more samples.
+    assert_eq!(judged.count, [60, 0, 60]);
+    assert_eq!(judged.unknown, [0; 3]);
+    assert!(judged.wrong[0] > 0, "{judged:?}");
+}
+
+#[test]
+fn a_fit_lowers_the_weight_of_the_source_that_was_wrong() {
+    let experience = drive();
+    let fit = fit(experience.samples(), &weights(), &FitRules::default()).unwrap();
+    assert_eq!(fit.weights.get(Source::COLOR).weight, 0.0);
+    assert_eq!(fit.weights.get(Source::STEREO).weight, 1.0, "the reference");
+    assert_eq!(fit.after.wrong, [0; 3]);
+    assert!(fit.after.loss < 0.5 * fit.before.loss, "{fit:?}");
+    let bounded = FitRules { greatest_factor: 2.0, ..FitRules::default() };
+    let bounded = super::fit(experience.samples(), &weights(), &bounded).unwrap();
+    assert_eq!(bounded.weights.get(Source::COLOR).weight, 0.3, "the least within the factor");
+    assert_eq!(bounded.changes.len(), 1);
+}
+
+#[test]
+fn from_free_ground_alone_nothing_is_learned() {
+    let mut samples = drive().samples().clone();
+    let driven: Vec<bool> = samples.outcomes.iter().map(|(_, o)| *o == Outcome::Driven).collect();
+    let sources = samples.sources.len();
+    let said = samples.said.chunks(sources).zip(&driven).filter(|(_, driven)| **driven);
+    samples.said = said.flat_map(|(said, _)| said.to_vec()).collect();
+    samples.outcomes.retain(|(_, outcome)| *outcome == Outcome::Driven);
+    let error = fit(&samples, &weights(), &FitRules::default()).unwrap_err();
+    assert!(error.contains("free ground alone"), "{error}");
+}
+
+#[test]
+fn a_split_keeps_every_sample_and_an_earlier_map_begins_anew() {
+    let samples = drive().samples().clone();
+    let [a, b] = samples.split(0.5);
+    assert_eq!(a.len() + b.len(), samples.len());
+    let mut kept = samples.clone();
+    kept.keep_newest(7);
+    assert_eq!((kept.len(), kept.said.len()), (7, 7 * 3));
+    let mut experience = drive();
+    let map = Map::with_side(61, 0.2).unwrap();
+    let options =
+        MapOptions { sources: [Source::STEREO].into_iter().collect(), heights: false, weights: weights() };
+    let message = MapMessage { map, frame_id: "local".into(), time: Stamp(0), options };
+    experience.take(&GridView::of_map(&message), Stamp(0)).unwrap();
+    assert_eq!((experience.earlier.len(), experience.samples()), (1, &samples));
+}
+
+proptest! {
+    #[test]
+    fn judgements_are_those_of_the_fusion_rule(
+        cells in prop::collection::vec((any::<[(u8, u8); 3]>(), 0..3_usize), 0..60),
+    ) {
+        let sources = vec![Source::STEREO, Source::COLOR, Source::BUMPER];
+        let mut samples = Samples { sources: sources.clone(), ..Samples::default() };
+        let (mut wrong, mut unknown) = ([0; 3], [0; 3]);
+        for (said, outcome) in cells {
+            let said = said.map(|(cost, confidence)| Evidence { cost, confidence, ..Evidence::NONE });
+            samples.said.extend(said);
+            samples.outcomes.push((Stamp(0), Outcome::ALL[outcome]));
+            let pairs: Vec<_> = sources.iter().copied().zip(said).collect();
+            let cost = fuse(&pairs, &weights()).cost;
+            if cost == UNKNOWN_COST {
+                unknown[outcome] += 1;
+            } else if (cost >= OBSTACLE_COST) == (outcome == 0) {
+                wrong[outcome] += 1;
+            }
+        }
+        let judged = samples.judge(&weights());
+        prop_assert_eq!((judged.wrong, judged.unknown), (wrong, unknown));
+    }
+}

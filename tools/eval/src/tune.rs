@@ -1,0 +1,261 @@
+//! Learns the weights of a world model from a drive: the implementation of `ocu tune`.
+//!
+//! The maps of a recording, or of a stack that runs on it, tell what each source said of cells that the vehicle drove
+//! over, bumped into, or saw from near later ([`rcs_world::Experience`]). Weights are fitted to half of the drive, every
+//! other stretch of ten seconds, and checked on the rest. They are kept if they do better there, too.
+
+use crate::EvalError;
+use rcs_log::{CursorOptions, Log, Reassembly};
+use rcs_msg::foxglove::Grid;
+use rcs_msg::params::with_params;
+use rcs_msg::{AnyMessage, Stamp, schema_of};
+use rcs_runtime::{Plan, ProcessPlan, RunOptions, Stepped};
+use rcs_world::{Experience, Fit, FitRules, GridView, Judged, MapMessage, SourceKind, Weighted, Weights};
+use rcs_world::{fit, weight_field, weights_of};
+use serde::Serialize;
+use std::fmt;
+use std::sync::Arc;
+
+/// Length of the stretches of time on which weights are fitted and checked in turn, s.
+const STRETCH_S: f64 = 10.0;
+
+/// What is learned.
+#[derive(Clone, Debug)]
+pub struct Job<'a> {
+    /// The stack whose weights are learned. It runs on the recording if that has no maps of it.
+    pub plan: Arc<Plan>,
+    /// The process whose weights are learned; `None` for the first one that has some.
+    pub process: Option<&'a str>,
+    /// Whether the stack runs even if the recording has its maps.
+    pub runs: bool,
+    /// Options of the run.
+    pub options: RunOptions,
+}
+
+/// A weight.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WeightReport {
+    /// Name of the source.
+    pub source: String,
+    /// How its evidence is used.
+    pub kind: SourceKind,
+    /// The weight of the stack.
+    pub before: f32,
+    /// The weight that was fitted.
+    pub after: f32,
+}
+
+/// How the weights of the stack judge, and how those that were fitted do.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Compared {
+    /// Those of the stack.
+    pub before: Judged,
+    /// Those that were fitted.
+    pub after: Judged,
+}
+
+/// What was learned.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// The process.
+    pub process: String,
+    /// Number of maps.
+    pub maps: u64,
+    /// The weights.
+    pub weights: Vec<WeightReport>,
+    /// On the half of the drive to which they were fitted.
+    pub fitted: Compared,
+    /// On the other half.
+    pub checked: Compared,
+    /// Whether they do better on the other half, too.
+    pub kept: bool,
+}
+
+/// What was learned, and the parameters of the process with the weights that were kept.
+#[derive(Clone, Debug)]
+pub struct Tuned {
+    /// What was learned.
+    pub report: Report,
+    /// The parameters: those of the stack if nothing was kept.
+    pub params: AnyMessage,
+}
+
+/// Learns the weights of a stack's process from a recording.
+pub fn tune(job: &Job<'_>, log: &Log) -> Result<Tuned, EvalError> {
+    let (process, weights) = weighted(job)?;
+    let buffer = map_of(&job.plan, process)?;
+    let mut maps = Maps { experience: Experience::new(&weights), count: 0 };
+    let is_recorded = log.info().topics_named(buffer).next().is_some();
+    if is_recorded && !job.runs {
+        maps.read(log, buffer)?;
+    } else {
+        maps.run(job, log, buffer)?;
+    }
+    let Maps { experience, count } = maps;
+    if count == 0 {
+        return Err(EvalError::nothing(format!("there is no message of {buffer}")));
+    }
+    let [ours, others] = experience.samples().split(STRETCH_S);
+    let fitted = fit(&ours, &weights, &FitRules::default())
+        .map_err(|why| EvalError::nothing(format!("{buffer} holds too little experience: {why}")))?;
+    report(process, count, &weights, fitted, |weights| others.judge(weights))
+}
+
+/// The process, and its weights.
+fn weighted<'a>(job: &'a Job<'_>) -> Result<(&'a ProcessPlan, Weights), EvalError> {
+    let with_weights = |process: &'a ProcessPlan| Some((process, weights_of(&process.params)?));
+    let mut found = job.plan.processes.iter().filter_map(with_weights);
+    let Some(name) = job.process else {
+        return found.next().ok_or_else(|| EvalError::refused("the stack has no process with weights"));
+    };
+    let names: Vec<&str> = found.clone().map(|(process, _)| &*process.name).collect();
+    let expected = if names.is_empty() { "none of the stack has some".to_owned() } else { names.join(", ") };
+    found.find(|(process, _)| *process.name == *name).ok_or_else(|| {
+        EvalError::refused(format!("no process {name:?} has weights; expected one of: {expected}"))
+    })
+}
+
+/// The buffer of the maps of a process.
+fn map_of<'a>(plan: &'a Plan, process: &ProcessPlan) -> Result<&'a str, EvalError> {
+    let buffers = process.outputs.iter().filter_map(|&at| plan.buffers.get(at)).map(|buffer| &buffer.spec);
+    let is_map = |spec: &&rcs_bus::BufferSpec| {
+        spec.metadata.get("rcs.role").is_some_and(|role| role == "map")
+            && spec.schema.name() == schema_of::<Grid>().name()
+    };
+    buffers
+        .clone()
+        .find(is_map)
+        .map(|spec| &*spec.name)
+        .ok_or_else(|| EvalError::refused(format!("{} has no output of maps", process.name)))
+}
+
+/// The maps of a drive.
+struct Maps {
+    experience: Experience,
+    count: u64,
+}
+
+impl Maps {
+    fn read(&mut self, log: &Log, buffer: &str) -> Result<(), EvalError> {
+        let topics: Vec<_> = log.info().topics_named(buffer).map(|topic| topic.id).collect();
+        let mut reassembly = Reassembly::new(log);
+        let deltas = topics.iter().filter_map(|&topic| reassembly.deltas_of(topic));
+        let wanted = topics.iter().copied().chain(deltas).collect();
+        for stored in log.cursor(CursorOptions { topics: Some(wanted), ..CursorOptions::default() }) {
+            let stored = stored?;
+            let (message, time) = if reassembly.takes(stored.topic) {
+                match reassembly.take(&stored) {
+                    Some(whole) => (whole.message, stored.log_time),
+                    None => continue,
+                }
+            } else {
+                let Some(topic) = log.info().topic(stored.topic) else { continue };
+                (AnyMessage::encoded(topic.schema.clone(), stored.data.clone()), stored.log_time)
+            };
+            self.take(&message, time)?;
+        }
+        Ok(())
+    }
+
+    fn run(&mut self, job: &Job<'_>, log: &Log, buffer: &str) -> Result<(), EvalError> {
+        if job.plan.inputs.is_empty() {
+            return Err(EvalError::refused(format!(
+                "the recording has no {buffer}, and the stack reads nothing of a recording from which it could make some"
+            )));
+        }
+        let mut run =
+            Stepped::new(job.plan.clone(), Some(log), job.options.clone()).map_err(EvalError::Start)?;
+        let maps = run.buffers().iter().find(|other| other.name() == buffer).cloned();
+        let maps = maps.ok_or_else(|| EvalError::refused(format!("the stack has no buffer {buffer}")))?;
+        run.begin()?;
+        let end = run.horizon().unwrap_or(Stamp(0));
+        let mut seen = 0;
+        while run.next_time()?.is_some_and(|time| time <= end) {
+            run.advance()?;
+            if maps.newest() != seen {
+                seen = maps.newest();
+                if let Some(sample) = maps.latest() {
+                    self.take(&sample.message, sample.header.acq_time)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, message: &AnyMessage, time: Stamp) -> Result<(), EvalError> {
+        let told =
+            |error: rcs_world::GridViewError| EvalError::nothing(format!("a map is unusable: {error}"));
+        // A message of a log is bytes until it is decoded.
+        let decoded = if message.source::<MapMessage>().is_some() { None } else { message.to::<Grid>() };
+        let view = decoded.as_ref().map_or_else(|| GridView::of(message), GridView::new).map_err(told)?;
+        self.count += 1;
+        self.experience.take(&view, time).map_err(told)
+    }
+}
+
+fn report(
+    process: &ProcessPlan,
+    maps: u64,
+    weights: &Weights,
+    fit: Fit,
+    check: impl Fn(&Weights) -> Judged,
+) -> Result<Tuned, EvalError> {
+    let checked = Compared { before: check(weights), after: check(&fit.weights) };
+    let kept = !fit.changes.is_empty() && checked.after.loss < checked.before.loss;
+    let of = |entry: Weighted| WeightReport {
+        source: entry.source.to_string(),
+        kind: entry.kind,
+        before: entry.weight,
+        after: fit.weights.get(entry.source).weight,
+    };
+    let report = Report {
+        process: process.name.to_string(),
+        maps,
+        weights: weights.iter().map(of).collect(),
+        fitted: Compared { before: fit.before, after: fit.after },
+        checked,
+        kept,
+    };
+    let changed = weights.iter().filter(|entry| kept && fit.weights.get(entry.source).weight != entry.weight);
+    let changes: Vec<(String, String)> = changed
+        .filter_map(|entry| {
+            let field = weight_field(&process.params, entry.source)?;
+            Some((field, fit.weights.get(entry.source).weight.to_string()))
+        })
+        .collect();
+    let changes = changes.iter().map(|(field, value)| (field.as_str(), value.as_str()));
+    let params =
+        with_params(&process.params, changes).map_err(|error| EvalError::nothing(error.to_string()))?;
+    Ok(Tuned { report, params })
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} after {} maps:\n", self.process, self.maps)?;
+        writeln!(f, "{:<12} {:<9} {:>7} {:>7}", "source", "kind", "before", "after")?;
+        for weight in &self.weights {
+            let kind = format!("{:?}", weight.kind).to_lowercase();
+            let mark = if weight.before == weight.after { "" } else { "  changed" };
+            writeln!(f, "{:<12} {kind:<9} {:>7} {:>7}{mark}", weight.source, weight.before, weight.after)?;
+        }
+        writeln!(f, "\n{:<28} {:>16} {:>16}", "wrong of all judgements", "before", "after")?;
+        for (half, compared) in [("fitted", &self.fitted), ("checked", &self.checked)] {
+            for (at, what) in ["driven over", "hit", "seen from near"].into_iter().enumerate() {
+                if compared.before.count[at] == 0 {
+                    continue;
+                }
+                let share = |judged: &Judged| format!("{} of {}", judged.wrong[at], judged.count[at]);
+                let name = format!("{half}: {what}");
+                writeln!(f, "{name:<28} {:>16} {:>16}", share(&compared.before), share(&compared.after))?;
+            }
+            let name = format!("{half}: squared error");
+            writeln!(f, "{name:<28} {:>16.4} {:>16.4}", compared.before.loss, compared.after.loss)?;
+        }
+        let verdict = match (self.kept, self.weights.iter().any(|weight| weight.before != weight.after)) {
+            (true, _) => "kept: they do better on the half that they were not fitted to",
+            (false, true) => "not kept: on the half that they were not fitted to they do no better",
+            (false, false) => "no weight was changed: none judges better",
+        };
+        writeln!(f, "\n{verdict}")
+    }
+}
