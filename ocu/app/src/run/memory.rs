@@ -9,6 +9,10 @@ use rcs_runtime::{Asset, Assets, Plan, PlanOptions, Stepped};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+/// Kinds of files that processes write: what they learned, and the way that they drove. Files of other kinds are written by
+/// people, and an output of the same name (the goal of a course, and the goal in the local frame) is something else.
+const REMEMBERED: [&str; 2] = ["models", "route"];
+
 /// Texts by parameter: `process.field`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Memory {
@@ -22,7 +26,10 @@ impl Memory {
         for process in &run.plan().processes {
             let schema = process.params.schema();
             let Some(descriptor) = schema.descriptor() else { continue };
-            let fields = rcs_msg::params::specs(descriptor).into_iter().filter(|spec| spec.file.is_some());
+            let is_remembered = |spec: &rcs_msg::params::ParamSpec| {
+                spec.file.as_deref().is_some_and(|kind| REMEMBERED.contains(&kind))
+            };
+            let fields = rcs_msg::params::specs(descriptor).into_iter().filter(is_remembered);
             let names: Vec<String> = fields.map(|spec| spec.name).collect();
             for (port, &buffer) in process.kind.outputs().iter().zip(&process.outputs) {
                 let newest =
@@ -73,6 +80,27 @@ mod tests {
 
     fn with(text: &str) -> Memory {
         Memory { texts: [("waypoint_generator.route".to_owned(), text.to_owned())].into() }
+    }
+
+    #[test]
+    fn every_stack_that_drives_by_what_it_senses_can_run_again_with_what_it_remembers() {
+        let mut remembered = 0;
+        for stack in ["lagr", "lagr_no_stereo", "lagr_stereo_only"] {
+            let plan = stacks::plan(stack, Some("hill"), &[]).unwrap();
+            let mut run = Stepped::new(plan, None, stacks::options()).unwrap();
+            run.begin().unwrap();
+            let until = run.start().after_ns(1_500_000_000);
+            while run.next_time().unwrap().is_some_and(|time| time <= until) {
+                run.advance().unwrap();
+            }
+            let goal =
+                run.buffers().iter().find(|buffer| buffer.name() == "/waypoint_generator/goal").unwrap();
+            assert!(goal.newest() > 0, "{stack} has written a goal, which is no memory");
+            let memory = Memory::of(&run).unwrap();
+            memory.plan(stack, Some("hill"), &[]).unwrap_or_else(|error| panic!("{stack}: {error}"));
+            remembered += memory.texts.len();
+        }
+        assert!(remembered > 0, "models at least");
     }
 
     #[test]
