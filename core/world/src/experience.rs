@@ -15,6 +15,7 @@ use crate::{SourceKind, Weighted, Weights};
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// Time between two maps that are looked at, s.
 const STEP_S: f64 = 1.0;
@@ -92,7 +93,7 @@ impl Samples {
     }
 
     /// Forgets the oldest samples beyond a number.
-    pub fn keep_newest(&mut self, count: usize) {
+    fn keep_newest(&mut self, count: usize) {
         let surplus = self.len().saturating_sub(count);
         self.outcomes.drain(..surplus);
         self.said.drain(..surplus * self.sources.len());
@@ -190,8 +191,9 @@ impl Earlier {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Experience {
     kinds: Vec<(Source, SourceKind)>,
-    earlier: VecDeque<Earlier>,
-    samples: Samples,
+    // Shared, so that a copy costs little.
+    earlier: VecDeque<Arc<Earlier>>,
+    samples: Arc<Samples>,
 }
 
 impl Experience {
@@ -199,7 +201,11 @@ impl Experience {
     pub fn new(weights: &Weights) -> Experience {
         let kinds: Vec<_> = weights.iter().map(|entry| (entry.source, entry.kind)).collect();
         let sources = kinds.iter().map(|&(source, _)| source).collect();
-        Experience { kinds, earlier: VecDeque::new(), samples: Samples { sources, ..Samples::default() } }
+        Experience {
+            kinds,
+            earlier: VecDeque::new(),
+            samples: Arc::new(Samples { sources, ..Samples::default() }),
+        }
     }
 
     /// The samples.
@@ -207,9 +213,11 @@ impl Experience {
         &self.samples
     }
 
-    /// The samples, to forget some.
-    pub fn samples_mut(&mut self) -> &mut Samples {
-        &mut self.samples
+    /// Forgets the oldest samples beyond a number.
+    pub fn keep_newest(&mut self, count: usize) {
+        if self.samples.len() > count {
+            Arc::make_mut(&mut self.samples).keep_newest(count);
+        }
     }
 
     /// Looks at a map; one that follows the one before by less than a second is passed over. The map must have the
@@ -222,6 +230,7 @@ impl Experience {
             return Ok(());
         }
         let now = Earlier::of(view, &self.kinds, time)?;
+        let mut new = Vec::new();
         if let Some(before) = self.earlier.back() {
             let sources = self.kinds.len();
             for (cell, said) in now.cells(sources) {
@@ -230,15 +239,18 @@ impl Experience {
                 if before.at(cell, sources).is_none_or(|said| self.outcome(said).is_some()) {
                     continue;
                 }
-                for earlier in &self.earlier {
-                    let judged = earlier.at(cell, sources).filter(|said| self.is_judgement(said));
-                    let Some(said) = judged else { continue };
-                    self.samples.said.extend_from_slice(said);
-                    self.samples.outcomes.push((time, outcome));
-                }
+                let judged = self.earlier.iter().filter_map(|earlier| earlier.at(cell, sources));
+                new.extend(judged.filter(|said| self.is_judgement(said)).map(|said| (said, outcome)));
             }
         }
-        self.earlier.push_back(now);
+        if !new.is_empty() {
+            let samples = Arc::make_mut(&mut self.samples);
+            for (said, outcome) in new {
+                samples.said.extend_from_slice(said);
+                samples.outcomes.push((time, outcome));
+            }
+        }
+        self.earlier.push_back(Arc::new(now));
         if self.earlier.len() > EARLIER {
             self.earlier.pop_front();
         }

@@ -111,6 +111,8 @@ fn a_split_keeps_every_sample_and_an_earlier_map_begins_anew() {
     let message = MapMessage { map, frame_id: "local".into(), time: Stamp(0), options };
     experience.take(&GridView::of_map(&message), Stamp(0)).unwrap();
     assert_eq!((experience.earlier.len(), experience.samples()), (1, &samples));
+    experience.keep_newest(7);
+    assert_eq!(experience.samples(), &kept);
 }
 
 proptest! {

@@ -325,6 +325,9 @@ fn weights_are_learned_from_a_drive_and_written_into_a_stack() {
         ["before", "after"].map(|key| found[key].as_f64().unwrap())
     };
     assert_eq!(weight("stereo"), [1.0; 2], "the reference");
+    let terrain = report["weights"].as_array().unwrap().iter().find(|weight| weight["source"] == "terrain");
+    let without = terrain.unwrap()["loss_without"].as_f64().unwrap();
+    assert!(without < report["loss"].as_f64().unwrap(), "terrain is always wrong: {out}");
     let [before, after] = weight("terrain");
     assert!(after < 0.5 * before, "{out}");
     let loss = |half: &str, which: &str| report[half][which]["loss"].as_f64().unwrap();

@@ -9,6 +9,7 @@
 //! | `bumper` | in, optional | `foxglove.Grid` | cells that the bumper hit: field cost.bumper, local frame |
 //! | `infrared` | in, optional | `foxglove.Grid` | costs of the infrared sensors: field cost.infrared, local frame |
 //! | `costs` | in, optional | `foxglove.Grid` | costs of any sources: a field cost.<source> for each that the parameters list, local frame |
+//! | `weights` | in, optional | `rcs.FusionWeights` | weights that a process has learned; one counts until that of the parameters is changed |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
@@ -34,6 +35,32 @@
 //! type receive a `foxglove.Grid`, and recordings contain key frames and changed tiles.
 //!
 //! An unusable cost map (wrong frame, no field `cost.<source>`, inconsistent sizes) is a fault and changes nothing.
+//!
+//! # `weight_learner`
+//!
+//! | port | direction | type | what |
+//! | --- | --- | --- | --- |
+//! | `map` | in | `foxglove.Grid` | the world model's map, with the evidence of each source |
+//! | `params` | in | `rcs.WorldModelParams` | the world model's parameters, which give the weights to begin with |
+//! | `weights` | out | `rcs.FusionWeights` | weights of the sources, and why they are these |
+//!
+//! Period 1 s. Command `RESET` goes back to the weights of the parameters. State: the maps of the last eight seconds, and
+//! the newest judgements (shared between snapshots). It adjusts the weights of a world model while the vehicle drives,
+//! by how each source agreed with what was driven over, hit, or seen from near ([`rcs_world::fit`]). No bundled stack
+//! has it: with it, the same place is judged differently from one minute to the next. In a stack it is wired to a world
+//! model so:
+//!
+//! ```toml
+//! [change.wm1]
+//! inputs = { weights = "/weights/weights" }
+//!
+//! [[process]]
+//! name = "weights"
+//! plugin = "weight_learner"
+//! supervisor = "robot"
+//! as = "auxiliary"
+//! inputs = { map = "/wm1/map", params = "/wm1/params" }
+//! ```
 //!
 //! # Where to begin
 //!
@@ -62,5 +89,7 @@ pub mod algo;
 mod process;
 pub mod resample;
 mod sources;
+mod weight_learner;
 
 pub use process::{WorldModel, WorldModelCommand};
+pub use weight_learner::{WeightLearner, WeightLearnerCommand};

@@ -2,7 +2,7 @@
 //! documentation.
 
 use crate::algo::{VoteOrigin, take};
-use crate::proto::{WorldModelParams, WorldModelSourceStats, WorldModelStats};
+use crate::proto::{FusionWeights, WorldModelParams, WorldModelSourceStats, WorldModelStats};
 use crate::sources::{Listed, check_sources};
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
@@ -21,6 +21,8 @@ pub struct WorldModel {
     /// Sources that have voted since the start or the last `CLEAR`.
     seen: Sources,
     contributions: Vec<Contribution>,
+    /// Weights that were learned: source, weight, and that of the parameters from which it was learned.
+    learned: Vec<(Source, f32, f32)>,
     published: Option<Stamp>,
     faded: Option<Stamp>,
     /// Acquisition time of the last data that changed the map.
@@ -63,6 +65,7 @@ pub struct Ports {
     named: Vec<(Source, In<Grid>)>,
     /// Cost maps of all other sources listed in the parameters.
     costs: In<Grid>,
+    weights: In<FusionWeights>,
     poses: PosePorts,
     map: Out<Grid>,
     vehicle: Out<PoseInFrame>,
@@ -88,9 +91,14 @@ impl Process for WorldModel {
             "costs",
             "costs of any sources: a field cost.<source> for each that the parameters list, local frame",
         );
+        let weights = b.optional_input(
+            "weights",
+            "weights that a process has learned; one counts until that of the parameters is changed",
+        );
         Ports {
             named: named.into(),
             costs,
+            weights,
             poses: PosePorts::declare(b),
             map: b
                 .output("map", "cells around the vehicle, local frame")
@@ -119,6 +127,7 @@ impl Process for WorldModel {
             localizer: Localizer::default(),
             seen: Sources::default(),
             contributions: Vec::new(),
+            learned: Vec::new(),
             published: None,
             faded: None,
             changed: Stamp(0),
@@ -142,7 +151,8 @@ impl Process for WorldModel {
             self.seen = Sources::default();
         }
         let vehicle = self.scroll(params, cx.now());
-        let listed = Listed::of(params);
+        self.take_weights(ports, cx);
+        let listed = Listed::of(params).with_learned(&self.learned);
         for (source, port) in &ports.named {
             while let Some(grid) = cx.read(port) {
                 if let Err(fault) = self.vote(*source, &grid, &listed, params) {
@@ -181,6 +191,21 @@ impl WorldModel {
         let exposed = self.map.recentre(pose.translation.truncate())?;
         self.scrolled += exposed.len() as u64;
         Some(pose)
+    }
+
+    fn take_weights(&mut self, ports: &Ports, cx: &mut Cycle<'_>) {
+        let Some(message) = cx.read_newest(&ports.weights) else { return };
+        let learned = message.weights.iter().map(|entry| {
+            let source = Source::new(&entry.source).map_err(|error| error.to_string())?;
+            if !(entry.weight.is_finite() && entry.weight >= 0.0) {
+                return Err(format!("weight of {source} is {}, expected a number from 0 up", entry.weight));
+            }
+            Ok((source, entry.weight as f32, entry.given as f32))
+        });
+        match learned.collect() {
+            Ok(learned) => self.learned = learned,
+            Err(why) => cx.fault(format!("weights: {why}; skipped")),
+        }
     }
 
     /// Votes for each source whose field the cost map contains.

@@ -62,6 +62,17 @@ impl Listed {
         }
     }
 
+    /// The same with weights that were learned: source, weight, and the weight of the parameters from which it was
+    /// learned. One that was learned from another weight than that of the parameters does not count.
+    pub(crate) fn with_learned(mut self, learned: &[(Source, f32, f32)]) -> Listed {
+        for &(source, weight, given) in learned {
+            if self.rule(source).is_some() && self.weights.get(source).weight == given {
+                self.weights = self.weights.with(source, weight);
+            }
+        }
+        self
+    }
+
     pub(crate) fn rule(&self, source: Source) -> Option<VoteRule> {
         self.rules.iter().find(|rule| rule.source == source).map(|rule| rule.votes)
     }

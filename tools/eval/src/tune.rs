@@ -10,8 +10,8 @@ use rcs_msg::foxglove::Grid;
 use rcs_msg::params::with_params;
 use rcs_msg::{AnyMessage, Stamp, schema_of};
 use rcs_runtime::{Plan, ProcessPlan, RunOptions, Stepped};
-use rcs_world::{Experience, Fit, FitRules, GridView, Judged, MapMessage, SourceKind, Weighted, Weights};
-use rcs_world::{fit, weight_field, weights_of};
+use rcs_world::{Experience, Fit, FitRules, GridView, Judged, MapMessage, Samples, SourceKind, Weighted};
+use rcs_world::{Weights, fit, weight_field, weights_of};
 use serde::Serialize;
 use std::fmt;
 use std::sync::Arc;
@@ -43,6 +43,9 @@ pub struct WeightReport {
     pub before: f32,
     /// The weight that was fitted.
     pub after: f32,
+    /// The squared error of all judgements without the source, the other weights as before: what the source is worth.
+    /// `None` where the weight does not count.
+    pub loss_without: Option<f64>,
 }
 
 /// How the weights of the stack judge, and how those that were fitted do.
@@ -63,6 +66,8 @@ pub struct Report {
     pub maps: u64,
     /// The weights.
     pub weights: Vec<WeightReport>,
+    /// The squared error of all judgements with the weights of the stack.
+    pub loss: f64,
     /// On the half of the drive to which they were fitted.
     pub fitted: Compared,
     /// On the other half.
@@ -98,7 +103,7 @@ pub fn tune(job: &Job<'_>, log: &Log) -> Result<Tuned, EvalError> {
     let [ours, others] = experience.samples().split(STRETCH_S);
     let fitted = fit(&ours, &weights, &FitRules::default())
         .map_err(|why| EvalError::nothing(format!("{buffer} holds too little experience: {why}")))?;
-    report(process, count, &weights, fitted, |weights| others.judge(weights))
+    report(process, count, &weights, fitted, [experience.samples(), &others])
 }
 
 /// The process, and its weights.
@@ -198,20 +203,23 @@ fn report(
     maps: u64,
     weights: &Weights,
     fit: Fit,
-    check: impl Fn(&Weights) -> Judged,
+    [all, others]: [&Samples; 2],
 ) -> Result<Tuned, EvalError> {
-    let checked = Compared { before: check(weights), after: check(&fit.weights) };
+    let checked = Compared { before: others.judge(weights), after: others.judge(&fit.weights) };
     let kept = !fit.changes.is_empty() && checked.after.loss < checked.before.loss;
     let of = |entry: Weighted| WeightReport {
         source: entry.source.to_string(),
         kind: entry.kind,
         before: entry.weight,
         after: fit.weights.get(entry.source).weight,
+        loss_without: (entry.kind != SourceKind::Override && entry.weight > 0.0)
+            .then(|| all.judge(&weights.clone().with(entry.source, 0.0)).loss),
     };
     let report = Report {
         process: process.name.to_string(),
         maps,
         weights: weights.iter().map(of).collect(),
+        loss: all.judge(weights).loss,
         fitted: Compared { before: fit.before, after: fit.after },
         checked,
         kept,
@@ -232,12 +240,16 @@ fn report(
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{} after {} maps:\n", self.process, self.maps)?;
-        writeln!(f, "{:<12} {:<9} {:>7} {:>7}", "source", "kind", "before", "after")?;
+        let heads = ["source", "kind", "before", "after", "error without it"];
+        writeln!(f, "{:<12} {:<9} {:>7} {:>7} {:>17}", heads[0], heads[1], heads[2], heads[3], heads[4])?;
         for weight in &self.weights {
             let kind = format!("{:?}", weight.kind).to_lowercase();
+            let without = weight.loss_without.map_or_else(|| "-".to_owned(), |loss| format!("{loss:.4}"));
             let mark = if weight.before == weight.after { "" } else { "  changed" };
-            writeln!(f, "{:<12} {kind:<9} {:>7} {:>7}{mark}", weight.source, weight.before, weight.after)?;
+            let (source, before, after) = (&weight.source, weight.before, weight.after);
+            writeln!(f, "{source:<12} {kind:<9} {before:>7} {after:>7} {without:>17}{mark}")?;
         }
+        writeln!(f, "{:<38} {:>17.4}", "all, with the weights before", self.loss)?;
         writeln!(f, "\n{:<28} {:>16} {:>16}", "wrong of all judgements", "before", "after")?;
         for (half, compared) in [("fitted", &self.fitted), ("checked", &self.checked)] {
             for (at, what) in ["driven over", "hit", "seen from near"].into_iter().enumerate() {

@@ -1,0 +1,186 @@
+//! The process `weight_learner`: adjusts the weights of a world model while the vehicle drives (Albus 2006b, 3.4). Its
+//! port table is in the crate's documentation.
+//!
+//! It compares what each source had said of cells with what they turned out to be ([`rcs_world::Experience`]), and fits
+//! the weights to half of that. New weights are sent if they do better on the other half, too, and never differ from the
+//! parameters of the world model by more than a factor. Each change is a message that says why.
+
+use crate::proto::{FusionWeight, FusionWeights, WeightLearnerParams, WorldModelParams};
+use crate::sources::Listed;
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::Grid;
+use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef, Role};
+use rcs_world::{Experience, Fit, FitRules, GridView, Judged, Outcome, Weights, fit};
+use serde::{Deserialize, Serialize};
+
+/// Length of the stretches of time on which weights are fitted and checked in turn, s.
+const STRETCH_S: f64 = 10.0;
+
+/// State: the maps of the last seconds, the samples, the weights in use, and when they were fitted last.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct WeightLearner {
+    /// The weights of the world model's parameters, and the experience with their sources.
+    learned: Option<Learned>,
+    fitted: Option<Stamp>,
+    text: String,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Learned {
+    given: Weights,
+    now: Weights,
+    experience: Experience,
+}
+
+impl Learned {
+    fn new(given: Weights) -> Learned {
+        Learned { experience: Experience::new(&given), now: given.clone(), given }
+    }
+}
+
+rcs_runtime::commands! {
+    /// Commands of [`WeightLearner`].
+    pub enum WeightLearnerCommand {
+        Reset = "RESET": "Forget what was learned: the weights are those of the parameters again.",
+    }
+}
+
+/// Ports of [`WeightLearner`].
+#[derive(Debug)]
+pub struct Ports {
+    map: In<Grid>,
+    params: In<WorldModelParams>,
+    weights: Out<FusionWeights>,
+}
+
+impl Process for WeightLearner {
+    type Params = WeightLearnerParams;
+    type Ports = Ports;
+    type Command = WeightLearnerCommand;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "weight_learner",
+        summary: "Adjusts the weights of a world model by how each source agreed with what was driven over and hit",
+        period_ms: 1000.0,
+        latency_ms: 200.0,
+        reads_ground_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        Ports {
+            map: b.input("map", "the world model's map, with the evidence of each source"),
+            params: b.input("params", "the world model's parameters, which give the weights to begin with"),
+            weights: b
+                .output("weights", "weights of the sources, and why they are these")
+                .role(Role::Stats)
+                .build(),
+        }
+    }
+
+    fn new(_params: &WeightLearnerParams) -> Self {
+        Self::default()
+    }
+
+    fn cycle(&mut self, ports: &Ports, params: &WeightLearnerParams, cx: &mut Cycle<'_>) {
+        let now = cx.now();
+        while let Some(command) = cx.next_command::<Self>() {
+            let WeightLearnerCommand::Reset = command;
+            if let Some(learned) = &mut self.learned {
+                *learned = Learned::new(learned.given.clone());
+                send(ports, learned, "reset".to_owned(), [Judged::default(); 2], cx);
+            }
+        }
+        if let Some(given) = cx.latest(&ports.params).map(|params| Listed::of(&params).weights)
+            && self.learned.as_ref().is_none_or(|learned| learned.given != given)
+        {
+            let learned = self.learned.insert(Learned::new(given));
+            send(ports, learned, "weights of the parameters".to_owned(), [Judged::default(); 2], cx);
+        }
+        let map = cx.read_newest(&ports.map);
+        let (Some(learned), Some(map)) = (&mut self.learned, map) else {
+            return match self.text.as_str() {
+                "" => cx.exec("waits for maps and parameters"),
+                text => cx.exec(text.to_owned()),
+            };
+        };
+        let taken = match GridView::of(map.message()) {
+            Ok(view) => learned.experience.take(&view, map.acq_time()),
+            Err(error) => Err(error),
+        };
+        if let Err(error) = taken {
+            return cx.fault(format!("map: {error}; skipped"));
+        }
+        learned.experience.keep_newest(params.judgements as usize);
+        let fitted = *self.fitted.get_or_insert(now);
+        if now.seconds_since(fitted) >= params.fit_every_s {
+            self.fitted = Some(now);
+            self.text = match refit(learned, params) {
+                Ok(Some((reason, judged))) => {
+                    send(ports, learned, reason.clone(), judged, cx);
+                    reason
+                }
+                Ok(None) => {
+                    format!("no better weights for {} judgements", learned.experience.samples().len())
+                }
+                Err(why) => format!("too little experience: {why}"),
+            };
+        }
+        match self.text.as_str() {
+            "" => cx.exec("collects experience"),
+            text => cx.exec(text.to_owned()),
+        }
+    }
+}
+
+/// Better weights, if there are some: why, and how those before and the new ones judge the half of the experience to
+/// which they were not fitted.
+fn refit(
+    learned: &mut Learned,
+    params: &WeightLearnerParams,
+) -> Result<Option<(String, [Judged; 2])>, String> {
+    let [ours, others] = learned.experience.samples().split(STRETCH_S);
+    let rules = FitRules { greatest_factor: params.greatest_factor as f32, ..FitRules::default() };
+    // From the weights of the parameters each time, so that the factor bounds the whole change.
+    let Fit { weights, .. } = fit(&ours, &learned.given, &rules)?;
+    let judged = [&learned.now, &weights].map(|weights| others.judge(weights));
+    if weights == learned.now || judged[1].loss >= judged[0].loss * (1.0 - rules.least_gain) {
+        return Ok(None);
+    }
+    let changes = weights.iter().filter_map(|entry| {
+        let before = learned.now.get(entry.source).weight;
+        (entry.weight != before).then(|| format!("{} {before} to {}", entry.source, entry.weight))
+    });
+    let changes: Vec<String> = changes.collect();
+    let wrong = |judged: &Judged| judged.wrong.iter().sum::<u64>();
+    let count: u64 = judged[0].count.iter().sum();
+    let reason = format!(
+        "{}: {} instead of {} of {count} judgements are wrong, squared error {:.3} instead of {:.3}",
+        changes.join(", "),
+        wrong(&judged[1]),
+        wrong(&judged[0]),
+        judged[1].loss,
+        judged[0].loss,
+    );
+    learned.now = weights;
+    Ok(Some((reason, judged)))
+}
+
+fn send(ports: &Ports, learned: &Learned, reason: String, judged: [Judged; 2], cx: &mut Cycle<'_>) {
+    let now = cx.now();
+    let weight = |entry: rcs_world::Weighted| FusionWeight {
+        source: entry.source.to_string(),
+        weight: f64::from(entry.weight),
+        given: f64::from(learned.given.get(entry.source).weight),
+    };
+    let [driven, hit, seen] = Outcome::ALL.map(|outcome| judged[1].count[outcome as usize]);
+    let message = FusionWeights {
+        timestamp: Some(now.to_proto()),
+        weights: learned.now.iter().map(weight).collect(),
+        reason,
+        loss_before: judged[0].loss,
+        loss_after: judged[1].loss,
+        driven,
+        hit,
+        seen,
+    };
+    cx.write(&ports.weights, now, message);
+}

@@ -1,0 +1,127 @@
+//! A world model and the process that adjusts its weights: cost maps in, weights and the fused map out.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use glam::DVec2;
+use rcs_geom::Pose;
+use rcs_msg::foxglove::{Grid, Odometry};
+use rcs_msg::{Stamp, rcs};
+use rcs_runtime::ProcessType;
+use rcs_sense::pose_message;
+use rcs_testkit::bench::{Bench, Setup};
+use rcs_world::{Map, MapOptions, Source, VoteRule, Weights};
+use rcs_world_model::proto::{FusionWeights, WorldModelStats};
+use rcs_world_model::{WeightLearner, WorldModel};
+
+const STACK: &str = r#"
+format = 1
+name = "weights"
+
+[[process]]
+name = "wm1"
+plugin = "world_model"
+supervisor = "viewer"
+inputs = { stereo = "/operator/stereo", terrain = "/operator/terrain", bumper = "/operator/bumper", weights = "/learner/weights", odometry = "/operator/odometry" }
+
+[process.params]
+publish_hz = 2.0
+sources = [
+    { name = "stereo" },
+    { name = "terrain", kind = "SOURCE_LEARNED", weight = 0.4 },
+    { name = "bumper", kind = "SOURCE_OVERRIDE", fade_per_s = 0.0 },
+]
+
+[[process]]
+name = "learner"
+plugin = "weight_learner"
+supervisor = "viewer"
+inputs = { map = "/wm1/map", params = "/wm1/params" }
+"#;
+
+fn bench() -> Bench {
+    Setup::new(STACK, &[ProcessType::of::<WorldModel>(), ProcessType::of::<WeightLearner>()]).bench()
+}
+
+/// Costs of a source at positions, m; a state if the source is learned terrain.
+fn costs(source: Source, vehicle_m: f64, costs: &[(DVec2, u8)], time: Stamp) -> Grid {
+    let mut map = Map::new(0.2).unwrap();
+    map.recentre(DVec2::new(vehicle_m, 0.0));
+    for &(at, cost) in costs {
+        map.vote(
+            map.grid().cell_at(at).unwrap(),
+            source,
+            cost,
+            1,
+            time,
+            VoteRule { rise: 80, ..VoteRule::default() },
+        );
+    }
+    let options =
+        MapOptions { sources: [source].into_iter().collect(), heights: false, weights: Weights::default() };
+    let mut grid = map.to_grid("local", time, &options);
+    if source != Source::TERRAIN {
+        // Votes, not a statement.
+        grid.fields.retain(|field| field.name.starts_with("cost"));
+    }
+    grid
+}
+
+/// Drives for some seconds at 0.8 m/s beside a row of obstacles, which stereo is sure of from near. Terrain calls the
+/// free row blocked and the obstacles free.
+fn drive(bench: &mut Bench, seconds: std::ops::Range<u32>) {
+    for second in seconds {
+        let vehicle_m = 0.8 * f64::from(second);
+        let time = Stamp(bench.now_ms * 1_000_000 + 1);
+        let row = |from: i32, to: i32, y_m: f64, cost: u8| -> Vec<(DVec2, u8)> {
+            let at = |step: i32| DVec2::new(vehicle_m + 0.1 + 0.2 * f64::from(step), y_m);
+            (from..to).map(|step| (at(step), cost)).collect()
+        };
+        let pose = Some(pose_message(&Pose::from_xy_yaw(vehicle_m, 0.0, 0.0)));
+        let odometry = Odometry {
+            timestamp: Some(time.to_proto()),
+            frame_id: "local".to_owned(),
+            pose,
+            ..Odometry::default()
+        };
+        bench.write("/operator/odometry", odometry);
+        let both = [row(0, 30, 0.1, 0), row(0, 30, 2.1, 250)].concat();
+        bench.write("/operator/stereo", costs(Source::STEREO, vehicle_m, &both, time));
+        let wrong = [row(0, 30, 0.1, 250), row(0, 30, 2.1, 0)].concat();
+        bench.write("/operator/terrain", costs(Source::TERRAIN, vehicle_m, &wrong, time));
+        let behind = row(-6, -1, 0.1, 0);
+        bench.write("/operator/bumper", costs(Source::BUMPER, vehicle_m, &behind, time));
+        for _ in 0..8 {
+            // Stereo sees what is near again and again.
+            let near = [row(0, 8, 0.1, 0), row(0, 8, 2.1, 250)].concat();
+            bench.write("/operator/stereo", costs(Source::STEREO, vehicle_m, &near, time));
+            bench.cycles(125, 1);
+        }
+    }
+}
+
+fn weight(message: &FusionWeights, source: &str) -> f64 {
+    message.weights.iter().find(|entry| entry.source == source).unwrap().weight
+}
+
+#[test]
+fn the_weight_of_a_source_that_is_wrong_falls_within_its_bound_and_the_reason_is_told() {
+    let mut bench = bench();
+    drive(&mut bench, 0..3);
+    let first: FusionWeights = bench.latest("/learner/weights");
+    assert_eq!((weight(&first, "terrain") as f32, first.reason.as_str()), (0.4, "weights of the parameters"));
+    drive(&mut bench, 3..60);
+    assert_eq!(bench.faults("learner"), (0, String::new()));
+    let learned: FusionWeights = bench.latest("/learner/weights");
+    assert_eq!(weight(&learned, "stereo"), 1.0, "the reference");
+    assert!((weight(&learned, "terrain") - 0.1).abs() < 1e-6, "a quarter, the bound: {learned:?}");
+    assert!(learned.reason.starts_with("terrain 0.4 to 0.1: "), "{}", learned.reason);
+    assert!(
+        learned.loss_after < learned.loss_before && learned.driven > 0 && learned.seen > 0,
+        "{learned:?}"
+    );
+    let status: rcs::Status = bench.latest("/learner/status");
+    assert!(!status.state_text.is_empty());
+    // The world model uses it.
+    assert!(bench.latest::<WorldModelStats>("/wm1/stats").known > 0);
+    assert_eq!(bench.faults("wm1"), (0, String::new()));
+}
