@@ -1,5 +1,6 @@
 //! One buffer: a ring of samples guarded by one mutex.
 
+use crate::faults::Fault;
 use crate::overrides::{Active, Due, Override, OverrideChanges, Release};
 use crate::sample::{Draft, Header, Sample, WriterId};
 use rcs_msg::{Schema, Stamp};
@@ -217,6 +218,13 @@ impl Buffer {
         self.lock().overrides.list().to_vec()
     }
 
+    /// The faults in force.
+    pub fn faults(&self, now: Stamp) -> Vec<Fault> {
+        let inner = self.lock();
+        let active = inner.overrides.list().iter().filter(|active| active.applies(now));
+        active.filter_map(Override::fault).cloned().collect()
+    }
+
     /// Drops expired overrides, puts those in force whose cycle has come, and reports the changes since the last call.
     /// `is_due` must not access this buffer.
     pub fn update_overrides(&self, now: Stamp, is_due: impl Fn(&Due) -> bool) -> OverrideChanges {
@@ -261,7 +269,11 @@ impl Buffer {
         let message = if inner.overrides.is_empty() {
             draft.message
         } else {
-            inner.overrides.apply(draft.log_time, draft.message)
+            let newest = inner.ring.back().map(|sample| &sample.message);
+            match inner.overrides.apply(draft.log_time, writer, draft.message, newest) {
+                Some(message) => message,
+                None => return inner.newest,
+            }
         };
         inner.newest += 1;
         let header =
@@ -328,7 +340,8 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Writes a message and returns its sequence. It never waits for a reader.
+    /// Writes a message and returns its sequence, or that of the newest one if a fault drops it. It never waits for a
+    /// reader.
     pub fn write(&self, draft: Draft) -> Result<u64, WriteError> {
         let buffer = &*self.buffer;
         if !draft.message.is_a(&buffer.spec.schema) {

@@ -31,10 +31,13 @@
 
 mod buffer;
 mod bus;
+mod faults;
 mod overrides;
 mod sample;
+mod tree;
 
 pub use buffer::{Buffer, BufferSpec, BufferState, Mode, Overflow, Reader, Tap, WriteError, Writer};
 pub use bus::{Bus, BusError};
+pub use faults::{Fault, FaultKind, Loss};
 pub use overrides::{Due, Override, OverrideChanges, OverrideMode, OverrideValue, Release, Scalar};
 pub use sample::{Draft, Header, Sample, WriterId};

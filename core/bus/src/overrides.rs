@@ -1,8 +1,11 @@
-//! Overrides: values of an operator that replace what processes publish.
+//! Overrides: values of an operator that replace what processes publish, and faults on demand.
 //!
-//! A message always passes: an override that does not fit it is dropped, and [`crate::Buffer::update_overrides`]
-//! reports which one and why.
+//! Unless a fault drops it, a message passes: an override that does not fit it is dropped, and
+//! [`crate::Buffer::update_overrides`] reports which one and why.
 
+use crate::faults::Fault;
+use crate::sample::WriterId;
+use crate::tree::{BoxError, from_tree};
 use rcs_msg::{AnyMessage, FieldPath, Stamp, Value};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -51,12 +54,15 @@ pub enum OverrideValue {
     Field(FieldPath, Scalar),
     /// The complete message.
     Message(AnyMessage),
+    /// Nothing: something goes wrong on purpose.
+    Fault(Fault),
 }
 
 #[derive(Serialize, Deserialize)]
 enum ValueOnDisk {
     Field(String, Scalar),
     Message(String, Vec<u8>),
+    Fault(Fault),
 }
 
 impl From<OverrideValue> for ValueOnDisk {
@@ -66,6 +72,7 @@ impl From<OverrideValue> for ValueOnDisk {
             OverrideValue::Message(message) => {
                 Self::Message(message.schema().name().to_owned(), message.bytes().to_vec())
             }
+            OverrideValue::Fault(fault) => Self::Fault(fault),
         }
     }
 }
@@ -83,6 +90,7 @@ impl TryFrom<ValueOnDisk> for OverrideValue {
                 let message = known.and_then(|known| rcs_msg::canonical(known, &bytes.into()));
                 Self::Message(message.and_then(Result::ok).ok_or_else(|| format!("no {schema}"))?)
             }
+            ValueOnDisk::Fault(fault) => Self::Fault(fault),
         })
     }
 }
@@ -120,11 +128,28 @@ impl Override {
     pub fn path(&self) -> FieldPath {
         match &self.value {
             OverrideValue::Field(path, _) => path.clone(),
-            OverrideValue::Message(_) => FieldPath::root(),
+            OverrideValue::Message(_) | OverrideValue::Fault(_) => FieldPath::root(),
         }
     }
 
-    fn applies(&self, now: Stamp) -> bool {
+    /// The fault; `None` if it replaces a value.
+    pub fn fault(&self) -> Option<&Fault> {
+        match &self.value {
+            OverrideValue::Fault(fault) => Some(fault),
+            _ => None,
+        }
+    }
+
+    /// Whether it is of the same field, or the same fault.
+    fn is_like(&self, other: &Self) -> bool {
+        match (self.fault(), other.fault()) {
+            (Some(a), Some(b)) => a.is_like(b),
+            (None, None) => self.path() == other.path(),
+            _ => false,
+        }
+    }
+
+    pub(crate) fn applies(&self, now: Stamp) -> bool {
         self.due.is_none() && !self.is_over(now)
     }
 
@@ -140,8 +165,22 @@ pub enum Release {
     Id(u64),
     /// Those of this field; the root for those of the complete message.
     Path(FieldPath),
+    /// Faults of this kind for this target.
+    Fault(Fault),
     /// All.
     All,
+}
+
+impl Release {
+    /// Whether it releases that override.
+    pub fn is_of(&self, active: &Override) -> bool {
+        match self {
+            Release::Id(id) => active.id == *id,
+            Release::Path(path) => active.fault().is_none() && active.path() == *path,
+            Release::Fault(fault) => active.fault().is_some_and(|known| known.is_like(fault)),
+            Release::All => true,
+        }
+    }
 }
 
 /// Changes to the overrides of a buffer since the last update.
@@ -179,7 +218,7 @@ impl Active {
     /// Sets an override. Unless it waits for a cycle, it replaces one of the same field that is in force.
     pub(crate) fn set(&mut self, new: Override) {
         if new.due.is_none() {
-            self.list.retain(|active| active.due.is_some() || active.path() != new.path());
+            self.list.retain(|active| active.due.is_some() || !active.is_like(&new));
         }
         self.list.push(new);
         self.changed = true;
@@ -188,28 +227,34 @@ impl Active {
     /// Releases overrides and returns their number.
     pub(crate) fn release(&mut self, which: &Release) -> usize {
         let before = self.list.len();
-        self.list.retain(|active| match which {
-            Release::Id(id) => active.id != *id,
-            Release::Path(path) => active.path() != *path,
-            Release::All => false,
-        });
+        self.list.retain(|active| !which.is_of(active));
         let released = before - self.list.len();
         self.changed |= released > 0;
         released
     }
 
-    /// Applies every override to a message. Afterwards those that last for one message are gone, and those that do not
-    /// fit are dropped.
-    pub(crate) fn apply(&mut self, now: Stamp, mut message: AnyMessage) -> AnyMessage {
+    /// Applies every override to a message, which comes after `newest`; `None` if a fault drops it. Faults do not apply
+    /// to a message of the operator. Afterwards overrides that last for one message are gone, and those that do not fit
+    /// are dropped.
+    pub(crate) fn apply(
+        &mut self,
+        now: Stamp,
+        writer: WriterId,
+        message: AnyMessage,
+        newest: Option<&AnyMessage>,
+    ) -> Option<AnyMessage> {
         let mut kept = Vec::with_capacity(self.list.len());
-        for active in std::mem::take(&mut self.list) {
-            if !active.applies(now) {
+        let mut message = Some(message);
+        for mut active in std::mem::take(&mut self.list) {
+            let exempt = writer == WriterId::OPERATOR && active.fault().is_some();
+            let Some(was) = message.clone().filter(|_| active.applies(now) && !exempt) else {
                 kept.push(active);
                 continue;
-            }
-            let changed = match &active.value {
-                OverrideValue::Message(whole) => Ok(whole.clone()),
-                OverrideValue::Field(path, value) => with_field(&message, path, value.clone().into()),
+            };
+            let changed = match &mut active.value {
+                OverrideValue::Message(whole) => Ok(Some(whole.clone())),
+                OverrideValue::Field(path, value) => with_field(&was, path, value.clone().into()).map(Some),
+                OverrideValue::Fault(fault) => fault.apply(was, newest),
             };
             match changed {
                 Ok(changed) => {
@@ -247,16 +292,9 @@ impl Active {
     }
 }
 
-type BoxError = Box<dyn std::error::Error + Send + Sync>;
-
 /// The message with one field changed; a typed message stays typed.
 fn with_field(message: &AnyMessage, path: &FieldPath, value: Value) -> Result<AnyMessage, BoxError> {
-    let schema = message.schema();
     let mut tree = message.value()?;
     tree.set(path, value)?;
-    let bytes = schema.encode(&tree)?;
-    Ok(match rcs_msg::canonical(&schema, &bytes) {
-        Some(typed) => typed?,
-        None => AnyMessage::encoded(schema, bytes),
-    })
+    from_tree(&message.schema(), &tree)
 }

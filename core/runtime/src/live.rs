@@ -18,6 +18,8 @@ mod shared;
 mod watchdog;
 mod worker;
 
+pub use class::lower_priority;
+
 pub(crate) use class::apply as apply_class;
 
 use crate::error::RunError;
@@ -226,6 +228,12 @@ impl Live {
     pub fn take(&self, event: ExternalEvent) -> Result<(), RunError> {
         // A check may take long (for example, it reads a world), so it is done without the lock.
         let mut checked = self.shared.machine.check(event)?;
+        if checked.is_late() {
+            return Err(RunError::Refused(
+                "a live run cannot deliver messages late; expected another fault, or a stepped run"
+                    .to_owned(),
+            ));
+        }
         self.shared.commit(|time| {
             checked.event = checked.event.at(EventPlace { events: 0, time });
             self.shared.machine.apply(checked)

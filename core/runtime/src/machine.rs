@@ -7,7 +7,7 @@ use crate::options::RunOptions;
 use crate::overrides::{Change, OverrideTable};
 use crate::stack::{Plan, ProcessPlan, names};
 use crate::workers::Slot;
-use rcs_bus::{Buffer, Draft, OverrideValue, WriterId};
+use rcs_bus::{Buffer, Draft, FaultKind, OverrideValue, WriterId};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::sync::Arc;
 
@@ -22,6 +22,12 @@ impl CheckedEvent {
     /// An event of the runtime itself, which needs no check.
     pub(crate) fn own(event: ExternalEvent) -> Self {
         Self { event, change: None }
+    }
+
+    /// Whether it makes messages late.
+    pub(crate) fn is_late(&self) -> bool {
+        let Some(Change::Set { new, .. }) = &self.change else { return false };
+        new.fault().is_some_and(|fault| matches!(fault.kind, FaultKind::Late { .. }))
     }
 }
 
@@ -120,13 +126,15 @@ impl Machine {
 
     /// Refuses complete parameter messages that their process refuses.
     fn check_whole(&self, change: &Change) -> Result<(), RunError> {
-        let Change::Set { index, new, .. } = change else { return Ok(()) };
-        let OverrideValue::Message(message) = &new.value else { return Ok(()) };
-        let process = self.plan.processes.iter().find(|process| process.params_buffer == *index);
+        let Change::Set { indices, new, .. } = change else { return Ok(()) };
+        let (&[index], OverrideValue::Message(message)) = (indices.as_slice(), &new.value) else {
+            return Ok(());
+        };
+        let process = self.plan.processes.iter().find(|process| process.params_buffer == index);
         let checked = process.map_or(Ok(()), |process| {
             check_params(message).and_then(|()| process.kind.check(message, &self.plan.files))
         });
-        let name = &self.plan.buffers[*index].spec.name;
+        let name = &self.plan.buffers[index].spec.name;
         checked.map_err(|error| RunError::Refused(format!("the override of {name}: {error}")))
     }
 

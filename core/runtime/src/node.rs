@@ -11,8 +11,9 @@ use crate::work::Work;
 use prost_reflect::DynamicMessage;
 use rand_chacha::ChaCha8Rng;
 use rand_core::SeedableRng;
-use rcs_bus::{Buffer, Draft, Reader, Sample, Writer, WriterId};
+use rcs_bus::{Buffer, Draft, FaultKind, Reader, Sample, Writer, WriterId};
 use rcs_msg::{AnyMessage, Stamp, params, rcs};
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -101,7 +102,17 @@ pub(crate) enum SavedBody {
 #[derive(Clone)]
 pub(crate) struct Output {
     pub(crate) staged: Vec<Staged>,
-    pub(crate) status: StatusRecord,
+    /// `None` if it was published before: these messages are late.
+    pub(crate) status: Option<StatusRecord>,
+}
+
+/// The faults on demand of a process that concern its cycle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct CycleFaults {
+    /// Its cycles do not run.
+    pub(crate) stopped: bool,
+    /// Each takes that much longer.
+    pub(crate) slowed_ns: u64,
 }
 
 impl Node {
@@ -281,7 +292,45 @@ impl Node {
 
     /// Takes the output of the last cycle, to publish it later.
     pub(crate) fn take_output(&mut self, now: Stamp) -> Output {
-        Output { staged: std::mem::take(&mut self.staged), status: self.status.record(now) }
+        Output { staged: std::mem::take(&mut self.staged), status: Some(self.status.record(now)) }
+    }
+
+    /// The faults in force that concern its cycles.
+    pub(crate) fn cycle_faults(&self, now: Stamp) -> CycleFaults {
+        let mut faults = CycleFaults::default();
+        for fault in self.status_out.buffer().faults(now) {
+            match fault.kind {
+                FaultKind::Stopped => faults.stopped = true,
+                FaultKind::Slowed { delay_ns } => faults.slowed_ns += delay_ns,
+                _ => {}
+            }
+        }
+        faults
+    }
+
+    /// Takes the messages that a fault delays out of the output of the last cycle, with their delays.
+    pub(crate) fn take_late(&mut self, now: Stamp) -> Vec<(u64, Vec<Staged>)> {
+        let mut staged = std::mem::take(&mut self.staged);
+        let late = self.split_late(&mut staged, now);
+        self.staged = staged;
+        late
+    }
+
+    /// Takes the messages that a fault delays out of a list, with their delays.
+    pub(crate) fn split_late(&self, staged: &mut Vec<Staged>, now: Stamp) -> Vec<(u64, Vec<Staged>)> {
+        let mut late: BTreeMap<u64, Vec<Staged>> = BTreeMap::new();
+        for item in std::mem::take(staged) {
+            let faults = self.outputs[item.output].buffer().faults(now).into_iter();
+            let delay_ns = faults.map(|fault| match fault.kind {
+                FaultKind::Late { delay_ns } => delay_ns,
+                _ => 0,
+            });
+            match delay_ns.sum() {
+                0 => staged.push(item),
+                delay_ns => late.entry(delay_ns).or_default().push(item),
+            }
+        }
+        late.into_iter().collect()
     }
 
     /// Publishes the output of the last cycle, and its status.
@@ -301,7 +350,9 @@ impl Node {
         for item in output.staged {
             self.write(item, visible);
         }
-        self.write_status(output.status, started, visible);
+        if let Some(status) = output.status {
+            self.write_status(status, started, visible);
+        }
     }
 
     fn write(&mut self, item: Staged, visible: Stamp) {

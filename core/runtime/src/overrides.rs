@@ -6,10 +6,12 @@
 //! operator, and the message passes unchanged.
 
 use crate::error::RunError;
+use crate::faults::{self, Targets};
 use crate::stack::{Plan, names};
 use prost_reflect::{Cardinality, DynamicMessage, FieldDescriptor, Kind, MessageDescriptor};
 use rcs_bus::{
-    Buffer, Bus, Draft, Due, Override, OverrideMode, OverrideValue, Release, Scalar, Writer, WriterId,
+    Buffer, Bus, Draft, Due, FaultKind, Override, OverrideMode, OverrideValue, Release, Scalar, Writer,
+    WriterId,
 };
 use rcs_msg::{AnyMessage, FieldPath, Schema, Segment, Stamp, Value, foxglove, params, rcs};
 use std::collections::BTreeMap;
@@ -21,8 +23,8 @@ const LONGEST_S: f64 = 1e7;
 
 /// A checked request of the operator.
 pub(crate) enum Change {
-    /// The buffer with this index. Number and times are assigned when it takes effect.
-    Set { index: usize, new: Box<Override>, expires_ns: Option<u64> },
+    /// In the buffers with these indices. Number and times are assigned when it takes effect.
+    Set { indices: Vec<usize>, new: Box<Override>, expires_ns: Option<u64> },
     /// In one buffer, or in all buffers.
     Release(Option<usize>, Release),
 }
@@ -32,6 +34,7 @@ pub(crate) struct OverrideTable {
     buffers: Vec<Arc<Buffer>>,
     /// Status buffer of each process, by its name.
     statuses: BTreeMap<Arc<str>, Arc<Buffer>>,
+    targets: Targets,
     /// Whether any override may exist.
     any: Arc<AtomicBool>,
     list: Writer,
@@ -48,6 +51,7 @@ impl OverrideTable {
         Some(Self {
             buffers: buffers.to_vec(),
             statuses: plan.processes.iter().map(status).collect(),
+            targets: faults::targets(plan),
             any: Arc::clone(bus.overridden()),
             list: own(names::OVERRIDES)?,
             log: own(names::LOG)?,
@@ -72,10 +76,23 @@ impl OverrideTable {
         if change.mode() == rcs::r#override::Mode::Release {
             return self.check_release(&change).map_err(refused);
         }
-        let index = self.index_of(&change.buffer).map_err(refused)?;
-        let about =
-            |text: String| refused(format!("the override of {}{}: {text}", change.buffer, change.path));
-        let value = value_of(&change, &self.buffers[index].spec().schema).map_err(about)?;
+        let what = if change.fault.is_some() { "fault" } else { "override" };
+        let about = |text: String| {
+            refused(format!("the {what} of {}{}{}: {text}", change.process, change.buffer, change.path))
+        };
+        let (value, indices) = if let Some(fault) = &change.fault {
+            if !change.buffer.is_empty() {
+                self.index_of(&change.buffer).map_err(refused)?;
+            }
+            if change.mode() == rcs::r#override::Mode::Once {
+                return Err(about("it cannot be for one message; expected the mode HOLD".to_owned()));
+            }
+            let checked = faults::check(&change, fault, &self.targets, &self.buffers);
+            checked.map(|(fault, indices)| (OverrideValue::Fault(fault), indices)).map_err(about)?
+        } else {
+            let index = self.index_of(&change.buffer).map_err(refused)?;
+            (value_of(&change, &self.buffers[index].spec().schema).map_err(about)?, vec![index])
+        };
         let due = match change.due_process.as_str() {
             "" => None,
             process if self.statuses.contains_key(process) => {
@@ -96,7 +113,7 @@ impl OverrideTable {
         };
         let expires_ns = (expires_s > 0.0).then_some((expires_s * 1e9) as u64);
         let new = Override { id: 0, owner: owner.into(), mode, value, since: Stamp(0), until: None, due };
-        Ok(Change::Set { index, new: Box::new(new), expires_ns })
+        Ok(Change::Set { indices, new: Box::new(new), expires_ns })
     }
 
     fn check_release(&self, change: &rcs::Override) -> Result<Change, String> {
@@ -104,6 +121,12 @@ impl OverrideTable {
             "" => None,
             name => Some(self.index_of(name)?),
         };
+        if let Some(fault) = &change.fault {
+            // Accepted even if it has expired or did not fit, because a schedule ends its faults in any case.
+            let any = rcs::Fault { delay_ms: 1.0, ..*fault };
+            let (fault, _) = faults::check(change, &any, &self.targets, &self.buffers)?;
+            return Ok(Change::Release(index, Release::Fault(fault)));
+        }
         let which = match (change.id, change.all) {
             (0, true) => Release::All,
             (0, false) if index.is_none() => {
@@ -112,17 +135,10 @@ impl OverrideTable {
             (0, false) => Release::Path(change.path.parse().map_err(|error| format!("{error}"))?),
             (id, _) => Release::Id(id),
         };
-        let held = |buffer: &Arc<Buffer>| {
-            let is_meant = |active: &Override| match &which {
-                Release::All => true,
-                Release::Path(path) => active.path() == *path,
-                Release::Id(id) => active.id == *id,
-            };
-            buffer.overrides().iter().any(is_meant)
-        };
+        let held = |buffer: &Arc<Buffer>| buffer.overrides().iter().any(|active| which.is_of(active));
         // Releasing everything is accepted even if nothing is overridden, because operators do it as a precaution.
         let found = match (&which, index) {
-            (Release::All, _) => true,
+            (Release::All | Release::Fault(_), _) => true,
             (Release::Id(_), _) => self.buffers.iter().any(held),
             (Release::Path(_), Some(index)) => held(&self.buffers[index]),
             (Release::Path(_), None) => false,
@@ -140,9 +156,11 @@ impl OverrideTable {
     /// Applies a checked request. `id` is the number of an override.
     pub(crate) fn apply(&self, change: Change, id: u64, now: Stamp) {
         match change {
-            Change::Set { index, new, expires_ns } => {
+            Change::Set { indices, new, expires_ns } => {
                 let until = expires_ns.map(|expires_ns| now.after_ns(expires_ns));
-                self.buffers[index].set_override(Override { id, since: now, until, ..*new });
+                for index in indices {
+                    self.buffers[index].set_override(Override { id, since: now, until, ..(*new).clone() });
+                }
             }
             Change::Release(Some(index), which) => {
                 self.buffers[index].release_overrides(&which);
@@ -155,9 +173,14 @@ impl OverrideTable {
         }
     }
 
+    /// Whether any override may exist.
+    pub(crate) fn is_any(&self) -> bool {
+        self.any.load(Ordering::Relaxed)
+    }
+
     /// To be called after every event; without overrides it costs one check.
     pub(crate) fn update(&self, now: Stamp) {
-        if self.any.load(Ordering::Relaxed) {
+        if self.is_any() {
             self.update_all(now);
         }
     }
@@ -188,6 +211,8 @@ impl OverrideTable {
         }
         if changed {
             active.sort_by_key(|active| active.id);
+            // A fault of a process is one, in however many buffers.
+            active.dedup_by_key(|active| active.id);
             let before =
                 self.list.buffer().latest().and_then(|sample| sample.message.to::<rcs::OverrideList>());
             let before = before.unwrap_or_default();
@@ -240,12 +265,21 @@ fn listed(active: &Override, buffer: &str) -> rcs::OverrideInForce {
         OverrideValue::Field(_, Scalar::Float(number)) => number.to_string(),
         OverrideValue::Field(_, Scalar::Text(text)) => serde_json::Value::from(text.as_str()).to_string(),
         OverrideValue::Message(message) => message.schema().name().to_owned(),
+        OverrideValue::Fault(_) => String::new(),
+    };
+    let fault = active.fault();
+    let process = fault.map(|fault| fault.process.to_string()).unwrap_or_default();
+    let path = match fault.map(|fault| &fault.kind) {
+        Some(FaultKind::Nan { path }) => path.clone(),
+        _ => active.path().to_string(),
     };
     rcs::OverrideInForce {
         id: active.id,
         owner: active.owner.to_string(),
-        buffer: buffer.to_owned(),
-        path: active.path().to_string(),
+        buffer: if process.is_empty() { buffer.to_owned() } else { String::new() },
+        path,
+        fault: fault.map(|fault| faults::text(&fault.kind)).unwrap_or_default(),
+        process,
         value,
         once: active.mode == OverrideMode::Once,
         since: Some(active.since.to_proto()),

@@ -4,11 +4,12 @@
 //! becomes visible, then cycles by rank. The result depends on the inputs, the stack, the parameters and the seed
 //! alone. A cycle with a latency computes on another thread until its output is due, if there is one.
 
+use crate::cycle::Staged;
 use crate::error::RunError;
 use crate::feed::Feed;
 use crate::journal::{EventPlace, ExternalEvent, Journal};
 use crate::machine::{CheckedEvent, Machine};
-use crate::node::Node;
+use crate::node::{CycleFaults, Node, Output};
 use crate::options::RunOptions;
 use crate::pool::Pool;
 use crate::script::{Refused, Repeated, ScheduledCycle, Script};
@@ -38,6 +39,8 @@ pub enum Happened {
     Cycle(usize),
     /// An event of a recorded journal was repeated.
     Written,
+    /// A fault on demand took effect: a stopped process did not begin its cycle, or late messages became visible.
+    Fault,
 }
 
 /// A future event.
@@ -256,8 +259,16 @@ impl Stepped {
                 let node = self.machine.nodes[index].get();
                 let output =
                     Arc::try_unwrap(output).map_or_else(|shared| shared.get().cloned(), OnceLock::into_inner);
-                if let Some(output) = output {
+                let is_late = output.as_ref().is_some_and(|output| output.status.is_none());
+                if let Some(mut output) = output {
+                    let is_checked = !is_late && self.machine.overrides.is_any();
+                    let late =
+                        if is_checked { node.split_late(&mut output.staged, event.time) } else { Vec::new() };
                     node.publish_output(output, started, event.time);
+                    self.schedule_late(index, started, late);
+                }
+                if is_late {
+                    return Happened::Fault;
                 }
                 if self.script.is_some() {
                     self.record_cycle(index, started, event.time);
@@ -285,16 +296,27 @@ impl Stepped {
 
     /// Starts a cycle of the process with that rank: captures its inputs.
     fn cycle(&mut self, index: usize, now: Stamp) -> Happened {
+        let is_overridden = self.machine.overrides.is_any();
         let slot = &mut self.machine.nodes[index];
         let node = slot.get();
-        node.capture();
+        // A recorded schedule has the cycles that ran, and their times.
+        let is_checked = is_overridden && self.script.is_none();
+        let faults = if is_checked { node.cycle_faults(now) } else { CycleFaults::default() };
         let period_ns = node.period_ns;
+        if faults.stopped {
+            self.schedule_after(index, now, period_ns);
+            return Happened::Fault;
+        }
+        node.capture();
         let visible = match &self.script {
-            None => now.after_ns(node.latency_ns),
+            None => now.after_ns(node.latency_ns + faults.slowed_ns),
             Some(script) => script.end_of(now),
         };
         let happened = if visible == now {
-            slot.run(now, &self.pool).publish(now, visible);
+            let node = slot.run(now, &self.pool);
+            let late = if is_overridden { node.take_late(now) } else { Vec::new() };
+            node.publish(now, visible);
+            self.schedule_late(index, now, late);
             Happened::Cycle(index)
         } else {
             self.order += 1;
@@ -312,14 +334,34 @@ impl Stepped {
         };
         match &self.script {
             None => {
-                let due = now.after_ns(period_ns);
-                let slack_ns = self.slack_ns();
-                let due = self.feed.as_ref().map_or(due, |feed| feed.after_gap(due, period_ns, slack_ns));
-                self.schedule_cycle(index, due);
+                // A process that is slowed skips the cycles that would begin before this one has ended.
+                let took_ns = visible.0 - now.0;
+                let periods =
+                    if faults.slowed_ns > 0 { took_ns.div_ceil(period_ns.max(1)).max(1) } else { 1 };
+                self.schedule_after(index, now, periods * period_ns);
             }
             Some(_) => self.schedule_next_cycle(now),
         }
         happened
+    }
+
+    /// Adds the next cycle of a process, that much after this one, to the queue.
+    fn schedule_after(&mut self, index: usize, now: Stamp, after_ns: u64) {
+        let due = now.after_ns(after_ns);
+        let (period_ns, slack_ns) = (self.plan().processes[index].period_ns, self.slack_ns());
+        let due = self.feed.as_ref().map_or(due, |feed| feed.after_gap(due, period_ns, slack_ns));
+        self.schedule_cycle(index, due);
+    }
+
+    /// Adds the publication of messages that a fault delays to the queue.
+    fn schedule_late(&mut self, index: usize, started: Stamp, late: Vec<(u64, Vec<Staged>)>) {
+        for (delay_ns, staged) in late {
+            self.order += 1;
+            let output = Arc::new(Output { staged, status: None }.into());
+            let kind = EventKind::Publish { started, output };
+            let time = self.now.after_ns(delay_ns);
+            self.queue.push(Event { time, rank: index as u32, order: self.order, kind });
+        }
     }
 
     /// End of a run on a log: the end of the log, and one more cycle of every process.
@@ -343,6 +385,11 @@ impl Stepped {
                 next => return Ok(next.is_some()),
             }
         }
+    }
+
+    /// Whether an external event would be accepted now.
+    pub fn check(&self, event: &ExternalEvent) -> Result<(), RunError> {
+        self.machine.check(event.clone()).map(|_| ())
     }
 
     /// Accepts an external event now, and returns it with its position.

@@ -8,7 +8,7 @@ use crate::view::{TopicKey, ViewContext};
 use egui::{RichText, TextEdit, Ui};
 use ocu_ui::{icons, tokens, widgets};
 use rcs_msg::rcs::r#override::Mode;
-use rcs_msg::rcs::{Override, OverrideInForce, OverrideList};
+use rcs_msg::rcs::{Fault, Override, OverrideInForce, OverrideList};
 use rcs_msg::{AnyMessage, FieldPath, Value};
 use rcs_runtime::source::{Control, Frame, Topic};
 use std::collections::BTreeMap;
@@ -67,10 +67,41 @@ pub fn release(frame: &Frame, id: Option<u64>) -> Option<Control> {
     request(frame, Override { mode: Mode::Release.into(), id: id.unwrap_or(0), all, ..Override::default() })
 }
 
-/// The overrides in force, as buffer with path, value, and number.
-pub fn held(frame: &Frame) -> Vec<(String, String, u64)> {
-    let of = |held: &OverrideInForce| (format!("{}{}", held.buffer, held.path), held.value.clone(), held.id);
+/// Something that the operator holds.
+pub struct Held {
+    /// The buffer with the path, or the process.
+    pub target: String,
+    /// The value, or what goes wrong.
+    pub what: String,
+    /// Whether it is a fault on demand.
+    pub is_fault: bool,
+    /// The number by which it is released.
+    pub id: u64,
+}
+
+/// What the operator holds.
+pub fn held(frame: &Frame) -> Vec<Held> {
+    let of = |held: &OverrideInForce| {
+        let is_fault = !held.fault.is_empty();
+        let (target, what) = if is_fault {
+            (format!("{}{}", held.process, held.buffer), held.fault.clone())
+        } else {
+            (format!("{}{}", held.buffer, held.path), held.value.clone())
+        };
+        Held { target, what, is_fault, id: held.id }
+    };
     overrides(frame).iter().map(of).collect()
+}
+
+/// The request of a fault of a process.
+pub(crate) fn fault(frame: &Frame, process: &str, fault: Fault) -> Option<Control> {
+    let change = Override {
+        mode: Mode::Hold.into(),
+        process: process.to_owned(),
+        fault: Some(fault),
+        ..Override::default()
+    };
+    request(frame, change)
 }
 
 /// A write of a request for an override, into the buffer of that type.
@@ -285,7 +316,9 @@ impl Edits {
             }
             Some(Sent::Held { buffer, paths }) => {
                 for path in paths {
-                    let is_it = |held: &&OverrideInForce| held.buffer == buffer && held.path == path;
+                    let is_it = |held: &&OverrideInForce| {
+                        held.buffer == buffer && held.path == path && held.fault.is_empty()
+                    };
                     let id = overrides(cx.frame).iter().find(is_it).map(|held| held.id);
                     // One that was used up, or has been released, is gone.
                     cx.controls.extend(id.and_then(|id| release(cx.frame, Some(id))));
@@ -365,6 +398,22 @@ mod tests {
         let recorded = samples::full();
         let refused = refusal(&recorded, recorded.topic("/planner/status").unwrap());
         assert!(refused.unwrap().contains("cannot be written to"));
+    }
+
+    #[test]
+    fn an_edit_without_authority_is_refused_before_it_is_sent() {
+        let beside = Frame { is_beside: true, ..frame() };
+        let mut info = (*frame().info).clone();
+        info.kind = SourceKind::Log;
+        let recording = Frame { info: Arc::new(info), ..frame() };
+        for (frame, part) in [(&beside, "shown beside"), (&recording, "cannot be written to")] {
+            let topic = frame.topic("/planner/status").unwrap();
+            for how in [How::Now, How::Next, How::Hold] {
+                let fields = BTreeMap::from([(".cycle".to_owned(), "7".to_owned())]);
+                let refused = controls(frame, topic, &fields, how).map(|_| ()).unwrap_err();
+                assert!(refused.contains(part), "{how:?}: {refused}");
+            }
+        }
     }
 
     #[test]

@@ -105,8 +105,9 @@ impl Stretch {
         let what = match what {
             Happened::Input => 0,
             Happened::Written => 1,
-            Happened::Started(process) => 2 + 2 * process,
-            Happened::Cycle(process) => 3 + 2 * process,
+            Happened::Fault => 2,
+            Happened::Started(process) => 3 + 2 * process,
+            Happened::Cycle(process) => 4 + 2 * process,
         };
         self.marks.times.push(time);
         self.marks.what.push(what as u16);
@@ -117,8 +118,9 @@ impl Stretch {
         match self.marks.what[(event - self.from - 1) as usize] {
             0 => Happened::Input,
             1 => Happened::Written,
-            other if other % 2 == 0 => Happened::Started(usize::from(other - 2) / 2),
-            other => Happened::Cycle(usize::from(other - 3) / 2),
+            2 => Happened::Fault,
+            other if other % 2 == 1 => Happened::Started(usize::from(other - 3) / 2),
+            other => Happened::Cycle(usize::from(other - 4) / 2),
         }
     }
 

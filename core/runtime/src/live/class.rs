@@ -20,6 +20,13 @@ pub(crate) fn apply(class: Class, thread: &str) {
     }
 }
 
+/// Lowers the priority of the calling thread below that of a window and of live processes, for work in the background;
+/// threads that it starts inherit it.
+pub fn lower_priority() {
+    let name = std::thread::current().name().unwrap_or("a thread").to_owned();
+    apply(Class::Background, &name);
+}
+
 fn lower(priority: u8) -> io::Result<()> {
     let value = ThreadPriorityValue::try_from(priority).map_err(io::Error::other)?;
     set_current_thread_priority(ThreadPriority::Crossplatform(value)).map_err(told)

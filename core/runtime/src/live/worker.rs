@@ -3,13 +3,13 @@
 use super::class;
 use super::measure::CycleTimes;
 use super::shared::{Shared, WorkerState, report};
-use crate::node::Node;
+use crate::node::{CycleFaults, Node};
 use crate::pool::Pool;
 use crate::stack::Class;
 use rcs_msg::{AnyMessage, rcs};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A process before its thread starts.
 pub(super) struct Worker {
@@ -40,13 +40,26 @@ impl Worker {
         while !shared.sleep_until(due) {
             let woke = Instant::now();
             state.begin_cycle(shared);
-            let ((started, input_sequence), capture_wait) = shared.commit_measured(|now| {
-                node.capture();
+            let ((started, input_sequence, faults), capture_wait) = shared.commit_measured(|now| {
+                let is_overridden = shared.machine.overrides.is_any();
+                let faults = if is_overridden { node.cycle_faults(now) } else { CycleFaults::default() };
+                if !faults.stopped {
+                    node.capture();
+                }
                 shared.machine.overrides.update(now);
-                (now, node.captured())
+                (now, node.captured(), faults)
             });
+            if faults.stopped {
+                state.end_cycle();
+                due += state.period;
+                continue;
+            }
             let captured = Instant::now();
             node.run(started, pool);
+            if faults.slowed_ns > 0 {
+                // Ends early if the run stops.
+                shared.sleep_until(Instant::now() + Duration::from_nanos(faults.slowed_ns));
+            }
             let computed = Instant::now();
             let ((), publish_wait) = shared.commit_measured(|now| {
                 node.publish(started, now);

@@ -21,7 +21,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Version of the format of [`Snapshot::to_bytes`].
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 
 /// Bytes that are serialised as a whole instead of one by one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -101,7 +101,7 @@ struct EventOnDisk {
     rank: u32,
     order: u64,
     /// Start of the cycle that wrote it, its output, and its status; `None` for a cycle.
-    publish: Option<(Stamp, Vec<StagedOnDisk>, Block)>,
+    publish: Option<(Stamp, Vec<StagedOnDisk>, Option<Block>)>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -172,7 +172,7 @@ impl Table<'_> {
                     message: self.message(&item.message),
                 });
                 let staged = staged.collect();
-                Some((*started, staged, Block(output.status.encode())))
+                Some((*started, staged, output.status.as_ref().map(|status| Block(status.encode()))))
             }
             EventKind::Write => {
                 return Err(RunError::Snapshot("a recorded event is still to come".to_owned()));
@@ -224,9 +224,10 @@ impl Messages {
                     Ok(Staged { output: item.output, acq_time: item.acq_time, message })
                 });
                 let staged = staged.collect::<Result<_, RunError>>()?;
-                let status = prost::Message::decode(status.0.as_slice())
-                    .map_err(|error| RunError::Snapshot(error.to_string()))?;
-                let output = Output { staged, status: crate::status::StatusRecord::from_status(&status) };
+                let status = status.map(|status| prost::Message::decode(status.0.as_slice())).transpose();
+                let status = status.map_err(|error| RunError::Snapshot(error.to_string()))?;
+                let status = status.as_ref().map(crate::status::StatusRecord::from_status);
+                let output = Output { staged, status };
                 EventKind::Publish { started, output: Arc::new(output.into()) }
             }
         };

@@ -390,6 +390,11 @@ fn journal_events(
             }
             "drives by hand".to_owned()
         }
+        "rcs.Override" => {
+            let change = <rcs::Override as prost::Message>::decode(event.message.clone()).ok();
+            let told = change.as_ref().and_then(crate::faults::told);
+            told.unwrap_or_else(|| "writes Override".to_owned())
+        }
         schema => format!("writes {}", schema.rsplit('.').next().unwrap_or(schema)),
     };
     add(EventKind::Operator, EventLevel::Info, &event.buffer, text);

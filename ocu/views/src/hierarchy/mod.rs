@@ -5,6 +5,7 @@
 //! after a command and white after a status, and fades. Data between peers are thin curves; those of the process under
 //! the pointer are emphasized. Drag to move, scroll to zoom, double-click to fit; the menu of a box sends its commands.
 
+mod faults;
 mod layout;
 mod look;
 
@@ -296,6 +297,8 @@ fn commands(ui: &mut Ui, cx: &mut ViewContext<'_>, process: &ProcessInfo) {
     if process.commands.is_empty() {
         ui.label("It has no commands.");
     }
+    ui.separator();
+    faults::menu(ui, cx, process, refused);
 }
 
 #[allow(clippy::too_many_arguments, reason = "everything that the body shows")]
@@ -355,7 +358,9 @@ fn body(
         mono.clone(),
         tokens.weak,
     );
-    if status.faults > 0 {
+    if let Some(fault) = faults::text(frame, &node.name) {
+        widgets::cell_by(painter, line(2), Align::Max, &fault, mono, tokens.warning);
+    } else if status.faults > 0 {
         let faults = format!("{} fault{}", status.faults, if status.faults == 1 { "" } else { "s" });
         widgets::cell_by(painter, line(2), Align::Max, &faults, mono, tokens.warning);
     }
@@ -379,6 +384,7 @@ fn details(ui: &mut Ui, frame: &Frame, process: &ProcessInfo, status: Option<&St
         line("set at", &status.source_line);
         line("last fault", &status.last_fault);
     }
+    line("on demand", &faults::text(frame, &node.name).unwrap_or_default());
     let ports = |ports: &[rcs_msg::rcs::PortInfo]| {
         ports.iter().map(|port| port.buffer.as_str()).collect::<Vec<_>>().join("  ")
     };
