@@ -4,9 +4,13 @@
 
 mod common;
 
-use common::{PAIR, newest, seconds, stepped};
+use common::{PAIR, PLUGINS, newest, seconds, stepped};
+use rcs_bus::WriterId;
+use rcs_log::Log;
 use rcs_msg::{AnyMessage, foxglove, rcs};
-use rcs_runtime::{ExternalEvent, RunOptions, Snapshot, Stepped};
+use rcs_runtime::{
+    ExternalEvent, RecordOptions, RecordedRun, Recording, Replay, RunOptions, Snapshot, Stepped,
+};
 
 fn running() -> Stepped {
     let mut run = stepped(PAIR, RunOptions::default());
@@ -178,4 +182,102 @@ fn the_later_one_of_two_holders_of_a_field_replaces_the_other_and_is_listed_alon
     set(&mut run, rcs::Override { id, ..release() }).unwrap();
     run.run_until(seconds(0.3)).unwrap();
     assert_eq!((z(&run), listed(&run).len()), (5.0, 0));
+}
+
+/// The writer and the count of the newest message of the counter.
+fn newest_count(run: &Stepped) -> (WriterId, f64) {
+    let sample = run.bus().get("/counter/count").unwrap().latest().unwrap();
+    (sample.header.writer, sample.message.to::<foxglove::Vector3>().unwrap().x)
+}
+
+fn write(run: &mut Stepped, x: f64) {
+    let count = foxglove::Vector3 { x, ..Default::default() };
+    run.take(ExternalEvent::operator("/counter/count", AnyMessage::new(count))).unwrap();
+}
+
+#[test]
+fn a_process_that_ignores_an_edit_of_its_output_goes_on_and_readers_see_whose_it_is() {
+    let mut run = running();
+    let before = newest_count(&run);
+    write(&mut run, 500.0);
+    assert_eq!(newest_count(&run), (WriterId::OPERATOR, 500.0));
+    // The adder reads it at 0.1 s like any message; the counter's own state is what it was.
+    run.run_until(seconds(0.2)).unwrap();
+    assert_eq!(newest_count(&run), (before.0, 20.0));
+    let sum: foxglove::Vector3 = newest(&run, "/adder/sum");
+    let mut plain = running();
+    plain.run_until(seconds(0.2)).unwrap();
+    let without: foxglove::Vector3 = newest(&plain, "/adder/sum");
+    assert_eq!((sum.y - without.y, listed_or_none(&run)), (1.0, 0), "one message more, and nothing is held");
+}
+
+fn listed_or_none(run: &Stepped) -> u64 {
+    run.bus().get("/runtime/overrides").unwrap().newest()
+}
+
+#[test]
+fn two_writers_at_once_are_both_kept_in_their_order_and_what_is_held_replaces_both() {
+    let mut run = running();
+    // The output of the counter's cycle of 0.1 s becomes visible at 0.103 s, when the operator writes, too.
+    run.run_until(seconds(0.103)).unwrap();
+    let process = newest_count(&run);
+    let before = run.bus().get("/counter/count").unwrap().newest();
+    write(&mut run, 501.0);
+    write(&mut run, 502.0);
+    assert_eq!(run.bus().get("/counter/count").unwrap().newest(), before + 2);
+    assert_eq!(newest_count(&run), (WriterId::OPERATOR, 502.0));
+    set(&mut run, hold(".x", "7")).unwrap();
+    write(&mut run, 503.0);
+    assert_eq!(newest_count(&run), (WriterId::OPERATOR, 7.0));
+    run.run_until(seconds(0.2)).unwrap();
+    assert_eq!(newest_count(&run), (process.0, 7.0));
+}
+
+#[test]
+fn a_process_that_ignores_a_held_command_says_so_and_who_holds_it_stays_listed() {
+    let mut run = running();
+    set(&mut run, rcs::Override { buffer: "/counter/command".to_owned(), ..hold(".name", "\"JUMP\"") })
+        .unwrap();
+    let halt = rcs::Command { serial: 99, name: "HALT".to_owned(), ..Default::default() };
+    run.take(ExternalEvent::operator("/counter/command", AnyMessage::new(halt))).unwrap();
+    run.run_until(seconds(0.2)).unwrap();
+    let status: rcs::Status = newest(&run, "/counter/status");
+    assert_eq!((status.state(), status.echo_serial), (rcs::ProcessState::Error, 99), "{}", status.state_text);
+    assert!(status.state_text.contains("JUMP"), "{}", status.state_text);
+    assert_eq!(listed(&run), [(1, "/counter/command.name".to_owned())]);
+}
+
+#[test]
+fn recorded_edits_of_every_kind_are_replayed_to_the_same_hash() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("edits.mcap");
+    let hashing = || RunOptions { hash: true, ..RunOptions::default() };
+    let mut run = stepped(PAIR, hashing());
+    let recording = Recording::start(
+        &path,
+        run.plan(),
+        run.buffers(),
+        &RecordOptions { lossless: true, ..Default::default() },
+    );
+    let recording = recording.unwrap();
+    run.begin().unwrap();
+    run.run_until(seconds(0.1)).unwrap();
+    write(&mut run, 500.0);
+    let once = rcs::r#override::Mode::Once.into();
+    set(&mut run, rcs::Override { mode: once, ..hold(".y", "3") }).unwrap();
+    set(&mut run, rcs::Override { owner: "anna".to_owned(), ..hold(".z", "42") }).unwrap();
+    run.run_until(seconds(0.3)).unwrap();
+    set(&mut run, rcs::Override { owner: "bert".to_owned(), expires_s: 0.2, ..hold(".z", "43") }).unwrap();
+    let due = rcs::Override { due_process: "counter".to_owned(), due_cycle: 60, ..hold(".x", "1") };
+    set(&mut run, due).unwrap();
+    run.run_until(seconds(0.8)).unwrap();
+    set(&mut run, rcs::Override { all: true, ..release() }).unwrap();
+    run.run_until(seconds(1.0)).unwrap();
+    recording.finish_at(run.now()).unwrap();
+    let recorded = RecordedRun::read(&Log::open(&path).unwrap(), PLUGINS).unwrap();
+    let again = recorded.stepped(&recorded.plan(PLUGINS).unwrap(), None, hashing()).unwrap();
+    let mut replay = Replay::new(recorded, again).unwrap();
+    replay.run_until(seconds(1.0)).unwrap();
+    assert!(replay.first().is_none(), "{:?}", replay.first());
+    assert_eq!(replay.run().summary().hash, run.summary().hash);
 }
