@@ -3,16 +3,20 @@
 //! It follows the selected topic until one is pinned or dropped on it. Values have a fixed column, so that the text
 //! does not move while values change.
 
+mod array;
+mod flash;
 mod rows;
 
 use crate::edit::{Edits, overrides, refusal, text_of};
 use crate::origin::Origin;
 use crate::texture::{Cached, SameMessage};
 use crate::view::{FieldKey, SavedState, Selection, TopicKey, View, ViewContext, Wish, rate_hz};
+use array::{ArrayForm, ArrayPanel, Form};
 use egui::text::LayoutJob;
 use egui::{
     Align, FontId, FontSelection, Pos2, Rect, RichText, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo,
 };
+use flash::Flashes;
 use ocu_ui::bar::{self, Bar, Fit};
 use ocu_ui::widgets::{self, mono};
 use ocu_ui::{format, icons, stale, tokens};
@@ -36,6 +40,8 @@ struct Saved {
     search: String,
     /// Paths of the fields that are unfolded.
     open: BTreeSet<String>,
+    /// The array that is shown as a picture or a histogram.
+    array: Option<ArrayForm>,
 }
 
 /// The fields view.
@@ -46,6 +52,8 @@ pub(crate) struct Fields {
     last: Option<TopicKey>,
     edits: Edits,
     origin: Origin,
+    array: ArrayPanel,
+    flashes: Flashes,
 }
 
 impl View for Fields {
@@ -122,7 +130,23 @@ impl Fields {
                 let key = TopicKey::of(topic);
                 self.origin.ui(ui, cx);
                 self.edits.ui(ui, cx);
-                tree(ui, cx, &mut self.saved, value, topic, &key, (&mut self.edits, &mut self.origin));
+                let mut area = ui.available_rect_before_wrap();
+                let is_room = area.height() > array::HEIGHT + 4.0 * ROW;
+                if let Some(shown) = self.saved.array.as_mut().filter(|_| is_room) {
+                    let (above, below) = area.split_top_bottom_at_y(area.bottom() - array::HEIGHT);
+                    let mut child = ui.new_child(egui::UiBuilder::new().max_rect(below).id_salt("array"));
+                    child.set_clip_rect(below.intersect(ui.clip_rect()));
+                    if !self.array.ui(&mut child, &sample.message, value, shown) {
+                        self.saved.array = None;
+                    }
+                    area = above;
+                }
+                let mut child = ui.new_child(egui::UiBuilder::new().max_rect(area).id_salt("tree"));
+                child.set_clip_rect(area.intersect(ui.clip_rect()));
+                self.flashes.begin(&key.name, sample.header.log_time);
+                let parts = (&mut self.edits, &mut self.origin, &mut self.flashes);
+                tree(&mut child, cx, &mut self.saved, value, topic, &key, parts);
+                ui.advance_cursor_after_rect(area);
             }
         }
     }
@@ -246,7 +270,7 @@ fn tree(
     value: &Value,
     topic: &Topic,
     key: &TopicKey,
-    (edits, origin): (&mut Edits, &mut Origin),
+    (edits, origin, flashes): (&mut Edits, &mut Origin, &mut Flashes),
 ) {
     let search = saved.search.trim().to_lowercase();
     let (rows, more) =
@@ -275,7 +299,11 @@ fn tree(
                 (false, true) => Some("edited"),
                 (false, false) => None,
             };
-            let response = paint_row(ui, row, name_width, mark);
+            let fresh = match row.open {
+                Some(true) => 0.0,
+                _ => flashes.of(&row.key, &row.text, ui.input(|input| input.time)),
+            };
+            let response = paint_row(ui, row, name_width, mark, fresh);
             if response.clicked() && row.open.is_some() && !saved.open.remove(&row.key) {
                 saved.open.insert(row.key.clone());
             }
@@ -300,6 +328,18 @@ fn tree(
                     origin.begin(cx.frame, key, &row.path);
                     ui.close();
                 }
+                let part = value.get(&row.path).ok();
+                if part.as_ref().is_some_and(|part| array::is_array(part)) {
+                    let width = array::usual_width(value, &row.path);
+                    let forms =
+                        [("As a histogram", Form::Histogram), ("As a picture", Form::Picture { width })];
+                    for (name, form) in forms {
+                        if ui.button(name).clicked() {
+                            saved.array = Some(ArrayForm { path: row.path.to_string(), form });
+                            ui.close();
+                        }
+                    }
+                }
                 if ui.button("Plot").clicked() {
                     cx.wishes.push(Wish::Plot(FieldKey { topic: key.clone(), path: row.path.clone() }));
                     ui.close();
@@ -317,7 +357,7 @@ fn tree(
     });
 }
 
-fn paint_row(ui: &mut Ui, row: &Row, name_width: f32, mark: Option<&str>) -> egui::Response {
+fn paint_row(ui: &mut Ui, row: &Row, name_width: f32, mark: Option<&str>, fresh: f32) -> egui::Response {
     let tokens = tokens(ui);
     let (rect, response) =
         ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click_and_drag());
@@ -341,6 +381,10 @@ fn paint_row(ui: &mut Ui, row: &Row, name_width: f32, mark: Option<&str>) -> egu
         Rect::from_min_max(Pos2::new(left + INDENT, rect.top()), Pos2::new(middle - 8.0, rect.bottom()));
     let value =
         Rect::from_min_max(Pos2::new(middle, rect.top()), Pos2::new(rect.right() - 8.0, rect.bottom()));
+    if fresh > 0.0 {
+        ui.painter().rect_filled(value, 2.0, tokens.accent.gamma_multiply(0.35 * fresh));
+        ui.ctx().request_repaint_after(std::time::Duration::from_millis(50));
+    }
     let weak = row.name.starts_with('[');
     let color = if weak { tokens.weak } else { tokens.text };
     widgets::cell(ui, name, Align::Min, &row.name, FontId::proportional(13.0), color);

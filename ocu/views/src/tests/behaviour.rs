@@ -146,6 +146,63 @@ fn a_click_on_a_box_selects_the_process_and_every_state_is_a_word() {
 }
 
 #[test]
+fn an_array_is_shown_as_a_histogram_and_as_a_picture() {
+    let mut harness = shown("fields");
+    harness.state_mut().selection.topic = Some(key("/wm1/map"));
+    harness.run();
+    harness.get_by_label_contains("data ").click_secondary();
+    harness.run();
+    harness.get_by_label("As a histogram").click();
+    harness.run();
+    assert!(harness.query_by_label("Histogram of the array").is_some());
+    harness.get_by_label("As a picture").click();
+    harness.run();
+    assert!(harness.query_by_label("Picture of the array").is_some());
+    assert_eq!(harness.state().view.save()["array"]["path"], ".data");
+    harness.get_by_label("Close the array").click();
+    harness.run();
+    assert!(harness.query_by_label("Picture of the array").is_none());
+}
+
+#[test]
+fn the_menu_of_a_box_begins_a_fault_and_ends_it() {
+    use rcs::r#override::Mode;
+    let mut frame = samples::full();
+    let mut info = (*frame.info).clone();
+    info.kind = SourceKind::Stack;
+    frame.info = Arc::new(info);
+    let running = rcs::OverrideInForce {
+        id: 7,
+        process: "obstacles".into(),
+        fault: "frozen".into(),
+        ..Default::default()
+    };
+    let list = rcs::OverrideList { active: vec![running], ..Default::default() };
+    let requests = samples::topic("/runtime/override", 0.0, 1.0, rcs::Override::default());
+    let list = samples::topic("/runtime/overrides", 0.0, 1.0, list);
+    frame.topics = frame.topics.iter().cloned().chain([requests, list]).collect();
+    let mut harness = harness(Shown::new("hierarchy", frame), Vec2::new(900.0, 560.0), Theme::Dark);
+    harness.run();
+    let mut choose = |labels: [&str; 2]| {
+        harness.get_by_label("Process obstacles: EXEC").click_secondary();
+        harness.run();
+        for label in labels.into_iter().filter(|label| !label.is_empty()) {
+            harness.get_by_label_contains(label).click();
+            harness.run();
+        }
+        let control = harness.state_mut().controls.pop();
+        let Some(Control::Write { buffer, message }) = control else { panic!("{control:?}") };
+        assert_eq!(buffer, "/runtime/override");
+        message.to::<rcs::Override>().unwrap()
+    };
+    let begins = choose(["Fault on demand", "Stopped"]);
+    assert_eq!((begins.mode(), begins.process.as_str()), (Mode::Hold, "obstacles"));
+    assert_eq!(begins.fault.unwrap().kind(), rcs::fault::Kind::Stopped);
+    let ends = choose(["End: frozen", ""]);
+    assert_eq!((ends.mode(), ends.id), (Mode::Release, 7));
+}
+
+#[test]
 fn a_layer_of_a_map_can_be_switched_off_and_the_layout_keeps_that() {
     let mut harness = shown("map");
     let node = harness.get_by_label("Show /wm1/map");

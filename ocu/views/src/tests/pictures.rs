@@ -3,12 +3,18 @@
 use super::{Shown, harness};
 use crate::samples;
 use egui::{Theme, Vec2};
-use egui_kittest::SnapshotOptions;
 use egui_kittest::kittest::Queryable as _;
+use egui_kittest::{Harness, SnapshotOptions};
 use rcs_runtime::source::Frame;
 
 /// Tolerates differences of anti-aliasing between drivers, but no moved shape.
 const THRESHOLD: f32 = 1.6;
+
+/// Compares what is shown with the stored picture of this name.
+pub(super) fn compare_picture(mut harness: Harness<'static, Shown>, name: &str) {
+    let options = SnapshotOptions::new().threshold(THRESHOLD).max_failed_pixels(24_usize);
+    harness.snapshot_options(name, &options);
+}
 
 fn check(kind: &str, theme: Theme) {
     check_frame(kind, samples::full(), kind, theme);
@@ -130,6 +136,26 @@ fn frames_light() {
 #[test]
 fn fields_dark() {
     check("fields", Theme::Dark);
+}
+
+/// The data of a map below the fields, as a picture or as a histogram.
+fn array(name: &str, form: &serde_json::Value, theme: Theme) {
+    let mut shown = Shown::new("fields", samples::full());
+    shown.selection.topic = Some(crate::TopicKey::shown("/wm1/map"));
+    shown.view.load(&serde_json::json!({"array": {"path": ".data", "form": form}})).unwrap();
+    let mut harness = harness(shown, Vec2::new(480.0, 420.0), theme);
+    harness.run();
+    compare_picture(harness, name);
+}
+
+#[test]
+fn an_array_as_a_picture_dark() {
+    array("fields_picture_dark", &serde_json::json!({"picture": {"width": 4020}}), Theme::Dark);
+}
+
+#[test]
+fn an_array_as_a_histogram_light() {
+    array("fields_histogram_light", &serde_json::json!("histogram"), Theme::Light);
 }
 
 #[test]
