@@ -1,7 +1,8 @@
 //! Operands and operators of formulas. exmex parses the text, keeps the order of operators and calls these functions.
 
 use crate::functions::{self, WIDTH_S};
-use crate::points::Points;
+use crate::points::{Over, Points};
+use crate::spectrum::spectrum;
 use exmex::{BinOp, MakeOperators, Operator};
 use std::str::FromStr;
 use std::sync::Arc;
@@ -52,6 +53,9 @@ fn both(a: Data, b: Data, f: impl Fn(f64, f64) -> f64) -> Data {
         (Data::Number(a), Data::Number(b)) => Data::Number(f(a, b)),
         (a, Data::Number(b)) => each(a, |a| f(a, b)),
         (Data::Number(a), b) => each(b, |b| f(a, b)),
+        (Data::Points(a), Data::Points(b)) if a.over != b.over => {
+            wrong("a spectrum is over frequency, expected another spectrum or a number beside it")
+        }
         (Data::Points(a), Data::Points(b)) => {
             let b = b.at(&a.stamps);
             Data::Points(a.with(a.values.iter().zip(b.iter()).map(|(&a, &b)| f(a, b)).collect()))
@@ -96,6 +100,9 @@ fn equal(a: Data, b: Data, wanted: bool) -> Data {
 /// Applies a function of a whole series.
 fn whole(data: Data, f: impl Fn(&Points) -> Points) -> Data {
     match data {
+        Data::Points(points) if points.over == Over::Frequency => {
+            wrong("a function over time needs a field, got a spectrum")
+        }
         Data::Points(points) => Data::Points(f(&points)),
         wrong @ Data::Wrong(_) => wrong,
         _ => wrong("a function over time needs a field, got a single value"),
@@ -150,6 +157,7 @@ impl MakeOperators<Data> for Operators {
             ),
             unary("derivative", |a| whole(a, functions::derivative)),
             unary("integral", |a| whole(a, functions::integral)),
+            unary("spectrum", |a| whole(a, spectrum)),
             unary("difference", |a| whole(a, functions::difference)),
             call("angle_difference", |a, b| both(a, b, functions::angle_difference)),
             unary("absolute", |a| each(a, f64::abs)),

@@ -33,6 +33,11 @@ pub fn functions() -> &'static [Function] {
         function("derivative", "derivative(a)", "change per second"),
         function("integral", "integral(a)", "sum over time by trapezoids, per second"),
         function("difference", "difference(a)", "change since the point before"),
+        function(
+            "spectrum",
+            "spectrum(a)",
+            "amplitude of each frequency, over frequency (Hann window, mean removed)",
+        ),
         function("angle_difference", "angle_difference(a, b)", "a - b between -π and π"),
         function("absolute", "absolute(a)", "size without sign"),
         function("negative", "negative(a)", "with the other sign"),

@@ -7,6 +7,16 @@ use std::sync::Arc;
 /// Names of whole numbers: the states of an enum, `false` and `true`, or texts. Empty for quantities.
 pub type Names = Arc<BTreeMap<i64, Arc<str>>>;
 
+/// What the times of points mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Over {
+    /// Times.
+    #[default]
+    Time,
+    /// Frequencies: 1 Hz is a second.
+    Frequency,
+}
+
 /// Values in ascending order of time. Equal times are allowed. A value that is not finite is a gap.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
@@ -16,6 +26,8 @@ pub struct Points {
     pub values: Arc<[f64]>,
     /// Names of the values, if they are states or texts.
     pub names: Names,
+    /// Whether the times are frequencies.
+    pub over: Over,
 }
 
 impl Points {
@@ -23,7 +35,7 @@ impl Points {
     pub fn new(stamps: impl Into<Arc<[Stamp]>>, values: impl Into<Arc<[f64]>>) -> Self {
         let (stamps, values) = (stamps.into(), values.into());
         debug_assert_eq!(stamps.len(), values.len());
-        Self { stamps, values, names: Names::default() }
+        Self { stamps, values, ..Self::default() }
     }
 
     /// Quantities at times in seconds.
@@ -57,7 +69,8 @@ impl Points {
     #[must_use]
     pub fn with(&self, values: Vec<f64>) -> Self {
         debug_assert_eq!(self.len(), values.len());
-        Self { stamps: Arc::clone(&self.stamps), values: values.into(), names: Names::default() }
+        let stamps = Arc::clone(&self.stamps);
+        Self { stamps, values: values.into(), names: Names::default(), over: self.over }
     }
 
     /// These values as truth: 0 is `false`, all others `true`.

@@ -10,6 +10,7 @@ import pathlib
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
+from scipy.signal import periodogram
 
 rng = np.random.default_rng(7)
 
@@ -59,6 +60,27 @@ def integral(t, v):
     return np.where(np.isfinite(v), result, np.nan)
 
 
+def spectrum(t, v):
+    """One-sided amplitudes with a Hann window, zero-padded to a power of two; frequencies in nHz."""
+    ok = np.isfinite(v)
+    x, y = last_of_each_time(t[ok], v[ok])
+    n = len(x)
+    if n < 4:
+        return np.zeros(0, np.int64), np.zeros(0)
+    s = (x - x[0]).astype(float)
+    step = s[-1] / (n - 1)
+    even = np.interp(np.arange(n) * step, s, y)
+    w = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
+    m = 1 << (n - 1).bit_length()
+    amplitude = np.abs(np.fft.rfft((even - even.mean()) * w, m)) / w.sum()
+    amplitude[1 : m // 2] *= 2
+    f = np.round(np.arange(m // 2 + 1) / (m * step * 1e-9) * 1e9).astype(np.int64)
+    # SciPy's power spectrum has half the square of the amplitude, and no density of its own for both ends.
+    power = periodogram(even, 1e9 / step, window="hann", nfft=m, detrend="constant", scaling="spectrum")[1]
+    assert np.allclose(amplitude[1:-1], np.sqrt(2 * power[1:-1]))
+    return f, amplitude
+
+
 def interpolated(t, other_t, other_v):
     x, y = last_of_each_time(other_t, other_v)
     if len(x) == 0:
@@ -95,6 +117,7 @@ def case(name, t, v, other=None):
         "deviation(/a.v, 0.5)": (t, window(t, v, 0.5, np.std)),
         "derivative(/a.v)": (slope_t, slope),
         "integral(/a.v)": (t, integral(t, v)),
+        "spectrum(/a.v)": spectrum(t, v),
         "difference(/a.v)": (t, np.diff(v, prepend=np.nan) if len(v) else v),
         "absolute(/a.v)": (t, np.abs(v)),
         "negative(/a.v)": (t, -v),

@@ -6,7 +6,7 @@ use crate::parquet::parquet;
 use crate::{Ended, stacks, usage};
 use anyhow::Context as _;
 use ocu_ui::format;
-use rcs_formula::{FieldRef, Formula, Points};
+use rcs_formula::{FieldRef, Formula, Over, Points};
 use rcs_runtime::source::{FieldSeries, read_fields};
 use std::io::Write;
 
@@ -43,7 +43,11 @@ pub fn export(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     for (formula, text) in formulas.iter().zip(&args.fields) {
         let of = |field: &FieldRef| series.iter().find(|series| series.field == *field).map(FieldSeries::all);
         let inputs: Vec<Points> = formula.fields().iter().filter_map(of).collect();
-        columns.push((text.clone(), formula.eval(&inputs).map_err(|error| usage(format!("{error}")))?));
+        let points = formula.eval(&inputs).map_err(|error| usage(format!("{error}")))?;
+        if points.over == Over::Frequency {
+            return Err(usage(format!("{text} is over frequency; expected a formula over time")));
+        }
+        columns.push((text.clone(), points));
     }
     let named: Vec<(String, &Points)> = columns.iter().map(|(name, points)| (name.clone(), points)).collect();
     let is_parquet = args.output.extension().is_some_and(|extension| extension == "parquet");

@@ -8,7 +8,7 @@ use crate::series::{Shelf, Shown};
 use crate::view::{RunChoice, SavedState, View, ViewContext};
 use egui::{RichText, ScrollArea, TextEdit, Ui};
 use ocu_ui::{format, icons, tokens, widgets};
-use rcs_formula::{FieldRef, Formula};
+use rcs_formula::{FieldRef, Formula, Over};
 use rcs_msg::Stamp;
 use rcs_runtime::source::{Control, FieldPoint, Frame, Series, SourceKind};
 use serde::{Deserialize, Serialize};
@@ -105,7 +105,11 @@ impl View for Conditions {
         self.entry(ui);
         let mut shown = Vec::new();
         for condition in &self.saved.conditions {
-            let found = self.shelf.shown(ui.ctx(), cx.frame, &condition.formula, RunChoice::Shown);
+            let mut found = self.shelf.shown(ui.ctx(), cx.frame, &condition.formula, RunChoice::Shown);
+            if found.over == Over::Frequency {
+                let problem = Some("a spectrum is over frequency, which has no time to stop at".into());
+                found = Shown { problem, ..Shown::default() };
+            }
             self.hits.entry(condition.formula.clone()).or_default().follow(&found.points);
             shown.push(found);
         }

@@ -4,7 +4,7 @@
 
 use crate::view::RunChoice;
 use egui::Context;
-use rcs_formula::{FieldRef, Formula, Names, Points};
+use rcs_formula::{FieldRef, Formula, Names, Over, Points};
 use rcs_msg::Value;
 use rcs_runtime::RunId;
 use rcs_runtime::source::{FieldPoint, FieldSeries, Frame, RunTag, Series, points_of, series_of};
@@ -27,6 +27,8 @@ pub(crate) struct Shown {
     pub(crate) reading: Option<f64>,
     /// Why there are no values, or not all of them.
     pub(crate) problem: Option<Arc<str>>,
+    /// Whether the values are over time, or over frequency.
+    pub(crate) over: Over,
 }
 
 impl Shown {
@@ -43,7 +45,7 @@ impl Shown {
 /// A series as it was used: its records, and their number.
 type Used = (Series<FieldPoint>, usize);
 
-type Computed = Result<(Series<FieldPoint>, Names), Arc<str>>;
+type Computed = Result<(Series<FieldPoint>, Names, Over), Arc<str>>;
 
 /// A computed formula.
 #[derive(Default)]
@@ -76,7 +78,7 @@ fn same(used: &[Used], now: &[Used]) -> bool {
 
 fn compute(formula: &Formula, inputs: &[Points]) -> Computed {
     let points = formula.eval(inputs).map_err(|error| Arc::from(error.to_string()))?;
-    Ok((series_of(&points), Arc::clone(&points.names)))
+    Ok((series_of(&points), Arc::clone(&points.names), points.over))
 }
 
 impl Shelf {
@@ -105,6 +107,7 @@ impl Shelf {
                     names: Arc::clone(&one.names),
                     reading: one.reading,
                     problem: one.problem.clone(),
+                    over: Over::Time,
                 },
                 None => Shown { problem: Some(missing(frame, &formula.fields()[0])), ..Shown::default() },
             };
@@ -124,9 +127,10 @@ impl Shelf {
         let derived = self.derived.entry((text.to_owned(), run)).or_default();
         derived.update(ctx, &formula, &series);
         match &derived.result {
-            Some(Ok((points, names))) => {
+            Some(Ok((points, names, over))) => {
                 let lost = series.iter().find_map(|series| series.problem.clone());
-                Shown { points: points.clone(), names: Arc::clone(names), reading, problem: lost }
+                let (points, names) = (points.clone(), Arc::clone(names));
+                Shown { points, names, reading, problem: lost, over: *over }
             }
             Some(Err(problem)) => Shown { problem: Some(Arc::clone(problem)), reading, ..Shown::default() },
             None => Shown { reading: reading.or(Some(1.0)), ..Shown::default() },

@@ -3,6 +3,18 @@
 use egui::Rangef;
 use ocu_ui::format;
 
+/// What the horizontal axis of a graph is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum GraphKind {
+    Time,
+    /// The index of an array.
+    Index,
+    /// The frequency of a spectrum.
+    Frequency,
+    /// Another formula.
+    Against,
+}
+
 /// A range of values on a range of the screen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Axis {

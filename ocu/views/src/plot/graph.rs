@@ -1,6 +1,6 @@
 //! One graph: what it draws, its legend, and what the pointer does on it.
 
-use super::axis::Axis;
+use super::axis::{Axis, GraphKind};
 use super::menu::{self, Asked};
 use super::paint::{self, BAND, Clock, Reduced};
 use super::saved::{Curve, Graph, Saved};
@@ -9,20 +9,13 @@ use crate::series::{Shelf, Shown, array};
 use crate::view::{Hover, ViewContext};
 use egui::{Align2, Color32, FontId, Pos2, Rect, Response, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, tokens};
+use rcs_formula::Over;
 use rcs_msg::Stamp;
 use rcs_runtime::source::Frame;
 
 const LEGEND_ROW: f32 = 16.0;
-
-/// What the horizontal axis of a graph is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum GraphKind {
-    Time,
-    /// The index of an array.
-    Index,
-    /// Another formula.
-    Against,
-}
+/// Number of frequencies among which the legend finds the greatest amplitude.
+const MOST_PEAK: usize = 65_536;
 
 /// What a curve draws.
 pub(super) struct DrawnCurve {
@@ -56,6 +49,15 @@ impl Drawn {
             let label = format!("{}{}", curve.formula, run_label(curve.run));
             curves.push(DrawnCurve { label, color: color_of(ui, *color), right: curve.right, shown });
             *color += 1;
+        }
+        let is_spectrum = |curve: &DrawnCurve| curve.shown.over == Over::Frequency;
+        if kind == GraphKind::Time && !curves.is_empty() && curves.iter().all(is_spectrum) {
+            kind = GraphKind::Frequency;
+        } else {
+            for curve in curves.iter_mut().filter(|curve| is_spectrum(curve)) {
+                let problem = "a spectrum is over frequency; give it a graph of its own";
+                curve.shown = Shown { problem: Some(problem.into()), ..Shown::default() };
+            }
         }
         let run = graph.curves.first().map(|curve| curve.run).unwrap_or_default();
         let against =
@@ -120,7 +122,8 @@ pub(super) fn ui(
     });
     ui.painter().rect_filled(plot, 0.0, tokens.canvas());
 
-    let clock = if drawn.kind == GraphKind::Index { Clock { start: Stamp(0) } } else { place.clock };
+    let is_from_zero = matches!(drawn.kind, GraphKind::Index | GraphKind::Frequency);
+    let clock = if is_from_zero { Clock { start: Stamp(0) } } else { place.clock };
     let x = horizontal(drawn, graph, place);
     let bands = drawn.curves.iter().filter(|curve| curve.shown.are_states()).count();
     let quantities = plot.with_max_y(plot.bottom() - BAND * bands as f32);
@@ -139,7 +142,7 @@ pub(super) fn ui(
     });
     let axes = Axes { x, y };
     let painter = ui.painter().with_clip_rect(plot.expand2(Vec2::new(60.0, 24.0)).intersect(ui.clip_rect()));
-    paint::horizontal_axis(&painter, plot, &axes.x, drawn.kind == GraphKind::Time, place.labelled, tokens);
+    paint::horizontal_axis(&painter, plot, &axes.x, drawn.kind, place.labelled, tokens);
     if bands < drawn.curves.len() {
         paint::vertical_axis(&painter, quantities, &axes.y[0], false, tokens);
     }
@@ -170,6 +173,11 @@ fn horizontal(drawn: &Drawn, graph: &Graph, place: &Place) -> Axis {
         GraphKind::Index => {
             let most = drawn.curves.iter().map(|curve| curve.shown.points.len()).max().unwrap_or(1);
             paint::value_range(graph.across, std::iter::once((0.0, most.saturating_sub(1) as f64)))
+        }
+        GraphKind::Frequency => {
+            let ends = drawn.curves.iter().filter_map(|curve| curve.shown.points.last());
+            let most = ends.map(|end| end.stamp.0 as f64 * 1e-9).fold(0.0, f64::max);
+            paint::value_range(graph.across, std::iter::once((0.0, most)))
         }
         GraphKind::Against => {
             let bounds = drawn.against.iter().map(|(_, shown)| value_bounds(shown));
@@ -379,6 +387,16 @@ fn legend(ui: &mut Ui, saved: &Saved, drawn: &Drawn, place: &Place, at: Option<S
     acts
 }
 
+/// The greatest amplitude of a spectrum and its frequency, without those of the trend: the first two.
+fn peak(shown: &Shown) -> String {
+    let points = (2..shown.points.len().min(MOST_PEAK)).filter_map(|index| shown.points.get(index));
+    let greatest = points.max_by(|a, b| a.value.total_cmp(&b.value));
+    greatest.map_or_else(String::new, |point| {
+        let hertz = point.stamp.0 as f64 * 1e-9;
+        format!("{} at {} Hz", format::number(point.value), format::number(hertz))
+    })
+}
+
 /// What the legend says beside a name, and whether that is a problem.
 fn reading(drawn: &Drawn, curve: &DrawnCurve, at: Option<Stamp>) -> (String, bool) {
     let shown = &curve.shown;
@@ -393,6 +411,7 @@ fn reading(drawn: &Drawn, curve: &DrawnCurve, at: Option<Stamp>) -> (String, boo
             let index = shown.points.count_until(at);
             index.checked_sub(1).and_then(|index| shown.points.get(index)).map(|point| point.value)
         }
+        (GraphKind::Frequency, _) => return (peak(shown), false),
         (GraphKind::Index, _) => return (format!("{} values", shown.points.len()), false),
         _ => None,
     };

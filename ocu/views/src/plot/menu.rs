@@ -54,6 +54,11 @@ pub(super) fn ui(ui: &mut Ui, saved: &Saved, curve: &Curve) -> Option<Asked> {
             let right = curve.right != other_unit;
             item(ui, name, &|| Asked::Add(Curve { formula: formula.clone(), right, ..curve.clone() }));
         }
+        item(ui, "Spectrum", &|| {
+            let formula = format!("spectrum({})", curve.formula);
+            let curves = vec![Curve { formula, right: false, ..curve.clone() }];
+            Asked::AddGraph(Graph { curves, ..Graph::default() })
+        });
     });
     let others: Vec<&Curve> =
         saved.graphs.iter().flat_map(|graph| &graph.curves).filter(|other| **other != *curve).collect();

@@ -16,9 +16,10 @@ mod stats;
 
 use crate::series::{Shelf, Shown};
 use crate::view::{FieldKey, RunChoice, SavedState, View, ViewContext, Wish};
+use axis::GraphKind;
 use egui::{Color32, Pos2, Rect, Ui};
 use entry::{Entered, Entry};
-use graph::{Drawn, GraphKind};
+use graph::Drawn;
 use menu::Asked;
 use ocu_ui::bar::{self, Bar, Fit, Form};
 use ocu_ui::{icons, tokens, widgets};

@@ -1,6 +1,6 @@
 //! Paints one graph: axes, curves, bands of states, cursors.
 
-use super::axis::{Axis, around, mark_text, time_text};
+use super::axis::{Axis, GraphKind, around, mark_text, time_text};
 use super::columns::{Column, bands, columns, lines, visible};
 use crate::series::Shown;
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2};
@@ -133,7 +133,7 @@ pub(super) fn horizontal_axis(
     painter: &Painter,
     plot: Rect,
     axis: &Axis,
-    is_time: bool,
+    kind: GraphKind,
     labelled: bool,
     tokens: &Tokens,
 ) {
@@ -142,7 +142,11 @@ pub(super) fn horizontal_axis(
         let x = axis.at(mark);
         painter.vline(x, plot.y_range(), Stroke::new(1.0, tokens.line.gamma_multiply(0.55)));
         if labelled {
-            let text = if is_time { time_text(mark, step) } else { mark_text(mark, step) };
+            let text = match kind {
+                GraphKind::Time => time_text(mark, step),
+                GraphKind::Frequency => format!("{} Hz", mark_text(mark, step)),
+                GraphKind::Index | GraphKind::Against => mark_text(mark, step),
+            };
             let at = Pos2::new(x, plot.bottom() + 4.0);
             painter.text(at, Align2::CENTER_TOP, text, FontId::monospace(10.5), tokens.weak);
         }

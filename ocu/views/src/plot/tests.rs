@@ -96,6 +96,36 @@ fn several() -> Plot {
 }
 
 #[test]
+fn a_spectrum_has_a_graph_over_frequency() {
+    let mut view = plot(&[&["/vehicle/state.speed_mps"], &["spectrum(/vehicle/state.speed_mps)"]]);
+    view.saved.graphs[1].across = Some((0.0, 20.0));
+    let mut harness = harness(view, egui::Vec2::new(640.0, 360.0));
+    harness.run();
+    let shelf = &mut harness.state_mut().view.shelf;
+    let context = egui::Context::default();
+    let shown = shelf.shown(&context, &frame(), "spectrum(/vehicle/state.speed_mps)", RunChoice::Shown);
+    assert_eq!(shown.over, rcs_formula::Over::Frequency);
+    let greatest = (40..shown.points.len()).filter_map(|index| shown.points.get(index));
+    let peak = greatest.max_by(|a, b| a.value.total_cmp(&b.value)).unwrap();
+    // The wave of 97 rad/s.
+    assert!((peak.stamp.0 as f64 * 1e-9 - 97.0 / std::f64::consts::TAU).abs() < 0.1, "{peak:?}");
+    assert!((peak.value - 0.1).abs() < 0.02, "{peak:?}");
+    harness.snapshot("plot_spectrum");
+}
+
+#[test]
+fn a_spectrum_beside_a_field_is_refused_and_says_why() {
+    let view = plot(&[&["/vehicle/state.speed_mps", "spectrum(/vehicle/state.speed_mps)"]]);
+    let mut harness = harness(view, egui::Vec2::new(640.0, 300.0));
+    harness.run();
+    let formula: rcs_formula::Formula =
+        "spectrum(/vehicle/state.speed_mps) - /vehicle/state.speed_mps".parse().unwrap();
+    let points = Points::from_seconds(&[(0.0, 1.0), (1.0, 2.0), (2.0, 1.0), (3.0, 2.0)]);
+    let error = formula.eval(&[points]).unwrap_err().to_string();
+    assert!(error.contains("over frequency"), "{error}");
+}
+
+#[test]
 fn curves_states_and_statistics_are_drawn() {
     let mut harness = harness(several(), egui::Vec2::new(720.0, 480.0));
     harness.run();
