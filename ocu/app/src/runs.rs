@@ -8,6 +8,7 @@ use rcs_msg::{Stamp, schema_of};
 use rcs_runtime::{Plan, Recording, RunError, Stepped};
 use serde::Serialize;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Interval at which the referee is checked, simulated time; fixed, so that a run always ends at the same time.
 const ASK_EVERY_NS: u64 = 200_000_000;
@@ -90,17 +91,35 @@ pub(crate) fn end(run: &Stepped, until_s: Option<f64>) -> Option<Stamp> {
     [run.horizon(), until].into_iter().flatten().min()
 }
 
+/// What ends a run early.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Stop<'a> {
+    /// A recording, when it fails.
+    pub(crate) recording: Option<&'a Recording>,
+    /// A flag, when it is set.
+    pub(crate) cancelled: Option<&'a AtomicBool>,
+}
+
+impl Stop<'_> {
+    /// Whether a recording has failed, after which outputs would be lost, or the run was cancelled. The cause of a
+    /// failure is reported when the recording is closed.
+    fn is_due(self) -> bool {
+        self.recording.is_some_and(|recording| recording.status().error.is_some())
+            || self.cancelled.is_some_and(|cancelled| cancelled.load(Ordering::Relaxed))
+    }
+}
+
 /// Runs until `to`, but not beyond its [`end`]; if it has none, until the referee has decided. Returns whether the run may
-/// continue; it may not after its recording failed.
+/// continue.
 pub(crate) fn go_to(
     run: &mut Stepped,
     end: Option<Stamp>,
     to: Stamp,
-    recording: Option<&Recording>,
+    stop: Stop<'_>,
 ) -> Result<bool, RunError> {
     match (referee(run.plan()), end) {
-        (Some(referee), None) => to_the_verdict(run, referee, to, recording),
-        (_, end) => to_a_time(run, end.map_or(to, |end| to.min(end)), recording),
+        (Some(referee), None) => to_the_verdict(run, referee, to, stop),
+        (_, end) => to_a_time(run, end.map_or(to, |end| to.min(end)), stop),
     }
 }
 
@@ -109,14 +128,8 @@ pub(crate) fn verdict(buffer: &Arc<Buffer>) -> Option<CourseRun> {
     buffer.latest().and_then(|sample| sample.message.to())
 }
 
-/// Runs until the referee has decided, or until a time. Returns whether the run may continue; it may not after its
-/// recording failed.
-fn to_the_verdict(
-    run: &mut Stepped,
-    referee: usize,
-    to: Stamp,
-    recording: Option<&Recording>,
-) -> Result<bool, RunError> {
+/// Runs until the referee has decided, or until a time. Returns whether the run may continue.
+fn to_the_verdict(run: &mut Stepped, referee: usize, to: Stamp, stop: Stop<'_>) -> Result<bool, RunError> {
     let decided = |run: &Stepped| {
         verdict(&run.buffers()[referee])
             .is_some_and(|verdict| verdict.outcome() != CourseOutcome::CourseRunning)
@@ -125,7 +138,7 @@ fn to_the_verdict(
     let asked = run.now().0.saturating_sub(run.start().0) / ASK_EVERY_NS;
     let mut until = run.start().after_ns(asked * ASK_EVERY_NS);
     while !decided(run) && until < to {
-        if has_failed(recording) {
+        if stop.is_due() {
             return Ok(false);
         }
         until = until.after_ns(ASK_EVERY_NS);
@@ -136,20 +149,14 @@ fn to_the_verdict(
     Ok(true)
 }
 
-/// Runs until a time. Returns whether the run may continue; it may not after its recording failed.
-fn to_a_time(run: &mut Stepped, to: Stamp, recording: Option<&Recording>) -> Result<bool, RunError> {
+/// Runs until a time. Returns whether the run may continue.
+fn to_a_time(run: &mut Stepped, to: Stamp, stop: Stop<'_>) -> Result<bool, RunError> {
     while let Some(next) = run.next_time()?.filter(|next| *next <= to) {
-        if has_failed(recording) {
+        if stop.is_due() {
             return Ok(false);
         }
         run.run_until(next.after_ns(ASK_EVERY_NS).min(to))?;
     }
     run.run_until(to)?;
     Ok(true)
-}
-
-/// Whether a recording has failed, after which outputs would be lost. The cause is reported when the recording is
-/// closed.
-fn has_failed(recording: Option<&Recording>) -> bool {
-    recording.is_some_and(|recording| recording.status().error.is_some())
 }

@@ -4,21 +4,21 @@
 
 use crate::cli::{SweepArgs, Values};
 use crate::output::Files;
-use crate::run::LogDamage;
-use crate::runs::{self, RunReport};
+use crate::run::acts::{self, Act};
+use crate::run::{LogDamage, faults};
+use crate::runs::{self, RunReport, Stop};
 use crate::table::{Align, Table};
 use crate::{BUILD, Ended, say, stacks, usage};
 use anyhow::Context as _;
 use ocu_ui::format;
 use rcs_log::Log;
-use rcs_msg::Stamp;
 use rcs_msg::rcs::ProcessState;
 use rcs_runtime::{Plan, RecordOptions, RecordWhat, Recording, RunOptions, Stepped};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Largest number of runs of a sweep.
@@ -29,28 +29,58 @@ struct Variant {
     plan: Arc<Plan>,
     params: BTreeMap<String, String>,
     seed: u64,
+    /// Begins and ends of its faults.
+    acts: Vec<Act>,
     /// Where it is recorded.
     recording: Option<PathBuf>,
 }
 
 /// What became of a run: an entry of `ocu sweep --json`.
 #[derive(Debug, Default, Serialize)]
-struct Row {
+pub(crate) struct Row {
     params: BTreeMap<String, String>,
-    seed: u64,
+    pub(crate) seed: u64,
     /// Simulated time at its end, s.
     end_s: f64,
     /// Processes in `ERROR` at its end, with the reason.
     errors: Vec<String>,
     /// What the referee of the course says, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    course: Option<RunReport>,
+    pub(crate) course: Option<RunReport>,
     hash: String,
     #[serde(skip_serializing_if = "Option::is_none")]
-    recording: Option<PathBuf>,
+    pub(crate) recording: Option<PathBuf>,
     /// Why it could not be run to its end.
     #[serde(skip_serializing_if = "Option::is_none")]
     failure: Option<String>,
+}
+
+impl Row {
+    /// The values of its parameters, as `path=value`.
+    pub(crate) fn params(&self) -> String {
+        let params: Vec<String> = self.params.iter().map(|(path, value)| format!("{path}={value}")).collect();
+        params.join(" ")
+    }
+
+    /// What became of it, in one word.
+    pub(crate) fn outcome(&self) -> &'static str {
+        match (&self.failure, &self.course) {
+            (Some(_), _) => "failed",
+            (None, Some(course)) => course.outcome,
+            (None, None) => "ended",
+        }
+    }
+
+    /// Simulated time at its end, as the referee says it if there is one, s.
+    pub(crate) fn time_s(&self) -> f64 {
+        self.course.as_ref().map_or(self.end_s, |course| course.time_s)
+    }
+
+    /// Why it failed, and the processes in `ERROR`.
+    pub(crate) fn errors(&self) -> String {
+        let errors: Vec<&str> = self.failure.iter().chain(&self.errors).map(String::as_str).collect();
+        errors.join("; ")
+    }
 }
 
 /// The result of `ocu sweep --json`.
@@ -64,30 +94,15 @@ struct SweepReport {
 
 /// Makes the runs, and prints the table.
 pub fn sweep(args: &SweepArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
-    let variants = variants(args)?;
-    let log = args.log.as_ref().map(stacks::open_log).transpose()?;
-    for variant in &variants {
-        runs::check(&variant.plan, log.as_ref(), args.until, args.course.is_some())?;
-    }
-    check_files(args, &variants)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let jobs = args.jobs.map_or(cores, usize::from).min(variants.len());
-    let next = AtomicUsize::new(0);
+    let jobs = args.jobs.map_or(cores, usize::from);
     let rows: Mutex<BTreeMap<usize, Row>> = Mutex::default();
-    std::thread::scope(|scope| {
-        for _ in 0..jobs {
-            scope.spawn(|| {
-                loop {
-                    let index = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(variant) = variants.get(index) else { return };
-                    let row = run(args, variant, log.as_ref());
-                    rows.lock().unwrap_or_else(PoisonError::into_inner).insert(index, row);
-                }
-            });
-        }
+    let prepared = Prepared::new(args)?;
+    prepared.run(jobs, &AtomicBool::new(false), &|index, row| {
+        rows.lock().unwrap_or_else(PoisonError::into_inner).insert(index, row);
     });
     let runs = rows.into_inner().unwrap_or_else(PoisonError::into_inner).into_values().collect();
-    let report = SweepReport { runs, log: log.as_ref().and_then(LogDamage::of) };
+    let report = SweepReport { runs, log: prepared.log.as_ref().and_then(LogDamage::of) };
     if args.json {
         serde_json::to_writer_pretty(&mut *out, &report).context("cannot write the table")?;
         writeln!(out)?;
@@ -99,6 +114,52 @@ pub fn sweep(args: &SweepArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         Some(_) => Ended::Damaged,
         None => Ended::Well,
     })
+}
+
+/// A sweep that has been checked and can run.
+pub(crate) struct Prepared<'a> {
+    args: &'a SweepArgs,
+    variants: Vec<Variant>,
+    log: Option<Log>,
+}
+
+impl<'a> Prepared<'a> {
+    /// Refuses what cannot run, before anything runs; makes the folder of the recordings.
+    pub(crate) fn new(args: &'a SweepArgs) -> anyhow::Result<Self> {
+        let variants = variants(args)?;
+        let log = args.log.as_ref().map(stacks::open_log).transpose()?;
+        for variant in &variants {
+            runs::check(&variant.plan, log.as_ref(), args.until, args.course.is_some())?;
+        }
+        check_files(args, &variants)?;
+        Ok(Self { args, variants, log })
+    }
+
+    /// Number of runs.
+    pub(crate) fn len(&self) -> usize {
+        self.variants.len()
+    }
+
+    /// Makes the runs, so many at the same time, until all have ended or it is cancelled. Gives each one that ended,
+    /// with its index.
+    pub(crate) fn run(&self, jobs: usize, cancelled: &AtomicBool, ended: &(dyn Fn(usize, Row) + Sync)) {
+        let next = AtomicUsize::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..jobs.min(self.variants.len()) {
+                scope.spawn(|| {
+                    loop {
+                        let index = next.fetch_add(1, Ordering::Relaxed);
+                        let Some(variant) = self.variants.get(index) else { return };
+                        let row = run(self.args, variant, self.log.as_ref(), cancelled);
+                        if cancelled.load(Ordering::Relaxed) {
+                            return;
+                        }
+                        ended(index, row);
+                    }
+                });
+            }
+        });
+    }
 }
 
 /// Every combination of values and seeds. The last parameter changes first.
@@ -126,10 +187,13 @@ fn variants(args: &SweepArgs) -> anyhow::Result<Vec<Variant>> {
     for params in combinations {
         let overrides: Vec<(String, String)> = params.clone().into_iter().collect();
         let plan = stacks::plan(&args.stack, args.course.as_deref(), &overrides)?;
+        let mut acts = faults::acts(&args.faults, &plan)?;
+        acts.sort_by_key(|act| act.at_ns);
         for seed in (0..u64::from(args.runs)).map(|run| args.seed.wrapping_add(run)) {
             let name = format!("run-{:04}.mcap", variants.len() + 1);
             let recording = args.record.as_ref().map(|folder| folder.join(name));
-            variants.push(Variant { plan: Arc::clone(&plan), params: params.clone(), seed, recording });
+            let (plan, params, acts) = (Arc::clone(&plan), params.clone(), acts.clone());
+            variants.push(Variant { plan, params, seed, acts, recording });
         }
     }
     Ok(variants)
@@ -153,7 +217,7 @@ fn check_files(args: &SweepArgs, variants: &[Variant]) -> anyhow::Result<()> {
         .try_for_each(|path| files.writes("--record", path))
 }
 
-fn run(args: &SweepArgs, variant: &Variant, log: Option<&Log>) -> Row {
+fn run(args: &SweepArgs, variant: &Variant, log: Option<&Log>, cancelled: &AtomicBool) -> Row {
     let mut row = Row {
         params: variant.params.clone(),
         seed: variant.seed,
@@ -169,7 +233,7 @@ fn run(args: &SweepArgs, variant: &Variant, log: Option<&Log>) -> Row {
             return row;
         }
     };
-    row.failure = to_the_end(args, variant, &mut run).err().map(|error| say(&error));
+    row.failure = to_the_end(args, variant, &mut run, cancelled).err().map(|error| say(&error));
     let summary = run.summary();
     let failed = summary.processes.iter().filter(|process| process.state == ProcessState::Error);
     row.errors = failed.map(|process| format!("{}: {}", process.name, process.state_text)).collect();
@@ -180,7 +244,12 @@ fn run(args: &SweepArgs, variant: &Variant, log: Option<&Log>) -> Row {
     row
 }
 
-fn to_the_end(args: &SweepArgs, variant: &Variant, run: &mut Stepped) -> anyhow::Result<()> {
+fn to_the_end(
+    args: &SweepArgs,
+    variant: &Variant,
+    run: &mut Stepped,
+    cancelled: &AtomicBool,
+) -> anyhow::Result<()> {
     let options = RecordOptions {
         lossless: true,
         build: BUILD.to_owned(),
@@ -190,10 +259,8 @@ fn to_the_end(args: &SweepArgs, variant: &Variant, run: &mut Stepped) -> anyhow:
     };
     let start = |path: &PathBuf| Recording::start(path, run.plan(), run.buffers(), &options);
     let recording = variant.recording.as_ref().map(start).transpose()?;
-    let ended = run.begin().and_then(|()| {
-        let end = runs::end(run, args.until);
-        runs::go_to(run, end, Stamp::MAX, recording.as_ref())
-    });
+    let stop = Stop { recording: recording.as_ref(), cancelled: Some(cancelled) };
+    let ended = acts::go_to_the_end(run, args.until, &variant.acts, stop);
     let closed = recording.map_or(Ok(()), |recording| recording.finish_at(run.now()).map(drop));
     ended?;
     Ok(closed?)
@@ -214,26 +281,19 @@ fn print(report: &SweepReport, out: &mut dyn Write) -> anyhow::Result<()> {
         ("errors", Align::Left),
     ]);
     for row in rows {
-        let params: Vec<String> = row.params.iter().map(|(path, value)| format!("{path}={value}")).collect();
         let course = row.course.as_ref();
-        let outcome = match (&row.failure, course) {
-            (Some(_), _) => "failed",
-            (None, Some(course)) => course.outcome,
-            (None, None) => "ended",
-        };
         let of = |read: &dyn Fn(&RunReport) -> String| course.map(read).unwrap_or_default();
-        let errors: Vec<&str> = row.failure.iter().chain(&row.errors).map(String::as_str).collect();
         table.row([
-            params.join(" "),
+            row.params(),
             row.seed.to_string(),
-            outcome.to_owned(),
-            format::number(course.map_or(row.end_s, |course| course.time_s)),
+            row.outcome().to_owned(),
+            format::number(row.time_s()),
             of(&|course| format!("{:.2}", course.remaining_m)),
             of(&|course| course.collisions.to_string()),
             of(&|course| course.bumper_hits.to_string()),
             row.hash.chars().take(12).collect(),
             row.recording.as_ref().map(|path| path.display().to_string()).unwrap_or_default(),
-            errors.join("; "),
+            row.errors(),
         ]);
     }
     table.write(out)?;

@@ -182,3 +182,31 @@ fn acts_that_do_not_fit_are_refused_by_number() {
         &["act 1", "publish_hz"],
     );
 }
+
+#[test]
+fn a_run_with_faults_replays_to_the_same_hash_and_a_fault_that_does_not_fit_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (faults, out) = (path("faults.toml"), path("faults.mcap"));
+    let file = "[[fault]]\nbuffer = \"/wm1/map\"\nkind = \"late\"\ndelay_ms = 150\nfrom_s = 1.0\n";
+    std::fs::write(&faults, file).unwrap();
+    let stack = ["run", "--stack", "truth_driver", "--course", "meadow", "--until", "3", "--json"];
+    let with = |more: &[&str], code| run(&[&stack[..], more].concat(), code);
+    let plain = with(&[], 0);
+    let text = "truth_driver:frozen@0.5..2";
+    let hurt = with(&["--fault", text, "--record", &out], 0);
+    assert_ne!(plain["hash"], hurt["hash"]);
+    let replayed = run(&["run", "--replay", &out, "--json"], 0);
+    assert_eq!((&replayed["hash"], &replayed["replay"]["equal"]), (&hurt["hash"], &true.into()));
+    for (fault, part) in [
+        ("nobody:stopped", "the stack has no nobody"),
+        ("truth_driver:broken", "expected one of stopped"),
+        ("truth_driver:slowed=-5", "the delay is -5 ms"),
+        (faults.as_str(), "no /wm1/map"),
+        ("truth_driver:stopped@3..2", "ends before it begins"),
+    ] {
+        let (code, _, errors) = ocu(&[&stack[..], &["--fault", fault]].concat());
+        assert_eq!(code, 2, "{fault}: {errors}");
+        assert!(errors.contains(part), "{fault}: {errors}");
+    }
+}

@@ -4,10 +4,11 @@
 
 mod common;
 
-use common::window::{frame, recording, running, wait_until};
+use common::window::{frame, open, recording, running, stack, wait_for, wait_until};
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable;
 use ocu_app::layout::Layout;
+use ocu_app::window::Options;
 use rcs_runtime::source::EventKind;
 
 fn named(layout: &str) -> Layout {
@@ -254,4 +255,26 @@ fn the_open_dialog_completes_a_path_and_opens_what_is_clicked() {
     harness.run_steps(3);
     harness.key_press(Key::Enter);
     wait_until(&mut harness, "the recording", |frame| frame.info.title == "drive.mcap");
+}
+
+#[test]
+fn a_sweep_runs_beside_the_open_stack_and_a_click_opens_a_run() {
+    let dir = tempfile::tempdir().unwrap();
+    let view = r#"View(kind: "sweep", state: { "runs": 3, "until_s": 0.5 })"#;
+    let text = format!("Layout(version: 1, name: \"sweep\", buffers: false, root: Row([(1.0, {view})]))");
+    let layout = Layout::parse("sweep.ron", &text).unwrap();
+    let data_dir = Some(dir.path().join("data"));
+    let mut harness = open(Options { request: stack(dir.path()), layout: Some(layout), data_dir });
+    harness.run_steps(3);
+    let run = format!("{}  Run", ocu_ui::icons::ICON_PLAY_ARROW.codepoint);
+    harness.get_by_label(&run).click();
+    wait_for(&mut harness, "three runs", |harness| {
+        harness.query_by_label("Run with seed 2: ended").is_some() && harness.query_by_label(&run).is_some()
+    });
+    assert!(frame(&harness).unwrap().playback.playing, "the open stack goes on");
+    harness.get_by_label("Run with seed 1: ended").click();
+    wait_until(&mut harness, "the run", |frame| frame.info.end.is_some());
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Run with seed 2: ended").is_some(), "the table stays");
+    wait_until(&mut harness, "its time", |frame| frame.time_s() > 0.4);
 }

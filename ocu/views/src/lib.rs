@@ -50,6 +50,7 @@ pub mod process_state;
 mod samples;
 mod scene;
 mod series;
+mod sweep;
 #[cfg(test)]
 mod tests;
 mod text_log;
@@ -61,6 +62,7 @@ mod view;
 mod views;
 
 pub use camera::cameras;
+pub use sweep::{SweepRequest, SweepRow, SweepState};
 pub use view::{
     FieldKey, Hover, HoverPoint, Hovers, Preview, RunChoice, SavedState, Selection, TopicKey, View,
     ViewContext, ViewType, Wish, show,

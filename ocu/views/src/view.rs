@@ -1,6 +1,7 @@
 //! The interface of a view, and what it receives.
 
 use crate::operator::{DriveSettings, Hand};
+use crate::sweep::{SweepRequest, SweepState};
 use egui::Ui;
 use ocu_ui::{stale, tokens};
 use rcs_formula::FieldRef;
@@ -8,6 +9,7 @@ use rcs_msg::{AnyMessage, FieldPath, Stamp};
 use rcs_runtime::RunId;
 use rcs_runtime::source::{Compared, Control, Frame, RunTag, Topic};
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Which run is meant, where several contain a topic of the same name.
@@ -199,6 +201,8 @@ pub struct Selection {
     pub let_go_first: bool,
     /// Speeds of manual driving.
     pub drive: DriveSettings,
+    /// The sweep that runs, or ran last; the window sets it.
+    pub sweep: Arc<SweepState>,
 }
 
 /// Parameters that are being edited and are not in force yet.
@@ -253,6 +257,12 @@ pub enum Wish {
     Plot(FieldKey),
     /// Choose another recording to compare with.
     ChooseOther,
+    /// Run a sweep of the open stack in the background.
+    Sweep(SweepRequest),
+    /// End the sweep that runs.
+    CancelSweep,
+    /// Open a recording in place of what is open.
+    OpenRecording(PathBuf),
     /// Write a file, after asking where.
     SaveFile {
         /// Its proposed name.

@@ -106,6 +106,12 @@ const VIEWS: &[ViewType] = &[
         icons::ICON_COMPARE,
         "Two runs, or a run and a recording: since when they differ, and how it spreads.",
     ),
+    entry::<crate::sweep::Sweep>(
+        "sweep",
+        "Sweep",
+        icons::ICON_GRID_ON,
+        "The open stack run for values of a parameter and for several seeds, in the background.",
+    ),
     entry::<crate::frames::Frames>(
         "frames",
         "Frames",

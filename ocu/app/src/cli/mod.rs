@@ -19,6 +19,7 @@ pub use stack::{PluginsArgs, StackCheckArgs, StackCommand, StackShowArgs};
 pub use sweep::SweepArgs;
 pub use table::{ExportArgs, GraphArgs, GraphFormat};
 pub use tune::TuneArgs;
+pub(crate) use values::parse_values;
 pub use values::{Param, Save, Size, Values};
 
 use crate::past_args::PastArgs;

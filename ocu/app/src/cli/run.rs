@@ -11,13 +11,17 @@ use std::path::PathBuf;
                         ocu run --stack my_stack.toml --log drive.mcap --record out.mcap --until 10 \\\n          \
                         --param wm1.sources[0].weight=0.4\n  \
                         ocu run --stack truth_driver --course meadow --runs 3 --json\n  \
+                        ocu run --stack lagr --course meadow --fault wm1:frozen@10..12\n  \
                         ocu run --live --stack simulation --until 10 --record live.mcap\n  \
                         ocu run --replay live.mcap --json\n\n\
                         The result depends on the log, the stack, the parameters and the seed alone: \
                         the hash is the same on every run and for any number of threads. A live run depends on the \
                         computer, too; its recording repeats it with the same hash.\n\n\
                         --acts gives what an operator does, as a JSON list: [{\"at_s\": 1, \"buffer\": \
-                        \"/operator/teleop\", \"message\": {\"speedMps\": 0.5}, \"every_s\": 0.05, \"until_s\": 3}].")]
+                        \"/operator/teleop\", \"message\": {\"speedMps\": 0.5}, \"every_s\": 0.05, \"until_s\": 3}].\n\n\
+                        --fault makes something go wrong, and the run shows what comes of it: --fault wm1:frozen@10..12, \
+                        --fault /localization/local:dropped=0.3@5, --fault faults.toml with entries [[fault]] of \
+                        process or buffer, kind, from_s, to_s, delay_ms, every, probability, seed, field.")]
 #[expect(clippy::struct_excessive_bools, reason = "each is an option of the command line")]
 pub struct RunArgs {
     /// Stack to run: the name of a bundled one, or a .toml file
@@ -46,7 +50,7 @@ pub struct RunArgs {
     #[arg(long, requires = "record")]
     pub keep_going: bool,
     /// Repeat a recorded run, and compare it with the recording
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["runs", "live", "acts"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["runs", "live", "acts", "faults"])]
     pub replay: Option<PathBuf>,
     /// Run in real time, with one thread per process
     #[arg(long, conflicts_with_all = ["runs", "log"])]
@@ -54,6 +58,11 @@ pub struct RunArgs {
     /// Actions of an operator during the run, a JSON file
     #[arg(long, value_name = "FILE")]
     pub acts: Option<PathBuf>,
+    /// Fault on demand, TARGET:KIND[=VALUE][@FROM[..TO]] with a process or a buffer and stopped, slowed=MS, frozen,
+    /// nan[=FIELD], dropped[=1/N or =PROBABILITY] or late=MS, times in seconds; or a .toml file with a list of them.
+    /// May be given several times
+    #[arg(long = "fault", value_name = "FAULT")]
+    pub faults: Vec<String>,
     /// At the end, write the newest message of a buffer to a file, as JSON; may be given several times
     #[arg(long = "save", value_name = "BUFFER=FILE", value_parser = parse_save)]
     pub save: Vec<Save>,

@@ -74,7 +74,7 @@ pub(super) fn parse_param(text: &str) -> Result<Param, String> {
 /// Largest number of values of one parameter.
 const MOST_VALUES: usize = 10_000;
 
-pub(super) fn parse_values(text: &str) -> Result<Values, String> {
+pub(crate) fn parse_values(text: &str) -> Result<Values, String> {
     let Param { process, field, value } = parse_param(text)?;
     let path = format!("{process}.{field}");
     let expected = || {

@@ -4,9 +4,11 @@
 //! 0.05, "until_s": 3}]`. Messages are in protobuf's JSON. A parameter message contains only the fields to change.
 
 use crate::assets::read_text;
+use crate::runs::{self, Stop};
 use crate::usage;
-use rcs_msg::{AnyMessage, params};
-use rcs_runtime::{ExternalEvent, Plan, ProcessPlan};
+use anyhow::Context as _;
+use rcs_msg::{AnyMessage, Stamp, params, rcs};
+use rcs_runtime::{ExternalEvent, Plan, ProcessPlan, Stepped};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -40,6 +42,40 @@ struct Entry {
     every_s: Option<f64>,
     /// End of the repetition, s.
     until_s: Option<f64>,
+}
+
+/// Refuses faults on demand that do not fit the run, before it begins.
+fn check_faults(run: &Stepped, acts: &[Act]) -> anyhow::Result<()> {
+    let is_begin =
+        |change: &rcs::Override| change.fault.is_some() && change.mode() != rcs::r#override::Mode::Release;
+    let begins = acts.iter().filter(|act| act.event.message.get::<rcs::Override>().is_some_and(is_begin));
+    begins
+        .map(|act| run.check(&act.event))
+        .try_for_each(|checked| checked.map_err(|error| usage(error.to_string())))
+}
+
+/// Begins the run, and runs until the end, or until the referee of a course has decided; executes the actions on the way.
+pub(crate) fn go_to_the_end(
+    run: &mut Stepped,
+    until_s: Option<f64>,
+    acts: &[Act],
+    stop: Stop<'_>,
+) -> anyhow::Result<()> {
+    check_faults(run, acts)?;
+    run.begin()?;
+    let end = runs::end(run, until_s);
+    for act in acts {
+        let at = run.start().after_ns(act.at_ns);
+        if end.is_some_and(|end| at > end) {
+            break;
+        }
+        if !runs::go_to(run, end, at, stop)? {
+            return Ok(());
+        }
+        run.take(act.event.clone()).with_context(|| act.name())?;
+    }
+    runs::go_to(run, end, Stamp::MAX, stop)?;
+    Ok(())
 }
 
 /// Reads a file of actions and checks them against the stack. Actions are sorted by time.

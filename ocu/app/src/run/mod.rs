@@ -1,6 +1,7 @@
 //! `ocu run`: runs a stack to its end in simulated time, in real time, or as recorded, and prints a report.
 
 pub mod acts;
+pub(crate) mod faults;
 mod live;
 mod memory;
 mod replay;
@@ -9,13 +10,12 @@ mod report;
 use crate::assets::looks_like_path;
 use crate::cli::{RunArgs, Save};
 use crate::output::{self, Files};
-use crate::runs::{self, RunReport};
+use crate::runs::{self, RunReport, Stop};
 use crate::{BUILD, Ended, stacks, usage};
 use acts::Act;
 use anyhow::Context as _;
 use memory::Memory;
 use rcs_log::Log;
-use rcs_msg::Stamp;
 use rcs_runtime::{Plan, RecordOptions, RecordWhat, Recording, RunOptions, Stepped};
 pub(crate) use report::{Comparison, LogDamage};
 use report::{Outcome, Report};
@@ -41,7 +41,9 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
             plan.file.name()
         )));
     }
-    let acts = args.acts.as_deref().map(|path| acts::read(path, &plan)).transpose()?.unwrap_or_default();
+    let mut acts = args.acts.as_deref().map(|path| acts::read(path, &plan)).transpose()?.unwrap_or_default();
+    acts.extend(faults::acts(&args.faults, &plan)?);
+    acts.sort_by_key(|act| act.at_ns);
     if args.live {
         let referee = runs::referee(&plan);
         return live::run(args, plan, referee, &acts, out);
@@ -81,6 +83,11 @@ fn check_files(args: &RunArgs) -> anyhow::Result<Files> {
             files.reads(what, path);
         }
     }
+    args.faults
+        .iter()
+        .map(Path::new)
+        .filter(|path| path.is_file())
+        .for_each(|path| files.reads("--fault", path));
     for (what, name) in [("the stack", &args.stack), ("the course", &args.course)] {
         name.iter().filter(|name| looks_like_path(name)).for_each(|name| files.reads(what, Path::new(name)));
     }
@@ -220,21 +227,8 @@ impl Ready<'_> {
     /// Runs until the recording has no more messages to process, until `--until`, or until the referee of a course has
     /// decided; executes the actions of the operator on the way.
     fn to_the_end(&self, run: &mut Stepped, recording: Option<&Recording>) -> anyhow::Result<()> {
-        run.begin()?;
-        let end = runs::end(run, self.args.until);
         let recording = recording.filter(|_| !self.args.keep_going);
-        for act in &self.acts {
-            let at = run.start().after_ns(act.at_ns);
-            if end.is_some_and(|end| at > end) {
-                break;
-            }
-            if !runs::go_to(run, end, at, recording)? {
-                return Ok(());
-            }
-            run.take(act.event.clone()).with_context(|| act.name())?;
-        }
-        runs::go_to(run, end, Stamp::MAX, recording)?;
-        Ok(())
+        acts::go_to_the_end(run, self.args.until, &self.acts, Stop { recording, cancelled: None })
     }
 }
 

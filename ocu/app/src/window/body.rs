@@ -19,6 +19,7 @@ use super::palette::{Choice, KeyList, Palette};
 use super::recording::Told;
 use super::save_params::SaveParams;
 use super::state_lane;
+use super::sweeping::Sweeping;
 use super::timeline::Timeline;
 use super::top_bar;
 use super::top_state::{self, TopBarAction};
@@ -119,6 +120,7 @@ pub struct Window {
     pub(super) told: Told,
     /// The question whether to leave a run.
     pub(super) leaving: Option<Leaving>,
+    pub(super) sweeping: Sweeping,
 }
 
 impl Window {
@@ -142,6 +144,7 @@ impl Window {
             key_list: KeyList::default(),
             palette: Palette::default(),
             dialogs: FileDialogs::default(),
+            sweeping: Sweeping::new(data_dir.as_deref()),
             layout_store: LayoutStore::new(data_dir.as_ref().map(|dir| dir.join("layouts"))),
             document: Document::default(),
             chosen: Chosen::Nothing,
@@ -282,6 +285,7 @@ impl Window {
         let stops = live.is_some_and(|frame| self.operating.stop_state(frame) != StopState::None);
         let acted = self.take_keys(ui.ctx(), stops, frame.as_deref(), &mut controls);
         let chosen = (self.selection.topic.clone(), self.selection.process.clone());
+        self.selection.sweep = self.sweeping.state(&self.current);
         self.selection.let_go_first = self.operating.is_blocked();
         self.selection.hand = live.map(|frame| self.operating.take_keys(ui, frame)).unwrap_or_default();
 
@@ -456,6 +460,13 @@ impl Window {
                     ui.ctx().request_repaint();
                 }
                 Wish::ChooseOther => self.dialogs.choose_other(),
+                Wish::Sweep(request) => self.sweeping.start(ui.ctx(), &request),
+                Wish::CancelSweep => self.sweeping.cancel(),
+                Wish::OpenRecording(path) => {
+                    let past = self.current.past.clone();
+                    let request = Request { log: Some(path), past, ..Request::default() };
+                    self.open_asking(request, controls);
+                }
                 Wish::SaveFile { name, content } => self.dialogs.save_file.ask(&name, content),
                 Wish::SavePicture { name, area } => self.dialogs.save_file.ask_picture(ui.ctx(), &name, area),
             }

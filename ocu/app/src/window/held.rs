@@ -16,7 +16,7 @@ pub(super) fn menu(ui: &mut egui::Ui, form: Form, frame: &Frame, actions: &mut A
     let held = edit::held(frame);
     let faults = held.iter().filter(|held| held.is_fault).count();
     let values = held.len() - faults;
-    let fault_word = if faults == 1 { "fault" } else { "faults" };
+    let fault_word = if faults == 1 { "fault on demand" } else { "faults on demand" };
     let (icon, name) = match (values, faults) {
         (_, 0) => (icons::ICON_LOCK, format!("{values} held")),
         (0, _) => (icons::ICON_BUG_REPORT, format!("{faults} {fault_word}")),

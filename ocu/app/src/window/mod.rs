@@ -34,6 +34,7 @@ mod scale;
 mod shortcut;
 mod state_lane;
 mod stop_button;
+mod sweeping;
 mod timeline;
 mod top_bar;
 mod top_menus;

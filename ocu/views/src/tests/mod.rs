@@ -5,6 +5,7 @@ mod compares;
 mod hostile;
 mod pictures;
 mod plans;
+mod sweeps;
 
 use crate::samples;
 use crate::view::{Selection, View, ViewContext, Wish, show};

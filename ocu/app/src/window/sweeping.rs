@@ -1,0 +1,245 @@
+//! The sweep of the window: `ocu sweep` on threads of low priority, for the view that shows it.
+
+use crate::cli::{SweepArgs, parse_values};
+use crate::open::Request;
+use crate::say;
+use crate::sweep::{Prepared, Row};
+use crate::time::file_name_of;
+use ocu_views::{SweepRequest, SweepRow, SweepState};
+use rcs_msg::Stamp;
+use rcs_msg::guard::guarded;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// The sweep that runs, or ran last.
+#[derive(Default)]
+pub(super) struct Sweeping {
+    /// The last open source that a sweep can run.
+    base: Option<Request>,
+    /// Where recordings of the runs are kept.
+    folder: Option<PathBuf>,
+    running: Option<Running>,
+    /// As it was given to the views last.
+    shown: Arc<SweepState>,
+}
+
+struct Running {
+    shared: Arc<Mutex<Shared>>,
+    cancelled: Arc<AtomicBool>,
+}
+
+#[derive(Default)]
+struct Shared {
+    rows: BTreeMap<usize, Row>,
+    total: usize,
+    problem: Option<String>,
+    is_over: bool,
+}
+
+impl Sweeping {
+    pub(super) fn new(data_dir: Option<&Path>) -> Self {
+        let folder = data_dir.map(|folder| folder.join("sweeps"));
+        Self { folder, ..Self::default() }
+    }
+
+    /// The state for the views. `current` is what is open.
+    pub(super) fn state(&mut self, current: &Request) -> Arc<SweepState> {
+        if current.stack.is_some() && self.base.as_ref() != Some(current) {
+            self.base = Some(current.clone());
+        }
+        let what = self.base.as_ref().map(Request::title).unwrap_or_default();
+        let state = match &self.running {
+            None => SweepState { what, ..SweepState::default() },
+            Some(running) => {
+                let shared = lock(&running.shared);
+                let is_known = self.shown.rows.len() == shared.rows.len()
+                    && self.shown.total == shared.total
+                    && self.shown.is_running != shared.is_over
+                    && self.shown.problem == shared.problem
+                    && self.shown.what == what;
+                if is_known {
+                    return Arc::clone(&self.shown);
+                }
+                SweepState {
+                    what,
+                    rows: shared.rows.values().map(row).collect(),
+                    total: shared.total,
+                    is_running: !shared.is_over,
+                    problem: shared.problem.clone(),
+                }
+            }
+        };
+        if *self.shown != state {
+            self.shown = Arc::new(state);
+        }
+        Arc::clone(&self.shown)
+    }
+
+    /// Begins a sweep of the open stack; one that runs ends.
+    pub(super) fn start(&mut self, ctx: &egui::Context, request: &SweepRequest) {
+        let Some(base) = self.base.clone() else { return };
+        let shared: Arc<Mutex<Shared>> = Arc::default();
+        let cancelled: Arc<AtomicBool> = Arc::default();
+        let running = Running { shared: Arc::clone(&shared), cancelled: Arc::clone(&cancelled) };
+        self.running = Some(running);
+        let args = args_of(&base, request, self.folder.as_deref().map(new_folder));
+        let ctx = ctx.clone();
+        let spawned = thread::Builder::new().name("sweep".to_owned()).spawn({
+            let shared = Arc::clone(&shared);
+            move || {
+                rcs_runtime::lower_priority();
+                let run = || args.and_then(|args| run(&args, &shared, &cancelled, &ctx));
+                let ran = guarded(run).unwrap_or_else(|said| Err(anyhow::anyhow!("a run failed: {said}")));
+                let mut shared = lock(&shared);
+                shared.is_over = true;
+                shared.problem = ran.err().map(|error| say(&error));
+                drop(shared);
+                ctx.request_repaint();
+            }
+        });
+        if let Err(error) = spawned {
+            let mut shared = lock(&shared);
+            shared.is_over = true;
+            shared.problem = Some(format!("no thread for the sweep: {error}"));
+        }
+    }
+
+    /// Ends the sweep that runs; the runs that ended stay.
+    pub(super) fn cancel(&mut self) {
+        if let Some(running) = &self.running {
+            running.cancelled.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.cancelled.store(true, Ordering::Relaxed);
+    }
+}
+
+/// The arguments of `ocu sweep` for a request.
+fn args_of(base: &Request, request: &SweepRequest, record: Option<PathBuf>) -> anyhow::Result<SweepArgs> {
+    let params = request.params.iter().map(|text| parse_values(text));
+    Ok(SweepArgs {
+        stack: base.stack.clone().unwrap_or_default(),
+        log: base.log.clone(),
+        course: base.course.clone(),
+        params: params.collect::<Result<_, _>>().map_err(anyhow::Error::msg)?,
+        faults: request.faults.clone(),
+        runs: request.runs,
+        seed: request.seed,
+        until: request.until_s,
+        record,
+        force: false,
+        // The window and the stack that it runs keep a core.
+        jobs: None,
+        json: false,
+    })
+}
+
+/// A folder that does not exist yet, named by the time.
+fn new_folder(folder: &Path) -> PathBuf {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
+    folder.join(file_name_of(Stamp(now)))
+}
+
+fn run(
+    args: &SweepArgs,
+    shared: &Mutex<Shared>,
+    cancelled: &AtomicBool,
+    ctx: &egui::Context,
+) -> anyhow::Result<()> {
+    let prepared = Prepared::new(args)?;
+    lock(shared).total = prepared.len();
+    ctx.request_repaint();
+    // The window and the stack that it runs keep a core. The threads inherit the low priority of this one.
+    let jobs = thread::available_parallelism().map_or(1, usize::from).saturating_sub(1).max(1);
+    prepared.run(jobs, cancelled, &|index, row| {
+        lock(shared).rows.insert(index, row);
+        ctx.request_repaint();
+    });
+    Ok(())
+}
+
+fn row(row: &Row) -> SweepRow {
+    SweepRow {
+        params: row.params(),
+        seed: row.seed,
+        outcome: row.outcome().to_owned(),
+        reached: row.course.as_ref().map(|course| course.outcome == "reached"),
+        time_s: row.time_s(),
+        course: row.course.as_ref().map(|run| (run.remaining_m, run.collisions, run.bumper_hits)),
+        errors: row.errors(),
+        recording: row.recording.clone(),
+    }
+}
+
+fn lock(shared: &Mutex<Shared>) -> std::sync::MutexGuard<'_, Shared> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+    use std::time::{Duration, Instant};
+
+    fn base() -> Request {
+        let (stack, course) = (Some("truth_driver".to_owned()), Some("meadow".to_owned()));
+        Request { stack, course, ..Request::default() }
+    }
+
+    fn wait(sweeping: &mut Sweeping, is_done: impl Fn(&SweepState) -> bool) -> Arc<SweepState> {
+        let began = Instant::now();
+        loop {
+            let state = sweeping.state(&base());
+            if is_done(&state) {
+                return state;
+            }
+            assert!(began.elapsed() < Duration::from_mins(2), "{state:?}");
+            thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn a_sweep_runs_in_the_background_and_each_run_can_be_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut sweeping = Sweeping::new(Some(folder.path()));
+        assert!(sweeping.state(&base()).rows.is_empty());
+        let params = vec!["truth_driver.vehicle_width_m=0.6,0.8".to_owned()];
+        let request = SweepRequest { params, runs: 2, until_s: Some(0.5), ..SweepRequest::default() };
+        sweeping.start(&egui::Context::default(), &request);
+        let state = wait(&mut sweeping, |state| !state.is_running && state.total > 0);
+        assert_eq!((state.rows.len(), state.total, &state.problem), (4, 4, &None));
+        assert_eq!(state.rows[3].params, "truth_driver.vehicle_width_m=0.8");
+        assert_eq!((state.rows[3].seed, state.rows[3].outcome.as_str()), (1, "unfinished"));
+        let log = state.rows[3].recording.clone();
+        let mut opened = crate::stacks::open(&Request { log, ..Request::default() }).unwrap();
+        assert!(opened.frame().topics.iter().any(|topic| topic.name.starts_with("/truth_driver")));
+    }
+
+    #[test]
+    fn a_sweep_that_makes_no_sense_is_refused_and_one_that_is_cancelled_keeps_its_runs() {
+        let mut sweeping = Sweeping::new(None);
+        sweeping.state(&base());
+        for (param, part) in
+            [("truth_driver.absent=1,2", "absent"), ("truth_driver.vehicle_width_m=", "expected")]
+        {
+            let request = SweepRequest { params: vec![param.to_owned()], runs: 1, ..SweepRequest::default() };
+            sweeping.start(&egui::Context::default(), &request);
+            let state = wait(&mut sweeping, |state| !state.is_running && state.problem.is_some());
+            assert!(state.problem.as_ref().unwrap().contains(part), "{state:?}");
+        }
+        let request = SweepRequest { runs: 1000, until_s: Some(0.2), ..SweepRequest::default() };
+        sweeping.start(&egui::Context::default(), &request);
+        wait(&mut sweeping, |state| state.rows.len() > 1);
+        sweeping.cancel();
+        let state = wait(&mut sweeping, |state| !state.is_running);
+        assert!(state.rows.len() < 1000 && state.problem.is_none(), "{}", state.rows.len());
+    }
+}

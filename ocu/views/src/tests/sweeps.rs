@@ -1,0 +1,88 @@
+//! The sweep view: its form, its table, and what they ask of the window.
+
+use super::pictures::compare_picture;
+use super::{Shown, harness};
+use crate::samples;
+use crate::sweep::{SweepRequest, SweepRow, SweepState};
+use crate::view::Wish;
+use egui::{Theme, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use std::sync::Arc;
+
+/// Seven of nine runs ended: some reached their goal.
+fn running() -> SweepState {
+    let row = |index: u32, reached: bool, errors: &str| SweepRow {
+        params: format!("planner.clearance_m={}", ["0.2", "0.4", "0.6"][index as usize / 3]),
+        seed: u64::from(index % 3),
+        outcome: if reached { "reached" } else { "time_limit" }.to_owned(),
+        reached: Some(reached),
+        time_s: if reached { 41.5 + f64::from(index) } else { 300.0 },
+        course: Some((if reached { 0.42 } else { 11.7 }, index % 2, index / 2)),
+        errors: errors.to_owned(),
+        recording: Some(format!("/sweeps/run-{index:04}.mcap").into()),
+    };
+    let rows = (0..7)
+        .map(|index| row(index, index != 2 && index != 5, if index == 5 { "wm1: no pose" } else { "" }));
+    SweepState {
+        what: "lagr on dead_end".to_owned(),
+        rows: rows.collect(),
+        total: 9,
+        is_running: true,
+        problem: None,
+    }
+}
+
+fn shown(state: SweepState, size: Vec2, theme: Theme) -> Harness<'static, Shown> {
+    let mut shown = Shown::new("sweep", samples::driving());
+    shown.selection.sweep = Arc::new(state);
+    let saved =
+        serde_json::json!({"process": "planner", "field": "clearance_m", "values": "0.2..0.6:3", "runs": 3});
+    shown.view.load(&saved).unwrap();
+    let mut harness = harness(shown, size, theme);
+    harness.run();
+    harness
+}
+
+#[test]
+fn sweep_dark() {
+    compare_picture(shown(running(), Vec2::new(760.0, 300.0), Theme::Dark), "sweep_dark");
+}
+
+#[test]
+fn sweep_light() {
+    let ended = SweepState { is_running: false, total: 7, ..running() };
+    compare_picture(shown(ended, Vec2::new(760.0, 300.0), Theme::Light), "sweep_light");
+}
+
+#[test]
+fn sweep_in_a_narrow_place_dark() {
+    compare_picture(shown(running(), Vec2::new(300.0, 320.0), Theme::Dark), "sweep_narrow_dark");
+}
+
+#[test]
+fn run_asks_for_the_sweep_of_the_form_and_cancel_ends_it() {
+    let idle = SweepState { what: "lagr".to_owned(), ..SweepState::default() };
+    let mut harness = shown(idle, Vec2::new(760.0, 300.0), Theme::Dark);
+    harness.get_by_label_contains("Run").click();
+    harness.run();
+    let Some(Wish::Sweep(request)) = harness.state_mut().wishes.pop() else { panic!("no sweep") };
+    let params = vec!["planner.clearance_m=0.2..0.6:3".to_owned()];
+    assert_eq!(request, SweepRequest { params, runs: 3, ..SweepRequest::default() });
+    harness.state_mut().selection.sweep = Arc::new(running());
+    harness.run();
+    harness.get_by_label_contains("Cancel").click();
+    harness.run();
+    assert!(matches!(harness.state_mut().wishes.pop(), Some(Wish::CancelSweep)));
+}
+
+#[test]
+fn a_click_on_a_run_opens_its_recording() {
+    let mut harness = shown(running(), Vec2::new(760.0, 300.0), Theme::Dark);
+    harness.get_by_label("Run with seed 2 planner.clearance_m=0.2: time_limit").click();
+    harness.run();
+    let Some(Wish::OpenRecording(path)) = harness.state_mut().wishes.pop() else {
+        panic!("nothing is opened")
+    };
+    assert_eq!(path.to_str(), Some("/sweeps/run-0002.mcap"));
+}
