@@ -10,8 +10,9 @@ use crate::usage;
 use crate::window::Window;
 use anyhow::Context as _;
 use image::RgbaImage;
-use rcs_runtime::source::{Frame, Task};
-use std::path::PathBuf;
+use rcs_runtime::RunId;
+use rcs_runtime::source::{Compared, Frame, Task};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -25,7 +26,14 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     let mut files = Files::new(args.force);
     let texts = [&args.stack, &args.course].into_iter().flatten().map(std::path::Path::new);
     let layout = args.layout.as_deref();
-    for path in args.log.iter().map(PathBuf::as_path).chain(texts).chain(layout.map(std::path::Path::new)) {
+    for path in args
+        .log
+        .iter()
+        .chain(&args.against)
+        .map(PathBuf::as_path)
+        .chain(texts)
+        .chain(layout.map(std::path::Path::new))
+    {
         files.reads("a file that is read", path);
     }
     files.writes("--output", &args.output)?;
@@ -38,7 +46,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         ..Request::default()
     };
     let fields = layout.as_ref().map(Layout::fields).unwrap_or_default();
-    let frame = Arc::new(frame_with(&request, args.at, &fields)?);
+    let frame = Arc::new(frame_with(&request, args.at, &fields, args.against.as_deref())?);
     // Without a layout, the one that the window would open.
     let layout = layout.unwrap_or_else(|| fitting(&frame));
     let theme = if args.light { egui::Theme::Light } else { egui::Theme::Dark };
@@ -50,11 +58,16 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
 
 /// The state of a source `at_s` seconds after its start, including its complete tracks.
 pub fn frame_at(request: &Request, at_s: f64) -> anyhow::Result<Frame> {
-    frame_with(request, at_s, &[])
+    frame_with(request, at_s, &[], None)
 }
 
-/// Like [`frame_at`], with the values of these fields over time.
-fn frame_with(request: &Request, at_s: f64, fields: &[rcs_formula::FieldRef]) -> anyhow::Result<Frame> {
+/// Like [`frame_at`], with the values of these fields over time, and compared with another recording.
+fn frame_with(
+    request: &Request,
+    at_s: f64,
+    fields: &[rcs_formula::FieldRef],
+    against: Option<&Path>,
+) -> anyhow::Result<Frame> {
     let mut source = crate::stacks::open(request)?;
     let info = source.info();
     let at = info.start.after_ns((at_s * 1e9).round() as u64);
@@ -67,6 +80,11 @@ fn frame_with(request: &Request, at_s: f64, fields: &[rcs_formula::FieldRef]) ->
         )));
     }
     source.gather(fields);
+    if let Some(against) = against {
+        let this = if request.stack.is_some() { Compared::Run(RunId(0)) } else { Compared::Recorded };
+        source.against(Some(against));
+        source.compare(&[[this, Compared::Other]]);
+    }
     source.seek(at, &Task::default())?;
     while source.idle() {}
     Ok(source.frame())

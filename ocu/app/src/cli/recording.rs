@@ -77,6 +77,9 @@ pub struct RenderArgs {
     /// Layout to draw: the name of a bundled one, or a .ron file; without it, the one that fits the source
     #[arg(long, short, value_name = "LAYOUT")]
     pub layout: Option<String>,
+    /// Recording to compare with, for the view Compare
+    #[arg(long, value_name = "FILE")]
+    pub against: Option<PathBuf>,
     /// Time to draw, in seconds from the start of the recording
     #[arg(long, value_name = "T", value_parser = parse_seconds)]
     pub at: f64,
