@@ -46,6 +46,15 @@ pub fn named(spec: &str) -> anyhow::Result<StackFile> {
     Ok(read(spec, &text)?)
 }
 
+/// The text of the stack named by the user, without its parts, and the file to which a changed one is written: a bundled
+/// stack is part of the program, so that what differs becomes a file of the user's.
+pub(crate) fn text_of(spec: &str) -> anyhow::Result<(String, String)> {
+    if let Some(bundled) = bundled::file("stack", spec) {
+        return Ok((format!("{spec}.toml"), bundled.text.to_owned()));
+    }
+    Ok((spec.to_owned(), read_text(Path::new(spec)).map_err(anyhow::Error::msg)?))
+}
+
 /// The stack named by the user, checked against the plugins, with parameters and course from the command line.
 pub fn plan(spec: &str, course: Option<&str>, overrides: &[(String, String)]) -> anyhow::Result<Arc<Plan>> {
     let options = PlanOptions { overrides, course, assets: &ProgramAssets };

@@ -2,11 +2,9 @@
 
 use crate::cli::TuneArgs;
 use crate::output::Files;
-use crate::{bundled, output, stack_edit, stacks, usage};
+use crate::{output, stack_edit, stacks, usage};
 use rcs_eval::{EvalError, tune};
-use rcs_runtime::RunOptions;
 use std::io::Write;
-use std::path::Path;
 
 /// Executes `ocu tune`.
 pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<()> {
@@ -25,14 +23,14 @@ pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<()> {
         plan: stacks::plan(&args.stack, args.course.as_deref(), &overrides)?,
         process: args.process.as_deref(),
         runs: args.run,
-        options: RunOptions { ..stacks::options() },
+        options: stacks::options(),
     };
     let tuned = tune::tune(&job, &log).map_err(|error| match error {
         EvalError::Refused(text) => usage(text),
         error => error.into(),
     })?;
     if let Some(path) = &args.output {
-        let (file, text) = text_of(&args.stack)?;
+        let (file, text) = stacks::text_of(&args.stack)?;
         let course = args.course.as_deref();
         let text = stack_edit::with_params(&file, &text, course, &tuned.report.process, &tuned.params)?;
         output::write(path, text.as_bytes(), args.force)?;
@@ -46,15 +44,4 @@ pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<()> {
         writeln!(out, "written to {}", path.display())?;
     }
     Ok(())
-}
-
-/// The file and the text of a stack, without its parts.
-fn text_of(stack: &str) -> anyhow::Result<(String, String)> {
-    match bundled::file("stack", stack) {
-        Some(bundled) => Ok((format!("{stack}.toml"), bundled.text.to_owned())),
-        None => {
-            let text = crate::assets::read_text(Path::new(stack)).map_err(anyhow::Error::msg)?;
-            Ok((stack.to_owned(), text))
-        }
-    }
 }

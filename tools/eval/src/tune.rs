@@ -103,7 +103,7 @@ pub fn tune(job: &Job<'_>, log: &Log) -> Result<Tuned, EvalError> {
     let [ours, others] = experience.samples().split(STRETCH_S);
     let fitted = fit(&ours, &weights, &FitRules::default())
         .map_err(|why| EvalError::nothing(format!("{buffer} holds too little experience: {why}")))?;
-    report(process, count, &weights, fitted, [experience.samples(), &others])
+    report(process, count, &weights, &fitted, [experience.samples(), &others])
 }
 
 /// The process, and its weights.
@@ -202,7 +202,7 @@ fn report(
     process: &ProcessPlan,
     maps: u64,
     weights: &Weights,
-    fit: Fit,
+    fit: &Fit,
     [all, others]: [&Samples; 2],
 ) -> Result<Tuned, EvalError> {
     let checked = Compared { before: others.judge(weights), after: others.judge(&fit.weights) };

@@ -3,7 +3,7 @@
 use super::dialog::{PathRow, Purpose, dialog, save};
 use crate::open::Request;
 use crate::output::Files;
-use crate::{bundled, say, stack_edit};
+use crate::{say, stack_edit, stacks};
 use egui::{RichText, ScrollArea};
 use ocu_ui::{tokens, widgets};
 use rcs_msg::AnyMessage;
@@ -72,11 +72,7 @@ fn prepare(
     let Some(spec) = &current.stack else {
         anyhow::bail!("nothing runs here from a stack file, so there is none to write to");
     };
-    let (file, text) = match bundled::file("stack", spec) {
-        // A bundled stack is part of the program: what differs becomes a file of the user's.
-        Some(bundled) => (format!("{spec}.toml"), bundled.text.to_owned()),
-        None => (spec.clone(), crate::assets::read_text(Path::new(spec)).map_err(anyhow::Error::msg)?),
-    };
+    let (file, text) = stacks::text_of(spec)?;
     let new = stack_edit::with_params(&file, &text, current.course.as_deref(), process, params)?;
     Ok((file, text, new))
 }
