@@ -8,7 +8,7 @@ use egui::{RichText, ScrollArea};
 use ocu_ui::{tokens, widgets};
 use rcs_msg::AnyMessage;
 use similar::{ChangeTag, TextDiff};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// The dialog, while it is open.
 pub(super) struct SaveParams {
