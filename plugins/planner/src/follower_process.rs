@@ -7,7 +7,6 @@ use crate::follower_costs::Costs;
 use crate::modes::{Action, Bars, Mode, Modes, Obstacles, Table, Towards, Transition};
 use crate::motion::{Style, arc_rules, message, poses_along, reversed, shaken, speeds};
 use crate::proto::{BarredPlace, ModeEvent, WaypointFollowerParams};
-use crate::sensors::Sensors;
 use crate::settings::check_costs;
 use crate::signals::Watch;
 use crate::waypoints::turning_point;
@@ -36,8 +35,6 @@ pub struct WaypointFollower {
     turning: i8,
     modes: Modes,
     watch: Watch,
-    /// Who writes to the input `sensed`.
-    sensors: Sensors,
     /// What SHAKE does, m/s and rad/s, and since when.
     shakes: Option<([f64; 2], Stamp)>,
     #[serde(skip)]
@@ -93,7 +90,7 @@ impl Process for WaypointFollower {
             map: b.input("map", "the world model's map: field cost, local frame"),
             sensed: b.optional_input(
                 "sensed",
-                "costs from the sensors that must not stop: it stands without recent ones of each process that has written some",
+                "costs from the sensors that must not stop: it stands without recent ones",
             ),
             goal: b.optional_input("goal", "the goal, local frame: for modes that drive straight to it"),
             plan: b.optional_input("plan", "the plan: for modes that begin when there is no way"),
@@ -130,9 +127,6 @@ impl Process for WaypointFollower {
         ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
         self.take_waypoints(ports, local, cx);
         let pressed = self.take_signals(ports, local, cx);
-        while let Some(sensed) = cx.read(&ports.sensed) {
-            self.sensors.hear(sensed.header().writer.0, sensed.acq_time());
-        }
         let now = cx.now();
         let Some(path_at) = self.path_at else {
             send(ports, 0.0, 0.0, cx);
@@ -155,8 +149,8 @@ impl Process for WaypointFollower {
         if let Some(why) = too_old("the map", map.acq_time(), params.map_timeout_s) {
             return self.stand(ports, why, cx);
         }
-        if let Some(sensed_at) = self.sensors.oldest()
-            && let Some(why) = too_old("what a sensor sees", sensed_at, params.sense_timeout_s)
+        if let Some(sensed) = cx.latest(&ports.sensed)
+            && let Some(why) = too_old("what is sensed", sensed.acq_time(), params.sense_timeout_s)
         {
             return self.stand(ports, why, cx);
         }

@@ -64,7 +64,7 @@
 //! | --- | --- | --- | --- |
 //! | `waypoints` | in | `foxglove.PosesInFrame` | waypoints of the path, local frame; none to stand |
 //! | `map` | in | `foxglove.Grid` | the world model's map: field cost, local frame |
-//! | `sensed` | in, optional | `foxglove.Grid` | costs from the sensors that must not stop: it stands without recent ones of each process that has written some |
+//! | `sensed` | in, optional | `foxglove.Grid` | costs from the sensors that must not stop: it stands without recent ones |
 //! | `goal` | in, optional | `foxglove.PoseInFrame` | the goal, local frame: for modes that drive straight to it |
 //! | `plan` | in, optional | `rcs.Plan` | the plan: for modes that begin when there is no way |
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper, for modes |
@@ -125,7 +125,6 @@ mod process;
 mod queue;
 pub mod route;
 pub mod search;
-mod sensors;
 mod settings;
 mod signals;
 pub mod terrain;

@@ -384,7 +384,7 @@ fn when_its_sensor_stops_or_nothing_is_known_it_stands() {
     cycle(&mut bench, 0.0, 0.0, free, 20);
     assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
     let (state, text) = status(&bench, "follower");
-    assert!(state == ProcessState::Error && text.starts_with("what a sensor sees is 1."), "{text}");
+    assert!(state == ProcessState::Error && text.starts_with("what is sensed is 1."), "{text}");
 
     let mut bench = start(&FILES);
     cycle(&mut bench, 0.0, 0.0, |_| 255, 12);
