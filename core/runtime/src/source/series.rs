@@ -34,7 +34,7 @@ struct Store<T: Record> {
     chunks: Vec<Arc<[T]>>,
     /// The records after them.
     tail: Vec<T>,
-    /// Summaries of 8, 64, … records; the last one of each level may be incomplete.
+    /// Summaries of 8, 64, … records, of complete ones alone: an append costs little more than one summary.
     levels: Vec<Vec<T::Summary>>,
 }
 
@@ -57,40 +57,46 @@ impl<T: Record> Store<T> {
     }
 
     fn push(&mut self, record: T) {
-        let index = self.len();
-        self.summarise(index, record.summary());
         self.tail.push(record);
+        self.summarise(self.len());
         if self.tail.len() == CHUNK {
             self.chunks.push(std::mem::take(&mut self.tail).into());
         }
     }
 
-    /// Adds record `index` to the summaries.
-    fn summarise(&mut self, index: usize, summary: T::Summary) {
-        let mut size = FAN;
-        for level in &mut self.levels {
-            match level.get_mut(index / size) {
-                Some(node) => *node = T::join(*node, summary),
-                None => level.push(summary),
+    /// Adds the summaries that are complete with the first `count` records.
+    fn summarise(&mut self, count: usize) {
+        let (mut level, mut size) = (1, FAN);
+        while count.is_multiple_of(size) {
+            let summary = self.joined(level, count / size - 1, count);
+            if self.levels.len() < level {
+                self.levels.push(Vec::new());
             }
-            size *= FAN;
+            self.levels[level - 1].extend(summary);
+            (level, size) = (level + 1, size * FAN);
         }
-        // A further level begins with the summary of all records before.
-        if index + 1 >= size {
-            let all = match self.levels.last() {
-                Some(level) => level.iter().copied().reduce(T::join),
-                None => (0..index).map(|i| self.get(i).summary()).chain([summary]).reduce(T::join),
-            };
-            self.levels.push(all.into_iter().collect());
-        }
+    }
+
+    /// The summary of the parts of a node that are among the first `count` records; `None` if there are none.
+    fn joined(&self, level: usize, node: usize, count: usize) -> Option<T::Summary> {
+        let size = FAN.pow(level as u32 - 1);
+        let parts = (node * FAN..(node + 1) * FAN).take_while(|part| part * size < count);
+        parts.map(|part| self.node(level - 1, part, count)).reduce(|a, b| Some(T::join(a?, b?))).flatten()
+    }
+
+    /// The summary of a node of which some of the first `count` records are part; a node of level 0 is a record.
+    fn node(&self, level: usize, node: usize, count: usize) -> Option<T::Summary> {
+        let Some(below) = level.checked_sub(1) else { return Some(self.get(node).summary()) };
+        let complete = self.levels.get(below).and_then(|level| level.get(node)).copied();
+        complete.or_else(|| self.joined(level, node, count))
     }
 
     /// The first `len` records; complete chunks are shared.
     fn first(&self, len: usize) -> Self {
         let mut first = Self { chunks: self.chunks[..len / CHUNK].to_vec(), ..Self::default() };
         first.tail = (first.chunks.len() * CHUNK..len).map(|index| *self.get(index)).collect();
-        for index in 0..len {
-            first.summarise(index, self.get(index).summary());
+        for count in 1..=len {
+            first.summarise(count);
         }
         first
     }
@@ -171,6 +177,21 @@ impl<T: Record> FromIterator<T> for Series<T> {
         records.into_iter().for_each(|record| writer.append(record));
         writer.read()
     }
+}
+
+/// Consecutive records with the same key.
+#[derive(Clone, Copy, Debug)]
+pub struct Stretch<T, K, A> {
+    /// Their key.
+    pub key: K,
+    /// The first record.
+    pub first: T,
+    /// The last record.
+    pub last: T,
+    /// Number of records.
+    pub count: usize,
+    /// What was gathered of them.
+    pub sum: A,
 }
 
 /// A part of a series.
@@ -276,6 +297,50 @@ impl<T: Record> Series<T> {
         }
     }
 
+    /// Divides a range where the key changes, which must not decrease, and gathers every stretch exactly: from the
+    /// summaries that lie within it and from the records at its ends. The work is proportional to the number of
+    /// stretches, and less than that of [`Series::walk`] with as many parts: an end is searched beside the one that a
+    /// stretch as long as the last one would have.
+    pub fn stretches<K: PartialEq, A: Default>(
+        &self,
+        range: Range<usize>,
+        key: impl Fn(&T) -> K,
+        mut record: impl FnMut(&mut A, &T),
+        mut summary: impl FnMut(&mut A, &T::Summary),
+        mut take: impl FnMut(Stretch<T, K, A>),
+    ) {
+        let store = self.store();
+        let (mut from, end, mut count) = (range.start, range.end.min(self.len), 1);
+        while from < end {
+            let first = *store.get(from);
+            let of = key(&first);
+            let to = end_of(from, end, count, |index| key(store.get(index)) == of);
+            let mut sum = A::default();
+            let mut at = from;
+            while at < to {
+                // The greatest node that begins here and ends within the stretch.
+                let fits = |&level: &usize| {
+                    let size = FAN.pow(level as u32 + 1);
+                    at.is_multiple_of(size) && at + size <= to
+                };
+                match (0..store.levels.len()).take_while(fits).last() {
+                    Some(level) => {
+                        let size = FAN.pow(level as u32 + 1);
+                        summary(&mut sum, &store.levels[level][at / size]);
+                        at += size;
+                    }
+                    None => {
+                        record(&mut sum, store.get(at));
+                        at += 1;
+                    }
+                }
+            }
+            count = to - from;
+            take(Stretch { key: of, first, last: *store.get(to - 1), count, sum });
+            from = to;
+        }
+    }
+
     /// Divides a range into parts, as [`Series::walk`] does, but into at most `most` (and at least one in eight of
     /// them, if finer ones are wanted): the finest level at which all of them fit is used everywhere.
     pub fn parts(
@@ -307,6 +372,29 @@ impl<T: Record> Series<T> {
         }
         parts.into_iter().map(|(_, part)| part).collect()
     }
+}
+
+/// The end of the stretch of records that begins at `from`, at most `end`: near `from + guess`, if the guess is good.
+fn end_of(from: usize, end: usize, guess: usize, belongs: impl Fn(usize) -> bool) -> usize {
+    // Below `low` every record belongs to it; the one at `high` does not, or is the end.
+    let (mut low, mut high) = (from + 1, end);
+    let mut step = 1;
+    let mut probe = (from + guess).clamp(low, end);
+    while probe < high && probe >= low {
+        if belongs(probe) {
+            low = probe + 1;
+            probe = low + step;
+        } else {
+            high = probe;
+            probe = high.saturating_sub(step);
+        }
+        step *= 2;
+    }
+    while low < high {
+        let middle = usize::midpoint(low, high);
+        if belongs(middle) { low = middle + 1 } else { high = middle }
+    }
+    low
 }
 
 /// The parts of the highest level in a range, last first, with their level: level `n` has parts of `FAN^n` records.
@@ -346,7 +434,10 @@ fn part<T: Record>(store: &Store<T>, level: usize, from: usize, to: usize) -> Pa
         // A part that the range cuts down to one record is judged by that record, not by its whole node.
         _ if to == from + 1 => first.summary(),
         0 => first.summary(),
-        level => store.levels[level - 1][from / FAN.pow(level as u32)],
+        level => {
+            let node = store.node(level, from / FAN.pow(level as u32), store.len());
+            node.unwrap_or_else(|| first.summary())
+        }
     };
     Part { summary, first, last, from, to }
 }
@@ -430,6 +521,39 @@ mod tests {
                     },
                 );
                 assert_eq!(next, range.end, "{count} {range:?} {wide}");
+            }
+        }
+    }
+
+    #[test]
+    fn stretches_hold_exactly_their_records_whatever_their_lengths() {
+        for (count, range) in
+            [(0, 0..0), (1, 0..1), (700, 13..699), (10_000, 0..10_000), (10_000, 4090..9000)]
+        {
+            let series = series(count);
+            for length in [1, 3, 8, 100, 1000, 20_000] {
+                // Stretches of very different lengths: a third of them have one record.
+                let key = |record: &Number| record.0 / 10 / length + u64::from(record.0 / 10 % length > 0);
+                let mut next = range.start;
+                series.stretches(
+                    range.clone(),
+                    key,
+                    |sum: &mut Vec<(i64, i64)>, record| sum.push(record.summary()),
+                    |sum, summary| sum.push(*summary),
+                    |stretch| {
+                        let records: Vec<Number> =
+                            (next..next + stretch.count).map(|index| series.get(index).unwrap()).collect();
+                        assert!(records.iter().all(|record| key(record) == stretch.key));
+                        assert_eq!(records.first(), Some(&stretch.first));
+                        assert_eq!(records.last(), Some(&stretch.last));
+                        let wanted = records.iter().map(Record::summary).reduce(Number::join);
+                        assert_eq!(stretch.sum.iter().copied().reduce(Number::join), wanted);
+                        assert!(stretch.sum.len() <= 70, "{} pieces", stretch.sum.len());
+                        next += stretch.count;
+                        assert!(next >= range.end || key(&series.get(next).unwrap()) != stretch.key);
+                    },
+                );
+                assert_eq!(next, range.end, "{count} {range:?} {length}");
             }
         }
     }

@@ -38,38 +38,39 @@ pub(super) fn columns(
 ) -> Vec<Column> {
     let at = |point: &FieldPoint| axis.at(seconds(point.stamp));
     let mut columns: Vec<Column> = Vec::new();
-    let mut open = i64::MIN;
-    points.walk(
+    points.stretches(
         range,
-        |part| {
-            at(&part.first).floor() == at(&part.last).floor() && part.summary.points == part.to - part.from
-        },
-        |part| {
-            let (x, column) = (at(&part.first), at(&part.first).floor() as i64);
-            let summary = &part.summary;
-            match columns.last_mut() {
-                Some(known) if open == column => {
-                    known.min = known.min.min(summary.min);
-                    known.max = known.max.max(summary.max);
-                    known.last = part.last.value;
-                    known.points += part.to - part.from;
-                }
-                _ => {
-                    open = column;
-                    columns.push(Column {
-                        x,
-                        min: summary.min,
-                        max: summary.max,
-                        first: part.first.value,
-                        last: part.last.value,
-                        points: part.to - part.from,
-                    });
-                }
+        |point| at(point).floor() as i64,
+        |Values { min, max }, point| {
+            if point.value.is_finite() {
+                (*min, *max) = (min.min(point.value), max.max(point.value));
             }
-            ControlFlow::Continue(())
+        },
+        |Values { min, max }, summary| (*min, *max) = (min.min(summary.min), max.max(summary.max)),
+        |stretch| {
+            columns.push(Column {
+                x: at(&stretch.first),
+                min: stretch.sum.min,
+                max: stretch.sum.max,
+                first: stretch.first.value,
+                last: stretch.last.value,
+                points: stretch.count,
+            });
         },
     );
     columns
+}
+
+/// Least and greatest of the values so far.
+struct Values {
+    min: f64,
+    max: f64,
+}
+
+impl Default for Values {
+    fn default() -> Self {
+        Self { min: f64::INFINITY, max: f64::NEG_INFINITY }
+    }
 }
 
 /// Lines through the columns, interrupted at gaps. A column with several values is a vertical line from the least to the
