@@ -1,13 +1,21 @@
 //! Measures the interface: the time that a frame of the window takes on its thread, without the driver of the graphics.
 //!
-//! `cargo run --workspace --example interface -- STACK COURSE SECONDS`: the whole window at 1600×900 with four cameras
-//! with overlays, two maps and the log, on a stack that runs; then the same, paused.
+//! - `cargo run --workspace --example interface -- STACK COURSE SECONDS`: the whole window at 1600×900 with four cameras
+//!   with overlays, two maps and the log, on a stack that runs; then the same, paused.
+//! - `… -- plots LOG FIELD FIELD FIELD FIELD`: opening four plots of a log, and moving them along the time. The example
+//!   `recordings` of `rcs-log` writes such logs.
+//! - `… -- hierarchy SECONDS`: the view Hierarchy with 40 processes at 50 Hz, and an empty view for comparison.
 
 #![allow(clippy::print_stdout, reason = "it prints what it measures")]
+
+mod hierarchy;
+mod pass;
+mod plots;
 
 use ocu_app::layout::Layout;
 use ocu_app::open::Request;
 use ocu_app::window::{Options, Window};
+use pass::{pass, summary};
 use std::time::{Duration, Instant};
 
 const LAYOUT: &str = r#"Layout(version: 1, name: "measured", buffers: true, root: Row([
@@ -21,18 +29,28 @@ const LAYOUT: &str = r#"Layout(version: 1, name: "measured", buffers: true, root
 const EVERY: Duration = Duration::from_millis(33);
 
 fn main() -> anyhow::Result<()> {
-    let mut args = std::env::args().skip(1);
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match arguments.first().map(String::as_str) {
+        Some("plots") => plots::measure(&arguments[1..]),
+        Some("hierarchy") => hierarchy::measure(&arguments[1..]),
+        _ => whole(arguments.into_iter()),
+    }
+}
+
+/// The window with this request and layout.
+fn window(context: &egui::Context, request: Request, layout: &str) -> anyhow::Result<Window> {
+    ocu_ui::install(context);
+    let layout = Some(Layout::parse("measured", layout)?);
+    Ok(Window::new(context, Options { request, layout, data_dir: None }))
+}
+
+fn whole(mut args: impl Iterator<Item = String>) -> anyhow::Result<()> {
     let stack = args.next().unwrap_or_else(|| "lagr_stereo_only".to_owned());
     let course = args.next();
     let seconds: f64 = args.next().map(|text| text.parse()).transpose()?.unwrap_or(20.0);
-    let folder = tempfile::tempdir()?;
-    let file = folder.path().join("measured.ron");
-    std::fs::write(&file, LAYOUT)?;
-    let request = Request { stack: Some(stack), course, ..Request::default() };
     let context = egui::Context::default();
-    ocu_ui::install(&context);
-    let options = Options { request, layout: Some(Layout::load(&file)?), data_dir: None };
-    let mut window = Window::new(&context, options);
+    let request = Request { stack: Some(stack), course, ..Request::default() };
+    let mut window = window(&context, request, LAYOUT)?;
     // Until the first picture.
     let opened = Instant::now();
     while window.frame().is_none() {
@@ -51,30 +69,6 @@ fn main() -> anyhow::Result<()> {
     pass(&context, &mut window, vec![space(true), space(false)]);
     measure("paused", &context, &mut window, 3.0);
     Ok(())
-}
-
-/// Times of one frame: the interface, and the conversion of its shapes to triangles.
-struct Times {
-    interface: Duration,
-    triangles: Duration,
-    /// Time until it wants to be painted again.
-    rest: Duration,
-}
-
-fn pass(context: &egui::Context, window: &mut Window, events: Vec<egui::Event>) -> Times {
-    let screen = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(1600.0, 900.0));
-    let input = egui::RawInput { screen_rect: Some(screen), events, ..egui::RawInput::default() };
-    let began = Instant::now();
-    let mut output = context.run_ui(input, |ui| window.ui(ui));
-    let interface = began.elapsed();
-    // Nobody draws: the textures are let go.
-    output.textures_delta.set.drain().for_each(drop);
-    output.textures_delta.free.drain().for_each(drop);
-    let rest = output.viewport_output.get(&egui::ViewportId::ROOT).map(|viewport| viewport.repaint_delay);
-    let began = Instant::now();
-    let triangles = context.tessellate(output.shapes, output.pixels_per_point);
-    drop(triangles);
-    Times { interface, triangles: began.elapsed(), rest: rest.unwrap_or(Duration::MAX) }
 }
 
 fn measure(what: &str, context: &egui::Context, window: &mut Window, seconds: f64) {
@@ -98,11 +92,4 @@ fn measure(what: &str, context: &egui::Context, window: &mut Window, seconds: f6
         summary(&mut interface),
         summary(&mut triangles),
     );
-}
-
-/// Median, 95 % and greatest value.
-fn summary(values: &mut [f64]) -> String {
-    values.sort_by(f64::total_cmp);
-    let at = |part: f64| values[((values.len() - 1) as f64 * part) as usize];
-    format!("median {:.2} ms, 95 % {:.2} ms, most {:.2} ms", at(0.5), at(0.95), at(1.0))
 }
