@@ -1,6 +1,7 @@
 //! Reduces a series to what a screen can show: for each column of pixels the least and the greatest value, exactly.
 //!
-//! The summaries of the series limit the work to the number of columns, however long the series is.
+//! The summaries of the series limit the work to the number of columns, however long the series is. Columns begin at
+//! multiples of their width in time, so that those of a frame hold for the next one when the axis moves ([`Kept`]).
 
 use super::axis::Axis;
 use egui::Pos2;
@@ -29,36 +30,83 @@ pub(super) fn visible(points: &Series<FieldPoint>, from: Stamp, to: Stamp) -> Ra
     first..(points.count_until(to) + 1).min(points.len())
 }
 
-/// The columns of a range of a series; `seconds` gives the position of a time on the axis.
-pub(super) fn columns(
-    points: &Series<FieldPoint>,
-    range: Range<usize>,
-    axis: &Axis,
-    seconds: impl Fn(Stamp) -> f64,
-) -> Vec<Column> {
-    let at = |point: &FieldPoint| axis.at(seconds(point.stamp));
-    let mut columns: Vec<Column> = Vec::new();
-    points.stretches(
-        range,
-        |point| at(point).floor() as i64,
-        |Values { min, max }, point| {
-            if point.value.is_finite() {
-                (*min, *max) = (min.min(point.value), max.max(point.value));
+/// The columns of a curve as they were last drawn.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Kept {
+    points: Series<FieldPoint>,
+    /// Seconds of a column.
+    width_s: f64,
+    /// Each with its first record and the indices of all of them.
+    columns: Vec<(FieldPoint, Range<usize>, Column)>,
+}
+
+impl Kept {
+    /// The columns of a range of a series; `seconds` gives the position of a time on the axis. Those that were drawn
+    /// last and still hold are not gathered again.
+    pub(super) fn columns(
+        &mut self,
+        points: &Series<FieldPoint>,
+        range: Range<usize>,
+        axis: &Axis,
+        seconds: impl Fn(Stamp) -> f64,
+    ) -> Vec<Column> {
+        let width_s = (axis.to - axis.from) / f64::from(axis.screen.1 - axis.screen.0).max(1.0);
+        // Moving an axis rounds its ends.
+        if !self.points.same(points) || (self.width_s / width_s - 1.0).abs() > 1e-9 || !width_s.is_normal() {
+            *self = Self { width_s, ..Self::default() };
+        }
+        // It may have grown.
+        self.points = points.clone();
+        let mut known = std::mem::take(&mut self.columns);
+        // The range may have cut the first and the last one.
+        known.pop();
+        let inside = |(_, records, _): &(FieldPoint, Range<usize>, Column)| {
+            range.start <= records.start && records.end <= range.end
+        };
+        let known: Vec<_> = known.into_iter().skip(1).filter(inside).collect();
+        match (known.first(), known.last()) {
+            (Some((_, first, _)), Some((_, last, _))) => {
+                let (before, after) = (range.start..first.start, last.end..range.end);
+                self.gather(before, &seconds);
+                self.columns.extend(known);
+                self.gather(after, &seconds);
             }
-        },
-        |Values { min, max }, summary| (*min, *max) = (min.min(summary.min), max.max(summary.max)),
-        |stretch| {
-            columns.push(Column {
-                x: at(&stretch.first),
-                min: stretch.sum.min,
-                max: stretch.sum.max,
-                first: stretch.first.value,
-                last: stretch.last.value,
-                points: stretch.count,
-            });
-        },
-    );
-    columns
+            _ => self.gather(range, &seconds),
+        }
+        let place = |(first, _, column): &(FieldPoint, Range<usize>, Column)| Column {
+            x: axis.at(seconds(first.stamp)),
+            ..*column
+        };
+        self.columns.iter().map(place).collect()
+    }
+
+    /// Adds the columns of these records.
+    fn gather(&mut self, range: Range<usize>, seconds: impl Fn(Stamp) -> f64) {
+        let Self { points, width_s, columns } = self;
+        let mut next = range.start;
+        points.stretches(
+            range,
+            |point| (seconds(point.stamp) / *width_s).floor() as i64,
+            |Values { min, max }, point| {
+                if point.value.is_finite() {
+                    (*min, *max) = (min.min(point.value), max.max(point.value));
+                }
+            },
+            |Values { min, max }, summary| (*min, *max) = (min.min(summary.min), max.max(summary.max)),
+            |stretch| {
+                let column = Column {
+                    x: 0.0,
+                    min: stretch.sum.min,
+                    max: stretch.sum.max,
+                    first: stretch.first.value,
+                    last: stretch.last.value,
+                    points: stretch.count,
+                };
+                columns.push((stretch.first, next..next + stretch.count, column));
+                next += stretch.count;
+            },
+        );
+    }
 }
 
 /// Least and greatest of the values so far.
@@ -166,24 +214,44 @@ mod tests {
         let value = |i: u64| if i == 617_283 { 1e3 } else { ((i * 7919) % 1000) as f64 * 1e-3 };
         let point = |i: u64| FieldPoint { stamp: Stamp(i * 1_000_000), value: value(i) };
         let series: Series<FieldPoint> = (0..1_000_000).map(point).collect();
-        for (from, to) in [(0.0, 1000.0), (400.3, 700.9), (617.28, 617.29)] {
+        // The third and the following ones are the second one moved: most of their columns were kept.
+        let ranges = [(0.0, 1000.0), (400.3, 700.9), (402.3, 702.9), (250.0, 550.6), (900.1, 1200.7)];
+        let mut kept = Kept::default();
+        for (from, to) in ranges.into_iter().chain([(617.28, 617.29)]) {
             let axis = Axis::horizontal(from, to, Rangef::new(50.0, 850.0));
             let range = visible(&series, Stamp((from * 1e9) as u64), Stamp((to * 1e9) as u64));
-            let got = columns(&series, range.clone(), &axis, seconds);
+            let got = kept.columns(&series, range.clone(), &axis, seconds);
             // The reference: every point in the column of its own.
-            let mut wanted: Vec<(f32, f64, f64, usize)> = Vec::new();
+            let mut wanted: Vec<(i64, f64, f64, usize)> = Vec::new();
             for i in range {
-                let (x, v) = (axis.at(seconds(point(i as u64).stamp)), value(i as u64));
-                match wanted.last_mut().filter(|(column, ..)| *column == x.floor()) {
+                let column = (seconds(point(i as u64).stamp) / kept.width_s).floor() as i64;
+                let v = value(i as u64);
+                match wanted.last_mut().filter(|(known, ..)| *known == column) {
                     Some((_, min, max, points)) => {
                         (*min, *max, *points) = (min.min(v), max.max(v), *points + 1);
                     }
-                    None => wanted.push((x.floor(), v, v, 1)),
+                    None => wanted.push((column, v, v, 1)),
                 }
             }
-            let got: Vec<_> = got.iter().map(|c| (c.x.floor(), c.min, c.max, c.points)).collect();
+            assert!(got.iter().all(|c| (-100.0..1000.0).contains(&c.x)));
+            let got: Vec<_> = got.iter().map(|c| (c.min, c.max, c.points)).collect();
+            let wanted: Vec<_> = wanted.into_iter().map(|(_, min, max, points)| (min, max, points)).collect();
             assert_eq!(got, wanted);
             assert!(got.len() < 810);
+        }
+    }
+
+    #[test]
+    fn columns_grow_with_their_series() {
+        let writer = rcs_runtime::source::SeriesWriter::default();
+        let axis = Axis::horizontal(0.0, 10.0, Rangef::new(0.0, 100.0));
+        let mut kept = Kept::default();
+        for i in 0..995_u64 {
+            writer.append(FieldPoint { stamp: Stamp(i * 10_000_000), value: i as f64 });
+            let series = writer.read();
+            let got = kept.columns(&series, 0..series.len(), &axis, seconds);
+            assert_eq!(got.iter().map(|column| column.points).sum::<usize>(), series.len());
+            assert_eq!(got.last().map(|column| column.max), Some(i as f64));
         }
     }
 
@@ -196,7 +264,7 @@ mod tests {
             .map(|(&value, i)| FieldPoint { stamp: Stamp(i * 1_000_000_000), value })
             .collect();
         let axis = Axis::horizontal(0.0, 7.0, Rangef::new(0.0, 700.0));
-        let columns = columns(&series, 0..6, &axis, seconds);
+        let columns = Kept::default().columns(&series, 0..6, &axis, seconds);
         let y = Axis::vertical(0.0, 5.0, Rangef::new(0.0, 500.0));
         let lines = lines(&columns, &y);
         assert_eq!(lines.iter().map(Vec::len).collect::<Vec<_>>(), [2, 1, 1]);

@@ -1,6 +1,7 @@
 //! One graph: what it draws, its legend, and what the pointer does on it.
 
 use super::axis::{Axis, GraphKind};
+use super::columns::Kept;
 use super::menu::{self, Asked};
 use super::paint::{self, BAND, Clock, Reduced};
 use super::saved::{Curve, Graph, Saved};
@@ -129,7 +130,10 @@ pub(super) fn ui(
     let quantities = plot.with_max_y(plot.bottom() - BAND * bands as f32);
     let reduced: Vec<Reduced> = match drawn.kind {
         GraphKind::Against => Vec::new(),
-        _ => drawn.curves.iter().map(|curve| Reduced::new(&curve.shown, &x, clock)).collect(),
+        _ => {
+            let curves = drawn.curves.iter().enumerate();
+            curves.map(|(index, curve)| reduced(ui, (place.index, index), &curve.shown, &x, clock)).collect()
+        }
     };
     let y = [false, true].map(|right| {
         let of_side = drawn.curves.iter().enumerate().filter(|(_, curve)| curve.right == right);
@@ -164,6 +168,15 @@ pub(super) fn ui(
     let at = times(ui, cx, drawn, place, &response, &axes, &inside);
     acts.extend(legend(ui, saved, drawn, place, at));
     acts
+}
+
+/// A curve reduced to what the screen shows; what was drawn last is kept with the graph.
+fn reduced(ui: &Ui, curve: (usize, usize), shown: &Shown, x: &Axis, clock: Clock) -> Reduced {
+    let id = ui.scope_id().with(("columns", curve));
+    let mut kept: Kept = ui.data_mut(|data| data.remove_temp(id)).unwrap_or_default();
+    let reduced = Reduced::new(shown, x, clock, &mut kept);
+    ui.data_mut(|data| data.insert_temp(id, kept));
+    reduced
 }
 
 /// The horizontal axis.

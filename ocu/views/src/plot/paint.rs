@@ -1,7 +1,7 @@
 //! Paints one graph: axes, curves, bands of states, cursors.
 
 use super::axis::{Axis, GraphKind, around, mark_text, time_text};
-use super::columns::{Column, bands, columns, lines, visible};
+use super::columns::{Column, Kept, bands, lines, visible};
 use crate::series::Shown;
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 use ocu_ui::Tokens;
@@ -38,7 +38,7 @@ pub(super) struct Reduced {
 }
 
 impl Reduced {
-    pub(super) fn new(shown: &Shown, axis: &Axis, clock: Clock) -> Self {
+    pub(super) fn new(shown: &Shown, axis: &Axis, clock: Clock, kept: &mut Kept) -> Self {
         let seconds = |stamp| clock.seconds(stamp);
         let (from, to) = (clock.stamp(axis.from), clock.stamp(axis.to));
         let range = visible(&shown.points, from, to);
@@ -46,7 +46,7 @@ impl Reduced {
             let bands = bands(&shown.points, range, axis, axis.screen.1, seconds);
             return Self { columns: Vec::new(), bands };
         }
-        Self { columns: columns(&shown.points, range, axis, seconds), bands: Vec::new() }
+        Self { columns: kept.columns(&shown.points, range, axis, seconds), bands: Vec::new() }
     }
 
     /// Least and greatest visible value.
