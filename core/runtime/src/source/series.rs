@@ -323,16 +323,13 @@ impl<T: Record> Series<T> {
                     let size = FAN.pow(level as u32 + 1);
                     at.is_multiple_of(size) && at + size <= to
                 };
-                match (0..store.levels.len()).take_while(fits).last() {
-                    Some(level) => {
-                        let size = FAN.pow(level as u32 + 1);
-                        summary(&mut sum, &store.levels[level][at / size]);
-                        at += size;
-                    }
-                    None => {
-                        record(&mut sum, store.get(at));
-                        at += 1;
-                    }
+                if let Some(level) = (0..store.levels.len()).take_while(fits).last() {
+                    let size = FAN.pow(level as u32 + 1);
+                    summary(&mut sum, &store.levels[level][at / size]);
+                    at += size;
+                } else {
+                    record(&mut sum, store.get(at));
+                    at += 1;
                 }
             }
             count = to - from;
@@ -533,7 +530,9 @@ mod tests {
             let series = series(count);
             for length in [1, 3, 8, 100, 1000, 20_000] {
                 // Stretches of very different lengths: a third of them have one record.
-                let key = |record: &Number| record.0 / 10 / length + u64::from(record.0 / 10 % length > 0);
+                let key = |record: &Number| {
+                    record.0 / 10 / length + u64::from(!(record.0 / 10).is_multiple_of(length))
+                };
                 let mut next = range.start;
                 series.stretches(
                     range.clone(),

@@ -128,12 +128,11 @@ pub(super) fn ui(
     let x = horizontal(drawn, graph, place);
     let bands = drawn.curves.iter().filter(|curve| curve.shown.are_states()).count();
     let quantities = plot.with_max_y(plot.bottom() - BAND * bands as f32);
-    let reduced: Vec<Reduced> = match drawn.kind {
-        GraphKind::Against => Vec::new(),
-        _ => {
-            let curves = drawn.curves.iter().enumerate();
-            curves.map(|(index, curve)| reduced(ui, (place.index, index), &curve.shown, &x, clock)).collect()
-        }
+    let reduced: Vec<Reduced> = if drawn.kind == GraphKind::Against {
+        Vec::new()
+    } else {
+        let curves = drawn.curves.iter().enumerate();
+        curves.map(|(index, curve)| reduced(ui, (place.index, index), &curve.shown, &x, clock)).collect()
     };
     let y = [false, true].map(|right| {
         let of_side = drawn.curves.iter().enumerate().filter(|(_, curve)| curve.right == right);
