@@ -33,7 +33,7 @@ pub(crate) fn measure(arguments: &[String]) -> anyhow::Result<()> {
             let opened = Instant::now();
             let mut window = super::window(&context, request, &layout)?;
             while !is_read(&window, fields.len()) {
-                anyhow::ensure!(opened.elapsed() < Duration::from_secs(60), "the fields are not read");
+                anyhow::ensure!(opened.elapsed() < Duration::from_mins(1), "the fields are not read");
                 pass(&context, &mut window, Vec::new());
                 std::thread::sleep(Duration::from_millis(2));
             }
