@@ -1,9 +1,9 @@
-//! Weights of the fusion from experience (Albus 2006b, 3.4: the weights of the sources are adjusted by how well they did).
+//! Weights of the fusion from experience (Albus 2006b, 3.4).
 //!
 //! While a vehicle drives, it learns what cells are that its sources judged before: it drives over them, it bumps into
-//! what is in them, or it sees them again from near. [`Experience`] collects what each source had said of such cells in
-//! the seconds before. [`fit`] looks for weights with which the fusion rule ([`crate::fuse`]) would have been right more
-//! often. The papers say that weights are adjusted, not how; the method is ours.
+//! what is in them, or it sees them again from near. [`Experience`] collects what each source had said of such cells
+//! in the seconds before. [`fit`] looks for weights with which the fusion rule ([`crate::fuse`]) would have been right
+//! more often. The papers plan to adjust weights by how well the sources did, and do not say how; the method is ours.
 //!
 //! What the vehicle drives over is what its map called free, so driving alone would favour every source that calls
 //! ground free. Therefore nothing is fitted without obstacles: those that were hit, or that a range sensor was sure of
@@ -326,9 +326,9 @@ pub struct Fit {
     pub changes: Vec<WeightChange>,
 }
 
-/// Looks for weights that judge the samples better, one weight after the other until none gains. The weight of the first
-/// range sensor stays, because only ratios of weights matter, and so do those of overriding sources, which do not count.
-/// The error says what is missing if there is too little experience.
+/// Looks for weights that judge the samples better, one weight after the other until none gains. The weight of the
+/// first range sensor stays, because only ratios of weights matter, and so do those of overriding sources, which do not
+/// count. The error says what is missing if there is too little experience.
 pub fn fit(samples: &Samples, weights: &Weights, rules: &FitRules) -> Result<Fit, String> {
     let [driven, hit, seen] = Outcome::ALL.map(|outcome| samples.count(outcome));
     if driven < LEAST_SAMPLES {
