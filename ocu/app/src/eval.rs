@@ -2,7 +2,7 @@
 
 use crate::assets::ProgramAssets;
 use crate::cli::{
-    EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalObstaclesArgs, EvalPlanArgs, EvalStereoArgs,
+    EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalObstaclesArgs, EvalPlanArgs, EvalStereoArgs, Param,
     StereoMethod,
 };
 use crate::{stacks, usage};
@@ -33,7 +33,7 @@ fn print(report: &(impl Display + Serialize), json: bool, out: &mut dyn Write) -
 }
 
 /// Converts an error so that the exit code distinguishes wrong usage.
-fn told(error: EvalError) -> anyhow::Error {
+pub(crate) fn told(error: EvalError) -> anyhow::Error {
     match error {
         EvalError::Refused(text) => usage(text),
         EvalError::Run(error) => error.into(),
@@ -83,11 +83,7 @@ fn classes(args: &EvalClassifyArgs) -> anyhow::Result<ClassReport> {
         let log = log.ok_or_else(|| usage("expected a recording or a stack, got neither"))?;
         return classify::recording(&job, &log).map_err(told);
     };
-    let overrides: Vec<(String, String)> = args
-        .params
-        .iter()
-        .map(|param| (format!("{}.{}", param.process, param.field), param.value.clone()))
-        .collect();
+    let overrides: Vec<(String, String)> = args.params.iter().map(Param::to_override).collect();
     let run = classify::StackRun {
         plan: stacks::plan(stack, args.course.as_deref(), &overrides)?,
         log: log.as_ref(),

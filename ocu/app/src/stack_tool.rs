@@ -1,6 +1,6 @@
 //! `ocu stack`: shows the expanded stack file, or checks it without running it.
 
-use crate::cli::{StackCheckArgs, StackCommand, StackShowArgs};
+use crate::cli::{Param, StackCheckArgs, StackCommand, StackShowArgs};
 use crate::stacks;
 use anyhow::Context as _;
 use rcs_log::Log;
@@ -49,11 +49,7 @@ struct Findings {
 }
 
 fn check(args: &StackCheckArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
-    let overrides: Vec<(String, String)> = args
-        .params
-        .iter()
-        .map(|param| (format!("{}.{}", param.process, param.field), param.value.clone()))
-        .collect();
+    let overrides: Vec<(String, String)> = args.params.iter().map(Param::to_override).collect();
     let mut findings = Findings::default();
     match stacks::plan(&args.stack, args.course.as_deref(), &overrides) {
         Ok(plan) => {

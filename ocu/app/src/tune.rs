@@ -1,9 +1,10 @@
 //! `ocu tune`: learns the weights of a world model from a drive, and writes them into a stack file.
 
-use crate::cli::TuneArgs;
+use crate::cli::{Param, TuneArgs};
+use crate::eval::told;
 use crate::output::Files;
-use crate::{output, stack_edit, stacks, usage};
-use rcs_eval::{EvalError, tune};
+use crate::{output, stack_edit, stacks};
+use rcs_eval::tune;
 use std::io::Write;
 
 /// Executes `ocu tune`.
@@ -13,11 +14,7 @@ pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<()> {
     if let Some(path) = &args.output {
         files.writes("--output", path)?;
     }
-    let overrides: Vec<(String, String)> = args
-        .params
-        .iter()
-        .map(|param| (format!("{}.{}", param.process, param.field), param.value.clone()))
-        .collect();
+    let overrides: Vec<(String, String)> = args.params.iter().map(Param::to_override).collect();
     let log = stacks::open_log(&args.log)?;
     let job = tune::Job {
         plan: stacks::plan(&args.stack, args.course.as_deref(), &overrides)?,
@@ -25,10 +22,7 @@ pub fn tune(args: &TuneArgs, out: &mut dyn Write) -> anyhow::Result<()> {
         runs: args.run,
         options: stacks::options(),
     };
-    let tuned = tune::tune(&job, &log).map_err(|error| match error {
-        EvalError::Refused(text) => usage(text),
-        error => error.into(),
-    })?;
+    let tuned = tune::tune(&job, &log).map_err(told)?;
     if let Some(path) = &args.output {
         let (file, text) = stacks::text_of(&args.stack)?;
         let course = args.course.as_deref();

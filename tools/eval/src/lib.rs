@@ -28,6 +28,7 @@ pub mod classify;
 pub mod color;
 mod disparity_file;
 mod error;
+mod messages;
 pub mod obstacles;
 pub mod plan;
 mod report;

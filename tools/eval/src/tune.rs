@@ -5,7 +5,8 @@
 //! other stretch of ten seconds, and checked on the rest. They are kept if they do better there, too.
 
 use crate::EvalError;
-use rcs_log::{CursorOptions, Log, Reassembly};
+use crate::messages::each_whole;
+use rcs_log::Log;
 use rcs_msg::foxglove::Grid;
 use rcs_msg::params::with_params;
 use rcs_msg::{AnyMessage, Stamp, schema_of};
@@ -143,23 +144,7 @@ struct Maps {
 impl Maps {
     fn read(&mut self, log: &Log, buffer: &str) -> Result<(), EvalError> {
         let topics: Vec<_> = log.info().topics_named(buffer).map(|topic| topic.id).collect();
-        let mut reassembly = Reassembly::new(log);
-        let deltas = topics.iter().filter_map(|&topic| reassembly.deltas_of(topic));
-        let wanted = topics.iter().copied().chain(deltas).collect();
-        for stored in log.cursor(CursorOptions { topics: Some(wanted), ..CursorOptions::default() }) {
-            let stored = stored?;
-            let (message, time) = if reassembly.takes(stored.topic) {
-                match reassembly.take(&stored) {
-                    Some(whole) => (whole.message, stored.log_time),
-                    None => continue,
-                }
-            } else {
-                let Some(topic) = log.info().topic(stored.topic) else { continue };
-                (AnyMessage::encoded(topic.schema.clone(), stored.data.clone()), stored.log_time)
-            };
-            self.take(&message, time)?;
-        }
-        Ok(())
+        each_whole(log, &topics, |_, message, time| self.take(message, time))
     }
 
     fn run(&mut self, job: &Job<'_>, log: &Log, buffer: &str) -> Result<(), EvalError> {

@@ -14,6 +14,13 @@ pub struct Param {
     pub value: String,
 }
 
+impl Param {
+    /// As a plan takes it: `process.field`, and the value.
+    pub(crate) fn to_override(&self) -> (String, String) {
+        (format!("{}.{}", self.process, self.field), self.value.clone())
+    }
+}
+
 /// Values of one parameter, for a sweep.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Values {

@@ -119,9 +119,7 @@ fn plan(args: &RunArgs) -> anyhow::Result<Arc<Plan>> {
 
 /// Parameters of the command line, as `(process.field, value)`.
 fn overrides(args: &RunArgs) -> Vec<(String, String)> {
-    let text =
-        |param: &crate::cli::Param| (format!("{}.{}", param.process, param.field), param.value.clone());
-    args.params.iter().map(text).collect()
+    args.params.iter().map(crate::cli::Param::to_override).collect()
 }
 
 fn has_buffer(plan: &Plan, name: &str) -> bool {

@@ -24,8 +24,9 @@ pub use judge::{FUSED, Judge};
 pub use report::{ArcCounts, FirstBlock, Layer, Report, Shares, ThingReport};
 
 use crate::EvalError;
+use crate::messages::each_whole;
 use rcs_geom::Pose;
-use rcs_log::{CursorOptions, Log, LogTopic, Reassembly, TopicId};
+use rcs_log::{CursorOptions, Log, LogTopic, TopicId};
 use rcs_msg::foxglove::{self, Grid, Odometry, PoseInFrame};
 use rcs_msg::{AnyMessage, Payload, Stamp, schema_of};
 use rcs_sense::pose_of;
@@ -88,25 +89,11 @@ pub struct Job {
 pub fn recording(job: &Job, log: &Log) -> Result<Report, EvalError> {
     let topics = Topics::find(job, log)?;
     let mut judge = Judge::new(&job.settings);
-    let mut reassembly = Reassembly::new(log);
-    let mut wanted: Vec<TopicId> = topics.parts.keys().copied().collect();
-    wanted.extend(topics.parts.keys().filter_map(|&topic| reassembly.deltas_of(topic)));
-    let options = CursorOptions { topics: Some(wanted), ..CursorOptions::default() };
-    for stored in log.cursor(options) {
-        let stored = stored?;
-        let (topic, message) = if reassembly.takes(stored.topic) {
-            match reassembly.take(&stored) {
-                Some(whole) => (whole.topic, whole.message),
-                None => continue,
-            }
-        } else {
-            let Some(topic) = log.info().topic(stored.topic) else { continue };
-            (stored.topic, AnyMessage::encoded(topic.schema.clone(), stored.data.clone()))
-        };
-        if let Some(&part) = topics.parts.get(&topic) {
-            take(&mut judge, part, &message, stored.publish_time, &topics)?;
-        }
-    }
+    let wanted: Vec<TopicId> = topics.parts.keys().copied().collect();
+    each_whole(log, &wanted, |topic, message, time| match topics.parts.get(&topic) {
+        Some(&part) => take(&mut judge, part, message, time, &topics),
+        None => Ok(()),
+    })?;
     judge.report()
 }
 
