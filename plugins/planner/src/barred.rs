@@ -1,7 +1,7 @@
 //! Places that the vehicle could not get over, and how it is known that it stood there while its wheels turned.
 //!
 //! Wheels that turn on mud move the local frame along with the vehicle, and the position fixes notice it later: the
-//! vehicle is back where it was before. Such a place is barred for the rest of the run, and the planner goes around it.
+//! vehicle is back where it was before. Such a place is barred for the rest of the run: the planner goes around it wherever there is another way.
 
 use rcs_geom::{DVec2, Pose};
 use serde::{Deserialize, Serialize};

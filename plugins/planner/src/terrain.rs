@@ -209,7 +209,9 @@ pub struct Terrain {
     was_near: Vec<bool>,
     /// Whether the vehicle is or was so near to the cell that an obstacle in it is certain; empty if all are.
     is_sure: Vec<bool>,
-    /// Whether the cell is barred; empty if none is.
+    /// Whether the vehicle must not drive in the cell, whatever is in it; empty if it may in all.
+    forbidden: Vec<bool>,
+    /// Whether the cell belongs to a place that is barred; empty if none does.
     barred: Vec<bool>,
 }
 
@@ -237,7 +239,8 @@ impl Terrain {
         for (obstacle, _) in self.is_obstacle.iter_mut().zip(&sensed.bumped).filter(|(_, bumped)| **bumped) {
             *obstacle = true;
         }
-        self.bar(sensed, vehicle, past, rules);
+        self.forbid(sensed, vehicle, past, rules);
+        self.bar(sensed, past, rules);
         let bound = (rules.wish_room_m / sensed.cell_size_m).ceil().clamp(1.0, MAX_BOUND as f64) as usize;
         let by_room = |least_room_m: f64| {
             move |squared: usize| {
@@ -280,29 +283,33 @@ impl Terrain {
         CostGrid::new(sensed.columns, cells.len() / sensed.columns.max(1), cells)
     }
 
-    /// Marks the cells that are barred. A vehicle that has come into one can leave it, and turn beside it.
-    fn bar(&mut self, sensed: &Sensed, vehicle: &Pose, past: &Past<'_>, rules: &Rules) {
-        self.barred.clear();
+    /// Marks the cells in which the vehicle must not drive: a vehicle that has come into one can leave it, and turn
+    /// beside it.
+    fn forbid(&mut self, sensed: &Sensed, vehicle: &Pose, past: &Past<'_>, rules: &Rules) {
+        self.forbidden.clear();
+        let Some(zones) = past.zones.filter(|zones| !zones.is_empty()) else { return };
         let position = vehicle.translation.truncate();
-        let stands_in_m = rules.least_room_m + sensed.cell_size_m;
-        if let Some(zones) = past.zones.filter(|zones| !zones.is_empty()) {
-            let free_m = zones.trespass_m(position) + stands_in_m;
-            let columns = sensed.columns.max(1);
-            let is_barred = |at: usize| {
-                let centre = sensed.centre(Place::new((at % columns) as i32, (at / columns) as i32));
-                zones.forbid(centre) && centre.distance(position) > free_m
-            };
-            self.barred.extend((0..sensed.fused.len()).map(is_barred));
+        let free_m = zones.trespass_m(position) + rules.least_room_m + sensed.cell_size_m;
+        let columns = sensed.columns.max(1);
+        let is_forbidden = |at: usize| {
+            let centre = sensed.centre(Place::new((at % columns) as i32, (at / columns) as i32));
+            zones.forbid(centre) && centre.distance(position) > free_m
+        };
+        self.forbidden.extend((0..sensed.fused.len()).map(is_forbidden));
+        for (obstacle, _) in self.is_obstacle.iter_mut().zip(&self.forbidden).filter(|(_, is)| **is) {
+            *obstacle = true;
         }
+    }
+
+    /// Marks the cells from which the vehicle reaches into a place that is barred. They have the greatest cost but are
+    /// not blocked, because such a place may be on the only way.
+    fn bar(&mut self, sensed: &Sensed, past: &Past<'_>, rules: &Rules) {
+        self.barred.clear();
         for place in past.barred {
             self.barred.resize(sensed.fused.len(), false);
-            let radius_m = place.radius_m.min(position.distance(DVec2::from(place.at)) - stands_in_m);
-            around(sensed, DVec2::from(place.at), radius_m, |place, _| {
+            around(sensed, DVec2::from(place.at), place.radius_m + rules.least_room_m, |place, _| {
                 self.barred[sensed.index(place)] = true;
             });
-        }
-        for (obstacle, _) in self.is_obstacle.iter_mut().zip(&self.barred).filter(|(_, barred)| **barred) {
-            *obstacle = true;
         }
     }
 
@@ -319,11 +326,14 @@ impl Terrain {
 
     /// The terrain term of a cell with this fused cost; `None` if it is blocked.
     fn terrain_of(&self, at: usize, fused: u8, rules: &Rules) -> Option<f32> {
-        if self.barred.get(at).is_some_and(|&barred| barred) {
+        if self.forbidden.get(at).is_some_and(|&forbidden| forbidden) {
             return None;
         }
         let unsure = (!self.is_sure(at)).then(|| f32::from(rules.unsure));
         let terrain = self.by_cost[usize::from(fused)].or(unsure);
+        if self.barred.get(at).is_some_and(|&barred| barred) {
+            return terrain.map(|_| f32::from(MAX_COST));
+        }
         let is_hidden = fused == UNKNOWN_COST && self.was_near.get(at).is_some_and(|&was_near| was_near);
         if is_hidden { terrain.map(|_| f32::from(rules.unknown_near)) } else { terrain }
     }

@@ -204,3 +204,17 @@ fn an_obstacle_that_was_seen_from_far_alone_costs_but_does_not_block() {
     let costs = terrain.costs(&sensed, &vehicle, &Past::default(), &rules).unwrap();
     assert_eq!(costs.get(at(3.0, 0.0)), Some(BLOCKED));
 }
+
+#[test]
+fn a_barred_place_has_the_greatest_cost_but_can_be_driven_if_it_is_the_only_way() {
+    let sensed = with_obstacle(1.0, 0.0);
+    let barred = [Barred { at: (0.0, 0.0), radius_m: 0.5 }];
+    let past = Past { barred: &barred, ..Past::default() };
+    let mut terrain = Terrain::default();
+    let costs = terrain.costs(&sensed, &Pose::from_xy_yaw(FAR, FAR, 0.0), &past, &rules()).unwrap();
+    let cost = |x_m| costs.get(at(x_m, 0.0)).unwrap();
+    assert_eq!([cost(0.0), cost(-0.8)], [MAX_COST; 2], "within its radius and the least room");
+    assert_eq!(cost(-1.2), 10);
+    assert_eq!(cost(1.0), BLOCKED);
+    assert_eq!(cost(0.8), BLOCKED, "an obstacle in a barred place is still one");
+}
