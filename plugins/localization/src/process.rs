@@ -220,7 +220,10 @@ impl Localization {
         }
         let turn_rad = wrap_angle(attitude.yaw_rad() - local.yaw_rad);
         let radar = self.ground_speed.filter(|(_, at)| time.seconds_since(*at) < params.input_timeout_s);
-        let step_m = radar.map_or(0.5 * (rolled_m[0] + rolled_m[1]), |(speed, _)| speed * elapsed_s);
+        let step_m = radar
+            .map_or(0.5 * (rolled_m[0] + rolled_m[1]) * (1.0 - params.rolling_slip), |(speed, _)| {
+                speed * elapsed_s
+            });
         let forward = attitude.level_from_vehicle * DVec3::X;
         let level_m = step_m * forward.truncate().length();
         let noise = MotionNoise {
