@@ -1,6 +1,10 @@
 //! The process `waypoint_generator`: reads the goal, commands the planner, and sends waypoints. Its port table is in the
 //! crate's documentation.
 
+mod goals;
+
+use self::goals::zones_of_files;
+use crate::around_goal::AroundGoal;
 use crate::barred::{Barred, grown, turned_on_the_spot};
 use crate::children::Children;
 use crate::goal::Goal;
@@ -16,7 +20,7 @@ use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransforms, Odometry, PoseInFrame, PosesInFrame};
 use rcs_msg::rcs;
-use rcs_runtime::{ChildState, Cycle, In, InputRole, Order, Out, PortBuilder, Process, ProcessDef, Role};
+use rcs_runtime::{Cycle, In, InputRole, Order, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Localizer, Origin, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
@@ -43,6 +47,8 @@ pub struct WaypointGenerator {
     commanded: Option<(u8, f64, f64)>,
     /// The operator's mission, global frame, m.
     mission: Mission,
+    /// Since it arrived at the goal of the file.
+    around: Option<AroundGoal>,
     /// Sequence of the operator's message that was read last.
     taken: u64,
     /// Where the vehicle must not drive, global frame, m, as the planners were told.
@@ -161,6 +167,7 @@ impl Process for WaypointGenerator {
             let WaypointGeneratorCommand::GoTo(goal) = command;
             self.commanded = Some((goal.zone as u8, goal.easting_m, goal.northing_m));
             self.mission.goals = None;
+            self.around = None;
             self.told = None;
         }
         self.take_transforms(ports, params, cx);
@@ -175,7 +182,7 @@ impl Process for WaypointGenerator {
         }
         send_waypoints(ports, params, cx);
         let goal = match self.goal(params) {
-            Ok(goal) => goal,
+            Ok(goal) => self.around.map_or(goal, |around| around.target(goal, params.around_goal_m)),
             Err(why) => {
                 self.halt_planners(ports, cx);
                 send_none(ports, params, cx);
@@ -199,13 +206,11 @@ impl Process for WaypointGenerator {
         }
         self.send_route(ports, params, goal, cx);
         let age_s = cx.now().seconds_since(at);
-        let note = if age_s > params.transform_timeout_s {
-            format!(
-                "; the local frame in the global one is {age_s:.1} s old, and the goal stays where it was"
-            )
-        } else {
-            String::new()
-        };
+        let mut note = self.around.map_or(String::new(), |around| around.note());
+        if age_s > params.transform_timeout_s {
+            let old = "; the local frame in the global one is";
+            note = format!("{note}{old} {age_s:.1} s old, and the goal stays where it was");
+        }
         ports.children.tell(&note, cx);
     }
 
@@ -233,61 +238,6 @@ impl WaypointGenerator {
         if let Ok(pose) = self.frames.lookup(global, local, cx.now(), f64::INFINITY) {
             self.global_from_local = Some((pose, at.unwrap_or(cx.now())));
         }
-    }
-
-    /// Reads the operator's mission, and goes on to its next goal.
-    fn take_mission(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        let message = cx.latest(&ports.mission);
-        if let Some(message) = message.filter(|message| message.header().sequence != self.taken) {
-            let global_from_message = match message.frame_id.as_str() {
-                frame if frame == params.global_frame => Some(Pose::IDENTITY),
-                frame if frame == params.local_frame => self.global_from_local.map(|(pose, _)| pose),
-                frame => {
-                    self.taken = message.header().sequence;
-                    let expected = (&params.global_frame, &params.local_frame);
-                    cx.fault(format!("mission: frame is {frame:?}, expected one of {expected:?}; not taken"));
-                    None
-                }
-            };
-            // Until the local frame is known, the message waits.
-            if let Some(global_from_message) = global_from_message {
-                self.taken = message.header().sequence;
-                self.told = None;
-                match Mission::of(&message, &global_from_message) {
-                    Ok(mission) => self.mission.take(mission),
-                    Err(why) => cx.fault(format!("mission: {why}; not taken")),
-                }
-            }
-        }
-        // While a far planner leads, the near one may arrive at a point of its path.
-        let is_led = self.near_told != self.told;
-        let arrived = cx.child(&ports.children.planner).is_some_and(|child| child.state == ChildState::Done);
-        if arrived && !is_led && self.told.is_some() && self.mission.arrive() {
-            self.told = None;
-            self.send_driven(ports, params, cx);
-        }
-    }
-
-    /// Says what is driven and obeyed.
-    fn send_driven(&self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
-        let mission = Mission { zones: self.zones.clone(), ..self.mission.clone() };
-        let now = cx.now();
-        cx.write(&ports.driven, now, mission.to_message(now, &params.global_frame));
-    }
-
-    /// The zones of the files and of the operator, global frame, m, unless the goal (global frame, m) lies in one.
-    fn allowed(&self, params: &WaypointGeneratorParams, goal: DVec2) -> Result<Zones, String> {
-        let origin = Origin::from_toml(&params.world).map_err(|error| format!("world: {error}"))?;
-        let mut zones = zones_of_files(params, &origin)?;
-        zones.keep_out.extend(self.mission.zones.keep_out.iter().cloned());
-        zones.area = self.mission.zones.area.clone().or(zones.area);
-        if zones.forbid(goal) {
-            let by_m = zones.trespass_m(goal);
-            return Err(format!(
-                "the goal lies {by_m:.1} m outside of the area, or inside of a zone: stands"
-            ));
-        }
-        Ok(zones)
     }
 
     /// Adds a position to the track.
@@ -499,31 +449,6 @@ impl WaypointGenerator {
         (error_m > limit_m)
             .then(|| format!("the position is known to {error_m:.1} m, expected at most {limit_m} m: stands"))
     }
-
-    /// The goal in the global frame, m.
-    fn goal(&self, params: &WaypointGeneratorParams) -> Result<DVec2, String> {
-        if self.mission.goals.is_some() {
-            return self.mission.goal().ok_or_else(|| "the mission has no goals: stands".to_owned());
-        }
-        let goal = match self.commanded {
-            Some((zone, easting_m, northing_m)) => Goal { zone: Some(zone), easting_m, northing_m },
-            None if params.goal.is_empty() => {
-                return Err("there is no goal: expected a goal file, or GO_TO".to_owned());
-            }
-            None => Goal::from_toml(&params.goal).map_err(|error| format!("goal: {error}"))?,
-        };
-        if params.world.is_empty() {
-            return Err("world: expected a file with the [origin] of the global frame".to_owned());
-        }
-        let origin = Origin::from_toml(&params.world).map_err(|error| format!("world: {error}"))?;
-        goal.in_global(&origin.0).map_err(|error| error.to_string())
-    }
-}
-
-/// The zones of goal file and world file, global frame, m.
-fn zones_of_files(params: &WaypointGeneratorParams, origin: &Origin) -> Result<Zones, String> {
-    let zones = Zones::from_toml(&params.goal, &params.world, &origin.0, params.area_margin_m);
-    zones.map_err(|error| format!("goal: {error}"))
 }
 
 fn corners(polygon: &Polygon) -> Vec<PlanPoint> {

@@ -52,7 +52,8 @@
 //! that what has left the near map is not forgotten. Command `GO_TO` gives another goal, and the operator's `mission` gives
 //! several ([`mission`]), which are driven to one after the other. The planners go around [`zones`] and stay inside of the
 //! area; a goal that lies elsewhere is not driven to. The route of a run ([`route`]) is
-//! a parameter of the next one, and the planner makes the cells along it cheaper. There
+//! a parameter of the next one, and the planner makes the cells along it cheaper. With `around_goal_m`, it drives once
+//! around the goal of the file after it has arrived there by its own estimate ([`around_goal`]). There
 //! are no waypoints, and it is in `ERROR`, without a goal, with one in another UTM zone, while the position is not known
 //! well enough, and when the goal has jumped in the local frame. If the fixes then put the vehicle back on its own track,
 //! its wheels have turned on the spot: it goes on, and the place ahead is [`barred`], as where a mode bars one. State: the
@@ -107,6 +108,7 @@ rcs_msg::messages!(
 );
 
 pub mod arcs;
+pub mod around_goal;
 pub mod barred;
 mod children;
 pub mod clearance;

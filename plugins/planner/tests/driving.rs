@@ -170,6 +170,20 @@ fn it_drives_to_the_goal_of_the_file_and_stands_there() {
 }
 
 #[test]
+fn it_drives_around_a_goal_that_may_lie_elsewhere_and_then_stands_there() {
+    let mut bench = start(&[FILES[0], FILES[1], ("generator.around_goal_m", "1.5")]);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    cycle(&mut bench, 9.8, 0.0, free, 6);
+    assert!(drive(&bench).0 > 0.1, "the first place is 1.5 m ahead of the goal: {}", story(&bench));
+    let (state, text) = status(&bench, "generator");
+    assert!(state == ProcessState::Exec && text.contains("at the goal, drives around it: 1 of 6"), "{text}");
+    // It does not get to the places: after 8 s each it is told the goal again, where it is.
+    cycle(&mut bench, 9.8, 0.0, free, 6 * 8 * 20 + 30);
+    assert_eq!(drive(&bench), (0.0, 0.0));
+    assert_eq!(status(&bench, "generator"), (ProcessState::Done, "at the goal".to_owned()));
+}
+
+#[test]
 fn it_bends_around_an_obstacle_and_turns_to_a_goal_behind_it() {
     let mut bench = start(&FILES);
     let wall = |at: DVec2| if (at.x - 3.0).abs() < 0.3 && at.y < 0.4 { 250 } else { 0 };

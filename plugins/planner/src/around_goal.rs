@@ -1,0 +1,90 @@
+//! Driving around a goal that the vehicle has reached by its own estimate, which may be metres away from the truth.
+//!
+//! A course, a person or a beacon says that the goal is reached; while the program still runs, it is not. So the vehicle
+//! drives once around the place where it believes the goal to be, and then stands there.
+
+use rcs_geom::DVec2;
+use rcs_msg::Stamp;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+
+/// Number of places on the circle.
+const PLACES: u32 = 6;
+/// Longest time for driving to one of them, s: it may lie inside of an obstacle.
+const LONGEST_S: f64 = 8.0;
+
+/// How far the vehicle has come around its goal.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AroundGoal {
+    /// Direction of the first place from the goal, counter-clockwise from east, rad.
+    from_rad: f64,
+    /// The place that it drives to; [`PLACES`] for the goal again, where it stays.
+    place: u32,
+    /// Since when.
+    since: Stamp,
+}
+
+impl AroundGoal {
+    /// From its first arrival at the goal, with this heading, rad.
+    pub fn begin(heading_rad: f64, now: Stamp) -> AroundGoal {
+        AroundGoal { from_rad: heading_rad, place: 0, since: now }
+    }
+
+    /// Goes on to the next place if the vehicle has arrived at this one, or does not get there. Whether it does.
+    pub fn go_on(&mut self, arrived: bool, now: Stamp) -> bool {
+        let is_over = self.place == PLACES;
+        let goes_on = !is_over && (arrived || now.seconds_since(self.since) > LONGEST_S);
+        if goes_on {
+            (self.place, self.since) = (self.place + 1, now);
+        }
+        goes_on
+    }
+
+    /// Where it drives to: a place at a distance from the goal, m, or the goal itself in the end.
+    pub fn target(&self, goal: DVec2, distance_m: f64) -> DVec2 {
+        if self.place == PLACES {
+            return goal;
+        }
+        let (sin, cos) = libm::sincos(self.from_rad + TAU * f64::from(self.place) / f64::from(PLACES));
+        goal + DVec2::new(cos, sin) * distance_m
+    }
+
+    /// What the status says of it.
+    pub fn note(&self) -> String {
+        match self.place {
+            PLACES => "; it has driven around the goal".to_owned(),
+            place => format!("; at the goal, drives around it: {} of {PLACES}", place + 1),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_visits_each_place_of_the_circle_and_ends_at_the_goal() {
+        let goal = DVec2::new(5.0, 6.0);
+        let mut around = AroundGoal::begin(0.0, Stamp(0));
+        let mut places = vec![around.target(goal, 2.0)];
+        let mut now = Stamp(0);
+        loop {
+            assert!(!around.go_on(false, now), "it has not arrived");
+            // It does not get to the third one.
+            let arrived = places.len() != 3;
+            now = Stamp(now.0 + if arrived { 1_000_000_000 } else { 9_000_000_000 });
+            if !around.go_on(arrived, now) {
+                break;
+            }
+            places.push(around.target(goal, 2.0));
+        }
+        assert_eq!((places.len(), places[6]), (7, goal));
+        assert!(places[0].distance(DVec2::new(7.0, 6.0)) < 1e-9);
+        for pair in places[..6].windows(2) {
+            assert!(
+                (pair[0].distance(pair[1]) - 2.0).abs() < 1e-9 && (pair[1].distance(goal) - 2.0).abs() < 1e-9
+            );
+        }
+        assert!(around.note().contains("has driven around"));
+    }
+}

@@ -1,0 +1,118 @@
+//! Where the waypoint generator sends the vehicle: the goal of the file, of a command, or of the operator's mission, and
+//! where it must not drive.
+
+use super::{Ports, WaypointGenerator};
+use crate::around_goal::AroundGoal;
+use crate::goal::Goal;
+use crate::mission::Mission;
+use crate::proto::WaypointGeneratorParams;
+use crate::zones::Zones;
+use rcs_geom::{DVec2, Pose};
+use rcs_msg::Stamp;
+use rcs_runtime::{ChildState, Cycle};
+use rcs_sense::Origin;
+
+impl WaypointGenerator {
+    /// Reads the operator's mission, and goes on to its next goal.
+    pub(super) fn take_mission(
+        &mut self,
+        ports: &Ports,
+        params: &WaypointGeneratorParams,
+        cx: &mut Cycle<'_>,
+    ) {
+        let message = cx.latest(&ports.mission);
+        if let Some(message) = message.filter(|message| message.header().sequence != self.taken) {
+            let global_from_message = match message.frame_id.as_str() {
+                frame if frame == params.global_frame => Some(Pose::IDENTITY),
+                frame if frame == params.local_frame => self.global_from_local.map(|(pose, _)| pose),
+                frame => {
+                    self.taken = message.header().sequence;
+                    let expected = (&params.global_frame, &params.local_frame);
+                    cx.fault(format!("mission: frame is {frame:?}, expected one of {expected:?}; not taken"));
+                    None
+                }
+            };
+            // Until the local frame is known, the message waits.
+            if let Some(global_from_message) = global_from_message {
+                self.taken = message.header().sequence;
+                self.told = None;
+                self.around = None;
+                match Mission::of(&message, &global_from_message) {
+                    Ok(mission) => self.mission.take(mission),
+                    Err(why) => cx.fault(format!("mission: {why}; not taken")),
+                }
+            }
+        }
+        // While a far planner leads, the near one may arrive at a point of its path.
+        let is_led = self.near_told != self.told;
+        let arrived = cx.child(&ports.children.planner).is_some_and(|child| child.state == ChildState::Done);
+        let arrived = arrived && !is_led && self.told.is_some();
+        if arrived && self.mission.arrive() {
+            self.told = None;
+            self.send_driven(ports, params, cx);
+        }
+        self.go_around(arrived, params, cx.now());
+    }
+
+    /// Goes on around the goal of the file, given whether the vehicle has arrived where it was told to drive.
+    fn go_around(&mut self, arrived: bool, params: &WaypointGeneratorParams, now: Stamp) {
+        let is_told = params.around_goal_m > 0.0 && self.mission.goals.is_none() && self.commanded.is_none();
+        if !is_told {
+            self.around = None;
+        } else if let Some(around) = &mut self.around {
+            if around.go_on(arrived, now) {
+                self.told = None;
+            }
+        } else if arrived {
+            self.around = Some(AroundGoal::begin(self.yaw_rad, now));
+            self.told = None;
+        }
+    }
+
+    /// Says what is driven and obeyed.
+    pub(super) fn send_driven(&self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
+        let mission = Mission { zones: self.zones.clone(), ..self.mission.clone() };
+        let now = cx.now();
+        cx.write(&ports.driven, now, mission.to_message(now, &params.global_frame));
+    }
+
+    /// The zones of the files and of the operator, global frame, m, unless the goal (global frame, m) lies in one.
+    pub(super) fn allowed(&self, params: &WaypointGeneratorParams, goal: DVec2) -> Result<Zones, String> {
+        let origin = Origin::from_toml(&params.world).map_err(|error| format!("world: {error}"))?;
+        let mut zones = zones_of_files(params, &origin)?;
+        zones.keep_out.extend(self.mission.zones.keep_out.iter().cloned());
+        zones.area = self.mission.zones.area.clone().or(zones.area);
+        if zones.forbid(goal) {
+            let by_m = zones.trespass_m(goal);
+            return Err(format!(
+                "the goal lies {by_m:.1} m outside of the area, or inside of a zone: stands"
+            ));
+        }
+        Ok(zones)
+    }
+
+    /// The goal in the global frame, m.
+    pub(super) fn goal(&self, params: &WaypointGeneratorParams) -> Result<DVec2, String> {
+        if self.mission.goals.is_some() {
+            return self.mission.goal().ok_or_else(|| "the mission has no goals: stands".to_owned());
+        }
+        let goal = match self.commanded {
+            Some((zone, easting_m, northing_m)) => Goal { zone: Some(zone), easting_m, northing_m },
+            None if params.goal.is_empty() => {
+                return Err("there is no goal: expected a goal file, or GO_TO".to_owned());
+            }
+            None => Goal::from_toml(&params.goal).map_err(|error| format!("goal: {error}"))?,
+        };
+        if params.world.is_empty() {
+            return Err("world: expected a file with the [origin] of the global frame".to_owned());
+        }
+        let origin = Origin::from_toml(&params.world).map_err(|error| format!("world: {error}"))?;
+        goal.in_global(&origin.0).map_err(|error| error.to_string())
+    }
+}
+
+/// The zones of goal file and world file, global frame, m.
+pub(super) fn zones_of_files(params: &WaypointGeneratorParams, origin: &Origin) -> Result<Zones, String> {
+    let zones = Zones::from_toml(&params.goal, &params.world, &origin.0, params.area_margin_m);
+    zones.map_err(|error| format!("goal: {error}"))
+}
