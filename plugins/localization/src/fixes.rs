@@ -4,8 +4,10 @@
 //! it is an outlier and is refused. Errors of fixes are correlated over tens of seconds, so the variance of an accepted
 //! fix is enlarged: otherwise the filter would treat sixty fixes within a minute as sixty independent measurements and
 //! follow their common error. After the start, or after a long time without a fix, the first fixes must agree with each
-//! other. When many consecutive fixes are refused but agree with each other, the estimate is wrong, and restarts from
-//! them.
+//! other. When several consecutive fixes are refused but agree with each other, the wheels may have slipped since the last
+//! accepted one, by up to all that they have rolled: the position is then that uncertain along the heading, so that fixes
+//! behind the estimate pull it back, and for the next metres the estimate follows the fixes rather than the wheels. When
+//! many are refused nevertheless, the estimate is wrong, and restarts from them.
 
 use crate::planar::{Fix, MotionNoise, Planar};
 use glam::DVec2;
@@ -67,7 +69,20 @@ pub struct GlobalEstimate {
     last_used: Option<Stamp>,
     /// Number of consecutive refused or waiting fixes that agree with each other.
     chain: u32,
+    /// Way since the last accepted fix, m, and the variance that it has added because the wheels may have slipped, m².
+    rolled_m: f64,
+    slipped: f64,
+    /// Way for which the estimate still follows the fixes, m.
+    follows_m: f64,
 }
+
+/// Number of consecutive refused fixes that agree with each other after which the wheels may have slipped.
+const SLIPPED_AFTER: u32 = 4;
+/// Standard deviation of the slip, as a share of the way.
+const SLIP: f64 = 0.5;
+/// Way for which the estimate follows the fixes after the wheels have slipped, m, and time for which one fix then counts, s.
+const FOLLOWS_M: f64 = 20.0;
+const FOLLOWS_S: f64 = 1.0;
 
 /// Fastest motion of the vehicle between two fixes that agree, m/s.
 const FASTEST_MPS: f64 = 5.0;
@@ -95,6 +110,12 @@ impl GlobalEstimate {
 
     /// Advances the estimate by a step ahead, m, and a turn, rad, within a time, s.
     pub fn advance(&mut self, noise: &MotionNoise, step_m: f64, turn_rad: f64, elapsed_s: f64) {
+        self.rolled_m += step_m.abs();
+        let noise = match self.follows_m > 0.0 {
+            true => &MotionNoise { distance: noise.distance.max(SLIP), ..*noise },
+            false => noise,
+        };
+        self.follows_m -= step_m.abs();
         if let Some(planar) = &mut self.planar {
             planar.advance(noise, step_m, turn_rad, elapsed_s);
         } else {
@@ -116,7 +137,8 @@ impl GlobalEstimate {
         let before = self.last_fix.replace(position);
         let gap_s = before.map_or(f64::INFINITY, |before| position.time.seconds_since(before.time));
         // Errors with correlation time τ contain one independent error per 2τ.
-        let alike = (2.0 * settings.correlation_s / gap_s.max(1e-3)).max(1.0);
+        let alike_s = if self.follows_m > 0.0 { FOLLOWS_S } else { 2.0 * settings.correlation_s };
+        let alike = (alike_s / gap_s.max(1e-3)).max(1.0);
         let fix = Fix { at: position.at, arm, variance: position.variance, alike };
         let agrees = before.is_some_and(|before| {
             let spread = 3.0 * (before.variance + position.variance).sqrt();
@@ -130,6 +152,14 @@ impl GlobalEstimate {
             self.begin(&fix, position, local_height_m);
             return Verdict::Began;
         };
+        if self.chain > SLIPPED_AFTER {
+            let slipped = (SLIP * self.rolled_m).powi(2);
+            planar.widen(slipped - self.slipped);
+            self.slipped = slipped;
+            if slipped > 0.0 {
+                self.follows_m = FOLLOWS_M;
+            }
+        }
         let surprise = planar.surprise(&fix);
         if surprise > settings.gate {
             if self.chain < settings.reset_after {
@@ -143,8 +173,7 @@ impl GlobalEstimate {
         let gain = self.lift_variance / (self.lift_variance + position.height_variance * alike);
         self.lift_m += gain * (position.height_m - local_height_m - self.lift_m);
         self.lift_variance *= 1.0 - gain;
-        self.last_used = Some(position.time);
-        self.chain = 0;
+        self.count_from(position.time);
         Verdict::Used
     }
 
@@ -155,8 +184,14 @@ impl GlobalEstimate {
         self.planar = Some(Planar::new(position.at - arm, yaw_rad, position.variance, yaw_variance));
         self.lift_m = position.height_m - local_height_m;
         self.lift_variance = position.height_variance;
-        self.last_used = Some(position.time);
+        self.count_from(position.time);
+    }
+
+    /// A fix was accepted.
+    fn count_from(&mut self, time: Stamp) {
+        self.last_used = Some(time);
         self.chain = 0;
+        (self.rolled_m, self.slipped) = (0.0, 0.0);
     }
 }
 
@@ -215,6 +250,48 @@ mod tests {
         );
         assert_eq!(verdicts[4], Verdict::Began);
         assert_eq!(estimate.planar().unwrap().at.x, 30.0);
+    }
+
+    #[test]
+    fn fixes_behind_an_estimate_whose_wheels_slip_pull_it_back_and_fixes_beside_it_do_not() {
+        const NOISE: MotionNoise = MotionNoise { distance: 0.22, heading_rad: 0.01 };
+        // Fixes that are refused never begin the estimate anew.
+        let settings = GateSettings { reset_after: 1000, ..SETTINGS };
+        // The wheels roll 0.25 m between two fixes; from the 40th on, half of it is slip.
+        let drive = |truth: fn(f64, f64) -> DVec2| {
+            let mut estimate = GlobalEstimate::new(0.0, 0.001);
+            let mut most_m: f64 = 0.0;
+            for fix in 0..200_u32 {
+                let rolled_m = 0.25 * f64::from(fix);
+                let at = truth(rolled_m, (rolled_m - 10.0).max(0.0));
+                estimate.take(
+                    &settings,
+                    Position { at, ..position(u64::from(fix) * 250, 0.0) },
+                    DVec2::ZERO,
+                    0.0,
+                );
+                if let Some(planar) = estimate.planar() {
+                    most_m = most_m.max(planar.at.distance(at));
+                }
+                estimate.advance(&NOISE, 0.25, 0.0, 0.25);
+            }
+            most_m
+        };
+        let most_m = drive(|rolled_m, since_m| DVec2::new(rolled_m - 0.5 * since_m, 0.0));
+        assert!(most_m < 6.0, "{most_m}");
+        let mut estimate = GlobalEstimate::new(0.0, 0.001);
+        for fix in 0..40_u32 {
+            let beside_m = if fix < 8 { 0.0 } else { 12.0 };
+            let at = DVec2::new(0.25 * f64::from(fix), beside_m);
+            estimate.take(
+                &settings,
+                Position { at, ..position(u64::from(fix) * 250, 0.0) },
+                DVec2::ZERO,
+                0.0,
+            );
+            estimate.advance(&NOISE, 0.25, 0.0, 0.25);
+        }
+        assert!(estimate.planar().unwrap().at.y.abs() < 0.5, "an error across the heading is no slip");
     }
 
     #[test]

@@ -67,6 +67,13 @@ impl Planar {
         self.covariance = f * self.covariance * f.transpose() + grown;
     }
 
+    /// Adds a variance along the heading, m².
+    pub fn widen(&mut self, variance: f64) {
+        let (sin, cos) = libm::sincos(self.yaw_rad);
+        let ahead = DVec3::new(cos, sin, 0.0);
+        self.covariance += outer(ahead, ahead) * variance;
+    }
+
     /// Squared error of a fix, normalised by the covariances of state and fix: for a good fix it is chi-squared
     /// distributed with two degrees of freedom.
     pub fn surprise(&self, fix: &Fix) -> f64 {
