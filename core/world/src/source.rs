@@ -27,6 +27,8 @@ impl Source {
     pub const BUMPER: Source = Source::padded(b"bumper");
     /// The infrared range sensors.
     pub const INFRARED: Source = Source::padded(b"infrared");
+    /// The map of an earlier run.
+    pub const MEMORY: Source = Source::padded(b"memory");
     /// The bundled sources, in the order that decides ties.
     pub const BUNDLED: [Source; 6] = [
         Source::STEREO,

@@ -37,6 +37,7 @@ pub fn all() -> &'static [ProcessType] {
         ProcessType::of::<rcs_vehicle_interface::VehicleInterface>(),
         ProcessType::of::<rcs_planner::WaypointFollower>(),
         ProcessType::of::<rcs_planner::WaypointGenerator>(),
+        ProcessType::of::<rcs_world_model::MapMemoryKeeper>(),
         ProcessType::of::<rcs_world_model::WeightLearner>(),
         ProcessType::of::<rcs_world_model::WorldModel>(),
     ];

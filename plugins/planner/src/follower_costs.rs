@@ -40,6 +40,7 @@ impl Costs {
             corner: sensed.corner,
             fused: vec![0; sensed.fused.len()],
             bumped: sensed.bumped.clone(),
+            remembered: Vec::new(),
         };
         // Without heading and relief, costs do not depend on the vehicle's pose.
         let of = |sensed: &Sensed, terrain: &mut Terrain| {

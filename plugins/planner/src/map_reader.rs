@@ -14,7 +14,7 @@ pub(crate) struct MapReader {
 }
 
 impl MapReader {
-    /// Reads the fused costs of a map, and where the bumper hit.
+    /// Reads the fused costs of a map, where the bumper hit, and where an earlier run knew an obstacle.
     pub(crate) fn read(&mut self, map: &Msg<Grid>, local: &str) -> Result<(), String> {
         let view = GridView::of(map.message()).map_err(|error| error.to_string())?;
         let (size, corner) = (view.cell_size_m(), view.frame_from_grid());
@@ -33,16 +33,20 @@ impl MapReader {
         self.sensed.columns = view.columns();
         self.sensed.cell_size_m = size.x;
         self.sensed.corner = corner.translation.truncate();
-        self.sensed.bumped.clear();
-        let bumper = Source::BUMPER;
-        if let (Ok(cost), Ok(confidence)) = (byte(&format!("cost.{bumper}")), byte(&format!("conf.{bumper}")))
+        for (source, obstacles) in
+            [(Source::BUMPER, &mut self.sensed.bumped), (Source::MEMORY, &mut self.sensed.remembered)]
         {
-            cost.bytes_into(&mut self.costs);
-            confidence.bytes_into(&mut self.confidences);
-            let hit = |(&cost, &confidence): (&u8, &u8)| {
-                confidence > 0 && (OBSTACLE_COST..=MAX_COST).contains(&cost)
-            };
-            self.sensed.bumped.extend(self.costs.iter().zip(&self.confidences).map(hit));
+            obstacles.clear();
+            if let (Ok(cost), Ok(confidence)) =
+                (byte(&format!("cost.{source}")), byte(&format!("conf.{source}")))
+            {
+                cost.bytes_into(&mut self.costs);
+                confidence.bytes_into(&mut self.confidences);
+                let is_obstacle = |(&cost, &confidence): (&u8, &u8)| {
+                    confidence > 0 && (OBSTACLE_COST..=MAX_COST).contains(&cost)
+                };
+                obstacles.extend(self.costs.iter().zip(&self.confidences).map(is_obstacle));
+            }
         }
         Ok(())
     }

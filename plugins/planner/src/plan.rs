@@ -235,6 +235,7 @@ mod tests {
             corner: DVec2::splat(-10.1),
             fused: vec![0; 101 * 101],
             bumped: Vec::new(),
+            remembered: Vec::new(),
         };
         for at in 0..sensed.fused.len() {
             let centre = sensed.centre(Place::new((at % 101) as i32, (at / 101) as i32));

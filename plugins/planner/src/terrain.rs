@@ -149,6 +149,8 @@ pub struct Sensed {
     pub fused: Vec<u8>,
     /// Whether the bumper hit something in the cell; empty if no cell was hit.
     pub bumped: Vec<bool>,
+    /// Whether an earlier run, which has come near to the cell, knew an obstacle in it; empty if it knew none.
+    pub remembered: Vec<bool>,
 }
 
 impl Sensed {
@@ -229,6 +231,9 @@ impl Terrain {
         self.is_sure.clear();
         if rules.sure_m.is_finite() {
             mark(sensed, vehicle, past.track, rules.sure_m, &mut self.is_sure);
+            for (is_sure, _) in self.is_sure.iter_mut().zip(&sensed.remembered).filter(|(_, known)| **known) {
+                *is_sure = true;
+            }
         }
         self.is_obstacle.clear();
         self.is_obstacle.extend(sensed.fused.iter().map(|&cost| self.by_cost[usize::from(cost)].is_none()));

@@ -35,6 +35,7 @@ fn sensed(fused: u8) -> Sensed {
         corner: DVec2::splat(-4.1),
         fused: vec![fused; 41 * 41],
         bumped: Vec::new(),
+        remembered: Vec::new(),
     }
 }
 
@@ -200,7 +201,11 @@ fn an_obstacle_that_was_seen_from_far_alone_costs_but_does_not_block() {
     let past = Past { track: &[DVec2::new(1.5, 0.0)], ..Past::default() };
     let costs = terrain.costs(&sensed, &vehicle, &past, &rules).unwrap();
     assert_eq!(costs.get(at(3.0, 0.0)), Some(BLOCKED));
-    sensed.bumped = sensed.fused.iter().map(|&fused| fused == 250).collect();
+    let is_obstacle: Vec<bool> = sensed.fused.iter().map(|&fused| fused == 250).collect();
+    sensed.remembered = is_obstacle.clone();
+    let costs = terrain.costs(&sensed, &vehicle, &Past::default(), &rules).unwrap();
+    assert_eq!(costs.get(at(3.0, 0.0)), Some(BLOCKED), "an earlier run was nearer");
+    (sensed.bumped, sensed.remembered) = (is_obstacle, Vec::new());
     let costs = terrain.costs(&sensed, &vehicle, &Past::default(), &rules).unwrap();
     assert_eq!(costs.get(at(3.0, 0.0)), Some(BLOCKED));
 }

@@ -62,6 +62,22 @@
 //! inputs = { map = "/wm1/map", params = "/wm1/params" }
 //! ```
 //!
+//! # `map_memory`
+//!
+//! | port | direction | type | what |
+//! | --- | --- | --- | --- |
+//! | `map` | in | `foxglove.Grid` | the map to remember, with the evidence of each source, local frame |
+//! | `odometry` | in | `foxglove.Odometry` | pose of the vehicle in the local frame |
+//! | `transforms` | in | `foxglove.FrameTransforms` | the local frame in the global frame |
+//! | `cost` | out | `foxglove.Grid` | the remembered map where it fits: fields cost.memory and conf.memory, local frame |
+//! | `memory` | out | `rcs.MapMemory` | the map to save, global frame |
+//!
+//! Period 0.5 s. Commands `SAVE` and `CLEAR`. State: the track, and how the remembered map fits. The map of a run is the
+//! parameter `memory` of the next one; `ocu run --save` writes it, and `ocu run --runs` hands it over. It is registered
+//! against what is sensed before it is believed, and followed while the position estimate drifts ([`memory`]); one that does
+//! not fit, or is of another UTM zone, is not used, and the status says why. What it says is one source of the world model,
+//! whose weight is such that anything sensed outvotes it.
+//!
 //! # Where to begin
 //!
 //! [`resample`] and [`algo`] convert cost maps to votes; [`WorldModel`] connects it to ports and parameters. A new source of costs is a
@@ -86,10 +102,13 @@ rcs_msg::messages!(
 );
 
 pub mod algo;
+pub mod memory;
+mod memory_process;
 mod process;
 pub mod resample;
 mod sources;
 mod weight_learner;
 
+pub use memory_process::{MapMemoryCommand, MapMemoryKeeper};
 pub use process::{WorldModel, WorldModelCommand};
 pub use weight_learner::{WeightLearner, WeightLearnerCommand};

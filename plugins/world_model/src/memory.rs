@@ -1,0 +1,268 @@
+//! A map that outlives its run: its file, and how it is registered against what is sensed before it is believed (Albus
+//! 2006a, 5: the map and the path of a run are saved for the next one).
+//!
+//! Both runs know their position to about a metre, so the remembered map lies up to a few metres beside the ground that
+//! it shows. It is moved, by whole cells, to where its obstacles agree best with those that are sensed near the vehicle.
+//! Of the obstacle cells that can be compared, these disagree: sensed ones on remembered ground, and remembered ones on
+//! sensed ground. Edges may differ by a cell.
+
+use crate::proto::MapMemory;
+use rcs_geom::{DVec2, Utm};
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::{Grid, PackedElementField};
+use rcs_sense::GridFrame;
+use rcs_world::{GridView, GridViewError, MAX_COST, NumericType, OBSTACLE_COST, Source, UNKNOWN_COST};
+use serde::{Deserialize, Serialize};
+
+/// Version of the file.
+const FORMAT: u32 = 1;
+/// Greatest number of cells of a remembered map.
+const MOST_CELLS: usize = 4_000_000;
+
+/// Why a text is no remembered map.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MemoryError {
+    /// The text is not the JSON of a map.
+    #[error("{0}")]
+    Text(String),
+    /// The file has another version.
+    #[error("format is {0}, expected {FORMAT}")]
+    Format(u32),
+    /// The cells are not those of a rectangle.
+    #[error(
+        "{cells} cells in rows of {columns}, of {cell_size_m} m, expected full rows, at most {MOST_CELLS} cells, and a size"
+    )]
+    Cells {
+        /// Number of cells.
+        cells: usize,
+        /// Cells per row.
+        columns: u32,
+        /// Size of a cell, m.
+        cell_size_m: f64,
+    },
+    /// The map is in another zone than the global frame.
+    #[error("the map is in UTM zone {got}, expected zone {expected} of the global frame's origin")]
+    Zone {
+        /// Zone of the map.
+        got: u32,
+        /// Zone of the origin.
+        expected: u8,
+    },
+}
+
+/// The map in a text; `None` for an empty one.
+pub fn parse(text: &str) -> Result<Option<MapMemory>, MemoryError> {
+    if text.trim().is_empty() {
+        return Ok(None);
+    }
+    let map: MapMemory = rcs_msg::from_json(text).map_err(|error| MemoryError::Text(error.to_string()))?;
+    if map.format != FORMAT {
+        return Err(MemoryError::Format(map.format));
+    }
+    let (cells, columns, cell_size_m) = (map.costs.len(), map.columns, map.cell_size_m);
+    let is_full = columns > 0 && cells > 0 && cells.is_multiple_of(columns as usize) && cells <= MOST_CELLS;
+    let is_sized = (0.01..=100.0).contains(&cell_size_m);
+    if !is_full || !is_sized || !(map.easting_m.is_finite() && map.northing_m.is_finite()) {
+        return Err(MemoryError::Cells { cells, columns, cell_size_m });
+    }
+    Ok(Some(map))
+}
+
+/// Costs of the cells of a rectangle of a frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Rectangle {
+    /// South-west corner, m.
+    pub corner: DVec2,
+    /// Size of a cell, m.
+    pub cell_size_m: f64,
+    /// Cells per row.
+    pub columns: usize,
+    /// By rows from the south: 0 to 250, 255 for unknown.
+    pub costs: Vec<u8>,
+}
+
+impl Rectangle {
+    /// A rectangle of unknown cells that contains all positions within a distance of these, m. Its corner is a multiple of
+    /// the size of a cell, so that the cells of all runs are the same. `None` without positions.
+    pub fn around(places: &[DVec2], within_m: f64, cell_size_m: f64) -> Option<Rectangle> {
+        let first = *places.first()?;
+        let low = places.iter().fold(first, |low, &place| low.min(place)) - within_m;
+        let high = places.iter().fold(first, |high, &place| high.max(place)) + within_m;
+        let corner = (low / cell_size_m).floor() * cell_size_m;
+        let cells = ((high - corner) / cell_size_m).ceil();
+        let (columns, rows) = (cells.x as usize, cells.y as usize);
+        let costs = vec![UNKNOWN_COST; columns.checked_mul(rows).filter(|&count| count <= MOST_CELLS)?];
+        Some(Rectangle { corner, cell_size_m, columns, costs })
+    }
+
+    /// The remembered map in the global frame with this origin.
+    pub fn of_memory(map: &MapMemory, origin: &Utm) -> Result<Rectangle, MemoryError> {
+        if map.zone != u32::from(origin.zone) {
+            return Err(MemoryError::Zone { got: map.zone, expected: origin.zone });
+        }
+        let corner = DVec2::new(map.easting_m - origin.easting_m, map.northing_m - origin.northing_m);
+        let (cell_size_m, columns) = (map.cell_size_m, map.columns as usize);
+        Ok(Rectangle { corner, cell_size_m, columns, costs: map.costs.to_vec() })
+    }
+
+    /// The fused costs of a world model's map, in its frame.
+    pub fn of_grid(view: &GridView<'_>) -> Result<Rectangle, GridViewError> {
+        let mut costs = Vec::new();
+        view.field_of("cost", NumericType::Uint8)?.bytes_into(&mut costs);
+        Ok(Rectangle::with(view, costs))
+    }
+
+    /// Costs of a world model's map, in its frame.
+    pub fn with(view: &GridView<'_>, costs: Vec<u8>) -> Rectangle {
+        let corner = view.frame_from_grid().translation.truncate();
+        Rectangle { corner, cell_size_m: view.cell_size_m().x, columns: view.columns(), costs }
+    }
+
+    /// The message of a map in the global frame with this origin.
+    pub fn to_memory(&self, origin: &Utm) -> MapMemory {
+        MapMemory {
+            format: FORMAT,
+            zone: u32::from(origin.zone),
+            easting_m: origin.easting_m + self.corner.x,
+            northing_m: origin.northing_m + self.corner.y,
+            cell_size_m: self.cell_size_m,
+            columns: self.columns as u32,
+            costs: self.costs.clone().into(),
+        }
+    }
+
+    /// The cost at a position, m; unknown outside.
+    pub fn at(&self, place: DVec2) -> u8 {
+        let cell = ((place - self.corner) / self.cell_size_m).floor();
+        if !(cell.x >= 0.0 && cell.y >= 0.0 && cell.x < self.columns as f64) {
+            return UNKNOWN_COST;
+        }
+        let index = cell.y as usize * self.columns + cell.x as usize;
+        self.costs.get(index).copied().unwrap_or(UNKNOWN_COST)
+    }
+
+    /// The centre of a cell, by its index, m.
+    pub fn centre(&self, index: usize) -> DVec2 {
+        let columns = self.columns.max(1);
+        let (column, row) = (index % columns, index / columns);
+        self.corner + (DVec2::new(column as f64, row as f64) + 0.5) * self.cell_size_m
+    }
+
+    /// Number of known cells.
+    pub fn known(&self) -> usize {
+        self.costs.iter().filter(|&&cost| cost != UNKNOWN_COST).count()
+    }
+
+    /// Whether the cell at a position or one beside it is an obstacle.
+    fn is_beside_obstacle(&self, place: DVec2) -> bool {
+        let around = [-1.0, 0.0, 1.0];
+        let beside = around.iter().flat_map(|&x| around.iter().map(move |&y| DVec2::new(x, y)));
+        beside.into_iter().any(|step| is_obstacle(self.at(place + step * self.cell_size_m)))
+    }
+}
+
+fn is_obstacle(cost: u8) -> bool {
+    (OBSTACLE_COST..=MAX_COST).contains(&cost)
+}
+
+/// What is sensed near the vehicle: positions in the global frame, m.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Seen {
+    obstacles: Vec<DVec2>,
+    /// Those that do not lie beside an obstacle.
+    ground: Vec<DVec2>,
+}
+
+impl Seen {
+    /// The cells of a map within a distance of the vehicle, m, as positions in the global frame.
+    pub fn of(
+        map: &Rectangle,
+        vehicle: DVec2,
+        within_m: f64,
+        global_from_map: impl Fn(DVec2) -> DVec2,
+    ) -> Seen {
+        let mut seen = Seen::default();
+        for (index, &cost) in map.costs.iter().enumerate() {
+            let centre = map.centre(index);
+            if cost == UNKNOWN_COST || centre.distance(vehicle) > within_m {
+                continue;
+            }
+            if is_obstacle(cost) {
+                seen.obstacles.push(global_from_map(centre));
+            } else if !map.is_beside_obstacle(centre) {
+                seen.ground.push(global_from_map(centre));
+            }
+        }
+        seen
+    }
+}
+
+/// How a remembered map agrees with what is sensed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Fit {
+    /// By how much the remembered map is moved, m.
+    pub moved: DVec2,
+    /// Share of the compared obstacle cells that agree.
+    pub agreement: f64,
+    /// Number of obstacle cells that were compared.
+    pub compared: usize,
+}
+
+/// How a remembered map agrees if it is moved, m.
+pub fn compare(remembered: &Rectangle, seen: &Seen, moved: DVec2) -> Fit {
+    let (mut agree, mut differ) = (0_usize, 0_usize);
+    for &place in &seen.obstacles {
+        if remembered.is_beside_obstacle(place - moved) {
+            agree += 1;
+        } else if remembered.at(place - moved) != UNKNOWN_COST {
+            differ += 1;
+        }
+    }
+    differ += seen.ground.iter().filter(|&&place| is_obstacle(remembered.at(place - moved))).count();
+    let compared = agree + differ;
+    Fit { moved, agreement: agree as f64 / compared.max(1) as f64, compared }
+}
+
+/// Agreement that a metre of motion must gain.
+const WORTH_OF_A_METRE: f64 = 0.02;
+
+/// The best fit of a remembered map that is moved by up to a distance east and north from a place, m, by whole cells.
+/// Of fits that are as good, the one that moves it least counts. `None` if fewer cells than `least` can be compared.
+pub fn register(
+    remembered: &Rectangle,
+    seen: &Seen,
+    from: DVec2,
+    within_m: f64,
+    least: usize,
+) -> Option<Fit> {
+    let steps = (within_m / remembered.cell_size_m).floor() as i32;
+    let shifts = (-steps..=steps).flat_map(|y| (-steps..=steps).map(move |x| DVec2::new(x.into(), y.into())));
+    let worth = |fit: &Fit| fit.agreement - WORTH_OF_A_METRE * fit.moved.length();
+    shifts
+        .map(|shift| compare(remembered, seen, from + shift * remembered.cell_size_m))
+        .filter(|fit| fit.compared >= least)
+        .reduce(|best, fit| if worth(&fit) > worth(&best) { fit } else { best })
+}
+
+/// The statement of a world model's source, from costs in its frame.
+pub fn statement(
+    frame: &GridFrame,
+    costs: &[u8],
+    confidence: u8,
+    source: Source,
+    frame_id: &str,
+    time: Stamp,
+) -> Grid {
+    let field = |name: &str, offset| PackedElementField {
+        name: format!("{name}.{source}"),
+        offset,
+        r#type: NumericType::Uint8.into(),
+    };
+    let known = |cost: u8| if cost == UNKNOWN_COST { 0 } else { confidence };
+    let data = costs.iter().flat_map(|&cost| [cost, known(cost)]).collect();
+    frame.message(frame_id, time, vec![field("cost", 0), field("conf", 1)], 2, data)
+}
+
+#[cfg(test)]
+#[path = "memory_tests.rs"]
+mod tests;

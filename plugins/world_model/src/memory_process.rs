@@ -1,0 +1,349 @@
+//! The process `map_memory`: a world model's map of an earlier run, registered against this one, and the map to save. Its
+//! port table is in the crate's documentation.
+
+use crate::memory::{Fit, Rectangle, Seen, compare, parse, register, statement};
+use crate::proto::{MapMemory, MapMemoryParams};
+use rcs_geom::{DVec2, Pose};
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry};
+use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
+use rcs_sense::{GridFrame, Localizer, Origin, pose_of};
+use rcs_world::{GridView, Source, SourceKind, Weighted, Weights, fuse_grid};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Confidence of what is remembered: that of a sensor which is sure of ground.
+const CONFIDENCE: u8 = 80;
+/// Distance between the points of the track, m, and their greatest number.
+const TRACK_STEP_M: f64 = 2.0;
+const MOST_TRACK: usize = 5000;
+/// Once it is registered, the remembered map is moved by up to this far at a time, m.
+const FOLLOW_M: f64 = 0.8;
+/// A registered map is believed until its agreement falls below this share of the one that it needed.
+const DOUBT: f64 = 0.7;
+/// Time after which the costs are sent again, s: the world model may have been cleared.
+const RESEND_S: f64 = 5.0;
+
+/// State: the frames, the track, the fit, and what was sent when.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct MapMemoryKeeper {
+    frames: Localizer,
+    /// Whether the operator has cleared the memory.
+    is_cleared: bool,
+    /// Where the vehicle was, local frame, m.
+    track: Vec<DVec2>,
+    /// How the remembered map fits; `None` while it is not believed.
+    fit: Option<Fit>,
+    /// When the costs were sent last, and where a point of the remembered map then was, m.
+    sent: Option<(Stamp, DVec2)>,
+    saved: Option<Stamp>,
+    text: String,
+    #[serde(skip)]
+    remembered: Remembered,
+}
+
+/// The map of the parameters, which is read once.
+#[derive(Clone, Debug, Default)]
+struct Remembered {
+    text: Option<(String, String)>,
+    map: Option<Result<Arc<Rectangle>, String>>,
+}
+
+rcs_runtime::commands! {
+    /// Commands of [`MapMemoryKeeper`].
+    pub enum MapMemoryCommand {
+        Save = "SAVE": "Write the map to save now.",
+        Clear = "CLEAR": "Forget the remembered map until the next start.",
+    }
+}
+
+/// Ports of [`MapMemoryKeeper`].
+#[derive(Debug)]
+pub struct Ports {
+    map: In<Grid>,
+    odometry: In<Odometry>,
+    transforms: In<FrameTransforms>,
+    cost: Out<Grid>,
+    memory: Out<MapMemory>,
+}
+
+impl Process for MapMemoryKeeper {
+    type Params = MapMemoryParams;
+    type Ports = Ports;
+    type Command = MapMemoryCommand;
+    const DEF: ProcessDef = ProcessDef {
+        plugin: "map_memory",
+        summary: "Registers the map of an earlier run, states it to the world model, and saves the map of this one",
+        period_ms: 500.0,
+        latency_ms: 10.0,
+        reads_ground_truth: false,
+    };
+
+    fn ports(b: &mut PortBuilder) -> Ports {
+        Ports {
+            map: b.input("map", "the map to remember, with the evidence of each source, local frame"),
+            odometry: b.input("odometry", "pose of the vehicle in the local frame"),
+            transforms: b.input("transforms", "the local frame in the global frame"),
+            cost: b
+                .output(
+                    "cost",
+                    "the remembered map where it fits: fields cost.memory and conf.memory, local frame",
+                )
+                .role(Role::Map)
+                .palette("cost")
+                .build(),
+            memory: b.output("memory", "the map to save, global frame").build(),
+        }
+    }
+
+    fn check(params: &MapMemoryParams) -> Result<(), String> {
+        if !params.world.is_empty() {
+            Origin::from_toml(&params.world).map_err(|error| format!("world: {error}"))?;
+        }
+        parse(&params.memory).map_err(|error| format!("memory: {error}"))?;
+        Ok(())
+    }
+
+    fn new(_params: &MapMemoryParams) -> Self {
+        Self::default()
+    }
+
+    fn cycle(&mut self, ports: &Ports, params: &MapMemoryParams, cx: &mut Cycle<'_>) {
+        let mut is_asked = false;
+        while let Some(command) = cx.next_command::<Self>() {
+            match command {
+                MapMemoryCommand::Save => is_asked = true,
+                MapMemoryCommand::Clear => self.is_cleared = true,
+            }
+        }
+        while let Some(message) = cx.read(&ports.transforms) {
+            if let Err(error) = self.frames.add_transforms(&message, false) {
+                cx.fault(format!("transforms: {error}; skipped"));
+            }
+        }
+        let vehicle = cx.latest(&ports.odometry);
+        let vehicle = vehicle.and_then(|odometry| pose_of(odometry.pose.as_ref(), &odometry.frame_id).ok());
+        let Some(vehicle) = vehicle.map(|pose| pose.translation.truncate()) else {
+            return cx.exec("waits for the pose of the vehicle");
+        };
+        self.take_position(vehicle);
+        let (global, local) = (&params.global_frame, &params.local_frame);
+        let Ok(global_from_local) = self.frames.lookup(global, local, cx.now(), f64::INFINITY) else {
+            return cx.exec("waits for the local frame in the global frame");
+        };
+        let Ok(origin) = Origin::from_toml(&params.world) else {
+            return cx.error("world: expected a file with the [origin] of the global frame");
+        };
+        let Some(map) = cx.read_newest(&ports.map) else {
+            return self.tell(cx);
+        };
+        if let Err(error) = self.remember(ports, params, &origin, &map, vehicle, &global_from_local, cx) {
+            cx.fault(format!("map: {error}; skipped"));
+        }
+        let now = cx.now();
+        if is_asked || self.saved.is_none_or(|saved| now.seconds_since(saved) >= params.save_every_s) {
+            match self.to_save(params, &map, &global_from_local) {
+                Ok(Some(saved)) => {
+                    self.saved = Some(now);
+                    cx.write(&ports.memory, now, saved.to_memory(&origin.0));
+                }
+                Ok(None) => {}
+                Err(error) => cx.fault(format!("map: {error}; not saved")),
+            }
+        }
+        self.tell(cx);
+    }
+}
+
+impl MapMemoryKeeper {
+    fn tell(&self, cx: &mut Cycle<'_>) {
+        cx.exec(
+            if self.text.is_empty() { "nothing is remembered; saves the map" } else { &*self.text }
+                .to_owned(),
+        );
+    }
+
+    fn take_position(&mut self, vehicle: DVec2) {
+        let step_m = self.track.last().map_or(f64::INFINITY, |last| last.distance(vehicle));
+        if step_m >= TRACK_STEP_M && self.track.len() < MOST_TRACK {
+            self.track.push(vehicle);
+        }
+    }
+
+    /// Registers the remembered map, and states what it says to the world model.
+    #[allow(clippy::too_many_arguments, reason = "what a cycle has read")]
+    fn remember(
+        &mut self,
+        ports: &Ports,
+        params: &MapMemoryParams,
+        origin: &Origin,
+        map: &Msg<Grid>,
+        vehicle: DVec2,
+        global_from_local: &Pose,
+        cx: &mut Cycle<'_>,
+    ) -> Result<(), String> {
+        let Some(remembered) = self.remembered.of(params, origin).filter(|_| !self.is_cleared) else {
+            if self.is_cleared {
+                self.text = "the remembered map is cleared".to_owned();
+                self.withdraw(ports, params, map, vehicle, cx);
+            }
+            return Ok(());
+        };
+        let remembered = match remembered {
+            Ok(remembered) => remembered,
+            Err(why) => {
+                self.text = format!("{why}: not used");
+                return Ok(());
+            }
+        };
+        let view = GridView::of(map.message()).map_err(|error| error.to_string())?;
+        let mut costs = Vec::new();
+        fuse_grid(&view, &sensed_by(), &mut costs).map_err(|error| error.to_string())?;
+        let sensed = Rectangle::with(&view, costs);
+        let to_global = |at: DVec2| (*global_from_local * at.extend(0.0)).truncate();
+        let seen = Seen::of(&sensed, vehicle, params.near_m, to_global);
+        let least = params.least_cells as usize;
+        let found = match self.fit {
+            // Where little can be compared, what was found stays.
+            Some(fit) => register(&remembered, &seen, fit.moved, FOLLOW_M, least).or(Some(fit)),
+            None => register(&remembered, &seen, DVec2::ZERO, params.search_m, least),
+        };
+        let needed = params.least_agreement * if self.fit.is_some() { DOUBT } else { 1.0 };
+        self.text = match found {
+            Some(fit) if fit.agreement >= needed => {
+                let Fit { moved, agreement, compared } = fit;
+                self.fit = Some(fit);
+                let share = 100.0 * agreement;
+                format!(
+                    "remembers: moved by {:.1} m, {share:.0} % of {compared} obstacle cells agree",
+                    moved.length()
+                )
+            }
+            Some(fit) => {
+                self.fit = None;
+                let (got, needed) = (100.0 * fit.agreement, 100.0 * needed);
+                let compared = fit.compared;
+                format!(
+                    "the remembered map does not fit: {got:.0} % of {compared} obstacle cells agree, expected {needed:.0} %"
+                )
+            }
+            None => {
+                let compared = compare(&remembered, &seen, DVec2::ZERO).compared;
+                format!(
+                    "waits: {compared} obstacle cells can be compared with the remembered map, expected {least}"
+                )
+            }
+        };
+        let Some(Fit { moved, .. }) = self.fit else {
+            self.withdraw(ports, params, map, vehicle, cx);
+            return Ok(());
+        };
+        let at = moved - to_global(vehicle) + vehicle;
+        let is_due = self.sent.is_none_or(|(sent, before)| {
+            cx.now().seconds_since(sent) >= RESEND_S || before.distance(at) > 0.5 * remembered.cell_size_m
+        });
+        if is_due {
+            let frame = GridFrame::around(vehicle, view.columns(), sensed.cell_size_m);
+            let middles =
+                (0..frame.side * frame.side).map(|slot| frame.middle(slot % frame.side, slot / frame.side));
+            let costs: Vec<u8> = middles.map(|middle| remembered.at(to_global(middle) - moved)).collect();
+            self.send(ports, params, &frame, &costs, at, cx);
+        }
+        Ok(())
+    }
+
+    /// Takes back what was stated.
+    fn withdraw(
+        &mut self,
+        ports: &Ports,
+        params: &MapMemoryParams,
+        map: &Msg<Grid>,
+        vehicle: DVec2,
+        cx: &mut Cycle<'_>,
+    ) {
+        self.fit = None;
+        let size_m = map.cell_size.map(|size| size.x).filter(|_| self.sent.is_some());
+        if let Some(cell_size_m) = size_m {
+            let frame = GridFrame::around(vehicle, 1, cell_size_m);
+            self.send(ports, params, &frame, &[rcs_world::UNKNOWN_COST], DVec2::ZERO, cx);
+            self.sent = None;
+        }
+    }
+
+    fn send(
+        &mut self,
+        ports: &Ports,
+        params: &MapMemoryParams,
+        frame: &GridFrame,
+        costs: &[u8],
+        at: DVec2,
+        cx: &mut Cycle<'_>,
+    ) {
+        let now = cx.now();
+        self.sent = Some((now, at));
+        let message = statement(frame, costs, CONFIDENCE, Source::MEMORY, &params.local_frame, now);
+        cx.write(&ports.cost, now, message);
+    }
+
+    /// The map to save: what the vehicle has come near to, and what it remembers.
+    fn to_save(
+        &self,
+        params: &MapMemoryParams,
+        map: &Msg<Grid>,
+        global_from_local: &Pose,
+    ) -> Result<Option<Rectangle>, String> {
+        let view = GridView::of(map.message()).map_err(|error| error.to_string())?;
+        let fused = Rectangle::of_grid(&view).map_err(|error| error.to_string())?;
+        let to_global = |at: DVec2| (*global_from_local * at.extend(0.0)).truncate();
+        let remembered =
+            self.fit.and_then(|fit| Some((self.remembered.map.as_ref()?.as_ref().ok()?, fit.moved)));
+        let mut places: Vec<DVec2> = self.track.iter().map(|&at| to_global(at)).collect();
+        if let Some((old, moved)) = remembered {
+            let rows = old.costs.len() / old.columns.max(1);
+            let far = DVec2::new(old.columns as f64, rows as f64) * old.cell_size_m;
+            places.extend([old.corner + moved + params.near_m, old.corner + far + moved - params.near_m]);
+        }
+        let Some(mut saved) = Rectangle::around(&places, params.near_m, fused.cell_size_m) else {
+            return Ok(None);
+        };
+        let local_from_global = global_from_local.inverse();
+        for index in 0..saved.costs.len() {
+            let centre = saved.centre(index);
+            let local = (local_from_global * centre.extend(0.0)).truncate();
+            let is_near = self.track.iter().any(|at| at.distance(local) <= params.near_m);
+            let sensed = if is_near { fused.at(local) } else { rcs_world::UNKNOWN_COST };
+            let old = || remembered.map_or(rcs_world::UNKNOWN_COST, |(old, moved)| old.at(centre - moved));
+            saved.costs[index] = if sensed == rcs_world::UNKNOWN_COST { old() } else { sensed };
+        }
+        Ok(Some(saved))
+    }
+}
+
+impl Remembered {
+    /// The map of the parameters in the global frame; `None` if they have none.
+    fn of(&mut self, params: &MapMemoryParams, origin: &Origin) -> Option<Result<Arc<Rectangle>, String>> {
+        let text = (params.memory.clone(), params.world.clone());
+        if self.text.as_ref() != Some(&text) {
+            let map = parse(&params.memory).map_err(|error| error.to_string());
+            self.map = map.transpose().map(|map| {
+                let map = map
+                    .and_then(|map| Rectangle::of_memory(&map, &origin.0).map_err(|error| error.to_string()));
+                map.map(Arc::new).map_err(|error| format!("memory: {error}"))
+            });
+            self.text = Some(text);
+        }
+        self.map.clone()
+    }
+}
+
+/// The sources with which a remembered map is compared: those of shape and touch.
+fn sensed_by() -> Weights {
+    let weighted = |source, weight, kind| Weighted { source, weight, kind };
+    [
+        weighted(Source::STEREO, 1.0, SourceKind::Range),
+        weighted(Source::TERRAIN, 0.5, SourceKind::Learned),
+        weighted(Source::BUMPER, 1.0, SourceKind::Override),
+    ]
+    .into_iter()
+    .collect()
+}

@@ -1,0 +1,118 @@
+//! Maps with an L of obstacles on ground.
+
+use super::*;
+
+const ORIGIN: (u8, f64, f64) = (18, 308_000.0, 4_333_000.0);
+
+fn origin() -> Utm {
+    Utm::new(ORIGIN.0, true, ORIGIN.1, ORIGIN.2).unwrap()
+}
+
+/// 50×50 cells of 0.4 m around (0, 0), with walls whose corner is at a place, and ground elsewhere.
+fn map(wall: DVec2) -> Rectangle {
+    let mut map = Rectangle::around(&[DVec2::ZERO], 10.0, 0.4).unwrap();
+    for index in 0..map.costs.len() {
+        let from_wall = map.centre(index) - wall;
+        let on = |along: f64, across: f64| (0.0..5.0).contains(&along) && (0.0..0.8).contains(&across);
+        let is_wall = on(from_wall.x, from_wall.y) || on(from_wall.y, from_wall.x);
+        map.costs[index] = if is_wall { 250 } else { 0 };
+    }
+    map
+}
+
+fn seen(map: &Rectangle) -> Seen {
+    Seen::of(map, DVec2::ZERO, 8.0, |at| at)
+}
+
+#[test]
+fn the_file_of_a_map_is_the_map() {
+    let map = map(DVec2::new(2.0, 1.0));
+    let text = rcs_msg::to_json(&rcs_msg::AnyMessage::new(map.to_memory(&origin()))).unwrap();
+    let read = Rectangle::of_memory(&parse(&text).unwrap().unwrap(), &origin()).unwrap();
+    assert_eq!((read.columns, &read.costs), (map.columns, &map.costs));
+    assert!(read.corner.distance(map.corner) < 1e-6);
+    assert_eq!(parse(" "), Ok(None));
+}
+
+#[test]
+fn a_file_that_is_no_map_or_of_another_version_or_place_is_refused() {
+    let good = map(DVec2::ZERO).to_memory(&origin());
+    let error = |change: fn(&mut MapMemory)| {
+        let mut map = good.clone();
+        change(&mut map);
+        parse(&rcs_msg::to_json(&rcs_msg::AnyMessage::new(map)).unwrap()).unwrap_err().to_string()
+    };
+    assert_eq!(error(|map| map.format = 2), "format is 2, expected 1");
+    assert!(
+        error(|map| map.columns = 7).starts_with("2500 cells in rows of 7, of 0.4 m, expected full rows")
+    );
+    assert!(error(|map| map.cell_size_m = 0.0).contains("of 0 m"));
+    assert!(error(|map| map.costs.clear()).starts_with("0 cells"));
+    assert!(error(|map| map.easting_m = f64::NAN).starts_with("2500 cells"));
+    assert!(parse("{\"format\": 1, \"columns\": -1}").is_err());
+    let elsewhere = Utm::new(17, true, ORIGIN.1, ORIGIN.2).unwrap();
+    assert_eq!(
+        Rectangle::of_memory(&good, &elsewhere).unwrap_err().to_string(),
+        "the map is in UTM zone 18, expected zone 17 of the global frame's origin"
+    );
+}
+
+#[test]
+fn a_map_that_lies_beside_the_ground_is_moved_onto_it() {
+    let sensed = map(DVec2::new(1.2, -0.8));
+    for moved in [DVec2::ZERO, DVec2::new(1.6, -2.0), DVec2::new(-2.8, 1.2)] {
+        let remembered = map(DVec2::new(1.2, -0.8) - moved);
+        let fit = register(&remembered, &seen(&sensed), DVec2::ZERO, 4.0, 30).unwrap();
+        // Edges may differ by a cell.
+        assert!((fit.moved - moved).abs().max_element() <= 0.41, "{fit:?} for {moved}");
+        assert!(fit.agreement > 0.9, "{fit:?}");
+    }
+}
+
+#[test]
+fn a_map_of_another_place_does_not_fit_and_open_ground_tells_nothing() {
+    let sensed = map(DVec2::new(1.2, -0.8));
+    // Posts in rows, as many obstacle cells as the walls.
+    let mut posts = map(DVec2::splat(100.0));
+    for index in 0..posts.costs.len() {
+        let (row, column) = (index / posts.columns, index % posts.columns);
+        posts.costs[index] = if row % 6 == 0 && column % 6 == 0 { 250 } else { 0 };
+    }
+    let fit = register(&posts, &seen(&sensed), DVec2::ZERO, 4.0, 30).unwrap();
+    assert!(fit.agreement < 0.5, "{fit:?}");
+    let open = map(DVec2::splat(100.0));
+    assert_eq!(register(&open, &seen(&open), DVec2::ZERO, 4.0, 30), None);
+}
+
+#[test]
+fn agreement_is_counted_as_a_plain_loop_counts_it() {
+    let (sensed, remembered) = (map(DVec2::new(1.2, -0.8)), map(DVec2::new(0.4, 0.4)));
+    let moved = DVec2::new(0.4, -0.4);
+    let near = |map: &Rectangle, at: DVec2| {
+        (0..map.costs.len()).any(|index| {
+            map.costs[index] == 250 && (map.centre(index) - at).abs().max_element() < 1.5 * map.cell_size_m
+        })
+    };
+    let (mut agree, mut differ) = (0, 0);
+    for index in 0..sensed.costs.len() {
+        let at = sensed.centre(index);
+        if at.length() > 8.0 {
+            continue;
+        }
+        if sensed.costs[index] == 250 {
+            if near(&remembered, at - moved) {
+                agree += 1;
+            } else {
+                differ += 1;
+            }
+        } else if !near(&sensed, at) && remembered.at(at - moved) == 250 {
+            differ += 1;
+        }
+    }
+    let fit = compare(&remembered, &seen(&sensed), moved);
+    assert_eq!(
+        (fit.compared, fit.agreement),
+        (agree + differ, f64::from(agree as u32) / f64::from((agree + differ) as u32))
+    );
+    assert!(agree > 5 && differ > 5, "{agree} {differ}");
+}

@@ -1,0 +1,165 @@
+//! A world model and its map memory: cost maps and the map of an earlier run in, the fused map and the map to save out.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use glam::DVec2;
+use rcs_geom::{Pose, Utm};
+use rcs_msg::foxglove::{FrameTransform, FrameTransforms, Grid, Odometry, Quaternion, Vector3};
+use rcs_msg::{Stamp, rcs};
+use rcs_runtime::{CommandSet, ProcessType};
+use rcs_sense::{CostGrid, GridFrame, pose_message};
+use rcs_testkit::bench::{Bench, Setup};
+use rcs_world::GridView;
+use rcs_world_model::memory::{Rectangle, parse};
+use rcs_world_model::proto::MapMemory;
+use rcs_world_model::{MapMemoryCommand, MapMemoryKeeper, WorldModel};
+
+const STACK: &str = r#"
+format = 1
+name = "memory"
+
+[[process]]
+name = "wm"
+plugin = "world_model"
+supervisor = "viewer"
+inputs = { stereo = "/operator/stereo", costs = "/memory/cost", odometry = "/operator/odometry" }
+
+[process.params]
+cell_size_m = 0.4
+sources = [
+    { name = "stereo" },
+    { name = "memory", kind = "SOURCE_LEARNED", weight = 0.2, fade_per_s = 0.0 },
+]
+
+[[process]]
+name = "memory"
+plugin = "map_memory"
+supervisor = "viewer"
+inputs = { map = "/wm/map", odometry = "/operator/odometry", transforms = "/operator/transforms" }
+
+[process.params]
+save_every_s = 1.0
+"#;
+
+/// The files that the stack names: the name of a map is its text.
+struct Files;
+
+impl rcs_runtime::Assets for Files {
+    fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<rcs_runtime::Asset, String> {
+        let world = "[origin]\nzone = 18\neasting_m = 300000.0\nnorthing_m = 4000000.0\n";
+        let text = if kind == "world" { world } else { name };
+        Ok(rcs_runtime::Asset { file: "file".to_owned(), text: text.to_owned() })
+    }
+}
+
+/// A bench whose local frame is the global one, moved by (2, 3) m.
+fn start(memory: &str) -> Bench {
+    let types = [ProcessType::of::<WorldModel>(), ProcessType::of::<MapMemoryKeeper>()];
+    let params = [("memory.world", "w"), ("memory.memory", memory)];
+    let params = if memory.is_empty() { &params[..1] } else { &params };
+    let mut bench = Setup::new(STACK, &types).params(params).assets(&Files).bench();
+    let transform = FrameTransform {
+        timestamp: Some(Stamp(1).to_proto()),
+        parent_frame_id: "global".to_owned(),
+        child_frame_id: "local".to_owned(),
+        translation: Some(Vector3 { x: 2.0, y: 3.0, z: 0.0 }),
+        rotation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
+    };
+    bench.write("/operator/transforms", FrameTransforms { transforms: vec![transform] });
+    bench
+}
+
+/// An L of walls whose corner is at (3, -3) m, and a wall 9 m ahead of the origin; ground elsewhere.
+fn ground_truth(at: DVec2) -> u8 {
+    let from_corner = at - DVec2::new(3.0, -3.0);
+    let on = |along: f64, across: f64| (0.0..5.0).contains(&along) && (0.0..0.8).contains(&across);
+    let is_wall = on(from_corner.x, from_corner.y) || on(from_corner.y, from_corner.x);
+    if is_wall || (at.x - 9.0).abs() < 0.5 { 250 } else { 0 }
+}
+
+/// Cycles in which the ground within a distance of the vehicle is sensed, m.
+fn look(bench: &mut Bench, vehicle: DVec2, within_m: f64, truth: impl Fn(DVec2) -> u8, count: usize) {
+    for _ in 0..count {
+        let pose = Some(pose_message(&Pose::from_translation(vehicle.extend(0.0))));
+        bench.write(
+            "/operator/odometry",
+            Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() },
+        );
+        let mut costs = CostGrid::new(GridFrame::around(vehicle, 61, 0.4));
+        let frame = *costs.frame();
+        for slot in 0..frame.side * frame.side {
+            let at = frame.middle(slot % frame.side, slot / frame.side);
+            if at.distance(vehicle) < within_m {
+                costs.costs_mut()[slot] = truth(at);
+            }
+        }
+        let now = Stamp(bench.now_ms * 1_000_000 + 1);
+        bench.write("/operator/stereo", costs.into_message("stereo", "local", now));
+        bench.cycles(50, 2);
+    }
+}
+
+fn text(bench: &Bench) -> String {
+    bench.latest::<rcs::Status>("/memory/status").state_text
+}
+
+/// Fused cost of the world model at a place, m; 255 for unknown.
+fn cost_at(bench: &Bench, at: DVec2) -> u8 {
+    let grid: Grid = bench.latest("/wm/map");
+    Rectangle::of_grid(&GridView::new(&grid).unwrap()).unwrap().at(at)
+}
+
+/// The map that a first run saves, as the text of its file.
+fn first_run() -> String {
+    let mut bench = start("");
+    look(&mut bench, DVec2::ZERO, 12.0, ground_truth, 40);
+    assert_eq!(text(&bench), "nothing is remembered; saves the map");
+    rcs_msg::to_json(&rcs_msg::AnyMessage::new(bench.latest::<MapMemory>("/memory/memory"))).unwrap()
+}
+
+#[test]
+fn what_was_near_is_saved_in_global_coordinates() {
+    let saved = parse(&first_run()).unwrap().unwrap();
+    let origin = Utm::new(18, true, 300_000.0, 4_000_000.0).unwrap();
+    let map = Rectangle::of_memory(&saved, &origin).unwrap();
+    let at = |x: f64, y: f64| map.at(DVec2::new(x, y) + DVec2::new(2.0, 3.0));
+    assert_eq!((at(3.4, 0.1), at(1.0, 1.0)), (250, 0));
+    assert_eq!(at(9.1, 0.1), 255, "farther than near_m");
+}
+
+#[test]
+fn a_remembered_map_is_registered_before_it_is_believed_and_what_is_sensed_outvotes_it() {
+    // This run believes to be 1.2 m farther east and 0.8 m farther south than the first one did.
+    let moved = DVec2::new(1.2, -0.8);
+    let mut bench = start(&first_run());
+    let away = DVec2::new(-30.0, 0.0);
+    look(&mut bench, away, 4.0, |_| 0, 20);
+    assert!(text(&bench).starts_with("waits: 0 obstacle cells can be compared"), "{}", text(&bench));
+    assert_eq!(cost_at(&bench, DVec2::new(3.4, 0.1) + moved), 255);
+    // The upright wall of the L is gone.
+    let now = |at: DVec2| {
+        let at = at - moved;
+        if (2.9..3.9).contains(&at.x) && at.y > -1.0 { 0 } else { ground_truth(at) }
+    };
+    look(&mut bench, DVec2::new(4.0, -1.5) + moved, 2.5, now, 40);
+    assert!(text(&bench).starts_with("remembers: moved by 1."), "{}", text(&bench));
+    assert_eq!(cost_at(&bench, DVec2::new(7.4, -2.8) + moved), 250, "remembered, and not sensed");
+    assert!(cost_at(&bench, DVec2::new(3.4, 0.1) + moved) < 125, "sensed ground");
+    let encoded = MapMemoryCommand::Clear.encode();
+    let (parameters_schema, parameters) = encoded.parameters;
+    let (name, parameters) = (encoded.name.to_owned(), parameters.into());
+    let command = rcs::Command { serial: 100, name, parameters_schema, parameters, timestamp: None };
+    bench.write("/memory/command", command);
+    bench.cycles(50, 60);
+    assert_eq!(text(&bench), "the remembered map is cleared");
+    assert_eq!(cost_at(&bench, DVec2::new(7.4, -2.8) + moved), 255);
+}
+
+#[test]
+fn a_map_of_another_place_is_rejected_with_the_reason() {
+    let mut bench = start(&first_run());
+    let posts = |at: DVec2| if (at / 1.6).floor().element_sum() as i64 % 2 == 0 { 250 } else { 0 };
+    look(&mut bench, DVec2::ZERO, 8.0, posts, 40);
+    assert!(text(&bench).starts_with("the remembered map does not fit: "), "{}", text(&bench));
+    assert!(bench.newest::<Grid>("/memory/cost").is_none(), "nothing is stated");
+}
