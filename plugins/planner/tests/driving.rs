@@ -98,8 +98,12 @@ const FILES: [(&str, &str); 3] = [("generator.world", "w"), ("generator.goal", "
 
 /// Cycles at a pose with a fresh map.
 fn cycle(bench: &mut Bench, x_m: f64, yaw_rad: f64, cost: impl Fn(DVec2) -> u8, count: usize) {
+    cycle_at(bench, &Pose::from_xy_yaw(x_m, 0.0, yaw_rad), cost, count);
+}
+
+fn cycle_at(bench: &mut Bench, pose: &Pose, cost: impl Fn(DVec2) -> u8, count: usize) {
     for _ in 0..count {
-        let pose = Some(pose_message(&Pose::from_xy_yaw(x_m, 0.0, yaw_rad)));
+        let pose = Some(pose_message(pose));
         bench.write(
             "/operator/odometry",
             Odometry { frame_id: "local".to_owned(), pose, ..Odometry::default() },
@@ -268,6 +272,27 @@ fn without_a_way_it_is_aggressive_for_a_while_and_says_why() {
     cycle(&mut bench, 3.2, 0.0, ring, 2);
     let (name, reason) = mode(&bench);
     assert!(name.is_empty() && reason.starts_with("moved_m is 3.2"), "{name}: {reason}");
+}
+
+#[test]
+fn between_walls_it_is_slow_and_looks_closer_and_on_a_steep_slope_it_does_not_stop() {
+    let mut bench = start(&FILES);
+    let walls = |at: DVec2| if at.y.abs() > 0.6 { 250 } else { 0 };
+    cycle(&mut bench, 0.0, 0.0, walls, 20);
+    let (name, reason) = mode(&bench);
+    assert!(name == "NARROW_CORRIDOR" && reason.starts_with("room_m is 0."), "{name}: {reason}");
+    let arcs = |bench: &Bench| bench.latest::<ArcChoice>("/follower/arcs").arcs.len();
+    let (speed_mps, closer) = (drive(&bench).0, arcs(&bench));
+    assert!(speed_mps > 0.2 && speed_mps <= 0.6, "{speed_mps}; {}", story(&bench));
+    // 12° up: it keeps at least 0.6 m/s, and the mode ends where the ground is level again.
+    let uphill = Pose::from_rpy(rcs_geom::DVec3::ZERO, 0.0, -12_f64.to_radians(), 0.0);
+    cycle_at(&mut bench, &uphill, walls, 20);
+    let (name, reason) = mode(&bench);
+    assert!(name == "HILL_CLIMB" && reason.starts_with("climb_deg is 12.0"), "{name}: {reason}");
+    assert!(drive(&bench).0 >= 0.6, "{}", story(&bench));
+    cycle(&mut bench, 0.0, 0.0, free, 30);
+    assert_eq!(mode(&bench).0, "", "{}", story(&bench));
+    assert!(drive(&bench).0 > 0.9 && arcs(&bench) < closer, "{closer} {}", story(&bench));
 }
 
 #[test]
