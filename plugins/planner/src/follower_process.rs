@@ -12,7 +12,7 @@ use crate::signals::Watch;
 use crate::waypoints::turning_point;
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{Grid, PoseInFrame, PosesInFrame};
+use rcs_msg::foxglove::{Grid, PoseInFrame, PosesInFrame, RawImage};
 use rcs_msg::rcs::{ArcChoice, Bumper, DriveCommand, Plan, PlanState, SlipReport};
 use rcs_runtime::{Cycle, In, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Extrinsics, Localizer, PosePorts, pose_message, pose_of};
@@ -61,6 +61,8 @@ pub struct Ports {
     waypoints: In<PosesInFrame>,
     map: In<Grid>,
     sensed: In<Grid>,
+    /// Images of the cameras on the left and on the right.
+    images: [In<RawImage>; 2],
     goal: In<PoseInFrame>,
     plan: In<Plan>,
     bumper: In<Bumper>,
@@ -92,6 +94,13 @@ impl Process for WaypointFollower {
                 "sensed",
                 "costs from the sensors that must not stop: it stands without recent ones",
             ),
+            images: [
+                b.optional_input(
+                    "left_images",
+                    "images or ranges of the left cameras, which must not stop: it stands without recent ones",
+                ),
+                b.optional_input("right_images", "the same of the right cameras"),
+            ],
             goal: b.optional_input("goal", "the goal, local frame: for modes that drive straight to it"),
             plan: b.optional_input("plan", "the plan: for modes that begin when there is no way"),
             bumper: b.optional_input("bumper", "switches of the bumper, for modes"),
@@ -153,6 +162,15 @@ impl Process for WaypointFollower {
             && let Some(why) = too_old("what is sensed", sensed.acq_time(), params.sense_timeout_s)
         {
             return self.stand(ports, why, cx);
+        }
+        // Cameras before a hedge may see nothing that has a cost; if they send nothing, they are broken.
+        for (side, images) in ["left", "right"].iter().zip(&ports.images) {
+            if let Some(image) = cx.latest(images)
+                && let Some(why) =
+                    too_old(&format!("the newest {side} image"), image.acq_time(), params.sense_timeout_s)
+            {
+                return self.stand(ports, why, cx);
+            }
         }
         if let Err(error) = self.memory.costs.take(&map, local, params.costs.as_ref()) {
             cx.fault(format!("map: {error}"));

@@ -66,6 +66,8 @@
 //! | `waypoints` | in | `foxglove.PosesInFrame` | waypoints of the path, local frame; none to stand |
 //! | `map` | in | `foxglove.Grid` | the world model's map: field cost, local frame |
 //! | `sensed` | in, optional | `foxglove.Grid` | costs from the sensors that must not stop: it stands without recent ones |
+//! | `left_images` | in, optional | `foxglove.RawImage` | images or ranges of the left cameras, which must not stop: it stands without recent ones |
+//! | `right_images` | in, optional | `foxglove.RawImage` | the same of the right cameras |
 //! | `goal` | in, optional | `foxglove.PoseInFrame` | the goal, local frame: for modes that drive straight to it |
 //! | `plan` | in, optional | `rcs.Plan` | the plan: for modes that begin when there is no way |
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper, for modes |

@@ -5,8 +5,8 @@
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{
-    FrameTransform, FrameTransforms, Grid, Odometry, PackedElementField, PosesInFrame, Quaternion, Vector2,
-    Vector3,
+    FrameTransform, FrameTransforms, Grid, Odometry, PackedElementField, PosesInFrame, Quaternion, RawImage,
+    Vector2, Vector3,
 };
 use rcs_msg::rcs::{ArcChoice, Mission, PlanePoint, PlanePolygon, ProcessState};
 use rcs_msg::{Stamp, rcs};
@@ -41,6 +41,8 @@ supervisor = "generator"
 waypoints = "/generator/waypoints"
 map = "/operator/map"
 sensed = "/operator/sensed"
+left_images = "/operator/left"
+right_images = "/operator/right"
 goal = "/generator/goal"
 plan = "/planner/plan"
 slip = "/operator/slip"
@@ -433,6 +435,27 @@ fn when_its_sensor_stops_or_nothing_is_known_it_stands() {
         state == ProcessState::Error && text.starts_with("0.0 % of the map within 3 m is known"),
         "{text}"
     );
+}
+
+#[test]
+fn when_one_of_two_cameras_stops_it_stands_until_that_is_back() {
+    let mut bench = start(&FILES);
+    let look = |bench: &mut Bench, sides: &[&str], count: usize| {
+        for _ in 0..count {
+            for side in sides {
+                bench.write(&format!("/operator/{side}"), RawImage::default());
+            }
+            cycle(bench, 0.0, 0.0, free, 1);
+        }
+    };
+    look(&mut bench, &["left", "right"], 12);
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
+    look(&mut bench, &["left"], 24);
+    assert_eq!(drive(&bench), (0.0, 0.0), "{}", story(&bench));
+    let (state, text) = status(&bench, "follower");
+    assert!(state == ProcessState::Error && text.starts_with("the newest right image is 1."), "{text}");
+    look(&mut bench, &["left", "right"], 4);
+    assert!(drive(&bench).0 > 0.5, "{}", story(&bench));
 }
 
 #[test]
