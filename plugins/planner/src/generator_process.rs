@@ -14,6 +14,7 @@ use crate::proto::{
     BarredPlace, ModeEvent, PlanPoint, PlanZone, PlannerGoal, Route, UtmGoal, WaypointGeneratorParams,
 };
 use crate::route;
+use crate::spinning::Spinning;
 use crate::waypoints::spaced;
 use crate::zones::{Polygon, Zones};
 use rcs_geom::{DVec2, DVec3, Pose};
@@ -73,6 +74,8 @@ pub struct WaypointGenerator {
     refused_route: Option<String>,
     /// Places that the vehicle could not get over, global frame, m.
     barred: Vec<Barred>,
+    /// Whether the wheels turn on the spot.
+    spinning: Spinning,
     /// Heading in the global frame, rad.
     yaw_rad: f64,
     /// Standard deviation of the vehicle's position in the global frame, m; 0 if unknown.
@@ -174,7 +177,7 @@ impl Process for WaypointGenerator {
         self.take_mission(ports, params, cx);
         if let Some(odometry) = cx.read_newest(&ports.global) {
             self.error_m = position_error_m(&odometry);
-            self.take_position(&odometry, cx);
+            self.take_position(&odometry, params, cx);
         }
         self.take_far_path(ports, params, cx);
         while let Some(event) = cx.read(&ports.modes) {
@@ -241,10 +244,14 @@ impl WaypointGenerator {
     }
 
     /// Adds a position to the track.
-    fn take_position(&mut self, odometry: &Odometry, cx: &mut Cycle<'_>) {
+    fn take_position(&mut self, odometry: &Odometry, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
         let Ok(pose) = pose_of(odometry.pose.as_ref(), &odometry.frame_id) else { return };
         let at = pose.translation.truncate();
         self.yaw_rad = pose.yaw();
+        let speed_mps = odometry.linear_velocity.map_or(0.0, |velocity| velocity.x);
+        if self.spinning.take(cx.now(), at, speed_mps) {
+            self.bar_ahead(at, params);
+        }
         let step_m = self.track.last().map_or(f64::INFINITY, |&last| at.distance(DVec2::from(last)));
         if step_m >= TRACK_STEP_M && self.track.len() < MOST_TRACK {
             self.began.get_or_insert(cx.now());
@@ -420,11 +427,18 @@ impl WaypointGenerator {
         // What the wheels measured was no way.
         self.track.truncate(at + 1);
         self.track.push((track[track.len() - 1].x, track[track.len() - 1].y));
+        if let Some(&at) = self.track.last() {
+            self.bar_ahead(DVec2::from(at), params);
+        }
+    }
+
+    /// Bars the place ahead of a position in the global frame, m: the wheels turned there, and the vehicle did not move.
+    fn bar_ahead(&mut self, at: DVec2, params: &WaypointGeneratorParams) {
         self.told = None;
-        if let Some(&(x_m, y_m)) = self.track.last().filter(|_| params.slide_bars_m > 0.0) {
-            let vehicle = Pose::from_xy_yaw(x_m, y_m, self.yaw_rad);
+        if params.slide_bars_m > 0.0 {
+            let vehicle = Pose::from_xy_yaw(at.x, at.y, self.yaw_rad);
             let place = Barred::ahead(&vehicle, params.slide_bars_m);
-            self.barred.push(grown(place, vehicle.translation.truncate(), &self.barred));
+            self.barred.push(grown(place, at, &self.barred));
         }
     }
 

@@ -56,7 +56,8 @@
 //! around the goal of the file after it has arrived there by its own estimate ([`around_goal`]). There
 //! are no waypoints, and it is in `ERROR`, without a goal, with one in another UTM zone, while the position is not known
 //! well enough, and when the goal has jumped in the local frame. If the fixes then put the vehicle back on its own track,
-//! its wheels have turned on the spot: it goes on, and the place ahead is [`barred`], as where a mode bars one. State: the
+//! its wheels have turned on the spot: it goes on, and the place ahead is [`barred`], as where a mode bars one. So it is while
+//! the wheels turn and the position does not change ([`spinning`]). State: the
 //! frames, what the planner was told, the track, and the barred places.
 //!
 //! # `waypoint_follower`
@@ -131,6 +132,7 @@ pub mod route;
 pub mod search;
 mod settings;
 mod signals;
+pub mod spinning;
 pub mod terrain;
 pub mod waypoints;
 pub mod zones;
