@@ -19,8 +19,8 @@ pub struct Request {
     pub past: PastArgs,
 }
 
-/// The bundled stack that is opened by default.
-const SIMULATION: &str = "simulation";
+/// The bundled stack that is opened by default: a simulated robot that drives to the goal of its course.
+const SIMULATION: &str = "lagr";
 
 impl Request {
     /// The request of a command line; the simulation if it names neither a recording nor a stack.
@@ -38,6 +38,11 @@ impl Request {
     /// The simulation, on the course named by its stack.
     pub fn simulation() -> Self {
         Self::of(&WindowArgs::default())
+    }
+
+    /// Whether the window shows the robot standing before its course, so that a person sends it.
+    pub fn waits(&self) -> bool {
+        self.log.is_none() && self.stack.as_deref() == Some(SIMULATION)
     }
 
     /// The request for a file dropped on the window: a stack runs on the open recording, any other file is opened as a
@@ -78,9 +83,10 @@ mod tests {
 
     #[test]
     fn no_argument_opens_the_simulation_and_a_course_alone_opens_it_there() {
-        assert_eq!(Request::simulation().title(), "simulation");
+        assert_eq!(Request::simulation().title(), "lagr");
         let hill = Request::of(&WindowArgs { course: Some("hill".into()), ..WindowArgs::default() });
-        assert_eq!(hill.title(), "simulation on hill");
+        assert_eq!(hill.title(), "lagr on hill");
+        assert!(hill.waits() && !Request { stack: Some("simulation".into()), ..hill }.waits());
         let log = Request::of(&WindowArgs { log: Some("a.mcap".into()), ..WindowArgs::default() });
         assert_eq!((log.log, log.stack), (Some("a.mcap".into()), None));
     }

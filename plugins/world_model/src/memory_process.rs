@@ -42,6 +42,21 @@ pub struct MapMemoryKeeper {
     remembered: Remembered,
 }
 
+/// What a cycle has read.
+struct Now<'a> {
+    map: &'a Msg<Grid>,
+    /// Position in the local frame, m.
+    vehicle: DVec2,
+    global_from_local: &'a Pose,
+}
+
+impl Now<'_> {
+    /// A position of the local frame in the global one, m.
+    fn to_global(&self, at: DVec2) -> DVec2 {
+        (*self.global_from_local * at.extend(0.0)).truncate()
+    }
+}
+
 /// The map of the parameters, which is read once.
 #[derive(Clone, Debug, Default)]
 struct Remembered {
@@ -137,12 +152,13 @@ impl Process for MapMemoryKeeper {
         let Some(map) = cx.read_newest(&ports.map) else {
             return self.tell(cx);
         };
-        if let Err(error) = self.remember(ports, params, &origin, &map, vehicle, &global_from_local, cx) {
+        let seen = Now { map: &map, vehicle, global_from_local: &global_from_local };
+        if let Err(error) = self.remember(ports, params, &origin, &seen, cx) {
             cx.fault(format!("map: {error}; skipped"));
         }
         let now = cx.now();
         if is_asked || self.saved.is_none_or(|saved| now.seconds_since(saved) >= params.save_every_s) {
-            match self.to_save(params, &map, &global_from_local) {
+            match self.to_save(params, &seen) {
                 Ok(Some(saved)) => {
                     self.saved = Some(now);
                     cx.write(&ports.memory, now, saved.to_memory(&origin.0));
@@ -171,21 +187,18 @@ impl MapMemoryKeeper {
     }
 
     /// Registers the remembered map, and states what it says to the world model.
-    #[allow(clippy::too_many_arguments, reason = "what a cycle has read")]
     fn remember(
         &mut self,
         ports: &Ports,
         params: &MapMemoryParams,
         origin: &Origin,
-        map: &Msg<Grid>,
-        vehicle: DVec2,
-        global_from_local: &Pose,
+        now: &Now<'_>,
         cx: &mut Cycle<'_>,
     ) -> Result<(), String> {
         let Some(remembered) = self.remembered.of(params, origin).filter(|_| !self.is_cleared) else {
             if self.is_cleared {
                 self.text = "the remembered map is cleared".to_owned();
-                self.withdraw(ports, params, map, vehicle, cx);
+                self.withdraw(ports, params, now, cx);
             }
             return Ok(());
         };
@@ -196,12 +209,12 @@ impl MapMemoryKeeper {
                 return Ok(());
             }
         };
-        let view = GridView::of(map.message()).map_err(|error| error.to_string())?;
+        let vehicle = now.vehicle;
+        let view = GridView::of(now.map.message()).map_err(|error| error.to_string())?;
         let mut costs = Vec::new();
         fuse_grid(&view, &sensed_by(), &mut costs).map_err(|error| error.to_string())?;
         let sensed = Rectangle::with(&view, costs);
-        let to_global = |at: DVec2| (*global_from_local * at.extend(0.0)).truncate();
-        let seen = Seen::of(&sensed, vehicle, params.near_m, to_global);
+        let seen = Seen::of(&sensed, vehicle, params.near_m, |at| now.to_global(at));
         let least = params.least_cells as usize;
         let found = match self.fit {
             // Where little can be compared, what was found stays.
@@ -235,10 +248,10 @@ impl MapMemoryKeeper {
             }
         };
         let Some(Fit { moved, .. }) = self.fit else {
-            self.withdraw(ports, params, map, vehicle, cx);
+            self.withdraw(ports, params, now, cx);
             return Ok(());
         };
-        let at = moved - to_global(vehicle) + vehicle;
+        let at = moved - now.to_global(vehicle) + vehicle;
         let is_due = self.sent.is_none_or(|(sent, before)| {
             cx.now().seconds_since(sent) >= RESEND_S || before.distance(at) > 0.5 * remembered.cell_size_m
         });
@@ -246,25 +259,18 @@ impl MapMemoryKeeper {
             let frame = GridFrame::around(vehicle, view.columns(), sensed.cell_size_m);
             let middles =
                 (0..frame.side * frame.side).map(|slot| frame.middle(slot % frame.side, slot / frame.side));
-            let costs: Vec<u8> = middles.map(|middle| remembered.at(to_global(middle) - moved)).collect();
+            let costs: Vec<u8> = middles.map(|middle| remembered.at(now.to_global(middle) - moved)).collect();
             self.send(ports, params, &frame, &costs, at, cx);
         }
         Ok(())
     }
 
     /// Takes back what was stated.
-    fn withdraw(
-        &mut self,
-        ports: &Ports,
-        params: &MapMemoryParams,
-        map: &Msg<Grid>,
-        vehicle: DVec2,
-        cx: &mut Cycle<'_>,
-    ) {
+    fn withdraw(&mut self, ports: &Ports, params: &MapMemoryParams, now: &Now<'_>, cx: &mut Cycle<'_>) {
         self.fit = None;
-        let size_m = map.cell_size.map(|size| size.x).filter(|_| self.sent.is_some());
+        let size_m = now.map.cell_size.map(|size| size.x).filter(|_| self.sent.is_some());
         if let Some(cell_size_m) = size_m {
-            let frame = GridFrame::around(vehicle, 1, cell_size_m);
+            let frame = GridFrame::around(now.vehicle, 1, cell_size_m);
             self.send(ports, params, &frame, &[rcs_world::UNKNOWN_COST], DVec2::ZERO, cx);
             self.sent = None;
         }
@@ -286,18 +292,12 @@ impl MapMemoryKeeper {
     }
 
     /// The map to save: what the vehicle has come near to, and what it remembers.
-    fn to_save(
-        &self,
-        params: &MapMemoryParams,
-        map: &Msg<Grid>,
-        global_from_local: &Pose,
-    ) -> Result<Option<Rectangle>, String> {
-        let view = GridView::of(map.message()).map_err(|error| error.to_string())?;
+    fn to_save(&self, params: &MapMemoryParams, now: &Now<'_>) -> Result<Option<Rectangle>, String> {
+        let view = GridView::of(now.map.message()).map_err(|error| error.to_string())?;
         let fused = Rectangle::of_grid(&view).map_err(|error| error.to_string())?;
-        let to_global = |at: DVec2| (*global_from_local * at.extend(0.0)).truncate();
         let remembered =
             self.fit.and_then(|fit| Some((self.remembered.map.as_ref()?.as_ref().ok()?, fit.moved)));
-        let mut places: Vec<DVec2> = self.track.iter().map(|&at| to_global(at)).collect();
+        let mut places: Vec<DVec2> = self.track.iter().map(|&at| now.to_global(at)).collect();
         if let Some((old, moved)) = remembered {
             let rows = old.costs.len() / old.columns.max(1);
             let far = DVec2::new(old.columns as f64, rows as f64) * old.cell_size_m;
@@ -306,7 +306,7 @@ impl MapMemoryKeeper {
         let Some(mut saved) = Rectangle::around(&places, params.near_m, fused.cell_size_m) else {
             return Ok(None);
         };
-        let local_from_global = global_from_local.inverse();
+        let local_from_global = now.global_from_local.inverse();
         for index in 0..saved.costs.len() {
             let centre = saved.centre(index);
             let local = (local_from_global * centre.extend(0.0)).truncate();

@@ -38,6 +38,8 @@ use std::time::{Duration, Instant};
 
 /// Repaint interval while the progress of a long operation is shown.
 const LOOK_AGAIN: Duration = Duration::from_millis(150);
+/// Time of a run at which a robot that stands before its course is shown, ns.
+const STANDS_NS: u64 = 600_000_000;
 
 /// Initial state of a window.
 #[derive(Debug, Default)]
@@ -197,7 +199,12 @@ impl Window {
         self.arrange_for(&driver.frame());
         let title = format!("{} – OCU", driver.frame().info.title);
         self.ctx.send_viewport_cmd(egui::ViewportCommand::Title(title));
-        if driver.frame().info.kind == SourceKind::Stack {
+        if request.waits() {
+            // By then its cameras have seen the course, and it has hardly moved.
+            driver.send(Control::Seek(driver.frame().info.start.after_ns(STANDS_NS)));
+            let text = "the robot stands before its course: Play (space) sends it to the goal";
+            self.notices.news(Matter::Open, text);
+        } else if driver.frame().info.kind == SourceKind::Stack {
             // A stack has nothing to show until it runs.
             driver.send(Control::Play);
         }
