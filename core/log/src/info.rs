@@ -54,8 +54,10 @@ pub struct LogTopic {
 /// Description of a log, known after opening it.
 #[derive(Clone, Debug)]
 pub struct LogInfo {
-    /// Path of the file; empty for a log in memory.
+    /// Path of the file, or of the first of several; empty for a log in memory.
     pub path: PathBuf,
+    /// Paths of all files.
+    pub files: Vec<PathBuf>,
     /// Size of the file in bytes.
     pub bytes: u64,
     /// Log time of the first message; 0 if there are no messages.

@@ -46,12 +46,14 @@ mod info;
 mod log;
 mod output;
 mod parse;
+mod pieces;
 mod reassembly;
 mod record;
 mod recorder;
 mod scan;
 mod segment;
 mod source;
+mod split;
 mod summary;
 mod verify;
 mod writer;
@@ -63,6 +65,7 @@ pub use info::{
     Attachment, AttachmentInfo, LogInfo, LogMessage, LogTopic, Lost, MessagePosition, Metadata, TopicId,
 };
 pub use log::Log;
+pub use pieces::{Piece, PieceMessage};
 pub use reassembly::{Reassembled, Reassembly};
 pub use recorder::{Recorder, RecorderHandle, RecorderMode, RecorderOptions, RecorderStatus};
 pub use verify::Verification;

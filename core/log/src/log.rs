@@ -11,6 +11,7 @@ use crate::record::{ChunkHead, Fields, HEAD, Head, MAGIC, MessageHead, PROBE, in
 use crate::scan::{Scanned, scan};
 use crate::segment::{Damage, MessageRef, Segment, Tally, decode, message_data};
 use crate::source::{Source, Window};
+use crate::split::Parts;
 use crate::summary::{self, Contents, Summary};
 use bytes::Bytes;
 use rcs_msg::{DeltaCodec, Stamp};
@@ -45,6 +46,8 @@ pub(crate) struct Inner {
     /// Segments by first time, and by last time; ties in file order.
     pub(crate) by_first: Vec<u32>,
     pub(crate) by_last: Vec<u32>,
+    /// The files of a log that is split.
+    pub(crate) parts: Parts,
     catalog: Catalog,
     cache: Cache,
     found: Mutex<Found>,
@@ -61,12 +64,15 @@ struct Found {
 }
 
 /// The state after opening.
-struct Opened {
-    contents: Contents,
-    lost: Lost,
-    recovered: bool,
+#[derive(Default)]
+pub(crate) struct Opened {
+    pub(crate) contents: Contents,
+    pub(crate) lost: Lost,
+    pub(crate) recovered: bool,
+    /// Segments whose damage a scan has found and counted.
+    pub(crate) scanned: BTreeSet<u32>,
     /// Number of segments that have been read and checked.
-    verified: u64,
+    pub(crate) verified: u64,
 }
 
 impl Log {
@@ -93,6 +99,12 @@ impl Log {
     }
 
     fn from_source(source: Source, by_index: bool) -> Result<Self, LogError> {
+        let opened = Self::open_source(&source, by_index)?;
+        let gaps = gaps(&source, &opened.contents.segments)?;
+        Ok(Self::new(source, opened, gaps, Parts::default()))
+    }
+
+    pub(crate) fn open_source(source: &Source, by_index: bool) -> Result<Opened, LogError> {
         let front = source.read(0, source.length().min(MAGIC.len() as u64) as usize)?;
         if front != MAGIC.as_slice() {
             let got = if front.is_empty() {
@@ -102,21 +114,19 @@ impl Log {
             };
             return Err(LogError::NotALog { got, path: source.path().to_owned() });
         }
-        let opened = if by_index {
-            match summary::read(&source)? {
-                Ok(summary) => open_with(&source, &summary)?,
-                Err(why) => open_by_scan(&source, None, why)?,
+        if by_index {
+            match summary::read(source)? {
+                Ok(summary) => open_with(source, &summary),
+                Err(why) => open_by_scan(source, None, why),
             }
         } else {
-            let summary = summary::read(&source)?.ok();
-            open_by_scan(&source, summary.as_ref(), "read by a scan, as asked for".to_owned())?
-        };
-        let gaps = gaps(&source, &opened.contents.segments)?;
-        Ok(Self::new(source, opened, gaps))
+            let summary = summary::read(source)?.ok();
+            open_by_scan(source, summary.as_ref(), "read by a scan, as asked for".to_owned())
+        }
     }
 
-    fn new(source: Source, opened: Opened, gaps: Vec<Gap>) -> Self {
-        let Opened { contents, lost, recovered, verified } = opened;
+    pub(crate) fn new(source: Source, opened: Opened, gaps: Vec<Gap>, parts: Parts) -> Self {
+        let Opened { contents, lost, recovered, scanned: reported, verified } = opened;
         let Contents { mut catalog, segments, counts, problems } = contents;
         let order = |key: fn(&Segment) -> u64| {
             let mut order: Vec<u32> = (0..segments.len() as u32).collect();
@@ -129,6 +139,7 @@ impl Log {
         let duration_s = Stamp(end).seconds_since(Stamp(start));
         let info = LogInfo {
             path: source.path().to_owned(),
+            files: source.files().map(|file| file.path().to_owned()).collect(),
             bytes: source.length(),
             start: Stamp(start),
             end: Stamp(end),
@@ -144,11 +155,9 @@ impl Log {
             library: catalog.library.clone(),
         };
         catalog.schemas.clear();
-        // A scan has found and counted all damage already.
-        let reported = if recovered { (0..segments.len() as u32).collect() } else { BTreeSet::new() };
         let found = Mutex::new(Found { lost, problems, reported, reported_at: BTreeSet::new() });
         let cache = Cache::new(CACHE_BYTES);
-        let inner = Inner { source, info, segments, by_first, by_last, catalog, cache, found };
+        let inner = Inner { source, info, segments, by_first, by_last, parts, catalog, cache, found };
         Self(Arc::new(inner), Arc::new([]))
     }
 
@@ -245,8 +254,20 @@ impl Log {
         if let Some(loaded) = inner.cache.get(index) {
             return Ok(loaded);
         }
+        inner.cache.make_room(inner.segments[index as usize].weight());
+        let loaded = self.read_segment(index)?;
+        inner.cache.insert(index, &loaded);
+        Ok(loaded)
+    }
+
+    /// Like [`Log::load`], for a segment that is not likely to be needed again: it is not kept.
+    pub(crate) fn load_once(&self, index: u32) -> Result<Arc<Loaded>, LogError> {
+        self.0.cache.get(index).map_or_else(|| self.read_segment(index), Ok)
+    }
+
+    fn read_segment(&self, index: u32) -> Result<Arc<Loaded>, LogError> {
+        let inner = &*self.0;
         let segment = &inner.segments[index as usize];
-        inner.cache.make_room(segment.weight());
         let mut decoded = decode(&inner.source, segment)?;
         if let Some(damage) = &decoded.damage {
             self.report(index, damage, decoded.messages.len() as u64)?;
@@ -254,14 +275,13 @@ impl Log {
         // The order is total and the same in every reading, even if a message's time is outside of the times that its
         // chunk states.
         let catalog = &inner.catalog;
+        inner.parts.map_channels(segment, &mut decoded.messages);
         decoded.messages.retain(|message| catalog.channels.contains_key(&message.channel));
         for message in &mut decoded.messages {
             message.time = message.time.clamp(segment.first, segment.last);
         }
         decoded.messages.sort_unstable();
-        let loaded = Arc::new(Loaded { contents: decoded.contents, messages: decoded.messages.into() });
-        inner.cache.insert(index, &loaded);
-        Ok(loaded)
+        Ok(Arc::new(Loaded { contents: decoded.contents, messages: decoded.messages.into() }))
     }
 
     pub(crate) fn report(&self, index: u32, damage: &Damage, salvaged: u64) -> Result<(), LogError> {
@@ -298,7 +318,7 @@ pub(crate) fn message_at(index: u32, loaded: &Loaded, message: MessageRef) -> Op
     // most of its chunk shares it.
     let data = if data.len() * 2 < loaded.contents.len() { Bytes::copy_from_slice(&data) } else { data };
     Some(LogMessage {
-        topic: TopicId(head.channel),
+        topic: TopicId(message.channel),
         sequence: head.sequence,
         log_time: Stamp(head.log_time),
         publish_time: Stamp(head.publish_time),
@@ -334,7 +354,7 @@ fn open_with(source: &Source, summary: &Summary) -> Result<Opened, LogError> {
             verified = contents.segments.len() as u64;
         }
     }
-    Ok(Opened { contents, lost: Lost::default(), recovered: false, verified })
+    Ok(Opened { contents, verified, ..Opened::default() })
 }
 
 /// Size of a chunk's contents according to the chunk itself.
@@ -380,8 +400,8 @@ fn open_by_scan(source: &Source, summary: Option<&Summary>, why: String) -> Resu
     problems.add(why);
     problems.append(std::mem::take(&mut contents.problems));
     contents.problems = problems;
-    let verified = contents.segments.len() as u64;
-    Ok(Opened { contents, lost, recovered: true, verified })
+    let count = contents.segments.len() as u32;
+    Ok(Opened { contents, lost, recovered: true, scanned: (0..count).collect(), verified: count.into() })
 }
 
 /// First and last log time. The chunks' times are used, because the statistics of some writers are wrong: they treat a

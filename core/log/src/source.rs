@@ -18,6 +18,8 @@ pub(crate) struct Source {
 enum Medium {
     File(File),
     Memory(Bytes),
+    /// Files one after another, with the position of the first byte of each.
+    Parts(Vec<(u64, Source)>),
 }
 
 impl Source {
@@ -32,6 +34,22 @@ impl Source {
         let metadata = file.metadata().map_err(failed)?;
         regular(&metadata).map_err(failed)?;
         Ok(Self { bytes: Medium::File(file), length: metadata.len(), path: path.to_owned() })
+    }
+
+    /// Files one after another; each begins at its position.
+    pub(crate) fn parts(parts: Vec<(u64, Self)>) -> Self {
+        let length = parts.last().map_or(0, |(start, last)| start + last.length);
+        let path = parts.first().map(|(_, first)| first.path.clone()).unwrap_or_default();
+        Self { bytes: Medium::Parts(parts), length, path }
+    }
+
+    /// Its files, or itself.
+    pub(crate) fn files(&self) -> impl Iterator<Item = &Self> {
+        let (parts, own) = match &self.bytes {
+            Medium::Parts(parts) => (parts.as_slice(), None),
+            _ => (&[][..], Some(self)),
+        };
+        parts.iter().map(|(_, part)| part).chain(own)
     }
 
     pub(crate) fn memory(bytes: Bytes) -> Self {
@@ -50,6 +68,7 @@ impl Source {
     pub(crate) fn read_into(&self, offset: u64, into: &mut [u8]) -> Result<(), LogError> {
         let result = match &self.bytes {
             Medium::File(file) => file.read_exact_at(into, offset),
+            Medium::Parts(parts) => return read_parts(parts, offset, into),
             Medium::Memory(bytes) => {
                 let range = usize::try_from(offset)
                     .ok()
@@ -80,6 +99,21 @@ impl Source {
         self.read_into(offset, &mut buffer)?;
         Ok(buffer.into())
     }
+}
+
+/// Reads from files one after another.
+fn read_parts(parts: &[(u64, Source)], mut offset: u64, mut into: &mut [u8]) -> Result<(), LogError> {
+    while !into.is_empty() {
+        let index = parts.partition_point(|(start, _)| *start <= offset).saturating_sub(1);
+        let Some((start, part)) = parts.get(index) else { break };
+        let left = (start + part.length).saturating_sub(offset);
+        // Behind the last one, the part itself tells the error.
+        let count = if left == 0 { into.len() as u64 } else { left.min(into.len() as u64) };
+        let (front, rest) = into.split_at_mut(count as usize);
+        part.read_into(offset - start, front)?;
+        (offset, into) = (offset + count, rest);
+    }
+    Ok(())
 }
 
 /// Sequential reading of part of a source, for a decompressor.

@@ -40,16 +40,17 @@ impl Log {
         let total = inner.source.length();
         for (index, segment) in inner.segments.iter().enumerate() {
             progress(segment.start, total);
-            let decoded = decode(&inner.source, segment)?;
+            let mut decoded = decode(&inner.source, segment)?;
             if let Some(damage) = &decoded.damage {
                 self.report(index as u32, damage, decoded.messages.len() as u64)?;
             }
             found.segments += 1;
-            for message in &decoded.messages {
-                *counts.entry(TopicId(message.channel)).or_insert(0) += 1;
-            }
             if segment.chunk && decoded.damage.is_none() {
                 self.check_index(segment, &decoded, &mut found)?;
+            }
+            inner.parts.map_channels(segment, &mut decoded.messages);
+            for message in &decoded.messages {
+                *counts.entry(TopicId(message.channel)).or_insert(0) += 1;
             }
             self.check_messages(&decoded, &mut found);
         }
@@ -64,8 +65,10 @@ impl Log {
                         .push(format!("{name}: expected {stated} messages by the index, got {got}"));
                 }
             }
-            if let Ok(summary) = summary::read(&inner.source)? {
-                found.problems.extend(summary::check_data(&inner.source, &summary)?);
+            for file in inner.source.files() {
+                if let Ok(summary) = summary::read(file)? {
+                    found.problems.extend(summary::check_data(file, &summary)?);
+                }
             }
         }
         for attachment in self.attachments() {

@@ -8,4 +8,5 @@ mod damage;
 mod order;
 mod recording;
 mod sound;
+mod split;
 mod writing;

@@ -61,6 +61,37 @@ proptest! {
     }
 
     #[test]
+    fn pieces_hold_the_messages_of_a_cursor_each_in_order(messages in messages(), start in 0..40u64, end in 0..40u64) {
+        let log = Log::from_bytes(log_of(&messages, small_chunks(true))).unwrap();
+        let topics = Some(topic_ids(&log, &[0, 2]));
+        let options = CursorOptions { topics, start: Stamp(start), end: Stamp(end) };
+        let mut read = Vec::new();
+        for piece in log.pieces(&options) {
+            let from = read.len();
+            log.read_piece(&piece, &options, |message| {
+                read.push((message.place, message.topic, message.log_time, message.data.to_vec()));
+            })
+            .unwrap();
+            let of_piece = &read[from..];
+            prop_assert!(of_piece.iter().all(|message| (piece.first..=piece.last).contains(&message.2)));
+            prop_assert!(of_piece.windows(2).all(|pair| pair[0].0 < pair[1].0));
+        }
+        read.sort_by_key(|message| message.0);
+        let mut times = Vec::new();
+        for piece in log.pieces(&options) {
+            prop_assert!(log.read_times(&piece, &options, |topic, place| times.push((place, topic))).unwrap());
+        }
+        times.sort_unstable();
+        prop_assert!(times.into_iter().eq(read.iter().map(|message| (message.0, message.1))));
+        let wanted: Vec<_> = log
+            .cursor(options)
+            .map(Result::unwrap)
+            .map(|message| (message.place, message.topic, message.log_time, message.data.to_vec()))
+            .collect();
+        prop_assert_eq!(read, wanted);
+    }
+
+    #[test]
     fn stepping_back_retraces_stepping_forward(messages in messages(), one_topic: bool) {
         let log = Log::from_bytes(log_of(&messages, small_chunks(true))).unwrap();
         let topics = one_topic.then(|| topic_ids(&log, &[1]));
