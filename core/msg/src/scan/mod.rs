@@ -70,6 +70,11 @@ impl FieldScanner {
         }))
     }
 
+    /// Whether messages are read without decoding them, so that their values are numbers and never texts.
+    pub fn is_direct(&self) -> bool {
+        !matches!(self.0, Plan::Tree(..))
+    }
+
     /// The number in this message; `None` if the message does not contain it (an absent submessage, an index out of
     /// range). The rest of the message is checked only as far as is needed to skip it.
     pub fn scan(&self, message: &[u8]) -> Result<Option<f64>, DecodeError> {

@@ -53,8 +53,11 @@ impl LogSource {
 /// Description of a source on a log.
 pub(crate) fn info_of(log: &Log, kind: SourceKind) -> SourceInfo {
     let info = log.info();
-    let name =
+    let mut name =
         info.path.file_name().map_or_else(|| "log".to_owned(), |name| name.to_string_lossy().into_owned());
+    if info.files.len() > 1 {
+        name = format!("{name} and {} more", info.files.len() - 1);
+    }
     let mut problems = info.problems.clone();
     problems.extend(info.topics.iter().filter_map(|topic| {
         let reason = topic.undecodable_because.as_ref()?;

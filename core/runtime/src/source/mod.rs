@@ -37,7 +37,7 @@ pub use log_source::LogSource;
 pub use log_view::finish_idle;
 pub use recording_state::{RecordingEnd, RecordingState};
 pub use run_tag::RunTag;
-pub use series::{Part, Record, Series, SeriesWriter, Stretch};
+pub use series::{Part, Piece, Record, Series, SeriesWriter, Stretch};
 pub use stack_source::StackSource;
 pub use tracks::{Place, Position, Track, TrackBounds, TrackPoint, WGS84};
 

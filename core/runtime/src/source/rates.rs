@@ -95,6 +95,14 @@ impl RunTimes {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// The times of the messages of a buffer in a run, to 0.1 ms.
+    pub(super) fn of(&self, run: usize, buffer: usize) -> Vec<Stamp> {
+        let inner = self.lock();
+        let times = inner.runs.get(run).and_then(|buffers| buffers.get(buffer));
+        let stamp = |steps: &u32| self.start.after_ns(u64::from(*steps) * STEP_NS);
+        times.map(|times| times.0.iter().map(stamp).collect()).unwrap_or_default()
+    }
+
     /// Sets the run of what is written from now on. A new run begins with what it shares with the one that it branched
     /// from.
     pub(super) fn follow(&self, runs: &[RunSummary], current: usize) {

@@ -1,4 +1,5 @@
-//! Series: records in ascending order of time, which are only appended, with summaries of every 8, 64, 512, … records.
+//! Series: records in ascending order of time, which are only appended, with summaries of every 8, 64, 512, … records (or
+//! of every 32, 256, …, where summaries are large).
 //!
 //! The source's thread appends, and views read ranges at the same time: a [`Series`] is a shared reference together with
 //! a length, so that it does not change while a view uses it, and a frame with a longer one costs nothing. The
@@ -9,7 +10,7 @@ use std::fmt;
 use std::ops::{ControlFlow, Range};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 
-/// Number of records, or of summaries, in one summary.
+/// Number of summaries in one of the next level.
 const FAN: usize = 8;
 /// Records in a chunk, which branches share.
 const CHUNK: usize = 4096;
@@ -18,6 +19,9 @@ const CHUNK: usize = 4096;
 pub trait Record: Copy + Send + Sync + 'static {
     /// Summary of consecutive records.
     type Summary: Copy + Send + Sync + 'static;
+
+    /// Number of records in a summary of the first level: more of them need less memory for summaries.
+    const FIRST: usize = FAN;
 
     /// When it was made.
     fn stamp(&self) -> Stamp;
@@ -34,7 +38,8 @@ struct Store<T: Record> {
     chunks: Vec<Arc<[T]>>,
     /// The records after them.
     tail: Vec<T>,
-    /// Summaries of 8, 64, … records, of complete ones alone: an append costs little more than one summary.
+    /// Summaries of [`Record::FIRST`], eight times as many, … records, of complete ones alone: an append costs little
+    /// more than one summary.
     levels: Vec<Vec<T::Summary>>,
 }
 
@@ -60,27 +65,38 @@ impl<T: Record> Store<T> {
         self.tail.push(record);
         self.summarise(self.len());
         if self.tail.len() == CHUNK {
-            self.chunks.push(std::mem::take(&mut self.tail).into());
+            self.chunks.push(self.tail.as_slice().into());
+            self.tail.clear();
         }
+    }
+
+    /// Number of records in a node of a level; a node of level 0 is a record.
+    fn size(level: usize) -> usize {
+        level.checked_sub(1).map_or(1, |above| T::FIRST * FAN.pow(above as u32))
+    }
+
+    /// Number of nodes of the level below in a node of this one.
+    fn fan(level: usize) -> usize {
+        if level == 1 { T::FIRST } else { FAN }
     }
 
     /// Adds the summaries that are complete with the first `count` records.
     fn summarise(&mut self, count: usize) {
-        let (mut level, mut size) = (1, FAN);
-        while count.is_multiple_of(size) {
-            let summary = self.joined(level, count / size - 1, count);
+        let mut level = 1;
+        while count.is_multiple_of(Self::size(level)) {
+            let summary = self.joined(level, count / Self::size(level) - 1, count);
             if self.levels.len() < level {
                 self.levels.push(Vec::new());
             }
             self.levels[level - 1].extend(summary);
-            (level, size) = (level + 1, size * FAN);
+            level += 1;
         }
     }
 
     /// The summary of the parts of a node that are among the first `count` records; `None` if there are none.
     fn joined(&self, level: usize, node: usize, count: usize) -> Option<T::Summary> {
-        let size = FAN.pow(level as u32 - 1);
-        let parts = (node * FAN..(node + 1) * FAN).take_while(|part| part * size < count);
+        let (size, fan) = (Self::size(level - 1), Self::fan(level));
+        let parts = (node * fan..(node + 1) * fan).take_while(|part| part * size < count);
         parts.map(|part| self.node(level - 1, part, count)).reduce(|a, b| Some(T::join(a?, b?))).flatten()
     }
 
@@ -129,6 +145,18 @@ impl<T: Record> SeriesWriter<T> {
         let len = store.len();
         if len == 0 || record.stamp() >= store.get(len - 1).stamp() {
             store.push(record);
+        }
+    }
+
+    /// Appends records in the manner of [`SeriesWriter::append`].
+    pub fn append_all(&self, records: impl IntoIterator<Item = T>) {
+        let mut store = self.0.write().unwrap_or_else(PoisonError::into_inner);
+        let mut last = store.len().checked_sub(1).map(|index| store.get(index).stamp());
+        for record in records {
+            if last.is_none_or(|last| record.stamp() >= last) {
+                last = Some(record.stamp());
+                store.push(record);
+            }
         }
     }
 
@@ -192,6 +220,15 @@ pub struct Stretch<T, K, A> {
     pub count: usize,
     /// What was gathered of them.
     pub sum: A,
+}
+
+/// A part of a series that [`Series::pieces`] gives.
+#[derive(Clone, Copy, Debug)]
+pub enum Piece<'a, T: Record> {
+    /// A record.
+    Record(&'a T),
+    /// The summary of so many records.
+    Summary(&'a T::Summary, usize),
 }
 
 /// A part of a series.
@@ -320,12 +357,12 @@ impl<T: Record> Series<T> {
             while at < to {
                 // The greatest node that begins here and ends within the stretch.
                 let fits = |&level: &usize| {
-                    let size = FAN.pow(level as u32 + 1);
+                    let size = Store::<T>::size(level);
                     at.is_multiple_of(size) && at + size <= to
                 };
-                if let Some(level) = (0..store.levels.len()).take_while(fits).last() {
-                    let size = FAN.pow(level as u32 + 1);
-                    summary(&mut sum, &store.levels[level][at / size]);
+                if let Some(level) = (1..=store.levels.len()).take_while(fits).last() {
+                    let size = Store::<T>::size(level);
+                    summary(&mut sum, &store.levels[level - 1][at / size]);
                     at += size;
                 } else {
                     record(&mut sum, store.get(at));
@@ -335,6 +372,42 @@ impl<T: Record> Series<T> {
             count = to - from;
             take(Stretch { key: of, first, last: *store.get(to - 1), count, sum });
             from = to;
+        }
+    }
+
+    /// Divides a range into records and summaries, in order: into the greatest summaries that `is_fine` accepts, beginning
+    /// at each place with those of the size of the last one. It reads nothing but what it gives, so it is faster than
+    /// [`Series::walk`].
+    pub fn pieces(
+        &self,
+        range: Range<usize>,
+        is_fine: impl Fn(&T::Summary) -> bool,
+        mut take: impl FnMut(Piece<'_, T>),
+    ) {
+        let store = self.store();
+        let (mut at, end, mut level) = (range.start, range.end.min(self.len), 0);
+        let node = |level: usize, at: usize| {
+            let size = Store::<T>::size(level);
+            let fits = at.is_multiple_of(size) && at + size <= end;
+            let summary = store.levels.get(level - 1).filter(|_| fits)?.get(at / size)?;
+            is_fine(summary).then_some((summary, size))
+        };
+        while at < end {
+            let mut found = None;
+            while let Some(greater) = node(level + 1, at) {
+                (found, level) = (Some(greater), level + 1);
+            }
+            while found.is_none() && level > 0 {
+                found = node(level, at);
+                level -= usize::from(found.is_none());
+            }
+            if let Some((summary, size)) = found {
+                take(Piece::Summary(summary, size));
+                at += size;
+            } else {
+                take(Piece::Record(store.get(at)));
+                at += 1;
+            }
         }
     }
 
@@ -354,7 +427,10 @@ impl<T: Record> Series<T> {
                 *at == level && !part.is_record() && !is_fine(part)
             };
             let open: Vec<bool> = parts.iter().map(|part| is_open(part, &mut is_fine)).collect();
-            let more = open.iter().filter(|&&open| open).count() * (FAN - 1);
+            if level == 0 {
+                break;
+            }
+            let more = open.iter().filter(|&&open| open).count() * (Store::<T>::fan(level) - 1);
             if parts.len() + more > most.max(FAN) {
                 break;
             }
@@ -400,7 +476,7 @@ fn top<T: Record>(store: &Store<T>, range: &Range<usize>) -> Vec<(usize, Part<T>
         return Vec::new();
     }
     let level = store.levels.len();
-    let size = FAN.pow(level as u32);
+    let size = Store::<T>::size(level);
     let nodes = range.start / size..=(range.end - 1) / size;
     let parts = nodes.map(|node| {
         let (from, to) = ((node * size).max(range.start), ((node + 1) * size).min(range.end));
@@ -418,7 +494,7 @@ fn children<T: Record>(
     whole: Part<T>,
 ) -> impl DoubleEndedIterator<Item = (usize, Part<T>)> + '_ {
     let level = level - 1;
-    let size = FAN.pow(level as u32);
+    let size = Store::<T>::size(level);
     (whole.from / size..=(whole.to - 1) / size).map(move |node| {
         let (from, to) = ((node * size).max(whole.from), ((node + 1) * size).min(whole.to));
         (level, part(store, level, from, to))
@@ -432,7 +508,7 @@ fn part<T: Record>(store: &Store<T>, level: usize, from: usize, to: usize) -> Pa
         _ if to == from + 1 => first.summary(),
         0 => first.summary(),
         level => {
-            let node = store.node(level, from / FAN.pow(level as u32), store.len());
+            let node = store.node(level, from / Store::<T>::size(level), store.len());
             node.unwrap_or_else(|| first.summary())
         }
     };
@@ -441,159 +517,5 @@ fn part<T: Record>(store: &Store<T>, level: usize, from: usize, to: usize) -> Pa
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may fail")]
-mod tests {
-    use super::*;
-
-    #[derive(Clone, Copy, Debug, PartialEq)]
-    struct Number(u64, i64);
-
-    impl Record for Number {
-        type Summary = (i64, i64);
-
-        fn stamp(&self) -> Stamp {
-            Stamp(self.0)
-        }
-
-        fn summary(&self) -> (i64, i64) {
-            (self.1, self.1)
-        }
-
-        fn join(a: (i64, i64), b: (i64, i64)) -> (i64, i64) {
-            (a.0.min(b.0), a.1.max(b.1))
-        }
-    }
-
-    fn number(i: u64) -> Number {
-        Number(i * 10, (i as i64 * 7919) % 1000)
-    }
-
-    fn series(count: u64) -> Series<Number> {
-        (0..count).map(number).collect()
-    }
-
-    #[test]
-    fn a_series_gives_back_its_records_by_index_and_by_time() {
-        for count in [0, 1, 7, 8, 9, 64, 65, 4095, 4096, 4097, 10_000] {
-            let series = series(count);
-            assert_eq!(series.len() as u64, count);
-            let mut read = Vec::new();
-            series.each(0..usize::MAX, |record| read.push(*record));
-            assert!(read.iter().copied().eq((0..count).map(number)), "{count}");
-            assert_eq!(series.last(), count.checked_sub(1).map(number));
-            assert_eq!(series.count_until(Stamp(0)) as u64, count.min(1));
-            assert_eq!(series.count_until(Stamp(45)) as u64, count.min(5));
-            assert_eq!(series.count_until(Stamp::MAX) as u64, count);
-        }
-    }
-
-    #[test]
-    fn the_parts_of_a_walk_are_the_range_in_order_and_their_summaries_are_right() {
-        for (count, range) in
-            [(1, 0..1), (9, 0..9), (700, 13..699), (10_000, 0..10_000), (10_000, 4090..9000)]
-        {
-            let series = series(count);
-            // The reference: every record of a part.
-            let reference = |part: &Part<Number>| {
-                let records = (part.from..part.to).map(|index| series.get(index).unwrap().summary());
-                records.reduce(Number::join).unwrap()
-            };
-            for wide in [0, 50, 900, 2000] {
-                let mut next = range.start;
-                series.walk(
-                    range.clone(),
-                    |part| part.summary.1 - part.summary.0 <= wide,
-                    |part| {
-                        assert_eq!(part.from, next);
-                        assert_eq!(part.first, series.get(part.from).unwrap());
-                        assert_eq!(part.last, series.get(part.to - 1).unwrap());
-                        let (low, high) = reference(&part);
-                        assert!(part.summary.0 <= low && part.summary.1 >= high);
-                        assert!(part.is_record() || part.summary.1 - part.summary.0 <= wide);
-                        let aligned = part.from % FAN == 0 && part.to % FAN == 0;
-                        if aligned && part.to - part.from == FAN {
-                            assert_eq!(part.summary, (low, high));
-                        }
-                        next = part.to;
-                        ControlFlow::Continue(())
-                    },
-                );
-                assert_eq!(next, range.end, "{count} {range:?} {wide}");
-            }
-        }
-    }
-
-    #[test]
-    fn stretches_hold_exactly_their_records_whatever_their_lengths() {
-        for (count, range) in
-            [(0, 0..0), (1, 0..1), (700, 13..699), (10_000, 0..10_000), (10_000, 4090..9000)]
-        {
-            let series = series(count);
-            for length in [1, 3, 8, 100, 1000, 20_000] {
-                // Stretches of very different lengths: a third of them have one record.
-                let key = |record: &Number| {
-                    record.0 / 10 / length + u64::from(!(record.0 / 10).is_multiple_of(length))
-                };
-                let mut next = range.start;
-                series.stretches(
-                    range.clone(),
-                    key,
-                    |sum: &mut Vec<(i64, i64)>, record| sum.push(record.summary()),
-                    |sum, summary| sum.push(*summary),
-                    |stretch| {
-                        let records: Vec<Number> =
-                            (next..next + stretch.count).map(|index| series.get(index).unwrap()).collect();
-                        assert!(records.iter().all(|record| key(record) == stretch.key));
-                        assert_eq!(records.first(), Some(&stretch.first));
-                        assert_eq!(records.last(), Some(&stretch.last));
-                        let wanted = records.iter().map(Record::summary).reduce(Number::join);
-                        assert_eq!(stretch.sum.iter().copied().reduce(Number::join), wanted);
-                        assert!(stretch.sum.len() <= 70, "{} pieces", stretch.sum.len());
-                        next += stretch.count;
-                        assert!(next >= range.end || key(&series.get(next).unwrap()) != stretch.key);
-                    },
-                );
-                assert_eq!(next, range.end, "{count} {range:?} {length}");
-            }
-        }
-    }
-
-    #[test]
-    fn parts_are_no_more_than_wanted_however_long_the_series_is() {
-        for count in [10, 1000, 100_000] {
-            let series = series(count);
-            for most in [8, 100, 5000] {
-                let parts = series.parts(0..usize::MAX, most, |_| false);
-                assert!(parts.len() <= most, "{} of {count}", parts.len());
-                assert!(parts.len() * FAN >= most.min(count as usize), "{} of {count}", parts.len());
-                assert!(parts.windows(2).all(|pair| pair[0].to == pair[1].from));
-                assert_eq!(parts.last().unwrap().to as u64, count);
-            }
-        }
-    }
-
-    #[test]
-    fn a_reader_sees_what_was_there_when_it_began_and_a_fork_what_both_share() {
-        let writer = SeriesWriter::default();
-        (0..5000).map(number).for_each(|record| writer.push(record));
-        let before = writer.read();
-        let fork = writer.fork(Stamp(number(4200).0));
-        (4201..9000).for_each(|i| fork.push(Number(i * 10, -1_000_000)));
-        (5000..6000).map(number).for_each(|record| writer.push(record));
-        writer.push(Number(3, 0));
-        assert_eq!((before.len(), writer.read().len(), fork.read().len()), (5000, 6000, 9000));
-        let fork = fork.read();
-        assert_eq!((fork.get(4200), fork.get(4201).unwrap().1), (Some(number(4200)), -1_000_000));
-        assert_eq!(writer.read().get(4201), Some(number(4201)), "the other run is whole");
-        let mut least = 0;
-        writer.read().walk(
-            0..usize::MAX,
-            |_| true,
-            |part| {
-                least = least.min(part.summary.0);
-                ControlFlow::Continue(())
-            },
-        );
-        assert_eq!(least, 0, "and so are its summaries");
-        assert!(before.same(&writer.read()) && !before.same(&fork));
-    }
-}
+#[path = "series_tests.rs"]
+mod tests;

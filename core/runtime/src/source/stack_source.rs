@@ -86,6 +86,14 @@ impl StackSource {
         Self::of(recorded.stepped(plan, log, options)?, log, Some(recorded))
     }
 
+    /// The same source with a title that tells its run from others of the stack.
+    #[must_use]
+    pub fn titled(mut self, title: &str) -> Self {
+        let info = Arc::make_mut(&mut self.info);
+        info.title = format!("{} · {title}", info.title);
+        self
+    }
+
     fn of(run: Stepped, log: Option<&Log>, recorded: Option<&RecordedRun>) -> Result<Self, SourceError> {
         let plan = Arc::clone(run.plan());
         // The tracks of a recording are read from it.
@@ -474,8 +482,8 @@ impl Source for StackSource {
     }
 
     fn gather(&mut self, fields: &[rcs_formula::FieldRef]) {
-        let Self { session, recorded, wired, fields: own, .. } = self;
-        own.gather(session, fields);
+        let Self { session, recorded, wired, fields: own, times, .. } = self;
+        own.gather(session, times, fields);
         if let Some(view) = recorded {
             // A topic that feeds a buffer is shown as that buffer.
             view.gather(fields, |name| !wired.values().any(|buffer| **buffer == *name));

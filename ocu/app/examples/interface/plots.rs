@@ -1,8 +1,8 @@
-//! Four plots of a log: opening them, and moving them along the time.
+//! Four plots of a log: opening them, moving them along the time, and zooming.
 
 use super::pass::{pass, summary};
 use anyhow::Context as _;
-use egui::{Event, Modifiers, PointerButton, Pos2};
+use egui::{Event, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton, Pos2, TouchPhase};
 use ocu_app::open::Request;
 use ocu_app::window::Window;
 use std::time::{Duration, Instant};
@@ -42,10 +42,12 @@ pub(crate) fn measure(arguments: &[String]) -> anyhow::Result<()> {
             std::thread::sleep(Duration::from_secs(1));
             let (mut interface, mut triangles) = moved(&context, &mut window);
             println!(
-                "{} {how}, {what}: read {read:.2} s after opening; interface {}; triangles {}",
+                "{} {how}, {what}: read {read:.2} s after opening; moved: interface {}; triangles {}; zoomed: \
+                 interface {}",
                 fields.len(),
                 summary(&mut interface),
-                summary(&mut triangles)
+                summary(&mut triangles),
+                summary(&mut zoomed(&context, &mut window)),
             );
         }
     }
@@ -82,4 +84,22 @@ fn moved(context: &egui::Context, window: &mut Window) -> (Vec<f64>, Vec<f64>) {
     }
     pass(context, window, vec![button(at, false)]);
     (interface, triangles)
+}
+
+/// Zooms in and out; the times of the frames in which the zoom changed, ms.
+fn zoomed(context: &egui::Context, window: &mut Window) -> Vec<f64> {
+    let wheel = |y: f32| Event::MouseWheel {
+        unit: MouseWheelUnit::Point,
+        delta: egui::vec2(0.0, y),
+        phase: TouchPhase::Move,
+        source: MouseWheelSource::Unknown,
+        modifiers: Modifiers::NONE,
+    };
+    pass(context, window, vec![Event::PointerMoved(START)]);
+    let frames = (0..MOVED).map(|index| {
+        let times = pass(context, window, vec![wheel(if index / 20 % 2 == 0 { 12.0 } else { -12.0 })]);
+        std::thread::sleep(Duration::from_millis(8));
+        times.interface.as_secs_f64() * 1e3
+    });
+    frames.collect()
 }

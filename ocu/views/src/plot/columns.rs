@@ -1,13 +1,17 @@
-//! Reduces a series to what a screen can show: for each column of pixels the least and the greatest value, exactly.
+//! Reduces a series to what a screen can show: for each column of pixels the least and the greatest value of its points.
 //!
 //! The summaries of the series limit the work to the number of columns, however long the series is. Columns begin at
 //! multiples of their width in time, so that those of a frame hold for the next one when the axis moves ([`Kept`]).
 
 use super::axis::Axis;
 use egui::Pos2;
+use rcs_formula::Moments;
 use rcs_msg::Stamp;
-use rcs_runtime::source::{FieldPoint, Series};
+use rcs_runtime::source::{FieldPoint, Piece, Series};
 use std::ops::{ControlFlow, Range};
+
+/// From this number of records in a column of pixels on, it is composed of summaries.
+const MANY: f64 = 128.0;
 
 /// What a column of pixels shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,8 +84,57 @@ impl Kept {
         self.columns.iter().map(place).collect()
     }
 
-    /// Adds the columns of these records.
+    /// Adds the columns of these records. A column of very many records is composed of summaries that belong to the
+    /// column in which they begin, of at most a quarter of its width: all points are in it, and none is farther than that
+    /// from its place.
     fn gather(&mut self, range: Range<usize>, seconds: impl Fn(Stamp) -> f64) {
+        let (Some(first), Some(last)) =
+            (self.points.get(range.start), self.points.get(range.end.saturating_sub(1)))
+        else {
+            return;
+        };
+        let span_s = seconds(last.stamp) - seconds(first.stamp);
+        if range.len() as f64 * self.width_s > MANY * span_s {
+            self.gather_summaries(range, seconds);
+        } else {
+            self.gather_exactly(range, seconds);
+        }
+    }
+
+    fn gather_summaries(&mut self, range: Range<usize>, seconds: impl Fn(Stamp) -> f64) {
+        let Self { points, width_s, columns } = self;
+        let (mut next, mut edge_s) = (range.start, f64::NEG_INFINITY);
+        let is_fine =
+            |summary: &Moments| seconds(summary.last.0) - seconds(summary.first.0) <= 0.25 * *width_s;
+        points.pieces(range, is_fine, |piece| {
+            let (stamp, first, last, min, max, count) = match piece {
+                Piece::Summary(of, count) => (of.first.0, of.first.1, of.last.1, of.min, of.max, count),
+                Piece::Record(&FieldPoint { stamp, value }) if value.is_finite() => {
+                    (stamp, value, value, value, value, 1)
+                }
+                Piece::Record(&FieldPoint { stamp, value }) => {
+                    (stamp, value, value, f64::INFINITY, f64::NEG_INFINITY, 1)
+                }
+            };
+            let at_s = seconds(stamp);
+            match columns.last_mut() {
+                Some((_, records, column)) if at_s < edge_s => {
+                    (column.min, column.max) = (column.min.min(min), column.max.max(max));
+                    column.last = last;
+                    column.points += count;
+                    records.end += count;
+                }
+                _ => {
+                    edge_s = ((at_s / *width_s).floor() + 1.0) * *width_s;
+                    let column = Column { x: 0.0, min, max, first, last, points: count };
+                    columns.push((FieldPoint { stamp, value: first }, next..next + count, column));
+                }
+            }
+            next += count;
+        });
+    }
+
+    fn gather_exactly(&mut self, range: Range<usize>, seconds: impl Fn(Stamp) -> f64) {
         let Self { points, width_s, columns } = self;
         let mut next = range.start;
         points.stretches(
@@ -221,22 +274,22 @@ mod tests {
             let axis = Axis::horizontal(from, to, Rangef::new(50.0, 850.0));
             let range = visible(&series, Stamp((from * 1e9) as u64), Stamp((to * 1e9) as u64));
             let got = kept.columns(&series, range.clone(), &axis, seconds);
-            // The reference: every point in the column of its own.
-            let mut wanted: Vec<(i64, f64, f64, usize)> = Vec::new();
-            for i in range {
-                let column = (seconds(point(i as u64).stamp) / kept.width_s).floor() as i64;
-                let v = value(i as u64);
-                match wanted.last_mut().filter(|(known, ..)| *known == column) {
-                    Some((_, min, max, points)) => {
-                        (*min, *max, *points) = (min.min(v), max.max(v), *points + 1);
-                    }
-                    None => wanted.push((column, v, v, 1)),
-                }
+            // The reference: every point in the column of its own, or the one before if that is nearer than a quarter.
+            let mut at = range.start;
+            for (first, records, column) in &kept.columns {
+                assert_eq!((records.start, records.len()), (at, column.points));
+                assert_eq!(*first, point(at as u64));
+                let of_column = |i: usize| seconds(point(i as u64).stamp) / kept.width_s;
+                let number = of_column(at).floor();
+                assert!(records.clone().all(|i| (number..=number + 1.25).contains(&of_column(i))));
+                let values = || records.clone().map(|i| value(i as u64));
+                let wanted = (values().fold(f64::MAX, f64::min), values().fold(f64::MIN, f64::max));
+                assert_eq!((column.min, column.max), wanted);
+                assert_eq!((column.first, column.last), (value(at as u64), value(records.end as u64 - 1)));
+                at = records.end;
             }
+            assert_eq!(at, range.end);
             assert!(got.iter().all(|c| (-100.0..1000.0).contains(&c.x)));
-            let got: Vec<_> = got.iter().map(|c| (c.min, c.max, c.points)).collect();
-            let wanted: Vec<_> = wanted.into_iter().map(|(_, min, max, points)| (min, max, points)).collect();
-            assert_eq!(got, wanted);
             assert!(got.len() < 810);
         }
     }

@@ -147,8 +147,12 @@ pub(super) fn horizontal_axis(
                 GraphKind::Frequency => format!("{} Hz", mark_text(mark, step)),
                 GraphKind::Index | GraphKind::Against => mark_text(mark, step),
             };
-            let at = Pos2::new(x, plot.bottom() + 4.0);
-            painter.text(at, Align2::CENTER_TOP, text, FontId::monospace(10.5), tokens.weak);
+            let galley = painter.layout_no_wrap(text, FontId::monospace(10.5), tokens.weak);
+            // At the ends of the axis a mark stands beside its line rather than outside of what is painted.
+            let (room, width) = (painter.clip_rect(), galley.size().x);
+            let most = room.right() - width - 2.0;
+            let left = (x - width / 2.0).clamp((room.left() + 2.0).min(most), most);
+            painter.galley(Pos2::new(left, plot.bottom() + 4.0), galley, tokens.weak);
         }
     }
 }

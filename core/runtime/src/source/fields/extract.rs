@@ -16,6 +16,8 @@ const MOST_LOOKS: u32 = 8;
 enum Kind {
     /// Not known yet.
     Unknown,
+    /// Of a message as a whole, there is nothing but its time; the value is 1.
+    Time,
     Number,
     Bool,
     Enum,
@@ -23,6 +25,7 @@ enum Kind {
 }
 
 /// Reads one field.
+#[derive(Clone)]
 pub(super) struct Extractor {
     path: FieldPath,
     /// `None` for a text, which is read from the decoded message.
@@ -39,6 +42,7 @@ impl Extractor {
     /// A reader of messages of this schema; an error text if they cannot have such a field.
     pub(super) fn new(schema: &Arc<Schema>, path: &FieldPath) -> Result<Self, String> {
         let (scanner, kind) = match FieldScanner::new(schema, path) {
+            _ if path.segments().is_empty() => (None, Kind::Time),
             Ok(scanner) => (Some(scanner), Kind::Unknown),
             Err(ScanError::Kind { got, expected: "a number", .. }) if got == "a text" => (None, Kind::Text),
             Err(error) => return Err(error.to_string()),
@@ -53,10 +57,39 @@ impl Extractor {
         })
     }
 
+    /// Whether messages are read without decoding them, so that several threads can read different ones in any order.
+    pub(super) fn is_direct(&self) -> bool {
+        self.is_time() || self.scanner.as_ref().is_some_and(FieldScanner::is_direct)
+    }
+
+    /// Whether the times of messages are all that is read.
+    pub(super) fn is_time(&self) -> bool {
+        self.kind == Kind::Time
+    }
+
+    /// Takes the names over that another reader of the field has learned.
+    pub(super) fn learn_from(&mut self, other: &Self) {
+        let is_new = |key: &&i64| !self.names.contains_key(key);
+        if other.names.keys().any(|key| is_new(&key)) {
+            let names = other.names.iter().map(|(key, name)| (*key, Arc::clone(name)));
+            Arc::make_mut(&mut self.names).extend(names);
+        }
+    }
+
     /// The value in a message; NaN if it has none.
     pub(super) fn read(&mut self, message: &AnyMessage) -> f64 {
-        let Some(scanner) = &self.scanner else { return self.text(message).unwrap_or(f64::NAN) };
-        let value = scanner.scan(&message.bytes()).ok().flatten().unwrap_or(f64::NAN);
+        if self.is_time() {
+            return 1.0;
+        }
+        self.read_bytes(&message.bytes(), || message.clone())
+    }
+
+    /// The value in an encoded message, which is made only if it must be decoded.
+    pub(super) fn read_bytes(&mut self, bytes: &[u8], message: impl Fn() -> AnyMessage) -> f64 {
+        let Some(scanner) = &self.scanner else {
+            return if self.is_time() { 1.0 } else { self.text(&message()).unwrap_or(f64::NAN) };
+        };
+        let value = scanner.scan(bytes).ok().flatten().unwrap_or(f64::NAN);
         let known = match self.kind {
             Kind::Number => true,
             // Where the schema does not tell, as of JSON, a text is found by looking at a few messages.
@@ -68,9 +101,10 @@ impl Extractor {
             _ => value.is_nan() || self.names.contains_key(&(value as i64)),
         };
         if !known {
-            self.learn(message, value);
+            let message = message();
+            self.learn(&message, value);
             if self.kind == Kind::Text {
-                return self.text(message).unwrap_or(f64::NAN);
+                return self.text(&message).unwrap_or(f64::NAN);
             }
         }
         value

@@ -1,6 +1,7 @@
 //! Fields of a log: the whole log is read once for all fields that were named together, on a thread of its own.
 
 use super::extract::Extractor;
+use super::pieces::read_pieces;
 use super::{FieldPoint, FieldSeries};
 use crate::source::run_tag::RunTag;
 use crate::source::series::SeriesWriter;
@@ -8,6 +9,7 @@ use rcs_formula::{FieldRef, Names};
 use rcs_log::{CursorOptions, Log, LogError, Reassembly, TopicId};
 use rcs_msg::{AnyMessage, Schema, Stamp};
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -34,9 +36,9 @@ fn lock(told: &Mutex<Told>) -> MutexGuard<'_, Told> {
 }
 
 /// One field as the reading thread has it.
-struct Reader {
-    extractor: Extractor,
-    points: Arc<SeriesWriter<FieldPoint>>,
+pub(super) struct Reader {
+    pub(super) extractor: Extractor,
+    pub(super) points: Arc<SeriesWriter<FieldPoint>>,
     told: Arc<Mutex<Told>>,
 }
 
@@ -56,10 +58,10 @@ impl Reader {
 }
 
 /// A topic of the log with the fields that are read from it.
-struct Wanted {
-    schema: Arc<Schema>,
-    ids: Vec<TopicId>,
-    readers: Vec<Reader>,
+pub(super) struct Wanted {
+    pub(super) schema: Arc<Schema>,
+    pub(super) ids: Vec<TopicId>,
+    pub(super) readers: Vec<Reader>,
 }
 
 /// The fields of a log that were named.
@@ -114,7 +116,7 @@ impl LogFields {
             let (start, end) = (log.info().start, log.info().end);
             let span_s = end.seconds_since(start).max(1e-9);
             // The log has reported chunks that cannot be read; the cursor continues after them.
-            let _ = read_topics(&log, wanted, start..=end, |time, readers| {
+            let _ = read_topics(&log, wanted, &(start..=end), |time, readers| {
                 for reader in readers {
                     reader.tell(Some(time.seconds_since(start) / span_s));
                 }
@@ -155,11 +157,50 @@ impl LogFields {
     }
 }
 
-/// Reads these topics in one pass, until `go_on` refuses.
+/// Reads these topics until `go_on` refuses: numbers on several threads, and texts and what was recorded as deltas in the
+/// order of the log.
 fn read_topics(
     log: &Log,
+    wanted: Vec<Wanted>,
+    times: &RangeInclusive<Stamp>,
+    mut go_on: impl FnMut(Stamp, &[&Reader]) -> bool,
+) -> Result<(), LogError> {
+    let reassembly = Reassembly::new(log);
+    let (mut direct, mut in_order) = (Vec::new(), Vec::new());
+    for Wanted { schema, ids, readers } in wanted {
+        let is_whole = !ids.iter().any(|id| reassembly.takes(*id));
+        let (numbers, others): (Vec<_>, Vec<_>) =
+            readers.into_iter().partition(|reader| is_whole && reader.extractor.is_direct());
+        let topic = |readers| Wanted { schema: Arc::clone(&schema), ids: ids.clone(), readers };
+        direct.extend((!numbers.is_empty()).then(|| topic(numbers)));
+        in_order.extend((!others.is_empty()).then(|| topic(others)));
+    }
+    let mut is_stopped = false;
+    let mut pieces = Ok(());
+    if !direct.is_empty() {
+        let read = read_pieces(log, &mut direct, times, |time, readers| {
+            is_stopped |= !go_on(time, readers);
+            !is_stopped
+        });
+        match read {
+            Some(read) => pieces = read,
+            None => in_order.append(&mut direct),
+        }
+        if !is_stopped {
+            direct.iter().flat_map(|topic| &topic.readers).for_each(|reader| reader.tell(None));
+        }
+    }
+    if is_stopped || in_order.is_empty() {
+        return pieces;
+    }
+    read_in_order(log, in_order, times, go_on).and(pieces)
+}
+
+/// Reads these topics in one pass, until `go_on` refuses.
+fn read_in_order(
+    log: &Log,
     mut wanted: Vec<Wanted>,
-    times: std::ops::RangeInclusive<Stamp>,
+    times: &RangeInclusive<Stamp>,
     mut go_on: impl FnMut(Stamp, &[&Reader]) -> bool,
 ) -> Result<(), LogError> {
     let mut reassembly = Reassembly::new(log);
@@ -202,11 +243,7 @@ fn read_topics(
 }
 
 /// Reads fields of a log between two times at once. A field that the log does not have has a problem and no points.
-pub fn read_fields(
-    log: &Log,
-    fields: &[FieldRef],
-    times: std::ops::RangeInclusive<Stamp>,
-) -> Vec<FieldSeries> {
+pub fn read_fields(log: &Log, fields: &[FieldRef], times: RangeInclusive<Stamp>) -> Vec<FieldSeries> {
     let reassembly = Reassembly::new(log);
     let mut found = Vec::new();
     for field in fields {
@@ -236,7 +273,7 @@ pub fn read_fields(
             None => drop(wanted.insert(id, topic)),
         }
     }
-    let read = read_topics(log, wanted.into_values().collect(), times, |_, _| true);
+    let read = read_topics(log, wanted.into_values().collect(), &times, |_, _| true);
     let series = found.into_iter().map(|(field, points, told, _)| {
         let told = lock(&told);
         let problem =

@@ -6,6 +6,7 @@
 
 mod extract;
 mod log_scan;
+mod pieces;
 mod run_fields;
 
 pub use log_scan::read_fields;
@@ -30,6 +31,8 @@ pub struct FieldPoint {
 
 impl Record for FieldPoint {
     type Summary = Moments;
+
+    const FIRST: usize = 32;
 
     fn stamp(&self) -> Stamp {
         self.stamp

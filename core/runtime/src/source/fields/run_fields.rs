@@ -4,6 +4,7 @@
 use super::extract::Extractor;
 use super::{FieldPoint, FieldSeries};
 use crate::history::{RunId, RunSummary, Session};
+use crate::source::rates::RunTimes;
 use crate::source::run_tag::RunTag;
 use crate::source::series::SeriesWriter;
 use crate::stepped::Stepped;
@@ -68,7 +69,7 @@ impl RunFields {
     }
 
     /// Gathers these fields, and no others.
-    pub(crate) fn gather(&self, session: &mut Session, fields: &[FieldRef]) {
+    pub(crate) fn gather(&self, session: &mut Session, times: &RunTimes, fields: &[FieldRef]) {
         let mut inner = self.lock();
         inner.fields.retain(|known| fields.contains(&known.field));
         for field in fields {
@@ -82,7 +83,12 @@ impl RunFields {
             let mut new = RunField { field: field.clone(), buffer: index, extractor, runs: Vec::new() };
             for run in 0..inner.runs {
                 new.runs.push((SeriesWriter::default(), false));
-                if new.extractor.is_ok() {
+                if new.extractor.as_ref().is_ok_and(Extractor::is_time) {
+                    // Times are known without reading the messages again.
+                    let points =
+                        times.of(run, index).into_iter().map(|stamp| FieldPoint { stamp, value: 1.0 });
+                    new.runs[run].0.append_all(points);
+                } else if new.extractor.is_ok() {
                     let id = RunId(run as u32);
                     let complete = session.each_message(id, index, &mut |sample| new.take(run, sample));
                     new.runs[run].1 = !complete;
