@@ -112,7 +112,7 @@ pub fn cell(ui: &Ui, rect: Rect, align: egui::Align, text: &str, font: FontId, c
     cell_by(ui.painter(), rect, align, text, font, color);
 }
 
-/// The same with a painter of the caller's.
+/// The same with a painter of the caller's; returns the width of the text.
 pub fn cell_by(
     painter: &egui::Painter,
     rect: Rect,
@@ -120,7 +120,7 @@ pub fn cell_by(
     text: &str,
     font: FontId,
     color: Color32,
-) {
+) -> f32 {
     let mut job = egui::text::LayoutJob::simple_singleline(text.to_owned(), font, color);
     job.wrap = egui::text::TextWrapping::truncate_at_width(rect.width().max(1.0));
     let galley = painter.layout_job(job);
@@ -131,6 +131,7 @@ pub fn cell_by(
     }
     .align_size_within_rect(galley.size(), rect);
     painter.galley(at.min, galley, color);
+    at.width()
 }
 
 /// A table cell whose text is shortened at its beginning, because the end of a topic or type name is the most specific.

@@ -5,8 +5,8 @@ use crate::view::ViewContext;
 use egui::{Button, RichText, Ui};
 use ocu_ui::tokens;
 use rcs_msg::rcs::fault::Kind;
-use rcs_msg::rcs::{Fault, ProcessInfo};
-use rcs_runtime::source::{Control, Frame, SourceKind};
+use rcs_msg::rcs::{Fault, OverrideInForce, ProcessInfo};
+use rcs_runtime::source::{Control, SourceKind};
 
 /// The faults in the menu.
 fn choices() -> [(&'static str, &'static str, Fault); 9] {
@@ -28,9 +28,8 @@ fn choices() -> [(&'static str, &'static str, Fault); 9] {
 }
 
 /// The faults of a process that are in force, in words.
-pub(super) fn text(frame: &Frame, process: &str) -> Option<String> {
-    let faults =
-        edit::overrides(frame).iter().filter(|held| !held.fault.is_empty() && held.process == process);
+pub(super) fn text(held: &[OverrideInForce], process: &str) -> Option<String> {
+    let faults = held.iter().filter(|held| !held.fault.is_empty() && held.process == process);
     let faults: Vec<&str> = faults.map(|held| held.fault.as_str()).collect();
     (!faults.is_empty()).then(|| faults.join(", "))
 }

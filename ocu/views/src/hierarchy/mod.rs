@@ -11,6 +11,7 @@ mod look;
 
 use crate::canvas::Viewport;
 use crate::command;
+use crate::edit;
 use crate::texture::Cached;
 use crate::toolbar;
 use crate::view::{Hover, SavedState, View, ViewContext};
@@ -20,7 +21,7 @@ use look::{State, light, look};
 use ocu_ui::bar::{self, Bar, Fit};
 use ocu_ui::{Tokens, format, icons, tokens, widgets};
 use rcs_msg::rcs::{Command, ProcessInfo, ProcessTiming, Status, Timing};
-use rcs_runtime::source::{BufferInfo, Frame, Hierarchy as Found, Node, SourceKind};
+use rcs_runtime::source::{BufferInfo, Frame, Hierarchy as Found, Node, RunTag, SourceKind};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -47,17 +48,64 @@ impl Default for Saved {
     }
 }
 
-/// What the hierarchy is found from: the processes, and who writes which topic.
-#[derive(Clone, Debug)]
+/// What the hierarchy is found from: the processes, and who writes which topic. It changes seldom.
 struct Basis {
     processes: Arc<[ProcessInfo]>,
-    topics: Vec<(Arc<str>, Arc<str>)>,
+    topics: Vec<(Arc<str>, Arc<str>, RunTag)>,
 }
 
-impl PartialEq for Basis {
-    fn eq(&self, other: &Self) -> bool {
+impl Basis {
+    fn of(frame: &Frame) -> Self {
+        let topics = frame.topics.iter();
+        let topics = topics.map(|topic| (Arc::clone(&topic.name), Arc::clone(&topic.writer), topic.run));
+        Self { processes: Arc::clone(&frame.processes), topics: topics.collect() }
+    }
+
+    fn holds(&self, frame: &Frame) -> bool {
+        let same = |known: &Arc<str>, other: &Arc<str>| Arc::ptr_eq(known, other) || known == other;
         // The list of processes is one for a whole run.
-        Arc::ptr_eq(&self.processes, &other.processes) && self.topics == other.topics
+        Arc::ptr_eq(&self.processes, &frame.processes)
+            && self.topics.len() == frame.topics.len()
+            && self.topics.iter().zip(frame.topics.iter()).all(|((name, writer, run), topic)| {
+                same(name, &topic.name) && same(writer, &topic.writer) && *run == topic.run
+            })
+    }
+}
+
+/// What a process has to do with the topics of a frame.
+#[derive(Clone, Copy)]
+struct Wires {
+    /// The topics of its commands and its status, as indices.
+    command: Option<usize>,
+    status: Option<usize>,
+    /// Whether its buffers and its supervisor are there.
+    connected: bool,
+}
+
+/// The hierarchy with what it was found from.
+struct Known {
+    basis: Basis,
+    found: Found,
+    wires: Vec<Wires>,
+    /// Where the boxes are, for a width of the room over its height.
+    places: Cached<u32, Places>,
+}
+
+impl Known {
+    fn of(frame: &Frame) -> Self {
+        let buffers: Vec<BufferInfo> = frame.topics.iter().map(BufferInfo::of).collect();
+        let found = Found::new(&frame.processes, &buffers, frame.info.kind != SourceKind::Log);
+        let topic = |name: &str| {
+            let named = frame.topics.iter().enumerate().filter(|(_, topic)| *topic.name == *name);
+            named.max_by_key(|(_, topic)| topic.run).map(|(index, _)| index)
+        };
+        let wires = found.nodes.iter().map(|node| Wires {
+            command: topic(&node.command),
+            status: topic(&node.status),
+            connected: is_connected(frame, &found, node),
+        });
+        let wires = wires.collect();
+        Self { basis: Basis::of(frame), found, wires, places: Cached::default() }
     }
 }
 
@@ -65,13 +113,16 @@ impl PartialEq for Basis {
 #[derive(Default)]
 pub(crate) struct Hierarchy {
     saved: Saved,
-    found: Cached<Basis, Found>,
+    known: Option<Known>,
 }
 
 /// What is needed to paint the boxes.
 struct Scene<'a> {
     found: &'a Found,
+    wires: &'a [Wires],
     places: &'a Places,
+    /// What is held by the operator, with the faults.
+    held: &'a [rcs_msg::rcs::OverrideInForce],
     /// The boxes on the screen.
     boxes: Vec<Rect>,
     zoom: f32,
@@ -95,13 +146,9 @@ impl View for Hierarchy {
 
     fn ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>) {
         let frame = cx.frame;
-        let topics = frame.topics.iter().map(|topic| (Arc::clone(&topic.name), Arc::clone(&topic.writer)));
-        let basis = Basis { processes: Arc::clone(&frame.processes), topics: topics.collect() };
-        let Self { saved, found } = self;
-        let found: &Found = found.get(basis, || {
-            let buffers: Vec<BufferInfo> = frame.topics.iter().map(BufferInfo::of).collect();
-            Found::new(&frame.processes, &buffers, frame.info.kind != SourceKind::Log)
-        });
+        let Self { saved, known } = self;
+        let current = known.take().filter(|known| known.basis.holds(frame));
+        let Known { found, wires, places, .. } = known.insert(current.unwrap_or_else(|| Known::of(frame)));
         if found.nodes.is_empty() {
             let hint = "Open a stack, or a recording that says who wrote its messages; this one does not.";
             return widgets::empty(ui, icons::ICON_ACCOUNT_TREE, "No processes", hint);
@@ -119,8 +166,9 @@ impl View for Hierarchy {
         let rect = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         response.widget_info(|| WidgetInfo::labeled(Role::Pane, true, "Hierarchy of processes"));
-        let places = layout::place(&found.nodes, rect.width() / rect.height().max(1.0));
-        let mut viewport = saved.viewport.unwrap_or_else(|| fitted(&places, rect));
+        let shape = rect.width() / rect.height().max(1.0);
+        let places = &*places.get(shape.to_bits(), || layout::place(&found.nodes, shape));
+        let mut viewport = saved.viewport.unwrap_or_else(|| fitted(places, rect));
         if response.double_clicked() {
             saved.viewport = None;
         } else if viewport.interact(ui, &response, ZOOM, true) {
@@ -129,8 +177,8 @@ impl View for Hierarchy {
         let at = |corner: Pos2| viewport.to_screen(rect, [f64::from(corner.x), f64::from(corner.y)]);
         let boxes = places.boxes.iter().map(|place| Rect::from_min_max(at(place.min), at(place.max)));
         let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
-        let scene =
-            Scene { found, places: &places, boxes: boxes.collect(), zoom: viewport.scale as f32, painter };
+        let (zoom, held) = (viewport.scale as f32, edit::overrides(frame));
+        let scene = Scene { found, wires, places, held, boxes: boxes.collect(), zoom, painter };
         lines(cx, &scene, &at, tokens(ui));
         if saved.peers {
             peers(cx, &scene, tokens(ui));
@@ -157,8 +205,8 @@ fn meant(cx: &ViewContext<'_>) -> Option<Arc<str>> {
     cx.selection.hovered.get().process.clone().or_else(|| cx.selection.process.clone())
 }
 
-fn age_s(frame: &Frame, buffer: &str) -> Option<f64> {
-    frame.topic(buffer)?.age_s(frame.now)
+fn age_s(frame: &Frame, topic: Option<usize>) -> Option<f64> {
+    frame.topics.get(topic?)?.age_s(frame.now)
 }
 
 /// The lines between supervisors and subordinates.
@@ -166,7 +214,8 @@ fn lines(cx: &ViewContext<'_>, scene: &Scene<'_>, at: &dyn Fn(Pos2) -> Pos2, tok
     let mut drawn: Vec<(Vec<Pos2>, Stroke)> = Vec::new();
     for (index, node) in scene.found.nodes.iter().enumerate() {
         let Some(above) = node.supervisor else { continue };
-        let ages = (age_s(cx.frame, &node.command), age_s(cx.frame, &node.status));
+        let wires = scene.wires[index];
+        let ages = (age_s(cx.frame, wires.command), age_s(cx.frame, wires.status));
         let stroke = light(tokens, ages.0, ages.1);
         let places = scene.places;
         let corners = layout::line(places.boxes[above], places.boxes[index], places.in_block[index]);
@@ -224,9 +273,9 @@ fn process_box(ui: &mut Ui, cx: &mut ViewContext<'_>, scene: &Scene<'_>, area: R
     let tokens = tokens(ui);
     let frame = cx.frame;
     let process = node.process.map(|index| &frame.processes[index]);
-    let status: Option<&Status> = frame.topic(&node.status).and_then(|topic| topic.get());
-    let connected = is_connected(frame, scene.found, node);
-    let look = look(State { process, status, age_s: age_s(frame, &node.status), connected });
+    let wires = scene.wires[index];
+    let status: Option<&Status> = wires.status.and_then(|topic| frame.topics.get(topic)?.get());
+    let look = look(State { process, status, age_s: age_s(frame, wires.status), connected: wires.connected });
     let chosen = cx.selection.process.as_ref() == Some(&node.name);
     let response =
         ui.interact(rect.intersect(area), ui.scope_id().with(("process", &node.name)), Sense::click());
@@ -262,12 +311,11 @@ fn process_box(ui: &mut Ui, cx: &mut ViewContext<'_>, scene: &Scene<'_>, area: R
         let head = Rect::from_min_size(rect.min, Vec2::new(rect.width(), 24.0 * zoom)).shrink(edge.width);
         painter.rect_filled(head, egui::CornerRadius { nw: 2, ne: 2, sw: 0, se: 0 }, look.fill);
         let word_font = FontId::proportional(11.0 * zoom);
-        let word_width = painter.layout_no_wrap(look.word.clone(), word_font.clone(), ink).size().x;
         let inner = head.shrink2(Vec2::new(8.0 * zoom, 0.0));
+        let word_width = widgets::cell_by(painter, inner, Align::Max, &look.word, word_font, ink);
         let title = inner.with_max_x(inner.right() - word_width - 8.0 * zoom);
         widgets::cell_by(painter, title, Align::Min, &node.name, FontId::proportional(13.0 * zoom), ink);
-        widgets::cell_by(painter, inner, Align::Max, &look.word, word_font, ink);
-        body(painter, tokens, rect, zoom, frame, node, process, status);
+        body(tokens, frame, scene, index, status);
     }
     if let Some(process) = process {
         response.context_menu(|ui| commands(ui, cx, process));
@@ -301,17 +349,9 @@ fn commands(ui: &mut Ui, cx: &mut ViewContext<'_>, process: &ProcessInfo) {
     faults::menu(ui, cx, process, refused);
 }
 
-#[allow(clippy::too_many_arguments, reason = "everything that the body shows")]
-fn body(
-    painter: &Painter,
-    tokens: &Tokens,
-    rect: Rect,
-    zoom: f32,
-    frame: &Frame,
-    node: &Node,
-    process: Option<&ProcessInfo>,
-    status: Option<&Status>,
-) {
+fn body(tokens: &Tokens, frame: &Frame, scene: &Scene<'_>, index: usize, status: Option<&Status>) {
+    let Scene { painter, zoom, .. } = scene;
+    let (node, rect, zoom) = (&scene.found.nodes[index], scene.boxes[index], *zoom);
     let line = |i: usize| {
         let top = rect.top() + zoom * (28.0 + 20.0 * i as f32);
         let (left, right) = (rect.left() + 8.0 * zoom, rect.right() - 8.0 * zoom);
@@ -332,11 +372,12 @@ fn body(
         return;
     }
     let Some(status) = status else {
+        let process = node.process.map(|index| &frame.processes[index]);
         let summary = process.map_or("publishes, says nothing of itself", |process| process.summary.as_str());
         widgets::cell_by(painter, line(0), Align::Min, summary, small, tokens.weak);
         return;
     };
-    let sent = frame.topic(&node.command).and_then(|topic| topic.get::<Command>());
+    let sent = scene.wires[index].command.and_then(|topic| frame.topics.get(topic)?.get::<Command>());
     let command = if status.command.is_empty() { "no command" } else { &status.command };
     let (serial, waiting) = match sent {
         Some(sent) => {
@@ -345,10 +386,9 @@ fn body(
         None => (format!("echo {}", status.echo_serial), false),
     };
     let color = if waiting { tokens.warning } else { tokens.weak };
-    let serial_width = painter.layout_no_wrap(serial.clone(), mono.clone(), color).size().x;
+    let serial_width = widgets::cell_by(painter, line(0), Align::Max, &serial, mono.clone(), color);
     let name = line(0).with_max_x(line(0).right() - serial_width - 6.0 * zoom);
     widgets::cell_by(painter, name, Align::Min, command, FontId::proportional(13.0 * zoom), tokens.strong);
-    widgets::cell_by(painter, line(0), Align::Max, &serial, mono.clone(), color);
     widgets::cell_by(painter, line(1), Align::Min, &status.state_text, small, tokens.text);
     widgets::cell_by(
         painter,
@@ -358,7 +398,7 @@ fn body(
         mono.clone(),
         tokens.weak,
     );
-    if let Some(fault) = faults::text(frame, &node.name) {
+    if let Some(fault) = faults::text(scene.held, &node.name) {
         widgets::cell_by(painter, line(2), Align::Max, &fault, mono, tokens.warning);
     } else if status.faults > 0 {
         let faults = format!("{} fault{}", status.faults, if status.faults == 1 { "" } else { "s" });
@@ -384,7 +424,7 @@ fn details(ui: &mut Ui, frame: &Frame, process: &ProcessInfo, status: Option<&St
         line("set at", &status.source_line);
         line("last fault", &status.last_fault);
     }
-    line("on demand", &faults::text(frame, &node.name).unwrap_or_default());
+    line("on demand", &faults::text(edit::overrides(frame), &node.name).unwrap_or_default());
     let ports = |ports: &[rcs_msg::rcs::PortInfo]| {
         ports.iter().map(|port| port.buffer.as_str()).collect::<Vec<_>>().join("  ")
     };
