@@ -9,6 +9,10 @@ use rcs_msg::classes::LabelClass;
 use rcs_msg::foxglove::RawImage;
 use rcs_runtime::Role;
 use rcs_runtime::source::{Frame, Topic};
+use std::collections::BTreeSet;
+
+/// Key of a channel that names the image on which its own lies.
+const OVERLAY_OF: &str = "rcs.overlay_of";
 
 /// How an image is painted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,17 +72,18 @@ pub(super) fn is_annotation(topic: &Topic) -> bool {
 
 /// Whether a topic says that it lies on this image.
 pub(super) fn lies_on(topic: &Topic, image: &Topic) -> bool {
-    topic.metadata.get("rcs.overlay_of").is_some_and(|name| **name == *image.name)
+    topic.metadata.get(OVERLAY_OF).is_some_and(|name| **name == *image.name)
 }
 
 /// All images, in this order: those with overlays, other camera images, depth images, derived images, ground truth.
 pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
     let mut images: Vec<_> = frame.topics.iter().filter(|topic| is_image(topic)).collect();
-    let has_overlay =
-        |image: &Topic| frame.topics.iter().any(|topic| lies_on(topic, image) && !topic.is_ground_truth());
-    images.sort_by_key(|topic| match look(topic) {
+    let overlays = frame.topics.iter().filter(|topic| !topic.is_ground_truth());
+    let overlaid: BTreeSet<&str> =
+        overlays.filter_map(|topic| Some(topic.metadata.get(OVERLAY_OF)?.as_str())).collect();
+    images.sort_by_cached_key(|topic| match look(topic) {
         _ if topic.is_ground_truth() => 4,
-        _ if has_overlay(topic) => 0,
+        _ if overlaid.contains(&*topic.name) => 0,
         Look::Image if is_range(topic) => 2,
         Look::Image => 1,
         _ => 3,
@@ -88,7 +93,7 @@ pub(super) fn images(frame: &Frame) -> Vec<&Topic> {
 
 /// The overlays of an image: labels, then other derived images, then shapes, then ground truth.
 pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
-    let lies_on = |topic: &Topic| match topic.metadata.get("rcs.overlay_of") {
+    let lies_on = |topic: &Topic| match topic.metadata.get(OVERLAY_OF) {
         Some(name) => **name == *base.name,
         // Label topics of a scan contain no images, and may have no messages at all.
         None => (look(topic) != Look::Image || is_annotation(topic)) && topic.latest.is_some(),
@@ -96,7 +101,7 @@ pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
     let other = |topic: &&Topic| topic.name != base.name || topic.run != base.run;
     let can = |topic: &&Topic| (is_image(topic) || is_annotation(topic)) && lies_on(topic);
     let mut overlays: Vec<_> = frame.topics.iter().filter(can).filter(other).collect();
-    overlays.sort_by_key(|topic| match look(topic) {
+    overlays.sort_by_cached_key(|topic| match look(topic) {
         _ if topic.is_ground_truth() => 3,
         _ if is_annotation(topic) => 2,
         Look::Labels => 0,
