@@ -115,6 +115,11 @@ fn can_be_nan(descriptor: Option<&MessageDescriptor>, path: &FieldPath) -> bool 
 }
 
 fn has_float(message: &MessageDescriptor, seen: &mut Vec<String>) -> bool {
+    // Cells, points and pixels are bytes, and each message says whether they hold floating-point numbers.
+    let has = |name: &str| message.get_field_by_name(name).is_some();
+    if has("data") && (has("encoding") || has("fields")) {
+        return true;
+    }
     if seen.iter().any(|name| name == message.full_name()) {
         return false;
     }
