@@ -47,7 +47,7 @@ struct TopicReport<'a> {
 
 /// Prints the description of a recording.
 pub fn info(args: &InfoArgs, out: &mut dyn Write) -> anyhow::Result<()> {
-    let log = Log::open(&args.log)?;
+    let log = Log::open_parts(&crate::parts::of(&args.log)?)?;
     let info = log.info();
     if args.json {
         serde_json::to_writer_pretty(&mut *out, &report(info)).context("cannot write the report")?;

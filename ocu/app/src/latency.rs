@@ -66,7 +66,7 @@ impl Spread {
 
 /// Prints the ages of a recording's messages.
 pub fn latency(args: &LatencyArgs, out: &mut dyn Write) -> anyhow::Result<()> {
-    let log = Log::open(&args.log)?;
+    let log = Log::open_parts(&crate::parts::of(&args.log)?)?;
     let report = Ages::of(&log)?.report();
     if args.json {
         serde_json::to_writer_pretty(&mut *out, &report).context("cannot write the report")?;

@@ -41,6 +41,7 @@ pub mod offscreen;
 pub mod open;
 mod output;
 mod parquet;
+mod parts;
 pub mod past_args;
 mod plain;
 pub mod plugins;

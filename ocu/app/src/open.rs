@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 pub struct Request {
     /// The recording.
     pub log: Option<PathBuf>,
+    /// Further files of it, if it was split and they are named.
+    pub parts: Vec<PathBuf>,
     /// The stack, running on the recording or closed-loop: name of a bundled one, or a file.
     pub stack: Option<String>,
     /// The course of a simulation: name of a bundled one, or a file; `None` for the stack's own.
@@ -17,6 +19,17 @@ pub struct Request {
     pub seed: u64,
     /// Limits of the history kept of a run.
     pub past: PastArgs,
+    /// Of a run of a sweep: what tells it from the others, and the log that it read.
+    pub run: Option<Box<SweptRun>>,
+}
+
+/// A run of a sweep.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SweptRun {
+    /// What tells it from the others.
+    pub title: String,
+    /// The log that it read.
+    pub log: Option<PathBuf>,
 }
 
 /// The bundled stack that is opened by default: a simulated robot that drives to the goal of its course.
@@ -28,10 +41,12 @@ impl Request {
         let alone = args.log.is_none() && args.stack.is_none();
         Self {
             log: args.log.clone(),
+            parts: args.parts.clone(),
             stack: args.stack.clone().or_else(|| alone.then(|| SIMULATION.to_owned())),
             course: args.course.clone(),
             seed: args.seed,
             past: args.past.clone(),
+            run: None,
         }
     }
 
@@ -53,6 +68,7 @@ impl Request {
             let past = current.past.clone();
             Self {
                 log: current.log.clone(),
+                parts: current.parts.clone(),
                 stack: Some(path.display().to_string()),
                 past,
                 ..Self::default()

@@ -2,8 +2,8 @@
 
 use crate::assets::{ProgramAssets, looks_like_path, read_text};
 use crate::bundled;
-use crate::open::Request;
-use crate::usage;
+use crate::open::{Request, SweptRun};
+use crate::{parts, usage};
 use anyhow::Context as _;
 use rcs_log::Log;
 use rcs_runtime::source::{LogSource, Source, StackSource};
@@ -61,41 +61,61 @@ pub fn plan(spec: &str, course: Option<&str>, overrides: &[(String, String)]) ->
     Ok(Arc::new(Plan::with(named(spec)?, rcs_plugins::all(), &options)?))
 }
 
-/// Opens a recording with the message codecs of all plugins.
+/// Opens a recording with the message codecs of all plugins: a file, or the files into which it was split, of which the
+/// path is the folder or the first one.
 pub fn open_log(path: impl AsRef<Path>) -> anyhow::Result<Log> {
-    Ok(Log::open(path)?.with_codecs(rcs_runtime::codecs(rcs_plugins::all())))
+    open_parts(&parts::of(path.as_ref())?)
+}
+
+fn open_parts(files: &[PathBuf]) -> anyhow::Result<Log> {
+    Ok(Log::open_parts(files)?.with_codecs(rcs_runtime::codecs(rcs_plugins::all())))
+}
+
+/// The recording of a request.
+fn log_of(request: &Request) -> anyhow::Result<Option<Log>> {
+    let Some(path) = &request.log else { return Ok(None) };
+    if request.parts.is_empty() {
+        return Ok(Some(open_log(path)?));
+    }
+    let files: Vec<PathBuf> = std::iter::once(path).chain(&request.parts).cloned().collect();
+    Ok(Some(open_parts(&files)?))
 }
 
 /// Opens a source: a recording, a stack on a recording, or a stack alone (on a course if it is a simulation).
 pub fn open(request: &Request) -> anyhow::Result<Box<dyn Source>> {
     let Some(stack) = &request.stack else {
-        let log = request
-            .log
-            .as_ref()
-            .ok_or_else(|| usage("expected a recording or a stack to open, got neither"))?;
-        let log = open_log(log)?;
+        let log =
+            log_of(request)?.ok_or_else(|| usage("expected a recording or a stack to open, got neither"))?;
         if RecordedRun::is_journal_alone(&log) {
-            return repeat(&log);
+            return repeat(&log, request.run.as_deref());
         }
         return Ok(Box::new(LogSource::new(&log)?));
     };
     let plan = plan(stack, request.course.as_deref(), &[])?;
-    let log = request.log.as_ref().map(open_log).transpose()?;
+    let log = log_of(request)?;
     let options = RunOptions { seed: request.seed, past: request.past.options(), ..options() };
     let source = StackSource::new(plan, log.as_ref(), options).context("the stack cannot run")?;
     Ok(Box::new(source))
 }
 
 /// Opens a recording that contains only the journal of a run: the run is computed again.
-fn repeat(recording: &Log) -> anyhow::Result<Box<dyn Source>> {
+fn repeat(recording: &Log, run: Option<&SweptRun>) -> anyhow::Result<Box<dyn Source>> {
     let recorded = RecordedRun::read(recording, rcs_plugins::all())?;
     let plan = recorded.plan(rcs_plugins::all())?;
     let log = match recorded.info().log.as_str() {
         "" => None,
-        identity => Some(beside(&recording.info().path, identity)?),
+        identity => {
+            let known = run.and_then(|run| Log::open(run.log.as_ref()?).ok());
+            let known = known.filter(|log| log.identity().is_ok_and(|found| found == identity));
+            Some(known.map_or_else(|| beside(&recording.info().path, identity), Ok)?)
+        }
     };
     let source = StackSource::repeating(&recorded, &plan, log.as_ref(), options());
-    Ok(Box::new(source.context("the recorded run cannot be repeated")?))
+    let source = source.context("the recorded run cannot be repeated")?;
+    Ok(Box::new(match run {
+        Some(run) => source.titled(&run.title),
+        None => source,
+    }))
 }
 
 /// The log with this identity, under any name, in the folder of the recording of a run that read it.

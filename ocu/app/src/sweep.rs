@@ -187,7 +187,7 @@ fn variants(args: &SweepArgs) -> anyhow::Result<Vec<Variant>> {
     for params in combinations {
         let overrides: Vec<(String, String)> = params.clone().into_iter().collect();
         let plan = stacks::plan(&args.stack, args.course.as_deref(), &overrides)?;
-        let mut acts = faults::acts(&args.faults, &plan)?;
+        let mut acts = faults::acts(&args.faults.faults, &plan)?;
         acts.sort_by_key(|act| act.at_ns);
         for seed in (0..u64::from(args.runs)).map(|run| args.seed.wrapping_add(run)) {
             let name = format!("run-{:04}.mcap", variants.len() + 1);

@@ -261,8 +261,13 @@ pub enum Wish {
     Sweep(SweepRequest),
     /// End the sweep that runs.
     CancelSweep,
-    /// Open a recording in place of what is open.
-    OpenRecording(PathBuf),
+    /// Open the recording of a run of a sweep in place of what is open.
+    OpenRun {
+        /// The recording.
+        path: PathBuf,
+        /// What tells the run from the others: `wm1.cell_m=0.2, seed 3`.
+        title: String,
+    },
     /// Write a file, after asking where.
     SaveFile {
         /// Its proposed name.

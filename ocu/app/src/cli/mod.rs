@@ -1,6 +1,7 @@
 //! The command line: all flags, each defined once.
 
 mod eval;
+mod faults;
 mod recording;
 mod run;
 mod stack;
@@ -13,6 +14,7 @@ pub use eval::{
     EvalClassifyArgs, EvalColorArgs, EvalCommand, EvalObstaclesArgs, EvalPlanArgs, EvalStereoArgs,
     StereoMethod,
 };
+pub use faults::FaultArgs;
 pub use recording::{CheckArgs, CutArgs, DiffArgs, InfoArgs, LatencyArgs, RenderArgs, SampleArgs};
 pub use run::RunArgs;
 pub use stack::{PluginsArgs, StackCheckArgs, StackCommand, StackShowArgs};
@@ -91,8 +93,11 @@ pub enum Command {
 /// `ocu [LOG]`
 #[derive(Debug, Clone, Default, Args)]
 pub struct WindowArgs {
-    /// Recording to open
+    /// Recording to open: a file, or the folder or the first file of a recording that was split
     pub log: Option<PathBuf>,
+    /// Further files of the same recording
+    #[arg(value_name = "PART")]
+    pub parts: Vec<PathBuf>,
     /// Stack to run on it: the name of a bundled one, or a .toml file
     #[arg(long, short, value_name = "STACK")]
     pub stack: Option<String>,

@@ -1,5 +1,6 @@
 //! `ocu run`.
 
+use super::faults::FaultArgs;
 use super::values::{Param, Save, parse_param, parse_save, parse_seconds, parse_what};
 use clap::Args;
 use rcs_runtime::RecordWhat;
@@ -58,11 +59,9 @@ pub struct RunArgs {
     /// Actions of an operator during the run, a JSON file
     #[arg(long, value_name = "FILE")]
     pub acts: Option<PathBuf>,
-    /// Fault on demand, TARGET:KIND[=VALUE][@FROM[..TO]] with a process or a buffer and stopped, slowed=MS, frozen,
-    /// nan[=FIELD], dropped[=1/N or =PROBABILITY] or late=MS, times in seconds; or a .toml file with a list of them.
-    /// May be given several times
-    #[arg(long = "fault", value_name = "FAULT")]
-    pub faults: Vec<String>,
+    /// What goes wrong on purpose.
+    #[command(flatten)]
+    pub faults: FaultArgs,
     /// At the end, write the newest message of a buffer to a file, as JSON; may be given several times
     #[arg(long = "save", value_name = "BUFFER=FILE", value_parser = parse_save)]
     pub save: Vec<Save>,

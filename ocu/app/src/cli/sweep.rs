@@ -1,5 +1,6 @@
 //! `ocu sweep`.
 
+use super::faults::FaultArgs;
 use super::values::{Values, parse_seconds, parse_values};
 use clap::Args;
 use std::path::PathBuf;
@@ -27,11 +28,9 @@ pub struct SweepArgs {
     /// Values of a parameter, as process.field=V1,V2,… or process.field=FROM..TO:COUNT; may be given several times
     #[arg(long = "param", value_name = "P.F=VALUES", value_parser = parse_values)]
     pub params: Vec<Values>,
-    /// Fault on demand, TARGET:KIND[=VALUE][@FROM[..TO]] with a process or a buffer and stopped, slowed=MS, frozen,
-    /// nan[=FIELD], dropped[=1/N or =PROBABILITY] or late=MS, times in seconds; or a .toml file with a list of them.
-    /// May be given several times
-    #[arg(long = "fault", value_name = "FAULT")]
-    pub faults: Vec<String>,
+    /// What goes wrong on purpose, in every run.
+    #[command(flatten)]
+    pub faults: FaultArgs,
     /// Number of runs of each combination, with the seeds SEED, SEED + 1, …
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub runs: u32,

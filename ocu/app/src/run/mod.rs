@@ -42,7 +42,7 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         )));
     }
     let mut acts = args.acts.as_deref().map(|path| acts::read(path, &plan)).transpose()?.unwrap_or_default();
-    acts.extend(faults::acts(&args.faults, &plan)?);
+    acts.extend(faults::acts(&args.faults.faults, &plan)?);
     acts.sort_by_key(|act| act.at_ns);
     if args.live {
         let referee = runs::referee(&plan);
@@ -84,6 +84,7 @@ fn check_files(args: &RunArgs) -> anyhow::Result<Files> {
         }
     }
     args.faults
+        .faults
         .iter()
         .map(Path::new)
         .filter(|path| path.is_file())

@@ -3,6 +3,7 @@
 use super::alarm_sound::AlarmSound;
 use super::bookmarks::Bookmarks;
 use super::commands::Needs;
+use super::density;
 use super::document::Document;
 use super::file_dialogs::FileDialogs;
 use super::focus::show_focus;
@@ -26,7 +27,7 @@ use super::top_state::{self, TopBarAction};
 use super::tree::{Workspace, view_menu};
 use crate::bundled;
 use crate::layout::Layout;
-use crate::open::Request;
+use crate::open::{Request, SweptRun};
 use ocu_ui::{icons, tokens, widgets};
 use ocu_views::{Selection, View, ViewContext, Wish};
 use rcs_msg::Stamp;
@@ -342,7 +343,12 @@ impl Window {
             let mut fields = self.workspace.as_ref().map(Workspace::fields).unwrap_or_default();
             let selected = self.selection.process.as_deref();
             let state = selected.and_then(|process| state_lane::field(frame, process));
-            fields.extend(state.filter(|state| !fields.contains(state)));
+            let times = self.selection.topic.as_ref().and_then(|topic| density::field(frame, topic));
+            for field in state.into_iter().chain(times) {
+                if !fields.contains(&field) {
+                    fields.push(field);
+                }
+            }
             if fields != self.gathered {
                 controls.push(Control::Gather(fields.clone()));
                 self.gathered = fields;
@@ -469,9 +475,10 @@ impl Window {
                 Wish::ChooseOther => self.dialogs.choose_other(),
                 Wish::Sweep(request) => self.sweeping.start(ui.ctx(), &request),
                 Wish::CancelSweep => self.sweeping.cancel(),
-                Wish::OpenRecording(path) => {
+                Wish::OpenRun { path, title } => {
                     let past = self.current.past.clone();
-                    let request = Request { log: Some(path), past, ..Request::default() };
+                    let run = Some(Box::new(SweptRun { title, log: self.sweeping.log() }));
+                    let request = Request { log: Some(path), past, run, ..Request::default() };
                     self.open_asking(request, controls);
                 }
                 Wish::SaveFile { name, content } => self.dialogs.save_file.ask(&name, content),

@@ -10,6 +10,7 @@ mod body;
 mod bookmarks;
 mod commands;
 mod complete;
+mod density;
 mod dialog;
 mod document;
 mod file_dialogs;

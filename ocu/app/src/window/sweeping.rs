@@ -1,6 +1,6 @@
 //! The sweep of the window: `ocu sweep` on threads of low priority, for the view that shows it.
 
-use crate::cli::{SweepArgs, parse_values};
+use crate::cli::{FaultArgs, SweepArgs, parse_values};
 use crate::open::Request;
 use crate::say;
 use crate::sweep::{Prepared, Row};
@@ -14,6 +14,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Sweeps whose recordings are kept, and how large those before the newest may be together, bytes.
+const KEPT: (usize, u64) = (10, 1 << 30);
 
 /// The sweep that runs, or ran last.
 #[derive(Default)]
@@ -87,11 +90,14 @@ impl Sweeping {
         let running = Running { shared: Arc::clone(&shared), cancelled: Arc::clone(&cancelled) };
         self.running = Some(running);
         let args = args_of(&base, request, self.folder.as_deref().map(new_folder));
-        let ctx = ctx.clone();
+        let (ctx, folder) = (ctx.clone(), self.folder.clone());
         let spawned = thread::Builder::new().name("sweep".to_owned()).spawn({
             let shared = Arc::clone(&shared);
             move || {
                 rcs_runtime::lower_priority();
+                if let Some(Err(error)) = folder.map(|folder| make_room(&folder, KEPT)) {
+                    tracing::warn!("recordings of earlier sweeps cannot be removed: {error}");
+                }
                 let run = || args.and_then(|args| run(&args, &shared, &cancelled, &ctx));
                 let ran = guarded(run).unwrap_or_else(|said| Err(anyhow::anyhow!("a run failed: {said}")));
                 let mut shared = lock(&shared);
@@ -106,6 +112,11 @@ impl Sweeping {
             shared.is_over = true;
             shared.problem = Some(format!("no thread for the sweep: {error}"));
         }
+    }
+
+    /// The log that the stack of the sweep reads.
+    pub(super) fn log(&self) -> Option<PathBuf> {
+        self.base.as_ref()?.log.clone()
     }
 
     /// Ends the sweep that runs; the runs that ended stay.
@@ -130,7 +141,7 @@ fn args_of(base: &Request, request: &SweepRequest, record: Option<PathBuf>) -> a
         log: base.log.clone(),
         course: base.course.clone(),
         params: params.collect::<Result<_, _>>().map_err(anyhow::Error::msg)?,
-        faults: request.faults.clone(),
+        faults: FaultArgs { faults: request.faults.clone() },
         runs: request.runs,
         seed: request.seed,
         until: request.until_s,
@@ -146,6 +157,32 @@ fn args_of(base: &Request, request: &SweepRequest, record: Option<PathBuf>) -> a
 fn new_folder(folder: &Path) -> PathBuf {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64);
     folder.join(file_name_of(Stamp(now)))
+}
+
+/// Removes the oldest recordings, so that there is room for those of another sweep within the limits.
+fn make_room(folder: &Path, (most, most_bytes): (usize, u64)) -> std::io::Result<()> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Ok(()) };
+    let mut sweeps = Vec::new();
+    for entry in entries {
+        let entry = entry?;
+        // Nothing that a person put there: sweeps are named by their times.
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        let is_time = name.len() == 15 && name.chars().all(|c| c.is_ascii_digit() || c == '-');
+        if is_time && entry.file_type()?.is_dir() {
+            sweeps.push(entry.path());
+        }
+    }
+    sweeps.sort();
+    let mut bytes = 0;
+    for (place, sweep) in sweeps.iter().rev().enumerate() {
+        let files = std::fs::read_dir(sweep)?.filter_map(|file| file.ok()?.metadata().ok());
+        bytes += files.map(|metadata| metadata.len()).sum::<u64>();
+        if place + 1 >= most || (place > 0 && bytes > most_bytes) {
+            std::fs::remove_dir_all(sweep)?;
+        }
+    }
+    Ok(())
 }
 
 fn run(
@@ -221,6 +258,31 @@ mod tests {
         let log = state.rows[3].recording.clone();
         let mut opened = crate::stacks::open(&Request { log, ..Request::default() }).unwrap();
         assert!(opened.frame().topics.iter().any(|topic| topic.name.starts_with("/truth_driver")));
+    }
+
+    #[test]
+    fn recordings_of_earlier_sweeps_are_removed_by_number_and_size_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = || {
+            let entries = std::fs::read_dir(folder.path()).unwrap();
+            let mut names: Vec<_> =
+                entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+            names.sort();
+            names
+        };
+        for day in 1..6 {
+            let sweep = folder.path().join(format!("2026010{day}-000012"));
+            std::fs::create_dir(&sweep).unwrap();
+            std::fs::write(sweep.join("run.mcap"), [0; 100]).unwrap();
+        }
+        std::fs::create_dir(folder.path().join("mine")).unwrap();
+        make_room(folder.path(), (4, 1000)).unwrap();
+        assert_eq!(names(), ["20260103-000012", "20260104-000012", "20260105-000012", "mine"]);
+        make_room(folder.path(), (4, 250)).unwrap();
+        assert_eq!(names(), ["20260104-000012", "20260105-000012", "mine"]);
+        make_room(folder.path(), (4, 50)).unwrap();
+        assert_eq!(names(), ["20260105-000012", "mine"], "the newest is kept whatever its size");
+        make_room(&folder.path().join("absent"), (4, 50)).unwrap();
     }
 
     #[test]

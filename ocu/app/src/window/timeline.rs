@@ -2,6 +2,7 @@
 
 use super::bookmarks::Bookmarks;
 use super::commands::Command;
+use super::density::Density;
 use super::lanes;
 use super::scale::Scale;
 use super::state_lane::{self, States};
@@ -142,6 +143,10 @@ impl Timeline {
         let place = egui::vec2(inner.width(), state_height);
         let place = Rect::from_min_size(egui::pos2(inner.left(), rect.top() + 5.0 + lanes), place);
         let state = states.and_then(|states| states.paint(ui, place, &scale));
+        let counts = Density::of(frame, selection).and_then(|density| {
+            let top = place.bottom() + 3.0;
+            density.paint(ui, Rect::from_x_y_ranges(inner.x_range(), top..=rect.bottom()), &scale)
+        });
         scale.paint_ticks(&painter, tokens);
         scale.paint_gaps(&painter, tokens, rect);
         if frame.info.end.is_none() {
@@ -165,11 +170,11 @@ impl Timeline {
             painter.vline(scale.x(time), rect.y_range(), Stroke::new(1.0, tokens.weak));
         }
 
-        let response = match (&mark, state) {
+        let response = match (&mark, state.or(counts)) {
             (Some(event), _) => {
                 response.on_hover_ui_at_pointer(|ui| lanes::describe(ui, event, frame.info.start))
             }
-            (None, Some(state)) => response.on_hover_text_at_pointer(state),
+            (None, Some(text)) => response.on_hover_text_at_pointer(text),
             (None, None) => response,
         };
         let Some(pointer) = response.hover_pos().or_else(|| response.interact_pointer_pos()) else {

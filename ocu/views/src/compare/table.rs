@@ -99,7 +99,7 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison, differenc
         });
     }
     let at = format::elapsed(difference.time.seconds_since(frame.info.start));
-    let writer = writer(frame, &difference.buffer);
+    let writer = writer(frame, difference);
     let [first, second] = &difference.values;
     response.widget_info(|| {
         let text = format!("{at} {} {}: {}", difference.buffer, difference.field, difference.detail);
@@ -138,9 +138,14 @@ fn row(ui: &mut Ui, cx: &mut ViewContext<'_>, comparison: &Comparison, differenc
     }
 }
 
-/// The process that writes a buffer; "" if it is not known.
-fn writer<'a>(frame: &'a Frame, buffer: &str) -> &'a str {
-    frame.topic(buffer).map_or("", |topic| &*topic.writer)
+/// The process that wrote the message; "" if it is not known. The parameters with which a run begins are nobody's act.
+fn writer<'a>(frame: &'a Frame, difference: &Difference) -> &'a str {
+    let is_initial = difference.time <= frame.info.start
+        && frame.processes.iter().any(|info| info.params_buffer == difference.buffer);
+    if is_initial {
+        return "initial value";
+    }
+    frame.topic(&difference.buffer).map_or("", |topic| &*topic.writer)
 }
 
 /// A differing field on one side, for a plot; `None` for a message as a whole, and for another recording.

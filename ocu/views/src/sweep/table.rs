@@ -103,7 +103,9 @@ fn row_ui(ui: &mut Ui, cx: &mut ViewContext<'_>, row: &SweepRow) {
     let name = format!("Run with seed {}{with}: {}", row.seed, row.outcome);
     response.widget_info(|| WidgetInfo::labeled(Role::Button, true, &name));
     if let Some(path) = row.recording.as_ref().filter(|_| response.clicked()) {
-        cx.wishes.push(Wish::OpenRecording(path.clone()));
+        let params = if row.params.is_empty() { String::new() } else { format!("{}, ", row.params) };
+        let title = format!("{params}seed {}", row.seed);
+        cx.wishes.push(Wish::OpenRun { path: path.clone(), title });
     }
     response.on_hover_ui(|ui| {
         ui.label(&name);

@@ -81,8 +81,9 @@ fn a_click_on_a_run_opens_its_recording() {
     let mut harness = shown(running(), Vec2::new(760.0, 300.0), Theme::Dark);
     harness.get_by_label("Run with seed 2 planner.clearance_m=0.2: time_limit").click();
     harness.run();
-    let Some(Wish::OpenRecording(path)) = harness.state_mut().wishes.pop() else {
+    let Some(Wish::OpenRun { path, title }) = harness.state_mut().wishes.pop() else {
         panic!("nothing is opened")
     };
+    assert_eq!(title, "planner.clearance_m=0.2, seed 2");
     assert_eq!(path.to_str(), Some("/sweeps/run-0002.mcap"));
 }

@@ -1,0 +1,88 @@
+//! The files of a recording: one, or those into which it was split, as ROS 2 names them: `drive_0.mcap`, `drive_1.mcap`.
+
+use crate::usage;
+use std::path::{Path, PathBuf};
+
+/// The files of the recording at a path: those of a folder; with a file whose name ends with the number 0, those whose
+/// names continue it; else the file alone.
+pub(crate) fn of(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    if !path.is_dir() {
+        return Ok(continued(path));
+    }
+    let entries = std::fs::read_dir(path).map_err(|error| usage(format!("{error}: {}", path.display())))?;
+    let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    files.retain(|file| file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mcap")));
+    let mut numbered: Vec<(Option<(String, u64)>, PathBuf)> =
+        files.into_iter().map(|file| (number(&file), file)).collect();
+    numbered.sort_by(|a, b| a.0.cmp(&b.0));
+    let stem = |part: &(Option<(String, u64)>, PathBuf)| part.0.as_ref().map(|(stem, _)| stem.clone());
+    let are_parts =
+        numbered.windows(2).all(|pair| stem(&pair[0]).is_some() && stem(&pair[0]) == stem(&pair[1]));
+    match numbered.len() {
+        0 => Err(usage(format!("the folder has no .mcap file: {}", path.display()))),
+        _ if !are_parts => Err(usage(format!(
+            "the folder has several recordings; expected the parts of one, as NAME_0.mcap and NAME_1.mcap, or the path \
+             of one of them: {}",
+            path.display()
+        ))),
+        _ => Ok(numbered.into_iter().map(|(_, file)| file).collect()),
+    }
+}
+
+/// A file, and the files that continue it if it is the first part of a recording.
+fn continued(first: &Path) -> Vec<PathBuf> {
+    let mut files = vec![first.to_owned()];
+    let Some((stem, 0)) = number(first) else { return files };
+    let name = first.file_stem().unwrap_or_default().to_string_lossy();
+    let width = name.len() - stem.len() - 1;
+    let extension = first.extension().unwrap_or_default().to_string_lossy();
+    for number in 1.. {
+        let next = first.with_file_name(format!("{stem}_{number:0width$}.{extension}"));
+        if !next.is_file() {
+            break;
+        }
+        files.push(next);
+    }
+    files
+}
+
+/// The name of a file without its number, and the number.
+fn number(file: &Path) -> Option<(String, u64)> {
+    let name = file.file_stem()?.to_str()?;
+    let (stem, number) = name.rsplit_once('_')?;
+    let is_number = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
+    is_number.then(|| Some((stem.to_owned(), number.parse().ok()?))).flatten()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may fail")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_and_a_first_part_are_all_parts_in_order_and_another_file_is_itself() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, "").unwrap();
+            path
+        };
+        let names = |paths: Vec<PathBuf>| -> Vec<String> {
+            paths.iter().map(|path| path.file_name().unwrap().to_string_lossy().into_owned()).collect()
+        };
+        assert!(of(folder.path()).unwrap_err().to_string().contains("no .mcap"));
+        let paths: Vec<PathBuf> = (0..12).map(|part| file(&format!("drive_{part}.mcap"))).collect();
+        file("metadata.yaml");
+        let wanted: Vec<String> = (0..12).map(|part| format!("drive_{part}.mcap")).collect();
+        assert_eq!(names(of(folder.path()).unwrap()), wanted);
+        assert_eq!(names(of(&paths[0]).unwrap()), wanted);
+        assert_eq!(names(of(&paths[3]).unwrap()), ["drive_3.mcap"]);
+        let first = file("drive_20260101.mcap");
+        assert_eq!(names(of(&first).unwrap()), ["drive_20260101.mcap"]);
+        for name in ["run-00.mcap", "run_00.mcap", "run_01.mcap", "run_03.mcap"] {
+            file(name);
+        }
+        assert_eq!(names(of(&folder.path().join("run_00.mcap")).unwrap()), ["run_00.mcap", "run_01.mcap"]);
+        assert!(of(folder.path()).unwrap_err().to_string().contains("several recordings"));
+    }
+}
