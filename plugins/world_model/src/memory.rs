@@ -223,21 +223,20 @@ pub fn compare(remembered: &Rectangle, seen: &Seen, moved: DVec2) -> Fit {
     Fit { moved, agreement: agree as f64 / compared.max(1) as f64, compared }
 }
 
-/// Agreement that a metre of motion must gain.
-const WORTH_OF_A_METRE: f64 = 0.02;
-
-/// The best fit of a remembered map that is moved by up to a distance east and north from a place, m, by whole cells.
-/// Of fits that are as good, the one that moves it least counts. `None` if fewer cells than `least` can be compared.
+/// The best fit of a remembered map that is moved by whole cells, up to a distance east and north from a place, m. A metre
+/// of motion from there must gain this much agreement; of fits that are as good, the one that moves it least counts. `None`
+/// if fewer cells than `least` can be compared.
 pub fn register(
     remembered: &Rectangle,
     seen: &Seen,
     from: DVec2,
     within_m: f64,
+    worth_of_metre: f64,
     least: usize,
 ) -> Option<Fit> {
     let steps = (within_m / remembered.cell_size_m).floor() as i32;
     let shifts = (-steps..=steps).flat_map(|y| (-steps..=steps).map(move |x| DVec2::new(x.into(), y.into())));
-    let worth = |fit: &Fit| fit.agreement - WORTH_OF_A_METRE * fit.moved.length();
+    let worth = |fit: &Fit| fit.agreement - worth_of_metre * fit.moved.distance(from);
     shifts
         .map(|shift| compare(remembered, seen, from + shift * remembered.cell_size_m))
         .filter(|fit| fit.compared >= least)

@@ -8,7 +8,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{GridFrame, Localizer, Origin, pose_of};
-use rcs_world::{GridView, Source, SourceKind, Weighted, Weights, fuse_grid};
+use rcs_world::{GridView, Source, SourceKind, UNKNOWN_COST, Weighted, Weights, fuse_grid};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -17,8 +17,11 @@ const CONFIDENCE: u8 = 80;
 /// Distance between the points of the track, m, and their greatest number.
 const TRACK_STEP_M: f64 = 2.0;
 const MOST_TRACK: usize = 5000;
-/// Once it is registered, the remembered map is moved by up to this far at a time, m.
-const FOLLOW_M: f64 = 0.8;
+/// Agreement that a metre of motion must gain: while the remembered map is not registered, and afterwards, when it is
+/// moved by up to this far at a time, m, because the position estimate drifts slowly.
+const WORTH: f64 = 0.02;
+const FOLLOW_WORTH: f64 = 0.1;
+const FOLLOW_M: f64 = 0.4;
 /// A registered map is believed until its agreement falls below this share of the one that it needed.
 const DOUBT: f64 = 0.7;
 /// Time after which the costs are sent again, s: the world model may have been cleared.
@@ -37,6 +40,8 @@ pub struct MapMemoryKeeper {
     /// When the costs were sent last, and where a point of the remembered map then was, m.
     sent: Option<(Stamp, DVec2)>,
     saved: Option<Stamp>,
+    /// What was saved last, global frame: the map of the world model forgets what it has left behind.
+    kept: Option<Arc<Rectangle>>,
     text: String,
     #[serde(skip)]
     remembered: Remembered,
@@ -162,6 +167,7 @@ impl Process for MapMemoryKeeper {
                 Ok(Some(saved)) => {
                     self.saved = Some(now);
                     cx.write(&ports.memory, now, saved.to_memory(&origin.0));
+                    self.kept = Some(Arc::new(saved));
                 }
                 Ok(None) => {}
                 Err(error) => cx.fault(format!("map: {error}; not saved")),
@@ -218,8 +224,11 @@ impl MapMemoryKeeper {
         let least = params.least_cells as usize;
         let found = match self.fit {
             // Where little can be compared, what was found stays.
-            Some(fit) => register(&remembered, &seen, fit.moved, FOLLOW_M, least).or(Some(fit)),
-            None => register(&remembered, &seen, DVec2::ZERO, params.search_m, least),
+            Some(fit) => {
+                let found = register(&remembered, &seen, fit.moved, FOLLOW_M, FOLLOW_WORTH, least);
+                found.filter(|found| found.moved.abs().max_element() <= params.search_m).or(Some(fit))
+            }
+            None => register(&remembered, &seen, DVec2::ZERO, params.search_m, WORTH, least),
         };
         let needed = params.least_agreement * if self.fit.is_some() { DOUBT } else { 1.0 };
         self.text = match found {
@@ -271,7 +280,7 @@ impl MapMemoryKeeper {
         let size_m = now.map.cell_size.map(|size| size.x).filter(|_| self.sent.is_some());
         if let Some(cell_size_m) = size_m {
             let frame = GridFrame::around(now.vehicle, 1, cell_size_m);
-            self.send(ports, params, &frame, &[rcs_world::UNKNOWN_COST], DVec2::ZERO, cx);
+            self.send(ports, params, &frame, &[UNKNOWN_COST], DVec2::ZERO, cx);
             self.sent = None;
         }
     }
@@ -291,7 +300,7 @@ impl MapMemoryKeeper {
         cx.write(&ports.cost, now, message);
     }
 
-    /// The map to save: what the vehicle has come near to, and what it remembers.
+    /// The map to save: what the vehicle has come near to, the newest last, and what it remembers.
     fn to_save(&self, params: &MapMemoryParams, now: &Now<'_>) -> Result<Option<Rectangle>, String> {
         let view = GridView::of(now.map.message()).map_err(|error| error.to_string())?;
         let fused = Rectangle::of_grid(&view).map_err(|error| error.to_string())?;
@@ -311,9 +320,12 @@ impl MapMemoryKeeper {
             let centre = saved.centre(index);
             let local = (local_from_global * centre.extend(0.0)).truncate();
             let is_near = self.track.iter().any(|at| at.distance(local) <= params.near_m);
-            let sensed = if is_near { fused.at(local) } else { rcs_world::UNKNOWN_COST };
-            let old = || remembered.map_or(rcs_world::UNKNOWN_COST, |(old, moved)| old.at(centre - moved));
-            saved.costs[index] = if sensed == rcs_world::UNKNOWN_COST { old() } else { sensed };
+            let sensed = if is_near { fused.at(local) } else { UNKNOWN_COST };
+            let kept = || self.kept.as_ref().map_or(UNKNOWN_COST, |kept| kept.at(centre));
+            let old = || remembered.map_or(UNKNOWN_COST, |(old, moved)| old.at(centre - moved));
+            let known = |cost: &u8| *cost != UNKNOWN_COST;
+            saved.costs[index] =
+                Some(sensed).filter(known).or(Some(kept()).filter(known)).unwrap_or_else(old);
         }
         Ok(Some(saved))
     }

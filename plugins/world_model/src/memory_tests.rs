@@ -62,7 +62,7 @@ fn a_map_that_lies_beside_the_ground_is_moved_onto_it() {
     let sensed = map(DVec2::new(1.2, -0.8));
     for moved in [DVec2::ZERO, DVec2::new(1.6, -2.0), DVec2::new(-2.8, 1.2)] {
         let remembered = map(DVec2::new(1.2, -0.8) - moved);
-        let fit = register(&remembered, &seen(&sensed), DVec2::ZERO, 4.0, 30).unwrap();
+        let fit = register(&remembered, &seen(&sensed), DVec2::ZERO, 4.0, 0.02, 30).unwrap();
         // Edges may differ by a cell.
         assert!((fit.moved - moved).abs().max_element() <= 0.41, "{fit:?} for {moved}");
         assert!(fit.agreement > 0.9, "{fit:?}");
@@ -78,10 +78,10 @@ fn a_map_of_another_place_does_not_fit_and_open_ground_tells_nothing() {
         let (row, column) = (index / posts.columns, index % posts.columns);
         posts.costs[index] = if row % 6 == 0 && column % 6 == 0 { 250 } else { 0 };
     }
-    let fit = register(&posts, &seen(&sensed), DVec2::ZERO, 4.0, 30).unwrap();
+    let fit = register(&posts, &seen(&sensed), DVec2::ZERO, 4.0, 0.02, 30).unwrap();
     assert!(fit.agreement < 0.5, "{fit:?}");
     let open = map(DVec2::splat(100.0));
-    assert_eq!(register(&open, &seen(&open), DVec2::ZERO, 4.0, 30), None);
+    assert_eq!(register(&open, &seen(&open), DVec2::ZERO, 4.0, 0.02, 30), None);
 }
 
 #[test]
