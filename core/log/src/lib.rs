@@ -46,6 +46,7 @@ mod info;
 mod log;
 mod output;
 mod parse;
+mod parts;
 mod pieces;
 mod reassembly;
 mod record;

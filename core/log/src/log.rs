@@ -7,11 +7,11 @@ use crate::gaps::{Gap, gaps};
 use crate::info::{
     Attachment, AttachmentInfo, LogInfo, LogMessage, Lost, MessagePosition, Metadata, TopicId,
 };
+use crate::parts::Parts;
 use crate::record::{ChunkHead, Fields, HEAD, Head, MAGIC, MessageHead, PROBE, indexed_messages, op};
 use crate::scan::{Scanned, scan};
 use crate::segment::{Damage, MessageRef, Segment, Tally, decode, message_data};
 use crate::source::{Source, Window};
-use crate::split::Parts;
 use crate::summary::{self, Contents, Summary};
 use bytes::Bytes;
 use rcs_msg::{DeltaCodec, Stamp};

@@ -5,40 +5,10 @@ use crate::catalog::{Catalog, SchemaRecord};
 use crate::error::LogError;
 use crate::gaps::gaps;
 use crate::log::{Log, Opened};
-use crate::segment::{MessageRef, Segment};
+use crate::parts::{Part, Parts};
 use crate::source::Source;
 use std::collections::BTreeMap;
 use std::path::Path;
-
-/// The numbers that a part's channels have in the whole log.
-#[derive(Debug)]
-pub(crate) struct Part {
-    /// Position of its first byte.
-    start: u64,
-    channels: BTreeMap<u16, u16>,
-}
-
-/// The parts of a log; none if it is one file.
-#[derive(Debug, Default)]
-pub(crate) struct Parts(Vec<Part>);
-
-impl Parts {
-    /// The channels of the part of a segment; `None` if the log is one file.
-    pub(crate) fn channels(&self, segment: &Segment) -> Option<&BTreeMap<u16, u16>> {
-        let index = self.0.partition_point(|part| part.start <= segment.start).checked_sub(1)?;
-        Some(&self.0[index].channels)
-    }
-
-    /// Gives messages of a segment the channels of the whole log; those of unknown channels are left out.
-    pub(crate) fn map_channels(&self, segment: &Segment, messages: &mut Vec<MessageRef>) {
-        let Some(channels) = self.channels(segment) else { return };
-        messages.retain_mut(|message| {
-            let channel = channels.get(&message.channel);
-            message.channel = channel.copied().unwrap_or_default();
-            channel.is_some()
-        });
-    }
-}
 
 impl Log {
     /// Opens the parts of a recording that was split into several files as one log, each like [`Log::open`].
@@ -62,7 +32,7 @@ impl Log {
         }
         let source = Source::parts(sources);
         let gaps = gaps(&source, &whole.contents.segments)?;
-        Ok(Self::new(source, whole, gaps, Parts(parts)))
+        Ok(Self::new(source, whole, gaps, Parts::new(parts)))
     }
 }
 

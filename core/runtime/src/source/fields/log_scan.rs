@@ -2,66 +2,26 @@
 
 use super::extract::Extractor;
 use super::pieces::read_pieces;
+use super::reader::{Reader, Told, Wanted, lock};
 use super::{FieldPoint, FieldSeries};
 use crate::source::run_tag::RunTag;
 use crate::source::series::SeriesWriter;
-use rcs_formula::{FieldRef, Names};
+use rcs_formula::FieldRef;
 use rcs_log::{CursorOptions, Log, LogError, Reassembly, TopicId};
 use rcs_msg::{AnyMessage, Schema, Stamp};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// Messages between two looks at whether to go on, and reports of the progress.
 const PIECE: usize = 2048;
-
-/// What the reading thread tells.
-#[derive(Default)]
-struct Told {
-    names: Names,
-    reading: Option<f64>,
-    problem: Option<Arc<str>>,
-}
 
 /// One field of a log.
 struct Growing {
     field: FieldRef,
     points: Arc<SeriesWriter<FieldPoint>>,
     told: Arc<Mutex<Told>>,
-}
-
-fn lock(told: &Mutex<Told>) -> MutexGuard<'_, Told> {
-    told.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// One field as the reading thread has it.
-pub(super) struct Reader {
-    pub(super) extractor: Extractor,
-    pub(super) points: Arc<SeriesWriter<FieldPoint>>,
-    told: Arc<Mutex<Told>>,
-}
-
-impl Reader {
-    fn take(&mut self, stamp: Stamp, message: &AnyMessage) {
-        let value = self.extractor.read(message);
-        self.points.append(FieldPoint { stamp, value });
-    }
-
-    fn tell(&self, reading: Option<f64>) {
-        let mut told = lock(&self.told);
-        told.reading = reading;
-        if !Arc::ptr_eq(&told.names, &self.extractor.names) {
-            told.names = Arc::clone(&self.extractor.names);
-        }
-    }
-}
-
-/// A topic of the log with the fields that are read from it.
-pub(super) struct Wanted {
-    pub(super) schema: Arc<Schema>,
-    pub(super) ids: Vec<TopicId>,
-    pub(super) readers: Vec<Reader>,
 }
 
 /// The fields of a log that were named.

@@ -7,6 +7,7 @@
 mod extract;
 mod log_scan;
 mod pieces;
+mod reader;
 mod run_fields;
 
 pub use log_scan::read_fields;

@@ -5,7 +5,7 @@
 
 use super::FieldPoint;
 use super::extract::Extractor;
-use super::log_scan::{Reader, Wanted};
+use super::reader::{Reader, Wanted};
 use rcs_log::{CursorOptions, Log, LogError, MessagePosition, Piece, TopicId};
 use rcs_msg::{AnyMessage, Schema, Stamp};
 use std::collections::BTreeMap;

@@ -1,0 +1,50 @@
+//! What the reading threads of a log's fields have, and what they tell.
+
+use super::FieldPoint;
+use super::extract::Extractor;
+use crate::source::series::SeriesWriter;
+use rcs_formula::Names;
+use rcs_log::TopicId;
+use rcs_msg::{AnyMessage, Schema, Stamp};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// What the reading thread tells.
+#[derive(Default)]
+pub(super) struct Told {
+    pub(super) names: Names,
+    pub(super) reading: Option<f64>,
+    pub(super) problem: Option<Arc<str>>,
+}
+
+pub(super) fn lock(told: &Mutex<Told>) -> MutexGuard<'_, Told> {
+    told.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// One field as the reading thread has it.
+pub(super) struct Reader {
+    pub(super) extractor: Extractor,
+    pub(super) points: Arc<SeriesWriter<FieldPoint>>,
+    pub(super) told: Arc<Mutex<Told>>,
+}
+
+impl Reader {
+    pub(super) fn take(&mut self, stamp: Stamp, message: &AnyMessage) {
+        let value = self.extractor.read(message);
+        self.points.append(FieldPoint { stamp, value });
+    }
+
+    pub(super) fn tell(&self, reading: Option<f64>) {
+        let mut told = lock(&self.told);
+        told.reading = reading;
+        if !Arc::ptr_eq(&told.names, &self.extractor.names) {
+            told.names = Arc::clone(&self.extractor.names);
+        }
+    }
+}
+
+/// A topic of the log with the fields that are read from it.
+pub(super) struct Wanted {
+    pub(super) schema: Arc<Schema>,
+    pub(super) ids: Vec<TopicId>,
+    pub(super) readers: Vec<Reader>,
+}
