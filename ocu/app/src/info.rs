@@ -94,8 +94,12 @@ fn verified(info: &LogInfo) -> String {
 }
 
 fn human(info: &LogInfo, out: &mut dyn Write) -> anyhow::Result<()> {
+    let parts = match info.files.len() {
+        0 | 1 => String::new(),
+        count => format!(" and {} more", count - 1),
+    };
     let mut facts = vec![
-        ("file", format!("{} ({})", info.path.display(), format::bytes(info.bytes))),
+        ("file", format!("{}{parts} ({})", info.path.display(), format::bytes(info.bytes))),
         ("written by", info.library.clone()),
         ("profile", info.profile.clone()),
         ("start", crate::time::date_and_time(info.start)),
