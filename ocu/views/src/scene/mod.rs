@@ -31,6 +31,8 @@ use worker::{Content, Layer, Picture, Request, Worker};
 const FIRST: Duration = Duration::from_millis(120);
 /// How long it waits for the next one while time stands still.
 const NEXT: Duration = Duration::from_millis(12);
+/// Everything is fitted again when it needs this many times the distance: a run begins with little.
+const OUTGROWN: f64 = 1.5;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -74,8 +76,10 @@ pub(crate) struct Scene {
     picture: Option<Picture>,
     texture: Option<egui::TextureHandle>,
     failed: Option<String>,
-    /// The camera that fitted everything, which stays until it is asked for again.
+    /// The camera that fitted everything, which stays until it is asked for again, or much more is there.
     fitted: Option<Camera>,
+    /// Pictures up to this number were asked for before everything was to be fitted.
+    fit_after: u64,
     /// The vehicle when the camera last followed it.
     followed: Option<DVec3>,
     /// Frame of the scene in the previous pass.
@@ -178,6 +182,7 @@ impl Scene {
     /// Looks at everything again.
     fn fit(&mut self) {
         (self.saved.camera, self.fitted, self.followed) = (None, None, None);
+        self.fit_after = self.number;
     }
 
     /// Where it is looked at from, once that is known.
@@ -348,7 +353,10 @@ impl Scene {
                     Some(texture) => texture.set(image, TextureOptions::LINEAR),
                     none => *none = Some(ui.ctx().load_texture("scene", image, TextureOptions::LINEAR)),
                 }
-                self.fitted.get_or_insert(picture.camera);
+                let outgrown = |known: Camera| picture.fit.distance_m > OUTGROWN * known.distance_m;
+                if picture.number > self.fit_after && self.fitted.is_none_or(outgrown) {
+                    self.fitted = Some(picture.fit);
+                }
                 self.picture = Some(picture);
             }
             Some(Err(error)) => self.failed = Some(error),

@@ -45,6 +45,8 @@ pub(super) struct Request {
 pub(super) struct Picture {
     pub(super) number: u64,
     pub(super) camera: Camera,
+    /// The camera that would see everything.
+    pub(super) fit: Camera,
     pub(super) pixels: Pixels,
     /// Layers that could not be read, with the reason.
     pub(super) problems: Vec<String>,
@@ -144,7 +146,8 @@ fn picture(gpu: &mut Gpu, prepared: &mut Prepared, request: &Request) -> Result<
         }
     }
     prepared.0.retain(|name, _| request.layers.iter().any(|layer| layer.name == *name));
-    let camera = request.camera.unwrap_or_else(|| fitted(&shapes));
+    let fit = fitted(&shapes);
+    let camera = request.camera.unwrap_or(fit);
     let [width, height] = request.size.map(|v| f64::from(v.max(1)));
     let clip_from_scene = camera.clip_from_world(width / height);
     let draws: Vec<Draw> = shapes
@@ -155,7 +158,7 @@ fn picture(gpu: &mut Gpu, prepared: &mut Prepared, request: &Request) -> Result<
         })
         .collect();
     let pixels = gpu.draw(&draws, request.size, request.per_point, request.background)?;
-    Ok(Picture { number: request.number, camera, pixels, problems })
+    Ok(Picture { number: request.number, camera, fit, pixels, problems })
 }
 
 /// A camera that sees everything.
