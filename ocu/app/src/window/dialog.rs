@@ -53,7 +53,11 @@ impl PathRow {
             let label = ui.label("File");
             let edit =
                 ui.add(TextEdit::singleline(&mut self.text).desired_width(360.0)).labelled_by(label.id);
-            if std::mem::take(&mut self.is_fresh) {
+            // Said before the keyboard is taken back.
+            let entered = edit.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+            // An open dialog keeps the keyboard: what is typed beside it would be commands, and would even drive.
+            let is_free = ui.memory(|memory| memory.focused().is_none());
+            if std::mem::take(&mut self.is_fresh) || is_free {
                 edit.request_focus();
             }
             let path = PathBuf::from(self.text.trim());
@@ -64,7 +68,6 @@ impl PathRow {
                 Purpose::Save => "Save",
             };
             let enabled = enabled && !path.as_os_str().is_empty();
-            let entered = edit.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
             let clicked = ui.add_enabled(enabled, Button::new(verb)).clicked();
             if enabled && (clicked || (entered && !replaces)) {
                 confirmed = Some(path);
