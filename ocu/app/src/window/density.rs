@@ -8,8 +8,10 @@ use rcs_formula::FieldRef;
 use rcs_msg::{FieldPath, Stamp};
 use rcs_runtime::source::{FieldSeries, Frame};
 
-/// Width of the steps in which messages are counted.
-const STEP: f32 = 2.0;
+/// Widths of the steps in which messages are counted: the first one with enough messages in a step, so that steps with
+/// one message more than others do not look like a pattern.
+const STEPS: [f32; 4] = [2.0, 4.0, 8.0, 16.0];
+const ENOUGH: f32 = 8.0;
 /// Least height of a bar, as a share.
 const LEAST: f32 = 0.15;
 /// Strength of the colour, so that labels stay readable.
@@ -44,8 +46,11 @@ impl<'a> Density<'a> {
     pub(super) fn paint(&self, ui: &Ui, rect: Rect, scale: &Scale) -> Option<String> {
         let painter = ui.painter_at(rect);
         let color = tokens(ui).accent.gamma_multiply(STRENGTH);
-        let steps = (rect.width() / STEP).ceil() as usize;
-        let x = |step: usize| rect.left() + step as f32 * STEP;
+        let all = self.count(scale.stamp(rect.left()), scale.stamp(rect.right())) as f32;
+        let is_enough = |width: &&f32| all * **width >= ENOUGH * rect.width();
+        let width = *STEPS.iter().find(is_enough).unwrap_or(&STEPS[STEPS.len() - 1]);
+        let steps = (rect.width() / width).ceil() as usize;
+        let x = |step: usize| rect.left() + step as f32 * width;
         let ends: Vec<usize> =
             (0..=steps).map(|step| self.series.points.count_before(scale.stamp(x(step)))).collect();
         let counts: Vec<usize> = ends.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
@@ -57,7 +62,8 @@ impl<'a> Density<'a> {
             painter.rect_filled(bar, 0.0, color);
         }
         let pointer = ui.input(|input| input.pointer.hover_pos()).filter(|at| rect.contains(*at))?;
-        let (at, end) = (scale.stamp(pointer.x), scale.stamp(pointer.x + STEP));
+        let begin = x(((pointer.x - rect.left()) / width) as usize);
+        let (at, end) = (scale.stamp(begin), scale.stamp(begin + width));
         let (count, topic) = (self.count(at, end), &self.series.field.topic);
         let plural = if count == 1 { "" } else { "s" };
         let time = format::elapsed(at.seconds_since(self.from));
