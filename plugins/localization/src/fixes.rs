@@ -111,10 +111,8 @@ impl GlobalEstimate {
     /// Advances the estimate by a step ahead, m, and a turn, rad, within a time, s.
     pub fn advance(&mut self, noise: &MotionNoise, step_m: f64, turn_rad: f64, elapsed_s: f64) {
         self.rolled_m += step_m.abs();
-        let noise = match self.follows_m > 0.0 {
-            true => &MotionNoise { distance: noise.distance.max(SLIP), ..*noise },
-            false => noise,
-        };
+        let distance = if self.follows_m > 0.0 { noise.distance.max(SLIP) } else { noise.distance };
+        let noise = &MotionNoise { distance, ..*noise };
         self.follows_m -= step_m.abs();
         if let Some(planar) = &mut self.planar {
             planar.advance(noise, step_m, turn_rad, elapsed_s);
@@ -153,7 +151,8 @@ impl GlobalEstimate {
             return Verdict::Began;
         };
         if self.chain > SLIPPED_AFTER {
-            let slipped = (SLIP * self.rolled_m).powi(2);
+            let slip_m = SLIP * self.rolled_m;
+            let slipped = slip_m * slip_m;
             planar.widen(slipped - self.slipped);
             self.slipped = slipped;
             if slipped > 0.0 {

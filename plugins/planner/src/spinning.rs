@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn wheels_that_turn_while_the_vehicle_stands_are_found_within_seconds() {
-        let noise = |time_s: f64| 0.1 * (3.0 * time_s).sin();
+        let noise = |time_s: f64| 0.1 * libm::sin(3.0 * time_s);
         let after_s = spins_after_s(|time_s| DVec2::new(noise(time_s), noise(time_s + 1.0)), 1.0).unwrap();
         assert!((7.0..9.0).contains(&after_s), "{after_s}");
         // It drives for 20 s first.

@@ -61,8 +61,8 @@ pub fn parse(text: &str) -> Result<Option<MapMemory>, MemoryError> {
     }
     let (cells, columns, cell_size_m) = (map.costs.len(), map.columns, map.cell_size_m);
     let is_full = columns > 0 && cells > 0 && cells.is_multiple_of(columns as usize) && cells <= MOST_CELLS;
-    let is_sized = (0.01..=100.0).contains(&cell_size_m);
-    if !is_full || !is_sized || !(map.easting_m.is_finite() && map.northing_m.is_finite()) {
+    let is_placed = map.easting_m.is_finite() && map.northing_m.is_finite();
+    if !(is_full && is_placed && (0.01..=100.0).contains(&cell_size_m)) {
         return Err(MemoryError::Cells { cells, columns, cell_size_m });
     }
     Ok(Some(map))

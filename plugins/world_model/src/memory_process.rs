@@ -203,7 +203,7 @@ impl MapMemoryKeeper {
     ) -> Result<(), String> {
         let Some(remembered) = self.remembered.of(params, origin).filter(|_| !self.is_cleared) else {
             if self.is_cleared {
-                self.text = "the remembered map is cleared".to_owned();
+                "the remembered map is cleared".clone_into(&mut self.text);
                 self.withdraw(ports, params, now, cx);
             }
             return Ok(());
