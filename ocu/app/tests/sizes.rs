@@ -18,7 +18,7 @@ const SCALES: [f32; 3] = [1.0, 1.5, 2.0];
 
 /// A simulated vehicle two seconds after its start, which plays and has fallen behind: as much as bars can show.
 fn moment() -> (Request, Arc<Frame>) {
-    let request = Request::simulation();
+    let request = Request { stack: Some("simulation".to_owned()), ..Request::default() };
     let mut frame = frame_at(&request, 2.0).unwrap();
     frame.playback = Playback { playing: true, achieved: Some(0.42), lag_s: 3.1, ..Playback::default() };
     (request, Arc::new(frame))

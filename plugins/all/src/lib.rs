@@ -24,6 +24,7 @@ pub fn all() -> &'static [ProcessType] {
         ProcessType::of::<rcs_color::ColorModelLearner>(),
         ProcessType::of::<rcs_obstacles::LabelOverlay>(),
         ProcessType::of::<rcs_localization::Localization>(),
+        ProcessType::of::<rcs_world_model::MapMemoryKeeper>(),
         ProcessType::of::<rcs_obstacles::Obstacles>(),
         ProcessType::of::<rcs_planner::AStarPlanner>(),
         ProcessType::of::<rcs_proximity::Proximity>(),
@@ -37,7 +38,6 @@ pub fn all() -> &'static [ProcessType] {
         ProcessType::of::<rcs_vehicle_interface::VehicleInterface>(),
         ProcessType::of::<rcs_planner::WaypointFollower>(),
         ProcessType::of::<rcs_planner::WaypointGenerator>(),
-        ProcessType::of::<rcs_world_model::MapMemoryKeeper>(),
         ProcessType::of::<rcs_world_model::WeightLearner>(),
         ProcessType::of::<rcs_world_model::WorldModel>(),
     ];

@@ -4,8 +4,7 @@
 //! the planner of the next run weighs it with the map rather than following it blindly.
 //!
 //! A loop ends where the track comes near a place where it was before; an excursion into a dead end ends where it comes
-//! back out, up to some metres beside the way in. So both are cut by one rule: from each point, the track continues at the
-//! last later point that is the same place, or to which the track was a long way around.
+//! back out. So both are cut by one rule: from each point, the track continues at the last later point that is near.
 
 use crate::goal::Goal;
 use crate::proto::{Route, RoutePoint};
@@ -49,34 +48,18 @@ pub enum RouteError {
     },
 }
 
-/// Greatest distance across which an excursion is cut, m: a dead end is left beside the way into it.
-const ACROSS_M: f64 = 6.0;
-/// An excursion is that many times as long as the distance across.
-const EXCURSION: f64 = 4.0;
-
 /// The points of a track without its loops and excursions. Points nearer than `near_m` count as the same place.
 pub fn cut(track: &[DVec2], near_m: f64) -> Vec<DVec2> {
-    let mut along_m = vec![0.0];
-    along_m.extend(track.windows(2).scan(0.0, |along_m, pair| {
-        *along_m += pair[0].distance(pair[1]);
-        Some(*along_m)
-    }));
     let mut kept = Vec::new();
     let mut at = 0;
     while let Some(&point) = track.get(at) {
         kept.push(point);
-        let leads_back = |later: usize| {
-            let across_m = track[later].distance(point);
-            let is_excursion = across_m < ACROSS_M && along_m[later] - along_m[at] > EXCURSION * across_m;
-            across_m < near_m || is_excursion
-        };
-        let back = (at + 1..track.len()).rev().find(|&later| leads_back(later));
-        // What is as near as the same place is left out, because the point itself is kept.
-        at = match back {
-            Some(back) if track[back].distance(point) < near_m => back + 1,
-            Some(back) => back,
-            None => at + 1,
-        };
+        let back = track[at + 1..].iter().rposition(|later| later.distance(point) < near_m);
+        at = back.map_or(at + 1, |back| at + 1 + back);
+        if back.is_some() && at + 1 < track.len() {
+            // The point itself is near the one that is kept already.
+            at += 1;
+        }
     }
     kept
 }
@@ -163,23 +146,6 @@ mod tests {
         assert_eq!((kept[0], kept.last()), (track[0], track.last()));
         let straight = line((0.0, 0.0), (10.0, 0.0));
         assert!((length_m(&cut(&straight, 0.4)) - length_m(&straight)).abs() < 1e-9);
-    }
-
-    #[test]
-    fn a_dead_end_that_is_left_beside_the_way_in_is_cut_and_a_bend_is_not() {
-        // 20 m into a dead end, and out of it 5 m beside.
-        let mut track = line((0.0, 0.0), (30.0, 0.0));
-        track.extend(line((30.0, 0.0), (30.0, 5.0)));
-        track.extend(line((30.0, 5.0), (10.0, 5.0)));
-        track.extend(line((10.0, 5.0), (10.0, 30.0)));
-        let kept = cut(&track, 1.0);
-        assert!(kept.iter().all(|point| point.x < 12.0), "{kept:?}");
-        assert!(length_m(&kept) < 40.0, "{} of {}", length_m(&kept), length_m(&track));
-        // Around the end of a wall.
-        let mut track = line((0.0, 0.0), (20.0, 0.0));
-        track.extend(line((20.0, 0.0), (20.0, 8.0)));
-        track.extend(line((20.0, 8.0), (0.0, 8.0)));
-        assert!(length_m(&cut(&track, 1.0)) > 40.0);
     }
 
     #[test]

@@ -112,7 +112,7 @@ impl Process for MapMemoryKeeper {
                 .role(Role::Map)
                 .palette("cost")
                 .build(),
-            memory: b.output("memory", "the map to save, global frame").build(),
+            memory: b.output("memory", "the map to save, global frame").role(Role::Stats).build(),
         }
     }
 
