@@ -141,6 +141,29 @@ impl Rectangle {
         self.costs.get(index).copied().unwrap_or(UNKNOWN_COST)
     }
 
+    /// Whether a position lies in the rectangle, m.
+    pub fn holds(&self, place: DVec2) -> bool {
+        let rows = self.costs.len() / self.columns.max(1);
+        let cell = (place - self.corner) / self.cell_size_m;
+        cell.min_element() >= 0.0 && cell.x < self.columns as f64 && cell.y < rows as f64
+    }
+
+    /// Calls a function with the centre, m, and the cost of each cell within a distance of a position, m.
+    pub fn around_each(&mut self, place: DVec2, within_m: f64, mut visit: impl FnMut(DVec2, &mut u8)) {
+        let rows = self.costs.len() / self.columns.max(1);
+        let cell = |at: f64, count: usize| (at / self.cell_size_m).floor().clamp(0.0, count as f64) as usize;
+        let (low, high) = (place - within_m - self.corner, place + within_m - self.corner);
+        for row in cell(low.y, rows)..(cell(high.y, rows) + 1).min(rows) {
+            for column in cell(low.x, self.columns)..(cell(high.x, self.columns) + 1).min(self.columns) {
+                let index = row * self.columns + column;
+                let centre = self.centre(index);
+                if centre.distance(place) <= within_m {
+                    visit(centre, &mut self.costs[index]);
+                }
+            }
+        }
+    }
+
     /// The centre of a cell, by its index, m.
     pub fn centre(&self, index: usize) -> DVec2 {
         let columns = self.columns.max(1);

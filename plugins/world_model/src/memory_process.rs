@@ -315,17 +315,21 @@ impl MapMemoryKeeper {
         let Some(mut saved) = Rectangle::around(&places, params.near_m, fused.cell_size_m) else {
             return Ok(None);
         };
-        let local_from_global = now.global_from_local.inverse();
         for index in 0..saved.costs.len() {
             let centre = saved.centre(index);
-            let local = (local_from_global * centre.extend(0.0)).truncate();
-            let is_near = self.track.iter().any(|at| at.distance(local) <= params.near_m);
-            let sensed = if is_near { fused.at(local) } else { UNKNOWN_COST };
-            let kept = || self.kept.as_ref().map_or(UNKNOWN_COST, |kept| kept.at(centre));
+            let kept = self.kept.as_ref().map_or(UNKNOWN_COST, |kept| kept.at(centre));
             let old = || remembered.map_or(UNKNOWN_COST, |(old, moved)| old.at(centre - moved));
-            let known = |cost: &u8| *cost != UNKNOWN_COST;
-            saved.costs[index] =
-                Some(sensed).filter(known).or(Some(kept()).filter(known)).unwrap_or_else(old);
+            saved.costs[index] = if kept == UNKNOWN_COST { old() } else { kept };
+        }
+        // What lies outside of the map now was kept when it was inside.
+        let local_from_global = now.global_from_local.inverse();
+        for &at in self.track.iter().filter(|&&at| fused.holds(at)) {
+            saved.around_each(now.to_global(at), params.near_m, |centre, cost| {
+                let sensed = fused.at((local_from_global * centre.extend(0.0)).truncate());
+                if sensed != UNKNOWN_COST {
+                    *cost = sensed;
+                }
+            });
         }
         Ok(Some(saved))
     }

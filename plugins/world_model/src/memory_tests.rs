@@ -116,3 +116,18 @@ fn agreement_is_counted_as_a_plain_loop_counts_it() {
     );
     assert!(agree > 5 && differ > 5, "{agree} {differ}");
 }
+
+#[test]
+fn the_cells_around_a_place_are_those_of_a_plain_loop() {
+    for place in [DVec2::new(0.3, -0.2), DVec2::new(9.8, 9.9), DVec2::new(-30.0, 0.0), DVec2::new(0.0, 11.0)]
+    {
+        let mut map = map(DVec2::ZERO);
+        let near = |map: &Rectangle, index: usize| map.centre(index).distance(place) <= 2.0;
+        let expected: Vec<usize> = (0..map.costs.len()).filter(|&index| near(&map, index)).collect();
+        map.costs.fill(0);
+        map.around_each(place, 2.0, |_, cost| *cost += 1);
+        let visited: Vec<usize> = (0..map.costs.len()).filter(|&index| map.costs[index] == 1).collect();
+        assert_eq!(visited, expected, "{place}");
+        assert_eq!(map.holds(place), place.abs().max_element() < 10.0, "{place}");
+    }
+}
