@@ -338,15 +338,15 @@ impl MapMemoryKeeper {
 impl Remembered {
     /// The map of the parameters in the global frame; `None` if they have none.
     fn of(&mut self, params: &MapMemoryParams, origin: &Origin) -> Option<Result<Arc<Rectangle>, String>> {
-        let text = (params.memory.clone(), params.world.clone());
-        if self.text.as_ref() != Some(&text) {
+        let is_read = |(memory, world): &(String, String)| *memory == params.memory && *world == params.world;
+        if !self.text.as_ref().is_some_and(is_read) {
             let map = parse(&params.memory).map_err(|error| error.to_string());
             self.map = map.transpose().map(|map| {
                 let map = map
                     .and_then(|map| Rectangle::of_memory(&map, &origin.0).map_err(|error| error.to_string()));
                 map.map(Arc::new).map_err(|error| format!("memory: {error}"))
             });
-            self.text = Some(text);
+            self.text = Some((params.memory.clone(), params.world.clone()));
         }
         self.map.clone()
     }
