@@ -210,3 +210,23 @@ fn a_run_with_faults_replays_to_the_same_hash_and_a_fault_that_does_not_fit_is_r
         assert!(errors.contains(part), "{fault}: {errors}");
     }
 }
+
+#[test]
+fn each_of_several_runs_is_recorded_and_repeated_with_what_the_one_before_has_learned() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let out = path("drive.mcap");
+    let stack = ["run", "--stack", "lagr", "--course", "meadow", "--until", "2", "--runs", "2", "--json"];
+    let record = ["--record", &out, "--record-what", "journal"];
+    let recorded = run(&[&stack[..], &record].concat(), 0);
+    for (number, name) in ["drive-1.mcap", "drive-2.mcap"].into_iter().enumerate() {
+        let replayed = run(&["run", "--replay", &path(name), "--until", "2", "--json"], 0);
+        assert_eq!(replayed["hash"], recorded["runs"][number]["hash"], "{name}");
+    }
+    assert_eq!(recorded["hash"], recorded["runs"][1]["hash"]);
+    // An existing file of a later run is refused before anything runs.
+    std::fs::remove_file(path("drive-1.mcap")).unwrap();
+    let (code, _, errors) = ocu(&[&stack[..], &record].concat());
+    assert!(code == 2 && errors.contains("drive-2.mcap"), "{errors}");
+    assert!(!Path::new(&path("drive-1.mcap")).exists());
+}

@@ -37,8 +37,9 @@ pub struct RunArgs {
     /// Number of runs of the course, with the seeds SEED, SEED + 1, …
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub runs: u32,
-    /// File to record the run to
-    #[arg(long, value_name = "OUT", conflicts_with = "runs")]
+    /// File to record the run to; with --runs, a file for each run: drive-1.mcap, drive-2.mcap … for
+    /// drive.mcap
+    #[arg(long, value_name = "OUT")]
     pub record: Option<PathBuf>,
     /// What is recorded: all, journal (external inputs only; the rest is computed again when the recording is opened),
     /// or buffers, separated by commas

@@ -20,7 +20,7 @@ use rcs_runtime::{Plan, RecordOptions, RecordWhat, Recording, RunOptions, Steppe
 pub(crate) use report::{Comparison, LogDamage};
 use report::{Outcome, Report};
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -50,9 +50,10 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
     }
     let mut stack = Ready { args, plan, log, acts };
     let mut memory = Memory::default();
+    let mut recordings = recordings(args).into_iter();
     let seed = args.seed.unwrap_or(0);
     let mut runs = Vec::new();
-    let mut done = stack.run(seed)?;
+    let mut done = stack.run(seed, recordings.next())?;
     let mut warnings = std::mem::take(&mut done.report.warnings);
     runs.extend(done.verdict.take());
     for more in 1..args.runs {
@@ -64,7 +65,7 @@ pub fn run(args: &RunArgs, out: &mut dyn Write) -> anyhow::Result<Ended> {
         if let Some(name) = &args.stack {
             stack.plan = memory.plan(name, args.course.as_deref(), &overrides(args))?;
         }
-        done = stack.run(seed)?;
+        done = stack.run(seed, recordings.next())?;
         warnings.extend(done.report.warnings.drain(..).map(|warning| format!("seed {seed}: {warning}")));
         runs.extend(done.verdict.take());
     }
@@ -97,9 +98,7 @@ fn check_files(args: &RunArgs) -> anyhow::Result<Files> {
 }
 
 fn check_outputs(args: &RunArgs, mut files: Files) -> anyhow::Result<()> {
-    if let Some(path) = &args.record {
-        files.writes("--record", path)?;
-    }
+    recordings(args).iter().try_for_each(|path| files.writes("--record", path))?;
     args.save.iter().try_for_each(|save| files.writes(&format!("--save {}", save.buffer), &save.path))
 }
 
@@ -127,9 +126,20 @@ fn has_buffer(plan: &Plan, name: &str) -> bool {
     plan.buffers.iter().any(|buffer| buffer.spec.name == name)
 }
 
-/// Starts to record a stepped run, if requested.
-fn record(args: &RunArgs, run: &Stepped) -> anyhow::Result<Option<Recording>> {
-    let Some(path) = &args.record else { return Ok(None) };
+/// The file of each run that `--record` writes; none without it. Those of several runs are numbered from 1 with a hyphen,
+/// because an underscore numbers the parts of one recording ([`crate::parts`]).
+fn recordings(args: &RunArgs) -> Vec<PathBuf> {
+    let Some(path) = &args.record else { return Vec::new() };
+    if args.runs == 1 {
+        return vec![path.clone()];
+    }
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = path.extension().map_or(String::new(), |ending| format!(".{}", ending.to_string_lossy()));
+    (1..=args.runs).map(|number| path.with_file_name(format!("{name}-{number}{ending}"))).collect()
+}
+
+/// Starts to record a stepped run to a file.
+fn record(args: &RunArgs, run: &Stepped, path: &Path) -> anyhow::Result<Recording> {
     let options = RecordOptions {
         lossless: true,
         build: BUILD.to_owned(),
@@ -137,7 +147,7 @@ fn record(args: &RunArgs, run: &Stepped) -> anyhow::Result<Option<Recording>> {
         replace: args.force,
         from: None,
     };
-    Ok(Some(Recording::start(path, run.plan(), run.buffers(), &options)?))
+    Ok(Recording::start(path, run.plan(), run.buffers(), &options)?)
 }
 
 /// What to record.
@@ -211,14 +221,15 @@ impl Done {
 }
 
 impl Ready<'_> {
-    fn run(&self, seed: u64) -> anyhow::Result<Done> {
+    /// One run, recorded to a file if there is one.
+    fn run(&self, seed: u64, recorded: Option<PathBuf>) -> anyhow::Result<Done> {
         let base = stacks::options();
         let threads = self.args.threads.map_or(base.threads, usize::from);
         let options = RunOptions { seed, threads, hash: true, ..base };
         let clock = Instant::now();
         let mut run = Stepped::new(Arc::clone(&self.plan), self.log.as_ref(), options)
             .context("the stack cannot run")?;
-        let recording = record(self.args, &run)?;
+        let recording = recorded.map(|path| record(self.args, &run, &path)).transpose()?;
         let failure = self.to_the_end(&mut run, recording.as_ref()).err();
         Ok(Done::new(&run, self.args, Outcome::End, failure, self.log.as_ref(), (recording, clock, seed)))
     }

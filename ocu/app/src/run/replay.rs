@@ -44,7 +44,7 @@ pub(super) fn run(
     };
     let run =
         recorded.stepped(&asked, log.as_ref(), options).context("the recorded run cannot be repeated")?;
-    let recording = record(args, &run)?;
+    let recording = args.record.as_deref().map(|path| record(args, &run, path)).transpose()?;
     let mut replay = Replay::new(recorded, run)?;
     let failure = replay.run_until(until).err().map(Into::into);
     let comparison = Comparison::new(replay.first());
