@@ -8,18 +8,20 @@ use crate::around_goal::AroundGoal;
 use crate::barred::{Barred, grown, turned_on_the_spot};
 use crate::children::Children;
 use crate::goal::Goal;
+use crate::map_reader::MapReader;
 use crate::mission::Mission;
 use crate::process::PlannerCommand;
 use crate::proto::{
     BarredPlace, ModeEvent, PlanPoint, PlanZone, PlannerGoal, Route, UtmGoal, WaypointGeneratorParams,
 };
 use crate::route;
+use crate::shortcut::{Way, WayPoint};
 use crate::spinning::Spinning;
 use crate::waypoints::spaced;
 use crate::zones::{Polygon, Zones};
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{FrameTransforms, Odometry, PoseInFrame, PosesInFrame};
+use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry, PoseInFrame, PosesInFrame};
 use rcs_msg::rcs;
 use rcs_runtime::{Cycle, In, InputRole, Order, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Localizer, Origin, pose_message, pose_of};
@@ -58,6 +60,8 @@ pub struct WaypointGenerator {
     forbidden: Option<String>,
     /// The goal that the planners were told, local frame, m.
     told: Option<(f64, f64)>,
+    /// Where the goal lay by the registration of the route when they were told, local frame, m.
+    route_told: Option<(f64, f64)>,
     /// What the planner of the near map was told, local frame, m.
     near_told: Option<(f64, f64)>,
     /// Whether the planners were halted.
@@ -66,6 +70,8 @@ pub struct WaypointGenerator {
     far_path: Vec<(f64, f64)>,
     /// Where the vehicle was, global frame, m.
     track: Vec<(f64, f64)>,
+    /// The way of this run for the next one.
+    way: Way,
     /// When the vehicle set out.
     began: Option<Stamp>,
     /// When the route was sent last.
@@ -89,6 +95,8 @@ pub struct Ports {
     far_path: In<PosesInFrame>,
     transforms: In<FrameTransforms>,
     global: In<Odometry>,
+    map: In<Grid>,
+    registration: In<FrameTransforms>,
     modes: In<ModeEvent>,
     mission: In<rcs::Mission>,
     waypoints: Out<PosesInFrame>,
@@ -116,6 +124,11 @@ impl Process for WaypointGenerator {
             far_path: b.optional_input("far_path", "path of the planner of a larger map, local frame"),
             transforms: b.input("transforms", "the local frame in the global frame"),
             global: b.optional_input("global", "pose of the vehicle in the global frame, for its covariance"),
+            map: b.optional_input("map", "a world model's map, local frame, by which the route is cut"),
+            registration: b.optional_input(
+                "registration",
+                "the global frame of the remembered route in the local frame",
+            ),
             modes: b.optional_input("modes", "changes of mode of the follower, for places that are barred"),
             mission: b.operator_input(InputRole::Mission, "mission", "goals, area and zones of the operator"),
             waypoints: b
@@ -179,6 +192,7 @@ impl Process for WaypointGenerator {
             self.error_m = position_error_m(&odometry);
             self.take_position(&odometry, params, cx);
         }
+        self.cut_way(ports, params, cx);
         self.take_far_path(ports, params, cx);
         while let Some(event) = cx.read(&ports.modes) {
             self.take_barred(event.barred.as_ref());
@@ -256,7 +270,26 @@ impl WaypointGenerator {
         if step_m >= TRACK_STEP_M && self.track.len() < MOST_TRACK {
             self.began.get_or_insert(cx.now());
             self.track.push((at.x, at.y));
+            if let Some((global_from_local, _)) = self.global_from_local {
+                let local = (global_from_local.inverse() * at.extend(0.0)).truncate();
+                self.way.add(WayPoint { local, global: at });
+            }
         }
+    }
+
+    /// Cuts the way by the map, each time that the vehicle has driven some metres.
+    fn cut_way(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
+        let Some((global_from_local, _)) = self.global_from_local.filter(|_| self.way.is_due()) else {
+            return;
+        };
+        let Some(map) = cx.latest(&ports.map) else { return };
+        let mut reader = MapReader::default();
+        if let Err(why) = reader.read(&map, &params.local_frame) {
+            return cx.fault(format!("map: {why}; the route is not cut"));
+        }
+        let barred = self.barred_in_local(&global_from_local);
+        let to_global = |at: DVec2| (global_from_local * at.extend(0.0)).truncate();
+        self.way.cut(&reader.sensed, &barred, to_global);
     }
 
     /// The route of the parameters in the local frame, if it leads to the goal (global frame, m).
@@ -264,15 +297,14 @@ impl WaypointGenerator {
         &mut self,
         params: &WaypointGeneratorParams,
         goal: DVec2,
-        global_from_local: &Pose,
+        local_from_route: &Pose,
     ) -> Vec<PlanPoint> {
         self.refused_route = None;
         let Ok(Some(route)) = route::parse(&params.route) else { return Vec::new() };
         let Ok(origin) = Origin::from_toml(&params.world) else { return Vec::new() };
         match route::in_global(&route, &origin.0, goal, params.route_goal_m) {
             Ok(points) => {
-                let local_from_global = global_from_local.inverse();
-                let local = points.iter().map(|point| local_from_global * point.extend(0.0));
+                let local = points.iter().map(|point| *local_from_route * point.extend(0.0));
                 local.map(|at| PlanPoint { x_m: at.x, y_m: at.y }).collect()
             }
             Err(error) => {
@@ -299,9 +331,12 @@ impl WaypointGenerator {
         }
         let Ok(origin) = Origin::from_toml(&params.world) else { return };
         let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
+        let Some((global_from_local, _)) = self.global_from_local else { return };
+        let way = self.way.in_global(|at| (global_from_local * at.extend(0.0)).truncate());
+        let way = route::cut(&way, params.same_place_m);
         let time_s = now.seconds_since(began);
         self.sent = Some(now);
-        cx.write(&ports.route, now, route::to_message(&track, params.same_place_m, &origin.0, time_s));
+        cx.write(&ports.route, now, route::to_message(&way, route::length_m(&track), &origin.0, time_s));
     }
 
     /// Tells the planners the goal (global and local frame, m) when it has moved in the local frame, and that of the near
@@ -318,7 +353,14 @@ impl WaypointGenerator {
         let moved_m = |told: Option<(f64, f64)>, to: DVec2| {
             told.map_or(f64::INFINITY, |told| to.distance(DVec2::from(told)))
         };
-        let goal_moved = moved_m(self.told, local) > params.resend_m;
+        let registration = cx.latest(&ports.registration);
+        let local_from_route =
+            registration.and_then(|message| route::registered(&message, &params.local_frame));
+        let local_from_route = local_from_route.unwrap_or_else(|| global_from_local.inverse());
+        // Where the route of the run before ends, if it ends at the goal.
+        let route_end = (local_from_route * goal.extend(0.0)).truncate();
+        let goal_moved = moved_m(self.told, local) > params.resend_m
+            || moved_m(self.route_told, route_end) > params.resend_m;
         let near = self.near_goal(local, &global_from_local, params);
         if !goal_moved && moved_m(self.near_told, near) < LOOKAHEAD_STEP_M {
             return;
@@ -340,7 +382,7 @@ impl WaypointGenerator {
             self.is_halted = false;
             return;
         }
-        let route = self.remembered(params, goal, &global_from_local);
+        let route = self.remembered(params, goal, &local_from_route);
         if let Some(why) = &self.refused_route {
             cx.fault(format!("route: {why}; not used"));
         }
@@ -360,6 +402,7 @@ impl WaypointGenerator {
         if goal_moved {
             cx.send(&ports.children.far_planner, order(local));
             self.told = Some((local.x, local.y));
+            self.route_told = Some((route_end.x, route_end.y));
             let now = cx.now();
             let pose = Some(pose_message(&Pose::from_translation(local.extend(0.0))));
             let frame_id = params.local_frame.clone();
@@ -427,6 +470,7 @@ impl WaypointGenerator {
         // What the wheels measured was no way.
         self.track.truncate(at + 1);
         self.track.push((track[track.len() - 1].x, track[track.len() - 1].y));
+        self.way.back_to(track[at]);
         if let Some(&at) = self.track.last() {
             self.bar_ahead(DVec2::from(at), params);
         }

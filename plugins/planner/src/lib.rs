@@ -39,6 +39,8 @@
 //! | `far_path` | in, optional | `foxglove.PosesInFrame` | path of the planner of a larger map, local frame |
 //! | `transforms` | in | `foxglove.FrameTransforms` | the local frame in the global frame |
 //! | `global` | in, optional | `foxglove.Odometry` | pose of the vehicle in the global frame, for its covariance |
+//! | `map` | in, optional | `foxglove.Grid` | a world model's map, local frame, by which the route is cut |
+//! | `registration` | in, optional | `foxglove.FrameTransforms` | the global frame of the remembered route in the local frame |
 //! | `modes` | in, optional | `rcs.ModeEvent` | changes of mode of the follower, for places that are barred |
 //! | `mission` | in, optional | `rcs.Mission` | goals, area and zones of the operator |
 //! | `waypoints` | out | `foxglove.PosesInFrame` | waypoints along the path, local frame; none to stand |
@@ -51,10 +53,10 @@
 //! planner, the near one plans to the point of its path that lies `lookahead_m` along it, as the levels of A 5 do, so
 //! that what has left the near map is not forgotten. Command `GO_TO` gives another goal, and the operator's `mission` gives
 //! several ([`mission`]), which are driven to one after the other. The planners go around [`zones`] and stay inside of the
-//! area; a goal that lies elsewhere is not driven to. The route of a run ([`route`]) is
-//! a parameter of the next one, and the planner makes the cells along it cheaper. With `around_goal_m`, it drives once
-//! around the goal of the file after it has arrived there by its own estimate ([`around_goal`]). There
-//! are no waypoints, and it is in `ERROR`, without a goal, with one in another UTM zone, while the position is not known
+//! area; a goal that lies elsewhere is not driven to. The route of a run ([`route`], cut by the `map` as [`shortcut`] says)
+//! is a parameter of the next one, and the planner makes the cells along it cheaper. With `around_goal_m`, it drives once
+//! around the goal of the file after it has arrived there by its own estimate ([`around_goal`]). There are no waypoints,
+//! and it is in `ERROR`, without a goal, with one in another UTM zone, while the position is not known
 //! well enough, and when the goal has jumped in the local frame. If the fixes then put the vehicle back on its own track,
 //! its wheels have turned on the spot: it goes on, and the place ahead is [`barred`], as where a mode bars one. So it is while
 //! the wheels turn and the position does not change ([`spinning`]). State: the
@@ -131,6 +133,7 @@ mod queue;
 pub mod route;
 pub mod search;
 mod settings;
+pub mod shortcut;
 mod signals;
 pub mod spinning;
 pub mod terrain;

@@ -1,14 +1,17 @@
-//! Path memory: the track of a run, what is left of it after loops and excursions are cut, and its file.
+//! Path memory: what is left of a run's track after loops and excursions are cut, and its file.
 //!
 //! Albus 2006a, 5: after a run, "loops and excursions" are removed from the path, which is saved in global coordinates;
 //! the planner of the next run weighs it with the map rather than following it blindly.
 //!
-//! A loop ends where the track comes near a place where it was before; an excursion into a dead end ends where it comes
-//! back out. So both are cut by one rule: from each point, the track continues at the last later point that is near.
+//! A loop ends where the track comes near a place where it was before: from each point, the track continues at the last
+//! later point that is near. A way into a dead end and out again, which may lie metres apart, is cut by the map
+//! ([`crate::shortcut`]).
 
 use crate::goal::Goal;
 use crate::proto::{Route, RoutePoint};
-use rcs_geom::{DVec2, Utm};
+use rcs_geom::{DVec2, Pose, Utm};
+use rcs_msg::foxglove::{self, FrameTransforms};
+use rcs_sense::pose_of;
 
 /// Version of the file.
 const FORMAT: u32 = 1;
@@ -69,17 +72,25 @@ pub fn length_m(track: &[DVec2]) -> f64 {
     track.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
 }
 
-/// The route of a track in the global frame with this origin.
-pub fn to_message(track: &[DVec2], near_m: f64, origin: &Utm, time_s: f64) -> Route {
-    let kept = cut(track, near_m);
+/// The global frame of the run that drove the route in the local frame of this one, as the remembered map was registered;
+/// `None` while it is not, or in another frame.
+pub fn registered(message: &FrameTransforms, local_frame: &str) -> Option<Pose> {
+    let transform =
+        message.transforms.first().filter(|transform| transform.parent_frame_id == local_frame)?;
+    let pose = foxglove::Pose { position: transform.translation, orientation: transform.rotation };
+    pose_of(Some(&pose), local_frame).ok()
+}
+
+/// The route of a way in the global frame with this origin, which is left of `driven_m`.
+pub fn to_message(way: &[DVec2], driven_m: f64, origin: &Utm, time_s: f64) -> Route {
     let point =
         |at: &DVec2| RoutePoint { easting_m: origin.easting_m + at.x, northing_m: origin.northing_m + at.y };
     Route {
         format: FORMAT,
         zone: u32::from(origin.zone),
-        points: kept.iter().map(point).collect(),
-        length_m: length_m(&kept),
-        cut_m: length_m(track) - length_m(&kept),
+        points: way.iter().map(point).collect(),
+        length_m: length_m(way),
+        cut_m: driven_m - length_m(way),
         time_s,
     }
 }
@@ -152,7 +163,7 @@ mod tests {
     fn a_route_is_read_again_and_refused_where_it_does_not_fit() {
         let origin = Utm::new(18, true, 308_660.0, 4_333_755.0).unwrap();
         let track = line((0.0, 0.0), (10.0, 0.0));
-        let route = to_message(&track, 0.4, &origin, 12.0);
+        let route = to_message(&track, length_m(&track), &origin, 12.0);
         let text = rcs_msg::to_json(&rcs_msg::AnyMessage::new(route.clone())).unwrap();
         assert_eq!(parse(&text), Ok(Some(route.clone())));
         assert_eq!(parse(" "), Ok(None));
@@ -171,5 +182,21 @@ mod tests {
             assert!(parse(&text).unwrap_err().to_string().starts_with(expected), "{text}");
         }
         assert!(matches!(parse("{"), Err(RouteError::Text(_))));
+    }
+
+    #[test]
+    fn a_registration_places_the_route_and_one_that_is_withdrawn_or_in_another_frame_does_not() {
+        let transform = foxglove::FrameTransform {
+            parent_frame_id: "local".to_owned(),
+            child_frame_id: "remembered".to_owned(),
+            translation: Some(foxglove::Vector3 { x: 1.0, y: -2.0, z: 0.0 }),
+            rotation: Some(foxglove::Quaternion { w: 1.0, ..foxglove::Quaternion::default() }),
+            ..foxglove::FrameTransform::default()
+        };
+        let message = FrameTransforms { transforms: vec![transform] };
+        let placed = registered(&message, "local").unwrap();
+        assert_eq!(placed * DVec2::new(10.0, 10.0).extend(0.0), DVec2::new(11.0, 8.0).extend(0.0));
+        assert_eq!(registered(&message, "map"), None);
+        assert_eq!(registered(&FrameTransforms::default(), "local"), None);
     }
 }

@@ -186,7 +186,7 @@ impl Sensed {
         f64::from(known) / f64::from(all.max(1))
     }
 
-    fn index(&self, place: Place) -> usize {
+    pub(crate) fn index(&self, place: Place) -> usize {
         place.row as usize * self.columns + place.column as usize
     }
 }
@@ -447,7 +447,7 @@ impl Terrain {
 }
 
 /// Calls a function with each cell of the map whose centre lies within a distance of a position, and the distance, m.
-fn around(sensed: &Sensed, position: DVec2, within_m: f64, mut visit: impl FnMut(Place, f64)) {
+pub(crate) fn around(sensed: &Sensed, position: DVec2, within_m: f64, mut visit: impl FnMut(Place, f64)) {
     let Some(middle) = sensed.place(position) else { return };
     let reach = (within_m / sensed.cell_size_m).ceil().min(1000.0) as i32;
     let rows = (sensed.fused.len() / sensed.columns.max(1)) as i32;

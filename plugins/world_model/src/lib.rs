@@ -71,11 +71,13 @@
 //! | `transforms` | in | `foxglove.FrameTransforms` | the local frame in the global frame |
 //! | `cost` | out | `foxglove.Grid` | the remembered map where it fits: fields cost.memory and conf.memory, local frame |
 //! | `memory` | out | `rcs.MapMemory` | the map to save, global frame |
+//! | `registration` | out | `foxglove.FrameTransforms` | the frame of the remembered map in the local frame; none while it does not fit |
 //!
 //! Period 0.5 s. Commands `SAVE` and `CLEAR`. State: the track, and how the remembered map fits. The map of a run is the
 //! parameter `memory` of the next one; `ocu run --save` writes it, and `ocu run --runs` hands it over. It is registered
-//! against what is sensed before it is believed, and followed while the position estimate drifts ([`memory`]); one that does
-//! not fit, or is of another UTM zone, is not used, and the status says why. What it says is one source of the world model,
+//! against what is sensed before it is believed, stays where it is in the local frame while the estimate of the position
+//! changes, and follows what is sensed as the local frame drifts ([`memory`]); one that does not fit, or is of another UTM
+//! zone, is not used, and the status says why. `registration` also places the route of that run. What it says is one source of the world model,
 //! whose weight is such that anything sensed outvotes it.
 //!
 //! # Where to begin

@@ -5,20 +5,22 @@ use crate::memory::{Fit, Rectangle, Seen, compare, parse, register, statement};
 use crate::proto::{MapMemory, MapMemoryParams};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry};
+use rcs_msg::foxglove::{FrameTransform, FrameTransforms, Grid, Odometry, Quaternion, Vector3};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{GridFrame, Localizer, Origin, pose_of};
 use rcs_world::{GridView, Source, SourceKind, UNKNOWN_COST, Weighted, Weights, fuse_grid};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
+/// Frame of the remembered map: the global frame as the run that saved it knew it.
+const FRAME: &str = "remembered";
 /// Confidence of what is remembered: that of a sensor which is sure of ground.
 const CONFIDENCE: u8 = 80;
 /// Distance between the points of the track, m, and their greatest number.
 const TRACK_STEP_M: f64 = 2.0;
 const MOST_TRACK: usize = 5000;
 /// Agreement that a metre of motion must gain: while the remembered map is not registered, and afterwards, when it is
-/// moved by up to this far at a time, m, because the position estimate drifts slowly.
+/// moved by up to this far at a time, m, because the local frame drifts slowly.
 const WORTH: f64 = 0.02;
 const FOLLOW_WORTH: f64 = 0.1;
 const FOLLOW_M: f64 = 0.4;
@@ -27,7 +29,7 @@ const DOUBT: f64 = 0.7;
 /// Time after which the costs are sent again, s: the world model may have been cleared.
 const RESEND_S: f64 = 5.0;
 
-/// State: the frames, the track, the fit, and what was sent when.
+/// State: the frames, the track, where the remembered map lies, and what was sent when.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct MapMemoryKeeper {
     frames: Localizer,
@@ -35,8 +37,8 @@ pub struct MapMemoryKeeper {
     is_cleared: bool,
     /// Where the vehicle was, local frame, m.
     track: Vec<DVec2>,
-    /// How the remembered map fits; `None` while it is not believed.
-    fit: Option<Fit>,
+    /// Where the remembered map lies; `None` while it is not believed.
+    placed: Option<Placed>,
     /// When the costs were sent last, and where a point of the remembered map then was, m.
     sent: Option<(Stamp, DVec2)>,
     saved: Option<Stamp>,
@@ -45,6 +47,26 @@ pub struct MapMemoryKeeper {
     text: String,
     #[serde(skip)]
     remembered: Remembered,
+}
+
+/// Where the remembered map lies in the local frame, which drifts far less than the estimate of the global one jumps: the
+/// frames when it was registered, and how it fits since.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Placed {
+    global_from_local: Pose,
+    fit: Fit,
+}
+
+impl Placed {
+    /// A position of the local frame in the frame of the remembered map, m.
+    fn to_remembered(self, at: DVec2) -> DVec2 {
+        (self.global_from_local * at.extend(0.0)).truncate() - self.fit.moved
+    }
+
+    /// The frame of the remembered map in the local one.
+    fn local_from_remembered(self) -> Pose {
+        self.global_from_local.inverse() * Pose::from_translation(self.fit.moved.extend(0.0))
+    }
 }
 
 /// What a cycle has read.
@@ -85,6 +107,7 @@ pub struct Ports {
     transforms: In<FrameTransforms>,
     cost: Out<Grid>,
     memory: Out<MapMemory>,
+    registration: Out<FrameTransforms>,
 }
 
 impl Process for MapMemoryKeeper {
@@ -113,6 +136,13 @@ impl Process for MapMemoryKeeper {
                 .palette("cost")
                 .build(),
             memory: b.output("memory", "the map to save, global frame").role(Role::Stats).build(),
+            registration: b
+                .output(
+                    "registration",
+                    "the frame of the remembered map in the local frame; none while it does not fit",
+                )
+                .role(Role::Transforms)
+                .build(),
         }
     }
 
@@ -162,6 +192,7 @@ impl Process for MapMemoryKeeper {
             cx.fault(format!("map: {error}; skipped"));
         }
         let now = cx.now();
+        cx.write(&ports.registration, now, self.registration(params, now));
         if is_asked || self.saved.is_none_or(|saved| now.seconds_since(saved) >= params.save_every_s) {
             match self.to_save(params, &seen) {
                 Ok(Some(saved)) => {
@@ -220,29 +251,30 @@ impl MapMemoryKeeper {
         let mut costs = Vec::new();
         fuse_grid(&view, &sensed_by(), &mut costs).map_err(|error| error.to_string())?;
         let sensed = Rectangle::with(&view, costs);
-        let seen = Seen::of(&sensed, vehicle, params.near_m, |at| now.to_global(at));
+        let global_from_local = self.placed.map_or(*now.global_from_local, |placed| placed.global_from_local);
+        let to_global = |at: DVec2| (global_from_local * at.extend(0.0)).truncate();
+        // How far what is moved so lies from where the position estimate says, m: east and north.
+        let away = |moved: DVec2| now.to_global(vehicle) - to_global(vehicle) + moved;
+        let seen = Seen::of(&sensed, vehicle, params.near_m, to_global);
         let least = params.least_cells as usize;
-        let found = match self.fit {
+        let found = match self.placed {
             // Where little can be compared, what was found stays.
-            Some(fit) => {
-                let found = register(&remembered, &seen, fit.moved, FOLLOW_M, FOLLOW_WORTH, least);
-                found.filter(|found| found.moved.abs().max_element() <= params.search_m).or(Some(fit))
+            Some(Placed { fit, .. }) => {
+                register(&remembered, &seen, fit.moved, FOLLOW_M, FOLLOW_WORTH, least).or(Some(fit))
             }
             None => register(&remembered, &seen, DVec2::ZERO, params.search_m, WORTH, least),
         };
-        let needed = params.least_agreement * if self.fit.is_some() { DOUBT } else { 1.0 };
+        let found = found.filter(|found| away(found.moved).abs().max_element() <= params.search_m);
+        let needed = params.least_agreement * if self.placed.is_some() { DOUBT } else { 1.0 };
         self.text = match found {
             Some(fit) if fit.agreement >= needed => {
                 let Fit { moved, agreement, compared } = fit;
-                self.fit = Some(fit);
-                let share = 100.0 * agreement;
-                format!(
-                    "remembers: moved by {:.1} m, {share:.0} % of {compared} obstacle cells agree",
-                    moved.length()
-                )
+                self.placed = Some(Placed { global_from_local, fit });
+                let (share, moved_m) = (100.0 * agreement, away(moved).length());
+                format!("remembers: moved by {moved_m:.1} m, {share:.0} % of {compared} obstacle cells agree")
             }
             Some(fit) => {
-                self.fit = None;
+                self.placed = None;
                 let (got, needed) = (100.0 * fit.agreement, 100.0 * needed);
                 let compared = fit.compared;
                 format!(
@@ -250,17 +282,18 @@ impl MapMemoryKeeper {
                 )
             }
             None => {
+                self.placed = None;
                 let compared = compare(&remembered, &seen, DVec2::ZERO).compared;
                 format!(
                     "waits: {compared} obstacle cells can be compared with the remembered map, expected {least}"
                 )
             }
         };
-        let Some(Fit { moved, .. }) = self.fit else {
+        let Some(placed) = self.placed else {
             self.withdraw(ports, params, now, cx);
             return Ok(());
         };
-        let at = moved - now.to_global(vehicle) + vehicle;
+        let at = placed.local_from_remembered().translation.truncate();
         let is_due = self.sent.is_none_or(|(sent, before)| {
             cx.now().seconds_since(sent) >= RESEND_S || before.distance(at) > 0.5 * remembered.cell_size_m
         });
@@ -268,15 +301,30 @@ impl MapMemoryKeeper {
             let frame = GridFrame::around(vehicle, view.columns(), sensed.cell_size_m);
             let middles =
                 (0..frame.side * frame.side).map(|slot| frame.middle(slot % frame.side, slot / frame.side));
-            let costs: Vec<u8> = middles.map(|middle| remembered.at(now.to_global(middle) - moved)).collect();
+            let costs: Vec<u8> = middles.map(|middle| remembered.at(placed.to_remembered(middle))).collect();
             self.send(ports, params, &frame, &costs, at, cx);
         }
         Ok(())
     }
 
+    /// The frame of the remembered map in the local one; no transform while it is not believed.
+    fn registration(&self, params: &MapMemoryParams, now: Stamp) -> FrameTransforms {
+        let transform = |placed: Placed| {
+            let Pose { translation: shift, rotation: q } = placed.local_from_remembered();
+            FrameTransform {
+                timestamp: Some(now.to_proto()),
+                parent_frame_id: params.local_frame.clone(),
+                child_frame_id: FRAME.to_owned(),
+                translation: Some(Vector3 { x: shift.x, y: shift.y, z: shift.z }),
+                rotation: Some(Quaternion { x: q.x, y: q.y, z: q.z, w: q.w }),
+            }
+        };
+        FrameTransforms { transforms: self.placed.map(transform).into_iter().collect() }
+    }
+
     /// Takes back what was stated.
     fn withdraw(&mut self, ports: &Ports, params: &MapMemoryParams, now: &Now<'_>, cx: &mut Cycle<'_>) {
-        self.fit = None;
+        self.placed = None;
         let size_m = now.map.cell_size.map(|size| size.x).filter(|_| self.sent.is_some());
         if let Some(cell_size_m) = size_m {
             let frame = GridFrame::around(now.vehicle, 1, cell_size_m);
@@ -305,24 +353,29 @@ impl MapMemoryKeeper {
         let view = GridView::of(now.map.message()).map_err(|error| error.to_string())?;
         let fused = Rectangle::of_grid(&view).map_err(|error| error.to_string())?;
         let remembered =
-            self.fit.and_then(|fit| Some((self.remembered.map.as_ref()?.as_ref().ok()?, fit.moved)));
+            self.placed.and_then(|placed| Some((self.remembered.map.as_ref()?.as_ref().ok()?, placed)));
         let mut places: Vec<DVec2> = self.track.iter().map(|&at| now.to_global(at)).collect();
-        if let Some((old, moved)) = remembered {
+        if let Some((old, placed)) = remembered {
             let rows = old.costs.len() / old.columns.max(1);
-            let far = DVec2::new(old.columns as f64, rows as f64) * old.cell_size_m;
-            places.extend([old.corner + moved + params.near_m, old.corner + far + moved - params.near_m]);
+            let far = old.corner + DVec2::new(old.columns as f64, rows as f64) * old.cell_size_m;
+            let local = |corner: DVec2| (placed.local_from_remembered() * corner.extend(0.0)).truncate();
+            places.extend(
+                [old.corner + params.near_m, far - params.near_m].map(|corner| now.to_global(local(corner))),
+            );
         }
         let Some(mut saved) = Rectangle::around(&places, params.near_m, fused.cell_size_m) else {
             return Ok(None);
         };
+        // What lies outside of the map now was kept when it was inside.
+        let local_from_global = now.global_from_local.inverse();
         for index in 0..saved.costs.len() {
             let centre = saved.centre(index);
             let kept = self.kept.as_ref().map_or(UNKNOWN_COST, |kept| kept.at(centre));
-            let old = || remembered.map_or(UNKNOWN_COST, |(old, moved)| old.at(centre - moved));
+            let local = || (local_from_global * centre.extend(0.0)).truncate();
+            let old =
+                || remembered.map_or(UNKNOWN_COST, |(old, placed)| old.at(placed.to_remembered(local())));
             saved.costs[index] = if kept == UNKNOWN_COST { old() } else { kept };
         }
-        // What lies outside of the map now was kept when it was inside.
-        let local_from_global = now.global_from_local.inverse();
         for &at in self.track.iter().filter(|&&at| fused.holds(at)) {
             saved.around_each(now.to_global(at), params.near_m, |centre, cost| {
                 let sensed = fused.at((local_from_global * centre.extend(0.0)).truncate());

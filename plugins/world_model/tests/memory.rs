@@ -58,15 +58,26 @@ fn start(memory: &str) -> Bench {
     let params = [("memory.world", "w"), ("memory.memory", memory)];
     let params = if memory.is_empty() { &params[..1] } else { &params };
     let mut bench = Setup::new(STACK, &types).params(params).assets(&Files).bench();
+    locate(&mut bench, Stamp(1), DVec2::new(2.0, 3.0));
+    bench
+}
+
+/// States where the local frame lies in the global one, m.
+fn locate(bench: &mut Bench, time: Stamp, at: DVec2) {
     let transform = FrameTransform {
-        timestamp: Some(Stamp(1).to_proto()),
+        timestamp: Some(time.to_proto()),
         parent_frame_id: "global".to_owned(),
         child_frame_id: "local".to_owned(),
-        translation: Some(Vector3 { x: 2.0, y: 3.0, z: 0.0 }),
+        translation: Some(Vector3 { x: at.x, y: at.y, z: 0.0 }),
         rotation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
     };
     bench.write("/operator/transforms", FrameTransforms { transforms: vec![transform] });
-    bench
+}
+
+/// Where the registration says that the frame of the remembered map lies in the local frame, m.
+fn registered(bench: &Bench) -> Option<DVec2> {
+    let message: FrameTransforms = bench.latest("/memory/registration");
+    message.transforms.first().and_then(|at| at.translation).map(|at| DVec2::new(at.x, at.y))
 }
 
 /// An L of walls whose corner is at (3, -3) m, and a wall 9 m ahead of the origin; ground elsewhere.
@@ -143,6 +154,8 @@ fn a_remembered_map_is_registered_before_it_is_believed_and_what_is_sensed_outvo
     };
     look(&mut bench, DVec2::new(4.0, -1.5) + moved, 2.5, now, 40);
     assert!(text(&bench).starts_with("remembers: moved by 1."), "{}", text(&bench));
+    let placed = registered(&bench).unwrap();
+    assert!(placed.distance(moved - DVec2::new(2.0, 3.0)) < 0.6, "{placed}");
     assert_eq!(cost_at(&bench, DVec2::new(7.4, -2.8) + moved), 250, "remembered, and not sensed");
     assert!(cost_at(&bench, DVec2::new(3.4, 0.1) + moved) < 125, "sensed ground");
     let encoded = MapMemoryCommand::Clear.encode();
@@ -153,6 +166,26 @@ fn a_remembered_map_is_registered_before_it_is_believed_and_what_is_sensed_outvo
     bench.cycles(50, 60);
     assert_eq!(text(&bench), "the remembered map is cleared");
     assert_eq!(cost_at(&bench, DVec2::new(7.4, -2.8) + moved), 255);
+    assert_eq!(registered(&bench), None);
+}
+
+#[test]
+fn a_registered_map_stays_in_the_local_frame_while_the_position_estimate_changes() {
+    let mut bench = start(&first_run());
+    look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 40);
+    let before = registered(&bench).unwrap();
+    // Fixes move the estimate by 2 m east, where there is nothing to compare.
+    let now = Stamp(bench.now_ms * 1_000_000 + 1);
+    locate(&mut bench, now, DVec2::new(4.0, 3.0));
+    look(&mut bench, DVec2::new(-20.0, 0.0), 4.0, |_| 0, 20);
+    assert_eq!(registered(&bench), Some(before));
+    assert!(text(&bench).starts_with("remembers: moved by 2.0 m"), "{}", text(&bench));
+    assert_eq!(cost_at(&bench, DVec2::new(7.4, -2.8)), 250);
+    // 5 m are more than the errors of two fixes.
+    let now = Stamp(bench.now_ms * 1_000_000 + 1);
+    locate(&mut bench, now, DVec2::new(7.0, 3.0));
+    look(&mut bench, DVec2::new(-20.0, 0.0), 4.0, |_| 0, 20);
+    assert_eq!(registered(&bench), None);
 }
 
 #[test]

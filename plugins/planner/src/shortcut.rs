@@ -1,0 +1,274 @@
+//! Cuts a way that was driven by the map: what leads into a dead end and out again is replaced by the free ground between
+//! (Albus 2006a, 5: the path is saved without "loops and excursions").
+//!
+//! The way in and the way out may lie several metres apart, so that the vehicle never came back to the same place. The
+//! cut is the cheapest path over the cells of the map, where the cells of the way cost less than other free ones.
+
+use crate::clearance::Clearance;
+use crate::costs::{BLOCKED, CostGrid};
+use crate::place::Place;
+use crate::proto::BarredPlace;
+use crate::search::{Path, Search};
+use crate::terrain::{Sensed, around};
+use rcs_geom::DVec2;
+use rcs_world::{OBSTACLE_COST, UNKNOWN_COST};
+use serde::{Deserialize, Serialize};
+
+/// Cost of a cell of the way, and of another free cell: a cut must be shorter than two thirds of what it replaces, because
+/// what was driven over is safe.
+const DRIVEN: u8 = 10;
+const FREE: u8 = 15;
+/// Distance from the way at which a cell belongs to it, m.
+const BESIDE_M: f64 = 0.5;
+/// Least distance of a cut from what is in the way, m: holes of a fence that are narrower than twice this are no way.
+const ROOM_M: f64 = 1.0;
+
+/// Length that is driven between two cuts, m.
+const STEP_M: f64 = 10.0;
+
+/// Greatest distance between where a point was when it was driven and where it is by the newest estimate of the position,
+/// m: what differs by more was driven before the wheels slipped, so the local frame is not one frame for both.
+const MOST_CORRECTED_M: f64 = 3.0;
+
+/// A point of a way: in the local frame, in which the map lies, and in the global frame at the time that it was driven, m.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct WayPoint {
+    /// Local frame.
+    pub local: DVec2,
+    /// Global frame.
+    pub global: DVec2,
+}
+
+/// The way of a run, cut by the map while it is driven.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Way {
+    points: Vec<WayPoint>,
+    /// Index of the first point that may be cut.
+    open: usize,
+    /// Length driven since the last cut, m.
+    since_cut_m: f64,
+}
+
+impl Way {
+    /// Adds a position.
+    pub fn add(&mut self, point: WayPoint) {
+        self.since_cut_m += self.points.last().map_or(0.0, |last| last.global.distance(point.global));
+        self.points.push(point);
+    }
+
+    /// Goes back to the point that is nearest to a position in the global frame, m: the wheels turned, and the vehicle
+    /// did not move. What was driven before lies elsewhere in the local frame now, and is no longer cut.
+    pub fn back_to(&mut self, global: DVec2) {
+        let away_m = |at: &usize| self.points[*at].global.distance(global);
+        let nearest = (0..self.points.len()).min_by(|a, b| away_m(a).total_cmp(&away_m(b)));
+        self.points.truncate(nearest.map_or(0, |at| at + 1));
+        self.open = self.points.len();
+    }
+
+    /// Whether the vehicle has driven far enough since the last cut.
+    pub fn is_due(&self) -> bool {
+        self.since_cut_m >= STEP_M
+    }
+
+    /// Cuts the way by a map in the local frame, with the newest estimate of the global frame. What lies outside of the map
+    /// stays.
+    pub fn cut(&mut self, sensed: &Sensed, barred: &[BarredPlace], to_global: impl Fn(DVec2) -> DVec2) {
+        self.since_cut_m = 0.0;
+        let is_outside = |point: &WayPoint| cell(sensed, point.local).is_none();
+        let outside = self.points[self.open.min(self.points.len())..].iter().rposition(is_outside);
+        let from = self.open + outside.map_or(0, |outside| outside + 1);
+        let kept = self.points.get(from..).and_then(|inside| cut(inside, sensed, barred, to_global));
+        if let Some(kept) = kept {
+            self.points.truncate(from);
+            self.points.extend(kept);
+        }
+    }
+
+    /// Its points in the global frame, m, by the newest estimate of that frame, as the map that is saved with it.
+    pub fn in_global(&self, to_global: impl Fn(DVec2) -> DVec2) -> Vec<DVec2> {
+        let newest = |point: &WayPoint| {
+            let now = to_global(point.local);
+            if now.distance(point.global) <= MOST_CORRECTED_M { now } else { point.global }
+        };
+        let (before, open) = self.points.split_at(self.open.min(self.points.len()));
+        before.iter().map(|point| point.global).chain(open.iter().map(newest)).collect()
+    }
+}
+
+/// The cell of the map at a position, m.
+fn cell(sensed: &Sensed, at: DVec2) -> Option<Place> {
+    let rows = sensed.fused.len() / sensed.columns.max(1);
+    let is_inside = |at: i32, count: usize| (0..count as i32).contains(&at);
+    sensed.place(at).filter(|at| is_inside(at.column, sensed.columns) && is_inside(at.row, rows))
+}
+
+/// The cheapest path from the first to the last point of a way inside of the map; `None` for a way that is too short.
+fn cut(
+    way: &[WayPoint],
+    sensed: &Sensed,
+    barred: &[BarredPlace],
+    to_global: impl Fn(DVec2) -> DVec2,
+) -> Option<Vec<WayPoint>> {
+    let [first, .., last] = way else { return None };
+    let (start, goal) = cell(sensed, first.local).zip(cell(sensed, last.local))?;
+    let costs = costs(way, sensed, barred)?;
+    let mut path = Path::default();
+    Search::default().path(&costs, start, goal, FREE, &mut path).ok()?;
+    let nearest = |centre: DVec2| {
+        let away_m = |point: &&WayPoint| point.local.distance(centre);
+        way.iter().min_by(|a, b| away_m(a).total_cmp(&away_m(b))).unwrap_or(first)
+    };
+    let between = path.cells.iter().skip(1).take(path.cells.len().saturating_sub(2)).map(|&place| {
+        let centre = sensed.centre(place);
+        let driven = nearest(centre);
+        WayPoint { local: centre, global: driven.global + to_global(centre) - to_global(driven.local) }
+    });
+    Some([*first].into_iter().chain(between).chain([*last]).collect())
+}
+
+/// The costs of the cells for a cut: [`DRIVEN`], [`FREE`], or blocked; unknown cells are blocked.
+fn costs(way: &[WayPoint], sensed: &Sensed, barred: &[BarredPlace]) -> Option<CostGrid> {
+    let is_free = |fused: u8| fused < OBSTACLE_COST;
+    let in_the_way: Vec<bool> =
+        sensed.fused.iter().map(|&fused| !is_free(fused) && fused != UNKNOWN_COST).collect();
+    let room = (ROOM_M / sensed.cell_size_m).ceil() as usize;
+    let mut clearance = Clearance::default();
+    let squared = clearance.squared(sensed.columns, &in_the_way, room);
+    let enough = room * room;
+    let cells = sensed.fused.iter().zip(squared);
+    let cells = cells.map(
+        |(&fused, &squared)| {
+            if is_free(fused) && usize::from(squared) >= enough { FREE } else { BLOCKED }
+        },
+    );
+    let mut cells: Vec<u8> = cells.collect();
+    for place in barred {
+        let at = DVec2::new(place.x_m, place.y_m);
+        around(sensed, at, place.radius_m, |place, _| cells[sensed.index(place)] = BLOCKED);
+    }
+    for pair in way.windows(2) {
+        let steps =
+            (pair[0].local.distance(pair[1].local) / (0.5 * sensed.cell_size_m)).ceil().max(1.0) as u32;
+        for step in 0..=steps {
+            let at = pair[0].local.lerp(pair[1].local, f64::from(step) / f64::from(steps));
+            around(sensed, at, BESIDE_M, |place, _| cells[sensed.index(place)] = DRIVEN);
+        }
+    }
+    let rows = cells.len() / sensed.columns.max(1);
+    CostGrid::new(sensed.columns, rows, cells).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::route::length_m;
+
+    /// 151×151 free cells of 0.4 m; a trap that is open to the west, from x = 0 to 12 m between y = -4 and 4 m, and unknown
+    /// cells east of x = 24 m.
+    fn trap() -> Sensed {
+        let columns = 151;
+        let corner = DVec2::splat(-30.2);
+        let mut sensed = Sensed {
+            columns,
+            cell_size_m: 0.4,
+            corner,
+            fused: vec![20; columns * columns],
+            ..Sensed::default()
+        };
+        for at in 0..sensed.fused.len() {
+            let centre = sensed.centre(Place::new((at % columns) as i32, (at / columns) as i32));
+            let side = (centre.y.abs() - 4.0).abs() < 0.3 && (0.0..12.0).contains(&centre.x);
+            let end = (centre.x - 12.0).abs() < 0.3 && centre.y.abs() < 4.2;
+            if side || end {
+                sensed.fused[at] = 250;
+            } else if centre.x > 24.0 {
+                sensed.fused[at] = UNKNOWN_COST;
+            }
+        }
+        sensed
+    }
+
+    /// Along corners in the local frame, which lies 100 m north of the global one.
+    fn along(corners: &[(f64, f64)]) -> Way {
+        let mut way = Way::default();
+        for pair in corners.windows(2) {
+            let (from, to) = (DVec2::from(pair[0]), DVec2::from(pair[1]));
+            let count = (from.distance(to) / 0.5).ceil() as u32;
+            for at in 0..count {
+                let local = from.lerp(to, f64::from(at) / f64::from(count));
+                way.add(WayPoint { local, global: to_global(local) });
+            }
+        }
+        way
+    }
+
+    fn to_global(local: DVec2) -> DVec2 {
+        local + DVec2::new(0.0, 100.0)
+    }
+
+    const INTO_THE_TRAP: [(f64, f64); 6] =
+        [(-20.0, 0.0), (10.0, 2.5), (10.0, -2.5), (-2.0, -2.5), (-2.0, -7.0), (20.0, -7.0)];
+
+    #[test]
+    fn a_way_into_a_dead_end_and_out_again_is_cut_before_it_although_both_lie_apart() {
+        let mut way = along(&INTO_THE_TRAP);
+        assert!(way.is_due());
+        let driven = way.in_global(to_global);
+        way.cut(&trap(), &[], to_global);
+        let kept = way.in_global(to_global);
+        assert!(!way.is_due());
+        assert_eq!((kept.first(), kept.last()), (driven.first(), driven.last()));
+        // The shortest way is 42 m long; that along the cells is up to 8 % longer.
+        assert!((41.0..48.0).contains(&length_m(&kept)), "{} of {}", length_m(&kept), length_m(&driven));
+        let in_the_trap = |at: &&DVec2| at.x > 0.5 && (at.y - 100.0).abs() < 4.0;
+        assert_eq!(kept.iter().find(in_the_trap), None);
+        // A second cut by the same map only straightens it.
+        way.cut(&trap(), &[], to_global);
+        let again_m = length_m(&way.in_global(to_global));
+        assert!((41.0..length_m(&kept) + 0.1).contains(&again_m), "{again_m} of {}", length_m(&kept));
+    }
+
+    #[test]
+    fn what_is_unknown_barred_or_outside_of_the_map_is_no_cut() {
+        let length = |way: &Way| length_m(&way.in_global(to_global));
+        // The cut across unknown ground would save 20 m.
+        let mut way = along(&[(20.0, -10.0), (20.0, 10.0), (28.0, 10.0), (28.0, -10.0)]);
+        let before_m = length(&way);
+        way.cut(&trap(), &[], to_global);
+        assert!(length(&way) > before_m - 4.0, "{} of {before_m}", length(&way));
+        // A place barred before the trap: the way into it is the only one that is known to be free.
+        let mut way = along(&INTO_THE_TRAP);
+        let barred = [BarredPlace { x_m: -12.0, y_m: -15.0, radius_m: 14.0 }];
+        way.cut(&trap(), &barred, to_global);
+        assert!(way.in_global(to_global).iter().any(|at| at.x > -3.0 && at.x < 0.0));
+        let mut way = along(&[(100.0, 0.0), (120.0, 0.0), (120.0, 5.0), (100.0, 5.0)]);
+        let before = way.clone();
+        way.cut(&trap(), &[], to_global);
+        assert_eq!(way.in_global(to_global), before.in_global(to_global));
+    }
+
+    #[test]
+    fn after_wheels_have_turned_what_was_driven_before_is_no_longer_cut() {
+        let mut way = along(&INTO_THE_TRAP[..3]);
+        way.back_to(to_global(DVec2::new(10.0, 2.5)));
+        let before = way.in_global(to_global);
+        assert!(before.last().is_some_and(|last| last.distance(DVec2::new(10.0, 102.5)) < 0.6));
+        for &WayPoint { local, global } in &along(&INTO_THE_TRAP[2..]).points {
+            way.add(WayPoint { local, global });
+        }
+        way.cut(&trap(), &[], to_global);
+        assert_eq!(way.in_global(to_global)[..before.len()], before);
+    }
+
+    #[test]
+    fn the_way_lies_where_the_newest_estimate_says_unless_the_wheels_have_slipped_since() {
+        let way = along(&[(0.0, 0.0), (10.0, 0.0)]);
+        let corrected = |local: DVec2| to_global(local) + DVec2::new(1.5, -2.0);
+        assert_eq!(way.in_global(corrected)[0], corrected(DVec2::ZERO));
+        let slipped = |local: DVec2| to_global(local) + DVec2::new(6.0, 0.0);
+        assert_eq!(way.in_global(slipped)[0], to_global(DVec2::ZERO));
+        let mut way = way;
+        way.back_to(to_global(DVec2::ZERO));
+        assert_eq!(way.in_global(corrected), [to_global(DVec2::ZERO)]);
+    }
+}
