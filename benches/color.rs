@@ -58,7 +58,12 @@ fn color_models(criterion: &mut Criterion) {
             let rgb = data.clone();
             let spans = spans(&rectangle.outline(&camera, &mount), SIZE);
             let limits = first_background(&rays, &mount, SIZE[1], 50);
-            let samples = Samples { ground: &spans, first_background: &limits, permission: Permission::All };
+            let samples = Samples {
+                ground: &spans,
+                frame_id: "",
+                first_background: &limits,
+                permission: Permission::All,
+            };
             let image = Image::new(SIZE, 3 * SIZE[0], &rgb).expect("a sound image");
             let time = Stamp(at * PERIOD_NS);
             let seen = engine.see(&image, &samples, time, &settings, &mut rng);

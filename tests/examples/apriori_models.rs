@@ -137,8 +137,13 @@ fn colours(surface: &Surface) -> Histogram {
 
 fn write_colours(folder: &Path) {
     for surface in &SURFACES {
-        let model =
-            Model { name: surface.name.to_owned(), histogram: colours(surface), uses: 1, updated: Stamp(0) };
+        let model = Model {
+            name: surface.name.to_owned(),
+            histogram: colours(surface),
+            uses: 1,
+            updated: Stamp(0),
+            sample: None,
+        };
         let mut models = Models::default();
         if surface.is_obstacle {
             models.obstacles.push(model);

@@ -136,6 +136,8 @@ pub enum InputRole {
     EmergencyStop,
     /// Goals, and the bounds of driving.
     Mission,
+    /// Places from which a process learns.
+    Training,
 }
 
 impl InputRole {
@@ -145,6 +147,7 @@ impl InputRole {
             InputRole::Teleoperation => "teleoperation",
             InputRole::EmergencyStop => "emergency_stop",
             InputRole::Mission => "mission",
+            InputRole::Training => "training",
         }
     }
 }

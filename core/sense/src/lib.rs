@@ -8,6 +8,7 @@
 //! - [`ImageCheck`]: whether an image is usable: its size, its exposure, and that the camera is not frozen.
 //! - [`CostGrid`], [`GridFrame`]: cost maps for the world model.
 //! - [`Origin`]: the origin of the global frame on the earth.
+//! - [`Sample`]: the picture of what a model was learned from.
 //! - [`ObstacleLabel`]: codes of the pixels of obstacle label images.
 //!
 //! The crate is above the runtime and below the plugins. It contains no algorithm of a single plugin: those are in
@@ -34,6 +35,7 @@ mod label;
 mod localizer;
 mod origin;
 mod pose_ports;
+mod sample;
 
 pub use cost_grid::{CostGrid, GridFrame, cost_field};
 pub use extrinsics::{Axes, Extrinsics, MIN_UPRIGHT, OnItsSide, camera_of, upright};
@@ -42,5 +44,6 @@ pub use label::ObstacleLabel;
 pub use localizer::{FrameNames, Localizer, LocalizerError, pose_message, pose_of};
 pub use origin::Origin;
 pub use pose_ports::PosePorts;
+pub use sample::{Rgb, SAMPLE_PX, Sample, SampleError};
 
 pub use rcs_world::{CELL_SIZE_M, WIDE_CELL_SIZE_M};

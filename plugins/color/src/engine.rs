@@ -10,6 +10,7 @@ use crate::image::{Image, reduce};
 use crate::models::{Learned, Models, Settings};
 use rand_core::RngCore;
 use rcs_msg::Stamp;
+use rcs_sense::{Rgb, SAMPLE_PX, Sample};
 use serde::{Deserialize, Serialize};
 
 /// After a longer gap, ns, the fused probabilities are discarded: the pixels no longer see the same ground.
@@ -43,6 +44,8 @@ pub enum Permission {
 pub struct Samples<'a> {
     /// Pixels that are assumed to be ground.
     pub ground: &'a [Span],
+    /// Optical frame of the camera.
+    pub frame_id: &'a str,
     /// For each column of the reduced image, how many rows from the top the first background samples are taken from.
     pub first_background: &'a [u32],
     /// What may be learned.
@@ -108,7 +111,8 @@ impl Engine {
                 // A long gap counts as at most one second, because no image was seen during it.
                 let elapsed_ns =
                     self.last_learned.map_or(0, |last| time.0.saturating_sub(last.0).min(FUSION_GAP_NS));
-                seen.learned = Some(self.models.learn_ground(&histogram, time, elapsed_ns, settings));
+                let sample = || picture(&image.rgb(samples.frame_id, time), samples.ground);
+                seen.learned = Some(self.models.learn_ground(&histogram, sample, time, elapsed_ns, settings));
             }
         }
         // Time in which nothing could be learned does not count towards the learning period.
@@ -132,4 +136,13 @@ impl Engine {
         }
         seen
     }
+}
+
+/// The middle of the ground sample.
+fn picture(image: &Rgb<'_>, ground: &[Span]) -> Option<Sample> {
+    let rows = [ground.first()?.row, ground.last()?.row].map(|row| row as usize);
+    let middle = ground.get(ground.len() / 2)?;
+    let column = u32::midpoint(middle.start, middle.end) as usize;
+    let side = (rows[1] + 1 - rows[0]).min(middle.pixels() as usize);
+    Sample::around(image, [column, middle.row as usize], side.clamp(SAMPLE_PX / 2, 2 * SAMPLE_PX))
 }

@@ -59,7 +59,8 @@ fn ground() -> Vec<Span> {
 fn see(engine: &mut Engine, data: &[u8], time_s: f64, permission: Permission, seed: u64) -> Seen {
     let image = Image::new(SIZE, 3 * SIZE[0], data).unwrap();
     let limits = [HORIZON as u32 + 50; WIDTH];
-    let samples = Samples { ground: &ground(), first_background: &limits, permission };
+    let (ground, frame_id) = (ground(), "camera");
+    let samples = Samples { ground: &ground, frame_id, first_background: &limits, permission };
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     engine.see(&image, &samples, Stamp((time_s * 1e9) as u64), &Settings::default(), &mut rng)
 }
@@ -147,6 +148,7 @@ fn an_orange_fence_is_an_obstacle_by_an_a_priori_model_and_unclassified_without(
         histogram: orange.scaled(4000.0),
         uses: 1,
         updated: Stamp(0),
+        sample: None,
     };
     let without = fence_cost(Models::default());
     assert!(count(&without).unclassified as usize * 100 > without.len() * 90, "{without:?}");

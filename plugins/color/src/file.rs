@@ -4,6 +4,7 @@ use crate::histogram::{BINS, Histogram};
 use crate::models::{Model, Models};
 use crate::proto::{ColorModel, ColorModelKind, ColorModels};
 use rcs_msg::Stamp;
+use rcs_sense::{Sample, SampleError};
 
 /// Why a file is not a valid file of colour models.
 #[derive(Debug, thiserror::Error)]
@@ -32,6 +33,14 @@ pub enum FileError {
         name: String,
         /// Kind in the file.
         kind: i32,
+    },
+    /// The picture of a model is invalid.
+    #[error("model {name:?}: {error}")]
+    Sample {
+        /// Name of the model.
+        name: String,
+        /// What is wrong.
+        error: SampleError,
     },
     /// There is more than one background model.
     #[error("more than one background model: {name:?}")]
@@ -63,7 +72,9 @@ pub fn from_message(message: &ColorModels) -> Result<Models, FileError> {
                 green_bins: *green_bins,
             })?;
         let updated = model.updated.as_ref().and_then(Stamp::from_proto).unwrap_or_default();
-        let read = Model { name: name.clone(), histogram, uses: (*uses).max(1), updated };
+        let sample = model.sample.as_ref().map(Sample::of).transpose();
+        let sample = sample.map_err(|error| FileError::Sample { name: name.clone(), error })?;
+        let read = Model { name: name.clone(), histogram, uses: (*uses).max(1), updated, sample };
         match ColorModelKind::try_from(*kind) {
             Ok(ColorModelKind::ColorModelGround) => models.ground.push(read),
             Ok(ColorModelKind::ColorModelObstacle) => models.obstacles.push(read),
@@ -89,6 +100,7 @@ pub fn to_message(models: &Models, time: Stamp) -> ColorModels {
         counts: model.histogram.counts().to_vec(),
         uses: model.uses,
         updated: (model.updated != Stamp(0)).then(|| model.updated.to_proto()),
+        sample: model.sample.as_ref().map(Sample::message),
     };
     let ground = models.ground.iter().map(|model| message(model, ColorModelKind::ColorModelGround));
     let background =
@@ -104,8 +116,11 @@ pub fn to_message(models: &Models, time: Stamp) -> ColorModels {
 mod tests {
     use super::*;
     use rcs_msg::AnyMessage;
+    use rcs_sense::Rgb;
 
     fn models() -> Models {
+        let data = [7; 27];
+        let picture = Rgb { data: &data, step: 9, size: [3, 3], frame_id: "camera", time: Stamp(3) };
         let model = |name: &str, red: u8| {
             let mut histogram = Histogram::default();
             histogram.add(red, 40);
@@ -115,6 +130,7 @@ mod tests {
                 histogram: histogram.scaled(4000.0),
                 uses: 3,
                 updated: Stamp(5_000_000_007),
+                sample: Sample::around(&picture, [1, 1], 2),
             }
         };
         Models {
@@ -146,6 +162,7 @@ mod tests {
         check(|m| m.models[1].counts.truncate(899), "has 899 counts of 30x30 bins, expected 30x30");
         check(|m| m.models[0].red_bins = 16, "of 16x30 bins");
         check(|m| m.models[0].kind = 7, "is of kind 7, expected 0 to 2");
+        check(|m| m.models[0].sample.as_mut().unwrap().width = 3, "model \"mulch\": sample is");
         check(|m| m.models[0].kind = 1, "more than one background model: \"background\"");
         assert!(matches!(parse("{\"models\": 3}"), Err(FileError::Json(_))));
     }

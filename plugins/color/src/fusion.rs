@@ -94,7 +94,7 @@ mod tests {
     fn model(counts: &[u8]) -> Model {
         let counts: Vec<f32> = counts.iter().map(|&c| f32::from(c)).collect();
         let histogram = Histogram::from_counts(&counts).unwrap();
-        Model { name: String::new(), histogram, uses: 1, updated: Stamp(1) }
+        Model { name: String::new(), histogram, uses: 1, updated: Stamp(1), sample: None }
     }
 
     /// Reference implementation, pixel by pixel and model by model: the largest `P_ground`, `None` for 0/0, then fused.

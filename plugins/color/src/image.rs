@@ -1,5 +1,8 @@
 //! The colour image, and its reduction to 128×96 by averaging (Albus 2006a, 3.1.2).
 
+use rcs_msg::Stamp;
+use rcs_sense::Rgb;
+
 /// Columns of the reduced image.
 pub const WIDTH: usize = 128;
 /// Rows of the reduced image.
@@ -54,6 +57,11 @@ impl<'a> Image<'a> {
     /// Bytes of a row.
     pub fn row(&self, row: usize) -> &'a [u8] {
         &self.data[row * self.step..][..3 * self.size[0]]
+    }
+
+    /// The image as samples are taken from it, with the camera's optical frame and its acquisition time.
+    pub fn rgb(&self, frame_id: &'a str, time: Stamp) -> Rgb<'a> {
+        Rgb { data: self.data, step: self.step, size: self.size, frame_id, time }
     }
 
     /// Red, green and blue.

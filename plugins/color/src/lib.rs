@@ -18,7 +18,9 @@
 //! | `cost_wide` | out | `foxglove.Grid` | cost of 201x201 cells of 0.6 m around the vehicle, local frame |
 //! | `models` | out | `rcs.ColorModels` | the models, once a second and after each new one |
 //! | `stats` | out | `rcs.ColorStats` | pixels by class, models, learning |
-//! Period 200 ms (5 Hz). Commands: `CLEAR` forgets all learned models, `LEARN_OFF` and `LEARN_ON` switch learning.
+//!
+//! Period 200 ms (5 Hz). Commands: `CLEAR` forgets all learned models, `DELETE` one model, `LEARN_OFF` and `LEARN_ON`
+//! switch learning. A learned ground model carries a picture of what it was made from.
 //! State: the models, the probabilities of the 128×96 pixels, the poses of the last seconds, the camera.
 //!
 //! It classifies each pixel by its colour alone: it neither finds obstacles by their shape (`rcs-obstacles`) nor learns
@@ -53,7 +55,7 @@
 //!     brown.add(120, 90);
 //! }
 //! let mut models = Models::default();
-//! assert_eq!(models.learn_ground(&brown, Stamp(0), 0, &settings), Learned::Added);
+//! assert_eq!(models.learn_ground(&brown, || None, Stamp(0), 0, &settings), Learned::Added);
 //! assert_eq!(models.best_match(&brown).0, 0.0);
 //! ```
 

@@ -16,6 +16,7 @@
 
 use crate::histogram::{CELLS, Histogram};
 use rcs_msg::Stamp;
+use rcs_sense::Sample;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of learning.
@@ -63,6 +64,8 @@ pub struct Model {
     pub uses: u32,
     /// Acquisition time of the last of them.
     pub updated: Stamp,
+    /// What it was made from, for display alone.
+    pub sample: Option<Sample>,
 }
 
 impl Model {
@@ -94,6 +97,7 @@ pub enum Learned {
 pub(crate) struct Watch {
     /// The most different histogram so far, and its difference.
     candidate: Histogram,
+    sample: Option<Sample>,
     difference: f32,
     left_ns: u64,
 }
@@ -142,17 +146,19 @@ impl Models {
         self.watch.as_ref().map(|watch| watch.left_ns)
     }
 
-    /// Takes a ground histogram scaled to the sample budget, `elapsed_ns` after the previous one.
+    /// Takes a ground histogram scaled to the sample budget, `elapsed_ns` after the previous one. `sample` makes the
+    /// picture of its pixels, if it may become a model.
     pub fn learn_ground(
         &mut self,
         histogram: &Histogram,
+        sample: impl FnOnce() -> Option<Sample>,
         time: Stamp,
         elapsed_ns: u64,
         settings: &Settings,
     ) -> Learned {
         let (difference, best) = self.best_match(histogram);
         let Some(best) = best else {
-            self.add(histogram.clone(), time);
+            self.add(histogram.clone(), sample(), time);
             return Learned::Added;
         };
         let matches = difference < settings.match_difference;
@@ -169,11 +175,12 @@ impl Models {
         }
         if !matches && self.watch.as_ref().is_none_or(|watch| difference > watch.difference) {
             let left_ns = settings.learning_period_ns;
-            self.watch = Some(Watch { candidate: histogram.clone(), difference, left_ns });
+            let (candidate, sample) = (histogram.clone(), sample());
+            self.watch = Some(Watch { candidate, sample, difference, left_ns });
         }
         match self.watch.take_if(|watch| watch.left_ns == 0) {
             Some(watch) => {
-                self.add(watch.candidate, time);
+                self.add(watch.candidate, watch.sample, time);
                 Learned::Added
             }
             None if matches => Learned::Updated(best),
@@ -187,15 +194,40 @@ impl Models {
             model.update(histogram, time, settings.memory);
         } else {
             let (name, histogram) = ("background".to_owned(), histogram.clone());
-            self.background = Some(Model { name, histogram, uses: 1, updated: time });
+            self.background = Some(Model { name, histogram, uses: 1, updated: time, sample: None });
         }
     }
 
-    fn add(&mut self, histogram: Histogram, time: Stamp) {
+    fn add(&mut self, histogram: Histogram, sample: Option<Sample>, time: Stamp) {
         self.made += 1;
         let name = format!("learned {}", self.made);
-        self.ground.push(Model { name, histogram, uses: 1, updated: time });
+        self.ground.push(Model { name, histogram, uses: 1, updated: time, sample });
         self.watch = None;
+    }
+
+    /// Deletes a model by its number in messages: ground models come first, then the background, then known obstacles.
+    /// Whether there was one.
+    pub fn delete(&mut self, number: usize) -> bool {
+        if number < self.ground.len() {
+            self.ground.remove(number);
+            return true;
+        }
+        let background = self.background.iter().len();
+        let rest = number - self.ground.len();
+        if rest < background {
+            self.background = None;
+            return true;
+        }
+        let is_known = rest - background < self.obstacles.len();
+        if is_known {
+            self.obstacles.remove(rest - background);
+        }
+        is_known
+    }
+
+    /// Number of all models.
+    pub fn count(&self) -> usize {
+        self.ground.len() + self.background.iter().len() + self.obstacles.len()
     }
 
     /// How likely a colour is a known obstacle, for each bin: `N_o / (N_g + N_b)`, 0 to 255, with the largest `N_g`, and

@@ -30,7 +30,7 @@ fn plain(red: u8) -> Histogram {
 }
 
 fn learn(models: &mut Models, histogram: &Histogram) -> Learned {
-    models.learn_ground(histogram, Stamp(1), STEP_NS, &SETTINGS)
+    models.learn_ground(histogram, || None, Stamp(1), STEP_NS, &SETTINGS)
 }
 
 #[test]
@@ -44,7 +44,13 @@ fn the_first_sample_becomes_a_model_at_once() {
 fn a_sample_close_to_a_model_updates_the_best_match_alone() {
     let mut models = Models::default();
     learn(&mut models, &plain(10));
-    models.ground.push(Model { name: "other".to_owned(), histogram: plain(200), uses: 1, updated: Stamp(0) });
+    models.ground.push(Model {
+        name: "other".to_owned(),
+        histogram: plain(200),
+        uses: 1,
+        updated: Stamp(0),
+        sample: None,
+    });
     assert_eq!(learn(&mut models, &mixed(200, 0.25, 10)), Learned::Updated(1));
     assert_eq!(models.ground[0].histogram, plain(10));
     assert_eq!(models.ground[1].histogram, mixed(200, 0.125, 10));
@@ -118,7 +124,13 @@ fn the_background_is_one_model_and_an_average() {
 
 #[test]
 fn the_largest_probability_over_the_ground_models_counts_and_nothing_over_nothing_is_no_answer() {
-    let model = |histogram: Histogram| Model { name: String::new(), histogram, uses: 1, updated: Stamp(0) };
+    let model = |histogram: Histogram| Model {
+        name: String::new(),
+        histogram,
+        uses: 1,
+        updated: Stamp(0),
+        sample: None,
+    };
     let models = Models {
         ground: vec![model(plain(10)), model(mixed(10, 0.75, 90))],
         background: Some(model(mixed(10, 0.5, 200))),
@@ -140,6 +152,7 @@ fn models_to_begin_with_are_scaled_to_the_budget() {
         histogram: plain(10).scaled(sum),
         uses: 7,
         updated: Stamp(0),
+        sample: None,
     };
     let file = Models {
         ground: vec![model("mulch", 3.0)],

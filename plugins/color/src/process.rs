@@ -15,6 +15,7 @@ use glam::DVec3;
 use rcs_geom::{PinholeCamera, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{CameraCalibration, RawImage};
+use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Msg, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
     Axes, ImageCheck, ImageFault, Localizer, LocalizerError, OnItsSide, PosePorts, camera_of, upright,
@@ -30,6 +31,7 @@ rcs_runtime::commands! {
     /// Commands of [`ColorModelLearner`].
     pub enum ColorModelsCommand {
         Clear = "CLEAR": "Forget what was learned; begin with the model files again.",
+        Delete(ModelToDelete) = "DELETE": "Delete a model, learned or from a file.",
         LearnOn = "LEARN_ON": "Learn, where nothing else forbids it.",
         LearnOff = "LEARN_OFF": "Keep all models as they are.",
     }
@@ -144,6 +146,10 @@ impl Process for ColorModelLearner {
         while let Some(command) = cx.next_command::<Self>() {
             match command {
                 ColorModelsCommand::Clear => self.engine = initial_engine(params),
+                ColorModelsCommand::Delete(model) => match self.delete(&model) {
+                    Ok(()) => self.send_models(cx.now(), ports, cx),
+                    Err(error) => cx.fault(format!("DELETE: {error}")),
+                },
                 ColorModelsCommand::LearnOn => self.learns = true,
                 ColorModelsCommand::LearnOff => self.learns = false,
             }
@@ -214,6 +220,7 @@ impl ColorModelLearner {
         let off = self.off(&view, time, ports, params, cx);
         let samples = Samples {
             ground: &spans,
+            frame_id: &image.frame_id,
             first_background: &first_background(
                 &rays,
                 &vehicle_from_camera,
@@ -250,10 +257,26 @@ impl ColorModelLearner {
         cx.write(&ports.stats, time, stats);
         let due = self.models_sent.is_none_or(|sent| time.seconds_since(sent) >= MODELS_PERIOD_S);
         if due || learning == ColorLearning::ColorAdded {
-            cx.write(&ports.models, time, to_message(&self.engine.models, time));
-            self.models_sent = Some(time);
+            self.send_models(time, ports, cx);
         }
         Ok(learning)
+    }
+
+    fn send_models(&mut self, time: Stamp, ports: &Ports, cx: &mut Cycle<'_>) {
+        cx.write(&ports.models, time, to_message(&self.engine.models, time));
+        self.models_sent = Some(time);
+    }
+
+    /// Deletes a model of what was sent last.
+    fn delete(&mut self, model: &ModelToDelete) -> Result<(), String> {
+        let models = &mut self.engine.models;
+        if model.output != "models" {
+            Err(format!("there are no models of {:?}", model.output))
+        } else if models.delete(model.number as usize) {
+            Ok(())
+        } else {
+            Err(format!("there is no model {}; there are {}", model.number, models.count()))
+        }
     }
 
     /// Returns an error for an image that is older than the last one.

@@ -218,6 +218,57 @@ fn on_a_path_the_path_is_cheap_and_the_grass_is_dear() {
     );
 }
 
+fn command_with<T: Payload>(session: &mut Session, serial: u64, name: &str, parameters: Option<T>) {
+    let command = rcs::Command {
+        serial,
+        name: name.to_owned(),
+        parameters_schema: parameters.iter().map(|_| schema_of::<T>().name()).collect(),
+        parameters: parameters.map(|message| message.encode_to_vec().into()).unwrap_or_default(),
+        ..rcs::Command::default()
+    };
+    session.write(ExternalEvent::operator("/color/command", AnyMessage::new(command))).unwrap();
+}
+
+fn command(session: &mut Session, serial: u64, name: &str) {
+    command_with::<rcs::ModelToDelete>(session, serial, name, None);
+}
+
+#[test]
+fn a_model_is_deleted_by_its_number_and_shows_what_it_was_made_from() {
+    let mut session = Session::new(begin(&with_calibration(drive(10, 5, MULCH, 1.0, 0.0)), 1, &[])).unwrap();
+    let names = |session: &mut Session, at_ms: u64| -> Vec<String> {
+        session.forward_until(Stamp((1_000 + at_ms) * 1_000_000), &Task::default()).unwrap();
+        let models: ColorModels = latest(session.run(), "/color/models");
+        models.models.into_iter().map(|model| model.name).collect()
+    };
+    assert_eq!(names(&mut session, 600), ["learned 1", "background"]);
+    let models: ColorModels = latest(session.run(), "/color/models");
+    let sample = models.models[0].sample.as_ref().unwrap();
+    assert_eq!((sample.frame_id.as_str(), sample.encoding.as_str()), ("camera", "rgb8"));
+    let [red, green, blue] = [0, 1, 2].map(|channel| {
+        let values = sample.data.iter().skip(channel).step_by(3);
+        values.clone().map(|&value| f64::from(value)).sum::<f64>() / values.count() as f64
+    });
+    assert!((red - 120.0).abs() < 15.0 && (green - 84.0).abs() < 12.0 && (blue - 58.0).abs() < 9.0);
+    assert_eq!(models.models[1].sample, None, "the background's pixels lie apart");
+
+    let delete = |session: &mut Session, serial: u64, output: &str, number: u32| {
+        let model = rcs::ModelToDelete { output: output.to_owned(), number };
+        command_with(session, serial, "DELETE", Some(model));
+    };
+    let known = faults(session.run()).0;
+    command(&mut session, 2, "LEARN_OFF");
+    delete(&mut session, 3, "models", 0);
+    assert_eq!(names(&mut session, 800), ["background"]);
+    assert_eq!(faults(session.run()).0, known, "{}", faults(session.run()).1);
+    delete(&mut session, 4, "models", 1);
+    assert_eq!(names(&mut session, 840), ["background"]);
+    assert_eq!(faults(session.run()), (known + 1, "DELETE: there is no model 1; there are 1".to_owned()));
+    delete(&mut session, 5, "sample", 0);
+    assert_eq!(names(&mut session, 880), ["background"]);
+    assert_eq!(faults(session.run()).1, "DELETE: there are no models of \"sample\"");
+}
+
 /// Drives on mulch, then on lime as given; returns what was done with the last sample and the number of ground models.
 fn learning_on_lime(
     speed_mps: f64,
@@ -270,11 +321,6 @@ fn the_operator_stops_learning_and_makes_it_forget() {
         session.forward_until(Stamp((1_000 + at_ms) * 1_000_000), &Task::default()).unwrap();
         let stats: ColorStats = latest(session.run(), "/color/stats");
         (stats.learning(), stats.ground_models)
-    };
-    let command = |session: &mut Session, serial: u64, name: &str| {
-        let command = rcs::Command { serial, name: name.to_owned(), ..rcs::Command::default() };
-        let message = AnyMessage::new(command);
-        session.write(ExternalEvent::operator("/color/command", message)).unwrap();
     };
     assert_eq!(go(&mut session, 900), (ColorLearning::ColorUpdated, 1));
     // The run started with the operator's RUN, whose serial was 1.

@@ -7,7 +7,6 @@ use self::goals::zones_of_files;
 use crate::around_goal::AroundGoal;
 use crate::barred::{Barred, grown, turned_on_the_spot};
 use crate::children::Children;
-use crate::far_path::FarPath;
 use crate::goal::Goal;
 use crate::map_reader::MapReader;
 use crate::mission::Mission;
@@ -67,8 +66,8 @@ pub struct WaypointGenerator {
     near_told: Option<(f64, f64)>,
     /// Whether the planners were halted.
     is_halted: bool,
-    /// The path of the planner of the far map.
-    far_path: FarPath,
+    /// The path of the planner of the far map, local frame, m; empty without one.
+    far_path: Vec<(f64, f64)>,
     /// Where the vehicle was, global frame, m.
     track: Vec<(f64, f64)>,
     /// The way of this run for the next one.
@@ -424,24 +423,28 @@ impl WaypointGenerator {
     /// What the planner of the near map plans to, local frame, m: the goal, or, if that is farther along the far path than
     /// the lookahead, the point of that path there.
     fn near_goal(&self, goal: DVec2, global_from_local: &Pose, params: &WaypointGeneratorParams) -> DVec2 {
-        let vehicle = self.vehicle(global_from_local);
-        vehicle.and_then(|vehicle| self.far_path.ahead(vehicle, params.lookahead_m)).unwrap_or(goal)
-    }
-
-    /// Where the vehicle is, local frame, m.
-    fn vehicle(&self, global_from_local: &Pose) -> Option<DVec2> {
-        let at = DVec2::from(*self.track.last()?);
-        Some((global_from_local.inverse() * at.extend(0.0)).truncate())
+        let Some(&at) = self.track.last() else { return goal };
+        let position = (global_from_local.inverse() * DVec2::from(at).extend(0.0)).truncate();
+        let far: Vec<DVec2> = self.far_path.iter().copied().map(DVec2::from).collect();
+        let away_m = |at: usize| far[at].distance(position);
+        let Some(nearest) = (0..far.len()).min_by(|&a, &b| away_m(a).total_cmp(&away_m(b))) else {
+            return goal;
+        };
+        let mut along_m = away_m(nearest);
+        for pair in far[nearest..].windows(2) {
+            along_m += pair[0].distance(pair[1]);
+            if along_m >= params.lookahead_m {
+                return pair[1];
+            }
+        }
+        goal
     }
 
     /// Reads the path of the planner of the far map.
     fn take_far_path(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
         let Some(path) = cx.read_newest(&ports.far_path) else { return };
         match points(&path, &params.local_frame) {
-            Ok(points) => {
-                let vehicle = self.global_from_local.and_then(|(pose, _)| self.vehicle(&pose));
-                self.far_path.take(points, vehicle, cx.now());
-            }
+            Ok(points) => self.far_path = points.iter().map(|point| (point.x, point.y)).collect(),
             Err(why) => cx.fault(format!("far_path: {why}; skipped")),
         }
     }
@@ -562,9 +565,8 @@ mod tests {
         let near = |generator: &WaypointGenerator, goal| generator.near_goal(goal, &Pose::IDENTITY, &params);
         assert_eq!(near(&generator, goal), goal, "without a far path");
         // Back, to the left, and on.
-        let corner = (0..=5).map(|step| DVec2::new(-f64::from(step), 0.0));
-        let path = corner.chain((1..=20).map(|step| DVec2::new(-5.0, f64::from(step)))).collect();
-        generator.far_path.take(path, None, Stamp(0));
+        let corner = (0..=5).map(|step| (-f64::from(step), 0.0));
+        generator.far_path = corner.chain((1..=20).map(|step| (-5.0, f64::from(step)))).collect();
         assert_eq!(near(&generator, goal), DVec2::new(-5.0, 3.0));
         generator.track.push((-5.0, 2.0));
         assert_eq!(near(&generator, goal), DVec2::new(-5.0, 10.0), "from the nearest point on");

@@ -118,7 +118,6 @@ pub mod barred;
 mod children;
 pub mod clearance;
 pub mod costs;
-pub mod far_path;
 mod follower_costs;
 mod follower_process;
 mod generator_process;

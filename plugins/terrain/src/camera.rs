@@ -1,7 +1,7 @@
 //! One camera of the learner: matches its images, labels and depth by time, and converts a frame to points in cells.
 
 use crate::appearance::RatioBins;
-use crate::frame::{Gathered, LabelledFrame, Rays, Window, gather, strips};
+use crate::frame::{Gathered, LabelledFrame, Rays, Spot, Window, gather, spots, strips};
 use crate::proto::TerrainLearnerParams;
 use crate::sync::Recent;
 use crate::texture::PaddedGrey;
@@ -11,7 +11,7 @@ use rcs_msg::Stamp;
 use rcs_msg::classes::OBSTACLE_CLASSES;
 use rcs_msg::foxglove::{CameraCalibration, RawImage};
 use rcs_runtime::{Cycle, In, Out, PortBuilder, Role};
-use rcs_sense::{ImageCheck, camera_of};
+use rcs_sense::{ImageCheck, Rgb, SAMPLE_PX, Sample, camera_of};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -173,6 +173,23 @@ impl Frame {
             local_from_camera,
         };
         cx.pool().map(strips(height), |strip| gather(&frame, strip, window, max_range_m, ratios))
+    }
+
+    /// Pictures of cells, which are given by their indices in the window; `None` for a cell without points in the frame.
+    pub(crate) fn samples(
+        &self,
+        strips: &[Gathered],
+        local_from_camera: &Pose,
+        window: &Window,
+        cells: &[u32],
+    ) -> Vec<Option<Sample>> {
+        let size = self.rays.size();
+        let (frame_id, time) = (&self.image.frame_id, self.time);
+        let image = Rgb { data: &self.rgb, step: 3 * size[0], size, frame_id, time };
+        let picture =
+            |spot: Spot| Sample::around(&image, spot.middle, spot.side.clamp(SAMPLE_PX / 2, SAMPLE_PX));
+        let spots = spots(&self.rays, &self.depth_m, local_from_camera, window, strips, cells);
+        spots.into_iter().map(|spot| spot.and_then(picture)).collect()
     }
 
     /// The pixels that were used, as a label image.

@@ -112,7 +112,7 @@ pub fn gather(
         return Gathered { cells: Vec::new(), used };
     }
     let codes = PixelCodes::of_rows(frame.rgb, frame.grey, rows, ratios);
-    let grid = CellGrid::new(frame, window);
+    let grid = CellGrid::new(&frame.local_from_camera, window);
     let mut sums = Sums::new(window.side);
     let mut places = vec![NOWHERE; width];
     for (row, used) in used.chunks_exact_mut(width).enumerate() {
@@ -151,6 +151,70 @@ pub fn join(strips: &[Gathered], side: usize) -> Vec<(u32, Terrain)> {
     cells
 }
 
+/// Where the used pixels of a cell are in the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Spot {
+    /// Mean column and row.
+    pub middle: [usize; 2],
+    /// Columns or rows that they extend over, whichever are more.
+    pub side: usize,
+}
+
+/// Finds the used pixels of some cells, which are given by their indices; `None` for a cell without any. `strips` are
+/// the results of [`gather`] for the whole frame. Cost: as [`gather`] without its histograms.
+pub fn spots(
+    rays: &Rays,
+    depth_m: &[f32],
+    local_from_camera: &Pose,
+    window: &Window,
+    strips: &[Gathered],
+    cells: &[u32],
+) -> Vec<Option<Spot>> {
+    #[derive(Clone, Copy)]
+    struct Extent {
+        sum: [usize; 2],
+        pixels: usize,
+        low: [usize; 2],
+        high: [usize; 2],
+    }
+    let width = rays.width;
+    let grid = CellGrid::new(local_from_camera, window);
+    let mut slots = vec![u32::MAX; window.side * window.side];
+    for (slot, cell) in (0..).zip(cells) {
+        if let Some(place) = slots.get_mut(*cell as usize) {
+            *place = slot;
+        }
+    }
+    let mut extents =
+        vec![Extent { sum: [0; 2], pixels: 0, low: [usize::MAX; 2], high: [0; 2] }; cells.len()];
+    let mut places = vec![NOWHERE; width];
+    let used = strips.iter().flat_map(|strip| strip.used.chunks_exact(width.max(1)));
+    for (row, used) in used.enumerate() {
+        if used.iter().all(|&label| label == 0) {
+            continue;
+        }
+        let pixels = row * width..(row + 1) * width;
+        grid.places(&rays.xy[pixels.clone()], &depth_m[pixels], &mut places);
+        for (column, (_, &place)) in used.iter().zip(&places).enumerate().filter(|(_, (used, _))| **used != 0)
+        {
+            let slot = slots.get(place as usize).copied().unwrap_or(u32::MAX);
+            let Some(found) = extents.get_mut(slot as usize) else { continue };
+            found.pixels += 1;
+            for (axis, at) in [column, row].into_iter().enumerate() {
+                found.sum[axis] += at;
+                found.low[axis] = found.low[axis].min(at);
+                found.high[axis] = found.high[axis].max(at);
+            }
+        }
+    }
+    let spot = |found: &Extent| {
+        let side = |axis: usize| found.high[axis] + 1 - found.low[axis];
+        (found.pixels > 0)
+            .then(|| Spot { middle: found.sum.map(|sum| sum / found.pixels), side: side(0).max(side(1)) })
+    };
+    extents.iter().map(spot).collect()
+}
+
 /// Converts a ray and a depth to a cell: rows of the camera's rotation and its position, in cells from the corner.
 struct CellGrid {
     x: [f64; 3],
@@ -160,11 +224,11 @@ struct CellGrid {
 }
 
 impl CellGrid {
-    fn new(frame: &LabelledFrame<'_>, window: &Window) -> CellGrid {
+    fn new(local_from_camera: &Pose, window: &Window) -> CellGrid {
         let scale = 1.0 / window.cell_size_m;
-        let turn: DMat3 = frame.local_from_camera.rotation_matrix();
+        let turn: DMat3 = local_from_camera.rotation_matrix();
         let row = |axis: DVec3| (turn.transpose() * axis * scale).to_array();
-        let camera = (frame.local_from_camera.translation.truncate() - window.corner_m) * scale;
+        let camera = (local_from_camera.translation.truncate() - window.corner_m) * scale;
         CellGrid { x: row(DVec3::X), y: row(DVec3::Y), camera: camera.to_array(), side: window.side }
     }
 

@@ -4,16 +4,19 @@ use crate::appearance::{MatchWeights, RatioBins};
 use crate::camera::{CameraPorts, Frame, LearnerCamera, learned_port};
 use crate::frame::join;
 use crate::judgement::Judgement;
-use crate::map::{Learned, Patch, TerrainMap};
+use crate::map::{Experience, Learned, Patch, TerrainMap};
 use crate::models::{ModelRules, ModelSet, models_of_text};
 use crate::proto::{TerrainCamera, TerrainCameras, TerrainLearnerParams, TerrainModels, TerrainStats};
 use crate::unusable::Unusable;
+use glam::{DVec2, DVec3};
 use rcs_geom::CellIndex;
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{Grid, PackedElementField, RawImage};
-use rcs_msg::rcs::{Bumper, SlipReport, TractionState};
-use rcs_runtime::{Cycle, In, Out, PortBuilder, Process, ProcessDef, Role};
+use rcs_msg::rcs::{
+    Bumper, ExampleKind, ModelToDelete, PlanePoint, SlipReport, TractionState, TrainingExample,
+};
+use rcs_runtime::{Cycle, In, InputRole, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Axes, CELL_SIZE_M, Extrinsics, GridFrame, Localizer, PosePorts, fingerprint};
 use rcs_world::{SIDE, Source, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
@@ -23,6 +26,7 @@ rcs_runtime::commands! {
     /// Commands of [`TerrainLearner`].
     pub enum TerrainLearnerCommand {
         Clear = "CLEAR": "Forget the map and all models.",
+        Delete(ModelToDelete) = "DELETE": "Delete a model, and forget the cells that are part of it.",
     }
 }
 
@@ -52,6 +56,7 @@ pub struct Ports {
     left: CameraPorts,
     right: CameraPorts,
     bumper: In<Bumper>,
+    examples: In<TrainingExample>,
     slip: In<SlipReport>,
     poses: PosePorts,
     cost: Out<Grid>,
@@ -80,6 +85,11 @@ impl Process for TerrainLearner {
             left: CameraPorts::left(b),
             right: CameraPorts::right(b),
             bumper: b.optional_input("bumper", "switches of the bumper"),
+            examples: b.operator_input(
+                InputRole::Training,
+                "examples",
+                "places that the operator says are obstacles or ground",
+            ),
             slip: b.optional_input("slip", "slip of the wheels; while they slip, driving teaches nothing"),
             poses: PosePorts::declare(b),
             cost: b
@@ -135,9 +145,14 @@ impl Process for TerrainLearner {
     fn cycle(&mut self, ports: &Ports, params: &TerrainLearnerParams, cx: &mut Cycle<'_>) {
         let extrinsics = extrinsics(params);
         ports.poses.read(&mut self.localizer, extrinsics.frames, cx);
+        let mut deleted = false;
         while let Some(command) = cx.next_command::<Self>() {
             match command {
                 TerrainLearnerCommand::Clear => self.maps = vec![empty_map()],
+                TerrainLearnerCommand::Delete(model) => {
+                    self.delete(&model).unwrap_or_else(|error| cx.fault(format!("DELETE: {error}")));
+                    deleted = true;
+                }
             }
         }
         // Parameters may change during a run.
@@ -169,7 +184,7 @@ impl Process for TerrainLearner {
         }
         self.report_late_camera(params, cx);
         let felt = self.experience(ports, params, &rules, cx);
-        if newest.is_some() || felt {
+        if newest.is_some() || felt || deleted {
             self.send(newest.unwrap_or(cx.now()), params, &rules, ports, cx);
         }
         cx.exec(said);
@@ -201,13 +216,21 @@ impl TerrainLearner {
         let mut learned = Learned::default();
         if refusal.is_none() {
             let local_from_camera = local_from_vehicle * vehicle_from_camera;
-            let strips =
-                frame.gather(local_from_camera, &map.window(), params.max_range_m as f32, &ratios, cx);
-            learned = map.learn(&join(&strips, SIDE), rules);
+            let window = map.window();
+            let strips = frame.gather(local_from_camera, &window, params.max_range_m as f32, &ratios, cx);
+            let points = join(&strips, SIDE);
+            learned = map.learn(&points, rules);
+            let (numbers, cells): (Vec<usize>, Vec<u32>) = map.without_sample(&points).into_iter().unzip();
+            if !cells.is_empty() {
+                let samples = frame.samples(&strips, &local_from_camera, &window, &cells);
+                for (number, sample) in numbers.into_iter().zip(samples) {
+                    map.models.models[number].sample = sample;
+                }
+            }
             cx.write(&ports.learned[side], time, frame.used(&strips));
         }
         let [cells, cells_with_model] = map.counts();
-        let [driven, bumped] = map.experienced();
+        let [driven, bumped, marked] = map.experienced();
         let stats = TerrainStats {
             timestamp: Some(time.to_proto()),
             camera: [TerrainCamera::Left, TerrainCamera::Right][side].into(),
@@ -221,9 +244,22 @@ impl TerrainLearner {
             sent: map.judgements(rules).1.iter().flatten().count() as u64,
             driven,
             bumped,
+            marked,
         };
         cx.write(&ports.stats, time, stats);
         Ok(refusal.unwrap_or("learns from labelled range"))
+    }
+
+    /// Deletes a model of what an output sent last.
+    fn delete(&mut self, model: &ModelToDelete) -> Result<(), String> {
+        let (set, number) = (usize::from(model.output == "models_right"), model.number as usize);
+        let known = ["models", "models_right"].contains(&model.output.as_str());
+        let map = self.maps.get_mut(set).filter(|_| known);
+        let map = map.ok_or_else(|| format!("there are no models of {:?}", model.output))?;
+        if map.delete(number) {
+            return Ok(());
+        }
+        Err(format!("there is no model {number}; there are {}", map.models.models.len()))
     }
 
     /// Why nothing is learned at this time (Albus 2006a, 3.2, step 1).
@@ -267,6 +303,11 @@ impl TerrainLearner {
                 Err(error) => cx.fault(format!("bumper: {error}; hit skipped")),
             }
         }
+        while let Some(example) = cx.read(&ports.examples) {
+            if let Err(error) = self.mark(&example, params, rules, cx.now()) {
+                cx.fault(format!("example of the operator: {error}; skipped"));
+            }
+        }
         if let Some(report) = cx.read_newest(&ports.slip) {
             self.slips =
                 matches!(report.state(), TractionState::TractionSpins | TractionState::TractionStalled);
@@ -280,6 +321,34 @@ impl TerrainLearner {
             self.maps.iter_mut().for_each(|map| map.drive(&pose, &outline, params.driven_gain, rules));
         }
         self.maps.iter().zip(before).any(|(map, before)| map.experienced() != before)
+    }
+
+    /// Learns from what an operator has drawn.
+    fn mark(
+        &mut self,
+        example: &TrainingExample,
+        params: &TerrainLearnerParams,
+        rules: &ModelRules,
+        now: Stamp,
+    ) -> Result<(), String> {
+        let extrinsics = extrinsics(params);
+        let (local, frame_id) = (extrinsics.frames.local, &example.frame_id);
+        let local_from_outline = self.localizer.lookup(local, frame_id, now, extrinsics.max_age_s);
+        let local_from_outline = local_from_outline.map_err(|error| error.to_string())?;
+        let points = example.outline.iter().flat_map(|outline| &outline.points);
+        let place = |point: &PlanePoint| local_from_outline * DVec3::new(point.x_m, point.y_m, 0.0);
+        let outline: Vec<DVec2> = points.map(|point| place(point).truncate()).collect();
+        if outline.len() < 3 || !outline.iter().all(|corner| corner.is_finite()) {
+            return Err(format!("outline has {} corners, expected at least 3 places", outline.len()));
+        }
+        let what = match ExampleKind::try_from(example.kind) {
+            Ok(ExampleKind::ExampleObstacle) => Experience::Bumped,
+            Ok(ExampleKind::ExampleGround) => Experience::Driven,
+            Err(_) => return Err(format!("kind is {}, expected 0 or 1", example.kind)),
+        };
+        let marked: u64 =
+            self.maps.iter_mut().map(|map| map.mark(&outline, what, params.marked_gain, rules)).sum();
+        if marked == 0 { Err("it lies outside of the map".to_owned()) } else { Ok(()) }
     }
 
     /// Sends what is known of all cells, and all models.

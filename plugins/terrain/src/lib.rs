@@ -14,6 +14,7 @@
 //! | `right_depth` | in, optional | `foxglove.RawImage` | depth of its pixels along the optical axis, m |
 //! | `right_calibration` | in, optional | `foxglove.CameraCalibration` | calibration of the right camera's image |
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper |
+//! | `examples` | in, optional | `rcs.TrainingExample` | places that the operator says are obstacles or ground |
 //! | `slip` | in, optional | `rcs.SlipReport` | slip of the wheels; while they slip, driving teaches nothing |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
@@ -26,9 +27,10 @@
 //! | `learned_right` | out | `foxglove.RawImage` | pixels that were learned from, with their label |
 //! | `stats` | out | `rcs.TerrainStats` | points, cells and models after each frame |
 //!
-//! Period 333 ms (3 Hz, Albus 2006b, 3.4). Command `CLEAR` forgets the map and all models. State: the poses of the last
-//! seconds, the last images of the cameras, and a learning map with its models: one map where only the left camera
-//! learns or both cameras share what they learn, otherwise one per camera.
+//! Period 333 ms (3 Hz, Albus 2006b, 3.4). Command `CLEAR` forgets the map and all models, `DELETE` one model and the
+//! cells that are part of it. A model carries a picture of one of its cells, from the first frame that shows one.
+//! State: the poses of the last seconds, the last images of the cameras, and a learning map with its models: one map
+//! where only the left camera learns or both cameras share what they learn, otherwise one per camera.
 //!
 //! A camera's labels, depth and image are matched by their acquisition times. Steps for each frame (Albus 2006a, 3.2):
 //!
@@ -39,7 +41,7 @@
 //!    backs it. The paper sends changed cells only; here a message is a state that replaces the previous one, so that a
 //!    message lost, or a world model cleared, loses nothing.
 //! 5. Cells under the vehicle, and cells that the bumper hits, add experience (Albus 2006b, 3.6: learning by
-//!    experience).
+//!    experience). Cells that the operator marks add it in the same way.
 //!
 //! Unusable data are reported as a fault and skipped, and nothing is sent: an image of another size than its
 //! calibration; labels or depth of another size or time than every image; an image that is black, saturated or equal to

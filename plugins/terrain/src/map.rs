@@ -10,7 +10,7 @@
 //! a cell that is driven over gains `driven_gain` cells of ground, and so does the model that it belongs to or
 //! resembles; one that resembles none becomes a model, pure or not. What was seen of a model counts as at most
 //! [`SEEN_CELLS`](crate::models::SEEN_CELLS) cells. A cell gains when it comes under the vehicle, not while it stays
-//! there. Hits of the bumper add cells of obstacle in the same way.
+//! there. Hits of the bumper add cells of obstacle in the same way, and so do outlines that an operator draws.
 
 use crate::frame::Window;
 use crate::judgement::{Judgement, SURE};
@@ -21,11 +21,16 @@ use rcs_geom::{CellIndex, GridError, Pose, ScrollGrid};
 use rcs_sense::CELL_SIZE_M;
 use rcs_world::{MAX_COST, SIDE};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Maximum number of cells per frame for which models are merged to make room, which bounds the time of a frame with
 /// many new kinds of terrain: finding the most similar pair of 64 models takes about 20 µs.
 pub const SQUEEZED: usize = 64;
+
+/// Of the cells that an operator marks at once, a model gains from at most so many: as from a hit of the bumper, so that
+/// one large outline does not outweigh everything that was driven over.
+pub const MARKED_CELLS: usize = 4;
 
 /// A cell of the learning map.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -50,9 +55,9 @@ pub struct Patch {
 /// Experience of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Experience {
-    /// The vehicle drove over it.
+    /// The vehicle drove over it, or an operator says that it can.
     Driven,
-    /// The bumper hit something in it.
+    /// The bumper hit something in it, or an operator says that it would.
     Bumped,
 }
 
@@ -85,6 +90,15 @@ fn judgement(cell: &Cell, model: Option<&Model>, rules: &ModelRules) -> Option<J
     })
 }
 
+/// Whether a position lies inside of an outline, by counting crossings.
+fn contains(outline: &[DVec2], at: DVec2) -> bool {
+    let edges = outline.iter().zip(outline.iter().cycle().skip(1));
+    let crossed = edges.filter(|(a, b)| {
+        (a.y > at.y) != (b.y > at.y) && at.x < a.x + (at.y - a.y) / (b.y - a.y) * (b.x - a.x)
+    });
+    crossed.count() % 2 == 1
+}
+
 /// Whether the surroundings of a cell judge it, or it them.
 fn part_in_surroundings(cell: Option<&Cell>) -> Part {
     match cell {
@@ -102,8 +116,8 @@ pub struct TerrainMap {
     pub models: ModelSet,
     /// Cells under the vehicle in the previous update.
     under: Vec<CellIndex>,
-    /// Number of cells driven over, and number hit.
-    experienced: [u64; 2],
+    /// Number of cells driven over, number hit, and number that an operator marked.
+    experienced: [u64; 3],
 }
 
 impl TerrainMap {
@@ -113,7 +127,7 @@ impl TerrainMap {
             cells: ScrollGrid::new(SIDE, CELL_SIZE_M, None)?,
             models,
             under: Vec::new(),
-            experienced: [0; 2],
+            experienced: [0; 3],
         })
     }
 
@@ -139,8 +153,8 @@ impl TerrainMap {
         self.cells.iter().filter_map(|(index, cell)| Some((index, cell.as_deref()?)))
     }
 
-    /// Number of cells driven over, and number hit by the bumper, since the start.
-    pub fn experienced(&self) -> [u64; 2] {
+    /// Number of cells driven over, number hit by the bumper, and number that an operator marked, since the start.
+    pub fn experienced(&self) -> [u64; 3] {
         self.experienced
     }
 
@@ -199,6 +213,52 @@ impl TerrainMap {
         learned
     }
 
+    /// The models without a picture of which a frame shows a cell: number, and index of that of their cells with the most
+    /// points in the frame.
+    pub fn without_sample(&self, points: &[(u32, Terrain)]) -> Vec<(usize, u32)> {
+        let mut best: Vec<Option<(u32, u64)>> = vec![None; self.models.models.len()];
+        let missing = |number: &usize| self.models.models.get(*number).is_some_and(|m| m.sample.is_none());
+        if !(0..best.len()).any(|number| missing(&number)) {
+            return Vec::new();
+        }
+        let south_west = self.cells.bounds().south_west;
+        for (place, new) in points {
+            let (x, y) = (*place as usize % SIDE, *place as usize / SIDE);
+            let cell = self.get(south_west.offset(x as i64, y as i64)).filter(|cell| cell.is_part);
+            let number = cell.and_then(|cell| cell.model).map(|number| number as usize).filter(missing);
+            if let Some(slot) = number.and_then(|number| best.get_mut(number))
+                && slot.is_none_or(|(_, most)| new.points() > most)
+            {
+                *slot = Some((*place, new.points()));
+            }
+        }
+        best.iter().enumerate().filter_map(|(number, found)| Some((number, found.as_ref()?.0))).collect()
+    }
+
+    /// Deletes a model, and forgets the cells that are part of it, so that only what is seen from now on can become such
+    /// a model again. Whether there was one.
+    pub fn delete(&mut self, number: usize) -> bool {
+        if number >= self.models.models.len() {
+            return false;
+        }
+        self.models.models.remove(number);
+        for index in self.cells.bounds().iter() {
+            let Some(model) = self.get(index).and_then(|cell| cell.model).map(|model| model as usize) else {
+                continue;
+            };
+            if model < number {
+                continue;
+            }
+            let Some(slot) = self.cells.get_mut(index) else { continue };
+            match slot {
+                Some(cell) if model > number => Arc::make_mut(cell).model = Some(model as u32 - 1),
+                Some(cell) if !cell.is_part => Arc::make_mut(cell).model = None,
+                _ => *slot = None,
+            }
+        }
+        true
+    }
+
     /// Updates the model numbers of cells whose models were merged.
     fn rename(&mut self, numbers: &[u32]) {
         for index in self.cells.bounds().iter() {
@@ -217,18 +277,50 @@ impl TerrainMap {
         let under = self.covered(local_from_vehicle, outline);
         let fresh: Vec<CellIndex> =
             under.iter().copied().filter(|cell| self.under.binary_search(cell).is_err()).collect();
-        self.experience(&fresh, Experience::Driven, gain, rules);
+        self.experience(&fresh, Experience::Driven, gain, usize::MAX, rules);
+        self.experienced[0] += fresh.len() as u64;
         self.under = under;
     }
 
     /// Adds obstacles to the cells of a patch that the bumper hit.
     pub fn bump(&mut self, local_from_vehicle: &Pose, patch: &Patch, gain: f64, rules: &ModelRules) {
         let hit = self.covered(local_from_vehicle, patch);
-        self.experience(&hit, Experience::Bumped, gain, rules);
+        self.experience(&hit, Experience::Bumped, gain, usize::MAX, rules);
+        self.experienced[1] += hit.len() as u64;
     }
 
-    fn experience(&mut self, cells: &[CellIndex], what: Experience, gain: f64, rules: &ModelRules) {
+    /// Adds experience to the cells of an outline that an operator has drawn, local frame, m: those whose centres lie
+    /// inside, or those of its corners where it is smaller than a cell. A model gains from at most [`MARKED_CELLS`] of
+    /// them. Returns their number.
+    pub fn mark(&mut self, outline: &[DVec2], what: Experience, gain: f64, rules: &ModelRules) -> u64 {
+        let corners: Vec<CellIndex> = outline
+            .iter()
+            .filter_map(|corner| self.cells.cell_at(*corner).filter(|cell| self.cells.contains(*cell)))
+            .collect();
+        let bounds = self.cells.bounds();
+        let mut inside: Vec<CellIndex> =
+            bounds.iter().filter(|cell| contains(outline, self.cells.middle_of(*cell))).collect();
+        if inside.is_empty() {
+            inside = corners;
+        }
+        inside.sort_unstable();
+        inside.dedup();
+        self.experience(&inside, what, gain, MARKED_CELLS, rules);
+        self.experienced[2] += inside.len() as u64;
+        inside.len() as u64
+    }
+
+    /// Adds experience to cells, and to each of their models from at most `most` of them.
+    fn experience(
+        &mut self,
+        cells: &[CellIndex],
+        what: Experience,
+        gain: f64,
+        most: usize,
+        rules: &ModelRules,
+    ) {
         let mut signatures = self.models.signatures(&rules.weights);
+        let mut counted: BTreeMap<u32, usize> = BTreeMap::new();
         let gained = gain.round() as u64;
         for &index in cells {
             let Some(slot) = self.cells.get_mut(index) else { continue };
@@ -241,7 +333,13 @@ impl TerrainMap {
                 let number = self.models.take(&cell.terrain, 1, rules, &mut signatures);
                 (cell.model, cell.is_part) = (number.map(|number| number as u32), number.is_some());
             }
-            let model = cell.model.and_then(|number| self.models.models.get_mut(number as usize));
+            let counts = |number: &u32| {
+                let count = counted.entry(*number).or_default();
+                *count += 1;
+                *count <= most
+            };
+            let model = cell.model.filter(counts);
+            let model = model.and_then(|number| self.models.models.get_mut(number as usize));
             for terrain in [Some(&mut cell.terrain), model.map(|m| &mut m.terrain)].into_iter().flatten() {
                 let count = match what {
                     Experience::Driven => &mut terrain.driven,
@@ -249,7 +347,6 @@ impl TerrainMap {
                 };
                 *count = count.saturating_add(gained);
             }
-            self.experienced[what as usize] += 1;
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::appearance::{MatchWeights, RatioBins};
-use crate::frame::{gather, join, strips};
+use crate::frame::{gather, join, spots, strips};
 use crate::scene::{Scene, terrain};
 
 const RULES: ModelRules = ModelRules {
@@ -161,7 +161,7 @@ fn one_bump_keeps_what_was_hit_and_all_that_looks_like_it_above_200() {
         let pose = Pose::from_xy_yaw(0.1, 0.1, 0.0);
         // The bumper hits on both sides: three cells of the row lie within its reach.
         map.bump(&pose, &Patch { x: [0.3, 0.9], y: [-0.1, 0.1] }, 30.0, &RULES);
-        assert_eq!(map.experienced(), [0, 3]);
+        assert_eq!(map.experienced(), [0, 3, 0]);
         let elsewhere = judgement(&map, CellIndex::new(50, 0));
         // Range says the same of what it called an obstacle; ground that was bumped into needs the backing.
         let backing = if ground > 0 { 255 } else { 0 };
@@ -232,4 +232,69 @@ fn a_full_set_makes_room_by_merging_what_is_most_alike_and_keeps_its_obstacles()
     // Every point of every cell is in its model.
     let in_models: u64 = map.models.models.iter().map(|model| model.terrain.points()).sum();
     assert_eq!(in_models, map.iter().map(|(_, cell)| cell.terrain.points()).sum::<u64>());
+}
+
+#[test]
+fn a_deleted_model_takes_its_cells_along_and_the_others_keep_theirs() {
+    let mut map = empty();
+    let kinds = [(place(0, 5), terrain(0, 100, 0)), (place(9, 5), terrain(0o77777, 0, 100))];
+    map.learn(&kinds, &RULES);
+    map.learn(&[(place(20, 5), terrain(0, 30, 0)), (place(30, 5), terrain(0o77777, 30, 0))], &RULES);
+    assert!(!map.delete(2) && map.delete(0));
+    let models = [0, 9, 20, 30].map(|x| map.get(CellIndex::new(x, 5)).map(|cell| cell.model));
+    assert_eq!(models, [None, Some(Some(0)), Some(None), Some(Some(0))], "parts go; what is alike stays");
+    assert_eq!(map.models.models[0].terrain.obstacle, 100);
+    // What is seen from now on can be learned again.
+    map.learn(&kinds[..1], &RULES);
+    assert_eq!(map.get(CellIndex::new(0, 5)).unwrap().model, Some(1));
+}
+
+#[test]
+fn a_model_without_a_picture_gets_one_of_its_cell_with_the_most_points() {
+    let mut map = empty();
+    let scene = Scene::new([160, 120], Pose::IDENTITY, 5.0, 3.0, 1);
+    let (window, ratios) = (map.window(), RatioBins::new(1.0));
+    let strips: Vec<_> =
+        (0..strips(scene.size[1])).map(|s| gather(&scene.frame(), s, &window, 10.0, &ratios)).collect();
+    let points = join(&strips, SIDE);
+    assert_eq!(map.without_sample(&points), [], "there is no model");
+    map.learn(&points, &RULES);
+    let missing = map.without_sample(&points);
+    assert_eq!(missing.len(), map.models.models.len());
+    let cells: Vec<u32> = missing.iter().map(|(_, cell)| *cell).collect();
+    let frame = scene.frame();
+    let spots = spots(frame.rays, frame.depth_m, &frame.local_from_camera, &window, &strips, &cells);
+    for ((number, cell), spot) in missing.iter().zip(spots) {
+        let spot = spot.unwrap();
+        let ([column, row], of) = (spot.middle, &points.iter().find(|(place, _)| place == cell).unwrap().1);
+        let label = if of.obstacle > of.ground { crate::frame::OBSTACLE } else { crate::frame::GROUND };
+        assert_eq!(scene.labels[row * scene.size[0] + column], label, "model {number}: {spot:?}");
+        assert!(spot.side >= 2 && spot.side < 60, "{spot:?}");
+    }
+    let size = scene.size;
+    let time = rcs_msg::Stamp(7);
+    let image = rcs_sense::Rgb { data: &scene.rgb, step: 3 * size[0], size, frame_id: "camera", time };
+    map.models.models[0].sample = rcs_sense::Sample::around(&image, [80, 100], 12);
+    assert_eq!(map.without_sample(&points).len(), missing.len() - 1);
+}
+
+#[test]
+fn a_large_outline_marks_all_its_cells_and_teaches_a_model_as_much_as_a_small_one() {
+    let marked = |side: i64| {
+        let mut map = empty();
+        let points: Vec<_> = (0..60).map(|i| (place(i % 10, i / 10), terrain(0, 100, 0))).collect();
+        map.learn(&points, &RULES);
+        let reach = 0.2 * side as f64;
+        let corners = [[0.0, 0.0], [reach, 0.0], [reach, reach], [0.0, reach]].map(|[x, y]| DVec2::new(x, y));
+        assert_eq!(map.mark(&corners, Experience::Bumped, 30.0, &RULES), (side * side) as u64);
+        assert_eq!(map.get(CellIndex::new(side - 1, side - 1)).unwrap().terrain.bumped, 30);
+        assert_eq!(map.experienced(), [0, 0, (side * side) as u64]);
+        map.models.models[0].terrain.bumped
+    };
+    assert_eq!([marked(1), marked(2), marked(6)], [30, 120, 120]);
+    // Smaller than a cell, it means the cells of its corners.
+    let mut map = empty();
+    let corners = [[0.01, 0.01], [0.05, 0.01], [0.05, 0.05]].map(|[x, y]| DVec2::new(x, y));
+    assert_eq!(map.mark(&corners, Experience::Driven, 30.0, &RULES), 1);
+    assert_eq!(map.get(CellIndex::new(0, 0)).unwrap().terrain.driven, 30);
 }

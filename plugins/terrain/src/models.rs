@@ -3,6 +3,7 @@
 
 use crate::appearance::{BINS, HISTOGRAMS, Histograms, MatchWeights, Signature};
 use crate::proto::{TerrainCamera, TerrainModel, TerrainModels, TerrainWeights};
+use rcs_sense::{Sample, SampleError};
 use serde::{Deserialize, Serialize};
 
 /// Contents of a cell or a model, which have the same structure.
@@ -65,15 +66,22 @@ impl Terrain {
 }
 
 /// A model: terrain, and the number of cells merged into it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Model {
     /// Sums over all its cells.
     pub terrain: Terrain,
     /// Number of cells that became it or were merged into it.
     pub cells: u64,
+    /// What one of its cells looked like, once one has been seen; it is for display alone.
+    pub sample: Option<Sample>,
 }
 
 impl Model {
+    /// A model of cells with these sums, without a picture.
+    pub fn new(terrain: Terrain, cells: u64) -> Model {
+        Model { terrain, cells, sample: None }
+    }
+
     /// The obstacle fraction of what looks like it, see [`Terrain::obstacle_fraction`]; what was seen counts as its
     /// cells, at most [`SEEN_CELLS`]. `None` where nothing is known.
     pub fn obstacle_fraction(&self) -> Option<f64> {
@@ -165,6 +173,14 @@ pub enum ModelsError {
         /// What it should be.
         expected: &'static str,
     },
+    /// The picture of a model is invalid.
+    #[error("model {model}: {error}")]
+    Sample {
+        /// Number of the model, from 0.
+        model: usize,
+        /// What is wrong.
+        error: SampleError,
+    },
     /// The text of a file is invalid.
     #[error("models do not read: {0}")]
     Text(String),
@@ -206,7 +222,7 @@ impl ModelSet {
                 Some(best)
             }
             _ if self.models.len() < rules.max_models => {
-                self.models.push(Model { terrain: *cell, cells });
+                self.models.push(Model::new(*cell, cells));
                 signatures.push(signature);
                 Some(self.models.len() - 1)
             }
@@ -244,7 +260,7 @@ impl ModelSet {
             }
         }
         let ([a, b], _) = best?;
-        let gone = self.models[b];
+        let gone = self.models.get(b)?.clone();
         let model = self.models.get_mut(a)?;
         model.terrain.merge(&gone.terrain);
         model.cells += gone.cells;
@@ -261,7 +277,7 @@ impl ModelSet {
         signatures: &mut [Signature],
     ) -> Option<[usize; 2]> {
         let [a, b] = self.make_room(signatures, rules)?;
-        self.models[b] = Model { terrain: *cell, cells: 1 };
+        self.models[b] = Model::new(*cell, 1);
         signatures[b] = rules.weights.signature(&cell.histograms);
         Some([a, b])
     }
@@ -270,7 +286,10 @@ impl ModelSet {
     pub fn take_all(&mut self, other: &ModelSet, rules: &ModelRules) {
         let mut signatures = self.signatures(&rules.weights);
         for model in &other.models {
-            self.take(&model.terrain, model.cells, rules, &mut signatures);
+            let taken = self.take(&model.terrain, model.cells, rules, &mut signatures);
+            if let Some(own) = taken.and_then(|number| self.models.get_mut(number)) {
+                own.sample = own.sample.take().or_else(|| model.sample.clone());
+            }
         }
     }
 
@@ -345,6 +364,7 @@ fn model_message(model: &Model) -> TerrainModel {
         cells: model.cells,
         contrast: terrain.histograms.contrast(),
         obstacle_fraction: model.obstacle_fraction().unwrap_or(0.0),
+        sample: model.sample.as_ref().map(Sample::message),
     }
 }
 
@@ -385,7 +405,9 @@ fn model_of(number: usize, model: &TerrainModel) -> Result<Model, ModelsError> {
     if let Some((what, got)) = counts.into_iter().find(|(_, count)| *count > MOST) {
         return Err(ModelsError::TooMany { model: number, what, got });
     }
-    Ok(Model { terrain, cells: model.cells })
+    let sample = model.sample.as_ref().map(Sample::of).transpose();
+    let sample = sample.map_err(|error| ModelsError::Sample { model: number, error })?;
+    Ok(Model { terrain, cells: model.cells, sample })
 }
 
 #[cfg(test)]

@@ -57,7 +57,7 @@ fn cells_that_look_alike_merge_and_others_become_models_until_there_is_no_room()
 
 #[test]
 fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts_in_cells() {
-    let mut model = Model { terrain: Terrain::default(), cells: 1000 };
+    let mut model = Model::new(Terrain::default(), 1000);
     assert_eq!((model.obstacle_fraction(), model.backing()), (None, 0.0));
     model.terrain.obstacle = 1_000_000;
     assert_eq!(model.obstacle_fraction(), Some(1.0));
@@ -65,11 +65,11 @@ fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts_in_cells(
     assert_eq!((model.obstacle_fraction(), model.backing()), (Some(0.25), 1.0));
     model.terrain.bumped = 4 * SEEN_CELLS;
     assert_eq!(model.obstacle_fraction(), Some(0.625));
-    let few = Model { terrain: Terrain { driven: 5, ..cell(0, 0, 100) }, cells: 5 };
+    let few = Model::new(Terrain { driven: 5, ..cell(0, 0, 100) }, 5);
     assert_eq!((few.obstacle_fraction(), few.backing()), (Some(0.5), 0.25));
     // Experience that agrees with range backs nothing.
     let backing = |ground, obstacle, driven, bumped| {
-        Model { terrain: Terrain { driven, bumped, ..cell(0, ground, obstacle) }, cells: 5 }.backing()
+        Model::new(Terrain { driven, bumped, ..cell(0, ground, obstacle) }, 5).backing()
     };
     assert_eq!(
         [backing(100, 0, 1000, 0), backing(0, 100, 0, 1000), backing(100, 0, 0, 1000)],
@@ -80,7 +80,7 @@ fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts_in_cells(
 
 #[test]
 fn sets_of_two_cameras_are_combined_by_their_matches() {
-    let one = |code: u16| ModelSet { models: vec![Model { terrain: cell(code, 60, 0), cells: 2 }] };
+    let one = |code: u16| ModelSet { models: vec![Model::new(cell(code, 60, 0), 2)] };
     let mut left = one(0);
     left.take_all(&one(0), &RULES);
     left.take_all(&one(0o44444), &RULES);
@@ -97,7 +97,7 @@ proptest! {
             terrain.obstacle += u64::from(obstacle);
             terrain.ground += u64::from(!obstacle);
         }
-        let set = ModelSet { models: vec![Model { terrain, cells: 3 }; 2] };
+        let set = ModelSet { models: vec![Model::new(terrain, 3); 2] };
         let weights = RULES.weights.normalised();
         let message = set.to_message(TerrainCamera::Both, 1.5, &weights);
         let text = to_json(&AnyMessage::new(message.clone())).unwrap();
@@ -110,7 +110,7 @@ proptest! {
 
 #[test]
 fn files_that_are_not_models_are_refused_with_the_reason() {
-    let set = ModelSet { models: vec![Model { terrain: cell(0, 10, 0), cells: 1 }] };
+    let set = ModelSet { models: vec![Model::new(cell(0, 10, 0), 1)] };
     let good = set.to_message(TerrainCamera::Left, 1.0, &RULES.weights);
     let refusal = |change: &dyn Fn(&mut TerrainModels)| {
         let mut message = good.clone();

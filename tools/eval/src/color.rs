@@ -71,7 +71,8 @@ pub fn measure(job: &Job<'_>) -> Result<ClassReport, EvalError> {
         let ground = trapezoid(size);
         let horizon_px = (job.horizon_pct * 0.01 * size[1] as f64) as u32;
         let limits = [horizon_px.saturating_add(BELOW_HORIZON_PX).min(size[1] as u32); WIDTH];
-        let samples = Samples { ground: &ground, first_background: &limits, permission: Permission::All };
+        let samples =
+            Samples { ground: &ground, frame_id: "", first_background: &limits, permission: Permission::All };
         let time = Stamp(index * PERIOD_NS);
         let before = (engine.clone(), rng.clone());
         let mut costs = None;

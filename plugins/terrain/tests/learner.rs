@@ -1,0 +1,199 @@
+//! The process on a synthetic frame: the pictures of its models, their deletion, and examples of the operator.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
+use rcs_msg::foxglove::{CameraCalibration, Grid, RawImage};
+use rcs_msg::rcs::{Command, ExampleKind, ModelToDelete, PlanePoint, PlanePolygon, TrainingExample};
+use rcs_msg::{Stamp, schema_of};
+use rcs_runtime::ProcessType;
+use rcs_terrain::TerrainLearner;
+use rcs_terrain::proto::{TerrainModels, TerrainStats};
+use rcs_testkit::bench::{Bench, Setup};
+use rcs_world::{GridView, NumericType};
+
+const STACK: &str = r#"
+format = 1
+name = "learner"
+
+[[process]]
+name = "terrain"
+plugin = "terrain_learner"
+supervisor = "viewer"
+period_ms = 50.0
+
+[process.inputs]
+left_image = "/operator/image"
+left_labels = "/operator/labels"
+left_depth = "/operator/depth"
+left_calibration = "/operator/calibration"
+examples = "/operator/training"
+
+[process.params]
+learn_while_standing = true
+min_points = 8
+pose = { source = "POSE_FIXED" }
+mount = { fixed = true, height_m = 1.0, pitch_deg = 35.0 }
+"#;
+
+const PROCESSES: &[ProcessType] = &[ProcessType::of::<TerrainLearner>()];
+const SIZE: [u32; 2] = [64, 48];
+const GRASS: [u8; 3] = [60, 120, 40];
+const BARK: [u8; 3] = [150, 90, 50];
+
+fn calibration() -> CameraCalibration {
+    CameraCalibration {
+        width: SIZE[0],
+        height: SIZE[1],
+        distortion_model: "plumb_bob".to_owned(),
+        d: vec![0.0; 5],
+        k: vec![50.0, 0.0, 31.5, 0.0, 50.0, 23.5, 0.0, 0.0, 1.0],
+        ..CameraCalibration::default()
+    }
+}
+
+fn image(encoding: &str, bytes_per_pixel: u32, data: Vec<u8>) -> RawImage {
+    RawImage {
+        timestamp: Some(Stamp(20_000_000).to_proto()),
+        frame_id: "camera".to_owned(),
+        width: SIZE[0],
+        height: SIZE[1],
+        encoding: encoding.to_owned(),
+        step: bytes_per_pixel * SIZE[0],
+        data: data.into(),
+    }
+}
+
+/// A bench whose learner has seen flat ground: grass at the left (y above 0), and bark, which is labelled an obstacle,
+/// at the right.
+fn bench() -> Bench {
+    let mut bench = Setup::new(STACK, PROCESSES).bench();
+    let camera = PinholeCamera::from_calibration(SIZE, &calibration().k, "plumb_bob", &[0.0; 5]).unwrap();
+    let mount =
+        Pose::from_rpy(DVec3::new(0.0, 0.0, 1.0), 0.0, 35_f64.to_radians(), 0.0) * Pose::body_from_optical();
+    let (mut rgb, mut labels, mut depth) = (Vec::new(), Vec::new(), Vec::new());
+    for v in 0..SIZE[1] {
+        for u in 0..SIZE[0] {
+            let ray = mount.rotate(camera.unproject(DVec2::new(f64::from(u), f64::from(v))).unwrap());
+            let depth_m = if ray.z < -0.1 { -1.0 / ray.z } else { f64::NAN };
+            let is_grass = ray.y > 0.0;
+            rgb.extend(if is_grass { GRASS } else { BARK });
+            labels.push(if is_grass { 1 } else { 2 });
+            depth.extend((depth_m as f32).to_le_bytes());
+        }
+    }
+    bench.write("/operator/calibration", calibration());
+    bench.write("/operator/image", image("rgb8", 3, rgb));
+    bench.write("/operator/depth", image("32FC1", 4, depth));
+    bench.write("/operator/labels", image("mono8", 1, labels));
+    bench.advance(100);
+    assert_eq!(bench.faults("terrain").0, 0, "{}", bench.faults("terrain").1);
+    bench
+}
+
+fn models(bench: &Bench) -> TerrainModels {
+    bench.latest("/terrain/models")
+}
+
+/// Cost of the cell at a place; 255 where it is unknown.
+fn cost(bench: &Bench, x: f64, y: f64) -> f64 {
+    let grid: Grid = bench.latest("/terrain/cost");
+    let view = GridView::new(&grid).unwrap();
+    let cell = (DVec2::new(x, y) - view.frame_from_grid().translation.truncate()) / 0.2;
+    let costs = view.field_of("cost.terrain", NumericType::Uint8).unwrap();
+    costs.get(cell.x as usize, cell.y as usize).unwrap()
+}
+
+#[test]
+fn each_model_carries_a_picture_of_what_it_was_learned_from() {
+    let models = models(&bench()).models;
+    assert!(models.len() >= 2, "{}", models.len());
+    for model in &models {
+        let sample = model.sample.as_ref().unwrap();
+        assert_eq!((sample.encoding.as_str(), sample.frame_id.as_str()), ("rgb8", "camera"));
+        assert!(sample.width <= 16 && sample.timestamp.is_some(), "{sample:?}");
+        let own = if model.obstacle > model.ground { BARK } else { GRASS };
+        let middle = (sample.height / 2 * sample.step + sample.width / 2 * 3) as usize;
+        assert_eq!(sample.data[middle..middle + 3], own, "{} of {}", model.obstacle, model.ground);
+    }
+}
+
+#[test]
+fn a_deleted_model_is_gone_with_its_cells_and_a_wrong_number_is_a_fault() {
+    let mut bench = bench();
+    let before = models(&bench).models;
+    let bark = before.iter().position(|model| model.obstacle > model.ground).unwrap();
+    assert_eq!(cost(&bench, 2.1, -0.5), 250.0);
+    let delete = |bench: &mut Bench, serial: u64, number: usize| {
+        let model = ModelToDelete { output: "models".to_owned(), number: number as u32 };
+        let command = Command {
+            serial,
+            name: "DELETE".to_owned(),
+            parameters_schema: schema_of::<ModelToDelete>().name().to_owned(),
+            parameters: rcs_msg::prost::Message::encode_to_vec(&model).into(),
+            ..Command::default()
+        };
+        bench.write("/terrain/command", command);
+        bench.advance(100);
+    };
+    delete(&mut bench, 2, bark);
+    let after = models(&bench).models;
+    assert_eq!(after.len(), before.len() - 1);
+    assert_eq!(
+        after.iter().filter(|model| model.ground > 0).count(),
+        before.iter().filter(|m| m.ground > 0).count()
+    );
+    delete(&mut bench, 3, 99);
+    assert_eq!(models(&bench).models.len(), after.len());
+    assert!(
+        bench.faults("terrain").1.starts_with("DELETE: there is no model 99"),
+        "{:?}",
+        bench.faults("terrain")
+    );
+}
+
+#[test]
+fn what_the_operator_marks_is_an_obstacle_or_ground_and_so_is_what_looks_like_it() {
+    let mut bench = bench();
+    assert_eq!((cost(&bench, 2.1, 0.5), cost(&bench, 1.3, 0.3)), (0.0, 0.0));
+    let point = |x_m, y_m| PlanePoint { x_m, y_m };
+    let square = |x: f64, y: f64| PlanePolygon {
+        points: vec![point(x, y), point(x + 0.4, y), point(x + 0.4, y + 0.4), point(x, y + 0.4)],
+    };
+    let example = |kind: ExampleKind, outline: PlanePolygon| TrainingExample {
+        timestamp: None,
+        frame_id: "local".to_owned(),
+        kind: kind.into(),
+        outline: Some(outline),
+    };
+    bench.write("/operator/training", example(ExampleKind::ExampleObstacle, square(2.0, 0.4)));
+    bench.advance(100);
+    let stats = |bench: &Bench| bench.newest::<TerrainStats>("/terrain/stats");
+    assert_eq!(bench.faults("terrain").0, 0, "{}", bench.faults("terrain").1);
+    assert!(cost(&bench, 2.1, 0.5) > 125.0, "a cell that was marked: {}", cost(&bench, 2.1, 0.5));
+    assert!(cost(&bench, 1.3, 0.3) > 125.0, "a cell that looks like it: {}", cost(&bench, 1.3, 0.3));
+    assert!(stats(&bench).is_some());
+    // Where nothing was seen, the cells alone are known.
+    bench.write("/operator/training", example(ExampleKind::ExampleObstacle, square(-5.0, 0.0)));
+    bench.advance(100);
+    assert_eq!(cost(&bench, -4.9, 0.1), 250.0);
+    bench.write("/operator/training", example(ExampleKind::ExampleGround, square(2.0, -0.8)));
+    bench.advance(100);
+    assert!(cost(&bench, 2.1, -0.7) < 125.0);
+
+    let elsewhere = TrainingExample {
+        frame_id: "elsewhere".to_owned(),
+        ..example(ExampleKind::ExampleObstacle, square(0.0, 0.0))
+    };
+    let refused = [
+        (elsewhere, "is unknown"),
+        (example(ExampleKind::ExampleObstacle, PlanePolygon::default()), "0 corners"),
+        (example(ExampleKind::ExampleObstacle, square(900.0, 0.0)), "outside of the map"),
+    ];
+    for (count, (example, why)) in (1..).zip(refused) {
+        bench.write("/operator/training", example);
+        bench.advance(100);
+        let (faults, last) = bench.faults("terrain");
+        assert!(faults == count && last.contains(why), "{faults} faults, {last}");
+    }
+}
