@@ -128,17 +128,26 @@ fn two_recordings_are_compared_to_their_ends_and_the_first_difference_is_that_of
     let sides = [Compared::Recorded, Compared::Other];
     let problem = compared(&mut source, sides).problem.unwrap();
     assert!(problem.contains("no other recording"), "{problem}");
-    source.against(Some(&same));
+    source.against(std::slice::from_ref(&same));
     let comparison = compared(&mut source, sides);
     assert_eq!((buffers(&comparison).len(), comparison.left_out), (0, [0, 0]));
     assert_eq!(comparison.until, source.info().end);
-    source.against(Some(&other));
+    // A recording that was split is one.
+    let parts = [folder.path().join("same_0"), folder.path().join("same_1")];
+    let whole = rcs_log::Log::open(&same).unwrap();
+    rcs_testkit::logs::split(&whole, seconds(1.3), [&parts[0], &parts[1]]).unwrap();
+    source.against(&parts);
+    assert_eq!(source.frame().against.as_deref(), Some("same_0 (2 files)"));
+    let comparison = compared(&mut source, sides);
+    assert_eq!((buffers(&comparison).len(), comparison.left_out), (0, [0, 0]));
+    assert_eq!(comparison.until, source.info().end);
+    source.against(std::slice::from_ref(&other));
     assert_eq!(source.frame().against.as_deref(), Some("other"));
     let comparison = compared(&mut source, sides);
     assert_eq!(buffers(&comparison), SPREAD);
     let [plain, other] = [&plain, &other].map(|path| rcs_log::Log::open(path).unwrap());
     assert_eq!(diff(&plain, &other).unwrap().as_ref(), comparison.differences.first());
-    source.against(Some(&folder.path().join("absent")));
+    source.against(&[folder.path().join("absent")]);
     let problem = compared(&mut source, sides).problem.unwrap();
     assert!(problem.contains("absent"), "{problem}");
 }
@@ -149,7 +158,7 @@ fn a_run_is_compared_with_a_recording_of_an_earlier_one() {
     let path = folder.path().join("run.mcap");
     record(&path, None);
     let mut source = source(PastOptions::default());
-    source.against(Some(&path));
+    source.against(std::slice::from_ref(&path));
     let sides = [Compared::Run(RunId(0)), Compared::Other];
     go(&mut source, 1.5);
     assert_eq!(buffers(&compared(&mut source, sides)), Vec::<&str>::new());

@@ -146,6 +146,23 @@ pub fn write_big(path: impl AsRef<Path>, bytes: u64) -> Result<u64, LogError> {
 pub fn copy_changed(
     from: &Log,
     to: impl AsRef<Path>,
+    change: impl FnMut(&str, u32, &mut Vec<u8>),
+) -> Result<(), LogError> {
+    copy(from, to, |_| true, change)
+}
+
+/// Copies a log into two files: what was logged before a time, and the rest.
+pub fn split(from: &Log, at: Stamp, parts: [&Path; 2]) -> Result<(), LogError> {
+    for (index, part) in parts.into_iter().enumerate() {
+        copy(from, part, |time| (time >= at) == (index == 1), |_, _, _| {})?;
+    }
+    Ok(())
+}
+
+fn copy(
+    from: &Log,
+    to: impl AsRef<Path>,
+    wanted: impl Fn(Stamp) -> bool,
     mut change: impl FnMut(&str, u32, &mut Vec<u8>),
 ) -> Result<(), LogError> {
     let about = from.metadata().iter().find(|metadata| metadata.name == "ocu");
@@ -154,7 +171,9 @@ pub fn copy_changed(
     let mut channels = BTreeMap::new();
     for message in from.cursor(CursorOptions::default()) {
         let message = message?;
-        let Some(topic) = from.info().topic(message.topic) else { continue };
+        let Some(topic) = from.info().topic(message.topic).filter(|_| wanted(message.log_time)) else {
+            continue;
+        };
         let channel = match channels.get(&message.topic) {
             Some(channel) => *channel,
             None => writer.add_channel(&topic.name, &topic.schema, &topic.metadata)?,

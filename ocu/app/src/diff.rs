@@ -1,6 +1,7 @@
 //! `ocu diff`: compares two recordings and reports the first difference.
 
 use crate::cli::DiffArgs;
+use crate::parts;
 use crate::run::Comparison;
 use anyhow::Context as _;
 use rcs_log::Log;
@@ -8,7 +9,8 @@ use std::io::Write;
 
 /// Compares two recordings and prints the result; `false` if they differ.
 pub fn diff(args: &DiffArgs, out: &mut dyn Write) -> anyhow::Result<bool> {
-    let (first, second) = (Log::open(&args.first)?, Log::open(&args.second)?);
+    let (first, second) =
+        (Log::open_parts(&parts::of(&args.first)?)?, Log::open_parts(&parts::of(&args.second)?)?);
     let comparison = Comparison::new(rcs_runtime::diff(&first, &second)?.as_ref());
     // Includes damage found while reading, such as map deltas that could not be applied and were not compared.
     for (log, path) in [(&first, &args.first), (&second, &args.second)] {

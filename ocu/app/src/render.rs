@@ -6,8 +6,8 @@ use crate::layout_fit::fitting;
 use crate::offscreen::Painter;
 use crate::open::Request;
 use crate::output::{self, Files};
-use crate::usage;
 use crate::window::Window;
+use crate::{parts, usage};
 use anyhow::Context as _;
 use image::RgbaImage;
 use rcs_runtime::RunId;
@@ -82,7 +82,7 @@ fn frame_with(
     source.gather(fields);
     if let Some(against) = against {
         let this = if request.stack.is_some() { Compared::Run(RunId(0)) } else { Compared::Recorded };
-        source.against(Some(against));
+        source.against(&parts::of(against)?);
         source.compare(&[[this, Compared::Other]]);
     }
     source.seek(at, &Task::default())?;

@@ -85,6 +85,13 @@ fn a_live_run_of_the_simulation_with_an_operator_replays_to_the_same_hash() {
     assert_eq!(replayed["replay"], serde_json::json!({"equal": true, "first": null}));
     assert_eq!(replayed["hash"], recorded["hash"]);
     let agreed = run(&["diff", &live, &again, "--json"], 0);
+    // A recording that was split is one.
+    let parts = [path("split_0.mcap"), path("split_1.mcap")];
+    let whole = Log::open(&live).unwrap();
+    let middle = whole.info().start.after_ns(700_000_000);
+    rcs_testkit::logs::split(&whole, middle, [Path::new(&parts[0]), Path::new(&parts[1])]).unwrap();
+    assert_eq!(run(&["diff", &parts[0], &live, "--json"], 0)["equal"], true);
+    assert_eq!(run(&["run", "--replay", &parts[0], "--json"], 0)["replay"]["equal"], true);
     assert_eq!(agreed, serde_json::json!({"equal": true, "first": null}));
 
     let sequence = change_a_byte(live.as_ref(), changed.as_ref(), "/localization/local");

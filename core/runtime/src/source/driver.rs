@@ -53,8 +53,8 @@ pub enum Control {
     Gather(Vec<rcs_formula::FieldRef>),
     /// Compare these pairs of runs and recordings, and no others ([`Frame::comparisons`]).
     Compare(Vec<[Compared; 2]>),
-    /// Choose the recording that [`Compared::Other`] means; none for `None`.
-    Against(Option<std::path::PathBuf>),
+    /// Choose the files of the recording that [`Compared::Other`] means: one, several if it was split, or none.
+    Against(Vec<std::path::PathBuf>),
     /// Write a message repeatedly while the source plays. To be repeated at least every [`HeldControl::LEASE`] while
     /// the control is held; otherwise the control is released.
     Hold(HeldControl),
@@ -395,8 +395,8 @@ impl<W: Fn()> DriverLoop<'_, W> {
                 self.idle = true;
                 return;
             }
-            Control::Against(path) => {
-                self.source.against(path.as_deref());
+            Control::Against(files) => {
+                self.source.against(&files);
                 self.idle = true;
                 return;
             }

@@ -8,7 +8,7 @@ use super::{Source, SourceError, Step, Task};
 use rcs_log::{Log, LogMessage, MessagePosition};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A log without a stack: nothing runs.
@@ -155,9 +155,9 @@ impl Source for LogSource {
         self.comparing.compare(pairs, &subject);
     }
 
-    fn against(&mut self, path: Option<&Path>) {
+    fn against(&mut self, files: &[PathBuf]) {
         let subject = Subject { session: None, log: Some(self.view.log()), start: self.info.start };
-        self.comparing.against(path, &subject);
+        self.comparing.against(files, &subject);
     }
 
     fn idle(&mut self) -> bool {

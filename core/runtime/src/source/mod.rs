@@ -157,8 +157,8 @@ pub trait Source: Send {
     fn gather(&mut self, _fields: &[rcs_formula::FieldRef]) {}
     /// Compares these pairs in the background, and no others ([`Frame::comparisons`]).
     fn compare(&mut self, _pairs: &[[Compared; 2]]) {}
-    /// Sets the recording that [`Compared::Other`] means.
-    fn against(&mut self, _path: Option<&std::path::Path>) {}
+    /// Sets the files of the recording that [`Compared::Other`] means; none for no recording.
+    fn against(&mut self, _files: &[std::path::PathBuf]) {}
     /// Background work in small pieces (for example tracks), while there are no requests; `true` if some is left.
     fn idle(&mut self) -> bool {
         false

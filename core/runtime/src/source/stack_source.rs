@@ -29,7 +29,7 @@ use rcs_bus::Sample;
 use rcs_log::{Log, MessagePosition};
 use rcs_msg::{AnyMessage, Stamp, rcs};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 /// A forward move by less than this through dropped messages executes them at once, because the source plays or steps.
@@ -495,9 +495,9 @@ impl Source for StackSource {
         self.comparing.compare(pairs, &subject);
     }
 
-    fn against(&mut self, path: Option<&Path>) {
+    fn against(&mut self, files: &[PathBuf]) {
         let subject = Subject::of(&self.session, self.recorded.as_ref(), self.info.start);
-        self.comparing.against(path, &subject);
+        self.comparing.against(files, &subject);
     }
 
     fn idle(&mut self) -> bool {

@@ -10,9 +10,9 @@ use std::path::PathBuf;
                         Messages are compared by buffer and number; measured time is left out. Exit codes: 0 the \
                         recordings agree, 1 they differ.")]
 pub struct DiffArgs {
-    /// Recording
+    /// Recording; of one that was split, the folder or the first file
     pub first: PathBuf,
-    /// Recording with which it is compared
+    /// Recording with which it is compared; of one that was split, the folder or the first file
     pub second: PathBuf,
     /// Print the result as JSON
     #[arg(long)]
@@ -77,7 +77,7 @@ pub struct RenderArgs {
     /// Layout to draw: the name of a bundled one, or a .ron file; without it, the one that fits the source
     #[arg(long, short, value_name = "LAYOUT")]
     pub layout: Option<String>,
-    /// Recording to compare with, for the view Compare
+    /// Recording to compare with, for the view Compare; of one that was split, the folder or the first file
     #[arg(long, value_name = "FILE")]
     pub against: Option<PathBuf>,
     /// Time to draw, in seconds from the start of the recording

@@ -51,7 +51,7 @@ pub struct RunArgs {
     /// Continue the run when recording fails, as on a full disk
     #[arg(long, requires = "record")]
     pub keep_going: bool,
-    /// Repeat a recorded run, and compare it with the recording
+    /// Repeat a recorded run, and compare it with the recording; of one that was split, the folder or the first file
     #[arg(long, value_name = "FILE", conflicts_with_all = ["runs", "live", "acts", "faults"])]
     pub replay: Option<PathBuf>,
     /// Run in real time, with one thread per process

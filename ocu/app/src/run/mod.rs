@@ -11,7 +11,7 @@ use crate::assets::looks_like_path;
 use crate::cli::{RunArgs, Save};
 use crate::output::{self, Files};
 use crate::runs::{self, RunReport, Stop};
-use crate::{BUILD, Ended, stacks, usage};
+use crate::{BUILD, Ended, parts, stacks, usage};
 use acts::Act;
 use anyhow::Context as _;
 use memory::Memory;
@@ -82,6 +82,8 @@ fn check_files(args: &RunArgs) -> anyhow::Result<Files> {
     for (what, path) in named {
         if let Some(path) = path {
             files.reads(what, path);
+            // A recording that was split; a path that is none is refused when it is opened.
+            parts::of(path).unwrap_or_default().iter().for_each(|part| files.reads(what, part));
         }
     }
     args.faults

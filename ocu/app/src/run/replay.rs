@@ -5,7 +5,7 @@ use super::{Done, check_assets, overrides, plan, record};
 use crate::assets::ProgramAssets;
 use crate::cli::RunArgs;
 use crate::output::Files;
-use crate::{Ended, stacks};
+use crate::{Ended, parts, stacks};
 use anyhow::Context as _;
 use rcs_log::Log;
 use rcs_msg::Stamp;
@@ -21,7 +21,7 @@ pub(super) fn run(
     files: Files,
     out: &mut dyn Write,
 ) -> anyhow::Result<Ended> {
-    let recording = Log::open(recording)?;
+    let recording = Log::open_parts(&parts::of(recording)?)?;
     let recorded = RecordedRun::read(&recording, rcs_plugins::all())?;
     for problem in recorded.problems() {
         tracing::warn!("{problem}");

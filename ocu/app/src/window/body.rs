@@ -218,7 +218,7 @@ impl Window {
         (self.known_runs, self.known_alarms) = (0, Stamp(0));
         self.marks = Bookmarks::of(request.log.as_deref());
         self.current = request;
-        self.dialogs.other = None;
+        self.dialogs.other.clear();
         self.timeline.forget();
         self.operating.forget();
         self.alarm_sound.forget();

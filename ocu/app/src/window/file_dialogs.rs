@@ -9,6 +9,7 @@ use super::save_params::{SaveParams, Saved};
 use crate::assets::looks_like_path;
 use crate::open::Request;
 use crate::output::Files;
+use crate::parts;
 use ocu_views::TopicKey;
 use rcs_msg::AnyMessage;
 use rcs_runtime::source::{Control, Frame};
@@ -21,8 +22,8 @@ pub(super) struct FileDialogs {
     pub(super) load_param: Option<LoadParam>,
     pub(super) save_file: SaveFile,
     choose_other: Option<PathRow>,
-    /// The recording with which the open source is compared.
-    pub(super) other: Option<PathBuf>,
+    /// The files of the recording with which the open source is compared; empty for none.
+    pub(super) other: Vec<PathBuf>,
 }
 
 impl FileDialogs {
@@ -35,7 +36,7 @@ impl FileDialogs {
 
     /// Asks for a recording to compare with.
     pub(super) fn choose_other(&mut self) {
-        let known = self.other.as_ref().map(|path| path.display().to_string());
+        let known = self.other.first().map(|path| path.display().to_string());
         self.choose_other = Some(PathRow::new(known.unwrap_or_default()));
     }
 
@@ -45,16 +46,16 @@ impl FileDialogs {
         let mut chosen = None;
         let open = dialog(ctx, "Compare with a recording", |ui| {
             chosen = row.ui(ui, Purpose::Load, true, |path| {
-                anyhow::ensure!(path.is_file(), "there is no such file: {}", path.display());
-                Ok(path.to_owned())
+                anyhow::ensure!(path.exists(), "there is no such file: {}", path.display());
+                parts::of(path)
             });
         });
         if !open || chosen.is_some() {
             self.choose_other = None;
         }
-        if let Some(path) = chosen {
-            controls.push(Control::Against(Some(path.clone())));
-            self.other = Some(path);
+        if let Some(files) = chosen {
+            controls.push(Control::Against(files.clone()));
+            self.other = files;
         }
     }
 
@@ -78,6 +79,11 @@ impl FileDialogs {
             Some(Saved::Cancelled) => self.save_params = None,
             Some(Saved::Written(path)) => {
                 self.save_params = None;
+                let text = format!(
+                    "Saved: {0}. `ocu --stack {0}` starts with it; what runs now changes only when you press Send.",
+                    path.display()
+                );
+                notices.news(Matter::Run, text);
                 // From now on this is the stack that runs: it has these parameters.
                 current.stack = Some(path.display().to_string());
             }

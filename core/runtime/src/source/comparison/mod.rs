@@ -19,7 +19,7 @@ use crate::stack::Plan;
 use rcs_log::Log;
 use rcs_msg::{DeltaCodec, Stamp};
 use side::Input;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -71,7 +71,8 @@ impl<'a> Subject<'a> {
 #[derive(Default)]
 pub(super) struct Comparing {
     pairs: Vec<Pair>,
-    against: Option<PathBuf>,
+    /// The files of the other recording; empty if none was chosen.
+    against: Vec<PathBuf>,
 }
 
 struct Pair {
@@ -145,9 +146,9 @@ impl Comparing {
         }
     }
 
-    /// Sets the other recording. Comparisons with the one before begin anew.
-    pub(super) fn against(&mut self, path: Option<&Path>, subject: &Subject<'_>) {
-        self.against = path.map(Path::to_owned);
+    /// Sets the files of the other recording. Comparisons with the one before begin anew.
+    pub(super) fn against(&mut self, files: &[PathBuf], subject: &Subject<'_>) {
+        files.clone_into(&mut self.against);
         let wanted: Vec<[Compared; 2]> = self.pairs.iter().map(|pair| pair.sides).collect();
         self.pairs.retain(|pair| !pair.sides.contains(&Compared::Other));
         self.compare(&wanted, subject);
@@ -155,8 +156,12 @@ impl Comparing {
 
     /// Name of the other recording.
     pub(super) fn other(&self) -> Option<Arc<str>> {
-        let path = self.against.as_ref()?;
-        Some(path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into())
+        let path = self.against.first()?;
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+        Some(match self.against.len() {
+            1 => name.into(),
+            files => format!("{name} ({files} files)").into(),
+        })
     }
 
     fn begin(&self, sides: [Compared; 2], subject: &Subject<'_>) -> Pair {
@@ -203,9 +208,10 @@ impl Comparing {
                     Ok(Input::Log(log.clone()))
                 }
                 Compared::Other => {
-                    let path =
-                        self.against.clone().ok_or_else(|| missing("no other recording was chosen"))?;
-                    Ok(Input::File(path, codecs(subject)))
+                    if self.against.is_empty() {
+                        return Err(missing("no other recording was chosen"));
+                    }
+                    Ok(Input::Files(self.against.clone(), codecs(subject)))
                 }
                 Compared::Run(run) => {
                     let known = subject.session.filter(|session| (run.0 as usize) < session.runs().len());

@@ -22,7 +22,7 @@ const LOOK: Duration = Duration::from_millis(100);
 /// Where the messages of a side come from.
 pub(super) enum Input {
     Log(Log),
-    File(PathBuf, Vec<&'static dyn DeltaCodec>),
+    Files(Vec<PathBuf>, Vec<&'static dyn DeltaCodec>),
     Run {
         pieces: Receiver<Piece>,
         waiting: Arc<AtomicUsize>,
@@ -71,8 +71,8 @@ impl Input {
     pub(super) fn open(self) -> Result<Reading, String> {
         let from = match self {
             Self::Log(log) => of_log(log),
-            Self::File(path, codecs) => {
-                of_log(Log::open(&path).map_err(|error| error.to_string())?.with_codecs(codecs))
+            Self::Files(files, codecs) => {
+                of_log(Log::open_parts(&files).map_err(|error| error.to_string())?.with_codecs(codecs))
             }
             Self::Run { pieces, waiting, plan, log } => Origin::Run { pieces, waiting, plan, log },
         };
