@@ -309,15 +309,12 @@ impl Window {
             self.told.tell(frame, &mut self.notices);
             self.alarm_sound.sound(ui.ctx(), frame, self.known_alarms);
         }
-        let source_error = frame.as_ref().and_then(|frame| frame.playback.error.clone());
-        if !self.notices.is_empty(source_error.as_deref()) {
-            let top = egui::Panel::top("notices").frame(bar).resizable(false);
-            top.show(ui, |ui| self.notices.ui(ui, source_error.as_deref()));
-        }
-        match &frame {
+        let middle = match &frame {
             Some(frame) => self.source_ui(ui, frame, bar, &mut controls),
             None => self.empty_ui(ui),
-        }
+        };
+        let source_error = frame.as_ref().and_then(|frame| frame.playback.error.clone());
+        self.notices.ui(ui, middle, source_error.as_deref());
         if let Some(path) = self.opener.ui(ui) {
             self.open_path(&path);
         }
@@ -410,7 +407,14 @@ impl Window {
         top_bar::ui(ui, &state)
     }
 
-    fn source_ui(&mut self, ui: &mut egui::Ui, frame: &Frame, bar: egui::Frame, controls: &mut Vec<Control>) {
+    /// The timeline, the buffers and the views; returns the region of the views.
+    fn source_ui(
+        &mut self,
+        ui: &mut egui::Ui,
+        frame: &Frame,
+        bar: egui::Frame,
+        controls: &mut Vec<Control>,
+    ) -> egui::Rect {
         let bottom = egui::Panel::bottom("timeline").frame(bar).resizable(false);
         let busy = if let Shown::Live(driver) = &self.shown { driver.busy() } else { None };
         bottom.show(ui, |ui| {
@@ -432,7 +436,7 @@ impl Window {
             });
         }
         let middle = egui::Frame::new().fill(tokens(ui).canvas());
-        egui::CentralPanel::default().frame(middle).show(ui, |ui| match &mut self.workspace {
+        let middle = egui::CentralPanel::default().frame(middle).show(ui, |ui| match &mut self.workspace {
             Some(workspace) if !workspace.is_empty() => workspace.ui(ui, &mut cx),
             _ => {
                 widgets::empty(
@@ -485,9 +489,10 @@ impl Window {
                 Wish::SavePicture { name, area } => self.dialogs.save_file.ask_picture(ui.ctx(), &name, area),
             }
         }
+        middle.response.rect
     }
 
-    fn empty_ui(&mut self, ui: &mut egui::Ui) {
+    fn empty_ui(&mut self, ui: &mut egui::Ui) -> egui::Rect {
         let middle = egui::Frame::new().fill(tokens(ui).canvas());
         let invited =
             egui::CentralPanel::default().frame(middle).show(ui, |ui| match self.opener.opening() {
@@ -502,6 +507,7 @@ impl Window {
             Some(Invited::Open(request)) => self.opener.open(request),
             None => {}
         }
+        invited.response.rect
     }
 
     fn key_list_ui(&mut self, ui: &egui::Ui) {

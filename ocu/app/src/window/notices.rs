@@ -1,10 +1,15 @@
-//! Messages at the top of the window. An error stays until it is dismissed or mended; a piece of news leaves by itself.
+//! Messages over the lower right corner of the views: nothing moves when one comes or goes. An error stays until it is
+//! dismissed or mended; a piece of news leaves by itself.
 
+use egui::{Align2, Area, Id, Rect, Vec2};
 use ocu_ui::{Icon, Tokens, icons, tokens, widgets};
 use std::time::{Duration, Instant};
 
 /// Maximum number of messages; older ones are dropped.
 const MOST: usize = 4;
+/// Greatest width of a message, and distance from the corner.
+const WIDTH: f32 = 480.0;
+const MARGIN: f32 = 12.0;
 /// How long a piece of news is shown.
 const NEWS: Duration = Duration::from_secs(12);
 
@@ -61,8 +66,31 @@ impl Notices {
         self.notices.retain(|known| known.matter != matter);
     }
 
-    /// Paints a line for each message, and for the source's own error.
-    pub(super) fn ui(&mut self, ui: &mut egui::Ui, source_error: Option<&str>) {
+    /// Paints the messages, and the source's own error, over the lower right corner of a region.
+    pub(super) fn ui(&mut self, ui: &egui::Ui, region: Rect, source_error: Option<&str>) {
+        if self.is_empty(source_error) {
+            return;
+        }
+        let width = WIDTH.min(region.width() - 2.0 * MARGIN);
+        let area = Area::new(Id::unique("notices"))
+            .pivot(Align2::RIGHT_BOTTOM)
+            .fixed_pos(region.right_bottom() - Vec2::splat(MARGIN))
+            .constrain_to(region);
+        area.show(ui.ctx(), |ui| {
+            let tokens = tokens(ui);
+            let frame = egui::Frame::new()
+                .fill(tokens.surface[3])
+                .stroke(egui::Stroke::new(1.0, tokens.line))
+                .corner_radius(3.0)
+                .inner_margin(egui::Margin::symmetric(8, 6));
+            frame.show(ui, |ui| {
+                ui.set_width((width - 16.0).max(64.0));
+                self.lines(ui, source_error);
+            });
+        });
+    }
+
+    fn lines(&mut self, ui: &mut egui::Ui, source_error: Option<&str>) {
         let now = Instant::now();
         if let Some(next) = self.notices.iter().filter_map(|notice| notice.until).min() {
             ui.ctx().request_repaint_after(next.saturating_duration_since(now));
@@ -88,7 +116,7 @@ impl Notices {
     }
 
     /// Whether there is anything to show. Old news leave here.
-    pub(super) fn is_empty(&mut self, source_error: Option<&str>) -> bool {
+    fn is_empty(&mut self, source_error: Option<&str>) -> bool {
         let now = Instant::now();
         self.notices.retain(|notice| notice.until.is_none_or(|until| until > now));
         self.notices.is_empty() && (source_error.is_none() || self.dismissed.as_deref() == source_error)
