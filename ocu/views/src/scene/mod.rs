@@ -382,7 +382,7 @@ impl Scene {
                 Thing::Path(points) => {
                     let mut shapes = Shapes::default();
                     shapes.strip(points.iter().map(|p| *p + DVec3::Z * 0.1), color, 3.0);
-                    Content::Made(Arc::new(shapes))
+                    Content::Made(Arc::new(shapes.finish()))
                 }
                 Thing::Track { points, here } => {
                     let mut shapes = Shapes::default();
@@ -391,26 +391,30 @@ impl Scene {
                         let p = pose * DVec3::from_array(*p);
                         vehicles.vehicle(p.to_array(), yaw + pose.yaw(), color);
                     }
-                    Content::Made(Arc::new(shapes))
+                    Content::Made(Arc::new(shapes.finish()))
                 }
             };
             layers.push(Layer { name: layer.name.clone(), content, pose });
         }
         let camera = self.camera();
+        layers.push(made("vehicles", vehicles.finish()));
         if self.saved.axes {
             let length = camera.map_or(1.0, |camera| (camera.distance_m * 0.03).clamp(0.3, 50.0));
+            let mut axes = Shapes::default();
             for (_, pose) in frame_poses(frame, scene) {
-                vehicles.axes(&pose, length);
+                axes.axes(&pose, length);
             }
+            // The origin of a global frame may be far from everything else.
+            let has_others = layers.iter().any(Layer::has_content);
+            layers.push(made("frames", if has_others { axes } else { axes.finish() }));
         }
         if let Some(camera) = camera {
             let step = round_step(camera.distance_m / 12.0);
             let color = tokens.surface[2];
             let ground =
                 Shapes::ground(DVec3::from_array(camera.center), camera.distance_m * 2.0, step, color);
-            layers.push(made("ground", Shapes { bounds: None, ..ground }));
+            layers.push(made("ground", ground));
         }
-        layers.push(made("vehicles and frames", vehicles));
         layers
     }
 }

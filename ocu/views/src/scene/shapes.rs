@@ -9,6 +9,12 @@ use rcs_world::GridView;
 
 /// Most cells of a grid that are drawn one by one; of a larger one every second, third, … row and column.
 const MOST_CELLS: usize = 400_000;
+/// Most places from which the bounds of shapes are computed.
+const MOST_PLACES: usize = 4_000;
+/// Of at least so many places, the outermost one along each axis never counts.
+const MANY: usize = 20;
+/// Share of the places on either side of each axis that do not count.
+const OUTLIERS: f64 = 0.01;
 
 /// Instances of one kind, and where their coordinates lie.
 #[derive(Debug, Default)]
@@ -19,8 +25,11 @@ pub(super) struct Shapes {
     pub(super) lines: Vec<u8>,
     /// Lower corner, extent, colour.
     pub(super) boxes: Vec<u8>,
-    /// Bounds of the plausible part, in the shapes' own frame.
+    /// Bounds without outliers, in the shapes' own frame, once the shapes are finished; `None` if they do not count for
+    /// what the scene is fitted to.
     pub(super) bounds: Option<[DVec3; 2]>,
+    /// What the bounds are made of.
+    places: Vec<DVec3>,
 }
 
 /// Sizes of the instances, bytes.
@@ -29,15 +38,15 @@ pub(super) const LINE: usize = 32;
 pub(super) const BOX: usize = 28;
 
 impl Shapes {
-    fn add(&mut self, p: DVec3) {
-        let [min, max] = self.bounds.get_or_insert([p, p]);
-        (*min, *max) = (min.min(p), max.max(p));
-    }
-
     /// Adds a line of this width, screen points.
     pub(super) fn line(&mut self, ends: [DVec3; 2], color: Color32, width: f32) {
+        self.places.extend(ends);
+        self.mark(ends, color, width);
+    }
+
+    /// Adds a line that does not count for the bounds.
+    fn mark(&mut self, ends: [DVec3; 2], color: Color32, width: f32) {
         for end in ends {
-            self.add(end);
             floats(&mut self.lines, end);
         }
         self.lines.extend(color.to_array());
@@ -60,8 +69,7 @@ impl Shapes {
     }
 
     fn cell(&mut self, corner: DVec3, extent: DVec3, color: Color32) {
-        self.add(corner);
-        self.add(corner + extent);
+        self.places.extend([corner, corner + extent]);
         floats(&mut self.boxes, corner);
         floats(&mut self.boxes, extent);
         self.boxes.extend(color.to_array());
@@ -82,17 +90,7 @@ impl Shapes {
         heights.sort_by(f64::total_cmp);
         let at = |part: f64| heights.get((heights.len().saturating_sub(1) as f64 * part) as usize).copied();
         let (low, high) = (at(0.02).unwrap_or(0.0), at(0.98).unwrap_or(1.0));
-        // Single points far away must not decide what the scene is fitted to.
-        let along = |axis: usize| {
-            let mut values: Vec<f64> =
-                all.iter().step_by((all.len() / 10_000).max(1)).map(|(p, _)| p[axis]).collect();
-            values.sort_by(f64::total_cmp);
-            let at = |part: f64| values.get((values.len().saturating_sub(1) as f64 * part) as usize).copied();
-            [at(0.05).unwrap_or(0.0), at(0.95).unwrap_or(0.0)]
-        };
-        let [x, y, z] = [0, 1, 2].map(along);
-        let mut shapes = Self::default();
-        let is_empty = all.is_empty();
+        let mut shapes = Self { bounds: spread(all.iter().map(|(p, _)| *p)), ..Self::default() };
         for (p, rgb) in all {
             let color = match rgb {
                 Some([r, g, b]) => Color32::from_rgb(r, g, b),
@@ -101,8 +99,6 @@ impl Shapes {
             floats(&mut shapes.points, p);
             shapes.points.extend(color.to_array());
         }
-        let bounds = [DVec3::new(x[0], y[0], z[0]), DVec3::new(x[1], y[1], z[1])];
-        shapes.bounds = (!is_empty).then_some(bounds);
         Ok(shapes)
     }
 
@@ -130,16 +126,23 @@ impl Shapes {
                 shapes.cell(corner, DVec3::new(side.x, side.y, high - low), color);
             }
         }
-        Ok(shapes)
+        Ok(shapes.finish())
     }
 
-    /// Axes of frames in red, green and blue.
+    /// The shapes with their bounds.
+    pub(super) fn finish(mut self) -> Self {
+        self.bounds = spread(std::mem::take(&mut self.places).into_iter());
+        self
+    }
+
+    /// Axes of frames in red, green and blue; their origins count for the bounds.
     pub(super) fn axes(&mut self, pose: &Pose, length_m: f64) {
         let colors = [(230, 70, 60), (80, 190, 90), (90, 140, 255)];
         for ((r, g, b), axis) in colors.into_iter().zip([DVec3::X, DVec3::Y, DVec3::Z]) {
             let ends = [pose.translation, *pose * (axis * length_m)];
-            self.line(ends, Color32::from_rgb(r, g, b), 2.0);
+            self.mark(ends, Color32::from_rgb(r, g, b), 2.0);
         }
+        self.places.push(pose.translation);
     }
 
     /// An arrow on the ground that shows where the vehicle is and heads.
@@ -157,7 +160,7 @@ impl Shapes {
         }
     }
 
-    /// Lines of a plane at whole steps.
+    /// Lines of a plane at whole steps; they have no bounds.
     pub(super) fn ground(center: DVec3, reach_m: f64, step_m: f64, color: Color32) -> Self {
         let mut shapes = Self::default();
         let round = |v: f64| (v / step_m).round() * step_m;
@@ -166,16 +169,10 @@ impl Shapes {
         let reach = f64::from(count) * step_m;
         for line in -count..=count {
             let off = f64::from(line) * step_m;
-            shapes.line(
-                [DVec3::new(x + off, y - reach, 0.0), DVec3::new(x + off, y + reach, 0.0)],
-                color,
-                1.0,
-            );
-            shapes.line(
-                [DVec3::new(x - reach, y + off, 0.0), DVec3::new(x + reach, y + off, 0.0)],
-                color,
-                1.0,
-            );
+            let north = [DVec3::new(x + off, y - reach, 0.0), DVec3::new(x + off, y + reach, 0.0)];
+            let east = [DVec3::new(x - reach, y + off, 0.0), DVec3::new(x + reach, y + off, 0.0)];
+            shapes.mark(north, color, 1.0);
+            shapes.mark(east, color, 1.0);
         }
         shapes
     }
@@ -184,6 +181,22 @@ impl Shapes {
 /// Pose of a grid's cells in the frame of its message; the identity for other messages.
 pub(super) fn grid_pose(grid: &AnyMessage) -> Pose {
     GridView::of(grid).map_or(Pose::IDENTITY, |view| view.frame_from_grid())
+}
+
+/// Bounds of places without outliers, so that single ones far away do not decide what the scene is fitted to.
+fn spread(places: impl ExactSizeIterator<Item = DVec3>) -> Option<[DVec3; 2]> {
+    let every = (places.len() / MOST_PLACES).max(1);
+    let places: Vec<DVec3> = places.step_by(every).filter(|p| p.is_finite()).collect();
+    let last = places.len().checked_sub(1)?;
+    let least = usize::from(places.len() >= MANY);
+    let left_out = ((last as f64 * OUTLIERS).round() as usize).max(least);
+    let along = |axis: usize| {
+        let mut values: Vec<f64> = places.iter().map(|p| p[axis]).collect();
+        values.sort_by(f64::total_cmp);
+        [values[left_out], values[last - left_out]]
+    };
+    let [x, y, z] = [0, 1, 2].map(along);
+    Some([DVec3::new(x[0], y[0], z[0]), DVec3::new(x[1], y[1], z[1])])
 }
 
 fn floats(bytes: &mut Vec<u8>, p: DVec3) {
@@ -204,6 +217,22 @@ mod tests {
         let shapes = shapes.unwrap();
         assert_eq!(shapes.points.len(), POINT);
         assert_eq!(shapes.bounds, Some([DVec3::new(1.0, 2.0, 3.0); 2]));
+    }
+
+    #[test]
+    fn a_single_place_far_away_is_no_bound() {
+        let far = [[900.0, 0.0, 0.0]];
+        let near: Vec<[f32; 3]> = (0..400).map(|i| [(i % 20) as f32, (i / 20) as f32, 0.0]).collect();
+        let cloud = [near, far.to_vec()].concat();
+        let bounds = Shapes::cloud(&samples::cloud(&cloud)).unwrap().bounds;
+        assert_eq!(bounds, Some([DVec3::ZERO, DVec3::new(19.0, 19.0, 0.0)]));
+        let mut path = Shapes::default();
+        let places = (0..40).map(|i| if i == 39 { DVec3::X * 1e4 } else { DVec3::X * f64::from(i) });
+        path.strip(places, Color32::RED, 1.0);
+        let [min, max] = path.finish().bounds.unwrap();
+        assert!(min.x <= 1.0 && max.x < 40.0, "{min} {max}");
+        assert_eq!(spread([DVec3::ZERO, DVec3::X].into_iter()), Some([DVec3::ZERO, DVec3::X]));
+        assert_eq!(spread([].into_iter()), None);
     }
 
     #[test]

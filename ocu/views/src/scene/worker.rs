@@ -29,6 +29,16 @@ pub(super) struct Layer {
     pub(super) pose: Pose,
 }
 
+impl Layer {
+    /// Whether it has anything to be fitted to.
+    pub(super) fn has_content(&self) -> bool {
+        match &self.content {
+            Content::Grid(_) | Content::Cloud(_) => true,
+            Content::Made(shapes) => shapes.bounds.is_some(),
+        }
+    }
+}
+
 /// A picture that is wanted.
 pub(super) struct Request {
     pub(super) number: u64,
