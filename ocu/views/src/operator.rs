@@ -23,6 +23,8 @@ pub struct Inputs {
     pub emergency_stop: Option<Arc<str>>,
     /// Goals, and the bounds of driving.
     pub mission: Option<Arc<str>>,
+    /// Places from which processes learn.
+    pub training: Option<Arc<str>>,
 }
 
 impl Inputs {
@@ -47,6 +49,7 @@ impl Inputs {
             teleop: find(InputRole::Teleoperation),
             emergency_stop: find(InputRole::EmergencyStop),
             mission: find(InputRole::Mission),
+            training: find(InputRole::Training),
         }
     }
 }

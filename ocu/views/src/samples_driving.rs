@@ -9,7 +9,7 @@ use rcs_msg::foxglove::{
 };
 use rcs_msg::rcs::{
     CourseRun, DriveCommand, EmergencyStop, Mission, PlanePoint, PlanePolygon, PortInfo, ProcessInfo,
-    ProcessTiming, SpeedLimit, Timing, VehicleStatus,
+    ProcessTiming, SpeedLimit, Timing, TrainingExample, VehicleStatus,
 };
 use rcs_msg::{Schema, schema_of};
 use rcs_runtime::source::{
@@ -70,6 +70,7 @@ pub(crate) fn driving() -> Frame {
             port("teleop", "/operator/teleop", schema_of::<DriveCommand>(), "teleoperation"),
             port("stop", "/operator/emergency_stop", schema_of::<EmergencyStop>(), "emergency_stop"),
             port("mission", "/operator/mission", schema_of::<Mission>(), "mission"),
+            port("examples", "/operator/training", schema_of::<TrainingExample>(), "training"),
         ],
         ..ProcessInfo::default()
     };

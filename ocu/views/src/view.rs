@@ -124,12 +124,20 @@ pub(crate) fn rate_hz(topic: &Topic) -> f64 {
 }
 
 /// A position in a frame.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct HoverPoint {
     /// Coordinate frame of the position.
     pub frame_id: String,
     /// x, y, z, m; z is NaN where unknown.
     pub position_m: [f64; 3],
+}
+
+/// Unknown coordinates are equal: a pointer that rests asks for no repaint.
+impl PartialEq for HoverPoint {
+    fn eq(&self, other: &Self) -> bool {
+        let bits = |point: &Self| point.position_m.map(f64::to_bits);
+        self.frame_id == other.frame_id && bits(self) == bits(other)
+    }
 }
 
 /// What is under the pointer, as one view says it; the other views mark what they show of it.

@@ -48,6 +48,7 @@ impl Map {
                 && response.clicked()
                 && !self.measuring
                 && self.draft.is_none()
+                && self.example.is_none()
             {
                 cx.controls.push(Control::Seek(time));
             }
@@ -92,13 +93,19 @@ impl Map {
                     |text| about.to_owned() + &spaced(&text),
                 )));
             }
-            for layer in shown {
+            // Who draws looks at what is drawn, not at numbers that lie over it.
+            if self.measuring || self.draft.is_some() || self.example.is_some() {
+                return;
+            }
+            let mut is_top = true;
+            for layer in shown.iter().rev() {
                 if let Kind::Grid(grid) = layer.kind
                     && let Ok(cells) = Cells::new(grid)
                     && let Ok(map_from_grid) = layers::map_from_layer(frame, map, layer)
                     && let Some(cell) = cells.cell_at(map_from_grid.inverse() * DVec3::new(x, y, 0.0))
                 {
-                    cell_lines(ui, frame, layer, &cells, cell);
+                    cell_lines(ui, frame, layer, &cells, cell, is_top);
+                    is_top = false;
                 }
             }
         });
@@ -140,8 +147,16 @@ fn top_cell<'a>(
     })
 }
 
-/// All fields of a cell: each cost with its confidence and source frame on one line.
-fn cell_lines(ui: &mut Ui, frame: &Frame, layer: &Layer<'_>, cells: &Cells<'_>, cell: [usize; 2]) {
+/// All fields of a cell: each cost with its confidence and source frame on one line. Of a grid below another one, only
+/// the fused cost, if it has one.
+fn cell_lines(
+    ui: &mut Ui,
+    frame: &Frame,
+    layer: &Layer<'_>,
+    cells: &Cells<'_>,
+    cell: [usize; 2],
+    is_top: bool,
+) {
     let value = |name: &str| cells.read(name, cell);
     let mut told = BTreeSet::new();
     let mut tell = |name: &str| {
@@ -162,6 +177,9 @@ fn cell_lines(ui: &mut Ui, frame: &Frame, layer: &Layer<'_>, cells: &Cells<'_>, 
             _ => "",
         };
         ui.label(mono(format!("fused      {}{confidence}{label}{by}", cost(fused))));
+        if !is_top {
+            return;
+        }
     }
     for name in cells.names() {
         let Some(source) = name.strip_prefix("cost.") else { continue };

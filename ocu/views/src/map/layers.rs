@@ -10,6 +10,7 @@ use rcs_msg::rcs::{ArcChoice, Mission, Plan};
 use rcs_msg::{AnyMessage, Stamp};
 use rcs_runtime::Role;
 use rcs_runtime::source::{Frame, Place, RunTag, Topic, Track, WGS84};
+use rcs_world::GridView;
 use std::collections::BTreeMap;
 
 /// Content of a layer.
@@ -125,10 +126,18 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
             _ => {}
         }
     }
+    // A fine map lies above a coarse one, which shows where the fine one knows nothing.
+    grids.sort_by(|a: &Layer<'_>, b| cell_m(b).total_cmp(&cell_m(a)));
     let tracks = tracks(frame);
     let mut layers: Vec<_> = grids.into_iter().chain(clouds).chain(paths).chain(tracks).collect();
     layers.sort_by_key(Layer::is_ground_truth);
     layers
+}
+
+/// Side of the cells of a grid, m; 0 for other layers.
+fn cell_m(layer: &Layer<'_>) -> f64 {
+    let Kind::Grid(grid) = layer.kind else { return 0.0 };
+    GridView::of(grid).map_or(0.0, |view| view.cell_size_m().x)
 }
 
 /// The tracks of the recording, of the viewed run, and of the run from which it branched, which lies below the others.

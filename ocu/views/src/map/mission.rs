@@ -1,5 +1,6 @@
 //! Missions on a map: what a vehicle obeys, and a draft of the operator: goals, and zones that it must not enter.
 
+use super::labels::Labels;
 use super::layers::Kind;
 use super::plan::At;
 use super::{Map, layers};
@@ -41,6 +42,16 @@ pub(super) struct Draft {
     changed: bool,
 }
 
+/// Adds a corner to a polygon that is being drawn. Returns the polygon if the corner closes it: if it is the first one
+/// again, within a distance.
+pub(super) fn corner(corners: &mut Vec<[f64; 2]>, at: [f64; 2], reach_m: f64) -> Option<Vec<[f64; 2]>> {
+    let closes = corners.first().is_some_and(|first| (first[0] - at[0]).hypot(first[1] - at[1]) <= reach_m);
+    if !closes {
+        corners.push(at);
+    }
+    (closes && corners.len() >= 3).then(|| std::mem::take(corners))
+}
+
 impl Draft {
     /// The draft that begins with the goals that the vehicle has not reached, and the zones that the operator has sent.
     /// Zones that cannot be placed on the map must not be lost: the error says why.
@@ -70,13 +81,7 @@ impl Draft {
             self.goals_changed = true;
             return self.goals.push(at);
         }
-        let first = self.corners.first().copied();
-        let closes = first.is_some_and(|first| (first[0] - at[0]).hypot(first[1] - at[1]) <= reach_m);
-        if closes && self.corners.len() >= 3 {
-            self.keep_out.push(std::mem::take(&mut self.corners));
-        } else if !closes {
-            self.corners.push(at);
-        }
+        self.keep_out.extend(corner(&mut self.corners, at, reach_m));
     }
 
     /// Takes the last thing back; whether there was one.
@@ -128,6 +133,7 @@ impl Map {
             None => Draft::of(frame, map, buffer).ok(),
         };
         self.measuring = false;
+        self.example = None;
     }
 
     /// Clicks of the operator who draws, and the menu of the map.
@@ -138,6 +144,7 @@ impl Map {
         map: &str,
         response: &Response,
         at: At,
+        labels: &mut Labels,
     ) {
         let Some(buffer) = Inputs::of(cx.frame).mission else {
             self.draft = None;
@@ -148,7 +155,8 @@ impl Map {
             if let Some(pos) = response.interact_pointer_pos().filter(|_| response.clicked()) {
                 draft.click(place(pos), f64::from(NEAR) / at.viewport.scale);
             }
-            paint(&ui.painter_at(at.canvas), &draft.message(map, &Pose::IDENTITY), at, tokens(ui), true);
+            let message = draft.message(map, &Pose::IDENTITY);
+            paint(&ui.painter_at(at.canvas), &message, at, tokens(ui), true, labels);
             paint_corners(&ui.painter_at(at.canvas), &draft.corners, at, tokens(ui));
         }
         if response.secondary_clicked() {
@@ -249,7 +257,14 @@ fn send(cx: &mut ViewContext<'_>, map: &str, buffer: &str, draft: &Draft) {
 }
 
 /// Paints a mission: the area dashed, the zones hatched, the goals with their numbers, those reached weak.
-pub(super) fn paint(painter: &Painter, mission: &Mission, at: At, tokens: &Tokens, is_draft: bool) {
+pub(super) fn paint(
+    painter: &Painter,
+    mission: &Mission,
+    at: At,
+    tokens: &Tokens,
+    is_draft: bool,
+    labels: &mut Labels,
+) {
     let screen = |zone: &PlanePolygon| -> Vec<Pos2> {
         zone.points.iter().map(|point| at.screen([point.x_m, point.y_m])).collect()
     };
@@ -274,6 +289,7 @@ pub(super) fn paint(painter: &Painter, mission: &Mission, at: At, tokens: &Token
             (false, true) => (tokens.surface[3], tokens.weak),
             (false, false) => (tokens.ok, tokens.canvas()),
         };
+        labels.keep_free(Rect::from_center_size(center, Vec2::splat(18.0)));
         painter.circle(center, 9.0, fill, Stroke::new(1.0, tokens.canvas()));
         let number = (index + 1).to_string();
         painter.text(center, Align2::CENTER_CENTER, number, FontId::proportional(11.0), ink);
@@ -281,7 +297,7 @@ pub(super) fn paint(painter: &Painter, mission: &Mission, at: At, tokens: &Token
 }
 
 /// The corners of a zone that is not closed.
-fn paint_corners(painter: &Painter, corners: &[[f64; 2]], at: At, tokens: &Tokens) {
+pub(super) fn paint_corners(painter: &Painter, corners: &[[f64; 2]], at: At, tokens: &Tokens) {
     let points: Vec<Pos2> = corners.iter().map(|corner| at.viewport.to_screen(at.canvas, *corner)).collect();
     painter.add(Shape::line(points.clone(), Stroke::new(1.5, tokens.warning)));
     for (index, point) in points.into_iter().enumerate() {
@@ -291,7 +307,7 @@ fn paint_corners(painter: &Painter, corners: &[[f64; 2]], at: At, tokens: &Token
 }
 
 /// Diagonal lines inside of a polygon, which need not be convex.
-fn hatch(painter: &Painter, corners: &[Pos2], color: Color32) {
+pub(super) fn hatch(painter: &Painter, corners: &[Pos2], color: Color32) {
     let clip = painter.clip_rect();
     // Along a line x + y = s; where it crosses an edge, it enters or leaves.
     let sum = |at: &Pos2| at.x + at.y;

@@ -8,12 +8,14 @@ mod cloud;
 mod for_scene;
 mod grid;
 mod hover;
+mod labels;
 mod layers;
 mod mission;
 mod paint;
 mod panel;
 mod plan;
 mod track;
+mod training;
 mod uncertainty;
 
 use crate::badge;
@@ -27,6 +29,7 @@ use cloud::Cloud;
 use egui::{Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 pub(crate) use for_scene::{CellColors, Placed, Thing, frames, placed};
 use grid::Cells;
+use labels::Labels;
 use layers::{Kind, Layer, Tracks};
 use ocu_ui::bar::{self, Bar, Fit, Form};
 use ocu_ui::legend::{self, round_step};
@@ -86,8 +89,11 @@ impl Default for Saved {
     }
 }
 
-/// Key of a grid's texture.
-type GridKey = (SameMessage, String, MapPalette, Option<Weights>);
+/// Least width and height that the map of a run shows until a person zooms, m.
+const LEAST_OF_A_RUN_M: f64 = 20.0;
+
+/// Key of a grid's texture: what it shows, and whether it shows what is below where nothing is known.
+type GridKey = (SameMessage, String, MapPalette, Option<Weights>, bool);
 /// Key of a cloud's points: the message, and its pose in the map's frame.
 type CloudKey = (SameMessage, Pose);
 
@@ -100,6 +106,10 @@ pub(crate) struct Map {
     measuring: bool,
     /// A mission that is being drawn.
     draft: Option<mission::Draft>,
+    /// An example for learning that is being drawn.
+    example: Option<training::Example>,
+    /// The place of the legend in the previous pass.
+    legend: Option<Rect>,
     /// Where the menu was opened, in the map's frame.
     menu_at: Option<[f64; 2]>,
     tracks: Tracks,
@@ -196,8 +206,18 @@ impl Map {
             if measure.clicked() {
                 view.measured = None;
                 view.draft = None;
+                view.example = None;
             }
         });
+        if Inputs::of(frame).training.is_some() {
+            bar.right("training", Fit::Leaves(30), |ui, form, view| {
+                let mut drawing = view.example.is_some();
+                let name = "Draw an obstacle or ground to learn from";
+                if bar::tool_toggle(ui, form, icons::ICON_SCHOOL, name, &mut drawing).clicked() {
+                    view.toggle_example();
+                }
+            });
+        }
         if let Some(buffer) = Inputs::of(frame).mission {
             bar.right("mission", Fit::Leaves(40), move |ui, form, view| {
                 let mut editing = view.draft.is_some();
@@ -235,6 +255,7 @@ impl Map {
                     self.saved.viewport = None;
                     self.measured = None;
                     self.draft = None;
+                    self.example = None;
                 }
             }
         });
@@ -291,18 +312,21 @@ impl Map {
         if viewport.interact(ui, &response, [0.01, 5000.0], !self.measuring) {
             self.saved.viewport = Some(viewport);
         }
-        if response.double_clicked() {
+        let draws = self.draft.is_some() || self.example.is_some();
+        if response.double_clicked() && !draws {
             self.saved.viewport = None;
         }
         self.measure(&response, viewport, canvas);
 
         let painter = ui.painter_at(canvas);
         let place = |layer: &Layer<'_>| layers::map_from_layer(cx.frame, map, layer);
+        let mut is_over = false;
         for layer in &shown {
             let (opacity, pose) = (self.state(layer).opacity, place(layer));
             match (layer.kind, pose) {
                 (Kind::Grid(grid), Ok(pose)) => {
-                    self.paint_grid(ui, layer, grid, pose, viewport, canvas, opacity, cx.frame.now);
+                    self.paint_grid(ui, layer, grid, pose, viewport, canvas, opacity, is_over, cx.frame.now);
+                    is_over = true;
                 }
                 (Kind::Cloud(cloud), Ok(pose)) => {
                     self.paint_cloud(ui, layer, cloud, pose, viewport, canvas, opacity);
@@ -311,13 +335,14 @@ impl Map {
             }
         }
         paint::metre_lines(ui, viewport, canvas);
+        let mut labels = self.labels(canvas);
         for (index, layer) in layers.iter().enumerate().filter(|(_, layer)| self.state(layer).shown) {
             let color = tokens(ui).series(panel::series(layers, index));
             match (layer.kind, place(layer)) {
                 (Kind::Path(path), Ok(pose)) => paint::path(&painter, path, &pose, viewport, canvas, color),
                 (Kind::Plan(plan), Ok(map_from_layer)) => {
                     let at = plan::At { map_from_layer, viewport, canvas };
-                    plan::paths(&painter, plan, at, tokens(ui), color);
+                    plan::paths(&painter, plan, at, tokens(ui), color, &mut labels);
                 }
                 (Kind::Arcs(choice), Ok(map_from_layer)) => {
                     let meant = plan::meant(layer, cx.selection.hovered.get());
@@ -326,11 +351,14 @@ impl Map {
                 }
                 (Kind::Mission(mission), Ok(map_from_layer)) if self.draft.is_none() => {
                     let at = plan::At { map_from_layer, viewport, canvas };
-                    mission::paint(&painter, mission, at, tokens(ui), false);
+                    mission::paint(&painter, mission, at, tokens(ui), false, &mut labels);
                 }
-                (Kind::Track { .. }, _) => self.paint_track(ui, layer, cx.frame, viewport, canvas, color),
+                (Kind::Track { .. }, _) => {
+                    self.paint_track(ui, layer, cx.frame, viewport, canvas, color, &mut labels);
+                }
                 (Kind::Goal(goal), Ok(pose)) => {
-                    paint::goal(ui, goal, &pose, self.here(cx.frame, &shown), viewport, canvas);
+                    let here = self.here(cx.frame, &shown);
+                    paint::goal(ui, goal, &pose, here, viewport, canvas, &mut labels);
                 }
                 _ => {}
             }
@@ -339,24 +367,34 @@ impl Map {
         if shown.iter().any(|layer| self.edited_weights(layer).is_some()) {
             paint::badge(ui, canvas, 20.0, icons::ICON_TUNE, "preview: edited weights, not sent");
         }
-        self.paint_measured(ui, viewport, canvas);
-        self.draw_mission(
-            ui,
-            cx,
-            map,
-            &response,
-            plan::At { map_from_layer: Pose::IDENTITY, viewport, canvas },
-        );
+        self.paint_measured(ui, viewport, canvas, &mut labels);
+        let at = plan::At { map_from_layer: Pose::IDENTITY, viewport, canvas };
+        self.draw_mission(ui, cx, map, &response, at, &mut labels);
+        self.draw_example(ui, cx, map, &response, at);
+        // The numbers of the metre lines are at the left and at the top.
+        let free = Rect::from_min_max(canvas.min + Vec2::new(32.0, 16.0), canvas.max - Vec2::splat(4.0));
+        labels.paint(&painter, free, tokens(ui));
         self.point_at(ui, cx, map, &shown, &response, viewport);
         legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 32.0), viewport.scale);
         paint::north(ui, canvas.left_top() + Vec2::new(20.0, 24.0), map == WGS84);
         // In a narrow map the read-out takes the place of the legend, and in a low one it would hide too much.
-        if canvas.height() >= 200.0 && (canvas.width() >= 560.0 || !response.hovered()) {
-            self.legend(ui, cx.frame, layers, &shown, canvas, listed);
-        }
+        let has_legend = canvas.height() >= 200.0 && (canvas.width() >= 560.0 || !response.hovered());
+        self.legend =
+            if has_legend { self.legend(ui, cx.frame, layers, &shown, canvas, listed) } else { None };
         let pointer = response.hover_pos().filter(|_| !response.context_menu_opened());
         let pointer = pointer.map(|at| viewport.to_plane(canvas, at));
         self.read_out(ui, cx.frame, map, &shown, pointer, canvas);
+    }
+
+    /// The places on which no text lies: north, the scale, and the legend.
+    fn labels(&self, canvas: Rect) -> Labels {
+        let mut labels = Labels::default();
+        labels
+            .keep_free(Rect::from_center_size(canvas.left_top() + Vec2::new(32.0, 32.0), Vec2::splat(28.0)));
+        let scale = canvas.right_top() + Vec2::new(-160.0, 0.0);
+        labels.keep_free(Rect::from_min_size(scale, Vec2::new(160.0, 40.0)));
+        self.legend.into_iter().for_each(|legend| labels.keep_free(legend));
+        labels
     }
 
     /// A stored viewport may be one of another source: where it shows nothing of this one, everything is fitted.
@@ -413,7 +451,8 @@ impl Map {
         layers.find_map(|layer| self.tracks.here(frame, layer))
     }
 
-    /// A viewport that shows all layers. Its borders are rounded, so that it does not drift while things move.
+    /// A viewport that shows all layers: of a running stack the smallest of its fused maps, in which the vehicle is. Its
+    /// borders are rounded, so that it does not drift while things move.
     fn fitted(&mut self, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) -> Viewport {
         let mut bounds: Option<([f64; 2], [f64; 2])> = None;
         let mut add = |point: [f64; 2]| {
@@ -426,10 +465,9 @@ impl Map {
                 max[axis] = max[axis].max(point[axis]);
             }
         };
-        // A running stack is fitted to its grids, a recording to all of its layers.
-        let own = |layer: &&&Layer<'_>| matches!(layer.kind, Kind::Grid(_)) && !layer.is_ground_truth();
-        let follow = frame.info.kind == SourceKind::Stack && shown.iter().any(|layer| own(&layer));
-        for layer in shown.iter().filter(|layer| !follow || own(layer)) {
+        let runs = frame.info.kind == SourceKind::Stack;
+        let near = if runs { nearest_map(frame, map, shown) } else { None };
+        for layer in shown.iter().filter(|layer| near.is_none_or(|near| near == layer.name)) {
             let pose = layers::map_from_layer(frame, map, layer);
             match (layer.kind, pose) {
                 (Kind::Grid(grid), Ok(pose)) => {
@@ -456,7 +494,13 @@ impl Map {
             }
         }
         let (mut min, mut max) = bounds.unwrap_or(([-10.0; 2], [10.0; 2]));
-        let size = (max[0] - min[0]).max(max[1] - min[1]).max(2.0);
+        // A run begins with a vehicle and nothing else.
+        let least = if runs { LEAST_OF_A_RUN_M } else { 2.0 };
+        for axis in 0..2 {
+            let missing = (least - (max[axis] - min[axis])).max(0.0);
+            (min[axis], max[axis]) = (min[axis] - missing / 2.0, max[axis] + missing / 2.0);
+        }
+        let size = (max[0] - min[0]).max(max[1] - min[1]);
         let step = round_step(size / 20.0);
         for axis in 0..2 {
             min[axis] = (min[axis] / step).floor() * step;
@@ -464,4 +508,19 @@ impl Map {
         }
         Viewport::fit(min, max, canvas, 24.0, true)
     }
+}
+
+/// The smallest of the fused maps of a run; if there is none, of its other grids. It lies around the vehicle.
+fn nearest_map<'a>(frame: &Frame, map: &str, shown: &[&'a Layer<'_>]) -> Option<&'a str> {
+    let area = |layer: &&&Layer<'_>| {
+        let Kind::Grid(grid) = layer.kind else { return None };
+        if layer.is_ground_truth() || layers::map_from_layer(frame, map, layer).is_err() {
+            return None;
+        }
+        let [a, b, c, _] = Cells::new(grid).ok()?.corners();
+        Some((!layer.is_map(), a.distance(b) * b.distance(c)))
+    };
+    let sized = shown.iter().filter_map(|layer| Some((layer, area(&layer)?)));
+    let nearest = sized.min_by(|(_, a), (_, b)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    nearest.map(|(layer, _)| layer.name.as_str())
 }

@@ -2,6 +2,7 @@
 
 use super::Map;
 use super::grid::Cells;
+use super::labels::Labels;
 use super::layers::{Kind, Layer, PlacedTrack};
 use super::track::line;
 use super::uncertainty::{self, Covariance};
@@ -18,8 +19,12 @@ use rcs_msg::{AnyMessage, Stamp};
 use rcs_runtime::source::Frame;
 use std::ops::Range;
 
+/// Distance from the position of a vehicle within which its mark lies, screen points.
+const VEHICLE: f32 = 12.0;
+
 impl Map {
-    /// Paints a grid as a textured quadrilateral; the texture is rebuilt when message or appearance changes.
+    /// Paints a grid as a textured quadrilateral; the texture is rebuilt when message or appearance changes. Of a grid
+    /// that lies over another one, cells without a cost show what is below.
     #[expect(clippy::too_many_arguments, reason = "what a layer is and where it goes")]
     pub(super) fn paint_grid(
         &mut self,
@@ -30,6 +35,7 @@ impl Map {
         viewport: Viewport,
         canvas: Rect,
         opacity: f32,
+        is_over: bool,
         now: Stamp,
     ) {
         let (Ok(cells), Some(message)) = (Cells::new(grid), layer.message()) else { return };
@@ -37,10 +43,14 @@ impl Map {
         let palette = self.saved.palette;
         let weights = self.edited_weights(layer).filter(|_| shade.is_fused()).cloned();
         let (texture, range) = self.grids.entry(layer.name.clone()).or_default();
-        let key = (message, shade.name().to_owned(), palette, weights.clone());
+        let shows_below = is_over && shade.is_cost();
+        let key = (message, shade.name().to_owned(), palette, weights.clone(), shows_below);
         let make = || {
             *range = cells.range(&shade);
-            Some(cells.paint(&shade, palette, *range, weights.as_ref()))
+            let mut image = cells.paint(&shade, palette, *range, weights.as_ref());
+            let unknown = image.pixels.iter_mut().filter(|pixel| shows_below && **pixel == palette.unknown());
+            unknown.for_each(|pixel| *pixel = Color32::TRANSPARENT);
+            Some(image)
         };
         let Some(texture) = texture.get(ui.ctx(), key, TextureOptions::NEAREST, make) else { return };
         let mut bounds = Rect::NOTHING;
@@ -96,6 +106,7 @@ impl Map {
 
     /// Paints a track: past in full colour, future thin and weak, and the current position, hollow if it is outdated.
     /// Of the run from which this one branched, only what differs is painted.
+    #[expect(clippy::too_many_arguments, reason = "what a layer is and where it goes")]
     pub(super) fn paint_track(
         &self,
         ui: &Ui,
@@ -104,6 +115,7 @@ impl Map {
         viewport: Viewport,
         canvas: Rect,
         color: Color32,
+        labels: &mut Labels,
     ) {
         let Kind::Track { track, is_ghost } = layer.kind else { return };
         let Some(plane) = self.tracks.placed.get(&layer.name).and_then(PlacedTrack::plane) else { return };
@@ -127,6 +139,7 @@ impl Map {
         draw(0..now, here.map(|[x, y, _]| [x, y]), Stroke::new(2.0, color));
         if let Some([x, y, yaw]) = here {
             let at = viewport.to_screen(canvas, [x, y]);
+            labels.keep_free(Rect::from_center_size(at, Vec2::splat(2.0 * VEHICLE)));
             let placed = self.tracks.placed.get(&layer.name).and_then(|placed| placed.map_from_track);
             if let (Some(covariance), Some(pose)) = (Covariance::of(layer), placed) {
                 uncertainty::paint(&painter, &covariance, [x, y], &pose, viewport, canvas, color);
@@ -153,7 +166,7 @@ impl Map {
         }
     }
 
-    pub(super) fn paint_measured(&self, ui: &Ui, viewport: Viewport, canvas: Rect) {
+    pub(super) fn paint_measured(&self, ui: &Ui, viewport: Viewport, canvas: Rect, labels: &mut Labels) {
         let Some([from, to]) = self.measured else { return };
         let tokens = tokens(ui);
         let painter = ui.painter_at(canvas);
@@ -166,11 +179,7 @@ impl Map {
         let (east, north) = (to[0] - from[0], to[1] - from[1]);
         let bearing = (90.0 - north.atan2(east).to_degrees()).rem_euclid(360.0);
         let text = format!("{}  {bearing:05.1}°", format::metres(east.hypot(north), 2));
-        let galley = painter.layout_no_wrap(text, FontId::monospace(12.0), tokens.strong);
-        let at = ends[1] + Vec2::new(12.0, -galley.size().y / 2.0);
-        let plate = Rect::from_min_size(at, galley.size()).expand2(Vec2::new(4.0, 2.0));
-        painter.rect_filled(plate, 2.0, tokens.surface[3].gamma_multiply(0.92));
-        painter.galley(at, galley, tokens.strong);
+        labels.add_towards(ends[1], Vec2::RIGHT, text, FontId::monospace(12.0), tokens.strong);
     }
 }
 
@@ -218,6 +227,7 @@ pub(super) fn goal(
     from: Option<[f64; 3]>,
     viewport: Viewport,
     canvas: Rect,
+    labels: &mut Labels,
 ) {
     let Ok(pose) = crate::pose::from_message(goal.pose.as_ref()) else { return };
     let p = *map_from_goal * pose.translation;
@@ -235,6 +245,7 @@ pub(super) fn goal(
         let flag = vec![top, top + Vec2::new(11.0, 4.0), top + Vec2::new(0.0, 8.0)];
         painter.add(Shape::convex_polygon(flag, tokens.ok, Stroke::new(1.0, tokens.canvas())));
         painter.circle(at, 3.0, ink, Stroke::new(1.0, tokens.canvas()));
+        labels.keep_free(Rect::from_min_max(top - Vec2::new(3.0, 2.0), at + Vec2::new(13.0, 4.0)));
         return;
     }
     let (center, way) = (canvas.center(), (at - canvas.center()).normalized());
@@ -247,13 +258,8 @@ pub(super) fn goal(
     painter.add(Shape::convex_polygon(head, tokens.ok, Stroke::new(1.0, tokens.canvas())));
     let distance = from.map(|[x, y, _]| format::metres((p.x - x).hypot(p.y - y), 0));
     let text = format!("goal {}", distance.unwrap_or_default());
-    let galley = painter.layout_no_wrap(text, FontId::proportional(11.0), ink);
-    // Behind the arrow, without overlapping it.
-    let half = galley.size() / 2.0;
-    let back = way.x.abs() * half.x + way.y.abs() * half.y + 10.0;
-    let place = Rect::from_center_size(tip - way * back, galley.size());
-    painter.rect_filled(place.expand2(Vec2::new(4.0, 1.0)), 2.0, tokens.surface[3].gamma_multiply(0.92));
-    painter.galley(place.min, galley, ink);
+    labels.keep_free(Rect::from_center_size(tip, Vec2::splat(14.0)));
+    labels.add_towards(tip, -way, text, FontId::proportional(11.0), ink);
 }
 
 /// An arrow at position and heading; a disc where the heading is unknown. It is filled if the position is current.

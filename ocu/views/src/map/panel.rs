@@ -160,7 +160,7 @@ impl Map {
         wish
     }
 
-    /// The legend of the map's colours.
+    /// The legend of the map's colours; returns its place.
     pub(super) fn legend(
         &mut self,
         ui: &mut Ui,
@@ -169,7 +169,7 @@ impl Map {
         shown: &[&Layer<'_>],
         canvas: Rect,
         listed: bool,
-    ) {
+    ) -> Option<Rect> {
         let placed = |layer: &&&Layer<'_>| layers::map_from_layer(frame, &self.frame_id, layer).is_ok();
         let colored =
             shown.iter().filter(placed).any(|layer| matches!(layer.kind, Kind::Grid(_) | Kind::Cloud(_)));
@@ -177,11 +177,11 @@ impl Map {
         let named =
             !listed && (!colored || canvas.height() >= 400.0) && shown.iter().any(|layer| is_line(layer));
         if !colored && !named {
-            return;
+            return None;
         }
         let palette = self.saved.palette;
         let tokens = tokens(ui);
-        legend::plate(ui, canvas, Align2::LEFT_BOTTOM, |ui| {
+        let ((), place) = legend::plate(ui, canvas, Align2::LEFT_BOTTOM, |ui| {
             ui.style_mut().interaction.selectable_labels = false;
             let mut costs = false;
             for layer in shown {
@@ -240,6 +240,7 @@ impl Map {
                 }
             }
         });
+        Some(place)
     }
 }
 

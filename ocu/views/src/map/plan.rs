@@ -1,11 +1,12 @@
 //! Painting of what a planner and a follower considered: the chosen and the best rejected path, and the arcs with their
 //! scores.
 
+use super::labels::Labels;
 use super::layers::{Kind, Layer};
 use crate::canvas::Viewport;
 use crate::clip;
 use crate::view::{Hover, TopicKey};
-use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2};
+use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 use ocu_ui::{Tokens, palette};
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::rcs::scored_arc::Motion;
@@ -41,7 +42,14 @@ impl At {
 }
 
 /// Paints both paths of a plan: the chosen one solid, the rejected one dashed, with what it would cost more.
-pub(super) fn paths(painter: &Painter, plan: &Plan, at: At, tokens: &Tokens, color: Color32) {
+pub(super) fn paths(
+    painter: &Painter,
+    plan: &Plan,
+    at: At,
+    tokens: &Tokens,
+    color: Color32,
+    labels: &mut Labels,
+) {
     let points = |path: &PlanCandidate| -> Vec<[f64; 2]> {
         path.steps.iter().map(|step| [f64::from(step.x_m), f64::from(step.y_m)]).collect()
     };
@@ -53,7 +61,7 @@ pub(super) fn paths(painter: &Painter, plan: &Plan, at: At, tokens: &Tokens, col
         painter.extend(clip::dashed(&parts, Stroke::new(1.5, tokens.warning), tokens.warning));
         let more = plan.chosen.as_ref().map(|chosen| rejected.cost - chosen.cost);
         if let (Some(middle), Some(more)) = (points.get(points.len() / 2), more.filter(|v| v.is_finite())) {
-            label(painter, at.screen(*middle), &format!("rejected, cost {more:+.0}"), tokens);
+            labels.add(at.screen(*middle), format!("rejected, cost {more:+.0}"), tokens.warning);
         }
     }
     if let Some(chosen) = &plan.chosen {
@@ -61,13 +69,6 @@ pub(super) fn paths(painter: &Painter, plan: &Plan, at: At, tokens: &Tokens, col
         painter.extend(parts.iter().map(|part| Shape::line(part.clone(), halo)));
         painter.extend(parts.into_iter().map(|part| Shape::line(part, Stroke::new(2.0, color))));
     }
-}
-
-fn label(painter: &Painter, at: Pos2, text: &str, tokens: &Tokens) {
-    let galley = painter.layout_no_wrap(text.to_owned(), FontId::proportional(11.0), tokens.warning);
-    let place = Align2::LEFT_CENTER.anchor_size(at + Vec2::new(8.0, 0.0), galley.size());
-    painter.rect_filled(place.expand2(Vec2::new(4.0, 1.0)), 2.0, tokens.surface[3].gamma_multiply(0.92));
-    painter.galley(place.min, galley, tokens.warning);
 }
 
 /// Points along an arc, from the vehicle to the end of its free part; none for a turn on the spot.

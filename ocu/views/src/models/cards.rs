@@ -1,9 +1,10 @@
 //! One card per model: its name, its histograms, its numbers, and a button that deletes it.
 
+use super::patch::{Patch, Pictures};
 use super::read::{Histogram, Model, Models, Number};
 use egui::{Align, Color32, FontId, Layout, Mesh, Pos2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 use ocu_ui::palette::{self, MapPalette};
-use ocu_ui::{icons, tokens, widgets};
+use ocu_ui::{format, icons, tokens, widgets};
 use rcs_msg::Stamp;
 
 /// Width of a card with its margins.
@@ -12,9 +13,24 @@ const MARGIN: f32 = 8.0;
 /// Sides of a histogram with two axes, and height of one with bars.
 const SQUARE: f32 = 120.0;
 const BARS: f32 = 40.0;
+/// Side of a picture.
+const PATCH: f32 = 48.0;
 
-/// Paints all cards; returns the model to delete. `refused` says why none can be deleted.
-pub(super) fn show(ui: &mut Ui, now: Stamp, models: &Models, refused: Option<&str>) -> Option<usize> {
+/// What all cards share.
+pub(super) struct Shown<'a> {
+    pub(super) now: Stamp,
+    pub(super) models: &'a Models,
+    /// The pictures of the models.
+    pub(super) pictures: Option<&'a Pictures>,
+    /// Why none can be deleted.
+    pub(super) refused: Option<&'a str>,
+    /// The model whose deletion has been sent.
+    pub(super) leaving: Option<usize>,
+}
+
+/// Paints all cards; returns the model to delete.
+pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>) -> Option<usize> {
+    let models = shown.models;
     let mut deleted = None;
     ui.spacing_mut().item_spacing = Vec2::splat(8.0);
     egui::Frame::new().inner_margin(egui::Margin::same(8)).show(ui, |ui| {
@@ -22,8 +38,9 @@ pub(super) fn show(ui: &mut Ui, now: Stamp, models: &Models, refused: Option<&st
         for (row, line) in models.models.chunks(columns).enumerate() {
             ui.horizontal_top(|ui| {
                 for (column, model) in line.iter().enumerate() {
-                    if card(ui, now, model, refused) {
-                        deleted = Some(row * columns + column);
+                    let index = row * columns + column;
+                    if card(ui, shown, index, model) {
+                        deleted = Some(index);
                     }
                 }
             });
@@ -33,7 +50,8 @@ pub(super) fn show(ui: &mut Ui, now: Stamp, models: &Models, refused: Option<&st
 }
 
 /// Paints a card; returns whether it is to be deleted.
-fn card(ui: &mut Ui, now: Stamp, model: &Model, refused: Option<&str>) -> bool {
+fn card(ui: &mut Ui, shown: &Shown<'_>, index: usize, model: &Model) -> bool {
+    let (now, refused) = (shown.now, shown.refused);
     let tokens = tokens(ui);
     let mut deleted = false;
     let frame = egui::Frame::new().fill(tokens.surface[3]).corner_radius(3.0).inner_margin(MARGIN);
@@ -53,9 +71,16 @@ fn card(ui: &mut Ui, now: Stamp, model: &Model, refused: Option<&str>) -> bool {
                         if !model.kind.is_empty() && !model.name.contains(&model.kind) {
                             widgets::tag(ui, &model.kind, tokens.text);
                         }
+                        if shown.leaving == Some(index) {
+                            widgets::tag(ui, "deleted next", tokens.warning)
+                                .on_hover_text("The process deletes it in its next cycle");
+                        }
                     });
                 });
             });
+            if let (Some(patch), Some(pictures)) = (&model.patch, shown.pictures) {
+                picture(ui, now, pictures.of(index, patch), patch);
+            }
             for histogram in &model.histograms {
                 match histogram.axes {
                     Some(_) => plane(ui, histogram),
@@ -68,6 +93,30 @@ fn card(ui: &mut Ui, now: Stamp, model: &Model, refused: Option<&str>) -> bool {
         });
     });
     deleted
+}
+
+/// The picture of a model, and beside it where it comes from.
+fn picture(ui: &mut Ui, now: Stamp, (texture, part): (egui::TextureId, Rect), patch: &Patch) {
+    let weak = tokens(ui).weak;
+    let lines = match &patch.taken {
+        None => ["colours of the histogram;".to_owned(), "blue is not known".to_owned()],
+        Some((time, camera)) => {
+            let ago = |time: &Stamp| format!("seen {} ago", format::age(now.seconds_since(*time).max(0.0)));
+            [time.as_ref().map(ago).unwrap_or_default(), camera.clone()]
+        }
+    };
+    ui.horizontal(|ui| {
+        let (rect, response) = ui.allocate_exact_size(Vec2::splat(PATCH), Sense::hover());
+        let name = if patch.taken.is_some() { "Picture of the model" } else { "Colours of the model" };
+        response.widget_info(|| WidgetInfo::labeled(Role::Image, true, name));
+        ui.painter().image(texture, rect, part, Color32::WHITE);
+        ui.vertical(|ui| {
+            ui.spacing_mut().item_spacing.y = 0.0;
+            for line in lines.iter().filter(|line| !line.is_empty()) {
+                ui.add(egui::Label::new(RichText::new(line).small().color(weak)).truncate());
+            }
+        });
+    });
 }
 
 fn row(ui: &mut Ui, name: &str, number: Number, now: Stamp) {

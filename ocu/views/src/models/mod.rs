@@ -4,13 +4,17 @@
 //! numbers are shown as they are named; one that is called a fraction is a bar. A list with as many elements as the
 //! product of two numbers called `…_bins` has two axes, the first one outermost.
 //!
-//! A process remembers its models in a parameter with the name of their output, which holds a file. So models are saved
-//! as that file, loaded by setting the parameter, and deleted by setting it to what remains.
+//! A field of a model that is an image is its picture: part of the frame that it was learned from.
+//!
+//! A process begins with the models in a parameter with the name of their output, which holds a file. So models are
+//! saved as that file, and loaded by setting the parameter. One model is deleted by a command of the process whose
+//! parameters are an `rcs.ModelToDelete`.
 
 mod cards;
+mod patch;
 mod read;
 
-use crate::command::refusal;
+use crate::command::{self, refusal};
 use crate::texture::{Cached, SameMessage};
 use crate::toolbar::topic_choice;
 use crate::tuning::in_force;
@@ -18,9 +22,10 @@ use crate::view::{SavedState, TopicKey, View, ViewContext, Wish, is_old};
 use egui::{RichText, ScrollArea, Ui};
 use ocu_ui::bar::{self, Bar, Fit};
 use ocu_ui::{format, icons, tokens, widgets};
-use rcs_msg::AnyMessage;
+use patch::Atlas;
 use rcs_msg::params::{specs, with_params};
-use rcs_msg::rcs::ProcessInfo;
+use rcs_msg::rcs::{CommandInfo, ModelToDelete, ProcessInfo};
+use rcs_msg::{AnyMessage, schema_of};
 use rcs_runtime::Role;
 use rcs_runtime::source::{Control, Frame, Topic};
 use read::Models as Read;
@@ -38,6 +43,9 @@ struct Saved {
 pub(crate) struct Models {
     saved: Saved,
     read: Cached<SameMessage, Result<Read, String>>,
+    atlas: Atlas,
+    /// The message in which a model was chosen for deletion, and its number there.
+    leaving: Option<(SameMessage, usize)>,
     /// Why the last change was refused.
     refused: Option<String>,
 }
@@ -96,30 +104,39 @@ impl View for Models {
                 return widgets::empty(ui, icons::ICON_ERROR, "These models cannot be read", error);
             }
         };
-        let mut deleted = None;
         heading(ui, cx.frame, topic, read, self.refused.as_deref());
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-            let refused = place.as_ref().err().map(String::as_str);
-            deleted = cards::show(ui, cx.frame.now, read, refused);
+            let deletes = Deletes::of(cx.frame, topic);
+            let refused = deletes.as_ref().err().map(String::as_str);
+            let pictures = self.atlas.get(ui.ctx(), message, &read.patches());
+            let leaving = self.leaving.as_ref().filter(|(of, _)| *of == SameMessage(message.clone()));
+            let shown = cards::Shown {
+                now: cx.frame.now,
+                models: read,
+                pictures: pictures.as_ref(),
+                refused,
+                leaving: leaving.map(|(_, index)| *index),
+            };
+            let deleted = cards::show(ui, &shown);
+            if let (Some(index), Ok(deletes)) = (deleted, deletes) {
+                cx.controls.push(deletes.control(cx.frame, index));
+                self.leaving = Some((SameMessage(message.clone()), index));
+            }
         });
-        let change = match (asked, deleted) {
-            (Some(Asked::Save), _) => {
+        match asked {
+            Some(Asked::Save) => {
                 let (topic, message) = (TopicKey::of(topic), message.clone());
                 cx.wishes.push(Wish::SaveMessage { topic, message });
-                return;
             }
-            (Some(Asked::Load), _) => {
+            Some(Asked::Load) => {
                 if let Ok(place) = place {
                     let (process, field) = (place.process.name.as_str().into(), place.field);
                     cx.wishes.push(Wish::LoadParam { process, field, in_force: place.in_force });
                 }
-                return;
             }
-            (Some(Asked::DeleteAll), _) => Ok(String::new()),
-            (None, Some(index)) => read.without(message, index),
-            (None, None) => return,
-        };
-        self.refused = change.and_then(|text| place?.write(cx, &text)).err();
+            Some(Asked::DeleteAll) => self.refused = place.and_then(|place| place.write(cx, "")).err(),
+            None => {}
+        }
     }
 }
 
@@ -189,6 +206,43 @@ fn heading(ui: &mut Ui, frame: &Frame, topic: &Topic, read: &Read, refused: Opti
     });
 }
 
+/// The process that writes a topic, and the name of its output; an error says why nothing can be sent to it.
+fn writer<'a>(frame: &'a Frame, topic: &Topic) -> Result<(&'a ProcessInfo, &'a str), String> {
+    if let Some(why) = refusal(frame) {
+        return Err(why.to_owned());
+    }
+    let outputs = frame.processes.iter().flat_map(|info| info.outputs.iter().map(move |port| (info, port)));
+    let found = outputs.into_iter().find(|(_, port)| port.buffer == *topic.name);
+    let (process, port) = found.ok_or("No process writes these models.")?;
+    Ok((process, &port.name))
+}
+
+/// How one model of a topic is deleted.
+struct Deletes<'a> {
+    process: &'a ProcessInfo,
+    output: &'a str,
+    command: &'a CommandInfo,
+}
+
+impl<'a> Deletes<'a> {
+    /// An error says why none can be deleted.
+    fn of(frame: &'a Frame, topic: &Topic) -> Result<Self, String> {
+        let (process, output) = writer(frame, topic)?;
+        let schema = schema_of::<ModelToDelete>().name();
+        let command = process.commands.iter().find(|command| command.parameters_schema == schema);
+        let command =
+            command.ok_or_else(|| format!("{} has no command that deletes a model.", process.name))?;
+        Ok(Self { process, output, command })
+    }
+
+    fn control(&self, frame: &Frame, index: usize) -> Control {
+        let number = u32::try_from(index).unwrap_or(u32::MAX);
+        let message = AnyMessage::new(ModelToDelete { output: self.output.to_owned(), number });
+        let serial = command::next_serial(frame, self.process);
+        command::send(frame, self.process, serial, &self.command.name, Some(&message))
+    }
+}
+
 /// Where the models of a topic are kept: a parameter of the process that writes them.
 struct Place<'a> {
     process: &'a ProcessInfo,
@@ -199,20 +253,14 @@ struct Place<'a> {
 impl<'a> Place<'a> {
     /// An error says why they cannot be changed.
     fn of(frame: &'a Frame, topic: &Topic) -> Result<Self, String> {
-        if let Some(why) = refusal(frame) {
-            return Err(why.to_owned());
-        }
-        let outputs =
-            frame.processes.iter().flat_map(|info| info.outputs.iter().map(move |port| (info, port)));
-        let found = outputs.into_iter().find(|(_, port)| port.buffer == *topic.name);
-        let (process, port) = found.ok_or("No process writes these models.")?;
+        let (process, output) = writer(frame, topic)?;
         let in_force = in_force(frame, process).ok_or("The parameters of the process are not known yet.")?;
         let known = in_force.schema().descriptor().map(specs).unwrap_or_default();
-        let is_kept = known.iter().any(|spec| spec.file.is_some() && spec.name == port.name);
-        let field = port.name.clone();
+        let is_kept = known.iter().any(|spec| spec.file.is_some() && spec.name == output);
+        let field = output.to_owned();
         is_kept
             .then_some(Self { process, field, in_force })
-            .ok_or_else(|| format!("{} has no parameter {:?} that holds models.", process.name, port.name))
+            .ok_or_else(|| format!("{} has no parameter {:?} that holds models.", process.name, output))
     }
 
     /// Sets the parameter.
@@ -223,3 +271,6 @@ impl<'a> Place<'a> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,5 +1,6 @@
 //! Reads models from any message: its list of models, their histograms and their numbers.
 
+use super::patch::Patch;
 use ocu_ui::format;
 use rcs_msg::{AnyMessage, Stamp, Value};
 
@@ -9,8 +10,6 @@ const MOST_BINS: usize = 1 << 16;
 /// The models of a message.
 #[derive(Debug, Default)]
 pub(super) struct Models {
-    /// Name of the field that lists them.
-    list: String,
     pub(super) models: Vec<Model>,
 }
 
@@ -22,6 +21,8 @@ pub(super) struct Model {
     pub(super) kind: String,
     pub(super) histograms: Vec<Histogram>,
     pub(super) numbers: Vec<(String, Number)>,
+    /// What it was learned from, or else the colours of its histogram.
+    pub(super) patch: Option<Patch>,
 }
 
 /// A number of a model.
@@ -55,6 +56,11 @@ pub(super) struct Histogram {
 }
 
 impl Models {
+    /// The pictures of the models, in their order.
+    pub(super) fn patches(&self) -> Vec<Option<&Patch>> {
+        self.models.iter().map(|model| model.patch.as_ref()).collect()
+    }
+
     /// An error says what the message lacks.
     pub(super) fn of(message: &AnyMessage) -> Result<Self, String> {
         let value = message.value().map_err(|error| error.to_string())?;
@@ -64,43 +70,13 @@ impl Models {
         };
         let fields = value.fields();
         let found = fields.iter().find(|(_, value)| is_list(value) && value.len().unwrap_or(0) > 0);
-        let Some((list, value)) = found.or_else(|| fields.iter().find(|(_, value)| is_list(value))) else {
+        let Some((_, value)) = found.or_else(|| fields.iter().find(|(_, value)| is_list(value))) else {
             return Err(format!("{} has no list of models", message.schema().name()));
         };
         let Value::List(items) = value else { return Ok(Self::default()) };
         let models = items.iter().enumerate().map(|(index, item)| Model::of(index, item)).collect();
-        Ok(Self { list: list.clone(), models })
+        Ok(Self { models })
     }
-
-    /// The message without one of its models, as the text of a file; empty if none is left.
-    pub(super) fn without(&self, message: &AnyMessage, index: usize) -> Result<String, String> {
-        if self.models.len() <= 1 {
-            return Ok(String::new());
-        }
-        let text = rcs_msg::to_json(message).map_err(|error| error.to_string())?;
-        let mut json: serde_json::Value = serde_json::from_str(&text).map_err(|error| error.to_string())?;
-        // JSON's names are in camel case, where one word is the same.
-        let list = json.get_mut(camel(&self.list)).and_then(serde_json::Value::as_array_mut);
-        let list =
-            list.filter(|list| index < list.len()).ok_or("this model is not in the message any more")?;
-        list.remove(index);
-        serde_json::to_string_pretty(&json).map_err(|error| error.to_string())
-    }
-}
-
-/// `learned_models` as `learnedModels`.
-fn camel(name: &str) -> String {
-    let mut text = String::new();
-    for (index, part) in name.split('_').enumerate() {
-        let mut letters = part.chars();
-        match letters.next() {
-            Some(first) if index > 0 => text.extend(first.to_uppercase()),
-            Some(first) => text.push(first),
-            None => {}
-        }
-        text.push_str(letters.as_str());
-    }
-    text
 }
 
 impl Model {
@@ -120,6 +96,7 @@ impl Model {
                     model.histograms.extend(Histogram::of(name, value, &bins));
                 }
                 _ if name.ends_with("_bins") => {}
+                Value::Message(_) if time.is_none() => model.patch = model.patch.or_else(|| Patch::of(value)),
                 _ if time.is_some() => {
                     model.numbers.extend(time.map(|time| (spoken(name), Number::Time(time))));
                 }
@@ -130,6 +107,7 @@ impl Model {
                 })),
             }
         }
+        model.patch = model.patch.or_else(|| model.histograms.iter().find_map(Histogram::swatch));
         // What says most comes first.
         model.numbers.sort_by_key(|(_, number)| !matches!(number, Number::Fraction(_)));
         model
@@ -149,6 +127,11 @@ impl Histogram {
             histogram.columns = columns;
         }
         Some(histogram)
+    }
+
+    /// Its colours, if it is one over red and green.
+    pub(super) fn swatch(&self) -> Option<Patch> {
+        Patch::swatch(self.axes.as_ref()?, self.columns, &self.counts)
     }
 
     /// The greatest count; at least a little, so that one can divide by it.
@@ -192,10 +175,5 @@ mod tests {
         assert_eq!((model.histograms[1].axes.clone(), model.histograms[1].columns), (None, 8));
         let expected = [("obstacle fraction", Number::Fraction(0.25)), ("uses", Number::Plain(7.0))];
         assert_eq!(model.numbers, expected.map(|(name, number)| (name.to_owned(), number)));
-    }
-
-    #[test]
-    fn names_in_json_are_in_camel_case() {
-        assert_eq!(["models", "learned_models"].map(camel), ["models", "learnedModels"]);
     }
 }

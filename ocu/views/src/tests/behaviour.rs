@@ -3,7 +3,7 @@
 use super::{Shown, harness};
 use crate::operator::Hand;
 use crate::samples;
-use crate::view::TopicKey;
+use crate::view::{Hover, HoverPoint, Hovers, TopicKey};
 use egui::accesskit::{Role, Toggled};
 use egui::{Theme, Vec2};
 use egui_kittest::Harness;
@@ -427,4 +427,16 @@ fn parameters_of_a_recording_are_shown_and_previewed_and_cannot_be_sent() {
     assert!(harness.state().selection.preview.is_some());
     assert!(harness.get_by_label_contains("Send 1").accesskit_node().is_disabled());
     assert!(harness.query_by_label_contains("run a stack on it").is_some());
+}
+
+#[test]
+fn a_pointer_that_rests_on_a_map_asks_for_no_repaint() {
+    let point = HoverPoint { frame_id: "local".to_owned(), position_m: [1.0, 2.0, f64::NAN] };
+    let mut hovers = Hovers::default();
+    let mut turned = |point: &HoverPoint| {
+        hovers.set(Hover { point: Some(point.clone()), ..Hover::default() });
+        hovers.turn()
+    };
+    assert!(turned(&point) && !turned(&point));
+    assert!(turned(&HoverPoint { position_m: [1.0, 2.5, f64::NAN], ..point }));
 }

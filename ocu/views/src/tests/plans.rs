@@ -1,4 +1,4 @@
-//! The links between the view of plans and the map, and missions that are drawn on the map.
+//! The links between the view of plans and the map, and missions and examples that are drawn on the map.
 
 use super::{Shown, harness};
 use crate::samples;
@@ -6,7 +6,7 @@ use crate::view::{Hover, HoverPoint, TopicKey};
 use egui::{Pos2, Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use rcs_msg::rcs::{Mission, PlanePoint, PlanePolygon};
+use rcs_msg::rcs::{ExampleKind, Mission, PlanePoint, PlanePolygon, TrainingExample};
 use rcs_runtime::source::Control;
 
 fn shown(kind: &str) -> Harness<'static, Shown> {
@@ -149,4 +149,27 @@ fn driven_after_a_zone_in(frame_id: &str) -> Vec<Mission> {
 fn a_goal_by_a_click_keeps_the_zones_and_is_not_sent_where_they_would_be_lost() {
     assert_eq!(driven_after_a_zone_in("local")[0].keep_out.len(), 1);
     assert_eq!(driven_after_a_zone_in("elsewhere").len(), 0);
+}
+
+#[test]
+fn an_obstacle_is_drawn_and_sent_to_the_processes_that_learn() {
+    let mut map = shown("map");
+    let canvas = map.get_by_label("Map").rect();
+    map.get_by_label_contains("Draw an obstacle or ground").click();
+    map.run();
+    let corners = [Vec2::new(-60.0, 120.0), Vec2::new(-140.0, 120.0), Vec2::new(-140.0, 200.0)];
+    for corner in corners.into_iter().chain([corners[0]]) {
+        click(&mut map, canvas.center() + corner, egui::PointerButton::Primary);
+    }
+    map.snapshot("example_draft_dark");
+    assert!(map.query_by_label_contains("not sent").is_some());
+    assert!(map.state().controls.is_empty());
+    map.get_by_label_contains("Teach").click();
+    map.run();
+    let controls = std::mem::take(&mut map.state_mut().controls);
+    let [Control::Write { buffer, message }] = controls.as_slice() else { panic!("one message is sent") };
+    let example = message.to::<TrainingExample>().unwrap();
+    assert_eq!((buffer.as_str(), example.frame_id.as_str()), ("/operator/training", "local"));
+    assert_eq!((example.kind(), example.outline.unwrap().points.len()), (ExampleKind::ExampleObstacle, 3));
+    assert!(map.query_by_label_contains("1 example sent").is_some());
 }
