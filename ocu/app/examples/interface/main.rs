@@ -15,7 +15,7 @@ mod plots;
 use ocu_app::layout::Layout;
 use ocu_app::open::Request;
 use ocu_app::window::{Options, Window};
-use pass::{pass, summary};
+use pass::{pass, peaks, summary};
 use std::time::{Duration, Instant};
 
 const LAYOUT: &str = r#"Layout(version: 1, name: "measured", buffers: true, root: Row([
@@ -72,19 +72,19 @@ fn whole(mut args: impl Iterator<Item = String>) -> anyhow::Result<()> {
 }
 
 fn measure(what: &str, context: &egui::Context, window: &mut Window, seconds: f64) {
-    let (mut interface, mut triangles, mut rests) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut interface, mut triangles, mut frames) = (Vec::new(), Vec::new(), Vec::new());
     let began = Instant::now();
     while began.elapsed().as_secs_f64() < seconds {
         let start = Instant::now();
         let times = pass(context, window, Vec::new());
         interface.push(times.interface.as_secs_f64() * 1e3);
         triangles.push(times.triangles.as_secs_f64() * 1e3);
-        rests.push(times.rest);
+        frames.push(times);
         std::thread::sleep(EVERY.saturating_sub(start.elapsed()));
     }
     let at = window.frame().map_or(0.0, |frame| frame.time_s());
     let lag = window.frame().map_or(0.0, |frame| frame.playback.lag_s);
-    let quiet = rests.iter().rev().take_while(|rest| **rest > Duration::from_secs(1)).count();
+    let quiet = frames.iter().rev().take_while(|times| times.rest > Duration::from_secs(1)).count();
     println!(
         "{what}: {} frames up to {at:.1} s of the run, {lag:.1} s behind; interface {}; triangles {}; the last {quiet} \
          frames asked for no other one",
@@ -92,4 +92,5 @@ fn measure(what: &str, context: &egui::Context, window: &mut Window, seconds: f6
         summary(&mut interface),
         summary(&mut triangles),
     );
+    println!("  {}", peaks(&frames));
 }
