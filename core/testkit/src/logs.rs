@@ -168,17 +168,15 @@ fn copy(
     let about = from.metadata().iter().find(|metadata| metadata.name == "ocu");
     let metadata = about.map(|about| about.entries.clone()).unwrap_or_default();
     let mut writer = LogWriter::create(to, WriterOptions { metadata, ..WriterOptions::default() })?;
+    // A topic without messages is in the copy, too.
     let mut channels = BTreeMap::new();
+    for topic in &from.info().topics {
+        channels.insert(topic.id, writer.add_channel(&topic.name, &topic.schema, &topic.metadata)?);
+    }
     for message in from.cursor(CursorOptions::default()) {
         let message = message?;
-        let Some(topic) = from.info().topic(message.topic).filter(|_| wanted(message.log_time)) else {
-            continue;
-        };
-        let channel = match channels.get(&message.topic) {
-            Some(channel) => *channel,
-            None => writer.add_channel(&topic.name, &topic.schema, &topic.metadata)?,
-        };
-        channels.insert(message.topic, channel);
+        let topic = from.info().topic(message.topic).filter(|_| wanted(message.log_time));
+        let Some((topic, &channel)) = topic.zip(channels.get(&message.topic)) else { continue };
         let mut data = message.data.to_vec();
         change(&topic.name, message.sequence, &mut data);
         let header = WriteHeader {
