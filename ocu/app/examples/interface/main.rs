@@ -1,10 +1,12 @@
 //! Measures the interface: the time that a frame of the window takes on its thread, without the driver of the graphics.
 //!
-//! - `cargo run --workspace --example interface -- STACK COURSE SECONDS`: the whole window at 1600×900 with four cameras
+//! Built by `cargo build --workspace --example interface`; with the arguments
+//!
+//! - `STACK COURSE SECONDS`: the whole window at 1600×900 with four cameras
 //!   with overlays, two maps and the log, on a stack that runs; then the same, paused.
-//! - `… -- plots LOG FIELD FIELD FIELD FIELD`: opening four plots of a log, and moving them along the time. The example
+//! - `plots LOG FIELD FIELD FIELD FIELD`: opening four plots of a log, and moving them along the time. The example
 //!   `recordings` of `rcs-log` writes such logs.
-//! - `… -- hierarchy SECONDS`: the view Hierarchy with 40 processes at 50 Hz, and an empty view for comparison.
+//! - `hierarchy SECONDS`: the view Hierarchy with 40 processes at 50 Hz, and an empty view for comparison.
 
 #![allow(clippy::print_stdout, reason = "it prints what it measures")]
 

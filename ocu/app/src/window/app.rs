@@ -29,6 +29,8 @@ pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
             Renderer::Wgpu => eframe::Renderer::Wgpu,
             Renderer::Glow => eframe::Renderer::Glow,
         },
+        // It costs a software driver time for each pixel, and plain areas gain nothing by it.
+        dithering: adapters != Adapters::Software,
         ..eframe::NativeOptions::default()
     };
     eframe::run_native(

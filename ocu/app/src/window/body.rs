@@ -324,10 +324,9 @@ impl Window {
         self.dialogs.ui(ui.ctx(), &mut self.current, frame_now, &mut controls, &mut self.notices);
         self.palette_ui(ui, frame.as_deref(), &mut controls);
         show_focus(ui.ctx(), stops);
-        // Views that were painted before the one that changed it follow in the next pass.
         let turned = self.selection.hovered.turn();
         if turned || chosen != (self.selection.topic.clone(), self.selection.process.clone()) {
-            ui.ctx().request_repaint();
+            self.frames.again(ui.ctx());
         }
 
         if let (Shown::Live(driver), Some(frame)) = (&self.shown, &frame) {

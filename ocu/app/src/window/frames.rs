@@ -34,6 +34,13 @@ impl FramePolicy {
         Self { least: SOFTWARE, every: SOFTWARE, ..Self::default() }
     }
 
+    /// Draws again for views that were painted before the one that changed what all of them show, as the hovered time.
+    /// Where the processor draws, the frame of the next movement of the pointer usually does it.
+    pub(super) fn again(&self, ctx: &egui::Context) {
+        let is_software = self.least == SOFTWARE;
+        ctx.request_repaint_after(if is_software { SOFTWARE } else { Duration::ZERO });
+    }
+
     /// The time between frames, after a look at how well the source keeps up.
     pub(super) fn every(&mut self, now: Instant, playback: &Playback) -> Duration {
         if !playback.playing {

@@ -4,7 +4,7 @@
 //! multiples of their width in time, so that those of a frame hold for the next one when the axis moves ([`Kept`]).
 
 use super::axis::Axis;
-use egui::Pos2;
+use egui::{Pos2, Rangef, Rect};
 use rcs_formula::Moments;
 use rcs_msg::Stamp;
 use rcs_runtime::source::{FieldPoint, Piece, Series};
@@ -174,43 +174,69 @@ impl Default for Values {
     }
 }
 
-/// Lines through the columns, interrupted at gaps. A column with several values is a vertical line from the least to the
-/// greatest.
-pub(super) fn lines(columns: &[Column], axis: &Axis) -> Vec<Vec<Pos2>> {
-    let mut lines: Vec<Vec<Pos2>> = Vec::new();
+/// What draws a curve: lines, and areas where it fills its columns.
+#[derive(Debug, Default)]
+pub(super) struct Strokes {
+    pub(super) lines: Vec<Vec<Pos2>>,
+    /// Columns with many values, from the least to the greatest. A line to and fro would cover each pixel several times.
+    pub(super) bars: Vec<Rect>,
+}
+
+/// Number of values from which on a column is drawn as a bar.
+const FILLED: usize = 4;
+
+/// Lines and bars through the columns, interrupted at gaps. A column with several values reaches from the least to the
+/// greatest. What connects two bars is a part of the second one.
+pub(super) fn strokes(columns: &[Column], axis: &Axis) -> Strokes {
+    let mut strokes = Strokes::default();
     let mut line: Vec<Pos2> = Vec::new();
-    for column in columns {
+    // The last value of a bar that nothing follows yet.
+    let mut bar_end: Option<Pos2> = None;
+    for (index, column) in columns.iter().enumerate() {
+        if column.min > column.max || !column.first.is_finite() {
+            strokes.lines.push(std::mem::take(&mut line));
+            bar_end = None;
+        }
         if column.min > column.max {
-            lines.push(std::mem::take(&mut line));
             continue;
         }
-        if !column.first.is_finite() {
-            lines.push(std::mem::take(&mut line));
-        }
         let (low, high) = (axis.at(column.min), axis.at(column.max));
-        if (low - high).abs() < 1.0 {
-            line.push(Pos2::new(
-                column.x,
-                axis.at(if column.first.is_finite() { column.first } else { column.min }),
-            ));
+        let at = |value: f64| Pos2::new(column.x, axis.at(value));
+        if column.points >= FILLED && low - high >= 1.0 {
+            let mut span = Rangef::new(high, low);
+            if let Some(before) = bar_end {
+                span = Rangef::new(span.min.min(before.y), span.max.max(before.y));
+            } else if !line.is_empty() {
+                line.push(at(column.first));
+                strokes.lines.push(std::mem::take(&mut line));
+            }
+            let next = columns.get(index + 1).map_or(f32::INFINITY, |next| next.x);
+            strokes.bars.push(Rect::from_x_y_ranges(column.x..=next.min(column.x + 1.5), span));
+            bar_end = Some(at(column.last));
         } else {
-            // Begin with the end that is nearer to the line so far.
-            let before = line.last().map_or(low, |last| last.y);
-            let (a, b) =
-                if (before - low).abs() <= (before - high).abs() { (low, high) } else { (high, low) };
-            line.push(Pos2::new(column.x, a));
-            line.push(Pos2::new(column.x, b));
-            if column.last.is_finite() && (axis.at(column.last) - b).abs() > 1.0 {
-                line.push(Pos2::new(column.x, axis.at(column.last)));
+            line.extend(bar_end.take());
+            if low - high < 1.0 {
+                line.push(at(if column.first.is_finite() { column.first } else { column.min }));
+            } else {
+                // Begin with the end that is nearer to the line so far.
+                let before = line.last().map_or(low, |last| last.y);
+                let is_near = (before - low).abs() <= (before - high).abs();
+                let (a, b) = if is_near { (low, high) } else { (high, low) };
+                line.push(Pos2::new(column.x, a));
+                line.push(Pos2::new(column.x, b));
+                if column.last.is_finite() && (axis.at(column.last) - b).abs() > 1.0 {
+                    line.push(at(column.last));
+                }
             }
         }
         if !column.last.is_finite() {
-            lines.push(std::mem::take(&mut line));
+            strokes.lines.push(std::mem::take(&mut line));
+            bar_end = None;
         }
     }
-    lines.push(line);
-    lines.retain(|line| !line.is_empty());
-    lines
+    strokes.lines.push(line);
+    strokes.lines.retain(|line| !line.is_empty());
+    strokes
 }
 
 /// Stretches of one state: positions of their beginning and end, and the state. Stretches below one screen point are
@@ -256,7 +282,6 @@ pub(super) fn bands(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use egui::Rangef;
 
     fn seconds(stamp: Stamp) -> f64 {
         stamp.0 as f64 * 1e-9
@@ -319,8 +344,25 @@ mod tests {
         let axis = Axis::horizontal(0.0, 7.0, Rangef::new(0.0, 700.0));
         let columns = Kept::default().columns(&series, 0..6, &axis, seconds);
         let y = Axis::vertical(0.0, 5.0, Rangef::new(0.0, 500.0));
-        let lines = lines(&columns, &y);
+        let lines = strokes(&columns, &y).lines;
         assert_eq!(lines.iter().map(Vec::len).collect::<Vec<_>>(), [2, 1, 1]);
+    }
+
+    #[test]
+    fn columns_of_many_values_are_bars_that_touch_each_other_and_the_lines_beside_them() {
+        // Ten values a column between 10 and 20, between 40 and 50, one value, a gap, and a bar again.
+        let noise = |low: f64| (0..10).map(move |i| low + f64::from(i * 7 % 11));
+        let values =
+            noise(10.0).chain(noise(40.0)).chain([60.0; 10]).chain([f64::NAN; 10]).chain(noise(10.0));
+        let series: Series<FieldPoint> =
+            values.zip(0..).map(|(value, i)| FieldPoint { stamp: Stamp(i * 100_000_000), value }).collect();
+        let axis = Axis::horizontal(0.0, 5.0, Rangef::new(0.0, 5.0));
+        let columns = Kept::default().columns(&series, 0..series.len(), &axis, seconds);
+        let Strokes { lines, bars } = strokes(&columns, &Axis::vertical(0.0, 100.0, Rangef::new(0.0, 100.0)));
+        let spans: Vec<_> = bars.iter().map(|bar| (bar.left(), bar.top(), bar.bottom())).collect();
+        // The last value of the first bar is 18, and 0 is at the bottom.
+        assert_eq!(spans, [(0.0, 80.0, 90.0), (1.0, 50.0, 82.0), (4.0, 80.0, 90.0)]);
+        assert_eq!(lines, [vec![Pos2::new(1.0, 52.0), Pos2::new(2.0, 40.0)]]);
     }
 
     #[test]

@@ -233,7 +233,7 @@ fn curves(
                     if let [one] = line.as_slice() {
                         painter.circle_filled(*one, 2.0, curve.color);
                     } else {
-                        painter.add(Shape::line(line, Stroke::new(1.25, curve.color)));
+                        painter.add(Shape::line(line, Stroke::new(paint::LINE, curve.color)));
                     }
                 }
             }

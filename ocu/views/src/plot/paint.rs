@@ -1,9 +1,9 @@
 //! Paints one graph: axes, curves, bands of states, cursors.
 
 use super::axis::{Axis, GraphKind, around, mark_text, time_text};
-use super::columns::{Column, Kept, bands, lines, visible};
+use super::columns::{Column, Kept, bands, strokes, visible};
 use crate::series::Shown;
-use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2};
+use egui::{Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 use ocu_ui::Tokens;
 use rcs_msg::Stamp;
 use rcs_runtime::source::{FieldPoint, Series};
@@ -12,6 +12,8 @@ use rcs_runtime::source::{FieldPoint, Series};
 pub(super) const BAND: f32 = 18.0;
 /// Curves with at most this many visible points are drawn with their points.
 const DOTS: usize = 60;
+/// Width of the lines of curves.
+pub(super) const LINE: f32 = 1.25;
 
 /// Times of a source as seconds since its start.
 #[derive(Clone, Copy, Debug)]
@@ -71,16 +73,40 @@ pub(super) fn value_range(fixed: Option<(f64, f64)>, curves: impl Iterator<Item 
 /// Draws a curve of quantities.
 pub(super) fn curve(painter: &Painter, reduced: &Reduced, y: &Axis, color: Color32) {
     let points: usize = reduced.columns.iter().map(|column| column.points).sum();
-    for line in lines(&reduced.columns, y) {
+    let strokes = strokes(&reduced.columns, y);
+    if !strokes.bars.is_empty() {
+        painter.add(bars(&strokes.bars, color));
+    }
+    for line in strokes.lines {
         if line.len() == 1 || points <= DOTS {
             for at in &line {
                 painter.circle_filled(*at, 2.0, color);
             }
         }
         if line.len() > 1 {
-            painter.add(Shape::line(line, Stroke::new(1.25, color)));
+            painter.add(Shape::line(line, Stroke::new(LINE, color)));
         }
     }
+}
+
+/// Bars as thick as a line, with ends that fade over a screen point as the edges of a line do.
+fn bars(bars: &[Rect], color: Color32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for bar in bars {
+        let inside = (LINE - 1.0) / 2.0;
+        let (top, bottom) = (bar.top() - inside, bar.bottom() + inside);
+        let start = mesh.vertices.len() as u32;
+        let faded = Color32::TRANSPARENT;
+        for (y, color) in [(top - 1.0, faded), (top, color), (bottom, color), (bottom + 1.0, faded)] {
+            mesh.colored_vertex(Pos2::new(bar.left(), y), color);
+            mesh.colored_vertex(Pos2::new(bar.right(), y), color);
+        }
+        for left in [start, start + 2, start + 4] {
+            mesh.add_triangle(left, left + 1, left + 2);
+            mesh.add_triangle(left + 1, left + 2, left + 3);
+        }
+    }
+    mesh
 }
 
 /// Draws the states of a curve as a band.
