@@ -2,10 +2,11 @@
 //!
 //! The gyros are integrated. While the magnitude of the measured acceleration is close to gravity, its direction slowly
 //! corrects roll and pitch; accelerations from the vehicle's own motion, as measured by the wheels, are subtracted
-//! before. Yaw has no such correction: it drifts with the bias of its gyro, which is estimated while the vehicle
-//! stands.
+//! before. Yaw drifts with the bias of its gyro, which is estimated while the vehicle stands, and, where the inertial
+//! sensor has a compass that is to be used, while it drives.
 
 use glam::{DQuat, DVec3};
+use rcs_geom::wrap_angle;
 use serde::{Deserialize, Serialize};
 
 /// m/s².
@@ -110,6 +111,18 @@ impl Attitude {
         self.bias += (value - self.bias) * (weight_s / self.rested_s);
     }
 
+    /// Corrects heading and bias by the heading of a compass, counter-clockwise from east, rad, `elapsed_s` after the
+    /// reading before: a critically damped observer with the time constant `compass_time_s`. At rest nothing changes.
+    pub fn follow_compass(&mut self, compass_yaw_rad: f64, compass_time_s: f64, elapsed_s: f64) {
+        if self.turn_radps == DVec3::ZERO {
+            return;
+        }
+        let error_rad = wrap_angle(compass_yaw_rad - self.yaw_rad());
+        let part = elapsed_s.clamp(0.0, MAX_STEP_S) / compass_time_s.max(MAX_STEP_S);
+        self.turn_by(2.0 * error_rad * part);
+        self.bias.z -= error_rad * part / compass_time_s.max(MAX_STEP_S);
+    }
+
     /// Heading counter-clockwise from east, rad.
     pub fn yaw_rad(&self) -> f64 {
         let forward = self.level_from_vehicle * DVec3::X;
@@ -187,6 +200,32 @@ mod tests {
             attitude.update(&SETTINGS, gyro, DVec3::Z * 9.81, 0.01, standing);
         }
         assert_eq!(attitude.bias, DVec3::ZERO);
+    }
+
+    #[test]
+    fn a_compass_takes_the_drift_from_the_heading_and_its_noise_does_not_show() {
+        let drive = |compass_time_s: Option<f64>| {
+            let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 3.0);
+            let mut truth: f64 = 3.0;
+            let mut worst = 0.0_f64;
+            for step in 0..20_000_i32 {
+                let turn_radps = 0.3 * libm::sin(f64::from(step) * 0.002);
+                truth += turn_radps * 0.01;
+                let gyro = DVec3::Z * (turn_radps + 0.001);
+                attitude.update(&SETTINGS, gyro, DVec3::Z * 9.81, 0.01, false);
+                // Its noise is 1 degree; a plain sequence that has no trend.
+                let noise = (f64::from(step * 7919 % 1000) / 999.0 - 0.5) * 0.06;
+                if let Some(compass_time_s) = compass_time_s {
+                    attitude.follow_compass(wrap_angle(truth + noise), compass_time_s, 0.01);
+                }
+                if step > 10_000 {
+                    worst = worst.max(wrap_angle(attitude.yaw_rad() - truth).abs());
+                }
+            }
+            worst
+        };
+        assert!(drive(None) > 0.19);
+        assert!(drive(Some(20.0)) < 0.002, "{}", drive(Some(20.0)));
     }
 
     #[test]

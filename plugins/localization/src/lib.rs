@@ -27,7 +27,9 @@
 //! - [`wheels`]: distance rolled by the wheels, and whether the vehicle stands.
 //! - [`rcs_sense::Origin`]: the global frame on the earth.
 //!
-//! The local estimate starts at (0, 0, 0) with the heading of the inertial sensor's compass, or of a parameter. It
+//! The local estimate starts at (0, 0, 0) with the heading of the inertial sensor's compass, or of a parameter. With the
+//! parameter `compass_time_s` the compass also takes the drift from the gyro's heading while the vehicle drives: a bias of
+//! 0.03°/s is 4° after 140 s, by which a way of 30 m ends 2 m beside its place. It
 //! measures distance by the wheels alone, so wheel slip makes it too long without any correction; the global estimate
 //! is corrected by the fixes. Neither models sideways slip.
 //!

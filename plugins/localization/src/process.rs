@@ -181,7 +181,11 @@ impl Localization {
         let own = gain.map_or(DVec3::ZERO, |(gain_mps2, _)| {
             DVec3::new(gain_mps2, self.speed_mps * attitude.turn_radps.z, 0.0)
         });
+        let compass_rad = if params.compass_time_s > 0.0 { compass_rad(imu)? } else { None };
         attitude.update(&settings, gyro, force - own, elapsed_s, standing);
+        if let Some(heading_rad) = compass_rad {
+            attitude.follow_compass(heading_rad, params.compass_time_s, elapsed_s);
+        }
         self.felt = Some(time);
         Ok(())
     }
@@ -336,13 +340,21 @@ impl Localization {
 /// Heading at the start and its variance, rad and rad²: from the sensor or from the parameters.
 fn start_heading(imu: &Imu, params: &LocalizationParams) -> Result<(f64, f64), String> {
     let deviation = params.start_heading_noise_deg.to_radians();
-    if imu.orientation.is_none() {
+    let Some(heading_rad) = compass_rad(imu)? else {
         return Ok((params.start_heading_deg.to_radians(), deviation * deviation));
+    };
+    let stated = imu.orientation_covariance.get(8).copied().filter(|v| v.is_finite() && *v > 0.0);
+    Ok((heading_rad, stated.unwrap_or(deviation * deviation)))
+}
+
+/// Heading that the sensor states, counter-clockwise from east, rad.
+fn compass_rad(imu: &Imu) -> Result<Option<f64>, String> {
+    if imu.orientation.is_none() {
+        return Ok(None);
     }
     let pose = rcs_msg::foxglove::Pose { position: Some(Vector3::default()), orientation: imu.orientation };
     let pose = pose_of(Some(&pose), "imu").map_err(|error| error.to_string())?;
-    let stated = imu.orientation_covariance.get(8).copied().filter(|v| v.is_finite() && *v > 0.0);
-    Ok((pose.yaw(), stated.unwrap_or(deviation * deviation)))
+    Ok(Some(pose.yaw()))
 }
 
 /// Row-major 6×6 covariance of x, y, z, roll, pitch, yaw: m² and rad².
