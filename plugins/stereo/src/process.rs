@@ -183,20 +183,17 @@ impl Stereo {
                 farthest = farthest.max(depth_m);
             }
         }
-        if matched == 0 {
-            let [min_m, max_m] = limits;
-            return Err(Unusable::NoRange { pixels: disparity.len(), min_m, max_m });
-        }
+        let pixels = disparity.len();
         self.pairs += 1;
         let [width, height] = rig.size();
         let possible = (width + 1 - settings.disparities) * height;
         let [left, right] = pair.taken;
         let stats = StereoStats {
             timestamp: Some(left.to_proto()),
-            pixels: disparity.len() as u64,
+            pixels: pixels as u64,
             matched,
             density_pct: 100.0 * matched as f64 / possible as f64,
-            min_range_m: f64::from(nearest),
+            min_range_m: if matched > 0 { f64::from(nearest) } else { 0.0 },
             max_range_m: f64::from(farthest),
             right_after_left_ms: (right.0 as f64 - left.0 as f64) / 1e6,
             pairs: self.pairs,
@@ -209,6 +206,11 @@ impl Stereo {
         };
         let heading = Heading { time: left, frame_id, size: [width, height] };
         send(&heading, &rig, rectified, &disparity, &depths, stats, ports, params, cx);
+        if matched == 0 {
+            // A bare wall fills the view, or the calibration is another camera's: readers see that the cameras send.
+            let [min_m, max_m] = limits;
+            cx.fault(format!("none of {pixels} pixels has a range from {min_m} m to {max_m} m"));
+        }
         Ok(())
     }
 }

@@ -54,8 +54,6 @@ pub(crate) enum Unusable {
     Camera(#[from] CameraError),
     #[error("{0}")]
     Stereo(#[from] StereoError),
-    #[error("none of {pixels} pixels has a range from {min_m} m to {max_m} m")]
-    NoRange { pixels: usize, min_m: f64, max_m: f64 },
 }
 
 /// A rectified pair.

@@ -296,13 +296,20 @@ fn without_calibrations_pairs_are_skipped() {
 }
 
 #[test]
-fn a_pair_in_which_nothing_has_a_range_is_reported() {
+fn a_pair_in_which_nothing_has_a_range_is_sent_without_ranges_and_reported() {
     let grey = |at_ms: u64| raw_image(SIZE, vec![100 + (at_ms % 7) as u8; SIZE[0] * SIZE[1]]);
-    check(
-        vec![give(300, "/left", grey(1)), give(300, "/right", grey(2))],
-        &[],
-        "none of 6144 pixels has a range",
-    );
+    let mut given = calibrated();
+    given.extend([give(300, "/left", grey(1)), give(300, "/right", grey(2))]);
+    let mut run = run(&given, 1, &[]);
+    run_until(&mut run, 350);
+    let (count, last) = faults(&run);
+    assert!(count == 1 && last.contains("none of 6144 pixels has a range"), "{count}: {last}");
+    assert_eq!(sent(&run), [1; 6], "whoever stands without recent ranges sees that the cameras send");
+    let depth: RawImage = latest(&run, "depth").unwrap();
+    let depth_m = depth.data.chunks_exact(4).map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap()));
+    assert!(depth_m.into_iter().all(f32::is_nan));
+    let stats: rcs_stereo::proto::StereoStats = latest(&run, "stats").unwrap();
+    assert_eq!((stats.matched, stats.min_range_m, stats.max_range_m), (0, 0.0, 0.0));
 }
 
 #[test]
