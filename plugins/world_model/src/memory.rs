@@ -229,6 +229,9 @@ pub struct Fit {
     pub agreement: f64,
     /// Number of obstacle cells that were compared.
     pub compared: usize,
+    /// Cells that agree less those that differ, as a share of the sensed obstacle cells. What lies where nothing is
+    /// remembered supports nothing: of two parallel walls, one that lies on the other agrees, and supports half.
+    pub support: f64,
 }
 
 /// How a remembered map agrees if it is moved, m.
@@ -243,11 +246,16 @@ pub fn compare(remembered: &Rectangle, seen: &Seen, moved: DVec2) -> Fit {
     }
     differ += seen.ground.iter().filter(|&&place| is_obstacle(remembered.at(place - moved))).count();
     let compared = agree + differ;
-    Fit { moved, agreement: agree as f64 / compared.max(1) as f64, compared }
+    Fit {
+        moved,
+        agreement: agree as f64 / compared.max(1) as f64,
+        compared,
+        support: (agree as f64 - differ as f64) / seen.obstacles.len().max(1) as f64,
+    }
 }
 
 /// The best fit of a remembered map that is moved by whole cells, up to a distance east and north from a place, m. A metre
-/// of motion from there must gain this much agreement; of fits that are as good, the one that moves it least counts. `None`
+/// of motion from there must gain this much support; of fits that are as good, the one that moves it least counts. `None`
 /// if fewer cells than `least` can be compared.
 pub fn register(
     remembered: &Rectangle,
@@ -259,7 +267,7 @@ pub fn register(
 ) -> Option<Fit> {
     let steps = (within_m / remembered.cell_size_m).floor() as i32;
     let shifts = (-steps..=steps).flat_map(|y| (-steps..=steps).map(move |x| DVec2::new(x.into(), y.into())));
-    let worth = |fit: &Fit| fit.agreement - worth_of_metre * fit.moved.distance(from);
+    let worth = |fit: &Fit| fit.support - worth_of_metre * fit.moved.distance(from);
     shifts
         .map(|shift| compare(remembered, seen, from + shift * remembered.cell_size_m))
         .filter(|fit| fit.compared >= least)

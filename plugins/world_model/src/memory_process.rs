@@ -6,6 +6,7 @@ use crate::proto::{MapMemory, MapMemoryParams};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransform, FrameTransforms, Grid, Odometry, Quaternion, Vector3};
+use rcs_msg::rcs::{Plan, PlanState};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{GridFrame, Localizer, Origin, pose_of};
 use rcs_world::{GridView, Source, SourceKind, UNKNOWN_COST, Weighted, Weights, fuse_grid};
@@ -19,13 +20,19 @@ const CONFIDENCE: u8 = 80;
 /// Distance between the points of the track, m, and their greatest number.
 const TRACK_STEP_M: f64 = 2.0;
 const MOST_TRACK: usize = 5000;
-/// Agreement that a metre of motion must gain: while the remembered map is not registered, and afterwards, when it is
-/// moved by up to this far at a time, m, because the local frame drifts slowly.
-const WORTH: f64 = 0.02;
+/// Support that a metre of motion must gain: from where the position estimate puts the remembered map, and once it is
+/// registered, when it is moved by up to this far at a time, m, because the local frame drifts slowly.
+const WORTH: f64 = 0.05;
 const FOLLOW_WORTH: f64 = 0.1;
 const FOLLOW_M: f64 = 0.4;
+/// A registered map lies in a wrong place where another one has had this much more support for this many messages in
+/// turn: few things are in sight when it is registered first.
+const CLEARLY: f64 = 0.15;
+const IN_TURN: u32 = 4;
 /// A registered map is believed until its agreement falls below this share of the one that it needed.
 const DOUBT: f64 = 0.7;
+/// Time without a way to the goal after which the remembered map is not believed any more, s.
+const NO_WAY_S: f64 = 5.0;
 /// Time after which the costs are sent again, s: the world model may have been cleared.
 const RESEND_S: f64 = 5.0;
 
@@ -33,12 +40,16 @@ const RESEND_S: f64 = 5.0;
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct MapMemoryKeeper {
     frames: Localizer,
-    /// Whether the operator has cleared the memory.
-    is_cleared: bool,
+    /// Why the remembered map is not used until the next start, if so.
+    dropped: Option<String>,
+    /// Since when the plan has found no way with the remembered map.
+    no_way: Option<Stamp>,
     /// Where the vehicle was, local frame, m.
     track: Vec<DVec2>,
     /// Where the remembered map lies; `None` while it is not believed.
     placed: Option<Placed>,
+    /// Number of messages in turn in which another place had clearly more support.
+    elsewhere: u32,
     /// When the costs were sent last, and where a point of the remembered map then was, m.
     sent: Option<(Stamp, DVec2)>,
     saved: Option<Stamp>,
@@ -105,6 +116,7 @@ pub struct Ports {
     map: In<Grid>,
     odometry: In<Odometry>,
     transforms: In<FrameTransforms>,
+    plan: In<Plan>,
     cost: Out<Grid>,
     memory: Out<MapMemory>,
     registration: Out<FrameTransforms>,
@@ -127,6 +139,10 @@ impl Process for MapMemoryKeeper {
             map: b.input("map", "the map to remember, with the evidence of each source, local frame"),
             odometry: b.input("odometry", "pose of the vehicle in the local frame"),
             transforms: b.input("transforms", "the local frame in the global frame"),
+            plan: b.optional_input(
+                "plan",
+                "the plan on that map: one without a way to the goal drops the remembered map",
+            ),
             cost: b
                 .output(
                     "cost",
@@ -163,7 +179,7 @@ impl Process for MapMemoryKeeper {
         while let Some(command) = cx.next_command::<Self>() {
             match command {
                 MapMemoryCommand::Save => is_asked = true,
-                MapMemoryCommand::Clear => self.is_cleared = true,
+                MapMemoryCommand::Clear => self.dropped = Some("the remembered map is cleared".to_owned()),
             }
         }
         while let Some(message) = cx.read(&ports.transforms) {
@@ -187,6 +203,8 @@ impl Process for MapMemoryKeeper {
         let Some(map) = cx.read_newest(&ports.map) else {
             return self.tell(cx);
         };
+        let is_closed = cx.latest(&ports.plan).is_some_and(|plan| plan.state() == PlanState::PlanNoWay);
+        self.look_for_a_way(is_closed, cx.now());
         let seen = Now { map: &map, vehicle, global_from_local: &global_from_local };
         if let Err(error) = self.remember(ports, params, &origin, &seen, cx) {
             cx.fault(format!("map: {error}; skipped"));
@@ -223,6 +241,15 @@ impl MapMemoryKeeper {
         }
     }
 
+    /// Drops a remembered map with which there is no way to the goal: there was one to remember.
+    fn look_for_a_way(&mut self, is_closed: bool, now: Stamp) {
+        if !is_closed || self.placed.is_none() {
+            self.no_way = None;
+        } else if now.seconds_since(*self.no_way.get_or_insert(now)) >= NO_WAY_S {
+            self.dropped = Some("the remembered map leaves no way to the goal: not used".to_owned());
+        }
+    }
+
     /// Registers the remembered map, and states what it says to the world model.
     fn remember(
         &mut self,
@@ -232,9 +259,9 @@ impl MapMemoryKeeper {
         now: &Now<'_>,
         cx: &mut Cycle<'_>,
     ) -> Result<(), String> {
-        let Some(remembered) = self.remembered.of(params, origin).filter(|_| !self.is_cleared) else {
-            if self.is_cleared {
-                "the remembered map is cleared".clone_into(&mut self.text);
+        let Some(remembered) = self.remembered.of(params, origin).filter(|_| self.dropped.is_none()) else {
+            if let Some(why) = &self.dropped {
+                self.text.clone_from(why);
                 self.withdraw(ports, params, now, cx);
             }
             return Ok(());
@@ -260,7 +287,15 @@ impl MapMemoryKeeper {
         let found = match self.placed {
             // Where little can be compared, what was found stays.
             Some(Placed { fit, .. }) => {
-                register(&remembered, &seen, fit.moved, FOLLOW_M, FOLLOW_WORTH, least).or(Some(fit))
+                let here =
+                    register(&remembered, &seen, fit.moved, FOLLOW_M, FOLLOW_WORTH, least).unwrap_or(fit);
+                // The fit where the position estimate puts the map is not moved.
+                let estimated = -away(DVec2::ZERO);
+                let there = register(&remembered, &seen, estimated, params.search_m, WORTH, least)
+                    .filter(|there| there.support > here.support + CLEARLY)
+                    .filter(|there| there.agreement >= params.least_agreement);
+                self.elsewhere = if there.is_some() { self.elsewhere + 1 } else { 0 };
+                there.filter(|_| self.elsewhere >= IN_TURN).or(Some(here))
             }
             None => register(&remembered, &seen, DVec2::ZERO, params.search_m, WORTH, least),
         };
@@ -268,7 +303,7 @@ impl MapMemoryKeeper {
         let needed = params.least_agreement * if self.placed.is_some() { DOUBT } else { 1.0 };
         self.text = match found {
             Some(fit) if fit.agreement >= needed => {
-                let Fit { moved, agreement, compared } = fit;
+                let Fit { moved, agreement, compared, .. } = fit;
                 self.placed = Some(Placed { global_from_local, fit });
                 let (share, moved_m) = (100.0 * agreement, away(moved).length());
                 format!("remembers: moved by {moved_m:.1} m, {share:.0} % of {compared} obstacle cells agree")

@@ -70,6 +70,31 @@ fn a_map_that_lies_beside_the_ground_is_moved_onto_it() {
 }
 
 #[test]
+fn of_two_parallel_walls_one_does_not_lie_on_the_other() {
+    // A corridor 2.4 m wide that is remembered only as far as its walls.
+    let corridor = |south: f64| {
+        let mut map = map(DVec2::splat(100.0));
+        for index in 0..map.costs.len() {
+            let across = map.centre(index).y - south;
+            let is_wall = (0.0..0.8).contains(&across) || (3.2..4.0).contains(&across);
+            map.costs[index] = match () {
+                () if is_wall => 250,
+                () if (0.0..4.0).contains(&across) => 0,
+                () => UNKNOWN_COST,
+            };
+        }
+        map
+    };
+    let (sensed, remembered) = (corridor(-2.0), corridor(-0.8));
+    let seen = seen(&sensed);
+    // The north wall of one on the south wall of the other contradicts nothing.
+    let aliased = compare(&remembered, &seen, DVec2::new(0.0, -4.4));
+    assert!(aliased.agreement > 0.99 && aliased.support < 0.51, "{aliased:?}");
+    let fit = register(&remembered, &seen, DVec2::new(0.0, -3.6), 4.0, 0.05, 30).unwrap();
+    assert!(fit.moved.abs_diff_eq(DVec2::new(0.0, -1.2), 0.41) && fit.support > 0.9, "{fit:?}");
+}
+
+#[test]
 fn a_map_of_another_place_does_not_fit_and_open_ground_tells_nothing() {
     let sensed = map(DVec2::new(1.2, -0.8));
     // Posts in rows, as many obstacle cells as the walls.

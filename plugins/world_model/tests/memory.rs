@@ -35,7 +35,7 @@ sources = [
 name = "memory"
 plugin = "map_memory"
 supervisor = "viewer"
-inputs = { map = "/wm/map", odometry = "/operator/odometry", transforms = "/operator/transforms" }
+inputs = { map = "/wm/map", odometry = "/operator/odometry", transforms = "/operator/transforms", plan = "/operator/plan" }
 
 [process.params]
 save_every_s = 1.0
@@ -186,6 +186,25 @@ fn a_registered_map_stays_in_the_local_frame_while_the_position_estimate_changes
     locate(&mut bench, now, DVec2::new(7.0, 3.0));
     look(&mut bench, DVec2::new(-20.0, 0.0), 4.0, |_| 0, 20);
     assert_eq!(registered(&bench), None);
+}
+
+#[test]
+fn a_remembered_map_that_leaves_no_way_is_dropped() {
+    let mut bench = start(&first_run());
+    let plan = |state: rcs::PlanState| rcs::Plan { state: state.into(), ..rcs::Plan::default() };
+    look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 40);
+    let behind = DVec2::new(9.0, 0.0);
+    assert_eq!(cost_at(&bench, behind), 250);
+    // One that finds a way in between is no reason.
+    for state in [rcs::PlanState::PlanNoWay, rcs::PlanState::PlanPath] {
+        bench.write("/operator/plan", plan(state));
+        look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 40);
+        assert!(text(&bench).starts_with("remembers: "), "{}", text(&bench));
+    }
+    bench.write("/operator/plan", plan(rcs::PlanState::PlanNoWay));
+    look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 80);
+    assert_eq!(text(&bench), "the remembered map leaves no way to the goal: not used");
+    assert_eq!((cost_at(&bench, behind), registered(&bench)), (255, None));
 }
 
 #[test]
