@@ -274,6 +274,10 @@ pub fn register(
         .reduce(|best, fit| if worth(&fit) > worth(&best) { fit } else { best })
 }
 
+/// How far experience backs remembered ground: half. What was sensed a few times from far does not close a way that was
+/// seen from near before; what is sensed well does.
+const GROUND_BACKING: u8 = 128;
+
 /// The statement of a world model's source, from costs in its frame.
 pub fn statement(
     frame: &GridFrame,
@@ -289,8 +293,10 @@ pub fn statement(
         r#type: NumericType::Uint8.into(),
     };
     let known = |cost: u8| if cost == UNKNOWN_COST { 0 } else { confidence };
-    let data = costs.iter().flat_map(|&cost| [cost, known(cost)]).collect();
-    frame.message(frame_id, time, vec![field("cost", 0), field("conf", 1)], 2, data)
+    let backing = |cost: u8| if cost < OBSTACLE_COST { GROUND_BACKING } else { 0 };
+    let data = costs.iter().flat_map(|&cost| [cost, known(cost), backing(cost)]).collect();
+    let fields = vec![field("cost", 0), field("conf", 1), field("backing", 2)];
+    frame.message(frame_id, time, fields, 3, data)
 }
 
 #[cfg(test)]

@@ -146,7 +146,7 @@ impl Process for MapMemoryKeeper {
             cost: b
                 .output(
                     "cost",
-                    "the remembered map where it fits: fields cost.memory and conf.memory, local frame",
+                    "the remembered map where it fits: fields cost.memory, conf.memory and backing.memory, local frame",
                 )
                 .role(Role::Map)
                 .palette("cost")

@@ -1,6 +1,7 @@
 //! Maps with an L of obstacles on ground.
 
 use super::*;
+use rcs_world::{Evidence, SourceKind, Weighted, Weights, fuse};
 
 const ORIGIN: (u8, f64, f64) = (18, 308_000.0, 4_333_000.0);
 
@@ -107,6 +108,33 @@ fn a_map_of_another_place_does_not_fit_and_open_ground_tells_nothing() {
     assert!(fit.agreement < 0.5, "{fit:?}");
     let open = map(DVec2::splat(100.0));
     assert_eq!(register(&open, &seen(&open), DVec2::ZERO, 4.0, 0.02, 30), None);
+}
+
+#[test]
+fn remembered_ground_outweighs_what_was_sensed_a_few_times_and_not_what_is_sensed_well() {
+    let frame = GridFrame::around(DVec2::ZERO, 1, 0.4);
+    let grid = statement(&frame, &[0], 80, Source::MEMORY, "local", Stamp(1));
+    let said = |name: &str| {
+        let field = grid.fields.iter().find(|field| field.name == name).unwrap();
+        grid.data[field.offset as usize]
+    };
+    let (cost, confidence, backing) = (said("cost.memory"), said("conf.memory"), said("backing.memory"));
+    let memory = Evidence { cost, confidence, backing, ..Evidence::NONE };
+    let weights: Weights = [
+        Weighted { source: Source::STEREO, weight: 1.0, kind: SourceKind::Range },
+        // As in the bundled stacks.
+        Weighted { source: Source::MEMORY, weight: 0.2, kind: SourceKind::Learned },
+    ]
+    .into_iter()
+    .collect();
+    let fused = |times: u8| {
+        let stereo = Evidence { cost: 250, confidence: times, ..Evidence::NONE };
+        fuse(&[(Source::STEREO, stereo), (Source::MEMORY, memory)], &weights).cost
+    };
+    assert!(fused(8) < OBSTACLE_COST && fused(60) > 190, "{} {}", fused(8), fused(60));
+    // What is remembered as being in the way needs no backing: it never lowers a cost.
+    let wall = statement(&frame, &[250], 80, Source::MEMORY, "local", Stamp(1));
+    assert_eq!(wall.data.as_ref(), [250, 80, 0]);
 }
 
 #[test]

@@ -191,18 +191,19 @@ fn a_registered_map_stays_in_the_local_frame_while_the_position_estimate_changes
 #[test]
 fn a_remembered_map_that_leaves_no_way_is_dropped() {
     let mut bench = start(&first_run());
+    let here = DVec2::new(4.0, -1.5);
     let plan = |state: rcs::PlanState| rcs::Plan { state: state.into(), ..rcs::Plan::default() };
-    look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 40);
-    let behind = DVec2::new(9.0, 0.0);
+    look(&mut bench, here, 2.5, ground_truth, 40);
+    let behind = DVec2::new(7.4, -2.8);
     assert_eq!(cost_at(&bench, behind), 250);
     // One that finds a way in between is no reason.
     for state in [rcs::PlanState::PlanNoWay, rcs::PlanState::PlanPath] {
         bench.write("/operator/plan", plan(state));
-        look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 40);
+        look(&mut bench, here, 2.5, ground_truth, 40);
         assert!(text(&bench).starts_with("remembers: "), "{}", text(&bench));
     }
     bench.write("/operator/plan", plan(rcs::PlanState::PlanNoWay));
-    look(&mut bench, DVec2::ZERO, 8.0, ground_truth, 80);
+    look(&mut bench, here, 2.5, ground_truth, 80);
     assert_eq!(text(&bench), "the remembered map leaves no way to the goal: not used");
     assert_eq!((cost_at(&bench, behind), registered(&bench)), (255, None));
 }
