@@ -69,7 +69,7 @@
 //! | `map` | in | `foxglove.Grid` | the map to remember, with the evidence of each source, local frame |
 //! | `odometry` | in | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `transforms` | in | `foxglove.FrameTransforms` | the local frame in the global frame |
-//! | `plan` | in, optional | `rcs.Plan` | the plan on that map: where it finds no way for 5 s, the remembered map is dropped |
+//! | `plan` | in, optional | `rcs.Plan` | the plan on that map: one without a way to the goal drops the remembered map |
 //! | `cost` | out | `foxglove.Grid` | the remembered map where it fits: fields cost.memory, conf.memory and backing.memory, local frame |
 //! | `memory` | out | `rcs.MapMemory` | the map to save, global frame |
 //! | `registration` | out | `foxglove.FrameTransforms` | the frame of the remembered map in the local frame; none while it does not fit |
