@@ -44,13 +44,6 @@ pub(crate) struct Staged {
     pub(crate) message: AnyMessage,
 }
 
-impl Staged {
-    /// Encodes the message now, on this thread, for later readers of its bytes.
-    pub(crate) fn encode(&self) {
-        self.message.bytes();
-    }
-}
-
 /// A message from an input port; dereferences to its value.
 #[derive(Clone, Debug)]
 pub struct Msg<T> {

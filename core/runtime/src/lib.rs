@@ -101,6 +101,7 @@ mod stack;
 mod status;
 mod stepped;
 mod summary;
+mod tally;
 mod work;
 mod workers;
 

@@ -1,25 +1,25 @@
 //! Summary of a live run: messages and their hash, cycles and their durations.
 //!
-//! Hashing encodes every message, so it is done on a separate thread, and no process waits for it under the lock.
+//! Messages are hashed on a thread of their own, and no process waits for it under the lock of a buffer.
 
 use crate::stack::{Plan, names};
-use crate::summary::{BufferSummary, CycleTimes, ProcessSummary, Said, Summary, Tally, summary_of};
+use crate::summary::{BufferSummary, CycleTimes, ProcessSummary, Said, Summary, summary_of};
+use crate::tally::{Tallies, Tally};
 use crate::work::Work;
 use rcs_bus::{Buffer, Sample};
 use rcs_msg::{Stamp, rcs};
 use std::collections::BTreeMap;
-use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
 
-/// Channel of the messages to be hashed (`None` for the end), and the thread that hashes them.
-type Hashing = (Sender<Option<(usize, Sample)>>, JoinHandle<Vec<Tally>>);
+/// Messages that wait to be hashed before a writer has to wait: those of some seconds.
+const MOST_UNHASHED: usize = 1 << 14;
+
 type Times = Arc<Mutex<BTreeMap<String, CycleTimes>>>;
 
 /// Counts the messages and cycles of a live run from its start.
 pub(crate) struct LiveTally {
     times: Times,
-    hashing: Option<Hashing>,
+    tallies: Option<Tallies>,
 }
 
 impl LiveTally {
@@ -38,8 +38,8 @@ impl LiveTally {
                 times.entry(record.process.clone()).or_default().count(took_ns, period_ns);
             }));
         }
-        let hashing = if hash { Some(hash_on_a_thread(buffers)?) } else { None };
-        Ok(Self { times, hashing })
+        let tallies = hash.then(|| Tallies::tap_on_a_thread(buffers, MOST_UNHASHED)).transpose()?;
+        Ok(Self { times, tallies })
     }
 
     /// What the run has done from `start` to `now`, after its processes have ended with this `work`, in the order of the
@@ -51,11 +51,7 @@ impl LiveTally {
         work: &[Work],
         (start, now): (Stamp, Stamp),
     ) -> Summary {
-        let tallies = self.hashing.and_then(|(sender, thread)| {
-            // The thread can only be gone because it panicked, which joining it reports.
-            let _ = sender.send(None);
-            thread.join().ok()
-        });
+        let tallies = self.tallies.as_ref().and_then(Tallies::get);
         let times = self.times.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let process = |(process, work): (&crate::stack::ProcessPlan, &Work)| {
             let status = buffers[process.status_buffer].latest();
@@ -69,23 +65,4 @@ impl LiveTally {
         let processes = plan.processes.iter().zip(work).map(process).collect();
         summary_of(now.seconds_since(start), processes, buffers.iter().enumerate().map(buffer).collect())
     }
-}
-
-fn hash_on_a_thread(buffers: &[Arc<Buffer>]) -> std::io::Result<Hashing> {
-    let (sender, receiver) = channel::<Option<(usize, Sample)>>();
-    let mut tallies = vec![Tally::default(); buffers.len()];
-    let thread = std::thread::Builder::new().name("hash".to_owned()).spawn(move || {
-        while let Ok(Some((index, sample))) = receiver.recv() {
-            tallies[index].take(&sample);
-        }
-        tallies
-    })?;
-    for (index, buffer) in buffers.iter().enumerate().filter(|(_, buffer)| buffer.name() != names::TIMING) {
-        let sender = sender.clone();
-        buffer.tap(Box::new(move |sample: &Sample| {
-            // After the end of the run no one counts.
-            let _ = sender.send(Some((index, sample.clone())));
-        }));
-    }
-    Ok((sender, thread))
 }

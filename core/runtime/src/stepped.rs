@@ -14,16 +14,15 @@ use crate::options::RunOptions;
 use crate::pool::Pool;
 use crate::script::{Refused, Repeated, ScheduledCycle, Script};
 use crate::stack::{Plan, ProcessPlan, names};
-use crate::summary::{
-    BufferSummary, CycleTimes, ProcessSummary, Said, Summary, Tallies, summary_of, tap_tallies,
-};
+use crate::summary::{BufferSummary, CycleTimes, ProcessSummary, Said, Summary, summary_of};
+use crate::tally::Tallies;
 use crate::workers::{CycleWork, PendingOutput, Slot, Workers};
 use rcs_bus::{Buffer, Bus, Draft, WriterId};
 use rcs_log::Log;
 use rcs_msg::{AnyMessage, Stamp, foxglove, rcs};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
-use std::sync::{Arc, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// A cycle with a shorter latency computes on the executor's own thread, because handing it over would take longer.
 const WORTH_SENDING_NS: u64 = 1_000_000;
@@ -159,7 +158,7 @@ impl Stepped {
 
     fn at(machine: Machine, feed: Option<Feed>, options: RunOptions, start: Stamp) -> Self {
         let pool = Arc::new(Pool::new(options.threads));
-        let tallies = options.hash.then(|| tap_tallies(&machine.buffers));
+        let tallies = options.hash.then(|| Tallies::tap(&machine.buffers, pool.threads()));
         Self {
             options,
             now: start,
@@ -321,7 +320,7 @@ impl Stepped {
         } else {
             self.order += 1;
             let output = PendingOutput::default();
-            let work = CycleWork { now, output: Arc::clone(&output), encode: self.tallies.is_some() };
+            let work = CycleWork { now, output: Arc::clone(&output) };
             let kind = EventKind::Publish { started: now, output };
             self.queue.push(Event { time: visible, rank: index as u32, order: self.order, kind });
             match &self.workers {
@@ -541,10 +540,7 @@ impl Stepped {
 
     /// The summary of the run so far.
     pub fn summary(&self) -> Summary {
-        let tallies = self
-            .tallies
-            .as_ref()
-            .map(|tallies| tallies.lock().unwrap_or_else(PoisonError::into_inner).clone());
+        let tallies = self.tallies.as_ref().and_then(Tallies::get);
         let of =
             |(index, buffer)| BufferSummary::new(buffer, tallies.as_ref().map(|tallies| &tallies[index]));
         let buffers = self.machine().buffers.iter().enumerate().map(of).collect();

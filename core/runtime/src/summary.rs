@@ -1,36 +1,11 @@
 //! Summary of a run: cycles, messages, and a hash of everything that was written.
 
 use crate::stack::{ProcessPlan, names};
+use crate::tally::Tally;
 use crate::work::Work;
-use rcs_bus::{Buffer, Sample};
+use rcs_bus::Buffer;
 use rcs_msg::rcs;
-use std::sync::{Arc, Mutex, PoisonError};
-
-/// Counts what is written to each buffer, in the order of the plan.
-pub(crate) type Tallies = Arc<Mutex<Vec<Tally>>>;
-
-/// Counts what is written to one buffer.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub(crate) struct Tally {
-    hash: [u8; 32],
-    bytes: u64,
-}
-
-impl Tally {
-    /// Counts one more message.
-    pub(crate) fn take(&mut self, sample: &Sample) {
-        let header = &sample.header;
-        let bytes = sample.message.bytes();
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(&self.hash);
-        hasher.update(&header.sequence.to_le_bytes());
-        hasher.update(&header.log_time.0.to_le_bytes());
-        hasher.update(&header.acq_time.0.to_le_bytes());
-        hasher.update(&bytes);
-        self.hash = *hasher.finalize().as_bytes();
-        self.bytes += bytes.len() as u64;
-    }
-}
+use std::sync::Arc;
 
 /// Measured durations of one process's cycles.
 ///
@@ -38,7 +13,6 @@ impl Tally {
 /// is measured, after that many at the beginning; after a cycle that took [`CHEAP_NS`], the next [`WATCHED`] cycles are
 /// measured, too. Thus a process that works in one cycle of many is measured in all of them, and an interruption by the
 /// system does not cause measurements of all later cycles.
-/// the system is not for good.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct CycleTimes {
     pub(crate) begun: u64,
@@ -83,21 +57,6 @@ impl CycleTimes {
         self.max_ns = self.max_ns.max(took_ns);
         self.overruns += u64::from(took_ns > period_ns);
     }
-}
-
-/// Hashes what is written to each of these buffers from now on.
-pub(crate) fn tap_tallies(buffers: &[Arc<Buffer>]) -> Tallies {
-    let tallies: Tallies = Arc::new(Mutex::new(vec![Tally::default(); buffers.len()]));
-    for (index, buffer) in buffers.iter().enumerate() {
-        if buffer.name() == names::TIMING {
-            continue;
-        }
-        let tallies = Arc::clone(&tallies);
-        buffer.tap(Box::new(move |sample: &Sample| {
-            tallies.lock().unwrap_or_else(PoisonError::into_inner)[index].take(sample);
-        }));
-    }
-    tallies
 }
 
 /// A summary with the buffers by name and the hash of all of them.

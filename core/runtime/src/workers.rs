@@ -6,14 +6,12 @@
 //! Only the executor decides the order of captures and publications, so the results are the same with any number of
 //! threads.
 
-use crate::cycle::Staged;
 use crate::node::{Node, Output};
 use crate::pool::Pool;
 use crate::summary::CycleTimes;
 use rcs_msg::Stamp;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
@@ -146,20 +144,13 @@ pub(crate) struct CycleWork {
     pub(crate) now: Stamp,
     /// Receives the output.
     pub(crate) output: PendingOutput,
-    /// Whether the output will be encoded: then it is encoded on this thread, too.
-    pub(crate) encode: bool,
 }
 
 impl CycleWork {
     /// Passes on the output of the cycle that has just run.
     pub(crate) fn keep(&self, node: &mut Node) {
-        let output = node.take_output(self.now);
-        if self.encode {
-            // If a value cannot be encoded, the executor reports it, as for a value that is written at once.
-            let _ = catch_unwind(AssertUnwindSafe(|| output.staged.iter().for_each(Staged::encode)));
-        }
         // Set once, because a cycle runs once.
-        let _ = self.output.set(output);
+        let _ = self.output.set(node.take_output(self.now));
     }
 }
 

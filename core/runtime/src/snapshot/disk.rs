@@ -11,7 +11,7 @@ use crate::node::{NodeState, Output, SavedBody};
 use crate::register::{Register, RegisterOnDisk};
 use crate::status::{StatusCell, StatusOnDisk};
 use crate::stepped::{Event, EventKind};
-use crate::summary::Tally;
+use crate::tally::Tally;
 use rand_chacha::ChaCha8Rng;
 use rcs_bus::{BufferState, Header, Override, Sample};
 use rcs_log::Position;

@@ -10,12 +10,12 @@ use crate::error::RunError;
 use crate::node::NodeState;
 use crate::stack::Plan;
 use crate::stepped::{Event, Stepped};
-use crate::summary::Tally;
+use crate::tally::{Tallies, Tally};
 use rcs_bus::{BufferState, Sample};
 use rcs_log::Position;
 use rcs_msg::Stamp;
 use std::collections::HashMap;
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 
 /// The complete state of a stepped run at one moment.
 #[derive(Clone)]
@@ -81,7 +81,6 @@ impl Stepped {
     /// A snapshot of the run. It shares the states of processes that have not changed since `last`.
     pub(crate) fn snapshot_sharing(&self, last: Option<&Snapshot>) -> Snapshot {
         let machine = self.machine();
-        let tallies = self.tallies.as_ref();
         let mut queue: Vec<Event> = self.queue.iter().cloned().collect();
         queue.sort_by(|a, b| b.cmp(a));
         let node = |index: usize, node: &crate::node::Node| {
@@ -102,7 +101,7 @@ impl Stepped {
                 .map(|(index, slot)| slot.look(|at, _| node(index, at)))
                 .collect(),
             position: self.feed.as_ref().map(crate::feed::Feed::position),
-            tallies: tallies.map(|tallies| tallies.lock().unwrap_or_else(PoisonError::into_inner).clone()),
+            tallies: self.tallies.as_ref().and_then(Tallies::get),
             stack_hash: machine.plan.hash.clone(),
         }
     }
@@ -135,7 +134,7 @@ impl Stepped {
             feed.restore(position.clone());
         }
         if let (Some(tallies), Some(saved)) = (&self.tallies, &snapshot.tallies) {
-            tallies.lock().unwrap_or_else(PoisonError::into_inner).clone_from(saved);
+            tallies.set(saved);
         }
         Ok(())
     }

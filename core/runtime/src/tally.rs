@@ -1,0 +1,137 @@
+//! Counts and hashes what is written to the buffers of a run.
+//!
+//! Hashing encodes every message. Where the run has more than one thread, both are done on a thread of their own, so
+//! that nothing that reads the message waits for them.
+
+use crate::stack::names;
+use rcs_bus::{Buffer, Sample};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+/// Messages that wait to be hashed in a stepped run; they stay in memory.
+const MOST_WAITING: usize = 1024;
+
+/// What was written to one buffer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub(crate) struct Tally {
+    pub(crate) hash: [u8; 32],
+    pub(crate) bytes: u64,
+}
+
+impl Tally {
+    /// Counts one more message.
+    fn take(&mut self, sample: &Sample) {
+        let header = &sample.header;
+        let bytes = sample.message.bytes();
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&self.hash);
+        hasher.update(&header.sequence.to_le_bytes());
+        hasher.update(&header.log_time.0.to_le_bytes());
+        hasher.update(&header.acq_time.0.to_le_bytes());
+        hasher.update(&bytes);
+        self.hash = *hasher.finalize().as_bytes();
+        self.bytes += bytes.len() as u64;
+    }
+}
+
+/// Counts what is written to each buffer, in the order of the plan.
+pub(crate) struct Tallies {
+    counted: Arc<Mutex<Vec<Tally>>>,
+    thread: Option<Thread>,
+}
+
+struct Thread {
+    sender: SyncSender<Todo>,
+    handle: Option<JoinHandle<()>>,
+}
+
+enum Todo {
+    Count(usize, Sample),
+    /// Answers when everything before it is counted.
+    Answer(SyncSender<()>),
+    End,
+}
+
+impl Tallies {
+    /// Counts for a run with this many threads: on the writer's if that is one.
+    pub(crate) fn tap(buffers: &[Arc<Buffer>], threads: usize) -> Self {
+        if threads > 1
+            && let Ok(tallies) = Self::tap_on_a_thread(buffers, MOST_WAITING)
+        {
+            return tallies;
+        }
+        let counted = Arc::new(Mutex::new(vec![Tally::default(); buffers.len()]));
+        for (index, buffer) in counted_buffers(buffers) {
+            let counted = Arc::clone(&counted);
+            buffer.tap(Box::new(move |sample: &Sample| lock(&counted)[index].take(sample)));
+        }
+        Self { counted, thread: None }
+    }
+
+    /// Counts on a thread of its own; a writer waits while `most_waiting` messages are waiting to be counted.
+    pub(crate) fn tap_on_a_thread(buffers: &[Arc<Buffer>], most_waiting: usize) -> std::io::Result<Self> {
+        let counted = Arc::new(Mutex::new(vec![Tally::default(); buffers.len()]));
+        let (sender, todo) = sync_channel(most_waiting);
+        let handle = {
+            let counted = Arc::clone(&counted);
+            std::thread::Builder::new().name("hash".to_owned()).spawn(move || count(&todo, &counted))?
+        };
+        for (index, buffer) in counted_buffers(buffers) {
+            let sender = sender.clone();
+            buffer.tap(Box::new(move |sample: &Sample| {
+                // After the end of the run no one counts.
+                let _ = sender.send(Todo::Count(index, sample.clone()));
+            }));
+        }
+        Ok(Self { counted, thread: Some(Thread { sender, handle: Some(handle) }) })
+    }
+
+    /// What was written so far; `None` if the thread that counts has panicked.
+    pub(crate) fn get(&self) -> Option<Vec<Tally>> {
+        self.is_up_to_date().then(|| lock(&self.counted).clone())
+    }
+
+    /// Continues from what had been written at another time.
+    pub(crate) fn set(&self, saved: &[Tally]) {
+        if self.is_up_to_date() {
+            lock(&self.counted).copy_from_slice(saved);
+        }
+    }
+
+    /// Waits until everything that was written is counted; false if the thread that counts has panicked.
+    fn is_up_to_date(&self) -> bool {
+        let Some(thread) = &self.thread else { return true };
+        let (answer, answered) = sync_channel(1);
+        thread.sender.send(Todo::Answer(answer)).is_ok() && answered.recv().is_ok()
+    }
+}
+
+impl Drop for Thread {
+    fn drop(&mut self) {
+        let _ = self.sender.send(Todo::End);
+        if self.handle.take().is_some_and(|handle| handle.join().is_err()) {
+            tracing::error!("the thread that hashes messages panicked; the run has no hash");
+        }
+    }
+}
+
+fn counted_buffers(buffers: &[Arc<Buffer>]) -> impl Iterator<Item = (usize, &Arc<Buffer>)> {
+    buffers.iter().enumerate().filter(|(_, buffer)| buffer.name() != names::TIMING)
+}
+
+fn count(todo: &Receiver<Todo>, counted: &Mutex<Vec<Tally>>) {
+    while let Ok(todo) = todo.recv() {
+        match todo {
+            Todo::Count(index, sample) => lock(counted)[index].take(&sample),
+            Todo::Answer(answer) => {
+                let _ = answer.send(());
+            }
+            Todo::End => return,
+        }
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
