@@ -3,7 +3,9 @@
 //!
 //! A hole in a single column may be noise. A border counts when enough columns, of this frame and of earlier ones, have
 //! found a border in the same cell, and when such cells adjoin over the minimum length. Each frame that sees ground in
-//! a cell and no border removes one vote for a border.
+//! a cell and no border removes one vote for a border. The errors of stereo in neighbouring columns are alike, and near
+//! the edge of an image they are large where a calibration is a little off; so one frame can be kept from having enough
+//! votes by itself.
 
 use rcs_geom::{CellIndex, GridError, ScrollGrid};
 use serde::{Deserialize, Serialize};
@@ -56,6 +58,8 @@ pub struct BorderRule {
     pub memory_ns: u64,
     /// Minimum number of columns that found a border in a cell.
     pub min_votes: u32,
+    /// Minimum number of frames that these votes come from.
+    pub min_frames: u32,
     /// Minimum length of adjoining border cells, m.
     pub min_length_m: f64,
 }
@@ -180,7 +184,9 @@ impl GroundCell {
             self.pixels = (u32::from(self.pixels) + sums.pixels).min(MAX_WEIGHT) as u16;
         }
         self.borders = if sums.borders > 0 {
-            (u32::from(self.borders) + sums.borders).min(u16::MAX.into()) as u16
+            let most = rule.min_votes.div_ceil(rule.min_frames.max(1));
+            let votes = if rule.min_frames > 1 { sums.borders.min(most) } else { sums.borders };
+            (u32::from(self.borders) + votes).min(u16::MAX.into()) as u16
         } else {
             self.borders.saturating_sub(1)
         };

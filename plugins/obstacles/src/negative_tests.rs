@@ -13,7 +13,8 @@ use std::collections::BTreeSet;
 
 const PARAMS: NegativeParams =
     NegativeParams { depth_m: 0.08, depth_noise: 0.002, width_m: 0.2, max_range_m: 8.0, slope_limit: 0.364 };
-const RULE: BorderRule = BorderRule { memory_ns: 5_000_000_000, min_votes: 4, min_length_m: 0.2 };
+const RULE: BorderRule =
+    BorderRule { memory_ns: 5_000_000_000, min_votes: 4, min_frames: 1, min_length_m: 0.2 };
 
 struct Found {
     strips: Vec<Strip>,
@@ -23,11 +24,15 @@ struct Found {
 
 /// Processes one frame and adds it to a map.
 fn look(view: &View, map: &mut GroundMap, time_ns: u64) -> Found {
+    look_by(view, map, time_ns, &RULE)
+}
+
+fn look_by(view: &View, map: &mut GroundMap, time_ns: u64, rule: &BorderRule) -> Found {
     let known = Some(KnownGround { map, since_ns: 0 });
     let survey = Survey { negative: Some(PARAMS), known, ..view.survey(ScanParams::default()) };
     let mut strips = view.strips_of(&survey, &[]);
     let votes = strips.iter().flat_map(|strip| &strip.ground);
-    let cells = map.add(votes, view.placement.sensor.z, time_ns, &RULE);
+    let cells = map.add(votes, view.placement.sensor.z, time_ns, rule);
     let is_border = |[x, y]: [i32; 2]| cells.contains(&CellIndex::new(x.into(), y.into()));
     let pixels = strips.iter_mut().map(|strip| strip.mark_borders(is_border)).sum();
     Found { strips, cells, pixels }
@@ -148,6 +153,17 @@ fn borders_are_gathered_over_frames_forgotten_with_time_and_taken_back_by_ground
     assert!(border(&map) < twice);
     look(&flat, &mut map, 60 * second);
     assert_eq!(border(&map), 0);
+}
+
+#[test]
+fn one_frame_alone_reports_no_border_where_votes_must_come_from_two() {
+    let ditch = Scene::flat().with_ditch([2.6, -2.0], [3.0, 2.0], 0.6).look();
+    let rule = BorderRule { min_frames: 2, ..RULE };
+    let mut map = GroundMap::new().unwrap();
+    let second = 1_000_000_000;
+    assert_eq!(look_by(&ditch, &mut map, second, &rule).cells.len(), 0);
+    let twice = look_by(&ditch, &mut map, 2 * second, &rule).cells.len();
+    assert!(twice >= look(&ditch, &mut GroundMap::new().unwrap(), second).cells.len());
 }
 
 fn mm(metres: f32) -> i64 {

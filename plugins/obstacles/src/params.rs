@@ -74,6 +74,7 @@ pub(crate) fn border_rule(params: &ObstaclesParams) -> BorderRule {
     BorderRule {
         memory_ns: (params.ground_memory_s * 1e9) as u64,
         min_votes: params.negative_votes,
+        min_frames: params.negative_frames,
         min_length_m: params.negative_width_m,
     }
 }
