@@ -1,6 +1,6 @@
 //! Summary of a live run: messages and their hash, cycles and their durations.
 //!
-//! Messages are hashed on a thread of their own, and no process waits for it under the lock of a buffer.
+//! Messages are hashed on a thread of their own, so that no process waits for it under the lock of a buffer.
 
 use crate::stack::{Plan, names};
 use crate::summary::{BufferSummary, CycleTimes, ProcessSummary, Said, Summary, summary_of};
@@ -11,7 +11,7 @@ use rcs_msg::{Stamp, rcs};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Messages that wait to be hashed before a writer has to wait: those of some seconds.
+/// Messages that may wait to be hashed, those of some seconds; a writer of more waits.
 const MOST_UNHASHED: usize = 1 << 14;
 
 type Times = Arc<Mutex<BTreeMap<String, CycleTimes>>>;

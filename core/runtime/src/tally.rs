@@ -9,8 +9,8 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-/// Messages that wait to be hashed in a stepped run; they stay in memory.
-const MOST_WAITING: usize = 1024;
+/// Messages that may wait to be hashed in a stepped run; they stay in memory.
+const MOST_WAITING: usize = 256;
 
 /// What was written to one buffer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
