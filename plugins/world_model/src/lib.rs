@@ -108,6 +108,7 @@ pub mod algo;
 pub mod memory;
 mod memory_process;
 mod process;
+pub mod register;
 pub mod resample;
 mod sources;
 mod weight_learner;

@@ -1,17 +1,14 @@
-//! A map that outlives its run: its file, and how it is registered against what is sensed before it is believed (Albus
-//! 2006a, 5: the map and the path of a run are saved for the next one).
-//!
-//! Both runs know their position to about a metre, so the remembered map lies up to a few metres beside the ground that
-//! it shows. It is moved, by whole cells, to where its obstacles agree best with those that are sensed near the vehicle.
-//! Of the obstacle cells that can be compared, these disagree: sensed ones on remembered ground, and remembered ones on
-//! sensed ground. Edges may differ by a cell.
+//! A map that outlives its run: its file, and what it states to the world model (Albus 2006a, 5: the map and the path of
+//! a run are saved for the next one).
 
 use crate::proto::MapMemory;
 use rcs_geom::{DVec2, Utm};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PackedElementField};
 use rcs_sense::GridFrame;
-use rcs_world::{GridView, GridViewError, MAX_COST, NumericType, OBSTACLE_COST, Source, UNKNOWN_COST};
+use rcs_world::{
+    GridView, GridViewError, MAX_COST, NumericType, OBSTACLE_COST, Source, UNKNOWN_COST,
+};
 use serde::{Deserialize, Serialize};
 
 /// Version of the file.
@@ -177,101 +174,16 @@ impl Rectangle {
     }
 
     /// Whether the cell at a position or one beside it is an obstacle.
-    fn is_beside_obstacle(&self, place: DVec2) -> bool {
+    pub(crate) fn is_beside_obstacle(&self, place: DVec2) -> bool {
         let around = [-1.0, 0.0, 1.0];
         let beside = around.iter().flat_map(|&x| around.iter().map(move |&y| DVec2::new(x, y)));
         beside.into_iter().any(|step| is_obstacle(self.at(place + step * self.cell_size_m)))
     }
 }
 
-fn is_obstacle(cost: u8) -> bool {
+/// Whether a cost is that of an obstacle.
+pub(crate) fn is_obstacle(cost: u8) -> bool {
     (OBSTACLE_COST..=MAX_COST).contains(&cost)
-}
-
-/// What is sensed near the vehicle: positions in the global frame, m.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Seen {
-    obstacles: Vec<DVec2>,
-    /// Those that do not lie beside an obstacle.
-    ground: Vec<DVec2>,
-}
-
-impl Seen {
-    /// The cells of a map within a distance of the vehicle, m, as positions in the global frame.
-    pub fn of(
-        map: &Rectangle,
-        vehicle: DVec2,
-        within_m: f64,
-        global_from_map: impl Fn(DVec2) -> DVec2,
-    ) -> Seen {
-        let mut seen = Seen::default();
-        for (index, &cost) in map.costs.iter().enumerate() {
-            let centre = map.centre(index);
-            if cost == UNKNOWN_COST || centre.distance(vehicle) > within_m {
-                continue;
-            }
-            if is_obstacle(cost) {
-                seen.obstacles.push(global_from_map(centre));
-            } else if !map.is_beside_obstacle(centre) {
-                seen.ground.push(global_from_map(centre));
-            }
-        }
-        seen
-    }
-}
-
-/// How a remembered map agrees with what is sensed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Fit {
-    /// By how much the remembered map is moved, m.
-    pub moved: DVec2,
-    /// Share of the compared obstacle cells that agree.
-    pub agreement: f64,
-    /// Number of obstacle cells that were compared.
-    pub compared: usize,
-    /// Cells that agree less those that differ, as a share of the sensed obstacle cells. What lies where nothing is
-    /// remembered supports nothing: of two parallel walls, one that lies on the other agrees, and supports half.
-    pub support: f64,
-}
-
-/// How a remembered map agrees if it is moved, m.
-pub fn compare(remembered: &Rectangle, seen: &Seen, moved: DVec2) -> Fit {
-    let (mut agree, mut differ) = (0_usize, 0_usize);
-    for &place in &seen.obstacles {
-        if remembered.is_beside_obstacle(place - moved) {
-            agree += 1;
-        } else if remembered.at(place - moved) != UNKNOWN_COST {
-            differ += 1;
-        }
-    }
-    differ += seen.ground.iter().filter(|&&place| is_obstacle(remembered.at(place - moved))).count();
-    let compared = agree + differ;
-    Fit {
-        moved,
-        agreement: agree as f64 / compared.max(1) as f64,
-        compared,
-        support: (agree as f64 - differ as f64) / seen.obstacles.len().max(1) as f64,
-    }
-}
-
-/// The best fit of a remembered map that is moved by whole cells, up to a distance east and north from a place, m. A metre
-/// of motion from there must gain this much support; of fits that are as good, the one that moves it least counts. `None`
-/// if fewer cells than `least` can be compared.
-pub fn register(
-    remembered: &Rectangle,
-    seen: &Seen,
-    from: DVec2,
-    within_m: f64,
-    worth_of_metre: f64,
-    least: usize,
-) -> Option<Fit> {
-    let steps = (within_m / remembered.cell_size_m).floor() as i32;
-    let shifts = (-steps..=steps).flat_map(|y| (-steps..=steps).map(move |x| DVec2::new(x.into(), y.into())));
-    let worth = |fit: &Fit| fit.support - worth_of_metre * fit.moved.distance(from);
-    shifts
-        .map(|shift| compare(remembered, seen, from + shift * remembered.cell_size_m))
-        .filter(|fit| fit.compared >= least)
-        .reduce(|best, fit| if worth(&fit) > worth(&best) { fit } else { best })
 }
 
 /// How far experience backs remembered ground: half. What was sensed a few times from far does not close a way that was
@@ -301,4 +213,4 @@ pub fn statement(
 
 #[cfg(test)]
 #[path = "memory_tests.rs"]
-mod tests;
+pub(crate) mod tests;

@@ -1,8 +1,9 @@
 //! The process `map_memory`: a world model's map of an earlier run, registered against this one, and the map to save. Its
 //! port table is in the crate's documentation.
 
-use crate::memory::{Fit, Rectangle, Seen, compare, parse, register, statement};
+use crate::memory::{Rectangle, parse, statement};
 use crate::proto::{MapMemory, MapMemoryParams};
+use crate::register::{Fit, Remembered, Seen};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransform, FrameTransforms, Grid, Odometry, Quaternion, Vector3};
@@ -57,7 +58,7 @@ pub struct MapMemoryKeeper {
     kept: Option<Arc<Rectangle>>,
     text: String,
     #[serde(skip)]
-    remembered: Remembered,
+    remembered: FromParams,
 }
 
 /// Where the remembered map lies in the local frame, which drifts far less than the estimate of the global one jumps: the
@@ -97,9 +98,9 @@ impl Now<'_> {
 
 /// The map of the parameters, which is read once.
 #[derive(Clone, Debug, Default)]
-struct Remembered {
+struct FromParams {
     text: Option<(String, String)>,
-    map: Option<Result<Arc<Rectangle>, String>>,
+    map: Option<Result<Arc<Remembered>, String>>,
 }
 
 rcs_runtime::commands! {
@@ -288,16 +289,17 @@ impl MapMemoryKeeper {
             // Where little can be compared, what was found stays.
             Some(Placed { fit, .. }) => {
                 let here =
-                    register(&remembered, &seen, fit.moved, FOLLOW_M, FOLLOW_WORTH, least).unwrap_or(fit);
+                    remembered.register(&seen, fit.moved, FOLLOW_M, FOLLOW_WORTH, least).unwrap_or(fit);
                 // The fit where the position estimate puts the map is not moved.
                 let estimated = -away(DVec2::ZERO);
-                let there = register(&remembered, &seen, estimated, params.search_m, WORTH, least)
+                let there = remembered
+                    .register(&seen, estimated, params.search_m, WORTH, least)
                     .filter(|there| there.support > here.support + CLEARLY)
                     .filter(|there| there.agreement >= params.least_agreement);
                 self.elsewhere = if there.is_some() { self.elsewhere + 1 } else { 0 };
                 there.filter(|_| self.elsewhere >= IN_TURN).or(Some(here))
             }
-            None => register(&remembered, &seen, DVec2::ZERO, params.search_m, WORTH, least),
+            None => remembered.register(&seen, DVec2::ZERO, params.search_m, WORTH, least),
         };
         let found = found.filter(|found| away(found.moved).abs().max_element() <= params.search_m);
         let needed = params.least_agreement * if self.placed.is_some() { DOUBT } else { 1.0 };
@@ -318,7 +320,7 @@ impl MapMemoryKeeper {
             }
             None => {
                 self.placed = None;
-                let compared = compare(&remembered, &seen, DVec2::ZERO).compared;
+                let compared = remembered.compare(&seen, DVec2::ZERO).compared;
                 format!(
                     "waits: {compared} obstacle cells can be compared with the remembered map, expected {least}"
                 )
@@ -330,13 +332,14 @@ impl MapMemoryKeeper {
         };
         let at = placed.local_from_remembered().translation.truncate();
         let is_due = self.sent.is_none_or(|(sent, before)| {
-            cx.now().seconds_since(sent) >= RESEND_S || before.distance(at) > 0.5 * remembered.cell_size_m
+            cx.now().seconds_since(sent) >= RESEND_S || before.distance(at) > 0.5 * remembered.map.cell_size_m
         });
         if is_due {
             let frame = GridFrame::around(vehicle, view.columns(), sensed.cell_size_m);
             let middles =
                 (0..frame.side * frame.side).map(|slot| frame.middle(slot % frame.side, slot / frame.side));
-            let costs: Vec<u8> = middles.map(|middle| remembered.at(placed.to_remembered(middle))).collect();
+            let costs: Vec<u8> =
+                middles.map(|middle| remembered.map.at(placed.to_remembered(middle))).collect();
             self.send(ports, params, &frame, &costs, at, cx);
         }
         Ok(())
@@ -388,7 +391,7 @@ impl MapMemoryKeeper {
         let view = GridView::of(now.map.message()).map_err(|error| error.to_string())?;
         let fused = Rectangle::of_grid(&view).map_err(|error| error.to_string())?;
         let remembered =
-            self.placed.and_then(|placed| Some((self.remembered.map.as_ref()?.as_ref().ok()?, placed)));
+            self.placed.and_then(|placed| Some((&self.remembered.map.as_ref()?.as_ref().ok()?.map, placed)));
         let mut places: Vec<DVec2> = self.track.iter().map(|&at| now.to_global(at)).collect();
         if let Some((old, placed)) = remembered {
             let rows = old.costs.len() / old.columns.max(1);
@@ -423,16 +426,16 @@ impl MapMemoryKeeper {
     }
 }
 
-impl Remembered {
+impl FromParams {
     /// The map of the parameters in the global frame; `None` if they have none.
-    fn of(&mut self, params: &MapMemoryParams, origin: &Origin) -> Option<Result<Arc<Rectangle>, String>> {
+    fn of(&mut self, params: &MapMemoryParams, origin: &Origin) -> Option<Result<Arc<Remembered>, String>> {
         let is_read = |(memory, world): &(String, String)| *memory == params.memory && *world == params.world;
         if !self.text.as_ref().is_some_and(is_read) {
             let map = parse(&params.memory).map_err(|error| error.to_string());
             self.map = map.transpose().map(|map| {
                 let map = map
                     .and_then(|map| Rectangle::of_memory(&map, &origin.0).map_err(|error| error.to_string()));
-                map.map(Arc::new).map_err(|error| format!("memory: {error}"))
+                map.map(|map| Arc::new(Remembered::new(map))).map_err(|error| format!("memory: {error}"))
             });
             self.text = Some((params.memory.clone(), params.world.clone()));
         }
