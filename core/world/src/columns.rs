@@ -78,26 +78,23 @@ impl Column {
         })
     }
 
-    /// The numbers of all cells by rows.
-    pub(crate) fn all(self, map: &Map, options: &MapOptions) -> Vec<f64> {
+    /// Calls `visit` with the number of each cell by rows.
+    pub(crate) fn each(self, map: &Map, options: &MapOptions, mut visit: impl FnMut(f64)) {
         let side = map.grid().side();
-        let mut numbers = Vec::with_capacity(side * side);
         match self.source() {
             Some(source) => match map.layer(source) {
                 Some(layer) => layer.for_each_run(|_, _, cells| {
-                    numbers.extend(cells.iter().map(|evidence| self.of_evidence(*evidence)));
+                    cells.iter().for_each(|evidence| visit(self.of_evidence(*evidence)));
                 }),
-                None => numbers.resize(side * side, self.of_evidence(Evidence::NONE)),
+                None => (0..side * side).for_each(|_| visit(self.of_evidence(Evidence::NONE))),
             },
             None if self.is_fused() => {
-                let visit = |_, fused: Fused| numbers.push(self.of_fused(&fused, options));
-                map.for_each_fused(&options.weights, visit);
+                map.for_each_fused(&options.weights, |_, fused| visit(self.of_fused(&fused, options)));
             }
-            None => map
-                .grid()
-                .for_each_run(|_, _, cells| numbers.extend(cells.iter().map(|cell| self.of_cell(cell)))),
+            None => {
+                map.grid().for_each_run(|_, _, cells| cells.iter().for_each(|cell| visit(self.of_cell(cell))))
+            }
         }
-        numbers
     }
 
     fn source(self) -> Option<Source> {

@@ -218,6 +218,11 @@ fn reading_by_field_is_the_same_from_the_map_and_from_its_message() {
                 field.get(100, 100).map(f64::to_bits),
                 field.values().nth(100 * SIDE + 100).map(f64::to_bits)
             );
+            let mut bytes = Vec::new();
+            field.bytes_into(&mut bytes);
+            let is_byte = field.kind() == crate::NumericType::Uint8;
+            let plainly = field.values().filter(|_| is_byte).map(|value| value as u8);
+            assert!(plainly.eq(bytes.iter().copied()), "{name}");
             (field.kind(), field.values().map(f64::to_bits).collect::<Vec<_>>())
         };
         assert!(numbers(&typed) == numbers(&bytes), "{name}");

@@ -310,7 +310,9 @@ impl Field<'_> {
                 self.grid.bytes().map(number).collect()
             }
             (Cells::Map(MapMessage { map, options, .. }), FieldLocation::Column(number)) => {
-                number.all(map, options)
+                let mut numbers = Vec::with_capacity(self.grid.columns * self.grid.rows);
+                number.each(map, options, |value| numbers.push(value));
+                numbers
             }
             _ => Vec::new(),
         };
@@ -321,8 +323,18 @@ impl Field<'_> {
     /// types.
     pub fn bytes_into(&self, bytes: &mut Vec<u8>) {
         bytes.clear();
-        if self.kind == NumericType::Uint8 {
-            bytes.extend(self.values().map(|value| value as u8));
+        if self.kind != NumericType::Uint8 {
+            return;
+        }
+        bytes.reserve(self.grid.columns * self.grid.rows);
+        match (&self.grid.cells, self.place) {
+            (Cells::Bytes { .. }, FieldLocation::Offset(offset)) => {
+                bytes.extend(self.grid.bytes().map(|cell| cell.get(offset).copied().unwrap_or_default()));
+            }
+            (Cells::Map(MapMessage { map, options, .. }), FieldLocation::Column(number)) => {
+                number.each(map, options, |value| bytes.push(value as u8));
+            }
+            _ => {}
         }
     }
 

@@ -63,8 +63,10 @@ impl Level {
         }
         let minor =
             |a: i64, b: i64, c: i64, d: i64| i128::from(a) * i128::from(b) - i128::from(c) * i128::from(d);
+        // Rounded alike from both; the conversion of the wider one is a slow library call, and hardly ever needed.
+        let rounded = |number: i128| i64::try_from(number).map_or(number as f64, |number| number as f64);
         let determinant = minor(self.n, self.rr, self.r, self.r);
-        let slope = minor(self.n, self.rz, self.r, self.z) as f64 / determinant.max(1) as f64;
+        let slope = rounded(minor(self.n, self.rz, self.r, self.z)) / rounded(determinant.max(1));
         Some((slope as f32).clamp(-limit, limit))
     }
 
