@@ -276,11 +276,21 @@ pub struct Cell {
     pub obstacle: HeightStats,
     /// Confidence of the heights, 0 to 255.
     pub elevation_confidence: u8,
+    /// Least distance of the vehicle when a vote called the cell an obstacle: 1 to 254 decimetres, 255 for more, 0 for
+    /// never. An obstacle that was only seen from far may be one by the noise of its ranges.
+    pub obstacle_seen_from_dm: u8,
     /// Acquisition time of the last change; 0 for never.
     pub updated: Stamp,
 }
 
 impl Cell {
+    /// Notes that a vote called the cell an obstacle, from a distance, m.
+    pub(crate) fn obstacle_seen_from(&mut self, distance_m: f64) {
+        let from_dm = (distance_m * 10.0).ceil().clamp(1.0, 255.0) as u8;
+        let before = self.obstacle_seen_from_dm;
+        self.obstacle_seen_from_dm = if before == 0 { from_dm } else { before.min(from_dm) };
+    }
+
     /// Adds the heights of one frame. They are one vote about the elevation: in favour if the mean of the frame's
     /// ground lies within 3 standard deviations (at least `tolerance_m`) of the cell's, else against. When the
     /// confidence reaches 0, the frame's heights replace the cell's.

@@ -8,6 +8,9 @@ use crate::{Cell, Evidence, Fused, HeightStats, Map, MapOptions, Source};
 /// Parts of the statistics of heights, in the order of the message.
 pub(crate) const HEIGHT_PARTS: [&str; 5] = ["mean", "variance", "min", "max", "count"];
 
+/// Field of [`Cell::obstacle_seen_from_dm`].
+pub const OBSTACLE_SEEN_FROM: &str = "obstacle_seen_from_dm";
+
 /// One number of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Column {
@@ -22,6 +25,7 @@ pub(crate) enum Column {
     FusedConfidence,
     Label,
     SurestSource,
+    ObstacleSeenFrom,
     Cost(Source),
     Confidence(Source),
     Against(Source),
@@ -55,6 +59,7 @@ pub(crate) fn columns(options: &MapOptions) -> Vec<(String, NumericType, Column)
         ("source", Column::SurestSource),
     ];
     list.extend(fused.map(|(name, column)| (name.to_owned(), NumericType::Uint8, column)));
+    list.push((OBSTACLE_SEEN_FROM.to_owned(), NumericType::Uint8, Column::ObstacleSeenFrom));
     for source in sources() {
         list.push((format!("cost.{source}"), NumericType::Uint8, Column::Cost(source)));
         list.push((format!("conf.{source}"), NumericType::Uint8, Column::Confidence(source)));
@@ -137,6 +142,7 @@ impl Column {
             Column::UpdatedNs => (cell.updated.0 % 1_000_000_000) as f64,
             Column::Ground(part) => height(&cell.ground, part),
             Column::Obstacle(part) => height(&cell.obstacle, part),
+            Column::ObstacleSeenFrom => f64::from(cell.obstacle_seen_from_dm),
             _ => f64::from(cell.elevation_confidence),
         }
     }

@@ -16,7 +16,7 @@ use rcs_msg::rcs::{MapColumn, MapDelta, MapWeight};
 use rcs_msg::{AnyMessage, DeltaCodec, DeltaDecoder, DeltaEncoder, Schema, Stamp, Stored, schema_of};
 
 use crate::cell::{HEIGHTS_PER_M, ROUNDED_BELOW_M, VARIANCE_SHIFT};
-use crate::columns::HEIGHT_PARTS;
+use crate::columns::{HEIGHT_PARTS, OBSTACLE_SEEN_FROM};
 use crate::{
     Cell, Evidence, HeightStats, Map, MapMessage, MapOptions, Source, SourceKind, Weighted, Weights,
 };
@@ -299,6 +299,7 @@ fn stored_weight(entry: Weighted) -> MapWeight {
 #[derive(Clone, Copy)]
 enum StoredColumn {
     Updated,
+    ObstacleSeenFrom,
     Sequence(Source),
     Cost(Source),
     Confidence(Source),
@@ -328,7 +329,11 @@ fn stored_columns(options: &MapOptions) -> impl Iterator<Item = (String, StoredC
     });
     let elevation = ("conf.elevation".to_owned(), StoredColumn::ElevationConfidence);
     let heights: Vec<_> = if options.heights { heights.chain([elevation]).collect() } else { Vec::new() };
-    [("updated".to_owned(), StoredColumn::Updated)].into_iter().chain(sources).chain(heights)
+    let of_cell = [
+        ("updated".to_owned(), StoredColumn::Updated),
+        (OBSTACLE_SEEN_FROM.to_owned(), StoredColumn::ObstacleSeenFrom),
+    ];
+    of_cell.into_iter().chain(sources).chain(heights)
 }
 
 impl StoredColumn {
@@ -342,6 +347,7 @@ impl StoredColumn {
         let cell = || map.grid().tile(place.0).get(place.1).copied().unwrap_or_default();
         match self {
             StoredColumn::Updated => cell().updated.0,
+            StoredColumn::ObstacleSeenFrom => cell().obstacle_seen_from_dm.into(),
             StoredColumn::Sequence(source) => evidence(map, source, place).sequence.into(),
             StoredColumn::Cost(source) => evidence(map, source, place).cost.into(),
             StoredColumn::Confidence(source) => evidence(map, source, place).confidence.into(),
@@ -380,6 +386,7 @@ impl StoredColumn {
     fn set_ground(self, cell: &mut Cell, value: u64) {
         match self {
             StoredColumn::Updated => cell.updated = Stamp(value),
+            StoredColumn::ObstacleSeenFrom => cell.obstacle_seen_from_dm = value as u8,
             StoredColumn::Ground(part) => set_height(&mut cell.ground, part, value),
             StoredColumn::Obstacle(part) => set_height(&mut cell.obstacle, part, value),
             _ => cell.elevation_confidence = value as u8,

@@ -173,7 +173,8 @@ fn a_delta_holds_only_what_changed() {
     };
     let delta = AnyMessage::decode::<MapDelta>(bytes.clone()).unwrap().to::<MapDelta>().unwrap();
     assert_eq!((delta.tiles.len(), delta.cells[0].count_ones()), (1, 1));
-    assert!(bytes.len() < 300, "{}", bytes.len());
+    // Most of them are names of columns and sources.
+    assert!(bytes.len() < 320, "{}", bytes.len());
 }
 
 #[test]

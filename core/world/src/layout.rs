@@ -14,6 +14,7 @@
 //! | `cost`, `confidence` | `UINT8` | fused with the map's weights: 0–250, 255 unknown; 0–255 |
 //! | `label` | `UINT8` | 0 unknown, 1 ground, 2 obstacle: the class of the cost |
 //! | `source` | `UINT8` | the source with the most evidence for it: its index, from 0, among the `cost.<source>`; 255 none |
+//! | `obstacle_seen_from_dm` | `UINT8` | least distance of the vehicle when a vote called the cell an obstacle: decimetres, 255 for 25.5 m and more, 0 for never |
 //! | `cost.<source>`, `conf.<source>` | `UINT8` | 0–250, 255 unknown; 0–255 |
 //! | `against.<source>` | `UINT8` | the confidence of the other class |
 //! | `backing.<source>` | `UINT8` | how far experience backs the cost: 0–255 |
@@ -26,7 +27,7 @@ use rcs_geom::{CellIndex, DVec2, GridError};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{self, Grid, PackedElementField, Quaternion, Vector2, Vector3};
 
-use crate::columns::{HEIGHT_PARTS, columns, source_number};
+use crate::columns::{HEIGHT_PARTS, OBSTACLE_SEEN_FROM, columns, source_number};
 use crate::grid_view::{GridViewError, NumericType};
 use crate::options::MapOptions;
 use crate::{Cell, Evidence, Fused, GridView, HeightStats, MAX_SIDE, Map, Source};
@@ -179,6 +180,7 @@ fn write(mut data: &mut [u8], cell: &Cell, evidence: &[Evidence], fused: &Fused,
         }
     }
     data.put_slice(&[fused.cost, fused.confidence, fused.label as u8, source_number(fused, options)]);
+    data.put_u8(cell.obstacle_seen_from_dm);
     for said in evidence {
         data.put_slice(&[said.cost, said.confidence, said.against, said.backing]);
     }
@@ -193,6 +195,7 @@ struct Columns {
     evidence: Vec<EvidenceColumns>,
     heights: [[Vec<f64>; 5]; 2],
     elevation: Vec<f64>,
+    obstacle_seen_from: Vec<f64>,
 }
 
 impl Columns {
@@ -223,6 +226,7 @@ impl Columns {
             evidence,
             heights,
             elevation: column("conf.elevation", NumericType::Uint8)?,
+            obstacle_seen_from: column(OBSTACLE_SEEN_FROM, NumericType::Uint8)?,
         })
     }
 
@@ -242,6 +246,7 @@ impl Columns {
         };
         (cell.ground, cell.obstacle) = (stats(&self.heights[0]), stats(&self.heights[1]));
         cell.elevation_confidence = value(&self.elevation, 0.0) as u8;
+        cell.obstacle_seen_from_dm = value(&self.obstacle_seen_from, 0.0) as u8;
         cell
     }
 }

@@ -102,6 +102,24 @@ fn the_vehicle_is_in_column_100_of_row_100_and_rows_go_north() {
 }
 
 #[test]
+fn the_least_distance_from_which_an_obstacle_was_seen_is_kept() {
+    let mut map = Map::new(0.2).unwrap();
+    let post = map.grid().cell_at(DVec2::new(10.1, 0.1)).unwrap();
+    let seen = |map: &mut Map, vehicle_m: f64, cost: u8| {
+        map.recentre(DVec2::new(vehicle_m, 0.1)).unwrap();
+        assert!(map.vote(post, Source::STEREO, cost, 1, Stamp(1), VoteRule::default()));
+        let grid = map.to_grid("local", Stamp(1), &options(Sources::bundled()));
+        let back = Map::from_grid(&grid).unwrap();
+        back.grid().get(post).unwrap().obstacle_seen_from_dm
+    };
+    assert_eq!(seen(&mut map, 7.1, 10), 0, "a vote for ground");
+    assert_eq!(seen(&mut map, 4.1, 250), 60);
+    assert_eq!(seen(&mut map, 7.1, 250), 30);
+    assert_eq!(seen(&mut map, 1.1, 250), 30);
+    assert_eq!(seen(&mut map, 10.1, 250), 1);
+}
+
+#[test]
 fn only_sources_of_the_stack_are_written() {
     let sources: Sources = [Source::STEREO, Source::BUMPER].into_iter().collect();
     let map = Map::new(0.6).unwrap();
@@ -113,10 +131,10 @@ fn only_sources_of_the_stack_are_written() {
     let (plain, stride) = names(false);
     assert_eq!(
         plain,
-        "updated_s updated_ns seq.stereo seq.bumper cost confidence label source \
+        "updated_s updated_ns seq.stereo seq.bumper cost confidence label source obstacle_seen_from_dm \
          cost.stereo conf.stereo against.stereo backing.stereo cost.bumper conf.bumper against.bumper backing.bumper"
     );
-    assert_eq!(stride, 28);
+    assert_eq!(stride, 32);
     assert!(
         names(true)
             .0

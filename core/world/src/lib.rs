@@ -44,6 +44,7 @@ mod source;
 mod weights_params;
 
 pub use cell::{Cell, Evidence, HeightStats, Label, Vote, VoteRule};
+pub use columns::OBSTACLE_SEEN_FROM;
 pub use delta::{KEY_FRAME_NS, MAP_CODEC, MapCodec};
 pub use experience::{Experience, Fit, FitRules, Judged, Outcome, Samples, WeightChange, fit};
 pub use fusion::{Fused, SourceKind, Weighted, Weights, WeightsError, fuse};

@@ -5,7 +5,7 @@ use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 
 use crate::fusion::{Fuser, Layers};
-use crate::{Cell, Evidence, Fused, MAX_COST, Source, Sources, Vote, VoteRule, Weights};
+use crate::{Cell, Evidence, Fused, Label, MAX_COST, Source, Sources, Vote, VoteRule, Weights};
 
 /// Cells per side of WM1, and of WM2 in the papers, so that the vehicle is in cell (100, 100).
 pub const SIDE: usize = 201;
@@ -129,7 +129,7 @@ impl Map {
     }
 
     /// Applies a vote of a source for a cell, see [`Evidence::voted`]; false if the cell lies outside of the map. A
-    /// cost above 250 is ignored.
+    /// cost above 250 is ignored. The vehicle is in the middle cell.
     pub fn vote(
         &mut self,
         index: CellIndex,
@@ -147,6 +147,12 @@ impl Map {
             *evidence = evidence.voted(vote, sequence, rule);
         }
         self.touch(index, time);
+        if Label::of_cost(vote.cost) == Label::Obstacle && vote.worth > 0 {
+            let centre = self.grid.centre();
+            let cells = DVec2::new((index.x - centre.x) as f64, (index.y - centre.y) as f64);
+            let distance_m = cells.length() * self.grid.cell_size_m();
+            self.grid.get_mut(index).into_iter().for_each(|cell| cell.obstacle_seen_from(distance_m));
+        }
         true
     }
 

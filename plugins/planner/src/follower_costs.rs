@@ -41,6 +41,7 @@ impl Costs {
             fused: vec![0; sensed.fused.len()],
             bumped: sensed.bumped.clone(),
             remembered: Vec::new(),
+            seen_from_dm: Vec::new(),
         };
         // Without heading and relief, costs do not depend on the vehicle's pose.
         let of = |sensed: &Sensed, terrain: &mut Terrain| {

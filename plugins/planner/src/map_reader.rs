@@ -3,7 +3,7 @@
 use crate::terrain::Sensed;
 use rcs_msg::foxglove::Grid;
 use rcs_runtime::Msg;
-use rcs_world::{GridView, MAX_COST, NumericType, OBSTACLE_COST, Source};
+use rcs_world::{GridView, MAX_COST, NumericType, OBSTACLE_COST, OBSTACLE_SEEN_FROM, Source};
 
 /// The map that was read last, and the memory for reading.
 #[derive(Debug, Default)]
@@ -14,7 +14,8 @@ pub(crate) struct MapReader {
 }
 
 impl MapReader {
-    /// Reads the fused costs of a map, where the bumper hit, and where an earlier run knew an obstacle.
+    /// Reads the fused costs of a map, from how near its obstacles were seen, where the bumper hit, and where an earlier
+    /// run knew an obstacle.
     pub(crate) fn read(&mut self, map: &Msg<Grid>, local: &str) -> Result<(), String> {
         let view = GridView::of(map.message()).map_err(|error| error.to_string())?;
         let (size, corner) = (view.cell_size_m(), view.frame_from_grid());
@@ -30,6 +31,10 @@ impl MapReader {
         }
         let byte = |name: &str| view.field_of(name, NumericType::Uint8);
         byte("cost").map_err(|error| error.to_string())?.bytes_into(&mut self.sensed.fused);
+        match byte(OBSTACLE_SEEN_FROM) {
+            Ok(from_dm) => from_dm.bytes_into(&mut self.sensed.seen_from_dm),
+            Err(_) => self.sensed.seen_from_dm.clear(),
+        }
         self.sensed.columns = view.columns();
         self.sensed.cell_size_m = size.x;
         self.sensed.corner = corner.translation.truncate();

@@ -236,6 +236,7 @@ mod tests {
             fused: vec![0; 101 * 101],
             bumped: Vec::new(),
             remembered: Vec::new(),
+            seen_from_dm: Vec::new(),
         };
         for at in 0..sensed.fused.len() {
             let centre = sensed.centre(Place::new((at % 101) as i32, (at / 101) as i32));

@@ -48,8 +48,8 @@ pub struct Rules {
     pub near_m: f64,
     /// Clearance term where only the far room suffices.
     pub narrow: f64,
-    /// Obstacles to which the vehicle has not come nearer than this do not block, m: a few wrong ranges may be all that
-    /// there is.
+    /// Obstacles that have not been seen from nearer than this do not block, m: a few wrong ranges may be all that there
+    /// is.
     pub sure_m: f64,
     /// Cost of a cell with such an obstacle.
     pub unsure: u8,
@@ -151,6 +151,9 @@ pub struct Sensed {
     pub bumped: Vec<bool>,
     /// Whether an earlier run, which has come near to the cell, knew an obstacle in it; empty if it knew none.
     pub remembered: Vec<bool>,
+    /// Least distance from which an obstacle was seen in the cell, decimetres, 0 for never; empty if the map does not say
+    /// it.
+    pub seen_from_dm: Vec<u8>,
 }
 
 impl Sensed {
@@ -209,7 +212,7 @@ pub struct Terrain {
     by_previous: Vec<f32>,
     /// Whether the vehicle is or was near the cell; empty if that makes no difference.
     was_near: Vec<bool>,
-    /// Whether the vehicle is or was so near to the cell that an obstacle in it is certain; empty if all are.
+    /// Whether an obstacle in the cell is certain, because it was seen from near; empty if all are.
     is_sure: Vec<bool>,
     /// Whether the vehicle must not drive in the cell, whatever is in it; empty if it may in all.
     forbidden: Vec<bool>,
@@ -230,7 +233,9 @@ impl Terrain {
         self.by_cost.extend((0..=255).map(|fused| looked_up(fused, rules)));
         self.is_sure.clear();
         if rules.sure_m.is_finite() {
-            mark(sensed, vehicle, past.track, rules.sure_m, &mut self.is_sure);
+            // That the vehicle was near tells nothing: there may have been a wall between.
+            let sure_dm = (rules.sure_m * 10.0).min(254.0) as u8;
+            self.is_sure.extend(sensed.seen_from_dm.iter().map(|&from_dm| (1..=sure_dm).contains(&from_dm)));
             for (is_sure, _) in self.is_sure.iter_mut().zip(&sensed.remembered).filter(|(_, known)| **known) {
                 *is_sure = true;
             }

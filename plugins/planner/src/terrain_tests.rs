@@ -36,6 +36,7 @@ fn sensed(fused: u8) -> Sensed {
         fused: vec![fused; 41 * 41],
         bumped: Vec::new(),
         remembered: Vec::new(),
+        seen_from_dm: Vec::new(),
     }
 }
 
@@ -192,22 +193,25 @@ fn an_obstacle_that_was_seen_from_far_alone_costs_but_does_not_block() {
     let mut sensed = with_obstacle(3.0, 0.0);
     let rules = Rules { sure_m: 2.0, unsure: 70, ..rules() };
     let vehicle = Pose::from_xy_yaw(0.0, 0.0, 0.0);
-    let (terrain, costs) = costs(&sensed, &vehicle, &rules);
-    assert_eq!(costs.get(at(3.0, 0.0)), Some(70));
-    assert_eq!(costs.get(at(2.8, 0.0)), Some(10), "it takes no room");
+    let blocks = |sensed: &Sensed, expected: u8, why: &str| {
+        let (_, costs) = costs(sensed, &vehicle, &rules);
+        assert_eq!(costs.get(at(3.0, 0.0)), Some(expected), "{why}");
+    };
+    blocks(&sensed, BLOCKED, "the map does not say from where it was seen");
+    sensed.seen_from_dm = vec![21; sensed.fused.len()];
+    let (terrain, around) = costs(&sensed, &vehicle, &rules);
+    assert_eq!(around.get(at(3.0, 0.0)), Some(70));
+    assert_eq!(around.get(at(2.8, 0.0)), Some(10), "it takes no room");
     assert_eq!(terrain.terms(&sensed, at(3.0, 0.0), &vehicle, &rules).unwrap().terrain, 70.0);
-    // It blocks once the vehicle was nearer, and so does what the bumper hit.
-    let mut terrain = Terrain::default();
-    let past = Past { track: &[DVec2::new(1.5, 0.0)], ..Past::default() };
-    let costs = terrain.costs(&sensed, &vehicle, &past, &rules).unwrap();
-    assert_eq!(costs.get(at(3.0, 0.0)), Some(BLOCKED));
+    sensed.seen_from_dm.fill(20);
+    blocks(&sensed, BLOCKED, "it was seen from near");
+    sensed.seen_from_dm.fill(0);
+    blocks(&sensed, 70, "no vote called it an obstacle");
     let is_obstacle: Vec<bool> = sensed.fused.iter().map(|&fused| fused == 250).collect();
     sensed.remembered = is_obstacle.clone();
-    let costs = terrain.costs(&sensed, &vehicle, &Past::default(), &rules).unwrap();
-    assert_eq!(costs.get(at(3.0, 0.0)), Some(BLOCKED), "an earlier run was nearer");
+    blocks(&sensed, BLOCKED, "an earlier run was nearer");
     (sensed.bumped, sensed.remembered) = (is_obstacle, Vec::new());
-    let costs = terrain.costs(&sensed, &vehicle, &Past::default(), &rules).unwrap();
-    assert_eq!(costs.get(at(3.0, 0.0)), Some(BLOCKED));
+    blocks(&sensed, BLOCKED, "the bumper hit it");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PackedElementField};
 use rcs_sense::GridFrame;
 use rcs_world::{
-    GridView, GridViewError, MAX_COST, NumericType, OBSTACLE_COST, Source, UNKNOWN_COST,
+    GridView, GridViewError, MAX_COST, NumericType, OBSTACLE_COST, OBSTACLE_SEEN_FROM, Source, UNKNOWN_COST,
 };
 use serde::{Deserialize, Serialize};
 
@@ -107,6 +107,22 @@ impl Rectangle {
         let mut costs = Vec::new();
         view.field_of("cost", NumericType::Uint8)?.bytes_into(&mut costs);
         Ok(Rectangle::with(view, costs))
+    }
+
+    /// The same without the obstacles that have not been seen from nearer than a distance, m: they are unknown. A map that
+    /// does not say from where they were seen is taken as a whole.
+    pub fn of_grid_seen_within(view: &GridView<'_>, within_m: f64) -> Result<Rectangle, GridViewError> {
+        let mut map = Rectangle::of_grid(view)?;
+        let Ok(field) = view.field_of(OBSTACLE_SEEN_FROM, NumericType::Uint8) else { return Ok(map) };
+        let mut seen_from_dm = Vec::new();
+        field.bytes_into(&mut seen_from_dm);
+        let within_dm = (within_m * 10.0).min(254.0) as u8;
+        for (cost, from_dm) in map.costs.iter_mut().zip(seen_from_dm) {
+            if is_obstacle(*cost) && !(1..=within_dm).contains(&from_dm) {
+                *cost = UNKNOWN_COST;
+            }
+        }
+        Ok(map)
     }
 
     /// Costs of a world model's map, in its frame.

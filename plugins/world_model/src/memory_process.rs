@@ -389,7 +389,9 @@ impl MapMemoryKeeper {
     /// The map to save: what the vehicle has come near to, the newest last, and what it remembers.
     fn to_save(&self, params: &MapMemoryParams, now: &Now<'_>) -> Result<Option<Rectangle>, String> {
         let view = GridView::of(now.map.message()).map_err(|error| error.to_string())?;
-        let fused = Rectangle::of_grid(&view).map_err(|error| error.to_string())?;
+        // What was near, but behind a wall, was only seen from far.
+        let fused =
+            Rectangle::of_grid_seen_within(&view, params.near_m).map_err(|error| error.to_string())?;
         let remembered =
             self.placed.and_then(|placed| Some((&self.remembered.map.as_ref()?.as_ref().ok()?.map, placed)));
         let mut places: Vec<DVec2> = self.track.iter().map(|&at| now.to_global(at)).collect();

@@ -150,7 +150,7 @@ fn array(name: &str, form: &serde_json::Value, theme: Theme) {
 
 #[test]
 fn an_array_as_a_picture_dark() {
-    array("fields_picture_dark", &serde_json::json!({"picture": {"width": 4020}}), Theme::Dark);
+    array("fields_picture_dark", &serde_json::json!({"picture": {"width": 4824}}), Theme::Dark);
 }
 
 #[test]
