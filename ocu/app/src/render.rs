@@ -1,4 +1,5 @@
-//! `ocu render`: draws a layout at a given time as an image, without a window or a display.
+//! `ocu render`: draws a layout at a given time as an image, or over a range of time as an animation, without a window or
+//! a display.
 
 use crate::cli::{RenderArgs, Size};
 use crate::layout::Layout;
@@ -9,9 +10,10 @@ use crate::output::{self, Files};
 use crate::window::Window;
 use crate::{parts, usage};
 use anyhow::Context as _;
-use image::RgbaImage;
+use image::codecs::gif::{GifEncoder, Repeat};
+use image::{Delay, ImageFormat, RgbaImage};
 use rcs_runtime::RunId;
-use rcs_runtime::source::{Compared, Frame, Task};
+use rcs_runtime::source::{Compared, Frame, Source, Task};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,9 +22,14 @@ use std::time::Duration;
 const MOST_PASSES: usize = 40;
 /// Minimum number of passes: sizes are known from the second one on.
 const LEAST_PASSES: usize = 3;
+/// Maximum number of pictures of an animation.
+const MOST_PICTURES: usize = 1000;
+/// Of 1 to 30: how fast, and how coarsely, the colours of an animation are chosen.
+const GIF_SPEED: i32 = 10;
 
-/// Renders the image and writes it.
+/// Renders the image or the animation, and writes it.
 pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
+    let times = times(args)?;
     let mut files = Files::new(args.force);
     let texts = [&args.stack, &args.course].into_iter().flatten().map(std::path::Path::new);
     let layout = args.layout.as_deref();
@@ -46,29 +53,78 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         ..Request::default()
     };
     let fields = layout.as_ref().map(Layout::fields).unwrap_or_default();
-    let frame = Arc::new(frame_with(&request, args.at, &fields, args.against.as_deref())?);
-    // Without a layout, the one that the window would open.
-    let layout = layout.unwrap_or_else(|| fitting(&frame));
+    let mut source = open_with(&request, &fields, args.against.as_deref())?;
     let theme = if args.light { egui::Theme::Light } else { egui::Theme::Dark };
-    let picture = picture(&request, &frame, &layout, args.size, theme)?;
-    let mut png = std::io::Cursor::new(Vec::new());
-    picture.write_to(&mut png, image::ImageFormat::Png).context("cannot compress the picture")?;
-    output::write(&args.output, png.get_ref(), args.force)
+    let mut layout = layout;
+    let mut picture = |at_s: f64| {
+        let frame = Arc::new(seek(&mut *source, at_s)?);
+        // Without a layout, the one that the window would open.
+        let layout = layout.get_or_insert_with(|| fitting(&frame));
+        picture(&request, &frame, layout, args.size, theme)
+    };
+    let mut file = std::io::Cursor::new(Vec::new());
+    match times.as_slice() {
+        [at_s] if args.to.is_none() => {
+            picture(*at_s)?.write_to(&mut file, ImageFormat::Png).context("cannot compress the picture")?;
+        }
+        _ => {
+            let mut animation = GifEncoder::new_with_speed(&mut file, GIF_SPEED);
+            animation.set_repeat(Repeat::Infinite)?;
+            let delay = Delay::from_saturating_duration(Duration::from_secs_f64(args.every / args.speed));
+            for at_s in times {
+                let picture = image::Frame::from_parts(picture(at_s)?, 0, 0, delay);
+                animation.encode_frame(picture).context("cannot compress the animation")?;
+            }
+        }
+    }
+    output::write(&args.output, file.get_ref(), args.force)
+}
+
+/// The times to draw, in seconds from the start of the source: one, or those of an animation.
+fn times(args: &RenderArgs) -> anyhow::Result<Vec<f64>> {
+    let Some(to_s) = args.to else { return Ok(vec![args.at]) };
+    if args.output.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("gif")) {
+        return Err(usage(format!("--output is {}; expected a .gif file with --to", args.output.display())));
+    }
+    if to_s < args.at {
+        return Err(usage(format!("--to is {to_s} s; expected at least --at, {} s", args.at)));
+    }
+    if args.every <= 0.0 || args.speed <= 0.0 {
+        return Err(usage("--every and --speed: expected more than 0".to_owned()));
+    }
+    let count = ((to_s - args.at) / args.every + 1e-9).floor() as usize + 1;
+    if count > MOST_PICTURES {
+        return Err(usage(format!(
+            "--every {} s gives {count} pictures; expected at most {MOST_PICTURES}",
+            args.every
+        )));
+    }
+    Ok((0..count).map(|picture| args.at + picture as f64 * args.every).collect())
 }
 
 /// The state of a source `at_s` seconds after its start, including its complete tracks.
 pub fn frame_at(request: &Request, at_s: f64) -> anyhow::Result<Frame> {
-    frame_with(request, at_s, &[], None)
+    seek(&mut *open_with(request, &[], None)?, at_s)
 }
 
-/// Like [`frame_at`], with the values of these fields over time, and compared with another recording.
-fn frame_with(
+/// A source that gathers the values of these fields over time, and is compared with another recording.
+fn open_with(
     request: &Request,
-    at_s: f64,
     fields: &[rcs_formula::FieldRef],
     against: Option<&Path>,
-) -> anyhow::Result<Frame> {
+) -> anyhow::Result<Box<dyn Source>> {
     let mut source = crate::stacks::open(request)?;
+    source.gather(fields);
+    if let Some(against) = against {
+        let this = if request.stack.is_some() { Compared::Run(RunId(0)) } else { Compared::Recorded };
+        source.against(&parts::of(against)?);
+        source.compare(&[[this, Compared::Other]]);
+    }
+    Ok(source)
+}
+
+/// The state of a source at a time, in seconds from its start, once everything that it gathers is there.
+fn seek(source: &mut dyn Source, at_s: f64) -> anyhow::Result<Frame> {
     let info = source.info();
     let at = info.start.after_ns((at_s * 1e9).round() as u64);
     if let Some(end) = info.end
@@ -76,14 +132,8 @@ fn frame_with(
     {
         let length_s = end.seconds_since(info.start);
         return Err(usage(format!(
-            "--at is {at_s} s; expected at most {length_s:.3} s, where the recording ends"
+            "the time is {at_s} s; expected at most {length_s:.3} s, where the recording ends"
         )));
-    }
-    source.gather(fields);
-    if let Some(against) = against {
-        let this = if request.stack.is_some() { Compared::Run(RunId(0)) } else { Compared::Recorded };
-        source.against(&parts::of(against)?);
-        source.compare(&[[this, Compared::Other]]);
     }
     source.seek(at, &Task::default())?;
     while source.idle() {}

@@ -131,6 +131,39 @@ fn render_draws_the_same_picture_twice_without_a_display() {
 }
 
 #[test]
+fn render_draws_an_animation_of_a_range() {
+    use image::AnimationDecoder as _;
+    let (dir, path) = recording();
+    let gif = dir.path().join("drive.gif");
+    let draw = |output: &Path, change: &[&str]| {
+        let args = ["render", text(&path), "--layout", "default", "--at", "0.2", "--size", "320x200", "-o"];
+        let args: Vec<&str> = args.into_iter().chain([text(output)]).chain(change.iter().copied()).collect();
+        ocu(&args)
+    };
+    let (code, _, errors) = draw(&gif, &["--to", "1.2", "--every", "0.5", "--speed", "5"]);
+    assert_eq!(code, 0, "{errors}");
+    let file = std::io::BufReader::new(std::fs::File::open(&gif).unwrap());
+    let frames = image::codecs::gif::GifDecoder::new(file).unwrap().into_frames().collect_frames().unwrap();
+    assert_eq!(frames.len(), 3);
+    for frame in &frames {
+        assert_eq!(frame.buffer().dimensions(), (320, 200));
+        assert_eq!(std::time::Duration::from(frame.delay()), std::time::Duration::from_millis(100));
+    }
+    assert!(frames[0].buffer() != frames[2].buffer(), "nothing moves");
+    let png = dir.path().join("drive.png");
+    for (output, change, expected) in [
+        (&png, ["--to", "1", "--every", "0.5"], "expected a .gif file with --to"),
+        (&gif, ["--to", "0.1", "--every", "0.5"], "--to is 0.1 s; expected at least --at, 0.2 s"),
+        (&gif, ["--to", "1", "--every", "0"], "expected more than 0"),
+        (&gif, ["--to", "1", "--every", "0.0001"], "expected at most 1000"),
+    ] {
+        let change: Vec<&str> = change.into_iter().chain(["--force"]).collect();
+        let (code, _, errors) = draw(output, &change);
+        assert!(code == 2 && errors.contains(expected), "{code} {errors}");
+    }
+}
+
+#[test]
 fn wrong_usage_is_told_from_a_failed_run() {
     let (dir, path) = recording();
     let log = text(&path);

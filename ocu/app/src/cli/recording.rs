@@ -59,7 +59,8 @@ pub struct LatencyArgs {
 #[derive(Debug, Clone, Args)]
 #[command(
     after_help = "Example:\n  ocu render drive.mcap --stack range_camera --layout default --at 12.5 \\\n    \
-                        --size 1600x900 -o picture.png"
+                        --size 1600x900 -o picture.png\n  \
+                        ocu render drive.mcap --at 2 --to 30 --speed 4 --size 800x450 -o drive.gif"
 )]
 pub struct RenderArgs {
     /// Recording to draw
@@ -83,11 +84,20 @@ pub struct RenderArgs {
     /// Time to draw, in seconds from the start of the recording
     #[arg(long, value_name = "T", value_parser = parse_seconds)]
     pub at: f64,
+    /// End of an animation that begins at --at, in seconds from the start of the recording; the output is a GIF
+    #[arg(long, value_name = "T", value_parser = parse_seconds)]
+    pub to: Option<f64>,
+    /// Time between two pictures of an animation, in seconds
+    #[arg(long, value_name = "S", default_value = "0.5", value_parser = parse_seconds)]
+    pub every: f64,
+    /// Speed of an animation: with 4, four seconds of the recording take one
+    #[arg(long, value_name = "X", default_value = "1", value_parser = parse_seconds)]
+    pub speed: f64,
     /// Size of the image in pixels: 1600x900
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Size,
-    /// File to write
-    #[arg(short, long, value_name = "PNG")]
+    /// File to write: a PNG, or with --to a GIF
+    #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
     /// Replace an existing file
     #[arg(long)]
