@@ -112,6 +112,8 @@ pub struct Stepped {
     pool: Arc<Pool>,
     workers: Option<Workers>,
     pub(crate) timing_due: Stamp,
+    /// Whether its first messages were written, by this run or by the one of a restored snapshot.
+    pub(crate) has_begun: bool,
 }
 
 impl Stepped {
@@ -173,6 +175,7 @@ impl Stepped {
             journal: Repeated::default(),
             pool,
             timing_due: start,
+            has_begun: false,
             machine,
         }
     }
@@ -192,8 +195,12 @@ impl Stepped {
         }
     }
 
-    /// Writes the first messages of every run. To be called once, after adding taps and before the first event.
+    /// Writes the first messages of every run, after adding taps and before the first event. In a run that has begun, or
+    /// was restored from a snapshot, it does nothing: the operator's first `RUN` would be refused as an old one.
     pub fn begin(&mut self) -> Result<(), RunError> {
+        if std::mem::replace(&mut self.has_begun, true) {
+            return Ok(());
+        }
         self.machine.begin(self.start, &self.options, self.script.is_some())?;
         let start = self.start;
         for fault in self.feed.as_mut().map(|feed| feed.give_fixed(start)).unwrap_or_default() {

@@ -255,6 +255,32 @@ fn no_status_shows_a_new_echo_beside_an_old_done() {
 }
 
 #[test]
+fn a_session_of_a_run_that_has_begun_goes_on_with_its_serials() {
+    let begun = || {
+        let mut run = stepped(&alone("counter"));
+        run.begin().unwrap();
+        run.run_until(seconds(0.5)).unwrap();
+        run
+    };
+    let mut restored = stepped(&alone("counter"));
+    restored.restore(&begun().snapshot()).unwrap();
+    for run in [begun(), restored] {
+        let mut bench = Bench { session: Session::new(run).unwrap(), now_s: 0.5, serial: 1 };
+        bench.forward(0.1);
+        let status = bench.status("x");
+        assert_eq!(
+            (status.faults, status.refused, status.echo_serial),
+            (0, None, 1),
+            "RUN is not written twice"
+        );
+        assert_eq!((bench.say("x", "HALT").echo_serial, bench.say("x", "RUN").echo_serial), (2, 3));
+        assert_eq!(bench.status("x").refused, None);
+        bench.session.go_to_time(seconds(0.55), &Task::default()).unwrap();
+        assert_eq!(bench.status("x").echo_serial, 1);
+    }
+}
+
+#[test]
 fn a_command_is_echoed_with_its_serial_and_a_refused_one_is_an_error_until_the_next() {
     let mut bench = Bench::new(&alone("counter"));
     bench.forward(0.1);

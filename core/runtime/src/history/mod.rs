@@ -74,7 +74,7 @@ pub(crate) struct Shown {
 }
 
 impl Session {
-    /// A session of a run that has not begun.
+    /// A session of a run: from its beginning, or from where it is if it has begun.
     pub fn new(mut run: Stepped) -> Result<Self, RunError> {
         let tape = Tape::on(run.buffers());
         let retention = Retention::new(run.past_options().clone(), Arc::clone(run.plan()));

@@ -128,6 +128,7 @@ impl Stepped {
         self.events = snapshot.events;
         self.order = snapshot.order;
         self.timing_due = snapshot.timing_due;
+        self.has_begun = snapshot.latest().any(|newest| newest.is_some());
         self.rewind();
         self.queue = snapshot.queue.iter().cloned().collect();
         if let (Some(feed), Some(position)) = (&mut self.feed, &snapshot.position) {
