@@ -9,6 +9,7 @@
 //! - [`CostGrid`], [`GridFrame`]: cost maps for the world model.
 //! - [`Origin`]: the origin of the global frame on the earth.
 //! - [`Sample`]: the picture of what a model was learned from.
+//! - [`model_to_delete`]: which learned model a command means.
 //! - [`ObstacleLabel`]: codes of the pixels of obstacle label images.
 //!
 //! The crate is above the runtime and below the plugins. It contains no algorithm of a single plugin: those are in
@@ -32,6 +33,7 @@ mod cost_grid;
 mod extrinsics;
 mod image_check;
 mod label;
+mod learned;
 mod localizer;
 mod origin;
 mod pose_ports;
@@ -41,6 +43,7 @@ pub use cost_grid::{CostGrid, GridFrame, cost_field};
 pub use extrinsics::{Axes, Extrinsics, MIN_UPRIGHT, OnItsSide, camera_of, upright};
 pub use image_check::{ImageCheck, ImageFault, check_exposure, check_size, fingerprint, luma, size_of};
 pub use label::ObstacleLabel;
+pub use learned::{last_learned, learned_name, model_to_delete};
 pub use localizer::{FrameNames, Localizer, LocalizerError, pose_message, pose_of};
 pub use origin::Origin;
 pub use pose_ports::PosePorts;

@@ -16,7 +16,7 @@
 
 use crate::histogram::{CELLS, Histogram};
 use rcs_msg::Stamp;
-use rcs_sense::Sample;
+use rcs_sense::{Sample, last_learned, learned_name};
 use serde::{Deserialize, Serialize};
 
 /// Parameters of learning.
@@ -128,7 +128,8 @@ impl Models {
         self.obstacles.extend(others.obstacles.iter().map(scaled));
         self.background = self.background.or_else(|| others.background.as_ref().map(scaled));
         // Saved models that were learned keep their names, so new names are numbered after them.
-        self.made = self.made.max(self.ground.len() as u32);
+        let last = last_learned(self.ground.iter().map(|model| model.name.as_str())) as u32;
+        self.made = self.made.max(last).max(self.ground.len() as u32);
         self
     }
 
@@ -199,8 +200,8 @@ impl Models {
     }
 
     fn add(&mut self, histogram: Histogram, sample: Option<Sample>, time: Stamp) {
-        self.made += 1;
-        let name = format!("learned {}", self.made);
+        self.made = self.made.saturating_add(1);
+        let name = learned_name(u64::from(self.made));
         self.ground.push(Model { name, histogram, uses: 1, updated: time, sample });
         self.watch = None;
     }
@@ -225,9 +226,10 @@ impl Models {
         is_known
     }
 
-    /// Number of all models.
-    pub fn count(&self) -> usize {
-        self.ground.len() + self.background.iter().len() + self.obstacles.len()
+    /// The names of all models in the order of messages.
+    pub fn names(&self) -> Vec<&str> {
+        let all = self.ground.iter().chain(&self.background).chain(&self.obstacles);
+        all.map(|model| model.name.as_str()).collect()
     }
 
     /// How likely a colour is a known obstacle, for each bin: `N_o / (N_g + N_b)`, 0 to 255, with the largest `N_g`, and

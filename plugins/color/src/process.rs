@@ -18,7 +18,8 @@ use rcs_msg::foxglove::{CameraCalibration, RawImage};
 use rcs_msg::rcs::ModelToDelete;
 use rcs_runtime::{Cycle, Msg, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{
-    Axes, ImageCheck, ImageFault, Localizer, LocalizerError, OnItsSide, PosePorts, camera_of, upright,
+    Axes, ImageCheck, ImageFault, Localizer, LocalizerError, OnItsSide, PosePorts, camera_of,
+    model_to_delete, upright,
 };
 use rcs_world::GridView;
 use serde::{Deserialize, Serialize};
@@ -267,16 +268,14 @@ impl ColorModelLearner {
         self.models_sent = Some(time);
     }
 
-    /// Deletes a model of what was sent last.
+    /// Deletes a model.
     fn delete(&mut self, model: &ModelToDelete) -> Result<(), String> {
-        let models = &mut self.engine.models;
         if model.output != "models" {
-            Err(format!("there are no models of {:?}", model.output))
-        } else if models.delete(model.number as usize) {
-            Ok(())
-        } else {
-            Err(format!("there is no model {}; there are {}", model.number, models.count()))
+            return Err(format!("there are no models of {:?}", model.output));
         }
+        let number = model_to_delete(&self.engine.models.names(), model)?;
+        self.engine.models.delete(number);
+        Ok(())
     }
 
     /// Returns an error for an image that is older than the last one.

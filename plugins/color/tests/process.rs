@@ -234,7 +234,7 @@ fn command(session: &mut Session, serial: u64, name: &str) {
 }
 
 #[test]
-fn a_model_is_deleted_by_its_number_and_shows_what_it_was_made_from() {
+fn a_model_is_deleted_by_its_name_and_shows_what_it_was_made_from() {
     let mut session = Session::new(begin(&with_calibration(drive(10, 5, MULCH, 1.0, 0.0)), 1, &[])).unwrap();
     let names = |session: &mut Session, at_ms: u64| -> Vec<String> {
         session.forward_until(Stamp((1_000 + at_ms) * 1_000_000), &Task::default()).unwrap();
@@ -252,19 +252,21 @@ fn a_model_is_deleted_by_its_number_and_shows_what_it_was_made_from() {
     assert!((red - 120.0).abs() < 15.0 && (green - 84.0).abs() < 12.0 && (blue - 58.0).abs() < 9.0);
     assert_eq!(models.models[1].sample, None, "the background's pixels lie apart");
 
-    let delete = |session: &mut Session, serial: u64, output: &str, number: u32| {
-        let model = rcs::ModelToDelete { output: output.to_owned(), number };
+    let delete = |session: &mut Session, serial: u64, output: &str, number: u32, name: &str| {
+        let (output, name) = (output.to_owned(), name.to_owned());
+        let model = rcs::ModelToDelete { output, number, name };
         command_with(session, serial, "DELETE", Some(model));
     };
     let known = faults(session.run()).0;
     command(&mut session, 2, "LEARN_OFF");
-    delete(&mut session, 3, "models", 0);
+    delete(&mut session, 3, "models", 1, "learned 1");
     assert_eq!(names(&mut session, 800), ["background"]);
     assert_eq!(faults(session.run()).0, known, "{}", faults(session.run()).1);
-    delete(&mut session, 4, "models", 1);
+    delete(&mut session, 4, "models", 0, "learned 1");
     assert_eq!(names(&mut session, 840), ["background"]);
-    assert_eq!(faults(session.run()), (known + 1, "DELETE: there is no model 1; there are 1".to_owned()));
-    delete(&mut session, 5, "sample", 0);
+    let gone = "DELETE: there is no model \"learned 1\" any more; there are 1";
+    assert_eq!(faults(session.run()), (known + 1, gone.to_owned()));
+    delete(&mut session, 5, "sample", 0, "");
     assert_eq!(names(&mut session, 880), ["background"]);
     assert_eq!(faults(session.run()).1, "DELETE: there are no models of \"sample\"");
 }

@@ -172,7 +172,7 @@ fn windows_that_are_not_wanted_are_skipped_and_without_models_nothing_is_classif
     assert_eq!(row(&[false, true]), [Class::Skipped, Class::Unclassified]);
     assert_eq!(row(&[false, false]), [Class::Skipped; 2]);
     let models = [terrain(0, 100, 0), terrain(0o77777, 20, 0)].map(|terrain| Model::new(terrain, 1));
-    let set = ModelSet { models: models.to_vec() };
+    let set = ModelSet { models: models.to_vec(), named: 0 };
     assert_eq!(Matcher::new(&set, WEIGHTS, 2.0, 50, 0.5).models(), 1, "models of few points are not used");
     assert_ne!(grass(1, 1, 1), planks(1, 1, 1));
 }

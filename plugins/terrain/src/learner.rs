@@ -17,7 +17,9 @@ use rcs_msg::rcs::{
     Bumper, ExampleKind, ModelToDelete, PlanePoint, SlipReport, TractionState, TrainingExample,
 };
 use rcs_runtime::{Cycle, In, InputRole, Out, PortBuilder, Process, ProcessDef, Role};
-use rcs_sense::{Axes, CELL_SIZE_M, Extrinsics, GridFrame, Localizer, PosePorts, fingerprint};
+use rcs_sense::{
+    Axes, CELL_SIZE_M, Extrinsics, GridFrame, Localizer, PosePorts, fingerprint, model_to_delete,
+};
 use rcs_world::{SIDE, Source, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -250,16 +252,16 @@ impl TerrainLearner {
         Ok(refusal.unwrap_or("learns from labelled range"))
     }
 
-    /// Deletes a model of what an output sent last.
+    /// Deletes a model of an output.
     fn delete(&mut self, model: &ModelToDelete) -> Result<(), String> {
-        let (set, number) = (usize::from(model.output == "models_right"), model.number as usize);
+        let set = usize::from(model.output == "models_right");
         let known = ["models", "models_right"].contains(&model.output.as_str());
         let map = self.maps.get_mut(set).filter(|_| known);
         let map = map.ok_or_else(|| format!("there are no models of {:?}", model.output))?;
-        if map.delete(number) {
-            return Ok(());
-        }
-        Err(format!("there is no model {number}; there are {}", map.models.models.len()))
+        let names: Vec<&str> = map.models.models.iter().map(|model| model.name.as_str()).collect();
+        let number = model_to_delete(&names, model)?;
+        map.delete(number);
+        Ok(())
     }
 
     /// Why nothing is learned at this time (Albus 2006a, 3.2, step 1).
@@ -440,7 +442,9 @@ fn files(params: &TerrainLearnerParams) -> u64 {
 fn maps(params: &TerrainLearnerParams) -> Vec<TerrainMap> {
     let set = |text: &str| -> ModelSet {
         let message = models_of_text(text).ok().flatten();
-        message.and_then(|message| ModelSet::from_message(&message).ok()).unwrap_or_default()
+        let mut set = message.and_then(|message| ModelSet::from_message(&message).ok()).unwrap_or_default();
+        set.name_all();
+        set
     };
     let (left, right) = (set(&params.models), set(&params.models_right));
     let sets = match params.cameras() {

@@ -3,7 +3,7 @@
 
 use crate::appearance::{BINS, HISTOGRAMS, Histograms, MatchWeights, Signature};
 use crate::proto::{TerrainCamera, TerrainModel, TerrainModels, TerrainWeights};
-use rcs_sense::{Sample, SampleError};
+use rcs_sense::{Sample, SampleError, last_learned, learned_name};
 use serde::{Deserialize, Serialize};
 
 /// Contents of a cell or a model, which have the same structure.
@@ -74,12 +74,14 @@ pub struct Model {
     pub cells: u64,
     /// What one of its cells looked like, once one has been seen; it is for display alone.
     pub sample: Option<Sample>,
+    /// What it is called, while models before it come and go; empty until its set names it.
+    pub name: String,
 }
 
 impl Model {
-    /// A model of cells with these sums, without a picture.
+    /// A model of cells with these sums, without a picture and a name.
     pub fn new(terrain: Terrain, cells: u64) -> Model {
-        Model { terrain, cells, sample: None }
+        Model { terrain, cells, sample: None, name: String::new() }
     }
 
     /// The obstacle fraction of what looks like it, see [`Terrain::obstacle_fraction`]; what was seen counts as its
@@ -194,12 +196,29 @@ const MOST: u64 = 1 << 48;
 pub struct ModelSet {
     /// The models.
     pub models: Vec<Model>,
+    /// The greatest number in a name that was given so far.
+    pub named: u64,
 }
 
 impl ModelSet {
     /// Appearances of all models, prepared for comparison with these weights.
     pub fn signatures(&self, weights: &MatchWeights) -> Vec<Signature> {
         self.models.iter().map(|model| weights.signature(&model.terrain.histograms)).collect()
+    }
+
+    /// Names the models that have no name, such as those of an older file.
+    pub fn name_all(&mut self) {
+        self.named = self.named.max(last_learned(self.models.iter().map(|model| model.name.as_str())));
+        for model in self.models.iter_mut().filter(|model| model.name.is_empty()) {
+            self.named = self.named.saturating_add(1);
+            model.name = learned_name(self.named);
+        }
+    }
+
+    /// A model of one appearance with the next name.
+    fn learned(&mut self, terrain: Terrain, cells: u64) -> Model {
+        self.named = self.named.saturating_add(1);
+        Model { name: learned_name(self.named), ..Model::new(terrain, cells) }
     }
 
     /// Merges a cell with its best match, or makes it a model where none is near enough. `signatures` are those of
@@ -222,7 +241,8 @@ impl ModelSet {
                 Some(best)
             }
             _ if self.models.len() < rules.max_models => {
-                self.models.push(Model::new(*cell, cells));
+                let model = self.learned(*cell, cells);
+                self.models.push(model);
                 signatures.push(signature);
                 Some(self.models.len() - 1)
             }
@@ -277,7 +297,7 @@ impl ModelSet {
         signatures: &mut [Signature],
     ) -> Option<[usize; 2]> {
         let [a, b] = self.make_room(signatures, rules)?;
-        self.models[b] = Model::new(*cell, 1);
+        self.models[b] = self.learned(*cell, 1);
         signatures[b] = rules.weights.signature(&cell.histograms);
         Some([a, b])
     }
@@ -314,7 +334,7 @@ impl ModelSet {
     /// The models of a message, whose sums must agree. A message without models is valid.
     pub fn from_message(message: &TerrainModels) -> Result<ModelSet, ModelsError> {
         let models = message.models.iter().enumerate().map(|(number, model)| model_of(number, model));
-        Ok(ModelSet { models: models.collect::<Result<_, _>>()? })
+        Ok(ModelSet { models: models.collect::<Result<_, _>>()?, named: 0 })
     }
 }
 
@@ -365,6 +385,7 @@ fn model_message(model: &Model) -> TerrainModel {
         contrast: terrain.histograms.contrast(),
         obstacle_fraction: model.obstacle_fraction().unwrap_or(0.0),
         sample: model.sample.as_ref().map(Sample::message),
+        name: model.name.clone(),
     }
 }
 
@@ -407,7 +428,7 @@ fn model_of(number: usize, model: &TerrainModel) -> Result<Model, ModelsError> {
     }
     let sample = model.sample.as_ref().map(Sample::of).transpose();
     let sample = sample.map_err(|error| ModelsError::Sample { model: number, error })?;
-    Ok(Model { terrain, cells: model.cells, sample })
+    Ok(Model { terrain, cells: model.cells, sample, name: model.name.clone() })
 }
 
 #[cfg(test)]

@@ -79,8 +79,25 @@ fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts_in_cells(
 }
 
 #[test]
+fn a_name_stays_and_is_given_once() {
+    let named = |name: &str, code| Model { name: name.to_owned(), ..Model::new(cell(code, 60, 0), 2) };
+    let mut set = ModelSet { models: vec![named("learned 4", 0), named("", 0o44444)], named: 0 };
+    set.name_all();
+    let learn = |set: &mut ModelSet| {
+        let mut signatures = set.signatures(&RULES.weights);
+        set.take(&cell(0o22222, 60, 0), 1, &RULES, &mut signatures)
+    };
+    assert_eq!(learn(&mut set), Some(2));
+    let names = |set: &ModelSet| set.models.iter().map(|model| model.name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&set), ["learned 4", "learned 5", "learned 6"]);
+    set.models.remove(2);
+    assert_eq!(learn(&mut set), Some(2));
+    assert_eq!(names(&set), ["learned 4", "learned 5", "learned 7"], "another model has another name");
+}
+
+#[test]
 fn sets_of_two_cameras_are_combined_by_their_matches() {
-    let one = |code: u16| ModelSet { models: vec![Model::new(cell(code, 60, 0), 2)] };
+    let one = |code: u16| ModelSet { models: vec![Model::new(cell(code, 60, 0), 2)], named: 0 };
     let mut left = one(0);
     left.take_all(&one(0), &RULES);
     left.take_all(&one(0o44444), &RULES);
@@ -97,7 +114,8 @@ proptest! {
             terrain.obstacle += u64::from(obstacle);
             terrain.ground += u64::from(!obstacle);
         }
-        let set = ModelSet { models: vec![Model::new(terrain, 3); 2] };
+        let model = Model { name: "learned 7".to_owned(), ..Model::new(terrain, 3) };
+        let set = ModelSet { models: vec![model; 2], named: 0 };
         let weights = RULES.weights.normalised();
         let message = set.to_message(TerrainCamera::Both, 1.5, &weights);
         let text = to_json(&AnyMessage::new(message.clone())).unwrap();
@@ -110,7 +128,7 @@ proptest! {
 
 #[test]
 fn files_that_are_not_models_are_refused_with_the_reason() {
-    let set = ModelSet { models: vec![Model::new(cell(0, 10, 0), 1)] };
+    let set = ModelSet { models: vec![Model::new(cell(0, 10, 0), 1)], named: 0 };
     let good = set.to_message(TerrainCamera::Left, 1.0, &RULES.weights);
     let refusal = |change: &dyn Fn(&mut TerrainModels)| {
         let mut message = good.clone();

@@ -119,13 +119,14 @@ fn each_model_carries_a_picture_of_what_it_was_learned_from() {
 }
 
 #[test]
-fn a_deleted_model_is_gone_with_its_cells_and_a_wrong_number_is_a_fault() {
+fn a_deleted_model_is_gone_with_its_cells_and_what_is_no_model_any_more_is_a_fault() {
     let mut bench = bench();
     let before = models(&bench).models;
     let bark = before.iter().position(|model| model.obstacle > model.ground).unwrap();
     assert_eq!(cost(&bench, 2.1, -0.5), 250.0);
-    let delete = |bench: &mut Bench, serial: u64, number: usize| {
-        let model = ModelToDelete { output: "models".to_owned(), number: number as u32 };
+    let delete = |bench: &mut Bench, serial: u64, number: usize, name: &str| {
+        let (output, name) = ("models".to_owned(), name.to_owned());
+        let model = ModelToDelete { output, number: number as u32, name };
         let command = Command {
             serial,
             name: "DELETE".to_owned(),
@@ -136,14 +137,18 @@ fn a_deleted_model_is_gone_with_its_cells_and_a_wrong_number_is_a_fault() {
         bench.write("/terrain/command", command);
         bench.advance(100);
     };
-    delete(&mut bench, 2, bark);
+    delete(&mut bench, 2, 99, &before[bark].name);
     let after = models(&bench).models;
     assert_eq!(after.len(), before.len() - 1);
     assert_eq!(
         after.iter().filter(|model| model.ground > 0).count(),
         before.iter().filter(|m| m.ground > 0).count()
     );
-    delete(&mut bench, 3, 99);
+    delete(&mut bench, 3, bark, &before[bark].name);
+    assert_eq!(models(&bench).models.len(), after.len(), "another model has its number now");
+    let gone = format!("DELETE: there is no model {:?} any more", before[bark].name);
+    assert!(bench.faults("terrain").1.starts_with(&gone), "{:?}", bench.faults("terrain"));
+    delete(&mut bench, 4, 99, "");
     assert_eq!(models(&bench).models.len(), after.len());
     assert!(
         bench.faults("terrain").1.starts_with("DELETE: there is no model 99"),

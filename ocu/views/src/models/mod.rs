@@ -119,7 +119,7 @@ impl View for Models {
             };
             let deleted = cards::show(ui, &shown);
             if let (Some(index), Ok(deletes)) = (deleted, deletes) {
-                cx.controls.push(deletes.control(cx.frame, index));
+                cx.controls.push(deletes.control(cx.frame, index, read.name_of(index)));
                 self.leaving = Some((SameMessage(message.clone()), index));
             }
         });
@@ -235,9 +235,10 @@ impl<'a> Deletes<'a> {
         Ok(Self { process, output, command })
     }
 
-    fn control(&self, frame: &Frame, index: usize) -> Control {
+    fn control(&self, frame: &Frame, index: usize, name: &str) -> Control {
         let number = u32::try_from(index).unwrap_or(u32::MAX);
-        let message = AnyMessage::new(ModelToDelete { output: self.output.to_owned(), number });
+        let message =
+            AnyMessage::new(ModelToDelete { output: self.output.to_owned(), number, name: name.to_owned() });
         let serial = command::next_serial(frame, self.process);
         command::send(frame, self.process, serial, &self.command.name, Some(&message))
     }

@@ -17,6 +17,8 @@ pub(super) struct Models {
 #[derive(Debug, Default)]
 pub(super) struct Model {
     pub(super) name: String,
+    /// Whether the message names it; else it is called by its number.
+    pub(super) is_named: bool,
     /// What kind of model it is; empty if it does not say.
     pub(super) kind: String,
     pub(super) histograms: Vec<Histogram>,
@@ -61,6 +63,12 @@ impl Models {
         self.models.iter().map(|model| model.patch.as_ref()).collect()
     }
 
+    /// What the message calls a model; empty if it has no name there.
+    pub(super) fn name_of(&self, index: usize) -> &str {
+        let named = self.models.get(index).filter(|model| model.is_named);
+        named.map_or("", |model| model.name.as_str())
+    }
+
     /// An error says what the message lacks.
     pub(super) fn of(message: &AnyMessage) -> Result<Self, String> {
         let value = message.value().map_err(|error| error.to_string())?;
@@ -90,7 +98,10 @@ impl Model {
         for (name, value) in item.fields() {
             let time = value.as_stamp();
             match value {
-                Value::Text(text) if name == "name" && !text.is_empty() => model.name.clone_from(text),
+                Value::Text(text) if name == "name" && !text.is_empty() => {
+                    model.name.clone_from(text);
+                    model.is_named = true;
+                }
                 Value::Enum { name: kind, .. } if model.kind.is_empty() => model.kind = words(kind),
                 Value::List(_) | Value::Packed(_) => {
                     model.histograms.extend(Histogram::of(name, value, &bins));

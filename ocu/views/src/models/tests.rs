@@ -18,6 +18,7 @@ fn color_model(name: &str, [red, green]: [f32; 2]) -> Model {
     let patch = histogram.swatch();
     Model {
         name: name.to_owned(),
+        is_named: true,
         kind: "ground".to_owned(),
         histograms: vec![histogram],
         numbers: vec![("uses".to_owned(), Number::Plain(25.0))],
