@@ -56,6 +56,19 @@ impl EventKind {
     pub const ALL: [Self; 6] =
         [Self::Error, Self::Bumper, Self::Operator, Self::Command, Self::Mode, Self::Log];
 
+    /// Whether messages of this type may have such an event.
+    pub fn is_found_in(self, type_name: &str) -> bool {
+        let types: &[&str] = match self {
+            Self::Error => &["rcs.Status", "rcs.VehicleStatus"],
+            Self::Bumper => &["rcs.VehicleStatus", "rcs.Bumper"],
+            Self::Operator => &["rcs.EmergencyStop", "rcs.JournalEvent"],
+            Self::Command => &["rcs.Command"],
+            Self::Mode => &["rcs.Status"],
+            Self::Log => &["foxglove.Log"],
+        };
+        types.contains(&type_name)
+    }
+
     /// Name in lists.
     pub fn name(self) -> &'static str {
         match self {
@@ -471,6 +484,16 @@ mod tests {
         let fork = watch.fork(Stamp(3_000_000_000)).read(RunTag::FIRST);
         assert_eq!(fork.len(), 3);
         assert!(!fork.same(&events));
+    }
+
+    #[test]
+    fn each_type_in_which_events_are_found_has_a_kind_and_the_other_way_round() {
+        for name in EVENT_TYPES {
+            assert!(EventKind::ALL.iter().any(|kind| kind.is_found_in(name)), "{name}");
+        }
+        let found = |kind: &EventKind| EVENT_TYPES.iter().any(|name| kind.is_found_in(name));
+        assert!(EventKind::ALL.iter().all(found));
+        assert!(!EventKind::ALL.iter().any(|kind| kind.is_found_in("foxglove.Grid")));
     }
 
     #[test]

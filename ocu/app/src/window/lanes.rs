@@ -4,7 +4,7 @@ use super::scale::Scale;
 use egui::{Color32, Rect, Ui};
 use ocu_ui::{Tokens, format, tokens, widgets};
 use rcs_msg::Stamp;
-use rcs_runtime::source::{Event, EventKind, EventLevel, Events};
+use rcs_runtime::source::{Event, EventKind, EventLevel, Events, Frame};
 
 /// Height of a lane.
 const LANE: f32 = 6.0;
@@ -13,26 +13,33 @@ const STEP: f32 = 3.0;
 /// Distance at which the pointer means a mark.
 const NEAR: f32 = 6.0;
 
-/// The kinds that have a lane: those that occur. Lines of a log are too many to be marks.
-fn lanes(events: &Events) -> Vec<EventKind> {
-    let counts = events.counts();
-    EventKind::ALL.into_iter().filter(|kind| *kind != EventKind::Log && counts[*kind as usize] > 0).collect()
+/// The kinds that have a lane: those that may occur in the messages of the source, so that the bar keeps its height when
+/// the first one does. Lines of a log are too many to be marks.
+pub(super) fn lanes(frame: &Frame) -> Vec<EventKind> {
+    let may_occur = |kind: &EventKind| frame.topics.iter().any(|topic| kind.is_found_in(topic.type_name()));
+    EventKind::ALL.into_iter().filter(|kind| *kind != EventKind::Log && may_occur(kind)).collect()
 }
 
-/// Height of all lanes.
-pub(super) fn height(events: Option<&Events>) -> f32 {
-    events.map_or(0.0, |events| lanes(events).len() as f32 * LANE)
+/// Height of these lanes.
+pub(super) fn height(lanes: &[EventKind]) -> f32 {
+    lanes.len() as f32 * LANE
 }
 
 /// Paints the lanes; returns the event under the pointer.
-pub(super) fn paint(ui: &Ui, events: &Events, rect: Rect, scale: &Scale) -> Option<Event> {
+pub(super) fn paint(
+    ui: &Ui,
+    events: &Events,
+    lanes: &[EventKind],
+    rect: Rect,
+    scale: &Scale,
+) -> Option<Event> {
     let tokens = tokens(ui);
     let painter = ui.painter_at(rect);
     let pointer = ui.input(|input| input.pointer.hover_pos()).filter(|at| rect.contains(*at));
     let steps = (rect.width() / STEP).ceil().max(1.0) as usize;
     let times: Vec<Stamp> = (0..=steps).map(|step| scale.stamp(rect.left() + step as f32 * STEP)).collect();
     let mut meant: Option<(f32, Event)> = None;
-    for (index, kind) in lanes(events).into_iter().enumerate() {
+    for (index, kind) in lanes.iter().copied().enumerate() {
         let top = rect.top() + index as f32 * LANE;
         let lane = Rect::from_x_y_ranges(rect.x_range(), top..=top + LANE);
         if index % 2 == 1 {

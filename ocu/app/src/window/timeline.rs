@@ -107,7 +107,8 @@ impl Timeline {
         let states = selection.process.as_deref().and_then(|process| States::of(frame, process));
         // The bar keeps its height when a process is selected.
         let state_height = if frame.processes.is_empty() { 0.0 } else { state_lane::HEIGHT };
-        let lanes = lanes::height(events);
+        let kinds = lanes::lanes(frame);
+        let lanes = lanes::height(&kinds);
         let size = egui::vec2(ui.available_width(), BAR + lanes + state_height);
         let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
         response.widget_info(|| {
@@ -138,7 +139,7 @@ impl Timeline {
                 egui::pos2(inner.left(), rect.top() + 5.0),
                 egui::vec2(inner.width(), lanes),
             );
-            lanes::paint(ui, events, place, &scale)
+            lanes::paint(ui, events, &kinds, place, &scale)
         });
         let place = egui::vec2(inner.width(), state_height);
         let place = Rect::from_min_size(egui::pos2(inner.left(), rect.top() + 5.0 + lanes), place);
