@@ -1,7 +1,9 @@
 //! Opens what the user named (a recording, a stack, or a stack on a recording) as a source.
 
+use crate::assets::looks_like_path;
 use crate::cli::WindowArgs;
 use crate::past_args::PastArgs;
+use rcs_runtime::source::{SourceInfo, SourceKind};
 use std::path::{Path, PathBuf};
 
 /// What to open.
@@ -31,6 +33,9 @@ pub struct SweptRun {
     /// The log that it read.
     pub log: Option<PathBuf>,
 }
+
+/// What is between the parts of a source's title.
+const BETWEEN: &str = " · ";
 
 /// The bundled stack that is opened by default: a simulated robot that drives to the goal of its course.
 const SIMULATION: &str = "lagr";
@@ -78,7 +83,21 @@ impl Request {
         }
     }
 
-    /// Displayed title.
+    /// Title of the open source. A stack from a file is called by its file, because copies of a stack, such as one that
+    /// parameters were saved to, all have the name that is written in them.
+    pub fn shown_title(&self, info: &SourceInfo) -> String {
+        let file = self.stack.as_deref().filter(|stack| looks_like_path(stack)).map(Path::new);
+        let Some(file) = file.and_then(Path::file_name) else { return info.title.clone() };
+        let mut parts: Vec<&str> = info.title.split(BETWEEN).collect();
+        let name = file.to_string_lossy();
+        // The recording comes before the stack that runs on it.
+        if let Some(stack) = parts.get_mut(usize::from(info.kind == SourceKind::Replay)) {
+            *stack = &name;
+        }
+        parts.join(BETWEEN)
+    }
+
+    /// Title of what is being opened.
     pub fn title(&self) -> String {
         let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         match (&self.log, &self.stack) {
@@ -105,6 +124,25 @@ mod tests {
         assert!(hill.waits() && !Request { stack: Some("simulation".into()), ..hill }.waits());
         let log = Request::of(&WindowArgs { log: Some("a.mcap".into()), ..WindowArgs::default() });
         assert_eq!((log.log, log.stack), (Some("a.mcap".into()), None));
+    }
+
+    #[test]
+    fn a_stack_from_a_file_is_called_by_its_file() {
+        let title = |stack: &str, kind, title: &str| {
+            let info = SourceInfo {
+                kind,
+                title: title.to_owned(),
+                detail: String::new(),
+                start: rcs_msg::Stamp(0),
+                end: None,
+                problems: Vec::new(),
+                gaps: Vec::new(),
+            };
+            Request { stack: Some(stack.to_owned()), ..Request::default() }.shown_title(&info)
+        };
+        assert_eq!(title("lagr", SourceKind::Stack, "lagr"), "lagr");
+        assert_eq!(title("/tmp/mine.toml", SourceKind::Stack, "lagr · seed 3"), "mine.toml · seed 3");
+        assert_eq!(title("./mine.toml", SourceKind::Replay, "a.mcap · lagr"), "a.mcap · mine.toml");
     }
 
     #[test]

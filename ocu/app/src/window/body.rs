@@ -124,6 +124,8 @@ pub struct Window {
     /// The question whether to leave a run.
     pub(super) leaving: Option<Leaving>,
     pub(super) sweeping: Sweeping,
+    /// The title that the desktop was last told.
+    title: String,
 }
 
 impl Window {
@@ -162,6 +164,7 @@ impl Window {
             marks: Bookmarks::default(),
             follow: None,
             told: Told::default(),
+            title: String::new(),
         };
         if let Some(error) = wrong_keys {
             window.notices.error(Matter::Layout, error);
@@ -198,8 +201,6 @@ impl Window {
         let Some(driver) = self.drive(&request, source) else { return };
         self.follow = Follow::of(&request, &driver.frame());
         self.arrange_for(&driver.frame());
-        let title = format!("{} – OCU", driver.frame().info.title);
-        self.ctx.send_viewport_cmd(egui::ViewportCommand::Title(title));
         if request.waits() {
             // By then its cameras have seen the course, and it has hardly moved.
             driver.send(Control::Seek(driver.frame().info.start.after_ns(STANDS_NS)));
@@ -292,6 +293,7 @@ impl Window {
         let live = frame.as_deref().filter(|_| matches!(self.shown, Shown::Live(_)));
         let stops = live.is_some_and(|frame| self.operating.stop_state(frame) != StopState::None);
         let acted = self.take_keys(ui.ctx(), stops, frame.as_deref(), &mut controls);
+        self.tell_title(frame.as_deref());
         let chosen = (self.selection.topic.clone(), self.selection.process.clone());
         self.selection.sweep = self.sweeping.state(&self.current);
         self.selection.let_go_first = self.operating.is_blocked();
@@ -370,6 +372,15 @@ impl Window {
             self.notices.error(Matter::Open, failure);
         }
         self.layout_store.report(&mut self.notices);
+    }
+
+    /// Tells the desktop what is open, when that changes.
+    fn tell_title(&mut self, frame: Option<&Frame>) {
+        let title = frame.map(|frame| format!("{} – OCU", self.current.shown_title(&frame.info)));
+        if let Some(title) = title.filter(|title| *title != self.title) {
+            self.title.clone_from(&title);
+            self.ctx.send_viewport_cmd(egui::ViewportCommand::Title(title));
+        }
     }
 
     /// Says that another run has begun.

@@ -77,7 +77,7 @@ fn left<'a>(bar: &mut Bar<'a, Actions>, state: &'a State<'a>) {
     bar.left("authority", Fit::Leaves(85), |ui, form, _| authority(ui, form, frame));
     bar.left("alarms", Fit::Leaves(115), |ui, form, actions| alarms(ui, form, state, frame, actions));
     bar.left("title", Fit::Stretches(64.0), |ui, _, _| {
-        let title = egui::RichText::new(&frame.info.title).color(tokens(ui).strong);
+        let title = egui::RichText::new(state.current.shown_title(&frame.info)).color(tokens(ui).strong);
         ui.add(egui::Label::new(title).truncate()).on_hover_text(&frame.info.detail);
     });
 }
