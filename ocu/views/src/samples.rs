@@ -1,5 +1,7 @@
 //! Small synthetic frames for the tests of the views.
 
+#[path = "samples_camera.rs"]
+mod camera;
 #[path = "samples_compare.rs"]
 mod compare;
 #[path = "samples_driving.rs"]
@@ -9,6 +11,7 @@ mod plan;
 #[path = "samples_states.rs"]
 mod states;
 
+pub(crate) use camera::{CAMERA_M, camera_in_space};
 pub(crate) use compare::{SIDES, compared};
 pub(crate) use driving::driving;
 use rcs_bus::{Header, Sample, WriterId};

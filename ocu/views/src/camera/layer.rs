@@ -192,6 +192,15 @@ impl Layer {
         self.texture.get(ctx, key, options, make).map(egui::TextureHandle::id)
     }
 
+    /// The range at a position, given as fractions of width and height, m.
+    pub(super) fn value_m(&self, at: [f64; 2], depth_step_m: f64) -> Option<f64> {
+        let image = self.image()?;
+        let index = image.index(at[0] * image.width as f64, at[1] * image.height as f64)?;
+        let Pixels::Values { values, .. } = &image.pixels else { return None };
+        let metres = f64::from(values[index]) * self.unit_m(depth_step_m);
+        (metres.is_finite() && metres > 0.0).then_some(metres)
+    }
+
     /// Text for a position, given as fractions of width and height.
     pub(super) fn describe(&self, at: [f64; 2], topic: &Topic, depth_step_m: f64) -> Option<String> {
         let look = look(topic);

@@ -2,21 +2,24 @@
 //!
 //! Overlays are topics whose `rcs.overlay_of` names the image's topic; topics of labels, costs or shapes without that
 //! metadata are offered for every image. An overlay smaller than its image is scaled to it. Ground truth is off until
-//! it is switched on. The readout under the pointer shows the pixel and the value or name in each layer.
+//! it is switched on. What lies in space (horizon, planned path, cells of the map) is projected into the image where a
+//! calibration and transforms say how. The readout under the pointer shows the pixel and the value or name in each layer.
 
 mod annotations;
 mod layer;
 mod overlays;
+mod projected;
 
 use crate::badge;
 use crate::canvas::Viewport;
-use crate::view::{Hover, SavedState, TopicKey, View, ViewContext, is_old};
+use crate::view::{Hover, HoverPoint, SavedState, TopicKey, View, ViewContext, is_old};
 use egui::{Align2, Rect, Response, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
 use layer::{Layer, Look};
 use ocu_ui::bar::{self, Bar, Fit, Form};
 use ocu_ui::palette::{self, MapPalette};
 use ocu_ui::widgets::{self, mono};
 use ocu_ui::{format, icons, legend, stale, tokens};
+use projected::{Prepared, Projected, Seen};
 use rcs_runtime::source::{Frame, Topic};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -67,6 +70,7 @@ impl Default for Saved {
 pub(crate) struct Camera {
     saved: Saved,
     layers: BTreeMap<String, Layer>,
+    prepared: Prepared,
 }
 
 impl View for Camera {
@@ -100,8 +104,13 @@ impl View for Camera {
         };
         let overlays = layer::overlays(cx.frame, topic);
         self.toolbar(ui, cx.frame, topic);
-        self.overlay_bar(ui, topic, &overlays);
-        self.canvas(ui, cx, topic, &overlays);
+        let layer = self.layers.entry(topic.name.to_string()).or_default();
+        layer.update(topic);
+        let size = layer.image().map(|image| [image.width, image.height]);
+        let seen = size.and_then(|size| Seen::of(cx.frame, topic, size, &mut self.prepared));
+        let (projected, seen) = (projected::offered(seen.as_ref()), seen);
+        self.overlay_bar(ui, topic, &overlays, &projected);
+        self.canvas(ui, cx, topic, &overlays, seen.as_ref());
     }
 }
 
@@ -158,7 +167,14 @@ impl Camera {
         }
     }
 
-    fn canvas(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, overlays: &[&Topic]) {
+    fn canvas(
+        &mut self,
+        ui: &mut Ui,
+        cx: &mut ViewContext<'_>,
+        topic: &Topic,
+        overlays: &[&Topic],
+        seen: Option<&Seen<'_>>,
+    ) {
         let (canvas, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         let name = format!("Image of {}", topic.name);
         response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &name));
@@ -166,7 +182,6 @@ impl Camera {
         ui.painter().rect_filled(canvas, 0.0, tokens.canvas());
 
         let layer = self.layers.entry(topic.name.to_string()).or_default();
-        layer.update(topic);
         let image = match layer.state() {
             Ok(Some(image)) => image,
             state => return waiting(ui, canvas, cx, topic, state.err()),
@@ -219,13 +234,27 @@ impl Camera {
                 shown.push(*overlay);
             }
         }
+        if let Some(seen) = seen {
+            // Overlays are clipped to the image.
+            let inside = painter.with_clip_rect(painter.clip_rect().intersect(rect));
+            let place = projected::Place { viewport, canvas };
+            for what in projected::offered(Some(seen)) {
+                let state = self.projected_state(what);
+                if state.shown {
+                    let look = (state.opacity, self.saved.palette);
+                    projected::paint(&inside, what, seen, &mut self.prepared, place, look, tokens);
+                }
+            }
+        }
         if is_old(topic, cx.frame.now) {
             stale::cover(ui, rect.intersect(canvas), topic.age_s(cx.frame.now).unwrap_or(0.0));
         }
         badge::implausible(ui, canvas, "values", implausible);
         self.legends(ui, canvas, topic, &shown);
-        self.read_out(ui, canvas, &response, viewport, topic, &shown);
-        point_at(ui, cx, topic, &response, viewport, canvas);
+        let pixel = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
+        let place = pixel.zip(seen).and_then(|(pixel, seen)| self.place(cx.frame, topic, pixel, seen));
+        self.read_out(ui, canvas, pixel, topic, &shown, place.as_ref());
+        point_at(ui, cx, topic, &response, viewport, canvas, place.map(|(point, _)| point), seen);
     }
 
     fn legends(&self, ui: &mut Ui, canvas: Rect, topic: &Topic, shown: &[&Topic]) {
@@ -256,13 +285,12 @@ impl Camera {
         &self,
         ui: &mut Ui,
         canvas: Rect,
-        response: &Response,
-        viewport: Viewport,
+        pixel: Option<[f64; 2]>,
         topic: &Topic,
         shown: &[&Topic],
+        place: Option<&(HoverPoint, &'static str)>,
     ) {
         let Some(image) = self.layers.get(&*topic.name).and_then(Layer::image) else { return };
-        let pixel = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
         let inside = pixel.filter(|[x, y]| image.index(*x, *y).is_some());
         legend::plate(ui, canvas, Align2::RIGHT_TOP, |ui| {
             ui.style_mut().interaction.selectable_labels = false;
@@ -279,11 +307,45 @@ impl Camera {
                 };
                 ui.label(mono(text)).on_hover_text(&*topic.name);
             }
+            if let Some((point, how)) = place {
+                let [x, y, z] = point.position_m;
+                ui.label(mono(format!("x {x:7.2} y {y:7.2} z {z:6.2} m")));
+                let text = format!("in {}, {how}", point.frame_id);
+                ui.label(mono(text).small().color(tokens(ui).weak));
+            }
         });
+    }
+
+    /// The place that a pixel shows, and how that is known: from an image of ranges of the same camera, else from where
+    /// its ray meets the ground.
+    fn place(
+        &mut self,
+        frame: &Frame,
+        topic: &Topic,
+        pixel: [f64; 2],
+        seen: &Seen<'_>,
+    ) -> Option<(HoverPoint, &'static str)> {
+        let image = self.layers.get(&*topic.name).and_then(Layer::image)?;
+        let part = [pixel[0] / image.width as f64, pixel[1] / image.height as f64];
+        if !part.iter().all(|part| (0.0..1.0).contains(part)) {
+            return None;
+        }
+        let mut depth_m = None;
+        if let Some(ranges) = projected::ranges(frame, topic) {
+            let layer = self.layers.entry(ranges.name.to_string()).or_default();
+            layer.update(ranges);
+            depth_m = layer.value_m(part, self.saved.depth_step_m);
+        }
+        let how = if depth_m.is_some() { "by its range" } else { "if it is ground" };
+        let p = seen.place(pixel, depth_m)?;
+        let frame_id = seen.on_ground.scene.clone();
+        Some((HoverPoint { frame_id, position_m: p.to_array() }, how))
     }
 }
 
-/// Says which pixel is under the pointer, and marks the one that another view of the same image points at.
+/// Says which pixel is under the pointer, and the place that it shows; marks the pixel that another view of the same
+/// image points at, and the place of any other view.
+#[expect(clippy::too_many_arguments, reason = "what is pointed at, and where that is on the screen")]
 fn point_at(
     ui: &Ui,
     cx: &mut ViewContext<'_>,
@@ -291,15 +353,27 @@ fn point_at(
     response: &Response,
     viewport: Viewport,
     canvas: Rect,
+    point: Option<HoverPoint>,
+    seen: Option<&Seen<'_>>,
 ) {
     let key = TopicKey::of(topic);
     if let Some(at) = response.hover_pos() {
         let pixel = Some(viewport.to_plane(canvas, at));
-        cx.selection.hovered.set(Hover { topic: Some(key), pixel, ..Hover::default() });
+        cx.selection.hovered.set(Hover { topic: Some(key), pixel, point, ..Hover::default() });
         return;
     }
     let hover = cx.selection.hovered.get();
-    if let Some(pixel) = hover.pixel.filter(|_| hover.topic.as_ref() == Some(&key)) {
+    let same = hover.pixel.filter(|_| hover.topic.as_ref() == Some(&key));
+    let placed = || {
+        let (point, seen) = (hover.point.as_ref()?, seen?);
+        let scene = &seen.on_ground.scene;
+        let p = seen.grounded(point.position_m);
+        let is_here = point.frame_id == *scene;
+        let at = cx.frame.now.0;
+        let p = if is_here { p } else { cx.frame.transforms.lookup(scene, &point.frame_id, at).ok()? * p };
+        seen.pixel(p)
+    };
+    if let Some(pixel) = same.or_else(placed) {
         let stroke = egui::Stroke::new(1.5, tokens(ui).accent);
         ui.painter_at(canvas).circle_stroke(viewport.to_screen(canvas, pixel), 6.0, stroke);
     }

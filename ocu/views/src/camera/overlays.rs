@@ -1,7 +1,7 @@
 //! The row with the switches of the overlays.
 
 use super::layer::{self, Layer};
-use super::{Camera, OverlayState};
+use super::{Camera, OverlayState, Projected};
 use crate::image::Pixels;
 use crate::view::rate_hz;
 use egui::{Role, Ui, WidgetInfo};
@@ -20,10 +20,22 @@ impl Camera {
         self.saved.overlays.get(&*overlay.name).copied().unwrap_or(fallback)
     }
 
-    pub(super) fn overlay_bar(&mut self, ui: &mut Ui, topic: &Topic, overlays: &[&Topic]) {
+    /// Settings of a projection.
+    pub(super) fn projected_state(&self, what: Projected) -> OverlayState {
+        let usual = OverlayState { shown: what.is_usual(), ..OverlayState::default() };
+        self.saved.overlays.get(what.key()).copied().unwrap_or(usual)
+    }
+
+    pub(super) fn overlay_bar(
+        &mut self,
+        ui: &mut Ui,
+        topic: &Topic,
+        overlays: &[&Topic],
+        projected: &[Projected],
+    ) {
         let depth = self.layers.get(&*topic.name).and_then(Layer::image);
         let whole = depth.is_some_and(|image| matches!(image.pixels, Pixels::Values { whole: true, .. }));
-        if overlays.is_empty() && !whole {
+        if overlays.is_empty() && projected.is_empty() && !whole {
             return;
         }
         // Overlays that do not fit in the row, and ground truth, are listed in a menu.
@@ -34,8 +46,11 @@ impl Camera {
                 for overlay in overlays {
                     view.overlay_switch(ui, overlay, overlays);
                 }
+                for what in projected {
+                    view.projected_switch(ui, *what);
+                }
             } else {
-                view.overlay_menu(ui, form, overlays);
+                view.overlay_menu(ui, form, overlays, projected);
             }
         });
         bar.left("behind", Fit::Leaves(20), |ui, _, view| {
@@ -50,12 +65,11 @@ impl Camera {
     }
 
     /// All overlays in a menu, with ground truth at the end; the button names those that are on.
-    fn overlay_menu(&mut self, ui: &mut Ui, form: Form, overlays: &[&Topic]) {
-        let on: Vec<&str> = overlays
-            .iter()
-            .filter(|overlay| self.overlay_state(overlay, overlays).shown)
-            .map(|overlay| &*overlay.name)
-            .collect();
+    fn overlay_menu(&mut self, ui: &mut Ui, form: Form, overlays: &[&Topic], projected: &[Projected]) {
+        let topics = overlays.iter().filter(|overlay| self.overlay_state(overlay, overlays).shown);
+        let others = projected.iter().filter(|what| self.projected_state(**what).shown);
+        let on: Vec<&str> =
+            topics.map(|overlay| &*overlay.name).chain(others.map(|what| what.name())).collect();
         let shown = match (on.as_slice(), form) {
             ([], _) => "none".to_owned(),
             (on, Form::Short) => on.len().to_string(),
@@ -66,7 +80,16 @@ impl Camera {
         let response = bar::menu(ui, form, icons::ICON_LAYERS, &text, |ui| {
             let mut truth = false;
             egui::Grid::new("overlays").num_columns(2).show(ui, |ui| {
-                for overlay in overlays {
+                let (own, given) = overlays.split_at(own(overlays));
+                for overlay in own {
+                    self.overlay_switch(ui, overlay, overlays);
+                    ui.end_row();
+                }
+                for what in projected {
+                    self.projected_switch(ui, *what);
+                    ui.end_row();
+                }
+                for overlay in given {
                     if overlay.is_ground_truth() && !std::mem::replace(&mut truth, true) {
                         ui.label(
                             egui::RichText::new("Truth of the simulation").small().color(tokens(ui).weak),
@@ -81,20 +104,28 @@ impl Camera {
         response.on_hover_text("What lies over the image");
     }
 
-    /// A checkbox and an opacity slider.
     fn overlay_switch(&mut self, ui: &mut Ui, overlay: &Topic, overlays: &[&Topic]) {
-        let before = self.overlay_state(overlay, overlays);
+        let state = self.overlay_state(overlay, overlays);
+        self.switch(ui, &overlay.name, &overlay.name, state);
+    }
+
+    fn projected_switch(&mut self, ui: &mut Ui, what: Projected) {
+        self.switch(ui, what.key(), what.name(), self.projected_state(what));
+    }
+
+    /// A checkbox and an opacity slider; `key` is the name in layouts.
+    fn switch(&mut self, ui: &mut Ui, key: &str, name: &str, before: OverlayState) {
         let mut state = before;
-        ui.checkbox(&mut state.shown, &*overlay.name).on_hover_text("Show this overlay");
+        ui.checkbox(&mut state.shown, name).on_hover_text("Show this overlay");
         let slider = egui::Slider::new(&mut state.opacity, 0.0..=1.0)
             .custom_formatter(|v, _| format!("{:3.0} %", v * 100.0))
             .custom_parser(|text| text.trim_end_matches('%').trim().parse::<f64>().ok().map(|v| v / 100.0));
         let response = ui.add_enabled(state.shown, slider);
-        let name = format!("Opacity of {}", overlay.name);
+        let name = format!("Opacity of {name}");
         response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &name));
         response.on_hover_text(name);
         if state != before {
-            self.saved.overlays.insert(overlay.name.to_string(), state);
+            self.saved.overlays.insert(key.to_owned(), state);
         }
     }
 
@@ -111,6 +142,11 @@ impl Camera {
         combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Depth unit"));
         combo.response.on_hover_text("The image does not say what one step of its depth is: an assumption");
     }
+}
+
+/// Number of overlays before those of ground truth, which are the last ones.
+fn own(overlays: &[&Topic]) -> usize {
+    overlays.iter().position(|overlay| overlay.is_ground_truth()).unwrap_or(overlays.len())
 }
 
 /// Shows that an overlay belongs to another image than the one shown. A delay of up to one image is normal for a

@@ -70,14 +70,8 @@ fn thing<'a>(layer: &Layer<'a>, now: Stamp) -> Option<Thing<'a>> {
     Some(match layer.kind {
         Kind::Grid(grid) => Thing::Grid(grid),
         Kind::Cloud(_) => Thing::Cloud(layer.topic?.canonical()?),
-        Kind::Path(path) => {
-            let place = |pose| Some(crate::pose::from_message(Some(pose)).ok()?.translation);
-            Thing::Path(path.poses.iter().filter_map(place).collect())
-        }
-        Kind::Plan(plan) => {
-            let steps = plan.chosen.iter().flat_map(|path| &path.steps);
-            Thing::Path(steps.map(|step| DVec3::new(step.x_m.into(), step.y_m.into(), 0.0)).collect())
-        }
+        Kind::Path(path) => Thing::Path(super::paint::path_places(path)),
+        Kind::Plan(plan) => Thing::Path(super::plan::chosen_places(plan)),
         Kind::Track { track, is_ghost: false } => {
             let count = track.points.count_until(now);
             let every = (count / MOST_POINTS).max(1);

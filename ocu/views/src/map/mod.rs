@@ -5,6 +5,7 @@
 //! is drawn on top, half transparent, and is off until it is switched on.
 
 mod cloud;
+mod for_camera;
 mod for_scene;
 mod grid;
 mod hover;
@@ -27,6 +28,7 @@ use crate::texture::{Cached, CachedTexture, SameMessage};
 use crate::view::{Preview, SavedState, View, ViewContext};
 use cloud::Cloud;
 use egui::{Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
+pub(crate) use for_camera::{Floor, OnGround};
 pub(crate) use for_scene::{CellColors, Placed, Thing, frames, placed};
 use grid::Cells;
 use labels::Labels;
@@ -74,6 +76,8 @@ struct Saved {
     panel: Option<bool>,
     /// Where it looks; `None` to fit everything.
     viewport: Option<Viewport>,
+    /// Whether the vehicle stays in the middle.
+    follows: bool,
 }
 
 impl Default for Saved {
@@ -85,6 +89,7 @@ impl Default for Saved {
             align: true,
             panel: None,
             viewport: None,
+            follows: false,
         }
     }
 }
@@ -104,6 +109,8 @@ pub(crate) struct Map {
     /// End points of the measuring line, in the map's frame.
     measured: Option<[[f64; 2]; 2]>,
     measuring: bool,
+    /// The layer that is to fill the canvas.
+    zoom_to: Option<String>,
     /// A mission that is being drawn.
     draft: Option<mission::Draft>,
     /// An example for learning that is being drawn.
@@ -199,6 +206,10 @@ impl Map {
             if bar::tool(ui, form, icons::ICON_FIT_SCREEN, "Fit everything").clicked() {
                 view.saved.viewport = None;
             }
+        });
+        bar.right("follow", Fit::Leaves(45), |ui, form, view| {
+            let name = "Follow the vehicle";
+            bar::tool_toggle(ui, form, icons::ICON_MY_LOCATION, name, &mut view.saved.follows);
         });
         bar.right("measure", Fit::Leaves(20), |ui, form, view| {
             let name = "Measure a distance";
@@ -305,11 +316,26 @@ impl Map {
         ui.painter().rect_filled(canvas, 0.0, tokens(ui).canvas());
         let shown: Vec<_> = layers.iter().filter(|layer| self.state(layer).shown).collect();
         self.check_viewport(cx.frame, map, &shown, canvas);
+        if let Some(name) = self.zoom_to.take() {
+            let alone: Vec<_> = shown.iter().copied().filter(|layer| layer.name == name).collect();
+            self.saved.viewport = Some(self.fitted(cx.frame, map, &alone, canvas));
+            self.saved.follows = false;
+        }
         let mut viewport = match self.saved.viewport {
             Some(viewport) => viewport,
             None => self.fitted(cx.frame, map, &shown, canvas),
         };
+        let here = if self.saved.follows { self.here(cx.frame, &shown) } else { None };
+        if let Some([x, y, _]) = here {
+            viewport.center = [x, y];
+        }
         if viewport.interact(ui, &response, [0.01, 5000.0], !self.measuring) {
+            if response.dragged() {
+                // Who drags the map looks elsewhere.
+                self.saved.follows = false;
+            } else if let Some([x, y, _]) = here {
+                viewport.center = [x, y];
+            }
             self.saved.viewport = Some(viewport);
         }
         let draws = self.draft.is_some() || self.example.is_some();

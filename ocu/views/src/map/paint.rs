@@ -13,7 +13,7 @@ use egui::{
 };
 use ocu_ui::legend::round_step;
 use ocu_ui::{format, stale, tokens};
-use rcs_geom::Pose;
+use rcs_geom::{DVec3, Pose};
 use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
 use rcs_msg::{AnyMessage, Stamp};
 use rcs_runtime::source::Frame;
@@ -218,6 +218,12 @@ pub(super) fn path_points<'a>(
     })
 }
 
+/// Places along a path, in its own frame.
+pub(super) fn path_places(path: &PosesInFrame) -> Vec<DVec3> {
+    let place = |pose| Some(crate::pose::from_message(Some(pose)).ok()?.translation);
+    path.poses.iter().filter_map(place).collect()
+}
+
 /// A flag at the goal; if the goal is outside of the canvas, an arrow at the edge, with the distance to the goal if
 /// known.
 pub(super) fn goal(
@@ -298,12 +304,12 @@ pub(super) fn metre_lines(ui: &Ui, viewport: Viewport, canvas: Rect) {
                 let x = viewport.to_screen(canvas, [value, 0.0]).x.round();
                 painter.vline(x, canvas.y_range(), line(i == 0));
                 let at = Pos2::new(x + 3.0, canvas.top() + 2.0);
-                painter.text(at, Align2::LEFT_TOP, text, font.clone(), tokens.weak.gamma_multiply(0.8));
+                painter.text(at, Align2::LEFT_TOP, text, font.clone(), tokens.weak);
             } else {
                 let y = viewport.to_screen(canvas, [0.0, value]).y.round();
                 painter.hline(canvas.x_range(), y, line(i == 0));
                 let at = Pos2::new(canvas.left() + 3.0, y - 1.0);
-                painter.text(at, Align2::LEFT_BOTTOM, text, font.clone(), tokens.weak.gamma_multiply(0.8));
+                painter.text(at, Align2::LEFT_BOTTOM, text, font.clone(), tokens.weak);
             }
         }
     }

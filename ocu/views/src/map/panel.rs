@@ -5,7 +5,7 @@ use super::layers::{self, Kind, Layer};
 use super::uncertainty::{Covariance, SIGMAS};
 use super::{LayerState, Map};
 use egui::{Align2, Rect, RichText, Role, ScrollArea, Ui, Vec2, WidgetInfo};
-use ocu_ui::{format, icons, legend, palette, tokens};
+use ocu_ui::{format, icons, legend, palette, tokens, widgets};
 use rcs_runtime::source::Frame;
 
 /// Index of a layer's line colour; only lines have colours of their own.
@@ -36,9 +36,14 @@ impl Map {
                 }
                 let mut state = self.state(layer);
                 let before = state.clone();
-                if let Some(frame) = self.layer(ui, frame, map, layers, index, &mut state) {
+                let (chosen, zoom) = self.layer(ui, frame, map, layers, index, &mut state);
+                if let Some(frame) = chosen {
                     self.saved.frame = Some(frame);
                     self.saved.viewport = None;
+                }
+                if zoom {
+                    state.shown = true;
+                    self.zoom_to = Some(layer.name.clone());
                 }
                 if state != before {
                     self.saved.layers.insert(layer.name.clone(), state);
@@ -56,7 +61,8 @@ impl Map {
         });
     }
 
-    /// The rows of one layer; returns the frame that the user selects for the map, if any.
+    /// The rows of one layer; returns the frame that the user selects for the map, if any, and whether the layer is to
+    /// fill the map.
     fn layer(
         &self,
         ui: &mut Ui,
@@ -65,8 +71,8 @@ impl Map {
         layers: &[Layer<'_>],
         index: usize,
         state: &mut LayerState,
-    ) -> Option<String> {
-        let mut wish = None;
+    ) -> (Option<String>, bool) {
+        let (mut wish, mut zoom) = (None, false);
         let (layer, tokens) = (&layers[index], tokens(ui));
         let icon = match layer.kind {
             Kind::Grid(_) => icons::ICON_GRID_ON,
@@ -89,7 +95,16 @@ impl Map {
                 WidgetInfo::selected(Role::CheckBox, true, state.shown, format!("Show {}", layer.name))
             });
             ui.label(icon.rich_text().size(14.0).color(color));
-            ui.add(egui::Label::new(&layer.name).truncate());
+            let has_extent = matches!(layer.kind, Kind::Grid(_) | Kind::Cloud(_) | Kind::Track { .. });
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                if has_extent {
+                    let name = format!("Zoom to {}", layer.name);
+                    zoom = widgets::icon_button(ui, icons::ICON_CENTER_FOCUS_STRONG, &name).clicked();
+                }
+                ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                    ui.add(egui::Label::new(&layer.name).truncate());
+                });
+            });
         });
         let indent = 22.0;
         let note = |ui: &mut Ui, text: String, color| {
@@ -157,7 +172,7 @@ impl Map {
                 response.on_hover_text(name);
             });
         }
-        wish
+        (wish, zoom)
     }
 
     /// The legend of the map's colours; returns its place.

@@ -41,6 +41,12 @@ impl At {
     }
 }
 
+/// Places along the chosen path of a plan, in its own frame.
+pub(super) fn chosen_places(plan: &Plan) -> Vec<DVec3> {
+    let steps = plan.chosen.iter().flat_map(|path| &path.steps);
+    steps.map(|step| DVec3::new(step.x_m.into(), step.y_m.into(), 0.0)).collect()
+}
+
 /// Paints both paths of a plan: the chosen one solid, the rejected one dashed, with what it would cost more.
 pub(super) fn paths(
     painter: &Painter,

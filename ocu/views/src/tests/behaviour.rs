@@ -8,7 +8,7 @@ use egui::accesskit::{Role, Toggled};
 use egui::{Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
-use rcs_msg::rcs;
+use rcs_msg::{foxglove, rcs};
 use rcs_runtime::source::{Control, SourceInfo, SourceKind};
 use std::sync::Arc;
 
@@ -211,6 +211,48 @@ fn a_layer_of_a_map_can_be_switched_off_and_the_layout_keeps_that() {
     harness.run();
     assert_eq!(harness.get_by_label("Show /wm1/map").accesskit_node().toggled(), Some(Toggled::False));
     assert_eq!(harness.state().view.save()["layers"]["/wm1/map"]["shown"], false);
+}
+
+#[test]
+fn a_map_follows_the_vehicle_until_it_is_dragged_and_zooms_to_a_layer() {
+    let mut frame = samples::driving();
+    let position = Some(foxglove::Vector3 { x: 3.0, y: 2.0, z: 0.0 });
+    let orientation = Some(foxglove::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 });
+    let pose = Some(foxglove::Pose { position, orientation });
+    let place = foxglove::PoseInFrame { frame_id: "local".into(), pose, ..Default::default() };
+    let place = samples::topic("/localization/local", 50.0, 0.01, place);
+    let others = frame.topics.iter().filter(|topic| topic.name != place.name).cloned();
+    frame.topics = others.chain([place.clone()]).collect();
+    let mut harness = harness(Shown::new("map", frame), Vec2::new(900.0, 560.0), Theme::Dark);
+    harness.run();
+    let middle = |harness: &mut Harness<'_, Shown>| {
+        let canvas = harness.get_by_label("Map").rect();
+        harness.hover_at(canvas.center());
+        harness.run();
+        let point = harness.state().selection.hovered.get().point.clone().unwrap();
+        [point.position_m[0], point.position_m[1]]
+    };
+    let before = middle(&mut harness);
+    harness.get_by_label("Follow the vehicle").click();
+    harness.run();
+    let followed = middle(&mut harness);
+    assert!((followed[0] - 3.0).abs() < 0.1 && (followed[1] - 2.0).abs() < 0.1, "{followed:?}");
+    assert_ne!(before, followed);
+    assert!(harness.state().view.save()["viewport"].is_null(), "a vehicle that drives changes no layout");
+
+    let at = harness.get_by_label("Map").rect().center();
+    harness.drag_at(at);
+    harness.run_steps(2);
+    harness.hover_at(at + Vec2::new(80.0, 0.0));
+    harness.run_steps(2);
+    harness.drop_at(at + Vec2::new(80.0, 0.0));
+    harness.run();
+    assert_eq!(harness.state().view.save()["follows"], false, "who drags looks elsewhere");
+
+    harness.get_by_label("Zoom to /wm1/map").click();
+    harness.run();
+    let [x, y] = middle(&mut harness);
+    assert!(x.abs() < 1.0 && y.abs() < 1.0, "the middle of the map: {x} {y}");
 }
 
 #[test]

@@ -5,6 +5,7 @@ mod compares;
 mod hostile;
 mod pictures;
 mod plans;
+mod projections;
 mod sweeps;
 
 use crate::samples;
@@ -52,7 +53,7 @@ fn harness(shown: Shown, size: Vec2, theme: Theme) -> Harness<'static, Shown> {
 #[test]
 fn every_view_draws_nothing_and_everything_at_any_size_in_both_themes() {
     for view_type in all() {
-        for frame in [samples::empty(), samples::full(), samples::driving(), samples::compared()] {
+        for frame in [samples::empty(), samples::full(), samples::camera_in_space(), samples::compared()] {
             for size in [Vec2::new(180.0, 120.0), Vec2::new(900.0, 560.0)] {
                 for theme in [Theme::Dark, Theme::Light] {
                     let mut harness = harness(Shown::new(view_type.kind, frame.clone()), size, theme);

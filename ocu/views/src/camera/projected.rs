@@ -1,0 +1,330 @@
+//! What lies in space, projected into an image: horizon, planned paths, cells of the map, training examples, and the
+//! place under the pointer.
+//!
+//! It needs the calibration of the image's camera and a transform from its optical frame to the map or the path.
+//! Heights of the ground are those of the map, elsewhere that of the vehicle. Nothing hides what lies behind it.
+
+use crate::canvas::Viewport;
+use crate::map::{CellColors, Floor, OnGround};
+use crate::texture::{Cached, SameMessage};
+use egui::emath::TSTransform;
+use egui::{Color32, Mesh, Painter, Pos2, Rect, Shape, Stroke};
+use ocu_ui::Tokens;
+use ocu_ui::palette::MapPalette;
+use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
+use rcs_msg::foxglove::{CameraCalibration, CompressedImage, RawImage};
+use rcs_runtime::Role;
+use rcs_runtime::source::{Frame, Topic};
+use rcs_world::GridView;
+
+/// Cells and places nearer than this, or farther away, are not drawn, m along the optical axis.
+const NEAREST_M: f64 = 0.2;
+const FARTHEST_M: f64 = 25.0;
+/// Distance of the points of a projected line, m, and the most of them.
+const STEP_M: f64 = 0.1;
+const MOST_POINTS: usize = 3_000;
+/// Distance up to which a ray of the camera is followed to the ground, m.
+const MOST_RAY_M: f64 = 200.0;
+
+/// What can be projected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Projected {
+    Cells,
+    Horizon,
+    Paths,
+    Example,
+}
+
+impl Projected {
+    pub(super) const ALL: [Self; 4] = [Self::Cells, Self::Horizon, Self::Paths, Self::Example];
+
+    /// Name on the screen.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Cells => "cells of the map",
+            Self::Horizon => "horizon",
+            Self::Paths => "planned path",
+            Self::Example => "training example",
+        }
+    }
+
+    /// Name in layouts, which no topic has.
+    pub(super) fn key(self) -> &'static str {
+        match self {
+            Self::Cells => "(cells)",
+            Self::Horizon => "(horizon)",
+            Self::Paths => "(paths)",
+            Self::Example => "(example)",
+        }
+    }
+
+    /// Whether it is shown until a person switches it off.
+    pub(super) fn is_usual(self) -> bool {
+        matches!(self, Self::Paths | Self::Example)
+    }
+}
+
+/// What was computed for one image.
+#[derive(Default)]
+pub(super) struct Prepared {
+    camera: Cached<(SameMessage, [usize; 2]), Option<PinholeCamera>>,
+    cells: Cached<(SameMessage, Pose, MapPalette), Mesh>,
+}
+
+/// A camera at the time of its image, and what it sees.
+pub(super) struct Seen<'a> {
+    camera: PinholeCamera,
+    pub(super) on_ground: OnGround<'a>,
+    floor: Floor<'a>,
+}
+
+impl<'a> Seen<'a> {
+    /// `None` without a calibration, or if no transform leads to the camera.
+    pub(super) fn of(
+        frame: &'a Frame,
+        image: &Topic,
+        size: [usize; 2],
+        prepared: &mut Prepared,
+    ) -> Option<Self> {
+        let optical = optical_frame(image).filter(|name| !name.is_empty())?;
+        let message = calibration(frame, image, optical)?.canonical()?;
+        let camera = prepared.camera.get((SameMessage(message.clone()), size), || {
+            let read = message.get::<CameraCalibration>()?;
+            let of = [read.width, read.height];
+            let camera =
+                PinholeCamera::from_calibration(of, &read.k, &read.distortion_model, &read.d).ok()?;
+            let size = size.map(|side| side as u32);
+            if size == of { Some(camera) } else { camera.resized(size).ok() }
+        });
+        let camera = camera.clone()?;
+        let on_ground = OnGround::of(frame, optical, image.latest.as_ref()?.header.acq_time)?;
+        let floor = on_ground.floor();
+        Some(Self { camera, on_ground, floor })
+    }
+
+    /// What there is to be shown.
+    pub(super) fn has(&self, what: Projected) -> bool {
+        match what {
+            Projected::Cells => self.on_ground.map.is_some(),
+            Projected::Horizon => true,
+            Projected::Paths => !self.on_ground.paths.is_empty(),
+            Projected::Example => self.on_ground.example.is_some(),
+        }
+    }
+
+    /// Position in the image of a place in the scene, pixels from its left upper corner.
+    pub(super) fn pixel(&self, p: DVec3) -> Option<[f64; 2]> {
+        let p = self.on_ground.camera_from_scene * p;
+        if p.z < NEAREST_M {
+            return None;
+        }
+        // The camera counts from the centre of the first pixel.
+        self.camera.project(p).map(|pixel| [pixel.x + 0.5, pixel.y + 0.5])
+    }
+
+    /// The place in the scene that a pixel shows: `depth_m` along the optical axis where that is known, else on the
+    /// ground.
+    pub(super) fn place(&self, pixel: [f64; 2], depth_m: Option<f64>) -> Option<DVec3> {
+        let ray = self.camera.unproject(DVec2::new(pixel[0] - 0.5, pixel[1] - 0.5))?;
+        let scene_from_camera = self.on_ground.camera_from_scene.inverse();
+        if let Some(depth_m) = depth_m {
+            return Some(scene_from_camera * (ray * depth_m));
+        }
+        let (from, along) = (scene_from_camera.translation, scene_from_camera.rotate(ray));
+        let height = self.floor.reader();
+        let mut p = DVec3::new(from.x, from.y, self.on_ground.level_m());
+        for _ in 0..4 {
+            let times = (height(p) - from.z) / along.z;
+            p = from + along * times;
+            if !(times > 0.0 && p.distance(from) < MOST_RAY_M) {
+                return None;
+            }
+        }
+        Some(p)
+    }
+
+    /// The place of a point that another view names.
+    pub(super) fn grounded(&self, p: [f64; 3]) -> DVec3 {
+        let p = DVec3::from_array(p);
+        if p.z.is_nan() { self.on_floor(DVec3::new(p.x, p.y, 0.0)) } else { p }
+    }
+
+    fn on_floor(&self, p: DVec3) -> DVec3 {
+        DVec3::new(p.x, p.y, self.floor.reader()(p))
+    }
+
+    /// The horizon, as a line through the image.
+    fn horizon(&self) -> Vec<Vec<[f64; 2]>> {
+        let camera_from_scene = &self.on_ground.camera_from_scene;
+        let ahead = camera_from_scene.inverse().rotate(DVec3::Z);
+        let middle = ahead.y.atan2(ahead.x);
+        let pixels = (-90..=90).map(|degree| {
+            let (sin, cos) = (middle + f64::from(degree).to_radians()).sin_cos();
+            let pixel = self.camera.project(camera_from_scene.rotate(DVec3::new(cos, sin, 0.0)))?;
+            Some([pixel.x + 0.5, pixel.y + 0.5])
+        });
+        unbroken(pixels)
+    }
+
+    /// A line on the ground.
+    fn line(&self, points: &[DVec3]) -> Vec<Vec<[f64; 2]>> {
+        let height = self.floor.reader();
+        let steps = points.windows(2).flat_map(|ends| {
+            let length_m = ends[0].distance(ends[1]);
+            let count = (length_m / STEP_M).ceil().clamp(1.0, 200.0) as usize;
+            let (from, to) = (ends[0], ends[1]);
+            (0..=count).map(move |step| from.lerp(to, step as f64 / count as f64))
+        });
+        unbroken(steps.take(MOST_POINTS).map(|p| self.pixel(DVec3::new(p.x, p.y, height(p)))))
+    }
+
+    /// The cells of the map whose cost is known, in pixels of the image.
+    fn cells(&self, palette: MapPalette) -> Mesh {
+        let mut mesh = Mesh::default();
+        let Some(map) = self.on_ground.map else { return mesh };
+        let (Ok(view), Ok(colors)) = (GridView::of(map), CellColors::of(map, palette)) else { return mesh };
+        let (scene_from_grid, cell_m) = (view.frame_from_grid(), view.cell_size_m());
+        let height = self.floor.reader();
+        let camera_from_scene = &self.on_ground.camera_from_scene;
+        let [width, height_px] = [f64::from(self.camera.width), f64::from(self.camera.height)];
+        for row in 0..view.rows() {
+            for column in 0..view.columns() {
+                let Some(color) = colors.at(column, row) else { continue };
+                let corner = |x: f64, y: f64| {
+                    scene_from_grid
+                        * DVec3::new((column as f64 + x) * cell_m.x, (row as f64 + y) * cell_m.y, 0.0)
+                };
+                let middle = corner(0.5, 0.5);
+                let z = height(middle);
+                let seen = *camera_from_scene * DVec3::new(middle.x, middle.y, z);
+                if !(NEAREST_M..FARTHEST_M).contains(&seen.z) {
+                    continue;
+                }
+                let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
+                let pixels = corners.map(|(x, y)| {
+                    let p = corner(x, y);
+                    self.pixel(DVec3::new(p.x, p.y, z))
+                });
+                let [Some(a), Some(b), Some(c), Some(d)] = pixels else { continue };
+                let is_out = |side: usize, most: f64| {
+                    [a, b, c, d].iter().all(|p| p[side] < 0.0) || [a, b, c, d].iter().all(|p| p[side] > most)
+                };
+                if is_out(0, width) || is_out(1, height_px) {
+                    continue;
+                }
+                let first = mesh.vertices.len() as u32;
+                for [x, y] in [a, b, c, d] {
+                    mesh.colored_vertex(Pos2::new(x as f32, y as f32), color);
+                }
+                mesh.add_triangle(first, first + 1, first + 2);
+                mesh.add_triangle(first, first + 2, first + 3);
+            }
+        }
+        mesh
+    }
+}
+
+/// Where an image is on the screen.
+#[derive(Clone, Copy)]
+pub(super) struct Place {
+    pub(super) viewport: Viewport,
+    pub(super) canvas: Rect,
+}
+
+impl Place {
+    fn line(self, pixels: &[[f64; 2]]) -> Vec<Pos2> {
+        pixels.iter().map(|pixel| self.viewport.to_screen(self.canvas, *pixel)).collect()
+    }
+}
+
+/// Paints one of the projections.
+pub(super) fn paint(
+    painter: &Painter,
+    what: Projected,
+    seen: &Seen<'_>,
+    prepared: &mut Prepared,
+    place: Place,
+    (opacity, palette): (f32, MapPalette),
+    tokens: &Tokens,
+) {
+    // Twice the opacity of other overlays, because lines cover little of the image.
+    let strong = (opacity * 2.0).min(1.0);
+    let lines = |parts: Vec<Vec<[f64; 2]>>, color: Color32, width: f32| {
+        let halo = Stroke::new(width + 2.0, Color32::BLACK.gamma_multiply(0.6 * strong));
+        for part in parts {
+            let points = place.line(&part);
+            painter.add(Shape::line(points.clone(), halo));
+            painter.add(Shape::line(points, Stroke::new(width, color.gamma_multiply(strong))));
+        }
+    };
+    match what {
+        Projected::Cells => {
+            let Some(map) = seen.on_ground.map else { return };
+            let key = (SameMessage(map.clone()), seen.on_ground.camera_from_scene, palette);
+            let mut mesh = prepared.cells.get(key, || seen.cells(palette)).clone();
+            let origin = place.viewport.to_screen(place.canvas, [0.0, 0.0]);
+            mesh.transform(TSTransform::new(origin.to_vec2(), place.viewport.scale as f32));
+            for vertex in &mut mesh.vertices {
+                vertex.color = vertex.color.gamma_multiply(opacity);
+            }
+            painter.add(mesh);
+        }
+        Projected::Horizon => lines(seen.horizon(), tokens.series(0), 1.0),
+        Projected::Paths => {
+            for (points, series) in &seen.on_ground.paths {
+                lines(seen.line(points), tokens.series(*series), 2.0);
+            }
+        }
+        Projected::Example => {
+            let Some((corners, is_ground)) = &seen.on_ground.example else { return };
+            let closed: Vec<DVec3> = corners.iter().chain(corners.first()).copied().collect();
+            lines(seen.line(&closed), if *is_ground { tokens.ok } else { tokens.warning }, 2.0);
+        }
+    }
+}
+
+/// The parts of a line in which every point is seen.
+fn unbroken(pixels: impl Iterator<Item = Option<[f64; 2]>>) -> Vec<Vec<[f64; 2]>> {
+    let mut parts = vec![Vec::new()];
+    for pixel in pixels {
+        match (pixel, parts.last_mut()) {
+            (Some(pixel), Some(part)) => part.push(pixel),
+            (None, Some(part)) if !part.is_empty() => parts.push(Vec::new()),
+            _ => {}
+        }
+    }
+    parts.retain(|part| part.len() > 1);
+    parts
+}
+
+/// The coordinate frame in which an image was taken.
+pub(super) fn optical_frame(image: &Topic) -> Option<&str> {
+    let raw = image.get::<RawImage>().map(|raw| raw.frame_id.as_str());
+    raw.or_else(|| image.get::<CompressedImage>().map(|compressed| compressed.frame_id.as_str()))
+}
+
+/// What can be shown of what a camera sees.
+pub(super) fn offered(seen: Option<&Seen<'_>>) -> Vec<Projected> {
+    let has = |what: &Projected| seen.is_some_and(|seen| seen.has(*what));
+    Projected::ALL.into_iter().filter(has).collect()
+}
+
+/// The image of ranges that was taken with this one: of the same camera, and acquired at the same time.
+pub(super) fn ranges<'a>(frame: &'a Frame, image: &Topic) -> Option<&'a Topic> {
+    let (optical, of) = (optical_frame(image)?, image.latest.as_ref()?.header.acq_time);
+    let is_it = |topic: &&Topic| {
+        let at = topic.latest.as_ref().map(|sample| sample.header.acq_time);
+        topic.role() == Some(Role::Depth) && at == Some(of) && optical_frame(topic) == Some(optical)
+    };
+    frame.topics.iter().filter(|topic| !topic.is_ground_truth()).find(is_it)
+}
+
+/// The calibration of an image: of those of its coordinate frame the one whose name is most like its own.
+fn calibration<'a>(frame: &'a Frame, image: &Topic, optical: &str) -> Option<&'a Topic> {
+    let fits = |topic: &&Topic| {
+        topic.get::<CameraCalibration>().is_some_and(|calibration| calibration.frame_id == optical)
+    };
+    let common =
+        |topic: &&Topic| topic.name.bytes().zip(image.name.bytes()).take_while(|(a, b)| a == b).count();
+    frame.topics_of_type("foxglove.CameraCalibration").filter(fits).max_by_key(common)
+}
