@@ -62,7 +62,7 @@ const DARK: Tokens = Tokens {
     weak: rgb(0x8a_979e),
     strong: rgb(0xf4_f7f8),
     accent: rgb(0x5a_a9ff),
-    selected: rgb(0x1d_3a5c),
+    selected: rgb(0x17_2e4a),
     ok: rgb(0x4c_c38a),
     warning: rgb(0xf2_b23e),
     error: rgb(0xff_6b63),
@@ -91,9 +91,9 @@ const LIGHT: Tokens = Tokens {
     weak: rgb(0x5b_686f),
     strong: rgb(0x0a_0d0f),
     accent: rgb(0x0b_63c5),
-    selected: rgb(0xc9_e0fa),
-    ok: rgb(0x12_7a4c),
-    warning: rgb(0x9a_6000),
+    selected: rgb(0xd6_e7fb),
+    ok: rgb(0x10_754a),
+    warning: rgb(0x92_5b00),
     error: rgb(0xc4_2b24),
     stop: rgb(0xc4_2b24),
     on_stop: rgb(0xff_ffff),
@@ -102,7 +102,7 @@ const LIGHT: Tokens = Tokens {
     stale: rgb(0x7a_6a50),
     series: [
         rgb(0x00_72b2),
-        rgb(0xba_7000),
+        rgb(0xa5_6300),
         rgb(0x00_8a66),
         rgb(0xb3_4d87),
         rgb(0x6f_7d00),
@@ -250,6 +250,13 @@ mod tests {
                     let contrast = contrast(color, surface);
                     assert!(contrast >= 4.5, "{name} on {surface:?}, dark {}: {contrast}", tokens.dark);
                 }
+            }
+            for color in [tokens.text, tokens.weak, tokens.strong, tokens.accent] {
+                assert!(
+                    contrast(color, tokens.selected) >= 4.5,
+                    "{color:?} where selected, dark {}",
+                    tokens.dark
+                );
             }
             assert!(contrast(tokens.on_stop, tokens.stop) >= 4.5);
             assert!(contrast(tokens.on_warning, tokens.warning) >= 4.5);

@@ -282,7 +282,7 @@ fn row(
     if let Some(icon) = topic.undecodable.as_ref().map(|_| icons::ICON_ERROR) {
         widgets::icon_at(ui.painter(), name.left_center() - Vec2::new(11.0, 0.0), icon, 13.0, tokens.warning);
     }
-    let color = if topic.latest.is_none() { tokens.unknown } else { tokens.text };
+    let color = if topic.latest.is_none() { tokens.weak } else { tokens.text };
     let font = TextStyle::Body.resolve(ui.style());
     widgets::cell_keep_end(ui, name, shown_name, font, color);
     let small = FontId::proportional(11.0);

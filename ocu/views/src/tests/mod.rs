@@ -1,5 +1,6 @@
 //! Interaction with views, without a display.
 
+mod access;
 mod behaviour;
 mod compares;
 mod hostile;
