@@ -89,16 +89,20 @@ impl Column {
         match self.source() {
             Some(source) => match map.layer(source) {
                 Some(layer) => layer.for_each_run(|_, _, cells| {
-                    cells.iter().for_each(|evidence| visit(self.of_evidence(*evidence)));
+                    for evidence in cells {
+                        visit(self.of_evidence(*evidence));
+                    }
                 }),
                 None => (0..side * side).for_each(|_| visit(self.of_evidence(Evidence::NONE))),
             },
             None if self.is_fused() => {
                 map.for_each_fused(&options.weights, |_, fused| visit(self.of_fused(&fused, options)));
             }
-            None => {
-                map.grid().for_each_run(|_, _, cells| cells.iter().for_each(|cell| visit(self.of_cell(cell))))
-            }
+            None => map.grid().for_each_run(|_, _, cells| {
+                for cell in cells {
+                    visit(self.of_cell(cell));
+                }
+            }),
         }
     }
 

@@ -216,9 +216,9 @@ impl ModelSet {
     }
 
     /// A model of one appearance with the next name.
-    fn learned(&mut self, terrain: Terrain, cells: u64) -> Model {
+    fn learned(&mut self, terrain: &Terrain, cells: u64) -> Model {
         self.named = self.named.saturating_add(1);
-        Model { name: learned_name(self.named), ..Model::new(terrain, cells) }
+        Model { name: learned_name(self.named), ..Model::new(*terrain, cells) }
     }
 
     /// Merges a cell with its best match, or makes it a model where none is near enough. `signatures` are those of
@@ -241,7 +241,7 @@ impl ModelSet {
                 Some(best)
             }
             _ if self.models.len() < rules.max_models => {
-                let model = self.learned(*cell, cells);
+                let model = self.learned(cell, cells);
                 self.models.push(model);
                 signatures.push(signature);
                 Some(self.models.len() - 1)
@@ -297,7 +297,7 @@ impl ModelSet {
         signatures: &mut [Signature],
     ) -> Option<[usize; 2]> {
         let [a, b] = self.make_room(signatures, rules)?;
-        self.models[b] = self.learned(*cell, 1);
+        self.models[b] = self.learned(cell, 1);
         signatures[b] = rules.weights.signature(&cell.histograms);
         Some([a, b])
     }

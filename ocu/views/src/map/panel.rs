@@ -54,7 +54,7 @@ impl Map {
                 ui.separator();
                 ui.checkbox(&mut self.saved.align, "Align loose tracks at their start").on_hover_text(format!(
                     "A track that no transform connects to the map is turned and shifted onto another one, \
-                     by least squares over the first {} m. An visual aid, not a measurement.",
+                     by least squares over the first {} m. A visual aid, not a measurement.",
                     super::track::ALIGN_LENGTH_M
                 ));
             }
@@ -72,40 +72,9 @@ impl Map {
         index: usize,
         state: &mut LayerState,
     ) -> (Option<String>, bool) {
-        let (mut wish, mut zoom) = (None, false);
+        let mut wish = None;
         let (layer, tokens) = (&layers[index], tokens(ui));
-        let icon = match layer.kind {
-            Kind::Grid(_) => icons::ICON_GRID_ON,
-            Kind::Cloud(_) => icons::ICON_GRAIN,
-            Kind::Path(_) => icons::ICON_ROUTE,
-            Kind::Goal(_) => icons::ICON_FLAG,
-            Kind::Plan(_) => icons::ICON_ALT_ROUTE,
-            Kind::Arcs(_) => icons::ICON_TURN_SLIGHT_RIGHT,
-            Kind::Mission(_) => icons::ICON_TOUR,
-            Kind::Track { .. } => icons::ICON_TIMELINE,
-        };
-        let color = match layer.kind {
-            _ if is_line(layer) => tokens.series(series(layers, index)),
-            _ => tokens.weak,
-        };
-        ui.horizontal(|ui| {
-            ui.spacing_mut().item_spacing.x = 4.0;
-            let checkbox = ui.checkbox(&mut state.shown, "");
-            checkbox.widget_info(|| {
-                WidgetInfo::selected(Role::CheckBox, true, state.shown, format!("Show {}", layer.name))
-            });
-            ui.label(icon.rich_text().size(14.0).color(color));
-            let has_extent = matches!(layer.kind, Kind::Grid(_) | Kind::Cloud(_) | Kind::Track { .. });
-            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                if has_extent {
-                    let name = format!("Zoom to {}", layer.name);
-                    zoom = widgets::icon_button(ui, icons::ICON_CENTER_FOCUS_STRONG, &name).clicked();
-                }
-                ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
-                    ui.add(egui::Label::new(&layer.name).truncate());
-                });
-            });
-        });
+        let zoom = heading(ui, layers, index, state);
         let indent = 22.0;
         let note = |ui: &mut Ui, text: String, color| {
             ui.horizontal(|ui| {
@@ -158,19 +127,7 @@ impl Map {
             }
         }
         if state.shown && matches!(layer.kind, Kind::Grid(_) | Kind::Cloud(_)) {
-            ui.horizontal(|ui| {
-                ui.add_space(indent);
-                ui.spacing_mut().slider_width = 96.0;
-                let slider = egui::Slider::new(&mut state.opacity, 0.0..=1.0)
-                    .custom_formatter(|value, _| format!("{:3.0} %", value * 100.0))
-                    .custom_parser(|text| {
-                        text.trim_end_matches('%').trim().parse::<f64>().ok().map(|v| v / 100.0)
-                    });
-                let name = format!("Opacity of {}", layer.name);
-                let response = ui.add(slider);
-                response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &name));
-                response.on_hover_text(name);
-            });
+            opacity(ui, layer, state, indent);
         }
         (wish, zoom)
     }
@@ -276,5 +233,60 @@ fn shade_choice(ui: &mut Ui, layer: &Layer<'_>, cells: &Cells<'_>, state: &mut L
         let name = format!("Number shown of {}", layer.name);
         combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, &name));
         combo.response.on_hover_text("Which number of the cells is painted");
+    });
+}
+
+/// The first row of a layer: its switch, its name and, where it has an extent, the button that zooms to it; returns
+/// whether that was clicked.
+fn heading(ui: &mut Ui, layers: &[Layer<'_>], index: usize, state: &mut LayerState) -> bool {
+    let (layer, tokens) = (&layers[index], tokens(ui));
+    let mut zoom = false;
+    let icon = match layer.kind {
+        Kind::Grid(_) => icons::ICON_GRID_ON,
+        Kind::Cloud(_) => icons::ICON_GRAIN,
+        Kind::Path(_) => icons::ICON_ROUTE,
+        Kind::Goal(_) => icons::ICON_FLAG,
+        Kind::Plan(_) => icons::ICON_ALT_ROUTE,
+        Kind::Arcs(_) => icons::ICON_TURN_SLIGHT_RIGHT,
+        Kind::Mission(_) => icons::ICON_TOUR,
+        Kind::Track { .. } => icons::ICON_TIMELINE,
+    };
+    let color = match layer.kind {
+        _ if is_line(layer) => tokens.series(series(layers, index)),
+        _ => tokens.weak,
+    };
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        let checkbox = ui.checkbox(&mut state.shown, "");
+        checkbox.widget_info(|| {
+            WidgetInfo::selected(Role::CheckBox, true, state.shown, format!("Show {}", layer.name))
+        });
+        ui.label(icon.rich_text().size(14.0).color(color));
+        let has_extent = matches!(layer.kind, Kind::Grid(_) | Kind::Cloud(_) | Kind::Track { .. });
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            if has_extent {
+                let name = format!("Zoom to {}", layer.name);
+                zoom = widgets::icon_button(ui, icons::ICON_CENTER_FOCUS_STRONG, &name).clicked();
+            }
+            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                ui.add(egui::Label::new(&layer.name).truncate());
+            });
+        });
+    });
+    zoom
+}
+
+/// How opaque a layer is drawn.
+fn opacity(ui: &mut Ui, layer: &Layer<'_>, state: &mut LayerState, indent: f32) {
+    ui.horizontal(|ui| {
+        ui.add_space(indent);
+        ui.spacing_mut().slider_width = 96.0;
+        let slider = egui::Slider::new(&mut state.opacity, 0.0..=1.0)
+            .custom_formatter(|value, _| format!("{:3.0} %", value * 100.0))
+            .custom_parser(|text| text.trim_end_matches('%').trim().parse::<f64>().ok().map(|v| v / 100.0));
+        let name = format!("Opacity of {}", layer.name);
+        let response = ui.add(slider);
+        response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &name));
+        response.on_hover_text(name);
     });
 }
