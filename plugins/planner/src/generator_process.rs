@@ -1,11 +1,14 @@
 //! The process `waypoint_generator`: reads the goal, commands the planner, and sends waypoints. Its port table is in the
 //! crate's documentation.
 
+mod bars;
+mod given;
 mod goals;
 
+use self::given::Given;
 use self::goals::zones_of_files;
 use crate::around_goal::AroundGoal;
-use crate::barred::{Barred, grown, turned_on_the_spot};
+use crate::barred::Barred;
 use crate::children::Children;
 use crate::goal::Goal;
 use crate::map_reader::MapReader;
@@ -19,7 +22,7 @@ use crate::shortcut::{Way, WayPoint};
 use crate::spinning::Spinning;
 use crate::waypoints::spaced;
 use crate::zones::{Polygon, Zones};
-use rcs_geom::{DVec2, DVec3, Pose};
+use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry, PoseInFrame, PosesInFrame};
 use rcs_msg::rcs;
@@ -32,6 +35,8 @@ const LOOKAHEAD_STEP_M: f64 = 1.0;
 /// Distance between the points of the track, m, and their greatest number.
 const TRACK_STEP_M: f64 = 0.5;
 const MOST_TRACK: usize = 20_000;
+/// Time between two routes near the goal, s: at most a quarter of a metre.
+const ROUTE_PERIOD_S: f64 = 0.2;
 
 rcs_runtime::commands! {
     /// Commands of [`WaypointGenerator`].
@@ -86,6 +91,12 @@ pub struct WaypointGenerator {
     yaw_rad: f64,
     /// Standard deviation of the vehicle's position in the global frame, m; 0 if unknown.
     error_m: f64,
+    /// Position in the global frame, m.
+    position: Option<(f64, f64)>,
+    /// Since when the planner of the near map finds no way to where the far path leads.
+    no_way: Option<Stamp>,
+    #[serde(skip)]
+    given: Given,
 }
 
 /// Ports of [`WaypointGenerator`].
@@ -98,6 +109,7 @@ pub struct Ports {
     map: In<Grid>,
     registration: In<FrameTransforms>,
     modes: In<ModeEvent>,
+    plan: In<rcs::Plan>,
     mission: In<rcs::Mission>,
     waypoints: Out<PosesInFrame>,
     goal: Out<PoseInFrame>,
@@ -130,6 +142,10 @@ impl Process for WaypointGenerator {
                 "the global frame of the remembered route in the local frame",
             ),
             modes: b.optional_input("modes", "changes of mode of the follower, for places that are barred"),
+            plan: b.optional_input(
+                "plan",
+                "the planner's plan: whether there is a way to where the far path leads",
+            ),
             mission: b.operator_input(InputRole::Mission, "mission", "goals, area and zones of the operator"),
             waypoints: b
                 .output("waypoints", "waypoints along the path, local frame; none to stand")
@@ -197,15 +213,21 @@ impl Process for WaypointGenerator {
         while let Some(event) = cx.read(&ports.modes) {
             self.take_barred(event.barred.as_ref());
         }
+        self.look_for_a_way(ports, params, cx);
         send_waypoints(ports, params, cx);
-        let goal = match self.goal(params) {
-            Ok(goal) => self.around.map_or(goal, |around| around.target(goal, params.around_goal_m)),
+        let stated = match self.goal(params) {
+            Ok(goal) => goal,
             Err(why) => {
                 self.halt_planners(ports, cx);
                 send_none(ports, params, cx);
                 return cx.error(why);
             }
         };
+        let registration = cx.latest(&ports.registration);
+        let local_from_route =
+            registration.and_then(|message| route::registered(&message, &params.local_frame));
+        let goal = self.found_before(params, stated, local_from_route.as_ref()).unwrap_or(stated);
+        let goal = self.around.map_or(goal, |around| around.target(goal, params.around_goal_m));
         let Some((global_from_local, at)) = self.global_from_local else {
             return cx.exec("waits for the local frame in the global frame");
         };
@@ -216,7 +238,7 @@ impl Process for WaypointGenerator {
             send_none(ports, params, cx);
             return cx.error(why);
         }
-        self.command(ports, params, goal, local, cx);
+        self.command(ports, params, &Target { stated, goal, local, local_from_route }, cx);
         if let Some(why) = &self.forbidden {
             send_none(ports, params, cx);
             return cx.error(why.clone());
@@ -262,6 +284,7 @@ impl WaypointGenerator {
         let Ok(pose) = pose_of(odometry.pose.as_ref(), &odometry.frame_id) else { return };
         let at = pose.translation.truncate();
         self.yaw_rad = pose.yaw();
+        self.position = Some((at.x, at.y));
         let speed_mps = odometry.linear_velocity.map_or(0.0, |velocity| velocity.x);
         if self.spinning.take(cx.now(), at, speed_mps) {
             self.bar_ahead(at, params);
@@ -300,9 +323,9 @@ impl WaypointGenerator {
         local_from_route: &Pose,
     ) -> Vec<PlanPoint> {
         self.refused_route = None;
-        let Ok(Some(route)) = route::parse(&params.route) else { return Vec::new() };
-        let Ok(origin) = Origin::from_toml(&params.world) else { return Vec::new() };
-        match route::in_global(&route, &origin.0, goal, params.route_goal_m) {
+        let Ok(origin) = self.given.origin(params) else { return Vec::new() };
+        let Some(route) = self.given.route(params) else { return Vec::new() };
+        match route::in_global(route, &origin.0, goal, params.route_goal_m) {
             Ok(points) => {
                 let local = points.iter().map(|point| *local_from_route * point.extend(0.0));
                 local.map(|at| PlanPoint { x_m: at.x, y_m: at.y }).collect()
@@ -314,8 +337,8 @@ impl WaypointGenerator {
         }
     }
 
-    /// Sends the route once a second while the vehicle is near the goal (global frame, m): a run ends when the goal is
-    /// reached, which this process may not live to see.
+    /// Sends the route while the vehicle is near the goal (global frame, m): a run ends when the goal is reached, which this
+    /// process may not live to see.
     fn send_route(
         &mut self,
         ports: &Ports,
@@ -324,45 +347,45 @@ impl WaypointGenerator {
         cx: &mut Cycle<'_>,
     ) {
         let now = cx.now();
-        let (Some(began), Some(&at)) = (self.began, self.track.last()) else { return };
-        let is_due = self.sent.is_none_or(|sent| now.seconds_since(sent) >= 1.0);
-        if !is_due || goal.distance(DVec2::from(at)) > params.route_goal_m {
+        let (Some(began), Some(at)) = (self.began, self.position.map(DVec2::from)) else { return };
+        let is_due = self.sent.is_none_or(|sent| now.seconds_since(sent) >= ROUTE_PERIOD_S);
+        if !is_due || goal.distance(at) > params.route_goal_m {
             return;
         }
-        let Ok(origin) = Origin::from_toml(&params.world) else { return };
+        let Ok(origin) = self.given.origin(params) else { return };
         let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
         let Some((global_from_local, _)) = self.global_from_local else { return };
-        let way = self.way.in_global(|at| (global_from_local * at.extend(0.0)).truncate());
+        let mut way = self.way.in_global(|at| (global_from_local * at.extend(0.0)).truncate());
+        way.push(at);
         let way = route::cut(&way, params.same_place_m);
         let time_s = now.seconds_since(began);
         self.sent = Some(now);
         cx.write(&ports.route, now, route::to_message(&way, route::length_m(&track), &origin.0, time_s));
     }
 
-    /// Tells the planners the goal (global and local frame, m) when it has moved in the local frame, and that of the near
-    /// map what lies ahead.
+    /// Tells the planners the goal when it has moved in the local frame, and that of the near map what lies ahead.
     fn command(
         &mut self,
         ports: &Ports,
         params: &WaypointGeneratorParams,
-        goal: DVec2,
-        local: DVec2,
+        target: &Target,
         cx: &mut Cycle<'_>,
     ) {
         let Some((global_from_local, _)) = self.global_from_local else { return };
+        let Target { stated, goal, local, local_from_route } = *target;
         let moved_m = |told: Option<(f64, f64)>, to: DVec2| {
             told.map_or(f64::INFINITY, |told| to.distance(DVec2::from(told)))
         };
-        let registration = cx.latest(&ports.registration);
-        let local_from_route =
-            registration.and_then(|message| route::registered(&message, &params.local_frame));
         let local_from_route = local_from_route.unwrap_or_else(|| global_from_local.inverse());
         // Where the route of the run before ends, if it ends at the goal.
-        let route_end = (local_from_route * goal.extend(0.0)).truncate();
+        let route_end = (local_from_route * stated.extend(0.0)).truncate();
         let goal_moved = moved_m(self.told, local) > params.resend_m
             || moved_m(self.route_told, route_end) > params.resend_m;
+        // Small motions of the goal are not told.
+        let local = self.told.filter(|_| !goal_moved).map_or(local, DVec2::from);
         let near = self.near_goal(local, &global_from_local, params);
-        if !goal_moved && moved_m(self.near_told, near) < LOOKAHEAD_STEP_M {
+        let is_led_no_more = near == local && self.near_told != self.told;
+        if !goal_moved && !is_led_no_more && moved_m(self.near_told, near) < LOOKAHEAD_STEP_M {
             return;
         }
         match self.allowed(params, goal) {
@@ -382,7 +405,7 @@ impl WaypointGenerator {
             self.is_halted = false;
             return;
         }
-        let route = self.remembered(params, goal, &local_from_route);
+        let route = self.remembered(params, stated, &local_from_route);
         if let Some(why) = &self.refused_route {
             cx.fault(format!("route: {why}; not used"));
         }
@@ -423,21 +446,24 @@ impl WaypointGenerator {
     /// What the planner of the near map plans to, local frame, m: the goal, or, if that is farther along the far path than
     /// the lookahead, the point of that path there.
     fn near_goal(&self, goal: DVec2, global_from_local: &Pose, params: &WaypointGeneratorParams) -> DVec2 {
-        let Some(&at) = self.track.last() else { return goal };
-        let position = (global_from_local.inverse() * DVec2::from(at).extend(0.0)).truncate();
+        self.along_far_path(global_from_local, params.lookahead_m).unwrap_or(goal)
+    }
+
+    /// The point of the far path this far along it from the vehicle, local frame, m; `None` if the path ends before.
+    fn along_far_path(&self, global_from_local: &Pose, distance_m: f64) -> Option<DVec2> {
+        let position =
+            (global_from_local.inverse() * DVec2::from(*self.track.last()?).extend(0.0)).truncate();
         let far: Vec<DVec2> = self.far_path.iter().copied().map(DVec2::from).collect();
         let away_m = |at: usize| far[at].distance(position);
-        let Some(nearest) = (0..far.len()).min_by(|&a, &b| away_m(a).total_cmp(&away_m(b))) else {
-            return goal;
-        };
+        let nearest = (0..far.len()).min_by(|&a, &b| away_m(a).total_cmp(&away_m(b)))?;
         let mut along_m = away_m(nearest);
         for pair in far[nearest..].windows(2) {
             along_m += pair[0].distance(pair[1]);
-            if along_m >= params.lookahead_m {
-                return pair[1];
+            if along_m >= distance_m {
+                return Some(pair[1]);
             }
         }
-        goal
+        None
     }
 
     /// Reads the path of the planner of the far map.
@@ -447,52 +473,6 @@ impl WaypointGenerator {
             Ok(points) => self.far_path = points.iter().map(|point| (point.x, point.y)).collect(),
             Err(why) => cx.fault(format!("far_path: {why}; skipped")),
         }
-    }
-
-    /// Bars a place, local frame.
-    fn take_barred(&mut self, place: Option<&BarredPlace>) {
-        let Some((place, (global_from_local, _))) = place.zip(self.global_from_local) else { return };
-        let at = global_from_local * DVec3::new(place.x_m, place.y_m, 0.0);
-        let vehicle = self.track.last().map_or(at.truncate(), |&last| DVec2::from(last));
-        let place = Barred { at: (at.x, at.y), radius_m: place.radius_m };
-        self.barred.push(grown(place, vehicle, &self.barred));
-        // The planners are told with the goal.
-        self.told = None;
-    }
-
-    /// Takes a jump of the goal (local frame, m) that follows from wheels that turned on the spot for what it is.
-    fn see_slide(&mut self, local: DVec2, params: &WaypointGeneratorParams) {
-        if self.told.is_none_or(|told| local.distance(DVec2::from(told)) <= params.jump_m) {
-            return;
-        }
-        let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
-        let Some(at) = turned_on_the_spot(&track) else { return };
-        // What the wheels measured was no way.
-        self.track.truncate(at + 1);
-        self.track.push((track[track.len() - 1].x, track[track.len() - 1].y));
-        self.way.back_to(track[at]);
-        if let Some(&at) = self.track.last() {
-            self.bar_ahead(DVec2::from(at), params);
-        }
-    }
-
-    /// Bars the place ahead of a position in the global frame, m: the wheels turned there, and the vehicle did not move.
-    fn bar_ahead(&mut self, at: DVec2, params: &WaypointGeneratorParams) {
-        self.told = None;
-        if params.slide_bars_m > 0.0 {
-            let vehicle = Pose::from_xy_yaw(at.x, at.y, self.yaw_rad);
-            let place = Barred::ahead(&vehicle, params.slide_bars_m);
-            self.barred.push(grown(place, at, &self.barred));
-        }
-    }
-
-    fn barred_in_local(&self, global_from_local: &Pose) -> Vec<BarredPlace> {
-        let local_from_global = global_from_local.inverse();
-        let place = |barred: &Barred| {
-            let at = local_from_global * DVec2::from(barred.at).extend(0.0);
-            BarredPlace { x_m: at.x, y_m: at.y, radius_m: barred.radius_m }
-        };
-        self.barred.iter().map(place).collect()
     }
 
     /// Why the vehicle should not drive to where the goal now is in the local frame, m.
@@ -507,6 +487,18 @@ impl WaypointGenerator {
         (error_m > limit_m)
             .then(|| format!("the position is known to {error_m:.1} m, expected at most {limit_m} m: stands"))
     }
+}
+
+/// Where the vehicle drives to, m.
+struct Target {
+    /// The goal that was stated, global frame.
+    stated: DVec2,
+    /// The same, or a place beside it where the goal may be, global frame.
+    goal: DVec2,
+    /// The same in the local frame.
+    local: DVec2,
+    /// The global frame of the run that drove the route, as the remembered map is registered; `None` while it is not.
+    local_from_route: Option<Pose>,
 }
 
 fn corners(polygon: &Polygon) -> Vec<PlanPoint> {

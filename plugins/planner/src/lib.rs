@@ -42,6 +42,7 @@
 //! | `map` | in, optional | `foxglove.Grid` | a world model's map, local frame, by which the route is cut |
 //! | `registration` | in, optional | `foxglove.FrameTransforms` | the global frame of the remembered route in the local frame |
 //! | `modes` | in, optional | `rcs.ModeEvent` | changes of mode of the follower, for places that are barred |
+//! | `plan` | in, optional | `rcs.Plan` | the planner's plan: whether there is a way to where the far path leads |
 //! | `mission` | in, optional | `rcs.Mission` | goals, area and zones of the operator |
 //! | `waypoints` | out | `foxglove.PosesInFrame` | waypoints along the path, local frame; none to stand |
 //! | `goal` | out | `foxglove.PoseInFrame` | the goal in the local frame |

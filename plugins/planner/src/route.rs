@@ -17,6 +17,11 @@ use rcs_sense::pose_of;
 const FORMAT: u32 = 1;
 /// Greatest number of points of a route.
 const MOST_POINTS: usize = 20_000;
+/// How far ahead of the end of a route the goal is taken to be, m: a run ends where the vehicle comes near to the goal, with
+/// the goal ahead of it.
+const AHEAD_M: f64 = 0.75;
+/// Distance before its end from which a route has its last direction, m.
+const DIRECTION_M: f64 = 1.0;
 
 /// Why a text is no route, or does not fit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -79,6 +84,13 @@ pub fn registered(message: &FrameTransforms, local_frame: &str) -> Option<Pose> 
         message.transforms.first().filter(|transform| transform.parent_frame_id == local_frame)?;
     let pose = foxglove::Pose { position: transform.translation, orientation: transform.rotation };
     pose_of(Some(&pose), local_frame).ok()
+}
+
+/// Where the goal of a run that drove this route was, in the frame of the points, m; `None` for a route without a length.
+pub fn finish(points: &[DVec2]) -> Option<DVec2> {
+    let &end = points.last()?;
+    let before = points.iter().rev().find(|point| point.distance(end) >= DIRECTION_M).or(points.first())?;
+    Some(end + (end - *before).try_normalize()? * AHEAD_M)
 }
 
 /// The route of a way in the global frame with this origin, which is left of `driven_m`.
@@ -182,6 +194,18 @@ mod tests {
             assert!(parse(&text).unwrap_err().to_string().starts_with(expected), "{text}");
         }
         assert!(matches!(parse("{"), Err(RouteError::Text(_))));
+    }
+
+    #[test]
+    fn the_goal_was_ahead_of_where_a_route_ends() {
+        let mut track = line((0.0, 0.0), (10.0, 0.0));
+        // Its last metre leads to the left.
+        track.extend(line((10.0, 0.0), (10.0, 2.0)));
+        let end = *track.last().unwrap();
+        let goal = finish(&track).unwrap();
+        assert!(goal.distance(end + DVec2::new(0.0, AHEAD_M)) < 1e-9, "{goal}");
+        assert_eq!(finish(&track[..1]), None);
+        assert_eq!(finish(&[]), None);
     }
 
     #[test]

@@ -6,6 +6,7 @@ use crate::around_goal::AroundGoal;
 use crate::goal::Goal;
 use crate::mission::Mission;
 use crate::proto::WaypointGeneratorParams;
+use crate::route;
 use crate::zones::Zones;
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
@@ -77,8 +78,8 @@ impl WaypointGenerator {
     }
 
     /// The zones of the files and of the operator, global frame, m, unless the goal (global frame, m) lies in one.
-    pub(super) fn allowed(&self, params: &WaypointGeneratorParams, goal: DVec2) -> Result<Zones, String> {
-        let origin = Origin::from_toml(&params.world).map_err(|error| format!("world: {error}"))?;
+    pub(super) fn allowed(&mut self, params: &WaypointGeneratorParams, goal: DVec2) -> Result<Zones, String> {
+        let origin = self.given.origin(params)?;
         let mut zones = zones_of_files(params, &origin)?;
         zones.keep_out.extend(self.mission.zones.keep_out.iter().cloned());
         zones.area = self.mission.zones.area.clone().or(zones.area);
@@ -91,23 +92,35 @@ impl WaypointGenerator {
         Ok(zones)
     }
 
+    /// Where the run before ended near the goal of the file (global frame, m), as the remembered map is registered: there
+    /// the goal was found, whatever the position estimates of both runs say.
+    pub(super) fn found_before(
+        &mut self,
+        params: &WaypointGeneratorParams,
+        goal: DVec2,
+        local_from_route: Option<&Pose>,
+    ) -> Option<DVec2> {
+        if self.mission.goals.is_some() || self.commanded.is_some() {
+            return None;
+        }
+        let (local_from_route, (global_from_local, _)) = local_from_route.zip(self.global_from_local)?;
+        let origin = self.given.origin(params).ok()?;
+        let points =
+            route::in_global(self.given.route(params)?, &origin.0, goal, params.route_goal_m).ok()?;
+        let finish = global_from_local * (*local_from_route * route::finish(&points)?.extend(0.0));
+        Some(finish.truncate()).filter(|finish| finish.distance(goal) <= params.route_goal_m)
+    }
+
     /// The goal in the global frame, m.
-    pub(super) fn goal(&self, params: &WaypointGeneratorParams) -> Result<DVec2, String> {
+    pub(super) fn goal(&mut self, params: &WaypointGeneratorParams) -> Result<DVec2, String> {
         if self.mission.goals.is_some() {
             return self.mission.goal().ok_or_else(|| "the mission has no goals: stands".to_owned());
         }
         let goal = match self.commanded {
             Some((zone, easting_m, northing_m)) => Goal { zone: Some(zone), easting_m, northing_m },
-            None if params.goal.is_empty() => {
-                return Err("there is no goal: expected a goal file, or GO_TO".to_owned());
-            }
-            None => Goal::from_toml(&params.goal).map_err(|error| format!("goal: {error}"))?,
+            None => self.given.goal(params)?,
         };
-        if params.world.is_empty() {
-            return Err("world: expected a file with the [origin] of the global frame".to_owned());
-        }
-        let origin = Origin::from_toml(&params.world).map_err(|error| format!("world: {error}"))?;
-        goal.in_global(&origin.0).map_err(|error| error.to_string())
+        goal.in_global(&self.given.origin(params)?.0).map_err(|error| error.to_string())
     }
 }
 

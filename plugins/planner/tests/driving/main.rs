@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+mod goal;
+
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{
@@ -24,7 +26,7 @@ name = "driver"
 name = "generator"
 plugin = "waypoint_generator"
 supervisor = "viewer"
-inputs = { path = "/planner/path", transforms = "/operator/transforms", global = "/operator/global", modes = "/follower/modes", mission = "/operator/mission" }
+inputs = { path = "/planner/path", far_path = "/operator/far_path", transforms = "/operator/transforms", global = "/operator/global", registration = "/operator/registration", modes = "/follower/modes", plan = "/planner/plan", mission = "/operator/mission" }
 
 [[process]]
 name = "planner"
@@ -61,7 +63,8 @@ impl rcs_runtime::Assets for Files {
         let text = match (kind, name) {
             ("world", "bounded") => format!("bounds_m = [[-20, 1], [40, 40]]\n{WORLD}"),
             ("world", _) => WORLD.to_owned(),
-            ("mode", _) => include_str!("../../../assets/modes/lagr.toml").to_owned(),
+            ("mode", _) => include_str!("../../../../assets/modes/lagr.toml").to_owned(),
+            ("route", _) => goal::ROUTE.to_owned(),
             (_, "far.toml") => GOAL.replace("18", "17"),
             _ => GOAL.to_owned(),
         };
@@ -97,6 +100,12 @@ fn place_local_frame(bench: &mut Bench, x_m: f64) {
 }
 
 const FILES: [(&str, &str); 3] = [("generator.world", "w"), ("generator.goal", "g"), ("follower.modes", "m")];
+
+/// The vehicle is this far east of the origin of the global frame, m, and 3 m north of it.
+fn global_at(x_m: f64) -> Odometry {
+    let pose = Some(pose_message(&Pose::from_xy_yaw(x_m, 3.0, 0.0)));
+    Odometry { frame_id: "global".to_owned(), pose, ..Odometry::default() }
+}
 
 /// Cycles at a pose with a fresh map.
 fn cycle(bench: &mut Bench, x_m: f64, yaw_rad: f64, cost: impl Fn(DVec2) -> u8, count: usize) {
@@ -171,20 +180,6 @@ fn it_drives_to_the_goal_of_the_file_and_stands_there() {
     let choice: ArcChoice = bench.latest("/follower/arcs");
     assert!(choice.arcs.len() > 20 && choice.chosen == Some(0), "{choice:?}");
     cycle(&mut bench, 9.8, 0.0, free, 6);
-    assert_eq!(drive(&bench), (0.0, 0.0));
-    assert_eq!(status(&bench, "generator"), (ProcessState::Done, "at the goal".to_owned()));
-}
-
-#[test]
-fn it_drives_around_a_goal_that_may_lie_elsewhere_and_then_stands_there() {
-    let mut bench = start(&[FILES[0], FILES[1], ("generator.around_goal_m", "1.5")]);
-    cycle(&mut bench, 0.0, 0.0, free, 12);
-    cycle(&mut bench, 9.8, 0.0, free, 6);
-    assert!(drive(&bench).0 > 0.1, "the first place is 1.5 m ahead of the goal: {}", story(&bench));
-    let (state, text) = status(&bench, "generator");
-    assert!(state == ProcessState::Exec && text.contains("at the goal, drives around it: 1 of 6"), "{text}");
-    // It does not get to the places: after 8 s each it is told the goal again, where it is.
-    cycle(&mut bench, 9.8, 0.0, free, 6 * 8 * 20 + 30);
     assert_eq!(drive(&bench), (0.0, 0.0));
     assert_eq!(status(&bench, "generator"), (ProcessState::Done, "at the goal".to_owned()));
 }
@@ -347,10 +342,6 @@ fn a_goal_that_jumps_stops_it_until_it_is_back() {
 #[test]
 fn wheels_that_turned_on_the_spot_are_told_from_a_jump_and_the_place_is_barred() {
     let mut bench = start(&FILES);
-    let global_at = |x_m: f64| {
-        let pose = Some(pose_message(&Pose::from_xy_yaw(x_m, 3.0, 0.0)));
-        Odometry { frame_id: "global".to_owned(), pose, ..Odometry::default() }
-    };
     // By its wheels it is at 9 m, 11 m in the global frame; the fixes then put it to 5 m, where it was before.
     for half_metres in 0..=18 {
         let x_m = f64::from(half_metres) / 2.0;
@@ -392,6 +383,21 @@ fn where_the_path_leads_and_the_vehicle_does_not_get_is_barred() {
         DVec2::new(at.x, at.y).distance(DVec2::new(barred.x_m, barred.y_m)) < 0.6
     });
     assert!(!enters && path.poses.len() > 20, "{barred:?}; {}", story(&bench));
+}
+
+#[test]
+fn a_place_of_the_far_path_to_which_the_near_map_has_no_way_is_barred() {
+    let nearest_m = |closed_cycles: usize| {
+        let mut bench = start(&[FILES[0], FILES[1], ("generator.no_way_bars_m", "1.2")]);
+        bench.write("/operator/global", global_at(2.0));
+        goal::lead(&mut bench, 10.0);
+        cycle(&mut bench, 0.0, 0.0, ring, closed_cycles);
+        cycle(&mut bench, 0.0, 0.0, free, 12);
+        let barred = DVec2::new(2.5, 0.0);
+        path(&bench).iter().map(|at| at.distance(barred)).fold(f64::INFINITY, f64::min)
+    };
+    assert!(nearest_m(14) < 0.3, "the map may be wrong for half a second");
+    assert!(nearest_m(34) > 1.0);
 }
 
 #[test]

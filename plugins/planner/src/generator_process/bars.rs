@@ -1,0 +1,88 @@
+//! Places that the waypoint generator bars for the rest of the run: the vehicle could not get over them, or does not get
+//! there.
+
+use super::{Ports, WaypointGenerator};
+use crate::barred::{Barred, grown, turned_on_the_spot};
+use crate::proto::{BarredPlace, WaypointGeneratorParams};
+use rcs_geom::{DVec2, DVec3, Pose};
+use rcs_msg::Stamp;
+use rcs_msg::rcs::PlanState;
+use rcs_runtime::Cycle;
+
+/// Time after which it is believed that there is no way on the near map to where the far path leads, s.
+const NO_WAY_S: f64 = 1.0;
+
+impl WaypointGenerator {
+    /// Bars a place of the far path to which the planner of the near map finds no way: the near map shows better what is
+    /// there, and the far planner looks for another way.
+    pub(super) fn look_for_a_way(
+        &mut self,
+        ports: &Ports,
+        params: &WaypointGeneratorParams,
+        cx: &mut Cycle<'_>,
+    ) {
+        let is_led = self.near_told.is_some() && self.near_told != self.told;
+        let is_closed = cx.latest(&ports.plan).is_some_and(|plan| plan.state() == PlanState::PlanNoWay);
+        if params.no_way_bars_m <= 0.0 || !is_led || !is_closed {
+            self.no_way = None;
+            return;
+        }
+        let now = cx.now();
+        if now.seconds_since(*self.no_way.get_or_insert(now)) < NO_WAY_S {
+            return;
+        }
+        self.no_way = None;
+        let Some((global_from_local, _)) = self.global_from_local else { return };
+        let Some(at) = self.along_far_path(&global_from_local, params.lookahead_m / 2.0) else { return };
+        let goal_m = self.told.map_or(f64::INFINITY, |goal| at.distance(DVec2::from(goal)));
+        if goal_m > params.no_way_bars_m + 1.0 {
+            self.take_barred(Some(&BarredPlace { x_m: at.x, y_m: at.y, radius_m: params.no_way_bars_m }));
+        }
+    }
+
+    /// Bars a place, local frame.
+    pub(super) fn take_barred(&mut self, place: Option<&BarredPlace>) {
+        let Some((place, (global_from_local, _))) = place.zip(self.global_from_local) else { return };
+        let at = global_from_local * DVec3::new(place.x_m, place.y_m, 0.0);
+        let vehicle = self.track.last().map_or(at.truncate(), |&last| DVec2::from(last));
+        let place = Barred { at: (at.x, at.y), radius_m: place.radius_m };
+        self.barred.push(grown(place, vehicle, &self.barred));
+        // The planners are told with the goal.
+        self.told = None;
+    }
+
+    /// Takes a jump of the goal (local frame, m) that follows from wheels that turned on the spot for what it is.
+    pub(super) fn see_slide(&mut self, local: DVec2, params: &WaypointGeneratorParams) {
+        if self.told.is_none_or(|told| local.distance(DVec2::from(told)) <= params.jump_m) {
+            return;
+        }
+        let track: Vec<DVec2> = self.track.iter().copied().map(DVec2::from).collect();
+        let Some(at) = turned_on_the_spot(&track) else { return };
+        // What the wheels measured was no way.
+        self.track.truncate(at + 1);
+        self.track.push((track[track.len() - 1].x, track[track.len() - 1].y));
+        self.way.back_to(track[at]);
+        if let Some(&at) = self.track.last() {
+            self.bar_ahead(DVec2::from(at), params);
+        }
+    }
+
+    /// Bars the place ahead of a position in the global frame, m: the wheels turned there, and the vehicle did not move.
+    pub(super) fn bar_ahead(&mut self, at: DVec2, params: &WaypointGeneratorParams) {
+        self.told = None;
+        if params.slide_bars_m > 0.0 {
+            let vehicle = Pose::from_xy_yaw(at.x, at.y, self.yaw_rad);
+            let place = Barred::ahead(&vehicle, params.slide_bars_m);
+            self.barred.push(grown(place, at, &self.barred));
+        }
+    }
+
+    pub(super) fn barred_in_local(&self, global_from_local: &Pose) -> Vec<BarredPlace> {
+        let local_from_global = global_from_local.inverse();
+        let place = |barred: &Barred| {
+            let at = local_from_global * DVec2::from(barred.at).extend(0.0);
+            BarredPlace { x_m: at.x, y_m: at.y, radius_m: barred.radius_m }
+        };
+        self.barred.iter().map(place).collect()
+    }
+}

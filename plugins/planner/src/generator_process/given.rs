@@ -1,0 +1,52 @@
+//! What the parameters of the waypoint generator give as texts: the route, the world's origin and the goal.
+
+use crate::goal::Goal;
+use crate::proto::{Route, WaypointGeneratorParams};
+use crate::route;
+use rcs_sense::Origin;
+
+/// What the texts of the parameters say: each is read once.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Given {
+    route: Read<Option<Route>>,
+    world: Read<Option<Result<Origin, String>>>,
+    goal: Read<Option<Result<Goal, String>>>,
+}
+
+/// A text, and what was read from it.
+#[derive(Clone, Debug, Default)]
+struct Read<T> {
+    text: String,
+    value: T,
+}
+
+impl<T> Read<T> {
+    fn of(&mut self, text: &str, read: impl FnOnce(&str) -> T) -> &T {
+        if self.text != text {
+            self.value = read(text);
+            text.clone_into(&mut self.text);
+        }
+        &self.value
+    }
+}
+
+impl Given {
+    /// The route of an earlier run; `None` without one.
+    pub(super) fn route(&mut self, params: &WaypointGeneratorParams) -> Option<&Route> {
+        self.route.of(&params.route, |text| route::parse(text).ok().flatten()).as_ref()
+    }
+
+    /// The origin of the global frame.
+    pub(super) fn origin(&mut self, params: &WaypointGeneratorParams) -> Result<Origin, String> {
+        let read = |text: &str| Some(Origin::from_toml(text).map_err(|error| format!("world: {error}")));
+        let none = "world: expected a file with the [origin] of the global frame";
+        self.world.of(&params.world, read).clone().unwrap_or_else(|| Err(none.to_owned()))
+    }
+
+    /// The goal of the file.
+    pub(super) fn goal(&mut self, params: &WaypointGeneratorParams) -> Result<Goal, String> {
+        let read = |text: &str| Some(Goal::from_toml(text).map_err(|error| format!("goal: {error}")));
+        let none = "there is no goal: expected a goal file, or GO_TO";
+        self.goal.of(&params.goal, read).clone().unwrap_or_else(|| Err(none.to_owned()))
+    }
+}

@@ -1,0 +1,96 @@
+//! At the goal: where it is believed to be, where an earlier run found it, and what leads there.
+
+use super::{FILES, cycle, drive, free, global_at, start, status, story};
+use rcs_geom::{DVec2, Pose};
+use rcs_msg::foxglove::{FrameTransform, FrameTransforms, PosesInFrame, Quaternion, Vector3};
+use rcs_msg::rcs::ProcessState;
+use rcs_sense::pose_message;
+use rcs_testkit::bench::Bench;
+
+/// A route of an earlier run, which ends 0.5 m west of the goal, heading east.
+pub(super) const ROUTE: &str = r#"{
+    "format": 1,
+    "zone": 18,
+    "points": [
+        {"eastingM": 300002.0, "northingM": 4000003.0},
+        {"eastingM": 300010.0, "northingM": 4000003.0},
+        {"eastingM": 300011.5, "northingM": 4000003.0}
+    ]
+}"#;
+
+#[test]
+fn it_drives_around_a_goal_that_may_lie_elsewhere_and_then_stands_there() {
+    let mut bench = start(&[FILES[0], FILES[1], ("generator.around_goal_m", "1.5")]);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    cycle(&mut bench, 9.8, 0.0, free, 6);
+    assert!(drive(&bench).0 > 0.1, "the first place is 1.5 m ahead of the goal: {}", story(&bench));
+    let (state, text) = status(&bench, "generator");
+    assert!(state == ProcessState::Exec && text.contains("at the goal, drives around it: 1 of 6"), "{text}");
+    // It does not get to the places: after 8 s each it is told the goal again, where it is.
+    cycle(&mut bench, 9.8, 0.0, free, 6 * 8 * 20 + 30);
+    assert_eq!(drive(&bench), (0.0, 0.0));
+    assert_eq!(status(&bench, "generator"), (ProcessState::Done, "at the goal".to_owned()));
+}
+
+#[test]
+fn a_goal_that_lies_just_beyond_the_point_to_which_a_far_planner_has_led_is_driven_to() {
+    let mut bench = start(&[FILES[0], FILES[1], ("generator.around_goal_m", "1.5")]);
+    lead(&mut bench, 10.0);
+    // 5 m along the far path lie 0.4 m before the goal, which is 10 m east in the local frame.
+    bench.write("/operator/global", global_at(6.6));
+    cycle(&mut bench, 4.6, 0.0, free, 12);
+    let led = bench.latest::<PosesInFrame>("/planner/path").poses.last().unwrap().position.unwrap();
+    assert!((led.x - 9.6).abs() < 0.15, "{led:?}");
+    bench.write("/operator/global", global_at(11.7));
+    cycle(&mut bench, 9.7, 0.0, free, 12);
+    let (state, text) = status(&bench, "generator");
+    assert!(state == ProcessState::Exec && text.contains("drives around it"), "{text}; {}", story(&bench));
+    assert!(drive(&bench).0 > 0.1, "{}", story(&bench));
+}
+
+/// A far planner leads from the start straight to a place east of it, m.
+pub(super) fn lead(bench: &mut Bench, to_m: f64) {
+    let count = (to_m / 0.2).round() as u32;
+    let pose = |at: u32| pose_message(&Pose::from_xy_yaw(f64::from(at) * 0.2, 0.0, 0.0));
+    let poses = (0..=count).map(pose).collect();
+    let path = PosesInFrame { frame_id: "local".to_owned(), poses, ..PosesInFrame::default() };
+    bench.write("/operator/far_path", path);
+}
+
+/// Says where the global frame of the earlier run lies in the local frame, m; `None` while the map is not registered.
+fn register(bench: &mut Bench, moved: Option<DVec2>) {
+    let transform = |at: DVec2| FrameTransform {
+        parent_frame_id: "local".to_owned(),
+        child_frame_id: "remembered".to_owned(),
+        translation: Some(Vector3 { x: at.x, y: at.y, z: 0.0 }),
+        rotation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
+        ..FrameTransform::default()
+    };
+    bench.write(
+        "/operator/registration",
+        FrameTransforms { transforms: moved.map(transform).into_iter().collect() },
+    );
+}
+
+#[test]
+fn the_goal_lies_where_the_run_before_found_it_while_its_map_is_registered() {
+    let mut bench = start(&[FILES[0], FILES[1], ("generator.route", "r")]);
+    let target = |bench: &Bench| {
+        let waypoints: PosesInFrame = bench.latest("/generator/waypoints");
+        let last = waypoints.poses.last().unwrap().position.unwrap();
+        DVec2::new(last.x, last.y)
+    };
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(target(&bench).distance(DVec2::new(10.0, 0.0)) < 0.3, "{}", target(&bench));
+    // That run's position estimate was 1.5 m farther south than that of this one.
+    register(&mut bench, Some(DVec2::new(-2.0, -1.5)));
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(target(&bench).distance(DVec2::new(10.25, 1.5)) < 0.3, "{}", target(&bench));
+    register(&mut bench, None);
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(target(&bench).distance(DVec2::new(10.0, 0.0)) < 0.3, "{}", target(&bench));
+    // 8 m beside the goal, what was found there is not believed.
+    register(&mut bench, Some(DVec2::new(-2.0, 5.0)));
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    assert!(target(&bench).distance(DVec2::new(10.0, 0.0)) < 0.3, "{}", target(&bench));
+}
