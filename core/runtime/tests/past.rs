@@ -174,6 +174,17 @@ fn what_does_not_fit_into_memory_is_read_back_from_disk_and_the_folder_goes_with
 }
 
 #[test]
+fn what_others_take_of_the_memory_is_left_to_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = PastOptions { memory_bytes: 4 << 20, ..tight(folder.path(), 1 << 30) };
+    let mut source = walk(options);
+    source.reserve(3 << 20);
+    source.seek(seconds(120.0), &Task::default()).unwrap();
+    let usage = source.session().past_use();
+    assert!(usage.memory_bytes < 2 << 20, "{usage:?}");
+}
+
+#[test]
 fn the_disk_keeps_its_budget_and_what_was_thinned_out_is_computed_again() {
     let folder = tempfile::tempdir().unwrap();
     let budget = 3 << 20;

@@ -162,6 +162,11 @@ impl Session {
         self.retention.problems()
     }
 
+    /// Leaves this much of the memory of the past to others, bytes.
+    pub fn reserve(&mut self, bytes: u64) {
+        self.retention.reserved_bytes = bytes;
+    }
+
     /// Memory and disk that the past takes.
     pub fn past_use(&self) -> PastUse {
         self.retention.usage(&self.stretches, &self.tape)

@@ -53,6 +53,8 @@ pub struct PastUse {
 
 pub(super) struct Retention {
     options: PastOptions,
+    /// The part of the memory that others take, bytes.
+    pub(super) reserved_bytes: u64,
     plan: Arc<Plan>,
     disk: Arc<Disk>,
     spill: Option<Spill>,
@@ -73,6 +75,7 @@ impl Retention {
         let disk = Disk::new(options.folder.clone(), options.disk_bytes);
         Self {
             options,
+            reserved_bytes: 0,
             plan,
             disk,
             spill: None,
@@ -194,7 +197,8 @@ impl Session {
     pub(super) fn enforce_budgets(&mut self) {
         self.collect_written();
         self.retention.pause = self.retention.pause.saturating_sub(1);
-        let budget = self.retention.options.memory_bytes as f64;
+        let Retention { options, reserved_bytes, .. } = &self.retention;
+        let budget = options.memory_bytes.saturating_sub(*reserved_bytes) as f64;
         let mut used = self.retention.memory(&self.stretches) as f64;
         if used > WRITE_AT * budget {
             self.write_out(used - WRITE_AT * budget);

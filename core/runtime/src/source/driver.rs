@@ -5,7 +5,7 @@
 //! message type.
 
 use super::compared::Compared;
-use super::frame::{Frame, Playback};
+use super::frame::{Frame, Playback, Topic};
 use super::held::{HeldControl, HeldControls};
 use super::pace::Pace;
 use super::{Source, SourceError, Step, Task};
@@ -100,6 +100,8 @@ struct Shared {
     urgent: Mutex<VecDeque<(String, AnyMessage)>>,
     /// Time between frames while playing, µs.
     every_us: AtomicU64,
+    /// Memory that the window takes for what it shows, bytes.
+    reserved_bytes: AtomicU64,
 }
 
 impl Shared {
@@ -142,6 +144,7 @@ impl Driver {
             task: Mutex::new(None),
             urgent: Mutex::default(),
             every_us: AtomicU64::new(FRAME.as_micros() as u64),
+            reserved_bytes: AtomicU64::new(0),
         });
         let (controls, receiver) = channel();
         let theirs = Arc::clone(&shared);
@@ -188,6 +191,11 @@ impl Driver {
     pub fn show_every(&self, every: Duration) {
         let us = every.max(FRAME).as_micros() as u64;
         self.shared.every_us.store(us, Ordering::Relaxed);
+    }
+
+    /// Sets the memory that the window takes for what it shows, bytes: the past of the source has the rest.
+    pub fn reserve(&self, bytes: u64) {
+        self.shared.reserved_bytes.store(bytes, Ordering::Relaxed);
     }
 
     /// Sends a request. [`Control::Cancel`] and an emergency stop act at once, all others in order.
@@ -283,6 +291,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
             let is_asked = changed;
             // It may leave something to do in the background: a past to compute again, runs to compare.
             self.may_idle |= is_asked;
+            self.source.reserve(self.shared.reserved_bytes.load(Ordering::Relaxed));
             drop_overtaken_seeks(&mut self.pending);
             self.write_urgent();
             while let Some(control) = self.pending.pop_front() {
@@ -311,6 +320,7 @@ impl<W: Fn()> DriverLoop<'_, W> {
     fn show(&mut self, is_asked: bool) {
         let mut frame = self.source.frame();
         frame.playback = self.playback.clone();
+        frame.topics.iter().for_each(Topic::convert_ahead);
         let content = content(&frame);
         self.shared.show(frame);
         let (at, known) = self.woken;

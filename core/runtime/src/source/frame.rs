@@ -16,6 +16,7 @@ use rcs_log::Gap;
 use rcs_msg::classes::{CLASSES, LabelClass, classes_from_json};
 use rcs_msg::{AnyMessage, Payload, Schema, Stamp, rcs};
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// Kind of a source.
@@ -72,7 +73,12 @@ pub struct Topic {
     /// Whether `latest` is outdated: the right message was not kept and is being computed again.
     pub pending: bool,
     pub(crate) canonical: Arc<OnceLock<Option<AnyMessage>>>,
+    /// Number of frames for which the newest message is converted before they are shown; the same in all frames.
+    pub(crate) read_lately: Arc<AtomicU8>,
 }
+
+/// A topic that nobody has read in so many frames is not converted before it is shown.
+const LATELY: u8 = 8;
 
 impl Topic {
     /// A topic of which only name and type are known.
@@ -89,6 +95,7 @@ impl Topic {
             latest: None,
             pending: false,
             canonical: Arc::default(),
+            read_lately: Arc::default(),
         }
     }
 
@@ -103,7 +110,21 @@ impl Topic {
     /// The newest message converted to the canonical type of its schema (a ROS 2 image to a `foxglove.RawImage`, …);
     /// converted at most once. `None` if there is none.
     pub fn canonical(&self) -> Option<&AnyMessage> {
+        self.read_lately.store(LATELY, Ordering::Relaxed);
+        self.converted()
+    }
+
+    fn converted(&self) -> Option<&AnyMessage> {
         self.canonical.get_or_init(|| canonical(&self.latest.as_ref()?.message)).as_ref()
+    }
+
+    /// Converts the newest message, if that of one of the last frames was read: whoever reads it need not wait.
+    pub(crate) fn convert_ahead(&self) {
+        let left = self.read_lately.load(Ordering::Relaxed);
+        if left > 0 {
+            self.read_lately.store(left - 1, Ordering::Relaxed);
+            self.converted();
+        }
     }
 
     /// The newest message, if it is a `T` or converts to one.
@@ -290,5 +311,33 @@ impl Frame {
     /// The newest status of a process.
     pub fn status(&self, process: &rcs::ProcessInfo) -> Option<&rcs::Status> {
         self.topic(&process.status_buffer)?.get()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rcs_bus::{Header, WriterId};
+    use rcs_msg::foxglove::Vector2;
+    use rcs_msg::schema_of;
+
+    #[test]
+    fn a_topic_that_was_read_is_converted_ahead_until_it_is_not_read_any_more() {
+        let header =
+            Header { sequence: 1, log_time: Stamp(1), acq_time: Stamp(1), writer: WriterId::RUNTIME };
+        let mut topic = Topic::new("/a", RunTag::Recorded, Arc::clone(schema_of::<Vector2>()));
+        let mut is_converted = |reads: bool| {
+            let message = AnyMessage::new(Vector2 { x: 1.0, y: 2.0 });
+            topic = topic.clone().with_latest(Sample { header, message });
+            topic.convert_ahead();
+            let is_converted = topic.canonical.get().is_some();
+            assert!(!reads || topic.canonical().is_some());
+            is_converted
+        };
+        assert!(!is_converted(true), "nobody had read it");
+        for _ in 0..LATELY {
+            assert!(is_converted(false));
+        }
+        assert!(!is_converted(false));
     }
 }

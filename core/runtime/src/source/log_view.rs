@@ -81,6 +81,7 @@ impl LogView {
                 latest: None,
                 pending: false,
                 canonical: Arc::new(OnceLock::new()),
+                read_lately: Arc::default(),
             });
         }
         let background: Vec<TopicId> = info

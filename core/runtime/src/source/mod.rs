@@ -159,6 +159,8 @@ pub trait Source: Send {
     fn compare(&mut self, _pairs: &[[Compared; 2]]) {}
     /// Sets the files of the recording that [`Compared::Other`] means; none for no recording.
     fn against(&mut self, _files: &[std::path::PathBuf]) {}
+    /// Leaves this much of the memory of its past to what is shown of it, bytes.
+    fn reserve(&mut self, _bytes: u64) {}
     /// Background work in small pieces (for example tracks), while there are no requests; `true` if some is left.
     fn idle(&mut self) -> bool {
         false

@@ -481,6 +481,10 @@ impl Source for StackSource {
         Ok(undone)
     }
 
+    fn reserve(&mut self, bytes: u64) {
+        self.session.reserve(bytes);
+    }
+
     fn gather(&mut self, fields: &[rcs_formula::FieldRef]) {
         let Self { session, recorded, wired, fields: own, times, .. } = self;
         own.gather(session, times, fields);
