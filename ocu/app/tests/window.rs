@@ -223,16 +223,22 @@ fn a_drag_that_falls_into_one_slow_pass_goes_there_too() {
 
 #[test]
 fn a_paused_window_asks_for_no_repaint() {
-    let dir = tempfile::tempdir().unwrap();
-    let mut harness = opened(dir.path());
-    // Tracks are read while no other request is pending; after that the window is idle.
-    let start = Instant::now();
-    let mut quiet = 0;
-    while quiet < 20 {
-        assert!(start.elapsed() < PATIENCE, "the window never comes to rest");
-        harness.step();
-        let delay = harness.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
-        quiet = if delay > Duration::from_secs(1) { quiet + 1 } else { 0 };
+    // With and without threads that prepare pictures.
+    for has_threads in [false, true] {
+        let dir = tempfile::tempdir().unwrap();
+        let mut harness = opened(dir.path());
+        if has_threads {
+            ocu_views::prepare::start(&harness.ctx).unwrap();
+        }
+        // Tracks are read while no other request is pending; after that the window is idle.
+        let start = Instant::now();
+        let mut quiet = 0;
+        while quiet < 20 {
+            assert!(start.elapsed() < PATIENCE, "the window never comes to rest");
+            harness.step();
+            let delay = harness.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
+            quiet = if delay > Duration::from_secs(1) { quiet + 1 } else { 0 };
+        }
     }
 }
 

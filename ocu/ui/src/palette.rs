@@ -80,7 +80,7 @@ const NUMBERED: [Color32; 12] = [
 ];
 
 /// How maps are coloured.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MapPalette {
     /// The five colours of the papers, 50 costs each.

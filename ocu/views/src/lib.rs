@@ -23,6 +23,7 @@
 
 mod badge;
 mod buffers;
+mod cached;
 mod camera;
 mod canvas;
 mod clip;
@@ -45,6 +46,7 @@ mod origin;
 mod plan;
 mod plot;
 mod pose;
+pub mod prepare;
 pub mod process_state;
 #[cfg(test)]
 mod samples;
@@ -54,7 +56,6 @@ mod sweep;
 #[cfg(test)]
 mod tests;
 mod text_log;
-mod texture;
 mod timing;
 mod toolbar;
 mod tuning;

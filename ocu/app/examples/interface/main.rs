@@ -17,11 +17,12 @@ mod plots;
 use ocu_app::layout::Layout;
 use ocu_app::open::Request;
 use ocu_app::window::{Options, Window};
+use ocu_views::TopicKey;
 use pass::{pass, peaks, summary};
 use std::time::{Duration, Instant};
 
 const LAYOUT: &str = r#"Layout(version: 1, name: "measured", buffers: true, root: Row([
-    (1.0, Grid([View(kind: "camera"), View(kind: "camera"), View(kind: "camera"), View(kind: "camera")])),
+    (1.0, Grid([CAMERAS])),
     (1.0, Column([
         (2.0, Row([(1.0, View(kind: "map")), (1.0, View(kind: "map"))])),
         (1.0, View(kind: "log")),
@@ -29,6 +30,8 @@ const LAYOUT: &str = r#"Layout(version: 1, name: "measured", buffers: true, root
 ]))"#;
 /// Time between frames, as with 30 a second.
 const EVERY: Duration = Duration::from_millis(33);
+/// The longest time until a run begins.
+const PATIENCE: Duration = Duration::from_secs(20);
 
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -42,6 +45,7 @@ fn main() -> anyhow::Result<()> {
 /// The window with this request and layout.
 fn window(context: &egui::Context, request: Request, layout: &str) -> anyhow::Result<Window> {
     ocu_ui::install(context);
+    ocu_views::prepare::start(context)?;
     let layout = Some(Layout::parse("measured", layout)?);
     Ok(Window::new(context, Options { request, layout, data_dir: None }))
 }
@@ -52,7 +56,14 @@ fn whole(mut args: impl Iterator<Item = String>) -> anyhow::Result<()> {
     let seconds: f64 = args.next().map(|text| text.parse()).transpose()?.unwrap_or(20.0);
     let context = egui::Context::default();
     let request = Request { stack: Some(stack), course, ..Request::default() };
-    let mut window = window(&context, request, LAYOUT)?;
+    // Four cameras; those that there are, if they are fewer.
+    let cameras = ocu_views::cameras(&ocu_app::render::frame_at(&request, 0.5)?);
+    let view = |camera: &TopicKey| {
+        format!(r#"View(kind: "camera", state: {{"topic": {{"name": "{}"}}}})"#, camera.name)
+    };
+    let views: Vec<String> = cameras.iter().cycle().take(4).map(view).collect();
+    println!("cameras: {}", cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", "));
+    let mut window = window(&context, request, &LAYOUT.replace("CAMERAS", &views.join(", ")))?;
     // Until the first picture.
     let opened = Instant::now();
     while window.frame().is_none() {
@@ -60,7 +71,6 @@ fn whole(mut args: impl Iterator<Item = String>) -> anyhow::Result<()> {
         std::thread::sleep(Duration::from_millis(5));
     }
     println!("first picture after {:.0} ms", opened.elapsed().as_secs_f64() * 1e3);
-    measure("running", &context, &mut window, seconds);
     let space = |pressed| egui::Event::Key {
         key: egui::Key::Space,
         physical_key: None,
@@ -68,18 +78,27 @@ fn whole(mut args: impl Iterator<Item = String>) -> anyhow::Result<()> {
         repeat: false,
         modifiers: egui::Modifiers::NONE,
     };
+    // A robot that stands before its course is sent to the goal.
+    let began = Instant::now();
+    while window.frame().is_some_and(|frame| !frame.playback.playing) && began.elapsed() < PATIENCE {
+        pass(&context, &mut window, vec![space(true), space(false)]);
+        std::thread::sleep(Duration::from_millis(500));
+    }
+    measure("running", &context, &mut window, seconds);
     pass(&context, &mut window, vec![space(true), space(false)]);
     measure("paused", &context, &mut window, 3.0);
     Ok(())
 }
 
 fn measure(what: &str, context: &egui::Context, window: &mut Window, seconds: f64) {
-    let (mut interface, mut triangles, mut frames) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut interface, mut computing, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    let mut frames = Vec::new();
     let began = Instant::now();
     while began.elapsed().as_secs_f64() < seconds {
         let start = Instant::now();
         let times = pass(context, window, Vec::new());
         interface.push(times.interface.as_secs_f64() * 1e3);
+        computing.push(times.interface.saturating_sub(times.waited.unwrap_or_default()).as_secs_f64() * 1e3);
         triangles.push(times.triangles.as_secs_f64() * 1e3);
         frames.push(times);
         std::thread::sleep(EVERY.saturating_sub(start.elapsed()));
@@ -88,10 +107,11 @@ fn measure(what: &str, context: &egui::Context, window: &mut Window, seconds: f6
     let lag = window.frame().map_or(0.0, |frame| frame.playback.lag_s);
     let quiet = frames.iter().rev().take_while(|times| times.rest > Duration::from_secs(1)).count();
     println!(
-        "{what}: {} frames up to {at:.1} s of the run, {lag:.1} s behind; interface {}; triangles {}; the last {quiet} \
-         frames asked for no other one",
+        "{what}: {} frames up to {at:.1} s of the run, {lag:.1} s behind; interface {}, without waiting for \
+         a processor {}; triangles {}; the last {quiet} frames asked for no other one",
         interface.len(),
         summary(&mut interface),
+        summary(&mut computing),
         summary(&mut triangles),
     );
     println!("  {}", peaks(&frames));

@@ -38,6 +38,7 @@ pub fn run(args: &WindowArgs) -> anyhow::Result<()> {
         native,
         Box::new(move |creation| {
             ocu_ui::install(&creation.egui_ctx);
+            ocu_views::prepare::start(&creation.egui_ctx)?;
             let mut window = Window::new(&creation.egui_ctx, options);
             if adapters == Adapters::Software {
                 window.draws_in_software();

@@ -361,6 +361,8 @@ impl Window {
                 self.ctx.request_repaint_after(LOOK_AGAIN);
             }
             driver.show_every(self.frames.every(Instant::now(), &frame.playback));
+            ocu_views::prepare::draw_within(&self.ctx, self.frames.within(&frame.playback));
+            driver.reserve(ocu_views::prepare::picture_bytes(&self.ctx));
             for control in controls {
                 driver.send(control);
             }

@@ -11,6 +11,8 @@ const HARDWARE: Duration = Duration::from_millis(16);
 const SOFTWARE: Duration = Duration::from_millis(33);
 /// The longest time between two frames, whatever the stack needs.
 const LONGEST: Duration = Duration::from_millis(100);
+/// Time in which pictures that are prepared together are finished.
+const SOON: Duration = Duration::from_millis(4);
 /// Time between two decisions: over this time the achieved speed is measured.
 const DECIDE: Duration = Duration::from_millis(500);
 
@@ -39,6 +41,12 @@ impl FramePolicy {
     pub(super) fn again(&self, ctx: &egui::Context) {
         let is_software = self.least == SOFTWARE;
         ctx.request_repaint_after(if is_software { SOFTWARE } else { Duration::ZERO });
+    }
+
+    /// The time within which a picture is drawn that another thread has prepared: while time runs, it comes with the next
+    /// frame, so that pictures cause no frames of their own.
+    pub(super) fn within(&self, playback: &Playback) -> Duration {
+        if playback.playing { self.every } else { SOON }
     }
 
     /// The time between frames, after a look at how well the source keeps up.
@@ -89,5 +97,7 @@ mod tests {
         after(&mut policy, start, 5.0, 0.3);
         let paused = Playback::default();
         assert_eq!(policy.every(start + Duration::from_secs(6), &paused), SOFTWARE);
+        assert_eq!(policy.within(&paused), SOON, "then a picture is drawn as soon as it is there");
+        assert_eq!(policy.within(&Playback { playing: true, ..paused }), SOFTWARE);
     }
 }

@@ -1,15 +1,18 @@
-//! One image of a camera view: decoded when its message changes, painted when its appearance changes.
+//! One image of a camera view: decoded and painted by another thread when its message or its appearance changes.
 
+use crate::cached::SameMessage;
 use crate::image::{DecodedImage, Pixels, Tint, decode};
-use crate::texture::{CachedTexture, SameMessage};
-use egui::{Color32, Context, TextureId, TextureOptions};
+use crate::prepare::{Painted, prepared};
+use egui::{Color32, Context, Id, TextureId, TextureOptions};
 use ocu_ui::legend::round_step;
 use ocu_ui::palette::{Classes, Label, MapPalette};
+use rcs_msg::Stamp;
 use rcs_msg::classes::LabelClass;
-use rcs_msg::foxglove::RawImage;
+use rcs_msg::foxglove::{CompressedImage, RawImage};
 use rcs_runtime::Role;
 use rcs_runtime::source::{Frame, Topic};
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// Key of a channel that names the image on which its own lies.
 const OVERLAY_OF: &str = "rcs.overlay_of";
@@ -43,7 +46,7 @@ pub(super) fn is_range(topic: &Topic) -> bool {
 }
 
 /// The label classes in the topic's metadata.
-pub(super) fn classes(topic: &Topic) -> Classes {
+fn classes(topic: &Topic) -> Classes {
     let label = |class: LabelClass| {
         let [r, g, b] = class.color;
         Label { value: class.value, name: class.name.into_owned(), color: Color32::from_rgb(r, g, b) }
@@ -51,13 +54,10 @@ pub(super) fn classes(topic: &Topic) -> Classes {
     topic.classes().into_iter().map(label).collect()
 }
 
-/// How pixel values of the topic are converted to colours.
-pub(super) fn tint(topic: &Topic, palette: MapPalette) -> Tint {
-    match look(topic) {
-        Look::Image => Tint::Plain,
-        Look::Labels => Tint::Labels(classes(topic)),
-        Look::Cost => Tint::Cost(palette),
-    }
+/// The coordinate frame in which an image was taken.
+pub(super) fn optical_frame(image: &Topic) -> Option<&str> {
+    let raw = image.get::<RawImage>().map(|raw| raw.frame_id.as_str());
+    raw.or_else(|| image.get::<CompressedImage>().map(|compressed| compressed.frame_id.as_str()))
 }
 
 /// Whether the topic's messages are images.
@@ -110,110 +110,101 @@ pub(super) fn overlays<'a>(frame: &'a Frame, base: &Topic) -> Vec<&'a Topic> {
     overlays
 }
 
+/// The image of a topic's newest message, with costs in the colours of `palette`; `depth_step_m` is the size of one step
+/// of a depth image with whole numbers. `None` before the first message, and until the first image is decoded; the error
+/// says why it cannot be shown. Views share it.
+pub(super) fn layer(
+    ctx: &Context,
+    topic: &Topic,
+    palette: MapPalette,
+    depth_step_m: f64,
+) -> Result<Option<Arc<Layer>>, String> {
+    let Some(sample) = &topic.latest else { return Ok(None) };
+    let most = ctx.input(|input| input.max_texture_side);
+    let slot = Id::unique(("image", &*topic.name, topic.run, palette, depth_step_m.to_bits()));
+    let key = (SameMessage(sample.message.clone()), Arc::clone(&topic.metadata), most);
+    let topic = topic.clone();
+    let made =
+        prepared(ctx, slot, key, move || Layer::new(&topic, palette, depth_step_m, most).map(Arc::new));
+    made.map(|made| (*made).clone()).transpose()
+}
+
 /// A decoded image and its texture.
-#[derive(Default)]
 pub(super) struct Layer {
-    message: Option<SameMessage>,
-    /// `None` before the first message.
-    decoded: Option<Result<DecodedImage, String>>,
-    /// The 2nd and 98th percentile of the values, in the image's own unit.
-    range: Option<[f32; 2]>,
-    /// Number of implausible values.
-    implausible: usize,
-    texture: CachedTexture<(SameMessage, Tint, TextureOptions, u64)>,
+    pub(super) image: DecodedImage,
+    /// The coordinate frame in which it was taken.
+    pub(super) optical_frame: String,
+    /// When it was taken.
+    pub(super) taken: Stamp,
+    pub(super) look: Look,
+    /// The classes of labels; of other images, none.
+    pub(super) classes: Classes,
+    /// Number of values that cannot be.
+    pub(super) implausible: usize,
+    /// The ranges at the ends of the colour scale, m, rounded so that colours do not flicker between images.
+    pub(super) range_m: Option<[f64; 2]>,
+    /// Size of one step of the image's values, m.
+    unit_m: f64,
+    painted: Painted,
 }
 
 impl Layer {
-    /// Decodes the topic's newest message, if it is a new one.
-    pub(super) fn update(&mut self, topic: &Topic) {
-        let Some(message) = topic.canonical().map(|message| SameMessage(message.clone())) else {
-            let undecodable = topic.undecodable.as_deref().unwrap_or("its message does not decode");
-            *self = Self {
-                decoded: topic.latest.as_ref().map(|_| Err(undecodable.to_owned())),
-                ..Self::default()
-            };
-            return;
-        };
-        if self.message.as_ref() != Some(&message) {
-            let decoded = decode(&message.0);
-            self.implausible = decoded.as_ref().map_or(0, DecodedImage::implausible);
-            self.range = decoded.as_ref().ok().and_then(DecodedImage::value_range);
-            self.decoded = Some(decoded);
-            self.message = Some(message);
-        }
-    }
-
-    /// The decoded image; `None` before the first message, an error where it cannot be shown.
-    pub(super) fn state(&self) -> Result<Option<&DecodedImage>, &String> {
-        self.decoded.as_ref().map(Result::as_ref).transpose()
-    }
-
-    /// Number of values of the image that cannot be.
-    pub(super) fn implausible(&self) -> usize {
-        self.implausible
-    }
-
-    /// The decoded image, if any.
-    pub(super) fn image(&self) -> Option<&DecodedImage> {
-        self.state().ok().flatten()
-    }
-
-    /// Size of one step of the image's values, m; for whole numbers `depth_step_m` is assumed.
-    fn unit_m(&self, depth_step_m: f64) -> f64 {
-        match self.image().map(|image| &image.pixels) {
-            Some(Pixels::Values { whole: true, .. }) => depth_step_m,
+    fn new(topic: &Topic, palette: MapPalette, depth_step_m: f64, most: usize) -> Result<Self, String> {
+        let undecodable = || topic.undecodable.as_deref().unwrap_or("its message does not decode").to_owned();
+        let image = decode(topic.canonical().ok_or_else(undecodable)?)?;
+        let unit_m = match image.pixels {
+            Pixels::Values { whole: true, .. } => depth_step_m,
             _ => 1.0,
-        }
+        };
+        let range_m = image.value_range().map(|range| {
+            let [low, high] = range.map(|value| f64::from(value) * unit_m);
+            let step = round_step((high - low) / 8.0);
+            [(low / step).floor() * step, (high / step).ceil() * step]
+        });
+        let range = range_m.map_or([0.0, 1.0], |range| range.map(|metres| (metres / unit_m) as f32));
+        let look = look(topic);
+        let classes = if look == Look::Labels { classes(topic) } else { Classes::default() };
+        let tint = match look {
+            Look::Image => Tint::Plain,
+            Look::Labels => Tint::Labels(classes.clone()),
+            Look::Cost => Tint::Cost(palette),
+        };
+        Ok(Self {
+            optical_frame: optical_frame(topic).unwrap_or_default().to_owned(),
+            taken: topic.latest.as_ref().map_or(Stamp(0), |sample| sample.header.acq_time),
+            look,
+            classes,
+            implausible: image.implausible(),
+            range_m,
+            unit_m,
+            painted: Painted::new(image.paint(&tint, range, most)),
+            image,
+        })
     }
 
-    /// The ranges at the ends of the colour scale, m, rounded so that colours do not flicker between images.
-    pub(super) fn range_m(&self, depth_step_m: f64) -> Option<[f64; 2]> {
-        let [low, high] = self.range?.map(|value| f64::from(value) * self.unit_m(depth_step_m));
-        let step = round_step((high - low) / 8.0);
-        Some([(low / step).floor() * step, (high / step).ceil() * step])
-    }
-
-    /// The texture of the image with this appearance.
-    pub(super) fn texture(
-        &mut self,
-        ctx: &Context,
-        tint: &Tint,
-        options: TextureOptions,
-        depth_step_m: f64,
-    ) -> Option<TextureId> {
-        let unit_m = self.unit_m(depth_step_m);
-        let range = self
-            .range_m(depth_step_m)
-            .map_or([0.0, 1.0], |range| range.map(|metres| (metres / unit_m) as f32));
-        let (message, image) = (self.message.clone()?, self.decoded.as_ref()?.as_ref().ok()?);
-        let most = ctx.input(|input| input.max_texture_side);
-        let key = (message, tint.clone(), options, unit_m.to_bits());
-        let make = || Some(image.paint(tint, range, most));
-        self.texture.get(ctx, key, options, make).map(egui::TextureHandle::id)
+    pub(super) fn texture(&self, ctx: &Context, options: TextureOptions) -> TextureId {
+        self.painted.texture(ctx, options)
     }
 
     /// The range at a position, given as fractions of width and height, m.
-    pub(super) fn value_m(&self, at: [f64; 2], depth_step_m: f64) -> Option<f64> {
-        let image = self.image()?;
-        let index = image.index(at[0] * image.width as f64, at[1] * image.height as f64)?;
-        let Pixels::Values { values, .. } = &image.pixels else { return None };
-        let metres = f64::from(values[index]) * self.unit_m(depth_step_m);
+    pub(super) fn value_m(&self, at: [f64; 2]) -> Option<f64> {
+        let index = self.index(at)?;
+        let Pixels::Values { values, .. } = &self.image.pixels else { return None };
+        let metres = f64::from(values[index]) * self.unit_m;
         (metres.is_finite() && metres > 0.0).then_some(metres)
     }
 
     /// Text for a position, given as fractions of width and height.
-    pub(super) fn describe(&self, at: [f64; 2], topic: &Topic, depth_step_m: f64) -> Option<String> {
-        let look = look(topic);
-        let image = self.image()?;
-        let index = image.index(at[0] * image.width as f64, at[1] * image.height as f64)?;
-        Some(match (&image.pixels, look) {
-            (Pixels::Bytes(bytes), Look::Labels) => classes(topic).name(bytes[index]),
+    pub(super) fn describe(&self, at: [f64; 2]) -> Option<String> {
+        let index = self.index(at)?;
+        Some(match (&self.image.pixels, self.look) {
+            (Pixels::Bytes(bytes), Look::Labels) => self.classes.name(bytes[index]),
             (Pixels::Bytes(bytes), Look::Cost) if bytes[index] > 250 => "cost unknown".to_owned(),
             (Pixels::Bytes(bytes), Look::Cost) => format!("cost {:3}", bytes[index]),
             (Pixels::Bytes(bytes), Look::Image) => format!("grey {:3}", bytes[index]),
             (Pixels::Values { values, .. }, _) if values[index].is_nan() => "no range".to_owned(),
-            (Pixels::Values { values, whole }, _) => {
-                let metres = f64::from(values[index]) * if *whole { depth_step_m } else { 1.0 };
+            (Pixels::Values { values, .. }, _) => {
+                let metres = f64::from(values[index]) * self.unit_m;
                 format!("{metres:7.3} m")
             }
             (Pixels::Color(colors), _) => {
@@ -221,5 +212,9 @@ impl Layer {
                 format!("rgb {r:3} {g:3} {b:3}")
             }
         })
+    }
+
+    fn index(&self, at: [f64; 2]) -> Option<usize> {
+        self.image.index(at[0] * self.image.width as f64, at[1] * self.image.height as f64)
     }
 }

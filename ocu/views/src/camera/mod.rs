@@ -13,7 +13,7 @@ mod projected;
 use crate::badge;
 use crate::canvas::Viewport;
 use crate::view::{Hover, HoverPoint, SavedState, TopicKey, View, ViewContext, is_old};
-use egui::{Align2, Rect, Response, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
+use egui::{Align2, Id, Rect, Response, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
 use layer::{Layer, Look};
 use ocu_ui::bar::{self, Bar, Fit, Form};
 use ocu_ui::palette::{self, MapPalette};
@@ -23,6 +23,7 @@ use projected::{Prepared, Projected, Seen};
 use rcs_runtime::source::{Frame, Topic};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Saved settings of an overlay.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,7 +70,6 @@ impl Default for Saved {
 #[derive(Default)]
 pub(crate) struct Camera {
     saved: Saved,
-    layers: BTreeMap<String, Layer>,
     prepared: Prepared,
 }
 
@@ -104,13 +104,12 @@ impl View for Camera {
         };
         let overlays = layer::overlays(cx.frame, topic);
         self.toolbar(ui, cx.frame, topic);
-        let layer = self.layers.entry(topic.name.to_string()).or_default();
-        layer.update(topic);
-        let size = layer.image().map(|image| [image.width, image.height]);
-        let seen = size.and_then(|size| Seen::of(cx.frame, topic, size, &mut self.prepared));
-        let (projected, seen) = (projected::offered(seen.as_ref()), seen);
-        self.overlay_bar(ui, topic, &overlays, &projected);
-        self.canvas(ui, cx, topic, &overlays, seen.as_ref());
+        let base = self.layer(ui.ctx(), topic);
+        let image = base.as_ref().ok().and_then(Option::as_deref);
+        let seen = image.and_then(|layer| Seen::of(cx.frame, topic, layer, &mut self.prepared));
+        let projected = projected::offered(seen.as_ref());
+        self.overlay_bar(ui, topic, image.map(|layer| &layer.image), &overlays, &projected);
+        self.canvas(ui, cx, topic, base, &overlays, seen.as_ref());
     }
 }
 
@@ -133,7 +132,14 @@ fn base<'a>(saved: &Saved, frame: &'a Frame) -> Option<&'a Topic> {
     chosen.or_else(|| layer::images(frame).into_iter().next())
 }
 
+/// An image, and its topic.
+type Shown<'a> = (&'a Topic, Arc<Layer>);
+
 impl Camera {
+    fn layer(&self, ctx: &egui::Context, topic: &Topic) -> Result<Option<Arc<Layer>>, String> {
+        layer::layer(ctx, topic, self.saved.palette, self.saved.depth_step_m)
+    }
+
     fn toolbar(&mut self, ui: &mut Ui, frame: &Frame, shown: &Topic) {
         let images = layer::images(frame);
         let mut bar: Bar<'_, (Option<TopicKey>, bool)> = Bar::new("toolbar");
@@ -172,6 +178,7 @@ impl Camera {
         ui: &mut Ui,
         cx: &mut ViewContext<'_>,
         topic: &Topic,
+        base: Result<Option<Arc<Layer>>, String>,
         overlays: &[&Topic],
         seen: Option<&Seen<'_>>,
     ) {
@@ -181,12 +188,13 @@ impl Camera {
         let tokens = tokens(ui);
         ui.painter().rect_filled(canvas, 0.0, tokens.canvas());
 
-        let layer = self.layers.entry(topic.name.to_string()).or_default();
-        let image = match layer.state() {
-            Ok(Some(image)) => image,
-            state => return waiting(ui, canvas, cx, topic, state.err()),
+        let base = match base {
+            Ok(Some(layer)) => layer,
+            // It is being decoded.
+            Ok(None) if topic.latest.is_some() => return,
+            state => return waiting(ui, canvas, cx, topic, state.err().as_ref()),
         };
-        let (width, height) = (image.width as f64, image.height as f64);
+        let (width, height) = (base.image.width as f64, base.image.height as f64);
         let fitted = Viewport::fit([0.0, 0.0], [width, height], canvas, 0.0, false);
         // A stored viewport may be one of another image.
         let stored = self.saved.viewport.filter(|at| at.is_valid() && at.meets(fitted, canvas));
@@ -205,12 +213,9 @@ impl Camera {
         let options = if magnified { TextureOptions::NEAREST } else { TextureOptions::LINEAR };
         let painter = ui.painter_at(canvas);
         let uv = Rect::from_min_max(egui::Pos2::ZERO, egui::Pos2::new(1.0, 1.0));
-        let tint = layer::tint(topic, self.saved.palette);
-        if let Some(texture) = layer.texture(ui.ctx(), &tint, options, self.saved.depth_step_m) {
-            painter.image(texture, rect, uv, egui::Color32::WHITE);
-        }
-        let mut shown = Vec::new();
-        let mut implausible = vec![(self.layers[&*topic.name].implausible(), &*topic.name)];
+        painter.image(base.texture(ui.ctx(), options), rect, uv, egui::Color32::WHITE);
+        let mut implausible = vec![(base.implausible, &*topic.name)];
+        let mut shown: Vec<Shown<'_>> = vec![(topic, base)];
         for overlay in overlays {
             let state = self.overlay_state(overlay, overlays);
             if !state.shown {
@@ -223,26 +228,23 @@ impl Camera {
                 implausible.push((count, &*overlay.name));
                 continue;
             }
-            let layer = self.layers.entry(overlay.name.to_string()).or_default();
-            layer.update(overlay);
-            implausible.push((layer.implausible(), &*overlay.name));
-            let tint = layer::tint(overlay, self.saved.palette);
-            if let Some(texture) =
-                layer.texture(ui.ctx(), &tint, TextureOptions::NEAREST, self.saved.depth_step_m)
-            {
+            if let Ok(Some(layer)) = self.layer(ui.ctx(), overlay) {
+                implausible.push((layer.implausible, &*overlay.name));
+                let texture = layer.texture(ui.ctx(), TextureOptions::NEAREST);
                 painter.image(texture, rect, uv, egui::Color32::WHITE.gamma_multiply(state.opacity));
-                shown.push(*overlay);
+                shown.push((overlay, layer));
             }
         }
         if let Some(seen) = seen {
             // Overlays are clipped to the image.
             let inside = painter.with_clip_rect(painter.clip_rect().intersect(rect));
             let place = projected::Place { viewport, canvas };
+            let slot = Id::unique(("projected", &*topic.name, topic.run, self.saved.palette));
             for what in projected::offered(Some(seen)) {
                 let state = self.projected_state(what);
                 if state.shown {
                     let look = (state.opacity, self.saved.palette);
-                    projected::paint(&inside, what, seen, &mut self.prepared, place, look, tokens);
+                    projected::paint(&inside, what, seen, slot, place, look, tokens);
                 }
             }
         }
@@ -250,18 +252,21 @@ impl Camera {
             stale::cover(ui, rect.intersect(canvas), topic.age_s(cx.frame.now).unwrap_or(0.0));
         }
         badge::implausible(ui, canvas, "values", implausible);
-        self.legends(ui, canvas, topic, &shown);
+        self.legends(ui, canvas, &shown);
         let pixel = response.hover_pos().map(|at| viewport.to_plane(canvas, at));
-        let place = pixel.zip(seen).and_then(|(pixel, seen)| self.place(cx.frame, topic, pixel, seen));
-        self.read_out(ui, canvas, pixel, topic, &shown, place.as_ref());
+        let base = &shown[0].1;
+        let place =
+            pixel.zip(seen).and_then(|(pixel, seen)| self.place(ui.ctx(), cx.frame, base, pixel, seen));
+        read_out(ui, canvas, pixel, &shown, place.as_ref());
         point_at(ui, cx, topic, &response, viewport, canvas, place.map(|(point, _)| point), seen);
     }
 
-    fn legends(&self, ui: &mut Ui, canvas: Rect, topic: &Topic, shown: &[&Topic]) {
-        let roles: Vec<_> = std::iter::once(&topic).chain(shown).map(|topic| layer::look(topic)).collect();
-        let range = self.layers.get(&*topic.name).and_then(|layer| layer.range_m(self.saved.depth_step_m));
+    /// The legends of the images; the first one lies below the others.
+    fn legends(&self, ui: &mut Ui, canvas: Rect, shown: &[Shown<'_>]) {
+        let range = shown.first().and_then(|(_, base)| base.range_m);
+        let has = |look: Look| shown.iter().any(|(_, layer)| layer.look == look);
         // Of a small image the legend would hide too much; the read-out names what is under the pointer.
-        if (!roles.iter().any(|role| *role != Look::Image) && range.is_none()) || canvas.height() < 180.0 {
+        if !(has(Look::Labels) || has(Look::Cost) || range.is_some()) || canvas.height() < 180.0 {
             return;
         }
         legend::plate(ui, canvas, Align2::LEFT_BOTTOM, |ui| {
@@ -269,49 +274,12 @@ impl Camera {
                 let ends = (format::metres(near, 1), format::metres(far, 1));
                 legend::band(ui, 120.0, &ends.0, &ends.1, palette::range);
             }
-            let labels =
-                std::iter::once(&topic).chain(shown).find(|topic| layer::look(topic) == Look::Labels);
-            let classes = labels.map(|topic| layer::classes(topic)).unwrap_or_default();
+            let labels = shown.iter().find(|(_, layer)| layer.look == Look::Labels);
+            let classes = labels.map(|(_, layer)| layer.classes.legend()).unwrap_or_default();
             ui.set_max_width((canvas.width() - 32.0).max(64.0));
-            legend::swatches(ui, classes.legend().iter().map(|label| (label.color, label.name.clone())));
-            if roles.contains(&Look::Cost) {
+            legend::swatches(ui, classes.iter().map(|label| (label.color, label.name.clone())));
+            if has(Look::Cost) {
                 crate::toolbar::cost_legend(ui, self.saved.palette);
-            }
-        });
-    }
-
-    /// The values under the pointer, at a fixed position, so that they can be read while the pointer moves.
-    fn read_out(
-        &self,
-        ui: &mut Ui,
-        canvas: Rect,
-        pixel: Option<[f64; 2]>,
-        topic: &Topic,
-        shown: &[&Topic],
-        place: Option<&(HoverPoint, &'static str)>,
-    ) {
-        let Some(image) = self.layers.get(&*topic.name).and_then(Layer::image) else { return };
-        let inside = pixel.filter(|[x, y]| image.index(*x, *y).is_some());
-        legend::plate(ui, canvas, Align2::RIGHT_TOP, |ui| {
-            ui.style_mut().interaction.selectable_labels = false;
-            let Some([x, y]) = inside else {
-                let text = format!("{} × {}  {}", image.width, image.height, image.encoding);
-                return drop(ui.label(mono(text).small().color(tokens(ui).weak)));
-            };
-            ui.label(mono(format!("{:4} {:4} px", x as usize, y as usize)));
-            for topic in std::iter::once(&topic).chain(shown) {
-                let Some(layer) = self.layers.get(&*topic.name) else { continue };
-                let at = [x / image.width as f64, y / image.height as f64];
-                let Some(text) = layer.describe(at, topic, self.saved.depth_step_m) else {
-                    continue;
-                };
-                ui.label(mono(text)).on_hover_text(&*topic.name);
-            }
-            if let Some((point, how)) = place {
-                let [x, y, z] = point.position_m;
-                ui.label(mono(format!("x {x:7.2} y {y:7.2} z {z:6.2} m")));
-                let text = format!("in {}, {how}", point.frame_id);
-                ui.label(mono(text).small().color(tokens(ui).weak));
             }
         });
     }
@@ -319,28 +287,58 @@ impl Camera {
     /// The place that a pixel shows, and how that is known: from an image of ranges of the same camera, else from where
     /// its ray meets the ground.
     fn place(
-        &mut self,
+        &self,
+        ctx: &egui::Context,
         frame: &Frame,
-        topic: &Topic,
+        base: &Layer,
         pixel: [f64; 2],
         seen: &Seen<'_>,
     ) -> Option<(HoverPoint, &'static str)> {
-        let image = self.layers.get(&*topic.name).and_then(Layer::image)?;
-        let part = [pixel[0] / image.width as f64, pixel[1] / image.height as f64];
+        let part = [pixel[0] / base.image.width as f64, pixel[1] / base.image.height as f64];
         if !part.iter().all(|part| (0.0..1.0).contains(part)) {
             return None;
         }
         let mut depth_m = None;
-        if let Some(ranges) = projected::ranges(frame, topic) {
-            let layer = self.layers.entry(ranges.name.to_string()).or_default();
-            layer.update(ranges);
-            depth_m = layer.value_m(part, self.saved.depth_step_m);
+        if let Some(ranges) = projected::ranges(frame, base) {
+            depth_m = self.layer(ctx, ranges).ok().flatten().and_then(|layer| layer.value_m(part));
         }
         let how = if depth_m.is_some() { "by its range" } else { "if it is ground" };
         let p = seen.place(pixel, depth_m)?;
         let frame_id = seen.on_ground.scene.clone();
         Some((HoverPoint { frame_id, position_m: p.to_array() }, how))
     }
+}
+
+/// The values under the pointer, at a fixed position, so that they can be read while the pointer moves.
+fn read_out(
+    ui: &mut Ui,
+    canvas: Rect,
+    pixel: Option<[f64; 2]>,
+    shown: &[Shown<'_>],
+    place: Option<&(HoverPoint, &'static str)>,
+) {
+    let Some((_, base)) = shown.first() else { return };
+    let image = &base.image;
+    let inside = pixel.filter(|[x, y]| image.index(*x, *y).is_some());
+    legend::plate(ui, canvas, Align2::RIGHT_TOP, |ui| {
+        ui.style_mut().interaction.selectable_labels = false;
+        let Some([x, y]) = inside else {
+            let text = format!("{} × {}  {}", image.width, image.height, image.encoding);
+            return drop(ui.label(mono(text).small().color(tokens(ui).weak)));
+        };
+        ui.label(mono(format!("{:4} {:4} px", x as usize, y as usize)));
+        for (topic, layer) in shown {
+            let at = [x / image.width as f64, y / image.height as f64];
+            let Some(text) = layer.describe(at) else { continue };
+            ui.label(mono(text)).on_hover_text(&*topic.name);
+        }
+        if let Some((point, how)) = place {
+            let [x, y, z] = point.position_m;
+            ui.label(mono(format!("x {x:7.2} y {y:7.2} z {z:6.2} m")));
+            let text = format!("in {}, {how}", point.frame_id);
+            ui.label(mono(text).small().color(tokens(ui).weak));
+        }
+    });
 }
 
 /// Says which pixel is under the pointer, and the place that it shows; marks the pixel that another view of the same

@@ -1,8 +1,8 @@
 //! The row with the switches of the overlays.
 
-use super::layer::{self, Layer};
+use super::layer;
 use super::{Camera, OverlayState, Projected};
-use crate::image::Pixels;
+use crate::image::{DecodedImage, Pixels};
 use crate::view::rate_hz;
 use egui::{Role, Ui, WidgetInfo};
 use ocu_ui::bar::{self, Bar, Fit, Form};
@@ -30,11 +30,11 @@ impl Camera {
         &mut self,
         ui: &mut Ui,
         topic: &Topic,
+        image: Option<&DecodedImage>,
         overlays: &[&Topic],
         projected: &[Projected],
     ) {
-        let depth = self.layers.get(&*topic.name).and_then(Layer::image);
-        let whole = depth.is_some_and(|image| matches!(image.pixels, Pixels::Values { whole: true, .. }));
+        let whole = image.is_some_and(|image| matches!(image.pixels, Pixels::Values { whole: true, .. }));
         if overlays.is_empty() && projected.is_empty() && !whole {
             return;
         }

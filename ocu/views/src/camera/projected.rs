@@ -4,15 +4,18 @@
 //! It needs the calibration of the image's camera and a transform from its optical frame to the map or the path.
 //! Heights of the ground are those of the map, elsewhere that of the vehicle. Nothing hides what lies behind it.
 
+use super::layer::{self, Layer};
+use crate::cached::{Cached, SameMessage};
 use crate::canvas::Viewport;
 use crate::map::{CellColors, Floor, OnGround};
-use crate::texture::{Cached, SameMessage};
+use crate::prepare::prepared;
 use egui::emath::TSTransform;
-use egui::{Color32, Mesh, Painter, Pos2, Rect, Shape, Stroke};
+use egui::{Color32, Id, Mesh, Painter, Pos2, Rect, Shape, Stroke};
 use ocu_ui::Tokens;
 use ocu_ui::palette::MapPalette;
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
-use rcs_msg::foxglove::{CameraCalibration, CompressedImage, RawImage};
+use rcs_msg::AnyMessage;
+use rcs_msg::foxglove::CameraCalibration;
 use rcs_runtime::Role;
 use rcs_runtime::source::{Frame, Topic};
 use rcs_world::GridView;
@@ -23,6 +26,8 @@ const FARTHEST_M: f64 = 25.0;
 /// Distance of the points of a projected line, m, and the most of them.
 const STEP_M: f64 = 0.1;
 const MOST_POINTS: usize = 3_000;
+/// Least distance of the points of a line in the image, pixels.
+const THIN_PX: f64 = 0.5;
 /// Distance up to which a ray of the camera is followed to the ground, m.
 const MOST_RAY_M: f64 = 200.0;
 
@@ -68,7 +73,6 @@ impl Projected {
 #[derive(Default)]
 pub(super) struct Prepared {
     camera: Cached<(SameMessage, [usize; 2]), Option<PinholeCamera>>,
-    cells: Cached<(SameMessage, Pose, MapPalette), Mesh>,
 }
 
 /// A camera at the time of its image, and what it sees.
@@ -79,15 +83,16 @@ pub(super) struct Seen<'a> {
 }
 
 impl<'a> Seen<'a> {
-    /// `None` without a calibration, or if no transform leads to the camera.
+    /// What `layer`, an image of `topic`, shows. `None` without a calibration, or if no transform leads to the camera.
     pub(super) fn of(
         frame: &'a Frame,
-        image: &Topic,
-        size: [usize; 2],
+        topic: &Topic,
+        layer: &Layer,
         prepared: &mut Prepared,
     ) -> Option<Self> {
-        let optical = optical_frame(image).filter(|name| !name.is_empty())?;
-        let message = calibration(frame, image, optical)?.canonical()?;
+        let optical = Some(&*layer.optical_frame).filter(|name| !name.is_empty())?;
+        let size = [layer.image.width, layer.image.height];
+        let message = calibration(frame, topic, optical)?.canonical()?;
         let camera = prepared.camera.get((SameMessage(message.clone()), size), || {
             let read = message.get::<CameraCalibration>()?;
             let of = [read.width, read.height];
@@ -97,7 +102,7 @@ impl<'a> Seen<'a> {
             if size == of { Some(camera) } else { camera.resized(size).ok() }
         });
         let camera = camera.clone()?;
-        let on_ground = OnGround::of(frame, optical, image.latest.as_ref()?.header.acq_time)?;
+        let on_ground = OnGround::of(frame, optical, layer.taken)?;
         let floor = on_ground.floor();
         Some(Self { camera, on_ground, floor })
     }
@@ -114,12 +119,7 @@ impl<'a> Seen<'a> {
 
     /// Position in the image of a place in the scene, pixels from its left upper corner.
     pub(super) fn pixel(&self, p: DVec3) -> Option<[f64; 2]> {
-        let p = self.on_ground.camera_from_scene * p;
-        if p.z < NEAREST_M {
-            return None;
-        }
-        // The camera counts from the centre of the first pixel.
-        self.camera.project(p).map(|pixel| [pixel.x + 0.5, pixel.y + 0.5])
+        pixel(&self.camera, self.on_ground.camera_from_scene * p)
     }
 
     /// The place in the scene that a pixel shows: `depth_m` along the optical axis where that is known, else on the
@@ -165,28 +165,92 @@ impl<'a> Seen<'a> {
         });
         unbroken(pixels)
     }
+}
 
-    /// A line on the ground.
-    fn line(&self, points: &[DVec3]) -> Vec<Vec<[f64; 2]>> {
-        let height = self.floor.reader();
-        let steps = points.windows(2).flat_map(|ends| {
-            let length_m = ends[0].distance(ends[1]);
-            let count = (length_m / STEP_M).ceil().clamp(1.0, 200.0) as usize;
-            let (from, to) = (ends[0], ends[1]);
-            (0..=count).map(move |step| from.lerp(to, step as f64 / count as f64))
-        });
-        unbroken(steps.take(MOST_POINTS).map(|p| self.pixel(DVec3::new(p.x, p.y, height(p)))))
+/// What the lines on the ground that a camera sees follow from.
+#[derive(Clone, PartialEq)]
+struct SeenLines {
+    map: Option<SameMessage>,
+    camera: PinholeCamera,
+    camera_from_scene: Pose,
+    /// Height of the vehicle, m.
+    level_m: f64,
+    lines: Vec<Vec<DVec3>>,
+}
+
+impl SeenLines {
+    fn of(seen: &Seen<'_>, lines: Vec<Vec<DVec3>>) -> Self {
+        Self {
+            map: seen.on_ground.map.cloned().map(SameMessage),
+            camera: seen.camera.clone(),
+            camera_from_scene: seen.on_ground.camera_from_scene,
+            level_m: seen.on_ground.level_m(),
+            lines,
+        }
     }
 
-    /// The cells of the map whose cost is known, in pixels of the image.
-    fn cells(&self, palette: MapPalette) -> Mesh {
+    /// The visible parts of each line, in pixels of the image.
+    fn parts(&self) -> Vec<Vec<Vec<[f64; 2]>>> {
+        let floor = Floor::of(self.map.as_ref().map(|map| &map.0), self.level_m);
+        let height = floor.reader();
+        let parts = |points: &Vec<DVec3>| {
+            let steps = points.windows(2).flat_map(|ends| {
+                let length_m = ends[0].distance(ends[1]);
+                let count = (length_m / STEP_M).ceil().clamp(1.0, 200.0) as usize;
+                let (from, to) = (ends[0], ends[1]);
+                (0..=count).map(move |step| from.lerp(to, step as f64 / count as f64))
+            });
+            let pixels = steps
+                .take(MOST_POINTS)
+                .map(|p| pixel(&self.camera, self.camera_from_scene * DVec3::new(p.x, p.y, height(p))));
+            unbroken(pixels).into_iter().map(thinned).collect()
+        };
+        self.lines.iter().map(parts).collect()
+    }
+}
+
+/// A line without points that lie too near to the one before: far away, a path has many in each pixel.
+fn thinned(part: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    let last = part.len().saturating_sub(1);
+    let mut kept: Vec<[f64; 2]> = Vec::new();
+    for (index, p) in part.into_iter().enumerate() {
+        let is_far = |q: &[f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]) >= THIN_PX;
+        if index == last || kept.last().is_none_or(is_far) {
+            kept.push(p);
+        }
+    }
+    kept
+}
+
+/// The cells of a map, and the camera that sees them.
+struct SeenCells {
+    map: AnyMessage,
+    camera: PinholeCamera,
+    camera_from_scene: Pose,
+    /// Height of the vehicle, m.
+    level_m: f64,
+}
+
+impl SeenCells {
+    fn of(seen: &Seen<'_>) -> Option<Self> {
+        Some(Self {
+            map: seen.on_ground.map?.clone(),
+            camera: seen.camera.clone(),
+            camera_from_scene: seen.on_ground.camera_from_scene,
+            level_m: seen.on_ground.level_m(),
+        })
+    }
+
+    /// The cells whose cost is known, in pixels of the image.
+    fn mesh(&self, palette: MapPalette) -> Mesh {
         let mut mesh = Mesh::default();
-        let Some(map) = self.on_ground.map else { return mesh };
-        let (Ok(view), Ok(colors)) = (GridView::of(map), CellColors::of(map, palette)) else { return mesh };
+        let (Ok(view), Ok(colors)) = (GridView::of(&self.map), CellColors::of(&self.map, palette)) else {
+            return mesh;
+        };
         let (scene_from_grid, cell_m) = (view.frame_from_grid(), view.cell_size_m());
-        let height = self.floor.reader();
-        let camera_from_scene = &self.on_ground.camera_from_scene;
-        let [width, height_px] = [f64::from(self.camera.width), f64::from(self.camera.height)];
+        let floor = Floor::of(Some(&self.map), self.level_m);
+        let height = floor.reader();
+        let size = [f64::from(self.camera.width), f64::from(self.camera.height)];
         for row in 0..view.rows() {
             for column in 0..view.columns() {
                 let Some(color) = colors.at(column, row) else { continue };
@@ -196,24 +260,25 @@ impl<'a> Seen<'a> {
                 };
                 let middle = corner(0.5, 0.5);
                 let z = height(middle);
-                let seen = *camera_from_scene * DVec3::new(middle.x, middle.y, z);
+                let seen = self.camera_from_scene * DVec3::new(middle.x, middle.y, z);
                 if !(NEAREST_M..FARTHEST_M).contains(&seen.z) {
                     continue;
                 }
                 let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
                 let pixels = corners.map(|(x, y)| {
                     let p = corner(x, y);
-                    self.pixel(DVec3::new(p.x, p.y, z))
+                    pixel(&self.camera, self.camera_from_scene * DVec3::new(p.x, p.y, z))
                 });
                 let [Some(a), Some(b), Some(c), Some(d)] = pixels else { continue };
-                let is_out = |side: usize, most: f64| {
-                    [a, b, c, d].iter().all(|p| p[side] < 0.0) || [a, b, c, d].iter().all(|p| p[side] > most)
+                let corners = [a, b, c, d];
+                let is_out = |side: usize| {
+                    corners.iter().all(|p| p[side] < 0.0) || corners.iter().all(|p| p[side] > size[side])
                 };
-                if is_out(0, width) || is_out(1, height_px) {
+                if is_out(0) || is_out(1) {
                     continue;
                 }
                 let first = mesh.vertices.len() as u32;
-                for [x, y] in [a, b, c, d] {
+                for [x, y] in corners {
                     mesh.colored_vertex(Pos2::new(x as f32, y as f32), color);
                 }
                 mesh.add_triangle(first, first + 1, first + 2);
@@ -222,6 +287,15 @@ impl<'a> Seen<'a> {
         }
         mesh
     }
+}
+
+/// Position in the image of a place in the camera's optical frame, pixels from the left upper corner.
+fn pixel(camera: &PinholeCamera, p: DVec3) -> Option<[f64; 2]> {
+    if p.z < NEAREST_M {
+        return None;
+    }
+    // The camera counts from the centre of the first pixel.
+    camera.project(p).map(|pixel| [pixel.x + 0.5, pixel.y + 0.5])
 }
 
 /// Where an image is on the screen.
@@ -237,31 +311,37 @@ impl Place {
     }
 }
 
-/// Paints one of the projections.
+/// Paints one of the projections; `slot` is that of the image.
 pub(super) fn paint(
     painter: &Painter,
     what: Projected,
     seen: &Seen<'_>,
-    prepared: &mut Prepared,
+    slot: Id,
     place: Place,
     (opacity, palette): (f32, MapPalette),
     tokens: &Tokens,
 ) {
     // Twice the opacity of other overlays, because lines cover little of the image.
     let strong = (opacity * 2.0).min(1.0);
-    let lines = |parts: Vec<Vec<[f64; 2]>>, color: Color32, width: f32| {
+    let lines = |parts: &[Vec<[f64; 2]>], color: Color32, width: f32| {
         let halo = Stroke::new(width + 2.0, Color32::BLACK.gamma_multiply(0.6 * strong));
         for part in parts {
-            let points = place.line(&part);
+            let points = place.line(part);
             painter.add(Shape::line(points.clone(), halo));
             painter.add(Shape::line(points, Stroke::new(width, color.gamma_multiply(strong))));
         }
     };
+    // The parts of lines on the ground, which another thread projects.
+    let projected = |of: Vec<Vec<DVec3>>| {
+        let seen = SeenLines::of(seen, of);
+        prepared(painter.ctx(), slot.with(what.key()), seen.clone(), move || seen.parts())
+    };
     match what {
         Projected::Cells => {
-            let Some(map) = seen.on_ground.map else { return };
-            let key = (SameMessage(map.clone()), seen.on_ground.camera_from_scene, palette);
-            let mut mesh = prepared.cells.get(key, || seen.cells(palette)).clone();
+            let Some(cells) = SeenCells::of(seen) else { return };
+            let key = (SameMessage(cells.map.clone()), cells.camera.clone(), cells.camera_from_scene);
+            let mesh = prepared(painter.ctx(), slot.with(what.key()), key, move || cells.mesh(palette));
+            let Some(mut mesh) = mesh.map(|mesh| (*mesh).clone()) else { return };
             let origin = place.viewport.to_screen(place.canvas, [0.0, 0.0]);
             mesh.transform(TSTransform::new(origin.to_vec2(), place.viewport.scale as f32));
             for vertex in &mut mesh.vertices {
@@ -269,16 +349,20 @@ pub(super) fn paint(
             }
             painter.add(mesh);
         }
-        Projected::Horizon => lines(seen.horizon(), tokens.series(0), 1.0),
+        Projected::Horizon => lines(&seen.horizon(), tokens.series(0), 1.0),
         Projected::Paths => {
-            for (points, series) in &seen.on_ground.paths {
-                lines(seen.line(points), tokens.series(*series), 2.0);
+            let paths = &seen.on_ground.paths;
+            let parts = projected(paths.iter().map(|(points, _)| points.clone()).collect());
+            for (parts, (_, series)) in parts.iter().flat_map(|parts| parts.iter()).zip(paths) {
+                lines(parts, tokens.series(*series), 2.0);
             }
         }
         Projected::Example => {
             let Some((corners, is_ground)) = &seen.on_ground.example else { return };
-            let closed: Vec<DVec3> = corners.iter().chain(corners.first()).copied().collect();
-            lines(seen.line(&closed), if *is_ground { tokens.ok } else { tokens.warning }, 2.0);
+            let parts = projected(vec![corners.iter().chain(corners.first()).copied().collect()]);
+            for parts in parts.iter().flat_map(|parts| parts.iter()) {
+                lines(parts, if *is_ground { tokens.ok } else { tokens.warning }, 2.0);
+            }
         }
     }
 }
@@ -297,12 +381,6 @@ fn unbroken(pixels: impl Iterator<Item = Option<[f64; 2]>>) -> Vec<Vec<[f64; 2]>
     parts
 }
 
-/// The coordinate frame in which an image was taken.
-pub(super) fn optical_frame(image: &Topic) -> Option<&str> {
-    let raw = image.get::<RawImage>().map(|raw| raw.frame_id.as_str());
-    raw.or_else(|| image.get::<CompressedImage>().map(|compressed| compressed.frame_id.as_str()))
-}
-
 /// What can be shown of what a camera sees.
 pub(super) fn offered(seen: Option<&Seen<'_>>) -> Vec<Projected> {
     let has = |what: &Projected| seen.is_some_and(|seen| seen.has(*what));
@@ -310,11 +388,12 @@ pub(super) fn offered(seen: Option<&Seen<'_>>) -> Vec<Projected> {
 }
 
 /// The image of ranges that was taken with this one: of the same camera, and acquired at the same time.
-pub(super) fn ranges<'a>(frame: &'a Frame, image: &Topic) -> Option<&'a Topic> {
-    let (optical, of) = (optical_frame(image)?, image.latest.as_ref()?.header.acq_time);
+pub(super) fn ranges<'a>(frame: &'a Frame, image: &Layer) -> Option<&'a Topic> {
     let is_it = |topic: &&Topic| {
         let at = topic.latest.as_ref().map(|sample| sample.header.acq_time);
-        topic.role() == Some(Role::Depth) && at == Some(of) && optical_frame(topic) == Some(optical)
+        topic.role() == Some(Role::Depth)
+            && at == Some(image.taken)
+            && layer::optical_frame(topic) == Some(&*image.optical_frame)
     };
     frame.topics.iter().filter(|topic| !topic.is_ground_truth()).find(is_it)
 }

@@ -5,13 +5,14 @@
 //! they lie, so that maps that scrolled differently are compared, too. The cost is compared where the grid has one, else
 //! its first field.
 
+use crate::cached::SameMessage;
 use crate::canvas::Viewport;
 use crate::clip;
 use crate::map::{Placed, Thing, placed};
-use crate::texture::{Cached, SameMessage};
+use crate::prepare::{Painted, prepared};
 use egui::{
-    Color32, ColorImage, Mesh, Pos2, Rect, Role, Sense, Shape, Stroke, TextureHandle, TextureOptions, Ui,
-    Vec2, WidgetInfo,
+    Color32, ColorImage, Id, Mesh, Pos2, Rect, Role, Sense, Shape, Stroke, TextureOptions, Ui, Vec2,
+    WidgetInfo,
 };
 use ocu_ui::legend;
 use ocu_ui::tokens;
@@ -20,6 +21,7 @@ use rcs_msg::AnyMessage;
 use rcs_runtime::Role as TopicRole;
 use rcs_runtime::source::{Frame, Topic};
 use rcs_world::GridView;
+use std::sync::Arc;
 
 /// Smallest and largest scale, screen points per m.
 const SCALES: [f64; 2] = [0.01, 5000.0];
@@ -28,15 +30,12 @@ const ONLY: f32 = 0.55;
 const EQUAL: f32 = 0.35;
 
 /// The difference of two maps, and its picture.
-#[derive(Default)]
-pub(super) struct MapDifference {
-    cached: Cached<(SameMessage, SameMessage, bool), Option<Painted>>,
-}
-
-struct Painted {
-    texture: TextureHandle,
+struct Difference {
+    painted: Painted,
     /// Corners of the grid in its frame.
     corners: [DVec3; 4],
+    /// The coordinate frame of the grid.
+    frame_id: String,
     /// Number of cells that differ, and of all.
     counts: [usize; 2],
 }
@@ -57,66 +56,52 @@ pub(super) fn is_there(frames: [&Frame; 2]) -> bool {
     common(frames).is_some()
 }
 
-impl MapDifference {
-    /// Paints the difference. `names` are those of both sides.
-    pub(super) fn ui(
-        &mut self,
-        ui: &mut Ui,
-        canvas: Rect,
-        frames: [&Frame; 2],
-        names: &[String; 2],
-        viewport: &mut Option<Viewport>,
-    ) {
-        let response = ui.interact(canvas, ui.scope_id().with("difference"), Sense::click_and_drag());
-        ui.painter().rect_filled(canvas, 0.0, tokens(ui).canvas());
-        let Some([first, second]) = common(frames) else { return };
-        let (Some(a), Some(b)) = (first.canonical(), second.canonical()) else { return };
-        let colors = [0, 1].map(|side| super::color(ui, side));
-        let key = (SameMessage(a.clone()), SameMessage(b.clone()), tokens(ui).dark);
-        let ctx = ui.ctx().clone();
-        let painted = self.cached.get(key, || painted(&ctx, a, b, colors));
-        let Some(painted) = painted else { return };
-        let [differing, all] = painted.counts;
-        response.widget_info(|| {
-            WidgetInfo::labeled(Role::Image, true, format!("{differing} of {all} cells differ"))
-        });
-        let mut look = viewport.filter(Viewport::is_valid).unwrap_or_else(|| {
-            let of = |axis: usize| painted.corners.iter().map(move |corner| corner.to_array()[axis]);
-            let low = [0, 1].map(|axis| of(axis).fold(f64::INFINITY, f64::min));
-            let high = [0, 1].map(|axis| of(axis).fold(f64::NEG_INFINITY, f64::max));
-            Viewport::fit(low, high, canvas, 12.0, true)
-        });
-        if look.interact(ui, &response, SCALES, true) {
-            *viewport = Some(look);
-        }
-        if response.double_clicked() {
-            *viewport = None;
-        }
-        paint_cells(ui, painted, look, canvas);
-        let frame_id = frame_of(a);
-        for (side, frame) in frames.into_iter().enumerate() {
-            let all = placed(frame, Some(&frame_id)).filter(|(name, _)| *name == frame_id);
-            for layer in all.map(|(_, layers)| layers).unwrap_or_default() {
-                paint_line(ui, &layer, look, canvas, colors[side]);
-            }
-        }
-        legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 20.0), look.scale);
-        if canvas.height() >= 160.0 && canvas.width() >= 260.0 {
-            legend::plate(ui, canvas, egui::Align2::LEFT_BOTTOM, |ui| {
-                ui.label(egui::RichText::new(format!("{}: {differing} cells differ", first.name)).small());
-                for side in 0..2 {
-                    legend::swatch(ui, colors[side], &format!("more in {}", names[side]));
-                    let only = colors[side].gamma_multiply(ONLY);
-                    legend::swatch(ui, only, &format!("known only in {}", names[side]));
-                }
-            });
+/// Paints the difference. `names` are those of both sides.
+pub(super) fn ui(
+    ui: &mut Ui,
+    canvas: Rect,
+    frames: [&Frame; 2],
+    names: &[String; 2],
+    viewport: &mut Option<Viewport>,
+) {
+    let response = ui.interact(canvas, ui.scope_id().with("difference"), Sense::click_and_drag());
+    ui.painter().rect_filled(canvas, 0.0, tokens(ui).canvas());
+    let Some([first, second]) = common(frames) else { return };
+    let colors = [0, 1].map(|side| super::color(ui, side));
+    let Some(difference) = Difference::of(ui.ctx(), response.id, [first, second], colors) else { return };
+    let [differing, all] = difference.counts;
+    response
+        .widget_info(|| WidgetInfo::labeled(Role::Image, true, format!("{differing} of {all} cells differ")));
+    let mut look = viewport.filter(Viewport::is_valid).unwrap_or_else(|| {
+        let of = |axis: usize| difference.corners.iter().map(move |corner| corner.to_array()[axis]);
+        let low = [0, 1].map(|axis| of(axis).fold(f64::INFINITY, f64::min));
+        let high = [0, 1].map(|axis| of(axis).fold(f64::NEG_INFINITY, f64::max));
+        Viewport::fit(low, high, canvas, 12.0, true)
+    });
+    if look.interact(ui, &response, SCALES, true) {
+        *viewport = Some(look);
+    }
+    if response.double_clicked() {
+        *viewport = None;
+    }
+    paint_cells(ui, &difference, look, canvas);
+    for (side, frame) in frames.into_iter().enumerate() {
+        let all = placed(frame, Some(&difference.frame_id)).filter(|(name, _)| *name == difference.frame_id);
+        for layer in all.map(|(_, layers)| layers).unwrap_or_default() {
+            paint_line(ui, &layer, look, canvas, colors[side]);
         }
     }
-}
-
-/// The coordinate frame of a map.
-fn frame_of(map: &AnyMessage) -> String {
-    GridView::of(map).map(|grid| grid.frame_id().to_owned()).unwrap_or_default()
+    legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 20.0), look.scale);
+    if canvas.height() >= 160.0 && canvas.width() >= 260.0 {
+        legend::plate(ui, canvas, egui::Align2::LEFT_BOTTOM, |ui| {
+            ui.label(egui::RichText::new(format!("{}: {differing} cells differ", first.name)).small());
+            for side in 0..2 {
+                legend::swatch(ui, colors[side], &format!("more in {}", names[side]));
+                let only = colors[side].gamma_multiply(ONLY);
+                legend::swatch(ui, only, &format!("known only in {}", names[side]));
+            }
+        });
+    }
 }
 
 /// The value that is compared: the cost, the first cost of a source, or the first field.
@@ -127,18 +112,35 @@ fn field(grid: &GridView<'_>) -> Option<String> {
     cost.or(of_source).or(names.first()).map(|name| (*name).to_owned())
 }
 
-/// Two maps compared cell by cell, in the grid of the first.
-fn painted(ctx: &egui::Context, a: &AnyMessage, b: &AnyMessage, colors: [Color32; 2]) -> Option<Painted> {
-    let (first, second) = (GridView::of(a).ok()?, GridView::of(b).ok()?);
-    let (pixels, differing) = compared(&first, &second, colors)?;
-    let all = pixels.len();
-    let (columns, rows, cell_m) = (first.columns(), first.rows(), first.cell_size_m());
-    let (x, y) = (columns as f64 * cell_m.x, rows as f64 * cell_m.y);
-    let corners = [DVec3::ZERO, DVec3::new(x, 0.0, 0.0), DVec3::new(x, y, 0.0), DVec3::new(0.0, y, 0.0)];
-    let image = ColorImage::new([columns, rows], pixels);
-    let texture = ctx.load_texture("difference", image, TextureOptions::NEAREST);
-    let corners = corners.map(|corner| first.frame_from_grid() * corner);
-    Some(Painted { texture, corners, counts: [differing, all] })
+impl Difference {
+    /// The difference of the newest maps of two topics, for one canvas; `None` until the first one is computed, or if they
+    /// cannot be compared.
+    fn of(ctx: &egui::Context, canvas: Id, topics: [&Topic; 2], colors: [Color32; 2]) -> Option<Arc<Self>> {
+        let of = topics.map(|topic| (&*topic.name, topic.run));
+        let [a, b] = topics.map(|topic| topic.canonical().cloned().map(SameMessage));
+        let maps = (a?, b?);
+        let key = maps.clone();
+        let difference = prepared(ctx, Id::unique(("difference", canvas, of, colors)), key, move || {
+            Self::new(&maps.0.0, &maps.1.0, colors).map(Arc::new)
+        });
+        difference.and_then(|difference| (*difference).clone())
+    }
+
+    /// Two maps compared cell by cell, in the grid of the first.
+    fn new(a: &AnyMessage, b: &AnyMessage, colors: [Color32; 2]) -> Option<Self> {
+        let (first, second) = (GridView::of(a).ok()?, GridView::of(b).ok()?);
+        let (pixels, differing) = compared(&first, &second, colors)?;
+        let all = pixels.len();
+        let (columns, rows, cell_m) = (first.columns(), first.rows(), first.cell_size_m());
+        let (x, y) = (columns as f64 * cell_m.x, rows as f64 * cell_m.y);
+        let corners = [DVec3::ZERO, DVec3::new(x, 0.0, 0.0), DVec3::new(x, y, 0.0), DVec3::new(0.0, y, 0.0)];
+        Some(Self {
+            painted: Painted::new(ColorImage::new([columns, rows], pixels)),
+            corners: corners.map(|corner| first.frame_from_grid() * corner),
+            frame_id: first.frame_id().to_owned(),
+            counts: [differing, all],
+        })
+    }
 }
 
 /// A colour for each cell of the first grid, and the number of cells that differ.
@@ -185,13 +187,13 @@ fn compared(
     Some((pixels, differing))
 }
 
-fn paint_cells(ui: &Ui, painted: &Painted, look: Viewport, canvas: Rect) {
-    if !painted.corners.iter().all(|corner| clip::is_place(&corner.to_array())) {
+fn paint_cells(ui: &Ui, difference: &Difference, look: Viewport, canvas: Rect) {
+    if !difference.corners.iter().all(|corner| clip::is_place(&corner.to_array())) {
         return;
     }
-    let mut mesh = Mesh::with_texture(painted.texture.id());
+    let mut mesh = Mesh::with_texture(difference.painted.texture(ui.ctx(), TextureOptions::NEAREST));
     let uv = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-    for (corner, uv) in painted.corners.iter().zip(uv) {
+    for (corner, uv) in difference.corners.iter().zip(uv) {
         let pos = look.to_screen(canvas, [corner.x, corner.y]);
         mesh.vertices.push(egui::epaint::Vertex { pos, uv: Pos2::from(uv), color: Color32::WHITE });
     }

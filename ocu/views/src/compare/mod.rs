@@ -13,7 +13,6 @@ use crate::canvas::Viewport;
 use crate::toolbar;
 use crate::view::{SavedState, View, ViewContext, Wish};
 use egui::{Color32, FontId, Rect, Role, Sense, Ui, UiBuilder, Vec2, WidgetInfo};
-use map::MapDifference;
 use ocu_ui::bar::{self, Bar, Fit, Form};
 use ocu_ui::{format, icons, tokens, widgets};
 use rcs_runtime::RunId;
@@ -50,7 +49,6 @@ pub(crate) struct Compare {
     saved: Saved,
     /// What was shown in the last pass.
     shown: Option<[Compared; 2]>,
-    map: MapDifference,
 }
 
 impl View for Compare {
@@ -110,7 +108,7 @@ impl View for Compare {
                 ui.painter().hline(map.x_range(), map.top(), egui::Stroke::new(1.0, tokens.line));
             }
             let canvas = map.shrink(0.5);
-            within(ui, canvas, |ui| self.map.ui(ui, canvas, frames, &names, &mut self.saved.viewport));
+            within(ui, canvas, |ui| map::ui(ui, canvas, frames, &names, &mut self.saved.viewport));
         }
         ui.advance_cursor_after_rect(area);
     }

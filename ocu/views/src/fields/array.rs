@@ -1,10 +1,12 @@
 //! An array of any size as a picture or a histogram, below the fields.
 
-use crate::texture::{CachedTexture, SameMessage};
-use egui::{Color32, ColorImage, DragValue, FontId, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
+use super::decoded::Decoded;
+use crate::prepare::{Painted, Same, prepared};
+use egui::{Color32, ColorImage, DragValue, FontId, Id, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, palette, tokens, widgets};
-use rcs_msg::{AnyMessage, FieldPath, Segment, Value};
+use rcs_msg::{FieldPath, Segment, Value};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// Height of the panel.
 pub(super) const HEIGHT: f32 = 168.0;
@@ -39,13 +41,6 @@ struct Numbers {
     values: Vec<f64>,
     range: Option<(f64, f64)>,
     bars: Vec<usize>,
-}
-
-/// The panel of an array.
-#[derive(Default)]
-pub(super) struct ArrayPanel {
-    numbers: Option<(SameMessage, String, Option<Numbers>)>,
-    texture: CachedTexture<(SameMessage, String, usize)>,
 }
 
 /// Whether a value is an array of numbers.
@@ -99,84 +94,71 @@ fn numbers(root: &Value, path: &str) -> Option<Numbers> {
     Some(Numbers { values, range, bars })
 }
 
-impl ArrayPanel {
-    /// Paints the array of the message; `false` to close it.
-    pub(super) fn ui(
-        &mut self,
-        ui: &mut Ui,
-        message: &AnyMessage,
-        root: &Value,
-        shown: &mut ArrayForm,
-    ) -> bool {
-        let key = SameMessage(message.clone());
-        if self.numbers.as_ref().is_none_or(|(of, path, _)| *of != key || *path != shown.path) {
-            self.numbers = Some((key.clone(), shown.path.clone(), numbers(root, &shown.path)));
+/// Paints an array of a message; `false` to close it. `slot` is that of the view and its topic.
+pub(super) fn ui(ui: &mut Ui, slot: Id, decoded: &Arc<Decoded>, shown: &mut ArrayForm) -> bool {
+    let (root, slot) = (&decoded.value, slot.with(&shown.path));
+    let (of, path) = (Arc::clone(decoded), shown.path.clone());
+    let key = Same(Arc::clone(decoded));
+    let numbers =
+        prepared(ui.ctx(), slot.with("numbers"), key, move || numbers(&of.value, &path).map(Arc::new));
+    let numbers = numbers.as_deref();
+    let mut stays = true;
+    let line = egui::Stroke::new(1.0, tokens(ui).line);
+    ui.painter().hline(ui.max_rect().x_range(), ui.max_rect().top(), line);
+    ui.add_space(4.0);
+    ui.horizontal(|ui| {
+        ui.add_space(8.0);
+        ui.label(widgets::mono(&shown.path).color(tokens(ui).strong));
+        let mut is_picture = matches!(shown.form, Form::Picture { .. });
+        if widgets::icon_toggle(ui, icons::ICON_IMAGE, "As a picture", &mut is_picture).changed()
+            || is_picture != matches!(shown.form, Form::Picture { .. })
+        {
+            let path = shown.path.parse().unwrap_or_default();
+            let width = usual_width(root, &path);
+            shown.form = if is_picture { Form::Picture { width } } else { Form::Histogram };
         }
-        let Some((_, _, numbers)) = &self.numbers else { return true };
-        let mut stays = true;
-        let line = egui::Stroke::new(1.0, tokens(ui).line);
-        ui.painter().hline(ui.max_rect().x_range(), ui.max_rect().top(), line);
-        ui.add_space(4.0);
-        ui.horizontal(|ui| {
-            ui.add_space(8.0);
-            ui.label(widgets::mono(&shown.path).color(tokens(ui).strong));
-            let mut is_picture = matches!(shown.form, Form::Picture { .. });
-            if widgets::icon_toggle(ui, icons::ICON_IMAGE, "As a picture", &mut is_picture).changed()
-                || is_picture != matches!(shown.form, Form::Picture { .. })
-            {
-                let path = shown.path.parse().unwrap_or_default();
-                let width = usual_width(root, &path);
-                shown.form = if is_picture { Form::Picture { width } } else { Form::Histogram };
-            }
-            if let Form::Picture { width } = &mut shown.form {
-                let drag = ui.add(DragValue::new(width).range(1..=MOST_WIDTH).suffix(" in a row"));
-                ui.ctx().accesskit_node_builder(drag.id, |node| node.set_label("Width of the picture"));
-            }
-            if let Some(numbers) = numbers {
-                let range = numbers.range.map_or_else(String::new, |(min, max)| {
-                    format!("  {} to {}", format::number(min), format::number(max))
-                });
-                let text = format!("{} numbers{range}", format::count(numbers.values.len() as u64));
-                ui.add(egui::Label::new(egui::RichText::new(text).small().color(tokens(ui).weak)).truncate());
-            }
-            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                ui.add_space(8.0);
-                stays = !widgets::icon_button(ui, icons::ICON_CLOSE, "Close the array").clicked();
+        if let Form::Picture { width } = &mut shown.form {
+            let drag = ui.add(DragValue::new(width).range(1..=MOST_WIDTH).suffix(" in a row"));
+            ui.ctx().accesskit_node_builder(drag.id, |node| node.set_label("Width of the picture"));
+        }
+        if let Some(Some(numbers)) = numbers {
+            let range = numbers.range.map_or_else(String::new, |(min, max)| {
+                format!("  {} to {}", format::number(min), format::number(max))
             });
+            let text = format!("{} numbers{range}", format::count(numbers.values.len() as u64));
+            ui.add(egui::Label::new(egui::RichText::new(text).small().color(tokens(ui).weak)).truncate());
+        }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.add_space(8.0);
+            stays = !widgets::icon_button(ui, icons::ICON_CLOSE, "Close the array").clicked();
         });
-        let rect = ui.available_rect_before_wrap().shrink2(Vec2::new(8.0, 4.0));
-        match (numbers, shown.form) {
-            (None, _) => {
-                let text = "This message has no array of numbers here.";
-                widgets::cell(
-                    ui,
-                    rect,
-                    egui::Align::Center,
-                    text,
-                    FontId::proportional(12.0),
-                    tokens(ui).weak,
-                );
-            }
-            (Some(numbers), Form::Histogram) => histogram(ui, rect, numbers),
-            (Some(numbers), Form::Picture { width }) => {
-                let texture = self.texture.get(
-                    ui.ctx(),
-                    (key, shown.path.clone(), width),
-                    egui::TextureOptions::NEAREST,
-                    || picture(numbers, width),
-                );
-                if let Some(texture) = texture {
-                    let size = texture.size_vec2();
-                    let scale = (rect.width() / size.x).min(rect.height() / size.y);
-                    let place = Rect::from_min_size(rect.min, size * scale);
-                    let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
-                    ui.painter().image(texture.id(), place, uv, Color32::WHITE);
-                    read(ui, place, numbers, width);
-                }
+    });
+    let rect = ui.available_rect_before_wrap().shrink2(Vec2::new(8.0, 4.0));
+    match (numbers, shown.form) {
+        // They are being read.
+        (None, _) => {}
+        (Some(None), _) => {
+            let text = "This message has no array of numbers here.";
+            let (font, color) = (FontId::proportional(12.0), tokens(ui).weak);
+            widgets::cell(ui, rect, egui::Align::Center, text, font, color);
+        }
+        (Some(Some(numbers)), Form::Histogram) => histogram(ui, rect, numbers),
+        (Some(Some(numbers)), Form::Picture { width }) => {
+            let (key, of) = ((Same(Arc::clone(numbers)), width), Arc::clone(numbers));
+            let make = move || picture(&of, width).map(Painted::new);
+            let painted = prepared(ui.ctx(), slot.with("picture"), key, make);
+            if let Some(Some(painted)) = painted.as_deref() {
+                let size = Vec2::from(painted.size().map(|side| side as f32));
+                let scale = (rect.width() / size.x).min(rect.height() / size.y);
+                let place = Rect::from_min_size(rect.min, size * scale);
+                let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
+                let texture = painted.texture(ui.ctx(), egui::TextureOptions::NEAREST);
+                ui.painter().image(texture, place, uv, Color32::WHITE);
+                read(ui, place, numbers, width);
             }
         }
-        stays
     }
+    stays
 }
 
 /// Number of rows of a picture, and how many columns and rows each of its points stands for.

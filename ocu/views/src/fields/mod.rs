@@ -4,27 +4,30 @@
 //! does not move while values change.
 
 mod array;
+mod decoded;
 mod flash;
 mod rows;
 
 use crate::edit::{Edits, overrides, refusal, text_of};
 use crate::origin::Origin;
-use crate::texture::{Cached, SameMessage};
+use crate::prepare::{Same, prepared};
 use crate::view::{FieldKey, SavedState, Selection, TopicKey, View, ViewContext, Wish, rate_hz};
-use array::{ArrayForm, ArrayPanel, Form};
+use array::{ArrayForm, Form};
+use decoded::Decoded;
 use egui::text::LayoutJob;
 use egui::{
-    Align, FontId, FontSelection, Pos2, Rect, RichText, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo,
+    Align, FontId, FontSelection, Id, Pos2, Rect, RichText, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo,
 };
 use flash::Flashes;
 use ocu_ui::bar::{self, Bar, Fit};
 use ocu_ui::widgets::{self, mono};
 use ocu_ui::{format, icons, stale, tokens};
-use rcs_msg::{AnyMessage, Value};
+use rcs_msg::AnyMessage;
 use rcs_runtime::source::{Frame, Topic};
 use rows::{Row, hex};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 const ROW: f32 = 20.0;
 const INDENT: f32 = 16.0;
@@ -48,11 +51,9 @@ struct Saved {
 #[derive(Default)]
 pub(crate) struct Fields {
     saved: Saved,
-    value: Cached<SameMessage, Result<Value, String>>,
     last: Option<TopicKey>,
     edits: Edits,
     origin: Origin,
-    array: ArrayPanel,
     flashes: Flashes,
 }
 
@@ -117,38 +118,42 @@ impl Fields {
         if let Some(reason) = &topic.undecodable {
             return undecodable(ui, reason, &sample.message);
         }
-        let message = SameMessage(sample.message.clone());
         let size = sample.message.size_hint();
         if size > MOST_BYTES {
             let reason = format!("it is larger than {} MiB, so its fields are not shown", MOST_BYTES >> 20);
             return undecodable(ui, &reason, &sample.message);
         }
-        let read = || sample.message.value().map_err(|error| error.to_string());
-        match self.value.get(message, read) {
-            Err(reason) => undecodable(ui, reason, &sample.message),
-            Ok(value) => {
-                let key = TopicKey::of(topic);
-                self.origin.ui(ui, cx);
-                self.edits.ui(ui, cx);
-                let mut area = ui.available_rect_before_wrap();
-                let is_room = area.height() > array::HEIGHT + 4.0 * ROW;
-                if let Some(shown) = self.saved.array.as_mut().filter(|_| is_room) {
-                    let (above, below) = area.split_top_bottom_at_y(area.bottom() - array::HEIGHT);
-                    let mut child = ui.new_child(egui::UiBuilder::new().max_rect(below).id_salt("array"));
-                    child.set_clip_rect(below.intersect(ui.clip_rect()));
-                    if !self.array.ui(&mut child, &sample.message, value, shown) {
-                        self.saved.array = None;
-                    }
-                    area = above;
-                }
-                let mut child = ui.new_child(egui::UiBuilder::new().max_rect(area).id_salt("tree"));
-                child.set_clip_rect(area.intersect(ui.clip_rect()));
-                self.flashes.begin(&key.name, sample.header.log_time);
-                let parts = (&mut self.edits, &mut self.origin, &mut self.flashes);
-                tree(&mut child, cx, &mut self.saved, value, topic, &key, parts);
-                ui.advance_cursor_after_rect(area);
-            }
+        match Decoded::of(ui.ctx(), topic) {
+            Some(Err(reason)) => undecodable(ui, &reason, &sample.message),
+            Some(Ok(decoded)) => self.decoded_ui(ui, cx, topic, &decoded),
+            // It is being decoded.
+            None => {}
         }
+    }
+
+    fn decoded_ui(&mut self, ui: &mut Ui, cx: &mut ViewContext<'_>, topic: &Topic, decoded: &Arc<Decoded>) {
+        let key = TopicKey::of(topic);
+        self.origin.ui(ui, cx);
+        self.edits.ui(ui, cx);
+        // What is found and what is painted belongs to this view and topic.
+        let slot = ui.scope_id().with((&*topic.name, topic.run));
+        let mut area = ui.available_rect_before_wrap();
+        let is_room = area.height() > array::HEIGHT + 4.0 * ROW;
+        if let Some(shown) = self.saved.array.as_mut().filter(|_| is_room) {
+            let (above, below) = area.split_top_bottom_at_y(area.bottom() - array::HEIGHT);
+            let mut child = ui.new_child(egui::UiBuilder::new().max_rect(below).id_salt("array"));
+            child.set_clip_rect(below.intersect(ui.clip_rect()));
+            if !array::ui(&mut child, slot, decoded, shown) {
+                self.saved.array = None;
+            }
+            area = above;
+        }
+        let mut child = ui.new_child(egui::UiBuilder::new().max_rect(area).id_salt("tree"));
+        child.set_clip_rect(area.intersect(ui.clip_rect()));
+        self.flashes.begin(&key.name, decoded.log_time);
+        let parts = (&mut self.edits, &mut self.origin, &mut self.flashes);
+        tree(&mut child, cx, &mut self.saved, slot, decoded, topic, &key, parts);
+        ui.advance_cursor_after_rect(area);
     }
 }
 
@@ -267,14 +272,24 @@ fn tree(
     ui: &mut Ui,
     cx: &mut ViewContext<'_>,
     saved: &mut Saved,
-    value: &Value,
+    slot: Id,
+    decoded: &Arc<Decoded>,
     topic: &Topic,
     key: &TopicKey,
     (edits, origin, flashes): (&mut Edits, &mut Origin, &mut Flashes),
 ) {
+    let value = &decoded.value;
     let search = saved.search.trim().to_lowercase();
-    let (rows, more) =
-        if search.is_empty() { (rows::rows(value, &saved.open), false) } else { rows::found(value, &search) };
+    let found = if search.is_empty() {
+        Some(Arc::new((rows::rows(value, &saved.open), false)))
+    } else {
+        let (of, text) = (Arc::clone(decoded), search.clone());
+        let key = (Same(Arc::clone(decoded)), search.clone());
+        prepared(ui.ctx(), slot.with("found"), key, move || rows::found(&of.value, &text))
+    };
+    // It is being searched.
+    let Some(found) = found else { return };
+    let (rows, more) = &*found;
     if rows.is_empty() {
         let (title, hint) = if search.is_empty() {
             ("An empty message", "It has no fields.".to_owned())
@@ -283,7 +298,7 @@ fn tree(
         };
         return widgets::empty(ui, icons::ICON_DATA_OBJECT, title, &hint);
     }
-    if more {
+    if *more {
         ui.label(RichText::new(format!("  the first {} that were found", rows::MOST_FOUND)).small().weak());
     }
     ui.spacing_mut().item_spacing.y = 0.0;

@@ -9,10 +9,10 @@ mod faults;
 mod layout;
 mod look;
 
+use crate::cached::Cached;
 use crate::canvas::Viewport;
 use crate::command;
 use crate::edit;
-use crate::texture::Cached;
 use crate::toolbar;
 use crate::view::{Hover, SavedState, View, ViewContext};
 use egui::{Align, Color32, FontId, Painter, Pos2, Rect, Role, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo};

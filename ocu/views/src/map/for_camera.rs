@@ -71,8 +71,7 @@ impl<'a> OnGround<'a> {
 
     /// The heights of the ground.
     pub(crate) fn floor(&self) -> Floor<'a> {
-        let map = self.map.and_then(|map| GridView::of(map).ok());
-        Floor { map, level_m: self.floor_m }
+        Floor::of(self.map, self.floor_m)
     }
 }
 
@@ -82,7 +81,12 @@ pub(crate) struct Floor<'a> {
     level_m: f64,
 }
 
-impl Floor<'_> {
+impl<'a> Floor<'a> {
+    /// The heights of a map; `level_m` is that of the vehicle.
+    pub(crate) fn of(map: Option<&'a AnyMessage>, level_m: f64) -> Self {
+        Self { map: map.and_then(|map| GridView::of(map).ok()), level_m }
+    }
+
     /// Reads heights from the map's field, which is looked up once.
     pub(crate) fn reader(&self) -> impl Fn(DVec3) -> f64 + '_ {
         let heights = self.map.as_ref().and_then(|map| {

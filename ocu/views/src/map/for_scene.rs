@@ -47,7 +47,7 @@ pub(crate) fn placed<'a>(frame: &'a Frame, chosen: Option<&str>) -> Option<(Stri
     let has_map = all.iter().any(Layer::is_map);
     let placed = all.iter().enumerate().filter_map(|(index, layer)| {
         let scene_from_layer = layers::map_from_layer(frame, scene, layer).ok()?;
-        let is_cloud = matches!(layer.kind, Kind::Cloud(_));
+        let is_cloud = matches!(layer.kind, Kind::Cloud);
         let is_part = has_map && layer.is_part_of_a_map() && !is_cloud;
         Some(Placed {
             name: layer.name.clone(),
@@ -69,7 +69,7 @@ pub(crate) fn frames(frame: &Frame) -> Vec<String> {
 fn thing<'a>(layer: &Layer<'a>, now: Stamp) -> Option<Thing<'a>> {
     Some(match layer.kind {
         Kind::Grid(grid) => Thing::Grid(grid),
-        Kind::Cloud(_) => Thing::Cloud(layer.topic?.canonical()?),
+        Kind::Cloud => Thing::Cloud(layer.topic?.canonical()?),
         Kind::Path(path) => Thing::Path(super::paint::path_places(path)),
         Kind::Plan(plan) => Thing::Path(super::plan::chosen_places(plan)),
         Kind::Track { track, is_ghost: false } => {

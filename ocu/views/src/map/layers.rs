@@ -2,7 +2,7 @@
 
 use super::grid::frame_of;
 use super::track::{Aligned, Alignment, Judged, Plane, course, nearest};
-use crate::texture::SameMessage;
+use crate::cached::SameMessage;
 use crate::view::is_old;
 use rcs_geom::{DVec3, Enu, Geodetic, Pose, TransformError};
 use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
@@ -19,7 +19,7 @@ pub(super) enum Kind<'a> {
     /// A grid of cells.
     Grid(&'a AnyMessage),
     /// A point cloud.
-    Cloud(&'a PointCloud),
+    Cloud,
     /// A planned path.
     Path(&'a PosesInFrame),
     /// A goal.
@@ -103,9 +103,7 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
                 grids.extend(named.map(|(message, frame_id)| layer(Kind::Grid(message), frame_id)));
             }
             "foxglove.PointCloud" => {
-                clouds.extend(
-                    topic.get::<PointCloud>().map(|cloud| layer(Kind::Cloud(cloud), &cloud.frame_id)),
-                );
+                clouds.extend(topic.get::<PointCloud>().map(|cloud| layer(Kind::Cloud, &cloud.frame_id)));
             }
             "foxglove.PosesInFrame" => {
                 paths.extend(topic.get::<PosesInFrame>().map(|path| layer(Kind::Path(path), &path.frame_id)));
@@ -127,9 +125,11 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
         }
     }
     // A fine map lies above a coarse one, which shows where the fine one knows nothing.
-    grids.sort_by(|a: &Layer<'_>, b| cell_m(b).total_cmp(&cell_m(a)));
+    let mut grids: Vec<_> = grids.into_iter().map(|layer| (cell_m(&layer), layer)).collect();
+    grids.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+    let grids = grids.into_iter().map(|(_, layer)| layer);
     let tracks = tracks(frame);
-    let mut layers: Vec<_> = grids.into_iter().chain(clouds).chain(paths).chain(tracks).collect();
+    let mut layers: Vec<_> = grids.chain(clouds).chain(paths).chain(tracks).collect();
     layers.sort_by_key(Layer::is_ground_truth);
     layers
 }

@@ -14,6 +14,7 @@ mod layers;
 mod mission;
 mod paint;
 mod panel;
+mod picture;
 mod plan;
 mod track;
 mod training;
@@ -23,11 +24,8 @@ use crate::badge;
 use crate::canvas::Viewport;
 use crate::clip::{Near, is_place};
 use crate::operator::Inputs;
-use crate::texture::{Cached, CachedTexture, SameMessage};
-
 use crate::view::{Preview, SavedState, View, ViewContext};
-use cloud::Cloud;
-use egui::{Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
+use egui::{Context, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 pub(crate) use for_camera::{Floor, OnGround};
 pub(crate) use for_scene::{CellColors, Placed, Thing, frames, placed};
 use grid::Cells;
@@ -39,7 +37,6 @@ use ocu_ui::palette::MapPalette;
 use ocu_ui::{icons, tokens, widgets};
 use rcs_geom::Pose;
 use rcs_msg::Stamp;
-use rcs_msg::foxglove::PointCloud;
 use rcs_runtime::source::{Frame, SourceKind, Topic, WGS84};
 use rcs_world::{Weights, weights_of};
 use serde::{Deserialize, Serialize};
@@ -97,11 +94,6 @@ impl Default for Saved {
 /// Least width and height that the map of a run shows until a person zooms, m.
 const LEAST_OF_A_RUN_M: f64 = 20.0;
 
-/// Key of a grid's texture: what it shows, and whether it shows what is below where nothing is known.
-type GridKey = (SameMessage, String, MapPalette, Option<Weights>, bool);
-/// Key of a cloud's points: the message, and its pose in the map's frame.
-type CloudKey = (SameMessage, Pose);
-
 /// The map view.
 #[derive(Default)]
 pub(crate) struct Map {
@@ -128,20 +120,8 @@ pub(crate) struct Map {
     fused: bool,
     /// A process, and fusion weights of it that are being edited.
     preview: Option<(Preview, Weights)>,
-    grids: BTreeMap<String, (CachedTexture<GridKey>, Option<[f64; 2]>)>,
-    clouds: BTreeMap<String, CloudLayer>,
-}
-
-#[derive(Default)]
-struct CloudLayer {
-    cloud: Cached<CloudKey, Result<Cloud, String>>,
-    texture: CachedTexture<(CloudKey, Viewport, [u32; 2])>,
-}
-
-impl CloudLayer {
-    fn read(&mut self, message: SameMessage, cloud: &PointCloud, pose: Pose) -> Option<&Cloud> {
-        self.cloud.get((message, pose), || Cloud::new(cloud, &pose)).as_ref().ok()
-    }
+    /// The values at the ends of the colour scales of grids in this pass, by layer.
+    ranges: BTreeMap<String, [f64; 2]>,
 }
 
 impl View for Map {
@@ -315,15 +295,15 @@ impl Map {
         response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Map"));
         ui.painter().rect_filled(canvas, 0.0, tokens(ui).canvas());
         let shown: Vec<_> = layers.iter().filter(|layer| self.state(layer).shown).collect();
-        self.check_viewport(cx.frame, map, &shown, canvas);
+        self.check_viewport(ui.ctx(), cx.frame, map, &shown, canvas);
         if let Some(name) = self.zoom_to.take() {
             let alone: Vec<_> = shown.iter().copied().filter(|layer| layer.name == name).collect();
-            self.saved.viewport = Some(self.fitted(cx.frame, map, &alone, canvas));
+            self.saved.viewport = Some(self.fitted(ui.ctx(), cx.frame, map, &alone, canvas));
             self.saved.follows = false;
         }
         let mut viewport = match self.saved.viewport {
             Some(viewport) => viewport,
-            None => self.fitted(cx.frame, map, &shown, canvas),
+            None => self.fitted(ui.ctx(), cx.frame, map, &shown, canvas),
         };
         let here = if self.saved.follows { self.here(cx.frame, &shown) } else { None };
         if let Some([x, y, _]) = here {
@@ -347,15 +327,15 @@ impl Map {
         let painter = ui.painter_at(canvas);
         let place = |layer: &Layer<'_>| layers::map_from_layer(cx.frame, map, layer);
         let mut is_over = false;
+        self.ranges.clear();
         for layer in &shown {
-            let (opacity, pose) = (self.state(layer).opacity, place(layer));
-            match (layer.kind, pose) {
-                (Kind::Grid(grid), Ok(pose)) => {
-                    self.paint_grid(ui, layer, grid, pose, viewport, canvas, opacity, is_over, cx.frame.now);
+            match (layer.kind, place(layer)) {
+                (Kind::Grid(grid), Ok(_)) => {
+                    self.paint_grid(ui, cx.frame, layer, grid, map, viewport, canvas, is_over);
                     is_over = true;
                 }
-                (Kind::Cloud(cloud), Ok(pose)) => {
-                    self.paint_cloud(ui, layer, cloud, pose, viewport, canvas, opacity);
+                (Kind::Cloud, Ok(pose)) => {
+                    self.paint_cloud(ui, layer, map, pose, viewport, canvas, response.id);
                 }
                 _ => {}
             }
@@ -424,13 +404,20 @@ impl Map {
     }
 
     /// A stored viewport may be one of another source: where it shows nothing of this one, everything is fitted.
-    fn check_viewport(&mut self, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) {
+    fn check_viewport(
+        &mut self,
+        ctx: &Context,
+        frame: &Frame,
+        map: &str,
+        shown: &[&Layer<'_>],
+        canvas: Rect,
+    ) {
         let source = (frame.info.title.clone(), frame.info.start);
         if self.looked_at.as_ref() == Some(&source) {
             return;
         }
         if let Some(viewport) = self.saved.viewport
-            && !(viewport.is_valid() && viewport.meets(self.fitted(frame, map, shown, canvas), canvas))
+            && !(viewport.is_valid() && viewport.meets(self.fitted(ctx, frame, map, shown, canvas), canvas))
         {
             self.saved.viewport = None;
         }
@@ -438,7 +425,7 @@ impl Map {
     }
 
     /// Shows the number of implausible points in the visible layers, which are left out of the fitted region.
-    fn far_badge(&mut self, ui: &Ui, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) {
+    fn far_badge(&self, ui: &Ui, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) {
         let mut counts = Vec::new();
         for layer in shown {
             let pose = layers::map_from_layer(frame, map, layer);
@@ -450,10 +437,8 @@ impl Map {
                     let corners = Cells::new(grid).map(|cells| cells.corners()).unwrap_or_default();
                     usize::from(!corners.iter().all(|p| is_place(&(pose * *p).to_array())))
                 }
-                (Kind::Cloud(cloud), Ok(pose)) => {
-                    let Some(message) = layer.message() else { continue };
-                    let cached = self.clouds.entry(layer.name.clone()).or_default();
-                    cached.read(message, cloud, pose).map_or(0, |cloud| cloud.far)
+                (Kind::Cloud, Ok(pose)) => {
+                    picture::cloud(ui.ctx(), layer, map, pose).map_or(0, |cloud| cloud.far)
                 }
                 (Kind::Path(path), Ok(pose)) => {
                     let points: Vec<_> = paint::path_points(path, &pose).collect();
@@ -479,7 +464,14 @@ impl Map {
 
     /// A viewport that shows all layers: of a running stack the smallest of its fused maps, in which the vehicle is. Its
     /// borders are rounded, so that it does not drift while things move.
-    fn fitted(&mut self, frame: &Frame, map: &str, shown: &[&Layer<'_>], canvas: Rect) -> Viewport {
+    fn fitted(
+        &self,
+        ctx: &Context,
+        frame: &Frame,
+        map: &str,
+        shown: &[&Layer<'_>],
+        canvas: Rect,
+    ) -> Viewport {
         let mut bounds: Option<([f64; 2], [f64; 2])> = None;
         let mut add = |point: [f64; 2]| {
             if !is_place(&point) {
@@ -500,11 +492,9 @@ impl Map {
                     let corners = Cells::new(grid).map(|cells| cells.corners()).unwrap_or_default();
                     corners.iter().map(|p| pose * *p).for_each(|p| add([p.x, p.y]));
                 }
-                (Kind::Cloud(cloud), Ok(pose)) => {
-                    let Some(message) = layer.message() else { continue };
-                    let cached = self.clouds.entry(layer.name.clone()).or_default();
-                    if let Some((min, max)) = cached.read(message, cloud, pose).and_then(|cloud| cloud.bounds)
-                    {
+                (Kind::Cloud, Ok(pose)) => {
+                    let cloud = picture::cloud(ctx, layer, map, pose);
+                    if let Some((min, max)) = cloud.and_then(|cloud| cloud.bounds) {
                         add(min);
                         add(max);
                     }

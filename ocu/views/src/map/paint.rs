@@ -4,18 +4,17 @@ use super::Map;
 use super::grid::Cells;
 use super::labels::Labels;
 use super::layers::{Kind, Layer, PlacedTrack};
+use super::picture::{self, CloudPicture, GridLook, GridPicture};
 use super::track::line;
 use super::uncertainty::{self, Covariance};
 use crate::canvas::Viewport;
 use crate::clip::{self, is_place};
-use egui::{
-    Align2, Color32, FontId, Mesh, Painter, Pos2, Rect, Response, Shape, Stroke, TextureOptions, Ui, Vec2,
-};
+use egui::{Align2, Color32, FontId, Id, Mesh, Painter, Pos2, Rect, Response, Shape, Stroke, Ui, Vec2};
 use ocu_ui::legend::round_step;
 use ocu_ui::{format, stale, tokens};
 use rcs_geom::{DVec3, Pose};
-use rcs_msg::foxglove::{PointCloud, PoseInFrame, PosesInFrame};
-use rcs_msg::{AnyMessage, Stamp};
+use rcs_msg::AnyMessage;
+use rcs_msg::foxglove::{PoseInFrame, PosesInFrame};
 use rcs_runtime::source::Frame;
 use std::ops::Range;
 
@@ -23,85 +22,72 @@ use std::ops::Range;
 const VEHICLE: f32 = 12.0;
 
 impl Map {
-    /// Paints a grid as a textured quadrilateral; the texture is rebuilt when message or appearance changes. Of a grid
-    /// that lies over another one, cells without a cost show what is below.
+    /// Paints a grid as a textured quadrilateral. Of a grid that lies over another one, cells without a cost show what is
+    /// below.
     #[expect(clippy::too_many_arguments, reason = "what a layer is and where it goes")]
     pub(super) fn paint_grid(
         &mut self,
         ui: &Ui,
+        frame: &Frame,
         layer: &Layer<'_>,
         grid: &AnyMessage,
-        map_from_grid_frame: Pose,
+        map: &str,
         viewport: Viewport,
         canvas: Rect,
-        opacity: f32,
         is_over: bool,
-        now: Stamp,
     ) {
-        let (Ok(cells), Some(message)) = (Cells::new(grid), layer.message()) else { return };
-        let Some(shade) = cells.shade(self.state(layer).shade.as_deref()) else { return };
-        let palette = self.saved.palette;
-        let weights = self.edited_weights(layer).filter(|_| shade.is_fused()).cloned();
-        let (texture, range) = self.grids.entry(layer.name.clone()).or_default();
-        let shows_below = is_over && shade.is_cost();
-        let key = (message, shade.name().to_owned(), palette, weights.clone(), shows_below);
-        let make = || {
-            *range = cells.range(&shade);
-            let mut image = cells.paint(&shade, palette, *range, weights.as_ref());
-            let unknown = image.pixels.iter_mut().filter(|pixel| shows_below && **pixel == palette.unknown());
-            unknown.for_each(|pixel| *pixel = Color32::TRANSPARENT);
-            Some(image)
+        let state = self.state(layer);
+        let Some(shade) = Cells::new(grid).ok().and_then(|cells| cells.shade(state.shade.as_deref())) else {
+            return;
         };
-        let Some(texture) = texture.get(ui.ctx(), key, TextureOptions::NEAREST, make) else { return };
+        let weights = self.edited_weights(layer).filter(|_| shade.is_fused()).cloned();
+        let shows_below = is_over && shade.is_cost();
+        let look = GridLook { shade, palette: self.saved.palette, weights, shows_below };
+        let Some(picture) = GridPicture::of(ui.ctx(), layer, look) else { return };
+        self.ranges.extend(picture.range.map(|range| (layer.name.clone(), range)));
+        let Some(corners) = picture.corners(frame, map) else { return };
         let mut bounds = Rect::NOTHING;
-        let mut mesh = Mesh::with_texture(texture.id());
+        let mut mesh = Mesh::with_texture(picture.texture(ui.ctx()));
         let uv = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-        let corners = cells.corners().map(|corner| map_from_grid_frame * corner);
         if !corners.iter().all(|p| is_place(&p.to_array())) {
             return;
         }
         for (p, uv) in corners.into_iter().zip(uv) {
             let pos = viewport.to_screen(canvas, [p.x, p.y]);
-            let color = Color32::WHITE.gamma_multiply(opacity);
+            let color = Color32::WHITE.gamma_multiply(state.opacity);
             bounds.extend_with(pos);
             mesh.vertices.push(egui::epaint::Vertex { pos, uv: Pos2::from(uv), color });
         }
         mesh.indices = vec![0, 1, 2, 0, 2, 3];
         let painter = ui.painter_at(canvas);
         painter.add(Shape::mesh(mesh));
-        if layer.is_stale(now) {
+        if layer.is_stale(frame.now) {
             let tokens = tokens(ui);
             painter.rect_filled(bounds, 0.0, tokens.surface[2].gamma_multiply(0.5));
             stale::hatch(&painter, bounds.intersect(canvas), tokens.stale.gamma_multiply(0.7));
         }
     }
 
-    /// Paints a cloud as pixels of the canvas, rebuilt when message or viewport changes.
+    /// Paints a cloud as pixels of the canvas; `id` is that of the canvas.
     #[expect(clippy::too_many_arguments, reason = "what a layer is and where it goes")]
     pub(super) fn paint_cloud(
-        &mut self,
+        &self,
         ui: &Ui,
         layer: &Layer<'_>,
-        cloud: &PointCloud,
+        map: &str,
         map_from_cloud_frame: Pose,
         viewport: Viewport,
         canvas: Rect,
-        opacity: f32,
+        id: Id,
     ) {
-        let Some(message) = layer.message() else { return };
-        let cached = self.clouds.entry(layer.name.clone()).or_default();
-        let points = cached
-            .cloud
-            .get((message.clone(), map_from_cloud_frame), || super::Cloud::new(cloud, &map_from_cloud_frame));
-        let Ok(points) = points else { return };
-        let size = [canvas.width().to_bits(), canvas.height().to_bits()];
-        let key = ((message, map_from_cloud_frame), viewport, size);
-        let make = || Some(points.paint(canvas, viewport, ui.pixels_per_point()));
-        let Some(texture) = cached.texture.get(ui.ctx(), key, TextureOptions::NEAREST, make) else { return };
-        let size = texture.size_vec2() / ui.pixels_per_point();
+        let cloud = picture::cloud(ui.ctx(), layer, map, map_from_cloud_frame);
+        let picture =
+            cloud.and_then(|cloud| CloudPicture::of(ui.ctx(), layer, cloud, id, viewport, canvas.size()));
+        let Some(picture) = picture else { return };
         let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
-        let color = Color32::WHITE.gamma_multiply(opacity);
-        ui.painter_at(canvas).image(texture.id(), Rect::from_min_size(canvas.min, size), uv, color);
+        let color = Color32::WHITE.gamma_multiply(self.state(layer).opacity);
+        let place = picture.place(viewport, canvas);
+        ui.painter_at(canvas).image(picture.texture(ui.ctx()), place, uv, color);
     }
 
     /// Paints a track: past in full colour, future thin and weak, and the current position, hollow if it is outdated.

@@ -3,7 +3,7 @@
 use super::grid::{Cells, Shade};
 use super::layers::{self, Kind, Layer};
 use super::uncertainty::{Covariance, SIGMAS};
-use super::{LayerState, Map};
+use super::{LayerState, Map, picture};
 use egui::{Align2, Rect, RichText, Role, ScrollArea, Ui, Vec2, WidgetInfo};
 use ocu_ui::{format, icons, legend, palette, tokens, widgets};
 use rcs_runtime::source::Frame;
@@ -83,7 +83,7 @@ impl Map {
             });
         };
         let age_s = layer.topic.and_then(|topic| topic.age_s(frame.now));
-        if let (Kind::Grid(_) | Kind::Cloud(_), Some(age_s)) = (layer.kind, age_s) {
+        if let (Kind::Grid(_) | Kind::Cloud, Some(age_s)) = (layer.kind, age_s) {
             let (old, age) = (layer.is_stale(frame.now), format::age(age_s));
             let text = if old { format!("old: {age}") } else { format!("age {age}") };
             let place = match layer.frame_id {
@@ -114,7 +114,7 @@ impl Map {
                     }
                 });
             }
-            (kind, _) if !matches!(kind, Kind::Grid(_) | Kind::Cloud(_)) && layer.frame_id != map => {
+            (kind, _) if !matches!(kind, Kind::Grid(_) | Kind::Cloud) && layer.frame_id != map => {
                 note(ui, format!("in {}", layers::frame_label(layer.frame_id)), tokens.weak);
             }
             _ => {}
@@ -126,7 +126,7 @@ impl Map {
                 Ok(_) => {}
             }
         }
-        if state.shown && matches!(layer.kind, Kind::Grid(_) | Kind::Cloud(_)) {
+        if state.shown && matches!(layer.kind, Kind::Grid(_) | Kind::Cloud) {
             opacity(ui, layer, state, indent);
         }
         (wish, zoom)
@@ -134,7 +134,7 @@ impl Map {
 
     /// The legend of the map's colours; returns its place.
     pub(super) fn legend(
-        &mut self,
+        &self,
         ui: &mut Ui,
         frame: &Frame,
         layers: &[Layer<'_>],
@@ -144,7 +144,7 @@ impl Map {
     ) -> Option<Rect> {
         let placed = |layer: &&&Layer<'_>| layers::map_from_layer(frame, &self.frame_id, layer).is_ok();
         let colored =
-            shown.iter().filter(placed).any(|layer| matches!(layer.kind, Kind::Grid(_) | Kind::Cloud(_)));
+            shown.iter().filter(placed).any(|layer| matches!(layer.kind, Kind::Grid(_) | Kind::Cloud));
         // Lines are omitted if the layer panel lists them, or if the map is too small.
         let named =
             !listed && (!colored || canvas.height() >= 400.0) && shown.iter().any(|layer| is_line(layer));
@@ -167,8 +167,7 @@ impl Map {
                             costs = true;
                             continue;
                         }
-                        let range =
-                            self.grids.get(&layer.name).and_then(|(_, range)| *range).unwrap_or([0.0, 255.0]);
+                        let range = self.ranges.get(&layer.name).copied().unwrap_or([0.0, 255.0]);
                         ui.label(RichText::new(format!("{}  {}", layer.name, shade.name())).small());
                         legend::band(
                             ui,
@@ -178,11 +177,10 @@ impl Map {
                             palette::even,
                         );
                     }
-                    Kind::Cloud(cloud) => {
-                        let Some(message) = layer.message() else { continue };
+                    Kind::Cloud => {
                         let Ok(pose) = layers::map_from_layer(frame, &self.frame_id, layer) else { continue };
-                        let cached = self.clouds.entry(layer.name.clone()).or_default();
-                        let Some(cloud) = cached.read(message, cloud, pose) else { continue };
+                        let cloud = picture::cloud(ui.ctx(), layer, &self.frame_id, pose);
+                        let Some(cloud) = cloud else { continue };
                         let [low, high] = cloud.heights.map(|z| format::metres(f64::from(z), 1));
                         ui.label(RichText::new(format!("{}  height", layer.name)).small());
                         legend::band(ui, 96.0, &low, &high, palette::even);
@@ -243,7 +241,7 @@ fn heading(ui: &mut Ui, layers: &[Layer<'_>], index: usize, state: &mut LayerSta
     let mut zoom = false;
     let icon = match layer.kind {
         Kind::Grid(_) => icons::ICON_GRID_ON,
-        Kind::Cloud(_) => icons::ICON_GRAIN,
+        Kind::Cloud => icons::ICON_GRAIN,
         Kind::Path(_) => icons::ICON_ROUTE,
         Kind::Goal(_) => icons::ICON_FLAG,
         Kind::Plan(_) => icons::ICON_ALT_ROUTE,
@@ -262,7 +260,7 @@ fn heading(ui: &mut Ui, layers: &[Layer<'_>], index: usize, state: &mut LayerSta
             WidgetInfo::selected(Role::CheckBox, true, state.shown, format!("Show {}", layer.name))
         });
         ui.label(icon.rich_text().size(14.0).color(color));
-        let has_extent = matches!(layer.kind, Kind::Grid(_) | Kind::Cloud(_) | Kind::Track { .. });
+        let has_extent = matches!(layer.kind, Kind::Grid(_) | Kind::Cloud | Kind::Track { .. });
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if has_extent {
                 let name = format!("Zoom to {}", layer.name);

@@ -1,6 +1,6 @@
 //! One card per model: its name, its histograms, its numbers, and a button that deletes it.
 
-use super::patch::{Patch, Pictures};
+use super::patch::{Atlas, Patch};
 use super::read::{Histogram, Model, Models, Number};
 use egui::{Align, Color32, FontId, Layout, Mesh, Pos2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 use ocu_ui::palette::{self, MapPalette};
@@ -21,7 +21,7 @@ pub(super) struct Shown<'a> {
     pub(super) now: Stamp,
     pub(super) models: &'a Models,
     /// The pictures of the models.
-    pub(super) pictures: Option<&'a Pictures>,
+    pub(super) pictures: Option<&'a Atlas>,
     /// Why none can be deleted.
     pub(super) refused: Option<&'a str>,
     /// The model whose deletion has been sent.
@@ -79,7 +79,7 @@ fn card(ui: &mut Ui, shown: &Shown<'_>, index: usize, model: &Model) -> bool {
                 });
             });
             if let (Some(patch), Some(pictures)) = (&model.patch, shown.pictures) {
-                picture(ui, now, pictures.of(index, patch), patch);
+                picture(ui, now, pictures.of(ui.ctx(), index, patch), patch);
             }
             for histogram in &model.histograms {
                 match histogram.axes {

@@ -14,12 +14,13 @@ mod cards;
 mod patch;
 mod read;
 
+use crate::cached::SameMessage;
 use crate::command::{self, refusal};
-use crate::texture::{Cached, SameMessage};
+use crate::prepare::prepared;
 use crate::toolbar::topic_choice;
 use crate::tuning::in_force;
 use crate::view::{SavedState, TopicKey, View, ViewContext, Wish, is_old};
-use egui::{RichText, ScrollArea, Ui};
+use egui::{Id, RichText, ScrollArea, Ui};
 use ocu_ui::bar::{self, Bar, Fit};
 use ocu_ui::{format, icons, tokens, widgets};
 use patch::Atlas;
@@ -42,12 +43,25 @@ struct Saved {
 #[derive(Default)]
 pub(crate) struct Models {
     saved: Saved,
-    read: Cached<SameMessage, Result<Read, String>>,
-    atlas: Atlas,
     /// The message in which a model was chosen for deletion, and its number there.
     leaving: Option<(SameMessage, usize)>,
     /// Why the last change was refused.
     refused: Option<String>,
+}
+
+/// The models of a message, which another thread has read, and their pictures.
+struct Content {
+    message: SameMessage,
+    models: Read,
+    pictures: Option<Atlas>,
+}
+
+impl Content {
+    fn of(message: AnyMessage) -> Result<Self, String> {
+        let models = Read::of(&message)?;
+        let pictures = Atlas::new(&models.patches());
+        Ok(Self { message: SameMessage(message), models, pictures })
+    }
 }
 
 /// What the toolbar asks for.
@@ -96,36 +110,38 @@ impl View for Models {
             let hint = "Models are sent once something has been learned.";
             return widgets::empty(ui, icons::ICON_MODEL_TRAINING, "Nothing has been learned yet", hint);
         };
-        let message = &sample.message;
-        let read = self.read.get(SameMessage(message.clone()), || Read::of(message));
-        let read = match read {
-            Ok(read) => read,
-            Err(error) => {
+        let message = sample.message.clone();
+        let (slot, key) = (Id::unique(("models", &*topic.name, topic.run)), SameMessage(message.clone()));
+        let content = prepared(ui.ctx(), slot, key, move || Content::of(message));
+        let content = match content.as_deref() {
+            Some(Ok(content)) => content,
+            Some(Err(error)) => {
                 return widgets::empty(ui, icons::ICON_ERROR, "These models cannot be read", error);
             }
+            // They are being read.
+            None => return,
         };
-        heading(ui, cx.frame, topic, read, self.refused.as_deref());
+        heading(ui, cx.frame, topic, &content.models, self.refused.as_deref());
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
             let deletes = Deletes::of(cx.frame, topic);
             let refused = deletes.as_ref().err().map(String::as_str);
-            let pictures = self.atlas.get(ui.ctx(), message, &read.patches());
-            let leaving = self.leaving.as_ref().filter(|(of, _)| *of == SameMessage(message.clone()));
+            let leaving = self.leaving.as_ref().filter(|(of, _)| *of == content.message);
             let shown = cards::Shown {
                 now: cx.frame.now,
-                models: read,
-                pictures: pictures.as_ref(),
+                models: &content.models,
+                pictures: content.pictures.as_ref(),
                 refused,
                 leaving: leaving.map(|(_, index)| *index),
             };
             let deleted = cards::show(ui, &shown);
             if let (Some(index), Ok(deletes)) = (deleted, deletes) {
-                cx.controls.push(deletes.control(cx.frame, index, read.name_of(index)));
-                self.leaving = Some((SameMessage(message.clone()), index));
+                cx.controls.push(deletes.control(cx.frame, index, content.models.name_of(index)));
+                self.leaving = Some((content.message.clone(), index));
             }
         });
         match asked {
             Some(Asked::Save) => {
-                let (topic, message) = (TopicKey::of(topic), message.clone());
+                let (topic, message) = (TopicKey::of(topic), sample.message.clone());
                 cx.wishes.push(Wish::SaveMessage { topic, message });
             }
             Some(Asked::Load) => {

@@ -1,8 +1,8 @@
 //! Pictures of models: what one was learned from, or the colours of its histogram where the message has no picture.
 
 use crate::image::{self, Tint};
-use crate::texture::{CachedTexture, SameMessage};
-use egui::{Color32, ColorImage, Context, Pos2, Rect, TextureHandle, TextureId, TextureOptions, Vec2};
+use crate::prepare::Painted;
+use egui::{Color32, ColorImage, Context, Pos2, Rect, TextureId, TextureOptions, Vec2};
 use rcs_msg::foxglove::RawImage;
 use rcs_msg::{AnyMessage, Stamp, Value};
 
@@ -71,44 +71,34 @@ impl Patch {
     }
 }
 
-/// All pictures of a message in one texture.
-#[derive(Default)]
+/// All pictures of a message in one image.
 pub(super) struct Atlas {
-    texture: CachedTexture<SameMessage>,
-}
-
-/// The texture, and the side of the square that each picture has in it, pixels.
-pub(super) struct Pictures {
-    id: TextureId,
-    size: Vec2,
+    painted: Painted,
+    /// Side of the square that each picture has in it, pixels.
     side: usize,
 }
 
 impl Atlas {
-    /// The texture with the pictures of the models of a message, in their order; `None` if there is no picture.
-    pub(super) fn get(
-        &mut self,
-        ctx: &Context,
-        message: &AnyMessage,
-        patches: &[Option<&Patch>],
-    ) -> Option<Pictures> {
+    /// The pictures of the models of a message, in their order; `None` if there is none.
+    pub(super) fn new(patches: &[Option<&Patch>]) -> Option<Self> {
         let sides = patches.iter().flatten().map(|patch| patch.picture.size[0].max(patch.picture.size[1]));
         let side = sides.max()?;
-        let key = SameMessage(message.clone());
-        let handle = self.texture.get(ctx, key, TextureOptions::NEAREST, || Some(paint(patches, side)))?;
-        Some(Pictures { id: TextureHandle::id(handle), size: handle.size_vec2(), side })
+        Some(Self { painted: Painted::new(paint(patches, side)), side })
+    }
+
+    /// The texture with all pictures, and its part with that of a model.
+    pub(super) fn of(&self, ctx: &Context, index: usize, patch: &Patch) -> (TextureId, Rect) {
+        let corner = Pos2::new((index % COLUMNS * self.side) as f32, (index / COLUMNS * self.side) as f32);
+        let part = Rect::from_min_size(corner, size(patch.picture.size));
+        let all = size(self.painted.size());
+        let relative = |at: Pos2| Pos2::new(at.x / all.x, at.y / all.y);
+        let texture = self.painted.texture(ctx, TextureOptions::NEAREST);
+        (texture, Rect::from_min_max(relative(part.min), relative(part.max)))
     }
 }
 
-impl Pictures {
-    /// The part of the texture that holds the picture of a model, and the texture.
-    pub(super) fn of(&self, index: usize, patch: &Patch) -> (TextureId, Rect) {
-        let corner = Pos2::new((index % COLUMNS * self.side) as f32, (index / COLUMNS * self.side) as f32);
-        let [width, height] = patch.picture.size;
-        let part = Rect::from_min_size(corner, Vec2::new(width as f32, height as f32));
-        let relative = |at: Pos2| Pos2::new(at.x / self.size.x, at.y / self.size.y);
-        (self.id, Rect::from_min_max(relative(part.min), relative(part.max)))
-    }
+fn size([width, height]: [usize; 2]) -> Vec2 {
+    Vec2::new(width as f32, height as f32)
 }
 
 fn paint(patches: &[Option<&Patch>], side: usize) -> ColorImage {

@@ -7,7 +7,6 @@ use crate::samples::NOW;
 use egui::{Color32, ColorImage, Theme, Vec2};
 use egui_kittest::kittest::Queryable;
 use egui_kittest::{Harness, SnapshotOptions};
-use rcs_msg::AnyMessage;
 
 /// A model of 30 bins of red and green around a colour.
 fn color_model(name: &str, [red, green]: [f32; 2]) -> Model {
@@ -50,8 +49,7 @@ fn cards_show_pictures_or_else_the_colours_of_the_histogram_dark() {
     };
     let learned = Model { patch: Some(stripes(browns)), ..color_model("learned 1", [120.0, 84.0]) };
     let models = Models { models: vec![learned, color_model("mulch", [200.0, 120.0]), terrain] };
-    let message = AnyMessage::new(rcs_msg::foxglove::Vector2::default());
-    let mut atlas = Atlas::default();
+    let pictures = Atlas::new(&models.patches());
     let mut harness = Harness::builder()
         .with_size(Vec2::new(752.0, 300.0))
         .with_theme(Theme::Dark)
@@ -59,7 +57,6 @@ fn cards_show_pictures_or_else_the_colours_of_the_histogram_dark() {
         .with_context_setup(ocu_ui::install)
         .build_ui(move |ui| {
             ui.painter().rect_filled(ui.max_rect(), 0.0, ocu_ui::tokens(ui).panel());
-            let pictures = atlas.get(ui.ctx(), &message, &models.patches());
             let pictures = pictures.as_ref();
             cards::show(ui, &Shown { now: NOW, models: &models, pictures, refused: None, leaving: Some(1) });
         });

@@ -9,11 +9,12 @@ mod gpu;
 mod shapes;
 mod worker;
 
+use crate::cached::SameMessage;
 use crate::map::{self, Placed, Thing};
-use crate::texture::SameMessage;
+use crate::prepare;
 use crate::view::{Hover, HoverPoint, SavedState, View, ViewContext};
 use camera::{Camera, project, unproject};
-use egui::{Align2, Color32, ColorImage, FontId, Rect, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
+use egui::{Align2, Color32, FontId, Rect, Role, Sense, TextureOptions, Ui, Vec2, WidgetInfo};
 use ocu_ui::bar::{self, Bar, Fit, Form};
 use ocu_ui::legend::round_step;
 use ocu_ui::palette::MapPalette;
@@ -27,9 +28,9 @@ use std::sync::Arc;
 use std::time::Duration;
 use worker::{Content, Layer, Picture, Request, Worker};
 
-/// How long a pass waits for the very first picture.
+/// How long a pass of `ocu render` or of a test waits for the very first picture. A window never waits.
 const FIRST: Duration = Duration::from_millis(120);
-/// How long it waits for the next one while time stands still.
+/// How long such a pass waits for the next one while time stands still.
 const NEXT: Duration = Duration::from_millis(12);
 /// Everything is fitted again when it needs this many times the distance: a run begins with little.
 const OUTGROWN: f64 = 1.5;
@@ -229,9 +230,9 @@ impl Scene {
         }
         let pointed = response.hover_pos().and_then(|at| {
             let part = (at - canvas.min) / canvas.size();
-            let [width, height] = picture.pixels.size;
+            let [width, height] = picture.image.size;
             let (column, row) = ((part.x * width as f32) as usize, (part.y * height as f32) as usize);
-            let depth = *picture.pixels.depth.get(row.min(height - 1) * width + column.min(width - 1))?;
+            let depth = *picture.depth.get(row.min(height - 1) * width + column.min(width - 1))?;
             unproject(&matrix, canvas, at, depth)
         });
         if let Some(p) = pointed {
@@ -323,7 +324,7 @@ impl Scene {
                 Err(error) => self.failed = Some(error.to_string()),
             }
         }
-        let Some(worker) = &self.worker else { return };
+        let Some(worker) = self.worker.as_ref().filter(|_| self.failed.is_none()) else { return };
         if self.asked.as_ref() != Some(&key) {
             self.asked = Some(key);
             self.number += 1;
@@ -340,15 +341,16 @@ impl Scene {
             });
         }
         let is_old = self.picture.as_ref().is_none_or(|picture| picture.number < self.number);
+        let is_window = prepare::has_threads(ui.ctx());
         let taken = match (self.picture.is_none(), is_old && !frame.playback.playing) {
-            (true, _) => worker.wait(FIRST),
-            (false, true) => worker.wait(NEXT),
-            (false, false) => worker.take(),
+            (true, _) if !is_window => worker.wait(FIRST),
+            (false, true) if !is_window => worker.wait(NEXT),
+            _ => worker.take(),
         };
         match taken {
             None => {}
             Some(Ok(picture)) => {
-                let image = ColorImage::from_rgba_unmultiplied(picture.pixels.size, &picture.pixels.rgba);
+                let image = Arc::clone(&picture.image);
                 match &mut self.texture {
                     Some(texture) => texture.set(image, TextureOptions::LINEAR),
                     none => *none = Some(ui.ctx().load_texture("scene", image, TextureOptions::LINEAR)),
@@ -361,8 +363,9 @@ impl Scene {
             }
             Some(Err(error)) => self.failed = Some(error),
         }
-        if self.failed.is_none() && self.picture.as_ref().is_none_or(|picture| picture.number < self.number) {
-            // The worker wakes the window; where nothing can (a picture without a window), the next pass comes at once.
+        let is_old = self.picture.as_ref().is_none_or(|picture| picture.number < self.number);
+        // The worker wakes a window; where there is none, the next pass comes at once.
+        if self.failed.is_none() && is_old && !is_window {
             let is_still = self.picture.is_none() || !frame.playback.playing;
             ui.ctx().request_repaint_after(if is_still { Duration::ZERO } else { FIRST });
         }

@@ -4,8 +4,9 @@
 use super::camera::Camera;
 use super::gpu::{Draw, Gpu, Pixels};
 use super::shapes::{Shapes, grid_pose};
+use crate::cached::SameMessage;
 use crate::map::CellColors;
-use crate::texture::SameMessage;
+use egui::ColorImage;
 use glam::DMat4;
 use ocu_ui::palette::MapPalette;
 use rcs_geom::{DVec3, Pose};
@@ -57,7 +58,9 @@ pub(super) struct Picture {
     pub(super) camera: Camera,
     /// The camera that would see everything.
     pub(super) fit: Camera,
-    pub(super) pixels: Pixels,
+    pub(super) image: Arc<ColorImage>,
+    /// Depth of each pixel: 0 near to 1 far; 1 where nothing was drawn.
+    pub(super) depth: Vec<f32>,
     /// Layers that could not be read, with the reason.
     pub(super) problems: Vec<String>,
 }
@@ -86,7 +89,8 @@ impl Worker {
                 if sender.send(drawn).is_err() {
                     return;
                 }
-                ctx.request_repaint();
+                // A repaint without a delay is done twice.
+                ctx.request_repaint_after(Duration::from_millis(1));
             }
         })?;
         Ok(Self { requests, pictures })
@@ -167,8 +171,10 @@ fn picture(gpu: &mut Gpu, prepared: &mut Prepared, request: &Request) -> Result<
             Draw { shapes, clip_from_shapes: clip_from_scene * scene_from_shapes }
         })
         .collect();
-    let pixels = gpu.draw(&draws, request.size, request.per_point, request.background)?;
-    Ok(Picture { number: request.number, camera, fit, pixels, problems })
+    let Pixels { size, rgba, depth } =
+        gpu.draw(&draws, request.size, request.per_point, request.background)?;
+    let image = Arc::new(ColorImage::from_rgba_unmultiplied(size, &rgba));
+    Ok(Picture { number: request.number, camera, fit, image, depth, problems })
 }
 
 /// A camera that sees everything.

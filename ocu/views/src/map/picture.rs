@@ -1,0 +1,147 @@
+//! Grids and clouds as pictures, which other threads paint. Each has what places it on the map: while a newer one is
+//! being painted, it lies where its own message puts it.
+
+use super::cloud::Cloud;
+use super::grid::{Cells, Shade};
+use super::layers::{self, Layer};
+use crate::canvas::Viewport;
+use crate::prepare::{Painted, Same, prepared};
+use egui::{Color32, Context, Id, Pos2, Rect, TextureId, TextureOptions, Vec2};
+use ocu_ui::palette::MapPalette;
+use rcs_geom::{DVec3, Pose};
+use rcs_msg::Stamp;
+use rcs_msg::foxglove::PointCloud;
+use rcs_runtime::source::Frame;
+use rcs_world::Weights;
+use std::sync::Arc;
+
+/// How a grid is painted.
+pub(super) struct GridLook {
+    /// The number by which it is coloured.
+    pub(super) shade: Shade,
+    pub(super) palette: MapPalette,
+    /// Weights with which the fused cost is computed again.
+    pub(super) weights: Option<Weights>,
+    /// Whether cells without a cost show what is below.
+    pub(super) shows_below: bool,
+}
+
+/// A painted grid.
+pub(super) struct GridPicture {
+    painted: Painted,
+    /// Its corners in its coordinate frame, counter-clockwise from cell (0, 0) along x.
+    corners: [DVec3; 4],
+    frame_id: String,
+    stamp: Stamp,
+    /// The values at the ends of the colour scale; `None` for costs and confidences, whose range is fixed.
+    pub(super) range: Option<[f64; 2]>,
+}
+
+impl GridPicture {
+    /// The picture of a layer's grid; `None` until the first one is painted, or if it is no valid grid.
+    pub(super) fn of(ctx: &Context, layer: &Layer<'_>, look: GridLook) -> Option<Arc<Self>> {
+        let (topic, message) = (layer.topic?, layer.message()?);
+        let GridLook { shade, palette, weights, shows_below } = look;
+        let slot = Id::unique(("grid", &*topic.name, topic.run, shade.name(), palette, shows_below));
+        let (key, frame_id, stamp) =
+            ((message.clone(), weights.clone()), layer.frame_id.to_owned(), layer.stamp);
+        let picture = prepared(ctx, slot, key, move || {
+            let cells = Cells::new(&message.0).ok()?;
+            let range = cells.range(&shade);
+            let mut image = cells.paint(&shade, palette, range, weights.as_ref());
+            let unknown = image.pixels.iter_mut().filter(|pixel| shows_below && **pixel == palette.unknown());
+            unknown.for_each(|pixel| *pixel = Color32::TRANSPARENT);
+            let painted = Painted::new(image);
+            Some(Arc::new(Self { painted, corners: cells.corners(), frame_id, stamp, range }))
+        });
+        picture.and_then(|picture| (*picture).clone())
+    }
+
+    /// Its corners on the map; `None` where no transform leads there.
+    pub(super) fn corners(&self, frame: &Frame, map: &str) -> Option<[DVec3; 4]> {
+        let map_from_grid = layers::map_from_frame(frame, map, &self.frame_id, self.stamp).ok()?;
+        Some(self.corners.map(|corner| map_from_grid * corner))
+    }
+
+    pub(super) fn texture(&self, ctx: &Context) -> TextureId {
+        self.painted.texture(ctx, TextureOptions::NEAREST)
+    }
+}
+
+/// The points of a layer's cloud on the map; `None` until the first ones are read, or if they cannot be read.
+pub(super) fn cloud(ctx: &Context, layer: &Layer<'_>, map: &str, map_from_frame: Pose) -> Option<Arc<Cloud>> {
+    let (topic, message) = (layer.topic?, layer.message()?);
+    let slot = Id::unique(("cloud", &*topic.name, topic.run, map));
+    let cloud = prepared(ctx, slot, (message.clone(), map_from_frame), move || {
+        Cloud::new(message.0.get::<PointCloud>()?, &map_from_frame).ok().map(Arc::new)
+    });
+    cloud.and_then(|cloud| (*cloud).clone())
+}
+
+/// A painted cloud.
+pub(super) struct CloudPicture {
+    painted: Painted,
+    /// Where the map looked, and the size of its canvas, screen points.
+    viewport: Viewport,
+    size: Vec2,
+    per_point: f32,
+}
+
+impl CloudPicture {
+    /// The picture of a layer's cloud on the canvas of one view; `None` until the first one is painted.
+    pub(super) fn of(
+        ctx: &Context,
+        layer: &Layer<'_>,
+        cloud: Arc<Cloud>,
+        canvas: Id,
+        viewport: Viewport,
+        size: Vec2,
+    ) -> Option<Arc<Self>> {
+        let topic = layer.topic?;
+        let slot = Id::unique(("painted cloud", &*topic.name, topic.run, canvas));
+        let per_point = ctx.pixels_per_point();
+        let key = (Same(Arc::clone(&cloud)), viewport, size, per_point);
+        prepared(ctx, slot, key, move || {
+            let canvas = Rect::from_min_size(Pos2::ZERO, size);
+            let painted = Painted::new(cloud.paint(canvas, viewport, per_point));
+            Self { painted, viewport, size, per_point }
+        })
+    }
+
+    /// Where it lies on the canvas: while the map is moved, where its points are now.
+    pub(super) fn place(&self, viewport: Viewport, canvas: Rect) -> Rect {
+        let [width, height] = self.painted.size().map(|side| side as f32 / self.per_point);
+        let size = Vec2::new(width, height);
+        if (self.viewport, self.size) == (viewport, canvas.size()) {
+            return Rect::from_min_size(canvas.min, size);
+        }
+        let corner = self.viewport.to_plane(Rect::from_min_size(Pos2::ZERO, self.size), Pos2::ZERO);
+        let zoom = (viewport.scale / self.viewport.scale) as f32;
+        Rect::from_min_size(viewport.to_screen(canvas, corner), size * zoom)
+    }
+
+    pub(super) fn texture(&self, ctx: &Context) -> TextureId {
+        self.painted.texture(ctx, TextureOptions::NEAREST)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui::ColorImage;
+
+    #[test]
+    fn a_cloud_painted_for_another_place_lies_where_its_points_are() {
+        let (canvas, size) = (Rect::from_min_max(Pos2::new(10.0, 20.0), Pos2::new(110.0, 70.0)), [200, 100]);
+        let viewport = Viewport { center: [3.0, 4.0], scale: 5.0, y_up: true };
+        let painted = Painted::new(ColorImage::filled(size, Color32::RED));
+        let picture = CloudPicture { painted, viewport, size: canvas.size(), per_point: 2.0 };
+        assert_eq!(picture.place(viewport, canvas), canvas);
+        // The map is moved by two metres to the east and enlarged twice.
+        let moved = Viewport { center: [5.0, 4.0], scale: 10.0, y_up: true };
+        let place = picture.place(moved, canvas);
+        let (min, max) = viewport.bounds(canvas);
+        let corners = [[min[0], max[1]], [max[0], min[1]]].map(|corner| moved.to_screen(canvas, corner));
+        assert!((place.min - corners[0]).length() < 1e-3 && (place.max - corners[1]).length() < 1e-3);
+    }
+}
