@@ -7,7 +7,7 @@ use std::path::PathBuf;
 /// Limits of the history kept of a run, and its folder.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Args)]
 pub struct PastArgs {
-    /// Memory that the past of a run may take, like 512MiB; 1GiB by default
+    /// Memory for the past of a run and for the pictures of it, like 512MiB; 1GiB by default
     #[arg(long, value_name = "SIZE", value_parser = parse_memory)]
     pub memory: Option<u64>,
     /// Disk that the past of a run may take, like 20GiB, or 0 for none; 4GiB by default
