@@ -73,6 +73,8 @@ pub struct Topic {
     /// Whether `latest` is outdated: the right message was not kept and is being computed again.
     pub pending: bool,
     pub(crate) canonical: Arc<OnceLock<Option<AnyMessage>>>,
+    /// Name of the canonical type, once it has been asked for.
+    pub(crate) type_name: Arc<OnceLock<Option<&'static str>>>,
     /// Number of frames for which the newest message is converted before they are shown; the same in all frames.
     pub(crate) read_lately: Arc<AtomicU8>,
 }
@@ -95,6 +97,7 @@ impl Topic {
             latest: None,
             pending: false,
             canonical: Arc::default(),
+            type_name: Arc::default(),
             read_lately: Arc::default(),
         }
     }
@@ -154,7 +157,8 @@ impl Topic {
 
     /// Name of the type that views request: the canonical one if there is one, else that of the schema.
     pub fn type_name(&self) -> &str {
-        rcs_msg::canonical_name(&self.schema).unwrap_or_else(|| self.schema.name())
+        let canonical = self.type_name.get_or_init(|| rcs_msg::canonical_name(&self.schema));
+        canonical.unwrap_or_else(|| self.schema.name())
     }
 
     /// Age of the newest message, in seconds.

@@ -81,6 +81,7 @@ impl LogView {
                 latest: None,
                 pending: false,
                 canonical: Arc::new(OnceLock::new()),
+                type_name: Arc::default(),
                 read_lately: Arc::default(),
             });
         }
