@@ -95,14 +95,7 @@ where
     K: PartialEq + Send + Sync + 'static,
     V: Send + Sync + 'static,
 {
-    let Some(threads) = threads(ctx) else {
-        if let Some(value) = with(ctx, slot, |slot| slot.value_for(&key)) {
-            return Some(value);
-        }
-        let value = Arc::new(make());
-        with(ctx, slot, |slot| slot.ready = Some((key, Some(Arc::clone(&value)))));
-        return Some(value);
-    };
+    let Some(threads) = threads(ctx) else { return Some(shared(ctx, slot, key, make)) };
     let (value, former, work) = with(ctx, slot, |slot: &mut Slot<K, V>| {
         let former = slot.take_finished(&key);
         let work = slot.ask(key, Box::new(make));
@@ -124,6 +117,20 @@ where
         // The threads last as long as the context, which holds the other end.
         let _ = threads.jobs.send(Box::new(job));
     }
+    value
+}
+
+/// The value of a slot for `key`, made in this pass if it is another key than before. Views share it.
+pub(crate) fn shared<K, V>(ctx: &Context, slot: Id, key: K, make: impl FnOnce() -> V) -> Arc<V>
+where
+    K: PartialEq + Send + Sync + 'static,
+    V: Send + Sync + 'static,
+{
+    if let Some(value) = with(ctx, slot, |slot| slot.value_for(&key)) {
+        return value;
+    }
+    let value = Arc::new(make());
+    with(ctx, slot, |slot| slot.ready = Some((key, Some(Arc::clone(&value)))));
     value
 }
 

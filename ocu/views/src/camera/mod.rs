@@ -106,7 +106,7 @@ impl View for Camera {
         self.toolbar(ui, cx.frame, topic);
         let base = self.layer(ui.ctx(), topic);
         let image = base.as_ref().ok().and_then(Option::as_deref);
-        let seen = image.and_then(|layer| Seen::of(cx.frame, topic, layer, &mut self.prepared));
+        let seen = image.and_then(|layer| Seen::of(ui.ctx(), cx.frame, topic, layer, &mut self.prepared));
         let projected = projected::offered(seen.as_ref());
         self.overlay_bar(ui, topic, image.map(|layer| &layer.image), &overlays, &projected);
         self.canvas(ui, cx, topic, base, &overlays, seen.as_ref());
@@ -180,7 +180,7 @@ impl Camera {
         topic: &Topic,
         base: Result<Option<Arc<Layer>>, String>,
         overlays: &[&Topic],
-        seen: Option<&Seen<'_>>,
+        seen: Option<&Seen>,
     ) {
         let (canvas, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         let name = format!("Image of {}", topic.name);
@@ -292,7 +292,7 @@ impl Camera {
         frame: &Frame,
         base: &Layer,
         pixel: [f64; 2],
-        seen: &Seen<'_>,
+        seen: &Seen,
     ) -> Option<(HoverPoint, &'static str)> {
         let part = [pixel[0] / base.image.width as f64, pixel[1] / base.image.height as f64];
         if !part.iter().all(|part| (0.0..1.0).contains(part)) {
@@ -304,7 +304,7 @@ impl Camera {
         }
         let how = if depth_m.is_some() { "by its range" } else { "if it is ground" };
         let p = seen.place(pixel, depth_m)?;
-        let frame_id = seen.on_ground.scene.clone();
+        let frame_id = seen.ground().scene.clone();
         Some((HoverPoint { frame_id, position_m: p.to_array() }, how))
     }
 }
@@ -352,7 +352,7 @@ fn point_at(
     viewport: Viewport,
     canvas: Rect,
     point: Option<HoverPoint>,
-    seen: Option<&Seen<'_>>,
+    seen: Option<&Seen>,
 ) {
     let key = TopicKey::of(topic);
     if let Some(at) = response.hover_pos() {
@@ -364,7 +364,7 @@ fn point_at(
     let same = hover.pixel.filter(|_| hover.topic.as_ref() == Some(&key));
     let placed = || {
         let (point, seen) = (hover.point.as_ref()?, seen?);
-        let scene = &seen.on_ground.scene;
+        let scene = &seen.ground().scene;
         let p = seen.grounded(point.position_m);
         let is_here = point.frame_id == *scene;
         let at = cx.frame.now.0;

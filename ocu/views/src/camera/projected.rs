@@ -7,10 +7,10 @@
 use super::layer::{self, Layer};
 use crate::cached::{Cached, SameMessage};
 use crate::canvas::Viewport;
-use crate::map::{CellColors, Floor, OnGround};
+use crate::map::{CellColors, Floor, Ground, OnGround};
 use crate::prepare::prepared;
 use egui::emath::TSTransform;
-use egui::{Color32, Id, Mesh, Painter, Pos2, Rect, Shape, Stroke};
+use egui::{Color32, Context, Id, Mesh, Painter, Pos2, Rect, Shape, Stroke};
 use ocu_ui::Tokens;
 use ocu_ui::palette::MapPalette;
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
@@ -76,16 +76,16 @@ pub(super) struct Prepared {
 }
 
 /// A camera at the time of its image, and what it sees.
-pub(super) struct Seen<'a> {
+pub(super) struct Seen {
     camera: PinholeCamera,
-    pub(super) on_ground: OnGround<'a>,
-    floor: Floor<'a>,
+    pub(super) on_ground: OnGround,
 }
 
-impl<'a> Seen<'a> {
+impl Seen {
     /// What `layer`, an image of `topic`, shows. `None` without a calibration, or if no transform leads to the camera.
     pub(super) fn of(
-        frame: &'a Frame,
+        ctx: &Context,
+        frame: &Frame,
         topic: &Topic,
         layer: &Layer,
         prepared: &mut Prepared,
@@ -102,18 +102,25 @@ impl<'a> Seen<'a> {
             if size == of { Some(camera) } else { camera.resized(size).ok() }
         });
         let camera = camera.clone()?;
-        let on_ground = OnGround::of(frame, optical, layer.taken)?;
-        let floor = on_ground.floor();
-        Some(Self { camera, on_ground, floor })
+        Some(Self { camera, on_ground: OnGround::of(ctx, frame, optical, layer.taken)? })
+    }
+
+    pub(super) fn ground(&self) -> &Ground {
+        &self.on_ground.ground
+    }
+
+    /// The heights of the ground.
+    fn floor(&self) -> Floor<'_> {
+        Floor::of(self.ground().map.as_ref(), self.ground().level_m)
     }
 
     /// What there is to be shown.
     pub(super) fn has(&self, what: Projected) -> bool {
         match what {
-            Projected::Cells => self.on_ground.map.is_some(),
+            Projected::Cells => self.ground().map.is_some(),
             Projected::Horizon => true,
-            Projected::Paths => !self.on_ground.paths.is_empty(),
-            Projected::Example => self.on_ground.example.is_some(),
+            Projected::Paths => !self.ground().paths.is_empty(),
+            Projected::Example => self.ground().example.is_some(),
         }
     }
 
@@ -131,8 +138,9 @@ impl<'a> Seen<'a> {
             return Some(scene_from_camera * (ray * depth_m));
         }
         let (from, along) = (scene_from_camera.translation, scene_from_camera.rotate(ray));
-        let height = self.floor.reader();
-        let mut p = DVec3::new(from.x, from.y, self.on_ground.level_m());
+        let floor = self.floor();
+        let height = floor.reader();
+        let mut p = DVec3::new(from.x, from.y, self.ground().level_m);
         for _ in 0..4 {
             let times = (height(p) - from.z) / along.z;
             p = from + along * times;
@@ -150,7 +158,7 @@ impl<'a> Seen<'a> {
     }
 
     fn on_floor(&self, p: DVec3) -> DVec3 {
-        DVec3::new(p.x, p.y, self.floor.reader()(p))
+        DVec3::new(p.x, p.y, self.floor().reader()(p))
     }
 
     /// The horizon, as a line through the image.
@@ -179,12 +187,12 @@ struct SeenLines {
 }
 
 impl SeenLines {
-    fn of(seen: &Seen<'_>, lines: Vec<Vec<DVec3>>) -> Self {
+    fn of(seen: &Seen, lines: Vec<Vec<DVec3>>) -> Self {
         Self {
-            map: seen.on_ground.map.cloned().map(SameMessage),
+            map: seen.ground().map.clone().map(SameMessage),
             camera: seen.camera.clone(),
             camera_from_scene: seen.on_ground.camera_from_scene,
-            level_m: seen.on_ground.level_m(),
+            level_m: seen.ground().level_m,
             lines,
         }
     }
@@ -232,12 +240,12 @@ struct SeenCells {
 }
 
 impl SeenCells {
-    fn of(seen: &Seen<'_>) -> Option<Self> {
+    fn of(seen: &Seen) -> Option<Self> {
         Some(Self {
-            map: seen.on_ground.map?.clone(),
+            map: seen.ground().map.clone()?,
             camera: seen.camera.clone(),
             camera_from_scene: seen.on_ground.camera_from_scene,
-            level_m: seen.on_ground.level_m(),
+            level_m: seen.ground().level_m,
         })
     }
 
@@ -315,7 +323,7 @@ impl Place {
 pub(super) fn paint(
     painter: &Painter,
     what: Projected,
-    seen: &Seen<'_>,
+    seen: &Seen,
     slot: Id,
     place: Place,
     (opacity, palette): (f32, MapPalette),
@@ -351,14 +359,14 @@ pub(super) fn paint(
         }
         Projected::Horizon => lines(&seen.horizon(), tokens.series(0), 1.0),
         Projected::Paths => {
-            let paths = &seen.on_ground.paths;
+            let paths = &seen.ground().paths;
             let parts = projected(paths.iter().map(|(points, _)| points.clone()).collect());
             for (parts, (_, series)) in parts.iter().flat_map(|parts| parts.iter()).zip(paths) {
                 lines(parts, tokens.series(*series), 2.0);
             }
         }
         Projected::Example => {
-            let Some((corners, is_ground)) = &seen.on_ground.example else { return };
+            let Some((corners, is_ground)) = &seen.ground().example else { return };
             let parts = projected(vec![corners.iter().chain(corners.first()).copied().collect()]);
             for parts in parts.iter().flat_map(|parts| parts.iter()) {
                 lines(parts, if *is_ground { tokens.ok } else { tokens.warning }, 2.0);
@@ -382,7 +390,7 @@ fn unbroken(pixels: impl Iterator<Item = Option<[f64; 2]>>) -> Vec<Vec<[f64; 2]>
 }
 
 /// What can be shown of what a camera sees.
-pub(super) fn offered(seen: Option<&Seen<'_>>) -> Vec<Projected> {
+pub(super) fn offered(seen: Option<&Seen>) -> Vec<Projected> {
     let has = |what: &Projected| seen.is_some_and(|seen| seen.has(*what));
     Projected::ALL.into_iter().filter(has).collect()
 }

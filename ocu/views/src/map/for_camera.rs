@@ -1,34 +1,57 @@
 //! What lies on the ground, for a camera that sees it: the map nearest to the vehicle, planned paths, and what the
 //! operator has drawn to learn from.
 
-use super::grid::Cells;
+use super::grid::Extent;
 use super::layers::{self, Kind, Layer};
 use super::{panel, plan};
-use rcs_geom::{DVec3, Pose};
+use crate::prepare::shared;
+use egui::{Context, Id};
+use rcs_geom::{DVec3, Pose, TransformTree};
 use rcs_msg::rcs::{ExampleKind, TrainingExample};
 use rcs_msg::{AnyMessage, Stamp};
-use rcs_runtime::source::{Frame, Place};
+use rcs_runtime::source::{Frame, Place, Topic, Track};
 use rcs_world::{Field, GridView};
+use std::sync::Arc;
 
-/// What lies on the ground, in one coordinate frame whose z axis points up (the scene).
-pub(crate) struct OnGround<'a> {
+/// What lies on the ground at one moment, in one coordinate frame whose z axis points up (the scene).
+pub(crate) struct Ground {
     /// The coordinate frame.
     pub(crate) scene: String,
-    /// Pose of the scene in the optical frame of the camera.
-    pub(crate) camera_from_scene: Pose,
     /// The smallest fused map, which lies around the vehicle.
-    pub(crate) map: Option<&'a AnyMessage>,
+    pub(crate) map: Option<AnyMessage>,
     /// Planned paths, each with the index of its colour.
     pub(crate) paths: Vec<(Vec<DVec3>, usize)>,
     /// Outline of the newest training example, and whether it is ground.
     pub(crate) example: Option<(Vec<DVec3>, bool)>,
     /// Height of the vehicle, m: that of the ground where no map says it.
-    floor_m: f64,
+    pub(crate) level_m: f64,
 }
 
-impl<'a> OnGround<'a> {
-    /// `None` if no transform connects the camera, at the time of its image, to a map, a path or a track.
-    pub(crate) fn of(frame: &'a Frame, camera: &str, at: Stamp) -> Option<Self> {
+/// What a ground follows from, compared by identity.
+struct Moment {
+    topics: Arc<[Topic]>,
+    tracks: Arc<[Track]>,
+    transforms: Arc<TransformTree>,
+}
+
+impl PartialEq for Moment {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.topics, &other.topics)
+            && Arc::ptr_eq(&self.tracks, &other.tracks)
+            && Arc::ptr_eq(&self.transforms, &other.transforms)
+    }
+}
+
+impl Ground {
+    /// What lies on the ground in a frame, for all cameras; `None` if it has neither map nor path nor track.
+    fn of(ctx: &Context, frame: &Frame) -> Option<Arc<Self>> {
+        let (topics, tracks) = (Arc::clone(&frame.topics), Arc::clone(&frame.tracks));
+        let moment = Moment { topics, tracks, transforms: Arc::clone(&frame.transforms) };
+        let slot = Id::unique(("ground", frame.runs.current()));
+        (*shared(ctx, slot, moment, || Self::new(frame).map(Arc::new))).clone()
+    }
+
+    fn new(frame: &Frame) -> Option<Self> {
         let all = layers::layers(frame);
         let own = || all.iter().filter(|layer| !layer.is_ground_truth());
         let map = own().filter(|layer| layer.is_map()).filter_map(area).min_by(|a, b| a.0.total_cmp(&b.0));
@@ -36,8 +59,7 @@ impl<'a> OnGround<'a> {
         let is_path = |layer: &&Layer<'_>| matches!(layer.kind, Kind::Path(_) | Kind::Plan(_));
         let is_track = |layer: &&Layer<'_>| matches!(layer.kind, Kind::Track { is_ghost: false, .. });
         let scene = map.or_else(|| own().find(is_path)).or_else(|| own().find(is_track))?.frame_id;
-        let camera_from_scene = layers::map_from_frame(frame, camera, scene, at).ok()?;
-        let path = |(index, layer): (usize, &Layer<'a>)| {
+        let path = |(index, layer): (usize, &Layer<'_>)| {
             let points = match layer.kind {
                 Kind::Path(path) => super::paint::path_places(path),
                 Kind::Plan(plan) => plan::chosen_places(plan),
@@ -56,22 +78,27 @@ impl<'a> OnGround<'a> {
         };
         Some(Self {
             scene: scene.to_owned(),
-            camera_from_scene,
-            map: map.and_then(|layer| if let Kind::Grid(grid) = layer.kind { Some(grid) } else { None }),
+            map: map
+                .and_then(|layer| if let Kind::Grid(grid) = layer.kind { Some(grid.clone()) } else { None }),
             paths: all.iter().enumerate().filter_map(path).collect(),
             example: example(frame, scene),
-            floor_m: own().find_map(here).unwrap_or(0.0),
+            level_m: own().find_map(here).unwrap_or(0.0),
         })
     }
+}
 
-    /// Height of the vehicle, m.
-    pub(crate) fn level_m(&self) -> f64 {
-        self.floor_m
-    }
+/// The ground, and the pose of its scene in the optical frame of a camera.
+pub(crate) struct OnGround {
+    pub(crate) ground: Arc<Ground>,
+    pub(crate) camera_from_scene: Pose,
+}
 
-    /// The heights of the ground.
-    pub(crate) fn floor(&self) -> Floor<'a> {
-        Floor::of(self.map, self.floor_m)
+impl OnGround {
+    /// `None` if no transform connects the camera, at the time of its image, to a map, a path or a track.
+    pub(crate) fn of(ctx: &Context, frame: &Frame, camera: &str, at: Stamp) -> Option<Self> {
+        let ground = Ground::of(ctx, frame)?;
+        let camera_from_scene = layers::map_from_frame(frame, camera, &ground.scene, at).ok()?;
+        Some(Self { ground, camera_from_scene })
     }
 }
 
@@ -110,7 +137,7 @@ impl<'a> Floor<'a> {
 /// Area of a grid, m².
 fn area<'l, 'a>(layer: &'l Layer<'a>) -> Option<(f64, &'l Layer<'a>)> {
     let Kind::Grid(grid) = layer.kind else { return None };
-    let [a, b, c, _] = Cells::new(grid).ok()?.corners();
+    let [a, b, c, _] = Extent::of(grid)?.corners;
     Some((a.distance(b) * b.distance(c), layer))
 }
 

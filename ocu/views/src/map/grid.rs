@@ -15,6 +15,28 @@ pub(super) fn frame_of(message: &AnyMessage) -> Option<&str> {
     }
 }
 
+/// Where a grid lies. Of our own maps it is read without their fields, which have to be named.
+pub(super) struct Extent {
+    /// Side of the cells along x, m.
+    pub(super) cell_m: f64,
+    /// The four corners in the grid's frame, counter-clockwise from (0, 0) along x.
+    pub(super) corners: [DVec3; 4],
+}
+
+impl Extent {
+    /// `None` for a grid that is not valid.
+    pub(super) fn of(message: &AnyMessage) -> Option<Self> {
+        let Some(MapMessage { map, .. }) = message.source::<MapMessage>() else {
+            let cells = Cells::new(message).ok()?;
+            return Some(Self { cell_m: cells.0.cell_size_m().x, corners: cells.corners() });
+        };
+        let (corner, cell_m) = (map.grid().origin(), map.grid().cell_size_m());
+        let side_m = map.side() as f64 * cell_m;
+        let parts = [(0.0, 0.0), (side_m, 0.0), (side_m, side_m), (0.0, side_m)];
+        Some(Self { cell_m, corners: parts.map(|(x, y)| DVec3::new(corner.x + x, corner.y + y, 0.0)) })
+    }
+}
+
 /// A validated grid.
 #[derive(Clone, Debug)]
 pub(super) struct Cells<'a>(GridView<'a>);
@@ -198,6 +220,8 @@ mod tests {
         let grid = AnyMessage::new(Grid::from(map.clone()));
         for message in [map.into_message(), grid] {
             let cells = Cells::new(&message).unwrap();
+            let extent = Extent::of(&message).unwrap();
+            assert_eq!((extent.cell_m, extent.corners), (0.2, cells.corners()));
             let choices = cells.choices();
             assert!(choices.contains(&Shade::Field("cost.radar".into())), "{choices:?}");
             assert_eq!(cells.read("cost.radar", [100, 100]), Some(200.0));

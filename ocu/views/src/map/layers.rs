@@ -1,6 +1,6 @@
 //! The layers of a map: everything in a frame that lies in a plane, and its pose.
 
-use super::grid::frame_of;
+use super::grid::{Extent, frame_of};
 use super::track::{Aligned, Alignment, Judged, Plane, course, nearest};
 use crate::cached::SameMessage;
 use crate::view::is_old;
@@ -10,7 +10,6 @@ use rcs_msg::rcs::{ArcChoice, Mission, Plan};
 use rcs_msg::{AnyMessage, Stamp};
 use rcs_runtime::Role;
 use rcs_runtime::source::{Frame, Place, RunTag, Topic, Track, WGS84};
-use rcs_world::GridView;
 use std::collections::BTreeMap;
 
 /// Content of a layer.
@@ -137,7 +136,7 @@ pub(super) fn layers(frame: &Frame) -> Vec<Layer<'_>> {
 /// Side of the cells of a grid, m; 0 for other layers.
 fn cell_m(layer: &Layer<'_>) -> f64 {
     let Kind::Grid(grid) = layer.kind else { return 0.0 };
-    GridView::of(grid).map_or(0.0, |view| view.cell_size_m().x)
+    Extent::of(grid).map_or(0.0, |extent| extent.cell_m)
 }
 
 /// The tracks of the recording, of the viewed run, and of the run from which it branched, which lies below the others.

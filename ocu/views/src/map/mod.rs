@@ -26,9 +26,9 @@ use crate::clip::{Near, is_place};
 use crate::operator::Inputs;
 use crate::view::{Preview, SavedState, View, ViewContext};
 use egui::{Context, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
-pub(crate) use for_camera::{Floor, OnGround};
+pub(crate) use for_camera::{Floor, Ground, OnGround};
 pub(crate) use for_scene::{CellColors, Placed, Thing, frames, placed};
-use grid::Cells;
+use grid::Extent;
 use labels::Labels;
 use layers::{Kind, Layer, Tracks};
 use ocu_ui::bar::{self, Bar, Fit, Form};
@@ -434,7 +434,7 @@ impl Map {
                     self.tracks.placed.get(&layer.name).map_or(0, |track| track.judged.far)
                 }
                 (Kind::Grid(grid), Ok(pose)) => {
-                    let corners = Cells::new(grid).map(|cells| cells.corners()).unwrap_or_default();
+                    let corners = Extent::of(grid).map(|extent| extent.corners).unwrap_or_default();
                     usize::from(!corners.iter().all(|p| is_place(&(pose * *p).to_array())))
                 }
                 (Kind::Cloud, Ok(pose)) => {
@@ -489,7 +489,7 @@ impl Map {
             let pose = layers::map_from_layer(frame, map, layer);
             match (layer.kind, pose) {
                 (Kind::Grid(grid), Ok(pose)) => {
-                    let corners = Cells::new(grid).map(|cells| cells.corners()).unwrap_or_default();
+                    let corners = Extent::of(grid).map(|extent| extent.corners).unwrap_or_default();
                     corners.iter().map(|p| pose * *p).for_each(|p| add([p.x, p.y]));
                 }
                 (Kind::Cloud, Ok(pose)) => {
@@ -533,7 +533,7 @@ fn nearest_map<'a>(frame: &Frame, map: &str, shown: &[&'a Layer<'_>]) -> Option<
         if layer.is_ground_truth() || layers::map_from_layer(frame, map, layer).is_err() {
             return None;
         }
-        let [a, b, c, _] = Cells::new(grid).ok()?.corners();
+        let [a, b, c, _] = Extent::of(grid)?.corners;
         Some((!layer.is_map(), a.distance(b) * b.distance(c)))
     };
     let sized = shown.iter().filter_map(|layer| Some((layer, area(&layer)?)));
