@@ -19,6 +19,7 @@ fn main() -> ExitCode {
             hook(panic);
         }
     }));
-    let code = ocu_app::main(&cli, &mut std::io::stdout().lock(), &mut std::io::stderr().lock());
+    // Errors are not locked: every other thread that logs or panics would wait until the program ends.
+    let code = ocu_app::main(&cli, &mut std::io::stdout().lock(), &mut std::io::stderr());
     ExitCode::from(code)
 }
