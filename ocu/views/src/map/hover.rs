@@ -15,6 +15,10 @@ use rcs_runtime::source::{Control, Frame, Topic};
 use rcs_world::Label;
 use std::collections::BTreeSet;
 
+/// Part of the height of the map that the read-out takes at most, as far as the costs of the sources allow it, and
+/// height of one of its lines, screen points.
+const MOST_OF_CANVAS: f32 = 0.6;
+const LINE: f32 = 16.0;
 /// Distance from a track at which the pointer means it, screen points.
 const NEAR: f64 = 6.0;
 
@@ -98,13 +102,14 @@ impl Map {
                 return;
             }
             let mut is_top = true;
+            let most_lines = (MOST_OF_CANVAS * canvas.height() / LINE) as usize;
             for layer in shown.iter().rev() {
                 if let Kind::Grid(grid) = layer.kind
                     && let Ok(cells) = Cells::new(grid)
                     && let Ok(map_from_grid) = layers::map_from_layer(frame, map, layer)
                     && let Some(cell) = cells.cell_at(map_from_grid.inverse() * DVec3::new(x, y, 0.0))
                 {
-                    cell_lines(ui, frame, layer, &cells, cell, is_top);
+                    cell_lines(ui, frame, layer, &cells, cell, is_top, most_lines);
                     is_top = false;
                 }
             }
@@ -148,7 +153,7 @@ fn top_cell<'a>(
 }
 
 /// All fields of a cell: each cost with its confidence and source frame on one line. Of a grid below another one, only
-/// the fused cost, if it has one.
+/// the fused cost, if it has one. What finds no room in `most_lines` is counted.
 fn cell_lines(
     ui: &mut Ui,
     frame: &Frame,
@@ -156,6 +161,7 @@ fn cell_lines(
     cells: &Cells<'_>,
     cell: [usize; 2],
     is_top: bool,
+    most_lines: usize,
 ) {
     let value = |name: &str| cells.read(name, cell);
     let mut told = BTreeSet::new();
@@ -206,10 +212,17 @@ fn cell_lines(
         ui.label(mono(format!("changed    {text}")));
     }
     let rest: Vec<_> = cells.names().filter(|name| !told.contains(*name)).collect();
-    for pair in rest.chunks(2) {
+    // Position, title, fused cost and time of the change take six lines, and each source one.
+    let sources = cells.names().filter(|name| name.starts_with("cost.")).count();
+    let (listed, hidden) = rest.split_at(rest.len().min(2 * most_lines.saturating_sub(6 + sources)));
+    for pair in listed.chunks(2) {
         let one = |name: &str| format!("{name:<18} {:<10}", value(name).map(known).unwrap_or_default());
         let text = pair.iter().map(|name| one(name)).collect::<Vec<_>>().join(" ");
         ui.label(mono(text.trim_end()));
+    }
+    if !hidden.is_empty() {
+        let text = format!("{} numbers more in a larger map", hidden.len());
+        ui.label(RichText::new(text).small().color(weak));
     }
 }
 

@@ -278,6 +278,21 @@ fn a_cell_under_the_pointer_tells_its_numbers_and_the_frame_that_made_them() {
 }
 
 #[test]
+fn a_small_map_counts_the_numbers_of_a_cell_that_find_no_room() {
+    let says = |size: Vec2| {
+        let mut harness = harness(Shown::new("map", samples::full()), size, Theme::Dark);
+        harness.run();
+        let canvas = harness.get_by_label("Map").rect();
+        harness.hover_at(canvas.center() + Vec2::new(9.0, 3.0));
+        harness.run();
+        assert!(harness.query_by_label_contains("/wm1/map  cell").is_some());
+        harness.query_by_label_contains("more in a larger map").is_some()
+    };
+    assert!(says(Vec2::new(400.0, 200.0)));
+    assert!(!says(Vec2::new(1200.0, 1100.0)));
+}
+
+#[test]
 fn a_measured_line_is_kept_until_measuring_ends() {
     let mut harness = shown("map");
     harness.get_by_label("Measure a distance").click();
