@@ -1,15 +1,18 @@
 //! Driving around a goal that the vehicle has reached by its own estimate, which may be metres away from the truth.
 //!
 //! A course, a person or a beacon says that the goal is reached; while the program still runs, it is not. So the vehicle
-//! drives once around the place where it believes the goal to be, and then stands there.
+//! drives around the place where it believes the goal to be, near it and then farther away, and then stands there.
 
 use rcs_geom::DVec2;
 use rcs_msg::Stamp;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// Number of places on the circle.
-const PLACES: u32 = 6;
+/// The circles: number of places, and radius in relation to the parameter. Where the goal counts as reached within a little
+/// more than that distance, as on the bundled courses, they leave no gap between them.
+const CIRCLES: [(u32, f64); 2] = [(6, 1.0), (12, 3.0)];
+/// Number of places on all circles.
+const PLACES: u32 = CIRCLES[0].0 + CIRCLES[1].0;
 /// Longest time for driving to one of them, s: it may lie inside of an obstacle.
 const LONGEST_S: f64 = 8.0;
 
@@ -40,13 +43,17 @@ impl AroundGoal {
         goes_on
     }
 
-    /// Where it drives to: a place at a distance from the goal, m, or the goal itself in the end.
+    /// Where it drives to: a place around the goal, or the goal itself in the end; the first circle has this radius, m.
     pub fn target(&self, goal: DVec2, distance_m: f64) -> DVec2 {
-        if self.place == PLACES {
-            return goal;
+        let mut at = self.place;
+        for (places, radius) in CIRCLES {
+            if at < places {
+                let (sin, cos) = libm::sincos(self.from_rad + TAU * f64::from(at) / f64::from(places));
+                return goal + DVec2::new(cos, sin) * distance_m * radius;
+            }
+            at -= places;
         }
-        let (sin, cos) = libm::sincos(self.from_rad + TAU * f64::from(self.place) / f64::from(PLACES));
-        goal + DVec2::new(cos, sin) * distance_m
+        goal
     }
 
     /// What the status says of it.
@@ -63,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_visits_each_place_of_the_circle_and_ends_at_the_goal() {
+    fn it_visits_each_place_of_both_circles_and_ends_at_the_goal() {
         let goal = DVec2::new(5.0, 6.0);
         let mut around = AroundGoal::begin(0.0, Stamp(0));
         let mut places = vec![around.target(goal, 2.0)];
@@ -78,12 +85,15 @@ mod tests {
             }
             places.push(around.target(goal, 2.0));
         }
-        assert_eq!((places.len(), places[6]), (7, goal));
+        assert_eq!((places.len(), places[18]), (19, goal));
         assert!(places[0].distance(DVec2::new(7.0, 6.0)) < 1e-9);
-        for pair in places[..6].windows(2) {
-            assert!(
-                (pair[0].distance(pair[1]) - 2.0).abs() < 1e-9 && (pair[1].distance(goal) - 2.0).abs() < 1e-9
-            );
+        assert!(places[6].distance(DVec2::new(11.0, 6.0)) < 1e-9);
+        for (circle, radius_m) in [(&places[..6], 2.0), (&places[6..18], 6.0)] {
+            let step_m = circle[0].distance(circle[1]);
+            for pair in circle.windows(2) {
+                assert!((pair[0].distance(pair[1]) - step_m).abs() < 1e-9 && step_m < 3.2);
+                assert!((pair[1].distance(goal) - radius_m).abs() < 1e-9);
+            }
         }
         assert!(around.note().contains("has driven around"));
     }

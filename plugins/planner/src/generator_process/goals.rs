@@ -13,6 +13,10 @@ use rcs_msg::Stamp;
 use rcs_runtime::{ChildState, Cycle};
 use rcs_sense::Origin;
 
+/// Where an earlier run found the goal is not believed farther than this from where the position estimate puts it, m: the
+/// remembered map may lie in a wrong place.
+const FOUND_WITHIN_M: f64 = 3.0;
+
 impl WaypointGenerator {
     /// Reads the operator's mission, and goes on to its next goal.
     pub(super) fn take_mission(
@@ -108,7 +112,7 @@ impl WaypointGenerator {
         let points =
             route::in_global(self.given.route(params)?, &origin.0, goal, params.route_goal_m).ok()?;
         let finish = global_from_local * (*local_from_route * route::finish(&points)?.extend(0.0));
-        Some(finish.truncate()).filter(|finish| finish.distance(goal) <= params.route_goal_m)
+        Some(finish.truncate()).filter(|finish| finish.distance(goal) <= FOUND_WITHIN_M)
     }
 
     /// The goal in the global frame, m.
