@@ -14,9 +14,7 @@ use crate::goal::Goal;
 use crate::map_reader::MapReader;
 use crate::mission::Mission;
 use crate::process::PlannerCommand;
-use crate::proto::{
-    BarredPlace, ModeEvent, PlanPoint, PlanZone, PlannerGoal, Route, UtmGoal, WaypointGeneratorParams,
-};
+use crate::proto::{ModeEvent, PlanPoint, PlanZone, PlannerGoal, Route, UtmGoal, WaypointGeneratorParams};
 use crate::route;
 use crate::shortcut::{Way, WayPoint};
 use crate::spinning::Spinning;

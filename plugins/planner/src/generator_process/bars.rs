@@ -5,7 +5,6 @@ use super::{Ports, WaypointGenerator};
 use crate::barred::{Barred, grown, turned_on_the_spot};
 use crate::proto::{BarredPlace, WaypointGeneratorParams};
 use rcs_geom::{DVec2, DVec3, Pose};
-use rcs_msg::Stamp;
 use rcs_msg::rcs::PlanState;
 use rcs_runtime::Cycle;
 
