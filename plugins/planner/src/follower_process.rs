@@ -5,7 +5,7 @@ use crate::arcs::{self, Arc, Motion, Scene, Scored};
 use crate::barred::Barred;
 use crate::follower_costs::Costs;
 use crate::modes::{Action, Bars, Mode, Modes, Obstacles, Table, Towards, Transition};
-use crate::motion::{Style, arc_rules, message, poses_along, reversed, shaken, speeds};
+use crate::motion::{Style, arc_rules, careful, message, poses_along, reversed, shaken, speeds};
 use crate::proto::{BarredPlace, ModeEvent, WaypointFollowerParams};
 use crate::settings::check_costs;
 use crate::signals::Watch;
@@ -329,7 +329,9 @@ impl WaypointFollower {
             Some(Action::Shake) => {
                 let now = cx.now();
                 let began = self.modes.active().map_or(now, |(_, began)| began);
-                (None, shaken(&mut self.shakes, &style, now.seconds_since(began), now, cx.rng()))
+                let [speed_mps, yaw_rate_radps] =
+                    shaken(&mut self.shakes, &style, now.seconds_since(began), now, cx.rng());
+                (None, [careful(&scored, speed_mps), yaw_rate_radps])
             }
         };
         if obstacles == Obstacles::Map && mode.is_none_or(|mode| mode.action == Action::Follow) {

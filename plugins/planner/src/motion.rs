@@ -98,6 +98,17 @@ pub(crate) fn shaken(
     order
 }
 
+/// Speed at which a vehicle that shakes itself free touches what is known to be in its way, m/s: slower than what counts as
+/// a collision.
+const TOUCH_MPS: f64 = 0.25;
+
+/// The speed of the action SHAKE, m/s, where no arc in its direction is free: the vehicle may have to move all the same.
+pub(crate) fn careful(scored: &[Scored], speed_mps: f64) -> f64 {
+    let ahead = if speed_mps < 0.0 { Motion::Backward } else { Motion::Forward };
+    let is_free = scored.iter().any(|scored| scored.arc.motion == ahead && scored.open);
+    if is_free { speed_mps } else { speed_mps.clamp(-TOUCH_MPS, TOUCH_MPS) }
+}
+
 /// Poses along an arc, every 0.2 m.
 pub(crate) fn poses_along(chosen: &Scored, vehicle: &Pose) -> Vec<rcs_msg::foxglove::Pose> {
     let start = (vehicle.translation.truncate(), vehicle.yaw());

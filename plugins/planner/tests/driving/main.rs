@@ -312,6 +312,18 @@ fn when_its_wheels_slip_it_reverses_and_shakes_itself_free() {
 }
 
 #[test]
+fn it_backs_slowly_out_of_slip_where_something_is_known_to_be_behind() {
+    let mut bench = start(&FILES);
+    let bush = |at: DVec2| if (-1.4..-0.6).contains(&at.x) && at.y.abs() < 0.6 { 250 } else { 0 };
+    for _ in 0..48 {
+        bench.write("/operator/slip", rcs::SlipReport { slip: 0.9, ..rcs::SlipReport::default() });
+        cycle(&mut bench, 0.0, 0.0, bush, 1);
+    }
+    assert_eq!(mode(&bench).0, "SLIPPING");
+    assert!((-0.25..-0.1).contains(&drive(&bench).0), "{}", story(&bench));
+}
+
+#[test]
 fn a_goal_inside_of_an_obstacle_is_approached_and_it_stops_beside_it() {
     let mut bench = start(&FILES);
     let around_goal = |at: DVec2| if at.distance(DVec2::new(10.0, 0.0)) < 1.5 { 250 } else { 0 };
