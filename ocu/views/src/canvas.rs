@@ -12,6 +12,10 @@ pub(crate) struct Viewport {
     pub(crate) scale: f64,
     /// Whether the plane's y axis points up (a map) or down (an image).
     pub(crate) y_up: bool,
+    /// Angle by which the plane is turned about the centre, from its x axis to its y axis, rad. It follows from what is
+    /// shown, and is not saved.
+    #[serde(skip)]
+    pub(crate) turned_rad: f64,
 }
 
 impl Viewport {
@@ -20,7 +24,12 @@ impl Viewport {
         let size = [(max[0] - min[0]).max(1e-6), (max[1] - min[1]).max(1e-6)];
         let room = (canvas.size() - Vec2::splat(2.0 * margin)).max(Vec2::splat(1.0));
         let scale = (f64::from(room.x) / size[0]).min(f64::from(room.y) / size[1]);
-        Self { center: [f64::midpoint(min[0], max[0]), f64::midpoint(min[1], max[1])], scale, y_up }
+        Self {
+            center: [f64::midpoint(min[0], max[0]), f64::midpoint(min[1], max[1])],
+            scale,
+            y_up,
+            turned_rad: 0.0,
+        }
     }
 
     /// Whether it can be drawn: a stored one may have been changed by hand.
@@ -40,24 +49,35 @@ impl Viewport {
 
     /// Screen position of a point of the plane.
     pub(crate) fn to_screen(self, canvas: Rect, point: [f64; 2]) -> Pos2 {
-        let x = (point[0] - self.center[0]) * self.scale;
-        let y = (point[1] - self.center[1]) * self.scale * self.down();
-        canvas.center() + Vec2::new(on_screen(x), on_screen(y))
+        let [x, y] = turn([point[0] - self.center[0], point[1] - self.center[1]], self.turned_rad);
+        canvas.center() + Vec2::new(on_screen(x * self.scale), on_screen(y * self.scale * self.down()))
     }
 
     /// Point of the plane at a screen position.
     pub(crate) fn to_plane(self, canvas: Rect, at: Pos2) -> [f64; 2] {
-        let offset = at - canvas.center();
-        [
-            self.center[0] + f64::from(offset.x) / self.scale,
-            self.center[1] + f64::from(offset.y) / (self.scale * self.down()),
-        ]
+        let [x, y] = self.offset_in_plane(at - canvas.center());
+        [self.center[0] + x, self.center[1] + y]
     }
 
-    /// Minimum and maximum coordinates of the visible part.
+    fn offset_in_plane(self, offset: Vec2) -> [f64; 2] {
+        let upright = [f64::from(offset.x) / self.scale, f64::from(offset.y) / (self.scale * self.down())];
+        turn(upright, -self.turned_rad)
+    }
+
+    /// Direction on the screen of a direction in the plane, given by its angle from the x axis, rad.
+    pub(crate) fn direction(self, angle_rad: f64) -> Vec2 {
+        let (sin, cos) = (angle_rad + self.turned_rad).sin_cos();
+        Vec2::new(cos as f32, (sin * self.down()) as f32)
+    }
+
+    /// Minimum and maximum coordinates of the visible part; of a turned plane, of the rectangle around it.
     pub(crate) fn bounds(self, canvas: Rect) -> ([f64; 2], [f64; 2]) {
-        let (a, b) = (self.to_plane(canvas, canvas.min), self.to_plane(canvas, canvas.max));
-        ([a[0].min(b[0]), a[1].min(b[1])], [a[0].max(b[0]), a[1].max(b[1])])
+        let corners = [canvas.min, canvas.right_top(), canvas.max, canvas.left_bottom()];
+        let corners = corners.map(|corner| self.to_plane(canvas, corner));
+        let along = |axis: usize, pick: fn(f64, f64) -> f64| {
+            corners.iter().map(|corner| corner[axis]).fold(corners[0][axis], pick)
+        };
+        ([along(0, f64::min), along(1, f64::min)], [along(0, f64::max), along(1, f64::max)])
     }
 
     /// Zooms by `factor` about a screen position, which keeps its place; `range` limits the scale.
@@ -74,9 +94,8 @@ impl Viewport {
     pub(crate) fn interact(&mut self, ui: &Ui, response: &Response, range: [f64; 2], pan: bool) -> bool {
         let before = *self;
         if pan && response.dragged() {
-            let delta = response.drag_delta();
-            self.center[0] -= f64::from(delta.x) / self.scale;
-            self.center[1] -= f64::from(delta.y) / (self.scale * self.down());
+            let [x, y] = self.offset_in_plane(response.drag_delta());
+            self.center = [self.center[0] - x, self.center[1] - y];
         }
         if let Some(at) = response.hover_pos() {
             let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
@@ -87,6 +106,11 @@ impl Viewport {
         }
         *self != before
     }
+}
+
+fn turn([x, y]: [f64; 2], angle_rad: f64) -> [f64; 2] {
+    let (sin, cos) = angle_rad.sin_cos();
+    [cos * x - sin * y, sin * x + cos * y]
 }
 
 /// Converts a screen coordinate and clamps it, so that sums of coordinates of huge shapes stay finite.
@@ -106,8 +130,8 @@ mod tests {
 
     #[test]
     fn screen_and_plane_are_inverse() {
-        for y_up in [false, true] {
-            let viewport = Viewport { center: [3.0, -7.0], scale: 12.5, y_up };
+        for (y_up, turned_rad) in [(false, 0.0), (true, 0.0), (true, 2.0)] {
+            let viewport = Viewport { center: [3.0, -7.0], scale: 12.5, y_up, turned_rad };
             let at = Pos2::new(111.0, 77.0);
             let back = viewport.to_screen(canvas(), viewport.to_plane(canvas(), at));
             assert!((back - at).length() < 1e-3);
@@ -116,13 +140,29 @@ mod tests {
 
     #[test]
     fn zooming_keeps_the_point_under_the_pointer() {
-        let mut viewport = Viewport { center: [3.0, -7.0], scale: 12.5, y_up: true };
+        let mut viewport = Viewport { center: [3.0, -7.0], scale: 12.5, y_up: true, turned_rad: 0.7 };
         let at = Pos2::new(250.0, 60.0);
         let before = viewport.to_plane(canvas(), at);
         viewport.zoom_about(canvas(), at, 3.0, [1.0, 1000.0]);
         let after = viewport.to_plane(canvas(), at);
         assert!((before[0] - after[0]).abs() < 1e-9 && (before[1] - after[1]).abs() < 1e-9);
         assert_eq!(viewport.scale, 37.5);
+    }
+
+    #[test]
+    fn a_turned_plane_keeps_distances_and_directions_and_its_bounds_hold_the_canvas() {
+        let turned_rad = std::f64::consts::FRAC_PI_2 - 0.4;
+        let viewport = Viewport { center: [3.0, -7.0], scale: 10.0, y_up: true, turned_rad };
+        // What points to 0.4 rad in the plane points up on the screen.
+        let ahead = [3.0 + 0.4_f64.cos(), -7.0 + 0.4_f64.sin()];
+        let up = viewport.to_screen(canvas(), ahead) - canvas().center();
+        assert!((up - Vec2::new(0.0, -10.0)).length() < 1e-4, "{up:?}");
+        assert!((viewport.direction(0.4) - Vec2::UP).length() < 1e-6);
+        let (min, max) = viewport.bounds(canvas());
+        for corner in [canvas().min, canvas().right_top(), canvas().max, canvas().left_bottom()] {
+            let [x, y] = viewport.to_plane(canvas(), corner);
+            assert!(min[0] <= x && x <= max[0] && min[1] <= y && y <= max[1]);
+        }
     }
 
     #[test]

@@ -173,7 +173,7 @@ pub(crate) fn dashed(parts: &[Vec<Pos2>], stroke: Stroke, color: Color32) -> Vec
 mod tests {
     use super::*;
 
-    const VIEWPORT: Viewport = Viewport { center: [0.0, 0.0], scale: 10.0, y_up: true };
+    const VIEWPORT: Viewport = Viewport { center: [0.0, 0.0], scale: 10.0, y_up: true, turned_rad: 0.0 };
 
     fn canvas() -> Rect {
         Rect::from_min_size(Pos2::ZERO, egui::Vec2::new(400.0, 300.0))

@@ -95,7 +95,7 @@ mod tests {
         let cloud = cloud.unwrap();
         assert_eq!((cloud.points.len(), cloud.far), (2, 0));
         let canvas = Rect::from_min_size(Pos2::ZERO, Vec2::splat(9.0));
-        let viewport = Viewport { center: [0.0, 0.0], scale: 1.0, y_up: true };
+        let viewport = Viewport { center: [0.0, 0.0], scale: 1.0, y_up: true, turned_rad: 0.0 };
         let image = cloud.paint(canvas, viewport, 1.0);
         assert_eq!(image.pixels[4 * 9 + 4], palette::even(1.0));
         assert_eq!(image.pixels.iter().filter(|pixel| **pixel != Color32::TRANSPARENT).count(), 4);
@@ -110,7 +110,7 @@ mod tests {
         assert_eq!(cloud.bounds, Some(([1.0, 2.0], [1.0, 2.0])));
         let canvas = Rect::from_min_size(Pos2::ZERO, Vec2::splat(9.0));
         for scale in [1e-9, 1.0, 1e9] {
-            let viewport = Viewport { center: [1.0, 2.0], scale, y_up: true };
+            let viewport = Viewport { center: [1.0, 2.0], scale, y_up: true, turned_rad: 0.0 };
             let image = cloud.paint(canvas, viewport, 1.0);
             assert_eq!(image.pixels.iter().filter(|pixel| **pixel != Color32::TRANSPARENT).count(), 4);
         }
@@ -121,7 +121,7 @@ mod tests {
         let cloud = Cloud::new(&samples::cloud(&[]), &Pose::IDENTITY).unwrap();
         assert_eq!(cloud.bounds, None);
         let canvas = Rect::from_min_size(Pos2::ZERO, Vec2::splat(4.0));
-        let viewport = Viewport { center: [0.0, 0.0], scale: 1.0, y_up: true };
+        let viewport = Viewport { center: [0.0, 0.0], scale: 1.0, y_up: true, turned_rad: 0.0 };
         assert!(cloud.paint(canvas, viewport, 1.0).pixels.iter().all(|pixel| *pixel == Color32::TRANSPARENT));
     }
 }

@@ -1,4 +1,4 @@
-//! Map view: grids, clouds, paths and tracks from above, north up.
+//! Map view: grids, clouds, paths and tracks from above; up is north, or where the vehicle heads.
 //!
 //! Everything is drawn in one frame, using the transforms of the log or the run. Layers without a transform are listed
 //! with that reason; a track can be aligned with another one by its first metres, and is marked as such. Ground truth
@@ -41,6 +41,7 @@ use rcs_runtime::source::{Frame, SourceKind, Topic, WGS84};
 use rcs_world::{Weights, weights_of};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
 
 /// Saved settings of a layer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -75,6 +76,8 @@ struct Saved {
     viewport: Option<Viewport>,
     /// Whether the vehicle stays in the middle.
     follows: bool,
+    /// Whether the map is turned so that the vehicle heads up.
+    vehicle_up: bool,
 }
 
 impl Default for Saved {
@@ -87,6 +90,7 @@ impl Default for Saved {
             panel: None,
             viewport: None,
             follows: false,
+            vehicle_up: false,
         }
     }
 }
@@ -109,6 +113,8 @@ pub(crate) struct Map {
     example: Option<training::Example>,
     /// The place of the legend in the previous pass.
     legend: Option<Rect>,
+    /// Angle by which the map was turned in the previous pass, rad.
+    turned_rad: f64,
     /// Where the menu was opened, in the map's frame.
     menu_at: Option<[f64; 2]>,
     tracks: Tracks,
@@ -190,6 +196,10 @@ impl Map {
         bar.right("follow", Fit::Leaves(45), |ui, form, view| {
             let name = "Follow the vehicle";
             bar::tool_toggle(ui, form, icons::ICON_MY_LOCATION, name, &mut view.saved.follows);
+        });
+        bar.right("vehicle up", Fit::Leaves(42), |ui, form, view| {
+            let name = "Turn the map: the vehicle heads up";
+            bar::tool_toggle(ui, form, icons::ICON_NAVIGATION, name, &mut view.saved.vehicle_up);
         });
         bar.right("measure", Fit::Leaves(20), |ui, form, view| {
             let name = "Measure a distance";
@@ -305,10 +315,19 @@ impl Map {
             Some(viewport) => viewport,
             None => self.fitted(ui.ctx(), cx.frame, map, &shown, canvas),
         };
-        let here = if self.saved.follows { self.here(cx.frame, &shown) } else { None };
+        let vehicle = self.here(cx.frame, &shown);
+        let here = if self.saved.follows { vehicle } else { None };
         if let Some([x, y, _]) = here {
             viewport.center = [x, y];
         }
+        // While the heading is unknown, the map stays as it is.
+        let heading_rad = vehicle.map(|[_, _, yaw]| yaw).filter(|yaw| yaw.is_finite());
+        self.turned_rad = match (self.saved.vehicle_up, heading_rad) {
+            (true, Some(heading_rad)) => FRAC_PI_2 - heading_rad,
+            (true, None) => self.turned_rad,
+            (false, _) => 0.0,
+        };
+        viewport.turned_rad = self.turned_rad;
         if viewport.interact(ui, &response, [0.01, 5000.0], !self.measuring) {
             if response.dragged() {
                 // Who drags the map looks elsewhere.
@@ -363,8 +382,7 @@ impl Map {
                     self.paint_track(ui, layer, cx.frame, viewport, canvas, color, &mut labels);
                 }
                 (Kind::Goal(goal), Ok(pose)) => {
-                    let here = self.here(cx.frame, &shown);
-                    paint::goal(ui, goal, &pose, here, viewport, canvas, &mut labels);
+                    paint::goal(ui, goal, &pose, vehicle, viewport, canvas, &mut labels);
                 }
                 _ => {}
             }
@@ -382,7 +400,7 @@ impl Map {
         labels.paint(&painter, free, tokens(ui));
         self.point_at(ui, cx, map, &shown, &response, viewport);
         legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 32.0), viewport.scale);
-        paint::north(ui, canvas.left_top() + Vec2::new(20.0, 24.0), map == WGS84);
+        paint::north(ui, canvas.left_top() + Vec2::new(20.0, 24.0), viewport, map == WGS84);
         // In a narrow map the read-out takes the place of the legend, and in a low one it would hide too much.
         let has_legend = canvas.height() >= 200.0 && (canvas.width() >= 560.0 || !response.hovered());
         self.legend =

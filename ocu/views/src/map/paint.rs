@@ -4,18 +4,23 @@ use super::Map;
 use super::grid::Cells;
 use super::labels::Labels;
 use super::layers::{Kind, Layer, PlacedTrack};
+use super::mission::hatch;
 use super::picture::{self, CloudPicture, GridLook, GridPicture};
 use super::track::line;
 use super::uncertainty::{self, Covariance};
 use crate::canvas::Viewport;
 use crate::clip::{self, is_place};
-use egui::{Align2, Color32, FontId, Id, Mesh, Painter, Pos2, Rect, Response, Shape, Stroke, Ui, Vec2};
+use egui::epaint::Vertex;
+use egui::{
+    Align2, Color32, FontId, Id, Mesh, Painter, Pos2, Rect, Response, Shape, Stroke, TextureId, Ui, Vec2,
+};
 use ocu_ui::legend::round_step;
-use ocu_ui::{format, stale, tokens};
+use ocu_ui::{format, tokens};
 use rcs_geom::{DVec3, Pose};
 use rcs_msg::AnyMessage;
 use rcs_msg::foxglove::{PoseInFrame, PosesInFrame};
 use rcs_runtime::source::Frame;
+use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
 /// Distance from the position of a vehicle within which its mark lies, screen points.
@@ -46,25 +51,17 @@ impl Map {
         let Some(picture) = GridPicture::of(ui.ctx(), layer, look) else { return };
         self.ranges.extend(picture.range.map(|range| (layer.name.clone(), range)));
         let Some(corners) = picture.corners(frame, map) else { return };
-        let mut bounds = Rect::NOTHING;
-        let mut mesh = Mesh::with_texture(picture.texture(ui.ctx()));
-        let uv = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         if !corners.iter().all(|p| is_place(&p.to_array())) {
             return;
         }
-        for (p, uv) in corners.into_iter().zip(uv) {
-            let pos = viewport.to_screen(canvas, [p.x, p.y]);
-            let color = Color32::WHITE.gamma_multiply(state.opacity);
-            bounds.extend_with(pos);
-            mesh.vertices.push(egui::epaint::Vertex { pos, uv: Pos2::from(uv), color });
-        }
-        mesh.indices = vec![0, 1, 2, 0, 2, 3];
+        let corners = corners.map(|p| viewport.to_screen(canvas, [p.x, p.y]));
         let painter = ui.painter_at(canvas);
-        painter.add(Shape::mesh(mesh));
+        painter.add(quadrilateral(picture.texture(ui.ctx()), corners, state.opacity));
         if layer.is_stale(frame.now) {
             let tokens = tokens(ui);
-            painter.rect_filled(bounds, 0.0, tokens.surface[2].gamma_multiply(0.5));
-            stale::hatch(&painter, bounds.intersect(canvas), tokens.stale.gamma_multiply(0.7));
+            let cover = tokens.surface[2].gamma_multiply(0.5);
+            painter.add(Shape::convex_polygon(corners.to_vec(), cover, Stroke::NONE));
+            hatch(&painter, &corners, tokens.stale.gamma_multiply(0.7));
         }
     }
 
@@ -84,10 +81,9 @@ impl Map {
         let picture =
             cloud.and_then(|cloud| CloudPicture::of(ui.ctx(), layer, cloud, id, viewport, canvas.size()));
         let Some(picture) = picture else { return };
-        let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
-        let color = Color32::WHITE.gamma_multiply(self.state(layer).opacity);
-        let place = picture.place(viewport, canvas);
-        ui.painter_at(canvas).image(picture.texture(ui.ctx()), place, uv, color);
+        let corners = picture.corners(viewport, canvas);
+        let shape = quadrilateral(picture.texture(ui.ctx()), corners, self.state(layer).opacity);
+        ui.painter_at(canvas).add(shape);
     }
 
     /// Paints a track: past in full colour, future thin and weak, and the current position, hollow if it is outdated.
@@ -131,9 +127,9 @@ impl Map {
                 uncertainty::paint(&painter, &covariance, [x, y], &pose, viewport, canvas, color);
             }
             if layer.is_stale(frame.now) {
-                vehicle(&painter, at, yaw, tokens(ui).stale, false);
+                vehicle(&painter, at, viewport.direction(yaw), tokens(ui).stale, false);
             } else {
-                vehicle(&painter, at, yaw, color, true);
+                vehicle(&painter, at, viewport.direction(yaw), color, true);
             }
         }
     }
@@ -254,16 +250,27 @@ pub(super) fn goal(
     labels.add_towards(tip, -way, text, FontId::proportional(11.0), ink);
 }
 
-/// An arrow at position and heading; a disc where the heading is unknown. It is filled if the position is current.
-fn vehicle(painter: &Painter, at: Pos2, yaw: f64, color: Color32, is_current: bool) {
+/// A picture between four points of the screen, which belong to its upper left, upper right, lower right and lower left
+/// corner.
+fn quadrilateral(texture: TextureId, corners: [Pos2; 4], opacity: f32) -> Shape {
+    let color = Color32::WHITE.gamma_multiply(opacity);
+    let uv = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(Pos2::from);
+    let mut mesh = Mesh::with_texture(texture);
+    mesh.vertices = corners.into_iter().zip(uv).map(|(pos, uv)| Vertex { pos, uv, color }).collect();
+    mesh.indices = vec![0, 1, 2, 0, 2, 3];
+    Shape::mesh(mesh)
+}
+
+/// An arrow at a position, in the direction of travel; a disc where that is unknown. It is filled if the position is
+/// current.
+fn vehicle(painter: &Painter, at: Pos2, forward: Vec2, color: Color32, is_current: bool) {
     let edge =
         if is_current { Stroke::new(1.5, Color32::from_black_alpha(200)) } else { Stroke::new(1.5, color) };
     let fill = if is_current { color } else { Color32::TRANSPARENT };
-    if !yaw.is_finite() {
+    if !forward.is_finite() {
         painter.circle(at, 5.0, fill, edge);
         return;
     }
-    let forward = Vec2::new(yaw.cos() as f32, -yaw.sin() as f32);
     let left = forward.rot90() * 5.5;
     let (nose, tail) = (at + forward * 11.0, at - forward * 7.0);
     // Two triangles, because an arrowhead with a notch is not convex.
@@ -273,48 +280,54 @@ fn vehicle(painter: &Painter, at: Pos2, yaw: f64, color: Color32, is_current: bo
     painter.add(Shape::closed_line(vec![nose, tail + left, notch, tail - left], edge));
 }
 
-/// Grid lines at round metres, with labels at the left and lower edge.
+/// Grid lines at round metres, with their numbers where they meet the left or the upper edge. On a turned map, the
+/// numbers say of which axis they are.
 pub(super) fn metre_lines(ui: &Ui, viewport: Viewport, canvas: Rect) {
     let tokens = tokens(ui);
     let painter = ui.painter_at(canvas);
     let step = round_step(96.0 / viewport.scale);
     let (min, max) = viewport.bounds(canvas);
-    let line = |axis: bool| Stroke::new(1.0, tokens.weak.gamma_multiply(if axis { 0.5 } else { 0.18 }));
+    let is_turned = viewport.turned_rad != 0.0;
     let font = FontId::monospace(10.0);
-    for (axis, (low, high)) in [(min[0], max[0]), (min[1], max[1])].into_iter().enumerate() {
-        let first = (low / step).ceil() as i64;
-        for i in first..=((high / step).floor() as i64).min(first.saturating_add(200)) {
+    for (axis, name) in ["x", "y"].into_iter().enumerate() {
+        let first = (min[axis] / step).ceil() as i64;
+        for i in first..=((max[axis] / step).floor() as i64).min(first.saturating_add(200)) {
             let value = i as f64 * step;
-            let text = format::number(value);
-            if axis == 0 {
-                let x = viewport.to_screen(canvas, [value, 0.0]).x.round();
-                painter.vline(x, canvas.y_range(), line(i == 0));
-                let at = Pos2::new(x + 3.0, canvas.top() + 2.0);
-                painter.text(at, Align2::LEFT_TOP, text, font.clone(), tokens.weak);
+            let ends = [min, max].map(|end| {
+                let at = if axis == 0 { [value, end[1]] } else { [end[0], value] };
+                let at = viewport.to_screen(canvas, at);
+                // Upright lines lie on pixels.
+                if is_turned { at } else { at.round() }
+            });
+            let color = tokens.weak.gamma_multiply(if i == 0 { 0.5 } else { 0.18 });
+            painter.line_segment(ends, Stroke::new(1.0, color));
+            let number = format::number(value);
+            let text = if is_turned { format!("{name} {number}") } else { number };
+            let [from, way] = [ends[0], (ends[1] - ends[0]).to_pos2()];
+            // A line meets the upper edge if it is steep, else the left one.
+            let (at, align) = if way.y.abs() > way.x.abs() {
+                let x = from.x + way.x * (canvas.top() - from.y) / way.y;
+                (Pos2::new(x + 3.0, canvas.top() + 2.0), Align2::LEFT_TOP)
             } else {
-                let y = viewport.to_screen(canvas, [0.0, value]).y.round();
-                painter.hline(canvas.x_range(), y, line(i == 0));
-                let at = Pos2::new(canvas.left() + 3.0, y - 1.0);
-                painter.text(at, Align2::LEFT_BOTTOM, text, font.clone(), tokens.weak);
-            }
+                let y = from.y + way.y * (canvas.left() - from.x) / way.x;
+                (Pos2::new(canvas.left() + 3.0, y - 1.0), Align2::LEFT_BOTTOM)
+            };
+            painter.text(at, align, text, font.clone(), tokens.weak);
         }
     }
 }
 
-/// The direction that is up: north, or the y axis of a frame that is not north-aligned.
-pub(super) fn north(ui: &Ui, at: Pos2, is_north: bool) {
+/// The direction of north, or of the y axis of a frame that is not north-aligned.
+pub(super) fn north(ui: &Ui, at: Pos2, viewport: Viewport, is_north: bool) {
     let tokens = tokens(ui);
     let painter = ui.painter();
     let at = at + Vec2::new(12.0, 8.0);
     painter.circle_filled(at, 13.0, tokens.surface[3].gamma_multiply(0.92));
-    let head = vec![at + Vec2::new(0.0, -10.0), at + Vec2::new(4.0, -3.0), at + Vec2::new(-4.0, -3.0)];
+    let way = viewport.direction(FRAC_PI_2);
+    let right = way.rot90();
+    let head = vec![at + way * 10.0, at + way * 3.0 + right * 4.0, at + way * 3.0 - right * 4.0];
     painter.add(Shape::convex_polygon(head, tokens.text, Stroke::NONE));
     let letter = if is_north { "N" } else { "y" };
-    painter.text(
-        at + Vec2::new(0.0, 4.0),
-        Align2::CENTER_CENTER,
-        letter,
-        FontId::proportional(11.0),
-        tokens.strong,
-    );
+    let font = FontId::proportional(11.0);
+    painter.text(at - way * 4.0, Align2::CENTER_CENTER, letter, font, tokens.strong);
 }

@@ -108,16 +108,16 @@ impl CloudPicture {
         })
     }
 
-    /// Where it lies on the canvas: while the map is moved, where its points are now.
-    pub(super) fn place(&self, viewport: Viewport, canvas: Rect) -> Rect {
+    /// Where its corners lie on the canvas, from the upper left one clockwise: while the map is moved or turned, where
+    /// its points are now.
+    pub(super) fn corners(&self, viewport: Viewport, canvas: Rect) -> [Pos2; 4] {
         let [width, height] = self.painted.size().map(|side| side as f32 / self.per_point);
-        let size = Vec2::new(width, height);
+        let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]].map(Pos2::from);
         if (self.viewport, self.size) == (viewport, canvas.size()) {
-            return Rect::from_min_size(canvas.min, size);
+            return corners.map(|corner| canvas.min + corner.to_vec2());
         }
-        let corner = self.viewport.to_plane(Rect::from_min_size(Pos2::ZERO, self.size), Pos2::ZERO);
-        let zoom = (viewport.scale / self.viewport.scale) as f32;
-        Rect::from_min_size(viewport.to_screen(canvas, corner), size * zoom)
+        let painted_on = Rect::from_min_size(Pos2::ZERO, self.size);
+        corners.map(|corner| viewport.to_screen(canvas, self.viewport.to_plane(painted_on, corner)))
     }
 
     pub(super) fn texture(&self, ctx: &Context) -> TextureId {
@@ -133,15 +133,20 @@ mod tests {
     #[test]
     fn a_cloud_painted_for_another_place_lies_where_its_points_are() {
         let (canvas, size) = (Rect::from_min_max(Pos2::new(10.0, 20.0), Pos2::new(110.0, 70.0)), [200, 100]);
-        let viewport = Viewport { center: [3.0, 4.0], scale: 5.0, y_up: true };
+        let viewport = Viewport { center: [3.0, 4.0], scale: 5.0, y_up: true, turned_rad: 0.0 };
         let painted = Painted::new(ColorImage::filled(size, Color32::RED));
         let picture = CloudPicture { painted, viewport, size: canvas.size(), per_point: 2.0 };
-        assert_eq!(picture.place(viewport, canvas), canvas);
-        // The map is moved by two metres to the east and enlarged twice.
-        let moved = Viewport { center: [5.0, 4.0], scale: 10.0, y_up: true };
-        let place = picture.place(moved, canvas);
-        let (min, max) = viewport.bounds(canvas);
-        let corners = [[min[0], max[1]], [max[0], min[1]]].map(|corner| moved.to_screen(canvas, corner));
-        assert!((place.min - corners[0]).length() < 1e-3 && (place.max - corners[1]).length() < 1e-3);
+        assert_eq!(picture.corners(viewport, canvas)[0], canvas.min);
+        assert_eq!(picture.corners(viewport, canvas)[2], canvas.max);
+        // The map is moved by two metres to the east, enlarged twice, and turned.
+        for turned_rad in [0.0, 0.7] {
+            let moved = Viewport { center: [5.0, 4.0], scale: 10.0, y_up: true, turned_rad };
+            let corners = picture.corners(moved, canvas);
+            let (min, max) = viewport.bounds(canvas);
+            let places = [[min[0], max[1]], [max[0], max[1]], [max[0], min[1]], [min[0], min[1]]];
+            for (corner, place) in corners.into_iter().zip(places) {
+                assert!((corner - moved.to_screen(canvas, place)).length() < 1e-3);
+            }
+        }
     }
 }

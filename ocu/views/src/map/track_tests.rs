@@ -81,7 +81,7 @@ fn between_two_points_a_track_is_on_the_line_and_looks_where_it_goes() {
     assert!(course(&track, 3).is_nan());
 }
 
-const VIEWPORT: Viewport = Viewport { center: [0.0, 0.0], scale: 10.0, y_up: true };
+const VIEWPORT: Viewport = Viewport { center: [0.0, 0.0], scale: 10.0, y_up: true, turned_rad: 0.0 };
 
 fn canvas() -> Rect {
     Rect::from_min_size(egui::Pos2::ZERO, egui::Vec2::new(400.0, 300.0))

@@ -10,6 +10,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use rcs_msg::{foxglove, rcs};
 use rcs_runtime::source::{Control, SourceInfo, SourceKind};
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 fn shown(kind: &str) -> Harness<'static, Shown> {
@@ -213,11 +214,12 @@ fn a_layer_of_a_map_can_be_switched_off_and_the_layout_keeps_that() {
     assert_eq!(harness.state().view.save()["layers"]["/wm1/map"]["shown"], false);
 }
 
-#[test]
-fn a_map_follows_the_vehicle_until_it_is_dragged_and_zooms_to_a_layer() {
+/// A map with a vehicle at a place, m, and with a heading, rad.
+pub(super) fn map_of_a_vehicle_at([x, y]: [f64; 2], yaw_rad: f64) -> Harness<'static, Shown> {
     let mut frame = samples::driving();
-    let position = Some(foxglove::Vector3 { x: 3.0, y: 2.0, z: 0.0 });
-    let orientation = Some(foxglove::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 });
+    let position = Some(foxglove::Vector3 { x, y, z: 0.0 });
+    let (z, w) = (yaw_rad / 2.0).sin_cos();
+    let orientation = Some(foxglove::Quaternion { x: 0.0, y: 0.0, z, w });
     let pose = Some(foxglove::Pose { position, orientation });
     let place = foxglove::PoseInFrame { frame_id: "local".into(), pose, ..Default::default() };
     let place = samples::topic("/localization/local", 50.0, 0.01, place);
@@ -225,13 +227,56 @@ fn a_map_follows_the_vehicle_until_it_is_dragged_and_zooms_to_a_layer() {
     frame.topics = others.chain([place.clone()]).collect();
     let mut harness = harness(Shown::new("map", frame), Vec2::new(900.0, 560.0), Theme::Dark);
     harness.run();
-    let middle = |harness: &mut Harness<'_, Shown>| {
-        let canvas = harness.get_by_label("Map").rect();
-        harness.hover_at(canvas.center());
-        harness.run();
-        let point = harness.state().selection.hovered.get().point.clone().unwrap();
-        [point.position_m[0], point.position_m[1]]
+    harness
+}
+
+/// The place on the map that lies beside the middle of its canvas, m.
+fn pointed(harness: &mut Harness<'_, Shown>, beside: Vec2) -> [f64; 2] {
+    let canvas = harness.get_by_label("Map").rect();
+    harness.hover_at(canvas.center() + beside);
+    harness.run();
+    let point = harness.state().selection.hovered.get().point.clone().unwrap();
+    [point.position_m[0], point.position_m[1]]
+}
+
+#[test]
+fn a_map_turns_so_that_the_vehicle_heads_up_and_back() {
+    let heading_rad: f64 = 2.5;
+    let mut harness = map_of_a_vehicle_at([3.0, 2.0], heading_rad);
+    // Direction on the map of what lies above the middle of the canvas, rad.
+    let up = |harness: &mut Harness<'_, Shown>| {
+        let (middle, above) = (pointed(harness, Vec2::ZERO), pointed(harness, Vec2::new(0.0, -100.0)));
+        (above[1] - middle[1]).atan2(above[0] - middle[0])
     };
+    assert!((up(&mut harness) - FRAC_PI_2).abs() < 1e-3);
+    harness.get_by_label("Turn the map: the vehicle heads up").click();
+    harness.run();
+    assert!((up(&mut harness) - heading_rad).abs() < 1e-3);
+    harness.get_by_label("Follow the vehicle").click();
+    harness.run();
+    let [x, y] = pointed(&mut harness, Vec2::ZERO);
+    assert!((x - 3.0).abs() < 0.1 && (y - 2.0).abs() < 0.1, "{x} {y}");
+    assert_eq!(harness.state().view.save()["vehicle_up"], true);
+
+    // Who drags a turned map moves it with the pointer.
+    let at = harness.get_by_label("Map").rect().center();
+    harness.drag_at(at);
+    harness.run_steps(2);
+    harness.hover_at(at + Vec2::new(80.0, 30.0));
+    harness.run_steps(2);
+    harness.drop_at(at + Vec2::new(80.0, 30.0));
+    harness.run();
+    let moved = pointed(&mut harness, Vec2::new(80.0, 30.0));
+    assert!((moved[0] - x).abs() < 0.1 && (moved[1] - y).abs() < 0.1, "{moved:?}");
+    harness.get_by_label("Turn the map: the vehicle heads up").click();
+    harness.run();
+    assert!((up(&mut harness) - FRAC_PI_2).abs() < 1e-3, "north is up again");
+}
+
+#[test]
+fn a_map_follows_the_vehicle_until_it_is_dragged_and_zooms_to_a_layer() {
+    let mut harness = map_of_a_vehicle_at([3.0, 2.0], 0.0);
+    let middle = |harness: &mut Harness<'_, Shown>| pointed(harness, Vec2::ZERO);
     let before = middle(&mut harness);
     harness.get_by_label("Follow the vehicle").click();
     harness.run();

@@ -1,5 +1,6 @@
 //! Snapshot images of the views, rendered by the software Vulkan driver.
 
+use super::behaviour::map_of_a_vehicle_at;
 use super::{Shown, harness};
 use crate::samples;
 use egui::{Theme, Vec2};
@@ -59,6 +60,14 @@ fn camera_dark() {
 #[test]
 fn map_dark() {
     check("map", Theme::Dark);
+}
+
+#[test]
+fn map_with_the_vehicle_up_dark() {
+    let mut harness = map_of_a_vehicle_at([-2.0, 1.0], 0.5);
+    harness.get_by_label("Turn the map: the vehicle heads up").click();
+    harness.run();
+    compare_picture(harness, "map_vehicle_up_dark");
 }
 
 #[test]
