@@ -337,6 +337,29 @@ fn a_live_run_on_its_recorded_schedule_gives_the_same_buffers() {
 }
 
 #[test]
+fn a_stack_source_goes_back_to_a_message_by_its_number() {
+    let mut source = StackSource::new(plan(PAIR).unwrap(), None, RunOptions::default()).unwrap();
+    let task = Task::default();
+    source.seek(seconds(3.0), &task).unwrap();
+    let newest = |source: &mut StackSource| {
+        source.frame().topic("/counter/count").unwrap().latest.as_ref().unwrap().header.sequence
+    };
+    let last = newest(&mut source);
+    let back_to = |sequence| Step::BackTo { topic: "/counter/count".to_owned(), sequence };
+    for sequence in [last, last - 1, 2, 1] {
+        source.seek(seconds(3.0), &task).unwrap();
+        assert!(source.step(&back_to(sequence), &task).unwrap());
+        assert_eq!(newest(&mut source), sequence);
+    }
+    source.seek(seconds(1.0), &task).unwrap();
+    for wrong in [0, last] {
+        let error = source.step(&back_to(wrong), &task).unwrap_err().to_string();
+        assert!(error.contains(&format!("message {wrong} of /counter/count")), "{error}");
+        assert_eq!(source.now(), seconds(1.0), "it stays");
+    }
+}
+
+#[test]
 fn a_stack_source_steps_both_ways_by_message_and_by_cycle() {
     let mut source = StackSource::new(plan(PAIR).unwrap(), None, RunOptions::default()).unwrap();
     let task = Task::default();

@@ -60,6 +60,33 @@ fn a_log_steps_message_by_message_through_equal_times_and_back() {
 }
 
 #[test]
+fn a_log_goes_back_to_a_message_by_its_number() {
+    // Numbers count all messages of this log, so each topic lacks some.
+    let (mut source, _folder) = log_source(&[
+        (0.0, "/a", 1.0),
+        (1.0, "/a", 2.0),
+        (1.0, "/b", 3.0),
+        (1.0, "/a", 4.0),
+        (5.0, "/b", 5.0),
+    ]);
+    let task = Task::default();
+    for (topic, sequence, x) in
+        [("/a", 4, 4.0), ("/a", 2, 2.0), ("/a", 1, 1.0), ("/b", 3, 3.0), ("/b", 5, 5.0)]
+    {
+        source.seek(seconds(5.0), &task).unwrap();
+        assert!(source.step(&Step::BackTo { topic: topic.to_owned(), sequence }, &task).unwrap());
+        assert_eq!(x_of(&source.frame(), topic), Some(x));
+    }
+    source.seek(seconds(2.0), &task).unwrap();
+    for (topic, sequence) in [("/a", 3), ("/b", 5), ("/c", 1)] {
+        let back_to = Step::BackTo { topic: topic.to_owned(), sequence };
+        let error = source.step(&back_to, &task).unwrap_err().to_string();
+        assert!(error.contains(&format!("message {sequence} of {topic}")), "{error}");
+        assert_eq!(source.now(), seconds(2.0), "it stays");
+    }
+}
+
+#[test]
 fn a_seek_shows_the_newest_message_of_every_topic_whichever_way_it_came() {
     let messages: Vec<_> = (0..400)
         .map(|i| (f64::from(i) * 0.1, if i % 7 == 0 { "/slow" } else { "/fast" }, f64::from(i)))

@@ -4,6 +4,7 @@ use super::compared::Compared;
 use super::comparison::{Comparing, Subject};
 use super::frame::{Frame, Playback, Runs, SourceInfo, SourceKind};
 use super::log_view::{LogView, opening_time};
+use super::stack_steps::no_such_message;
 use super::{Source, SourceError, Step, Task};
 use rcs_log::{Log, LogMessage, MessagePosition};
 use rcs_msg::{AnyMessage, Stamp, rcs};
@@ -126,6 +127,11 @@ impl Source for LogSource {
                 }
                 (Some(ids), *back)
             }
+            Step::BackTo { topic, sequence } => {
+                let place = self.message_before(topic, *sequence)?;
+                self.go_to(place.ok_or_else(|| no_such_message(topic, *sequence))?)?;
+                return Ok(true);
+            }
             Step::Time { ns } => {
                 let now = self.place.time;
                 let to = if *ns >= 0 { now.after_ns(*ns as u64) } else { now.before_ns(ns.unsigned_abs()) };
@@ -175,6 +181,31 @@ impl LogSource {
             self.told_problems = problems.len();
             Arc::make_mut(&mut self.info).problems.extend(problems.into_iter().skip(told));
         }
+    }
+
+    /// Where the message with this sequence is, before the current place. Sequences rise with time.
+    fn message_before(&self, topic: &str, sequence: u64) -> Result<Option<MessagePosition>, SourceError> {
+        let ids = self.view.topic_ids(topic);
+        let log = self.view.log();
+        let last = |place| Ok::<_, SourceError>(log.previous_message(place, Some(&ids))?);
+        let is_reached = |message: &Option<LogMessage>| {
+            message.as_ref().is_some_and(|m| u64::from(m.sequence) >= sequence)
+        };
+        // The first time at which the message is there, by bisection.
+        let (mut from, mut to) = (self.info.start.0, self.place.time.0);
+        while from < to {
+            let middle = u64::midpoint(from, to);
+            match last(MessagePosition::after(Stamp(middle)))? {
+                found if !is_reached(&found) => from = middle + 1,
+                found => to = found.map_or(middle, |message| message.log_time.0.min(middle)),
+            }
+        }
+        let mut found = last(MessagePosition::after(Stamp(to)))?;
+        // Messages with the same time follow each other.
+        while let Some(message) = found.as_ref().filter(|message| u64::from(message.sequence) > sequence) {
+            found = last(message.place)?;
+        }
+        Ok(found.filter(|message| u64::from(message.sequence) == sequence).map(|message| message.place))
     }
 
     fn go_to(&mut self, place: MessagePosition) -> Result<(), SourceError> {

@@ -61,6 +61,13 @@ pub enum Step {
         /// Whether to the previous one.
         back: bool,
     },
+    /// Back to when a message was written.
+    BackTo {
+        /// Its topic.
+        topic: String,
+        /// Its number in the buffer, from 1.
+        sequence: u64,
+    },
     /// By a duration, forward or back.
     Time {
         /// Nanoseconds; negative for back.

@@ -426,6 +426,7 @@ impl Source for StackSource {
                     _ => false,
                 })?
             }
+            Step::BackTo { topic, sequence } => self.step_back_to(topic, *sequence)?,
             Step::Time { ns } => {
                 let from = self.now;
                 let to = if *ns >= 0 { from.after_ns(*ns as u64) } else { from.before_ns(ns.unsigned_abs()) };

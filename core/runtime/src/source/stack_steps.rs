@@ -7,6 +7,13 @@ use crate::history::Point;
 use crate::stepped::Happened;
 use rcs_log::MessagePosition;
 
+/// Why a message cannot be gone back to.
+pub(super) fn no_such_message(topic: &str, sequence: u64) -> SourceError {
+    SourceError::Unsupported(format!(
+        "message {sequence} of {topic} is not before this moment, or was not kept"
+    ))
+}
+
 impl StackSource {
     /// Moves the view to a point if one was found; `false` if not.
     fn look(&mut self, found: Option<Point>) -> bool {
@@ -82,6 +89,25 @@ impl StackSource {
             }
             None => Ok(false),
         }
+    }
+
+    /// Goes back to when the message with this sequence was written to a buffer of the stack.
+    pub(super) fn step_back_to(&mut self, topic: &str, sequence: u64) -> Result<bool, SourceError> {
+        let buffer = self.buffer_of(topic).ok_or_else(|| no_such_message(topic, sequence))?;
+        let from = self.session.cursor();
+        let mut is_at_a_message = false;
+        while !is_at_a_message || self.session.messages(buffer) > sequence {
+            let before = self.session.message_before(buffer);
+            is_at_a_message = self.look(before);
+            if !is_at_a_message {
+                break;
+            }
+        }
+        if self.session.messages(buffer) == sequence && is_at_a_message {
+            return Ok(true);
+        }
+        self.session.look(from);
+        Err(no_such_message(topic, sequence))
     }
 
     pub(super) fn step_event(
