@@ -199,7 +199,7 @@ impl Window {
     /// Shows an open source in place of the previous one.
     pub(super) fn show_source(&mut self, request: Request, source: Box<dyn Source>) {
         let Some(driver) = self.drive(&request, source) else { return };
-        self.follow = Follow::of(&request, &driver.frame());
+        self.follow = Follow::of(&request, &driver.frame(), &self.ctx);
         self.arrange_for(&driver.frame());
         if request.waits() {
             // By then its cameras have seen the course, and it has hardly moved.
@@ -242,8 +242,7 @@ impl Window {
     /// Shows more of a recording that is still being written, in place of what was known of it.
     fn follow(&mut self) {
         let Some(old) = self.frame() else { return };
-        let ctx = self.ctx.clone();
-        let Some(source) = self.follow.as_mut().and_then(|follow| follow.poll(&ctx, old.now)) else { return };
+        let Some(source) = self.follow.as_ref().and_then(|follow| follow.poll(old.now)) else { return };
         let request = self.current.clone();
         let Some(driver) = self.drive(&request, source) else { return };
         let (playback, new) = (&old.playback, driver.frame());

@@ -1,14 +1,17 @@
 //! Follows a recording that is still being written: reads it again when its file has grown.
 //!
-//! Only files that were changed lately are watched. They are read on a thread of its own, the less often the longer that
-//! takes, and shown where the old state was: at the viewed time, or at the new end if the old one was viewed.
+//! Only files that were changed lately are watched, by a thread of its own, so that a file that does not grow costs no
+//! frame. It reads the less often the longer that takes. What it has read is shown where the old state was: at the
+//! viewed time, or at the new end if the old one was viewed.
 
 use crate::open::Request;
 use rcs_msg::Stamp;
 use rcs_runtime::source::{Frame, Source, SourceKind, Task};
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant, SystemTime};
 
 /// Time between two looks at the file.
@@ -20,97 +23,85 @@ const GROWS: Duration = Duration::from_secs(10);
 /// The file is read for at most this share of the time: one part in five.
 const PAUSES: u32 = 4;
 
-/// A file that is watched.
+/// A file that is watched, until this is dropped.
 pub(super) struct Follow {
-    path: PathBuf,
-    /// Size of what is shown, bytes.
-    length: u64,
-    /// When the file grew last; when it was opened, if it has not grown since.
-    grew: Instant,
-    has_grown: bool,
-    looked: Instant,
-    /// No reading begins before.
-    rest_until: Instant,
-    reading: Option<Reading>,
+    shared: Arc<Shared>,
+    sources: Receiver<Box<dyn Source>>,
+    /// The thread ends when this is dropped.
+    _end: Sender<()>,
 }
 
-/// A file that is being read again.
-struct Reading {
-    since: Instant,
-    length: u64,
-    source: Receiver<anyhow::Result<Box<dyn Source>>>,
+/// What the thread and the window tell each other.
+#[derive(Default)]
+struct Shared {
+    /// The viewed time, ns.
+    viewed: AtomicU64,
+    grows: AtomicBool,
 }
 
 impl Follow {
     /// Watches the recording of a request, if it is shown as it is, has not been finished, and was changed lately.
-    pub(super) fn of(request: &Request, frame: &Frame) -> Option<Self> {
+    pub(super) fn of(request: &Request, frame: &Frame, ctx: &egui::Context) -> Option<Self> {
         let path = request.log.clone().filter(|_| request.stack.is_none() && is_unfinished(frame))?;
-        let metadata = path.metadata().ok()?;
-        let now = Instant::now();
-        was_changed_lately(&metadata).then(|| Self {
-            path,
-            length: metadata.len(),
-            grew: now,
-            has_grown: false,
-            looked: now,
-            rest_until: now,
-            reading: None,
-        })
+        let metadata = path.metadata().ok().filter(was_changed_lately)?;
+        let shared = Arc::new(Shared { viewed: AtomicU64::new(frame.now.0), ..Shared::default() });
+        let ((found, sources), (end, ended)) = (channel(), channel());
+        let watch = Watch { path, length: metadata.len(), shared: Arc::clone(&shared), ctx: ctx.clone() };
+        let thread = std::thread::Builder::new().name("follow".to_owned());
+        thread.spawn(move || watch.run(&found, &ended)).ok()?;
+        Some(Self { shared, sources, _end: end })
     }
 
     /// Whether the file is growing.
     pub(super) fn is_growing(&self) -> bool {
-        self.has_grown && self.grew.elapsed() < GROWS
+        self.shared.grows.load(Ordering::Relaxed)
     }
 
-    /// Looks at the file now and then; returns what it holds now, positioned at `viewed`, once it has been read again.
-    pub(super) fn poll(&mut self, ctx: &egui::Context, viewed: Stamp) -> Option<Box<dyn Source>> {
-        let now = Instant::now();
-        if let Some(reading) = &self.reading {
-            let result = match reading.source.try_recv() {
-                Err(TryRecvError::Empty) => return None,
-                Err(TryRecvError::Disconnected) => None,
-                Ok(result) => Some(result),
-            };
-            let (took, length) = (reading.since.elapsed(), reading.length);
-            self.reading = None;
-            self.rest_until = now + took * PAUSES;
-            match result {
-                Some(Ok(source)) => {
+    /// What the file holds now, near `viewed`, if it has been read again.
+    pub(super) fn poll(&self, viewed: Stamp) -> Option<Box<dyn Source>> {
+        self.shared.viewed.store(viewed.0, Ordering::Relaxed);
+        self.sources.try_iter().last()
+    }
+}
+
+/// The work of the thread.
+struct Watch {
+    path: PathBuf,
+    /// Size of what is shown, bytes.
+    length: u64,
+    shared: Arc<Shared>,
+    ctx: egui::Context,
+}
+
+impl Watch {
+    fn run(mut self, found: &Sender<Box<dyn Source>>, ended: &Receiver<()>) {
+        let mut grew = Instant::now();
+        let mut pause = LOOK;
+        while ended.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
+            pause = LOOK;
+            if grew.elapsed() > GROWS && self.shared.grows.swap(false, Ordering::Relaxed) {
+                self.ctx.request_repaint();
+            }
+            if grew.elapsed() > FINISHED {
+                return;
+            }
+            let length = self.path.metadata().map_or(self.length, |metadata| metadata.len());
+            if length <= self.length {
+                continue;
+            }
+            grew = Instant::now();
+            self.shared.grows.store(true, Ordering::Relaxed);
+            match read(&self.path, Stamp(self.shared.viewed.load(Ordering::Relaxed))) {
+                Ok(source) => {
                     self.length = length;
-                    return Some(source);
+                    // Fails if the recording is no longer shown.
+                    let _ = found.send(source);
                 }
                 // A record that is just being written may not be readable; the next look is later.
-                Some(Err(error)) => tracing::debug!("{error:#}: {}", self.path.display()),
-                None => {}
+                Err(error) => tracing::debug!("{error:#}: {}", self.path.display()),
             }
-        }
-        if self.grew.elapsed() > FINISHED {
-            return None;
-        }
-        ctx.request_repaint_after(LOOK);
-        if now.saturating_duration_since(self.looked) < LOOK || now < self.rest_until {
-            return None;
-        }
-        self.looked = now;
-        let length = self.path.metadata().map_or(self.length, |metadata| metadata.len());
-        if length > self.length {
-            (self.grew, self.has_grown) = (now, true);
-            self.read(ctx, length, viewed);
-        }
-        None
-    }
-
-    fn read(&mut self, ctx: &egui::Context, length: u64, viewed: Stamp) {
-        let (sender, source) = channel();
-        let (path, ctx) = (self.path.clone(), ctx.clone());
-        let thread = std::thread::Builder::new().name("follow".to_owned()).spawn(move || {
-            // Fails if the recording is no longer shown.
-            let _ = sender.send(read(&path, viewed));
-            ctx.request_repaint();
-        });
-        if thread.is_ok() {
-            self.reading = Some(Reading { since: Instant::now(), length, source });
+            self.ctx.request_repaint();
+            pause = LOOK.max(grew.elapsed() * PAUSES);
         }
     }
 }

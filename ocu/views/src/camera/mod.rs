@@ -258,7 +258,7 @@ impl Camera {
         let place =
             pixel.zip(seen).and_then(|(pixel, seen)| self.place(ui.ctx(), cx.frame, base, pixel, seen));
         read_out(ui, canvas, pixel, &shown, place.as_ref());
-        point_at(ui, cx, topic, &response, viewport, canvas, place.map(|(point, _)| point), seen);
+        point_at(ui, cx, topic, &response, viewport, canvas, rect, place.map(|(point, _)| point), seen);
     }
 
     /// The legends of the images; the first one lies below the others.
@@ -351,6 +351,7 @@ fn point_at(
     response: &Response,
     viewport: Viewport,
     canvas: Rect,
+    image: Rect,
     point: Option<HoverPoint>,
     seen: Option<&Seen>,
 ) {
@@ -373,7 +374,8 @@ fn point_at(
     };
     if let Some(pixel) = same.or_else(placed) {
         let stroke = egui::Stroke::new(1.5, tokens(ui).accent);
-        ui.painter_at(canvas).circle_stroke(viewport.to_screen(canvas, pixel), 6.0, stroke);
+        // A place beside the image is not in it.
+        ui.painter_at(canvas.intersect(image)).circle_stroke(viewport.to_screen(canvas, pixel), 6.0, stroke);
     }
 }
 

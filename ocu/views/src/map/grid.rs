@@ -57,6 +57,11 @@ impl<'a> Cells<'a> {
         self.0.names()
     }
 
+    /// Whether it has a field.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.0.field(name).is_ok()
+    }
+
     /// Value of a field in a cell; `None` where the field or cell does not exist.
     pub(super) fn read(&self, name: &str, [column, row]: [usize; 2]) -> Option<f64> {
         self.0.field(name).ok()?.get(column, row)

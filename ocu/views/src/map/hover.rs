@@ -1,19 +1,17 @@
-//! Readout of the position under the pointer: coordinates, all fields of the cell, and the frame from which they come.
+//! Readout of the position under the pointer, or of one that is kept: coordinates, and what the cell holds.
 
 use super::Map;
+use super::cell::Content;
 use super::grid::Cells;
 use super::layers::{self, Kind, Layer};
 use super::plan;
 use crate::canvas::Viewport;
 use crate::view::{Hover, HoverPoint, TopicKey, ViewContext};
-use egui::{Align2, Rect, Response, RichText, Stroke, Ui};
-use ocu_ui::widgets::mono;
-use ocu_ui::{format, legend, tokens};
+use egui::{Align2, Pos2, Rect, Response, Stroke, Ui, Vec2};
+use ocu_ui::widgets::{icon_button, mono};
+use ocu_ui::{icons, legend, tokens};
 use rcs_geom::{DVec3, Utm};
-use rcs_msg::Stamp;
-use rcs_runtime::source::{Control, Frame, Topic};
-use rcs_world::Label;
-use std::collections::BTreeSet;
+use rcs_runtime::source::{Control, Frame, Step, Topic};
 
 /// Part of the height of the map that the read-out takes at most, as far as the costs of the sources allow it, and
 /// height of one of its lines, screen points.
@@ -21,11 +19,13 @@ const MOST_OF_CANVAS: f32 = 0.6;
 const LINE: f32 = 16.0;
 /// Distance from a track at which the pointer means it, screen points.
 const NEAR: f64 = 6.0;
+/// Where the scale bar ends, below the upper edge of the map, screen points.
+const BELOW_SCALE: f32 = 36.0;
 
 impl Map {
     /// Says what is under the pointer, and marks what other views say.
     pub(super) fn point_at(
-        &self,
+        &mut self,
         ui: &Ui,
         cx: &mut ViewContext<'_>,
         map: &str,
@@ -34,7 +34,13 @@ impl Map {
         viewport: Viewport,
     ) {
         let canvas = response.rect;
-        if let Some(at) = response.hover_pos() {
+        if let Some(kept) = self.kept {
+            let at = viewport.to_screen(canvas, kept);
+            ui.painter_at(canvas).circle_stroke(at, 5.0, Stroke::new(1.5, tokens(ui).strong));
+        }
+        // What lies below the read-out of a kept cell is not meant.
+        let is_meant = |at: &Pos2| self.kept.and(self.kept_plate).is_none_or(|plate| !plate.contains(*at));
+        if let Some(at) = response.hover_pos().filter(is_meant) {
             let [x, y] = viewport.to_plane(canvas, at);
             let point = HoverPoint { frame_id: map.to_owned(), position_m: [x, y, f64::NAN] };
             let mut hover = Hover { point: Some(point), ..Hover::default() };
@@ -48,13 +54,13 @@ impl Map {
                 (hover.topic, hover.cell) = (Some(TopicKey::of(topic)), Some(cell));
             }
             hover.time = self.tracks.time_at(shown, [x, y], NEAR / viewport.scale);
-            if let Some(time) = hover.time
-                && response.clicked()
-                && !self.measuring
-                && self.draft.is_none()
-                && self.example.is_none()
-            {
-                cx.controls.push(Control::Seek(time));
+            if response.clicked() && !self.measuring && self.draft.is_none() && self.example.is_none() {
+                match hover.time {
+                    Some(time) => cx.controls.push(Control::Seek(time)),
+                    // A click beside the cell that is kept lets go of it.
+                    None if self.kept.take().is_some() => {}
+                    None => self.kept = hover.cell.map(|_| [x, y]),
+                }
             }
             cx.selection.hovered.set(hover);
             return;
@@ -72,20 +78,37 @@ impl Map {
         }
     }
 
-    /// The panel in the corner with the readout.
+    /// The panel in the corner: where the pointer is, and what the cell there holds. A click keeps the panel at its
+    /// place; then each source leads to the message that made the cell.
     pub(super) fn read_out(
-        &self,
+        &mut self,
         ui: &mut Ui,
-        frame: &Frame,
+        cx: &mut ViewContext<'_>,
         map: &str,
         shown: &[&Layer<'_>],
         pointer: Option<[f64; 2]>,
+        viewport: Viewport,
         canvas: Rect,
     ) {
-        let Some([x, y]) = pointer else { return };
-        legend::plate(ui, canvas, Align2::RIGHT_BOTTOM, |ui| {
+        let Some([x, y]) = self.kept.or(pointer) else { return };
+        let (is_kept, frame) = (self.kept.is_some(), cx.frame);
+        // Who draws looks at what is drawn, not at numbers that lie over it.
+        let draws = self.measuring || self.draft.is_some() || self.example.is_some();
+        // It does not lie over what it tells of.
+        let is_below = viewport.to_screen(canvas, [x, y]).y > canvas.center().y && !draws;
+        let (corner, top) =
+            if is_below { (Align2::RIGHT_TOP, BELOW_SCALE) } else { (Align2::RIGHT_BOTTOM, 0.0) };
+        let place = Rect::from_min_max(canvas.min + Vec2::new(0.0, top), canvas.max);
+        let mut close = false;
+        let mut wanted = None;
+        let (_, plate) = legend::plate(ui, place, corner, |ui| {
             ui.style_mut().interaction.selectable_labels = false;
-            ui.label(mono(format!("x {x:8.2} m  y {y:8.2} m")));
+            ui.horizontal(|ui| {
+                ui.label(mono(format!("x {x:8.2} m  y {y:8.2} m")));
+                if is_kept {
+                    close = icon_button(ui, icons::ICON_CLOSE, "Close the cell").clicked();
+                }
+            });
             if let Some((place, is_exact)) = self.tracks.geodetic(shown, map, [x, y]) {
                 let about = if is_exact { "" } else { "≈ " };
                 let (latitude, longitude) = (place.latitude_deg, place.longitude_deg);
@@ -97,8 +120,7 @@ impl Map {
                     |text| about.to_owned() + &spaced(&text),
                 )));
             }
-            // Who draws looks at what is drawn, not at numbers that lie over it.
-            if self.measuring || self.draft.is_some() || self.example.is_some() {
+            if draws {
                 return;
             }
             let mut is_top = true;
@@ -109,11 +131,28 @@ impl Map {
                     && let Ok(map_from_grid) = layers::map_from_layer(frame, map, layer)
                     && let Some(cell) = cells.cell_at(map_from_grid.inverse() * DVec3::new(x, y, 0.0))
                 {
-                    cell_lines(ui, frame, layer, &cells, cell, is_top, most_lines);
+                    let content = Content { frame, cells: &cells, cell };
+                    content.title(ui, &layer.name, is_top && !is_kept);
+                    if is_top {
+                        let made_by = content.show(ui, most_lines, is_kept);
+                        wanted =
+                            wanted.take().or_else(|| made_by.and_then(|made| made.message(frame, layer)));
+                    } else {
+                        content.brief(ui);
+                    }
                     is_top = false;
                 }
             }
         });
+        self.kept_plate = is_kept.then_some(plate);
+        if close {
+            self.kept = None;
+        }
+        if let Some((topic, sequence)) = wanted {
+            cx.selection.topic = Some(TopicKey::of(topic));
+            self.saved.layers.entry(topic.name.to_string()).or_default().shown = true;
+            cx.controls.push(Control::Step(Step::BackTo { topic: topic.name.to_string(), sequence }));
+        }
     }
 }
 
@@ -150,87 +189,4 @@ fn top_cell<'a>(
         let map_from_grid = layers::map_from_layer(frame, map, layer).ok()?;
         Some((layer.topic?, cells.cell_at(map_from_grid.inverse() * DVec3::new(x, y, 0.0))?))
     })
-}
-
-/// All fields of a cell: each cost with its confidence and source frame on one line. Of a grid below another one, only
-/// the fused cost, if it has one. What finds no room in `most_lines` is counted.
-fn cell_lines(
-    ui: &mut Ui,
-    frame: &Frame,
-    layer: &Layer<'_>,
-    cells: &Cells<'_>,
-    cell: [usize; 2],
-    is_top: bool,
-    most_lines: usize,
-) {
-    let value = |name: &str| cells.read(name, cell);
-    let mut told = BTreeSet::new();
-    let mut tell = |name: &str| {
-        told.insert(name.to_owned());
-        value(name)
-    };
-    let weak = tokens(ui).weak;
-    ui.label(RichText::new(format!("{}  cell {}, {}", layer.name, cell[0], cell[1])).small().color(weak));
-    if let Some(fused) = tell("cost") {
-        let confidence = tell("confidence").map(|conf| format!("  conf {conf:3}")).unwrap_or_default();
-        let place = tell("source").unwrap_or(f64::NAN);
-        let mut sources = cells.names().filter_map(|name| name.strip_prefix("cost."));
-        let source = if place >= 0.0 { sources.nth(place as usize) } else { None };
-        let by = source.map(|source| format!(" by {source}")).unwrap_or_default();
-        let label = match tell("label") {
-            Some(label) if label == f64::from(Label::Ground as u8) => "  ground",
-            Some(label) if label == f64::from(Label::Obstacle as u8) => "  obstacle",
-            _ => "",
-        };
-        ui.label(mono(format!("fused      {}{confidence}{label}{by}", cost(fused))));
-        if !is_top {
-            return;
-        }
-    }
-    for name in cells.names() {
-        let Some(source) = name.strip_prefix("cost.") else { continue };
-        let cost = tell(name).map(cost).unwrap_or_default();
-        let confidence =
-            tell(&format!("conf.{source}")).map(|conf| format!("  conf {conf:3}")).unwrap_or_default();
-        let made_by = match tell(&format!("seq.{source}")) {
-            Some(sequence) if sequence > 0.0 => format!("  by frame {sequence}"),
-            Some(_) => "  never seen".to_owned(),
-            None => String::new(),
-        };
-        ui.label(mono(format!("{source:<10} {cost}{confidence}{made_by}")));
-    }
-    if let (Some(seconds), Some(nanos)) = (tell("updated_s"), tell("updated_ns")) {
-        let changed = Stamp(seconds as u64 * 1_000_000_000 + nanos as u64);
-        let text = match changed.0 {
-            0 => "never".to_owned(),
-            _ => format!(
-                "{} ago, at {}",
-                format::age(frame.now.seconds_since(changed)),
-                format::clock(changed.0)
-            ),
-        };
-        ui.label(mono(format!("changed    {text}")));
-    }
-    let rest: Vec<_> = cells.names().filter(|name| !told.contains(*name)).collect();
-    // Position, title, fused cost and time of the change take six lines, and each source one.
-    let sources = cells.names().filter(|name| name.starts_with("cost.")).count();
-    let (listed, hidden) = rest.split_at(rest.len().min(2 * most_lines.saturating_sub(6 + sources)));
-    for pair in listed.chunks(2) {
-        let one = |name: &str| format!("{name:<18} {:<10}", value(name).map(known).unwrap_or_default());
-        let text = pair.iter().map(|name| one(name)).collect::<Vec<_>>().join(" ");
-        ui.label(mono(text.trim_end()));
-    }
-    if !hidden.is_empty() {
-        let text = format!("{} numbers more in a larger map", hidden.len());
-        ui.label(RichText::new(text).small().color(weak));
-    }
-}
-
-/// A number of a cell; a dash where it is unknown.
-fn known(value: f64) -> String {
-    if value.is_nan() { "–".to_owned() } else { format::number(value) }
-}
-
-fn cost(value: f64) -> String {
-    if value > 250.0 { "unknown ".to_owned() } else { format!("cost {value:3}") }
 }

@@ -4,6 +4,7 @@
 //! with that reason; a track can be aligned with another one by its first metres, and is marked as such. Ground truth
 //! is drawn on top, half transparent, and is off until it is switched on.
 
+mod cell;
 mod cloud;
 mod for_camera;
 mod for_scene;
@@ -113,6 +114,10 @@ pub(crate) struct Map {
     example: Option<training::Example>,
     /// The place of the legend in the previous pass.
     legend: Option<Rect>,
+    /// The place whose cell stays in the read-out, in the map's frame.
+    kept: Option<[f64; 2]>,
+    /// Where its read-out was in the previous pass.
+    kept_plate: Option<Rect>,
     /// Angle by which the map was turned in the previous pass, rad.
     turned_rad: f64,
     /// Where the menu was opened, in the map's frame.
@@ -255,6 +260,7 @@ impl Map {
                     self.saved.frame = Some((*frame).to_owned());
                     self.saved.viewport = None;
                     self.measured = None;
+                    self.kept = None;
                     self.draft = None;
                     self.example = None;
                 }
@@ -402,12 +408,13 @@ impl Map {
         legend::scale_bar(ui, canvas.right_top() + Vec2::new(-12.0, 32.0), viewport.scale);
         paint::north(ui, canvas.left_top() + Vec2::new(20.0, 24.0), viewport, map == WGS84);
         // In a narrow map the read-out takes the place of the legend, and in a low one it would hide too much.
-        let has_legend = canvas.height() >= 200.0 && (canvas.width() >= 560.0 || !response.hovered());
+        let reads_out = response.hovered() || self.kept.is_some();
+        let has_legend = canvas.height() >= 200.0 && (canvas.width() >= 560.0 || !reads_out);
         self.legend =
             if has_legend { self.legend(ui, cx.frame, layers, &shown, canvas, listed) } else { None };
         let pointer = response.hover_pos().filter(|_| !response.context_menu_opened());
         let pointer = pointer.map(|at| viewport.to_plane(canvas, at));
-        self.read_out(ui, cx.frame, map, &shown, pointer, canvas);
+        self.read_out(ui, cx, map, &shown, pointer, viewport, canvas);
     }
 
     /// The places on which no text lies: north, the scale, and the legend.
@@ -439,6 +446,7 @@ impl Map {
         {
             self.saved.viewport = None;
         }
+        self.kept = None;
         self.looked_at = Some(source);
     }
 

@@ -9,7 +9,7 @@ use egui::{Theme, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use rcs_msg::{foxglove, rcs};
-use rcs_runtime::source::{Control, SourceInfo, SourceKind};
+use rcs_runtime::source::{Control, SourceInfo, SourceKind, Step};
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
@@ -316,10 +316,49 @@ fn a_cell_under_the_pointer_tells_its_numbers_and_the_frame_that_made_them() {
     let canvas = harness.get_by_label("Map").rect();
     harness.hover_at(canvas.center() + Vec2::new(9.0, 3.0));
     harness.run();
-    assert!(harness.query_by_label_contains("by frame 7").is_some());
+    assert!(harness.query_by_label("      7").is_some(), "the message that made the cell");
     assert!(harness.query_by_label_contains("/wm1/map  cell").is_some());
     let hover = harness.state().selection.hovered.get();
     assert!(hover.point.is_some() && hover.cell.is_some());
+}
+
+#[test]
+fn a_click_keeps_a_cell_and_a_source_leads_to_the_message_that_made_it() {
+    let mut frame = samples::full();
+    // A process that makes the map of what another topic says.
+    let map = frame.topic("/wm1/map").unwrap().clone();
+    let mut said = map.clone();
+    said.name = "/obstacles/cost".into();
+    frame.topics = frame.topics.iter().cloned().chain([said]).collect();
+    let port = rcs::PortInfo { buffer: "/obstacles/cost".into(), ..Default::default() };
+    let writer = rcs::ProcessInfo { name: map.writer.to_string(), inputs: vec![port], ..Default::default() };
+    frame.processes = Arc::new([writer]);
+    let mut shown = Shown::new("map", frame);
+    shown.view.load(&serde_json::json!({ "layers": { "/obstacles/cost": { "shown": false } } })).unwrap();
+    let mut harness = harness(shown, Vec2::new(900.0, 700.0), Theme::Dark);
+    harness.run();
+    // Beside the tracks, a click on which goes to a time.
+    let place = harness.get_by_label("Map").rect().center() + Vec2::new(20.0, 40.0);
+    let click = |harness: &mut Harness<'_, Shown>, at| {
+        harness.hover_at(at);
+        harness.run();
+        harness.drag_at(at);
+        harness.drop_at(at);
+        harness.run();
+    };
+    click(&mut harness, place);
+    harness.hover_at(place - Vec2::new(100.0, 100.0));
+    harness.run();
+    assert!(harness.query_by_label_contains("/wm1/map  cell").is_some(), "it stays");
+    harness.get_by_label_contains("message 7 of stereo").click();
+    harness.run();
+    let back_to = Step::BackTo { topic: "/obstacles/cost".to_owned(), sequence: 7 };
+    let controls = &harness.state().controls;
+    assert!(matches!(&controls[..], [Control::Step(step)] if *step == back_to), "{controls:?}");
+    assert_eq!(harness.state().selection.topic, Some(key("/obstacles/cost")));
+    harness.get_by_label("Close the cell").click();
+    harness.run();
+    assert!(harness.query_by_label_contains("of stereo, which made this cell").is_none());
 }
 
 #[test]
