@@ -2,8 +2,9 @@
 //!
 //! Built by `cargo build --workspace --example interface`; with the arguments
 //!
-//! - `STACK COURSE SECONDS`: the whole window at 1600×900 with four cameras
-//!   with overlays, two maps and the log, on a stack that runs; then the same, paused.
+//! - `STACK COURSE SECONDS [AFTER]`: the whole window at 1600×900 with four cameras with overlays, two maps and the log,
+//!   on a stack that runs; then the same, paused. With `AFTER`, once more after so many seconds of the run, through which
+//!   it is stepped.
 //! - `plots LOG FIELD FIELD FIELD FIELD`: opening four plots of a log, and moving them along the time. The example
 //!   `recordings` of `rcs-log` writes such logs.
 //! - `hierarchy SECONDS`: the view Hierarchy with 40 processes at 50 Hz, and an empty view for comparison.
@@ -54,6 +55,7 @@ fn whole(mut args: impl Iterator<Item = String>) -> anyhow::Result<()> {
     let stack = args.next().unwrap_or_else(|| "lagr_stereo_only".to_owned());
     let course = args.next();
     let seconds: f64 = args.next().map(|text| text.parse()).transpose()?.unwrap_or(20.0);
+    let after_s: Option<f64> = args.next().map(|text| text.parse()).transpose()?;
     let context = egui::Context::default();
     let request = Request { stack: Some(stack), course, ..Request::default() };
     // Four cameras; those that there are, if they are fewer.
@@ -71,23 +73,40 @@ fn whole(mut args: impl Iterator<Item = String>) -> anyhow::Result<()> {
         std::thread::sleep(Duration::from_millis(5));
     }
     println!("first picture after {:.0} ms", opened.elapsed().as_secs_f64() * 1e3);
-    let space = |pressed| egui::Event::Key {
-        key: egui::Key::Space,
-        physical_key: None,
-        pressed,
-        repeat: false,
-        modifiers: egui::Modifiers::NONE,
-    };
     // A robot that stands before its course is sent to the goal.
     let began = Instant::now();
     while window.frame().is_some_and(|frame| !frame.playback.playing) && began.elapsed() < PATIENCE {
-        pass(&context, &mut window, vec![space(true), space(false)]);
+        pass(&context, &mut window, press(egui::Key::Space));
         std::thread::sleep(Duration::from_millis(500));
     }
     measure("running", &context, &mut window, seconds);
-    pass(&context, &mut window, vec![space(true), space(false)]);
+    pass(&context, &mut window, press(egui::Key::Space));
     measure("paused", &context, &mut window, 3.0);
+    if let Some(after_s) = after_s {
+        step_to(&context, &mut window, after_s);
+        pass(&context, &mut window, press(egui::Key::Space));
+        measure("running", &context, &mut window, seconds);
+    }
     Ok(())
+}
+
+fn press(key: egui::Key) -> Vec<egui::Event> {
+    let (physical_key, repeat, modifiers) = (None, false, egui::Modifiers::NONE);
+    [true, false].map(|pressed| egui::Event::Key { key, physical_key, pressed, repeat, modifiers }).to_vec()
+}
+
+/// Steps through a run by seconds, as fast as it goes.
+fn step_to(context: &egui::Context, window: &mut Window, to_s: f64) {
+    let time_s = |window: &Window| window.frame().map_or(f64::MAX, |frame| frame.time_s());
+    let began = Instant::now();
+    while time_s(window) < to_s {
+        let from_s = time_s(window);
+        pass(context, window, press(egui::Key::Period));
+        while time_s(window) < from_s + 0.5 {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+    println!("stepped to {to_s:.0} s of the run in {:.0} s", began.elapsed().as_secs_f64());
 }
 
 fn measure(what: &str, context: &egui::Context, window: &mut Window, seconds: f64) {

@@ -16,7 +16,7 @@ pub(super) const ALIGN_LENGTH_M: f64 = 40.0;
 /// Parts of a track that are smaller than this are one position for the alignment, m.
 const AT_REST_M: f64 = 0.05;
 /// Greatest number of parts that are drawn of a track, of its past and its future each.
-const MOST_PARTS: usize = 6_000;
+const MOST_PARTS: usize = 2_000;
 /// Number of parts from which the extent of a track is determined.
 const FIT_PARTS: usize = 512;
 /// A part that is smaller than this is drawn as one line, screen points.
