@@ -5,6 +5,7 @@
 //! - `STACK COURSE SECONDS [AFTER]`: the whole window at 1600×900 with four cameras with overlays, two maps and the log,
 //!   on a stack that runs; then the same, paused. With `AFTER`, once more after so many seconds of the run, through which
 //!   it is stepped.
+//! - `large`: a map, an image and a cloud as large as they come, opened, moved, zoomed and played.
 //! - `plots LOG FIELD FIELD FIELD FIELD`: opening four plots of a log, and moving them along the time. The example
 //!   `recordings` of `rcs-log` writes such logs.
 //! - `hierarchy SECONDS`: the view Hierarchy with 40 processes at 50 Hz, and an empty view for comparison.
@@ -12,6 +13,7 @@
 #![allow(clippy::print_stdout, reason = "it prints what it measures")]
 
 mod hierarchy;
+mod large;
 mod pass;
 mod plots;
 
@@ -37,6 +39,7 @@ const PATIENCE: Duration = Duration::from_secs(20);
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match arguments.first().map(String::as_str) {
+        Some("large") => large::measure(),
         Some("plots") => plots::measure(&arguments[1..]),
         Some("hierarchy") => hierarchy::measure(&arguments[1..]),
         _ => whole(arguments.into_iter()),

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 const MOVED: usize = 300;
 /// Points of the screen by which they move in a frame.
 const STEP: f32 = 6.0;
-/// Within the plot, or the first of them.
+/// Within the view, or the first of them.
 const START: Pos2 = Pos2::new(300.0, 160.0);
 
 /// The arguments are the log and the fields.
@@ -63,8 +63,8 @@ fn is_read(window: &Window, count: usize) -> bool {
     })
 }
 
-/// Drags the plot to and fro; the times of the frames, ms.
-fn moved(context: &egui::Context, window: &mut Window) -> (Vec<f64>, Vec<f64>) {
+/// Drags what is at the start to and fro; the times of the frames, ms.
+pub(crate) fn moved(context: &egui::Context, window: &mut Window) -> (Vec<f64>, Vec<f64>) {
     let button = |pos, pressed| Event::PointerButton {
         pos,
         button: PointerButton::Primary,
@@ -87,7 +87,7 @@ fn moved(context: &egui::Context, window: &mut Window) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// Zooms in and out; the times of the frames in which the zoom changed, ms.
-fn zoomed(context: &egui::Context, window: &mut Window) -> Vec<f64> {
+pub(crate) fn zoomed(context: &egui::Context, window: &mut Window) -> Vec<f64> {
     let wheel = |y: f32| Event::MouseWheel {
         unit: MouseWheelUnit::Point,
         delta: egui::vec2(0.0, y),
