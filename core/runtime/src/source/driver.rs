@@ -222,13 +222,6 @@ fn is_emergency_stop(message: &AnyMessage) -> bool {
     message.is_a(schema_of::<rcs::EmergencyStop>())
 }
 
-impl Driver {
-    /// Ends the thread without waiting for it: the source ends its current work, and is dropped there.
-    pub fn close(mut self) {
-        self.thread = None;
-    }
-}
-
 impl Drop for Driver {
     fn drop(&mut self) {
         self.send(Control::Cancel);

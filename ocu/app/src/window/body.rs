@@ -13,6 +13,7 @@ use super::keymap::Keymap;
 use super::layout_store::LayoutStore;
 use super::leaving::Leaving;
 use super::load_param::LoadParam;
+use super::memory;
 use super::notices::{Matter, Notices};
 use super::open::{self, Invited, Opener};
 use super::operate::{Operating, StopState};
@@ -211,7 +212,7 @@ impl Window {
             driver.send(Control::Play);
         }
         if let Shown::Live(old) = std::mem::replace(&mut self.shown, Shown::Live(driver)) {
-            old.close();
+            memory::close(old);
         }
         self.watched.clear();
         self.gathered.clear();
@@ -263,7 +264,7 @@ impl Window {
             driver.send(Control::Play);
         }
         if let Shown::Live(old) = std::mem::replace(&mut self.shown, Shown::Live(driver)) {
-            old.close();
+            memory::close(old);
         }
     }
 

@@ -79,8 +79,10 @@ impl FileDialogs {
             Some(Saved::Cancelled) => self.save_params = None,
             Some(Saved::Written(path)) => {
                 self.save_params = None;
+                let whole = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
                 let text = format!(
-                    "Saved: {0}. `ocu --stack {0}` starts with it; what runs now changes only when you press Send.",
+                    "Saved: {}. `ocu --stack {}` starts with it; what runs now changes only when you press Send.",
+                    whole.display(),
                     path.display()
                 );
                 notices.news(Matter::Run, text);

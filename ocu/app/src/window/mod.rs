@@ -24,6 +24,7 @@ mod lanes;
 mod layout_store;
 mod leaving;
 mod load_param;
+mod memory;
 mod notices;
 mod open;
 mod operate;

@@ -18,6 +18,9 @@ fn is_line(layer: &Layer<'_>) -> bool {
     matches!(layer.kind, Kind::Track { .. } | Kind::Path(_) | Kind::Plan(_))
 }
 
+/// Height of a line of the legend, screen points.
+const LEGEND_LINE: f32 = 16.0;
+
 impl Map {
     pub(super) fn panel(&mut self, ui: &mut Ui, frame: &Frame, map: &str, layers: &[Layer<'_>], rect: Rect) {
         let tokens = tokens(ui);
@@ -145,9 +148,10 @@ impl Map {
         let placed = |layer: &&&Layer<'_>| layers::map_from_layer(frame, &self.frame_id, layer).is_ok();
         let colored =
             shown.iter().filter(placed).any(|layer| matches!(layer.kind, Kind::Grid(_) | Kind::Cloud));
-        // Lines are omitted if the layer panel lists them, or if the map is too small.
-        let named =
-            !listed && (!colored || canvas.height() >= 400.0) && shown.iter().any(|layer| is_line(layer));
+        // Lines are omitted if the layer panel lists them, or if they would take more than a third of the map's height.
+        let lines = shown.iter().filter(|layer| is_line(layer)).count();
+        let is_short = lines as f32 * LEGEND_LINE <= canvas.height() / 3.0;
+        let named = !listed && lines > 0 && (is_short || !colored);
         if !colored && !named {
             return None;
         }
