@@ -7,8 +7,8 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PackedElementField};
 use rcs_sense::GridFrame;
 use rcs_world::{
-    GridView, GridViewError, MAX_COST, NumericType, OBSTACLE_COST, OBSTACLE_SEEN_FROM, Source, UNKNOWN_COST,
-    Weights, fuse_grid,
+    GridView, GridViewError, MAX_COST, NumericType, OBSTACLE_COST, OBSTACLE_SEEN_FROM, Source, SourceKind,
+    UNKNOWN_COST, Weighted, Weights, fuse_grid,
 };
 use serde::{Deserialize, Serialize};
 
@@ -111,18 +111,14 @@ impl Rectangle {
     }
 
     /// What was sensed from near: the fused costs without what the source `memory` says, and without the obstacles that
-    /// have not been seen from nearer than a distance, m. Where something is remembered, the given sources must say it, too:
+    /// have not been seen from nearer than a distance, m. Where something is remembered, those of shape and touch must say it, too:
     /// what they have not sensed is unknown, and an obstacle is one by both.
-    pub fn sensed_from_near(
-        view: &GridView<'_>,
-        by: &Weights,
-        within_m: f64,
-    ) -> Result<Rectangle, GridViewError> {
+    pub fn sensed_from_near(view: &GridView<'_>, within_m: f64) -> Result<Rectangle, GridViewError> {
         let mut map = Rectangle::of_grid(view)?;
         if let Ok(field) = view.field_of(&format!("conf.{}", Source::MEMORY), NumericType::Uint8) {
             let (mut remembered, mut sensed) = (Vec::new(), Vec::new());
             field.bytes_into(&mut remembered);
-            fuse_grid(view, by, &mut sensed)?;
+            fuse_grid(view, &by_shape(view), &mut sensed)?;
             for ((cost, confidence), sensed) in map.costs.iter_mut().zip(remembered).zip(sensed) {
                 let both = if sensed == UNKNOWN_COST { sensed } else { sensed.min(*cost) };
                 *cost = if confidence > 0 { both } else { *cost };
@@ -241,6 +237,21 @@ impl Rectangle {
         let beside = around.iter().flat_map(|&x| around.iter().map(move |&y| DVec2::new(x, y)));
         beside.into_iter().any(|step| is_obstacle(self.at(place + step * self.cell_size_m)))
     }
+}
+
+/// The sources with which a remembered map is compared: those of shape and touch. The others have no weight; what is not
+/// listed would count fully, and the remembered map would be compared with itself.
+pub fn by_shape(view: &GridView<'_>) -> Weights {
+    let weighted = |source, weight, kind| Weighted { source, weight, kind };
+    let listed = [
+        weighted(Source::STEREO, 1.0, SourceKind::Range),
+        weighted(Source::TERRAIN, 0.5, SourceKind::Learned),
+        weighted(Source::BUMPER, 1.0, SourceKind::Override),
+    ];
+    let is_listed = |source: Source| listed.iter().any(|entry| entry.source == source);
+    let sources = view.sources();
+    let others = sources.iter().filter(|&source| !is_listed(source));
+    listed.into_iter().chain(others.map(|source| weighted(source, 0.0, SourceKind::Learned))).collect()
 }
 
 /// Whether a cost is that of an obstacle.

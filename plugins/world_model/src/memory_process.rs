@@ -1,7 +1,7 @@
 //! The process `map_memory`: a world model's map of an earlier run, registered against this one, and the map to save. Its
 //! port table is in the crate's documentation.
 
-use crate::memory::{Rectangle, parse, statement};
+use crate::memory::{Rectangle, by_shape, parse, statement};
 use crate::proto::{MapMemory, MapMemoryParams};
 use crate::register::{Fit, Remembered, Seen};
 use crate::saved::Kept;
@@ -11,7 +11,7 @@ use rcs_msg::foxglove::{FrameTransform, FrameTransforms, Grid, Odometry, Quatern
 use rcs_msg::rcs::{Plan, PlanState};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{GridFrame, Localizer, Origin, pose_of};
-use rcs_world::{GridView, Source, SourceKind, UNKNOWN_COST, Weighted, Weights, fuse_grid};
+use rcs_world::{GridView, Source, UNKNOWN_COST, fuse_grid};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -327,7 +327,7 @@ impl MapMemoryKeeper {
         let vehicle = now.vehicle;
         let view = GridView::of(now.map.message()).map_err(|error| error.to_string())?;
         let mut costs = Vec::new();
-        fuse_grid(&view, &sensed_by(), &mut costs).map_err(|error| error.to_string())?;
+        fuse_grid(&view, &by_shape(&view), &mut costs).map_err(|error| error.to_string())?;
         let mut sensed = Rectangle::with(&view, costs);
         sensed.forget_far(&view, params.near_m);
         // A map that did not fit any more is turned as it was when it did.
@@ -474,8 +474,7 @@ impl MapMemoryKeeper {
     fn to_save(&mut self, params: &MapMemoryParams, now: &Now<'_>) -> Result<Option<Rectangle>, String> {
         let view = GridView::of(now.map.message()).map_err(|error| error.to_string())?;
         // What was near, but behind a wall, was only seen from far.
-        let sensed = Rectangle::sensed_from_near(&view, &sensed_by(), params.near_m)
-            .map_err(|error| error.to_string())?;
+        let sensed = Rectangle::sensed_from_near(&view, params.near_m).map_err(|error| error.to_string())?;
         self.kept.take(&sensed, &self.track, params.near_m);
         let old = self.remembered.map.as_ref().and_then(|map| map.as_ref().ok());
         let old = old.zip(self.settled).map(|(old, placed)| (&old.map, placed.local_from_remembered()));
@@ -517,16 +516,4 @@ impl FromParams {
         }
         self.map.clone()
     }
-}
-
-/// The sources with which a remembered map is compared: those of shape and touch.
-fn sensed_by() -> Weights {
-    let weighted = |source, weight, kind| Weighted { source, weight, kind };
-    [
-        weighted(Source::STEREO, 1.0, SourceKind::Range),
-        weighted(Source::TERRAIN, 0.5, SourceKind::Learned),
-        weighted(Source::BUMPER, 1.0, SourceKind::Override),
-    ]
-    .into_iter()
-    .collect()
 }
