@@ -263,7 +263,7 @@ impl Process for MapMemoryKeeper {
         let now = cx.now();
         cx.write(&ports.registration, now, self.registration(params, now));
         if is_asked || self.saved.is_none_or(|saved| now.seconds_since(saved) >= params.save_every_s) {
-            match self.to_save(params, &seen) {
+            match self.save(params, &seen) {
                 Ok(Some(saved)) => {
                     self.saved = Some(now);
                     cx.write(&ports.memory, now, saved.to_memory(&origin.0));
@@ -471,7 +471,7 @@ impl MapMemoryKeeper {
     }
 
     /// The map to save: what the vehicle has come near to, the newest last, and what it remembers.
-    fn to_save(&mut self, params: &MapMemoryParams, now: &Now<'_>) -> Result<Option<Rectangle>, String> {
+    fn save(&mut self, params: &MapMemoryParams, now: &Now<'_>) -> Result<Option<Rectangle>, String> {
         let view = GridView::of(now.map.message()).map_err(|error| error.to_string())?;
         // What was near, but behind a wall, was only seen from far.
         let sensed = Rectangle::sensed_from_near(&view, params.near_m).map_err(|error| error.to_string())?;

@@ -41,6 +41,7 @@ impl Seen {
     }
 
     /// The same in another frame.
+    #[must_use]
     pub fn placed(&self, to_frame: impl Fn(DVec2) -> DVec2) -> Seen {
         let placed = |places: &[DVec2]| places.iter().map(|&at| to_frame(at)).collect();
         Seen { obstacles: placed(&self.obstacles), ground: placed(&self.ground) }
