@@ -256,8 +256,9 @@ impl WaypointFollower {
             let timestamp = Some(now.to_proto());
             let began = self.modes.active().and_then(|(at, _)| table.modes.get(at));
             let barred = began.and_then(|mode| self.barred(params, vehicle, mode));
+            let slipped = barred.is_some() && began.is_some_and(Mode::is_of_slip);
             let begun = self.modes.begun();
-            let event = ModeEvent { timestamp, from, to, reason, begun, barred };
+            let event = ModeEvent { timestamp, from, to, reason, begun, barred, slipped };
             cx.write(&ports.modes, now, event);
         }
         let (at, _) = self.modes.active()?;

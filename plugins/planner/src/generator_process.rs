@@ -5,6 +5,7 @@ mod bars;
 mod given;
 mod goals;
 
+use self::bars::in_local;
 use self::given::Given;
 use self::goals::zones_of_files;
 use crate::around_goal::AroundGoal;
@@ -14,12 +15,14 @@ use crate::goal::Goal;
 use crate::map_reader::MapReader;
 use crate::mission::Mission;
 use crate::process::PlannerCommand;
-use crate::proto::{ModeEvent, PlanPoint, PlanZone, PlannerGoal, Route, UtmGoal, WaypointGeneratorParams};
-use crate::route;
+use crate::proto::{
+    ModeEvent, PlanPoint, PlanZone, PlannerGoal, Route, SlipMemory, UtmGoal, WaypointGeneratorParams,
+};
 use crate::shortcut::{Way, WayPoint};
 use crate::spinning::Spinning;
 use crate::waypoints::spaced;
 use crate::zones::{Polygon, Zones};
+use crate::{route, slips};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransforms, Grid, Odometry, PoseInFrame, PosesInFrame};
@@ -83,6 +86,10 @@ pub struct WaypointGenerator {
     refused_route: Option<String>,
     /// Places that the vehicle could not get over, global frame, m.
     barred: Vec<Barred>,
+    /// Those of them where the wheels slipped.
+    slips: Vec<Barred>,
+    /// When those were sent last.
+    slips_sent: Option<Stamp>,
     /// Whether the wheels turn on the spot.
     spinning: Spinning,
     /// Heading in the global frame, rad.
@@ -112,6 +119,7 @@ pub struct Ports {
     waypoints: Out<PosesInFrame>,
     goal: Out<PoseInFrame>,
     route: Out<Route>,
+    slips: Out<SlipMemory>,
     driven: Out<rcs::Mission>,
     children: Children,
 }
@@ -157,6 +165,10 @@ impl Process for WaypointGenerator {
                 )
                 .role(Role::Stats)
                 .build(),
+            slips: b
+                .output("slips", "slip memory: places where the wheels slipped, UTM")
+                .role(Role::Stats)
+                .build(),
             driven: b
                 .output("driven", "the goals, the area and the zones that are obeyed, global frame")
                 .role(Role::Mission)
@@ -176,6 +188,7 @@ impl Process for WaypointGenerator {
             zones_of_files(params, &origin)?;
         }
         route::parse(&params.route).map_err(|error| format!("route: {error}"))?;
+        slips::parse(&params.slips).map_err(|error| format!("slips: {error}"))?;
         Ok(())
     }
 
@@ -209,7 +222,7 @@ impl Process for WaypointGenerator {
         self.cut_way(ports, params, cx);
         self.take_far_path(ports, params, cx);
         while let Some(event) = cx.read(&ports.modes) {
-            self.take_barred(event.barred.as_ref());
+            self.take_barred(event.barred.as_ref(), event.slipped);
         }
         self.look_for_a_way(ports, params, cx);
         send_waypoints(ports, params, cx);
@@ -242,6 +255,8 @@ impl Process for WaypointGenerator {
             return cx.error(why.clone());
         }
         self.send_route(ports, params, goal, cx);
+        let global_from_route = local_from_route.map_or(Pose::IDENTITY, |pose| global_from_local * pose);
+        self.send_slips(ports, params, &global_from_route, cx);
         let age_s = cx.now().seconds_since(at);
         let mut note = self.around.map_or(String::new(), |around| around.note());
         if age_s > params.transform_timeout_s {
@@ -308,7 +323,7 @@ impl WaypointGenerator {
         if let Err(why) = reader.read(&map, &params.local_frame) {
             return cx.fault(format!("map: {why}; the route is not cut"));
         }
-        let barred = self.barred_in_local(&global_from_local);
+        let barred = in_local(self.barred.iter(), &global_from_local);
         let to_global = |at: DVec2| (global_from_local * at.extend(0.0)).truncate();
         self.way.cut(&reader.sensed, &barred, to_global);
     }
@@ -407,7 +422,8 @@ impl WaypointGenerator {
         if let Some(why) = &self.refused_route {
             cx.fault(format!("route: {why}; not used"));
         }
-        let barred = self.barred_in_local(&global_from_local);
+        let slips = self.slips_before(params, &(global_from_local * local_from_route)).unwrap_or_default();
+        let barred = in_local(self.barred.iter().chain(&slips), &global_from_local);
         let local_from_global = global_from_local.inverse();
         let zones = self.zones.moved(|at| (local_from_global * at.extend(0.0)).truncate());
         let area = zones.area.as_ref().map(corners).unwrap_or_default();

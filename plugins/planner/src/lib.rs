@@ -47,6 +47,7 @@
 //! | `waypoints` | out | `foxglove.PosesInFrame` | waypoints along the path, local frame; none to stand |
 //! | `goal` | out | `foxglove.PoseInFrame` | the goal in the local frame |
 //! | `route` | out | `rcs.Route` | path memory: the way to the goal without loops and excursions, UTM; near the goal |
+//! | `slips` | out | `rcs.SlipMemory` | slip memory: places where the wheels slipped, UTM |
 //! | `driven` | out | `rcs.Mission` | the goals, the area and the zones that are obeyed, global frame |
 //!
 //! Period 50 ms. It supervises a planner, a follower and, optionally, a planner on a larger map: passes `INIT`, `RUN` and
@@ -60,8 +61,8 @@
 //! and it is in `ERROR`, without a goal, with one in another UTM zone, while the position is not known
 //! well enough, and when the goal has jumped in the local frame. If the fixes then put the vehicle back on its own track,
 //! its wheels have turned on the spot: it goes on, and the place ahead is [`barred`], as where a mode bars one. So it is while
-//! the wheels turn and the position does not change ([`spinning`]). State: the
-//! frames, what the planner was told, the track, and the barred places.
+//! the wheels turn and the position does not change ([`spinning`]). Where wheels slipped is a parameter of the next run
+//! ([`slips`]). State: the frames, what the planner was told, the track, and the barred places.
 //!
 //! # `waypoint_follower`
 //!
@@ -136,6 +137,7 @@ pub mod search;
 mod settings;
 pub mod shortcut;
 mod signals;
+pub mod slips;
 pub mod spinning;
 pub mod terrain;
 pub mod waypoints;

@@ -194,12 +194,21 @@ pub struct Mode {
     pub arcs_per_side: Option<u32>,
     /// Least free length of an arc instead of that of the parameters, m.
     pub least_free_m: Option<f64>,
-    /// Radius of the place that is barred for the rest of the run when the mode begins, m; 0 for none.
+    /// Radius of the place that is barred for the rest of the run when the mode begins, m; 0 for none. If it begins with
+    /// slip, the ground ahead is barred in the next run, too.
     #[serde(default)]
     pub bars_m: f64,
     /// Which place that is.
     #[serde(default)]
     pub bars: Bars,
+}
+
+impl Mode {
+    /// Whether the place that it bars is one where the wheels slip.
+    pub fn is_of_slip(&self) -> bool {
+        let slips = |condition: &Condition| condition.signal == Signal::Slip && condition.at_least.is_some();
+        self.bars == Bars::Ahead && self.enter.iter().any(slips)
+    }
 }
 
 /// The table.

@@ -12,8 +12,8 @@
 //! | terrain | from the table, by the fused cost of the cell; another entry for unknown cells |
 //! | clearance | grows towards obstacles, from the desired clearance to the least one, with the square of what lacks |
 //! | heading | less ahead of the vehicle, more behind it; fades with the distance from it |
-//! | memory | negative: along a way that an earlier run has driven; a share of the terrain's cost that fades with the distance |
-//! | previous | negative: along the path that was planned before, likewise; so that the vehicle does not waver between paths that cost nearly the same |
+//! | memory | negative: along a way that an earlier run has driven; a share of terrain and clearance, because it was free and wide enough; fades with the distance |
+//! | previous | negative: along the path that was planned before; a share of the terrain's cost; so that the vehicle does not waver between paths that cost nearly the same |
 //! | relief | negative: near the vehicle an unknown cell is taken for clear, and what is blocked for passable at a high cost |
 //!
 //! A cell is blocked if the table blocks it, or if the vehicle standing there would touch such a cell. What the bumper
@@ -63,7 +63,7 @@ pub struct Rules {
     pub heading_range_m: f64,
     /// Distance from the vehicle up to which there is relief, m.
     pub relief_range_m: f64,
-    /// Share of the terrain's cost that a cell on a way that was driven before loses.
+    /// Share of the costs of terrain and clearance that a cell on a way that was driven before loses.
     pub route: f64,
     /// Distance from that way at which cells are no longer cheaper, m.
     pub route_range_m: f64,
@@ -284,7 +284,7 @@ impl Terrain {
                 let room = self.room_of(at, squared);
                 let terms = self.terrain_of(at, fused, rules).zip(room);
                 terms.map_or(BLOCKED, |(terrain, clearance)| {
-                    let [memory, previous] = self.remembered(at, terrain, rules);
+                    let [memory, previous] = self.remembered(at, terrain, clearance, rules);
                     limited(terrain + clearance + memory + previous)
                 })
             })
@@ -363,10 +363,14 @@ impl Terrain {
         self.is_sure.get(at).is_none_or(|&is_sure| is_sure)
     }
 
-    /// The memory term and the previous path's term of a cell with this terrain term.
-    fn remembered(&self, at: usize, terrain: f32, rules: &Rules) -> [f32; 2] {
-        [(&self.by_route, rules.route), (&self.by_previous, rules.previous)]
-            .map(|(nearness, share)| nearness.get(at).map_or(0.0, |near| -(terrain * share as f32 * near)))
+    /// The memory term and the previous path's term of a cell with these terms of terrain and clearance. What was driven
+    /// is known to be wide enough; what was planned is not.
+    fn remembered(&self, at: usize, terrain: f32, clearance: f32, rules: &Rules) -> [f32; 2] {
+        let less = |nearness: &[f32], cost: f32, share: f64| {
+            nearness.get(at).map_or(0.0, |near| -(cost * share as f32 * near))
+        };
+        let memory = less(&self.by_route, terrain + clearance, rules.route);
+        [memory, less(&self.by_previous, terrain, rules.previous)]
     }
 
     /// Costs of the cells that have a heading term or relief.
@@ -411,7 +415,7 @@ impl Terrain {
         };
         let clear = self.by_cost[0].unwrap_or(terrain);
         let relief = if relieved && fused == UNKNOWN_COST { (clear - terrain).min(0.0) } else { 0.0 };
-        let [memory, previous] = self.remembered(index, terrain + relief, rules);
+        let [memory, previous] = self.remembered(index, terrain + relief, clearance, rules);
         Ok(Terms {
             terrain,
             clearance,

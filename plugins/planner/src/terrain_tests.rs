@@ -165,6 +165,29 @@ fn a_way_that_was_driven_before_is_cheaper_than_beside_it() {
 }
 
 #[test]
+fn a_narrow_way_that_was_driven_before_is_cheaper_than_unknown_ground_beside_it() {
+    let rules = Rules { route: 0.5, route_range_m: 1.0, heading_range_m: 0.0, ..rules() };
+    let away = Pose::from_xy_yaw(FAR, FAR, 0.0);
+    // A corridor along x between walls 1.4 m apart; beyond them, nothing is known.
+    let mut sensed = sensed(0);
+    for index in 0..sensed.fused.len() {
+        let across_m = (((index / 41) as f64 - 20.0) * 0.2).abs();
+        sensed.fused[index] = if across_m > 1.1 { 255 } else { u8::from(across_m > 0.7) * 250 };
+    }
+    let route = [DVec2::ZERO];
+    let cost = |route: &[DVec2]| {
+        let past = Past { route, ..Past::default() };
+        Terrain::default().costs(&sensed, &away, &past, &rules).unwrap().get(at(0.0, 0.0)).unwrap()
+    };
+    assert_eq!((cost(&[]), cost(&route)), (20, 10), "half of 10 for the ground and 10 for the walls");
+    let past = Past { route: &route, ..Past::default() };
+    let mut terrain = Terrain::default();
+    terrain.costs(&sensed, &away, &past, &rules).unwrap();
+    let terms = terrain.terms(&sensed, at(0.0, 0.0), &away, &rules).unwrap();
+    assert!((terms.memory + 10.0).abs() < 0.5, "{terms:?}");
+}
+
+#[test]
 fn a_gap_that_was_too_narrow_from_near_stays_closed_when_the_vehicle_is_far_away() {
     let sensed = with_obstacle(0.0, 0.0);
     let rules = Rules { far_room_m: 0.2, near_m: 2.0, heading_range_m: 0.0, ..rules() };

@@ -110,6 +110,7 @@ mod memory_process;
 mod process;
 pub mod register;
 pub mod resample;
+pub mod saved;
 mod sources;
 mod weight_learner;
 

@@ -7,7 +7,8 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PackedElementField};
 use rcs_sense::GridFrame;
 use rcs_world::{
-    GridView, GridViewError, MAX_COST, NumericType, OBSTACLE_COST, OBSTACLE_SEEN_FROM, Source, UNKNOWN_COST,
+    GridView, GridViewError, MAX_COST, NumericType, OBSTACLE_COST, OBSTACLE_SEEN_FROM, Source, SourceKind,
+    UNKNOWN_COST, Weighted, Weights, fuse_grid,
 };
 use serde::{Deserialize, Serialize};
 
@@ -109,20 +110,36 @@ impl Rectangle {
         Ok(Rectangle::with(view, costs))
     }
 
-    /// The same without the obstacles that have not been seen from nearer than a distance, m: they are unknown. A map that
-    /// does not say from where they were seen is taken as a whole.
-    pub fn of_grid_seen_within(view: &GridView<'_>, within_m: f64) -> Result<Rectangle, GridViewError> {
+    /// What was sensed from near: the fused costs without what the source `memory` says, and without the obstacles that
+    /// have not been seen from nearer than a distance, m. Where something is remembered, those of shape and touch must say it, too:
+    /// what they have not sensed is unknown, and an obstacle is one by both.
+    pub fn sensed_from_near(view: &GridView<'_>, within_m: f64) -> Result<Rectangle, GridViewError> {
         let mut map = Rectangle::of_grid(view)?;
-        let Ok(field) = view.field_of(OBSTACLE_SEEN_FROM, NumericType::Uint8) else { return Ok(map) };
+        if let Ok(field) = view.field_of(&format!("conf.{}", Source::MEMORY), NumericType::Uint8) {
+            let (mut remembered, mut sensed) = (Vec::new(), Vec::new());
+            field.bytes_into(&mut remembered);
+            fuse_grid(view, &by_shape(view), &mut sensed)?;
+            for ((cost, confidence), sensed) in map.costs.iter_mut().zip(remembered).zip(sensed) {
+                let both = if sensed == UNKNOWN_COST { sensed } else { sensed.min(*cost) };
+                *cost = if confidence > 0 { both } else { *cost };
+            }
+        }
+        map.forget_far(view, within_m);
+        Ok(map)
+    }
+
+    /// Makes the obstacles unknown that a world model's map has not seen from nearer than a distance, m. A map that does
+    /// not say from where they were seen is taken as a whole.
+    pub fn forget_far(&mut self, view: &GridView<'_>, within_m: f64) {
+        let Ok(field) = view.field_of(OBSTACLE_SEEN_FROM, NumericType::Uint8) else { return };
         let mut seen_from_dm = Vec::new();
         field.bytes_into(&mut seen_from_dm);
         let within_dm = (within_m * 10.0).min(254.0) as u8;
-        for (cost, from_dm) in map.costs.iter_mut().zip(seen_from_dm) {
+        for (cost, from_dm) in self.costs.iter_mut().zip(seen_from_dm) {
             if is_obstacle(*cost) && !(1..=within_dm).contains(&from_dm) {
                 *cost = UNKNOWN_COST;
             }
         }
-        Ok(map)
     }
 
     /// Costs of a world model's map, in its frame.
@@ -154,6 +171,29 @@ impl Rectangle {
         self.costs.get(index).copied().unwrap_or(UNKNOWN_COST)
     }
 
+    /// The four corners, m.
+    pub fn corners(&self) -> [DVec2; 4] {
+        let rows = self.costs.len() / self.columns.max(1);
+        let size = DVec2::new(self.columns as f64, rows as f64) * self.cell_size_m;
+        [DVec2::ZERO, DVec2::new(size.x, 0.0), DVec2::new(0.0, size.y), size].map(|at| self.corner + at)
+    }
+
+    /// Cuts off the rows and columns at the borders in which nothing is known.
+    pub fn trim(&mut self) {
+        let columns = self.columns.max(1);
+        let known = || (0..self.costs.len()).filter(|&index| self.costs[index] != UNKNOWN_COST);
+        let range =
+            |cells: &dyn Fn(usize) -> usize| Some((known().map(cells).min()?, known().map(cells).max()?));
+        let (by_row, by_column) = (range(&|index| index / columns), range(&|index| index % columns));
+        let Some(((first_row, last_row), (first_column, last_column))) = by_row.zip(by_column) else {
+            return;
+        };
+        let rows = self.costs.chunks(columns).take(last_row + 1).skip(first_row);
+        let costs = rows.flat_map(|row| row[first_column..=last_column].iter().copied()).collect();
+        self.corner += DVec2::new(first_column as f64, first_row as f64) * self.cell_size_m;
+        (self.columns, self.costs) = (last_column + 1 - first_column, costs);
+    }
+
     /// Whether a position lies in the rectangle, m.
     pub fn holds(&self, place: DVec2) -> bool {
         let rows = self.costs.len() / self.columns.max(1);
@@ -163,18 +203,20 @@ impl Rectangle {
 
     /// Calls a function with the centre, m, and the cost of each cell within a distance of a position, m.
     pub fn around_each(&mut self, place: DVec2, within_m: f64, mut visit: impl FnMut(DVec2, &mut u8)) {
+        for index in self.near(place, within_m) {
+            visit(self.centre(index), &mut self.costs[index]);
+        }
+    }
+
+    /// The indices of the cells within a distance of a position, m.
+    pub fn near(&self, place: DVec2, within_m: f64) -> Vec<usize> {
         let rows = self.costs.len() / self.columns.max(1);
         let cell = |at: f64, count: usize| (at / self.cell_size_m).floor().clamp(0.0, count as f64) as usize;
         let (low, high) = (place - within_m - self.corner, place + within_m - self.corner);
-        for row in cell(low.y, rows)..(cell(high.y, rows) + 1).min(rows) {
-            for column in cell(low.x, self.columns)..(cell(high.x, self.columns) + 1).min(self.columns) {
-                let index = row * self.columns + column;
-                let centre = self.centre(index);
-                if centre.distance(place) <= within_m {
-                    visit(centre, &mut self.costs[index]);
-                }
-            }
-        }
+        let rows = cell(low.y, rows)..(cell(high.y, rows) + 1).min(rows);
+        let columns = cell(low.x, self.columns)..(cell(high.x, self.columns) + 1).min(self.columns);
+        let cells = rows.flat_map(|row| columns.clone().map(move |column| row * self.columns + column));
+        cells.filter(|&index| self.centre(index).distance(place) <= within_m).collect()
     }
 
     /// The centre of a cell, by its index, m.
@@ -195,6 +237,21 @@ impl Rectangle {
         let beside = around.iter().flat_map(|&x| around.iter().map(move |&y| DVec2::new(x, y)));
         beside.into_iter().any(|step| is_obstacle(self.at(place + step * self.cell_size_m)))
     }
+}
+
+/// The sources with which a remembered map is compared: those of shape and touch. The others have no weight; what is not
+/// listed would count fully, and the remembered map would be compared with itself.
+pub fn by_shape(view: &GridView<'_>) -> Weights {
+    let weighted = |source, weight, kind| Weighted { source, weight, kind };
+    let listed = [
+        weighted(Source::STEREO, 1.0, SourceKind::Range),
+        weighted(Source::TERRAIN, 0.5, SourceKind::Learned),
+        weighted(Source::BUMPER, 1.0, SourceKind::Override),
+    ];
+    let is_listed = |source: Source| listed.iter().any(|entry| entry.source == source);
+    let sources = view.sources();
+    let others = sources.iter().filter(|&source| !is_listed(source));
+    listed.into_iter().chain(others.map(|source| weighted(source, 0.0, SourceKind::Learned))).collect()
 }
 
 /// Whether a cost is that of an obstacle.

@@ -1,16 +1,17 @@
 //! The process `map_memory`: a world model's map of an earlier run, registered against this one, and the map to save. Its
 //! port table is in the crate's documentation.
 
-use crate::memory::{Rectangle, parse, statement};
+use crate::memory::{Rectangle, by_shape, parse, statement};
 use crate::proto::{MapMemory, MapMemoryParams};
 use crate::register::{Fit, Remembered, Seen};
+use crate::saved::Kept;
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{FrameTransform, FrameTransforms, Grid, Odometry, Quaternion, Vector3};
 use rcs_msg::rcs::{Plan, PlanState};
 use rcs_runtime::{Cycle, In, Msg, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{GridFrame, Localizer, Origin, pose_of};
-use rcs_world::{GridView, Source, SourceKind, UNKNOWN_COST, Weighted, Weights, fuse_grid};
+use rcs_world::{GridView, Source, UNKNOWN_COST, fuse_grid};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -26,10 +27,23 @@ const MOST_TRACK: usize = 5000;
 const WORTH: f64 = 0.05;
 const FOLLOW_WORTH: f64 = 0.1;
 const FOLLOW_M: f64 = 0.4;
+/// Length of the track along which what is sensed is compared, in points: so far the local frame is one frame, and a map
+/// that is turned differs at one of its ends.
+const COMPARED_TRACK: usize = 20;
+/// Angle by which a registered map is turned at a time, rad, support that a radian must gain, and greatest angle from
+/// where the estimate of the heading puts it, rad.
+const TURN_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+const TURN_WORTH: f64 = 1.7;
+/// Distance from the vehicle at which a turn counts as a motion, m.
+const LEVER_M: f64 = 20.0;
+const MOST_TURN_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
 /// A registered map lies in a wrong place where another one has had this much more support for this many messages in
 /// turn: few things are in sight when it is registered first.
 const CLEARLY: f64 = 0.15;
 const IN_TURN: u32 = 4;
+/// A map is believed that fits in the same place for as many messages in turn: few things are in sight when it is
+/// registered first, and may lie on others by chance. Greatest distance of what is the same place, m.
+const SAME_PLACE_M: f64 = 1.0;
 /// A registered map is believed until its agreement falls below this share of the one that it needed.
 const DOUBT: f64 = 0.7;
 /// Time without a way to the goal after which the remembered map is not believed any more, s.
@@ -49,13 +63,16 @@ pub struct MapMemoryKeeper {
     track: Vec<DVec2>,
     /// Where the remembered map lies; `None` while it is not believed.
     placed: Option<Placed>,
+    /// Where it lay when it was believed last; `None` once it is dropped.
+    settled: Option<Placed>,
+    /// Where it fits, and for how many messages in turn, until it is believed.
+    proposed: Option<(Placed, u32)>,
     /// Number of messages in turn in which another place had clearly more support.
     elsewhere: u32,
-    /// When the costs were sent last, and where a point of the remembered map then was, m.
-    sent: Option<(Stamp, DVec2)>,
+    /// When the costs were sent last, and where the frame of the remembered map then was in the local one.
+    sent: Option<(Stamp, Pose)>,
     saved: Option<Stamp>,
-    /// What was saved last, global frame: the map of the world model forgets what it has left behind.
-    kept: Option<Arc<Rectangle>>,
+    kept: Kept,
     text: String,
     #[serde(skip)]
     remembered: FromParams,
@@ -78,6 +95,39 @@ impl Placed {
     /// The frame of the remembered map in the local one.
     fn local_from_remembered(self) -> Pose {
         self.global_from_local.inverse() * Pose::from_translation(self.fit.moved.extend(0.0))
+    }
+
+    /// The angle from the estimate of the local frame in the global one to that with which it lies here, rad.
+    fn turned_rad(self, estimated: &Pose) -> f64 {
+        (estimated.inverse() * self.global_from_local).yaw()
+    }
+
+    /// The best place near this one: moved by up to a cell, and turned by up to a step about the middle of what is
+    /// compared, which a turn does not move.
+    fn followed(
+        self,
+        remembered: &Remembered,
+        seen_in_local: &Seen,
+        middle: DVec2,
+        estimated: &Pose,
+        least: usize,
+    ) -> Placed {
+        let from = self.fit.moved;
+        let worth = |&(turn_rad, placed): &(f64, Placed)| {
+            let fit = placed.fit;
+            fit.support - FOLLOW_WORTH * fit.moved.distance(from) - TURN_WORTH * f64::abs(turn_rad)
+        };
+        let turns = [0.0, TURN_RAD, -TURN_RAD].into_iter();
+        let places = turns.filter_map(|turn_rad| {
+            let global_from_local = turned(&self.global_from_local, middle, turn_rad);
+            let seen = seen_in_local.placed(|place| at(&global_from_local, place));
+            let fit = remembered.register(&seen, from, FOLLOW_M, FOLLOW_WORTH, least)?;
+            let placed = Placed { global_from_local, fit };
+            let is_allowed = turn_rad == 0.0 || placed.turned_rad(estimated).abs() <= MOST_TURN_RAD;
+            is_allowed.then_some((turn_rad, placed))
+        });
+        let best = places.reduce(|best, other| if worth(&other) > worth(&best) { other } else { best });
+        best.map_or(self, |(_, placed)| placed)
     }
 }
 
@@ -213,11 +263,10 @@ impl Process for MapMemoryKeeper {
         let now = cx.now();
         cx.write(&ports.registration, now, self.registration(params, now));
         if is_asked || self.saved.is_none_or(|saved| now.seconds_since(saved) >= params.save_every_s) {
-            match self.to_save(params, &seen) {
+            match self.save(params, &seen) {
                 Ok(Some(saved)) => {
                     self.saved = Some(now);
                     cx.write(&ports.memory, now, saved.to_memory(&origin.0));
-                    self.kept = Some(Arc::new(saved));
                 }
                 Ok(None) => {}
                 Err(error) => cx.fault(format!("map: {error}; not saved")),
@@ -263,6 +312,7 @@ impl MapMemoryKeeper {
         let Some(remembered) = self.remembered.of(params, origin).filter(|_| self.dropped.is_none()) else {
             if let Some(why) = &self.dropped {
                 self.text.clone_from(why);
+                self.settled = None;
                 self.withdraw(ports, params, now, cx);
             }
             return Ok(());
@@ -277,40 +327,57 @@ impl MapMemoryKeeper {
         let vehicle = now.vehicle;
         let view = GridView::of(now.map.message()).map_err(|error| error.to_string())?;
         let mut costs = Vec::new();
-        fuse_grid(&view, &sensed_by(), &mut costs).map_err(|error| error.to_string())?;
-        let sensed = Rectangle::with(&view, costs);
-        let global_from_local = self.placed.map_or(*now.global_from_local, |placed| placed.global_from_local);
-        let to_global = |at: DVec2| (global_from_local * at.extend(0.0)).truncate();
+        fuse_grid(&view, &by_shape(&view), &mut costs).map_err(|error| error.to_string())?;
+        let mut sensed = Rectangle::with(&view, costs);
+        sensed.forget_far(&view, params.near_m);
+        // A map that did not fit any more is turned as it was when it did.
+        let turned_before =
+            |placed: Placed| turned(now.global_from_local, vehicle, placed.turned_rad(now.global_from_local));
+        let start = self.placed.map(|placed| placed.global_from_local);
+        let start = start.or(self.settled.map(turned_before)).unwrap_or(*now.global_from_local);
         // How far what is moved so lies from where the position estimate says, m: east and north.
-        let away = |moved: DVec2| now.to_global(vehicle) - to_global(vehicle) + moved;
-        let seen = Seen::of(&sensed, vehicle, params.near_m, to_global);
+        let away = |moved: DVec2| now.to_global(vehicle) - at(&start, vehicle) + moved;
+        let compared = [&self.track[self.track.len().saturating_sub(COMPARED_TRACK)..], &[vehicle]].concat();
+        let seen_in_local = Seen::of(&sensed, &compared, params.near_m);
+        let seen = seen_in_local.placed(|place| at(&start, place));
         let least = params.least_cells as usize;
         let found = match self.placed {
             // Where little can be compared, what was found stays.
-            Some(Placed { fit, .. }) => {
-                let here =
-                    remembered.register(&seen, fit.moved, FOLLOW_M, FOLLOW_WORTH, least).unwrap_or(fit);
+            Some(placed) => {
+                let middle = compared.iter().sum::<DVec2>() / compared.len() as f64;
+                let here = placed.followed(&remembered, &seen_in_local, middle, now.global_from_local, least);
                 // The fit where the position estimate puts the map is not moved.
                 let estimated = -away(DVec2::ZERO);
                 let there = remembered
                     .register(&seen, estimated, params.search_m, WORTH, least)
-                    .filter(|there| there.support > here.support + CLEARLY)
+                    .filter(|there| there.support > here.fit.support + CLEARLY)
                     .filter(|there| there.agreement >= params.least_agreement);
                 self.elsewhere = if there.is_some() { self.elsewhere + 1 } else { 0 };
-                there.filter(|_| self.elsewhere >= IN_TURN).or(Some(here))
+                let there = there.filter(|_| self.elsewhere >= IN_TURN);
+                Some(there.map_or(here, |fit| Placed { fit, ..placed }))
             }
-            None => remembered.register(&seen, DVec2::ZERO, params.search_m, WORTH, least),
+            None => remembered
+                .register(&seen, -away(DVec2::ZERO), params.search_m, WORTH, least)
+                .map(|fit| Placed { global_from_local: start, fit }),
         };
-        let found = found.filter(|found| away(found.moved).abs().max_element() <= params.search_m);
+        let found = found.filter(|found| away(found.fit.moved).abs().max_element() <= params.search_m);
         let needed = params.least_agreement * if self.placed.is_some() { DOUBT } else { 1.0 };
+        let fitting = found.filter(|found| found.fit.agreement >= needed);
+        let in_turn = self.in_turn(fitting, vehicle);
         self.text = match found {
-            Some(fit) if fit.agreement >= needed => {
-                let Fit { moved, agreement, compared, .. } = fit;
-                self.placed = Some(Placed { global_from_local, fit });
+            Some(placed) if fitting.is_some() && in_turn < IN_TURN => {
+                let share = 100.0 * placed.fit.agreement;
+                format!(
+                    "the remembered map may fit: {share:.0} % agree, {in_turn} of {IN_TURN} times in turn"
+                )
+            }
+            Some(placed) if fitting.is_some() => {
+                let Fit { moved, agreement, compared, .. } = placed.fit;
+                (self.placed, self.settled) = (Some(placed), Some(placed));
                 let (share, moved_m) = (100.0 * agreement, away(moved).length());
                 format!("remembers: moved by {moved_m:.1} m, {share:.0} % of {compared} obstacle cells agree")
             }
-            Some(fit) => {
+            Some(Placed { fit, .. }) => {
                 self.placed = None;
                 let (got, needed) = (100.0 * fit.agreement, 100.0 * needed);
                 let compared = fit.compared;
@@ -330,9 +397,10 @@ impl MapMemoryKeeper {
             self.withdraw(ports, params, now, cx);
             return Ok(());
         };
-        let at = placed.local_from_remembered().translation.truncate();
+        let frame_now = placed.local_from_remembered();
         let is_due = self.sent.is_none_or(|(sent, before)| {
-            cx.now().seconds_since(sent) >= RESEND_S || before.distance(at) > 0.5 * remembered.map.cell_size_m
+            let by_m = moved_m(&frame_now, &before, vehicle);
+            cx.now().seconds_since(sent) >= RESEND_S || by_m > 0.5 * remembered.map.cell_size_m
         });
         if is_due {
             let frame = GridFrame::around(vehicle, view.columns(), sensed.cell_size_m);
@@ -340,9 +408,25 @@ impl MapMemoryKeeper {
                 (0..frame.side * frame.side).map(|slot| frame.middle(slot % frame.side, slot / frame.side));
             let costs: Vec<u8> =
                 middles.map(|middle| remembered.map.at(placed.to_remembered(middle))).collect();
-            self.send(ports, params, &frame, &costs, at, cx);
+            self.send(ports, params, &frame, &costs, frame_now, cx);
         }
         Ok(())
+    }
+
+    /// For how many messages in turn the remembered map has fitted in the same place.
+    fn in_turn(&mut self, fitting: Option<Placed>, vehicle: DVec2) -> u32 {
+        if self.placed.is_some() {
+            return IN_TURN;
+        }
+        let is_same = |placed: &Placed, before: &Placed| {
+            let moved = [placed, before].map(|placed| placed.local_from_remembered());
+            moved_m(&moved[0], &moved[1], vehicle) <= SAME_PLACE_M
+        };
+        self.proposed = fitting.map(|placed| match &self.proposed {
+            Some((before, times)) if is_same(&placed, before) => (placed, times + 1),
+            _ => (placed, 1),
+        });
+        self.proposed.map_or(0, |(_, times)| times)
     }
 
     /// The frame of the remembered map in the local one; no transform while it is not believed.
@@ -366,7 +450,7 @@ impl MapMemoryKeeper {
         let size_m = now.map.cell_size.map(|size| size.x).filter(|_| self.sent.is_some());
         if let Some(cell_size_m) = size_m {
             let frame = GridFrame::around(now.vehicle, 1, cell_size_m);
-            self.send(ports, params, &frame, &[UNKNOWN_COST], DVec2::ZERO, cx);
+            self.send(ports, params, &frame, &[UNKNOWN_COST], Pose::IDENTITY, cx);
             self.sent = None;
         }
     }
@@ -377,55 +461,44 @@ impl MapMemoryKeeper {
         params: &MapMemoryParams,
         frame: &GridFrame,
         costs: &[u8],
-        at: DVec2,
+        local_from_remembered: Pose,
         cx: &mut Cycle<'_>,
     ) {
         let now = cx.now();
-        self.sent = Some((now, at));
+        self.sent = Some((now, local_from_remembered));
         let message = statement(frame, costs, CONFIDENCE, Source::MEMORY, &params.local_frame, now);
         cx.write(&ports.cost, now, message);
     }
 
     /// The map to save: what the vehicle has come near to, the newest last, and what it remembers.
-    fn to_save(&self, params: &MapMemoryParams, now: &Now<'_>) -> Result<Option<Rectangle>, String> {
+    fn save(&mut self, params: &MapMemoryParams, now: &Now<'_>) -> Result<Option<Rectangle>, String> {
         let view = GridView::of(now.map.message()).map_err(|error| error.to_string())?;
         // What was near, but behind a wall, was only seen from far.
-        let fused =
-            Rectangle::of_grid_seen_within(&view, params.near_m).map_err(|error| error.to_string())?;
-        let remembered =
-            self.placed.and_then(|placed| Some((&self.remembered.map.as_ref()?.as_ref().ok()?.map, placed)));
-        let mut places: Vec<DVec2> = self.track.iter().map(|&at| now.to_global(at)).collect();
-        if let Some((old, placed)) = remembered {
-            let rows = old.costs.len() / old.columns.max(1);
-            let far = old.corner + DVec2::new(old.columns as f64, rows as f64) * old.cell_size_m;
-            let local = |corner: DVec2| (placed.local_from_remembered() * corner.extend(0.0)).truncate();
-            places.extend(
-                [old.corner + params.near_m, far - params.near_m].map(|corner| now.to_global(local(corner))),
-            );
-        }
-        let Some(mut saved) = Rectangle::around(&places, params.near_m, fused.cell_size_m) else {
-            return Ok(None);
-        };
-        // What lies outside of the map now was kept when it was inside.
-        let local_from_global = now.global_from_local.inverse();
-        for index in 0..saved.costs.len() {
-            let centre = saved.centre(index);
-            let kept = self.kept.as_ref().map_or(UNKNOWN_COST, |kept| kept.at(centre));
-            let local = || (local_from_global * centre.extend(0.0)).truncate();
-            let old =
-                || remembered.map_or(UNKNOWN_COST, |(old, placed)| old.at(placed.to_remembered(local())));
-            saved.costs[index] = if kept == UNKNOWN_COST { old() } else { kept };
-        }
-        for &at in self.track.iter().filter(|&&at| fused.holds(at)) {
-            saved.around_each(now.to_global(at), params.near_m, |centre, cost| {
-                let sensed = fused.at((local_from_global * centre.extend(0.0)).truncate());
-                if sensed != UNKNOWN_COST {
-                    *cost = sensed;
-                }
-            });
-        }
-        Ok(Some(saved))
+        let sensed = Rectangle::sensed_from_near(&view, params.near_m).map_err(|error| error.to_string())?;
+        self.kept.take(&sensed, &self.track, params.near_m);
+        let old = self.remembered.map.as_ref().and_then(|map| map.as_ref().ok());
+        let old = old.zip(self.settled).map(|(old, placed)| (&old.map, placed.local_from_remembered()));
+        Ok(self.kept.saved(old, now.global_from_local))
     }
+}
+
+/// A position of the local frame in the global one, m.
+fn at(global_from_local: &Pose, place: DVec2) -> DVec2 {
+    (*global_from_local * place.extend(0.0)).truncate()
+}
+
+/// How far a frame is moved from where it was before, m: the greatest distance between both near a position.
+fn moved_m(frame: &Pose, before: &Pose, near: DVec2) -> f64 {
+    let corners = [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y].map(|side| near + LEVER_M * side);
+    let moved = corners.map(|corner| at(frame, at(&before.inverse(), corner)).distance(corner));
+    moved.into_iter().fold(0.0, f64::max)
+}
+
+/// The local frame in the global one, turned about a position of the local frame, m.
+fn turned(global_from_local: &Pose, about: DVec2, angle_rad: f64) -> Pose {
+    let centre = at(global_from_local, about);
+    let back = Pose::from_translation((-centre).extend(0.0));
+    Pose::from_xy_yaw(centre.x, centre.y, angle_rad) * back * *global_from_local
 }
 
 impl FromParams {
@@ -443,16 +516,4 @@ impl FromParams {
         }
         self.map.clone()
     }
-}
-
-/// The sources with which a remembered map is compared: those of shape and touch.
-fn sensed_by() -> Weights {
-    let weighted = |source, weight, kind| Weighted { source, weight, kind };
-    [
-        weighted(Source::STEREO, 1.0, SourceKind::Range),
-        weighted(Source::TERRAIN, 0.5, SourceKind::Learned),
-        weighted(Source::BUMPER, 1.0, SourceKind::Override),
-    ]
-    .into_iter()
-    .collect()
 }

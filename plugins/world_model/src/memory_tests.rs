@@ -1,7 +1,8 @@
 //! Maps with an L of obstacles on ground.
 
 use super::*;
-use rcs_world::{Evidence, SourceKind, Weighted, Weights, fuse};
+use crate::algo::{VoteOrigin, take};
+use rcs_world::{Evidence, Map, MapOptions, SourceKind, VoteRule, Weighted, Weights, fuse};
 
 const ORIGIN: (u8, f64, f64) = (18, 308_000.0, 4_333_000.0);
 
@@ -94,4 +95,53 @@ fn the_cells_around_a_place_are_those_of_a_plain_loop() {
         assert_eq!(visited, expected, "{place}");
         assert_eq!(map.holds(place), place.abs().max_element() < 10.0, "{place}");
     }
+}
+
+#[test]
+fn what_is_only_remembered_is_not_sensed_and_what_is_sensed_counts() {
+    let rule = VoteRule { rise: 60, fall: 20, obstacle_fall: 20, max: 255, ground_max: 80 };
+    let mut world = Map::new(0.4).unwrap();
+    world.recentre(DVec2::ZERO).unwrap();
+    let place = |column: u32| DVec2::new(0.2 + 0.4 * f64::from(column), 0.2);
+    // By columns: what stereo senses, if anything, and what is remembered.
+    let columns =
+        [(Some(0), 250), (None, 250), (Some(250), 250), (Some(250), 255), (Some(0), 255), (None, 0)];
+    let frame = GridFrame::around(DVec2::ZERO, 21, 0.4);
+    let mut remembered = vec![UNKNOWN_COST; frame.side * frame.side];
+    for (column, &(sensed, old)) in (0..).zip(&columns) {
+        if let Some(cost) = sensed {
+            let cell = world.grid().cell_at(place(column)).unwrap();
+            world.vote(cell, Source::STEREO, cost, 1, Stamp(1), rule);
+        }
+        let slot = (0..remembered.len())
+            .find(|slot| frame.middle(slot % frame.side, slot / frame.side).abs_diff_eq(place(column), 0.01));
+        remembered[slot.unwrap()] = old;
+    }
+    let stated = statement(&frame, &remembered, 80, Source::MEMORY, "local", Stamp(1));
+    let origin = VoteOrigin {
+        source: Source::MEMORY,
+        sequence: 1,
+        time: Stamp(1),
+        rule,
+        least_backing: 0,
+        height_tolerance_m: 0.2,
+    };
+    take(&mut world, &stated, &origin).unwrap();
+    let weights: Weights = [
+        Weighted { source: Source::STEREO, weight: 1.0, kind: SourceKind::Range },
+        Weighted { source: Source::MEMORY, weight: 0.2, kind: SourceKind::Learned },
+    ]
+    .into_iter()
+    .collect();
+    let sources = [Source::STEREO, Source::MEMORY].into_iter().collect();
+    let message = world.to_grid("local", Stamp(1), &MapOptions { sources, heights: true, weights });
+    let view = GridView::new(&message).unwrap();
+    let fused = Rectangle::of_grid(&view).unwrap();
+    assert!(is_obstacle(fused.at(place(1))), "on the map it counts");
+    let sensed = Rectangle::sensed_from_near(&view, 8.0).unwrap();
+    let costs: Vec<u8> = (0..6).map(|column| sensed.at(place(column))).collect();
+    assert_eq!(costs, [0, 255, 250, 250, 0, 255]);
+    assert_eq!(by_shape(&view).get(Source::MEMORY).weight, 0.0, "it is not compared with itself");
+    let nothing_near = Rectangle::sensed_from_near(&view, 0.2).unwrap();
+    assert_eq!(nothing_near.at(place(3)), 255, "an obstacle that was seen from farther away");
 }

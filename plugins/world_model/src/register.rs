@@ -1,7 +1,9 @@
 //! Registers the map of an earlier run against what is sensed, before it is believed (Albus 2006a, 5).
 //!
 //! Both runs know their position to about a metre, so the remembered map lies up to a few metres beside the ground that
-//! it shows. It is moved, by whole cells, to where its obstacles agree best with those that are sensed near the vehicle.
+//! it shows. It is moved, by whole cells, to where its obstacles agree best with those that are sensed near the vehicle
+//! and its track. Both runs know their heading to a few degrees, which tells only over the length of a track: a map that
+//! is registered is turned by and by.
 //! Of the obstacle cells that can be compared, these disagree: sensed ones on remembered ground, and remembered ones on
 //! sensed ground. Edges may differ by a cell.
 
@@ -10,7 +12,7 @@ use rcs_geom::DVec2;
 use rcs_world::UNKNOWN_COST;
 use serde::{Deserialize, Serialize};
 
-/// What is sensed near the vehicle: positions in the global frame, m.
+/// What is sensed near the vehicle and its track: positions, m.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Seen {
     obstacles: Vec<DVec2>,
@@ -19,26 +21,30 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// The cells of a map within a distance of the vehicle, m, as positions in the global frame.
-    pub fn of(
-        map: &Rectangle,
-        vehicle: DVec2,
-        within_m: f64,
-        global_from_map: impl Fn(DVec2) -> DVec2,
-    ) -> Seen {
+    /// The cells of a map within a distance of places, m, in the frame of the map.
+    pub fn of(map: &Rectangle, places: &[DVec2], within_m: f64) -> Seen {
+        let mut is_near = vec![false; map.costs.len()];
+        for &place in places {
+            map.near(place, within_m).into_iter().for_each(|index| is_near[index] = true);
+        }
         let mut seen = Seen::default();
-        for (index, &cost) in map.costs.iter().enumerate() {
+        let known = map.costs.iter().zip(is_near).enumerate();
+        for (index, (&cost, _)) in known.filter(|(_, (cost, near))| *near && **cost != UNKNOWN_COST) {
             let centre = map.centre(index);
-            if cost == UNKNOWN_COST || centre.distance(vehicle) > within_m {
-                continue;
-            }
             if is_obstacle(cost) {
-                seen.obstacles.push(global_from_map(centre));
+                seen.obstacles.push(centre);
             } else if !map.is_beside_obstacle(centre) {
-                seen.ground.push(global_from_map(centre));
+                seen.ground.push(centre);
             }
         }
         seen
+    }
+
+    /// The same in another frame.
+    #[must_use]
+    pub fn placed(&self, to_frame: impl Fn(DVec2) -> DVec2) -> Seen {
+        let placed = |places: &[DVec2]| places.iter().map(|&at| to_frame(at)).collect();
+        Seen { obstacles: placed(&self.obstacles), ground: placed(&self.ground) }
     }
 }
 
@@ -51,8 +57,9 @@ pub struct Fit {
     pub agreement: f64,
     /// Number of obstacle cells that were compared.
     pub compared: usize,
-    /// Cells that agree less those that differ, as a share of the sensed obstacle cells. What lies where nothing is
-    /// remembered supports nothing: of two parallel walls, one that lies on the other agrees, and supports half.
+    /// Cells that agree less those that differ, as a share of the sensed obstacle cells; one that lies beside a remembered
+    /// obstacle counts half. What lies where nothing is remembered supports nothing: of two parallel walls, one that lies
+    /// on the other agrees, and supports half.
     pub support: f64,
 }
 
@@ -134,10 +141,11 @@ impl Remembered {
         moved: DVec2,
     ) -> Fit {
         let class = |&[column, row]: &Cell| self.class([column - east, row - north]);
-        let (mut agree, mut differ) = (0_usize, 0_usize);
+        let (mut agree, mut beside, mut differ) = (0_usize, 0_usize, 0_usize);
         for cell in obstacles {
             match class(cell) {
-                Class::Beside | Class::Obstacle => agree += 1,
+                Class::Obstacle => agree += 1,
+                Class::Beside => (agree, beside) = (agree + 1, beside + 1),
                 Class::Ground => differ += 1,
                 Class::Unknown => {}
             }
@@ -148,7 +156,7 @@ impl Remembered {
             moved,
             agreement: agree as f64 / compared.max(1) as f64,
             compared,
-            support: (agree as f64 - differ as f64) / obstacles.len().max(1) as f64,
+            support: (agree as f64 - 0.5 * beside as f64 - differ as f64) / obstacles.len().max(1) as f64,
         }
     }
 

@@ -4,7 +4,7 @@ use super::*;
 use crate::memory::tests::map;
 
 fn seen(map: &Rectangle) -> Seen {
-    Seen::of(map, DVec2::ZERO, 8.0, |at| at)
+    Seen::of(map, &[DVec2::ZERO], 8.0)
 }
 
 #[test]
@@ -107,6 +107,6 @@ fn agreement_is_counted_as_a_plain_loop_counts_it() {
         best = if fit.support > best.support { fit } else { best };
     }
     // Of all shifts, the best one is found, as it is by comparing at each.
-    let found = prepared.register(&seen, DVec2::ZERO, 1.2, 0.0, 30).unwrap();
+    let found = prepared.register(&seen, DVec2::ZERO, 1.3, 0.0, 30).unwrap();
     assert!(found.support >= best.support && found == prepared.compare(&seen, found.moved), "{found:?}");
 }

@@ -188,6 +188,45 @@ fn a_registered_map_stays_in_the_local_frame_while_the_position_estimate_changes
     assert_eq!(registered(&bench), None);
 }
 
+/// A corridor along x, 3.2 m wide, with a niche each 6 m.
+fn corridor(at: DVec2) -> u8 {
+    let across_m = at.y.abs() - if at.x.rem_euclid(6.0) < 1.6 { 0.8 } else { 0.0 };
+    if (1.6..2.4).contains(&across_m) { 250 } else { 0 }
+}
+
+/// Drives along x in a world that is turned in the local frame, rad.
+fn drive(bench: &mut Bench, from_m: i32, to_m: i32, turned_rad: f64) {
+    for half_metres in 2 * from_m..2 * to_m {
+        let vehicle = DVec2::from_angle(turned_rad) * (f64::from(half_metres) / 2.0);
+        look(bench, vehicle, 5.0, |at| corridor(DVec2::from_angle(-turned_rad).rotate(at)), 2);
+    }
+}
+
+#[test]
+fn a_map_is_turned_by_which_the_headings_of_both_runs_differ() {
+    let mut bench = start("");
+    drive(&mut bench, -20, 30, 0.0);
+    let saved = bench.latest::<MapMemory>("/memory/memory");
+    let saved = rcs_msg::to_json(&rcs_msg::AnyMessage::new(saved)).unwrap();
+    for turned_rad in [0.0_f64, 0.05, -0.05] {
+        let mut bench = start(&saved);
+        drive(&mut bench, -20, 8, turned_rad);
+        assert!(text(&bench).starts_with("remembers: "), "{}", text(&bench));
+        let message: FrameTransforms = bench.latest("/memory/registration");
+        // The angle is small.
+        let yaw_rad = 2.0 * message.transforms[0].rotation.unwrap().z;
+        // A cell at half of the length that is compared.
+        assert!((yaw_rad - turned_rad).abs() < 0.4 / 20.0, "{yaw_rad} for {turned_rad}");
+        // 14 m ahead, where nothing is sensed yet, the corridor is where it is.
+        let ahead = |y: f64| DVec2::from_angle(turned_rad).rotate(DVec2::new(22.2, y));
+        let free = [-0.4, 0.0, 0.4].map(|y| cost_at(&bench, ahead(y)));
+        let walls =
+            [-1.0, 1.0].map(|side| [1.3, 1.7, 2.1, 2.5, 2.9].map(|y| cost_at(&bench, ahead(side * y))));
+        assert!(free.iter().all(|&cost| cost < 125), "{free:?} for {turned_rad}");
+        assert!(walls.iter().all(|wall| wall.iter().any(|&cost| cost > 190)), "{walls:?} for {turned_rad}");
+    }
+}
+
 #[test]
 fn a_remembered_map_that_leaves_no_way_is_dropped() {
     let mut bench = start(&first_run());

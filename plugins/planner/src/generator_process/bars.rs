@@ -1,15 +1,18 @@
 //! Places that the waypoint generator bars for the rest of the run: the vehicle could not get over them, or does not get
-//! there.
+//! there. Where the wheels slipped, they are barred in the next run, too.
 
 use super::{Ports, WaypointGenerator};
 use crate::barred::{Barred, grown, turned_on_the_spot};
 use crate::proto::{BarredPlace, WaypointGeneratorParams};
+use crate::slips;
 use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::rcs::PlanState;
 use rcs_runtime::Cycle;
 
 /// Time after which it is believed that there is no way on the near map to where the far path leads, s.
 const NO_WAY_S: f64 = 1.0;
+/// Time between two messages with the places where wheels slipped, s.
+const SLIPS_PERIOD_S: f64 = 1.0;
 
 impl WaypointGenerator {
     /// Bars a place of the far path to which the planner of the near map finds no way: the near map shows better what is
@@ -35,17 +38,20 @@ impl WaypointGenerator {
         let Some(at) = self.along_far_path(&global_from_local, params.lookahead_m / 2.0) else { return };
         let goal_m = self.told.map_or(f64::INFINITY, |goal| at.distance(DVec2::from(goal)));
         if goal_m > params.no_way_bars_m + 1.0 {
-            self.take_barred(Some(&BarredPlace { x_m: at.x, y_m: at.y, radius_m: params.no_way_bars_m }));
+            let place = BarredPlace { x_m: at.x, y_m: at.y, radius_m: params.no_way_bars_m };
+            self.take_barred(Some(&place), false);
         }
     }
 
-    /// Bars a place, local frame.
-    pub(super) fn take_barred(&mut self, place: Option<&BarredPlace>) {
+    /// Bars a place, local frame, given whether the wheels slip there.
+    pub(super) fn take_barred(&mut self, place: Option<&BarredPlace>, slipped: bool) {
         let Some((place, (global_from_local, _))) = place.zip(self.global_from_local) else { return };
         let at = global_from_local * DVec3::new(place.x_m, place.y_m, 0.0);
         let vehicle = self.track.last().map_or(at.truncate(), |&last| DVec2::from(last));
         let place = Barred { at: (at.x, at.y), radius_m: place.radius_m };
-        self.barred.push(grown(place, vehicle, &self.barred));
+        let place = grown(place, vehicle, &self.barred);
+        self.barred.push(place);
+        self.slips.extend(slipped.then_some(place));
         // The planners are told with the goal.
         self.told = None;
     }
@@ -72,16 +78,67 @@ impl WaypointGenerator {
         if params.slide_bars_m > 0.0 {
             let vehicle = Pose::from_xy_yaw(at.x, at.y, self.yaw_rad);
             let place = Barred::ahead(&vehicle, params.slide_bars_m);
-            self.barred.push(grown(place, at, &self.barred));
+            let place = grown(place, at, &self.barred);
+            self.barred.push(place);
+            self.slips.push(place);
         }
     }
 
-    pub(super) fn barred_in_local(&self, global_from_local: &Pose) -> Vec<BarredPlace> {
-        let local_from_global = global_from_local.inverse();
-        let place = |barred: &Barred| {
-            let at = local_from_global * DVec2::from(barred.at).extend(0.0);
-            BarredPlace { x_m: at.x, y_m: at.y, radius_m: barred.radius_m }
-        };
-        self.barred.iter().map(place).collect()
+    /// The places where the wheels of the run before slipped, global frame, as its frame is placed now, without those that
+    /// this run has driven over.
+    pub(super) fn slips_before(
+        &mut self,
+        params: &WaypointGeneratorParams,
+        global_from_route: &Pose,
+    ) -> Result<Vec<Barred>, String> {
+        let Ok(origin) = self.given.origin(params) else { return Ok(Vec::new()) };
+        let Some(before) = self.given.slips(params) else { return Ok(Vec::new()) };
+        let mut places = slips::in_global(before, &origin.0).map_err(|error| error.to_string())?;
+        for place in &mut places {
+            let at = *global_from_route * DVec2::from(place.at).extend(0.0);
+            place.at = (at.x, at.y);
+        }
+        places.retain(|place| !slips::was_driven_over(place, &self.track));
+        Ok(places)
     }
+
+    /// Sends where the wheels slipped in this run and in the one before, for the next one.
+    pub(super) fn send_slips(
+        &mut self,
+        ports: &Ports,
+        params: &WaypointGeneratorParams,
+        global_from_route: &Pose,
+        cx: &mut Cycle<'_>,
+    ) {
+        let now = cx.now();
+        if self.slips_sent.is_some_and(|sent| now.seconds_since(sent) < SLIPS_PERIOD_S) {
+            return;
+        }
+        let Ok(origin) = self.given.origin(params) else { return };
+        let mut places = match self.slips_before(params, global_from_route) {
+            Ok(places) => places,
+            Err(why) => {
+                self.slips_sent = Some(now);
+                return cx.fault(format!("slips: {why}; not used"));
+            }
+        };
+        places.extend_from_slice(&self.slips);
+        if !places.is_empty() || self.slips_sent.is_some() {
+            self.slips_sent = Some(now);
+            cx.write(&ports.slips, now, slips::to_message(&places, &origin.0));
+        }
+    }
+}
+
+/// Barred places of the global frame in the local one.
+pub(super) fn in_local<'a>(
+    places: impl Iterator<Item = &'a Barred>,
+    global_from_local: &Pose,
+) -> Vec<BarredPlace> {
+    let local_from_global = global_from_local.inverse();
+    let place = |barred: &Barred| {
+        let at = local_from_global * DVec2::from(barred.at).extend(0.0);
+        BarredPlace { x_m: at.x, y_m: at.y, radius_m: barred.radius_m }
+    };
+    places.map(place).collect()
 }

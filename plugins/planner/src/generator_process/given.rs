@@ -1,14 +1,15 @@
 //! What the parameters of the waypoint generator give as texts: the route, the world's origin and the goal.
 
 use crate::goal::Goal;
-use crate::proto::{Route, WaypointGeneratorParams};
-use crate::route;
+use crate::proto::{Route, SlipMemory, WaypointGeneratorParams};
+use crate::{route, slips};
 use rcs_sense::Origin;
 
 /// What the texts of the parameters say: each is read once.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Given {
     route: Read<Option<Route>>,
+    slips: Read<Option<SlipMemory>>,
     world: Read<Option<Result<Origin, String>>>,
     goal: Read<Option<Result<Goal, String>>>,
 }
@@ -34,6 +35,11 @@ impl Given {
     /// The route of an earlier run; `None` without one.
     pub(super) fn route(&mut self, params: &WaypointGeneratorParams) -> Option<&Route> {
         self.route.of(&params.route, |text| route::parse(text).ok().flatten()).as_ref()
+    }
+
+    /// Where the wheels of an earlier run slipped; `None` without one.
+    pub(super) fn slips(&mut self, params: &WaypointGeneratorParams) -> Option<&SlipMemory> {
+        self.slips.of(&params.slips, |text| slips::parse(text).ok().flatten()).as_ref()
     }
 
     /// The origin of the global frame.

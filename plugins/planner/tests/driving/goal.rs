@@ -58,7 +58,7 @@ pub(super) fn lead(bench: &mut Bench, to_m: f64) {
 }
 
 /// Says where the global frame of the earlier run lies in the local frame, m; `None` while the map is not registered.
-fn register(bench: &mut Bench, moved: Option<DVec2>) {
+pub(super) fn register(bench: &mut Bench, moved: Option<DVec2>) {
     let transform = |at: DVec2| FrameTransform {
         parent_frame_id: "local".to_owned(),
         child_frame_id: "remembered".to_owned(),

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod goal;
+mod slips;
 
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::packed_element_field::NumericType;
@@ -65,6 +66,7 @@ impl rcs_runtime::Assets for Files {
             ("world", _) => WORLD.to_owned(),
             ("mode", _) => include_str!("../../../../assets/modes/lagr.toml").to_owned(),
             ("route", _) => goal::ROUTE.to_owned(),
+            ("slips", text) => text.to_owned(),
             (_, "far.toml") => GOAL.replace("18", "17"),
             _ => GOAL.to_owned(),
         };

@@ -1,0 +1,144 @@
+//! Slip memory: where the wheels of a run slipped, for the next one, and its file.
+//!
+//! How slippery ground is cannot be seen, so the next run would drive onto it as this one did. A place is remembered where
+//! the vehicle was stopped by it: a mode that begins with slip barred it, or the position fixes told that the wheels
+//! turned on the spot. It is barred in the next run, too: at a price, so that it can be driven over where there is no
+//! other way. It is forgotten by a run that has driven over it.
+
+use crate::barred::Barred;
+use crate::proto::{SlipMemory, SlipPlace};
+use rcs_geom::{DVec2, Utm};
+
+/// Version of the file.
+const FORMAT: u32 = 1;
+/// Greatest number of places, and greatest radius of one, m.
+const MOST_PLACES: usize = 1000;
+const LARGEST_M: f64 = 100.0;
+/// Share of its radius within which a place was driven over.
+const INNER: f64 = 0.5;
+
+/// Why a text is no slip memory, or does not fit.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SlipsError {
+    /// The text is not the JSON of a slip memory.
+    #[error("{0}")]
+    Text(String),
+    /// The file has another version.
+    #[error("format is {0}, expected {FORMAT}")]
+    Format(u32),
+    /// A number is not finite, or there are too many places.
+    #[error(
+        "{count} places, expected at most {MOST_PLACES} with finite coordinates and radii of up to {LARGEST_M} m"
+    )]
+    Places {
+        /// Number of places.
+        count: usize,
+    },
+    /// The places are in another zone than the global frame.
+    #[error("the places are in UTM zone {got}, expected zone {expected} of the global frame's origin")]
+    Zone {
+        /// Zone of the places.
+        got: u32,
+        /// Zone of the origin.
+        expected: u8,
+    },
+}
+
+/// The slip memory in a text; `None` for an empty one.
+pub fn parse(text: &str) -> Result<Option<SlipMemory>, SlipsError> {
+    if text.trim().is_empty() {
+        return Ok(None);
+    }
+    let slips: SlipMemory = rcs_msg::from_json(text).map_err(|error| SlipsError::Text(error.to_string()))?;
+    if slips.format != FORMAT {
+        return Err(SlipsError::Format(slips.format));
+    }
+    let count = slips.places.len();
+    let is_good = |place: &SlipPlace| {
+        let is_placed = place.easting_m.is_finite() && place.northing_m.is_finite();
+        is_placed && (0.0..=LARGEST_M).contains(&place.radius_m)
+    };
+    if count > MOST_PLACES || !slips.places.iter().all(is_good) {
+        return Err(SlipsError::Places { count });
+    }
+    Ok(Some(slips))
+}
+
+/// The message of places in the global frame with this origin; the oldest ones are left out where there are too many.
+pub fn to_message(places: &[Barred], origin: &Utm) -> SlipMemory {
+    let place = |place: &Barred| SlipPlace {
+        easting_m: origin.easting_m + place.at.0,
+        northing_m: origin.northing_m + place.at.1,
+        radius_m: place.radius_m,
+    };
+    let newest = &places[places.len().saturating_sub(MOST_PLACES)..];
+    SlipMemory { format: FORMAT, zone: u32::from(origin.zone), places: newest.iter().map(place).collect() }
+}
+
+/// The places in the global frame with this origin, as the run knew it that slipped.
+pub fn in_global(slips: &SlipMemory, origin: &Utm) -> Result<Vec<Barred>, SlipsError> {
+    if slips.zone != u32::from(origin.zone) {
+        return Err(SlipsError::Zone { got: slips.zone, expected: origin.zone });
+    }
+    let global = |place: &SlipPlace| {
+        let at = (place.easting_m - origin.easting_m, place.northing_m - origin.northing_m);
+        Barred { at, radius_m: place.radius_m }
+    };
+    Ok(slips.places.iter().map(global).collect())
+}
+
+/// Whether a track leads over a place, both in one frame, m.
+pub fn was_driven_over(place: &Barred, track: &[(f64, f64)]) -> bool {
+    let at = DVec2::from(place.at);
+    track.iter().any(|&driven| DVec2::from(driven).distance(at) < INNER * place.radius_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn origin() -> Utm {
+        Utm::new(18, true, 308_660.0, 4_333_755.0).unwrap()
+    }
+
+    fn places() -> [Barred; 2] {
+        [Barred { at: (12.5, -3.0), radius_m: 2.0 }, Barred { at: (14.0, 1.0), radius_m: 4.5 }]
+    }
+
+    #[test]
+    fn places_are_read_again_and_a_file_that_does_not_fit_is_refused() {
+        let slips = to_message(&places(), &origin());
+        let text = |slips: SlipMemory| rcs_msg::to_json(&rcs_msg::AnyMessage::new(slips)).unwrap();
+        assert_eq!(parse(&text(slips.clone())), Ok(Some(slips.clone())));
+        assert_eq!(parse(" "), Ok(None));
+        assert_eq!(in_global(&slips, &origin()).unwrap(), places());
+        let zone = in_global(&SlipMemory { zone: 17, ..slips.clone() }, &origin()).unwrap_err();
+        assert!(zone.to_string().starts_with("the places are in UTM zone 17, expected zone 18"), "{zone}");
+        let far = SlipPlace { radius_m: 1e6, ..slips.places[0] };
+        for (slips, expected) in [
+            (SlipMemory { format: 2, ..slips.clone() }, "format is 2"),
+            (SlipMemory { places: vec![far], ..slips.clone() }, "1 places, expected at most 1000"),
+            (SlipMemory { places: vec![slips.places[0]; 1001], ..slips }, "1001 places"),
+        ] {
+            let error = parse(&text(slips)).unwrap_err().to_string();
+            assert!(error.starts_with(expected), "{error}");
+        }
+        assert!(matches!(parse("{"), Err(SlipsError::Text(_))));
+    }
+
+    #[test]
+    fn the_newest_places_are_kept() {
+        let many: Vec<Barred> =
+            (0..1500).map(|x| Barred { at: (f64::from(x), 0.0), radius_m: 1.0 }).collect();
+        let slips = to_message(&many, &origin());
+        assert_eq!(in_global(&slips, &origin()).unwrap(), many[500..]);
+    }
+
+    #[test]
+    fn a_track_past_a_place_does_not_lead_over_it() {
+        let track = |y: f64| -> Vec<(f64, f64)> { (0..40).map(|x| (f64::from(x) / 2.0, y)).collect() };
+        let [place, _] = places();
+        assert!(was_driven_over(&place, &track(-2.5)));
+        assert!(!was_driven_over(&place, &track(-1.5)), "at its border, as the vehicle stands when it slips");
+    }
+}

@@ -1,0 +1,64 @@
+//! Where the wheels slipped is barred in the next run, too.
+
+use super::goal::register;
+use super::{FILES, cycle, free, global_at, path, place_local_frame, start};
+use rcs_geom::{DVec2, Utm};
+use rcs_planner::proto::SlipMemory;
+use rcs_planner::slips;
+use rcs_testkit::bench::Bench;
+
+/// The places that are sent, in the global frame, m.
+fn sent(bench: &Bench) -> Option<Vec<(f64, f64)>> {
+    let message = bench.newest::<SlipMemory>("/generator/slips")?;
+    let origin = Utm::new(18, true, 300_000.0, 4_000_000.0).unwrap();
+    Some(slips::in_global(&message, &origin).unwrap().iter().map(|place| place.at).collect())
+}
+
+fn nearest_m(bench: &Bench, to: DVec2) -> f64 {
+    path(bench).iter().map(|at| at.distance(to)).fold(f64::INFINITY, f64::min)
+}
+
+/// What a run remembers whose wheels turned on the spot at 5 m, as the text of a file.
+fn first_run() -> String {
+    let mut bench = start(&FILES);
+    for half_metres in 0..=18 {
+        let x_m = f64::from(half_metres) / 2.0;
+        bench.write("/operator/global", global_at(x_m + 2.0));
+        cycle(&mut bench, x_m, 0.0, free, 2);
+    }
+    assert_eq!(sent(&bench), None);
+    bench.write("/operator/global", global_at(5.0));
+    place_local_frame(&mut bench, -4.0);
+    cycle(&mut bench, 9.0, 0.0, free, 26);
+    assert_eq!(sent(&bench), Some(vec![(8.5, 3.0)]));
+    let message = bench.latest::<SlipMemory>("/generator/slips");
+    rcs_msg::to_json(&rcs_msg::AnyMessage::new(message)).unwrap()
+}
+
+#[test]
+fn the_next_run_goes_around_where_the_wheels_slipped_and_hands_it_on() {
+    let slips = first_run();
+    let mut bench = start(&[FILES[0], FILES[1], ("generator.slips", &slips)]);
+    bench.write("/operator/global", global_at(2.0));
+    cycle(&mut bench, 0.0, 0.0, free, 12);
+    let place = DVec2::new(6.5, 0.0);
+    assert!(nearest_m(&bench, place) > 2.5 && path(&bench).len() > 20, "{}", nearest_m(&bench, place));
+    assert_eq!(sent(&bench), Some(vec![(8.5, 3.0)]));
+    // The remembered map is registered 6 m farther north: the straight way is free.
+    register(&mut bench, Some(DVec2::new(-2.0, 3.0)));
+    cycle(&mut bench, 0.0, 0.0, free, 26);
+    assert!(nearest_m(&bench, place) < 0.5, "{}", nearest_m(&bench, place));
+    assert_eq!(sent(&bench), Some(vec![(8.5, 9.0)]));
+}
+
+#[test]
+fn a_place_that_is_driven_over_is_forgotten() {
+    let slips = first_run();
+    let mut bench = start(&[FILES[0], FILES[1], ("generator.slips", &slips)]);
+    for x in 0..=6 {
+        bench.write("/operator/global", global_at(f64::from(x) + 2.0));
+        cycle(&mut bench, f64::from(x), 0.0, free, 2);
+    }
+    cycle(&mut bench, 6.0, 0.0, free, 26);
+    assert_eq!(sent(&bench), Some(Vec::new()));
+}
