@@ -34,7 +34,6 @@ fn a_branch_is_announced_and_leaving_it_is_asked() {
     harness.key_down(Key::W);
     wait_until(&mut harness, "a write", |frame| frame.runs.all.iter().any(|run| run.writes > 0));
     harness.key_up(Key::W);
-    // So much that the key is held before the past has been played to its end, on a busy machine, too.
     wait_until(&mut harness, "some time", |frame| frame.time_s() > 4.0);
     harness.key_press(Key::Space);
     wait_until(&mut harness, "the pause", |frame| !frame.playback.playing);
@@ -48,6 +47,9 @@ fn a_branch_is_announced_and_leaving_it_is_asked() {
     wait_until(&mut harness, "an event before", |frame| frame.now < from);
     harness.run_steps(2);
     assert!(harness.query_by_label("PAST").is_some());
+    // So far back that the key is held before the past has been played to its end, on a busy machine, too.
+    harness.key_press(Key::Home);
+    wait_until(&mut harness, "the start", |frame| frame.time_s() < 0.1);
     harness.key_press(Key::Space);
     harness.key_down(Key::W);
     wait_until(&mut harness, "another run", |frame| frame.runs.all.len() == 2);

@@ -4,7 +4,6 @@ use super::compared::Compared;
 use super::comparison::{Comparing, Subject};
 use super::frame::{Frame, Playback, Runs, SourceInfo, SourceKind};
 use super::log_view::{LogView, opening_time};
-use super::stack_steps::no_such_message;
 use super::{Source, SourceError, Step, Task};
 use rcs_log::{Log, LogMessage, MessagePosition};
 use rcs_msg::{AnyMessage, Stamp, rcs};
@@ -129,7 +128,7 @@ impl Source for LogSource {
             }
             Step::BackTo { topic, sequence } => {
                 let place = self.message_before(topic, *sequence)?;
-                self.go_to(place.ok_or_else(|| no_such_message(topic, *sequence))?)?;
+                self.go_to(place.ok_or_else(|| SourceError::no_message(topic, *sequence))?)?;
                 return Ok(true);
             }
             Step::Time { ns } => {

@@ -90,6 +90,20 @@ pub enum SourceError {
     /// This kind of source does not support it.
     #[error("{0}")]
     Unsupported(String),
+    /// There is no message of this number to go back to.
+    #[error("message {sequence} of {topic} is not before this moment, or was not kept")]
+    NoMessage {
+        /// Its topic.
+        topic: String,
+        /// Its number in the buffer.
+        sequence: u64,
+    },
+}
+
+impl SourceError {
+    fn no_message(topic: &str, sequence: u64) -> Self {
+        Self::NoMessage { topic: topic.to_owned(), sequence }
+    }
 }
 
 /// Progress and cancellation of long work. Shared between the source's thread and the window.

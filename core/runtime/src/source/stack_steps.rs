@@ -7,13 +7,6 @@ use crate::history::Point;
 use crate::stepped::Happened;
 use rcs_log::MessagePosition;
 
-/// Why a message cannot be gone back to.
-pub(super) fn no_such_message(topic: &str, sequence: u64) -> SourceError {
-    SourceError::Unsupported(format!(
-        "message {sequence} of {topic} is not before this moment, or was not kept"
-    ))
-}
-
 impl StackSource {
     /// Moves the view to a point if one was found; `false` if not.
     fn look(&mut self, found: Option<Point>) -> bool {
@@ -93,7 +86,7 @@ impl StackSource {
 
     /// Goes back to when the message with this sequence was written to a buffer of the stack.
     pub(super) fn step_back_to(&mut self, topic: &str, sequence: u64) -> Result<bool, SourceError> {
-        let buffer = self.buffer_of(topic).ok_or_else(|| no_such_message(topic, sequence))?;
+        let buffer = self.buffer_of(topic).ok_or_else(|| SourceError::no_message(topic, sequence))?;
         let from = self.session.cursor();
         let mut is_at_a_message = false;
         while !is_at_a_message || self.session.messages(buffer) > sequence {
@@ -107,7 +100,7 @@ impl StackSource {
             return Ok(true);
         }
         self.session.look(from);
-        Err(no_such_message(topic, sequence))
+        Err(SourceError::no_message(topic, sequence))
     }
 
     pub(super) fn step_event(

@@ -80,6 +80,7 @@ impl Map {
 
     /// The panel in the corner: where the pointer is, and what the cell there holds. A click keeps the panel at its
     /// place; then each source leads to the message that made the cell.
+    #[expect(clippy::too_many_arguments, reason = "what is read, and where that is on the screen")]
     pub(super) fn read_out(
         &mut self,
         ui: &mut Ui,
@@ -133,14 +134,12 @@ impl Map {
                 {
                     let content = Content { frame, cells: &cells, cell };
                     content.title(ui, &layer.name, is_top && !is_kept);
-                    if is_top {
-                        let made_by = content.show(ui, most_lines, is_kept);
-                        wanted =
-                            wanted.take().or_else(|| made_by.and_then(|made| made.message(frame, layer)));
+                    if std::mem::take(&mut is_top) {
+                        let clicked = content.show(ui, most_lines, is_kept);
+                        wanted = clicked.and_then(|source| source.message(frame, layer));
                     } else {
                         content.brief(ui);
                     }
-                    is_top = false;
                 }
             }
         });
