@@ -47,10 +47,12 @@ fn a_branch_is_announced_and_leaving_it_is_asked() {
     wait_until(&mut harness, "an event before", |frame| frame.now < from);
     harness.run_steps(2);
     assert!(harness.query_by_label("PAST").is_some());
-    // So far back that the key is held before the past has been played to its end, on a busy machine, too.
+    // So far back that the key is held before the past has been played to its end, on a busy machine, too. A key that is
+    // pressed while time stands must be let go first.
     harness.key_press(Key::Home);
     wait_until(&mut harness, "the start", |frame| frame.time_s() < 0.1);
     harness.key_press(Key::Space);
+    wait_until(&mut harness, "time to run", |frame| frame.playback.playing);
     harness.key_down(Key::W);
     wait_until(&mut harness, "another run", |frame| frame.runs.all.len() == 2);
     harness.key_up(Key::W);
