@@ -15,10 +15,13 @@ use std::time::{Duration, Instant};
 const SIDE: u32 = 1000;
 const SECONDS: u64 = 8;
 
+/// Makes the message of a second.
+type Made = fn(u64) -> AnyMessage;
+
 pub(crate) fn measure() -> anyhow::Result<()> {
     let folder = std::env::temp_dir().join(format!("ocu-interface-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
-    let made: [(&str, &str, fn(u64) -> AnyMessage); 3] = [
+    let made: [(&str, &str, Made); 3] = [
         ("a grid of 1000x1000 cells", r#"View(kind: "map")"#, |second| AnyMessage::new(grid(second))),
         ("an image of 1920x1200 pixels", r#"View(kind: "camera")"#, |second| AnyMessage::new(image(second))),
         ("a cloud of 1,000,000 points", r#"View(kind: "map")"#, |second| AnyMessage::new(cloud(second))),
@@ -33,7 +36,7 @@ pub(crate) fn measure() -> anyhow::Result<()> {
     Ok(())
 }
 
-fn write(path: &Path, message: fn(u64) -> AnyMessage) -> anyhow::Result<()> {
+fn write(path: &Path, message: Made) -> anyhow::Result<()> {
     let mut writer = LogWriter::create(path, WriterOptions::default())?;
     let channel = writer.add_channel("/large", &message(0).schema(), &BTreeMap::new())?;
     for second in 0..SECONDS {

@@ -10,6 +10,7 @@ use rcs_msg::Stamp;
 use rcs_runtime::source::{Frame, Topic};
 use rcs_world::Label;
 use std::collections::BTreeSet;
+use std::fmt::Display;
 
 /// Widths of columns, characters.
 const NAME: usize = 11;
@@ -115,7 +116,7 @@ impl Content<'_> {
         if sources.is_empty() {
             return None;
         }
-        let heading: String = columns.iter().map(|column| format!("{column:>NUMBER$}")).collect();
+        let heading = in_columns(columns.iter());
         ui.label(mono(format!("{:<NAME$}{heading}    frame", "")).color(tokens(ui).weak));
         let mut clicked = None;
         for source in sources {
@@ -124,8 +125,7 @@ impl Content<'_> {
                 Some(value) => short(value),
                 None => String::new(),
             };
-            let numbers: String =
-                columns.iter().map(|column| format!("{:>NUMBER$}", number(column))).collect();
+            let numbers = in_columns(columns.iter().map(|column| number(column)));
             let sequence = self.value(&format!("seq.{source}"));
             ui.horizontal(|ui| {
                 ui.spacing_mut().item_spacing.x = 0.0;
@@ -159,12 +159,11 @@ impl Content<'_> {
         let Some((seconds, nanos)) = seconds.zip(nanos) else { return };
         told.extend(["updated_s", "updated_ns"].map(str::to_owned));
         let changed = Stamp(seconds as u64 * 1_000_000_000 + nanos as u64);
-        let text = match changed.0 {
-            0 => "never".to_owned(),
-            _ => {
-                let age = format::age(self.frame.now.seconds_since(changed));
-                format!("{age} ago, at {}", format::clock(changed.0))
-            }
+        let text = if changed.0 == 0 {
+            "never".to_owned()
+        } else {
+            let age = format::age(self.frame.now.seconds_since(changed));
+            format!("{age} ago, at {}", format::clock(changed.0))
         };
         ui.label(mono(format!("{:<NAME$}{text}", "changed")));
     }
@@ -191,16 +190,16 @@ impl Content<'_> {
             return;
         }
         *room -= 1 + parts.len();
-        let heading: String = columns.iter().map(|column| format!("{column:>NUMBER$}")).collect();
+        let heading = in_columns(columns.iter());
         ui.label(mono(format!("{:<NAME$}{heading}", "")).color(tokens(ui).weak));
         for part in parts {
             let number = |column: &&str| {
                 let name = format!("{part}.{column}");
                 let text = self.value(&name).map(short).unwrap_or_default();
                 told.insert(name);
-                format!("{text:>NUMBER$}")
+                text
             };
-            let numbers: String = columns.iter().map(number).collect();
+            let numbers = in_columns(columns.iter().map(number));
             ui.label(mono(format!("{part:<NAME$}{numbers}")));
         }
     }
@@ -222,6 +221,11 @@ impl Content<'_> {
             weak(ui, format!("{} numbers more in a larger map", hidden.len()));
         }
     }
+}
+
+/// Texts in columns of numbers.
+fn in_columns<T: Display>(texts: impl Iterator<Item = T>) -> String {
+    texts.map(|text| format!("{text:>NUMBER$}")).collect::<Vec<_>>().concat()
 }
 
 fn weak(ui: &mut Ui, text: String) {

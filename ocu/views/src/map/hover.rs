@@ -102,7 +102,7 @@ impl Map {
         let place = Rect::from_min_max(canvas.min + Vec2::new(0.0, top), canvas.max);
         let mut close = false;
         let mut wanted = None;
-        let (_, plate) = legend::plate(ui, place, corner, |ui| {
+        let ((), plate) = legend::plate(ui, place, corner, |ui| {
             ui.style_mut().interaction.selectable_labels = false;
             ui.horizontal(|ui| {
                 ui.label(mono(format!("x {x:8.2} m  y {y:8.2} m")));

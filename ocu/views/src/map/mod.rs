@@ -26,7 +26,7 @@ use crate::canvas::Viewport;
 use crate::clip::{Near, is_place};
 use crate::operator::Inputs;
 use crate::view::{Preview, SavedState, View, ViewContext};
-use egui::{Context, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
+use egui::{Context, Pos2, Rect, Response, Role, Sense, Ui, Vec2, WidgetInfo};
 pub(crate) use for_camera::{Floor, Ground, OnGround};
 pub(crate) use for_scene::{CellColors, Placed, Thing, frames, placed};
 use grid::Extent;
@@ -311,42 +311,8 @@ impl Map {
         response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Map"));
         ui.painter().rect_filled(canvas, 0.0, tokens(ui).canvas());
         let shown: Vec<_> = layers.iter().filter(|layer| self.state(layer).shown).collect();
-        self.check_viewport(ui.ctx(), cx.frame, map, &shown, canvas);
-        if let Some(name) = self.zoom_to.take() {
-            let alone: Vec<_> = shown.iter().copied().filter(|layer| layer.name == name).collect();
-            self.saved.viewport = Some(self.fitted(ui.ctx(), cx.frame, map, &alone, canvas));
-            self.saved.follows = false;
-        }
-        let mut viewport = match self.saved.viewport {
-            Some(viewport) => viewport,
-            None => self.fitted(ui.ctx(), cx.frame, map, &shown, canvas),
-        };
         let vehicle = self.here(cx.frame, &shown);
-        let here = if self.saved.follows { vehicle } else { None };
-        if let Some([x, y, _]) = here {
-            viewport.center = [x, y];
-        }
-        // While the heading is unknown, the map stays as it is.
-        let heading_rad = vehicle.map(|[_, _, yaw]| yaw).filter(|yaw| yaw.is_finite());
-        self.turned_rad = match (self.saved.vehicle_up, heading_rad) {
-            (true, Some(heading_rad)) => FRAC_PI_2 - heading_rad,
-            (true, None) => self.turned_rad,
-            (false, _) => 0.0,
-        };
-        viewport.turned_rad = self.turned_rad;
-        if viewport.interact(ui, &response, [0.01, 5000.0], !self.measuring) {
-            if response.dragged() {
-                // Who drags the map looks elsewhere.
-                self.saved.follows = false;
-            } else if let Some([x, y, _]) = here {
-                viewport.center = [x, y];
-            }
-            self.saved.viewport = Some(viewport);
-        }
-        let draws = self.draft.is_some() || self.example.is_some();
-        if response.double_clicked() && !draws {
-            self.saved.viewport = None;
-        }
+        let viewport = self.look(ui, cx.frame, map, &shown, vehicle, &response);
         self.measure(&response, viewport, canvas);
 
         let painter = ui.painter_at(canvas);
@@ -415,6 +381,55 @@ impl Map {
         let pointer = response.hover_pos().filter(|_| !response.context_menu_opened());
         let pointer = pointer.map(|at| viewport.to_plane(canvas, at));
         self.read_out(ui, cx, map, &shown, pointer, viewport, canvas);
+    }
+
+    /// Where the map looks in this pass: at what was chosen or at everything, after the vehicle, turned and moved.
+    fn look(
+        &mut self,
+        ui: &Ui,
+        frame: &Frame,
+        map: &str,
+        shown: &[&Layer<'_>],
+        vehicle: Option<[f64; 3]>,
+        response: &Response,
+    ) -> Viewport {
+        let canvas = response.rect;
+        self.check_viewport(ui.ctx(), frame, map, shown, canvas);
+        if let Some(name) = self.zoom_to.take() {
+            let alone: Vec<_> = shown.iter().copied().filter(|layer| layer.name == name).collect();
+            self.saved.viewport = Some(self.fitted(ui.ctx(), frame, map, &alone, canvas));
+            self.saved.follows = false;
+        }
+        let mut viewport = match self.saved.viewport {
+            Some(viewport) => viewport,
+            None => self.fitted(ui.ctx(), frame, map, shown, canvas),
+        };
+        let here = if self.saved.follows { vehicle } else { None };
+        if let Some([x, y, _]) = here {
+            viewport.center = [x, y];
+        }
+        // While the heading is unknown, the map stays as it is.
+        let heading_rad = vehicle.map(|[_, _, yaw]| yaw).filter(|yaw| yaw.is_finite());
+        self.turned_rad = match (self.saved.vehicle_up, heading_rad) {
+            (true, Some(heading_rad)) => FRAC_PI_2 - heading_rad,
+            (true, None) => self.turned_rad,
+            (false, _) => 0.0,
+        };
+        viewport.turned_rad = self.turned_rad;
+        if viewport.interact(ui, response, [0.01, 5000.0], !self.measuring) {
+            if response.dragged() {
+                // Who drags the map looks elsewhere.
+                self.saved.follows = false;
+            } else if let Some([x, y, _]) = here {
+                viewport.center = [x, y];
+            }
+            self.saved.viewport = Some(viewport);
+        }
+        let draws = self.draft.is_some() || self.example.is_some();
+        if response.double_clicked() && !draws {
+            self.saved.viewport = None;
+        }
+        viewport
     }
 
     /// The places on which no text lies: north, the scale, and the legend.
