@@ -17,6 +17,7 @@ mod paint;
 mod panel;
 mod picture;
 mod plan;
+mod toolbar;
 mod track;
 mod training;
 mod uncertainty;
@@ -24,7 +25,6 @@ mod uncertainty;
 use crate::badge;
 use crate::canvas::Viewport;
 use crate::clip::{Near, is_place};
-use crate::operator::Inputs;
 use crate::view::{Preview, SavedState, View, ViewContext};
 use egui::{Context, Pos2, Rect, Response, Role, Sense, Ui, Vec2, WidgetInfo};
 pub(crate) use for_camera::{Floor, Ground, OnGround};
@@ -32,7 +32,6 @@ pub(crate) use for_scene::{CellColors, Placed, Thing, frames, placed};
 use grid::Extent;
 use labels::Labels;
 use layers::{Kind, Layer, Tracks};
-use ocu_ui::bar::{self, Bar, Fit, Form};
 use ocu_ui::legend::{self, round_step};
 use ocu_ui::palette::MapPalette;
 use ocu_ui::{icons, tokens, widgets};
@@ -190,86 +189,6 @@ impl View for Map {
 }
 
 impl Map {
-    fn toolbar(&mut self, ui: &mut Ui, frame: &Frame, map: &str, frames: &[&str], roomy: bool) {
-        let mut bar: Bar<'_, Self> = Bar::new("toolbar");
-        bar.left("frame", Fit::Leaves(60), |ui, form, view| view.frame_choice(ui, form, map, frames));
-        bar.right("fit", Fit::Leaves(50), |ui, form, view| {
-            if bar::tool(ui, form, icons::ICON_FIT_SCREEN, "Fit everything").clicked() {
-                view.saved.viewport = None;
-            }
-        });
-        bar.right("follow", Fit::Leaves(45), |ui, form, view| {
-            let name = "Follow the vehicle";
-            bar::tool_toggle(ui, form, icons::ICON_MY_LOCATION, name, &mut view.saved.follows);
-        });
-        bar.right("vehicle up", Fit::Leaves(42), |ui, form, view| {
-            let name = "Turn the map: the vehicle heads up";
-            bar::tool_toggle(ui, form, icons::ICON_NAVIGATION, name, &mut view.saved.vehicle_up);
-        });
-        bar.right("measure", Fit::Leaves(20), |ui, form, view| {
-            let name = "Measure a distance";
-            let measure = bar::tool_toggle(ui, form, icons::ICON_STRAIGHTEN, name, &mut view.measuring);
-            if measure.clicked() {
-                view.measured = None;
-                view.draft = None;
-                view.example = None;
-            }
-        });
-        if Inputs::of(frame).training.is_some() {
-            bar.right("training", Fit::Leaves(30), |ui, form, view| {
-                let mut drawing = view.example.is_some();
-                let name = "Draw an obstacle or ground to learn from";
-                if bar::tool_toggle(ui, form, icons::ICON_SCHOOL, name, &mut drawing).clicked() {
-                    view.toggle_example();
-                }
-            });
-        }
-        if let Some(buffer) = Inputs::of(frame).mission {
-            bar.right("mission", Fit::Leaves(40), move |ui, form, view| {
-                let mut editing = view.draft.is_some();
-                let name = "Draw a mission: goals and keep-out zones";
-                if bar::tool_toggle(ui, form, icons::ICON_TOUR, name, &mut editing).clicked() {
-                    view.toggle_draft(frame, map, &buffer);
-                }
-            });
-        }
-        bar.right("palette", Fit::Leaves(10), |ui, form, view| {
-            let mut even = view.saved.palette == MapPalette::Even;
-            let name = "Even colours, for colour-blind people";
-            if bar::tool_toggle(ui, form, icons::ICON_PALETTE, name, &mut even).clicked() {
-                view.saved.palette = if even { MapPalette::Even } else { MapPalette::Papers };
-            }
-        });
-        bar.right("layers", Fit::Leaves(70), |ui, form, view| {
-            let mut listed = view.saved.panel.unwrap_or(roomy);
-            let name = "Show the list of layers";
-            if bar::tool_toggle(ui, form, icons::ICON_LAYERS, name, &mut listed).clicked() {
-                view.saved.panel = Some(listed);
-            }
-        });
-        crate::toolbar::show(ui, bar, self);
-    }
-
-    fn frame_choice(&mut self, ui: &mut Ui, form: Form, map: &str, frames: &[&str]) {
-        let width = if form == Form::Short { 72.0 } else { 160.0 };
-        let text = layers::frame_label(map);
-        let combo = egui::ComboBox::from_id_salt("map frame").selected_text(text).width(width).truncate();
-        let combo = combo.show_ui(ui, |ui| {
-            for frame in frames {
-                if ui.selectable_label(*frame == map, layers::frame_label(frame)).clicked() {
-                    self.saved.frame = Some((*frame).to_owned());
-                    self.saved.viewport = None;
-                    self.measured = None;
-                    self.kept = None;
-                    self.draft = None;
-                    self.example = None;
-                }
-            }
-        });
-        combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Frame of the map"));
-        combo.response.on_hover_text("Frame that everything is drawn in");
-    }
-
     /// Takes the fusion weights that are being edited, if they changed.
     fn follow_preview(&mut self, preview: Option<&Preview>) {
         if self.preview.as_ref().map(|(known, _)| known) != preview {

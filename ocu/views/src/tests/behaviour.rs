@@ -239,6 +239,17 @@ fn pointed(harness: &mut Harness<'_, Shown>, beside: Vec2) -> [f64; 2] {
     [point.position_m[0], point.position_m[1]]
 }
 
+/// Drags the map from its middle.
+fn drag_map(harness: &mut Harness<'_, Shown>, by: Vec2) {
+    let at = harness.get_by_label("Map").rect().center();
+    harness.drag_at(at);
+    harness.run_steps(2);
+    harness.hover_at(at + by);
+    harness.run_steps(2);
+    harness.drop_at(at + by);
+    harness.run();
+}
+
 #[test]
 fn a_map_turns_so_that_the_vehicle_heads_up_and_back() {
     let heading_rad: f64 = 2.5;
@@ -259,13 +270,7 @@ fn a_map_turns_so_that_the_vehicle_heads_up_and_back() {
     assert_eq!(harness.state().view.save()["vehicle_up"], true);
 
     // Who drags a turned map moves it with the pointer.
-    let at = harness.get_by_label("Map").rect().center();
-    harness.drag_at(at);
-    harness.run_steps(2);
-    harness.hover_at(at + Vec2::new(80.0, 30.0));
-    harness.run_steps(2);
-    harness.drop_at(at + Vec2::new(80.0, 30.0));
-    harness.run();
+    drag_map(&mut harness, Vec2::new(80.0, 30.0));
     let moved = pointed(&mut harness, Vec2::new(80.0, 30.0));
     assert!((moved[0] - x).abs() < 0.1 && (moved[1] - y).abs() < 0.1, "{moved:?}");
     harness.get_by_label("Turn the map: the vehicle heads up").click();
@@ -285,13 +290,7 @@ fn a_map_follows_the_vehicle_until_it_is_dragged_and_zooms_to_a_layer() {
     assert_ne!(before, followed);
     assert!(harness.state().view.save()["viewport"].is_null(), "a vehicle that drives changes no layout");
 
-    let at = harness.get_by_label("Map").rect().center();
-    harness.drag_at(at);
-    harness.run_steps(2);
-    harness.hover_at(at + Vec2::new(80.0, 0.0));
-    harness.run_steps(2);
-    harness.drop_at(at + Vec2::new(80.0, 0.0));
-    harness.run();
+    drag_map(&mut harness, Vec2::new(80.0, 0.0));
     assert_eq!(harness.state().view.save()["follows"], false, "who drags looks elsewhere");
 
     harness.get_by_label("Zoom to /wm1/map").click();
