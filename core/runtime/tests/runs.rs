@@ -350,6 +350,8 @@ fn a_stack_source_goes_back_to_a_message_by_its_number() {
         source.seek(seconds(3.0), &task).unwrap();
         assert!(source.step(&back_to(sequence), &task).unwrap());
         assert_eq!(newest(&mut source), sequence);
+        assert!(!source.step(&back_to(sequence), &task).unwrap(), "it is there");
+        assert_eq!(newest(&mut source), sequence);
     }
     source.seek(seconds(1.0), &task).unwrap();
     for wrong in [0, last] {

@@ -30,15 +30,13 @@ fn x_of(frame: &Frame, topic: &str) -> Option<f64> {
     frame.topic(topic)?.get::<foxglove::Vector3>().map(|vector| vector.x)
 }
 
+/// Two topics, whose messages are numbered in one count, some at the same time.
+const EQUAL_TIMES: [(f64, &str, f64); 5] =
+    [(0.0, "/a", 1.0), (1.0, "/a", 2.0), (1.0, "/b", 3.0), (1.0, "/a", 4.0), (5.0, "/b", 5.0)];
+
 #[test]
 fn a_log_steps_message_by_message_through_equal_times_and_back() {
-    let (mut source, _folder) = log_source(&[
-        (0.0, "/a", 1.0),
-        (1.0, "/a", 2.0),
-        (1.0, "/b", 3.0),
-        (1.0, "/a", 4.0),
-        (5.0, "/b", 5.0),
-    ]);
+    let (mut source, _folder) = log_source(&EQUAL_TIMES);
     let task = Task::default();
     let mut state = |step: Option<&Step>| {
         let moved = step.is_none_or(|step| source.step(step, &task).unwrap());
@@ -61,14 +59,7 @@ fn a_log_steps_message_by_message_through_equal_times_and_back() {
 
 #[test]
 fn a_log_goes_back_to_a_message_by_its_number() {
-    // Numbers count all messages of this log, so each topic lacks some.
-    let (mut source, _folder) = log_source(&[
-        (0.0, "/a", 1.0),
-        (1.0, "/a", 2.0),
-        (1.0, "/b", 3.0),
-        (1.0, "/a", 4.0),
-        (5.0, "/b", 5.0),
-    ]);
+    let (mut source, _folder) = log_source(&EQUAL_TIMES);
     let task = Task::default();
     for (topic, sequence, x) in
         [("/a", 4, 4.0), ("/a", 2, 2.0), ("/a", 1, 1.0), ("/b", 3, 3.0), ("/b", 5, 5.0)]

@@ -88,19 +88,22 @@ impl StackSource {
     pub(super) fn step_back_to(&mut self, topic: &str, sequence: u64) -> Result<bool, SourceError> {
         let buffer = self.buffer_of(topic).ok_or_else(|| SourceError::no_message(topic, sequence))?;
         let from = self.session.cursor();
-        let mut is_at_a_message = false;
-        while !is_at_a_message || self.session.messages(buffer) > sequence {
+        // The first moment at which so many messages had been written.
+        let mut first = None;
+        while sequence > 0 && self.session.messages(buffer) >= sequence {
+            first = Some(self.session.cursor());
             let before = self.session.message_before(buffer);
-            is_at_a_message = self.look(before);
-            if !is_at_a_message {
+            if !self.look(before) {
                 break;
             }
         }
-        if self.session.messages(buffer) == sequence && is_at_a_message {
-            return Ok(true);
+        self.session.look(first.unwrap_or(from));
+        // What was not kept cannot be gone back to.
+        if first.is_none() || self.session.messages(buffer) > sequence {
+            self.session.look(from);
+            return Err(SourceError::no_message(topic, sequence));
         }
-        self.session.look(from);
-        Err(SourceError::no_message(topic, sequence))
+        Ok(self.session.cursor() != from)
     }
 
     pub(super) fn step_event(

@@ -10,9 +10,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Kinds of files that processes write: what they learned, the way that they drove, where it was slippery, and the map of
-/// it. Files of other
-/// kinds are written by people, and an output of the same name (the goal of a course, and the goal in the local frame) is
-/// something else.
+/// it. Files of other kinds are written by people, and an output of the same name (the goal of a course, and the goal in
+/// the local frame) is something else.
 const REMEMBERED: [&str; 4] = ["models", "route", "slips", "map"];
 
 /// Texts by parameter: `process.field`.
