@@ -4,7 +4,7 @@ use rcs_runtime::{Asset, Assets, Plan, PlanOptions, StackFile};
 use std::path::Path;
 use std::sync::Arc;
 
-/// The bundled files, read from the repository.
+/// The bundled files, read from the repository, and the worlds and courses of the tests alone in `tests/assets`.
 pub(crate) struct Repository;
 
 impl Assets for Repository {
@@ -14,7 +14,9 @@ impl Assets for Repository {
             "part" => format!("assets/stacks/parts/{name}.toml"),
             kind => format!("assets/{kind}s/{name}.toml"),
         };
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(&file);
+        let own = Path::new(env!("CARGO_MANIFEST_DIR")).join(&file);
+        let path =
+            if own.exists() { own } else { Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(&file) };
         let text = std::fs::read_to_string(path).map_err(|error| format!("{error}: {file}"))?;
         Ok(Asset { file, text })
     }

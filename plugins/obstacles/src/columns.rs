@@ -83,12 +83,12 @@ pub struct CellVote {
     pub colour: [u32; 3],
 }
 
-/// A pixel at the border of a negative obstacle ("hole").
+/// A pixel, and the cell of a map in which it lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Border {
+pub struct PlacedPixel {
     /// Index of its label in [`Strip::labels`].
     pub label: usize,
-    /// Its cell of the ground map.
+    /// Its cell.
     pub cell: [i32; 2],
 }
 
@@ -178,8 +178,10 @@ pub struct Strip {
     pub range_m: [f32; 2],
     /// Votes of the ground pixels for the ground map, and borders of holes; empty where holes are not searched.
     pub ground: Vec<GroundVote>,
-    /// Pixels at the borders of holes.
-    pub borders: Vec<Border>,
+    /// Pixels at the borders of negative obstacles ("holes"), with cells of the ground map.
+    pub borders: Vec<PlacedPixel>,
+    /// Pixels of positive obstacles, with cells of the votes.
+    pub obstacles: Vec<PlacedPixel>,
     scanner: ColumnScan,
     hole_scanner: HoleScan,
     holes: Vec<Hole>,
@@ -195,6 +197,7 @@ impl Strip {
             range_m: [f32::INFINITY, 0.0],
             ground: Vec::new(),
             borders: Vec::new(),
+            obstacles: Vec::new(),
             scanner: ColumnScan::default(),
             hole_scanner: HoleScan::default(),
             holes: Vec::new(),
@@ -250,7 +253,7 @@ impl Strip {
         let placement = survey.placement.with_cells(GROUND_CELL_M);
         for i in self.holes.iter().flat_map(|hole| [Some(hole.near), hole.far]).flatten() {
             let cell = placement.cell_of(points[i].x, points[i].y);
-            self.borders.push(Border { label: first + i, cell });
+            self.borders.push(PlacedPixel { label: first + i, cell });
             self.ground.push(GroundVote { cell, borders: 1, ..GroundVote::default() });
         }
         let mut vote = GroundVote::default();
@@ -307,6 +310,7 @@ impl Strip {
                 open = true;
             }
             if label == Label::Obstacle {
+                self.obstacles.push(PlacedPixel { label: first + i, cell: vote.cell });
                 vote.obstacle.add(point.z);
             } else {
                 vote.ground.add(point.z);
@@ -319,6 +323,15 @@ impl Strip {
         }
         if open {
             self.votes.push(vote);
+        }
+    }
+
+    /// Changes the label of the pixels of positive obstacles whose cell satisfies `is_free` to too far to tell.
+    pub fn doubt(&mut self, is_free: impl Fn([i32; 2]) -> bool) {
+        for pixel in self.obstacles.iter().filter(|pixel| is_free(pixel.cell)) {
+            self.counts[Label::Obstacle as usize] -= 1;
+            self.counts[Label::TooFar as usize] += 1;
+            self.labels[pixel.label] = Label::TooFar;
         }
     }
 

@@ -18,7 +18,7 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::packed_element_field::NumericType;
 use rcs_msg::foxglove::{Grid, PackedElementField};
 use rcs_sense::{CELL_SIZE_M, GridFrame, cost_field};
-use rcs_world::{MAX_COST, SIDE, Source, UNKNOWN_COST};
+use rcs_world::{Label as Seen, MAX_COST, SIDE, Source, UNKNOWN_COST};
 use std::collections::BTreeSet;
 
 /// Sums over the pixels of one kind in one cell; heights relative to the sensor, m.
@@ -64,14 +64,22 @@ struct Cell {
     colour: [u64; 3],
     /// Whether a border of a negative obstacle lies in the cell.
     negative: bool,
+    /// Whether it is an obstacle in too few frames to be one.
+    unconfirmed: bool,
 }
 
 impl Cell {
-    const NONE: Cell = Cell { ground: Sums::NONE, obstacle: Sums::NONE, colour: [0; 3], negative: false };
+    const NONE: Cell = Cell {
+        ground: Sums::NONE,
+        obstacle: Sums::NONE,
+        colour: [0; 3],
+        negative: false,
+        unconfirmed: false,
+    };
 
     fn cost(&self, min_pixels: u32) -> u8 {
         let count = self.ground.count + self.obstacle.count;
-        match (self.negative, count < min_pixels) {
+        match (self.negative, count < min_pixels || self.unconfirmed) {
             (true, _) => MAX_COST,
             (false, true) => UNKNOWN_COST,
             (false, false) => {
@@ -111,6 +119,17 @@ pub struct Certainty {
     pub pixels: u32,
     /// Standard deviation of a range, divided by the square of the range, 1/m; 0 for sensors without that noise.
     pub noise_per_m2: f64,
+}
+
+/// Which obstacles count, and of which one frame is sure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sure {
+    /// Fewer pixels make no obstacle.
+    pub(crate) pixels: u32,
+    /// Sure ones are within this distance, m.
+    pub(crate) within_m: f64,
+    /// They rise by as much within their cell, m.
+    pub(crate) rise_m: f64,
 }
 
 /// Sums over all cells for one range image.
@@ -154,6 +173,38 @@ impl CostMap {
         }
         let certainty = Certainty { min_pixels: certainty.min_pixels.max(1), ..certainty };
         CostMap { frame, sensor, certainty, cells }
+    }
+
+    /// Makes the cells unknown whose pixels say that they are obstacles, and which are too few, or none according to
+    /// `is_confirmed`. It gets the other known cells, what their pixels say, and whether that is sure: near, and much higher
+    /// than the lowest pixel.
+    pub(crate) fn confirm(
+        &mut self,
+        sure: &Sure,
+        mut is_confirmed: impl FnMut(CellIndex, Seen, bool) -> bool,
+    ) {
+        let side = self.frame.side;
+        for (at, cell) in self.cells.iter_mut().enumerate() {
+            let seen = Seen::of_cost(cell.cost(self.certainty.min_pixels));
+            let is_obstacle = seen == Seen::Obstacle;
+            if is_obstacle && cell.ground.count + cell.obstacle.count < sure.pixels {
+                cell.unconfirmed = true;
+            } else if seen != Seen::Unknown {
+                let index = self.frame.south_west.offset((at % side) as i64, (at / side) as i64);
+                let rise_m = cell.obstacle.max - cell.obstacle.min.min(cell.ground.min);
+                let middle = self.frame.middle(at % side, at / side);
+                let is_near = (middle - self.sensor.truncate()).length() <= sure.within_m;
+                let is_sure = is_near && f64::from(rise_m) >= sure.rise_m;
+                cell.unconfirmed = !is_confirmed(index, seen, is_sure) && is_obstacle;
+            }
+        }
+    }
+
+    /// Whether a cell is an obstacle.
+    pub(crate) fn is_obstacle(&self, [x, y]: [i32; 2]) -> bool {
+        let at = self.frame.slot(CellIndex::new(x.into(), y.into()));
+        let cost = |at: usize| self.cells[at].cost(self.certainty.min_pixels);
+        at.is_some_and(|at| Seen::of_cost(cost(at)) == Seen::Obstacle)
     }
 
     /// Costs in row order from the south-west corner.

@@ -19,8 +19,8 @@
 //! | `stats` | out | `rcs.ObstacleStats` | pixels by label, cells, ranges in m |
 //!
 //! Period 200 ms (5 Hz, the rate of stereo). No commands besides those of the runtime. State: the poses of the last
-//! seconds, the camera, and the ground map of the negative obstacles; apart from that map, frames are independent of
-//! each other.
+//! seconds, the camera, the ground map of the negative obstacles, and in how many frames each cell was an obstacle (with
+//! `positive_frames`); apart from these, frames are independent of each other.
 //!
 //! It labels what the current range data show. It does not track obstacles or remember them: that is the task of the
 //! world model.
@@ -80,6 +80,7 @@ mod process;
 mod results;
 pub mod scan;
 mod sensor_pose;
+mod sightings;
 
 pub use overlay_process::LabelOverlay;
 pub use process::Obstacles;

@@ -3,7 +3,7 @@
 
 use crate::cloud::CloudColumns;
 use crate::columns::{KnownGround, Strip, Survey};
-use crate::cost_map::CostMap;
+use crate::cost_map::{CostMap, Sure};
 use crate::depth_image::{DepthError, DepthImage, Rays, label_image, scan_strip};
 use crate::ground_map::GroundMap;
 use crate::params::{border_rule, certainty, extrinsics, negative_params, scan_params};
@@ -11,6 +11,7 @@ use crate::proto::{ObstacleStats, ObstaclesParams};
 use crate::results::{count, labelled_cloud, stats};
 use crate::scan::Label;
 use crate::sensor_pose::{SensorPose, SensorPoseError};
+use crate::sightings::Sightings;
 use glam::DVec3;
 use rcs_geom::{CameraError, CellIndex, PinholeCamera, Pose};
 use rcs_msg::classes::OBSTACLE_CLASSES;
@@ -23,12 +24,14 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// State: the poses of the last seconds, the camera, and the ground map of the negative obstacles.
+/// State: the poses of the last seconds, the camera, the ground map of the negative obstacles, and in how many frames cells
+/// were obstacles.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Obstacles {
     localizer: Localizer,
     camera: Option<PinholeCamera>,
     ground: GroundMap,
+    sightings: Sightings,
     /// Rays of `camera`, computed on first use.
     #[serde(skip)]
     rays: Option<Arc<Rays>>,
@@ -117,6 +120,7 @@ impl Process for Obstacles {
             localizer: Localizer::default(),
             camera: None,
             ground: GroundMap::new().expect("the size of the ground map is valid"),
+            sightings: Sightings::new().expect("the size of the cost map is valid"),
             rays: None,
         }
     }
@@ -290,7 +294,15 @@ impl Obstacles {
         let (negative, negative_cells) = self.mark_negative(strips, sensor_pose, time, params);
         let sensor = sensor_pose.placement.sensor;
         let certainty = certainty(params, self.camera.as_ref());
-        let map = CostMap::new(strips, &negative_cells, sensor_pose.centre, sensor, certainty);
+        let mut map = CostMap::new(strips, &negative_cells, sensor_pose.centre, sensor, certainty);
+        if params.positive_frames > 1 {
+            let frames = u8::try_from(params.positive_frames).unwrap_or(u8::MAX);
+            self.sightings.recentre(sensor_pose.centre);
+            let (within_m, rise_m) = (params.sure_range_m, params.sure_rise_m);
+            let sure = Sure { pixels: params.positive_pixels, within_m, rise_m };
+            map.confirm(&sure, |cell, seen, is_sure| self.sightings.confirms(cell, seen, is_sure, frames));
+            strips.iter_mut().for_each(|strip| strip.doubt(|cell| !map.is_obstacle(cell)));
+        }
         let stats = ObstacleStats {
             negative,
             negative_cells: negative_cells.len() as u64,

@@ -28,12 +28,10 @@ const SIDE: usize = 2 * RADIUS + 1;
 pub(crate) const CAP: u8 = 10;
 pub(crate) const BRIGHTNESS_CAP: u8 = 8;
 /// Penalty of a path for a change of disparity by one pixel, and for a larger change.
-pub(crate) const P1: u8 = 10;
+pub(crate) const P1: u8 = 20;
 pub(crate) const P2: u8 = 80;
 /// Greater than every cost: placed before the first and after the last disparity of a pixel.
 const GUARD: u8 = u8::MAX;
-/// Lanes for 16-bit sums. It divides every number of disparities.
-const SUM_LANES: usize = 16;
 
 /// Matches a pair into `out`, 1/16 pixel; columns left of `disparities - 1` have no disparity.
 pub(crate) struct Image<'a> {
@@ -92,6 +90,8 @@ impl Kernel for Image<'_> {
         // The number of lanes is a constant that divides the disparities, so that no vector loop has a remainder.
         if self.disparities.is_multiple_of(64) {
             self.rows::<64>();
+        } else if self.disparities.is_multiple_of(48) {
+            self.rows::<48>();
         } else if self.disparities.is_multiple_of(32) {
             self.rows::<32>();
         } else {
@@ -321,45 +321,40 @@ fn sum_paths<const LANES: usize>(a: &[u8], b: &[u8], c: &[u8], d: &[u8], out: &m
 fn add_path<const LANES: usize>(path: &[u8], sums: &mut [u16]) {
     for (sums, path) in sums.chunks_exact_mut(LANES).zip(path.chunks_exact(LANES)) {
         for i in 0..LANES {
-            sums[i] += u16::from(path[i]);
+            sums[i] = sums[i].wrapping_add(u16::from(path[i]));
         }
     }
 }
 
+// Plain loops, which the compiler turns into vectors and one reduction. Lanes in an array end in a chain of scalar
+// comparisons instead, which takes as long as a path.
 #[inline(always)]
 fn least_sum(sums: &[u16]) -> u16 {
-    let mut least = [u16::MAX; SUM_LANES];
-    for sums in sums.chunks_exact(SUM_LANES) {
-        for i in 0..SUM_LANES {
-            least[i] = least[i].min(sums[i]);
-        }
+    let mut least = u16::MAX;
+    for &sum in sums {
+        least = least.min(sum);
     }
-    least_of(&least)
+    least
 }
 
 /// The first disparity with the least sum, and the least sum that is not adjacent to it.
 #[inline(always)]
 fn place_and_rival(sums: &[u16], best: u16) -> (u16, u16) {
-    let mut places = [u16::MAX; SUM_LANES];
-    for (k, sums) in sums.chunks_exact(SUM_LANES).enumerate() {
-        for i in 0..SUM_LANES {
-            let miss = u16::from(sums[i] != best).wrapping_neg();
-            places[i] = places[i].min((k * SUM_LANES + i) as u16 | miss);
-        }
+    let disparities = sums.len() as u16;
+    let mut place = u16::MAX;
+    for (d, &sum) in (0..disparities).zip(sums) {
+        place = place.min(d | u16::from(sum != best).wrapping_neg());
     }
-    let place = least_of(&places);
-    let mut rivals = [u16::MAX; SUM_LANES];
-    for (k, sums) in sums.chunks_exact(SUM_LANES).enumerate() {
-        for i in 0..SUM_LANES {
-            let beside = ((k * SUM_LANES + i) as u16 + 1).wrapping_sub(place) <= 2;
-            rivals[i] = rivals[i].min(sums[i] | u16::from(beside).wrapping_neg());
-        }
+    let mut rival = u16::MAX;
+    for (d, &sum) in (0..disparities).zip(sums) {
+        let beside = d.wrapping_add(1).wrapping_sub(place) <= 2;
+        rival = rival.min(sum | u16::from(beside).wrapping_neg());
     }
-    (place, least_of(&rivals))
+    (place, rival)
 }
 
 #[inline(always)]
-fn least_of<T: Copy + Ord, const LANES: usize>(lanes: &[T; LANES]) -> T {
+fn least_of<const LANES: usize>(lanes: &[u8; LANES]) -> u8 {
     let mut least = lanes[0];
     for &lane in lanes {
         least = least.min(lane);
