@@ -275,6 +275,27 @@ impl Obstacles {
         (pixels, cells.collect())
     }
 
+    /// Makes the obstacle cells unknown that too few frames have seen, and their pixels too far to tell.
+    fn confirm(
+        &mut self,
+        map: &mut CostMap,
+        strips: &mut [Strip],
+        centre: CellIndex,
+        params: &ObstaclesParams,
+    ) {
+        if params.positive_frames <= 1 {
+            return;
+        }
+        let frames = u8::try_from(params.positive_frames).unwrap_or(u8::MAX);
+        let (within_m, rise_m) = (params.sure_range_m, params.sure_rise_m);
+        let sure = Sure { pixels: params.positive_pixels, within_m, rise_m };
+        self.sightings.recentre(centre);
+        map.confirm(&sure, |cell, seen, is_sure| self.sightings.confirms(cell, seen, is_sure, frames));
+        for strip in strips {
+            strip.doubt(|cell| !map.is_obstacle(cell));
+        }
+    }
+
     /// Sends the cost map and the counts, unless no point had a range.
     #[expect(clippy::too_many_arguments, reason = "one frame, and where it goes")]
     fn write_results(
@@ -295,14 +316,7 @@ impl Obstacles {
         let sensor = sensor_pose.placement.sensor;
         let certainty = certainty(params, self.camera.as_ref());
         let mut map = CostMap::new(strips, &negative_cells, sensor_pose.centre, sensor, certainty);
-        if params.positive_frames > 1 {
-            let frames = u8::try_from(params.positive_frames).unwrap_or(u8::MAX);
-            self.sightings.recentre(sensor_pose.centre);
-            let (within_m, rise_m) = (params.sure_range_m, params.sure_rise_m);
-            let sure = Sure { pixels: params.positive_pixels, within_m, rise_m };
-            map.confirm(&sure, |cell, seen, is_sure| self.sightings.confirms(cell, seen, is_sure, frames));
-            strips.iter_mut().for_each(|strip| strip.doubt(|cell| !map.is_obstacle(cell)));
-        }
+        self.confirm(&mut map, strips, sensor_pose.centre, params);
         let stats = ObstacleStats {
             negative,
             negative_cells: negative_cells.len() as u64,
