@@ -14,9 +14,9 @@ impl Assets for Repository {
             "part" => format!("assets/stacks/parts/{name}.toml"),
             kind => format!("assets/{kind}s/{name}.toml"),
         };
-        let own = Path::new(env!("CARGO_MANIFEST_DIR")).join(&file);
-        let path =
-            if own.exists() { own } else { Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(&file) };
+        let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let own = tests.join(&file);
+        let path = if own.exists() { own } else { tests.join("..").join(&file) };
         let text = std::fs::read_to_string(path).map_err(|error| format!("{error}: {file}"))?;
         Ok(Asset { file, text })
     }

@@ -54,7 +54,7 @@ fn low_boulders_block_the_way_to_them_in_time() {
     let fused = report.shares(FUSED, 3.0).unwrap();
     assert!(report.arcs[0].blocked > 20, "{report}");
     assert!(fused.free_called_blocked_pct.unwrap() <= 5.0, "{report}");
-    assert!(fused.blocked_called_free_pct.unwrap() <= 10.0, "{report}");
+    assert!(fused.blocked_called_free_pct.unwrap() <= 5.0, "{report}");
     assert_eq!(report.layers[0].late_things, 0, "{report}");
     check_against_stereo("low_boulders", &report);
 }

@@ -1,62 +1,24 @@
 //! Compares stereo and the obstacle detection with the ground truth of the simulation: things on the meadow, labels of
 //! pixels, and a ditch that the vehicle drives towards. The parameters are those of the stack `simulation`.
 
+use crate::bundled::Repository;
 use rcs_geom::{DVec2, DVec3, PinholeCamera, Pose};
 use rcs_metrics::Confusion;
 use rcs_msg::foxglove::{CameraCalibration, FrameTransforms, Grid, Odometry, RawImage};
 use rcs_msg::rcs::{GroundTruthObject, GroundTruthObjects};
 use rcs_msg::{Payload, Stamp};
-use rcs_runtime::{Asset, Assets, Plan, PlanOptions, RunOptions, StackFile, Stepped};
+use rcs_runtime::{Assets, Plan, PlanOptions, RunOptions, StackFile, Stepped};
 use rcs_sense::{Localizer, pose_of};
 use rcs_world::{GridView, MAX_COST, OBSTACLE_COST};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
 use std::sync::Arc;
 
-/// The bundled files, and a world and a course of this test.
-struct Files;
-
-const DITCH_WORLD: &str = r#"
-name = "ditch"
-seed = 5
-bounds_m = [[0, 0], [60, 60]]
-base = "short_grass"
-origin = { zone = 18, north = true, easting_m = 308200.0, northing_m = 4333600.0 }
-sun = { azimuth_deg = 215, elevation_deg = 48 }
-undulation = [{ wavelength_m = 11, amplitude_m = 0.1 }]
-ditch = [{ path = [[20, 20], [20, 40]], width_m = 0.4, depth_m = 0.5 }]
-"#;
-/// Position of the near edge of the ditch, m; the vehicle drives along y = 30.
+/// Position of the near edge of the ditch of `tests/assets/worlds/ditch.toml`, m; the vehicle drives along y = 30.
 const DITCH_EDGE_M: f64 = 19.8;
-const DITCH_COURSE: &str = r#"
-format = 1
-name = "ditch"
-description = "straight at a ditch, and no farther than its edge"
-world = "ditch"
-vehicle = "lagr"
-time_limit_s = 60
-goal_radius_m = 0.2
-start = { zone = 18, easting = 308210.0, northing = 4333630.0, heading_deg = 0 }
-goal = { zone = 18, easting = 308218.7, northing = 4333630.0 }
-"#;
-
-impl Assets for Files {
-    fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
-        let folder = if kind == "part" { "stacks/part" } else { kind };
-        let file = format!("assets/{folder}s/{name}.toml");
-        let text = match (kind, name) {
-            ("world", "ditch") => DITCH_WORLD.to_owned(),
-            ("course", "ditch") => DITCH_COURSE.to_owned(),
-            _ => std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(&file))
-                .map_err(|error| format!("{error}: {file}"))?,
-        };
-        Ok(Asset { file, text })
-    }
-}
 
 /// The driver that knows the ground truth, with the cameras, stereo and obstacles of the stack `simulation`.
 fn begin(course: &str) -> Stepped {
-    let mut stack = Files.read("stack", "truth_driver", "").unwrap().text;
+    let mut stack = Repository.read("stack", "truth_driver", "").unwrap().text;
     stack.push_str("\n[[process]]\nname = \"perception\"\nplugin = \"supervisor\"\nsupervisor = \"robot\"\n");
     stack.push_str("as = \"auxiliary\"\n");
     for side in ["left", "right"] {
@@ -65,8 +27,9 @@ fn begin(course: &str) -> Stepped {
         let include = format!("\n[[include]]\npart = \"stereo_pair\"\nwith = {{ {with} }}\n");
         stack.push_str(&include);
     }
-    let file = StackFile::compose("stereo_truth", &stack, &Files).unwrap_or_else(|error| panic!("{error}"));
-    let options = PlanOptions { overrides: &[], course: Some(course), assets: &Files };
+    let file =
+        StackFile::compose("stereo_truth", &stack, &Repository).unwrap_or_else(|error| panic!("{error}"));
+    let options = PlanOptions { overrides: &[], course: Some(course), assets: &Repository };
     let plan = Plan::with(file, rcs_plugins::all(), &options).unwrap_or_else(|error| panic!("{error}"));
     let mut run = Stepped::new(Arc::new(plan), None, RunOptions::default()).unwrap();
     run.begin().unwrap();

@@ -5,7 +5,7 @@
 //! (unknown) with fewer pixels than the minimum. `GROUND` and `SHORT_OBSTACLE` count as free. `COVER` is not counted:
 //! what the vehicle fits under says nothing about the ground, and a tree crown would lower the cost of its trunk. A
 //! cell with the border of a negative obstacle has the highest cost, even where ground is seen in it, because the
-//! ground ends there.
+//! ground ends there. A cell that must be an obstacle in more frames to be one is unknown (see `positive_frames`).
 //!
 //! What is said about a cell is worth as much as its pixels and the range noise let it be: the share of its pixels in
 //! those that make it certain (at most 1), divided by 1 + (σ/cell size)², where σ is the standard deviation of a range
@@ -86,6 +86,11 @@ impl Cell {
                 (f64::from(MAX_COST) * f64::from(self.obstacle.count) / f64::from(count)).round() as u8
             }
         }
+    }
+
+    /// By how much its highest obstacle rises above its lowest pixel, m.
+    fn rise_m(&self) -> f64 {
+        f64::from(self.obstacle.max - self.obstacle.min.min(self.ground.min))
     }
 
     /// How much its cost counts, 0 to 255, in a cell at this distance (m) from the sensor.
@@ -177,7 +182,7 @@ impl CostMap {
 
     /// Makes the cells unknown whose pixels say that they are obstacles, and which are too few, or none according to
     /// `is_confirmed`. It gets the other known cells, what their pixels say, and whether that is sure: near, and much higher
-    /// than the lowest pixel.
+    /// than the lowest pixel. Borders of negative obstacles are confirmed otherwise.
     pub(crate) fn confirm(
         &mut self,
         sure: &Sure,
@@ -186,17 +191,18 @@ impl CostMap {
         let side = self.frame.side;
         for (at, cell) in self.cells.iter_mut().enumerate() {
             let seen = Seen::of_cost(cell.cost(self.certainty.min_pixels));
-            let is_obstacle = seen == Seen::Obstacle;
-            if is_obstacle && cell.ground.count + cell.obstacle.count < sure.pixels {
-                cell.unconfirmed = true;
-            } else if seen != Seen::Unknown {
-                let index = self.frame.south_west.offset((at % side) as i64, (at / side) as i64);
-                let rise_m = cell.obstacle.max - cell.obstacle.min.min(cell.ground.min);
-                let middle = self.frame.middle(at % side, at / side);
-                let is_near = (middle - self.sensor.truncate()).length() <= sure.within_m;
-                let is_sure = is_near && f64::from(rise_m) >= sure.rise_m;
-                cell.unconfirmed = !is_confirmed(index, seen, is_sure) && is_obstacle;
+            if cell.negative || seen == Seen::Unknown {
+                continue;
             }
+            let (column, row) = (at % side, at / side);
+            let index = self.frame.south_west.offset(column as i64, row as i64);
+            if seen == Seen::Ground {
+                is_confirmed(index, seen, false);
+                continue;
+            }
+            let distance_m = (self.frame.middle(column, row) - self.sensor.truncate()).length();
+            cell.unconfirmed = cell.ground.count + cell.obstacle.count < sure.pixels
+                || !is_confirmed(index, seen, distance_m <= sure.within_m && cell.rise_m() >= sure.rise_m);
         }
     }
 

@@ -326,8 +326,7 @@ fn add_path<const LANES: usize>(path: &[u8], sums: &mut [u16]) {
     }
 }
 
-// Plain loops, which the compiler turns into vectors and one reduction. Lanes in an array end in a chain of scalar
-// comparisons instead, which takes as long as a path.
+// Plain loops, which the compiler turns into vectors and one reduction; of lanes in an array it makes scalar comparisons.
 #[inline(always)]
 fn least_sum(sums: &[u16]) -> u16 {
     let mut least = u16::MAX;
