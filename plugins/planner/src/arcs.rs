@@ -57,7 +57,8 @@ pub struct Rules {
     pub least_free_m: f64,
     /// Distance from the vehicle up to which blocked cells can be left, if the vehicle stands in one, m.
     pub escape_m: f64,
-    /// How far behind the origin of its frame the vehicle's tail swings when it turns on the spot, m.
+    /// How far behind the origin of its frame the vehicle's tail is, which swings when it turns on the spot, and goes
+    /// ahead when it drives back, m.
     pub tail_m: f64,
     /// Weights of the terms.
     pub weights: Weights,
@@ -108,6 +109,9 @@ impl Scored {
 const SAMPLE_M: f64 = 0.1;
 /// Angle by which a turn on the spot is looked ahead, rad.
 const TURN_RAD: f64 = 0.8;
+/// A vehicle that faces its target as nearly as this does not turn on the spot, rad: where the way ahead is blocked, it
+/// would turn past the target and all around.
+const FACING_RAD: f64 = 0.15;
 
 /// The list, in the order in which ties are broken.
 pub fn list(rules: &Rules) -> Vec<Arc> {
@@ -193,7 +197,9 @@ impl Scene<'_> {
         let signed = if arc.motion == Motion::Forward { arc.curvature_per_m } else { 0.0 };
         // A vehicle that turns now to one side and now to the other never gets around.
         let turns_back = on_the_spot && self.turning.is_some_and(|turning| turning != arc.motion);
-        let open = if on_the_spot { free_m > 0.0 } else { free_m >= rules.least_free_m.min(length_m) };
+        let faces = self.off(start).abs() < FACING_RAD;
+        let open =
+            if on_the_spot { free_m > 0.0 && !faces } else { free_m >= rules.least_free_m.min(length_m) };
         let lacks = if on_the_spot { 0.0 } else { 1.0 - free_m / length_m };
         let terms = [
             weights.goal * (rules.length_m.min(away_m) - gained_m),
@@ -209,21 +215,31 @@ impl Scene<'_> {
 
     /// Angle by which a turn on the spot turns: to the target, but no farther than is looked ahead.
     fn turns_by(&self, start: (DVec2, f64), arc: Arc) -> f64 {
-        let towards = self.target - start.0;
-        let off = wrap_angle(libm::atan2(towards.y, towards.x) - start.1);
+        let off = self.off(start);
         let wanted = if arc.motion == Motion::TurnLeft { off } else { -off };
         wanted.clamp(0.0, TURN_RAD)
+    }
+
+    /// Direction of the target from a pose, to the left of its heading, rad.
+    fn off(&self, (position, yaw): (DVec2, f64)) -> f64 {
+        let towards = self.target - position;
+        wrap_angle(libm::atan2(towards.y, towards.x) - yaw)
     }
 
     /// Free length and mean cost of an arc.
     fn followed(&self, start: (DVec2, f64), arc: Arc, length_m: f64, rules: &Rules) -> (f64, f64) {
         let samples = (length_m / SAMPLE_M).ceil().max(1.0) as u32;
         let mut sum = 0.0;
+        // What goes ahead of the vehicle's middle: backward, its tail.
+        let ahead = |(position, yaw): (DVec2, f64)| match arc.motion {
+            Motion::Backward => self.tail((position, yaw), rules),
+            _ => position,
+        };
         // Whether a cell that is not blocked has been reached; a blocked cell can be left, but not entered.
-        let mut is_out = self.cost(start.0) != BLOCKED;
+        let mut is_out = self.cost(ahead(start)) != BLOCKED;
         for sample in 1..=samples {
             let along_m = length_m.min(f64::from(sample) * SAMPLE_M);
-            let cost = self.cost(pose_at(start, arc, along_m).0);
+            let cost = self.cost(ahead(pose_at(start, arc, along_m)));
             if cost != BLOCKED {
                 is_out = true;
             } else if is_out || along_m > rules.escape_m {
@@ -239,15 +255,18 @@ impl Scene<'_> {
     fn turned(&self, start: (DVec2, f64), arc: Arc, rules: &Rules) -> (f64, f64) {
         let mut sum = 0.0;
         for part in 1..=4 {
-            let (position, yaw) = pose_at(start, arc, TURN_RAD * f64::from(part) / 4.0);
-            let tail = position - DVec2::new(libm::cos(yaw), libm::sin(yaw)) * rules.tail_m;
-            let cost = self.cost(tail);
+            let cost = self.cost(self.tail(pose_at(start, arc, TURN_RAD * f64::from(part) / 4.0), rules));
             if cost == BLOCKED {
                 return (0.0, 1.0);
             }
             sum += f64::from(cost) / f64::from(MAX_COST);
         }
         (1.0, sum / 4.0)
+    }
+
+    /// The middle of the tail of a vehicle in a pose.
+    fn tail(&self, (position, yaw): (DVec2, f64), rules: &Rules) -> DVec2 {
+        position - DVec2::new(libm::cos(yaw), libm::sin(yaw)) * rules.tail_m
     }
 
     /// Cost at a position; blocked outside of the map.

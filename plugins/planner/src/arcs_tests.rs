@@ -82,6 +82,40 @@ fn before_a_wall_it_goes_back_and_without_any_way_nowhere() {
 }
 
 #[test]
+fn before_a_wall_that_hides_its_target_it_goes_back_and_does_not_turn_past_it() {
+    let wall = |at: DVec2| if (0.4..0.8).contains(&at.x) { BLOCKED } else { 10 };
+    for yaw_rad in [0.0, 0.1, -0.1] {
+        let arc = chosen(wall, yaw_rad, DVec2::new(4.0, 0.0)).unwrap().arc;
+        assert_eq!(arc.motion, Motion::Backward, "{yaw_rad}");
+    }
+    let arc = chosen(wall, 0.5, DVec2::new(4.0, 0.0)).unwrap().arc;
+    assert_eq!(arc.motion, Motion::TurnRight);
+}
+
+#[test]
+fn driving_back_it_keeps_its_tail_free() {
+    // The tail is 0.5 m behind the origin.
+    let free_m = |wall_m: f64| {
+        let (sensed, costs) = scene(|at: DVec2| if at.x < -wall_m { BLOCKED } else { 10 });
+        let (vehicle, target) = (Pose::IDENTITY, DVec2::new(4.0, 0.0));
+        let scene = Scene {
+            sensed: &sensed,
+            costs: &costs,
+            vehicle: &vehicle,
+            target,
+            before_per_m: 0.0,
+            turning: None,
+        };
+        let back = Arc { motion: Motion::Backward, curvature_per_m: 0.0 };
+        let scored = scene.score(back, &RULES);
+        (scored.free_m, scored.open)
+    };
+    assert_eq!(free_m(2.0), (1.0, true));
+    let (free, open) = free_m(0.9);
+    assert!((0.2..0.45).contains(&free) && !open, "{free} {open}");
+}
+
+#[test]
 fn a_vehicle_in_a_blocked_cell_can_leave_it() {
     let arc = chosen(|at| if at.length() < 0.35 { BLOCKED } else { 10 }, 0.0, DVec2::new(4.0, 0.0)).unwrap();
     assert!(arc.arc.motion == Motion::Forward && arc.free_m > 2.9, "{arc:?}");
