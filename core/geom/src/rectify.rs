@@ -120,9 +120,8 @@ impl Rectification {
         let [width, height] = self.raw_size.map(|side| side as i32);
         let stride = width as usize * channels;
         for (pixel, &[u, v]) in rectified.chunks_exact_mut(channels).zip(&self.source) {
-            let (u0, v0) = (u.floor(), v.floor());
-            let (fu, fv) = (u - u0, v - v0);
-            let (u0, v0) = (u0 as i32, v0 as i32);
+            let (u0, v0) = (floor(u), floor(v));
+            let (fu, fv) = (u - u0 as f32, v - v0 as f32);
             if u0 >= 0 && v0 >= 0 && u0 + 1 < width && v0 + 1 < height {
                 let at = v0 as usize * stride + u0 as usize * channels;
                 let (top, bottom) =
@@ -144,6 +143,13 @@ impl Rectification {
             }
         }
     }
+}
+
+/// Like `f32::floor`, without a call of the library on processors that lack the instruction.
+#[inline]
+fn floor(value: f32) -> i32 {
+    let towards_zero = value as i32;
+    towards_zero - i32::from(towards_zero as f32 > value)
 }
 
 #[inline]

@@ -90,14 +90,14 @@ impl Map {
         let side = self.side();
         let mut data = vec![0; side * side * cell_stride];
         let mut places = data.chunks_exact_mut(cell_stride);
-        let layers: Vec<_> = options.sources.iter().map(|source| self.layer(source)).collect();
+        let layers: Vec<_> = options.sources.iter().map(|source| self.layer_number(source)).collect();
         let mut evidence = vec![Evidence::NONE; layers.len()];
         // Fused cells are computed in the order of the message.
-        self.for_each_fused(&options.weights, |index, fused| {
-            for (said, layer) in evidence.iter_mut().zip(&layers) {
-                *said = layer.and_then(|layer| layer.get(index)).copied().unwrap_or_default();
+        self.for_each_cell(&options.weights, |_, cell, said, fused| {
+            for (evidence, &layer) in evidence.iter_mut().zip(&layers) {
+                *evidence = layer.map_or(Evidence::NONE, |layer| said[layer]);
             }
-            if let (Some(place), Some(cell)) = (places.next(), self.grid().get(index)) {
+            if let Some(place) = places.next() {
                 write(place, cell, &evidence, &fused, options);
             }
         });

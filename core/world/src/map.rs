@@ -75,6 +75,11 @@ impl Map {
         self.layers.iter().find(|(name, _)| *name == source).map(|(_, layer)| layer)
     }
 
+    /// The place of a source in the order of first votes; `None` if it has not voted yet.
+    pub(crate) fn layer_number(&self, source: Source) -> Option<usize> {
+        self.layers.iter().position(|(name, _)| *name == source)
+    }
+
     /// The evidence of a source about a cell.
     pub fn evidence(&self, source: Source, index: CellIndex) -> Evidence {
         self.layer(source).and_then(|layer| layer.get(index)).copied().unwrap_or_default()
@@ -212,15 +217,31 @@ impl Map {
 
     /// Calls `visit` with the fused result of each cell, by rows from the south, west to east.
     pub fn for_each_fused(&self, weights: &Weights, mut visit: impl FnMut(CellIndex, Fused)) {
+        self.for_each_cell(weights, |index, _, _, fused| visit(index, fused));
+    }
+
+    /// The same, with the state of the ground, and what each source says, in the order of their first votes.
+    pub(crate) fn for_each_cell(
+        &self,
+        weights: &Weights,
+        mut visit: impl FnMut(CellIndex, &Cell, &[Evidence], Fused),
+    ) {
         let layers = self.placed(weights);
         let fuser = Fuser::new(&layers);
         let mut runs: Vec<&[Evidence]> = Vec::with_capacity(self.layers.len());
+        let mut said = vec![Evidence::NONE; self.layers.len()];
         self.grid.for_each_run(|_, index, cells| {
             runs.clear();
             runs.extend(self.layers.iter().map(|(_, layer)| layer.run_from(index, cells.len())));
-            for at in 0..cells.len() {
-                let fused = fuser.fuse(|layer| runs[layer].get(at).copied().unwrap_or_default());
-                visit(index.offset(at as i64, 0), fused);
+            for (at, cell) in cells.iter().enumerate() {
+                let mut is_known = false;
+                for (said, run) in said.iter_mut().zip(&runs) {
+                    *said = run.get(at).copied().unwrap_or_default();
+                    is_known |= said.confidence > 0;
+                }
+                // Most cells are unknown.
+                let fused = if is_known { fuser.fuse(|layer| said[layer]) } else { Fused::UNKNOWN };
+                visit(index.offset(at as i64, 0), cell, &said, fused);
             }
         });
     }

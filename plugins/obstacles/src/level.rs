@@ -22,7 +22,9 @@ pub(crate) struct Level {
 
 /// Clamped to 10 km, so that the sums cannot overflow for any number of image rows.
 fn millimetres(metres: f32) -> i64 {
-    (metres * 1000.0).round().clamp(-1e7, 1e7) as i64
+    // Rounds as `f32::round`, without a call of the library: the sum is exact in f64.
+    let millimetres = f64::from(metres * 1000.0).clamp(-1e7, 1e7);
+    (millimetres + 0.5_f64.copysign(millimetres)) as i64
 }
 
 impl Level {
@@ -64,7 +66,8 @@ impl Level {
         let minor =
             |a: i64, b: i64, c: i64, d: i64| i128::from(a) * i128::from(b) - i128::from(c) * i128::from(d);
         // Rounded alike from both; the conversion of the wider one is a slow library call, and hardly ever needed.
-        let rounded = |number: i128| i64::try_from(number).map_or(number as f64, |number| number as f64);
+        let rounded =
+            |number: i128| i64::try_from(number).map_or_else(|_| number as f64, |number| number as f64);
         let determinant = minor(self.n, self.rr, self.r, self.r);
         let slope = rounded(minor(self.n, self.rz, self.r, self.z)) / rounded(determinant.max(1));
         Some((slope as f32).clamp(-limit, limit))

@@ -285,7 +285,8 @@ impl CameraSet {
             cx.write(&ports.calibrations[side], time, self.calibration(side, time));
             cx.write(&ports.images[side], time, image(side, encoding, channels as u32, view.pixels));
             if side == 0 && params.ground_truth {
-                let depth = view.depth_m.iter().flat_map(|depth| depth.to_le_bytes()).collect();
+                let mut depth = Vec::with_capacity(4 * view.depth_m.len());
+                view.depth_m.iter().for_each(|depth_m| depth.extend_from_slice(&depth_m.to_le_bytes()));
                 cx.write(&ports.ground_truth_depth, time, image(side, "32FC1", 4, depth));
                 cx.write(&ports.ground_truth_labels, time, image(side, "mono8", 1, view.label));
                 cx.write(&ports.ground_truth_class, time, image(side, "mono8", 1, view.class));

@@ -58,7 +58,7 @@ impl Heading<'_> {
 
     /// Points of 20 bytes: `x`, `y`, `z` (f32, m), `red`, `green`, `blue`, `alpha` (u8), `u`, `v` (u16, pixels).
     pub(crate) fn cloud(&self, points: impl Iterator<Item = Point>) -> PointCloud {
-        let mut data = Vec::new();
+        let mut data = Vec::with_capacity(20 * self.size[0] * self.size[1]);
         for Point { pixel, position_m, colour: [r, g, b] } in points {
             for value in position_m.to_array() {
                 data.extend_from_slice(&value.to_le_bytes());

@@ -46,6 +46,9 @@ pub struct TerrainLearner {
     pressed: [bool; 2],
     /// Whether the wheels spin or a motor is stalled, by the last report.
     slips: bool,
+    /// When it last sent what it knows, and whether driving has taught it something since.
+    sent: Option<Stamp>,
+    unsent: bool,
     /// Fingerprint of the model files with which the maps began.
     loaded: u64,
     #[serde(skip)]
@@ -65,6 +68,27 @@ pub struct Ports {
     models: [Out<TerrainModels>; 2],
     learned: [Out<RawImage>; 2],
     stats: Out<TerrainStats>,
+}
+
+/// What driving teaches is sent after this time if no image comes before, s.
+const SEND_AFTER_S: f64 = 0.2;
+
+/// What a frame of a camera taught.
+struct Lesson {
+    side: usize,
+    time: Stamp,
+    learned: Learned,
+    /// Why nothing was learned.
+    refusal: Option<&'static str>,
+}
+
+/// What is known of the cells of a map.
+struct Known {
+    south_west: CellIndex,
+    /// By rows.
+    cells: Vec<Option<Judgement>>,
+    /// Number of cells with points or experience, and number of cells that are part of a model.
+    counts: [u64; 2],
 }
 
 /// Names of the cameras.
@@ -139,6 +163,8 @@ impl Process for TerrainLearner {
             begun: None,
             pressed: [false; 2],
             slips: false,
+            sent: None,
+            unsent: false,
             loaded: files(params),
             ratios: None,
         }
@@ -165,8 +191,7 @@ impl Process for TerrainLearner {
         self.maps
             .resize_with(if params.cameras() == TerrainCameras::TerrainSeparate { 2 } else { 1 }, empty_map);
         let rules = rules(params);
-        let mut newest = None;
-        let mut said = "waits for labels";
+        let mut lessons = Vec::new();
         for side in 0..if params.cameras() == TerrainCameras::TerrainLeft { 1 } else { 2 } {
             let camera_ports = [&ports.left, &ports.right][side];
             let Some((time, labels)) = self.cameras[side].read(camera_ports, SIDES[side], cx) else {
@@ -175,26 +200,39 @@ impl Process for TerrainLearner {
             self.begun = self.begun.or(Some(time));
             match self.cameras[side].frame(time, &labels, params) {
                 Ok(frame) => match self.learn(side, &frame, params, &rules, ports, cx) {
-                    Ok(text) => {
-                        said = text;
-                        newest = newest.max(Some(time));
-                    }
+                    Ok(lesson) => lessons.push(lesson),
                     Err(error) => cx.fault(format!("{} camera: {error}; frame skipped", SIDES[side])),
                 },
                 Err(error) => cx.fault(format!("{} camera: {error}; frame skipped", SIDES[side])),
             }
         }
         self.report_late_camera(params, cx);
-        let felt = self.experience(ports, params, &rules, cx);
-        if newest.is_some() || felt || deleted {
-            self.send(newest.unwrap_or(cx.now()), params, &rules, ports, cx);
+        let [driven, told] = self.experience(ports, params, &rules, cx);
+        self.unsent |= driven;
+        let now = cx.now();
+        let is_late = self.sent.is_none_or(|sent| now.seconds_since(sent) >= SEND_AFTER_S);
+        if !lessons.is_empty() || told || deleted || (self.unsent && is_late) {
+            let known = |map: &TerrainMap| {
+                let (south_west, cells) = map.judgements(&rules);
+                Known { south_west, cells, counts: map.counts() }
+            };
+            let known: Vec<Known> = self.maps.iter().map(known).collect();
+            for lesson in &lessons {
+                self.send_stats(lesson, &known, ports, cx);
+            }
+            let newest = lessons.iter().map(|lesson| lesson.time).max();
+            self.send(newest.unwrap_or(now), params, &rules, &known, ports, cx);
+            (self.sent, self.unsent) = (Some(now), false);
         }
-        cx.exec(said);
+        cx.exec(match lessons.last() {
+            Some(lesson) => lesson.refusal.unwrap_or("learns from labelled range"),
+            None => "waits for labels",
+        });
     }
 }
 
 impl TerrainLearner {
-    /// Learns from a frame; returns what was done, or why nothing was.
+    /// Learns from a frame.
     fn learn(
         &mut self,
         side: usize,
@@ -203,7 +241,7 @@ impl TerrainLearner {
         rules: &ModelRules,
         ports: &Ports,
         cx: &mut Cycle<'_>,
-    ) -> Result<&'static str, Unusable> {
+    ) -> Result<Lesson, Unusable> {
         let (extrinsics, time) = (extrinsics(params), frame.time);
         let local_from_vehicle = extrinsics.local_from_vehicle(&self.localizer, time)?;
         // The mount in the parameters is that of the left camera.
@@ -231,7 +269,15 @@ impl TerrainLearner {
             }
             cx.write(&ports.learned[side], time, frame.used(&strips));
         }
-        let [cells, cells_with_model] = map.counts();
+        Ok(Lesson { side, time, learned, refusal })
+    }
+
+    /// Says what a frame taught, and what is known now.
+    fn send_stats(&self, lesson: &Lesson, known: &[Known], ports: &Ports, cx: &mut Cycle<'_>) {
+        let &Lesson { side, time, learned, refusal } = lesson;
+        let set = side.min(self.maps.len() - 1);
+        let (map, known) = (&self.maps[set], &known[set]);
+        let [cells, cells_with_model] = known.counts;
         let [driven, bumped, marked] = map.experienced();
         let stats = TerrainStats {
             timestamp: Some(time.to_proto()),
@@ -243,13 +289,12 @@ impl TerrainLearner {
             cells_with_model,
             models: map.models.models.len() as u64,
             left_out: learned.left_out,
-            sent: map.judgements(rules).1.iter().flatten().count() as u64,
+            sent: known.cells.iter().flatten().count() as u64,
             driven,
             bumped,
             marked,
         };
         cx.write(&ports.stats, time, stats);
-        Ok(refusal.unwrap_or("learns from labelled range"))
     }
 
     /// Deletes a model of an output.
@@ -278,14 +323,15 @@ impl TerrainLearner {
         }
     }
 
-    /// Learns from the ground under the vehicle and from bumper hits; returns whether anything was learned.
+    /// Learns from the ground under the vehicle, from bumper hits and from the operator; returns whether driving taught
+    /// anything, and whether the others did.
     fn experience(
         &mut self,
         ports: &Ports,
         params: &TerrainLearnerParams,
         rules: &ModelRules,
         cx: &mut Cycle<'_>,
-    ) -> bool {
+    ) -> [bool; 2] {
         let extrinsics = extrinsics(params);
         let before: Vec<_> = self.maps.iter().map(TerrainMap::experienced).collect();
         let half = params.width_m / 2.0;
@@ -322,7 +368,11 @@ impl TerrainLearner {
             let outline = Patch { x: [-params.rear_m, params.front_m], y: [-half, half] };
             self.maps.iter_mut().for_each(|map| map.drive(&pose, &outline, params.driven_gain, rules));
         }
-        self.maps.iter().zip(before).any(|(map, before)| map.experienced() != before)
+        let differs = |part: std::ops::Range<usize>| {
+            let mut maps = self.maps.iter().zip(&before);
+            maps.any(|(map, before)| map.experienced()[part.clone()] != before[part.clone()])
+        };
+        [differs(0..1), differs(1..3)]
     }
 
     /// Learns from what an operator has drawn.
@@ -359,6 +409,7 @@ impl TerrainLearner {
         time: Stamp,
         params: &TerrainLearnerParams,
         rules: &ModelRules,
+        known: &[Known],
         ports: &Ports,
         cx: &mut Cycle<'_>,
     ) {
@@ -372,8 +423,7 @@ impl TerrainLearner {
             models.timestamp = Some(time.to_proto());
             cx.write(&ports.models[set], time, models);
         }
-        let maps: Vec<_> = self.maps.iter().map(|map| map.judgements(rules)).collect();
-        cx.write(&ports.cost, time, statement(&maps, extrinsics(params).frames.local, time));
+        cx.write(&ports.cost, time, statement(known, extrinsics(params).frames.local, time));
     }
 
     /// Reports a camera that has fallen behind the other one, once until it has caught up.
@@ -461,11 +511,11 @@ fn maps(params: &TerrainLearnerParams) -> Vec<TerrainMap> {
 
 /// A statement of everything that is known, for the world model. Of several maps, which have the same window, the one
 /// that is surer of a cell counts; of equal ones, the higher cost.
-fn statement(maps: &[(CellIndex, Vec<Option<Judgement>>)], local: &str, time: Stamp) -> Grid {
+fn statement(maps: &[Known], local: &str, time: Stamp) -> Grid {
     let mut data = [UNKNOWN_COST, 0, 0].repeat(SIDE * SIDE);
-    let south_west = maps.first().map_or(CellIndex::new(0, 0), |(south_west, _)| *south_west);
-    for (_, judgements) in maps.iter().filter(|(corner, _)| *corner == south_west) {
-        for (cell, judgement) in data.chunks_exact_mut(3).zip(judgements) {
+    let south_west = maps.first().map_or(CellIndex::new(0, 0), |map| map.south_west);
+    for map in maps.iter().filter(|map| map.south_west == south_west) {
+        for (cell, judgement) in data.chunks_exact_mut(3).zip(&map.cells) {
             let Some(Judgement { cost, confidence, backing }) = *judgement else { continue };
             if (confidence, cost) > (cell[1], if cell[1] == 0 { 0 } else { cell[0] }) {
                 cell.copy_from_slice(&[cost, confidence, backing]);

@@ -252,12 +252,17 @@ impl WorldModel {
             least_backing: listed.least_backing(source),
             height_tolerance_m: params.height_tolerance_m as f32,
         };
-        let mut map = self.map.clone();
-        if params.clear_each_frame {
+        // A cost map that is refused clears nothing.
+        let mut cleared = params.clear_each_frame.then(|| {
+            let mut map = self.map.clone();
             map.clear();
+            map
+        });
+        let map = cleared.as_mut().unwrap_or(&mut self.map);
+        let taken = take(map, grid, &origin).map_err(|error| error.to_string())?;
+        if let Some(map) = cleared {
+            self.map = map;
         }
-        let taken = take(&mut map, grid, &origin).map_err(|error| error.to_string())?;
-        self.map = map;
         self.seen.insert(source);
         self.changed = self.changed.max(origin.time);
         let contribution = self.contribution(source);

@@ -1,6 +1,6 @@
 //! The cells of a cost map, gathered by the cells of the map that receives them.
 
-use rcs_geom::{CellIndex, DVec2, DVec3, ScrollGrid};
+use rcs_geom::{CellIndex, CellRect, DVec2, DVec3, ScrollGrid};
 use rcs_msg::foxglove::Grid;
 use rcs_world::{Evidence, Field, GridView, GridViewError, HeightStats, MAX_COST, NumericType, Source, Vote};
 
@@ -49,7 +49,7 @@ pub fn resampled<T: Clone>(
     let (worth, confidence, backing) = (byte("worth")?, byte("conf")?, byte("backing")?);
     let heights = ["ground", "obstacle"].map(|class| Heights::find(&view, class));
     let is_large = view.cell_size_m().min_element() > grid.cell_size_m() * (1.0 + 1e-9);
-    let mut list: Vec<Sensed> = Vec::new();
+    let mut gathered = Gathered::new(grid);
     let mut outside = 0;
     let mut costs_by_row = Vec::new();
     costs.bytes_into(&mut costs_by_row);
@@ -68,12 +68,14 @@ pub fn resampled<T: Clone>(
             heights: [0, 1]
                 .map(|class| heights[class].as_ref().map(|h| h.get(column, row)).unwrap_or_default()),
         };
-        let before = list.len();
-        let targets = targets(&view, [column, row], is_large, grid);
-        list.extend(targets.into_iter().map(|cell| Sensed { cell, ..sensed }));
-        outside += u64::from(list.len() == before);
+        let mut is_outside = true;
+        for_each_target(&view, [column, row], is_large, grid, |cell| {
+            is_outside = false;
+            gathered.add(Sensed { cell, ..sensed });
+        });
+        outside += u64::from(is_outside);
     }
-    Ok(Resampled { cells: merged(list), is_state: confidence.is_some(), outside })
+    Ok(Resampled { cells: gathered.in_order(), is_state: confidence.is_some(), outside })
 }
 
 impl Sensed {
@@ -84,13 +86,14 @@ impl Sensed {
     }
 }
 
-/// The cells of the map to which a cell of the message belongs.
-fn targets<T: Clone>(
+/// Calls `take` with each cell of the map to which a cell of the message belongs.
+fn for_each_target<T: Clone>(
     view: &GridView<'_>,
     [column, row]: [usize; 2],
     is_large: bool,
     grid: &ScrollGrid<T>,
-) -> Vec<CellIndex> {
+    mut take: impl FnMut(CellIndex),
+) {
     let size = view.cell_size_m();
     let place = |u: f64, v: f64| {
         let at = DVec2::new(column as f64 + u, row as f64 + v) * size;
@@ -98,38 +101,61 @@ fn targets<T: Clone>(
     };
     let inside = |index: &CellIndex| grid.contains(*index);
     if !is_large {
-        return grid.cell_at(place(0.5, 0.5)).filter(inside).into_iter().collect();
+        grid.cell_at(place(0.5, 0.5)).filter(inside).into_iter().for_each(take);
+        return;
     }
     let corners = [place(0.0, 0.0), place(1.0, 0.0), place(0.0, 1.0), place(1.0, 1.0)];
     let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min);
     let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max);
-    let (Some(low), Some(high)) = (grid.cell_at(low), grid.cell_at(high)) else { return Vec::new() };
+    let (Some(low), Some(high)) = (grid.cell_at(low), grid.cell_at(high)) else { return };
     let grid_from_frame = view.frame_from_grid().inverse();
     let is_mine = |index: &CellIndex| {
         let middle = (grid_from_frame * grid.middle_of(*index).extend(0.0)).truncate() / size;
         middle.floor() == DVec2::new(column as f64, row as f64)
     };
     let cells = (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| CellIndex::new(x, y)));
-    cells.filter(inside).filter(is_mine).collect()
+    cells.filter(inside).filter(is_mine).for_each(&mut take);
 }
 
-/// One entry per cell, in the order of the cells.
-fn merged(mut list: Vec<Sensed>) -> Vec<Sensed> {
-    list.sort_by_key(|sensed| (sensed.cell.y, sensed.cell.x));
-    list.dedup_by(|next, kept| {
-        let same = next.cell == kept.cell;
-        if same {
-            for (kept, next) in kept.heights.iter_mut().zip(&next.heights) {
-                kept.merge(next);
-            }
-            let order = |sensed: &Sensed| (sensed.vote.cost, sensed.vote.worth);
-            if order(next) > order(kept) {
-                *kept = Sensed { heights: kept.heights, ..*next };
-            }
+/// What was gathered so far, one entry per cell of the map.
+struct Gathered {
+    bounds: CellRect,
+    cells: Vec<Sensed>,
+    /// By the cells of the map in row order: one more than the place in `cells`, 0 where there is none.
+    places: Vec<u32>,
+}
+
+impl Gathered {
+    fn new<T: Clone>(grid: &ScrollGrid<T>) -> Self {
+        let bounds = grid.bounds();
+        Self { bounds, cells: Vec::new(), places: vec![0; bounds.columns * bounds.rows] }
+    }
+
+    /// Adds what a cell of the message says about a cell of the map, which must lie within its bounds.
+    fn add(&mut self, sensed: Sensed) {
+        let from = self.bounds.south_west;
+        let [column, row] = [(sensed.cell.x - from.x) as usize, (sensed.cell.y - from.y) as usize];
+        let place = &mut self.places[row * self.bounds.columns + column];
+        if *place == 0 {
+            self.cells.push(sensed);
+            *place = self.cells.len() as u32;
+            return;
         }
-        same
-    });
-    list
+        let kept = &mut self.cells[*place as usize - 1];
+        for (kept, next) in kept.heights.iter_mut().zip(&sensed.heights) {
+            kept.merge(next);
+        }
+        let order = |sensed: &Sensed| (sensed.vote.cost, sensed.vote.worth);
+        if order(&sensed) > order(kept) {
+            *kept = Sensed { heights: kept.heights, ..sensed };
+        }
+    }
+
+    /// The entries in the order of the cells.
+    fn in_order(self) -> Vec<Sensed> {
+        let places = self.places.iter().filter(|&&place| place > 0);
+        places.map(|&place| self.cells[place as usize - 1]).collect()
+    }
 }
 
 /// Fields with the heights of one class.
