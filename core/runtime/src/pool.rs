@@ -71,3 +71,42 @@ impl Pool {
         results.into_iter().flatten().collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn callers_at_the_same_time_each_get_all_their_chunks_once_and_in_place() {
+        for threads in [1, 2, 4] {
+            let pool = Pool::new(threads);
+            assert_eq!(pool.threads(), threads);
+            std::thread::scope(|scope| {
+                for caller in 0..4_usize {
+                    let pool = &pool;
+                    scope.spawn(move || {
+                        for len in [0, 1, 7, 64] {
+                            let mut data = vec![0_usize; len];
+                            pool.for_each_chunk_mut(&mut data, 3, |index, chunk| {
+                                chunk.iter_mut().for_each(|value| *value += 1 + index + 1000 * caller);
+                            });
+                            let expected: Vec<usize> =
+                                (0..len).map(|at| 1 + at / 3 + 1000 * caller).collect();
+                            assert_eq!(data, expected);
+                            let squares = pool.map(len, |index| index * index);
+                            assert_eq!(squares, (0..len).map(|index| index * index).collect::<Vec<_>>());
+                        }
+                    });
+                }
+            });
+        }
+    }
+
+    #[test]
+    fn a_panic_in_a_chunk_reaches_the_caller_and_the_pool_goes_on() {
+        let pool = Pool::new(3);
+        let caught = std::panic::catch_unwind(|| pool.map(16, |index| assert!(index != 5, "chunk {index}")));
+        assert!(caught.is_err());
+        assert_eq!(pool.map(4, |index| index), [0, 1, 2, 3]);
+    }
+}

@@ -277,7 +277,7 @@ impl TerrainMap {
         let under = self.covered(local_from_vehicle, outline);
         let fresh: Vec<CellIndex> =
             under.iter().copied().filter(|cell| self.under.binary_search(cell).is_err()).collect();
-        self.experience(&fresh, Experience::Driven, gain, usize::MAX, rules);
+        self.experience(&fresh, Experience::Driven, [gain, 1.0], usize::MAX, rules);
         self.experienced[0] += fresh.len() as u64;
         self.under = under;
     }
@@ -285,7 +285,7 @@ impl TerrainMap {
     /// Adds obstacles to the cells of a patch that the bumper hit.
     pub fn bump(&mut self, local_from_vehicle: &Pose, patch: &Patch, gain: f64, rules: &ModelRules) {
         let hit = self.covered(local_from_vehicle, patch);
-        self.experience(&hit, Experience::Bumped, gain, usize::MAX, rules);
+        self.experience(&hit, Experience::Bumped, [gain; 2], usize::MAX, rules);
         self.experienced[1] += hit.len() as u64;
     }
 
@@ -305,23 +305,24 @@ impl TerrainMap {
         }
         inside.sort_unstable();
         inside.dedup();
-        self.experience(&inside, what, gain, MARKED_CELLS, rules);
+        self.experience(&inside, what, [gain; 2], MARKED_CELLS, rules);
         self.experienced[2] += inside.len() as u64;
         inside.len() as u64
     }
 
-    /// Adds experience to cells, and to each of their models from at most `most` of them.
+    /// Adds experience to cells, and to each of their models from at most `most` of them: the first gain, and the second
+    /// one to what was driven over although range called it an obstacle.
     fn experience(
         &mut self,
         cells: &[CellIndex],
         what: Experience,
-        gain: f64,
+        gains: [f64; 2],
         most: usize,
         rules: &ModelRules,
     ) {
         let mut signatures = self.models.signatures(&rules.weights);
         let mut counted: BTreeMap<u32, usize> = BTreeMap::new();
-        let gained = gain.round() as u64;
+        let [gained, overrules] = gains.map(|gain| gain.round() as u64);
         for &index in cells {
             let Some(slot) = self.cells.get_mut(index) else { continue };
             let cell = Arc::make_mut(slot.get_or_insert_default());
@@ -338,6 +339,8 @@ impl TerrainMap {
                 *count += 1;
                 *count <= most
             };
+            let overrules =
+                if what == Experience::Driven && cell.terrain.is_obstacle_by_range() { overrules } else { 0 };
             let model = cell.model.filter(counts);
             let model = model.and_then(|number| self.models.models.get_mut(number as usize));
             for terrain in [Some(&mut cell.terrain), model.map(|m| &mut m.terrain)].into_iter().flatten() {
@@ -346,6 +349,7 @@ impl TerrainMap {
                     Experience::Bumped => &mut terrain.bumped,
                 };
                 *count = count.saturating_add(gained);
+                terrain.driven_obstacle = terrain.driven_obstacle.saturating_add(overrules);
             }
         }
     }

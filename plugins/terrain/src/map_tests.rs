@@ -128,11 +128,27 @@ fn driving_over_what_looked_like_obstacles_makes_them_cheap_everywhere() {
         assert!(cost(&map, far) < last, "step {step}");
         last = cost(&map, far);
     }
-    // Eleven cells of the row were driven over, each worth five: 20 cells of obstacle against 55 of driving.
-    assert_eq!(map.models.models[0].terrain.driven, 55);
-    assert_eq!(judgement(&map, far), Judgement { cost: 67, confidence: SURE, backing: 255 });
+    // Eleven cells of the row were driven over, each worth five: 20 cells of obstacle against 55 of driving. Range had
+    // called them obstacles, and thirty such cells back the model fully.
+    let Terrain { driven, driven_obstacle, .. } = map.models.models[0].terrain;
+    assert_eq!((driven, driven_obstacle), (55, 11));
+    assert_eq!(judgement(&map, far), Judgement { cost: 67, confidence: SURE, backing: 94 });
+    drive(&mut map, 10..29);
+    assert_eq!(judgement(&map, far).backing, 255);
     // Cells beside the row are driven over, too, and known to be free although they were never seen.
     assert_eq!(judgement(&map, CellIndex::new(0, 1)), Judgement { cost: 0, confidence: SURE, backing: 255 });
+}
+
+#[test]
+fn driving_along_a_thicket_of_the_colour_of_the_ground_says_nothing_about_it() {
+    let mut map = empty();
+    let ground: Vec<_> = (0..60).map(|x| (place(x, 0), terrain(7, 100, 0))).collect();
+    let thicket: Vec<_> = (0..60).map(|x| (place(x, 4), terrain(7, 0, 1000))).collect();
+    map.learn(&[ground, thicket].concat(), &RULES);
+    assert_eq!(map.models.models.len(), 1, "they look alike");
+    drive(&mut map, 0..50);
+    let Judgement { cost, backing, .. } = judgement(&map, CellIndex::new(40, 4));
+    assert!(cost < 60 && backing == 0, "{cost} {backing}: range outweighs it");
 }
 
 #[test]
@@ -143,7 +159,7 @@ fn experience_reaches_cells_that_are_not_pure() {
     let far = CellIndex::new(59, 0);
     assert_eq!((map.get(far).unwrap().model, cost(&map, far)), (None, 150));
     // The first cell that is driven over becomes a model; the cells ahead resemble it when they are seen again.
-    drive(&mut map, 0..10);
+    drive(&mut map, 0..40);
     map.learn(&[(place(59, 0), terrain(7, 4, 6))], &RULES);
     let cell = map.get(far).unwrap();
     assert_eq!((cell.model, cell.is_part), (Some(0), false));

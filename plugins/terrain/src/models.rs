@@ -19,11 +19,17 @@ pub struct Terrain {
     pub driven: u64,
     /// Experience of obstacles: cells hit by the bumper, times the gain of the bumper.
     pub bumped: u64,
+    /// Cells driven over that range had called obstacles.
+    pub driven_obstacle: u64,
 }
 
 /// What was seen of a model from range counts as at most this many cells, however long it was looked at, so that
 /// experience of a few metres outweighs it.
 pub const SEEN_CELLS: u64 = 20;
+
+/// Cells that range called obstacles and that were driven over, from which on experience backs their model fully: two
+/// metres of the vehicle's way through growth.
+pub const BACKED_CELLS: u64 = 30;
 
 /// Least number of points with which a cell can be said to resemble a model.
 pub const ALIKE_POINTS: u64 = 8;
@@ -44,6 +50,11 @@ impl Terrain {
         self.driven.saturating_add(self.bumped)
     }
 
+    /// Whether range calls it an obstacle, by enough points to say so.
+    pub fn is_obstacle_by_range(&self) -> bool {
+        self.points() >= ALIKE_POINTS && 2 * self.obstacle >= self.points()
+    }
+
     /// `N_obstacle / (N_ground + N_obstacle)` (the paper calls this traversability), in cells: its points from range
     /// are `seen` cells with the share of obstacles among them, to which experience adds its cells. `None` where
     /// nothing is known.
@@ -62,6 +73,7 @@ impl Terrain {
         self.obstacle = self.obstacle.saturating_add(other.obstacle);
         self.driven = self.driven.saturating_add(other.driven);
         self.bumped = self.bumped.saturating_add(other.bumped);
+        self.driven_obstacle = self.driven_obstacle.saturating_add(other.driven_obstacle);
     }
 }
 
@@ -90,15 +102,16 @@ impl Model {
         self.terrain.obstacle_fraction(self.cells.clamp(1, SEEN_CELLS))
     }
 
-    /// How far experience backs its obstacle fraction against what range says, 0 to 1: fully once the experience that
-    /// contradicts range outweighs all that was seen. Driving contradicts as far as range called the model an obstacle,
-    /// a bump as far as it called it ground. So driving over ground that range calls ground backs nothing: it says
-    /// nothing about an obstacle that stands on such ground.
+    /// How far experience backs its obstacle fraction against what range says, 0 to 1. Of what was driven over only the
+    /// cells count that range had called obstacles: driving over ground beside a thicket of the same colour, which is one
+    /// model with it, says nothing about the thicket. It takes [`BACKED_CELLS`] of them, because those at the edge of a
+    /// thing are often called obstacles, too. A bump counts as far as range called the model ground, and fully once it
+    /// outweighs all that was seen.
     pub fn backing(&self) -> f64 {
-        let share = |cells: u64| (cells as f64 / SEEN_CELLS as f64).min(1.0);
+        let share = |cells: u64, all: u64| (cells as f64 / all as f64).min(1.0);
         let obstacle = self.terrain.obstacle as f64 / self.terrain.points().max(1) as f64;
-        let driven = share(self.terrain.driven) * (2.0 * obstacle).min(1.0);
-        let bumped = share(self.terrain.bumped) * (2.0 * (1.0 - obstacle)).min(1.0);
+        let driven = share(self.terrain.driven_obstacle, BACKED_CELLS);
+        let bumped = share(self.terrain.bumped, SEEN_CELLS) * (2.0 * (1.0 - obstacle)).min(1.0);
         driven.max(bumped)
     }
 }
@@ -381,6 +394,7 @@ fn model_message(model: &Model) -> TerrainModel {
         obstacle: terrain.obstacle,
         driven: terrain.driven,
         bumped: terrain.bumped,
+        driven_obstacle: terrain.driven_obstacle,
         cells: model.cells,
         contrast: terrain.histograms.contrast(),
         obstacle_fraction: model.obstacle_fraction().unwrap_or(0.0),
@@ -414,6 +428,7 @@ fn model_of(number: usize, model: &TerrainModel) -> Result<Model, ModelsError> {
         obstacle: model.obstacle,
         driven: model.driven,
         bumped: model.bumped,
+        driven_obstacle: model.driven_obstacle,
     };
     let counts = [
         ("points", u64::try_from(expected).unwrap_or(u64::MAX)),
