@@ -75,6 +75,7 @@ impl Pool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::panic::AssertUnwindSafe;
 
     #[test]
     fn callers_at_the_same_time_each_get_all_their_chunks_once_and_in_place() {
@@ -105,7 +106,8 @@ mod tests {
     #[test]
     fn a_panic_in_a_chunk_reaches_the_caller_and_the_pool_goes_on() {
         let pool = Pool::new(3);
-        let caught = std::panic::catch_unwind(|| pool.map(16, |index| assert!(index != 5, "chunk {index}")));
+        let work = AssertUnwindSafe(|| pool.map(16, |index| assert!(index != 5, "chunk {index}")));
+        let caught = std::panic::catch_unwind(work);
         assert!(caught.is_err());
         assert_eq!(pool.map(4, |index| index), [0, 1, 2, 3]);
     }

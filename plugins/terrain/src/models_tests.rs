@@ -62,7 +62,11 @@ fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts_in_cells(
     model.terrain.obstacle = 1_000_000;
     assert_eq!(model.obstacle_fraction(), Some(1.0));
     model.terrain.driven = 3 * SEEN_CELLS;
-    assert_eq!((model.obstacle_fraction(), model.backing()), (Some(0.25), 0.0), "none of it was an obstacle by range");
+    assert_eq!(
+        (model.obstacle_fraction(), model.backing()),
+        (Some(0.25), 0.0),
+        "none of it was an obstacle by range"
+    );
     model.terrain.driven_obstacle = BACKED_CELLS;
     assert_eq!(model.backing(), 1.0);
     model.terrain.bumped = 4 * SEEN_CELLS;
@@ -74,7 +78,12 @@ fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts_in_cells(
         Model::new(Terrain { driven, bumped, ..cell(0, ground, obstacle) }, 5).backing()
     };
     assert_eq!(
-        [backing(100, 0, 1000, 0), backing(0, 100, 0, 1000), backing(100, 0, 0, 1000), backing(50, 50, 1000, 0)],
+        [
+            backing(100, 0, 1000, 0),
+            backing(0, 100, 0, 1000),
+            backing(100, 0, 0, 1000),
+            backing(50, 50, 1000, 0)
+        ],
         [0.0, 0.0, 1.0, 0.0]
     );
     assert_eq!(backing(25, 75, 0, 1000), 0.5);
