@@ -89,7 +89,9 @@ mod tests {
                         for len in [0, 1, 7, 64] {
                             let mut data = vec![0_usize; len];
                             pool.for_each_chunk_mut(&mut data, 3, |index, chunk| {
-                                chunk.iter_mut().for_each(|value| *value += 1 + index + 1000 * caller);
+                                for value in chunk {
+                                    *value += 1 + index + 1000 * caller;
+                                }
                             });
                             let expected: Vec<usize> =
                                 (0..len).map(|at| 1 + at / 3 + 1000 * caller).collect();

@@ -232,7 +232,7 @@ impl Scene<'_> {
         let mut sum = 0.0;
         // What goes ahead of the vehicle's middle: backward, its tail.
         let ahead = |(position, yaw): (DVec2, f64)| match arc.motion {
-            Motion::Backward => self.tail((position, yaw), rules),
+            Motion::Backward => tail((position, yaw), rules),
             _ => position,
         };
         // Whether a cell that is not blocked has been reached; a blocked cell can be left, but not entered.
@@ -255,7 +255,7 @@ impl Scene<'_> {
     fn turned(&self, start: (DVec2, f64), arc: Arc, rules: &Rules) -> (f64, f64) {
         let mut sum = 0.0;
         for part in 1..=4 {
-            let cost = self.cost(self.tail(pose_at(start, arc, TURN_RAD * f64::from(part) / 4.0), rules));
+            let cost = self.cost(tail(pose_at(start, arc, TURN_RAD * f64::from(part) / 4.0), rules));
             if cost == BLOCKED {
                 return (0.0, 1.0);
             }
@@ -264,15 +264,15 @@ impl Scene<'_> {
         (1.0, sum / 4.0)
     }
 
-    /// The middle of the tail of a vehicle in a pose.
-    fn tail(&self, (position, yaw): (DVec2, f64), rules: &Rules) -> DVec2 {
-        position - DVec2::new(libm::cos(yaw), libm::sin(yaw)) * rules.tail_m
-    }
-
     /// Cost at a position; blocked outside of the map.
     fn cost(&self, position: DVec2) -> u8 {
         self.sensed.place(position).and_then(|place| self.costs.get(place)).unwrap_or(BLOCKED)
     }
+}
+
+/// The middle of the tail of a vehicle in a pose.
+fn tail((position, yaw): (DVec2, f64), rules: &Rules) -> DVec2 {
+    position - DVec2::new(libm::cos(yaw), libm::sin(yaw)) * rules.tail_m
 }
 
 /// The arc with the lowest score among those that may be driven; the first of several.
