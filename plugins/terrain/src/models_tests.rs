@@ -87,6 +87,11 @@ fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts_in_cells(
         [0.0, 0.0, 1.0, 0.0]
     );
     assert_eq!(backing(25, 75, 0, 1000), 0.5);
+    // Nor do the few cells of grass that range wrongly called obstacles.
+    let overruled = |ground, obstacle| {
+        Model::new(Terrain { driven: 1000, driven_obstacle: 1000, ..cell(0, ground, obstacle) }, 5).backing()
+    };
+    assert_eq!([overruled(100, 0), overruled(75, 25), overruled(25, 75)], [0.0, 0.5, 1.0]);
 }
 
 #[test]
