@@ -10,7 +10,7 @@ use crate::proto::{BarredPlace, ModeEvent, WaypointFollowerParams};
 use crate::settings::check_costs;
 use crate::signals::Watch;
 use crate::waypoints::turning_point;
-use rcs_geom::{DVec2, Pose};
+use rcs_geom::{DVec2, DVec3, Pose};
 use rcs_msg::Stamp;
 use rcs_msg::foxglove::{Grid, PoseInFrame, PosesInFrame, RawImage};
 use rcs_msg::rcs::{ArcChoice, Bumper, DriveCommand, Plan, PlanState, SlipReport};
@@ -305,12 +305,13 @@ impl WaypointFollower {
         let obstacles = mode.map_or(Obstacles::Map, |mode| mode.obstacles);
         let Some(costs) = self.memory.costs.of(obstacles) else { return };
         let before_per_m = self.before_per_m;
-        // The actions REVERSE and SHAKE need no target; arcs backward are scored all the same.
+        // The actions REVERSE and SHAKE need no target; arcs are scored all the same, for a target ahead.
+        let ahead = vehicle.rotate(DVec3::X).truncate() * params.arc_length_m;
         let scene = Scene {
             sensed: self.memory.costs.sensed(),
             costs,
             vehicle,
-            target: target.unwrap_or(position),
+            target: target.unwrap_or(position + ahead),
             before_per_m,
             turning: match self.turning {
                 1 => Some(Motion::TurnLeft),

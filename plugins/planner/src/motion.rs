@@ -102,11 +102,20 @@ pub(crate) fn shaken(
 /// a collision.
 const TOUCH_MPS: f64 = 0.25;
 
-/// The speed of the action SHAKE, m/s, where no arc in its direction is free: the vehicle may have to move all the same.
+/// The speed of the action SHAKE, m/s: where no arc in its direction is free, it moves in the other one; where none is free
+/// in either, it moves slowly, because it may have to move all the same.
 pub(crate) fn careful(scored: &[Scored], speed_mps: f64) -> f64 {
-    let ahead = if speed_mps < 0.0 { Motion::Backward } else { Motion::Forward };
-    let is_free = scored.iter().any(|scored| scored.arc.motion == ahead && scored.open);
-    if is_free { speed_mps } else { speed_mps.clamp(-TOUCH_MPS, TOUCH_MPS) }
+    let is_free = |motion| scored.iter().any(|scored| scored.arc.motion == motion && scored.open);
+    let (along, against) = if speed_mps < 0.0 {
+        (Motion::Backward, Motion::Forward)
+    } else {
+        (Motion::Forward, Motion::Backward)
+    };
+    match (is_free(along), is_free(against)) {
+        (true, _) => speed_mps,
+        (false, true) => -speed_mps,
+        (false, false) => speed_mps.clamp(-TOUCH_MPS, TOUCH_MPS),
+    }
 }
 
 /// Poses along an arc, every 0.2 m.

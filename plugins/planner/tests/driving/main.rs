@@ -314,15 +314,22 @@ fn when_its_wheels_slip_it_reverses_and_shakes_itself_free() {
 }
 
 #[test]
-fn it_backs_slowly_out_of_slip_where_something_is_known_to_be_behind() {
-    let mut bench = start(&FILES);
+fn it_leaves_slip_ahead_where_something_is_behind_and_slowly_where_nothing_is_free() {
+    let slip = |costs: &dyn Fn(DVec2) -> u8| {
+        let mut bench = start(&FILES);
+        for _ in 0..48 {
+            bench.write("/operator/slip", rcs::SlipReport { slip: 0.9, ..rcs::SlipReport::default() });
+            cycle(&mut bench, 0.0, 0.0, costs, 1);
+        }
+        assert_eq!(mode(&bench).0, "SLIPPING");
+        (drive(&bench).0, story(&bench))
+    };
     let bush = |at: DVec2| if (-1.4..-0.6).contains(&at.x) && at.y.abs() < 0.6 { 250 } else { 0 };
-    for _ in 0..48 {
-        bench.write("/operator/slip", rcs::SlipReport { slip: 0.9, ..rcs::SlipReport::default() });
-        cycle(&mut bench, 0.0, 0.0, bush, 1);
-    }
-    assert_eq!(mode(&bench).0, "SLIPPING");
-    assert!((-0.25..-0.1).contains(&drive(&bench).0), "{}", story(&bench));
+    let (ahead_mps, told) = slip(&bush);
+    assert!(ahead_mps > 0.3, "{told}");
+    let ring = |at: DVec2| if (0.7..1.4).contains(&at.length()) { 250 } else { 0 };
+    let (back_mps, told) = slip(&ring);
+    assert!((-0.25..-0.1).contains(&back_mps), "{told}");
 }
 
 #[test]
