@@ -132,10 +132,10 @@ impl Process for Localization {
                 cx.fault(format!("ground speed is {} m/s; reading skipped", speed.speed_mps));
             }
         }
-        if let Some(report) = cx.read_newest(&ports.slip) {
-            if let Err(error) = self.take_slip(&report) {
-                cx.fault(format!("slip: {error}; report skipped"));
-            }
+        if let Some(report) = cx.read_newest(&ports.slip)
+            && let Err(error) = self.take_slip(&report)
+        {
+            cx.fault(format!("slip: {error}; report skipped"));
         }
         while let Some(encoders) = cx.read(&ports.encoders) {
             match self.roll(&encoders, params) {
