@@ -273,3 +273,27 @@ fn an_estimate_that_is_told_of_slip_counts_little_of_what_spinning_wheels_turn()
     assert!(without > 6.0, "without being told, it believes the wheels: {without:.2} m");
     assert!(with < 0.5 * without, "{with:.2} m, {without:.2} m without being told");
 }
+
+#[test]
+fn a_report_of_slip_counts_while_it_is_recent_and_an_unusable_one_is_a_fault() {
+    let stack = STACK.replace("gps =", "slip = \"/operator/slip\", gps =");
+    let mut bench = Setup::new(&stack, all()).assets(&Files).bench();
+    drive(&mut bench, 0.0, 0.0, 20);
+    drive(&mut bench, 1.0, 1.0, 30);
+    let way_m = |seen: &[Seen]| (seen[9].local.translation - seen[0].local.translation).length();
+    let mut told = Vec::new();
+    for _ in 0..10 {
+        let timestamp = Some(Stamp(bench.now_ms * 1_000_000).to_proto());
+        let report = rcs::SlipReport { timestamp, slip: 0.8, inertial_speed_mps: 0.2, ..Default::default() };
+        bench.write("/operator/slip", report);
+        told.extend(drive(&mut bench, 1.0, 1.0, 1));
+    }
+    assert!((way_m(&told) - 0.18).abs() < 0.03, "{}", way_m(&told));
+    drive(&mut bench, 1.0, 1.0, 3);
+    let silent = drive(&mut bench, 1.0, 1.0, 10);
+    assert!((way_m(&silent) - 0.9).abs() < 0.06, "{}", way_m(&silent));
+    bench.write("/operator/slip", rcs::SlipReport { slip: f64::NAN, ..Default::default() });
+    bench.advance(100);
+    let (faults, last) = bench.faults("localization");
+    assert!(faults > 0 && last.contains("slip: slip NaN"), "{faults} {last}");
+}
