@@ -203,6 +203,8 @@ pub struct Terrain {
     by_room: Vec<Option<f32>>,
     /// The same far from the vehicle.
     by_far_room: Vec<Option<f32>>,
+    /// Clearance term at the least room.
+    least_clearance: f32,
     /// Terrain term by fused cost; `None` where blocked.
     by_cost: Vec<Option<f32>>,
     squared: Vec<u16>,
@@ -210,6 +212,8 @@ pub struct Terrain {
     by_route: Vec<f32>,
     /// The same of the path that was planned before.
     by_previous: Vec<f32>,
+    /// Whether the vehicle fits between the cell and its neighbours, although not in its middle; empty if it never does.
+    fits_beside: Vec<bool>,
     /// Whether the vehicle is or was near the cell; empty if that makes no difference.
     was_near: Vec<bool>,
     /// Whether an obstacle in the cell is certain, because it was seen from near; empty if all are.
@@ -275,6 +279,7 @@ impl Terrain {
         nearness(sensed, past.route, rules.route, rules.route_range_m, &mut self.by_route);
         nearness(sensed, past.previous, rules.previous, rules.previous_range_m, &mut self.by_previous);
         self.mark_near(sensed, vehicle, past.track, rules);
+        self.find_fits(sensed.columns, sensed.cell_size_m, rules);
         let mut cells: Vec<u8> = sensed
             .fused
             .iter()
@@ -326,12 +331,33 @@ impl Terrain {
     /// The clearance term of a cell by its squared distance from the nearest obstacle; `None` where the vehicle does not
     /// fit.
     fn room_of(&self, at: usize, squared: u16) -> Option<f32> {
-        let near = self.by_room[usize::from(squared)];
+        let fits_beside = self.fits_beside.get(at).is_some_and(|&fits| fits);
+        let near = self.by_room[usize::from(squared)].or_else(|| fits_beside.then_some(self.least_clearance));
         // Far cells differ only where the vehicle would not fit.
         if near.is_some() || self.was_near.get(at).is_none_or(|&was_near| was_near) {
             return near;
         }
         self.by_far_room[usize::from(squared)]
+    }
+
+    /// Marks the cells of each block of two by two cells without an obstacle, where cells are so coarse that the vehicle
+    /// fits there: from the middle of the block it is one cell to the nearest obstacle, and from the middle of a cell half
+    /// of one.
+    fn find_fits(&mut self, columns: usize, cell_size_m: f64, rules: &Rules) {
+        self.fits_beside.clear();
+        self.least_clearance = rules.clearance as f32;
+        if rules.least_room_m > cell_size_m || columns < 2 {
+            return;
+        }
+        self.fits_beside.resize(self.is_obstacle.len(), false);
+        for at in 0..self.is_obstacle.len().saturating_sub(columns + 1) {
+            let block = [at, at + 1, at + columns, at + columns + 1];
+            if at % columns + 1 < columns && block.iter().all(|&at| !self.is_obstacle[at]) {
+                for at in block {
+                    self.fits_beside[at] = true;
+                }
+            }
+        }
     }
 
     /// The terrain term of a cell with this fused cost; `None` if it is blocked.

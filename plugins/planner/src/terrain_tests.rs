@@ -200,6 +200,42 @@ fn a_gap_that_was_too_narrow_from_near_stays_closed_when_the_vehicle_is_far_away
 }
 
 #[test]
+fn a_gap_of_two_coarse_cells_is_wide_enough_and_one_of_one_cell_is_not() {
+    // Cells of 0.6 m, and a wall along x with a gap.
+    let rules = Rules {
+        half_width_m: 0.33,
+        least_room_m: 0.33,
+        far_room_m: 0.2,
+        near_m: 4.0,
+        heading_range_m: 0.0,
+        ..rules()
+    };
+    let near = Pose::from_xy_yaw(0.0, 1.0, 0.0);
+    for (cells, expected) in [(1, BLOCKED), (2, 50), (3, 50)] {
+        let mut sensed = Sensed {
+            columns: 21,
+            cell_size_m: 0.6,
+            corner: DVec2::splat(-6.3),
+            fused: vec![0; 441],
+            ..sensed(0)
+        };
+        for column in (0..21).filter(|column| !(10..10 + cells).contains(column)) {
+            sensed.fused[10 * 21 + column] = 250;
+        }
+        // Another wall before and behind it: a corridor, so that no block lies across its end.
+        for column in [9, 10 + cells] {
+            sensed.fused[9 * 21 + column] = 250;
+            sensed.fused[11 * 21 + column] = 250;
+        }
+        let (terrain, costs) = costs(&sensed, &near, &rules);
+        let gap = Place::new(10, 10);
+        assert_eq!(costs.get(gap), Some(expected), "{cells} cells");
+        let terms = terrain.terms(&sensed, gap, &near, &rules);
+        assert_eq!(terms.is_ok(), expected != BLOCKED, "{terms:?}");
+    }
+}
+
+#[test]
 fn the_path_that_was_planned_before_is_cheaper_than_beside_it() {
     let rules = Rules { previous: 0.2, previous_range_m: 1.0, heading_range_m: 0.0, ..rules() };
     let away = Pose::from_xy_yaw(FAR, FAR, 0.0);
