@@ -54,11 +54,35 @@ queue = 8
 queue = 8
 "#;
 
+/// Mud without grip 18 m ahead of the vehicle.
+const MUD: &str = r#"
+[surface.mud]
+traction = 0.05
+rolling_resistance = 0.16
+
+[[paint]]
+surface = "mud"
+polygon = [[48, 40], [70, 40], [70, 80], [48, 80]]
+"#;
+
+/// Slip of the wheels.
+const SLIP: &str = r#"
+[[process]]
+name = "proximity"
+plugin = "proximity"
+supervisor = "viewer"
+inputs = { encoders = "/vehicle/encoders", imu = "/vehicle/imu", odometry = "/localization/local", static_transforms = "/vehicle/static_transforms" }
+params = { track_m = 0.58 }
+"#;
+
 struct Files;
 
 impl Assets for Files {
     fn read(&self, kind: &str, name: &str, _beside: &str) -> Result<Asset, String> {
         let text = match kind {
+            "world" if name == "mud" => {
+                return Ok(Asset { file: name.to_owned(), text: format!("{WORLD}{MUD}") });
+            }
             "world" => WORLD,
             _ => include_str!("../../../assets/vehicles/lagr.toml"),
         };
@@ -226,4 +250,50 @@ fn slipping_wheels_take_the_local_estimate_too_far_and_not_the_global_one() {
     // The wheel odometry contradicts the fixes throughout, so they are refused until enough of them agree to restart
     // the estimate: at full speed five seconds outside of the gate.
     assert!(error < 15.0, "global error {error} m");
+}
+
+#[test]
+fn an_estimate_that_is_told_of_slip_counts_little_of_what_spinning_wheels_turn() {
+    let options = RunOptions { seed: 4, ..RunOptions::default() };
+    let mut error_m = Vec::new();
+    let told = STACK.replace("gps =", "slip = \"/proximity/slip\", gps =") + SLIP;
+    for stack in [STACK.to_owned(), told] {
+        let params = [("vehicle.world", "mud"), ("localization.tilt_time_s", "5")];
+        let setup = Setup::new(&stack, all()).params(&params).assets(&Files);
+        let mut bench = setup.options(options.clone()).bench();
+        drive(&mut bench, 0.0, 0.0, 50);
+        let driven = drive(&mut bench, 1.2, 1.2, 140);
+        let stuck = drive(&mut bench, 1.2, 1.2, 80);
+        let [before, after] = [driven, stuck].map(|seen| *seen.last().unwrap());
+        let error = |seen: &Seen| (seen.local.translation - local_truth(&seen.truth)).truncate();
+        assert!((after.truth.translation - before.truth.translation).length() < 4.0, "it is stuck");
+        error_m.push((error(&after) - error(&before)).length());
+    }
+    let [without, with] = error_m[..] else { panic!("two stacks") };
+    assert!(without > 6.0, "without being told, it believes the wheels: {without:.2} m");
+    assert!(with < 0.5 * without, "{with:.2} m, {without:.2} m without being told");
+}
+
+#[test]
+fn a_report_of_slip_counts_while_it_is_recent_and_an_unusable_one_is_a_fault() {
+    let stack = STACK.replace("gps =", "slip = \"/operator/slip\", gps =");
+    let mut bench = Setup::new(&stack, all()).assets(&Files).bench();
+    drive(&mut bench, 0.0, 0.0, 20);
+    drive(&mut bench, 1.0, 1.0, 30);
+    let way_m = |seen: &[Seen]| (seen[9].local.translation - seen[0].local.translation).length();
+    let mut told = Vec::new();
+    for _ in 0..10 {
+        let timestamp = Some(Stamp(bench.now_ms * 1_000_000).to_proto());
+        let report = rcs::SlipReport { timestamp, slip: 0.8, inertial_speed_mps: 0.2, ..Default::default() };
+        bench.write("/operator/slip", report);
+        told.extend(drive(&mut bench, 1.0, 1.0, 1));
+    }
+    assert!((way_m(&told) - 0.18).abs() < 0.03, "{}", way_m(&told));
+    drive(&mut bench, 1.0, 1.0, 3);
+    let silent = drive(&mut bench, 1.0, 1.0, 10);
+    assert!((way_m(&silent) - 0.9).abs() < 0.06, "{}", way_m(&silent));
+    bench.write("/operator/slip", rcs::SlipReport { slip: f64::NAN, ..Default::default() });
+    bench.advance(100);
+    let (faults, last) = bench.faults("localization");
+    assert!(faults > 0 && last.contains("slip: slip NaN"), "{faults} {last}");
 }

@@ -62,12 +62,12 @@ impl Attitude {
     }
 
     /// Takes a reading `elapsed_s` after the previous one: turn rates, rad/s, and accelerations, m/s², including
-    /// gravity but with the known motion of the vehicle subtracted, in vehicle axes.
+    /// gravity but with the known motion of the vehicle subtracted, in vehicle axes; `None` where its motion is not known.
     pub fn update(
         &mut self,
         settings: &AttitudeSettings,
         gyro_radps: DVec3,
-        force_mps2: DVec3,
+        force_mps2: Option<DVec3>,
         elapsed_s: f64,
         standing: bool,
     ) {
@@ -81,7 +81,8 @@ impl Attitude {
             (self.rest_s, self.rest_mean) = (0.0, DVec3::ZERO);
         }
         let mut attitude = self.level_from_vehicle * DQuat::from_scaled_axis(self.turn_radps * elapsed_s);
-        if (force_mps2.length() - GRAVITY_MPS2).abs() < settings.tilt_gate_mps2 {
+        let is_gravity = |force: &DVec3| (force.length() - GRAVITY_MPS2).abs() < settings.tilt_gate_mps2;
+        if let Some(force_mps2) = force_mps2.filter(is_gravity) {
             let felt_up = force_mps2.normalize();
             let believed_up = attitude.conjugate() * DVec3::Z;
             let part = elapsed_s / (settings.tilt_time_s + elapsed_s);
@@ -159,7 +160,7 @@ mod tests {
         let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 0.5);
         attitude.level_from_vehicle *= DQuat::from_rotation_x(0.2);
         for _ in 0..1000 {
-            attitude.update(&SETTINGS, DVec3::ZERO, DVec3::Z * 9.81, 0.01, false);
+            attitude.update(&SETTINGS, DVec3::ZERO, Some(DVec3::Z * 9.81), 0.01, false);
         }
         let truth = DQuat::from_rotation_z(0.5);
         let error = tilt_error(attitude.level_from_vehicle, truth);
@@ -171,7 +172,7 @@ mod tests {
     fn a_push_does_not_tilt_it() {
         let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 0.0);
         for _ in 0..100 {
-            attitude.update(&SETTINGS, DVec3::ZERO, DVec3::new(8.0, 0.0, 9.81), 0.01, false);
+            attitude.update(&SETTINGS, DVec3::ZERO, Some(DVec3::new(8.0, 0.0, 9.81)), 0.01, false);
         }
         assert!(tilt_error(attitude.level_from_vehicle, DQuat::IDENTITY) < 1e-9);
     }
@@ -181,12 +182,12 @@ mod tests {
         let bias = DVec3::new(0.004, -0.003, 0.005);
         let mut attitude = Attitude::at_rest(DVec3::Z * 9.81, 0.0);
         for _ in 0..2000 {
-            attitude.update(&SETTINGS, bias, DVec3::Z * 9.81, 0.01, true);
+            attitude.update(&SETTINGS, bias, Some(DVec3::Z * 9.81), 0.01, true);
         }
         assert!(attitude.yaw_rad().abs() < 1e-9, "it does not turn at rest");
         for _ in 0..100 {
             let gyro = bias + DVec3::Z * 0.5;
-            attitude.update(&SETTINGS, gyro, DVec3::Z * 9.81, 0.01, false);
+            attitude.update(&SETTINGS, gyro, Some(DVec3::Z * 9.81), 0.01, false);
         }
         assert!((attitude.yaw_rad() - 0.5).abs() < 1e-4, "{}", attitude.yaw_rad());
     }
@@ -197,7 +198,7 @@ mod tests {
         for step in 0..100 {
             // The encoders report the turn only after a moment.
             let (gyro, standing) = (DVec3::Z * 0.001 * f64::from(step), step < 20);
-            attitude.update(&SETTINGS, gyro, DVec3::Z * 9.81, 0.01, standing);
+            attitude.update(&SETTINGS, gyro, Some(DVec3::Z * 9.81), 0.01, standing);
         }
         assert_eq!(attitude.bias, DVec3::ZERO);
     }
@@ -212,7 +213,7 @@ mod tests {
                 let turn_radps = 0.3 * libm::sin(f64::from(step) * 0.002);
                 truth += turn_radps * 0.01;
                 let gyro = DVec3::Z * (turn_radps + 0.001);
-                attitude.update(&SETTINGS, gyro, DVec3::Z * 9.81, 0.01, false);
+                attitude.update(&SETTINGS, gyro, Some(DVec3::Z * 9.81), 0.01, false);
                 // Its noise is 1 degree; a plain sequence that has no trend.
                 let noise = (f64::from(step * 7919 % 1000) / 999.0 - 0.5) * 0.06;
                 if let Some(compass_time_s) = compass_time_s {
@@ -236,7 +237,7 @@ mod tests {
         for _ in 0..500 {
             let gyro = DVec3::Z * 0.4;
             truth = (truth * DQuat::from_scaled_axis(gyro * 0.01)).normalize();
-            attitude.update(&SETTINGS, gyro, truth.conjugate() * (DVec3::Z * 9.81), 0.01, false);
+            attitude.update(&SETTINGS, gyro, Some(truth.conjugate() * (DVec3::Z * 9.81)), 0.01, false);
         }
         assert!(attitude.level_from_vehicle.angle_between(truth) < 1e-3);
     }

@@ -72,8 +72,9 @@ pub struct GlobalEstimate {
     /// Way since the last accepted fix, m, and the variance that it has added because the wheels may have slipped, m².
     rolled_m: f64,
     slipped: f64,
-    /// Way for which the estimate still follows the fixes, m.
+    /// Way for which the estimate still follows the fixes, m, and by how much they have pulled it back on it, m.
     follows_m: f64,
+    pulled_m: f64,
 }
 
 /// Number of consecutive refused fixes that agree with each other after which the wheels may have slipped.
@@ -83,6 +84,8 @@ const SLIP: f64 = 0.5;
 /// Way for which the estimate follows the fixes after the wheels have slipped, m, and time for which one fix then counts, s.
 const FOLLOWS_M: f64 = 20.0;
 const FOLLOWS_S: f64 = 1.0;
+/// Share of that way by which fixes pull the estimate back where the wheels still slip.
+const STILL_SLIPS: f64 = 0.2;
 
 /// Fastest motion of the vehicle between two fixes that agree, m/s.
 const FASTEST_MPS: f64 = 5.0;
@@ -108,12 +111,22 @@ impl GlobalEstimate {
         Some(now.seconds_since(self.last_used?))
     }
 
+    /// The wheels slip: for the next metres the estimate follows the fixes, and on, as long as they pull it back.
+    pub fn follow(&mut self) {
+        (self.follows_m, self.pulled_m) = (FOLLOWS_M, 0.0);
+    }
+
     /// Advances the estimate by a step ahead, m, and a turn, rad, within a time, s.
     pub fn advance(&mut self, noise: &MotionNoise, step_m: f64, turn_rad: f64, elapsed_s: f64) {
         self.rolled_m += step_m.abs();
         let distance = if self.follows_m > 0.0 { noise.distance.max(SLIP) } else { noise.distance };
         let noise = &MotionNoise { distance, ..*noise };
-        self.follows_m -= step_m.abs();
+        if self.follows_m > 0.0 {
+            self.follows_m -= step_m.abs();
+            if self.follows_m <= 0.0 && self.pulled_m > STILL_SLIPS * FOLLOWS_M {
+                self.follow();
+            }
+        }
         if let Some(planar) = &mut self.planar {
             planar.advance(noise, step_m, turn_rad, elapsed_s);
         } else {
@@ -156,7 +169,7 @@ impl GlobalEstimate {
             planar.widen(slipped - self.slipped);
             self.slipped = slipped;
             if slipped > 0.0 {
-                self.follows_m = FOLLOWS_M;
+                (self.follows_m, self.pulled_m) = (FOLLOWS_M, 0.0);
             }
         }
         let surprise = planar.surprise(&fix);
@@ -168,7 +181,9 @@ impl GlobalEstimate {
             self.begin(&fix, position, local_height_m);
             return Verdict::Began;
         }
+        let uncorrected = planar.at;
         planar.correct(&fix);
+        self.pulled_m += (uncorrected - planar.at).dot(DVec2::from_angle(planar.yaw_rad));
         let gain = self.lift_variance / (self.lift_variance + position.height_variance * alike);
         self.lift_m += gain * (position.height_m - local_height_m - self.lift_m);
         self.lift_variance *= 1.0 - gain;
@@ -291,6 +306,30 @@ mod tests {
             estimate.advance(&NOISE, 0.25, 0.0, 0.25);
         }
         assert!(estimate.planar().unwrap().at.y.abs() < 0.5, "an error across the heading is no slip");
+    }
+
+    #[test]
+    fn an_estimate_that_was_told_of_slip_follows_the_fixes_as_long_as_they_pull_it_back() {
+        const NOISE: MotionNoise = MotionNoise { distance: 0.22, heading_rad: 0.01 };
+        // Slip of a half for 30 m, then none; its beginning is told.
+        let drive = |told: bool| {
+            let mut estimate = GlobalEstimate::new(0.0, 0.001);
+            let (mut at_m, mut most_m): (f64, f64) = (0.0, 0.0);
+            for fix in 0..320_u32 {
+                let slips = (40..160).contains(&fix);
+                if told && fix == 40 {
+                    estimate.follow();
+                }
+                take(&mut estimate, u64::from(fix) * 250, at_m);
+                most_m = most_m.max(estimate.planar().map_or(0.0, |planar| (planar.at.x - at_m).abs()));
+                estimate.advance(&NOISE, 0.25, 0.0, 0.25);
+                at_m += if slips { 0.125 } else { 0.25 };
+            }
+            (most_m, estimate.follows_m > 0.0)
+        };
+        let (most_m, follows) = drive(true);
+        assert!(most_m < 2.0 && !follows, "{most_m} {follows}");
+        assert!(drive(false).0 > 1.5 * most_m);
     }
 
     #[test]

@@ -9,6 +9,7 @@
 //! | `imu` | in, optional | `rcs.Imu` | turn rates, accelerations and heading, vehicle axes |
 //! | `gps` | in, optional | `foxglove.LocationFix` | position fixes of the antenna with their variances |
 //! | `ground_speed` | in, optional | `rcs.GroundSpeed` | speed over ground, unaffected by slip, used instead of that of the encoders |
+//! | `slip` | in, optional | `rcs.SlipReport` | slip of the wheels, and the speed by the inertial sensors, which counts while they slip |
 //! | `local` | out | `foxglove.Odometry` | pose of the vehicle in the local frame with covariance: smooth, drifts |
 //! | `global` | out | `foxglove.Odometry` | pose of the vehicle in the global frame with covariance: noisy, does not drift |
 //! | `transforms` | out | `foxglove.FrameTransforms` | the local frame in the global frame |
@@ -30,8 +31,10 @@
 //! The local estimate starts at (0, 0, 0) with the heading of the inertial sensor's compass, or of a parameter. With the
 //! parameter `compass_time_s` the compass also takes the drift from the gyro's heading while the vehicle drives: a bias of
 //! 0.03°/s is 4° after 140 s, by which a way of 30 m ends 2 m beside its place. It
-//! measures distance by the wheels alone, so wheel slip makes it too long without any correction; the global estimate
-//! is corrected by the fixes. Neither models sideways slip.
+//! measures distance by the wheels; while they slip, by the inertial speed of the report of slip, and roll and pitch
+//! follow the gyros alone, because an acceleration that the wheels do not tell would be taken for a tilt. Without that
+//! report wheel slip makes the distance too long; the global estimate is corrected by the fixes. Neither models sideways
+//! slip.
 //!
 //! Noise in the covariances, with default parameters: 5 % of distance, with one error per 20 m because slip depends on
 //! the ground; 0.5° of heading per square root of a second; fixes as stated by the receiver, with errors correlated

@@ -12,13 +12,19 @@ use rcs_msg::Stamp;
 use rcs_msg::foxglove::{
     FrameTransform, FrameTransforms, LocationFix, Odometry, Quaternion, Vector3, location_fix,
 };
-use rcs_msg::rcs::{GroundSpeed, Imu, WheelEncoders};
+use rcs_msg::rcs::{GroundSpeed, Imu, SlipReport, WheelEncoders};
 use rcs_runtime::{Cycle, In, Msg, NoCommands, Out, PortBuilder, Process, ProcessDef, Role};
 use rcs_sense::{Origin, pose_message, pose_of};
 use serde::{Deserialize, Serialize};
 
 /// Wheel slip depends on the ground, so its error is correlated along the way: over this length it is one error, m.
 const SLIP_LENGTH_M: f64 = 20.0;
+/// Share of the wheels' motion from which on they are taken to slip: less may be an error of the inertial speed.
+const SLIPS: f64 = 0.3;
+/// Share from which on the global estimate follows the fixes: in mud the inertial speed soon tells a part of the slip only.
+const SLIPS_A_LITTLE: f64 = 0.2;
+/// A report of slip counts for this time, s.
+const SLIP_TIMEOUT_S: f64 = 0.25;
 /// Time between two global estimates that are sent, ns.
 const GLOBAL_PERIOD_NS: u64 = 100_000_000;
 /// Stated variance of roll and pitch: that of the filter on rough ground, rad².
@@ -43,6 +49,8 @@ pub struct Localization {
     wheels: Option<Wheels>,
     /// Speed over ground and when it was measured.
     ground_speed: Option<(f64, Stamp)>,
+    /// Speed by the inertial sensors while the wheels slip, m/s, and its time.
+    slipping: Option<(f64, Stamp)>,
     sent_global: Option<Stamp>,
 }
 
@@ -53,6 +61,7 @@ pub struct Ports {
     imu: In<Imu>,
     gps: In<LocationFix>,
     ground_speed: In<GroundSpeed>,
+    slip: In<SlipReport>,
     local: Out<Odometry>,
     global: Out<Odometry>,
     transforms: Out<FrameTransforms>,
@@ -78,6 +87,10 @@ impl Process for Localization {
             ground_speed: b.optional_input(
                 "ground_speed",
                 "speed over ground, unaffected by slip, used instead of that of the encoders",
+            ),
+            slip: b.optional_input(
+                "slip",
+                "slip of the wheels, and the speed by the inertial sensors, which counts while they slip",
             ),
             local: b
                 .output("local", "pose of the vehicle in the local frame with covariance: smooth, drifts")
@@ -121,6 +134,11 @@ impl Process for Localization {
                 cx.fault(format!("ground speed is {} m/s; reading skipped", speed.speed_mps));
             }
         }
+        if let Some(report) = cx.read_newest(&ports.slip)
+            && let Err(error) = self.take_slip(&report)
+        {
+            cx.fault(format!("slip: {error}; report skipped"));
+        }
         while let Some(encoders) = cx.read(&ports.encoders) {
             match self.roll(&encoders, params) {
                 Ok(()) => newest = newest.max(Some(encoders.acq_time())),
@@ -160,6 +178,7 @@ impl Localization {
             return Err(format!("turn rates {gyro} and accelerations {force}, expected finite ones"));
         }
         let time = imu.acq_time();
+        let slips = self.slipping_mps(time).is_some();
         let Some(attitude) = &mut self.attitude else {
             let (yaw_rad, variance) = start_heading(imu, params)?;
             self.begin(force, yaw_rad, variance);
@@ -182,7 +201,9 @@ impl Localization {
             DVec3::new(gain_mps2, self.speed_mps * attitude.turn_radps.z, 0.0)
         });
         let compass_rad = if params.compass_time_s > 0.0 { compass_rad(imu)? } else { None };
-        attitude.update(&settings, gyro, force - own, elapsed_s, standing);
+        // The acceleration of a vehicle whose wheels slip is not known: for that time the gyros alone turn it.
+        let felt = (!slips).then_some(force - own);
+        attitude.update(&settings, gyro, felt, elapsed_s, standing);
         if let Some(heading_rad) = compass_rad {
             attitude.follow_compass(heading_rad, params.compass_time_s, elapsed_s);
         }
@@ -195,6 +216,27 @@ impl Localization {
         // In its own frame the starting position is known exactly.
         self.local = Some(Planar::new(DVec2::ZERO, yaw_rad, 0.0, 0.0));
         self.global = GlobalEstimate::new(yaw_rad, yaw_variance);
+    }
+
+    /// Notes whether the wheels slip, and how fast the vehicle moves then.
+    fn take_slip(&mut self, report: &Msg<SlipReport>) -> Result<(), String> {
+        let (slip, speed_mps) = (report.slip, report.inertial_speed_mps);
+        if !(slip.is_finite() && speed_mps.abs() < FASTEST_MPS) {
+            return Err(format!(
+                "slip {slip} at {speed_mps} m/s, expected finite numbers and at most {FASTEST_MPS} m/s"
+            ));
+        }
+        if slip >= SLIPS_A_LITTLE {
+            self.global.follow();
+        }
+        self.slipping = (slip >= SLIPS).then(|| (speed_mps, report.acq_time()));
+        Ok(())
+    }
+
+    /// Speed of the vehicle while its wheels slip, m/s; `None` while they grip, and where nothing reports slip.
+    fn slipping_mps(&self, time: Stamp) -> Option<f64> {
+        let recent = self.slipping.filter(|(_, at)| time.seconds_since(*at) < SLIP_TIMEOUT_S);
+        recent.map(|(speed_mps, _)| speed_mps)
     }
 
     fn roll(&mut self, encoders: &Msg<WheelEncoders>, params: &LocalizationParams) -> Result<(), String> {
@@ -218,16 +260,16 @@ impl Localization {
             let deviation = params.start_heading_noise_deg.to_radians();
             self.begin(DVec3::Z, params.start_heading_deg.to_radians(), deviation * deviation);
         }
+        let slipping_mps = self.slipping_mps(time);
         let (Some(attitude), Some(local)) = (&mut self.attitude, &mut self.local) else { return Ok(()) };
         if !has_gyro {
             attitude.turn_by((rolled_m[1] - rolled_m[0]) / params.track_m);
         }
         let turn_rad = wrap_angle(attitude.yaw_rad() - local.yaw_rad);
         let radar = self.ground_speed.filter(|(_, at)| time.seconds_since(*at) < params.input_timeout_s);
-        let step_m = radar
-            .map_or(0.5 * (rolled_m[0] + rolled_m[1]) * (1.0 - params.rolling_slip), |(speed, _)| {
-                speed * elapsed_s
-            });
+        let rolled_m = 0.5 * (rolled_m[0] + rolled_m[1]) * (1.0 - params.rolling_slip);
+        let known_mps = radar.map(|(speed_mps, _)| speed_mps).or(slipping_mps);
+        let step_m = known_mps.map_or(rolled_m, |speed_mps| speed_mps * elapsed_s);
         let forward = attitude.level_from_vehicle * DVec3::X;
         let level_m = step_m * forward.truncate().length();
         let noise = MotionNoise {

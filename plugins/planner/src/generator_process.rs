@@ -38,6 +38,8 @@ const TRACK_STEP_M: f64 = 0.5;
 const MOST_TRACK: usize = 20_000;
 /// Time between two routes near the goal, s: at most a quarter of a metre.
 const ROUTE_PERIOD_S: f64 = 0.2;
+/// A report of slip tells the speed of the wheels for this time, s.
+const SLIP_TIMEOUT_S: f64 = 0.5;
 
 rcs_runtime::commands! {
     /// Commands of [`WaypointGenerator`].
@@ -111,6 +113,7 @@ pub struct Ports {
     far_path: In<PosesInFrame>,
     transforms: In<FrameTransforms>,
     global: In<Odometry>,
+    slip: In<rcs::SlipReport>,
     map: In<Grid>,
     registration: In<FrameTransforms>,
     modes: In<ModeEvent>,
@@ -142,6 +145,10 @@ impl Process for WaypointGenerator {
             far_path: b.optional_input("far_path", "path of the planner of a larger map, local frame"),
             transforms: b.input("transforms", "the local frame in the global frame"),
             global: b.optional_input("global", "pose of the vehicle in the global frame, for its covariance"),
+            slip: b.optional_input(
+                "slip",
+                "slip of the wheels, for their speed; without it that of `global` counts",
+            ),
             map: b.optional_input("map", "a world model's map, local frame, by which the route is cut"),
             registration: b.optional_input(
                 "registration",
@@ -217,7 +224,9 @@ impl Process for WaypointGenerator {
         self.take_mission(ports, params, cx);
         if let Some(odometry) = cx.read_newest(&ports.global) {
             self.error_m = position_error_m(&odometry);
-            self.take_position(&odometry, params, cx);
+            let slip = cx.latest(&ports.slip);
+            let current = slip.filter(|slip| cx.now().seconds_since(slip.acq_time()) < SLIP_TIMEOUT_S);
+            self.take_position(&odometry, current.map(|slip| slip.wheel_speed_mps), params, cx);
         }
         self.cut_way(ports, params, cx);
         self.take_far_path(ports, params, cx);
@@ -292,14 +301,21 @@ impl WaypointGenerator {
         }
     }
 
-    /// Adds a position to the track.
-    fn take_position(&mut self, odometry: &Odometry, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
+    /// Adds a position to the track. The speed of the wheels, m/s, tells whether they turn on the spot: that of the odometry
+    /// is not theirs where they slip.
+    fn take_position(
+        &mut self,
+        odometry: &Odometry,
+        wheels_mps: Option<f64>,
+        params: &WaypointGeneratorParams,
+        cx: &mut Cycle<'_>,
+    ) {
         let Ok(pose) = pose_of(odometry.pose.as_ref(), &odometry.frame_id) else { return };
         let at = pose.translation.truncate();
         self.yaw_rad = pose.yaw();
         self.position = Some((at.x, at.y));
-        let speed_mps = odometry.linear_velocity.map_or(0.0, |velocity| velocity.x);
-        if self.spinning.take(cx.now(), at, speed_mps) {
+        let odometry_mps = odometry.linear_velocity.map_or(0.0, |velocity| velocity.x);
+        if self.spinning.take(cx.now(), at, wheels_mps.unwrap_or(odometry_mps)) {
             self.bar_ahead(at, params);
         }
         let step_m = self.track.last().map_or(f64::INFINITY, |&last| at.distance(DVec2::from(last)));

@@ -2,11 +2,11 @@
 //!
 //! The encoders give the speed of the wheels, the inertial sensors the change of the vehicle's speed. The inertial
 //! speed integrates the acceleration along the vehicle (gravity removed by the pitch) and is drawn towards the wheel
-//! speed with a time constant of seconds, much more slowly while the wheels spin. The accelerometer's offset (to which
-//! an error of pitch is equivalent) is estimated while the vehicle stands, and, while the wheels grip, from the
-//! remaining difference between both speeds. With the gyro's turn rate the inertial speed is split into the ground
-//! speeds of the two wheels. Slip is the share of a wheel's motion that exceeds its ground speed; the greater of the
-//! two wheels is reported.
+//! speed with a time constant of seconds, much more slowly while the wheels spin. Where the wheels turn around, it is
+//! set to their speed: for that moment they do not spin. The accelerometer's offset (to which an error of pitch is
+//! equivalent) is estimated while the vehicle stands, and, while the wheels grip, from the remaining difference between
+//! both speeds. With the gyro's turn rate the inertial speed is split into the ground speeds of the two wheels. Slip is
+//! the share of a wheel's motion that exceeds its ground speed; the greater of the two wheels is reported.
 //!
 //! Limits: slip that builds up as slowly as the memory forgets, and slip that lasts, are not detected. A localization
 //! that does not notice a loss of speed takes the deceleration for a tilt for a moment; therefore, after two seconds or
@@ -134,6 +134,8 @@ pub struct Traction {
     offset_mps2: f64,
     /// How long the vehicle has stood, s.
     stood_s: f64,
+    /// Mean speed of the wheels at the last inertial reading, m/s.
+    before_mps: f64,
     last_inertial: Option<Stamp>,
     last_look: Option<Stamp>,
     /// Whether slip was found in the last call, reported or not.
@@ -178,6 +180,11 @@ impl Traction {
             self.inertial_mps = 0.0;
             return;
         }
+        // Wheels that turn around do not spin at that moment: the vehicle stands with them.
+        if wheels * self.before_mps <= 0.0 {
+            self.inertial_mps = wheels;
+        }
+        self.before_mps = wheels;
         let memory_s = if self.slips { rules.memory_s * SPIN_PATIENCE } else { rules.memory_s };
         self.inertial_mps += (free - self.offset_mps2) * dt_s;
         let pull = (wheels - self.inertial_mps) * (dt_s / memory_s).min(1.0);

@@ -91,6 +91,25 @@ fn an_offset_that_was_not_there_at_rest_is_learned_on_the_way_and_wheels_that_sp
 }
 
 #[test]
+fn wheels_that_turn_around_after_they_have_spun_are_not_said_to_spin_backward() {
+    let mut traction = Traction::default();
+    drive(&mut traction, 0.0, 1.0, 0.0, |_| rolling(0.0));
+    let spinning = |t: f64| Moment { wheels_mps: [(t - 1.0).min(1.0); 2], ..Moment::default() };
+    drive(&mut traction, 1.0, 3.0, 0.0, spinning);
+    // Since it began to spin, the pitch is wrong by 1.3 degrees.
+    let offset_mps2 = GRAVITY_MPS2 * libm::sin(0.023);
+    drive(&mut traction, 3.0, 4.0, offset_mps2, spinning);
+    assert!(traction.inertial_mps > 0.4, "{}", traction.inertial_mps);
+    let back = |t: f64| {
+        let wheel_mps = (1.0 - 2.0 * (t - 4.0)).max(-0.6);
+        Moment { speed_mps: wheel_mps.min(0.0), wheels_mps: [wheel_mps; 2], ..Moment::default() }
+    };
+    drive(&mut traction, 4.0, 5.2, offset_mps2, back);
+    assert_eq!(traction.state, State::Grips);
+    assert!(traction.slip < 0.3, "{}", traction.slip);
+}
+
+#[test]
 fn a_vehicle_that_loses_its_grip_at_speed_is_noticed() {
     let mut traction = Traction::default();
     drive(&mut traction, 0.0, 4.0, 0.02, |t| rolling((t - 1.0).clamp(0.0, 1.0)));

@@ -27,7 +27,7 @@ name = "driver"
 name = "generator"
 plugin = "waypoint_generator"
 supervisor = "viewer"
-inputs = { path = "/planner/path", far_path = "/operator/far_path", transforms = "/operator/transforms", global = "/operator/global", registration = "/operator/registration", modes = "/follower/modes", plan = "/planner/plan", mission = "/operator/mission" }
+inputs = { path = "/planner/path", far_path = "/operator/far_path", transforms = "/operator/transforms", global = "/operator/global", registration = "/operator/registration", slip = "/operator/slip", modes = "/follower/modes", plan = "/planner/plan", mission = "/operator/mission" }
 
 [[process]]
 name = "planner"

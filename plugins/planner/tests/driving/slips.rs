@@ -3,6 +3,7 @@
 use super::goal::register;
 use super::{FILES, cycle, free, global_at, path, place_local_frame, start};
 use rcs_geom::{DVec2, Utm};
+use rcs_msg::{Stamp, rcs};
 use rcs_planner::proto::SlipMemory;
 use rcs_planner::slips;
 use rcs_testkit::bench::Bench;
@@ -61,4 +62,20 @@ fn a_place_that_is_driven_over_is_forgotten() {
     }
     cycle(&mut bench, 6.0, 0.0, free, 26);
     assert_eq!(sent(&bench), Some(Vec::new()));
+}
+
+#[test]
+fn wheels_turn_on_the_spot_by_their_own_speed_and_not_by_that_of_the_estimate() {
+    for (wheel_speed_mps, turn) in [(1.0, true), (0.0, false)] {
+        let mut bench = start(&FILES);
+        for _ in 0..100 {
+            let timestamp = Some(Stamp(bench.now_ms * 1_000_000 + 1).to_proto());
+            let report = rcs::SlipReport { timestamp, wheel_speed_mps, ..rcs::SlipReport::default() };
+            bench.write("/operator/slip", report);
+            // The estimate stands, too.
+            bench.write("/operator/global", global_at(2.0));
+            cycle(&mut bench, 0.0, 0.0, free, 2);
+        }
+        assert_eq!(sent(&bench).is_some_and(|places| !places.is_empty()), turn, "{wheel_speed_mps} m/s");
+    }
 }
