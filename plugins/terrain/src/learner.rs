@@ -24,6 +24,9 @@ use rcs_world::{SIDE, Source, UNKNOWN_COST};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
+/// The driven wheels touch the ground within this distance ahead of and behind the vehicle frame's origin, m.
+const WHEELS_REACH_M: f64 = 0.2;
+
 rcs_runtime::commands! {
     /// Commands of [`TerrainLearner`].
     pub enum TerrainLearnerCommand {
@@ -116,7 +119,7 @@ impl Process for TerrainLearner {
                 "examples",
                 "places that the operator says are obstacles or ground",
             ),
-            slip: b.optional_input("slip", "slip of the wheels; while they slip, driving teaches nothing"),
+            slip: b.optional_input("slip", "slip of the wheels: ground on which they begin to spin is dear; while they slip, driving teaches nothing"),
             poses: PosePorts::declare(b),
             cost: b
                 .output(
@@ -356,9 +359,18 @@ impl TerrainLearner {
                 cx.fault(format!("example of the operator: {error}; skipped"));
             }
         }
+        let slipped = self.slips;
         if let Some(report) = cx.read_newest(&ports.slip) {
             self.slips =
                 matches!(report.state(), TractionState::TractionSpins | TractionState::TractionStalled);
+            if report.state() == TractionState::TractionSpins
+                && !slipped
+                && !extrinsics.fixed_pose
+                && let Ok(pose) = extrinsics.local_from_vehicle(&self.localizer, report.acq_time())
+            {
+                let patch = Patch { x: [-WHEELS_REACH_M, WHEELS_REACH_M], y: [-half, half] };
+                self.maps.iter_mut().for_each(|map| map.spin(&pose, &patch, params.slip_gain, rules));
+            }
         }
         // Without a pose no cell can be found; frames report it. A vehicle whose wheels slip is not where odometry says.
         if !extrinsics.fixed_pose

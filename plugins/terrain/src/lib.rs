@@ -15,7 +15,7 @@
 //! | `right_calibration` | in, optional | `foxglove.CameraCalibration` | calibration of the right camera's image |
 //! | `bumper` | in, optional | `rcs.Bumper` | switches of the bumper |
 //! | `examples` | in, optional | `rcs.TrainingExample` | places that the operator says are obstacles or ground |
-//! | `slip` | in, optional | `rcs.SlipReport` | slip of the wheels; while they slip, driving teaches nothing |
+//! | `slip` | in, optional | `rcs.SlipReport` | slip of the wheels: ground on which they begin to spin is dear; while they slip, driving teaches nothing |
 //! | `odometry` | in, optional | `foxglove.Odometry` | pose of the vehicle in the local frame |
 //! | `pose` | in, optional | `foxglove.PoseInFrame` | pose of the vehicle, or of the frame that `pose.stream_frame` names, in the local frame |
 //! | `transforms` | in, optional | `foxglove.FrameTransforms` | transforms between frames at their times |
@@ -41,7 +41,7 @@
 //!    backs it. The paper sends changed cells only; here a message is a state that replaces the previous one, so that a
 //!    message lost, or a world model cleared, loses nothing.
 //! 5. Cells under the vehicle, and cells that the bumper hits, add experience (Albus 2006b, 3.6: learning by
-//!    experience). Cells that the operator marks add it in the same way.
+//!    experience), and so do cells on which the wheels begin to spin. Cells that the operator marks add it in the same way.
 //!
 //! Unusable data are reported as a fault and skipped, and nothing is sent: an image of another size than its
 //! calibration; labels or depth of another size or time than every image; an image that is black, saturated or equal to

@@ -10,7 +10,8 @@
 //! a cell that is driven over gains `driven_gain` cells of ground, and so does the model that it belongs to or
 //! resembles; one that resembles none becomes a model, pure or not. What was seen of a model counts as at most
 //! [`SEEN_CELLS`](crate::models::SEEN_CELLS) cells. A cell gains when it comes under the vehicle, not while it stays
-//! there. Hits of the bumper add cells of obstacle in the same way, and so do outlines that an operator draws.
+//! there. Hits of the bumper add cells of obstacle in the same way, and so do outlines that an operator draws. Wheels that
+//! begin to spin add cells of both kinds: such ground is dear, and not closed.
 
 use crate::frame::Window;
 use crate::judgement::{Judgement, SURE};
@@ -31,6 +32,10 @@ pub const SQUEEZED: usize = 64;
 /// Of the cells that an operator marks at once, a model gains from at most so many: as from a hit of the bumper, so that
 /// one large outline does not outweigh everything that was driven over.
 pub const MARKED_CELLS: usize = 4;
+
+/// Share of obstacle in the experience of ground on which the wheels spin: it costs at most 100 of 250, so that a planner
+/// goes around it where there is another way.
+const SPUN_SHARE: f64 = 0.4;
 
 /// A cell of the learning map.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -80,7 +85,7 @@ fn judgement(cell: &Cell, model: Option<&Model>, rules: &ModelRules) -> Option<J
         None => cell.terrain.obstacle_fraction(1)?,
     };
     let is_experienced = cell.terrain.experience() > 0;
-    let backing = if is_experienced { 1.0 } else { model.map_or(0.0, Model::backing) };
+    let backing = if is_experienced { 1.0 } else { model.map_or(0.0, |model| model.backing(&cell.terrain)) };
     let seen = cell.terrain.points() as f64 / rules.min_points.max(1) as f64;
     let part = if is_experienced { 1.0 } else { seen.min(1.0) };
     Some(Judgement {
@@ -287,6 +292,14 @@ impl TerrainMap {
         let hit = self.covered(local_from_vehicle, patch);
         self.experience(&hit, Experience::Bumped, [gain; 2], usize::MAX, rules);
         self.experienced[1] += hit.len() as u64;
+    }
+
+    /// Adds ground and obstacles to the cells of a patch on which the wheels have begun to spin.
+    pub fn spin(&mut self, local_from_vehicle: &Pose, patch: &Patch, gain: f64, rules: &ModelRules) {
+        let spun = self.covered(local_from_vehicle, patch);
+        self.experience(&spun, Experience::Bumped, [SPUN_SHARE * gain; 2], usize::MAX, rules);
+        self.experience(&spun, Experience::Driven, [(1.0 - SPUN_SHARE) * gain, 0.0], usize::MAX, rules);
+        self.experienced[0] += spun.len() as u64;
     }
 
     /// Adds experience to the cells of an outline that an operator has drawn, local frame, m: those whose centres lie

@@ -187,6 +187,33 @@ fn one_bump_keeps_what_was_hit_and_all_that_looks_like_it_above_200() {
 }
 
 #[test]
+fn ground_on_which_the_wheels_have_spun_is_dear_wherever_it_looks_like_it_and_not_closed() {
+    let mut map = empty();
+    let row = |y: i64, texture: u16| (0..60).map(move |x| (place(x, y), terrain(texture, 100, 0)));
+    map.learn(&row(0, 7).chain(row(4, 0o70007)).collect::<Vec<_>>(), &RULES);
+    assert_eq!(map.models.models.len(), 2, "mud and grass");
+    // Three metres into the mud the wheels spin.
+    drive(&mut map, 0..15);
+    let wheels = Patch { x: [-0.2, 0.2], y: [-0.3, 0.3] };
+    map.spin(&Pose::from_xy_yaw(3.0, 0.1, 0.0), &wheels, 60.0, &RULES);
+    let [mud, grass] = [0, 4].map(|y| judgement(&map, CellIndex::new(50, y)));
+    assert!((35..=100).contains(&mud.cost) && mud.backing == 255, "{mud:?}");
+    assert_eq!((grass.cost, grass.backing), (0, 0));
+    for _ in 0..20 {
+        map.spin(&Pose::from_xy_yaw(3.0, 0.1, 0.0), &wheels, 60.0, &RULES);
+    }
+    map.learn(&[(place(59, 2), terrain(7, 10, 30))], &RULES);
+    let stone = map.get(CellIndex::new(59, 2)).unwrap();
+    assert_eq!(
+        (stone.model, judgement(&map, CellIndex::new(59, 2)).backing),
+        (Some(0), 0),
+        "a stone in the mud"
+    );
+    let mud = judgement(&map, CellIndex::new(50, 0));
+    assert!((90..=100).contains(&mud.cost), "{mud:?}");
+}
+
+#[test]
 fn scrolling_keeps_cells_as_they_are_and_forgets_what_leaves() {
     let mut map = empty();
     learn_scene(&mut map, &Scene::new([320, 240], Pose::IDENTITY, 6.0, 3.0, 2));

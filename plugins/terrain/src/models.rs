@@ -102,15 +102,19 @@ impl Model {
         self.terrain.obstacle_fraction(self.cells.clamp(1, SEEN_CELLS))
     }
 
-    /// How far experience backs its obstacle fraction against what range says, 0 to 1. Driving contradicts as far as range
-    /// called the model an obstacle, a bump as far as it called it ground. Of what was driven over only the cells count that
-    /// range had called obstacles: driving over ground beside a thicket of the same colour, which is one model with it, says
-    /// nothing about the thicket. It takes [`BACKED_CELLS`] of them, because those at the edge of a thing are often called
-    /// obstacles, too. A bump counts fully once it outweighs all that was seen.
-    pub fn backing(&self) -> f64 {
+    /// How far experience backs its obstacle fraction against what range says of a cell, 0 to 1. Driving contradicts as far
+    /// as range called the model an obstacle, a bump as far as it called it ground. Of what was driven over only the cells
+    /// count that range had called obstacles: driving over ground beside a thicket of the same colour, which is one model
+    /// with it, says nothing about the thicket. It takes [`BACKED_CELLS`] of them, because those at the edge of a thing are
+    /// often called obstacles, too. A bump counts fully once it outweighs all that was seen, and only where the model is more
+    /// of an obstacle than the cell: a stone on ground where wheels have spun is still a stone.
+    pub fn backing(&self, cell: &Terrain) -> f64 {
         let share = |cells: u64, all: u64| (cells as f64 / all as f64).min(1.0);
         let obstacle = self.terrain.obstacle as f64 / self.terrain.points().max(1) as f64;
         let driven = share(self.terrain.driven_obstacle, BACKED_CELLS) * (2.0 * obstacle).min(1.0);
+        if cell.obstacle_fraction(1) > self.obstacle_fraction() {
+            return driven;
+        }
         let bumped = share(self.terrain.bumped, SEEN_CELLS) * (2.0 * (1.0 - obstacle)).min(1.0);
         driven.max(bumped)
     }

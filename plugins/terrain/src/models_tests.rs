@@ -58,24 +58,24 @@ fn cells_that_look_alike_merge_and_others_become_models_until_there_is_no_room()
 #[test]
 fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts_in_cells() {
     let mut model = Model::new(Terrain::default(), 1000);
-    assert_eq!((model.obstacle_fraction(), model.backing()), (None, 0.0));
+    assert_eq!((model.obstacle_fraction(), model.backing(&Terrain::default())), (None, 0.0));
     model.terrain.obstacle = 1_000_000;
     assert_eq!(model.obstacle_fraction(), Some(1.0));
     model.terrain.driven = 3 * SEEN_CELLS;
     assert_eq!(
-        (model.obstacle_fraction(), model.backing()),
+        (model.obstacle_fraction(), model.backing(&Terrain::default())),
         (Some(0.25), 0.0),
         "none of it was an obstacle by range"
     );
     model.terrain.driven_obstacle = BACKED_CELLS;
-    assert_eq!(model.backing(), 1.0);
+    assert_eq!(model.backing(&Terrain::default()), 1.0);
     model.terrain.bumped = 4 * SEEN_CELLS;
     assert_eq!(model.obstacle_fraction(), Some(0.625));
     let few = Model::new(Terrain { driven: 5, driven_obstacle: BACKED_CELLS / 3, ..cell(0, 0, 100) }, 5);
-    assert_eq!((few.obstacle_fraction(), few.backing()), (Some(0.5), 1.0 / 3.0));
+    assert_eq!((few.obstacle_fraction(), few.backing(&Terrain::default())), (Some(0.5), 1.0 / 3.0));
     // Experience that agrees with range backs nothing, nor does driving over the ground of a model of ground and thicket.
     let backing = |ground, obstacle, driven, bumped| {
-        Model::new(Terrain { driven, bumped, ..cell(0, ground, obstacle) }, 5).backing()
+        Model::new(Terrain { driven, bumped, ..cell(0, ground, obstacle) }, 5).backing(&Terrain::default())
     };
     assert_eq!(
         [
@@ -89,7 +89,8 @@ fn what_nobody_has_seen_has_no_obstacle_fraction_and_experience_counts_in_cells(
     assert_eq!(backing(25, 75, 0, 1000), 0.5);
     // Nor do the few cells of grass that range wrongly called obstacles.
     let overruled = |ground, obstacle| {
-        Model::new(Terrain { driven: 1000, driven_obstacle: 1000, ..cell(0, ground, obstacle) }, 5).backing()
+        Model::new(Terrain { driven: 1000, driven_obstacle: 1000, ..cell(0, ground, obstacle) }, 5)
+            .backing(&Terrain::default())
     };
     assert_eq!([overruled(100, 0), overruled(75, 25), overruled(25, 75)], [0.0, 0.5, 1.0]);
 }
