@@ -102,6 +102,8 @@ pub struct WaypointGenerator {
     position: Option<(f64, f64)>,
     /// Since when the planner of the near map finds no way to where the far path leads.
     no_way: Option<Stamp>,
+    /// Until when it plans to a point half as far along the far path, because it had made a detour.
+    nearer_until: Option<Stamp>,
     #[serde(skip)]
     given: Given,
 }
@@ -234,6 +236,7 @@ impl Process for WaypointGenerator {
             self.take_barred(event.barred.as_ref(), event.slipped);
         }
         self.look_for_a_way(ports, params, cx);
+        self.look_for_a_detour(ports, params, cx);
         send_waypoints(ports, params, cx);
         let stated = match self.goal(params) {
             Ok(goal) => goal,
@@ -412,7 +415,7 @@ impl WaypointGenerator {
             || moved_m(self.route_told, route_end) > params.resend_m;
         // Small motions of the goal are not told.
         let local = self.told.filter(|_| !goal_moved).map_or(local, DVec2::from);
-        let near = self.near_goal(local, &global_from_local, params);
+        let near = self.near_goal(local, &global_from_local, self.lookahead_m(params));
         let is_led_no_more = near == local && self.near_told != self.told;
         if !goal_moved && !is_led_no_more && moved_m(self.near_told, near) < LOOKAHEAD_STEP_M {
             return;
@@ -475,8 +478,8 @@ impl WaypointGenerator {
 
     /// What the planner of the near map plans to, local frame, m: the goal, or, if that is farther along the far path than
     /// the lookahead, the point of that path there.
-    fn near_goal(&self, goal: DVec2, global_from_local: &Pose, params: &WaypointGeneratorParams) -> DVec2 {
-        self.along_far_path(global_from_local, params.lookahead_m).unwrap_or(goal)
+    fn near_goal(&self, goal: DVec2, global_from_local: &Pose, lookahead_m: f64) -> DVec2 {
+        self.along_far_path(global_from_local, lookahead_m).unwrap_or(goal)
     }
 
     /// The point of the far path this far along it from the vehicle, local frame, m; `None` if the path ends before.
@@ -581,10 +584,9 @@ mod tests {
 
     #[test]
     fn the_near_planner_plans_to_a_point_of_the_far_path_or_to_the_goal() {
-        let params = WaypointGeneratorParams { lookahead_m: 8.0, ..WaypointGeneratorParams::default() };
         let goal = DVec2::new(50.0, 0.0);
         let mut generator = WaypointGenerator { track: vec![(0.0, 0.0)], ..WaypointGenerator::default() };
-        let near = |generator: &WaypointGenerator, goal| generator.near_goal(goal, &Pose::IDENTITY, &params);
+        let near = |generator: &WaypointGenerator, goal| generator.near_goal(goal, &Pose::IDENTITY, 8.0);
         assert_eq!(near(&generator, goal), goal, "without a far path");
         // Back, to the left, and on.
         let corner = (0..=5).map(|step| (-f64::from(step), 0.0));
