@@ -39,6 +39,7 @@
 //! | `far_path` | in, optional | `foxglove.PosesInFrame` | path of the planner of a larger map, local frame |
 //! | `transforms` | in | `foxglove.FrameTransforms` | the local frame in the global frame |
 //! | `global` | in, optional | `foxglove.Odometry` | pose of the vehicle in the global frame, for its covariance |
+//! | `slip` | in, optional | `rcs.SlipReport` | slip of the wheels, for their speed; without it that of `global` counts |
 //! | `map` | in, optional | `foxglove.Grid` | a world model's map, local frame, by which the route is cut |
 //! | `registration` | in, optional | `foxglove.FrameTransforms` | the global frame of the remembered route in the local frame |
 //! | `modes` | in, optional | `rcs.ModeEvent` | changes of mode of the follower, for places that are barred |
@@ -53,7 +54,7 @@
 //! Period 50 ms. It supervises a planner, a follower and, optionally, a planner on a larger map: passes `INIT`, `RUN` and
 //! `HALT` on to them, and has the planners plan to the goal ([`goal`]) wherever that moves in the local frame. With a far
 //! planner, the near one plans to the point of its path that lies `lookahead_m` along it, as the levels of A 5 do, so
-//! that what has left the near map is not forgotten. Command `GO_TO` gives another goal, and the operator's `mission` gives
+//! that what has left the near map is not forgotten; where its path there is a detour, to a point half as far. Command `GO_TO` gives another goal, and the operator's `mission` gives
 //! several ([`mission`]), which are driven to one after the other. The planners go around [`zones`] and stay inside of the
 //! area; a goal that lies elsewhere is not driven to. The route of a run ([`route`], cut by the `map` as [`shortcut`] says)
 //! is a parameter of the next one, and the planner makes the cells along it cheaper. With `around_goal_m`, it drives once
