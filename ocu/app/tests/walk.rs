@@ -29,7 +29,8 @@ fn three_seconds() -> Harness<'static, State> {
     for _ in 0..3 {
         step(&mut harness, Key::Period, 1.0);
     }
-    harness.get_by_label("Dismiss").click();
+    // On a computer that other work slows down, the message has gone by itself.
+    harness.query_all_by_label("Dismiss").for_each(|dismiss| dismiss.click());
     harness.run_steps(2);
     harness
 }

@@ -4,6 +4,7 @@
 mod bars;
 mod given;
 mod goals;
+mod led;
 
 use self::bars::in_local;
 use self::given::Given;
@@ -476,29 +477,6 @@ impl WaypointGenerator {
         self.told = None;
     }
 
-    /// What the planner of the near map plans to, local frame, m: the goal, or, if that is farther along the far path than
-    /// the lookahead, the point of that path there.
-    fn near_goal(&self, goal: DVec2, global_from_local: &Pose, lookahead_m: f64) -> DVec2 {
-        self.along_far_path(global_from_local, lookahead_m).unwrap_or(goal)
-    }
-
-    /// The point of the far path this far along it from the vehicle, local frame, m; `None` if the path ends before.
-    fn along_far_path(&self, global_from_local: &Pose, distance_m: f64) -> Option<DVec2> {
-        let position =
-            (global_from_local.inverse() * DVec2::from(*self.track.last()?).extend(0.0)).truncate();
-        let far: Vec<DVec2> = self.far_path.iter().copied().map(DVec2::from).collect();
-        let away_m = |at: usize| far[at].distance(position);
-        let nearest = (0..far.len()).min_by(|&a, &b| away_m(a).total_cmp(&away_m(b)))?;
-        let mut along_m = away_m(nearest);
-        for pair in far[nearest..].windows(2) {
-            along_m += pair[0].distance(pair[1]);
-            if along_m >= distance_m {
-                return Some(pair[1]);
-            }
-        }
-        None
-    }
-
     /// Reads the path of the planner of the far map.
     fn take_far_path(&mut self, ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>) {
         let Some(path) = cx.read_newest(&ports.far_path) else { return };
@@ -576,25 +554,4 @@ fn send_none(ports: &Ports, params: &WaypointGeneratorParams, cx: &mut Cycle<'_>
     let now = cx.now();
     let (timestamp, frame_id) = (Some(now.to_proto()), params.local_frame.clone());
     cx.write(&ports.waypoints, now, PosesInFrame { timestamp, frame_id, poses: Vec::new() });
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_near_planner_plans_to_a_point_of_the_far_path_or_to_the_goal() {
-        let goal = DVec2::new(50.0, 0.0);
-        let mut generator = WaypointGenerator { track: vec![(0.0, 0.0)], ..WaypointGenerator::default() };
-        let near = |generator: &WaypointGenerator, goal| generator.near_goal(goal, &Pose::IDENTITY, 8.0);
-        assert_eq!(near(&generator, goal), goal, "without a far path");
-        // Back, to the left, and on.
-        let corner = (0..=5).map(|step| (-f64::from(step), 0.0));
-        generator.far_path = corner.chain((1..=20).map(|step| (-5.0, f64::from(step)))).collect();
-        assert_eq!(near(&generator, goal), DVec2::new(-5.0, 3.0));
-        generator.track.push((-5.0, 2.0));
-        assert_eq!(near(&generator, goal), DVec2::new(-5.0, 10.0), "from the nearest point on");
-        generator.track.push((-5.0, 15.0));
-        assert_eq!(near(&generator, goal), goal, "the far path ends before");
-    }
 }

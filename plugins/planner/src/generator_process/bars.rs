@@ -6,47 +6,15 @@ use crate::barred::{Barred, grown, turned_on_the_spot};
 use crate::proto::{BarredPlace, WaypointGeneratorParams};
 use crate::slips;
 use rcs_geom::{DVec2, DVec3, Pose};
-use rcs_msg::Stamp;
 use rcs_msg::rcs::PlanState;
 use rcs_runtime::Cycle;
 
 /// Time after which it is believed that there is no way on the near map to where the far path leads, s.
 const NO_WAY_S: f64 = 1.0;
-/// A path on the near map that is longer than the lookahead by this factor is a detour, and time for which the planner then
-/// plans to a point half as far, s.
-const DETOUR: f64 = 1.5;
-const NEARER_S: f64 = 3.0;
 /// Time between two messages with the places where wheels slipped, s.
 const SLIPS_PERIOD_S: f64 = 1.0;
 
 impl WaypointGenerator {
-    /// How far along the far path the planner of the near map plans, m.
-    pub(super) fn lookahead_m(&self, params: &WaypointGeneratorParams) -> f64 {
-        if self.nearer_until.is_some() { params.lookahead_m / 2.0 } else { params.lookahead_m }
-    }
-
-    /// Where the planner of the near map makes a detour to the point of the far path that it is led to, it is led to a
-    /// nearer one: it does not know what lies beyond its map, and goes around a narrow way through what nobody has seen,
-    /// although the far planner has weighed both.
-    pub(super) fn look_for_a_detour(
-        &mut self,
-        ports: &Ports,
-        params: &WaypointGeneratorParams,
-        cx: &mut Cycle<'_>,
-    ) {
-        let now = cx.now();
-        if self.nearer_until.is_some() {
-            self.nearer_until = self.nearer_until.filter(|until| now < *until);
-            return;
-        }
-        let Some(led) = self.near_told.filter(|_| self.near_told != self.told) else { return };
-        let plan = cx.latest(&ports.plan).filter(|plan| (plan.goal_x_m, plan.goal_y_m) == led);
-        let length_m = plan.and_then(|plan| Some(plan.chosen.as_ref()?.length_m)).unwrap_or(0.0);
-        if length_m > DETOUR * params.lookahead_m {
-            self.nearer_until = Some(Stamp(now.0 + (NEARER_S * 1e9) as u64));
-        }
-    }
-
     /// Bars a place of the far path to which the planner of the near map finds no way: the near map shows better what is
     /// there, and the far planner looks for another way.
     pub(super) fn look_for_a_way(

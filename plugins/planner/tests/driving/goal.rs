@@ -1,6 +1,6 @@
 //! At the goal: where it is believed to be, where an earlier run found it, and what leads there.
 
-use super::{FILES, cycle, drive, free, global_at, start, status, story};
+use super::{FILES, cycle, drive, free, global_at, path, start, status, story};
 use rcs_geom::{DVec2, Pose};
 use rcs_msg::foxglove::{FrameTransform, FrameTransforms, PosesInFrame, Quaternion, Vector3};
 use rcs_msg::rcs::ProcessState;
@@ -93,4 +93,29 @@ fn the_goal_lies_where_the_run_before_found_it_while_its_map_is_registered() {
     register(&mut bench, Some(DVec2::new(-2.0, 0.5)));
     cycle(&mut bench, 0.0, 0.0, free, 12);
     assert!(target(&bench).distance(DVec2::new(10.0, 0.0)) < 0.3, "{}", target(&bench));
+}
+
+#[test]
+fn where_the_near_planner_goes_around_a_narrow_way_of_the_far_path_it_is_led_to_a_nearer_place() {
+    // The end of the path, and its greatest distance from the far path, which leads along x between walls 1 m apart.
+    let led = |walls: u8, cycles: usize| {
+        let corridor = |at: DVec2| match at.y.abs() {
+            beside_m if !(2.0..6.0).contains(&at.x) || beside_m > 1.5 => 0,
+            beside_m if beside_m > 0.5 => walls,
+            _ => 0,
+        };
+        let mut bench = start(&FILES[..2]);
+        bench.write("/operator/global", global_at(2.0));
+        lead(&mut bench, 9.0);
+        cycle(&mut bench, 0.0, 0.0, corridor, cycles);
+        let path = path(&bench);
+        (path.last().unwrap().x, path.iter().map(|at| at.y.abs()).fold(0.0, f64::max))
+    };
+    let (to_m, beside_m) = led(0, 12);
+    assert!((to_m - 5.0).abs() < 0.3 && beside_m < 0.3, "{to_m} {beside_m}");
+    let (to_m, beside_m) = led(250, 12);
+    assert!((to_m - 2.7).abs() < 0.3 && beside_m < 0.3, "a narrow way: {to_m} {beside_m}");
+    // After 3 s it tries again, and at once goes back to the nearer place.
+    let (to_m, beside_m) = led(250, 80);
+    assert!((to_m - 2.7).abs() < 0.3 && beside_m < 0.3, "{to_m} {beside_m}");
 }

@@ -422,31 +422,6 @@ fn a_place_of_the_far_path_to_which_the_near_map_has_no_way_is_barred() {
 }
 
 #[test]
-fn where_the_near_planner_goes_around_a_narrow_way_of_the_far_path_it_is_led_to_a_nearer_place() {
-    // The end of the path, and its greatest distance from the far path, which leads along x between walls 1 m apart.
-    let led = |walls: u8, cycles: usize| {
-        let corridor = |at: DVec2| match at.y.abs() {
-            beside_m if !(2.0..6.0).contains(&at.x) || beside_m > 1.5 => 0,
-            beside_m if beside_m > 0.5 => walls,
-            _ => 0,
-        };
-        let mut bench = start(&FILES[..2]);
-        bench.write("/operator/global", global_at(2.0));
-        goal::lead(&mut bench, 9.0);
-        cycle(&mut bench, 0.0, 0.0, corridor, cycles);
-        let path = path(&bench);
-        (path.last().unwrap().x, path.iter().map(|at| at.y.abs()).fold(0.0, f64::max))
-    };
-    let (to_m, beside_m) = led(0, 12);
-    assert!((to_m - 5.0).abs() < 0.3 && beside_m < 0.3, "{to_m} {beside_m}");
-    let (to_m, beside_m) = led(250, 12);
-    assert!((to_m - 2.7).abs() < 0.3 && beside_m < 0.3, "a narrow way: {to_m} {beside_m}");
-    // After 3 s it tries again, and at once goes back to the nearer place.
-    let (to_m, beside_m) = led(250, 80);
-    assert!((to_m - 2.7).abs() < 0.3 && beside_m < 0.3, "{to_m} {beside_m}");
-}
-
-#[test]
 fn it_drives_on_without_fixes_while_its_position_is_known_well_enough() {
     // Without modes: it does not move, which they would find strange.
     let mut bench = start(&FILES[..2]);
